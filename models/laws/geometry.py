@@ -1,0 +1,55 @@
+"""The capsule's shape and the tissue around it: the few lengths and angles that every law shares."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+GRAVITY = 9.81  # m/s^2
+
+
+@dataclass(frozen=True)
+class Capsule:
+    """A cylinder with two hemispheres: radius R, cylinder length L, mass m (papers A and V, Fig. 1)."""
+
+    radius_m: float = 6.5e-3
+    cylinder_length_m: float = 20e-3
+    mass_kg: float = 4.0e-3
+
+
+@dataclass(frozen=True)
+class Tissue:
+    """The gut around the capsule: wall thickness d = l_m, contact angle alpha, nose force angle theta, friction, mucus, recovery."""
+
+    wall_thickness_m: float = 2.5e-3
+    contact_angle_deg: float = 60.0
+    nose_force_angle_deg: float = 30.0
+    friction_coefficient: float = 0.082
+    mucus_thickness_m: float = 30e-6
+    recovery_time_s: float = 0.05
+
+    @property
+    def alpha(self) -> float:
+        """Contact angle in rad."""
+        return math.radians(self.contact_angle_deg)
+
+    @property
+    def theta(self) -> float:
+        """Angle of the nose's resultant force in rad."""
+        return math.radians(self.nose_force_angle_deg)
+
+
+def relaxed_diameter(capsule: Capsule, tissue: Tissue) -> float:
+    """`D0 = 2 R cos(alpha)` in m (paper V Eq. 5)."""
+    return 2 * capsule.radius_m * math.cos(tissue.alpha)
+
+
+def stretched_length(capsule: Capsule) -> float:
+    """`L_s = L + R` in m, the length of wall that a dragged capsule stretches."""
+    return capsule.cylinder_length_m + capsule.radius_m
+
+
+def wall_section(capsule: Capsule, tissue: Tissue) -> float:
+    """`s = pi (2 R d + d^2)` in m^2, the wall's section around the capsule (paper A Eq. 12)."""
+    d = tissue.wall_thickness_m
+    return math.pi * (2 * capsule.radius_m * d + d**2)

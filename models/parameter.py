@@ -1,0 +1,75 @@
+"""A number of the model: value, unit, bounds, source, and whether a fit may touch it; and sets of them in TOML."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from types import MappingProxyType
+
+SETS = Path(__file__).parent / "sets"
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number: `value` in `unit`, believed to lie in [`lower`, `upper`], taken from `source`; `fit` lets calibration change it."""
+
+    name: str
+    value: float
+    unit: str = "1"
+    lower: float = float("-inf")
+    upper: float = float("inf")
+    source: str = ""
+    fit: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.lower <= self.value <= self.upper:
+            raise ValueError(f"{self.name} must lie in [{self.lower:g}, {self.upper:g}] {self.unit}; got {self.value:g}")
+
+    def at(self, value: float) -> Parameter:
+        """The same parameter at another value."""
+        return replace(self, value=float(value))
+
+
+def nearest(name: str, known: Mapping[str, object] | list[str] | tuple[str, ...]) -> str:
+    """A hint for an unknown name: the nearest known one, else all of them."""
+    match = difflib.get_close_matches(name, list(known), n=1, cutoff=0.5)
+    return f"did you mean {match[0]!r}?" if match else "known: " + ", ".join(sorted(known))
+
+
+@dataclass(frozen=True)
+class ParameterSet:
+    """Named parameters with a title, where they come from, and what they are not."""
+
+    name: str
+    title: str
+    source: str
+    caution: str
+    parameters: Mapping[str, Parameter]
+
+    def __getitem__(self, name: str) -> float:
+        if name not in self.parameters:
+            raise KeyError(f"parameter set {self.name} has no {name!r}; {nearest(name, dict(self.parameters))}")
+        return self.parameters[name].value
+
+
+@cache
+def load_set(name: str) -> ParameterSet:
+    """Read `models/sets/NAME.toml`; a miss names the nearest set."""
+    path = SETS / f"{name}.toml"
+    if not path.is_file():
+        raise ValueError(f"parameter set must be one that exists; got {name!r}; {nearest(name, available_sets())}")
+    raw = tomllib.loads(path.read_text(encoding="utf-8"))
+    head = raw["set"]
+    parameters = {
+        key: Parameter(key, float(entry["value"]), entry["unit"], source=entry.get("source", head["source"])) for key, entry in raw["parameters"].items()
+    }
+    return ParameterSet(name, head["title"], head["source"], head["caution"], MappingProxyType(parameters))
+
+
+def available_sets() -> list[str]:
+    """Names of the parameter sets that ship with the models."""
+    return sorted(path.stem for path in SETS.glob("*.toml"))

@@ -1,0 +1,96 @@
+"""What an effect is: parameters, hidden states, and what it adds to the base model. One subclass a file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from types import MappingProxyType
+from typing import Any, ClassVar
+
+from models.parameter import Parameter
+
+Values = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Signals:
+    """What an effect may look at within one step; numbers, arrays or CasADi symbols alike, SI units.
+
+    `t` time, `x` position along the lumen, `v` speed, `direction` smooth sign of the motion (the last one while at rest),
+    `command` the drive's command (carriage position, coil current, drive on), `rate` its rate of change, `travelled` path length so
+    far, `tension` the wall's quasi-static tension, `drag` the wall's displacement u, `drag_rate` its rate, `dwell` time at rest.
+    A rig kind that has no such signal leaves it at 0.
+    """
+
+    t: Any = 0.0
+    x: Any = 0.0
+    v: Any = 0.0
+    direction: Any = 0.0
+    command: Any = 0.0
+    rate: Any = 0.0
+    travelled: Any = 0.0
+    tension: Any = 0.0
+    drag: Any = 0.0
+    drag_rate: Any = 0.0
+    dwell: Any = 0.0
+
+
+@dataclass(frozen=True)
+class Effect:
+    """An effect beyond the base model. Every hook's default is "no effect".
+
+    Subclasses declare their parameters as `Parameter` fields; the first one is the amplitude, and at the amplitude's value 0 the effect
+    is absent. Hooks get the signals `s`, the parameters' values `p` by field name and the hidden states `z` by name.
+    """
+
+    id: ClassVar[str] = ""
+    summary: ClassVar[str] = ""
+    source: ClassVar[str] = ""
+    kinds: ClassVar[frozenset[str]] = frozenset()
+    states: ClassVar[tuple[str, ...]] = ()
+    grid: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType({})
+    probe: ClassVar[float] = 0.1
+    look_alikes: ClassVar[tuple[str, ...]] = ()
+    separated_by: ClassVar[str] = ""
+
+    @classmethod
+    def parameters(cls) -> tuple[Parameter, ...]:
+        """The effect's parameters in the order of their declaration, the amplitude first."""
+        return tuple(f.default for f in fields(cls) if isinstance(f.default, Parameter))
+
+    @classmethod
+    def amplitude(cls) -> Parameter:
+        """The parameter whose value 0 switches the effect off."""
+        return cls.parameters()[0]
+
+    def level(self, s: Signals, p: Values, z: Values) -> Any:
+        """Factor on the wall's grip, that is on F_e and f_c (on the Coulomb friction of a plate or an axis)."""
+        return 1.0
+
+    def force(self, s: Signals, p: Values, z: Values) -> Any:
+        """Extra force on the capsule along +x in N; a resistance has the sign of -v."""
+        return 0.0
+
+    def stiffening(self, s: Signals, p: Values, z: Values) -> Any:
+        """Factor on the wall's tension T(u)."""
+        return 1.0
+
+    def wall_force(self, s: Signals, p: Values, z: Values) -> Any:
+        """Extra tension of the wall in N; counts towards the slip condition as T(u) does."""
+        return 0.0
+
+    def command(self, s: Signals, p: Values, z: Values) -> Any:
+        """The command that reaches the capsule, given the one that was sent."""
+        return s.command
+
+    def gain(self, s: Signals, p: Values, z: Values) -> Any:
+        """Factor on the drive's force."""
+        return 1.0
+
+    def measured(self, s: Signals, p: Values, z: Values, y: Any) -> Any:
+        """What the sensor shows of the true output `y`."""
+        return y
+
+    def advance(self, s: Signals, p: Values, z: Values, h: Any) -> dict[str, Any]:
+        """The hidden states after a step `h` in s, unconditionally stable."""
+        return {}

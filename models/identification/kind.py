@@ -1,0 +1,56 @@
+"""What the loop from residual to effect needs to know of a kind of rig."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.effects.effect import Effect
+from models.parameter import Parameter
+from models.record import Record
+
+Array = NDArray[np.float64]
+Theta = Mapping[str, float]
+"""Values of the base parameters by name and of effect parameters by `effect_id.name`; an effect with no entry is absent."""
+
+
+class Kind(Protocol):
+    """One kind of rig with the experimenter's beliefs: free-running prediction, criterion, reported error.
+
+    `base` holds the parameters that calibration may fit, at their nominal values; `effects` the candidates that can act here.
+    """
+
+    name: str
+    quantity: str
+    unit: str
+    measure: str
+    base: tuple[Parameter, ...]
+    effects: tuple[type[Effect], ...]
+
+    def predict(self, record: Record, theta: Theta) -> Array:
+        """The measured column as the model predicts it from the driven column alone; shape of the measured column."""
+        ...
+
+    def residual(self, record: Record, theta: Theta) -> Array:
+        """What a fit minimises: differences in units of their standard deviation, fixed length for a record, about unit variance
+        and independent of each other where the model is right."""
+        ...
+
+    def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
+        """The error measure that is reported (`measure` says in words which), pooled over the records."""
+        ...
+
+    def noise_floor(self, records: Sequence[Record]) -> float:
+        """What a perfect model would leave of `error`: the sensors' noise (repeats' scatter) through the same measure."""
+        ...
+
+    def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
+        """A record like `record` but measured on the model at `theta` with the noise believed: what chance alone looks like."""
+        ...
+
+    def folds(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
+        """Splits into (training, validation) parts for cross-validation: by record, by condition, by sample; never within one."""
+        ...

@@ -1,0 +1,92 @@
+"""What a closed loop found, as plain records: everything the report shows and nothing it has to compute."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+STAGES = ("nominal", "calibrated", "augmented")
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A fitted number with its 95 % interval; `told` is False where the data cannot tell it."""
+
+    value: float
+    ci95: tuple[float, float]
+    unit: str = "1"
+    told: bool = True
+
+
+@dataclass(frozen=True)
+class FoundEffect:
+    """An effect that was added, with what the data cannot tell it apart from."""
+
+    id: str
+    equivalent: tuple[str, ...]
+    parameters: dict[str, Estimate]
+    evidence: float
+    confidence: float
+
+
+@dataclass(frozen=True)
+class CandidateRow:
+    """One candidate of one round: share of the residual it explains when screened, held-out gain when fitted, and what became of it."""
+
+    id: str
+    round: int
+    screened: float
+    gain: float | None
+    note: str
+
+
+@dataclass(frozen=True)
+class Check:
+    """A residual check with the limit that chance alone sets."""
+
+    name: str
+    value: float
+    limit: float
+    ok: bool
+    meaning: str
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One record as the report draws it: an abscissa, the measurement and each stage's prediction; `signals` to plot residuals against."""
+
+    name: str
+    role: str
+    axis: str
+    abscissa: Array
+    measured: Array
+    predicted: dict[str, Array]
+    signals: dict[str, Array] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """The whole answer of `close-loop`."""
+
+    kind: str
+    quantity: str
+    unit: str
+    measure: str
+    verdict: str
+    effects: tuple[FoundEffect, ...]
+    calibration: dict[str, Estimate]
+    nominal: dict[str, float]
+    error: dict[str, dict[str, float]]
+    noise_floor: float
+    checks: tuple[Check, ...]
+    candidates: tuple[CandidateRow, ...]
+    smallest_detectable: dict[str, float]
+    next_experiment: str | None
+    statements: tuple[str, ...]
+    equations: tuple[str, ...]
+    traces: tuple[Trace, ...]
+    seconds: float
+    timings: dict[str, float]

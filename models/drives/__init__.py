@@ -1,0 +1,1 @@
+"""How force reaches the capsule: pull, magnetic, coil, vibro; one file each."""

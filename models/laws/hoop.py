@@ -1,4 +1,4 @@
-"""Hoop stress of the viscoelastic wall around a moving capsule: five elements, two parameter sets (paper V Eq. 3-7, 13, Table 3)."""
+"""Hoop stress of the viscoelastic wall around a moving capsule: five elements, two sets (paper V Eq. 3-7, 13, Table 3)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,10 @@ class Moduli:
 
 
 def low_speed_moduli(strain: Any) -> Moduli:
-    """Moduli against strain e from shear relaxation, quadratic in e (paper V Eq. 13, minus signs restored); for speeds below 20 mm/s."""
+    """Moduli quadratic in the hoop strain e (any shape), from shear relaxation; for speeds below 20 mm/s.
+
+    Source: paper V Eq. 13, minus signs restored, fitted there to Table 1.
+    """
     s = load_set("zhang2014_viscoelastic_low")
     names = ("E1", "E2", "E3", "eta1", "eta2")
     return Moduli(*(s[f"{n}_e2"] * strain**2 + s[f"{n}_e1"] * strain + s[f"{n}_e0"] for n in names))

@@ -29,26 +29,39 @@ class WallConstants:
         return cls(*(s[key] for key in cls.__dataclass_fields__))
 
 
-def _stress(stretch: Any, invariant: Any, c1: float, collagen: Any, k2: float, k1_muscle: float, k2_muscle: float) -> Any:
+def _matrix(stretch: Any, wall: WallConstants) -> Any:
+    return wall.c1_Pa * (1 - stretch**-4)
+
+
+def _collagen(factor: Any, invariant: Any, wall: WallConstants) -> Any:
+    return factor * wall.k1_coll_Pa * (invariant - 1) * np.exp(wall.k2_coll * (invariant - 1) ** 2)
+
+
+def _muscle(stretch: Any, k1_Pa: float, k2: float) -> Any:
     strain = stretch**2 - 1
-    return c1 * (1 - stretch**-4) + collagen * (invariant - 1) * np.exp(k2 * (invariant - 1) ** 2) + k1_muscle * strain * np.exp(k2_muscle * strain**2)
+    return k1_Pa * strain * np.exp(k2 * strain**2)
 
 
 def longitudinal_stress(stretch: Any, wall: WallConstants) -> Any:
-    """Stress along the gut, `H_l(l) = c1 (1 - l^-4) + (3 l^4 - 1)/(2 l^4) k1 (I - 1) exp(k2 (I - 1)^2) + kLM1 (l^2 - 1) exp(kLM2 (l^2 - 1)^2)`.
+    """Stress along the gut, the sum of matrix, collagen and longitudinal muscle, with `I = (3 l^4 + 1)/(4 l^2)`:
 
-    `I = (3 l^4 + 1)/(4 l^2)`. `stretch` l is dimensionless, any shape; the stress is in Pa, same shape. Valid for stretches of
-    about 1 to 1.6, the range of Ciarletta's tests. Source: paper A Eq. 1 and 3 (Eq. 18-20 of A do *not* follow from it).
+    `H_l(l) = c1 (1 - l^-4) + (3 l^4 - 1)/(2 l^4) k1 (I - 1) exp(k2 (I - 1)^2) + kLM1 (l^2 - 1) exp(kLM2 (l^2 - 1)^2)`.
+
+    `stretch` l is dimensionless, any shape; the stress is in Pa, same shape. Valid for stretches of about 1 to 1.6, the range of
+    Ciarletta's tests. Source: paper A Eq. 1 and 3 (Eq. 18-20 of A do *not* follow from it).
     """
     invariant = (3 * stretch**4 + 1) / (4 * stretch**2)
-    collagen = (3 * stretch**4 - 1) / (2 * stretch**4) * wall.k1_coll_Pa
-    return _stress(stretch, invariant, wall.c1_Pa, collagen, wall.k2_coll, wall.k1_lm_Pa, wall.k2_lm)
+    collagen = _collagen((3 * stretch**4 - 1) / (2 * stretch**4), invariant, wall)
+    return _matrix(stretch, wall) + collagen + _muscle(stretch, wall.k1_lm_Pa, wall.k2_lm)
 
 
 def circumferential_stress(stretch: Any, wall: WallConstants) -> Any:
-    """Stress around the gut, `H_c`, as `longitudinal_stress` with `I = (l^4 + 3)/(4 l^2)`, factor `(l^4 - 3)/(2 l^4)` and the
-    circular muscle's constants. Source: paper A Eq. 2 and 3.
+    """Stress around the gut, the sum of matrix, collagen and circular muscle, with `I = (l^4 + 3)/(4 l^2)`:
+
+    `H_c(l) = c1 (1 - l^-4) + (l^4 - 3)/(2 l^4) k1 (I - 1) exp(k2 (I - 1)^2) + kCM1 (l^2 - 1) exp(kCM2 (l^2 - 1)^2)`.
+
+    `stretch` l is dimensionless, any shape; the stress is in Pa, same shape. Source: paper A Eq. 2 and 3.
     """
     invariant = (stretch**4 + 3) / (4 * stretch**2)
-    collagen = (stretch**4 - 3) / (2 * stretch**4) * wall.k1_coll_Pa
-    return _stress(stretch, invariant, wall.c1_Pa, collagen, wall.k2_coll, wall.k1_cm_Pa, wall.k2_cm)
+    collagen = _collagen((stretch**4 - 3) / (2 * stretch**4), invariant, wall)
+    return _matrix(stretch, wall) + collagen + _muscle(stretch, wall.k1_cm_Pa, wall.k2_cm)

@@ -3,63 +3,79 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
+from collections.abc import Callable
+from typing import Any, Literal
 
+import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from models.laws.geometry import GRAVITY, Capsule, Tissue, relaxed_diameter
-from models.laws.hoop import Moduli, blend_weight, high_speed_moduli, hoop_stress, low_speed_moduli
+from models.laws.geometry import GRAVITY, Capsule, Tissue, relaxed_diameter, shoulder_position, wall_diameter
+from models.laws.hoop import blend_weight, high_speed_moduli, hoop_stress, low_speed_moduli
 
+PureRegime = Literal["low", "high"]
 Regime = Literal["low", "high", "blend"]
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 _SLOWEST = 1e-9  # m/s; below it the law has its limit of rest, where only E3 is left
 
 
-def _pressure_integral(speed: NDArray[np.float64], start: float, end: float, capsule: Capsule, tissue: Tissue, regime: str) -> NDArray[np.float64]:
-    """`int 2 pi R P dx` from `start` to `end` (m from first contact) in N, for each speed."""
-    R = capsule.radius_m
-    shoulder = R * math.sin(tissue.alpha)
-    x = 0.5 * (end - start) * (_NODES + 1) + start
-    w = 0.5 * (end - start) * _WEIGHTS
-    D = np.where(x < shoulder, 2 * np.sqrt(R**2 - np.clip(shoulder - x, 0, None) ** 2), 2 * R)
+def contact_pressure(distance_m: Any, speed: Any, capsule: Capsule, tissue: Tissue, regime: PureRegime = "low") -> Any:
+    """`P(x) = 2 l_m tau(x)/D(x)` in Pa, `tau` the hoop stress at strain `e = (D - D0)/D0` (paper V Eq. 6, 7).
+
+    `distance_m` x from the first contact in m and `speed` in m/s, shapes that broadcast; even in speed.
+    """
+    D = wall_diameter(distance_m, capsule, tissue)
     D0 = relaxed_diameter(capsule, tissue)
     e = (D - D0) / D0
-    moduli: Moduli = low_speed_moduli(e) if regime == "low" else high_speed_moduli()
-    v = np.maximum(np.abs(speed), _SLOWEST)[..., None]
-    P = 2 * tissue.wall_thickness_m * hoop_stress(e, x, v, moduli) / D
-    return np.asarray((2 * math.pi * R * P) @ w)
+    moduli = low_speed_moduli(e) if regime == "low" else high_speed_moduli()
+    return 2 * tissue.wall_thickness_m * hoop_stress(e, distance_m, np.maximum(np.abs(speed), _SLOWEST), moduli) / D
 
 
-def pressure_integrals(speed: ArrayLike, capsule: Capsule, tissue: Tissue, regime: Regime = "low") -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """`I1` (nose) and `I2` (cylinder) of `2 pi R P dx` in N at `speed` in m/s, any shape.
+def integrate_along(density: Callable[[Any, Any], Any], speed: Any, start_m: float, end_m: float) -> Any:
+    """`int density(x, speed) dx` over `start`..`end` by Gauss quadrature with 64 nodes, in the density's unit times m.
 
-    `P = 2 l_m tau/D`. The nose runs over 0..x_s, x_s = R sin(alpha), the cylinder over x_s..x_s + L. `regime` takes the low-speed or
-    the high-speed moduli or blends the two results about 20 mm/s. Gauss quadrature, 64 nodes, relative error below 1e-8.
+    `speed` is a number, an array of any shape (all nodes at once) or a CasADi symbol; the result has its shape.
     """
-    v = np.asarray(speed, dtype=float)
-    shoulder = capsule.radius_m * math.sin(tissue.alpha)
-    spans = ((0.0, shoulder), (shoulder, shoulder + capsule.cylinder_length_m))
-    if regime != "blend":
-        nose, cylinder = (_pressure_integral(v, a, b, capsule, tissue, regime) for a, b in spans)
-        return nose, cylinder
-    share = blend_weight(np.abs(v))
-    low = pressure_integrals(v, capsule, tissue, "low")
-    high = pressure_integrals(v, capsule, tissue, "high")
-    return (1 - share) * low[0] + share * high[0], (1 - share) * low[1] + share * high[1]
+    x = 0.5 * (end_m - start_m) * (_NODES + 1) + start_m
+    w = 0.5 * (end_m - start_m) * _WEIGHTS
+    if isinstance(speed, ca.SX | ca.MX | ca.DM):
+        return sum(weight * density(node, speed) for node, weight in zip(x.tolist(), w.tolist(), strict=True))
+    return np.asarray(density(x, np.asarray(speed, dtype=float)[..., None]) @ w)
 
 
-def environmental_resistance(speed: ArrayLike, capsule: Capsule, tissue: Tissue, regime: Regime = "low") -> NDArray[np.float64]:
-    """`F_e(v) = sin(theta) I1` in N: what the stretched wall in front of the nose resists (paper V Eq. 8)."""
+def pressure_integrals(speed: Any, capsule: Capsule, tissue: Tissue, regime: Regime = "low") -> tuple[Any, Any]:
+    """`I1` (nose) and `I2` (cylinder) of `2 pi R P dx` in N at `speed` in m/s, any shape, number or CasADi symbol.
+
+    The nose runs over 0..x_s, x_s = R sin(alpha), the cylinder over x_s..x_s + L. `regime` takes the low-speed or the high-speed
+    moduli or blends the two results about 20 mm/s. The quadrature's relative error is below 1e-6 at any speed of the low-speed
+    moduli, below 1e-9 from 0.5 mm/s on. Source: paper V Eq. 7, 8, 12.
+    """
+    if regime == "blend":
+        share = blend_weight(np.abs(speed))
+        low, high = (pressure_integrals(speed, capsule, tissue, r) for r in ("low", "high"))
+        return (1 - share) * low[0] + share * high[0], (1 - share) * low[1] + share * high[1]
+    if regime not in ("low", "high"):
+        raise ValueError(f"regime must be low, high or blend; got {regime!r}")
+    circumference = 2 * math.pi * capsule.radius_m
+
+    def density(x: Any, v: Any) -> Any:
+        return circumference * contact_pressure(x, v, capsule, tissue, regime)
+
+    shoulder = shoulder_position(capsule, tissue)
+    nose = integrate_along(density, speed, 0.0, shoulder)
+    return nose, integrate_along(density, speed, shoulder, shoulder + capsule.cylinder_length_m)
+
+
+def environmental_resistance(speed: Any, capsule: Capsule, tissue: Tissue, regime: Regime = "low") -> Any:
+    """`F_e(v) = sin(theta) I1` in N: what the stretched wall in front of the nose resists; `speed` v in m/s (paper V Eq. 8)."""
     return math.sin(tissue.theta) * pressure_integrals(speed, capsule, tissue, regime)[0]
 
 
-def normal_load(speed: ArrayLike, capsule: Capsule, tissue: Tissue, regime: Regime = "low") -> NDArray[np.float64]:
-    """`N(v) = m g + cos(theta) I1 + I2` in N: weight, nose and cylinder press on the wall (paper V Eq. 12)."""
+def normal_load(speed: Any, capsule: Capsule, tissue: Tissue, regime: Regime = "low") -> Any:
+    """`N(v) = m g + cos(theta) I1 + I2` in N: weight, nose and cylinder press on the wall; `speed` v in m/s (paper V Eq. 12)."""
     nose, cylinder = pressure_integrals(speed, capsule, tissue, regime)
     return capsule.mass_kg * GRAVITY + math.cos(tissue.theta) * nose + cylinder
 
 
-def coulomb_limit(speed: ArrayLike, capsule: Capsule, tissue: Tissue, regime: Regime = "low") -> NDArray[np.float64]:
-    """`f_c = mu N` in N: the tension at which the wall slips (paper V Eq. 11)."""
+def coulomb_limit(speed: Any, capsule: Capsule, tissue: Tissue, regime: Regime = "low") -> Any:
+    """`f_c = mu N` in N: the tension at which the wall slips; `speed` v in m/s (paper V Eq. 11)."""
     return tissue.friction_coefficient * normal_load(speed, capsule, tissue, regime)

@@ -16,6 +16,7 @@ from models.parameter import Parameter
 from models.wall import Drag, Wall, base_parameters, drag_rate, settle, step_drag
 
 BASE_STATES = ("x", "v", "u", "slip", "u_rate", "direction", "travelled", "dwell")
+_STIFFEST = 1e-7  # m/N, compliance of a link below which it counts as rigid
 _REST = 1e-7  # m/s, below it the capsule counts as at rest for the direction of the last motion
 
 
@@ -70,12 +71,24 @@ class _Active:
             y = e().measured(s, self._own(e, self.p), self._own(e, self.z), y)
         return y
 
+    def recovery(self, s: Signals, speed: Any, onset: Any) -> Any:
+        for e in self.effects:
+            speed = e().recovery(s, self._own(e, self.p), self._own(e, self.z), speed, onset)
+        return speed
+
     def advance(self, s: Signals, h: Any) -> _Active:
         z = dict(self.z)
         for e in self.effects:
             for name, value in e().advance(s, self._own(e, self.p), self._own(e, z), h).items():
                 z[f"{e.id}.{name}"] = value
         return replace(self, z=z)
+
+    def follow(self, s: Signals, y: Any, h: Any) -> dict[str, Any]:
+        z = dict(self.z)
+        for e in self.effects:
+            for name, value in e().follow(s, self._own(e, self.p), self._own(e, self.z), y, h).items():
+                z[f"{e.id}.{name}"] = value
+        return z
 
 
 def effect_parameters(effects: Sequence[type[Effect]]) -> tuple[Parameter, ...]:
@@ -105,7 +118,9 @@ def assemble_gut(wall: Wall, drive: Drive, effects: Sequence[type[Effect]] = (),
     return Assembly(names, initial, parameters, function)
 
 
-def _step(wall: Wall, drive: Drive, active: _Active, compliance: Any, now: dict[str, Any], at: tuple[Any, ...], smoothing: float) -> tuple[dict[str, Any], Any]:
+def _step(
+    wall: Wall, drive: Drive, active: _Active, compliance: Any, now: dict[str, Any], at: tuple[Any, ...], smoothing: float
+) -> tuple[dict[str, Any], Any]:
     c0, c1, t, h = at
     p, t_r = active.p, wall.tissue.recovery_time_s
     m = wall.capsule.mass_kg
@@ -122,7 +137,8 @@ def _step(wall: Wall, drive: Drive, active: _Active, compliance: Any, now: dict[
     s = replace(s, v=v_now, direction=np.where(np.abs(v_now) > _REST, np.sign(v_now), now["direction"]))
     F_e, f_c = wall.grip(np.abs(v_now), p["hoop_stress_factor"], p["friction_coefficient"], active.product("level", s))
     stiff = active.product("stiffening", s)
-    v_i = wall.drag_at(f_c / stiff) / t_r
+    u_c = wall.drag_at(f_c / stiff)
+    v_i = active.recovery(s, u_c / t_r, u_c)
     s = replace(s, drag_rate=drag_rate(drag, v_now, v_i))
     extra = active.total("wall_force", s)
     T = T_quiet * stiff + extra
@@ -133,10 +149,14 @@ def _step(wall: Wall, drive: Drive, active: _Active, compliance: Any, now: dict[
         output = F_e * s.direction + F_v + T - outside
     else:
         gain = active.product("gain", s)
-        F_act = (command - now["x"]) / compliance if drive.imposed else gain * drive.force(now["x"], now["v"], command, p)
-        v_next = settle(now["v"] + h / m * (F_act + outside - F_v - T), F_e * h / m, smoothing)
+        F_act = 0.0 if drive.imposed else gain * drive.force(now["x"], now["v"], command, p)
+        free, stop = now["v"] + h / m * (F_act + outside - F_v - T), F_e * h / m
+        if drive.imposed:
+            give = h * h / m / (compliance + h * h / m)  # the link's share of the step, solved implicitly
+            free, stop = free * (1 - give) + give * (command - now["x"]) / h, stop * (1 - give)
+        v_next = settle(free, stop, smoothing)
         x_next = now["x"] + h * v_next
-        output = F_act if drive.imposed else now["x"]
+        output = (command - x_next) / np.maximum(compliance, _STIFFEST) if drive.imposed else now["x"]
     dragged = step_drag(drag, v_next, h, f_c, lambda u: wall.tension(u) * stiff + extra, v_i)
     moving = np.abs(v_next) > _REST
     new = {
@@ -149,4 +169,5 @@ def _step(wall: Wall, drive: Drive, active: _Active, compliance: Any, now: dict[
         "travelled": now["travelled"] + np.abs(v_next) * h,
         "dwell": np.where(moving, 0.0, now["dwell"] + h),
     }
-    return new | dict(active_next.z), active.measured(s, output)
+    seen = replace(active_next, z=active_next.follow(s, output, h))
+    return new | dict(seen.z), seen.measured(s, output)

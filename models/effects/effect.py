@@ -79,6 +79,10 @@ class Effect:
         """Extra tension of the wall in N; counts towards the slip condition as T(u) does."""
         return 0.0
 
+    def recovery(self, s: Signals, p: Values, z: Values, speed: Any, onset: Any) -> Any:
+        """Speed in m/s at which a slipping wall draws back, given the base model's `speed` and the drag `onset` u_c at which it slips."""
+        return speed
+
     def command(self, s: Signals, p: Values, z: Values) -> Any:
         """The command that reaches the capsule, given the one that was sent."""
         return s.command
@@ -90,6 +94,14 @@ class Effect:
     def measured(self, s: Signals, p: Values, z: Values, y: Any) -> Any:
         """What the sensor shows of the true output `y`."""
         return y
+
+    def delay(self, p: Values) -> Any:
+        """Time in s by which the measurement is late."""
+        return 0.0
+
+    def follow(self, s: Signals, p: Values, z: Values, y: Any, h: Any) -> dict[str, Any]:
+        """The sensor's own hidden states after a step `h` in s during which the true output was `y`."""
+        return {}
 
     def advance(self, s: Signals, p: Values, z: Values, h: Any) -> dict[str, Any]:
         """The hidden states after a step `h` in s, unconditionally stable."""

@@ -1,0 +1,70 @@
+"""What a rig may have beyond the base model: one file an effect, and the one tuple that lists them."""
+
+from models.effects.actuator_dead_zone import ActuatorDeadZone
+from models.effects.actuator_lag import ActuatorLag
+from models.effects.actuator_saturation import ActuatorSaturation
+from models.effects.added_mass import AddedMass
+from models.effects.carriage_backlash import CarriageBacklash
+from models.effects.coupling_decay import CouplingDecay
+from models.effects.coupling_fade import CouplingFade
+from models.effects.directional_asymmetry import DirectionalAsymmetry
+from models.effects.dwell_adhesion import DwellAdhesion
+from models.effects.effect import Effect
+from models.effects.exponential_recovery import ExponentialRecovery
+from models.effects.fold_periodic import FoldPeriodic
+from models.effects.incline_gravity import InclineGravity
+from models.effects.lumen_taper import LumenTaper
+from models.effects.mains_hum import MainsHum
+from models.effects.peristaltic_wave import PeristalticWave
+from models.effects.preconditioning import Preconditioning
+from models.effects.respiration import Respiration
+from models.effects.sensor_bias import SensorBias
+from models.effects.sensor_delay import SensorDelay
+from models.effects.sensor_drift import SensorDrift
+from models.effects.sensor_lowpass import SensorLowpass
+from models.effects.sensor_scale import SensorScale
+from models.effects.stenosis import Stenosis
+from models.effects.stress_relaxation import StressRelaxation
+from models.effects.stribeck import Stribeck
+from models.effects.string_compliance import StringCompliance
+from models.effects.tissue_drying import TissueDrying
+from models.effects.viscous_drag import ViscousDrag
+from models.effects.wall_viscosity import WallViscosity
+
+EFFECTS: tuple[type[Effect], ...] = (
+    ActuatorDeadZone,
+    ActuatorLag,
+    ActuatorSaturation,
+    AddedMass,
+    CarriageBacklash,
+    CouplingDecay,
+    CouplingFade,
+    DirectionalAsymmetry,
+    DwellAdhesion,
+    ExponentialRecovery,
+    FoldPeriodic,
+    InclineGravity,
+    LumenTaper,
+    MainsHum,
+    PeristalticWave,
+    Preconditioning,
+    Respiration,
+    SensorBias,
+    SensorDelay,
+    SensorDrift,
+    SensorLowpass,
+    SensorScale,
+    Stenosis,
+    StressRelaxation,
+    Stribeck,
+    StringCompliance,
+    TissueDrying,
+    ViscousDrag,
+    WallViscosity,
+)
+BY_ID = {effect.id: effect for effect in EFFECTS}
+
+
+def effects_for(kind: str) -> tuple[type[Effect], ...]:
+    """The candidates that can act on a rig of `kind`."""
+    return tuple(effect for effect in EFFECTS if kind in effect.kinds)

@@ -1,0 +1,36 @@
+"""First-order lag of the drive."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from models.effects.effect import Effect, Signals, Values
+from models.parameter import Parameter
+
+
+@dataclass(frozen=True)
+class ActuatorLag(Effect):
+    """Lag `tau c' = command - c`, exact for a ramp within the step."""
+
+    id = "actuator_lag"
+    summary = "first-order lag of the drive"
+    source = "first-order drive"
+    kinds = frozenset({"pull", "magnetic", "coil"})
+    states = ("command",)
+    probe = 0.005
+    look_alikes = ("sensor_delay", "sensor_lowpass", "carriage_backlash")
+    separated_by = "time-stamped edges; phase against frequency"
+
+    time_s: Parameter = Parameter("time_s", 0.0, "s", 0.0, 1.0, "first-order drive", fit=True)
+
+    def command(self, s: Signals, p: Values, z: Values) -> Any:
+        return z["command"]
+
+    def advance(self, s: Signals, p: Values, z: Values, h: Any) -> dict[str, Any]:
+        tau = np.maximum(p["time_s"], 1e-9)
+        rise = tau * (1 - np.exp(-h / tau))
+        start = s.command - s.rate * h
+        return {"command": s.command - s.rate * rise + (z["command"] - start) * np.exp(-h / tau)}

@@ -1,0 +1,34 @@
+"""Inertia beyond the capsule's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from models.effects.effect import Effect, Signals, Values
+from models.parameter import Parameter
+
+
+@dataclass(frozen=True)
+class AddedMass(Effect):
+    """Force `-m_a a`: fluid or rig mass moved along."""
+
+    id = "added_mass"
+    summary = "inertia beyond the capsule's"
+    source = "tracing catalogue 16"
+    kinds = frozenset({"pull"})
+    states = (
+        "acceleration",
+        "speed",
+    )
+    probe = 0.01
+    look_alikes = ("actuator_lag",)
+    separated_by = "faster reversals"
+
+    mass_kg: Parameter = Parameter("mass_kg", 0.0, "kg", -0.005, 0.2, "tracing catalogue 16", fit=True)
+
+    def force(self, s: Signals, p: Values, z: Values) -> Any:
+        return -p["mass_kg"] * z["acceleration"]
+
+    def advance(self, s: Signals, p: Values, z: Values, h: Any) -> dict[str, Any]:
+        return {"acceleration": (s.v - z["speed"]) / h, "speed": s.v}

@@ -1,0 +1,29 @@
+"""The magnet's grip changes along the track."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from models.effects.effect import Effect, Signals, Values
+from models.parameter import Parameter
+
+
+@dataclass(frozen=True)
+class CouplingDecay(Effect):
+    """Drive gain `1 + g x`."""
+
+    id = "coupling_decay"
+    summary = "the magnet's grip changes along the track"
+    source = "tracing catalogue 23"
+    kinds = frozenset({"magnetic", "coil"})
+    probe = 1.0
+    look_alikes = ("lumen_taper",)
+    separated_by = "the drive off: a taper stays"
+
+    slope_per_m: Parameter = Parameter("slope_per_m", 0.0, "1/m", -12.0, 12.0, "tracing catalogue 23", fit=True)
+
+    def gain(self, s: Signals, p: Values, z: Values) -> Any:
+        return np.maximum(1 + p["slope_per_m"] * s.x, 0.05)

@@ -1,0 +1,59 @@
+"""Resistance that varies periodically along the lumen (folds)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from models.effects.effect import Effect, Signals, Values
+from models.parameter import Parameter
+
+
+@dataclass(frozen=True)
+class FoldPeriodic(Effect):
+    """Level `1 + a sin(2 pi x/L + phi)`: the same going and coming back."""
+
+    id = "fold_periodic"
+    summary = "resistance varies periodically along the lumen"
+    source = "folds up to 8 mm deep (Gray)"
+    kinds = frozenset({"pull", "magnetic", "coil", "vibro", "axis"})
+    grid = MappingProxyType(
+        {
+            "wavelength_m": (
+                0.003,
+                0.00339,
+                0.003831,
+                0.004329,
+                0.004891,
+                0.005527,
+                0.006246,
+                0.007058,
+                0.007975,
+                0.009012,
+                0.010184,
+                0.011508,
+                0.013004,
+                0.014694,
+                0.016604,
+                0.018763,
+                0.021202,
+                0.023958,
+                0.027073,
+            ),
+            "phase_rad": (0.0, 1.5707963),
+        }
+    )
+    probe = 0.05
+    look_alikes = ("lumen_taper", "peristaltic_wave")
+    separated_by = "reverse over the same place"
+
+    depth: Parameter = Parameter("depth", 0.0, "1", -0.9, 0.9, "folds up to 8 mm deep (Gray)", fit=True)
+    wavelength_m: Parameter = Parameter("wavelength_m", 0.008, "m", 0.002, 0.04, "folds up to 8 mm deep (Gray)", fit=True)
+    phase_rad: Parameter = Parameter("phase_rad", 0.0, "rad", -7.0, 7.0, "folds up to 8 mm deep (Gray)", fit=True)
+
+    def level(self, s: Signals, p: Values, z: Values) -> Any:
+        return 1 + p["depth"] * np.sin(2 * math.pi * s.x / p["wavelength_m"] + p["phase_rad"])

@@ -1,0 +1,27 @@
+"""A constant force along the lumen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from models.effects.effect import Effect, Signals, Values
+from models.parameter import Parameter
+
+
+@dataclass(frozen=True)
+class InclineGravity(Effect):
+    """Constant force along +x, `m g sin(alpha)` of a tilted lumen."""
+
+    id = "incline_gravity"
+    summary = "a constant force along the lumen"
+    source = "tracing catalogue 13"
+    kinds = frozenset({"magnetic", "coil", "vibro", "vibro_table", "pull"})
+    probe = 0.002
+    look_alikes = ("directional_asymmetry", "sensor_bias")
+    separated_by = "tilt the rig by a known angle; records at rest"
+
+    force_N: Parameter = Parameter("force_N", 0.0, "N", -0.2, 0.2, "tracing catalogue 13", fit=True)
+
+    def force(self, s: Signals, p: Values, z: Values) -> Any:
+        return p["force_N"]

@@ -1,0 +1,27 @@
+"""The sensor's zero is off."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from models.effects.effect import Effect, Signals, Values
+from models.parameter import Parameter
+
+
+@dataclass(frozen=True)
+class SensorBias(Effect):
+    """Output `y + b`."""
+
+    id = "sensor_bias"
+    summary = "the sensor's zero is off"
+    source = "tracing catalogue 24"
+    kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
+    probe = 0.001
+    look_alikes = ("incline_gravity", "directional_asymmetry")
+    separated_by = "a reading without load"
+
+    bias: Parameter = Parameter("bias", 0.0, "of the measured unit", -0.05, 0.05, "tracing catalogue 24", fit=True)
+
+    def measured(self, s: Signals, p: Values, z: Values, y: Any) -> Any:
+        return y + p["bias"]

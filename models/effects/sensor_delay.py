@@ -1,0 +1,27 @@
+"""The measurement is late."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from models.effects.effect import Effect, Values
+from models.parameter import Parameter
+
+
+@dataclass(frozen=True)
+class SensorDelay(Effect):
+    """Output `y(t - d)`."""
+
+    id = "sensor_delay"
+    summary = "the measurement is late"
+    source = "tracing catalogue 25"
+    kinds = frozenset({"pull", "magnetic", "coil", "vibro", "axis"})
+    probe = 0.005
+    look_alikes = ("sensor_lowpass", "actuator_lag")
+    separated_by = "a time-stamped edge; the phase is linear in frequency"
+
+    delay_s: Parameter = Parameter("delay_s", 0.0, "s", 0.0, 0.5, "tracing catalogue 25", fit=True)
+
+    def delay(self, p: Values) -> Any:
+        return p["delay_s"]

@@ -1,0 +1,34 @@
+"""The measurement is smoothed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from models.effects.effect import Effect, Signals, Values
+from models.parameter import Parameter
+
+
+@dataclass(frozen=True)
+class SensorLowpass(Effect):
+    """Output `tau y' + y = x`."""
+
+    id = "sensor_lowpass"
+    summary = "the measurement is smoothed"
+    source = "tracing catalogue 26"
+    kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
+    states = ("smooth",)
+    probe = 0.005
+    look_alikes = ("sensor_delay",)
+    separated_by = "the phase saturates at 90 degrees"
+
+    time_s: Parameter = Parameter("time_s", 0.0, "s", 0.0, 0.5, "tracing catalogue 26", fit=True)
+
+    def measured(self, s: Signals, p: Values, z: Values, y: Any) -> Any:
+        return z["smooth"]
+
+    def follow(self, s: Signals, p: Values, z: Values, y: Any, h: Any) -> dict[str, Any]:
+        keep = np.where(s.t > 0, np.exp(-h / np.maximum(p["time_s"], 1e-9)), 0.0)
+        return {"smooth": y + (z["smooth"] - y) * keep}

@@ -1,0 +1,33 @@
+"""One local place of higher resistance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from models.effects.effect import Effect, Signals, Values
+from models.parameter import Parameter
+
+
+@dataclass(frozen=True)
+class Stenosis(Effect):
+    """Level `1 + s exp(-(x - x_0)^2/(2 w^2))`."""
+
+    id = "stenosis"
+    summary = "one local place of higher resistance"
+    source = "tracing catalogue 11"
+    kinds = frozenset({"pull", "magnetic", "coil", "vibro", "axis"})
+    grid = MappingProxyType({"width_m": (0.0015, 0.004)})
+    probe = 0.2
+    look_alikes = ("lumen_taper", "fold_periodic")
+    separated_by = "more passes over the place, from both sides"
+
+    excess: Parameter = Parameter("excess", 0.0, "1", -0.9, 6.0, "tracing catalogue 11", fit=True)
+    centre_m: Parameter = Parameter("centre_m", 0.0, "m", -0.3, 0.3, "tracing catalogue 11", fit=True)
+    width_m: Parameter = Parameter("width_m", 0.003, "m", 0.0005, 0.03, "tracing catalogue 11", fit=True)
+
+    def level(self, s: Signals, p: Values, z: Values) -> Any:
+        return 1 + p["excess"] * np.exp(-0.5 * ((s.x - p["centre_m"]) / p["width_m"]) ** 2)

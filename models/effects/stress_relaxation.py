@@ -1,0 +1,39 @@
+"""A force that builds up while moving and relaxes with its own time constant."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from models.effects.effect import Effect, Signals, Values
+from models.parameter import Parameter
+
+
+@dataclass(frozen=True)
+class StressRelaxation(Effect):
+    """Maxwell branch, force `-k q`, `q' = v - q/tau`."""
+
+    id = "stress_relaxation"
+    summary = "a force that builds up while moving and relaxes"
+    source = "rat gut SLS, WJG 11:4974; five-element model (Kim)"
+    kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
+    states = ("stretch_m",)
+    grid = MappingProxyType({"time_s": (0.15, 0.4, 1.0, 3.0, 8.0)})
+    probe = 1.0
+    look_alikes = ("viscous_drag", "wall_viscosity", "stribeck")
+    separated_by = "frequency sweep at fixed amplitude; stop and hold"
+
+    stiffness_N_per_m: Parameter = Parameter(
+        "stiffness_N_per_m", 0.0, "N/m", -30.0, 300.0, "rat gut SLS, WJG 11:4974; five-element model (Kim)", fit=True
+    )
+    time_s: Parameter = Parameter("time_s", 1.0, "s", 0.05, 20.0, "rat gut SLS, WJG 11:4974; five-element model (Kim)", fit=True)
+
+    def force(self, s: Signals, p: Values, z: Values) -> Any:
+        return -p["stiffness_N_per_m"] * z["stretch_m"]
+
+    def advance(self, s: Signals, p: Values, z: Values, h: Any) -> dict[str, Any]:
+        decay = np.exp(-h / p["time_s"])
+        return {"stretch_m": z["stretch_m"] * decay + s.v * p["time_s"] * (1 - decay)}

@@ -1,0 +1,29 @@
+"""Wall tension that depends on the rate of stretch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from models.effects.effect import Effect, Signals, Values
+from models.parameter import Parameter
+
+
+@dataclass(frozen=True)
+class WallViscosity(Effect):
+    """Extra wall tension `c u'`, in the slip condition too."""
+
+    id = "wall_viscosity"
+    summary = "wall tension depends on the rate of stretch"
+    source = "rat gut SLS, WJG 11:4974"
+    kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
+    probe = 0.3
+    look_alikes = ("viscous_drag", "small_strain_stiffening")
+    separated_by = "frequency sweep at fixed amplitude; the force while the wall draws back"
+
+    viscosity_N_s_per_m: Parameter = Parameter(
+        "viscosity_N_s_per_m", 0.0, "N s/m", -1.0, 30.0, "rat gut SLS, WJG 11:4974", fit=True
+    )
+
+    def wall_force(self, s: Signals, p: Values, z: Values) -> Any:
+        return p["viscosity_N_s_per_m"] * s.drag_rate

@@ -1,0 +1,58 @@
+"""One line of the comparison: what a paper states, what its equations give, what was measured, and the verdict."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Literal
+
+Verdict = Literal[
+    "reproduced",
+    "consistent",
+    "check value",
+    "inside the measured band",
+    "misprint",
+    "not reproducible",
+    "misses the measurement",
+    "finding",
+]
+_PER_SI = {"1": 1.0, "%": 100.0, "s": 1.0, "mm": 1e3, "mN": 1e3, "N": 1.0, "Pa": 1.0, "MPa": 1e-6}
+
+
+@dataclass(frozen=True)
+class Row:
+    """A number in `unit`: what the `paper` states, `computed` from its equations, `measured` where it is printed."""
+
+    id: str
+    quantity: str
+    unit: str
+    paper: float | None
+    computed: float
+    measured: float | None
+    verdict: Verdict
+    note: str
+
+    def record(self) -> dict[str, object]:
+        """The row as a JSON object."""
+        return asdict(self)
+
+
+def row(
+    key: str,
+    quantity: str,
+    unit: str,
+    computed: float,
+    verdict: Verdict,
+    note: str = "",
+    *,
+    paper: float | None = None,
+    measured: float | None = None,
+) -> Row:
+    """A `Row` from numbers in SI, shown in `unit`."""
+    scale = _PER_SI[unit]
+    shown = (None if value is None else float(value) * scale for value in (paper, measured))
+    return Row(key, quantity, unit, next(shown), float(computed) * scale, next(shown), verdict, note)
+
+
+def speed_key(speed_m_s: float) -> str:
+    """A speed as part of an id: 0.5 mm/s becomes `0_5_mm_s`."""
+    return f"{speed_m_s * 1e3:g}".replace(".", "_") + "_mm_s"

@@ -1,0 +1,115 @@
+"""One driven body: magnet on a carriage, coil, plain force, or an elastic link to an imposed position."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from numba import njit
+
+from plant.anatomy import profile_level
+from plant.hidden.actuation import coupling, delivered, effective_current, hidden_emf, link_force, remember_drive, sideways_load
+from plant.hidden.forces import hidden_force, inertia, remember_stress
+from plant.hidden.resistance import remember_motion, resistance_level
+from plant.layout import (
+    O_CURRENT,
+    O_DRIVE,
+    O_FORCE,
+    O_T,
+    O_U,
+    O_V,
+    O_X,
+    P_COIL_EMF,
+    P_COIL_GAIN,
+    P_COIL_L,
+    P_COIL_LIMIT,
+    P_COIL_R,
+    P_HOOP,
+    P_LINK_C,
+    P_LINK_K,
+    P_MAGNET_K,
+    P_MAGNET_RANGE,
+    S_CURRENT,
+    S_DIRECTION,
+    S_STEP,
+    S_U,
+    S_V,
+    S_X,
+)
+from plant.membrane import move_wall, wall_force
+from plant.surface import clipped_speed, kinetic_limit, sliding_limit
+from plant.tables import Floats
+
+MAGNET: Final = 0
+COIL: Final = 1
+FORCE: Final = 2
+LINK: Final = 3
+
+
+@njit(cache=True, nogil=True, inline="always")
+def coil_current(voltage: float, emf: float, dt: float, current: float, p: Floats) -> float:
+    """Current in A after a step of `L i' = U - R i - e`, backward Euler, held within the limit; `L = 0` follows at once."""
+    if p[P_COIL_L] > 0.0:
+        lag = dt / p[P_COIL_L]
+        current = (current + lag * (voltage - emf)) / (1 + lag * p[P_COIL_R])
+    else:
+        current = (voltage - emf) / p[P_COIL_R]
+    return float(min(max(current, -p[P_COIL_LIMIT]), p[P_COIL_LIMIT]))
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _drive_force(kind: int, value: float, rate: float, t: float, dt: float, s: Floats, p: Floats, h: Floats) -> float:
+    x, v = s[S_X], s[S_V]
+    if kind == MAGNET:
+        gap = value - x
+        remember_drive(gap, s, h)
+        fall = 1 + (gap / p[P_MAGNET_RANGE]) ** 2
+        return delivered(coupling(x, t, h) * p[P_MAGNET_K] * gap / (fall * fall), s, h)
+    if kind == COIL:
+        emf = p[P_COIL_EMF] * v + hidden_emf(v, h)
+        s[S_CURRENT] = coil_current(value, emf, dt, s[S_CURRENT], p)
+        remember_drive(s[S_CURRENT], s, h)
+        return delivered(coupling(x, t, h) * p[P_COIL_GAIN] * effective_current(s[S_CURRENT], h), s, h)
+    if kind == LINK:
+        return link_force(value - x, p[P_LINK_K], h) + p[P_LINK_C] * (rate - v)
+    return float(value)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def advance_body(kind: int, s: Floats, p: Floats, h: Floats, tab: Floats, profile: Floats, drive: Floats, dt: float, every: int, out: Floats) -> int:
+    """Drive one body with `drive[0], drive[1], ...`, one value a step of `dt`; fill `out` with a row each `every` steps.
+
+    `m a = F_act - R Sgn(v) - F_v(w) - T(u) + F_hidden`, R set-valued: the impulse that would stop the body is clipped to what R can
+    give. `drive` is a carriage position in m (MAGNET: `k g/(1 + (g/r)^2)^2`), a voltage in V (COIL: `F = K i`,
+    `L i' = U - R i - e`), a force in N (FORCE) or an imposed position in m (LINK), one more value than steps done. State `s` is
+    changed in place; returns the rows written. First order in `dt`.
+    """
+    rows = 0
+    mass = inertia(p, h)
+    for k in range(drive.shape[0] - 1):
+        t = s[S_STEP] * dt
+        x, v = s[S_X], s[S_V]
+        force = _drive_force(kind, drive[k], (drive[k + 1] - drive[k]) / dt, t, dt, s, p, h)
+        if s[S_STEP] % every == 0:
+            out[rows, O_T] = t
+            out[rows, O_X] = x
+            out[rows, O_V] = v
+            out[rows, O_U] = s[S_U]
+            out[rows, O_FORCE] = force
+            out[rows, O_DRIVE] = drive[k]
+            out[rows, O_CURRENT] = s[S_CURRENT]
+            rows += 1
+        hoop = p[P_HOOP] * profile_level(x, p, profile)
+        limit = sliding_limit(v, hoop, p, tab) * resistance_level(x, v, t, s, h)
+        if kind == MAGNET:
+            limit += sideways_load(drive[k] - x, h)
+        net = force + hidden_force(x, v, t, s, p, h) - wall_force(v, hoop, s, p, h, tab)
+        v = clipped_speed(v, net, limit, kinetic_limit(v, limit, p), mass, dt)
+        if v != 0.0:
+            s[S_DIRECTION] = 1.0 if v > 0 else -1.0
+        s[S_V] = v
+        s[S_X] = x + dt * v
+        move_wall(v, dt, hoop, s, p, h, tab)
+        remember_motion(v, dt, s, h)
+        remember_stress(v, dt, s, h)
+        s[S_STEP] += 1.0
+    return rows

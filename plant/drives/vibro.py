@@ -1,0 +1,110 @@
+"""A body with an inner mass on a spring between two stops (vibro-impact drive, capsubot)."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from numba import njit
+
+from plant.anatomy import profile_level
+from plant.drives.body import coil_current
+from plant.hidden.forces import hidden_force, inertia, remember_stress
+from plant.hidden.resistance import remember_motion, resistance_level
+from plant.hidden.suspension import suspension_force
+from plant.layout import (
+    O_CURRENT,
+    O_DRIVE,
+    O_FORCE,
+    O_INNER_V,
+    O_INNER_X,
+    O_T,
+    O_U,
+    O_V,
+    O_X,
+    P_COIL_EMF,
+    P_COIL_GAIN,
+    P_FRONT_GAP,
+    P_FRONT_K,
+    P_HOOP,
+    P_INNER_MASS,
+    P_REACTION,
+    P_REAR_GAP,
+    P_REAR_K,
+    P_SPRING_C,
+    P_SPRING_K,
+    S_CURRENT,
+    S_DIRECTION,
+    S_INNER_V,
+    S_INNER_X,
+    S_STEP,
+    S_U,
+    S_V,
+    S_X,
+)
+from plant.membrane import move_wall, wall_force
+from plant.surface import clipped_speed, kinetic_limit, sliding_limit
+from plant.tables import Floats
+
+BY_FORCE: Final = 0
+BY_VOLTAGE: Final = 1
+
+
+@njit(cache=True, nogil=True, inline="always")
+def spring_force(r: float, rate: float, p: Floats, h: Floats) -> float:
+    """`F_i = k r + c r' + k_f (r - G_f)+ - k_r (-r - G_r)+` in N on the inner mass's offset `r` in m from rest."""
+    force = p[P_SPRING_K] * r + p[P_SPRING_C] * rate + suspension_force(r, rate, h)
+    if r > p[P_FRONT_GAP]:
+        force += p[P_FRONT_K] * (r - p[P_FRONT_GAP])
+    if -r > p[P_REAR_GAP]:
+        force += p[P_REAR_K] * (r + p[P_REAR_GAP])
+    return float(force)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def advance_vibro(kind: int, s: Floats, p: Floats, h: Floats, tab: Floats, profile: Floats, drive: Floats, dt: float, every: int, out: Floats) -> int:
+    """Drive the inner mass with `drive[k]`, the mean force in N (BY_FORCE) or voltage in V (BY_VOLTAGE) of step `k` of `dt`.
+
+    `M_m X_m'' = -F_i + F`, `M X'' = F_i - a F - R Sgn(X') - F_v - T + F_hidden`; a = 1 with the reaction on the body, 0 for a field from
+    outside. Forces at the positions of mid-step (second order while nothing sticks or hits), R set-valued by clipping. A step's mean
+    force keeps the impulse of a PWM edge inside a step exact. `drive` holds one more value than steps done. Returns the rows written.
+    """
+    rows = 0
+    mass = inertia(p, h)
+    for k in range(drive.shape[0] - 1):
+        t = s[S_STEP] * dt
+        x, v = s[S_X], s[S_V]
+        inner_x, inner_v = s[S_INNER_X], s[S_INNER_V]
+        force = drive[k]
+        if kind == BY_VOLTAGE:
+            s[S_CURRENT] = coil_current(drive[k], p[P_COIL_EMF] * (inner_v - v), dt, s[S_CURRENT], p)
+            force = p[P_COIL_GAIN] * s[S_CURRENT]
+        if s[S_STEP] % every == 0:
+            out[rows, O_T] = t
+            out[rows, O_X] = x
+            out[rows, O_V] = v
+            out[rows, O_U] = s[S_U]
+            out[rows, O_FORCE] = force
+            out[rows, O_DRIVE] = drive[k]
+            out[rows, O_CURRENT] = s[S_CURRENT]
+            out[rows, O_INNER_X] = inner_x
+            out[rows, O_INNER_V] = inner_v
+            rows += 1
+        rate = inner_v - v
+        spring = spring_force(inner_x - x + 0.5 * dt * rate, rate, p, h)
+        hoop = p[P_HOOP] * profile_level(x, p, profile)
+        limit = sliding_limit(v, hoop, p, tab) * resistance_level(x, v, t, s, h)
+        net = spring - p[P_REACTION] * force + hidden_force(x, v, t, s, p, h) - wall_force(v, hoop, s, p, h, tab)
+        v_next = clipped_speed(v, net, limit, kinetic_limit(v, limit, p), mass, dt)
+        inner_next = inner_v + dt * (force - spring) / p[P_INNER_MASS]
+        mean = 0.5 * (v + v_next)
+        if v_next != 0.0:
+            s[S_DIRECTION] = 1.0 if v_next > 0 else -1.0
+        s[S_V] = v_next
+        s[S_X] = x + dt * mean
+        s[S_INNER_V] = inner_next
+        s[S_INNER_X] = inner_x + 0.5 * dt * (inner_v + inner_next)
+        move_wall(mean, dt, hoop, s, p, h, tab)
+        remember_motion(mean, dt, s, h)
+        remember_stress(mean, dt, s, h)
+        s[S_STEP] += 1.0
+    return rows

@@ -1,0 +1,1 @@
+"""What a simulated rig has beyond the base model, each effect in a form of its own."""

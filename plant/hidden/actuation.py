@@ -1,0 +1,82 @@
+"""Hidden effects between the drive and the body: grip that fades, saturates or remembers, a dead zone, a load that pulls sideways."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from numba import njit
+
+from plant.hidden.registry import ROWS
+from plant.layout import S_DRIVE_LAST, S_HYSTERESIS
+from plant.tables import Floats
+
+DECAY: Final = ROWS["coupling_decay"]
+FADE: Final = ROWS["coupling_fade"]
+DEAD_ZONE: Final = ROWS["actuator_dead_zone"]
+SATURATION: Final = ROWS["actuator_saturation"]
+HYSTERESIS: Final = ROWS["magnetic_hysteresis"]
+BACK_EMF: Final = ROWS["back_emf"]
+ATTRACTION: Final = ROWS["attraction_load"]
+STRING: Final = ROWS["string_compliance"]
+
+
+@njit(cache=True, nogil=True, inline="always")
+def coupling(x: float, t: float, h: Floats) -> float:
+    """Factor on the drive's gain at place `x` in m and time `t` in s."""
+    gain = 1.0
+    if h[DECAY, 0] != 0.0:
+        gain *= 1 - 0.5 * h[DECAY, 0] * (1 + math.tanh((x - 5e-3) / h[DECAY, 1]))
+    if h[FADE, 0] != 0.0:
+        gain *= 1 - h[FADE, 0] * (1 - math.exp(-t / h[FADE, 1]))
+    return gain
+
+
+@njit(cache=True, nogil=True, inline="always")
+def delivered(force: float, s: Floats, h: Floats) -> float:
+    """The drive's force in N after saturation, plus what magnetic memory adds."""
+    if h[SATURATION, 0] != 0.0:
+        force /= (1 + abs(force / h[SATURATION, 0]) ** 3) ** (1.0 / 3.0)
+    if h[HYSTERESIS, 0] != 0.0:
+        force += h[HYSTERESIS, 0] * s[S_HYSTERESIS]
+    return force
+
+
+@njit(cache=True, nogil=True, inline="always")
+def remember_drive(value: float, s: Floats, h: Floats) -> None:
+    """Advance magnetic memory with the change of what drives it (gap in m, current in A)."""
+    if h[HYSTERESIS, 0] != 0.0:
+        change = value - s[S_DRIVE_LAST]
+        z = s[S_HYSTERESIS]
+        s[S_HYSTERESIS] = z + change / h[HYSTERESIS, 1] * (1 - math.copysign(z * abs(z), z * change))
+    s[S_DRIVE_LAST] = value
+
+
+@njit(cache=True, nogil=True, inline="always")
+def effective_current(current: float, h: Floats) -> float:
+    """Current in A that makes force: none below the dead zone, whose edge is rounded."""
+    if h[DEAD_ZONE, 0] == 0.0:
+        return current
+    return float(current * (1 - 1 / (1 + (current / h[DEAD_ZONE, 0]) ** 4)))
+
+
+@njit(cache=True, nogil=True, inline="always")
+def hidden_emf(v: float, h: Floats) -> float:
+    """Voltage in V that the hidden back-EMF takes from the coil."""
+    return float(h[BACK_EMF, 0] * v * (1 + abs(v) * 5.0))
+
+
+@njit(cache=True, nogil=True, inline="always")
+def sideways_load(gap: float, h: Floats) -> float:
+    """Resistance in N that a magnet adds by pressing the capsule down: `a (g/g_0)^2`."""
+    if h[ATTRACTION, 0] == 0.0:
+        return 0.0
+    return float(h[ATTRACTION, 0] * (gap / h[ATTRACTION, 1]) ** 2)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def link_force(stretch: float, stiffness: float, h: Floats) -> float:
+    """Force in N of the pull's link; a hidden string is softer and stiffens: `k e (1 + (e/e_0)^2)`."""
+    if h[STRING, 0] == 0.0:
+        return stiffness * stretch
+    return float(stretch / h[STRING, 0] * (1 + (stretch / h[STRING, 1]) ** 2))

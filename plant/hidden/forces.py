@@ -1,0 +1,52 @@
+"""Hidden forces that act on the capsule beside resistance, film and wall; positive along +x."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from numba import njit
+
+from models.laws.geometry import GRAVITY
+from plant.hidden.registry import ROWS
+from plant.layout import P_MASS, S_RELAX
+from plant.tables import Floats
+
+VISCOUS: Final = ROWS["viscous_drag"]
+PERISTALSIS: Final = ROWS["peristaltic_wave"]
+RESPIRATION: Final = ROWS["respiration"]
+INCLINE: Final = ROWS["incline_gravity"]
+RELAXATION: Final = ROWS["stress_relaxation"]
+ADDED_MASS: Final = ROWS["added_mass"]
+
+
+@njit(cache=True, nogil=True, inline="always")
+def hidden_force(x: float, v: float, t: float, s: Floats, p: Floats, h: Floats) -> float:
+    """Sum of the hidden forces in N at place `x` in m, speed `v` in m/s, time `t` in s; the forms stand in the registry."""
+    force = 0.0
+    if h[VISCOUS, 0] != 0.0 and v != 0.0:
+        force -= math.copysign(h[VISCOUS, 0] * (abs(v) * 100.0) ** 0.85, v)
+    if h[PERISTALSIS, 0] != 0.0:
+        force += h[PERISTALSIS, 0] * max(0.0, math.sin(2 * math.pi * (t / h[PERISTALSIS, 1] - x / h[PERISTALSIS, 2])))
+    if h[RESPIRATION, 0] != 0.0:
+        force += h[RESPIRATION, 0] * (2 * abs(math.cos(math.pi * t / h[RESPIRATION, 1])) ** 3 - 0.85)
+    if h[INCLINE, 0] != 0.0:
+        force -= p[P_MASS] * GRAVITY * math.sin(h[INCLINE, 0])
+    if h[RELAXATION, 0] != 0.0:
+        force -= h[RELAXATION, 0] * s[S_RELAX]
+    return force
+
+
+@njit(cache=True, nogil=True, inline="always")
+def remember_stress(v: float, dt: float, s: Floats, h: Floats) -> None:
+    """Advance the stress that builds up on the way and relaxes with a power of itself."""
+    if h[RELAXATION, 0] != 0.0:
+        q = s[S_RELAX]
+        growth = (v - q * abs(v)) / h[RELAXATION, 1]
+        s[S_RELAX] = q + dt * (growth - q * math.sqrt(abs(q)) / h[RELAXATION, 2])
+
+
+@njit(cache=True, nogil=True, inline="always")
+def inertia(p: Floats, h: Floats) -> float:
+    """Mass of the body in kg, with what it drags along."""
+    return float(p[P_MASS] + h[ADDED_MASS, 0])

@@ -1,0 +1,167 @@
+"""The one list of hidden effects: name, form, numbers with the ranges they are drawn from, and the drives they make sense for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.parameter import nearest
+
+SLOTS: Final = 4
+
+
+@dataclass(frozen=True)
+class Shape:
+    """One number of an effect, `unit` in its name; a random rig draws it from [`lower`, `upper`]."""
+
+    name: str
+    lower: float
+    upper: float
+    signed: bool = False
+
+    def draw(self, rng: np.random.Generator) -> float:
+        """A value, evenly from the range; a signed one is negative half of the time."""
+        value = float(rng.uniform(self.lower, self.upper))
+        return -value if self.signed and rng.random() < 0.5 else value
+
+    @property
+    def middle(self) -> float:
+        """The default."""
+        return 0.5 * (self.lower + self.upper)
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """An effect: `numbers[0]` is its amplitude, zero switches it off."""
+
+    id: str
+    form: str
+    numbers: tuple[Shape, ...]
+    drives: tuple[str, ...]
+    published: bool = True
+
+
+GUT_DRIVES: Final = ("pull", "magnetic", "coil", "vibro", "force")
+BODY: Final = ("magnetic", "coil", "vibro", "force")
+CARRIED: Final = ("pull", "magnetic")
+
+HIDDEN: Final[tuple[Hidden, ...]] = (
+    Hidden("stribeck", "F_e (1 + a/(1 + (v/v_s)^2))", (Shape("excess", 0.35, 0.8), Shape("speed_m_s", 1.5e-3, 4e-3)), GUT_DRIVES),
+    Hidden("directional_asymmetry", "F_e (1 + a v/sqrt(v^2 + v_0^2))", (Shape("excess", 0.12, 0.3, True), Shape("speed_m_s", 1e-4, 4e-4)), GUT_DRIVES),
+    Hidden(
+        "fold_periodic",
+        "F_e (1 + a (sin q + 0.35 sin(2 q + 0.8))), q = 2 pi x/l + p",
+        (Shape("excess", 0.15, 0.35), Shape("wavelength_m", 5e-3, 10e-3), Shape("phase_rad", 0.0, 6.28)),
+        GUT_DRIVES,
+    ),
+    Hidden(
+        "lumen_taper",
+        "F_e (1 + a tanh((x - c)/w))",
+        (Shape("excess", 0.2, 0.4, True), Shape("centre_m", 0.0, 6e-3), Shape("width_m", 12e-3, 25e-3)),
+        GUT_DRIVES,
+    ),
+    Hidden(
+        "stenosis",
+        "F_e (1 + a cos^2) over 1 width before and 1.5 widths after the centre",
+        (Shape("excess", 0.6, 1.3), Shape("centre_m", 2.5e-3, 9e-3), Shape("width_m", 2.5e-3, 5e-3)),
+        GUT_DRIVES,
+    ),
+    Hidden("tissue_drying", "F_e (1 + a (1 - exp(-t/t_d)))", (Shape("excess", 0.25, 0.5), Shape("time_s", 18.0, 40.0)), GUT_DRIVES),
+    Hidden("preconditioning", "F_e (1 - a s/(s + s_0)), s the path", (Shape("share", 0.25, 0.5), Shape("path_m", 40e-3, 120e-3)), GUT_DRIVES),
+    Hidden(
+        "dwell_adhesion",
+        "F_e (1 + a b (1 - s/d)^2), b' = (1 - b)^2/t_a at rest, s the path since",
+        (Shape("excess", 0.6, 1.2), Shape("time_s", 0.4, 1.2), Shape("path_m", 0.6e-3, 1.5e-3)),
+        GUT_DRIVES,
+    ),
+    Hidden("travel_step", "F_e (1 + a) once a path d is done, over 1 mm", (Shape("excess", 0.25, 0.5, True), Shape("path_m", 40e-3, 80e-3)), GUT_DRIVES, False),
+    Hidden(
+        "rolling_wobble",
+        "F_e (1 + a sin p), p' = 2 pi (|v|/l + sqrt(|v|/l) sqrt(f_0))",
+        (Shape("excess", 0.2, 0.4), Shape("length_m", 4e-3, 8e-3), Shape("frequency_Hz", 0.3, 0.8)),
+        GUT_DRIVES,
+        False,
+    ),
+    Hidden("attraction_load", "F_e + a (g/g_0)^2 on the gap g", (Shape("force_N", 3e-3, 7e-3), Shape("gap_m", 3e-3, 4e-3)), ("magnetic",), False),
+    Hidden("viscous_drag", "-a sgn(v) (|v|/10 mm/s)^0.85", (Shape("force_N", 10e-3, 30e-3),), GUT_DRIVES),
+    Hidden(
+        "peristaltic_wave",
+        "a max(0, sin(2 pi (t/T - x/l))), pulses of half a period",
+        (Shape("force_N", 12e-3, 25e-3), Shape("period_s", 3.0, 7.0), Shape("wavelength_m", 25e-3, 60e-3)),
+        GUT_DRIVES,
+    ),
+    Hidden("respiration", "a (2 |cos(pi t/T)|^3 - 0.85)", (Shape("force_N", 8e-3, 18e-3), Shape("period_s", 3.0, 5.0)), GUT_DRIVES),
+    Hidden("incline_gravity", "-m g sin(angle)", (Shape("angle_rad", 0.25, 0.6, True),), GUT_DRIVES),
+    Hidden(
+        "stress_relaxation",
+        "-a q, q' = v/d (1 - q sgn v) - q sqrt|q|/t_r",
+        (Shape("force_N", 15e-3, 30e-3), Shape("path_m", 1.5e-3, 4e-3), Shape("time_s", 0.8, 2.5)),
+        GUT_DRIVES,
+    ),
+    Hidden("added_mass", "(m + a) v'", (Shape("mass_kg", 0.1, 0.3),), GUT_DRIVES),
+    Hidden("wall_viscosity", "T + a sgn(u') (|u'|/10 mm/s)^0.9", (Shape("force_N", 10e-3, 25e-3),), GUT_DRIVES),
+    Hidden("exponential_recovery", "in slip u' = -a (u + 0.15 u_c)/t_r", (Shape("rate", 1.5, 2.5),), GUT_DRIVES),
+    Hidden("small_strain_stiffening", "T (1 + a/(1 + |u|/u_0))", (Shape("excess", 1.0, 2.5), Shape("drag_m", 80e-6, 250e-6)), GUT_DRIVES),
+    Hidden(
+        "string_compliance",
+        "force k e (1 + (e/e_0)^2) on the link's stretch e, a = 1/k",
+        (Shape("compliance_m_per_N", 5e-3, 15e-3), Shape("scale_m", 1.5e-3, 4e-3)),
+        ("pull",),
+    ),
+    Hidden("coupling_decay", "gain (1 - a (1 + tanh((x - 5 mm)/l))/2)", (Shape("share", 0.2, 0.4), Shape("length_m", 10e-3, 20e-3)), ("magnetic", "coil")),
+    Hidden("coupling_fade", "gain (1 - a (1 - exp(-t/t_h)))", (Shape("share", 0.2, 0.4), Shape("time_s", 12.0, 30.0)), ("magnetic", "coil")),
+    Hidden("actuator_lag", "two first-order lags in a row, a/2 each", (Shape("time_s", 0.06, 0.16),), CARRIED + ("coil",)),
+    Hidden("carriage_backlash", "play of width a whose ends are rounded", (Shape("width_m", 1.0e-3, 2.5e-3),), CARRIED),
+    Hidden("actuator_dead_zone", "current below a does nothing, rounded", (Shape("current_A", 0.05, 0.12),), ("coil",)),
+    Hidden("actuator_saturation", "force F/(1 + |F/a|^3)^(1/3)", (Shape("force_N", 0.08, 0.12),), ("magnetic", "coil")),
+    Hidden(
+        "magnetic_hysteresis",
+        "force + a z, z' = (1 - z|z| sgn(d'))d'/d_0 on the drive d",
+        (Shape("force_N", 10e-3, 25e-3), Shape("scale", 1.5e-3, 3e-3)),
+        ("magnetic", "coil"),
+    ),
+    Hidden("back_emf", "voltage - a v (1 + |v|/0.2 m/s)", (Shape("gain_V_s_per_m", 5.0, 15.0),), ("coil",)),
+    Hidden("spring_damping", "-a r' (1 + |r'|/0.5 m/s)", (Shape("damping_N_s_per_m", 0.2, 0.8),), ("vibro",)),
+    Hidden("end_stop_impact", "stops at +-a, k d (1 + 1.5 s/m d')", (Shape("gap_m", 2e-3, 4e-3), Shape("stiffness_N_per_m", 5e3, 2e4)), ("vibro",)),
+    Hidden("sensor_drift", "a log(1 + t/t_0), in spans of the signal", (Shape("span", 0.06, 0.15, True), Shape("time_s", 8.0, 20.0)), GUT_DRIVES),
+    Hidden("sensor_bias", "a, in spans of the signal", (Shape("span", 0.05, 0.12, True),), GUT_DRIVES),
+    Hidden("sensor_scale", "1 + a", (Shape("excess", 0.08, 0.2, True),), GUT_DRIVES),
+    Hidden("sensor_delay", "y(t - a)", (Shape("time_s", 0.04, 0.12),), GUT_DRIVES),
+    Hidden("sensor_lowpass", "two first-order lags in a row, a/2 each", (Shape("time_s", 0.06, 0.16),), GUT_DRIVES),
+    Hidden("mains_hum", "a (sin 2 pi 50 t + 0.3 sin 2 pi 150 t), in spans of the signal", (Shape("span", 0.02, 0.05),), GUT_DRIVES),
+)
+ROWS: Final = {effect.id: row for row, effect in enumerate(HIDDEN)}
+
+
+def hidden(name: str) -> Hidden:
+    """The effect called `name`; `ValueError` names the nearest one."""
+    if name not in ROWS:
+        raise ValueError(f"hidden effect must be one of the registry; got {name!r}; {nearest(name, ROWS)}")
+    return HIDDEN[ROWS[name]]
+
+
+def effect_table(chosen: dict[str, dict[str, float]]) -> NDArray[np.float64]:
+    """`h[row, slot]` for the compiled steps: chosen effects with their numbers, a missing one at its middle, all others off.
+
+    Raises `ValueError` for an unknown effect or number, naming the nearest.
+    """
+    table = np.zeros((len(HIDDEN), SLOTS))
+    for row, effect in enumerate(HIDDEN):
+        table[row, : len(effect.numbers)] = [shape.middle for shape in effect.numbers]
+        table[row, 0] = 0.0
+    for name, numbers in chosen.items():
+        effect = hidden(name)
+        names = [shape.name for shape in effect.numbers]
+        for key in numbers:
+            if key not in names:
+                raise ValueError(f"numbers of {name} must be among {', '.join(names)}; got {key!r}; {nearest(key, names)}")
+        table[ROWS[name], : len(names)] = [numbers.get(shape.name, shape.middle) for shape in effect.numbers]
+    return table
+
+
+def draw(name: str, rng: np.random.Generator) -> dict[str, float]:
+    """Random numbers for an effect, from their ranges."""
+    return {shape.name: shape.draw(rng) for shape in hidden(name).numbers}

@@ -1,0 +1,87 @@
+"""Hidden effects on the nose's resistance: a factor on F_e and, for a resting capsule, on its break-away force."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from numba import njit
+
+from plant.hidden.registry import ROWS
+from plant.layout import S_ADHESION, S_SINCE_REST, S_TRAVEL, S_WOBBLE
+from plant.tables import Floats
+
+STRIBECK: Final = ROWS["stribeck"]
+ASYMMETRY: Final = ROWS["directional_asymmetry"]
+FOLDS: Final = ROWS["fold_periodic"]
+TAPER: Final = ROWS["lumen_taper"]
+STENOSIS: Final = ROWS["stenosis"]
+DRYING: Final = ROWS["tissue_drying"]
+PRECONDITIONING: Final = ROWS["preconditioning"]
+ADHESION: Final = ROWS["dwell_adhesion"]
+STEP: Final = ROWS["travel_step"]
+WOBBLE: Final = ROWS["rolling_wobble"]
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _along_lumen(x: float, h: Floats) -> float:
+    level = 1.0
+    if h[FOLDS, 0] != 0.0:
+        q = 2 * math.pi * x / h[FOLDS, 1] + h[FOLDS, 2]
+        level += h[FOLDS, 0] * (math.sin(q) + 0.35 * math.sin(2 * q + 0.8))
+    if h[TAPER, 0] != 0.0:
+        level += h[TAPER, 0] * math.tanh((x - h[TAPER, 1]) / h[TAPER, 2])
+    if h[STENOSIS, 0] != 0.0:
+        offset = x - h[STENOSIS, 1]
+        width = h[STENOSIS, 2] * (1.5 if offset > 0 else 1.0)
+        if abs(offset) < width:
+            level += h[STENOSIS, 0] * math.cos(0.5 * math.pi * offset / width) ** 2
+    return level
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _with_history(t: float, s: Floats, h: Floats) -> float:
+    level = 1.0
+    if h[DRYING, 0] != 0.0:
+        level += h[DRYING, 0] * (1 - math.exp(-t / h[DRYING, 1]))
+    if h[PRECONDITIONING, 0] != 0.0:
+        level -= h[PRECONDITIONING, 0] * s[S_TRAVEL] / (s[S_TRAVEL] + h[PRECONDITIONING, 1])
+    if h[ADHESION, 0] != 0.0:
+        left = 1 - s[S_SINCE_REST] / h[ADHESION, 2]
+        if left > 0:
+            level += h[ADHESION, 0] * s[S_ADHESION] * left * left
+    if h[STEP, 0] != 0.0:
+        ramp = min(max((s[S_TRAVEL] - h[STEP, 1]) * 1e3, 0.0), 1.0)
+        level += h[STEP, 0] * ramp * ramp * (3 - 2 * ramp)
+    if h[WOBBLE, 0] != 0.0:
+        level += h[WOBBLE, 0] * math.sin(s[S_WOBBLE])
+    return level
+
+
+@njit(cache=True, nogil=True, inline="always")
+def resistance_level(x: float, v: float, t: float, s: Floats, h: Floats) -> float:
+    """Factor on F_e at place `x` in m, speed `v` in m/s, time `t` in s and memory `s`; the forms stand in the registry. Not negative."""
+    level = _along_lumen(x, h) * _with_history(t, s, h)
+    if h[STRIBECK, 0] != 0.0:
+        level *= 1 + h[STRIBECK, 0] / (1 + (v / h[STRIBECK, 1]) ** 2)
+    if h[ASYMMETRY, 0] != 0.0:
+        level *= 1 + h[ASYMMETRY, 0] * v / math.sqrt(v * v + h[ASYMMETRY, 1] ** 2)
+    return max(level, 0.0)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def remember_motion(v: float, dt: float, s: Floats, h: Floats) -> None:
+    """Advance what resistance remembers over one step at speed `v`: path, bond strength, wobble angle."""
+    path = abs(v) * dt
+    s[S_TRAVEL] += path
+    if h[ADHESION, 0] != 0.0:
+        if v == 0.0:
+            if s[S_SINCE_REST] > 0.0:
+                s[S_ADHESION] *= max(1 - s[S_SINCE_REST] / h[ADHESION, 2], 0.0) ** 2
+                s[S_SINCE_REST] = 0.0
+            s[S_ADHESION] += dt / h[ADHESION, 1] * (1 - s[S_ADHESION]) ** 2
+        else:
+            s[S_SINCE_REST] += path
+    if h[WOBBLE, 0] != 0.0:
+        rate = abs(v) / h[WOBBLE, 1]
+        s[S_WOBBLE] += 2 * math.pi * dt * (rate + math.sqrt(rate * h[WOBBLE, 2]))

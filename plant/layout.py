@@ -1,0 +1,82 @@
+"""Where numbers stand in the arrays that the compiled steps work on: parameters, state, recorded columns, law tables."""
+
+from __future__ import annotations
+
+from typing import Final
+
+# parameters `p`
+(
+    P_MASS,  # kg, body
+    P_SURFACE,  # GUT or PLATE
+    P_HOOP,  # factor on the hoop stress
+    P_MU,  # wall or plate, sliding
+    P_MU_STATIC,  # plate, at rest
+    P_WEIGHT,  # N, what presses on the surface beside the wall: m g, with the inner mass
+    P_RECOVERY,  # s, t_r
+    P_MAGNET_K,  # N/m
+    P_MAGNET_RANGE,  # m
+    P_LINK_K,  # N/m, elastic link of a pull
+    P_LINK_C,  # N s/m
+    P_COIL_GAIN,  # N/A
+    P_COIL_R,  # ohm
+    P_COIL_L,  # H, 0: no delay
+    P_COIL_LIMIT,  # A
+    P_COIL_EMF,  # V s/m, back-EMF
+    P_INNER_MASS,  # kg
+    P_SPRING_K,  # N/m
+    P_SPRING_C,  # N s/m
+    P_FRONT_GAP,  # m
+    P_FRONT_K,  # N/m
+    P_REAR_GAP,  # m
+    P_REAR_K,  # N/m
+    P_REACTION,  # 1: the drive's reaction acts on the body, 0: outer field
+    P_PROFILE_START,  # m
+    P_PROFILE_STEP,  # m
+) = range(26)
+P_COUNT: Final = 26
+GUT: Final = 0.0
+PLATE: Final = 1.0
+
+# state `s`
+(
+    S_STEP,  # steps done
+    S_X,
+    S_V,
+    S_U,  # m, wall displacement
+    S_SLIP,  # 0 while the wall sticks, else the direction of its slip
+    S_DIRECTION,  # last direction of motion
+    S_CURRENT,  # A
+    S_INNER_X,
+    S_INNER_V,
+    S_TRAVEL,  # m, path length so far
+    S_ADHESION,  # 1, bond strength
+    S_SINCE_REST,  # m, path since the last rest
+    S_RELAX,  # 1, built-up stress
+    S_WOBBLE,  # rad
+    S_HYSTERESIS,  # 1
+    S_DRIVE_LAST,  # last drive value, for its rate
+) = range(16)
+S_COUNT: Final = 16
+
+# recorded columns
+(O_T, O_X, O_V, O_U, O_FORCE, O_DRIVE, O_CURRENT, O_INNER_X, O_INNER_V) = range(9)
+O_COUNT: Final = 9
+COLUMNS: Final = (
+    "t_s",
+    "position_m",
+    "velocity_m_s",
+    "wall_displacement_m",
+    "force_N",
+    "drive",
+    "coil_current_A",
+    "inner_position_m",
+    "inner_velocity_m_s",
+)
+
+# law tables: one row a law over an even grid
+L_RESISTANCE, L_PRESSURE, L_MUCUS, L_TENSION, L_DRAG = range(5)
+L_COUNT: Final = 5
+NODES: Final = 20001
+SPEED_SPAN: Final = 0.5  # m/s
+MUCUS_SPAN: Final = 1.0  # (m/s)^(1/4): the film's drag is nearly a fourth root at rest
+DRAG_SPAN: Final = 8e-3  # m

@@ -1,0 +1,60 @@
+"""The wall's stick and slip, and the forces that it puts on the capsule, over one step."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from plant.hidden.membrane import rate_tension, recovery_speed, stiffening
+from plant.layout import GUT, P_HOOP, P_MU, P_RECOVERY, P_SURFACE, P_WEIGHT, S_SLIP, S_U
+from plant.tables import Floats, drag_at, film_drag, pressure_load, tension
+
+
+@njit(cache=True, nogil=True, inline="always")
+def wall_limit(v: float, hoop: float, p: Floats, tab: Floats) -> float:
+    """`f_c = mu N(|v|)` in N, the pressure part of N scaled by the hoop factor `hoop`."""
+    return float(p[P_MU] * (p[P_WEIGHT] + hoop * pressure_load(tab, v)))
+
+
+@njit(cache=True, nogil=True, inline="always")
+def draw_back_speed(v: float, hoop: float, s: Floats, p: Floats, h: Floats, tab: Floats) -> float:
+    """`v_i = u_c/t_r` in m/s with `T(u_c) = f_c(|v|)` of this moment."""
+    u_c = drag_at(tab, wall_limit(v, hoop, p, tab))
+    if stiffening(u_c, h) != 1.0:
+        limit = wall_limit(v, hoop, p, tab)
+        for _ in range(6):
+            u_c = drag_at(tab, limit / stiffening(u_c, h))
+    return recovery_speed(s[S_U], u_c, p[P_RECOVERY], h)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def wall_force(v: float, hoop: float, s: Floats, p: Floats, h: Floats, tab: Floats) -> float:
+    """`T(u) + F_v(w)` in N, what the wall and its film hold back; with `w = v - u'`, zero while the wall sticks. None on a plate."""
+    if p[P_SURFACE] != GUT:
+        return 0.0
+    u, slip = s[S_U], s[S_SLIP]
+    if slip == 0.0:
+        return tension(tab, u) * stiffening(u, h) + rate_tension(v, h)
+    rate = -slip * draw_back_speed(v, hoop, s, p, h, tab)
+    return tension(tab, u) * stiffening(u, h) + rate_tension(rate, h) + film_drag(tab, v - rate)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def move_wall(v: float, dt: float, hoop: float, s: Floats, p: Floats, h: Floats, tab: Floats) -> None:
+    """Advance `u` by one step at the capsule's speed `v`, then change between stick and slip where the base model says so."""
+    if p[P_SURFACE] != GUT:
+        return
+    slip = s[S_SLIP]
+    if slip == 0.0:
+        u = s[S_U] + dt * v
+        pull = tension(tab, u) * stiffening(u, h) + rate_tension(v, h)
+        if abs(pull) >= wall_limit(v, hoop, p, tab):
+            s[S_SLIP] = 1.0 if pull > 0 else -1.0
+    else:
+        back = draw_back_speed(v, hoop, s, p, h, tab)
+        u = s[S_U] - slip * back * dt
+        if slip * u <= 0.0:
+            u = 0.0
+            s[S_SLIP] = 0.0
+        elif slip * v < -back:
+            s[S_SLIP] = 0.0
+    s[S_U] = u

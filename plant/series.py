@@ -1,0 +1,119 @@
+"""A made-up experiment: three training records and a hold-out of one rig whose numbers are off and which may have one hidden effect."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import os
+import tempfile
+from pathlib import Path
+from typing import Final, Literal
+
+import numpy as np
+
+from models.laws.geometry import Capsule, Tissue
+from plant import layout as at
+from plant.excitation import random_runs, random_wander
+from plant.hidden.registry import draw, hidden
+from plant.rig import STEP_S, Magnet, Plant, Pull, Rig
+from plant.sensors import Sensor
+from plant.tables import Floats
+
+Kind = Literal["pull", "magnetic"]
+RECORDS: Final = ("train_1", "train_2", "train_3", "holdout")
+FORCE_STD_N: Final = 1e-3
+POSITION_STD_M: Final = 5e-5
+_EVERY = 10  # steps between the samples that the sensor sees
+_NOMINAL_MAGNET = Magnet()
+
+
+def make_series(kind: Kind, effect: str | None, seed: int, out: Path, duration_s: float = 45.0) -> Path:
+    """Write `train_1..3.csv.gz`, `holdout.csv.gz`, `rig.toml` (nominal values) and `answer.toml` (the truth) to the folder `out`.
+
+    The truth's hoop stress factor and friction differ from nominal by up to 15 %, the magnet's stiffness by up to 5 %; `effect` is a
+    hidden effect's id with numbers drawn from its ranges, or None. 500 Hz; noise 1 mN on a pull's force, 50 um on a magnetic rig's
+    position. The same seed gives the same bytes; its rig, drive and noise stay the same with another effect. Raises `ValueError` for an unknown kind or effect, or one that the drive cannot have.
+    """
+    if kind not in ("pull", "magnetic"):
+        raise ValueError(f"kind must be pull or magnetic; got {kind!r}")
+    if effect is not None and kind not in hidden(effect).drives:
+        raise ValueError(f"effect of a {kind} rig must be one that such a rig can have; got {effect!r}, which is for {', '.join(hidden(effect).drives)}")
+    truth, *streams = (np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(2 + len(RECORDS)))
+    effect_stream, *record_streams = streams
+    hoop, friction, magnet = truth.uniform(0.85, 1.15), truth.uniform(0.85, 1.15), truth.uniform(0.95, 1.05)
+    numbers = {} if effect is None else draw(effect, effect_stream)
+    rig = Rig(
+        drive=Pull() if kind == "pull" else Magnet(_NOMINAL_MAGNET.magnet_stiffness_N_per_m * magnet, _NOMINAL_MAGNET.magnet_range_m),
+        tissue=Tissue(friction_coefficient=Tissue().friction_coefficient * friction),
+        hoop_factor=float(hoop),
+        hidden={} if effect is None else {effect: numbers},
+    )
+    out.mkdir(parents=True, exist_ok=True)
+    for name, stream in zip(RECORDS, record_streams, strict=True):
+        columns = _record(kind, rig, stream, duration_s)
+        write_record(out / f"{name}.csv.gz", columns)
+    write_text(out / "rig.toml", rig_text(kind))
+    write_text(out / "answer.toml", _answer_text(kind, rig, effect, numbers, seed))
+    return out
+
+
+def _record(kind: Kind, rig: Rig, rng: np.random.Generator, duration_s: float) -> dict[str, Floats]:
+    pulled = kind == "pull"
+    drive = random_runs(rng, duration_s, STEP_S) if pulled else random_wander(rng, duration_s, STEP_S)
+    plant = Plant(rig)
+    rows = plant.advance(drive, _EVERY)
+    sensor = Sensor(noise_std=FORCE_STD_N if pulled else POSITION_STD_M)
+    t, reading = sensor.measure(rows[:, at.O_T], rows[:, at.O_FORCE if pulled else at.O_X], rng, plant.effects)
+    driven = np.interp(t, np.arange(drive.size) * STEP_S, drive)
+    names = ("position_m", "force_N") if pulled else ("carriage_position_m", "position_m")
+    return {"t_s": t, names[0]: driven, names[1]: reading}
+
+
+def write_record(path: Path, columns: dict[str, Floats]) -> None:
+    """Write columns as CSV (gzipped for `.gz`), complete or not at all: a temporary file beside `path` takes its name at the end."""
+    table = io.StringIO()
+    np.savetxt(table, np.column_stack(list(columns.values())), delimiter=",", fmt="%.9g", header=",".join(columns), comments="")
+    data = table.getvalue().encode()
+    _replace(path, gzip.compress(data, mtime=0) if path.suffix == ".gz" else data)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file, complete or not at all."""
+    _replace(path, text.encode())
+
+
+def _replace(path: Path, data: bytes) -> None:
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(data)
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def rig_text(kind: Kind) -> str:
+    """The rig file that the experimenter believes: nominal values in the keys of interfaces.md."""
+    capsule, tissue = Capsule(), Tissue()
+    lines = ["# rig of one experiment series; SI units", "[capsule]"]
+    lines += [f"{name} = {getattr(capsule, name)!r}" for name in ("radius_m", "cylinder_length_m", "mass_kg")]
+    lines += ["", "[tissue]", 'preset = "jejunum"']
+    lines += [f"{name} = {getattr(tissue, name)!r}" for name in tissue.__dataclass_fields__]
+    lines += ["", "[rig]", f'kind = "{kind}"']
+    if kind == "magnetic":
+        lines += [f"{name} = {getattr(_NOMINAL_MAGNET, name)!r}" for name in _NOMINAL_MAGNET.__dataclass_fields__]
+    noise = f"force_std_N = {FORCE_STD_N!r}" if kind == "pull" else f"position_std_m = {POSITION_STD_M!r}"
+    return "\n".join([*lines, "", "[noise]", noise, ""])
+
+
+def _answer_text(kind: Kind, rig: Rig, effect: str | None, numbers: dict[str, float], seed: int) -> str:
+    lines = [f'effect = "{effect or "none"}"', f"seed = {seed}", f"hoop_stress_factor = {rig.hoop_factor:.6g}"]
+    lines += [f"friction_coefficient = {rig.tissue.friction_coefficient:.6g}"]
+    if isinstance(rig.drive, Magnet):
+        lines += [f"magnet_stiffness_N_per_m = {rig.drive.magnet_stiffness_N_per_m:.6g}"]
+    if effect is not None:
+        lines += ["", "[parameters]", f'form = "{hidden(effect).form}"', f"published = {str(hidden(effect).published).lower()}"]
+        lines += [f"{name} = {value:.6g}" for name, value in numbers.items()]
+    return "\n".join([*lines, ""])

@@ -117,6 +117,6 @@ def _moduli() -> Drawing:
         line(figure, f, values.imag / 1e3, f"{name}: loss", colour, "dash")
     caption = (
         "Table 3 is said to be fitted to these data and misses them by two orders of magnitude. After a refit "
-        "most of what is left is the dip of the storage modulus at 40 Hz, alike in all three samples: no relaxation law explains it."
+        "most of what is left is the dip of the storage modulus at 40 Hz, alike in all samples: no relaxation law explains it."
     )
     return Drawing("V, Table 2: dynamic moduli, and what the relaxation laws make of them", caption, figure)

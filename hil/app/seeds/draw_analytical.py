@@ -93,7 +93,7 @@ def _saw(a: Setting, curves: list[Curve], share: float) -> Drawing:
     caption = (
         f"Three periods of the printed curve ({curves[0].tooth.period_s:.4f} s each), and the first three of the eight measured "
         f"periods (mean of all eight {mean_of('period_s'):.4f} s) end to end, their peaks at the printed curve's share of the "
-        "period. In the same time the wall of Eq. 1 finishes one period or less."
+        "period. In the same time the wall of Eq. 1 finishes at most one."
     )
     return Drawing("A, Fig. 7: three periods of the fluctuation", caption, figure)
 

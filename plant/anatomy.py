@@ -41,12 +41,16 @@ class Anatomy:
 def along(places_m: Sequence[float], levels: Sequence[float], step_m: float = 2.5e-4) -> Anatomy:
     """A profile through the given points, linear between them; places must increase."""
     if len(places_m) != len(levels) or len(places_m) < 2 or np.any(np.diff(places_m) <= 0):
-        raise ValueError(f"anatomy places_m must increase and match level, two points or more; got {list(places_m)} and {list(levels)}")
+        raise ValueError(
+            f"anatomy places_m must increase and match level, two points or more; got {list(places_m)} and {list(levels)}"
+        )
     x = np.arange(places_m[0], places_m[-1] + step_m, step_m)
     return Anatomy(tuple(np.interp(x, places_m, levels)), float(places_m[0]), step_m)
 
 
-def random_anatomy(seed: int, start_m: float = -0.1, end_m: float = 0.3, spread: float = 0.15, correlation_m: float = 12e-3) -> Anatomy:
+def random_anatomy(
+    seed: int, start_m: float = -0.1, end_m: float = 0.3, spread: float = 0.15, correlation_m: float = 12e-3
+) -> Anatomy:
     """A gut drawn by `seed`: a log-normal level field of standard deviation `spread` and correlation length `correlation_m`, with
     folds of 5 to 10 mm, a slow taper and at times a stenosis. Same seed, same gut.
     """
@@ -58,13 +62,17 @@ def random_anatomy(seed: int, start_m: float = -0.1, end_m: float = 0.3, spread:
     reach = np.arange(-4 * correlation_m, 4 * correlation_m + step, step)
     kernel = np.exp(-2 * (reach / correlation_m) ** 2)
     field = np.convolve(rng.standard_normal(x.size + reach.size - 1), kernel / np.sqrt(np.sum(kernel**2)), mode="valid")
-    log_level = spread * (field + 0.5 * np.sin(2 * np.pi * (x / rng.uniform(5e-3, 10e-3) + rng.random())) + rng.normal() * (x - x[0]) / (x[-1] - x[0]))
+    log_level = spread * (
+        field
+        + 0.5 * np.sin(2 * np.pi * (x / rng.uniform(5e-3, 10e-3) + rng.random()))
+        + rng.normal() * (x - x[0]) / (x[-1] - x[0])
+    )
     if rng.random() < 0.4:
         log_level += 0.4 * np.exp(-(((x - rng.uniform(start_m, end_m)) / rng.uniform(3e-3, 6e-3)) ** 4))
     return Anatomy(tuple(np.exp(log_level)), start_m, step)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, error_model="numpy")
 def profile_level(x: float, p: Floats, profile: Floats) -> float:
     """The anatomy's factor at `x` in m."""
     last = profile.shape[0] - 1

@@ -11,7 +11,9 @@ _RAMP_S = 0.02
 
 
 def piecewise_runs(segments: list[tuple[float, float]], dt: float, ramp_s: float = _RAMP_S) -> Floats:
-    """Positions in m, one a step of `dt`, of runs `(speed in m/s, duration in s)` one after the other; speed ramps take `ramp_s`."""
+    """Positions in m, one a step of `dt`, of runs `(speed in m/s, duration in s)` one after the other; speed ramps take
+    `ramp_s`.
+    """
     speed = np.concatenate([np.full(max(1, round(duration / dt)), v) for v, duration in segments])
     width = max(1, round(ramp_s / dt))
     sums = np.cumsum(np.concatenate([np.zeros(width), speed]))
@@ -37,7 +39,8 @@ def random_runs(rng: np.random.Generator, duration_s: float, dt: float) -> Float
 
 
 def random_wander(rng: np.random.Generator, duration_s: float, dt: float) -> Floats:
-    """A carriage path in m from zero: seven sines of 0.03 to 0.9 Hz, the slow ones wide, faded in over half a second; speeds up to some 30 mm/s.
+    """A carriage path in m from zero: seven sines of 0.03 to 0.9 Hz, the slow ones wide, faded in over half a second; speeds
+    up to some 30 mm/s.
 
     It goes further forward than back, so that what sits a little way down the lumen is met.
     """

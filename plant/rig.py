@@ -9,13 +9,13 @@ import numpy as np
 
 from models.laws.geometry import GRAVITY, Capsule, Tissue
 from models.laws.resistance import Regime
+from plant import layout as at
 from plant.anatomy import Anatomy
 from plant.drives.body import COIL, FORCE, LINK, MAGNET, advance_body
 from plant.drives.pull import advance_pull
 from plant.drives.vibro import BY_FORCE, BY_VOLTAGE, advance_vibro
 from plant.hidden.carriage import real_drive
 from plant.hidden.registry import ROWS, effect_table
-from plant import layout as at
 from plant.tables import Floats, tabulate
 
 STEP_S = 20e-6
@@ -57,7 +57,8 @@ class Force:
 class Vibro:
     """Inner mass on a spring with damping and stops; driven by force, or by voltage when `coil` is given.
 
-    `reaction_on_body`: the actuator sits on board and pushes back on the body; else a field from outside acts on the inner mass alone.
+    `reaction_on_body`: the actuator sits on board and pushes back on the body; else a field from outside acts on the inner
+    mass alone.
     """
 
     inner_mass_kg: float = 0.074
@@ -99,7 +100,9 @@ class Rig:
 
 
 class Plant:
-    """The state of a rig and its steps. `advance` takes drive values and returns recorded rows in the columns of `plant.layout`."""
+    """The state of a rig and its steps. `advance` takes drive values and returns recorded rows in the columns of
+    `plant.layout`.
+    """
 
     def __init__(self, rig: Rig) -> None:
         if not rig.step_s > 0:
@@ -121,9 +124,9 @@ class Plant:
     def advance(self, drive: Floats, every: int = 1) -> Floats:
         """Do `len(drive) - 1` steps with the drive's values at each step's start (the last one only gives the last rate).
 
-        A pull takes positions in m, a magnet carriage positions in m, a coil voltages in V, a vibro drive forces in N or, with a coil,
-        voltages in V, each step's mean. Returns a row each `every` steps. Raises `ValueError` for fewer than two values or
-        values that are not finite.
+        A pull takes positions in m, a magnet carriage positions in m, a coil voltages in V, a vibro drive forces in N or,
+        with a coil, voltages in V, each step's mean. Returns a row each `every` steps. Raises `ValueError` for fewer than
+        two values or values that are not finite.
         """
         values = np.ascontiguousarray(drive, dtype=float)
         if values.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
@@ -170,10 +173,10 @@ def _drive_parameters(drive: Drive, p: Floats) -> None:
     elif isinstance(drive, Magnet):
         p[at.P_MAGNET_K], p[at.P_MAGNET_RANGE] = drive.magnet_stiffness_N_per_m, drive.magnet_range_m
     elif isinstance(drive, Vibro):
-        p[at.P_INNER_MASS], p[at.P_SPRING_K], p[at.P_SPRING_C] = drive.inner_mass_kg, drive.spring_stiffness_N_per_m, drive.spring_damping_N_s_per_m
+        p[at.P_INNER_MASS], p[at.P_SPRING_K] = drive.inner_mass_kg, drive.spring_stiffness_N_per_m
+        p[at.P_SPRING_C], p[at.P_REACTION] = drive.spring_damping_N_s_per_m, float(drive.reaction_on_body)
         p[at.P_FRONT_GAP], p[at.P_FRONT_K] = drive.front_gap_m, drive.front_stiffness_N_per_m
         p[at.P_REAR_GAP], p[at.P_REAR_K] = drive.rear_gap_m, drive.rear_stiffness_N_per_m
-        p[at.P_REACTION] = 1.0 if drive.reaction_on_body else 0.0
     if coil is not None:
         p[at.P_COIL_GAIN], p[at.P_COIL_R], p[at.P_COIL_L] = coil.gain_N_per_A, coil.resistance_ohm, coil.inductance_H
         p[at.P_COIL_LIMIT], p[at.P_COIL_EMF] = coil.current_limit_A, coil.back_emf_V_s_per_m

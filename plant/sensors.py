@@ -13,8 +13,8 @@ from plant.tables import Floats
 
 @dataclass(frozen=True)
 class Sensor:
-    """A sensor: samples at `rate_Hz`, is late by `delay_s`, smooths with `lowpass_s` (first order), adds white noise of `noise_std` and rounds to
-    multiples of `quantum` (0: not at all). Noise and quantum are in the unit of what is measured.
+    """A sensor: samples at `rate_Hz`, is late by `delay_s`, smooths with `lowpass_s` (first order), adds white noise of
+    `noise_std` and rounds to multiples of `quantum` (0: not at all). Noise and quantum are in the unit of what is measured.
     """
 
     rate_Hz: float = 500.0

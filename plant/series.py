@@ -1,4 +1,6 @@
-"""A made-up experiment: three training records and a hold-out of one rig whose numbers are off and which may have one hidden effect."""
+"""A made-up experiment: three training records and a hold-out of one rig whose numbers are off and which may have one hidden
+effect.
+"""
 
 from __future__ import annotations
 
@@ -30,20 +32,25 @@ _NOMINAL_MAGNET = Magnet()
 def make_series(kind: Kind, effect: str | None, seed: int, out: Path, duration_s: float = 45.0) -> Path:
     """Write `train_1..3.csv.gz`, `holdout.csv.gz`, `rig.toml` (nominal values) and `answer.toml` (the truth) to the folder `out`.
 
-    The truth's hoop stress factor and friction differ from nominal by up to 15 %, the magnet's stiffness by up to 5 %; `effect` is a
-    hidden effect's id with numbers drawn from its ranges, or None. 500 Hz; noise 1 mN on a pull's force, 50 um on a magnetic rig's
-    position. The same seed gives the same bytes; its rig, drive and noise stay the same with another effect. Raises `ValueError` for an unknown kind or effect, or one that the drive cannot have.
+    The truth's hoop stress factor and friction differ from nominal by up to 15 %, the magnet's stiffness by up to 5 %;
+    `effect` is a hidden effect's id with numbers drawn from its ranges, or None. 500 Hz; noise 1 mN on a pull's force, 50 um
+    on a magnetic rig's position. The same seed gives the same bytes; its rig, drive and noise stay the same with another
+    effect. Raises `ValueError` for an unknown kind or effect, or one that the drive cannot have.
     """
     if kind not in ("pull", "magnetic"):
         raise ValueError(f"kind must be pull or magnetic; got {kind!r}")
     if effect is not None and kind not in hidden(effect).drives:
-        raise ValueError(f"effect of a {kind} rig must be one that such a rig can have; got {effect!r}, which is for {', '.join(hidden(effect).drives)}")
+        raise ValueError(
+            f"effect of a {kind} rig must be one for that kind; got {effect!r}, which is for {', '.join(hidden(effect).drives)}"
+        )
     truth, *streams = (np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(2 + len(RECORDS)))
     effect_stream, *record_streams = streams
     hoop, friction, magnet = truth.uniform(0.85, 1.15), truth.uniform(0.85, 1.15), truth.uniform(0.95, 1.05)
     numbers = {} if effect is None else draw(effect, effect_stream)
     rig = Rig(
-        drive=Pull() if kind == "pull" else Magnet(_NOMINAL_MAGNET.magnet_stiffness_N_per_m * magnet, _NOMINAL_MAGNET.magnet_range_m),
+        drive=Pull()
+        if kind == "pull"
+        else Magnet(_NOMINAL_MAGNET.magnet_stiffness_N_per_m * magnet, _NOMINAL_MAGNET.magnet_range_m),
         tissue=Tissue(friction_coefficient=Tissue().friction_coefficient * friction),
         hoop_factor=float(hoop),
         hidden={} if effect is None else {effect: numbers},
@@ -70,7 +77,9 @@ def _record(kind: Kind, rig: Rig, rng: np.random.Generator, duration_s: float) -
 
 
 def write_record(path: Path, columns: dict[str, Floats]) -> None:
-    """Write columns as CSV (gzipped for `.gz`), complete or not at all: a temporary file beside `path` takes its name at the end."""
+    """Write columns as CSV (gzipped for `.gz`), complete or not at all: a temporary file beside `path` takes its name at the
+    end.
+    """
     table = io.StringIO()
     np.savetxt(table, np.column_stack(list(columns.values())), delimiter=",", fmt="%.9g", header=",".join(columns), comments="")
     data = table.getvalue().encode()

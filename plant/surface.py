@@ -1,4 +1,4 @@
-"""What holds a sliding or resting body: the gut's resistance or a plate's Coulomb friction, and the clip that makes it set-valued."""
+"""What holds a sliding or resting body: the gut or a plate, and the clip that makes friction set-valued."""
 
 from __future__ import annotations
 
@@ -8,15 +8,17 @@ from plant.layout import GUT, P_MU, P_MU_STATIC, P_SURFACE, P_WEIGHT
 from plant.tables import Floats, resistance
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, error_model="numpy")
 def sliding_limit(v: float, hoop: float, p: Floats, tab: Floats) -> float:
-    """`F_e(|v|)` of the gut times the hoop factor, or `mu m g` of a plate, in N; on a plate `v = 0` means the static coefficient."""
+    """`F_e(|v|)` of the gut times the hoop factor, or `mu m g` of a plate, in N; on a plate `v = 0` means the static
+    coefficient.
+    """
     if p[P_SURFACE] == GUT:
         return hoop * resistance(tab, v)
     return float((p[P_MU_STATIC] if v == 0.0 else p[P_MU]) * p[P_WEIGHT])
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, error_model="numpy")
 def kinetic_limit(v: float, limit: float, p: Floats) -> float:
     """What resists in N once a body at speed `v` under the limit `limit` slides on: less than the limit where a plate lets go."""
     if p[P_SURFACE] != GUT and v == 0.0:
@@ -24,12 +26,13 @@ def kinetic_limit(v: float, limit: float, p: Floats) -> float:
     return limit
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, error_model="numpy")
 def clipped_speed(v: float, force: float, limit: float, kinetic: float, mass: float, dt: float) -> float:
-    """Speed after a step under `force` and a friction that may be anything within `limit` to stop the body, `kinetic` once it slides.
+    """Speed after a step under `force` and a friction that may be anything within `limit` to stop the body, `kinetic` once
+    it slides.
 
-    `m (v+ - v) = (F - r) dt`, `r` in `limit Sgn(v+)`. A body at rest under less than `limit` stays at exactly zero. The impulse is
-    clipped, nothing is smoothed (Moreau's time stepping).
+    `m (v+ - v) = (F - r) dt`, `r` in `limit Sgn(v+)`. A body at rest under less than `limit` stays at exactly zero. The
+    impulse is clipped, nothing is smoothed (Moreau's time stepping).
     """
     momentum = mass * v + force * dt
     if abs(momentum) <= limit * dt:

@@ -33,7 +33,8 @@ _PER_DRAG = (NODES - 1) / DRAG_SPAN
 
 
 def tabulate(capsule: Capsule, tissue: Tissue, regime: Regime = "low", wall: WallConstants | None = None) -> Floats:
-    """`rows[law, node]`: F_e(|v|), the pressure part of N(|v|), F_v over |w|^(1/4), T(u), u(T), all SI, on the grids of `plant.layout`.
+    """`rows[law, node]`: F_e(|v|), the pressure part of N(|v|), F_v over |w|^(1/4), T(u), u(T), all SI, on the grids of
+    `plant.layout`.
 
     Interpolation error below 1e-7 N.
 
@@ -55,39 +56,39 @@ def tabulate(capsule: Capsule, tissue: Tissue, regime: Regime = "low", wall: Wal
     return rows
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _read(rows: Floats, law: int, place: float) -> float:
     node = min(int(place), NODES - 2)
     low = rows[law, node]
     return float(low + (rows[law, node + 1] - low) * (place - node))
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, error_model="numpy")
 def resistance(rows: Floats, speed: float) -> float:
     """`F_e(|v|)` in N."""
     return float(_read(rows, L_RESISTANCE, abs(speed) * _PER_SPEED))
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, error_model="numpy")
 def pressure_load(rows: Floats, speed: float) -> float:
     """`cos(theta) I1 + I2` in N at `|v|`: the part of N that the wall exerts."""
     return float(_read(rows, L_PRESSURE, abs(speed) * _PER_SPEED))
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, error_model="numpy")
 def film_drag(rows: Floats, slip: float) -> float:
     """`F_v(w)` in N, odd in the slip `w` in m/s."""
     drag = _read(rows, L_MUCUS, math.sqrt(math.sqrt(abs(slip))) * _PER_ROOT)
     return float(math.copysign(drag, slip))
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, error_model="numpy")
 def tension(rows: Floats, drag: float) -> float:
     """`T(u)` in N, odd in the wall's drag `u` in m; linear beyond the grid."""
     return float(math.copysign(_read(rows, L_TENSION, abs(drag) * _PER_DRAG), drag))
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, error_model="numpy")
 def drag_at(rows: Floats, force: float) -> float:
     """The drag `u` in m at which `T(u)` is `force` in N (not negative)."""
     top = rows[L_TENSION, NODES - 1]

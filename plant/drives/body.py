@@ -7,6 +7,7 @@ from typing import Final
 from numba import njit
 
 from plant.anatomy import profile_level
+from plant.hidden.activity import is_bare
 from plant.hidden.actuation import coupling, delivered, effective_current, hidden_emf, link_force, remember_drive, sideways_load
 from plant.hidden.forces import hidden_force, inertia, remember_stress
 from plant.hidden.resistance import remember_motion, resistance_level
@@ -45,7 +46,7 @@ FORCE: Final = 2
 LINK: Final = 3
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, error_model="numpy")
 def coil_current(voltage: float, emf: float, dt: float, current: float, p: Floats) -> float:
     """Current in A after a step of `L i' = U - R i - e`, backward Euler, held within the limit; `L = 0` follows at once."""
     if p[P_COIL_L] > 0.0:
@@ -56,40 +57,66 @@ def coil_current(voltage: float, emf: float, dt: float, current: float, p: Float
     return float(min(max(current, -p[P_COIL_LIMIT]), p[P_COIL_LIMIT]))
 
 
-@njit(cache=True, nogil=True, inline="always")
-def _drive_force(kind: int, value: float, rate: float, t: float, dt: float, s: Floats, p: Floats, h: Floats) -> float:
+@njit(cache=True, nogil=True, error_model="numpy")
+def _magnet_force(gap: float, p: Floats) -> float:
+    fall = 1 + (gap / p[P_MAGNET_RANGE]) ** 2
+    return float(p[P_MAGNET_K] * gap / (fall * fall))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _drive_force(kind: int, value: float, rate: float, dt: float, s: Floats, p: Floats) -> float:
+    """Force of a drive without hidden effects; a coil's current moves on."""
     x, v = s[S_X], s[S_V]
     if kind == MAGNET:
-        gap = value - x
-        remember_drive(gap, s, h)
-        fall = 1 + (gap / p[P_MAGNET_RANGE]) ** 2
-        return delivered(coupling(x, t, h) * p[P_MAGNET_K] * gap / (fall * fall), s, h)
+        return _magnet_force(value - x, p)
     if kind == COIL:
-        emf = p[P_COIL_EMF] * v + hidden_emf(v, h)
-        s[S_CURRENT] = coil_current(value, emf, dt, s[S_CURRENT], p)
-        remember_drive(s[S_CURRENT], s, h)
-        return delivered(coupling(x, t, h) * p[P_COIL_GAIN] * effective_current(s[S_CURRENT], h), s, h)
+        s[S_CURRENT] = coil_current(value, p[P_COIL_EMF] * v, dt, s[S_CURRENT], p)
+        return float(p[P_COIL_GAIN] * s[S_CURRENT])
     if kind == LINK:
-        return link_force(value - x, p[P_LINK_K], h) + p[P_LINK_C] * (rate - v)
+        return float(p[P_LINK_K] * (value - x) + p[P_LINK_C] * (rate - v))
     return float(value)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def advance_body(kind: int, s: Floats, p: Floats, h: Floats, tab: Floats, profile: Floats, drive: Floats, dt: float, every: int, out: Floats) -> int:
+def _hidden_drive_force(kind: int, value: float, rate: float, t: float, dt: float, s: Floats, p: Floats, h: Floats) -> float:
+    """The same with what is hidden between drive and body."""
+    x, v = s[S_X], s[S_V]
+    if kind == MAGNET:
+        remember_drive(value - x, s, h)
+        return delivered(coupling(x, t, h) * _magnet_force(value - x, p), s, h)
+    if kind == COIL:
+        s[S_CURRENT] = coil_current(value, p[P_COIL_EMF] * v + hidden_emf(v, h), dt, s[S_CURRENT], p)
+        remember_drive(s[S_CURRENT], s, h)
+        return delivered(coupling(x, t, h) * p[P_COIL_GAIN] * effective_current(s[S_CURRENT], h), s, h)
+    if kind == LINK:
+        return link_force(value - x, p[P_LINK_K], h) + float(p[P_LINK_C] * (rate - v))
+    return float(value)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def advance_body(
+    kind: int, s: Floats, p: Floats, h: Floats, tab: Floats, profile: Floats, drive: Floats, dt: float, every: int, out: Floats
+) -> int:
     """Drive one body with `drive[0], drive[1], ...`, one value a step of `dt`; fill `out` with a row each `every` steps.
 
-    `m a = F_act - R Sgn(v) - F_v(w) - T(u) + F_hidden`, R set-valued: the impulse that would stop the body is clipped to what R can
-    give. `drive` is a carriage position in m (MAGNET: `k g/(1 + (g/r)^2)^2`), a voltage in V (COIL: `F = K i`,
-    `L i' = U - R i - e`), a force in N (FORCE) or an imposed position in m (LINK), one more value than steps done. State `s` is
+    `m a = F_act - R Sgn(v) - F_v(w) - T(u) + F_hidden`, R set-valued: the impulse that would stop the body is clipped to
+    what R can give. `drive` is a carriage position in m (MAGNET: `k g/(1 + (g/r)^2)^2`), a voltage in V (COIL: `F = K i`, `L
+    i' = U - R i - e`), a force in N (FORCE) or an imposed position in m (LINK), one more value than steps done. State `s` is
     changed in place; returns the rows written. First order in `dt`.
     """
     rows = 0
+    step = int(s[S_STEP])
+    due = -step % every
     mass = inertia(p, h)
+    bare = is_bare(h)
     for k in range(drive.shape[0] - 1):
-        t = s[S_STEP] * dt
+        t = (step + k) * dt
         x, v = s[S_X], s[S_V]
-        force = _drive_force(kind, drive[k], (drive[k + 1] - drive[k]) / dt, t, dt, s, p, h)
-        if s[S_STEP] % every == 0:
+        rate = (drive[k + 1] - drive[k]) / dt
+        force = (
+            _drive_force(kind, drive[k], rate, dt, s, p) if bare else _hidden_drive_force(kind, drive[k], rate, t, dt, s, p, h)
+        )
+        if k == due:
             out[rows, O_T] = t
             out[rows, O_X] = x
             out[rows, O_V] = v
@@ -98,18 +125,22 @@ def advance_body(kind: int, s: Floats, p: Floats, h: Floats, tab: Floats, profil
             out[rows, O_DRIVE] = drive[k]
             out[rows, O_CURRENT] = s[S_CURRENT]
             rows += 1
+            due += every
         hoop = p[P_HOOP] * profile_level(x, p, profile)
-        limit = sliding_limit(v, hoop, p, tab) * resistance_level(x, v, t, s, h)
-        if kind == MAGNET:
-            limit += sideways_load(drive[k] - x, h)
-        net = force + hidden_force(x, v, t, s, p, h) - wall_force(v, hoop, s, p, h, tab)
+        limit = sliding_limit(v, hoop, p, tab)
+        net = force - wall_force(v, hoop, s, p, h, tab)
+        if not bare:
+            limit *= resistance_level(x, v, t, s, h)
+            limit += sideways_load(drive[k] - x, h) if kind == MAGNET else 0.0
+            net += hidden_force(x, v, t, s, p, h)
         v = clipped_speed(v, net, limit, kinetic_limit(v, limit, p), mass, dt)
         if v != 0.0:
             s[S_DIRECTION] = 1.0 if v > 0 else -1.0
         s[S_V] = v
         s[S_X] = x + dt * v
         move_wall(v, dt, hoop, s, p, h, tab)
-        remember_motion(v, dt, s, h)
-        remember_stress(v, dt, s, h)
-        s[S_STEP] += 1.0
+        if not bare:
+            remember_motion(v, dt, s, h)
+            remember_stress(v, dt, s, h)
+    s[S_STEP] += drive.shape[0] - 1
     return rows

@@ -5,6 +5,7 @@ from __future__ import annotations
 from numba import njit
 
 from plant.anatomy import profile_level
+from plant.hidden.activity import is_bare
 from plant.hidden.forces import hidden_force, inertia, remember_stress
 from plant.hidden.resistance import remember_motion, resistance_level
 from plant.layout import (
@@ -27,13 +28,19 @@ from plant.tables import Floats
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def advance_pull(s: Floats, p: Floats, h: Floats, tab: Floats, profile: Floats, drive: Floats, dt: float, every: int, out: Floats) -> int:
+def advance_pull(
+    s: Floats, p: Floats, h: Floats, tab: Floats, profile: Floats, drive: Floats, dt: float, every: int, out: Floats
+) -> int:
     """Impose positions `drive[0], drive[1], ...` in m at steps of `dt` from now on; fill `out` with a row each `every` steps.
 
-    `F = m a + R(|v|) Sgn(v) + F_v(w) + T(u) - F_hidden`; at rest the last direction's R is kept. `drive` holds one more value than
-    steps done. The rate of `x` from one value to the next is `v`. State `s` is changed in place; returns the rows written.
+    `F = m a + R(|v|) Sgn(v) + F_v(w) + T(u) - F_hidden`; at rest the last direction's R is kept. `drive` holds one more
+    value than steps done. The rate of `x` from one value to the next is `v`. State `s` is changed in place; returns the rows
+    written.
     """
     rows = 0
+    bare = is_bare(h)
+    step = int(s[S_STEP])
+    due = -step % every
     for k in range(drive.shape[0] - 1):
         x = drive[k]
         v = (drive[k + 1] - x) / dt
@@ -41,9 +48,9 @@ def advance_pull(s: Floats, p: Floats, h: Floats, tab: Floats, profile: Floats, 
             v = 0.0
         if v != 0.0:
             s[S_DIRECTION] = 1.0 if v > 0 else -1.0
-        t = s[S_STEP] * dt
+        t = (step + k) * dt
         hoop = p[P_HOOP] * profile_level(x, p, profile)
-        if s[S_STEP] % every == 0:
+        if k == due:
             limit = sliding_limit(v, hoop, p, tab) * resistance_level(x, v, t, s, h)
             force = inertia(p, h) * (v - s[S_V]) / dt + s[S_DIRECTION] * limit + wall_force(v, hoop, s, p, h, tab)
             out[rows, O_T] = t
@@ -53,10 +60,12 @@ def advance_pull(s: Floats, p: Floats, h: Floats, tab: Floats, profile: Floats, 
             out[rows, O_FORCE] = force - hidden_force(x, v, t, s, p, h)
             out[rows, O_DRIVE] = x
             rows += 1
+            due += every
         s[S_V] = v
         s[S_X] = drive[k + 1]
         move_wall(v, dt, hoop, s, p, h, tab)
-        remember_motion(v, dt, s, h)
-        remember_stress(v, dt, s, h)
-        s[S_STEP] += 1.0
+        if not bare:
+            remember_motion(v, dt, s, h)
+            remember_stress(v, dt, s, h)
+    s[S_STEP] += drive.shape[0] - 1
     return rows

@@ -8,6 +8,7 @@ from numba import njit
 
 from plant.anatomy import profile_level
 from plant.drives.body import coil_current
+from plant.hidden.activity import is_bare
 from plant.hidden.forces import hidden_force, inertia, remember_stress
 from plant.hidden.resistance import remember_motion, resistance_level
 from plant.hidden.suspension import suspension_force
@@ -49,10 +50,10 @@ BY_FORCE: Final = 0
 BY_VOLTAGE: Final = 1
 
 
-@njit(cache=True, nogil=True, inline="always")
-def spring_force(r: float, rate: float, p: Floats, h: Floats) -> float:
+@njit(cache=True, nogil=True, error_model="numpy")
+def spring_force(r: float, rate: float, p: Floats) -> float:
     """`F_i = k r + c r' + k_f (r - G_f)+ - k_r (-r - G_r)+` in N on the inner mass's offset `r` in m from rest."""
-    force = p[P_SPRING_K] * r + p[P_SPRING_C] * rate + suspension_force(r, rate, h)
+    force = p[P_SPRING_K] * r + p[P_SPRING_C] * rate
     if r > p[P_FRONT_GAP]:
         force += p[P_FRONT_K] * (r - p[P_FRONT_GAP])
     if -r > p[P_REAR_GAP]:
@@ -61,24 +62,30 @@ def spring_force(r: float, rate: float, p: Floats, h: Floats) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def advance_vibro(kind: int, s: Floats, p: Floats, h: Floats, tab: Floats, profile: Floats, drive: Floats, dt: float, every: int, out: Floats) -> int:
+def advance_vibro(
+    kind: int, s: Floats, p: Floats, h: Floats, tab: Floats, profile: Floats, drive: Floats, dt: float, every: int, out: Floats
+) -> int:
     """Drive the inner mass with `drive[k]`, the mean force in N (BY_FORCE) or voltage in V (BY_VOLTAGE) of step `k` of `dt`.
 
-    `M_m X_m'' = -F_i + F`, `M X'' = F_i - a F - R Sgn(X') - F_v - T + F_hidden`; a = 1 with the reaction on the body, 0 for a field from
-    outside. Forces at the positions of mid-step (second order while nothing sticks or hits), R set-valued by clipping. A step's mean
-    force keeps the impulse of a PWM edge inside a step exact. `drive` holds one more value than steps done. Returns the rows written.
+    `M_m X_m'' = -F_i + F`, `M X'' = F_i - a F - R Sgn(X') - F_v - T + F_hidden`; a = 1 with the reaction on the body, 0 for
+    a field from outside. Forces at the positions of mid-step (second order while nothing sticks or hits), R set-valued by
+    clipping. A step's mean force keeps the impulse of a PWM edge inside a step exact. `drive` holds one more value than
+    steps done. Returns the rows written.
     """
     rows = 0
+    step = int(s[S_STEP])
+    due = -step % every
     mass = inertia(p, h)
+    bare = is_bare(h)
     for k in range(drive.shape[0] - 1):
-        t = s[S_STEP] * dt
+        t = (step + k) * dt
         x, v = s[S_X], s[S_V]
         inner_x, inner_v = s[S_INNER_X], s[S_INNER_V]
         force = drive[k]
         if kind == BY_VOLTAGE:
             s[S_CURRENT] = coil_current(drive[k], p[P_COIL_EMF] * (inner_v - v), dt, s[S_CURRENT], p)
             force = p[P_COIL_GAIN] * s[S_CURRENT]
-        if s[S_STEP] % every == 0:
+        if k == due:
             out[rows, O_T] = t
             out[rows, O_X] = x
             out[rows, O_V] = v
@@ -89,11 +96,18 @@ def advance_vibro(kind: int, s: Floats, p: Floats, h: Floats, tab: Floats, profi
             out[rows, O_INNER_X] = inner_x
             out[rows, O_INNER_V] = inner_v
             rows += 1
+            due += every
         rate = inner_v - v
-        spring = spring_force(inner_x - x + 0.5 * dt * rate, rate, p, h)
+        offset = inner_x - x + 0.5 * dt * rate
+        spring = spring_force(offset, rate, p)
+        if not bare:
+            spring += suspension_force(offset, rate, h)
         hoop = p[P_HOOP] * profile_level(x, p, profile)
-        limit = sliding_limit(v, hoop, p, tab) * resistance_level(x, v, t, s, h)
-        net = spring - p[P_REACTION] * force + hidden_force(x, v, t, s, p, h) - wall_force(v, hoop, s, p, h, tab)
+        limit = sliding_limit(v, hoop, p, tab)
+        net = spring - p[P_REACTION] * force - wall_force(v, hoop, s, p, h, tab)
+        if not bare:
+            limit *= resistance_level(x, v, t, s, h)
+            net += hidden_force(x, v, t, s, p, h)
         v_next = clipped_speed(v, net, limit, kinetic_limit(v, limit, p), mass, dt)
         inner_next = inner_v + dt * (force - spring) / p[P_INNER_MASS]
         mean = 0.5 * (v + v_next)
@@ -104,7 +118,8 @@ def advance_vibro(kind: int, s: Floats, p: Floats, h: Floats, tab: Floats, profi
         s[S_INNER_V] = inner_next
         s[S_INNER_X] = inner_x + 0.5 * dt * (inner_v + inner_next)
         move_wall(mean, dt, hoop, s, p, h, tab)
-        remember_motion(mean, dt, s, h)
-        remember_stress(mean, dt, s, h)
-        s[S_STEP] += 1.0
+        if not bare:
+            remember_motion(mean, dt, s, h)
+            remember_stress(mean, dt, s, h)
+    s[S_STEP] += drive.shape[0] - 1
     return rows

@@ -20,7 +20,7 @@ RELAXATION: Final = ROWS["stress_relaxation"]
 ADDED_MASS: Final = ROWS["added_mass"]
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, error_model="numpy")
 def hidden_force(x: float, v: float, t: float, s: Floats, p: Floats, h: Floats) -> float:
     """Sum of the hidden forces in N at place `x` in m, speed `v` in m/s, time `t` in s; the forms stand in the registry."""
     force = 0.0
@@ -37,7 +37,7 @@ def hidden_force(x: float, v: float, t: float, s: Floats, p: Floats, h: Floats) 
     return force
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, error_model="numpy")
 def remember_stress(v: float, dt: float, s: Floats, h: Floats) -> None:
     """Advance the stress that builds up on the way and relaxes with a power of itself."""
     if h[RELAXATION, 0] != 0.0:
@@ -46,7 +46,7 @@ def remember_stress(v: float, dt: float, s: Floats, h: Floats) -> None:
         s[S_RELAX] = q + dt * (growth - q * math.sqrt(abs(q)) / h[RELAXATION, 2])
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, error_model="numpy")
 def inertia(p: Floats, h: Floats) -> float:
     """Mass of the body in kg, with what it drags along."""
     return float(p[P_MASS] + h[ADDED_MASS, 0])

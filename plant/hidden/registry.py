@@ -50,7 +50,12 @@ CARRIED: Final = ("pull", "magnetic")
 
 HIDDEN: Final[tuple[Hidden, ...]] = (
     Hidden("stribeck", "F_e (1 + a/(1 + (v/v_s)^2))", (Shape("excess", 0.35, 0.8), Shape("speed_m_s", 1.5e-3, 4e-3)), GUT_DRIVES),
-    Hidden("directional_asymmetry", "F_e (1 + a v/sqrt(v^2 + v_0^2))", (Shape("excess", 0.12, 0.3, True), Shape("speed_m_s", 1e-4, 4e-4)), GUT_DRIVES),
+    Hidden(
+        "directional_asymmetry",
+        "F_e (1 + a v/sqrt(v^2 + v_0^2))",
+        (Shape("excess", 0.12, 0.3, True), Shape("speed_m_s", 1e-4, 4e-4)),
+        GUT_DRIVES,
+    ),
     Hidden(
         "fold_periodic",
         "F_e (1 + a (sin q + 0.35 sin(2 q + 0.8))), q = 2 pi x/l + p",
@@ -69,15 +74,28 @@ HIDDEN: Final[tuple[Hidden, ...]] = (
         (Shape("excess", 0.6, 1.3), Shape("centre_m", 2.5e-3, 9e-3), Shape("width_m", 2.5e-3, 5e-3)),
         GUT_DRIVES,
     ),
-    Hidden("tissue_drying", "F_e (1 + a (1 - exp(-t/t_d)))", (Shape("excess", 0.25, 0.5), Shape("time_s", 18.0, 40.0)), GUT_DRIVES),
-    Hidden("preconditioning", "F_e (1 - a s/(s + s_0)), s the path", (Shape("share", 0.25, 0.5), Shape("path_m", 40e-3, 120e-3)), GUT_DRIVES),
+    Hidden(
+        "tissue_drying", "F_e (1 + a (1 - exp(-t/t_d)))", (Shape("excess", 0.25, 0.5), Shape("time_s", 18.0, 40.0)), GUT_DRIVES
+    ),
+    Hidden(
+        "preconditioning",
+        "F_e (1 - a s/(s + s_0)), s the path",
+        (Shape("share", 0.25, 0.5), Shape("path_m", 40e-3, 120e-3)),
+        GUT_DRIVES,
+    ),
     Hidden(
         "dwell_adhesion",
         "F_e (1 + a b (1 - s/d)^2), b' = (1 - b)^2/t_a at rest, s the path since",
         (Shape("excess", 0.6, 1.2), Shape("time_s", 0.4, 1.2), Shape("path_m", 0.6e-3, 1.5e-3)),
         GUT_DRIVES,
     ),
-    Hidden("travel_step", "F_e (1 + a) once a path d is done, over 1 mm", (Shape("excess", 0.25, 0.5, True), Shape("path_m", 40e-3, 80e-3)), GUT_DRIVES, False),
+    Hidden(
+        "travel_step",
+        "F_e (1 + a) once a path d is done, over 1 mm",
+        (Shape("excess", 0.25, 0.5, True), Shape("path_m", 40e-3, 80e-3)),
+        GUT_DRIVES,
+        False,
+    ),
     Hidden(
         "rolling_wobble",
         "F_e (1 + a sin p), p' = 2 pi (|v|/l + sqrt(|v|/l) sqrt(f_0))",
@@ -85,7 +103,13 @@ HIDDEN: Final[tuple[Hidden, ...]] = (
         GUT_DRIVES,
         False,
     ),
-    Hidden("attraction_load", "F_e + a (g/g_0)^2 on the gap g", (Shape("force_N", 3e-3, 7e-3), Shape("gap_m", 3e-3, 4e-3)), ("magnetic",), False),
+    Hidden(
+        "attraction_load",
+        "F_e + a (g/g_0)^2 on the gap g",
+        (Shape("force_N", 3e-3, 7e-3), Shape("gap_m", 3e-3, 4e-3)),
+        ("magnetic",),
+        False,
+    ),
     Hidden("viscous_drag", "-a sgn(v) (|v|/10 mm/s)^0.85", (Shape("force_N", 10e-3, 30e-3),), GUT_DRIVES),
     Hidden(
         "peristaltic_wave",
@@ -93,7 +117,9 @@ HIDDEN: Final[tuple[Hidden, ...]] = (
         (Shape("force_N", 12e-3, 25e-3), Shape("period_s", 3.0, 7.0), Shape("wavelength_m", 25e-3, 60e-3)),
         GUT_DRIVES,
     ),
-    Hidden("respiration", "a (2 |cos(pi t/T)|^3 - 0.85)", (Shape("force_N", 8e-3, 18e-3), Shape("period_s", 3.0, 5.0)), GUT_DRIVES),
+    Hidden(
+        "respiration", "a (2 |cos(pi t/T)|^3 - 0.85)", (Shape("force_N", 8e-3, 18e-3), Shape("period_s", 3.0, 5.0)), GUT_DRIVES
+    ),
     Hidden("incline_gravity", "-m g sin(angle)", (Shape("angle_rad", 0.25, 0.6, True),), GUT_DRIVES),
     Hidden(
         "stress_relaxation",
@@ -104,16 +130,31 @@ HIDDEN: Final[tuple[Hidden, ...]] = (
     Hidden("added_mass", "(m + a) v'", (Shape("mass_kg", 0.1, 0.3),), GUT_DRIVES),
     Hidden("wall_viscosity", "T + a sgn(u') (|u'|/10 mm/s)^0.9", (Shape("force_N", 10e-3, 25e-3),), GUT_DRIVES),
     Hidden("exponential_recovery", "in slip u' = -a (u + 0.15 u_c)/t_r", (Shape("rate", 1.5, 2.5),), GUT_DRIVES),
-    Hidden("small_strain_stiffening", "T (1 + a/(1 + |u|/u_0))", (Shape("excess", 1.0, 2.5), Shape("drag_m", 80e-6, 250e-6)), GUT_DRIVES),
+    Hidden(
+        "small_strain_stiffening",
+        "T (1 + a/(1 + |u|/u_0))",
+        (Shape("excess", 1.0, 2.5), Shape("drag_m", 80e-6, 250e-6)),
+        GUT_DRIVES,
+    ),
     Hidden(
         "string_compliance",
         "force k e (1 + (e/e_0)^2) on the link's stretch e, a = 1/k",
         (Shape("compliance_m_per_N", 5e-3, 15e-3), Shape("scale_m", 1.5e-3, 4e-3)),
         ("pull",),
     ),
-    Hidden("coupling_decay", "gain (1 - a (1 + tanh((x - 5 mm)/l))/2)", (Shape("share", 0.2, 0.4), Shape("length_m", 10e-3, 20e-3)), ("magnetic", "coil")),
-    Hidden("coupling_fade", "gain (1 - a (1 - exp(-t/t_h)))", (Shape("share", 0.2, 0.4), Shape("time_s", 12.0, 30.0)), ("magnetic", "coil")),
-    Hidden("actuator_lag", "two first-order lags in a row, a/2 each", (Shape("time_s", 0.06, 0.16),), CARRIED + ("coil",)),
+    Hidden(
+        "coupling_decay",
+        "gain (1 - a (1 + tanh((x - 5 mm)/l))/2)",
+        (Shape("share", 0.2, 0.4), Shape("length_m", 10e-3, 20e-3)),
+        ("magnetic", "coil"),
+    ),
+    Hidden(
+        "coupling_fade",
+        "gain (1 - a (1 - exp(-t/t_h)))",
+        (Shape("share", 0.2, 0.4), Shape("time_s", 12.0, 30.0)),
+        ("magnetic", "coil"),
+    ),
+    Hidden("actuator_lag", "two first-order lags in a row, a/2 each", (Shape("time_s", 0.06, 0.16),), (*CARRIED, "coil")),
     Hidden("carriage_backlash", "play of width a whose ends are rounded", (Shape("width_m", 1.0e-3, 2.5e-3),), CARRIED),
     Hidden("actuator_dead_zone", "current below a does nothing, rounded", (Shape("current_A", 0.05, 0.12),), ("coil",)),
     Hidden("actuator_saturation", "force F/(1 + |F/a|^3)^(1/3)", (Shape("force_N", 0.08, 0.12),), ("magnetic", "coil")),
@@ -125,13 +166,25 @@ HIDDEN: Final[tuple[Hidden, ...]] = (
     ),
     Hidden("back_emf", "voltage - a v (1 + |v|/0.2 m/s)", (Shape("gain_V_s_per_m", 5.0, 15.0),), ("coil",)),
     Hidden("spring_damping", "-a r' (1 + |r'|/0.5 m/s)", (Shape("damping_N_s_per_m", 0.2, 0.8),), ("vibro",)),
-    Hidden("end_stop_impact", "stops at +-a, k d (1 + 1.5 s/m d')", (Shape("gap_m", 2e-3, 4e-3), Shape("stiffness_N_per_m", 5e3, 2e4)), ("vibro",)),
-    Hidden("sensor_drift", "a log(1 + t/t_0), in spans of the signal", (Shape("span", 0.06, 0.15, True), Shape("time_s", 8.0, 20.0)), GUT_DRIVES),
+    Hidden(
+        "end_stop_impact",
+        "stops at +-a, k d (1 + 1.5 s/m d')",
+        (Shape("gap_m", 2e-3, 4e-3), Shape("stiffness_N_per_m", 5e3, 2e4)),
+        ("vibro",),
+    ),
+    Hidden(
+        "sensor_drift",
+        "a log(1 + t/t_0), in spans of the signal",
+        (Shape("span", 0.06, 0.15, True), Shape("time_s", 8.0, 20.0)),
+        GUT_DRIVES,
+    ),
     Hidden("sensor_bias", "a, in spans of the signal", (Shape("span", 0.05, 0.12, True),), GUT_DRIVES),
     Hidden("sensor_scale", "1 + a", (Shape("excess", 0.08, 0.2, True),), GUT_DRIVES),
     Hidden("sensor_delay", "y(t - a)", (Shape("time_s", 0.04, 0.12),), GUT_DRIVES),
     Hidden("sensor_lowpass", "two first-order lags in a row, a/2 each", (Shape("time_s", 0.06, 0.16),), GUT_DRIVES),
-    Hidden("mains_hum", "a (sin 2 pi 50 t + 0.3 sin 2 pi 150 t), in spans of the signal", (Shape("span", 0.02, 0.05),), GUT_DRIVES),
+    Hidden(
+        "mains_hum", "a (sin 2 pi 50 t + 0.3 sin 2 pi 150 t), in spans of the signal", (Shape("span", 0.02, 0.05),), GUT_DRIVES
+    ),
 )
 ROWS: Final = {effect.id: row for row, effect in enumerate(HIDDEN)}
 

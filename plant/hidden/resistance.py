@@ -23,7 +23,7 @@ STEP: Final = ROWS["travel_step"]
 WOBBLE: Final = ROWS["rolling_wobble"]
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _along_lumen(x: float, h: Floats) -> float:
     level = 1.0
     if h[FOLDS, 0] != 0.0:
@@ -39,7 +39,7 @@ def _along_lumen(x: float, h: Floats) -> float:
     return level
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, error_model="numpy")
 def _with_history(t: float, s: Floats, h: Floats) -> float:
     level = 1.0
     if h[DRYING, 0] != 0.0:
@@ -58,9 +58,11 @@ def _with_history(t: float, s: Floats, h: Floats) -> float:
     return level
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, error_model="numpy")
 def resistance_level(x: float, v: float, t: float, s: Floats, h: Floats) -> float:
-    """Factor on F_e at place `x` in m, speed `v` in m/s, time `t` in s and memory `s`; the forms stand in the registry. Not negative."""
+    """Factor on F_e at place `x` in m, speed `v` in m/s, time `t` in s and memory `s`; the forms stand in the registry. Not
+    negative.
+    """
     level = _along_lumen(x, h) * _with_history(t, s, h)
     if h[STRIBECK, 0] != 0.0:
         level *= 1 + h[STRIBECK, 0] / (1 + (v / h[STRIBECK, 1]) ** 2)
@@ -69,7 +71,7 @@ def resistance_level(x: float, v: float, t: float, s: Floats, h: Floats) -> floa
     return max(level, 0.0)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, error_model="numpy")
 def remember_motion(v: float, dt: float, s: Floats, h: Floats) -> None:
     """Advance what resistance remembers over one step at speed `v`: path, bond strength, wobble angle."""
     path = abs(v) * dt

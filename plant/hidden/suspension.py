@@ -14,9 +14,11 @@ STOPS: Final = ROWS["end_stop_impact"]
 _LOSS = 1.5  # s/m, Hunt-Crossley damping of the hidden stops
 
 
-@njit(cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, error_model="numpy")
 def suspension_force(r: float, rate: float, h: Floats) -> float:
-    """Force in N that the hidden suspension puts on the inner mass against its offset `r` in m and `r'` in m/s, positive inwards."""
+    """Force in N that the hidden suspension puts on the inner mass against its offset `r` in m and `r'` in m/s, positive
+    inwards.
+    """
     force = 0.0
     if h[DAMPING, 0] != 0.0:
         force += h[DAMPING, 0] * rate * (1 + 2.0 * abs(rate))

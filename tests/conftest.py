@@ -1,0 +1,58 @@
+"""What every test may ask for: the folder of shared reference data, a small rig file; and how property tests run."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+settings.register_profile(
+    "capsule",
+    deadline=None,
+    print_blob=True,
+    max_examples=100,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
+)
+settings.load_profile("capsule")
+
+
+@pytest.fixture(scope="session")
+def shared() -> Path:
+    """The folder `shared` beside the checkout (or `CAPSULE_SHARED`): reference trajectories and measured data."""
+    folder = Path(os.environ.get("CAPSULE_SHARED", Path(__file__).parents[2] / "shared"))
+    if not (folder / "reference").is_dir():
+        pytest.skip(f"needs the shared reference data: no folder {folder}; set CAPSULE_SHARED to where it is")
+    return folder
+
+
+RIG = """
+[capsule]
+radius_m = 6.5e-3
+cylinder_length_m = 20e-3
+mass_kg = 4.0e-3
+
+[tissue]
+preset = "jejunum"
+wall_thickness_m = 2.5e-3
+contact_angle_deg = 60.0
+nose_force_angle_deg = 30.0
+friction_coefficient = 0.082
+mucus_thickness_m = 30e-6
+recovery_time_s = 0.05
+
+[rig]
+kind = "magnetic"
+magnet_stiffness_N_per_m = 25.0
+magnet_range_m = 0.02
+
+[noise]
+position_std_m = 5.0e-5
+"""
+
+
+@pytest.fixture
+def rig_text() -> str:
+    """A complete rig file of kind magnetic."""
+    return RIG

@@ -108,7 +108,7 @@ def _phase(
     s: Motion, current: float, pull: float, on: float, length: float, step: float, q: VibroCycle
 ) -> tuple[Motion, float, float]:
     """The drive held at `on` for `length` s; the coil's current and the force's own lag are carried along."""
-    n = max(int(math.ceil(length / step)), 1)
+    n = max(math.ceil(length / step), 1)
     h = length / n
     fade_current = math.exp(-h / q.current_lag_s) if q.current_lag_s > 0.0 else 0.0
     fade_pull = math.exp(-h / q.force_lag_s) if q.force_lag_s > 0.0 else 0.0
@@ -134,8 +134,8 @@ def _change(a: Motion, b: Motion) -> float:
 def mean_velocity(period_s: float, duty: float, cycles: int, settle: int, step: float, q: VibroCycle) -> float:
     """Mean speed of the body in m/s over `cycles` periods after `settle` periods from rest.
 
-    The drive is on for `duty * period_s`, then off; steps of at most `step` s are aligned with the switching edges. Once a period leaves
-    the state as it found it the remaining ones are not stepped through.
+    The drive is on for `duty * period_s`, then off; steps of at most `step` s are aligned with the switching edges. Once a period
+    leaves the state as it found it the remaining ones are not stepped through.
     """
     s = Motion(0.0, 0.0, 0.0, 0.0, 0)
     current, pull, begin = 0.0, 0.0, 0.0
@@ -166,8 +166,10 @@ def _table(period_s: Array, duty: Array, cycles: Array, settle: int, step: float
 def mean_velocities(period_s: Any, duty: Any, cycles: Any, q: VibroCycle, settle: int = 0, step: float = STEP_S) -> Array:
     """Mean speeds in m/s, one a condition, of a body started from rest; arrays of one length n, SI.
 
-    `(M + m) V' = ...`: `M v' = S(xi, xi') - r F - Coulomb - drag`, `m (v' + xi'') = F - S`; Coulomb friction is set-valued (the body rests
-    while the other forces stay within it). Raises ValueError for periods not above 0, duties outside [0, 1] or cycles below 1.
+    `M v' = S(xi, xi') - r F + incline - Coulomb - drag`, `m (v' + xi'') = F - S`, with the suspension's force S, the coil's F and
+    r = 1 where the coil sits on the body; Coulomb friction is set-valued (the body rests while the other forces stay within it).
+    Structure as in Liu, Pavlovskaia and Wiercigroch. Raises ValueError for periods not above 0, duties outside [0, 1] or cycles
+    below 1.
     """
     period, share, count = np.broadcast_arrays(*(np.asarray(a, dtype=float) for a in (period_s, duty, cycles)))
     if not np.all(period > 0):
@@ -176,6 +178,6 @@ def mean_velocities(period_s: Any, duty: Any, cycles: Any, q: VibroCycle, settle
         raise ValueError(f"duty must lie in [0, 1]; got {float(share[(share < 0) | (share > 1)][0]):g}")
     if not np.all(count >= 1):
         raise ValueError(f"cycles must be at least 1; got {float(np.min(count)):g}")
-    flat = (np.ascontiguousarray(a, dtype=float).ravel() for a in (period, share, count))
-    speeds: Array = _table(*flat, settle, step, q)
+    p, d, c = (np.ascontiguousarray(a, dtype=float).ravel() for a in (period, share, count))
+    speeds: Array = _table(p, d, c, settle, step, q)
     return speeds.reshape(period.shape)

@@ -1,4 +1,4 @@
-"""Forces between a body, its inner mass on a spring, and the plate; compiled, with every number of the vibro drive in one record."""
+"""Forces between a body, its inner mass on a spring, and the plate; compiled, with the numbers of the drive in one record."""
 
 from __future__ import annotations
 

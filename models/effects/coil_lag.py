@@ -14,8 +14,8 @@ from models.parameter import Parameter
 
 @dataclass(frozen=True)
 class CoilLag(InnerMassEffect):
-    """`tau i' = u - i` (tau = L/R) and force `F i^2`: it rises late (0.63 F after 1.58 tau) and falls early (0.37 F after 0.5 tau), so
-    the drive is on for less than its duty says, by about 0.88 tau between half heights."""
+    """`tau i' = u - i` (tau = L/R) and force `F i^2`: half of it after 1.23 tau on the rise, after 0.35 tau on the fall, so the
+    drive is on for 0.88 tau less than its duty says."""
 
     id = "coil_lag"
     summary = "the coil's current lags the switch; the force goes with its square"

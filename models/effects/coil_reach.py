@@ -12,7 +12,8 @@ from models.parameter import Parameter
 
 @dataclass(frozen=True)
 class CoilReach(InnerMassEffect):
-    """Force `F (1 + g xi)`: `F = i^2/2 dL/dxi` of a reluctance coil to first order; the drive acts while on only, so forward and backward differ."""
+    """Force `F (1 + g xi)`, the first order of `F = i^2/2 dL/dxi`; it acts only while the coil is on, so forward and backward
+    differ."""
 
     id = "coil_reach"
     summary = "the coil's force changes with the inner mass's displacement"

@@ -10,7 +10,8 @@ from models.effects.effect import Effect, Values
 
 @dataclass(frozen=True)
 class InnerMassEffect(Effect):
-    """An effect of the vibro drive's suspension or coil; its hooks see the inner mass's displacement (m) and speed (m/s) against the body."""
+    """An effect of the vibro drive's suspension or coil; its hooks see how far (m) and how fast (m/s) the inner mass moves
+    against the body."""
 
     def suspension(self, stretch: Any, rate: Any, p: Values) -> Any:
         """Extra force in N that pulls the inner mass back to the body (and the body after it)."""

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from plant.compiling import compiled
 from plant.layout import P_PROFILE_START, P_PROFILE_STEP
 from plant.tables import Floats
 
@@ -72,7 +72,7 @@ def random_anatomy(
     return Anatomy(tuple(np.exp(log_level)), start_m, step)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def profile_level(x: float, p: Floats, profile: Floats) -> float:
     """The anatomy's factor at `x` in m."""
     last = profile.shape[0] - 1

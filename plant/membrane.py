@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from numba import njit
-
+from plant.compiling import compiled
 from plant.hidden.membrane import rate_tension, recovery_speed, stiffening
 from plant.layout import GUT, P_MU, P_RECOVERY, P_SURFACE, P_WEIGHT, S_SLIP, S_U
 from plant.tables import Floats, drag_at, film_drag, pressure_load, tension
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def wall_limit(v: float, hoop: float, p: Floats, tab: Floats) -> float:
     """`f_c = mu N(|v|)` in N, the pressure part of N scaled by the hoop factor `hoop`."""
     return float(p[P_MU] * (p[P_WEIGHT] + hoop * pressure_load(tab, v)))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def draw_back_speed(v: float, hoop: float, s: Floats, p: Floats, h: Floats, tab: Floats) -> float:
     """`v_i = u_c/t_r` in m/s with `T(u_c) = f_c(|v|)` of this moment."""
     u_c = drag_at(tab, wall_limit(v, hoop, p, tab))
@@ -26,7 +25,7 @@ def draw_back_speed(v: float, hoop: float, s: Floats, p: Floats, h: Floats, tab:
     return recovery_speed(s[S_U], u_c, p[P_RECOVERY], h)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def wall_force(v: float, hoop: float, s: Floats, p: Floats, h: Floats, tab: Floats) -> float:
     """`T(u) + F_v(w)` in N, what the wall and its film hold back; with `w = v - u'`, zero while the wall sticks. None on a
     plate.
@@ -40,7 +39,7 @@ def wall_force(v: float, hoop: float, s: Floats, p: Floats, h: Floats, tab: Floa
     return tension(tab, u) * stiffening(u, h) + rate_tension(rate, h) + film_drag(tab, v - rate)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def move_wall(v: float, dt: float, hoop: float, s: Floats, p: Floats, h: Floats, tab: Floats) -> None:
     """Advance `u` by one step at the capsule's speed `v`, then change between stick and slip where the base model says so."""
     if p[P_SURFACE] != GUT:
@@ -48,7 +47,7 @@ def move_wall(v: float, dt: float, hoop: float, s: Floats, p: Floats, h: Floats,
     slip = s[S_SLIP]
     if slip == 0.0:
         u = s[S_U] + dt * v
-        pull = tension(tab, u) * stiffening(u, h) + rate_tension(v, h)
+        pull = tension(tab, u) * stiffening(u, h)
         if abs(pull) >= wall_limit(v, hoop, p, tab):
             s[S_SLIP] = 1.0 if pull > 0 else -1.0
     else:

@@ -151,7 +151,8 @@ def _parameters(rig: Rig) -> Floats:
     p = np.zeros(at.P_COUNT)
     total = rig.capsule.mass_kg + (rig.drive.inner_mass_kg if isinstance(rig.drive, Vibro) else 0.0)
     p[at.P_MASS], p[at.P_WEIGHT] = rig.capsule.mass_kg, total * GRAVITY
-    p[at.P_HOOP], p[at.P_RECOVERY] = rig.hoop_factor, rig.tissue.recovery_time_s
+    p[at.P_HOOP] = rig.hoop_factor if rig.surface is None else 1.0
+    p[at.P_RECOVERY] = rig.tissue.recovery_time_s
     p[at.P_PROFILE_START], p[at.P_PROFILE_STEP] = rig.anatomy.start_m, rig.anatomy.step_m
     if rig.surface is None:
         p[at.P_SURFACE], p[at.P_MU] = at.GUT, rig.tissue.friction_coefficient

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from numba import njit
-
+from plant.compiling import compiled
 from plant.layout import GUT, P_MU, P_MU_STATIC, P_SURFACE, P_WEIGHT
 from plant.tables import Floats, resistance
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def sliding_limit(v: float, hoop: float, p: Floats, tab: Floats) -> float:
-    """`F_e(|v|)` of the gut times the hoop factor, or `mu m g` of a plate, in N; on a plate `v = 0` means the static
-    coefficient.
-    """
+    """`F_e(|v|)` of the gut or `mu m g` of a plate in N, times the level `hoop`; a plate at `v = 0` has its static one."""
     if p[P_SURFACE] == GUT:
         return hoop * resistance(tab, v)
-    return float((p[P_MU_STATIC] if v == 0.0 else p[P_MU]) * p[P_WEIGHT])
+    return float(hoop * (p[P_MU_STATIC] if v == 0.0 else p[P_MU]) * p[P_WEIGHT])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def kinetic_limit(v: float, limit: float, p: Floats) -> float:
     """What resists in N once a body at speed `v` under the limit `limit` slides on: less than the limit where a plate lets go."""
     if p[P_SURFACE] != GUT and v == 0.0:
@@ -26,7 +23,7 @@ def kinetic_limit(v: float, limit: float, p: Floats) -> float:
     return limit
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def clipped_speed(v: float, force: float, limit: float, kinetic: float, mass: float, dt: float) -> float:
     """Speed after a step under `force` and a friction that may be anything within `limit` to stop the body, `kinetic` once
     it slides.

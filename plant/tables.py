@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from models.laws.geometry import GRAVITY, Capsule, Tissue, stretched_length, wall_section
@@ -13,6 +12,7 @@ from models.laws.hyperelastic import WallConstants
 from models.laws.mucus import mucus_drag
 from models.laws.resistance import Regime, environmental_resistance, normal_load
 from models.laws.tension import wall_tension
+from plant.compiling import compiled
 from plant.layout import (
     DRAG_SPAN,
     L_COUNT,
@@ -56,39 +56,39 @@ def tabulate(capsule: Capsule, tissue: Tissue, regime: Regime = "low", wall: Wal
     return rows
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _read(rows: Floats, law: int, place: float) -> float:
     node = min(int(place), NODES - 2)
     low = rows[law, node]
     return float(low + (rows[law, node + 1] - low) * (place - node))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def resistance(rows: Floats, speed: float) -> float:
     """`F_e(|v|)` in N."""
     return float(_read(rows, L_RESISTANCE, abs(speed) * _PER_SPEED))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def pressure_load(rows: Floats, speed: float) -> float:
     """`cos(theta) I1 + I2` in N at `|v|`: the part of N that the wall exerts."""
     return float(_read(rows, L_PRESSURE, abs(speed) * _PER_SPEED))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def film_drag(rows: Floats, slip: float) -> float:
     """`F_v(w)` in N, odd in the slip `w` in m/s."""
     drag = _read(rows, L_MUCUS, math.sqrt(math.sqrt(abs(slip))) * _PER_ROOT)
     return float(math.copysign(drag, slip))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def tension(rows: Floats, drag: float) -> float:
     """`T(u)` in N, odd in the wall's drag `u` in m; linear beyond the grid."""
     return float(math.copysign(_read(rows, L_TENSION, abs(drag) * _PER_DRAG), drag))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def drag_at(rows: Floats, force: float) -> float:
     """The drag `u` in m at which `T(u)` is `force` in N (not negative)."""
     top = rows[L_TENSION, NODES - 1]

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from numba import njit
-
 from plant.anatomy import profile_level
+from plant.compiling import compiled
 from plant.hidden.activity import is_bare
 from plant.hidden.actuation import coupling, delivered, effective_current, hidden_emf, link_force, remember_drive, sideways_load
 from plant.hidden.forces import hidden_force, inertia, remember_stress
@@ -46,7 +45,7 @@ FORCE: Final = 2
 LINK: Final = 3
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def coil_current(voltage: float, emf: float, dt: float, current: float, p: Floats) -> float:
     """Current in A after a step of `L i' = U - R i - e`, backward Euler, held within the limit; `L = 0` follows at once."""
     if p[P_COIL_L] > 0.0:
@@ -57,13 +56,13 @@ def coil_current(voltage: float, emf: float, dt: float, current: float, p: Float
     return float(min(max(current, -p[P_COIL_LIMIT]), p[P_COIL_LIMIT]))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _magnet_force(gap: float, p: Floats) -> float:
     fall = 1 + (gap / p[P_MAGNET_RANGE]) ** 2
     return float(p[P_MAGNET_K] * gap / (fall * fall))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _drive_force(kind: int, value: float, rate: float, dt: float, s: Floats, p: Floats) -> float:
     """Force of a drive without hidden effects; a coil's current moves on."""
     x, v = s[S_X], s[S_V]
@@ -77,7 +76,7 @@ def _drive_force(kind: int, value: float, rate: float, dt: float, s: Floats, p: 
     return float(value)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _hidden_drive_force(kind: int, value: float, rate: float, t: float, dt: float, s: Floats, p: Floats, h: Floats) -> float:
     """The same with what is hidden between drive and body."""
     x, v = s[S_X], s[S_V]
@@ -93,7 +92,7 @@ def _hidden_drive_force(kind: int, value: float, rate: float, t: float, dt: floa
     return float(value)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def advance_body(
     kind: int, s: Floats, p: Floats, h: Floats, tab: Floats, profile: Floats, drive: Floats, dt: float, every: int, out: Floats
 ) -> int:
@@ -127,10 +126,11 @@ def advance_body(
             rows += 1
             due += every
         hoop = p[P_HOOP] * profile_level(x, p, profile)
+        if not bare:
+            hoop *= resistance_level(x, v, t, s, h)
         limit = sliding_limit(v, hoop, p, tab)
         net = force - wall_force(v, hoop, s, p, h, tab)
         if not bare:
-            limit *= resistance_level(x, v, t, s, h)
             limit += sideways_load(drive[k] - x, h) if kind == MAGNET else 0.0
             net += hidden_force(x, v, t, s, p, h)
         v = clipped_speed(v, net, limit, kinetic_limit(v, limit, p), mass, dt)

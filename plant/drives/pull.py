@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from numba import njit
-
 from plant.anatomy import profile_level
+from plant.compiling import compiled
 from plant.hidden.activity import is_bare
 from plant.hidden.forces import hidden_force, inertia, remember_stress
 from plant.hidden.resistance import remember_motion, resistance_level
@@ -27,7 +26,7 @@ from plant.surface import sliding_limit
 from plant.tables import Floats
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def advance_pull(
     s: Floats, p: Floats, h: Floats, tab: Floats, profile: Floats, drive: Floats, dt: float, every: int, out: Floats
 ) -> int:
@@ -50,8 +49,10 @@ def advance_pull(
             s[S_DIRECTION] = 1.0 if v > 0 else -1.0
         t = (step + k) * dt
         hoop = p[P_HOOP] * profile_level(x, p, profile)
+        if not bare:
+            hoop *= resistance_level(x, v, t, s, h)
         if k == due:
-            limit = sliding_limit(v, hoop, p, tab) * resistance_level(x, v, t, s, h)
+            limit = sliding_limit(v, hoop, p, tab)
             force = inertia(p, h) * (v - s[S_V]) / dt + s[S_DIRECTION] * limit + wall_force(v, hoop, s, p, h, tab)
             out[rows, O_T] = t
             out[rows, O_X] = x

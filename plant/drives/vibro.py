@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from numba import njit
-
 from plant.anatomy import profile_level
+from plant.compiling import compiled
 from plant.drives.body import coil_current
 from plant.hidden.activity import is_bare
 from plant.hidden.forces import hidden_force, inertia, remember_stress
@@ -50,7 +49,7 @@ BY_FORCE: Final = 0
 BY_VOLTAGE: Final = 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def spring_force(r: float, rate: float, p: Floats) -> float:
     """`F_i = k r + c r' + k_f (r - G_f)+ - k_r (-r - G_r)+` in N on the inner mass's offset `r` in m from rest."""
     force = p[P_SPRING_K] * r + p[P_SPRING_C] * rate
@@ -61,7 +60,7 @@ def spring_force(r: float, rate: float, p: Floats) -> float:
     return float(force)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def advance_vibro(
     kind: int, s: Floats, p: Floats, h: Floats, tab: Floats, profile: Floats, drive: Floats, dt: float, every: int, out: Floats
 ) -> int:
@@ -103,10 +102,11 @@ def advance_vibro(
         if not bare:
             spring += suspension_force(offset, rate, h)
         hoop = p[P_HOOP] * profile_level(x, p, profile)
+        if not bare:
+            hoop *= resistance_level(x, v, t, s, h)
         limit = sliding_limit(v, hoop, p, tab)
         net = spring - p[P_REACTION] * force - wall_force(v, hoop, s, p, h, tab)
         if not bare:
-            limit *= resistance_level(x, v, t, s, h)
             net += hidden_force(x, v, t, s, p, h)
         v_next = clipped_speed(v, net, limit, kinetic_limit(v, limit, p), mass, dt)
         inner_next = inner_v + dt * (force - spring) / p[P_INNER_MASS]

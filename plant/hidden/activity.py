@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from plant.compiling import compiled
 from plant.tables import Floats
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def is_bare(h: Floats) -> bool:
     """True when every amplitude of the effect table `h` is zero."""
     return bool(np.all(h[:, 0] == 0.0))

@@ -7,8 +7,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from numba import njit
-
+from plant.compiling import compiled
 from plant.hidden.registry import ROWS
 from plant.layout import S_DRIVE_LAST, S_HYSTERESIS
 from plant.tables import Floats
@@ -23,7 +22,7 @@ ATTRACTION: Final = ROWS["attraction_load"]
 STRING: Final = ROWS["string_compliance"]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def coupling(x: float, t: float, h: Floats) -> float:
     """Factor on the drive's gain at place `x` in m and time `t` in s."""
     gain = 1.0
@@ -34,7 +33,7 @@ def coupling(x: float, t: float, h: Floats) -> float:
     return gain
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def delivered(force: float, s: Floats, h: Floats) -> float:
     """The drive's force in N after saturation, plus what magnetic memory adds."""
     if h[SATURATION, 0] != 0.0:
@@ -44,7 +43,7 @@ def delivered(force: float, s: Floats, h: Floats) -> float:
     return force
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def remember_drive(value: float, s: Floats, h: Floats) -> None:
     """Advance magnetic memory with the change of what drives it (gap in m, current in A)."""
     if h[HYSTERESIS, 0] != 0.0:
@@ -54,7 +53,7 @@ def remember_drive(value: float, s: Floats, h: Floats) -> None:
     s[S_DRIVE_LAST] = value
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def effective_current(current: float, h: Floats) -> float:
     """Current in A that makes force: none below the dead zone, whose edge is rounded."""
     if h[DEAD_ZONE, 0] == 0.0:
@@ -62,13 +61,13 @@ def effective_current(current: float, h: Floats) -> float:
     return float(current * (1 - 1 / (1 + (current / h[DEAD_ZONE, 0]) ** 4)))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def hidden_emf(v: float, h: Floats) -> float:
     """Voltage in V that the hidden back-EMF takes from the coil."""
     return float(h[BACK_EMF, 0] * v * (1 + abs(v) * 5.0))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def sideways_load(gap: float, h: Floats) -> float:
     """Resistance in N that a magnet adds by pressing the capsule down: `a (g/g_0)^2`."""
     if h[ATTRACTION, 0] == 0.0:
@@ -76,7 +75,7 @@ def sideways_load(gap: float, h: Floats) -> float:
     return float(h[ATTRACTION, 0] * (gap / h[ATTRACTION, 1]) ** 2)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def link_force(stretch: float, stiffness: float, h: Floats) -> float:
     """Force in N of the pull's link; a hidden string is softer and stiffens: `k e (1 + (e/e_0)^2)`."""
     if h[STRING, 0] == 0.0:

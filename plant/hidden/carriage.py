@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numba import njit
 
+from plant.compiling import compiled
 from plant.hidden.registry import ROWS
 from plant.tables import Floats
 
@@ -14,7 +14,7 @@ LAG: Final = ROWS["actuator_lag"]
 BACKLASH: Final = ROWS["carriage_backlash"]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _two_lags(values: Floats, dt: float, time: float, memory: Floats) -> Floats:
     out = np.empty_like(values)
     share = dt / (0.5 * time + dt)
@@ -25,7 +25,7 @@ def _two_lags(values: Floats, dt: float, time: float, memory: Floats) -> Floats:
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _rounded_play(values: Floats, width: float, memory: Floats) -> Floats:
     out = np.empty_like(values)
     for k in range(values.shape[0]):

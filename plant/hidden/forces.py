@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from numba import njit
-
-from models.laws.geometry import GRAVITY
+from plant.compiling import compiled
 from plant.hidden.registry import ROWS
-from plant.layout import P_MASS, S_RELAX
+from plant.layout import P_MASS, P_WEIGHT, S_RELAX
 from plant.tables import Floats
 
 VISCOUS: Final = ROWS["viscous_drag"]
@@ -20,7 +18,7 @@ RELAXATION: Final = ROWS["stress_relaxation"]
 ADDED_MASS: Final = ROWS["added_mass"]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def hidden_force(x: float, v: float, t: float, s: Floats, p: Floats, h: Floats) -> float:
     """Sum of the hidden forces in N at place `x` in m, speed `v` in m/s, time `t` in s; the forms stand in the registry."""
     force = 0.0
@@ -31,13 +29,13 @@ def hidden_force(x: float, v: float, t: float, s: Floats, p: Floats, h: Floats) 
     if h[RESPIRATION, 0] != 0.0:
         force += h[RESPIRATION, 0] * (2 * abs(math.cos(math.pi * t / h[RESPIRATION, 1])) ** 3 - 0.85)
     if h[INCLINE, 0] != 0.0:
-        force -= p[P_MASS] * GRAVITY * math.sin(h[INCLINE, 0])
+        force -= p[P_WEIGHT] * math.sin(h[INCLINE, 0])
     if h[RELAXATION, 0] != 0.0:
         force -= h[RELAXATION, 0] * s[S_RELAX]
     return force
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def remember_stress(v: float, dt: float, s: Floats, h: Floats) -> None:
     """Advance the stress that builds up on the way and relaxes with a power of itself."""
     if h[RELAXATION, 0] != 0.0:
@@ -46,7 +44,7 @@ def remember_stress(v: float, dt: float, s: Floats, h: Floats) -> None:
         s[S_RELAX] = q + dt * (growth - q * math.sqrt(abs(q)) / h[RELAXATION, 2])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def inertia(p: Floats, h: Floats) -> float:
     """Mass of the body in kg, with what it drags along."""
     return float(p[P_MASS] + h[ADDED_MASS, 0])

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from numba import njit
-
+from plant.compiling import compiled
 from plant.hidden.registry import ROWS
 from plant.tables import Floats
 
@@ -15,7 +14,7 @@ RECOVERY: Final = ROWS["exponential_recovery"]
 STIFFENING: Final = ROWS["small_strain_stiffening"]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def stiffening(u: float, h: Floats) -> float:
     """Factor on T(u): `1 + a/(1 + |u|/u_0)`."""
     if h[STIFFENING, 0] == 0.0:
@@ -23,7 +22,7 @@ def stiffening(u: float, h: Floats) -> float:
     return float(1 + h[STIFFENING, 0] / (1 + abs(u) / h[STIFFENING, 1]))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def rate_tension(rate: float, h: Floats) -> float:
     """Tension in N that the stretch rate `u'` in m/s adds: `a sgn(u') (|u'|/10 mm/s)^0.9`."""
     if h[VISCOSITY, 0] == 0.0 or rate == 0.0:
@@ -31,7 +30,7 @@ def rate_tension(rate: float, h: Floats) -> float:
     return float(math.copysign(h[VISCOSITY, 0] * (abs(rate) * 100.0) ** 0.9, rate))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def recovery_speed(u: float, u_c: float, t_r: float, h: Floats) -> float:
     """Speed in m/s at which a slipping wall draws back: `u_c/t_r`, or the hidden exponential one."""
     if h[RECOVERY, 0] == 0.0:

@@ -49,63 +49,65 @@ BODY: Final = ("magnetic", "coil", "vibro", "force")
 CARRIED: Final = ("pull", "magnetic")
 
 HIDDEN: Final[tuple[Hidden, ...]] = (
-    Hidden("stribeck", "F_e (1 + a/(1 + (v/v_s)^2))", (Shape("excess", 0.35, 0.8), Shape("speed_m_s", 1.5e-3, 4e-3)), GUT_DRIVES),
+    Hidden(
+        "stribeck", "level (1 + a/(1 + (v/v_s)^2))", (Shape("excess", 0.35, 0.8), Shape("speed_m_s", 1.5e-3, 4e-3)), GUT_DRIVES
+    ),
     Hidden(
         "directional_asymmetry",
-        "F_e (1 + a v/sqrt(v^2 + v_0^2))",
+        "level (1 + a v/sqrt(v^2 + v_0^2))",
         (Shape("excess", 0.12, 0.3, True), Shape("speed_m_s", 1e-4, 4e-4)),
         GUT_DRIVES,
     ),
     Hidden(
         "fold_periodic",
-        "F_e (1 + a (sin q + 0.35 sin(2 q + 0.8))), q = 2 pi x/l + p",
+        "level (1 + a (sin q + 0.35 sin(2 q + 0.8))), q = 2 pi x/l + p",
         (Shape("excess", 0.15, 0.35), Shape("wavelength_m", 5e-3, 10e-3), Shape("phase_rad", 0.0, 6.28)),
         GUT_DRIVES,
     ),
     Hidden(
         "lumen_taper",
-        "F_e (1 + a tanh((x - c)/w))",
+        "level (1 + a tanh((x - c)/w))",
         (Shape("excess", 0.2, 0.4, True), Shape("centre_m", 0.0, 6e-3), Shape("width_m", 12e-3, 25e-3)),
         GUT_DRIVES,
     ),
     Hidden(
         "stenosis",
-        "F_e (1 + a cos^2) over 1 width before and 1.5 widths after the centre",
+        "level (1 + a cos^2) over 1 width before and 1.5 widths after the centre",
         (Shape("excess", 0.6, 1.3), Shape("centre_m", 2.5e-3, 9e-3), Shape("width_m", 2.5e-3, 5e-3)),
         GUT_DRIVES,
     ),
     Hidden(
-        "tissue_drying", "F_e (1 + a (1 - exp(-t/t_d)))", (Shape("excess", 0.25, 0.5), Shape("time_s", 18.0, 40.0)), GUT_DRIVES
+        "tissue_drying", "level (1 + a (1 - exp(-t/t_d)))", (Shape("excess", 0.25, 0.5), Shape("time_s", 18.0, 40.0)), GUT_DRIVES
     ),
     Hidden(
         "preconditioning",
-        "F_e (1 - a s/(s + s_0)), s the path",
+        "level (1 - a s/(s + s_0)), s the path",
         (Shape("share", 0.25, 0.5), Shape("path_m", 40e-3, 120e-3)),
         GUT_DRIVES,
     ),
     Hidden(
         "dwell_adhesion",
-        "F_e (1 + a b (1 - s/d)^2), b' = (1 - b)^2/t_a at rest, s the path since",
+        "level (1 + a b (1 - s/d)^2), b' = (1 - b)^2/t_a at rest, s the path since",
         (Shape("excess", 0.6, 1.2), Shape("time_s", 0.4, 1.2), Shape("path_m", 0.6e-3, 1.5e-3)),
         GUT_DRIVES,
     ),
     Hidden(
         "travel_step",
-        "F_e (1 + a) once a path d is done, over 1 mm",
+        "level (1 + a) once a path d is done, over 1 mm",
         (Shape("excess", 0.25, 0.5, True), Shape("path_m", 40e-3, 80e-3)),
         GUT_DRIVES,
         False,
     ),
     Hidden(
         "rolling_wobble",
-        "F_e (1 + a sin p), p' = 2 pi (|v|/l + sqrt(|v|/l) sqrt(f_0))",
+        "level (1 + a sin p), p' = 2 pi (|v|/l + sqrt(|v|/l) sqrt(f_0))",
         (Shape("excess", 0.2, 0.4), Shape("length_m", 4e-3, 8e-3), Shape("frequency_Hz", 0.3, 0.8)),
         GUT_DRIVES,
         False,
     ),
     Hidden(
         "attraction_load",
-        "F_e + a (g/g_0)^2 on the gap g",
+        "resistance + a (g/g_0)^2 on the gap g",
         (Shape("force_N", 3e-3, 7e-3), Shape("gap_m", 3e-3, 4e-3)),
         ("magnetic",),
         False,

@@ -1,12 +1,11 @@
-"""Hidden effects on the nose's resistance: a factor on F_e and, for a resting capsule, on its break-away force."""
+"""Hidden effects on the level of resistance: a factor on the hoop stress, so on F_e and on what presses on the wall."""
 
 from __future__ import annotations
 
 import math
 from typing import Final
 
-from numba import njit
-
+from plant.compiling import compiled
 from plant.hidden.registry import ROWS
 from plant.layout import S_ADHESION, S_SINCE_REST, S_TRAVEL, S_WOBBLE
 from plant.tables import Floats
@@ -23,7 +22,7 @@ STEP: Final = ROWS["travel_step"]
 WOBBLE: Final = ROWS["rolling_wobble"]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _along_lumen(x: float, h: Floats) -> float:
     level = 1.0
     if h[FOLDS, 0] != 0.0:
@@ -39,7 +38,7 @@ def _along_lumen(x: float, h: Floats) -> float:
     return level
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _with_history(t: float, s: Floats, h: Floats) -> float:
     level = 1.0
     if h[DRYING, 0] != 0.0:
@@ -58,11 +57,9 @@ def _with_history(t: float, s: Floats, h: Floats) -> float:
     return level
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def resistance_level(x: float, v: float, t: float, s: Floats, h: Floats) -> float:
-    """Factor on F_e at place `x` in m, speed `v` in m/s, time `t` in s and memory `s`; the forms stand in the registry. Not
-    negative.
-    """
+    """Factor on the hoop stress at place `x` in m, speed `v` in m/s, time `t` in s, memory `s`; see the registry. Not negative."""
     level = _along_lumen(x, h) * _with_history(t, s, h)
     if h[STRIBECK, 0] != 0.0:
         level *= 1 + h[STRIBECK, 0] / (1 + (v / h[STRIBECK, 1]) ** 2)
@@ -71,7 +68,7 @@ def resistance_level(x: float, v: float, t: float, s: Floats, h: Floats) -> floa
     return max(level, 0.0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def remember_motion(v: float, dt: float, s: Floats, h: Floats) -> None:
     """Advance what resistance remembers over one step at speed `v`: path, bond strength, wobble angle."""
     path = abs(v) * dt

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from numba import njit
-
+from plant.compiling import compiled
 from plant.hidden.registry import ROWS
 from plant.tables import Floats
 
@@ -14,7 +13,7 @@ STOPS: Final = ROWS["end_stop_impact"]
 _LOSS = 1.5  # s/m, Hunt-Crossley damping of the hidden stops
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def suspension_force(r: float, rate: float, h: Floats) -> float:
     """Force in N that the hidden suspension puts on the inner mass against its offset `r` in m and `r'` in m/s, positive
     inwards.

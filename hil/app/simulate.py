@@ -1,0 +1,21 @@
+"""`capsule simulate`: the plant alone, from a scenario file to a record."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from plant.recording import record_scenario
+from plant.scenario import load_scenario
+from plant.series import write_record
+
+
+def simulate(scenario: Path, out: Path) -> None:
+    """Run the scenario file `scenario` and write its record to `out` (`.csv` or `.csv.gz`), complete or not at all.
+
+    Raises `ValueError` for a scenario or an output path that cannot be used; the message says what would be right.
+    """
+    if not (out.name.endswith(".csv") or out.name.endswith(".csv.gz")):
+        raise ValueError(f"--out must end in .csv or .csv.gz; got {out.name!r}")
+    if not out.parent.is_dir():
+        raise ValueError(f"--out must lie in a folder that exists; got {str(out.parent)!r}")
+    write_record(out, record_scenario(load_scenario(scenario)))

@@ -1,0 +1,36 @@
+"""The one way in which the plant is compiled: numba, no Python object inside, cached until any file of the plant changes."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+from numba import njit
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+@cache
+def source_digest() -> str:
+    """Hash of all source files of the plant."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def compiled(function: F) -> F:
+    """Compile `function` on first use and keep the machine code beside the source.
+
+    numba renews a cached function when its own file changes but not when a function that it calls does, in another file: a
+    step would go on with the old friction law. So the stamp that numba compares is the hash of all the plant's files here.
+    """
+    dispatcher: Any = njit(cache=True, nogil=True, error_model="numpy")(function)
+    stored = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
+    if stored is not None and hasattr(stored, "_source_stamp"):
+        stored._source_stamp = source_digest()
+    result: F = dispatcher
+    return result

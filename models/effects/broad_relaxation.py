@@ -1,0 +1,41 @@
+"""A relaxation spectrum broader than two Maxwell branches: a springpot beside them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+from models.effects.effect import Effect, Values
+from models.parameter import Parameter
+
+_SOURCE = "fractional Kelvin-Voigt solid; soft tissue exponents 0.1 to 0.4"
+REFERENCE_HZ = 10.0
+
+
+@dataclass(frozen=True)
+class BroadRelaxation(Effect):
+    """Modulus `K (i f/10 Hz)^alpha` added to the wall's: a continuous, power-law spectrum.
+
+    `f` in Hz, any shape, `K` in Pa at 10 Hz, `alpha` from near 0 (spring) to 0.6; nearer 1 it would be one
+    damper and not a broad spectrum.
+    """
+
+    id = "broad_relaxation"
+    summary = "a relaxation spectrum broader than two Maxwell branches"
+    source = _SOURCE
+    kinds = frozenset({"dma"})
+    grid = MappingProxyType({"exponent": (0.1, 0.25, 0.4, 0.6)})
+    probe = 1e4
+    look_alikes = ()
+    separated_by = "frequencies over three decades"
+
+    stiffness_Pa: Parameter = Parameter("stiffness_Pa", 0.0, "Pa", 0.0, 1e7, _SOURCE, fit=True)
+    exponent: Parameter = Parameter("exponent", 0.25, "1", 0.02, 0.6, _SOURCE, fit=True)
+
+    def modulus(self, frequency_Hz: Any, p: Values) -> tuple[Any, Any]:
+        """Storage and loss modulus in Pa that the springpot adds at `frequency_Hz`, any shape."""
+        size = p["stiffness_Pa"] * (frequency_Hz / REFERENCE_HZ) ** p["exponent"]
+        angle = 0.5 * math.pi * p["exponent"]
+        return size * math.cos(angle), size * math.sin(angle)

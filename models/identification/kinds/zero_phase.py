@@ -1,0 +1,87 @@
+"""Speed, acceleration and low-passed force of a sampled axis without delay, as the EMPS authors filter (Janot et al. 2019)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, cheby1, filtfilt, freqz
+
+Array = NDArray[np.float64]
+BAND_HZ = 20.0  # closed-loop bandwidth that the authors' cut-offs are multiples of
+BORDER_S = 0.05  # cut at the ends, where a zero-phase filter has only one side
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Time in s, position in m, speed in m/s and acceleration in m/s^2 of one record, all of its length."""
+
+    t: Array
+    x: Array
+    v: Array
+    a: Array
+
+
+def sampling_rate(t: Array) -> float:
+    """Samples per second of evenly spaced times; a ValueError where they are not even within 5 %."""
+    steps = np.diff(t)
+    step = float(np.median(steps))
+    if np.max(np.abs(steps - step)) > 0.05 * step:
+        worst = int(np.argmax(np.abs(steps - step)))
+        raise ValueError(f"t_s must be evenly spaced to be differentiated; got a step of {steps[worst]:g} s among {step:g} s")
+    return 1 / step
+
+
+def motion(t: Array, position: Array) -> Motion:
+    """Differentiate a measured position: Butterworth of order 4 forward and backward at 100 Hz, then central differences."""
+    rate = sampling_rate(t)
+    b, a = butter(4, min(5 * BAND_HZ / (rate / 2), 0.8))
+    x = filtfilt(b, a, position, padlen=min(12, len(position) - 1))
+    v = np.gradient(x, 1 / rate)
+    return Motion(t, np.asarray(x), v, np.gradient(v, 1 / rate))
+
+
+def reduction(rate: float) -> int:
+    """Factor of the down-sampling, so that 40 Hz is 0.8 of the Nyquist frequency that is left."""
+    return max(1, round(0.8 * (rate / 2) / (2 * BAND_HZ)))
+
+
+def decimate(signal: Array, rate: float) -> Array:
+    """The authors' parallel filter: cut the borders, low-pass (Chebyshev I, order 8, 0.05 dB, both ways), down-sample."""
+    factor = reduction(rate)
+    border = round(BORDER_S * rate)
+    inner = signal[border:-border] if border else signal
+    if factor == 1:
+        return inner
+    b, a = cheby1(8, 0.05, 0.8 / factor)
+    return np.asarray(filtfilt(b, a, inner, padlen=min(24, len(inner) - 1))[::factor])
+
+
+def passed(rate: float) -> float:
+    """Standard deviation that `decimate` leaves of white noise of standard deviation 1."""
+    factor = reduction(rate)
+    if factor == 1:
+        return 1.0
+    b, a = cheby1(8, 0.05, 0.8 / factor)
+    _, gain = freqz(b, a, 4096)
+    return float(np.sqrt(np.mean(np.abs(gain) ** 4)))
+
+
+def repeat_lag(position: Array, rate: float, shortest_s: float = 1.0) -> int | None:
+    """Samples after which the motion repeats to 1e-4 of its range over at least a third of the record; None where it does not."""
+    n = len(position)
+    limit = 1e-4 * float(np.ptp(position))
+
+    def mismatch(lag: int, stride: int) -> float:
+        return float(np.sqrt(np.mean((position[lag::stride] - position[: n - lag : stride]) ** 2)))
+
+    coarse = range(round(shortest_s * rate), 2 * n // 3, max(1, round(0.01 * rate)))
+    scores = [mismatch(lag, 8) for lag in coarse]
+    for i in range(1, len(scores) - 1):
+        if scores[i] <= min(scores[i - 1], scores[i + 1]) and scores[i] < 100 * limit:
+            fine = range(coarse[i - 1], coarse[i + 1] + 1)
+            best = min(fine, key=lambda lag: mismatch(lag, 4))
+            if mismatch(best, 1) < limit:
+                return best
+    return None

@@ -9,6 +9,7 @@ import numba as nb
 
 GRAVITY = 9.81
 DRY_SPEED = 2.0e-3  # m/s, below it dry friction of the inner mass's guide counts as creep
+TRAVEL_M = 0.03  # beyond it the coil's reach and the spring's hardening stay what they are there
 
 
 class VibroCycle(NamedTuple):
@@ -39,7 +40,8 @@ class VibroCycle(NamedTuple):
 @nb.njit(cache=True, inline="always")
 def suspension_force(stretch: float, rate: float, q: VibroCycle) -> float:
     """Pull of the suspension on the inner mass towards the body in N: spring, damping, guide, stops."""
-    force = (q.stiffness + q.cubic * stretch * stretch) * stretch + q.damping * rate
+    inside = min(abs(stretch), TRAVEL_M)
+    force = (q.stiffness + q.cubic * inside * inside) * stretch + q.damping * rate
     if q.dry_N != 0.0:
         force += q.dry_N * rate / math.sqrt(rate * rate + DRY_SPEED * DRY_SPEED)
     if stretch > q.stop_gap_m:
@@ -52,7 +54,9 @@ def suspension_force(stretch: float, rate: float, q: VibroCycle) -> float:
 @nb.njit(cache=True, inline="always")
 def drive_force(on: float, stretch: float, q: VibroCycle) -> float:
     """The coil's force on the inner mass in N; `on` is its share of the full one."""
-    return q.force_N * on * (1.0 + q.reach_per_m * stretch)
+    if q.reach_per_m == 0.0:
+        return q.force_N * on
+    return q.force_N * on * math.exp(q.reach_per_m * min(max(stretch, -TRAVEL_M), TRAVEL_M))
 
 
 @nb.njit(cache=True, inline="always")

@@ -5,14 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from models.effects.effect import Values
 from models.effects.inner_mass import InnerMassEffect
 from models.parameter import Parameter
 
+TRAVEL_M = 0.03
+
 
 @dataclass(frozen=True)
 class SpringHardening(InnerMassEffect):
-    """Force `k_3 xi^3` beside the linear spring; odd, so forward and backward stay mirrored."""
+    """Force `k_3 min(|xi|, 30 mm)^2 xi` beside the linear spring; odd, so forward and backward stay mirrored."""
 
     id = "spring_hardening"
     summary = "the suspension stiffens with displacement"
@@ -27,4 +31,4 @@ class SpringHardening(InnerMassEffect):
     )
 
     def suspension(self, stretch: Any, rate: Any, p: Values) -> Any:
-        return p["cubic_N_per_m3"] * stretch**3
+        return p["cubic_N_per_m3"] * np.minimum(np.abs(stretch), TRAVEL_M) ** 2 * stretch

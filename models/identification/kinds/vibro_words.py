@@ -33,7 +33,7 @@ def equations(theta: Theta) -> list[str]:
     if has("actuator_lag.time_s"):
         drive += f", lagged by {theta['actuator_lag.time_s']:.3g} s"
     if has("coil_reach.gain_per_m"):
-        drive += f", times (1 {theta['coil_reach.gain_per_m']:+.3g} xi)"
+        drive += f", times exp({theta['coil_reach.gain_per_m']:+.3g} xi)"
     return [
         f"{body:.4g} v' = S - F - R(v){_on_body(theta)}",
         f"{inner:.4g} (v' + xi'') = F - S",
@@ -84,8 +84,8 @@ def statements(kind: VibroTableKind, theta_by_stage: Mapping[str, Theta], record
     if max(force, friction, 1 / force, 1 / friction) > 1.2:
         out.append(
             f"Force and friction come out at {force:.2f} and {friction:.2f} times nominal. A common factor on both scales "
-            "every speed by it and nothing else, so these data cannot tell it from a scale error of the displacement; the ratio of force "
-            "to friction is what they fix."
+            "every speed by it and little else, so these data hardly tell it from a scale error of the displacement; the ratio "
+            "of force to friction is what they fix."
         )
     if "coil_lag.time_s" in theta or "actuator_lag.time_s" in theta:
         out.append(

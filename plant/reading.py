@@ -17,7 +17,8 @@ R = TypeVar("R")
 def from_table(cls: type[R], table: Table, where: str, skip: tuple[str, ...] = ()) -> R:
     """An instance of the frozen dataclass `cls` from a TOML table, its fields being the known keys.
 
-    Raises `ValueError` for an unknown key, naming the nearest, a missing one, or a value of another type; `where` is the table's name.
+    Raises `ValueError` for an unknown key, naming the nearest, for a missing one, and for a value of another type; `where` is the
+    table's name.
     """
     known = {f.name: f for f in fields(cls) if f.name != "folder"}  # type: ignore[arg-type]
     hints = typing.get_type_hints(cls)

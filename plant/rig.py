@@ -147,7 +147,31 @@ class Plant:
         return out
 
 
+_POSITIVE = (
+    "mass_kg",
+    "radius_m",
+    "cylinder_length_m",
+    "magnet_range_m",
+    "resistance_ohm",
+    "current_limit_A",
+    "inner_mass_kg",
+    "recovery_time_s",
+)
+
+
+def _check(record: object, where: str) -> None:
+    """Masses and the like must be positive, all other numbers but a force's or gain's sign not negative."""
+    for name, value in vars(record).items():
+        if not isinstance(value, float | int) or isinstance(value, bool):
+            continue
+        if not (value > 0 if name in _POSITIVE else value >= 0 or name.startswith(("gain", "force", "back_emf"))):
+            raise ValueError(f"{where}.{name} must be {'positive' if name in _POSITIVE else 'zero or more'}; got {value:g}")
+
+
 def _parameters(rig: Rig) -> Floats:
+    for record, where in ((rig.capsule, "capsule"), (rig.tissue, "tissue"), (rig.drive, "drive"), (rig.surface, "surface")):
+        if record is not None:
+            _check(record, where)
     p = np.zeros(at.P_COUNT)
     total = rig.capsule.mass_kg + (rig.drive.inner_mass_kg if isinstance(rig.drive, Vibro) else 0.0)
     p[at.P_MASS], p[at.P_WEIGHT] = rig.capsule.mass_kg, total * GRAVITY

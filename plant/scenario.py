@@ -21,6 +21,7 @@ Table = Mapping[str, Any]
 TABLES: Final = ("scenario", "capsule", "tissue", "rig", "drive", "surface", "profile", "sensor", "noise", "anatomy", "effects")
 KINDS: Final[dict[str, type[Pull | Magnet | Coil | Vibro]]] = {"pull": Pull, "magnetic": Magnet, "coil": Coil, "vibro": Vibro}
 MOST_STEPS: Final = 50_000_000
+ANATOMY_KEYS: Final = ("places_m", "level", "seed")
 
 
 @dataclass(frozen=True)
@@ -128,9 +129,9 @@ def _surface(table: Table) -> Plate | None:
 
 def _anatomy(table: Table) -> Anatomy:
     for key in table:
-        if key not in ("places_m", "level", "seed"):
+        if key not in ANATOMY_KEYS:
             raise ValueError(
-                f"keys of [anatomy] must be among places_m, level, seed; got {key!r}; {nearest(key, ('places_m', 'level', 'seed'))}"
+                f"keys of [anatomy] must be among {', '.join(ANATOMY_KEYS)}; got {key!r}; {nearest(key, ANATOMY_KEYS)}"
             )
     profile = Anatomy() if "seed" not in table else random_anatomy(converted(table["seed"], int, "anatomy.seed"))
     if "places_m" in table or "level" in table:

@@ -59,7 +59,7 @@ def _with_history(t: float, s: Floats, h: Floats) -> float:
 
 @compiled
 def resistance_level(x: float, v: float, t: float, s: Floats, h: Floats) -> float:
-    """Factor on the hoop stress at place `x` in m, speed `v` in m/s, time `t` in s, memory `s`; see the registry. Not negative."""
+    """Factor on the hoop stress at place `x` in m, speed `v` in m/s, time `t` in s, memory `s`. Not negative."""
     level = _along_lumen(x, h) * _with_history(t, s, h)
     if h[STRIBECK, 0] != 0.0:
         level *= 1 + h[STRIBECK, 0] / (1 + (v / h[STRIBECK, 1]) ** 2)

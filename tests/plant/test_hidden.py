@@ -1,0 +1,87 @@
+"""Hidden effects: each one changes what it should, none changes anything while its amplitude is zero."""
+
+import numpy as np
+import pytest
+
+from models.laws.geometry import Capsule
+from plant import layout as at
+from plant.excitation import pulse_width, random_runs, random_wander
+from plant.hidden.registry import HIDDEN, Hidden, draw, effect_table, hidden
+from plant.rig import STEP_S, Coil, Drive, Magnet, Plant, Plate, Pull, Rig, Vibro
+from plant.sensors import Sensor
+from plant.tables import Floats
+
+CASES = [(kind, effect) for effect in HIDDEN for kind in ("pull", "magnetic", "coil", "vibro") if kind in effect.drives]
+DRIVES: dict[str, Drive] = {"pull": Pull(), "magnetic": Magnet(), "coil": Coil(), "vibro": Vibro(force_N=1.25)}
+
+
+def reading(kind: str, chosen: dict[str, dict[str, float]]) -> Floats:
+    rng = np.random.default_rng(7)
+    vibro = kind == "vibro"
+    rig = Rig(
+        DRIVES[kind], capsule=Capsule(mass_kg=0.193 if vibro else 4e-3), surface=Plate(0.29) if vibro else None, hidden=chosen
+    )
+    if kind == "pull":
+        drive = random_runs(rng, 8.0, STEP_S)
+    elif kind == "magnetic":
+        drive = random_wander(rng, 8.0, STEP_S)
+    elif kind == "coil":
+        drive = 4.0 * np.sin(STEP_S * np.arange(400_001) * 2.0)
+    else:
+        drive = 1.25 * pulse_width(0.08, 0.3, 4.0, STEP_S)
+    plant = Plant(rig)
+    rows = plant.advance(drive, 50)
+    _, y = Sensor().measure(rows[:, at.O_T], rows[:, at.O_FORCE if kind == "pull" else at.O_X], rng, plant.effects)
+    return y
+
+
+@pytest.fixture(scope="module")
+def plain() -> dict[str, Floats]:
+    return {kind: reading(kind, {}) for kind in DRIVES}
+
+
+@pytest.mark.parametrize(("kind", "effect"), CASES, ids=lambda case: case if isinstance(case, str) else case.id)
+def test_every_effect_shows_and_stays_finite(kind: str, effect: Hidden, plain: dict[str, Floats]) -> None:
+    y = reading(kind, {effect.id: {}})
+    assert np.all(np.isfinite(y))
+    assert np.max(np.abs(y - plain[kind])) > 1e-3 * np.ptp(plain[kind])
+
+
+def test_a_zero_amplitude_is_no_effect(plain: dict[str, Floats]) -> None:
+    for kind in ("pull", "magnetic"):
+        silent = {e.id: {e.numbers[0].name: 0.0} for e in HIDDEN if kind in e.drives}
+        assert np.array_equal(reading(kind, silent), plain[kind])
+
+
+def test_an_unseen_tiny_effect_changes_next_to_nothing(plain: dict[str, Floats]) -> None:
+    """The steps with and without hidden effects are the same steps."""
+    y = reading("magnetic", {"incline_gravity": {"angle_rad": 1e-12}})
+    assert y == pytest.approx(plain["magnetic"], abs=1e-6)
+
+
+def test_incline_is_the_weight_s_share() -> None:
+    """Force of a slow steady pull uphill minus downhill is `2 m g sin(angle)`."""
+    drive = 1e-3 * STEP_S * np.arange(100_001)
+    force = [
+        np.mean(Plant(Rig(Pull(), hidden={"incline_gravity": {"angle_rad": a}})).advance(drive)[:, at.O_FORCE])
+        for a in (0.3, -0.3)
+    ]
+    assert force[0] - force[1] == pytest.approx(2 * 4e-3 * 9.81 * np.sin(0.3), rel=1e-9)
+
+
+def test_unknown_names_hear_the_nearest() -> None:
+    with pytest.raises(ValueError, match="did you mean 'stribeck'"):
+        hidden("stribek")
+    with pytest.raises(ValueError, match="did you mean 'excess'"):
+        effect_table({"stribeck": {"exces": 1.0}})
+
+
+def test_draws_lie_in_their_ranges(rng: np.random.Generator) -> None:
+    for effect in HIDDEN:
+        for shape in effect.numbers:
+            value = abs(draw(effect.id, rng)[shape.name])
+            assert shape.lower <= value <= shape.upper
+
+
+def test_some_effects_are_in_no_published_list() -> None:
+    assert sum(not effect.published for effect in HIDDEN) >= 3

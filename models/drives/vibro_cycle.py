@@ -1,18 +1,22 @@
-"""Body and inner mass on a plate under a periodic on/off drive: mean velocity with exact stick and slip, compiled."""
+"""Body and inner mass on a plate under a periodic on/off drive, compiled: forces, exact stick and slip, mean velocity.
+
+All of it is one file on purpose: code that was compiled once is found again by the file's own date.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-from models.drives.vibro_forces import VibroCycle, drive_force, friction, resistance, suspension_force
+from models.drives.vibro_numbers import VibroCycle
 
 Array = NDArray[np.float64]
-STEP_S = 2.0e-4
+_DRY_SPEED = 2.0e-3  # m/s, below it dry friction of the inner mass's guide counts as creep
+_TRAVEL_M = 0.03  # beyond it the coil's reach and the spring's hardening stay what they are there
 _EVENTS = 8  # stick and slip changes that one step may hold
 _PERIODIC = 1.0e-8  # change of the state over a period, in m and m/s, below which the motion is periodic
 
@@ -25,6 +29,45 @@ class Motion(NamedTuple):
     stretch: float
     rate: float
     mode: int
+
+
+@nb.njit(cache=True, inline="always")
+def suspension_force(stretch: float, rate: float, q: VibroCycle) -> float:
+    """Pull of the suspension on the inner mass towards the body in N: spring, damping, guide, stops."""
+    inside = min(abs(stretch), _TRAVEL_M)
+    force = (q.stiffness + q.cubic * inside * inside) * stretch + q.damping * rate
+    if q.dry_N != 0.0:
+        force += q.dry_N * rate / math.sqrt(rate * rate + _DRY_SPEED * _DRY_SPEED)
+    if stretch > q.stop_gap_m:
+        force += q.stop_stiffness * (stretch - q.stop_gap_m)
+    elif stretch < -q.stop_gap_m:
+        force += q.stop_stiffness * (stretch + q.stop_gap_m)
+    return force
+
+
+@nb.njit(cache=True, inline="always")
+def drive_force(on: float, stretch: float, q: VibroCycle) -> float:
+    """The coil's force on the inner mass in N; `on` is its share of the full one."""
+    if q.reach_per_m == 0.0:
+        return q.force_N * on
+    return q.force_N * on * math.exp(q.reach_per_m * min(max(stretch, -_TRAVEL_M), _TRAVEL_M))
+
+
+@nb.njit(cache=True, inline="always")
+def friction(speed: float, direction: int, q: VibroCycle) -> float:
+    """Coulomb friction in N of a body that moves, or would move, in `direction` (+1, -1) at `speed` >= 0."""
+    level = 1.0 + q.asymmetry * direction
+    if q.stribeck != 0.0:
+        level *= 1.0 + q.stribeck * math.exp(-((speed / q.stribeck_speed) ** 2))
+    return q.coulomb_N * max(level, 0.0)
+
+
+@nb.njit(cache=True, inline="always")
+def resistance(v: float, q: VibroCycle) -> float:
+    """Resistance in N that grows with the body's speed, along -v."""
+    if q.drag_N == 0.0:
+        return 0.0
+    return math.copysign(q.drag_N * (abs(v) / 0.01) ** q.drag_power, v)
 
 
 @nb.njit(cache=True, inline="always")
@@ -156,28 +199,8 @@ def mean_velocity(period_s: float, duty: float, cycles: int, settle: int, step: 
 
 
 @nb.njit(cache=True, nogil=True)
-def _table(period_s: Array, duty: Array, cycles: Array, settle: int, step: float, q: VibroCycle) -> Array:
+def table(period_s: Array, duty: Array, cycles: Array, settle: int, step: float, q: VibroCycle) -> Array:
     speeds = np.empty(period_s.size)
     for i in range(period_s.size):
         speeds[i] = mean_velocity(period_s[i], duty[i], int(cycles[i]), settle, step, q)
     return speeds
-
-
-def mean_velocities(period_s: Any, duty: Any, cycles: Any, q: VibroCycle, settle: int = 0, step: float = STEP_S) -> Array:
-    """Mean speeds in m/s, one a condition, of a body started from rest; arrays of one length n, SI.
-
-    `M v' = S(xi, xi') - r F + incline - Coulomb - drag`, `m (v' + xi'') = F - S`, with the suspension's force S, the coil's F and
-    r = 1 where the coil sits on the body; Coulomb friction is set-valued (the body rests while the other forces stay within it).
-    Structure as in Liu, Pavlovskaia and Wiercigroch. Raises ValueError for periods not above 0, duties outside [0, 1] or cycles
-    below 1.
-    """
-    period, share, count = np.broadcast_arrays(*(np.asarray(a, dtype=float) for a in (period_s, duty, cycles)))
-    if not np.all(period > 0):
-        raise ValueError(f"period_s must be above 0; got {float(np.min(period)):g}")
-    if not np.all((share >= 0) & (share <= 1)):
-        raise ValueError(f"duty must lie in [0, 1]; got {float(share[(share < 0) | (share > 1)][0]):g}")
-    if not np.all(count >= 1):
-        raise ValueError(f"cycles must be at least 1; got {float(np.min(count)):g}")
-    p, d, c = (np.ascontiguousarray(a, dtype=float).ravel() for a in (period, share, count))
-    speeds: Array = _table(p, d, c, settle, step, q)
-    return speeds.reshape(period.shape)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.drives.vibro_cycle import mean_velocities
-from models.drives.vibro_forces import VibroCycle, drive_force, friction, resistance, suspension_force
+from models.drives.vibro_cycle import drive_force, friction, resistance, suspension_force
+from models.drives.vibro_numbers import VibroCycle
+from models.drives.vibro_speed import mean_velocities
 from models.effects.coil_lag import CoilLag
 from models.effects.effect import Signals
 from models.effects.inner_mass import InnerMassEffect

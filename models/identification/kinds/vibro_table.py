@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from models.drives.vibro_cycle import STEP_S, mean_velocities
+from models.drives.vibro_speed import STEP_S, mean_velocities
 from models.effects.effect import Effect
 from models.identification.kind import Array, Theta
 from models.identification.kinds.vibro_theta import EFFECTS, vibro_cycle
@@ -37,6 +37,7 @@ class VibroTableKind:
     model_error_m_s: float = 2.0e-3
     effects: tuple[type[Effect], ...] = EFFECTS
     step_s: float = STEP_S
+    stages: int = 1
     name: str = "vibro_table"
     quantity: str = "mean_velocity_m_s"
     unit: str = "m/s"
@@ -113,8 +114,8 @@ class VibroTableKind:
         speeds = mean_velocities(runs[:, 0], runs[:, 1], runs[:, 2], vibro_cycle(values, self.reaction_on_body), step=self.step_s)
         return np.asarray(mirror * speeds[index], dtype=float)
 
-    def residual(self, record: Record, theta: Theta) -> Array:
-        """Difference of each condition's mean from the model in units of its standard deviation."""
+    def residual(self, record: Record, theta: Theta, stage: int = 0) -> Array:
+        """Difference of each condition's mean from the model in units of its standard deviation; there is one stage."""
         difference = _means(record, record[self.quantity] - self.predict(record, theta))
         _, index = _conditions(record)
         scatter = _means(record, self.scatter(record) ** 2) / np.bincount(index)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from models.drives.vibro_forces import GRAVITY, VibroCycle
+from models.drives.vibro_numbers import GRAVITY, VibroCycle
 from models.effects.actuator_lag import ActuatorLag
 from models.effects.coil_lag import CoilLag
 from models.effects.coil_reach import CoilReach

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
 from models.effects.effect import Effect, Values
+from models.laws.dynamic_modulus import DynamicModulus, springpot_modulus
 from models.parameter import Parameter
 
 _SOURCE = "fractional Kelvin-Voigt solid; soft tissue exponents 0.1 to 0.4"
@@ -34,8 +34,6 @@ class BroadRelaxation(Effect):
     stiffness_Pa: Parameter = Parameter("stiffness_Pa", 0.0, "Pa", 0.0, 1e7, _SOURCE, fit=True)
     exponent: Parameter = Parameter("exponent", 0.25, "1", 0.02, 0.6, _SOURCE, fit=True)
 
-    def modulus(self, frequency_Hz: Any, p: Values) -> tuple[Any, Any]:
+    def modulus(self, frequency_Hz: Any, p: Values) -> DynamicModulus:
         """Storage and loss modulus in Pa that the springpot adds at `frequency_Hz`, any shape."""
-        size = p["stiffness_Pa"] * (frequency_Hz / REFERENCE_HZ) ** p["exponent"]
-        angle = 0.5 * math.pi * p["exponent"]
-        return size * math.cos(angle), size * math.sin(angle)
+        return springpot_modulus(frequency_Hz / REFERENCE_HZ, 0.0, p["stiffness_Pa"], p["exponent"])

@@ -8,22 +8,16 @@ from dataclasses import dataclass, field
 from functools import reduce
 from itertools import pairwise
 from operator import mul
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from models.effects.directional_asymmetry import DirectionalAsymmetry
-from models.effects.drive_ripple import DriveRipple
 from models.effects.effect import Effect, Signals
-from models.effects.fold_periodic import FoldPeriodic
-from models.effects.lumen_taper import LumenTaper
-from models.effects.sensor_delay import SensorDelay
-from models.effects.stribeck import Stribeck
-from models.effects.viscous_drag import ViscousDrag
 from models.identification.kind import Array, Theta
+from models.identification.kinds.axis_effects import EFFECTS
 from models.identification.kinds.axis_words import equations, next_experiment, statements
-from models.identification.kinds.zero_phase import Motion, decimate, motion, passed, repeat_lag, sampling_rate
+from models.identification.kinds.present import present
+from models.identification.kinds.zero_phase import Motion, decimate, motion, passed, quiet_roughness, repeat_lag, sampling_rate
 from models.parameter import Parameter
 from models.record import Record
 from models.rig import Rig
@@ -31,43 +25,6 @@ from models.rig import Rig
 NOISE, WHOLE = "_noise_N", ("_x_m", "_v_m_s", "_a_m_s2")
 """Columns that a part of a record carries on from the whole: the force's noise, and the motion filtered before the cut."""
 _BELIEF = "rig file; without it only a start for the calibration"
-
-
-@dataclass(frozen=True)
-class AxisDrag(ViscousDrag):
-    """`viscous_drag` in the newtons of a stage; exponents near 0 are a film that thins with shear."""
-
-    grid = MappingProxyType({"exponent": (0.15, 0.3, 0.6, 1.5, 2.0)})
-    probe = 1.0
-    coefficient_N: Parameter = Parameter("coefficient_N", 0.0, "N at 10 mm/s", -100.0, 100.0, ViscousDrag.source, fit=True)
-    exponent: Parameter = Parameter("exponent", 0.5, "1", 0.1, 3.0, ViscousDrag.source, fit=True)
-
-
-@dataclass(frozen=True)
-class AxisStribeck(Stribeck):
-    """`stribeck` as its name is meant: extra resistance at low speed, never less."""
-
-    grid = MappingProxyType({"speed_m_s": (0.001, 0.003, 0.01, 0.03)})
-    excess: Parameter = Parameter("excess", 0.0, "1", 0.0, 3.0, Stribeck.source, fit=True)
-
-
-@dataclass(frozen=True)
-class AxisDelay(SensorDelay):
-    """`sensor_delay` of a position reading, milliseconds at most."""
-
-    probe = 2e-4
-    delay_s: Parameter = Parameter("delay_s", 0.0, "s", 0.0, 0.01, SensorDelay.source, fit=True)
-
-
-EFFECTS: tuple[type[Effect], ...] = (
-    DirectionalAsymmetry,
-    AxisStribeck,
-    AxisDrag,
-    LumenTaper,
-    AxisDelay,
-    DriveRipple,
-    FoldPeriodic,
-)
 
 
 @dataclass(frozen=True)
@@ -86,11 +43,11 @@ class AxisKind:
     quantity: str = "force_N"
     unit: str = "N"
     measure: str = "norm of the force error over norm of the force in %, both low-passed at 40 Hz without phase"
-    _seen: dict[int, tuple[Record, Motion]] = field(default_factory=dict, repr=False, compare=False)
+    _seen: dict[tuple[int, int], tuple[Record, Motion]] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def from_rig(cls, rig: Rig) -> AxisKind:
-        """The stage that a rig file describes; what it leaves out starts at 1 kg, 1 N s/m, 1 N and 0 N."""
+        """The stage that a rig file describes; what it leaves out starts at 10 kg, 100 N s/m, 10 N and 0 N."""
         axis = rig.axis
         numbers = (axis.mass_kg, axis.viscous_friction_N_s_per_m, axis.coulomb_friction_N, axis.offset_N)
         return cls.around(*numbers, force_std_N=rig.noise.force_std_N)
@@ -112,9 +69,9 @@ class AxisKind:
 
         return cls(
             (
-                number("mass_kg", mass_kg, 1.0, "kg", 1e-4, 1e3),
-                number("viscous_friction_N_s_per_m", viscous_N_s_per_m, 1.0, "N s/m", 0.0, 1e4),
-                number("coulomb_friction_N", coulomb_N, 1.0, "N", 0.0, 1e3),
+                number("mass_kg", mass_kg, 10.0, "kg", 1e-4, 1e3),
+                number("viscous_friction_N_s_per_m", viscous_N_s_per_m, 100.0, "N s/m", 0.0, 1e4),
+                number("coulomb_friction_N", coulomb_N, 10.0, "N", 0.0, 1e3),
                 number("offset_N", offset_N, 0.0, "N", -1e3, 1e3),
             ),
             force_std_N,
@@ -132,15 +89,15 @@ class AxisKind:
         """Force in N that the measured motion needs, one value a row."""
         m = self._motion(record)
         s = Signals(t=m.t, x=m.x, v=m.v, direction=np.sign(m.v))
-        present = [(effect(), values) for effect in self.effects if (values := parameters_of(effect, theta)) is not None]
+        acting = present(self.effects, theta)
         friction = theta["viscous_friction_N_s_per_m"] * m.v + theta["coulomb_friction_N"] * s.direction
-        level: Any = reduce(mul, (e.level(s, p, {}) for e, p in present), 1.0)
-        extra: Any = sum(e.force(s, p, {}) for e, p in present)
+        level: Any = reduce(mul, (e.level(s, p, {}) for e, p in acting), 1.0)
+        extra: Any = sum(e.force(s, p, {}) for e, p in acting)
         force = theta["mass_kg"] * m.a + friction * level + theta["offset_N"] - extra
-        late = sum(float(e.delay(p)) for e, p in present)
+        late = sum(float(e.delay(p)) for e, p in acting)
         if late:
             force = np.interp(m.t + late, m.t, force)
-        for e, p in present:
+        for e, p in acting:
             force = e.measured(s, p, {}, force)
         return np.asarray(force, dtype=float)
 
@@ -169,18 +126,14 @@ class AxisKind:
         force = decimate(record[self.quantity], rate)
         lag = repeat_lag(record["position_m"], rate)
         if lag is None:
-            return max(1.4826 * float(np.median(np.abs(np.diff(force, 2)))) / math.sqrt(6), 1e-9)
+            return max(quiet_roughness(force), 1e-9)
         full = decimate(record[self.quantity][lag:] - record[self.quantity][:-lag], rate)
         return max(float(np.std(full)) / math.sqrt(2), 1e-9)
 
     def noise_floor(self, records: Sequence[Record]) -> float:
-        """What the force's noise alone makes of the error, in %."""
-        noise = force = 0.0
-        for record in records:
-            measured = decimate(record[self.quantity], sampling_rate(record["t_s"]))
-            noise += len(measured) * self.noise_std(record) ** 2
-            force += float(np.sum(measured**2))
-        return 100 * float(np.sqrt(noise / force))
+        """What the force's noise alone, the quietest record's, makes of the error, in %."""
+        forces = np.concatenate([decimate(r[self.quantity], sampling_rate(r["t_s"])) for r in records])
+        return 100 * min(self.noise_std(r) for r in records) / math.sqrt(float(np.mean(forces**2)))
 
     def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
         """The same motion with the force of the model and noise of the same size after the filter."""
@@ -215,23 +168,18 @@ class AxisKind:
         return next_experiment(theta)
 
     def _motion(self, record: Record) -> Motion:
-        known = self._seen.get(id(record["position_m"]))
-        if known is None or known[0]["position_m"] is not record["position_m"]:
-            if len(self._seen) > 64:
-                self._seen.clear()
-            if WHOLE[0] in record.columns:
-                found = Motion(record["t_s"], *(record[column] for column in WHOLE))
-            else:
-                found = motion(record["t_s"], record["position_m"])
-            known = (record, found)
-            self._seen[id(record["position_m"])] = known
-        return known[1]
-
-
-def parameters_of(effect: type[Effect], theta: Theta) -> dict[str, float] | None:
-    """An effect's parameters in `theta`, at their defaults where left out; None where the effect is absent."""
-    given = {p.name: theta[f"{effect.id}.{p.name}"] for p in effect.parameters() if f"{effect.id}.{p.name}" in theta}
-    return {p.name: given.get(p.name, p.value) for p in effect.parameters()} if given else None
+        key = (id(record["t_s"]), id(record["position_m"]))
+        known = self._seen.get(key)
+        if known is not None:
+            return known[1]
+        if len(self._seen) > 64:
+            self._seen.clear()
+        if WHOLE[0] in record.columns:
+            found = Motion(record["t_s"], *(record[column] for column in WHOLE))
+        else:
+            found = motion(record["t_s"], record["position_m"])
+        self._seen[key] = (record, found)  # the record is kept so that its arrays' ids stay theirs
+        return found
 
 
 def blocks_of_cycle(record: Record, count: int = 4) -> list[tuple[list[Record], list[Record]]]:

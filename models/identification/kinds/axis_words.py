@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from models.identification.kind import Theta
+from models.identification.kinds.axis_ripple import Ripple, find_ripple
 from models.identification.kinds.zero_phase import decimate, sampling_rate
 from models.record import Record
 
@@ -31,9 +32,6 @@ def equations(theta: Theta) -> list[str]:
     terms = [f"F = {theta['mass_kg']:.5g} a + {friction} {theta['offset_N']:+.3g}"]
     if has("viscous_drag.coefficient_N"):
         terms.append(f"  {theta['viscous_drag.coefficient_N']:+.4g} sgn(v) (|v|/0.01)^{theta['viscous_drag.exponent']:.3g}")
-    if has("drive_ripple.amplitude_N"):
-        wave = f"2 pi x/{theta['drive_ripple.wavelength_m']:.6g} {theta['drive_ripple.phase_rad']:+.3g}"
-        terms.append(f"  {-theta['drive_ripple.amplitude_N']:+.3g} sin({wave})")
     if has("sensor_delay.delay_s"):
         terms.append(f"  with x, v, a read {1e3 * theta['sensor_delay.delay_s']:.3g} ms late")
     return terms
@@ -46,9 +44,12 @@ def statements(kind: AxisKind, theta_by_stage: Mapping[str, Theta], records: Seq
     out = [
         f"Repeats of the same motion leave {floor:.2f} % of the force; the model leaves {left:.2f} %.",
         _where_it_remains(kind, theta, records),
-        "A constant offset and a direction-dependent Coulomb friction are the same force while the stage moves; only "
-        "the part of the asymmetry that grows with speed tells them apart here.",
     ]
+    if "directional_asymmetry.asymmetry" in theta:
+        out.append(_asymmetry(theta))
+    ripples = [found for r in records if (found := find_ripple(kind, r, theta)) is not None]
+    if ripples:
+        out.append(_ripples(ripples))
     if "sensor_delay.delay_s" in theta:
         late = 1e3 * theta["sensor_delay.delay_s"]
         out.append(
@@ -88,3 +89,23 @@ def _where_it_remains(kind: AxisKind, theta: Theta, records: Sequence[Record]) -
         squares["cruising"] += float(np.sum(error[~fast] ** 2))
     share = 100 * squares["accelerating"] / max(sum(squares.values()), 1e-300)
     return f"{share:.0f} % of what remains (mean square) lies where the stage accelerates, the rest where it cruises."
+
+
+def _ripples(found: Sequence[Ripple]) -> str:
+    first = found[0]
+    return (
+        f"A force of {first.amplitude_N:.2f} N periodic in position, {1e3 * first.wavelength_m:.3f} mm, the same sign "
+        f"going and coming back, makes {100 * first.share:.0f} % of what remains (p = {first.p:.0e}): cogging of the "
+        "motor or ripple of the screw. Its phase belongs to where the position was zeroed, which another record need not "
+        "share, so it stays out of the model."
+    )
+
+
+def _asymmetry(theta: Theta) -> str:
+    share, viscous = theta["directional_asymmetry.asymmetry"], theta["viscous_friction_N_s_per_m"]
+    constant = theta["offset_N"] + share * theta["coulomb_friction_N"]
+    return (
+        "A constant offset and a direction-dependent Coulomb friction are the same force while the stage moves: only their sum, "
+        f"{constant:+.2f} N, is told. What differs between the directions is the friction that grows with speed: "
+        f"{viscous * (1 + share):.0f} N s/m forward, {viscous * (1 - share):.0f} N s/m backward."
+    )

@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from models.effects.broad_relaxation import BroadRelaxation
 from models.effects.effect import Effect
 from models.identification.kind import Array, Theta
-from models.identification.kinds.axis import parameters_of
 from models.identification.kinds.dma_words import equations, next_experiment, statements
+from models.identification.kinds.present import present
+from models.laws.dynamic_modulus import angular_frequency, five_element_modulus
+from models.laws.hoop import Moduli
 from models.parameter import Parameter, load_set
 from models.record import Record
 from models.rig import Rig
@@ -22,16 +24,6 @@ NAMES = ("E1", "E2", "E3", "tau1", "tau2")
 COLUMNS = ("storage_modulus_Pa", "loss_modulus_Pa")
 SAMPLE_SPREAD, READING_SPREAD = 0.035, 0.010
 """Relative scatter between samples (one factor a sample) and of one reading (real and imaginary part), paper V Table 2."""
-
-
-def five_elements(frequency_Hz: Array, values: Sequence[float]) -> NDArray[np.complex128]:
-    """`G* = E3 + sum_i E_i i w tau_i/(1 + i w tau_i)` in Pa with `w = 2 pi f`, `tau_i = eta_i/E_i` (paper V Eq. 15 to 18).
-
-    `values` are E1, E2, E3 in Pa and tau1, tau2 in s.
-    """
-    E1, E2, E3, tau1, tau2 = values
-    w = 2j * math.pi * np.asarray(frequency_Hz)
-    return np.asarray(E3 + E1 * w * tau1 / (1 + w * tau1) + E2 * w * tau2 / (1 + w * tau2))
 
 
 @dataclass(frozen=True)
@@ -77,12 +69,12 @@ class DmaKind:
     def predict(self, record: Record, theta: Theta) -> Array:
         """Storage and loss modulus in Pa, one row a reading."""
         frequency = record["frequency_Hz"]
-        modulus = five_elements(frequency, [10 ** theta[f"log10_{name}"] for name in NAMES])
-        out = np.column_stack([modulus.real, modulus.imag])
-        for effect in self.effects:
-            values = parameters_of(effect, theta)
-            if values is not None and issubclass(effect, BroadRelaxation):
-                out += np.column_stack(effect().modulus(frequency, values))
+        wall = five_element_modulus(angular_frequency(frequency), moduli_of(theta))
+        out = np.column_stack([wall.storage, wall.loss])
+        for effect, values in present(self.effects, theta):
+            if isinstance(effect, BroadRelaxation):
+                extra = effect.modulus(frequency, values)
+                out += np.column_stack([extra.storage, extra.loss])
         return out
 
     def residual(self, record: Record, theta: Theta) -> Array:
@@ -154,6 +146,12 @@ class DmaKind:
 
     def _reading(self, size: Array) -> Array:
         return np.full(len(size), READING_SPREAD) if self.modulus_std_Pa is None else self.modulus_std_Pa / size
+
+
+def moduli_of(theta: Theta) -> Moduli:
+    """The five elements in Pa and Pa s from their decadic logarithms, `eta_i = E_i tau_i`."""
+    E1, E2, E3, tau1, tau2 = (10 ** theta[f"log10_{name}"] for name in NAMES)
+    return Moduli(E1, E2, E3, E1 * tau1, E2 * tau2)
 
 
 def samples_of(record: Record) -> list[NDArray[np.intp]]:

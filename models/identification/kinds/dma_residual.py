@@ -11,6 +11,7 @@ from scipy.optimize import least_squares, nnls
 from scipy.stats import f as f_distribution
 
 from models.identification.kind import Array, Theta
+from models.laws.dynamic_modulus import springpot_modulus
 from models.record import Record
 
 if TYPE_CHECKING:
@@ -86,8 +87,8 @@ def springpot_alone(kind: DmaKind, training: Sequence[Record], validation: Seque
     def predict(records: Sequence[Record], q: Array) -> list[Array]:
         out = []
         for r in records:
-            modulus = 10 ** q[0] + 10 ** q[1] * (1j * r["frequency_Hz"] / 10) ** q[2]
-            out.append(np.column_stack([modulus.real, modulus.imag]))
+            law = springpot_modulus(r["frequency_Hz"] / 10, 10 ** q[0], 10 ** q[1], q[2])
+            out.append(np.column_stack([law.storage, law.loss]))
         return out
 
     def misfit(q: Array) -> Array:

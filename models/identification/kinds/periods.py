@@ -9,16 +9,16 @@ from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
-from scipy.optimize import brentq
 
 from models.effects.effect import Effect, Signals
 from models.effects.small_strain_stiffening import SmallStrainStiffening
 from models.identification.kind import Array, Theta
-from models.identification.kinds.axis import parameters_of
 from models.identification.kinds.periods_words import equations, next_experiment, statements
+from models.identification.kinds.present import present
 from models.laws.geometry import GRAVITY, Capsule, Tissue, stretched_length, wall_section
 from models.laws.hyperelastic import WallConstants
 from models.laws.resistance import pressure_integrals
+from models.laws.stick_slip import Tooth, stick_slip_tooth
 from models.laws.tension import wall_tension
 from models.parameter import Parameter
 from models.record import Record
@@ -43,11 +43,9 @@ class SingleSpeedStiffening(SmallStrainStiffening):
 
 @dataclass(frozen=True)
 class Cycle:
-    """One stick-slip cycle: drag at the onset of slip in m, times of stick and slip in s, valley and peak force in N."""
+    """One stick-slip cycle: its tooth, valley and peak of the force in N."""
 
-    onset: float
-    stick: float
-    slip: float
+    tooth: Tooth
     valley: float
     peak: float
 
@@ -113,17 +111,15 @@ class PeriodsKind:
         """Period in s, valley and peak in N, one row a period."""
         speeds = np.abs(record.columns.get("velocity_m_s", np.full(len(record), self.velocity_m_s)))
         cycles = {v: self.cycle(float(v), theta) for v in np.unique(speeds)}
-        return np.array([[cycles[v].stick + cycles[v].slip, cycles[v].valley, cycles[v].peak] for v in speeds])
+        return np.array([[cycles[v].tooth.period_s, cycles[v].valley, cycles[v].peak] for v in speeds])
 
     def cycle(self, speed: float, theta: Theta) -> Cycle:
         """The steady cycle at a pull of `speed` in m/s."""
         resistance, limit = self.levels(speed, theta)
-        onset = self.onset(limit, speed, theta)
-        recovery = self.tissue.recovery_time_s
-        slip = recovery if self.return_speed_m_s is None else onset / (speed + self.return_speed_m_s)
-        back = onset / recovery if self.return_speed_m_s is None else self.return_speed_m_s
+        tooth = self.tooth(limit, speed, theta)
+        back = tooth.drag_m / tooth.fall_s if self.return_speed_m_s is None else self.return_speed_m_s
         lowest = min(self.tension(0.0, speed, theta), self.tension(0.0, -back, theta))
-        return Cycle(onset, onset / speed, slip, resistance + lowest, resistance + limit)
+        return Cycle(tooth, resistance + lowest, resistance + limit)
 
     def levels(self, speed: float, theta: Theta) -> tuple[float, float]:
         """Environmental resistance `F_e` and Coulomb limit `f_c` in N."""
@@ -136,27 +132,25 @@ class PeriodsKind:
         """Wall tension in N at a drag in m that grows at `rate` in m/s, with the effects in `theta`."""
         out = float(wall_tension(drag, _WALL, wall_section(self.capsule, self.tissue), self.length_m))
         s = Signals(drag=drag, drag_rate=rate, v=self.velocity_m_s, direction=1.0, tension=out)
-        present = [(e(), p) for e in self.effects if (p := parameters_of(e, theta)) is not None]
-        for effect, p in present:
+        acting = present(self.effects, theta)
+        for effect, p in acting:
             out *= float(effect.stiffening(s, p, {}))
-        return out + sum(float(effect.wall_force(s, p, {})) for effect, p in present)
+        return out + sum(float(effect.wall_force(s, p, {})) for effect, p in acting)
 
-    def onset(self, limit: float, speed: float, theta: Theta) -> float:
-        """Drag `u_c` in m at which the tension reaches `limit` in N; at most as long as the wall is."""
-        if self.tension(0.0, speed, theta) >= limit:
-            return 0.0
-        end = 1e-6
-        while self.tension(end, speed, theta) < limit:
-            if end > self.length_m:
-                return self.length_m
-            end *= 2
-        return float(brentq(lambda u: self.tension(u, speed, theta) - limit, 0.0, end, xtol=1e-12))
+    def tooth(self, limit: float, speed: float, theta: Theta) -> Tooth:
+        """Rise and fall between slip at the tension `limit` in N and the relaxed wall."""
+        start = self.tension(0.0, speed, theta)
+        if start >= limit:
+            return Tooth(0.0, 0.0, 0.0)
+        recoil = self.return_speed_m_s
+        tooth = stick_slip_tooth(lambda u: self.tension(u, speed, theta) - start, limit - start, speed, recoil or 1.0)
+        return tooth if recoil is not None else Tooth(tooth.drag_m, tooth.rise_s, self.tissue.recovery_time_s)
 
     def residual(self, record: Record, theta: Theta) -> Array:
         """Errors of period, valley and peak in units of one period's scatter, three a row.
 
-        At a single speed the mean errors of valley and peak count `FORCES_FIRST` times: these two identify q and mu, and the period
-        tests the wall's law. Weighed alike, a wrong law would be hidden in wrong forces.
+        At a single speed the mean errors of valley and peak count `FORCES_FIRST` times: these two identify q and mu, and the
+        period tests the wall's law. Weighed alike, a wrong law would be hidden in wrong forces.
         """
         off = (self.measured(record) - self.predict(record, theta)) / self._std(record)
         if len(np.unique(record.columns.get("velocity_m_s", np.zeros(1)))) == 1:

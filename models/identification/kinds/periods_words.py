@@ -26,8 +26,8 @@ def equations(kind: PeriodsKind, theta: Theta) -> list[str]:
         stiffer = f" (1 {theta['small_strain_stiffening.excess']:+.3g} exp(-|u|/{1e3 * scale:.3g} mm))"
     return [
         f"T(u) = H_l(1 + |u|/{1e3 * kind.length_m:.4g} mm) s{stiffer}, slip when T(u_c) = f_c",
-        f"F_e = {1e3 * cycle.valley:.2f} mN, f_c = {rise:.2f} mN, u_c = {1e3 * cycle.onset:.4f} mm",
-        f"period = {cycle.stick:.4f} s sticking + {cycle.slip:.4f} s slipping = {cycle.stick + cycle.slip:.4f} s",
+        f"F_e = {1e3 * cycle.valley:.2f} mN, f_c = {rise:.2f} mN, u_c = {1e3 * cycle.tooth.drag_m:.4f} mm",
+        f"period = {cycle.tooth.rise_s:.4f} s sticking + {cycle.tooth.fall_s:.4f} s slipping = {cycle.tooth.period_s:.4f} s",
     ]
 
 
@@ -52,13 +52,13 @@ def statements(kind: PeriodsKind, theta_by_stage: Mapping[str, Theta], records: 
     factor = _stiffer_by(kind, limit, period)
     out.append(
         f"One speed cannot tell apart: a wall {factor:.2f} times stiffer at this drag of "
-        f"{1e3 * cycle.onset / factor:.3f} mm, a wall {factor:.2f} times stiffer at every drag, a stretched length of "
+        f"{1e3 * cycle.tooth.drag_m / factor:.3f} mm, a wall {factor:.2f} times stiffer at every drag, a stretched length of "
         f"{1e3 * kind.length_m / factor:.1f} mm instead of {1e3 * kind.length_m:.1f} mm, and a tension that grows "
         "with the rate of stretch (wall_viscosity). Quasi-static tests of the wall speak against the second, "
         "the capsule's size against the third."
     )
     out.append(
-        f"A quicker recovery is not enough: sticking alone takes {cycle.stick:.3f} s against a measured period of "
+        f"A quicker recovery is not enough: sticking alone takes {cycle.tooth.rise_s:.3f} s against a measured period of "
         f"{period:.4f} s. A compliant string would lengthen the period, not shorten it."
     )
     return out
@@ -88,10 +88,7 @@ def _off(kind: PeriodsKind, theta: Theta, records: Sequence[Record]) -> str:
 
 
 def _period(kind: PeriodsKind, limit: float) -> float:
-    onset = kind.onset(limit, kind.velocity_m_s, {})
-    if kind.return_speed_m_s is None:
-        return onset / kind.velocity_m_s + kind.tissue.recovery_time_s
-    return onset / kind.velocity_m_s + onset / (kind.velocity_m_s + kind.return_speed_m_s)
+    return kind.tooth(limit, kind.velocity_m_s, {}).period_s
 
 
 def _stiffer_by(kind: PeriodsKind, limit: float, period: float) -> float:

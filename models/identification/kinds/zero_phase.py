@@ -68,6 +68,13 @@ def passed(rate: float) -> float:
     return float(np.sqrt(np.mean(np.abs(gain) ** 4)))
 
 
+def quiet_roughness(signal: Array, window: int = 25) -> float:
+    """Standard deviation of a signal's noise from its second differences, in the quietest tenth of its windows."""
+    bends = np.diff(signal, 2) / np.sqrt(6)
+    parts = bends[: len(bends) // window * window].reshape(-1, window) if len(bends) >= window else bends[None, :]
+    return float(np.percentile(np.sqrt(np.mean(parts**2, axis=1)), 10))
+
+
 def repeat_lag(position: Array, rate: float, shortest_s: float = 1.0) -> int | None:
     """Samples after which the motion repeats to 1e-4 of its range over at least a third of the record; None where it does not."""
     n = len(position)

@@ -1,0 +1,96 @@
+"""What a command says: a summary on standard output, notes and progress on standard error, and with `--json` one object alone."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import sys
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+WIDTH = 110
+
+
+def notes() -> Console:
+    """The console on standard error."""
+    return _console(Console(stderr=True, highlight=False))
+
+
+def summary() -> Console:
+    """The console on standard output."""
+    return _console(Console(highlight=False))
+
+
+def print_json(document: Any) -> None:
+    """Print one JSON object; numbers that are not finite become null."""
+    sys.stdout.write(json_text(document))
+
+
+def json_text(document: Any) -> str:
+    """A document as JSON text."""
+    return json.dumps(plain(document), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def plain(value: Any) -> Any:
+    """A value of dicts, sequences, NumPy numbers and arrays as JSON knows them; numbers that are not finite become None."""
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+@contextlib.contextmanager
+def output_to_notes() -> Iterator[None]:
+    """Within it, what is printed goes to standard error, so that standard output stays one JSON object."""
+    with contextlib.redirect_stdout(sys.stderr):
+        yield
+
+
+@contextlib.contextmanager
+def progress_bar(title: str) -> Iterator[Callable[[str, float], None]]:
+    """Show progress on standard error: a bar on a terminal, else a line for each new stage. Yields `report(stage, fraction)`."""
+    console = notes()
+    if not console.is_terminal:
+        yield _stage_lines(console, title)
+        return
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:3.0f} %"),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=console, transient=True) as progress:
+        task = progress.add_task(title, total=1.0)
+
+        def report(stage: str, fraction: float) -> None:
+            progress.update(task, description=f"{title}: {stage}", completed=min(max(fraction, 0.0), 1.0))
+
+        yield report
+
+
+def _stage_lines(console: Console, title: str) -> Callable[[str, float], None]:
+    last = ""
+
+    def report(stage: str, fraction: float) -> None:
+        nonlocal last
+        if stage != last:
+            last = stage
+            console.print(f"{title}: {100 * min(max(fraction, 0.0), 1.0):3.0f} %  {stage}", markup=False)
+
+    return report
+
+
+def _console(console: Console) -> Console:
+    if not console.is_terminal:
+        console.width = WIDTH
+    return console

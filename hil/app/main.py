@@ -1,0 +1,191 @@
+"""The program `capsule`: one command a task; bad input ends with status 2 and one sentence on standard error.
+
+A command's module is imported when it is called, so that `capsule --help` answers at once.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperCommand
+
+from hil.app.console import output_to_notes, print_json, summary
+
+BAD_INPUT, INTERRUPTED = 2, 130
+INTERRUPTION = "interrupted: no result was written"
+
+app = typer.Typer(
+    name="capsule",
+    help="Measured records of a capsule robot in, the effect that its model lacks out.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else there.")]
+RigFile = Annotated[Path, typer.Option("--rig", metavar="RIG.toml", help="What the experimenter believes about the rig.")]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="Sets every random number.")]
+
+
+class ManyHoldouts(TyperCommand):
+    """A command whose `--holdout` takes every word up to the next option, so that none of them becomes a training record."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Repeat `--holdout` before each of its words, then parse as ever."""
+        return super().parse_args(ctx, spread_option("--holdout", args))
+
+
+def spread_option(option: str, args: Sequence[str]) -> list[str]:
+    """`--holdout a b --json` as `--holdout a --holdout b --json`."""
+    spread: list[str] = []
+    waiting = within = False
+    for word in args:
+        if word == option:
+            waiting = within = True
+        elif word.startswith(f"{option}="):
+            spread.append(word)
+            waiting, within = False, True
+        elif word.startswith("-") and word != "-":
+            if waiting:
+                spread.append(option)
+            waiting = within = False
+            spread.append(word)
+        else:
+            spread += [option, word] if within else [word]
+            waiting = False
+    return [*spread, option] if waiting else spread
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        try:
+            number = version("capsule-control")
+        except PackageNotFoundError:
+            number = "not installed"
+        typer.echo(f"capsule {number}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    show: Annotated[bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version.")] = False,
+) -> None:
+    pass
+
+
+@app.command("seeds")
+def _seeds(
+    json_output: Json = False,
+    plot: Annotated[Path | None, typer.Option("--plot", metavar="DIR", help="Draw the papers' figures into this folder.")] = None,
+) -> None:
+    """The seed papers' numbers: what each paper states, what its equations give here, what was measured."""
+    from hil.app.seeds import seeds
+
+    seeds(json_output=json_output, plot=plot)
+
+
+@app.command("close-loop", cls=ManyHoldouts)
+def _close_loop(
+    records: Annotated[list[Path], typer.Argument(metavar="RECORD...", help="Training records, .csv or .csv.gz.")],
+    rig: RigFile,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for report.html, report.json and model.toml.")],
+    holdout: Annotated[
+        list[Path] | None,
+        typer.Option("--holdout", metavar="RECORD...", help="Records that no fit, search or threshold may touch."),
+    ] = None,
+    json_output: Json = False,
+    seed: Seed = 0,
+) -> None:
+    """Measured data -> residual -> missing effect -> better model."""
+    from hil.app.close_loop import close_loop
+
+    close_loop(records, rig, out, holdout or [], json_output=json_output, seed=seed)
+
+
+@app.command("predict")
+def _predict(
+    record: Annotated[Path, typer.Argument(metavar="RECORD", help="A record; its measured columns may be missing.")],
+    rig: RigFile,
+    model: Annotated[Path, typer.Option("--model", metavar="MODEL.toml", help="A model that close-loop wrote.")],
+    out: Annotated[Path, typer.Option("--out", metavar="PRED.csv", help="Where the prediction goes.")],
+    stage: Annotated[str, typer.Option("--stage", metavar="nominal/calibrated/augmented", help="Which model.")] = "augmented",
+    json_output: Json = False,
+) -> None:
+    """Free-running prediction of the measured column from the driven column alone."""
+    from hil.app.predict import predict
+
+    predict(record, rig, model, out, stage=stage, json_output=json_output)
+
+
+@app.command("simulate")
+def _simulate(
+    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.toml", help="Rig, drive and hidden effects.")],
+    out: Annotated[Path, typer.Option("--out", metavar="RECORD.csv", help="Where the record goes.")],
+    json_output: Json = False,
+) -> None:
+    """The plant alone."""
+    from hil.app.simulate import simulate
+
+    with output_to_notes():
+        simulate(scenario, out)
+    if json_output:
+        print_json({"scenario": str(scenario), "record": str(out)})
+    else:
+        summary().print(f"record: {out}", markup=False, soft_wrap=True)
+
+
+@app.command("demo")
+def _demo(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the reports.")] = Path("out/demo"),
+    json_output: Json = False,
+    seed: Seed = 0,
+) -> None:
+    """The whole story in one go: measured and simulated records, what the model lacks, the error before and after."""
+    from hil.app.demo import demo
+
+    demo(out, json_output=json_output, seed=seed)
+
+
+def run(args: Sequence[str]) -> int:
+    """Run one command line and return its exit status."""
+    try:
+        status = app(list(args), standalone_mode=False)
+    except (KeyboardInterrupt, typer.Abort):
+        return _said(INTERRUPTION, INTERRUPTED)
+    except typer.TyperException as error:
+        format_message = getattr(error, "format_message", None)
+        return _said(format_message() if format_message else str(error), BAD_INPUT)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except OSError as error:
+        return _said(
+            f"{error.filename or 'file'} must be one that can be read or written; got: {error.strerror or error}", BAD_INPUT
+        )
+    except ValueError as error:
+        if os.environ.get("CAPSULE_TRACEBACK"):
+            raise
+        return _said(str(error), BAD_INPUT)
+    if status == INTERRUPTED:
+        return _said(INTERRUPTION, INTERRUPTED)
+    return status if isinstance(status, int) else 0
+
+
+def _said(sentence: str, status: int) -> int:
+    print("capsule:", " ".join(sentence.split()), file=sys.stderr)
+    return status
+
+
+def main() -> None:
+    """Entry point of the program."""
+    sys.exit(run(sys.argv[1:]))
+
+
+if __name__ == "__main__":
+    main()

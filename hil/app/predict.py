@@ -1,0 +1,79 @@
+"""`capsule predict`: the measured column as a model that close-loop wrote predicts it from the driven column alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.app.console import output_to_notes, print_json, summary
+from hil.app.write import check_file, write_table
+from models.columns import COLUMNS
+from models.identification import Model
+from models.identification.result import STAGES
+from models.parameter import nearest
+from models.record import Record, read_record
+from models.rig import read_rig
+
+LARGEST_MODEL = 1 << 22
+
+
+def predict(record: Path, rig: Path, model: Path, out: Path, *, stage: str = "augmented", json_output: bool = False) -> None:
+    """Write the free-running prediction of `record` to `out`, one row a sample (a condition, for a table of runs)."""
+    if stage not in STAGES:
+        raise ValueError(f"--stage must be one of {', '.join(STAGES)}; got {stage!r}; {nearest(stage, STAGES)}")
+    check_file(out, "--out", (".csv", ".csv.gz"))
+    belief = read_rig(rig)
+    learned = read_model(model, belief.kind)
+    driven = read_record(record, belief, driven_only=True)
+    with output_to_notes():
+        columns = learned.predict(belief, driven, stage)
+    write_table(out, columns)
+    differences = compare(driven, columns)
+    rows = len(next(iter(columns.values())))
+    if json_output:
+        print_json(
+            {
+                "record": str(record),
+                "stage": stage,
+                "prediction": str(out),
+                "columns": list(columns),
+                "rows": rows,
+                "rms": differences,
+            }
+        )
+        return
+    console = summary()
+    console.print(f"{stage} model, {rows} rows: {out}", markup=False, soft_wrap=True)
+    for name, value in differences.items():
+        console.print(f"rms of {name}, measured minus predicted: {value:.4g}", markup=False)
+
+
+def read_model(path: Path, kind: str) -> Model:
+    """The model of a file, for rigs of `kind`; a ValueError of one sentence where it is none."""
+    try:
+        if path.stat().st_size > LARGEST_MODEL:
+            raise ValueError(f"{path}: model must be smaller than {LARGEST_MODEL} bytes; got {path.stat().st_size}")
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise ValueError(f"{path}: model must be a file that can be read; got: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path}: model must be UTF-8 text; got another byte at {error.start}") from None
+    try:
+        model = Model.from_toml(text)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    if model.kind != kind:
+        raise ValueError(f"{path}: model must be one of a {kind} rig; got one of a {model.kind} rig")
+    return model
+
+
+def compare(record: Record, columns: dict[str, NDArray[np.float64]]) -> dict[str, Any]:
+    """Root mean square of measured minus predicted for each measured column that the record has, where the rows are the same."""
+    return {
+        name: float(np.sqrt(np.mean((record[name] - columns[name]) ** 2)))
+        for name in COLUMNS[record.kind].measured
+        if name in record.columns and name in columns and len(record) == len(columns[name])
+    }

@@ -1,0 +1,114 @@
+"""Figures of the outcome: the error by stage, and the candidates with their evidence."""
+
+from __future__ import annotations
+
+import math
+
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from hil.app.report.theme import FLOOR, MUTED, STAGE_COLOURS, styled
+from hil.app.report.words import STAGE_WORDS, effect_words, error_scale, number
+from models.identification.result import STAGES, CandidateRow, Finding
+
+PARTS = {"train": "training", "holdout": "held out"}
+MOST_ROUNDS, MOST_CANDIDATES = 4, 14
+CHOSEN, ALIKE, OTHER = STAGE_COLOURS["augmented"], "#8cc4c8", "#cfd6dd"
+
+
+def error_figure(finding: Finding) -> go.Figure:
+    """Bars of the error by stage for training and held-out data, with the noise floor."""
+    parts = [part for part in PARTS if any(_finite(v) for v in finding.error.get(part, {}).values())]
+    values = [v for part in parts for v in finding.error[part].values() if _finite(v)]
+    factor, unit = error_scale(finding)
+    wide = bool(values) and min(values) > 0 and max(values) / min(values) > 40
+    figure = go.Figure()
+    for stage in STAGES:
+        heights = [factor * finding.error[part].get(stage, math.nan) for part in parts]
+        figure.add_bar(
+            x=[PARTS[part] for part in parts],
+            y=heights,
+            name=STAGE_WORDS[stage],
+            marker={"color": STAGE_COLOURS[stage], "cornerradius": 3},
+            text=[number(h, 3) for h in heights],
+            textposition="outside",
+            cliponaxis=False,
+            hovertemplate=f"%{{x}}, {stage}: %{{y:.4g}} {unit}<extra></extra>",
+        )
+    if _finite(finding.noise_floor) and finding.noise_floor > 0:
+        level = factor * finding.noise_floor
+        figure.add_hline(y=level, line={"color": FLOOR, "dash": "dash", "width": 1.5})
+        figure.add_annotation(
+            x=1,
+            xref="paper",
+            y=math.log10(level) if wide else level,
+            text="noise floor",
+            showarrow=False,
+            yanchor="bottom",
+            xanchor="right",
+        )
+    styled(figure, 340, barmode="group", bargap=0.35, bargroupgap=0.08)
+    return figure.update_yaxes(
+        title=f"error in {unit}" if unit else "error", type="log" if wide else "linear", rangemode="tozero"
+    )
+
+
+def candidate_figure(finding: Finding) -> go.Figure | None:
+    """For each round: what a candidate explains when screened, and what it gains on data left out once fitted."""
+    rounds = sorted({row.round for row in finding.candidates})[:MOST_ROUNDS]
+    if not rounds:
+        return None
+    shown = {index: _best(finding, index) for index in rounds}
+    sizes = [len(rows) for rows in shown.values()]
+    figure = make_subplots(
+        rows=len(rounds),
+        cols=2,
+        shared_yaxes=True,
+        horizontal_spacing=0.04,
+        vertical_spacing=64 / _height(sizes),
+        row_heights=[max(size, 3) for size in sizes],
+        subplot_titles=[
+            title
+            for index in rounds
+            for title in (f"round {index}: share of the residual, screened", "gain on data left out, fitted")
+        ],
+    )
+    for place, rows in enumerate(shown.values(), start=1):
+        names = [effect_words(row.id) for row in rows]
+        colours = [_colour(finding, row.id) for row in rows]
+        notes = [row.note for row in rows]
+        for column, values in enumerate(([100 * row.screened for row in rows], [row.gain for row in rows]), start=1):
+            figure.add_bar(
+                x=values,
+                y=names,
+                orientation="h",
+                marker={"color": colours, "cornerradius": 2},
+                customdata=notes,
+                hovertemplate="%{y}: %{x:.3g}<br>%{customdata}<extra></extra>",
+                showlegend=False,
+                row=place,
+                col=column,
+            )
+        figure.update_xaxes(ticksuffix=" %", row=place, col=1)
+    styled(figure, _height(sizes), bargap=0.28, margin={"l": 165, "r": 20, "t": 34, "b": 40})
+    return figure.update_yaxes(autorange="reversed", tickfont={"color": MUTED}, ticklabelstandoff=6)
+
+
+def _height(sizes: list[int]) -> int:
+    return 80 + sum(24 * max(size, 3) + 64 for size in sizes)
+
+
+def _best(finding: Finding, index: int) -> list[CandidateRow]:
+    rows = [row for row in finding.candidates if row.round == index]
+    rows.sort(key=lambda row: (row.gain is None, -(row.gain or 0.0), -row.screened))
+    return rows[:MOST_CANDIDATES]
+
+
+def _colour(finding: Finding, effect: str) -> str:
+    if any(effect == found.id for found in finding.effects):
+        return CHOSEN
+    return ALIKE if any(effect in found.equivalent for found in finding.effects) else OTHER
+
+
+def _finite(value: float | None) -> bool:
+    return value is not None and math.isfinite(value)

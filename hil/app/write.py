@@ -1,0 +1,70 @@
+"""Files that are written complete or not at all: under another name first, then moved into place."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import os
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def write_files(contents: Mapping[Path, str | bytes]) -> None:
+    """Write several files; they take their names only once all of them are on disk. Missing folders are made."""
+    waiting: list[tuple[Path, Path]] = []
+    try:
+        for path, content in contents.items():
+            waiting.append((_written(path, content.encode() if isinstance(content, str) else content), path))
+        for temporary, path in waiting:
+            temporary.replace(path)
+    finally:
+        for temporary, _ in waiting:
+            temporary.unlink(missing_ok=True)
+
+
+def write_table(path: Path, columns: Mapping[str, NDArray[np.float64]]) -> None:
+    """Write columns of one length as CSV, gzipped where the name ends in `.gz`."""
+    text = io.StringIO()
+    np.savetxt(text, np.column_stack(list(columns.values())), delimiter=",", fmt="%.10g", header=",".join(columns), comments="")
+    data = text.getvalue().encode()
+    write_files({path: gzip.compress(data, mtime=0) if path.name.endswith(".gz") else data})
+
+
+def check_folder(path: Path, option: str) -> Path:
+    """Make the folder `path`; a ValueError of one sentence where it cannot be made or written to."""
+    if path.exists() and not path.is_dir():
+        raise ValueError(f"{option} must be a folder; got the file {path}")
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ValueError(f"{option} must be a folder that can be made; got {path}: {error.strerror}") from None
+    if not os.access(path, os.W_OK | os.X_OK):
+        raise ValueError(f"{option} must be a folder that can be written to; got {path}")
+    return path
+
+
+def check_file(path: Path, option: str, endings: tuple[str, ...]) -> Path:
+    """Refuse a file name that cannot be written, before any work is done for it."""
+    if not path.name.lower().endswith(endings):
+        raise ValueError(f"{option} must be a file name that ends in {' or '.join(endings)}; got {path}")
+    if path.is_dir():
+        raise ValueError(f"{option} must be a file; got the folder {path}")
+    check_folder(path.absolute().parent, f"folder of {option}")
+    return path
+
+
+def _written(path: Path, data: bytes) -> Path:
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    temporary = Path(name)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(data)
+        temporary.chmod(0o644)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+    return temporary

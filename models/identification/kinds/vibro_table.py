@@ -20,6 +20,8 @@ from models.rig import Rig
 READING_M = 1.0e-3
 """Resolution of the displacement that the source reads off, in m."""
 FOLDS = 8
+OUTLYING = 2.0
+"""Standard deviations from which on an error counts linearly: runs may settle on another of coexisting motions."""
 _BELIEF = "rig file; only ratios of force, friction and masses show in mean speeds, so the pair may leave its tolerance together"
 
 
@@ -28,8 +30,8 @@ class VibroTableKind:
     """Mean speed over `cycles` periods from rest, `M v' = S - F - mu (M + m) g Sgn(v)`, `m (v' + xi'') = F - S`, `S = k xi`.
 
     One residual a condition (period, duty, cycles): the mean of its repeats against the model, in units of
-    `sqrt(s^2/n + model_error_m_s^2)`, with the repeats' scatter s. The mirror is +1 or -1: which way round the record counts
-    velocities; `settled` chooses it from records, once.
+    `sqrt(s^2/n + model_error_m_s^2)`, with the repeats' scatter s, and softened where it is outlying. The mirror is +1 or -1:
+    which way round the record counts velocities; `settled` chooses it from records, once.
     """
 
     base: tuple[Parameter, ...]
@@ -119,7 +121,7 @@ class VibroTableKind:
         difference = _means(record, record[self.quantity] - self.predict(record, theta))
         _, index = _conditions(record)
         scatter = _means(record, self.scatter(record) ** 2) / np.bincount(index)
-        return difference / np.sqrt(scatter + self.model_error_m_s**2)
+        return _softened(difference / np.sqrt(scatter + self.model_error_m_s**2))
 
     def scatter(self, record: Record) -> Array:
         """Standard deviation in m/s of a single run, one a row: reading of the displacement plus a common share of the speed that
@@ -176,6 +178,11 @@ class VibroTableKind:
     def next_experiment(self, theta: Theta, records: Sequence[Record]) -> str | None:
         """What to measure next."""
         return next_experiment(theta)
+
+
+def _softened(r: Array) -> Array:
+    """`r` whose square grows as `|r|` beyond `OUTLYING`: `r^2 -> 2 d^2 (sqrt(1 + (r/d)^2) - 1)`."""
+    return np.asarray(np.sign(r) * OUTLYING * np.sqrt(2 * (np.sqrt(1 + (r / OUTLYING) ** 2) - 1)), dtype=float)
 
 
 def _conditions(record: Record) -> tuple[Array, NDArray[np.intp]]:

@@ -81,11 +81,17 @@ def statements(kind: VibroTableKind, theta_by_stage: Mapping[str, Theta], record
         *(_turn(kind, stage, values) for stage, values in theta_by_stage.items()),
     ]
     force, friction = (theta[k] / nominal[k] for k in ("force_N", "friction_coefficient"))
-    if max(force, friction, 1 / force, 1 / friction) > 1.2:
+    if min(force, friction) > 1.2 or max(force, friction) < 1 / 1.2:
         out.append(
             f"Force and friction come out at {force:.2f} and {friction:.2f} times nominal. A common factor on both scales "
             "every speed by it and little else, so these data hardly tell it from a scale error of the displacement; the ratio "
             "of force to friction is what they fix."
+        )
+    if "coil_reach.gain_per_m" in theta:
+        at = [theta["force_N"] * np.exp(theta["coil_reach.gain_per_m"] * xi) for xi in (0.0, 0.01, 0.02)]
+        out.append(
+            f"The coil pushes with {at[0]:.2f} N on the inner mass at rest, with {at[1]:.2f} N at 10 mm and {at[2]:.2f} N at "
+            f"20 mm; the nominal {nominal['force_N']:.3g} N must not be compared with the first of these alone."
         )
     if "coil_lag.time_s" in theta or "actuator_lag.time_s" in theta:
         out.append(

@@ -40,6 +40,7 @@ class AxisKind:
     force_std_N: float | None = None
     effects: tuple[type[Effect], ...] = EFFECTS
     name: str = "axis"
+    stages: int = 1
     quantity: str = "force_N"
     unit: str = "N"
     measure: str = "norm of the force error over norm of the force in %, both low-passed at 40 Hz without phase"
@@ -101,7 +102,7 @@ class AxisKind:
             force = e.measured(s, p, {}, force)
         return np.asarray(force, dtype=float)
 
-    def residual(self, record: Record, theta: Theta) -> Array:
+    def residual(self, record: Record, theta: Theta, stage: int = 0) -> Array:
         """Filtered force error in units of its noise, 100 a second."""
         rate = sampling_rate(record["t_s"])
         return decimate(record[self.quantity] - self.predict(record, theta), rate) / self.noise_std(record)

@@ -37,6 +37,7 @@ class DmaKind:
     modulus_std_Pa: float | None = None
     effects: tuple[type[Effect], ...] = (BroadRelaxation,)
     name: str = "dma"
+    stages: int = 1
     quantity: str = "storage_modulus_Pa and loss_modulus_Pa"
     unit: str = "Pa"
     measure: str = "norm of the error of the complex modulus over its norm in %"
@@ -77,7 +78,7 @@ class DmaKind:
                 out += np.column_stack([extra.storage, extra.loss])
         return out
 
-    def residual(self, record: Record, theta: Theta) -> Array:
+    def residual(self, record: Record, theta: Theta, stage: int = 0) -> Array:
         """Errors in units of the scatter between samples, all readings weighed alike as in `error`.
 
         The common factor of a sample is *not* whitened away: with a law that is wrong somewhere that draws the whole fit down

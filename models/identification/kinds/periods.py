@@ -69,6 +69,7 @@ class PeriodsKind:
     period_std_s: float | None = None
     effects: tuple[type[Effect], ...] = (SingleSpeedStiffening,)
     name: str = "periods"
+    stages: int = 1
     quantity: str = "period_s, valley_N and peak_N"
     unit: str = "s, N, N"
     equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = EQUIVALENTS
@@ -117,9 +118,10 @@ class PeriodsKind:
         """The steady cycle at a pull of `speed` in m/s."""
         resistance, limit = self.levels(speed, theta)
         tooth = self.tooth(limit, speed, theta)
-        back = tooth.drag_m / tooth.fall_s if self.return_speed_m_s is None else self.return_speed_m_s
-        lowest = min(self.tension(0.0, speed, theta), self.tension(0.0, -back, theta))
-        return Cycle(tooth, resistance + lowest, resistance + limit)
+        recoil = tooth.drag_m / tooth.fall_s if self.return_speed_m_s is None else self.return_speed_m_s
+        lowest = min(self.viscous(0.0, speed, theta), self.viscous(0.0, -recoil, theta))
+        highest = limit + self.viscous(tooth.drag_m, speed, theta)
+        return Cycle(tooth, resistance + lowest, resistance + highest)
 
     def levels(self, speed: float, theta: Theta) -> tuple[float, float]:
         """Environmental resistance `F_e` and Coulomb limit `f_c` in N."""
@@ -128,25 +130,24 @@ class PeriodsKind:
         load = self.capsule.mass_kg * GRAVITY + math.cos(self.tissue.theta) * nose + cylinder
         return math.sin(self.tissue.theta) * nose, mu * load
 
-    def tension(self, drag: float, rate: float, theta: Theta) -> float:
-        """Wall tension in N at a drag in m that grows at `rate` in m/s, with the effects in `theta`."""
+    def tension(self, drag: float, theta: Theta) -> float:
+        """Elastic wall tension in N at a drag in m, with the effects in `theta`; the wall slips by it."""
         out = float(wall_tension(drag, _WALL, wall_section(self.capsule, self.tissue), self.length_m))
-        s = Signals(drag=drag, drag_rate=rate, v=self.velocity_m_s, direction=1.0, tension=out)
-        acting = present(self.effects, theta)
-        for effect, p in acting:
-            out *= float(effect.stiffening(s, p, {}))
-        return out + sum(float(effect.wall_force(s, p, {})) for effect, p in acting)
+        s = Signals(drag=drag, drag_rate=self.velocity_m_s, v=self.velocity_m_s, direction=1.0)
+        return out * math.prod(float(effect.stiffening(s, p, {})) for effect, p in present(self.effects, theta))
+
+    def viscous(self, drag: float, rate: float, theta: Theta) -> float:
+        """Force in N with which the wall resists a drag in m that grows at `rate` in m/s, beyond its tension."""
+        s = Signals(drag=drag, drag_rate=rate, v=self.velocity_m_s, direction=1.0)
+        return sum(float(effect.wall_force(s, p, {})) for effect, p in present(self.effects, theta))
 
     def tooth(self, limit: float, speed: float, theta: Theta) -> Tooth:
         """Rise and fall between slip at the tension `limit` in N and the relaxed wall."""
-        start = self.tension(0.0, speed, theta)
-        if start >= limit:
-            return Tooth(0.0, 0.0, 0.0)
         recoil = self.return_speed_m_s
-        tooth = stick_slip_tooth(lambda u: self.tension(u, speed, theta) - start, limit - start, speed, recoil or 1.0)
+        tooth = stick_slip_tooth(lambda u: self.tension(u, theta), limit, speed, recoil or 1.0)
         return tooth if recoil is not None else Tooth(tooth.drag_m, tooth.rise_s, self.tissue.recovery_time_s)
 
-    def residual(self, record: Record, theta: Theta) -> Array:
+    def residual(self, record: Record, theta: Theta, stage: int = 0) -> Array:
         """Errors of period, valley and peak in units of one period's scatter, three a row.
 
         At a single speed the mean errors of valley and peak count `FORCES_FIRST` times: these two identify q and mu, and the

@@ -53,8 +53,8 @@ def statements(kind: PeriodsKind, theta_by_stage: Mapping[str, Theta], records: 
     out.append(
         f"One speed cannot tell apart: a wall {factor:.2f} times stiffer at this drag of "
         f"{1e3 * cycle.tooth.drag_m / factor:.3f} mm, a wall {factor:.2f} times stiffer at every drag, a stretched length of "
-        f"{1e3 * kind.length_m / factor:.1f} mm instead of {1e3 * kind.length_m:.1f} mm, and a tension that grows "
-        "with the rate of stretch (wall_viscosity). Quasi-static tests of the wall speak against the second, "
+        f"{1e3 * kind.length_m / factor:.1f} mm instead of {1e3 * kind.length_m:.1f} mm, and a wall that resists "
+        "the rate of stretch (wall_viscosity). Quasi-static tests of the wall speak against the second, "
         "the capsule's size against the third."
     )
     out.append(
@@ -68,10 +68,10 @@ def next_experiment(kind: PeriodsKind, theta: Theta) -> str | None:
     """What would tell a stiffer wall from a shorter or a viscous one."""
     v = 1e3 * kind.velocity_m_s
     return (
-        f"pull at several speeds ({v / 5:g} to {v * 20:g} mm/s): a stiff or short wall keeps the drag v x (stick "
-        "time), a viscous one shortens it with speed; step and hold of 0.02 to 1 mm without slip: the force over the "
-        "drag tells stiffening at small drag from a shorter wall, its decay in the hold tells viscosity; a capsule "
-        "of another length for L_s"
+        f"pull at several speeds ({v / 5:g} to {v * 20:g} mm/s): a stiff or short wall keeps the tooth's height but for the hoop "
+        "law's own rise, a viscous one adds to it in proportion to speed; step and hold of 0.02 to 1 mm without slip: the "
+        "force over the drag tells stiffening at small drag from a shorter wall, its decay in the hold tells viscosity; a "
+        "capsule of another length for L_s"
     )
 
 

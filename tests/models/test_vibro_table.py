@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -15,6 +17,7 @@ from models.identification.kinds.vibro_table import VibroTableKind
 from models.identification.kinds.vibro_theta import EFFECTS, FIELDS, vibro_cycle
 from models.identification.kinds.vibro_words import reversal
 from models.record import Record
+from models.rig import parse_rig
 
 NOMINAL = VibroCycle(0.193, 0.074, 256.23, 1.25, 0.29 * 0.267 * 9.81)
 SMALL = VibroCycle(0.0213, 0.0231, 360.0, 0.8, 0.7)
@@ -185,3 +188,30 @@ def test_measured_runs_reverse_direction_where_the_damped_model_does_and_the_nom
     assert reversal(kind, DAMPED) == pytest.approx(0.076, abs=0.003)
     at_nominal = reversal(kind, kind.nominal())
     assert at_nominal is None or at_nominal > 0.085
+
+
+def test_the_rig_file_gives_the_same_kind_and_a_gut_is_refused() -> None:
+    tables = {
+        "capsule": {"mass_kg": 0.193},
+        "drive": {"inner_mass_kg": 0.074, "spring_stiffness_N_per_m": 256.23, "force_N": 1.25, "reaction_on_body": True},
+        "surface": {"kind": "plate", "friction_coefficient": 0.29},
+        "rig": {"kind": "vibro_table"},
+    }
+    rig = parse_rig(tables)
+    assert VibroTableKind.from_rig(rig).nominal() == VibroTableKind.around().nominal()
+    with pytest.raises(ValueError, match="rig must have a drive and a plate"):
+        VibroTableKind.from_rig(replace(rig, drive=None))
+
+
+def test_words_name_the_reversal_the_scale_and_the_coil() -> None:
+    kind = VibroTableKind.around(mirror=-1.0)
+    theta = {**DAMPED, "coil_reach.gain_per_m": -20.0}
+    runs = record([0.06, 0.06, 0.1], 0.3, 40, [5e-3, 6e-3, -30e-3])
+    said = " ".join(kind.statements({"nominal": kind.nominal(), "calibrated": kind.nominal(), "augmented": theta}, [runs]))
+    assert "reverses direction" in said
+    assert "scale error" in said
+    assert "3.16 N on the inner mass at rest, with 2.59 N at 10 mm" in said
+    assert "differ by up to 1.0 mm/s" in said
+    assert "i^2, 0.00279 i' = on(t) - i, times exp(-20 xi)" in " ".join(kind.equations(theta))
+    assert "ring-down" in str(kind.next_experiment(theta, [runs]))
+    assert kind.next_experiment(kind.nominal(), [runs]) is None

@@ -151,6 +151,11 @@ def test_uneven_times_are_refused() -> None:
         KIND.predict(Record("gap", "axis", {**record.columns, "t_s": t}), TRUE)
 
 
+def test_a_record_too_short_to_filter_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"must last at least 0\.13 s to be filtered; got 0\.1 s"):
+        KIND.residual(made(TRUE).rows(slice(0, 100)), TRUE)
+
+
 def test_rig_file_gives_the_nominal_stage() -> None:
     rig = parse_rig({"rig": {"kind": "axis"}, "axis": {"mass_kg": 90.0}, "noise": {"force_std_N": 0.5}})
     kind = AxisKind.from_rig(rig)

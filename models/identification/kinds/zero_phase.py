@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,12 @@ class Motion:
     x: Array
     v: Array
     a: Array
+
+
+@cache
+def _low_pass(factor: int) -> tuple[Array, Array]:
+    b, a = cheby1(8, 0.05, 0.8 / factor)
+    return np.asarray(b), np.asarray(a)
 
 
 def sampling_rate(t: Array) -> float:
@@ -51,10 +58,13 @@ def decimate(signal: Array, rate: float) -> Array:
     """The authors' parallel filter: cut the borders, low-pass (Chebyshev I, order 8, 0.05 dB, both ways), down-sample."""
     factor = reduction(rate)
     border = round(BORDER_S * rate)
+    if len(signal) < 2 * border + 3 * factor:
+        least = (2 * border + 3 * factor) / rate
+        raise ValueError(f"an axis record must last at least {least:g} s to be filtered; got {len(signal) / rate:g} s")
     inner = signal[border:-border] if border else signal
     if factor == 1:
         return inner
-    b, a = cheby1(8, 0.05, 0.8 / factor)
+    b, a = _low_pass(factor)
     return np.asarray(filtfilt(b, a, inner, padlen=min(24, len(inner) - 1))[::factor])
 
 
@@ -63,8 +73,7 @@ def passed(rate: float) -> float:
     factor = reduction(rate)
     if factor == 1:
         return 1.0
-    b, a = cheby1(8, 0.05, 0.8 / factor)
-    _, gain = freqz(b, a, 4096)
+    _, gain = freqz(*_low_pass(factor), 4096)
     return float(np.sqrt(np.mean(np.abs(gain) ** 4)))
 
 

@@ -130,9 +130,8 @@ def _surface(table: Table) -> Plate | None:
 def _anatomy(table: Table) -> Anatomy:
     for key in table:
         if key not in ANATOMY_KEYS:
-            raise ValueError(
-                f"keys of [anatomy] must be among {', '.join(ANATOMY_KEYS)}; got {key!r}; {nearest(key, ANATOMY_KEYS)}"
-            )
+            known = ", ".join(ANATOMY_KEYS)
+            raise ValueError(f"keys of [anatomy] must be among {known}; got {key!r}; {nearest(key, ANATOMY_KEYS)}")
     profile = Anatomy() if "seed" not in table else random_anatomy(converted(table["seed"], int, "anatomy.seed"))
     if "places_m" in table or "level" in table:
         points = (converted(table.get(key), tuple[float, ...], f"anatomy.{key}") for key in ("places_m", "level"))

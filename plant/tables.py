@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,11 +33,12 @@ _PER_ROOT = (NODES - 1) / MUCUS_SPAN
 _PER_DRAG = (NODES - 1) / DRAG_SPAN
 
 
+@lru_cache(maxsize=16)
 def tabulate(capsule: Capsule, tissue: Tissue, regime: Regime = "low", wall: WallConstants | None = None) -> Floats:
     """`rows[law, node]`: F_e(|v|), the pressure part of N(|v|), F_v over |w|^(1/4), T(u), u(T), all SI, on the grids of
     `plant.layout`.
 
-    Interpolation error below 1e-7 N.
+    Interpolation error below 1e-7 N. The array is shared and read-only.
 
     Raises `ValueError` when the wall's tension does not grow with its drag over the grid: then there is no u_c.
     """
@@ -53,6 +55,7 @@ def tabulate(capsule: Capsule, tissue: Tissue, regime: Regime = "low", wall: Wal
         raise ValueError(f"wall tension must grow with the drag up to {DRAG_SPAN:g} m; got a law that does not")
     rows[L_TENSION] = pull
     rows[L_DRAG] = np.interp(np.linspace(0.0, pull[-1], NODES), pull, drag)
+    rows.flags.writeable = False
     return rows
 
 

@@ -6,7 +6,7 @@ from typing import Final
 
 from plant.anatomy import profile_level
 from plant.compiling import compiled
-from plant.hidden.activity import is_bare
+from plant.hidden.activity import has_drive, has_force, has_level
 from plant.hidden.actuation import coupling, delivered, effective_current, hidden_emf, link_force, remember_drive, sideways_load
 from plant.hidden.forces import hidden_force, inertia, remember_stress
 from plant.hidden.resistance import remember_motion, resistance_level
@@ -107,7 +107,8 @@ def advance_body(
     step = int(s[S_STEP])
     due = -step % every
     mass = inertia(p, h)
-    bare = is_bare(h)
+    leveled, forced = has_level(h), has_force(h)
+    steered = has_drive(h)
     for k in range(drive.shape[0] - 1):
         t = (step + k) * dt
         x, v = s[S_X], s[S_V]
@@ -126,12 +127,13 @@ def advance_body(
             rows += 1
             due += every
         hoop = p[P_HOOP] * profile_level(x, p, profile)
-        if not bare:
+        if leveled:
             hoop *= resistance_level(x, v, t, s, h)
         limit = sliding_limit(v, hoop, p, tab)
         net = force - wall_force(v, hoop, s, p, h, tab)
-        if not bare:
-            limit += sideways_load(drive[k] - x, h) if kind == MAGNET else 0.0
+        if kind == MAGNET:
+            limit += sideways_load(drive[k] - x, h)
+        if forced:
             net += hidden_force(x, v, t, s, p, h)
         v = clipped_speed(v, net, limit, kinetic_limit(v, limit, p), mass, dt)
         if v != 0.0:
@@ -139,8 +141,9 @@ def advance_body(
         s[S_V] = v
         s[S_X] = x + dt * v
         move_wall(v, dt, hoop, s, p, h, tab)
-        if not bare:
+        if leveled:
             remember_motion(v, dt, s, h)
+        if forced:
             remember_stress(v, dt, s, h)
     s[S_STEP] += drive.shape[0] - 1
     return rows

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from plant.anatomy import profile_level
 from plant.compiling import compiled
-from plant.hidden.activity import is_bare
+from plant.hidden.activity import has_force, has_level
 from plant.hidden.forces import hidden_force, inertia, remember_stress
 from plant.hidden.resistance import remember_motion, resistance_level
 from plant.layout import (
@@ -37,7 +37,7 @@ def advance_pull(
     written.
     """
     rows = 0
-    bare = is_bare(h)
+    leveled, forced = has_level(h), has_force(h)
     step = int(s[S_STEP])
     due = -step % every
     for k in range(drive.shape[0] - 1):
@@ -49,7 +49,7 @@ def advance_pull(
             s[S_DIRECTION] = 1.0 if v > 0 else -1.0
         t = (step + k) * dt
         hoop = p[P_HOOP] * profile_level(x, p, profile)
-        if not bare:
+        if leveled:
             hoop *= resistance_level(x, v, t, s, h)
         if k == due:
             limit = sliding_limit(v, hoop, p, tab)
@@ -58,15 +58,16 @@ def advance_pull(
             out[rows, O_X] = x
             out[rows, O_V] = v
             out[rows, O_U] = s[S_U]
-            out[rows, O_FORCE] = force - hidden_force(x, v, t, s, p, h)
+            out[rows, O_FORCE] = force - (hidden_force(x, v, t, s, p, h) if forced else 0.0)
             out[rows, O_DRIVE] = x
             rows += 1
             due += every
         s[S_V] = v
         s[S_X] = drive[k + 1]
         move_wall(v, dt, hoop, s, p, h, tab)
-        if not bare:
+        if leveled:
             remember_motion(v, dt, s, h)
+        if forced:
             remember_stress(v, dt, s, h)
     s[S_STEP] += drive.shape[0] - 1
     return rows

@@ -7,7 +7,7 @@ from typing import Final
 from plant.anatomy import profile_level
 from plant.compiling import compiled
 from plant.drives.body import coil_current
-from plant.hidden.activity import is_bare
+from plant.hidden.activity import has_force, has_level
 from plant.hidden.forces import hidden_force, inertia, remember_stress
 from plant.hidden.resistance import remember_motion, resistance_level
 from plant.hidden.suspension import suspension_force
@@ -75,7 +75,7 @@ def advance_vibro(
     step = int(s[S_STEP])
     due = -step % every
     mass = inertia(p, h)
-    bare = is_bare(h)
+    leveled, forced = has_level(h), has_force(h)
     for k in range(drive.shape[0] - 1):
         t = (step + k) * dt
         x, v = s[S_X], s[S_V]
@@ -99,14 +99,13 @@ def advance_vibro(
         rate = inner_v - v
         offset = inner_x - x + 0.5 * dt * rate
         spring = spring_force(offset, rate, p)
-        if not bare:
-            spring += suspension_force(offset, rate, h)
+        spring += suspension_force(offset, rate, h)
         hoop = p[P_HOOP] * profile_level(x, p, profile)
-        if not bare:
+        if leveled:
             hoop *= resistance_level(x, v, t, s, h)
         limit = sliding_limit(v, hoop, p, tab)
         net = spring - p[P_REACTION] * force - wall_force(v, hoop, s, p, h, tab)
-        if not bare:
+        if forced:
             net += hidden_force(x, v, t, s, p, h)
         v_next = clipped_speed(v, net, limit, kinetic_limit(v, limit, p), mass, dt)
         inner_next = inner_v + dt * (force - spring) / p[P_INNER_MASS]
@@ -118,8 +117,9 @@ def advance_vibro(
         s[S_INNER_V] = inner_next
         s[S_INNER_X] = inner_x + 0.5 * dt * (inner_v + inner_next)
         move_wall(mean, dt, hoop, s, p, h, tab)
-        if not bare:
+        if leveled:
             remember_motion(mean, dt, s, h)
+        if forced:
             remember_stress(mean, dt, s, h)
     s[S_STEP] += drive.shape[0] - 1
     return rows

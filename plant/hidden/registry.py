@@ -45,7 +45,7 @@ class Hidden:
 
 
 GUT_DRIVES: Final = ("pull", "magnetic", "coil", "vibro", "force")
-BODY: Final = ("magnetic", "coil", "vibro", "force")
+RESTING: Final = ("pull", "magnetic", "coil", "force")
 CARRIED: Final = ("pull", "magnetic")
 
 HIDDEN: Final[tuple[Hidden, ...]] = (
@@ -89,7 +89,7 @@ HIDDEN: Final[tuple[Hidden, ...]] = (
         "dwell_adhesion",
         "level (1 + a b (1 - s/d)^2), b' = (1 - b)^2/t_a at rest, s the path since",
         (Shape("excess", 0.6, 1.2), Shape("time_s", 0.4, 1.2), Shape("path_m", 0.6e-3, 1.5e-3)),
-        GUT_DRIVES,
+        RESTING,
     ),
     Hidden(
         "travel_step",

@@ -3,10 +3,14 @@
 import numpy as np
 import pytest
 
-from models.laws.geometry import GRAVITY, Capsule
+from models.laws.geometry import GRAVITY, Capsule, Tissue, stretched_length, wall_section
+from models.laws.hyperelastic import WallConstants
+from models.laws.resistance import environmental_resistance
+from models.laws.tension import wall_tension
 from plant import layout as at
 from plant.excitation import pulse_width
 from plant.rig import STEP_S, Coil, Force, Magnet, Plant, Plate, Pull, Rig, Vibro
+from plant.tables import Floats
 
 BIG = Rig(Vibro(0.074, 256.23, force_N=1.25), capsule=Capsule(mass_kg=0.193), surface=Plate(0.29))
 SMALL = Rig(Vibro(0.0231, 360.0, force_N=0.8), capsule=Capsule(mass_kg=0.0213), surface=Plate(0.7 / (0.0444 * GRAVITY)))
@@ -100,28 +104,19 @@ def test_energy_of_a_pull_through_a_link_goes_into_wall_and_resistance() -> None
     assert np.all(plant.state[at.S_SLIP] == 0.0)
     x, u = rows[:, at.O_X], rows[:, at.O_U]
     assert np.array_equal(x, u)
-    grid = np.linspace(0, u.max(), 2000)
-    stored = np.interp(
-        u[-1], grid, np.concatenate([[0.0], np.cumsum(np.diff(grid) * 0.5 * (_tension(grid)[1:] + _tension(grid)[:-1]))])
-    )
-    lost = np.sum(0.5 * (_resistance(rows[1:, at.O_V]) + _resistance(rows[:-1, at.O_V])) * np.diff(x))
+    stored = np.sum(0.5 * (_tension(u[1:]) + _tension(u[:-1])) * np.diff(u))
+    resisting = _resistance(rows[:, at.O_V])
+    lost = np.sum(0.5 * (resisting[1:] + resisting[:-1]) * np.diff(x))
     kinetic = 0.5 * 4e-3 * rows[-1, at.O_V] ** 2
     assert 0.060 * x[-1] == pytest.approx(kinetic + stored + lost, rel=5e-3)
 
 
-def _tension(u: np.ndarray) -> np.ndarray:
-    from models.laws.geometry import Tissue, stretched_length, wall_section
-    from models.laws.hyperelastic import WallConstants
-    from models.laws.tension import wall_tension
-
+def _tension(u: Floats) -> Floats:
     capsule = Capsule()
     return np.asarray(wall_tension(u, WallConstants.from_set(), wall_section(capsule, Tissue()), stretched_length(capsule)))
 
 
-def _resistance(v: np.ndarray) -> np.ndarray:
-    from models.laws.geometry import Tissue
-    from models.laws.resistance import environmental_resistance
-
+def _resistance(v: Floats) -> Floats:
     return environmental_resistance(np.abs(v), Capsule(), Tissue())
 
 

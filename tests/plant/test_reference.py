@@ -51,7 +51,7 @@ def test_constant_speed_gives_the_reference_saw_tooth(shared: Path) -> None:
         periods = np.diff(rows[slips, at.O_T])
         assert np.mean(periods) == pytest.approx(reference["period_s"][k], rel=1e-3)
         whole = slice(int(slips[0]), int(slips[-1]))
-        assert np.mean(force[whole]) == pytest.approx(reference["mean_force_N"][k], rel=1e-3)
+        assert np.mean(force[whole]) == pytest.approx(reference["mean_force_N"][k], rel=2e-3)
         assert np.min(force[whole]) == pytest.approx(reference["valley_force_N"][k], rel=1e-3)
         assert np.max(force[whole]) == pytest.approx(reference["peak_force_N"][k], rel=1e-3)
 

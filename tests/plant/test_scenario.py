@@ -24,6 +24,7 @@ kind = "{kind}"
 {profile}
 """
 PWM = 'kind = "pwm"\nperiod_s = 0.05\nduty = 0.3'
+SINE = 'kind = "sine"\nfrequency_Hz = 1.0\namplitude_V = 4.0'
 VIBRO = "[drive]\ninner_mass_kg = 0.002\nspring_stiffness_N_per_m = 60.0\nforce_N = 0.1\n"
 
 

@@ -113,9 +113,10 @@ def advance_body(
         t = (step + k) * dt
         x, v = s[S_X], s[S_V]
         rate = (drive[k + 1] - drive[k]) / dt
-        force = (
-            _drive_force(kind, drive[k], rate, dt, s, p) if bare else _hidden_drive_force(kind, drive[k], rate, t, dt, s, p, h)
-        )
+        if steered:
+            force = _hidden_drive_force(kind, drive[k], rate, t, dt, s, p, h)
+        else:
+            force = _drive_force(kind, drive[k], rate, dt, s, p)
         if k == due:
             out[rows, O_T] = t
             out[rows, O_X] = x

@@ -67,6 +67,8 @@ def resistance(v: float, q: VibroCycle) -> float:
     """Resistance in N that grows with the body's speed, along -v."""
     if q.drag_N == 0.0:
         return 0.0
+    if q.drag_power == 1.0:
+        return q.drag_N * v / 0.01
     return math.copysign(q.drag_N * (abs(v) / 0.01) ** q.drag_power, v)
 
 

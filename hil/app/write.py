@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 
 def write_files(contents: Mapping[Path, str | bytes]) -> None:
-    """Write several files; they take their names only once all of them are on disk. Missing folders are made."""
+    """Write several files; they take their names only once all of them are on disk."""
     waiting: list[tuple[Path, Path]] = []
     try:
         for path, content in contents.items():

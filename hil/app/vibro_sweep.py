@@ -19,7 +19,7 @@ from plant.series import write_text
 from plant.tables import Floats
 
 CLAIM: Final = "A Section 5.3: a vibrating drive hardly moves the capsule unless its period is below the wall's 0.05 s"
-WALL_Hz: Final = 20.0
+WALL_HZ: Final = 20.0
 FREQUENCIES_HZ: Final = (2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 12.5, 15.0, 18.0, 20.0, 22.0, 25.0, 28.0, 32.0, 36.0, 40.0, 50.0, 60.0)
 HARDLY_M_S: Final = 0.5e-3  # below: it does not move to speak of
 SLOW_SHARE: Final = 0.2  # the claim holds when slow drives reach less than this share of the fast ones' speed
@@ -72,7 +72,7 @@ def mean_speed(rig: Rig, frequency_Hz: float, duty: float = 0.3) -> float:
 def judge(speeds: Floats) -> str:
     """`holds`, `fails`, or `does not move` for the speeds of one drive over `FREQUENCIES_HZ`."""
     size, frequency = np.abs(speeds), np.asarray(FREQUENCIES_HZ)
-    slow, fast = float(np.max(size[frequency < WALL_Hz])), float(np.max(size[frequency > WALL_Hz]))
+    slow, fast = float(np.max(size[frequency < WALL_HZ])), float(np.max(size[frequency > WALL_HZ]))
     if max(slow, fast) < HARDLY_M_S:
         return "does not move"
     return "holds" if slow < max(SLOW_SHARE * fast, HARDLY_M_S) else "fails"
@@ -111,7 +111,7 @@ def _figure(found: dict[str, Any]) -> go.Figure:
         figure.add_scatter(x=found["frequency_Hz"], y=speed, name=f"{drive['name']}: {drive['claim']}", line=line)
     median = 1e3 * np.asarray(found["median_speed_m_s"])
     figure.add_scatter(x=found["frequency_Hz"], y=median, name="median of the sizes", line={"color": "black", "width": 3})
-    figure.add_vline(x=WALL_Hz, line_dash="dash", annotation_text="period 0.05 s")
+    figure.add_vline(x=WALL_HZ, line_dash="dash", annotation_text="period 0.05 s")
     counts = ", ".join(f"{len(names)} {verdict}" for verdict, names in found["verdicts"].items())
     figure.update_layout(
         title=f"Vibro drives on the gut: mean speed over drive frequency<br><sup>{found['claim']}: {counts}</sup>",

@@ -11,13 +11,6 @@ from plant.hidden.actuation import coupling, delivered, effective_current, hidde
 from plant.hidden.forces import hidden_force, inertia, remember_stress
 from plant.hidden.resistance import remember_motion, resistance_level
 from plant.layout import (
-    O_CURRENT,
-    O_DRIVE,
-    O_FORCE,
-    O_T,
-    O_U,
-    O_V,
-    O_X,
     P_COIL_EMF,
     P_COIL_GAIN,
     P_COIL_L,
@@ -30,12 +23,13 @@ from plant.layout import (
     P_MAGNET_RANGE,
     S_CURRENT,
     S_DIRECTION,
+    S_SLIP,
     S_STEP,
-    S_U,
     S_V,
     S_X,
 )
 from plant.membrane import move_wall, wall_force
+from plant.rows import write_row
 from plant.surface import clipped_speed, kinetic_limit, sliding_limit
 from plant.tables import Floats
 
@@ -101,7 +95,8 @@ def advance_body(
     `m a = F_act - R Sgn(v) - F_v(w) - T(u) + F_hidden`, R set-valued: the impulse that would stop the body is clipped to
     what R can give. `drive` is a carriage position in m (MAGNET: `k g/(1 + (g/r)^2)^2`), a voltage in V (COIL: `F = K i`, `L
     i' = U - R i - e`), a force in N (FORCE) or an imposed position in m (LINK), one more value than steps done. State `s` is
-    changed in place; returns the rows written. First order in `dt`.
+    changed in place; returns the rows written. First order in `dt`. Steps that cannot change anything (a resting body under the
+    same drive as before) are passed over.
     """
     rows = 0
     step = int(s[S_STEP])
@@ -109,7 +104,11 @@ def advance_body(
     mass = inertia(p, h)
     leveled, forced = has_level(h), has_force(h)
     steered = has_drive(h)
+    unchanging = not (leveled or forced or steered) and kind != COIL
+    held = False
     for k in range(drive.shape[0] - 1):
+        if held and k != due and drive[k] == drive[k - 1] and drive[k + 1] == drive[k]:
+            continue
         t = (step + k) * dt
         x, v = s[S_X], s[S_V]
         rate = (drive[k + 1] - drive[k]) / dt
@@ -118,13 +117,7 @@ def advance_body(
         else:
             force = _drive_force(kind, drive[k], rate, dt, s, p)
         if k == due:
-            out[rows, O_T] = t
-            out[rows, O_X] = x
-            out[rows, O_V] = v
-            out[rows, O_U] = s[S_U]
-            out[rows, O_FORCE] = force
-            out[rows, O_DRIVE] = drive[k]
-            out[rows, O_CURRENT] = s[S_CURRENT]
+            write_row(out[rows], t, s, force, drive[k])
             rows += 1
             due += every
         hoop = p[P_HOOP] * profile_level(x, p, profile)
@@ -136,12 +129,14 @@ def advance_body(
             limit += sideways_load(drive[k] - x, h)
         if forced:
             net += hidden_force(x, v, t, s, p, h)
+        resting = v == 0.0
         v = clipped_speed(v, net, limit, kinetic_limit(v, limit, p), mass, dt)
         if v != 0.0:
             s[S_DIRECTION] = 1.0 if v > 0 else -1.0
         s[S_V] = v
         s[S_X] = x + dt * v
         move_wall(v, dt, hoop, s, p, h, tab)
+        held = unchanging and resting and v == 0.0 and s[S_SLIP] == 0.0
         if leveled:
             remember_motion(v, dt, s, h)
         if forced:

@@ -12,15 +12,6 @@ from plant.hidden.forces import hidden_force, inertia, remember_stress
 from plant.hidden.resistance import remember_motion, resistance_level
 from plant.hidden.suspension import suspension_force
 from plant.layout import (
-    O_CURRENT,
-    O_DRIVE,
-    O_FORCE,
-    O_INNER_V,
-    O_INNER_X,
-    O_T,
-    O_U,
-    O_V,
-    O_X,
     P_COIL_EMF,
     P_COIL_GAIN,
     P_FRONT_GAP,
@@ -37,11 +28,11 @@ from plant.layout import (
     S_INNER_V,
     S_INNER_X,
     S_STEP,
-    S_U,
     S_V,
     S_X,
 )
 from plant.membrane import move_wall, wall_force
+from plant.rows import write_row
 from plant.surface import clipped_speed, kinetic_limit, sliding_limit
 from plant.tables import Floats
 
@@ -85,15 +76,7 @@ def advance_vibro(
             s[S_CURRENT] = coil_current(drive[k], p[P_COIL_EMF] * (inner_v - v), dt, s[S_CURRENT], p)
             force = p[P_COIL_GAIN] * s[S_CURRENT]
         if k == due:
-            out[rows, O_T] = t
-            out[rows, O_X] = x
-            out[rows, O_V] = v
-            out[rows, O_U] = s[S_U]
-            out[rows, O_FORCE] = force
-            out[rows, O_DRIVE] = drive[k]
-            out[rows, O_CURRENT] = s[S_CURRENT]
-            out[rows, O_INNER_X] = inner_x
-            out[rows, O_INNER_V] = inner_v
+            write_row(out[rows], t, s, force, drive[k])
             rows += 1
             due += every
         rate = inner_v - v

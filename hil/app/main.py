@@ -16,6 +16,7 @@ import typer
 from typer.core import TyperCommand
 
 from hil.app.console import output_to_notes, print_json, summary
+from models.parameter import nearest
 
 BAD_INPUT, INTERRUPTED = 2, 130
 INTERRUPTION = "interrupted: no result was written"
@@ -23,7 +24,6 @@ INTERRUPTION = "interrupted: no result was written"
 app = typer.Typer(
     name="capsule",
     help="Measured records of a capsule robot in, the effect that its model lacks out.",
-    no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -155,12 +155,11 @@ def _demo(
 def run(args: Sequence[str]) -> int:
     """Run one command line and return its exit status."""
     try:
-        status = app(list(args), standalone_mode=False)
+        status = app(list(args) or ["--help"], prog_name="capsule", standalone_mode=False)
     except (KeyboardInterrupt, typer.Abort):
         return _said(INTERRUPTION, INTERRUPTED)
     except typer.TyperException as error:
-        format_message = getattr(error, "format_message", None)
-        return _said(format_message() if format_message else str(error), BAD_INPUT)
+        return _said(_usage(error, args), BAD_INPUT)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
@@ -175,6 +174,15 @@ def run(args: Sequence[str]) -> int:
     if status == INTERRUPTED:
         return _said(INTERRUPTION, INTERRUPTED)
     return status if isinstance(status, int) else 0
+
+
+def _usage(error: typer.TyperException, args: Sequence[str]) -> str:
+    format_message = getattr(error, "format_message", None)
+    message = (format_message() if format_message else str(error)).rstrip(".")
+    commands = [command.name or "" for command in app.registered_commands]
+    if args[0] in commands:
+        return f"{message}; see 'capsule {args[0]} --help'"
+    return f"{message.split('. Did you')[0]}; {nearest(args[0], commands)}"
 
 
 def _said(sentence: str, status: int) -> int:

@@ -13,7 +13,7 @@ import hil.app.close_loop as close_loop_module
 import hil.app.predict as predict_module
 from hil.app.main import run, spread_option
 from hil.app.write import write_files, write_table
-from models.record import Record
+from models.record import Record, read_record
 from models.rig import Rig
 from tests.hil.findings import pull_finding
 
@@ -149,7 +149,8 @@ BAD = [
         "train.csv: model must have a kind",
     ),
     (["simulate", "{tmp}/none.toml", "--out", "{tmp}/s.csv"], "none.toml"),
-    (["sedes"], "sedes"),
+    (["sedes"], "No such command 'sedes'; did you mean 'seeds'?"),
+    (["close-loop"], "see 'capsule close-loop --help'"),
     (["seeds", "--plot", "{record}"], "--plot must be a folder"),
 ]
 
@@ -192,3 +193,11 @@ def test_a_table_is_written_and_packed(tmp_path: Path) -> None:
         write_table(tmp_path / name, {"t_s": np.arange(3.0), "x_m": np.array([1e-7, 2.0, 1 / 3])})
         assert len((tmp_path / name).read_bytes()) > 20
     assert (tmp_path / "a.csv").read_text().splitlines()[3] == "2,0.3333333333"
+
+
+@pytest.mark.slow
+def test_the_example_scenario_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    example = Path(__file__).parents[2] / "hil" / "scenarios" / "pull_over_folds.toml"
+    assert run(["simulate", str(example), "--out", str(tmp_path / "r.csv"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["record"].endswith("r.csv")
+    assert len(read_record(tmp_path / "r.csv", Rig("pull"))) == 10_000

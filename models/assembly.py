@@ -13,9 +13,9 @@ from models.drives.drive import Drive
 from models.effects.effect import Effect, Signals
 from models.laws.mucus import mucus_drag
 from models.parameter import Parameter
-from models.wall import Drag, Wall, base_parameters, drag_rate, settle, step_drag
+from models.wall import LONGEST, Drag, Wall, base_parameters, drag_rate, settle, step_drag
 
-BASE_STATES = ("x", "v", "u", "slip", "u_rate", "direction", "travelled", "dwell")
+BASE_STATES = ("x", "v", "a", "u", "slip", "u_rate", "direction", "travelled", "dwell")
 _STIFFEST = 1e-7  # m/N, compliance of a link below which it counts as rigid
 _REST = 1e-7  # m/s, below it the capsule counts as at rest for the direction of the last motion
 
@@ -24,13 +24,15 @@ _REST = 1e-7  # m/s, below it the capsule counts as at rest for the direction of
 class Assembly:
     """A model ready to run: `step(state, c0, c1, t, h, parameters) -> (state, output)` with named states and parameters.
 
-    `c0`, `c1` are the command at the step's ends; the output belongs to the step's start. All entries SI.
+    `correct(state, error, gain)` shifts the hidden wall (and the capsule) towards a measurement: a fixed-gain observer that keeps the
+    teeth of the stick-slip saw in step with measured ones. `c0`, `c1` are the command at the step's ends; the output belongs to the step's end. All entries SI.
     """
 
     states: tuple[str, ...]
     initial: dict[str, float]
     parameters: tuple[Parameter, ...]
     step: ca.Function
+    correct: ca.Function
 
     def vector(self, values: Mapping[str, float]) -> np.ndarray[Any, np.dtype[np.float64]]:
         """The parameter vector: `values` by name, the declared value where there is none."""
@@ -115,7 +117,19 @@ def assemble_gut(wall: Wall, drive: Drive, effects: Sequence[type[Effect]] = (),
     new, output = _step(wall, drive, active, compliance, now, (c0, c1, t, h), smoothing)
     function = ca.Function("step", [state, c0, c1, t, h, q], [ca.vertcat(*(new[name] for name in names)), output])
     initial = dict.fromkeys(names, 0.0) | {"direction": 1.0}
-    return Assembly(names, initial, parameters, function)
+    return Assembly(names, initial, parameters, function, _correction(wall, drive, names))
+
+
+def _correction(wall: Wall, drive: Drive, names: tuple[str, ...]) -> ca.Function:
+    state, error, gain = ca.SX.sym("state", len(names)), ca.SX.sym("error"), ca.SX.sym("gain")
+    now = {name: state[i] for i, name in enumerate(names)}
+    if drive.imposed:
+        shift = gain * error / wall.stiffness()
+        new = now | {"u": np.clip(now["u"] + shift, -LONGEST, LONGEST)}
+    else:
+        shift = gain * error
+        new = now | {"x": now["x"] + shift, "u": np.clip(now["u"] + shift, -LONGEST / 4, LONGEST / 4)}
+    return ca.Function("correct", [state, error, gain], [ca.vertcat(*(new[name] for name in names))])
 
 
 def _step(
@@ -127,9 +141,10 @@ def _step(
     drag = Drag(now["u"], now["slip"])
     rate = (c1 - c0) / h
     imposed = drive.imposed and compliance is None
-    T_quiet = wall.tension(drag.u)
-    v_now = rate if imposed else now["v"]
-    s = Signals(t, now["x"], v_now, now["direction"], c1, rate, now["travelled"], T_quiet, drag.u, now["u_rate"], now["dwell"])
+    T_quiet = wall.tension(drag.u if imposed else drag.u + 0.5 * h * now["u_rate"])
+    v_now = rate if imposed else now["v"] + 0.5 * h * now["a"]
+    x_now = now["x"] if imposed else now["x"] + 0.5 * h * now["v"]
+    s = Signals(t, x_now, v_now, now["direction"], c1, rate, now["travelled"], T_quiet, drag.u, now["u_rate"], now["dwell"])
     active_next = active.advance(s, h)
     command = active_next.command(s)
     if imposed:
@@ -140,28 +155,32 @@ def _step(
     u_c = wall.drag_at(f_c / stiff)
     v_i = active.recovery(s, u_c / t_r, u_c)
     s = replace(s, drag_rate=drag_rate(drag, v_now, v_i))
-    extra = active.total("wall_force", s)
-    T = T_quiet * stiff + extra
+    T = T_quiet * stiff + active.total("wall_force", s)
     F_v = mucus_drag(np.where(drag.slip == 0, 0.0, v_now - s.drag_rate), wall.tissue.mucus_thickness_m)
     outside = active.total("force", s)
     if imposed:
         x_next, v_next = command, v_now
-        output = F_e * s.direction + F_v + T - outside
     else:
-        gain = active.product("gain", s)
-        F_act = 0.0 if drive.imposed else gain * drive.force(now["x"], now["v"], command, p)
+        F_act = 0.0 if drive.imposed else active.product("gain", s) * drive.force(x_now, v_now, command - 0.5 * h * rate, p)
         free, stop = now["v"] + h / m * (F_act + outside - F_v - T), F_e * h / m
         if drive.imposed:
             give = h * h / m / (compliance + h * h / m)  # the link's share of the step, solved implicitly
             free, stop = free * (1 - give) + give * (command - now["x"]) / h, stop * (1 - give)
         v_next = settle(free, stop, smoothing)
-        x_next = now["x"] + h * v_next
-        output = (command - x_next) / np.maximum(compliance, _STIFFEST) if drive.imposed else now["x"]
-    dragged = step_drag(drag, v_next, h, f_c, lambda u: wall.tension(u) * stiff + extra, v_i)
+        x_next = now["x"] + 0.5 * h * (now["v"] + v_next)
+    v_mean = v_next if imposed else 0.5 * (now["v"] + v_next)
+    dragged = step_drag(drag, v_mean, h, f_c, lambda u: wall.tension(u) * stiff, v_i)
+    s = replace(s, t=t + h, drag_rate=drag_rate(dragged, v_next, v_i))
+    if imposed:
+        F_v = mucus_drag(np.where(dragged.slip == 0, 0.0, v_next - s.drag_rate), wall.tissue.mucus_thickness_m)
+        output = F_e * s.direction + F_v + wall.tension(dragged.u) * stiff + active.total("wall_force", s) - outside
+    else:
+        output = (command - x_next) / np.maximum(compliance, _STIFFEST) if drive.imposed else x_next
     moving = np.abs(v_next) > _REST
     new = {
         "x": x_next,
         "v": v_next,
+        "a": (v_next - now["v"]) / h,
         "u": dragged.u,
         "slip": dragged.slip,
         "u_rate": s.drag_rate,

@@ -78,6 +78,10 @@ class Wall:
         """`T(u)` in N of the wall dragged by `u` in m (paper A Eq. 12)."""
         return wall_tension(u, self.constants, wall_section(self.capsule, self.tissue), stretched_length(self.capsule))
 
+    def stiffness(self) -> float:
+        """`dT/du` at u = 0 in N/m, about 150 for the default capsule."""
+        return float(self.tension(1e-6)) / 1e-6
+
     def drag_at(self, tension: Any) -> Any:
         """`u_c` in m with `T(u_c)` = `tension` >= 0 in N, a polynomial that inverts `tension` within 1e-6 up to 3 mm of drag."""
         return _polynomial(tension, self.drag_coefficients)

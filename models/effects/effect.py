@@ -76,7 +76,7 @@ class Effect:
         return 1.0
 
     def wall_force(self, s: Signals, p: Values, z: Values) -> Any:
-        """Extra tension of the wall in N; counts towards the slip condition as T(u) does."""
+        """Extra force in N with which the wall resists being dragged; does not count towards the slip condition."""
         return 0.0
 
     def recovery(self, s: Signals, p: Values, z: Values, speed: Any, onset: Any) -> Any:

@@ -15,7 +15,7 @@ from models.parameter import Parameter
 
 @dataclass(frozen=True)
 class FoldPeriodic(Effect):
-    """Level `1 + a sin(2 pi x/L + phi)`: the same going and coming back."""
+    """Level `1 + a (sin q + b sin 2q + c cos 2q)`, `q = 2 pi x/L + phi`: the same going and coming back."""
 
     id = "fold_periodic"
     summary = "resistance varies periodically along the lumen"
@@ -54,6 +54,10 @@ class FoldPeriodic(Effect):
     depth: Parameter = Parameter("depth", 0.0, "1", -0.9, 0.9, "folds up to 8 mm deep (Gray)", fit=True)
     wavelength_m: Parameter = Parameter("wavelength_m", 0.008, "m", 0.002, 0.04, "folds up to 8 mm deep (Gray)", fit=True)
     phase_rad: Parameter = Parameter("phase_rad", 0.0, "rad", -7.0, 7.0, "folds up to 8 mm deep (Gray)", fit=True)
+    second_sin: Parameter = Parameter("second_sin", 0.0, "1", -1.0, 1.0, "folds up to 8 mm deep (Gray)", fit=True)
+    second_cos: Parameter = Parameter("second_cos", 0.0, "1", -1.0, 1.0, "folds up to 8 mm deep (Gray)", fit=True)
 
     def level(self, s: Signals, p: Values, z: Values) -> Any:
-        return 1 + p["depth"] * np.sin(2 * math.pi * s.x / p["wavelength_m"] + p["phase_rad"])
+        turn = 2 * math.pi * s.x / p["wavelength_m"] + p["phase_rad"]
+        wave = np.sin(turn) + p["second_sin"] * np.sin(2 * turn) + p["second_cos"] * np.cos(2 * turn)
+        return np.maximum(1 + p["depth"] * wave, 0.05)

@@ -14,7 +14,7 @@ from models.parameter import Parameter
 
 @dataclass(frozen=True)
 class Stenosis(Effect):
-    """Level `1 + s exp(-(x - x_0)^2/(2 w^2))`."""
+    """Level `1 + s exp(-(|x - x_0|/w)^n/2)`, the width w differing by the skew on either side."""
 
     id = "stenosis"
     summary = "one local place of higher resistance"
@@ -28,6 +28,10 @@ class Stenosis(Effect):
     excess: Parameter = Parameter("excess", 0.0, "1", -0.9, 6.0, "tracing catalogue 11", fit=True)
     centre_m: Parameter = Parameter("centre_m", 0.0, "m", -0.3, 0.3, "tracing catalogue 11", fit=True)
     width_m: Parameter = Parameter("width_m", 0.003, "m", 0.0005, 0.03, "tracing catalogue 11", fit=True)
+    skew: Parameter = Parameter("skew", 0.0, "1", -0.8, 0.8, "tracing catalogue 11", fit=True)
+    sharpness: Parameter = Parameter("sharpness", 2.0, "1", 1.0, 6.0, "tracing catalogue 11", fit=True)
 
     def level(self, s: Signals, p: Values, z: Values) -> Any:
-        return 1 + p["excess"] * np.exp(-0.5 * ((s.x - p["centre_m"]) / p["width_m"]) ** 2)
+        away = s.x - p["centre_m"]
+        width = p["width_m"] * (1 + p["skew"] * np.sign(away))
+        return 1 + p["excess"] * np.exp(-0.5 * (np.abs(away) / width) ** p["sharpness"])

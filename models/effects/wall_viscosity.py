@@ -11,7 +11,7 @@ from models.parameter import Parameter
 
 @dataclass(frozen=True)
 class WallViscosity(Effect):
-    """Extra wall tension `c u'`, in the slip condition too."""
+    """Extra wall force `c u'`; the wall slips by its elastic tension alone."""
 
     id = "wall_viscosity"
     summary = "wall tension depends on the rate of stretch"

@@ -27,6 +27,7 @@ class Kind(Protocol):
     quantity: str
     unit: str
     measure: str
+    stages: int
     base: tuple[Parameter, ...]
     effects: tuple[type[Effect], ...]
 
@@ -34,9 +35,10 @@ class Kind(Protocol):
         """The measured column as the model predicts it from the driven column alone; shape of the measured column."""
         ...
 
-    def residual(self, record: Record, theta: Theta) -> Array:
+    def residual(self, record: Record, theta: Theta, stage: int = 0) -> Array:
         """What a fit minimises: differences in units of their standard deviation, fixed length for a record, about unit variance
-        and independent of each other where the model is right."""
+        and independent of each other where the model is right. `stage` counts up to `stages` - 1, from a criterion that is smooth
+        but forgets (an observer keeps the model in step) to the one that is meant; most kinds have one stage."""
         ...
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:

@@ -7,6 +7,7 @@ import importlib.util
 import os
 import sys
 import tempfile
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-Kernel = Callable[[Array, Array, Array, int, float, Array], None]
+Kernel = Callable[[Array, Array, Array, float, Array, int, float, Array], None]
 
+_LOADING = threading.Lock()
 _BINARY = {
     ca.OP_ADD: "({0} + {1})",
     ca.OP_SUB: "({0} - {1})",
@@ -65,22 +67,25 @@ import numpy as np
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy", fastmath={{"contract", "afn", "nsz"}})
-def run(state, commands, parameters, substeps, dt, output):
+def run(state, commands, measured, gain, parameters, substeps, dt, output):
     h = dt / substeps
 {unpack_state}
 {unpack_parameters}
     for k in range(commands.shape[0]):
-        c0 = commands[k]
-        last = k + 1 == commands.shape[0]
-        c1 = c0 if last else commands[k + 1]
-        for j in range(1 if last else substeps):
+        c1 = commands[k]
+        c0 = commands[k - 1] if k > 0 else c1
+        e = 0.0
+        for j in range(substeps if k > 0 else 1):
             a0 = c0 + (c1 - c0) * (j / substeps)
             a1 = c0 + (c1 - c0) * ((j + 1) / substeps)
-            t = k * dt + j * h
+            t = (k - 1) * dt + j * h if k > 0 else -h
 {body}
-            if j == 0:
-                output[k] = {output}
 {assign}
+            if k == 0 or j + 1 == substeps:
+                output[k] = {output}
+                e = measured[k] - output[k]
+        if gain != 0.0:
+{correct}
 {pack_state}
 '''
 
@@ -97,7 +102,7 @@ def _folder() -> Path:
     return Path(tempfile.gettempdir())
 
 
-def _lines(step: ca.Function, names: dict[tuple[int, int], str]) -> tuple[list[str], dict[tuple[int, int], str]]:
+def _lines(step: ca.Function, names: dict[tuple[int, int], str], prefix: str) -> tuple[list[str], dict[tuple[int, int], str]]:
     """The function's instructions as Python statements, and for each output entry the variable that holds it."""
     lines: list[str] = []
     out: dict[tuple[int, int], str] = {}
@@ -122,22 +127,24 @@ def _lines(step: ca.Function, names: dict[tuple[int, int], str]) -> tuple[list[s
             text = f"math.{_MATH[op]}({args[0]})"
         else:
             raise ValueError(f"the step function must use scalar operations that compile; got CasADi operation number {op}")
-        lines.append(f"w{k} = {text}")
-        held[outs[0]] = f"w{k}"
+        lines.append(f"{prefix}{k} = {text}")
+        held[outs[0]] = f"{prefix}{k}"
     return lines, out
 
 
-def lower(step: ca.Function) -> Kernel:
-    """Compile `step(state, c0, c1, t, h, parameters) -> (state, output)` into a loop over samples.
+def lower(step: ca.Function, correct: ca.Function) -> Kernel:
+    """Compile `step(state, c0, c1, t, h, parameters) -> (state, output)` into a loop over samples, with `correct(state, error, gain)`.
 
-    The loop `run(state, commands, parameters, substeps, dt, output)` steps through `commands` (one value a sample, linear in between,
-    `substeps` steps a sample of `dt` s), overwrites `state` with the last one and fills `output`, one value a sample, taken at the
-    sample's own time. Compiled code is kept on disk under the hash of its source. Raises ValueError for operations that are not scalar.
+    The loop `run(state, commands, measured, gain, parameters, substeps, dt, output)` steps through `commands` (one value a sample, linear
+    in between, `substeps` steps a sample of `dt` s), overwrites `state` with the last one and fills `output`, one value a sample,
+    predicted before the sample is seen. `correct` then moves the state by `gain` times the prediction's error: an observer; a gain of 0 runs
+    free and never looks at `measured`. Compiled code is kept on disk under the hash of its source. Raises ValueError for operations that are not scalar.
     """
     n, m = step.numel_in(0), step.numel_in(5)
     names = {(0, i): f"s{i}" for i in range(n)} | {(5, i): f"p{i}" for i in range(m)}
     names |= {(1, 0): "a0", (2, 0): "a1", (3, 0): "t", (4, 0): "h"}
-    lines, out = _lines(step, names)
+    lines, out = _lines(step, names, "w")
+    fixes, fixed = _lines(correct, {(0, i): f"s{i}" for i in range(n)} | {(1, 0): "e", (2, 0): "gain"}, "y")
     source = _FRAME.format(
         unpack_state="\n".join(f"    s{i} = state[{i}]" for i in range(n)),
         unpack_parameters="\n".join(f"    p{i} = parameters[{i}]" for i in range(m)),
@@ -146,12 +153,18 @@ def lower(step: ca.Function) -> Kernel:
         assign="\n".join(f"{' ' * 12}n{i} = {out.get((0, i), '0.0')}" for i in range(n))
         + "\n"
         + "\n".join(f"{' ' * 12}s{i} = n{i}" for i in range(n)),
+        correct="\n".join([" " * 12 + line for line in fixes] + [f"{' ' * 12}s{i} = {fixed.get((0, i), '0.0')}" for i in range(n)]),
         pack_state="\n".join(f"    state[{i}] = s{i}" for i in range(n)),
     )
     return _load(source)
 
 
 def _load(source: str) -> Kernel:
+    with _LOADING:
+        return _loaded(source)
+
+
+def _loaded(source: str) -> Kernel:
     name = "capsule_step_" + hashlib.sha256((source + sys.version).encode()).hexdigest()[:20]
     if name in sys.modules:
         return sys.modules[name].run  # type: ignore[no-any-return]

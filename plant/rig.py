@@ -15,7 +15,8 @@ from plant.drives.body import COIL, FORCE, LINK, MAGNET, advance_body
 from plant.drives.pull import advance_pull
 from plant.drives.vibro import BY_FORCE, BY_VOLTAGE, advance_vibro
 from plant.hidden.carriage import real_drive
-from plant.hidden.registry import ROWS, effect_table
+from plant.hidden.registry import ROWS
+from plant.hidden.table import effect_table
 from plant.tables import Floats, tabulate
 
 STEP_S = 20e-6

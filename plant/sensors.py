@@ -35,6 +35,8 @@ class Sensor:
 
         Order: low-pass, delay (before the start the first value holds), hidden gain and offsets, noise, rounding.
         """
+        if t.size < 2:
+            raise ValueError(f"a sensor must see two or more samples of the truth; got {t.size}")
         step = float(t[1] - t[0])
         if h is not None and h[ROWS["sensor_lowpass"], 0] > 0:
             y = _lowpassed(_lowpassed(y, step, 0.5 * h[ROWS["sensor_lowpass"], 0]), step, 0.5 * h[ROWS["sensor_lowpass"], 0])

@@ -16,7 +16,8 @@ import numpy as np
 from models.laws.geometry import Capsule, Tissue
 from plant import layout as at
 from plant.excitation import random_runs, random_wander
-from plant.hidden.registry import draw, hidden
+from plant.hidden.registry import hidden
+from plant.hidden.table import draw
 from plant.rig import STEP_S, Magnet, Plant, Pull, Rig
 from plant.sensors import Sensor
 from plant.tables import Floats

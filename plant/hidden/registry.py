@@ -1,4 +1,4 @@
-"""The one list of hidden effects: name, form, numbers with the ranges they are drawn from, and the drives they make sense for."""
+"""The one list of hidden effects: name, form, numbers with their ranges, and the drives they make sense for."""
 
 from __future__ import annotations
 
@@ -6,11 +6,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models.parameter import nearest
-
-SLOTS: Final = 4
 
 
 @dataclass(frozen=True)
@@ -196,27 +193,3 @@ def hidden(name: str) -> Hidden:
     if name not in ROWS:
         raise ValueError(f"hidden effect must be one of the registry; got {name!r}; {nearest(name, ROWS)}")
     return HIDDEN[ROWS[name]]
-
-
-def effect_table(chosen: dict[str, dict[str, float]]) -> NDArray[np.float64]:
-    """`h[row, slot]` for the compiled steps: chosen effects with their numbers, a missing one at its middle, all others off.
-
-    Raises `ValueError` for an unknown effect or number, naming the nearest.
-    """
-    table = np.zeros((len(HIDDEN), SLOTS))
-    for row, effect in enumerate(HIDDEN):
-        table[row, : len(effect.numbers)] = [shape.middle for shape in effect.numbers]
-        table[row, 0] = 0.0
-    for name, numbers in chosen.items():
-        effect = hidden(name)
-        names = [shape.name for shape in effect.numbers]
-        for key in numbers:
-            if key not in names:
-                raise ValueError(f"numbers of {name} must be among {', '.join(names)}; got {key!r}; {nearest(key, names)}")
-        table[ROWS[name], : len(names)] = [numbers.get(shape.name, shape.middle) for shape in effect.numbers]
-    return table
-
-
-def draw(name: str, rng: np.random.Generator) -> dict[str, float]:
-    """Random numbers for an effect, from their ranges."""
-    return {shape.name: shape.draw(rng) for shape in hidden(name).numbers}

@@ -5,8 +5,13 @@ import pytest
 
 from models.laws.geometry import Capsule
 from plant import layout as at
+from plant.compiling import source_digest
+from plant.drives.body import advance_body
+from plant.drives.pull import advance_pull
+from plant.drives.vibro import advance_vibro
 from plant.excitation import pulse_width, random_runs, random_wander
-from plant.hidden.registry import HIDDEN, Hidden, draw, effect_table, hidden
+from plant.hidden.registry import HIDDEN, Hidden, hidden
+from plant.hidden.table import draw, effect_table
 from plant.rig import STEP_S, Coil, Drive, Magnet, Plant, Pull, Rig, Vibro
 from plant.sensors import Sensor
 from plant.tables import Floats
@@ -69,6 +74,17 @@ def test_unknown_names_hear_the_nearest() -> None:
         hidden("stribek")
     with pytest.raises(ValueError, match="did you mean 'excess'"):
         effect_table({"stribeck": {"exces": 1.0}})
+
+
+@pytest.mark.parametrize(("name", "number", "value"), [("stribeck", "speed_m_s", 0.0), ("sensor_delay", "time_s", -0.1)])
+def test_impossible_numbers_are_refused(name: str, number: str, value: float) -> None:
+    with pytest.raises(ValueError, match=f"effects.{name}.{number} must be"):
+        effect_table({name: {number: value}})
+
+
+def test_the_compiled_steps_are_renewed_with_any_file_of_the_plant() -> None:
+    for step in (advance_body, advance_pull, advance_vibro):
+        assert step._cache._cache_file._source_stamp == source_digest()  # type: ignore[attr-defined]
 
 
 def test_draws_lie_in_their_ranges(rng: np.random.Generator) -> None:

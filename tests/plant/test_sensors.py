@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from plant.hidden.registry import effect_table
+from plant.hidden.table import effect_table
 from plant.sensors import Sensor
 
 T = np.linspace(0.0, 10.0, 50_001)

@@ -1,0 +1,47 @@
+"""Chosen hidden effects as the table of numbers that the compiled steps read."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.parameter import nearest
+from plant.hidden.registry import HIDDEN, ROWS, hidden
+
+SLOTS: Final = 4
+
+
+def effect_table(chosen: dict[str, dict[str, float]]) -> NDArray[np.float64]:
+    """`h[row, slot]` for the compiled steps: chosen effects with their numbers, a missing one at its middle, all others off.
+
+    Raises `ValueError` for an unknown effect or number, naming the nearest, and for an impossible number.
+    """
+    table = np.zeros((len(HIDDEN), SLOTS))
+    for row, effect in enumerate(HIDDEN):
+        table[row, : len(effect.numbers)] = [shape.middle for shape in effect.numbers]
+        table[row, 0] = 0.0
+    for name, numbers in chosen.items():
+        effect = hidden(name)
+        names = [shape.name for shape in effect.numbers]
+        for key in numbers:
+            if key not in names:
+                raise ValueError(f"numbers of {name} must be among {', '.join(names)}; got {key!r}; {nearest(key, names)}")
+        for slot, shape in enumerate(effect.numbers):
+            table[ROWS[name], slot] = _possible(numbers.get(shape.name, shape.middle), shape.name, slot == 0, name)
+    return table
+
+
+def _possible(value: float, number: str, amplitude: bool, effect: str) -> float:
+    """The number itself: lengths, times and compliances are not negative, a shape's numbers positive but for places and phases."""
+    shape = not amplitude and number not in ("phase_rad", "centre_m")
+    size = amplitude and number.endswith(("_s", "_m", "_per_N"))
+    if (shape and not value > 0) or (size and not value >= 0):
+        raise ValueError(f"effects.{effect}.{number} must be {'positive' if shape else 'zero or more'}; got {value:g}")
+    return value
+
+
+def draw(name: str, rng: np.random.Generator) -> dict[str, float]:
+    """Random numbers for an effect, from their ranges."""
+    return {shape.name: shape.draw(rng) for shape in hidden(name).numbers}

@@ -34,7 +34,7 @@ def effect_table(chosen: dict[str, dict[str, float]]) -> NDArray[np.float64]:
 
 
 def _possible(value: float, number: str, amplitude: bool, effect: str) -> float:
-    """The number itself: lengths, times and compliances are not negative, a shape's numbers positive but for places and phases."""
+    """The number itself: lengths, times, compliances are not negative, a shape's numbers positive but for places and phases."""
     shape = not amplitude and number not in ("phase_rad", "centre_m")
     size = amplitude and number.endswith(("_s", "_m", "_per_N"))
     if (shape and not value > 0) or (size and not value >= 0):

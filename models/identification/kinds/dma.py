@@ -37,7 +37,7 @@ class DmaKind:
     modulus_std_Pa: float | None = None
     effects: tuple[type[Effect], ...] = (BroadRelaxation,)
     name: str = "dma"
-    stages: int = 1
+    stages: int = 2
     quantity: str = "storage_modulus_Pa and loss_modulus_Pa"
     unit: str = "Pa"
     measure: str = "norm of the error of the complex modulus over its norm in %"
@@ -78,16 +78,22 @@ class DmaKind:
                 out += np.column_stack([extra.storage, extra.loss])
         return out
 
-    def residual(self, record: Record, theta: Theta, stage: int = 0) -> Array:
-        """Errors in units of the scatter between samples, all readings weighed alike as in `error`.
+    def residual(self, record: Record, theta: Theta, stage: int = 1) -> Array:
+        """Errors in units of the scatter between samples; stage 0 of the logarithm of the modulus, stage 1 of the modulus itself.
 
-        The common factor of a sample is *not* whitened away: with a law that is wrong somewhere that draws the whole fit down
+        The logarithm leads a calibration home from moduli that are off by a hundred. In stage 1 all readings weigh alike, as in
+        `error`. A sample's common factor is *not* whitened away: with a law that is wrong somewhere that draws the whole fit down
         (Peelle's puzzle).
         """
-        measured = self.measured(record)
+        measured, predicted = self.measured(record), self.predict(record, theta)
+        std = math.hypot(SAMPLE_SPREAD / math.sqrt(2), READING_SPREAD)
         size = math.sqrt(float(np.mean(np.sum(measured**2, axis=1))))
-        std = math.hypot(SAMPLE_SPREAD / math.sqrt(2), READING_SPREAD) * size
-        return (measured - self.predict(record, theta)).ravel() / (std if self.modulus_std_Pa is None else self.modulus_std_Pa)
+        if self.modulus_std_Pa is not None:
+            std = self.modulus_std_Pa / size
+        if stage == 0:
+            ratio = np.log(predicted @ [1, 1j]) - np.log(measured @ [1, 1j])
+            return np.column_stack([ratio.real, ratio.imag]).ravel() / std
+        return (measured - predicted).ravel() / (std * size)
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
         """Relative error of the complex modulus in %, pooled."""

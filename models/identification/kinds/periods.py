@@ -27,7 +27,6 @@ from models.rig import Rig
 COLUMNS = ("period_s", "valley_N", "peak_N")
 SCATTER = (0.25, 0.12, 0.07)
 """Relative standard deviation of one period, valley and peak: paper A Table 2."""
-FORCES_FIRST = 60.0
 SPEED, RETURN_SPEED = 0.5e-3, 0.6e-3
 """Pull and average speed at which the wall draws back in m/s: paper A Table 1."""
 EQUIVALENTS = MappingProxyType({"small_strain_stiffening": ("wall_viscosity",)})
@@ -110,7 +109,7 @@ class PeriodsKind:
 
     def predict(self, record: Record, theta: Theta) -> Array:
         """Period in s, valley and peak in N, one row a period."""
-        speeds = np.abs(record.columns.get("velocity_m_s", np.full(len(record), self.velocity_m_s)))
+        speeds = self._speeds(record)
         cycles = {v: self.cycle(float(v), theta) for v in np.unique(speeds)}
         return np.array([[cycles[v].tooth.period_s, cycles[v].valley, cycles[v].peak] for v in speeds])
 
@@ -118,10 +117,8 @@ class PeriodsKind:
         """The steady cycle at a pull of `speed` in m/s."""
         resistance, limit = self.levels(speed, theta)
         tooth = self.tooth(limit, speed, theta)
-        recoil = tooth.drag_m / tooth.fall_s if self.return_speed_m_s is None else self.return_speed_m_s
-        lowest = min(self.viscous(0.0, speed, theta), self.viscous(0.0, -recoil, theta))
-        highest = limit + self.viscous(tooth.drag_m, speed, theta)
-        return Cycle(tooth, resistance + lowest, resistance + highest)
+        low, high = self._viscous_ends(tooth, speed, theta)
+        return Cycle(tooth, resistance + low, resistance + limit + high)
 
     def levels(self, speed: float, theta: Theta) -> tuple[float, float]:
         """Environmental resistance `F_e` and Coulomb limit `f_c` in N."""
@@ -150,13 +147,16 @@ class PeriodsKind:
     def residual(self, record: Record, theta: Theta, stage: int = 0) -> Array:
         """Errors of period, valley and peak in units of one period's scatter, three a row.
 
-        At a single speed the mean errors of valley and peak count `FORCES_FIRST` times: these two identify q and mu, and the
-        period tests the wall's law. Weighed alike, a wrong law would be hidden in wrong forces.
+        The period is held against what the wall's law gives at the *measured* height of the teeth: valley and peak identify
+        q and mu, the period tests the law. Held against the fitted height, a wrong law would hide in wrong forces.
         """
-        off = (self.measured(record) - self.predict(record, theta)) / self._std(record)
-        if len(np.unique(record.columns.get("velocity_m_s", np.zeros(1)))) == 1:
-            off[:, 1:] += (FORCES_FIRST - 1) * off[:, 1:].mean(0)
-        return off.ravel()
+        measured, predicted = self.measured(record), self.predict(record, theta)
+        speeds = self._speeds(record)
+        for v in np.unique(speeds):
+            rows = speeds == v
+            height = float(np.mean(measured[rows, 2] - measured[rows, 1]))
+            predicted[rows, 0] = self.tooth(self._limit(height, float(v), theta), float(v), theta).period_s
+        return ((measured - predicted) / self._std(record)).ravel()
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
         """Rms over period, valley and peak of the relative error of the mean, in %."""
@@ -201,6 +201,20 @@ class PeriodsKind:
     def next_experiment(self, theta: Theta, records: Sequence[Record]) -> str | None:
         """What to measure next."""
         return next_experiment(self, theta)
+
+    def _speeds(self, record: Record) -> Array:
+        return np.abs(record.columns.get("velocity_m_s", np.full(len(record), self.velocity_m_s)))
+
+    def _viscous_ends(self, tooth: Tooth, speed: float, theta: Theta) -> tuple[float, float]:
+        """What the wall's viscosity adds to valley and peak in N."""
+        recoil = tooth.drag_m / tooth.fall_s if self.return_speed_m_s is None else self.return_speed_m_s
+        low = min(self.viscous(0.0, speed, theta), self.viscous(0.0, -recoil, theta))
+        return low, self.viscous(tooth.drag_m, speed, theta)
+
+    def _limit(self, height: float, speed: float, theta: Theta) -> float:
+        """Coulomb limit in N of teeth of a measured height in N."""
+        low, high = self._viscous_ends(self.tooth(height, speed, theta), speed, theta)
+        return max(height - high + low, 1e-3 * height)
 
     def _std(self, record: Record) -> Array:
         std = np.array(self.scatter) * np.abs(self.measured(record).mean(0))

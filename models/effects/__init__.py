@@ -4,14 +4,19 @@ from models.effects.actuator_dead_zone import ActuatorDeadZone
 from models.effects.actuator_lag import ActuatorLag
 from models.effects.actuator_saturation import ActuatorSaturation
 from models.effects.added_mass import AddedMass
+from models.effects.broad_relaxation import BroadRelaxation
 from models.effects.carriage_backlash import CarriageBacklash
+from models.effects.coil_lag import CoilLag
+from models.effects.coil_reach import CoilReach
 from models.effects.coupling_decay import CouplingDecay
 from models.effects.coupling_fade import CouplingFade
 from models.effects.directional_asymmetry import DirectionalAsymmetry
 from models.effects.dwell_adhesion import DwellAdhesion
 from models.effects.effect import Effect
+from models.effects.end_stop_impact import EndStopImpact
 from models.effects.exponential_recovery import ExponentialRecovery
 from models.effects.fold_periodic import FoldPeriodic
+from models.effects.guide_friction import GuideFriction
 from models.effects.incline_gravity import InclineGravity
 from models.effects.lumen_taper import LumenTaper
 from models.effects.mains_hum import MainsHum
@@ -23,6 +28,9 @@ from models.effects.sensor_delay import SensorDelay
 from models.effects.sensor_drift import SensorDrift
 from models.effects.sensor_lowpass import SensorLowpass
 from models.effects.sensor_scale import SensorScale
+from models.effects.small_strain_stiffening import SmallStrainStiffening
+from models.effects.spring_damping import SpringDamping
+from models.effects.spring_hardening import SpringHardening
 from models.effects.stenosis import Stenosis
 from models.effects.stress_relaxation import StressRelaxation
 from models.effects.stribeck import Stribeck
@@ -36,13 +44,18 @@ EFFECTS: tuple[type[Effect], ...] = (
     ActuatorLag,
     ActuatorSaturation,
     AddedMass,
+    BroadRelaxation,
     CarriageBacklash,
+    CoilLag,
+    CoilReach,
     CouplingDecay,
     CouplingFade,
     DirectionalAsymmetry,
     DwellAdhesion,
+    EndStopImpact,
     ExponentialRecovery,
     FoldPeriodic,
+    GuideFriction,
     InclineGravity,
     LumenTaper,
     MainsHum,
@@ -54,6 +67,9 @@ EFFECTS: tuple[type[Effect], ...] = (
     SensorDrift,
     SensorLowpass,
     SensorScale,
+    SmallStrainStiffening,
+    SpringDamping,
+    SpringHardening,
     Stenosis,
     StressRelaxation,
     Stribeck,

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from models.effects import BY_ID
 from models.identification.kind import Kind
 from models.parameter import Parameter
 from models.record import Record
@@ -53,8 +52,9 @@ class Fit:
 def axes(kind: Kind, effects: Sequence[str]) -> list[Axis]:
     """What a fit of `kind` with `effects` may move. A tenth of a value is its scale; an amplitude's is the effect's probe."""
     result = [Axis(p.name, p, _scale(p)) for p in kind.base if p.fit]
-    for name in effects:
-        effect = BY_ID[name]
+    declared = {effect.id: effect for effect in kind.effects}
+    for effect in (declared[name] for name in effects):
+        name = effect.id
         for p in effect.parameters():
             scale = effect.probe if p.name == effect.amplitude().name else _scale(p)
             result.append(Axis(f"{name}.{p.name}", p, scale))
@@ -76,7 +76,7 @@ def evaluate(kind: Kind, records: Sequence[Record], theta: Mapping[str, float], 
 
 
 @dataclass(frozen=True)
-class _Problem:
+class Problem:
     kind: Kind
     records: Sequence[Record]
     axes: list[Axis]
@@ -118,25 +118,47 @@ class _Problem:
         return np.array(columns).T
 
 
-def descend(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float], stage: int, secant: float, steps: int) -> Fit:
+def descend(
+    kind: Kind,
+    records: Sequence[Record],
+    effects: Sequence[str],
+    start: Mapping[str, float],
+    stage: int,
+    secant: float,
+    steps: int,
+) -> Fit:
     """Least squares within bounds at one stage, derivatives as central secants `secant` scales wide that look across the jags."""
-    problem = _Problem(kind, records, axes(kind, effects), stage)
+    problem = Problem(kind, records, axes(kind, effects), stage)
     x0 = problem.start(start)
     if not len(x0):
         r = problem.at(x0)
         return Fit({}, float(r @ r), len(r), np.zeros((len(r), 0)), r)
     solution = least_squares(
-        problem.at, x0, jac=lambda x: problem.jacobian(x, secant), bounds=(problem.lower, problem.upper), x_scale=problem.scale,
-        max_nfev=steps, ftol=1e-4, xtol=1e-5,
+        problem.at,
+        x0,
+        jac=lambda x: problem.jacobian(x, secant),
+        bounds=(problem.lower, problem.upper),
+        x_scale=problem.scale,
+        max_nfev=steps,
+        ftol=1e-4,
+        xtol=1e-5,
     )
     return Fit(problem.theta(solution.x), 2 * float(solution.cost), len(solution.fun), solution.jac, solution.fun)
 
 
-def polish(kind: Kind, records: Sequence[Record], effects: Sequence[str], fit: Fit, stage: int, rng: np.random.Generator, rounds: int = 10) -> Fit:
+def polish(
+    kind: Kind,
+    records: Sequence[Record],
+    effects: Sequence[str],
+    fit: Fit,
+    stage: int,
+    rng: np.random.Generator,
+    rounds: int = 10,
+) -> Fit:
     """A sampled search around `fit` at `stage`: proposals shaped by the Gauss-Newton covariance, the best quarter of each round shapes
     the next; then the Jacobian at the best point for the intervals. Never returns a point worse than the start.
     """
-    problem = _Problem(kind, records, axes(kind, effects), stage)
+    problem = Problem(kind, records, axes(kind, effects), stage)
     n = len(problem.axes)
     best = problem.start(fit.theta)
     r = problem.at(best)

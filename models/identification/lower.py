@@ -55,7 +55,23 @@ _UNARY = {
 }
 _MATH = {
     getattr(ca, f"OP_{name.upper()}"): name
-    for name in ("exp", "log", "sqrt", "sin", "cos", "tan", "tanh", "sinh", "cosh", "atan", "asin", "acos", "log1p", "expm1", "erf")
+    for name in (
+        "exp",
+        "log",
+        "sqrt",
+        "sin",
+        "cos",
+        "tan",
+        "tanh",
+        "sinh",
+        "cosh",
+        "atan",
+        "asin",
+        "acos",
+        "log1p",
+        "expm1",
+        "erf",
+    )
 }
 
 _FRAME = '''"""Generated from a CasADi function."""
@@ -91,7 +107,9 @@ def run(state, commands, measured, gain, parameters, substeps, dt, output):
 
 
 def _folder() -> Path:
-    root = os.environ.get("CAPSULE_CACHE") or os.path.join(os.environ.get("XDG_CACHE_HOME", os.path.expanduser("~/.cache")), "capsule")
+    root = os.environ.get("CAPSULE_CACHE") or os.path.join(
+        os.environ.get("XDG_CACHE_HOME", os.path.expanduser("~/.cache")), "capsule"
+    )
     folder = Path(root)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -153,7 +171,9 @@ def lower(step: ca.Function, correct: ca.Function) -> Kernel:
         assign="\n".join(f"{' ' * 12}n{i} = {out.get((0, i), '0.0')}" for i in range(n))
         + "\n"
         + "\n".join(f"{' ' * 12}s{i} = n{i}" for i in range(n)),
-        correct="\n".join([" " * 12 + line for line in fixes] + [f"{' ' * 12}s{i} = {fixed.get((0, i), '0.0')}" for i in range(n)]),
+        correct="\n".join(
+            [" " * 12 + line for line in fixes] + [f"{' ' * 12}s{i} = {fixed.get((0, i), '0.0')}" for i in range(n)]
+        ),
         pack_state="\n".join(f"    state[{i}] = s{i}" for i in range(n)),
     )
     return _load(source)
@@ -179,5 +199,3 @@ def _loaded(source: str) -> Kernel:
     sys.modules[name] = module
     spec.loader.exec_module(module)
     return module.run  # type: ignore[no-any-return]
-
-

@@ -163,6 +163,10 @@ class AxisKind:
         m = self._motion(record)
         return {"t_s": m.t, "x_m": m.x, "v_m_s": m.v, "a_m_s2": m.a, "force_N": record[self.quantity]}
 
+    def columns(self, record: Record, predicted: Array) -> dict[str, Array]:
+        """The prediction as the columns of a file."""
+        return {"t_s": record["t_s"], self.quantity: predicted}
+
     def statements(self, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:
         """Sentences on what these data cannot tell and what remains."""
         return statements(self, theta_by_stage, records)

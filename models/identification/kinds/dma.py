@@ -139,6 +139,10 @@ class DmaKind:
             number[rows] = i + 1
         return {"frequency_Hz": record["frequency_Hz"], "sample": number, "modulus_Pa": np.hypot(*self.measured(record).T)}
 
+    def columns(self, record: Record, predicted: Array) -> dict[str, Array]:
+        """The prediction as the columns of a file."""
+        return {"frequency_Hz": record["frequency_Hz"]} | dict(zip(COLUMNS, predicted.T, strict=True))
+
     def statements(self, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:
         """Sentences on what no relaxation law explains and what these data cannot tell."""
         return statements(self, theta_by_stage, records)

@@ -190,6 +190,11 @@ class PeriodsKind:
         period, valley, peak = self.measured(record).T
         return {"period_index": np.arange(1.0, len(record) + 1), "valley_N": valley, "rise_N": peak - valley, "period_s": period}
 
+    def columns(self, record: Record, predicted: Array) -> dict[str, Array]:
+        """The prediction as the columns of a file."""
+        speed = {"velocity_m_s": record["velocity_m_s"]} if "velocity_m_s" in record.columns else {}
+        return speed | dict(zip(COLUMNS, predicted.T, strict=True))
+
     def statements(self, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:
         """Sentences on what one speed cannot tell."""
         return statements(self, theta_by_stage, records)

@@ -167,6 +167,11 @@ class VibroTableKind:
         """What the residual is drawn against."""
         return {"period_s": record["period_s"], "duty": record["duty"]}
 
+    def columns(self, record: Record, predicted: Array) -> dict[str, Array]:
+        """The prediction as the columns of a file, one row a condition."""
+        runs, _ = _conditions(record)
+        return {"period_s": runs[:, 0], "duty": runs[:, 1], self.quantity: _means(record, predicted)}
+
     def statements(self, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:
         """Sentences on what these data cannot tell and what remains."""
         return statements(self, theta_by_stage, records)

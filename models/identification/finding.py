@@ -1,0 +1,161 @@
+"""From a finished search to the answer that is reported: verdict, intervals, checks, errors before and after on held-out data."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from models.identification.checks import residual_checks
+from models.identification.fit import Fit, axes
+from models.identification.kinds import AnyKind, kind_for
+from models.identification.loop import CLEAN, EXPLAINED, Search, search
+from models.identification.model import Model
+from models.identification.result import STAGES, CandidateRow, Estimate, Finding, FoundEffect, Trace
+from models.record import Record
+from models.rig import Rig
+
+ACCURACY = 0.005
+"""Relative accuracy of the models' own numerics, the least width of an interval on either side."""
+_T95 = 1.96
+
+
+def close(
+    rig: Rig, train: Sequence[Record], holdout: Sequence[Record], progress: Callable[[str, float], None], seed: int = 0
+) -> tuple[Finding, Model]:
+    """Calibrate the rig's model on `train`, find what it lacks, and report the errors before and after; `holdout` is opened last.
+
+    The same records and `seed` give the same numbers. Raises ValueError for records that cannot tell anything.
+    """
+    began = time.monotonic()
+    kind = kind_for(rig, train)
+    found = search(kind, train, progress, np.random.default_rng(seed))
+    thetas = _stage_values(kind, found)
+    progress("held-out records", 0.95)
+    verdict = _verdict(found)
+    errors = {
+        part: {stage: kind.error(records, [kind.predict(r, thetas[stage]) for r in records]) for stage in STAGES}
+        if records
+        else {}
+        for part, records in (("train", train), ("holdout", holdout))
+    }
+    spread = _intervals(kind, found.augmented, found.effects)
+    model = Model(kind.name, thetas, verdict, {"records": ", ".join(r.name for r in train), "seed": str(seed)})
+    finding = Finding(
+        kind=kind.name,
+        quantity=kind.quantity,
+        unit=kind.unit,
+        measure=kind.measure,
+        verdict=verdict,
+        effects=tuple(_effect(name, found, spread) for name in found.effects),
+        calibration={name: estimate for name, estimate in spread.items() if "." not in name},
+        nominal=thetas["nominal"],
+        error=errors,
+        noise_floor=kind.noise_floor(holdout or train),
+        checks=residual_checks(kind, train, found.augmented, found.chance_cost),
+        candidates=tuple(_rows(found)),
+        smallest_detectable=found.detectable,
+        next_experiment=kind.next_experiment(thetas["augmented"], train),
+        statements=tuple(_statements(found, verdict) + kind.statements(thetas, train)),
+        equations=tuple(kind.equations(thetas["augmented"])),
+        traces=tuple(_trace(kind, r, "train", thetas) for r in train)
+        + tuple(_trace(kind, r, "holdout", thetas) for r in holdout),
+        seconds=time.monotonic() - began,
+        timings=found.timings,
+    )
+    progress("done", 1.0)
+    return finding, model
+
+
+def _stage_values(kind: AnyKind, found: Search) -> dict[str, dict[str, float]]:
+    nominal = dict(kind.nominal())
+    return {
+        "nominal": nominal,
+        "calibrated": {**nominal, **found.calibrated.theta},
+        "augmented": {**nominal, **found.augmented.theta},
+    }
+
+
+def _verdict(found: Search) -> str:
+    clean = found.after < CLEAN * found.chance_cost
+    if not found.effects:
+        return "none" if clean else "unknown"
+    return "named" if clean or found.explained >= EXPLAINED else "unknown"
+
+
+def _intervals(kind: AnyKind, fit: Fit, effects: Sequence[str]) -> dict[str, Estimate]:
+    """95 % intervals from the Jacobian, widened for what is left beyond chance and for residuals that are not independent."""
+    fitted = axes(kind, effects)
+    if not fitted:
+        return {}
+    J = fit.jacobian
+    scale = np.array([a.scale for a in fitted])
+    curvature = (J * scale).T @ (J * scale)
+    values, vectors = np.linalg.eigh(curvature)
+    widened = max(fit.chi2, 1.0) * _memory(fit.residual)
+    variance = (vectors**2 / np.maximum(values, 1e-12 * max(values[-1], 1e-300))).sum(axis=1) * widened
+    out = {}
+    for axis, deviation in zip(fitted, np.sqrt(variance) * scale, strict=True):
+        value = fit.theta[axis.name]
+        half = float(np.hypot(_T95 * deviation, ACCURACY * abs(value)))
+        p = axis.parameter
+        told = half < 0.5 * max(abs(value), axis.scale) + axis.scale and p.lower < value < p.upper
+        out[axis.name] = Estimate(value, (value - half, value + half), p.unit, told)
+    return out
+
+
+def _memory(residual: np.ndarray) -> float:
+    """Samples that count as one: 1 + 2 sum of the autocorrelation until it first dies out, at most 200 lags."""
+    r = residual - residual.mean()
+    n = len(r)
+    power = float(r @ r)
+    if n < 20 or power == 0:
+        return 1.0
+    total = 1.0
+    for lag in range(1, min(200, n // 4)):
+        rho = float(r[:-lag] @ r[lag:]) / power
+        if rho < 0.02:
+            break
+        total += 2 * rho
+    return total
+
+
+def _effect(name: str, found: Search, spread: Mapping[str, Estimate]) -> FoundEffect:
+    parameters = {key.split(".", 1)[1]: value for key, value in spread.items() if key.startswith(name + ".")}
+    return FoundEffect(name, found.equivalent[name], parameters, found.gains[name], found.confidence[name])
+
+
+def _rows(found: Search) -> list[CandidateRow]:
+    rows = []
+    for number, screened, trials in found.rounds:
+        gains = {trial.effect: trial.gain for trial in trials}
+        added = found.effects[number - 1] if len(found.effects) >= number else ""
+        for row in screened:
+            note = "added" if row.effect == added else "fitted" if row.effect in gains else "screened only"
+            if added and row.effect in found.equivalent[added]:
+                note = f"cannot be told from {added}"
+            rows.append(CandidateRow(row.effect, number, row.share, gains.get(row.effect), note))
+    return rows
+
+
+def _statements(found: Search, verdict: str) -> list[str]:
+    said = [
+        f"Validation cost for each residual: {found.before:.3g} calibrated, {found.after:.3g} with what was added; "
+        f"chance alone leaves {found.chance_cost:.3g}."
+    ]
+    if found.effects:
+        said.append(
+            f"The effects take away {100 * min(found.explained, 1.0):.0f} % of the misfit beyond chance on records not used to fit them."
+        )
+    if verdict == "unknown":
+        said.append("What is left is structured and no candidate explains it.")
+    return said
+
+
+def _trace(kind: AnyKind, record: Record, role: str, thetas: Mapping[str, Mapping[str, float]]) -> Trace:
+    measured = np.asarray(kind.measured(record))
+    predicted = {stage: np.asarray(kind.predict(record, thetas[stage])) for stage in STAGES}
+    signals = kind.signals(record)
+    axis = next((name for name in ("t_s", "frequency_Hz", "period_s") if name in record.columns), next(iter(record.columns)))
+    return Trace(record.name, role, axis, record[axis], measured, predicted, signals)

@@ -1,0 +1,220 @@
+"""Closing the loop: calibrate, screen what may be missing, fit the best jointly, add one at a time while it pays, and say how sure."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from models.identification.fit import Fit, anneal, descend, evaluate, polish
+from models.identification.kind import Kind
+from models.identification.screen import Screened, chance, screen
+from models.record import Record
+
+Progress = Callable[[str, float], None]
+Split = tuple[list[Record], list[Record]]
+
+MOST_EFFECTS = 3
+LEAST_GAIN = 0.05
+LEAST_DROP = 0.1
+NEXT_SHARE = 0.3
+EXPLAINED = 0.6
+CLEAN = 1.5
+POOL = 6
+SEMIFINAL = 3
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A model with one more effect: what it adds on validation records, `gain` = ln(cost without/cost with), and its drop for each
+    residual; `blocks` holds the validation cost by block for comparing trials."""
+
+    effect: str
+    theta: dict[str, float]
+    gain: float
+    drop: float
+    blocks: np.ndarray
+    note: str = ""
+
+
+@dataclass
+class Search:
+    """Everything the search learned, for the report."""
+
+    calibrated: Fit
+    augmented: Fit
+    effects: list[str] = field(default_factory=list)
+    gains: dict[str, float] = field(default_factory=dict)
+    equivalent: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    confidence: dict[str, float] = field(default_factory=dict)
+    rounds: list[tuple[int, list[Screened], list[Trial]]] = field(default_factory=list)
+    threshold: float = LEAST_GAIN
+    detectable: dict[str, float] = field(default_factory=dict)
+    timings: dict[str, float] = field(default_factory=dict)
+    before: float = 0.0
+    after: float = 0.0
+    chance_cost: float = 1.0
+
+    @property
+    def explained(self) -> float:
+        """Share of the misfit beyond chance that the effects took away, on validation records."""
+        excess = self.before - self.chance_cost
+        return 1.0 if excess <= 0 else (self.before - self.after) / excess
+
+
+def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.random.Generator) -> Search:
+    """Calibrate on `train`, then add effects one at a time while validation records gain beyond what chance gives."""
+    clock = _Clock()
+    progress("calibrating", 0.02)
+    splits = kind.folds(train)
+    nominal = {p.name: p.value for p in kind.base}
+    last = kind.stages - 1
+    base = polish(kind, train, [], anneal(kind, train, [], nominal), last, rng)
+    parts = [anneal(kind, part, [], base.theta) for part, _ in splits]
+    found = Search(base, base)
+    clock.note("calibration", found)
+    progress("what chance looks like", 0.15)
+    found.threshold, found.detectable, found.chance_cost = chance(kind, splits[0][0], base.theta, rng)
+    found.threshold = max(found.threshold, LEAST_GAIN)
+    clock.note("chance", found)
+    found.before = found.after = _cost(kind, splits, [p.theta for p in parts], middle_stage(kind))
+    thetas = [p.theta for p in parts]
+    for number in range(1, MOST_EFFECTS + 1):
+        if _clean(kind, splits, thetas, found):
+            break
+        progress(f"screening, round {number}", 0.2 + 0.25 * (number - 1))
+        screened = screen(kind, splits[0][0], found.effects, thetas[0], number == 1)
+        clock.note("screening", found)
+        progress(f"fitting candidates, round {number}", 0.3 + 0.25 * (number - 1))
+        trials = _tournament(kind, splits, found.effects, thetas, screened)
+        found.rounds.append((number, screened, trials))
+        clock.note("fitting candidates", found)
+        if not trials or not _accept(found, trials[0]):
+            break
+        _add(found, trials)
+        thetas = [
+            _refit(kind, part, found.effects, {**theta, **trials[0].theta})
+            for (part, _), theta in zip(splits, thetas, strict=True)
+        ]
+        found.after = _cost(kind, splits, thetas, middle_stage(kind))
+    progress("fitting the model on all records", 0.85)
+    if found.effects:
+        start = {**base.theta, **thetas[0]}
+        found.augmented = polish(kind, train, found.effects, anneal(kind, train, found.effects, start), last, rng)
+    clock.note("final fit", found)
+    return found
+
+
+def middle_stage(kind: Kind) -> int:
+    """The stage on which models are compared: corrected enough to forgive teeth out of step, free enough to see every effect."""
+    return min(1, kind.stages - 1)
+
+
+def _clean(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[str, float]], found: Search) -> bool:
+    """True where what is left is what chance leaves."""
+    return found.after < found.chance_cost + LEAST_DROP
+
+
+def _cost(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[str, float]], stage: int) -> float:
+    """Mean square of the validation residuals over the splits."""
+    residuals = [evaluate(kind, held, theta, stage) for (_, held), theta in zip(splits, thetas, strict=True)]
+    joined = np.concatenate(residuals)
+    return float(joined @ joined) / len(joined)
+
+
+def _refit(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> dict[str, float]:
+    return anneal(kind, records, effects, start).theta
+
+
+def _tournament(
+    kind: Kind,
+    splits: Sequence[Split],
+    effects: Sequence[str],
+    thetas: Sequence[Mapping[str, float]],
+    screened: Sequence[Screened],
+) -> list[Trial]:
+    """Joint fits of the best screened candidates, the worse half leaving at each stage; sorted by validation gain."""
+    part = splits[0][0]
+    pool = [(row.effect, {**thetas[0], **row.start}) for row in screened[:POOL]]
+    for stage, keep in ((0, SEMIFINAL), (middle_stage(kind), SEMIFINAL)) if kind.stages > 1 else ():
+        fitted = []
+        for effect, start in pool:
+            fit = descend(kind, part, [*effects, effect], start, stage, 0.3, 8)
+            if stage:
+                fit = descend(kind, part, [*effects, effect], fit.theta, stage, 0.1, 8)
+            fitted.append((fit.chi2, effect, fit.theta))
+        fitted.sort(key=lambda row: row[0])
+        pool = (
+            [(effect, theta) for _, effect, theta in fitted[:keep]]
+            if stage == 0 and len(fitted) > keep + 1
+            else [row[1:] for row in fitted]
+        )
+    stage = middle_stage(kind)
+    before = _block_costs(kind, splits, thetas, stage)
+    trials = []
+    for effect, start in pool:
+        fits = [
+            _refit(
+                kind,
+                records,
+                [*effects, effect],
+                {**theta, **{k: v for k, v in start.items() if k.startswith(effect + ".") or not i}},
+            )
+            for i, ((records, _), theta) in enumerate(zip(splits, thetas, strict=True))
+        ]
+        after = _block_costs(kind, splits, fits, stage)
+        gain = float(np.log(before.sum() / max(after.sum(), 1e-300)))
+        trials.append(Trial(effect, fits[0], gain, float(before.mean() - after.mean()), after))
+    return sorted(trials, key=lambda trial: -trial.gain)
+
+
+def _block_costs(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[str, float]], stage: int) -> np.ndarray:
+    """Validation cost for each residual, by blocks of neighbours (at most forty a split)."""
+    out = []
+    for (_, held), theta in zip(splits, thetas, strict=True):
+        squares = evaluate(kind, held, theta, stage) ** 2
+        out += [block.mean() for block in np.array_split(squares, min(40, len(squares)))]
+    return np.array(out)
+
+
+def _accept(found: Search, trial: Trial) -> bool:
+    first = next(iter(found.gains.values()), None)
+    enough = found.threshold if first is None else max(found.threshold, NEXT_SHARE * first)
+    return trial.gain > enough and trial.drop > LEAST_DROP
+
+
+def _add(found: Search, trials: Sequence[Trial]) -> None:
+    best = trials[0]
+    rivals = {t.effect: _separation(best, t) for t in trials[1:]}
+    close = tuple(name for name, z in rivals.items() if z < 2.0 and _gain_of(trials, name) > 0.7 * best.gain)
+    apart = [z for name, z in rivals.items() if name not in close]
+    found.effects.append(best.effect)
+    found.gains[best.effect] = best.gain
+    found.equivalent[best.effect] = close
+    z = min(apart, default=6.0)
+    found.confidence[best.effect] = float(np.clip(1 - 0.5 * np.exp(-0.5 * z**2), 0.5, 0.999))
+
+
+def _gain_of(trials: Sequence[Trial], name: str) -> float:
+    return next(t.gain for t in trials if t.effect == name)
+
+
+def _separation(best: Trial, other: Trial) -> float:
+    """How many standard errors of the block-wise difference `best` is ahead."""
+    difference = other.blocks - best.blocks
+    error = float(difference.std(ddof=1)) / np.sqrt(len(difference)) if len(difference) > 1 else np.inf
+    return float(difference.mean()) / error if error > 0 else 0.0
+
+
+class _Clock:
+    """Seconds since the last note, by name."""
+
+    def __init__(self) -> None:
+        self.last = time.monotonic()
+
+    def note(self, name: str, found: Search) -> None:
+        now = time.monotonic()
+        found.timings[name] = found.timings.get(name, 0.0) + now - self.last
+        self.last = now

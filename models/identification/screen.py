@@ -1,0 +1,148 @@
+"""Screening candidates without refitting: what each would explain of the residual, the base's own directions projected out."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.effects.effect import Effect
+from models.identification.fit import Problem, axes, descend, evaluate, parallel
+from models.identification.kind import Kind
+from models.record import Record
+
+Array = NDArray[np.float64]
+_PLACES = 24
+_IMITATIONS = 2
+_SECANT = 0.1
+
+
+@dataclass(frozen=True)
+class Screened:
+    """One candidate: share of the residual it explains at first order, where a joint fit should start, and the smallest amplitude that
+    would have been seen at the share `chance` gives."""
+
+    effect: str
+    share: float
+    start: dict[str, float]
+    sensitivity: float
+
+
+@dataclass(frozen=True)
+class _View:
+    """The residual at a fitted point with the fitted directions taken out."""
+
+    kind: Kind
+    records: Sequence[Record]
+    stage: int
+    theta: Mapping[str, float]
+    residual: Array
+    basis: Array
+
+    @classmethod
+    def at(cls, kind: Kind, records: Sequence[Record], effects: Sequence[str], theta: Mapping[str, float], stage: int) -> _View:
+        problem = Problem(kind, records, axes(kind, effects), stage)
+        x = problem.start(theta)
+        jacobian = problem.jacobian(x, _SECANT)
+        basis = np.linalg.qr(jacobian)[0] if jacobian.shape[1] else np.zeros((jacobian.shape[0], 0))
+        return cls(kind, records, stage, theta, problem.at(x), basis)
+
+    def cleared(self, vectors: Array) -> Array:
+        return np.asarray(vectors - self.basis @ (self.basis.T @ vectors))
+
+    def explained(self, effect: type[Effect], shape: Mapping[str, float]) -> Screened:
+        """Secants of the residual along the amplitude (and its quadrature, where there is a phase) against the residual itself."""
+        amplitude = effect.amplitude()
+        head = f"{effect.id}."
+        start = {head + p.name: p.value for p in effect.parameters()} | {head + k: v for k, v in shape.items()}
+        start[head + amplitude.name] = float(np.clip(effect.probe, amplitude.lower, amplitude.upper))
+        phases = (0.0, np.pi / 2) if head + "phase_rad" in start else (None,)
+        columns = []
+        for phase in phases:
+            theta = {**self.theta, **start} | ({head + "phase_rad": phase} if phase is not None else {})
+            columns.append(evaluate(self.kind, self.records, theta, self.stage) - self.residual)
+        D, r = self.cleared(np.array(columns).T), self.cleared(self.residual)
+        size = float(np.linalg.norm(D))
+        if not np.isfinite(size) or size < 1e-9 * np.linalg.norm(r):
+            return Screened(effect.id, 0.0, start, np.inf)
+        factor, *_ = np.linalg.lstsq(D, -r, rcond=None)
+        share = 1 - float(np.sum((r + D @ factor) ** 2)) / float(r @ r)
+        size *= 1 / np.sqrt(len(phases))
+        if len(factor) == 2:
+            start[head + "phase_rad"] = float(np.arctan2(factor[1], factor[0]))
+        scale = float(np.hypot(*factor)) if len(factor) == 2 else float(factor[0])
+        reach = (0.9 * amplitude.lower, 0.9 * amplitude.upper)
+        wanted = start[head + amplitude.name] * scale
+        start[head + amplitude.name] = float(np.clip(wanted, *reach))
+        if not reach[0] <= wanted <= reach[1] and wanted * start[head + amplitude.name] <= 0:
+            share = 0.0
+        return Screened(effect.id, share, start, abs(effect.probe) * float(np.linalg.norm(r)) / size)
+
+
+def _shapes(effect: type[Effect], records: Sequence[Record]) -> Iterator[dict[str, float]]:
+    grid = {key: list(values) for key, values in effect.grid.items() if key != "phase_rad"}
+    if any(p.name == "centre_m" for p in effect.parameters()):
+        x = np.concatenate([record["position_m"] for record in records])
+        grid["centre_m"] = list(np.linspace(*np.percentile(x, [1, 99]), _PLACES))
+    for values in itertools.product(*grid.values()):
+        yield dict(zip(grid, values, strict=True))
+
+
+def _candidates(kind: Kind, taken: Sequence[str]) -> list[type[Effect]]:
+    return [effect for effect in kind.effects if effect.id not in taken]
+
+
+def _best(view: _View, effects: Sequence[type[Effect]]) -> list[Screened]:
+    for effect in effects:  # compiled one after the other, before the processors share the work
+        evaluate(
+            view.kind,
+            view.records[:1],
+            {**view.theta, **{f"{effect.id}.{p.name}": p.value for p in effect.parameters()}},
+            view.stage,
+        )
+    tasks = [(effect, shape) for effect in effects for shape in _shapes(effect, view.records)]
+    rows = parallel(lambda task: view.explained(*task), tasks)
+    best: dict[str, Screened] = {}
+    for row in rows:
+        if row.effect not in best or row.share > best[row.effect].share:
+            best[row.effect] = row
+    return sorted(best.values(), key=lambda row: -row.share)
+
+
+def screen(
+    kind: Kind, records: Sequence[Record], effects: Sequence[str], theta: Mapping[str, float], both: bool = True
+) -> list[Screened]:
+    """Every candidate's share of the residual beyond `effects`, best first, taken at the first two stages where there are more."""
+    rankings = []
+    for stage in range(min(2, kind.stages)):
+        fit = descend(kind, records, effects, theta, stage, _SECANT, 8)
+        view = _View.at(kind, records, effects, fit.theta, stage)
+        rankings.append(_best(view, _candidates(kind, effects)))
+    merged: dict[str, Screened] = {}
+    for rows in itertools.zip_longest(*rankings):
+        for row in rows:
+            if row is not None and row.effect not in merged:
+                merged[row.effect] = row
+    return list(merged.values())
+
+
+def chance(
+    kind: Kind, records: Sequence[Record], theta: Mapping[str, float], rng: np.random.Generator
+) -> tuple[float, dict[str, float], float]:
+    """What records without an effect give: the largest gain -ln(1 - share) over all candidates, the smallest amplitude of each that
+    would stand out from it, and the mean square of their residuals."""
+    stage = min(1, kind.stages - 1)
+    gain, cost, weakest = 0.0, 0.0, dict[str, float]()
+    for _ in range(_IMITATIONS):
+        imitated = [kind.imitate(record, theta, rng) for record in records]
+        view = _View.at(kind, imitated, [], theta, stage)
+        left = view.cleared(view.residual)
+        cost = max(cost, float(left @ left) / len(left))
+        rows = _best(view, kind.effects)
+        gain = max(gain, *(-float(np.log1p(-min(row.share, 0.999))) for row in rows)) if rows else gain
+        for row in rows:
+            weakest[row.effect] = max(weakest.get(row.effect, 0.0), row.sensitivity)
+    return gain, {name: value * float(np.sqrt(gain)) for name, value in weakest.items() if np.isfinite(value)}, cost

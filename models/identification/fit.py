@@ -55,7 +55,7 @@ def axes(kind: Kind, effects: Sequence[str]) -> list[Axis]:
     declared = {effect.id: effect for effect in kind.effects}
     for effect in (declared[name] for name in effects):
         name = effect.id
-        for p in effect.parameters():
+        for p in (q for q in effect.parameters() if q.fit):
             scale = effect.probe if p.name == effect.amplitude().name else _scale(p)
             result.append(Axis(f"{name}.{p.name}", p, scale))
     return result

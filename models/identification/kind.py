@@ -23,13 +23,51 @@ class Kind(Protocol):
     `base` holds the parameters that calibration may fit, at their nominal values; `effects` the candidates that can act here.
     """
 
-    name: str
-    quantity: str
-    unit: str
-    measure: str
-    stages: int
-    base: tuple[Parameter, ...]
-    effects: tuple[type[Effect], ...]
+    @property
+    def name(self) -> str:
+        """The kind's name in a rig file."""
+        ...
+
+    @property
+    def quantity(self) -> str:
+        """The measured column."""
+        ...
+
+    @property
+    def unit(self) -> str:
+        """Its unit."""
+        ...
+
+    @property
+    def measure(self) -> str:
+        """What `error` is, in words."""
+        ...
+
+    @property
+    def stages(self) -> int:
+        """How many criteria a fit goes through."""
+        ...
+
+    @property
+    def next_share(self) -> float:
+        """Share of the first effect's gain that a further effect must bring: small where a law can be exact, larger where a form that
+        fits badly would call for others to mend it."""
+        ...
+
+    @property
+    def equivalents(self) -> Mapping[str, tuple[str, ...]]:
+        """Explanations that these data cannot tell from an effect though no fit tries them."""
+        ...
+
+    @property
+    def base(self) -> tuple[Parameter, ...]:
+        """The base parameters at their nominal values."""
+        ...
+
+    @property
+    def effects(self) -> tuple[type[Effect], ...]:
+        """The candidates."""
+        ...
 
     def predict(self, record: Record, theta: Theta) -> Array:
         """The measured column as the model predicts it from the driven column alone; shape of the measured column."""

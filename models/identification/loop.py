@@ -16,10 +16,9 @@ from models.record import Record
 Progress = Callable[[str, float], None]
 Split = tuple[list[Record], list[Record]]
 
-MOST_EFFECTS = 3
+MOST_EFFECTS = 4
 LEAST_GAIN = 0.05
 LEAST_DROP = 0.1
-NEXT_SHARE = 0.3
 EXPLAINED = 0.6
 CLEAN = 1.5
 POOL = 6
@@ -46,6 +45,7 @@ class Search:
     calibrated: Fit
     augmented: Fit
     effects: list[str] = field(default_factory=list)
+    dropped: list[str] = field(default_factory=list)
     gains: dict[str, float] = field(default_factory=dict)
     equivalent: dict[str, tuple[str, ...]] = field(default_factory=dict)
     confidence: dict[str, float] = field(default_factory=dict)
@@ -85,26 +85,44 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
         if _clean(kind, splits, thetas, found):
             break
         progress(f"screening, round {number}", 0.2 + 0.25 * (number - 1))
-        screened = screen(kind, splits[0][0], found.effects, thetas[0], number == 1)
+        screened = screen(kind, splits[0][0], [*found.effects], thetas[0], found.dropped)
         clock.note("screening", found)
         progress(f"fitting candidates, round {number}", 0.3 + 0.25 * (number - 1))
         trials = _tournament(kind, splits, found.effects, thetas, screened)
         found.rounds.append((number, screened, trials))
         clock.note("fitting candidates", found)
-        if not trials or not _accept(found, trials[0]):
+        if not trials or not _accept(kind, found, trials[0]):
             break
-        _add(found, trials)
+        _add(kind, found, trials)
         thetas = [
             _refit(kind, part, found.effects, {**theta, **trials[0].theta})
             for (part, _), theta in zip(splits, thetas, strict=True)
         ]
         found.after = _cost(kind, splits, thetas, middle_stage(kind))
+        thetas = _test_again(kind, splits, thetas, found)
+        clock.note("testing again", found)
     progress("fitting the model on all records", 0.85)
     if found.effects:
         start = {**base.theta, **thetas[0]}
         found.augmented = polish(kind, train, found.effects, anneal(kind, train, found.effects, start), last, rng)
     clock.note("final fit", found)
     return found
+
+
+def _test_again(
+    kind: Kind, splits: Sequence[Split], thetas: Sequence[dict[str, float]], found: Search
+) -> Sequence[dict[str, float]]:
+    """Drops every earlier effect that the later ones made needless: without it the validation records lose no more than chance gives."""
+    for effect in found.effects[:-1]:
+        rest = [name for name in found.effects if name != effect]
+        start = [{k: v for k, v in theta.items() if not k.startswith(effect + ".")} for theta in thetas]
+        without = [_refit(kind, part, rest, theta) for (part, _), theta in zip(splits, start, strict=True)]
+        cost = _cost(kind, splits, without, middle_stage(kind))
+        if np.log(cost / found.after) < found.threshold:
+            found.effects.remove(effect)
+            found.dropped.append(effect)
+            found.after, thetas = cost, without
+    return thetas
 
 
 def middle_stage(kind: Kind) -> int:
@@ -179,20 +197,20 @@ def _block_costs(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[s
     return np.array(out)
 
 
-def _accept(found: Search, trial: Trial) -> bool:
+def _accept(kind: Kind, found: Search, trial: Trial) -> bool:
     first = next(iter(found.gains.values()), None)
-    enough = found.threshold if first is None else max(found.threshold, NEXT_SHARE * first)
+    enough = found.threshold if first is None else max(found.threshold, kind.next_share * first)
     return trial.gain > enough and trial.drop > LEAST_DROP
 
 
-def _add(found: Search, trials: Sequence[Trial]) -> None:
+def _add(kind: Kind, found: Search, trials: Sequence[Trial]) -> None:
     best = trials[0]
     rivals = {t.effect: _separation(best, t) for t in trials[1:]}
     close = tuple(name for name, z in rivals.items() if z < 2.0 and _gain_of(trials, name) > 0.7 * best.gain)
     apart = [z for name, z in rivals.items() if name not in close]
     found.effects.append(best.effect)
     found.gains[best.effect] = best.gain
-    found.equivalent[best.effect] = close
+    found.equivalent[best.effect] = tuple(dict.fromkeys((*close, *kind.equivalents.get(best.effect, ()))))
     z = min(apart, default=6.0)
     found.confidence[best.effect] = float(np.clip(1 - 0.5 * np.exp(-0.5 * z**2), 0.5, 0.999))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,8 @@ class DmaKind:
     effects: tuple[type[Effect], ...] = (BroadRelaxation,)
     name: str = "dma"
     stages: int = 2
+    next_share: float = 0.3
+    equivalents: Mapping[str, tuple[str, ...]] = MappingProxyType({})
     quantity: str = "storage_modulus_Pa and loss_modulus_Pa"
     unit: str = "Pa"
     measure: str = "norm of the error of the complex modulus over its norm in %"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from functools import cache
 
 import numpy as np
@@ -60,6 +61,8 @@ class GutKind:
     base: tuple[Parameter, ...] = ()
     effects: tuple[type[Effect], ...] = ()
     stages: int = 3
+    next_share: float = 0.3
+    equivalents: Mapping[str, tuple[str, ...]] = MappingProxyType({})
     measure: str = "rms of the free-running prediction, low-passed at 2 Hz"
     unit: str = "N"
     quantity: str = field(default="force_N")

@@ -69,6 +69,7 @@ class PeriodsKind:
     effects: tuple[type[Effect], ...] = (SingleSpeedStiffening,)
     name: str = "periods"
     stages: int = 1
+    next_share: float = 0.3
     quantity: str = "period_s, valley_N and peak_N"
     unit: str = "s, N, N"
     equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = EQUIVALENTS

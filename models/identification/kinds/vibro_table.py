@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,8 @@ class VibroTableKind:
     effects: tuple[type[Effect], ...] = EFFECTS
     step_s: float = STEP_S
     stages: int = 1
+    next_share: float = 0.1
+    equivalents: Mapping[str, tuple[str, ...]] = MappingProxyType({})
     name: str = "vibro_table"
     quantity: str = "mean_velocity_m_s"
     unit: str = "m/s"

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from functools import reduce
 from itertools import pairwise
 from operator import mul
-from typing import Any
+from types import MappingProxyType
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -43,7 +43,7 @@ class AxisKind:
     name: str = "axis"
     stages: int = 1
     next_share: float = 0.04
-    equivalents: Mapping[str, tuple[str, ...]] = MappingProxyType({})
+    equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
     quantity: str = "force_N"
     unit: str = "N"
     measure: str = "norm of the force error over norm of the force in %, both low-passed at 40 Hz without phase"

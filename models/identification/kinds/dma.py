@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +41,7 @@ class DmaKind:
     name: str = "dma"
     stages: int = 2
     next_share: float = 0.3
-    equivalents: Mapping[str, tuple[str, ...]] = MappingProxyType({})
+    equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
     quantity: str = "storage_modulus_Pa and loss_modulus_Pa"
     unit: str = "Pa"
     measure: str = "norm of the error of the complex modulus over its norm in %"

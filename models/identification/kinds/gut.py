@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from functools import cache
+from types import MappingProxyType
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,7 +63,7 @@ class GutKind:
     effects: tuple[type[Effect], ...] = ()
     stages: int = 3
     next_share: float = 0.3
-    equivalents: Mapping[str, tuple[str, ...]] = MappingProxyType({})
+    equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
     measure: str = "rms of the free-running prediction, low-passed at 2 Hz"
     unit: str = "N"
     quantity: str = field(default="force_N")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +43,7 @@ class VibroTableKind:
     step_s: float = STEP_S
     stages: int = 1
     next_share: float = 0.1
-    equivalents: Mapping[str, tuple[str, ...]] = MappingProxyType({})
+    equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
     name: str = "vibro_table"
     quantity: str = "mean_velocity_m_s"
     unit: str = "m/s"

@@ -138,6 +138,6 @@ def base_parameters(tissue: Tissue) -> tuple[Parameter, ...]:
     """What differs from rig to rig: the factor on the hoop stress and the friction coefficient."""
     mu = tissue.friction_coefficient
     return (
-        Parameter("hoop_stress_factor", 1.0, "1", 0.6, 1.5, "paper V Eq. 13; tissue differs by 15 % and more", fit=True),
-        Parameter("friction_coefficient", mu, "1", 0.5 * mu, 2.0 * mu, "rig file; paper V: 0.082", fit=True),
+        Parameter("hoop_stress_factor", 1.0, "1", 0.65, 1.45, "paper V Eq. 13; tissue differs by 15 % and more", fit=True),
+        Parameter("friction_coefficient", mu, "1", 0.6 * mu, 1.6 * mu, "rig file; paper V: 0.082", fit=True),
     )

@@ -22,7 +22,7 @@ class Magnetic(Drive):
 
     def parameters(self) -> tuple[Parameter, ...]:
         k = self.stiffness_N_per_m
-        return (Parameter("magnet_stiffness_N_per_m", k, "N/m", 0.7 * k, 1.4 * k, "rig file; several percent off", fit=True),)
+        return (Parameter("magnet_stiffness_N_per_m", k, "N/m", 0.85 * k, 1.15 * k, "rig file; several percent off", fit=True),)
 
     def force(self, x: Any, v: Any, command: Any, p: Mapping[str, Any]) -> Any:
         gap = command - x

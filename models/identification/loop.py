@@ -22,6 +22,7 @@ LEAST_DROP = 0.1
 EXPLAINED = 0.6
 CLEAN = 1.5
 POOL = 6
+ALIKE = 2
 SEMIFINAL = 3
 
 
@@ -155,7 +156,7 @@ def _tournament(
 ) -> list[Trial]:
     """Joint fits of the best screened candidates, the worse half leaving at each stage; sorted by validation gain."""
     part = splits[0][0]
-    pool = [(row.effect, {**thetas[0], **row.start}) for row in screened[:POOL]]
+    pool = [(row.effect, {**thetas[0], **row.start}) for row in _pool(kind, screened)]
     for stage, keep in ((0, SEMIFINAL), (middle_stage(kind), SEMIFINAL)) if kind.stages > 1 else ():
         fitted = []
         for effect, start in pool:
@@ -186,6 +187,15 @@ def _tournament(
         gain = float(np.log(before.sum() / max(after.sum(), 1e-300)))
         trials.append(Trial(effect, fits[0], gain, float(before.mean() - after.mean()), after))
     return sorted(trials, key=lambda trial: -trial.gain)
+
+
+def _pool(kind: Kind, screened: Sequence[Screened]) -> list[Screened]:
+    """The best screened candidates and the declared look-alikes of the first few: they share a residual and only a fit tells them apart."""
+    declared = {effect.id: effect for effect in kind.effects}
+    wanted = [row.effect for row in screened[:POOL]]
+    for row in screened[:ALIKE]:
+        wanted += [name for name in declared[row.effect].look_alikes if name not in wanted]
+    return [row for row in screened if row.effect in wanted]
 
 
 def _block_costs(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[str, float]], stage: int) -> np.ndarray:

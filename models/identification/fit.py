@@ -17,6 +17,7 @@ from models.parameter import Parameter
 from models.record import Record
 
 _T = TypeVar("_T")
+_R = TypeVar("_R")
 Array = NDArray[np.float64]
 _POOL = ThreadPoolExecutor(os.cpu_count() or 1)
 _MARGIN = 1e-9
@@ -65,7 +66,7 @@ def _scale(p: Parameter) -> float:
     return 0.1 * abs(p.value) if p.value else (p.upper - p.lower) / 600
 
 
-def parallel(function: Callable[[_T], Array], items: Sequence[_T]) -> list[Array]:
+def parallel(function: Callable[[_T], _R], items: Sequence[_T]) -> list[_R]:
     """`function` of every item on all processors; the compiled loops release the interpreter."""
     return list(_POOL.map(function, items)) if len(items) > 1 else [function(item) for item in items]
 

@@ -8,35 +8,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from models.identification.fit import Fit, anneal, descend, evaluate, polish
+from models.identification.fit import Fit, anneal, evaluate, polish
 from models.identification.kind import Kind
 from models.identification.screen import Screened, chance, screen
+from models.identification.tournament import Split, Trial, middle_stage, separation, tournament
 from models.record import Record
 
 Progress = Callable[[str, float], None]
-Split = tuple[list[Record], list[Record]]
 
 MOST_EFFECTS = 4
 LEAST_GAIN = 0.05
 LEAST_DROP = 0.1
 EXPLAINED = 0.6
 CLEAN = 1.5
-POOL = 6
-ALIKE = 2
-SEMIFINAL = 3
-
-
-@dataclass(frozen=True)
-class Trial:
-    """A model with one more effect: what it adds on validation records, `gain` = ln(cost without/cost with), and its drop for each
-    residual; `blocks` holds the validation cost by block for comparing trials."""
-
-    effect: str
-    theta: dict[str, float]
-    gain: float
-    drop: float
-    blocks: np.ndarray
-    note: str = ""
 
 
 @dataclass
@@ -89,7 +73,7 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
         screened = screen(kind, splits[0][0], [*found.effects], thetas[0], found.dropped)
         clock.note("screening", found)
         progress(f"fitting candidates, round {number}", 0.3 + 0.25 * (number - 1))
-        trials = _tournament(kind, splits, found.effects, thetas, screened)
+        trials = tournament(kind, splits, found.effects, thetas, screened)
         found.rounds.append((number, screened, trials))
         clock.note("fitting candidates", found)
         if not trials or not _accept(kind, found, trials[0]):
@@ -126,11 +110,6 @@ def _test_again(
     return thetas
 
 
-def middle_stage(kind: Kind) -> int:
-    """The stage on which models are compared: corrected enough to forgive teeth out of step, free enough to see every effect."""
-    return min(1, kind.stages - 1)
-
-
 def _clean(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[str, float]], found: Search) -> bool:
     """True where what is left is what chance leaves."""
     return found.after < found.chance_cost + LEAST_DROP
@@ -147,66 +126,6 @@ def _refit(kind: Kind, records: Sequence[Record], effects: Sequence[str], start:
     return anneal(kind, records, effects, start).theta
 
 
-def _tournament(
-    kind: Kind,
-    splits: Sequence[Split],
-    effects: Sequence[str],
-    thetas: Sequence[Mapping[str, float]],
-    screened: Sequence[Screened],
-) -> list[Trial]:
-    """Joint fits of the best screened candidates, the worse half leaving at each stage; sorted by validation gain."""
-    part = splits[0][0]
-    pool = [(row.effect, {**thetas[0], **row.start}) for row in _pool(kind, screened)]
-    for stage, keep in ((0, SEMIFINAL), (middle_stage(kind), SEMIFINAL)) if kind.stages > 1 else ():
-        fitted = []
-        for effect, start in pool:
-            fit = descend(kind, part, [*effects, effect], start, stage, 0.3, 8)
-            if stage:
-                fit = descend(kind, part, [*effects, effect], fit.theta, stage, 0.1, 8)
-            fitted.append((fit.chi2, effect, fit.theta))
-        fitted.sort(key=lambda row: row[0])
-        pool = (
-            [(effect, theta) for _, effect, theta in fitted[:keep]]
-            if stage == 0 and len(fitted) > keep + 1
-            else [row[1:] for row in fitted]
-        )
-    stage = middle_stage(kind)
-    before = _block_costs(kind, splits, thetas, stage)
-    trials = []
-    for effect, start in pool:
-        fits = [
-            _refit(
-                kind,
-                records,
-                [*effects, effect],
-                {**theta, **{k: v for k, v in start.items() if k.startswith(effect + ".") or not i}},
-            )
-            for i, ((records, _), theta) in enumerate(zip(splits, thetas, strict=True))
-        ]
-        after = _block_costs(kind, splits, fits, stage)
-        gain = float(np.log(before.sum() / max(after.sum(), 1e-300)))
-        trials.append(Trial(effect, fits[0], gain, float(before.mean() - after.mean()), after))
-    return sorted(trials, key=lambda trial: -trial.gain)
-
-
-def _pool(kind: Kind, screened: Sequence[Screened]) -> list[Screened]:
-    """The best screened candidates and the declared look-alikes of the first few: they share a residual and only a fit tells them apart."""
-    declared = {effect.id: effect for effect in kind.effects}
-    wanted = [row.effect for row in screened[:POOL]]
-    for row in screened[:ALIKE]:
-        wanted += [name for name in declared[row.effect].look_alikes if name not in wanted]
-    return [row for row in screened if row.effect in wanted]
-
-
-def _block_costs(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[str, float]], stage: int) -> np.ndarray:
-    """Validation cost for each residual, by blocks of neighbours (at most forty a split)."""
-    out = []
-    for (_, held), theta in zip(splits, thetas, strict=True):
-        squares = evaluate(kind, held, theta, stage) ** 2
-        out += [block.mean() for block in np.array_split(squares, min(40, len(squares)))]
-    return np.array(out)
-
-
 def _accept(kind: Kind, found: Search, trial: Trial) -> bool:
     first = next(iter(found.gains.values()), None)
     enough = found.threshold if first is None else max(found.threshold, kind.next_share * first)
@@ -215,7 +134,7 @@ def _accept(kind: Kind, found: Search, trial: Trial) -> bool:
 
 def _add(kind: Kind, found: Search, trials: Sequence[Trial]) -> None:
     best = trials[0]
-    rivals = {t.effect: _separation(best, t) for t in trials[1:]}
+    rivals = {t.effect: separation(best, t) for t in trials[1:]}
     close = tuple(name for name, z in rivals.items() if z < 2.0 and _gain_of(trials, name) > 0.7 * best.gain)
     apart = [z for name, z in rivals.items() if name not in close]
     found.effects.append(best.effect)
@@ -227,13 +146,6 @@ def _add(kind: Kind, found: Search, trials: Sequence[Trial]) -> None:
 
 def _gain_of(trials: Sequence[Trial], name: str) -> float:
     return next(t.gain for t in trials if t.effect == name)
-
-
-def _separation(best: Trial, other: Trial) -> float:
-    """How many standard errors of the block-wise difference `best` is ahead."""
-    difference = other.blocks - best.blocks
-    error = float(difference.std(ddof=1)) / np.sqrt(len(difference)) if len(difference) > 1 else np.inf
-    return float(difference.mean()) / error if error > 0 else 0.0
 
 
 class _Clock:

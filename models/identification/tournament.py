@@ -1,0 +1,122 @@
+"""Which candidate it is: joint fits in heats, the better ones going on to the next, the last ones judged on validation records."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.identification.fit import anneal, descend, evaluate, parallel
+from models.identification.kind import Kind
+from models.identification.screen import Screened
+from models.record import Record
+
+Split = tuple[list[Record], list[Record]]
+
+POOL = 6
+ALIKE = 2
+FINAL = 3
+_MULTIPLES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
+_BLOCKS = 40
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A model with one more effect: what it adds on validation records, `gain` = ln(cost without/cost with), and its drop for each
+    residual; `blocks` holds the validation cost by block for comparing trials."""
+
+    effect: str
+    theta: dict[str, float]
+    gain: float
+    drop: float
+    blocks: np.ndarray
+
+
+def middle_stage(kind: Kind) -> int:
+    """The stage on which models are compared: corrected enough to forgive teeth out of step, free enough to see every effect."""
+    return min(1, kind.stages - 1)
+
+
+def tournament(
+    kind: Kind,
+    splits: Sequence[Split],
+    effects: Sequence[str],
+    thetas: Sequence[Mapping[str, float]],
+    screened: Sequence[Screened],
+) -> list[Trial]:
+    """Joint fits of `effects` and one more, from short ones of every candidate to full ones of the best three; best gain first."""
+    part = splits[0][0]
+    entries = {}
+    for row in screened:
+        start = _opening(kind, part, effects, thetas[0], row)
+        entries[row.effect] = descend(kind, part, [*effects, row.effect], start, 0, 0.3, 4)
+    entered = sorted(entries, key=lambda name: entries[name].cost)
+    fits = {}
+    for name in _with_look_alikes(kind, entered):
+        fit = entries[name]
+        for stage, secant in ((0, 0.1), (middle_stage(kind), 0.3), (middle_stage(kind), 0.1)):
+            fit = descend(kind, part, [*effects, name], fit.theta, stage, secant, 8)
+        fits[name] = fit
+    finalists = sorted(fits, key=lambda name: fits[name].cost)[:FINAL]
+    before = block_costs(kind, splits, thetas)
+    trials = [_judge(kind, splits, effects, thetas, name, fits[name].theta, before) for name in finalists]
+    return sorted(trials, key=lambda trial: -trial.gain)
+
+
+def _opening(
+    kind: Kind, part: Sequence[Record], effects: Sequence[str], theta: Mapping[str, float], row: Screened
+) -> dict[str, float]:
+    """Where a candidate's fit starts: the best amplitude, at the base as calibrated without it or as nominal (a calibration may have
+    bent the base to make up for what was missing)."""
+    effect = next(e for e in kind.effects if e.id == row.effect)
+    amplitude = effect.amplitude()
+    key = f"{effect.id}.{amplitude.name}"
+    nominal = {**theta, **{p.name: p.value for p in kind.base if p.fit}}
+    wanted = [row.start[key], *(sign * effect.probe * k for k in _MULTIPLES for sign in (1.0, -1.0))]
+    values = sorted({v for v in wanted if amplitude.lower <= v <= amplitude.upper and v != 0.0})
+    points = [{**base, **row.start, key: value} for base in (theta, nominal) for value in values]
+    costs = parallel(lambda p: float(np.sum(evaluate(kind, part[:1], p, middle_stage(kind)) ** 2)), points)
+    return points[int(np.argmin(costs))] if points else {**theta, **row.start}
+
+
+def _with_look_alikes(kind: Kind, entered: Sequence[str]) -> list[str]:
+    """The best entries and the declared look-alikes of the first few: they share a residual and only a full fit tells them apart."""
+    declared = {effect.id: effect for effect in kind.effects}
+    wanted = list(entered[:POOL])
+    for name in entered[:ALIKE]:
+        wanted += [other for other in declared[name].look_alikes if other in entered and other not in wanted]
+    return wanted
+
+
+def _judge(
+    kind: Kind,
+    splits: Sequence[Split],
+    effects: Sequence[str],
+    thetas: Sequence[Mapping[str, float]],
+    name: str,
+    start: Mapping[str, float],
+    before: np.ndarray,
+) -> Trial:
+    own = {key: value for key, value in start.items() if key.startswith(name + ".")}
+    starts = [dict(start) if i == 0 else {**theta, **own} for i, theta in enumerate(thetas)]
+    fits = [anneal(kind, part, [*effects, name], s).theta for (part, _), s in zip(splits, starts, strict=True)]
+    after = block_costs(kind, splits, fits)
+    gain = float(np.log(before.sum() / max(after.sum(), 1e-300)))
+    return Trial(name, fits[0], gain, float(before.mean() - after.mean()), after)
+
+
+def block_costs(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[str, float]]) -> np.ndarray:
+    """Validation cost for each residual at the middle stage, by blocks of neighbours (at most forty a split)."""
+    out: list[float] = []
+    for (_, held), theta in zip(splits, thetas, strict=True):
+        squares = evaluate(kind, held, theta, middle_stage(kind)) ** 2
+        out += [float(block.mean()) for block in np.array_split(squares, min(_BLOCKS, len(squares)))]
+    return np.array(out)
+
+
+def separation(best: Trial, other: Trial) -> float:
+    """How many standard errors of the block-wise difference `best` is ahead of `other`."""
+    difference = other.blocks - best.blocks
+    error = float(difference.std(ddof=1)) / np.sqrt(len(difference)) if len(difference) > 1 else np.inf
+    return float(difference.mean()) / error if error > 0 else 0.0

@@ -65,7 +65,8 @@ def load_set(name: str) -> ParameterSet:
     raw = tomllib.loads(path.read_text(encoding="utf-8"))
     head = raw["set"]
     parameters = {
-        key: Parameter(key, float(entry["value"]), entry["unit"], source=entry.get("source", head["source"])) for key, entry in raw["parameters"].items()
+        key: Parameter(key, float(entry["value"]), entry["unit"], source=entry.get("source", head["source"]))
+        for key, entry in raw["parameters"].items()
     }
     return ParameterSet(name, head["title"], head["source"], head["caution"], MappingProxyType(parameters))
 

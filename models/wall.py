@@ -47,15 +47,17 @@ class Wall:
     def around(cls, capsule: Capsule, tissue: Tissue) -> Wall:
         """The wall of the seeds' tables around `capsule`."""
         speed = np.r_[np.linspace(0, 2e-3, 300), np.geomspace(2e-3, FASTEST, 800)]
-        fits = []
-        for integral in pressure_integrals(speed, capsule, tissue):
+
+        def fitted(integral: Any) -> tuple[float, ...]:
             series = np.polynomial.Chebyshev.fit(np.log1p(speed / _KNEE), integral, _DEGREE, w=1 / integral)
-            fits.append(tuple(float(c) for c in series.convert(kind=np.polynomial.Polynomial).coef))
+            return tuple(float(c) for c in series.convert(kind=np.polynomial.Polynomial).coef)
+
+        nose, cylinder = pressure_integrals(speed, capsule, tissue)
         constants = WallConstants.from_set()
         u = np.linspace(0, LONGEST, 400)
         force = wall_tension(u, constants, wall_section(capsule, tissue), stretched_length(capsule))
         inverse = np.polynomial.Polynomial.fit(force, u, 7)
-        return cls(capsule, tissue, constants, *fits, tuple(float(c) for c in inverse.convert().coef))
+        return cls(capsule, tissue, constants, fitted(nose), fitted(cylinder), tuple(float(c) for c in inverse.convert().coef))
 
     def nose(self, speed: Any) -> Any:
         """`I1` in N at `speed` >= 0 in m/s."""

@@ -2,26 +2,86 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from models.parameter import Parameter
 
+Values = Mapping[str, Any]
+
+
+def _nothing(*_: Any) -> Any:
+    return 0.0
+
+
+def _unchanged(*_: Any) -> Any:
+    return 1.0
+
+
+def _no_states(_: Any) -> dict[str, Any]:
+    return {}
+
+
+@dataclass(frozen=True)
+class Actuation:
+    """What a drive acts on within one step of `h` s: the body's place `x` in m and speed `v` in m/s at mid-step, the `command`
+    there, the parameters `p` and the drive's own states `z` by name, and what effects make of it: the factor `gain` on the force,
+    `suspension(stretch, rate)` in N beside an inner mass's spring, the factor `reach(stretch)` on its coil's force."""
+
+    x: Any
+    v: Any
+    command: Any
+    h: Any
+    p: Values
+    z: Values = field(default_factory=dict)
+    gain: Any = 1.0
+    suspension: Callable[[Any, Any], Any] = _nothing
+    reach: Callable[[Any], Any] = _unchanged
+
+
+@dataclass(frozen=True)
+class Push:
+    """What a drive does to the body in one step: its mean `force` in N, the `inertia` in kg that the body feels beside its own
+    (a mass on a spring, solved implicitly), and the drive's states once the body's speed at the step's end is known."""
+
+    force: Any
+    inertia: Any = 0.0
+    after: Callable[[Any], dict[str, Any]] = _no_states
+
 
 @dataclass(frozen=True)
 class Drive:
-    """A drive's beliefs. `imposed`: the command is the capsule's position, and the force on it is measured."""
+    """A drive's beliefs. `imposed`: the command is the capsule's position, and the force on it is measured.
+
+    `states` are the drive's own, all 0 at the start; `command_unit` is what a command of 1 is in the driven column's unit;
+    `carried_kg` rides on the body and presses it down.
+    """
 
     name: ClassVar[str] = ""
     commanded: ClassVar[str] = ""
     measured: ClassVar[str] = ""
     imposed: ClassVar[bool] = False
+    states: ClassVar[tuple[str, ...]] = ()
+
+    @property
+    def command_unit(self) -> float:
+        """Value of the driven column that is a command of 1."""
+        return 1.0
+
+    @property
+    def carried_kg(self) -> float:
+        """Mass in kg that the body carries beside its own."""
+        return 0.0
 
     def parameters(self) -> tuple[Parameter, ...]:
         """What calibration may fit of the drive."""
         return ()
 
-    def force(self, x: Any, v: Any, command: Any, p: Mapping[str, Any]) -> Any:
+    def force(self, x: Any, v: Any, command: Any, p: Values) -> Any:
         """Force on the capsule along +x in N."""
         return 0.0
+
+    def push(self, at: Actuation) -> Push:
+        """What the drive does in one step; drives with states of their own replace it."""
+        return Push(at.gain * self.force(at.x, at.v, at.command, at.p))

@@ -94,9 +94,7 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
     return found
 
 
-def _test_again(
-    kind: Kind, splits: Sequence[Split], thetas: Sequence[dict[str, float]], found: Search
-) -> Sequence[dict[str, float]]:
+def _test_again(kind: Kind, splits: Sequence[Split], thetas: list[dict[str, float]], found: Search) -> list[dict[str, float]]:
     """Drops every earlier effect that the later ones made needless: without it the validation records lose no more than chance gives."""
     for effect in found.effects[:-1]:
         rest = [name for name in found.effects if name != effect]

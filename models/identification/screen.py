@@ -86,7 +86,9 @@ def _shapes(effect: type[Effect], records: Sequence[Record]) -> Iterator[dict[st
     grid = {key: list(values) for key, values in effect.grid.items() if key != "phase_rad"}
     if any(p.name == "centre_m" for p in effect.parameters()):
         x = np.concatenate([record["position_m"] for record in records])
-        grid["centre_m"] = list(np.linspace(*np.percentile(x, [1, 99]), _PLACES))
+        grid["centre_m"] = [
+            float(place) for place in np.linspace(float(np.percentile(x, 1)), float(np.percentile(x, 99)), _PLACES)
+        ]
     for values in itertools.product(*grid.values()):
         yield dict(zip(grid, values, strict=True))
 

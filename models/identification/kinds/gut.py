@@ -133,7 +133,7 @@ class GutKind:
         memory = self.memories[stage] if stage < len(self.memories) else None
         r = (record[self.quantity] - self._run(record, theta, memory, record[self.quantity])) / self.noise_std
         r = np.where(np.isfinite(r), r, 1e6)
-        return np.sign(r) * _TAIL * np.sqrt(2 * (np.sqrt(1 + (r / _TAIL) ** 2) - 1))
+        return np.asarray(np.sign(r) * _TAIL * np.sqrt(2 * (np.sqrt(1 + (r / _TAIL) ** 2) - 1)))
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
         parts = []

@@ -1,0 +1,85 @@
+"""A coil outside the body that pushes the capsule's magnet: force per current, and the current behind a voltage."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from models.drives.drive import Actuation, Drive, Push
+from models.parameter import Parameter
+
+_SHARE = 0.3
+
+
+@dataclass(frozen=True)
+class Coil(Drive):
+    """Coil current i in A; force `k i` on the capsule in a uniform field, `k i/(1 + ((x - x_c)/r)^2)^2` where the field has a range r."""
+
+    name: ClassVar[str] = "coil"
+    commanded: ClassVar[str] = "coil_current_A"
+    measured: ClassVar[str] = "position_m"
+    force_constant_N_per_A: float = 0.5
+    position_m: float = 0.0
+    range_m: float | None = None
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        k = self.force_constant_N_per_A
+        low, high = sorted((k * (1 - _SHARE), k * (1 + _SHARE)))
+        return (Parameter("coil_force_N_per_A", k, "N/A", low, high, "rig file; several percent off", fit=True),)
+
+    def force(self, x: Any, v: Any, command: Any, p: Mapping[str, Any]) -> Any:
+        pull = p["coil_force_N_per_A"] * command
+        return pull if self.range_m is None else pull / (1 + ((x - self.position_m) / self.range_m) ** 2) ** 2
+
+
+@dataclass(frozen=True)
+class Winding:
+    """The electrical side of a coil: `L i' = U - R i - K_e w`, `|i|` held within the supply's limit."""
+
+    resistance_ohm: float = 10.0
+    inductance_H: float = 10e-3
+    current_limit_A: float = 1.0
+    back_emf_V_s_per_m: float = 0.0
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Resistance and back-EMF; of the resistance and the force constant a record of positions shows the ratio alone."""
+        r, e = self.resistance_ohm, self.back_emf_V_s_per_m
+        spread = max(abs(e), 0.1)
+        return (
+            Parameter("coil_resistance_ohm", r, "ohm", 0.5 * r, 2.0 * r, "rig file; copper warms by 0.4 % a kelvin"),
+            Parameter("back_emf_V_s_per_m", e, "V s/m", e - spread, e + spread, "rig file; N/A in SI"),
+        )
+
+    def current(self, start: Any, voltage: Any, speed: Any, h: Any, p: Mapping[str, Any]) -> tuple[Any, Any]:
+        """Mean current over a step `h` in s and current at its end, in A; exact at a constant `voltage` in V and `speed` in m/s.
+
+        `start` is the current at the step's beginning. Without inductance the current follows at once.
+        """
+        final = (voltage - p["back_emf_V_s_per_m"] * speed) / p["coil_resistance_ohm"]
+        most = self.current_limit_A
+        if self.inductance_H == 0:
+            final = np.clip(final, -most, most)
+            return final, final
+        turns = h * p["coil_resistance_ohm"] / self.inductance_H
+        left = np.exp(-turns)
+        mean = final + (start - final) * (1 - left) / turns
+        return np.clip(mean, -most, most), np.clip(final + (start - final) * left, -most, most)
+
+
+@dataclass(frozen=True)
+class VoltageCoil(Coil):
+    """The same coil driven by a voltage in V: the current is a state behind resistance, inductance and back-EMF."""
+
+    commanded: ClassVar[str] = "coil_voltage_V"
+    states: ClassVar[tuple[str, ...]] = ("current_A",)
+    winding: Winding = Winding()
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return super().parameters() + self.winding.parameters()
+
+    def push(self, at: Actuation) -> Push:
+        mean, end = self.winding.current(at.z["current_A"], at.command, at.v, at.h, at.p)
+        return Push(at.gain * self.force(at.x, at.v, mean, at.p), after=lambda _: {"current_A": end})

@@ -1,0 +1,125 @@
+"""An inner mass on a spring between stops, pushed by a coil: the vibro-impact drive (capsubot) in the gut or on a plate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import casadi as ca
+import numpy as np
+
+from models.drives.coil import Winding
+from models.drives.drive import Actuation, Drive, Push, Values
+from models.parameter import Parameter
+
+
+@dataclass(frozen=True)
+class Stop:
+    """An elastic stop that the inner mass reaches after `gap_m`: `k (r - gap)` beyond it."""
+
+    gap_m: float
+    stiffness_N_per_m: float
+
+    def force(self, beyond: Any) -> Any:
+        """Force in N that pushes back at `beyond` = displacement towards the stop in m."""
+        return self.stiffness_N_per_m * np.maximum(beyond - self.gap_m, 0.0)
+
+
+@dataclass(frozen=True)
+class Vibro(Drive):
+    """Command `on` from 0 to 1: force `F on` on the inner mass, `m w' = F - S(r, r')`, on the body `S - a F`.
+
+    `S = k r + c r' + front stop - rear stop` on the displacement r = inner mass - body; a = 1 where the coil sits on board
+    (`reaction_on_body`), 0 where an external field acts on the magnet alone. The step is implicit in the suspension
+    (trapezoidal, linearised at its predicted middle), so stiff stops and long steps stay stable, and the body's set-valued
+    friction is solved with the inner mass's share of inertia.
+    """
+
+    name: ClassVar[str] = "vibro"
+    commanded: ClassVar[str] = "drive_on"
+    measured: ClassVar[str] = "position_m"
+    states: ClassVar[tuple[str, ...]] = ("stretch_m", "rate_m_s")
+    inner_mass_kg: float = 0.074
+    spring_stiffness_N_per_m: float = 256.23
+    spring_damping_N_s_per_m: float = 0.0
+    force_N: float = 1.25
+    reaction_on_body: bool = True
+    front: Stop | None = None
+    rear: Stop | None = None
+
+    @property
+    def carried_kg(self) -> float:
+        return self.inner_mass_kg
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        k, c, force = self.spring_stiffness_N_per_m, self.spring_damping_N_s_per_m, self.force_N
+        low, high = sorted((0.7 * force, 1.4 * force))
+        return (
+            Parameter("force_N", force, "N", low, high, "rig file; several percent off", fit=True),
+            Parameter("spring_stiffness_N_per_m", k, "N/m", 0.8 * k, 1.25 * k, "rig file", fit=True),
+            Parameter("spring_damping_N_s_per_m", c, "N s/m", 0.0, max(2 * c, 1.0), "rig file"),
+        )
+
+    def suspension(self, stretch: Any, rate: Any, p: Values) -> Any:
+        """`S` in N: how the inner mass is drawn back at `stretch` in m and `rate` in m/s."""
+        force = p["spring_stiffness_N_per_m"] * stretch + p["spring_damping_N_s_per_m"] * rate
+        if self.front is not None:
+            force = force + self.front.force(stretch)
+        return force if self.rear is None else force - self.rear.force(-stretch)
+
+    def field(self, at: Actuation) -> tuple[Any, dict[str, Any]]:
+        """Mean force in N of the coil on the inner mass over the step, and the coil's own states at its end."""
+        return at.p["force_N"] * at.command, {}
+
+    def push(self, at: Actuation) -> Push:
+        m, h, stretch, rate = self.inner_mass_kg, at.h, at.z["stretch_m"], at.z["rate_m_s"]
+        middle = stretch + 0.5 * h * rate
+        r, w = ca.SX.sym("r"), ca.SX.sym("w")
+        law = self.suspension(r, w, at.p) + at.suspension(r, w)
+        slope = 0.5 * h * ca.gradient(law, r) + ca.gradient(law, w)
+        S, g = (ca.substitute(e, ca.vertcat(r, w), ca.vertcat(middle, rate)) for e in (law, slope))
+        explicit = S - 0.5 * g * rate
+        F, states = self.field(at)
+        F = F * at.gain * at.reach(middle)
+        beta = 0.5 * h * g
+        reaction = F if self.reaction_on_body else 0.0
+        force = explicit - reaction + (0.5 * g * m * rate + beta * (F - explicit)) / (m + beta)
+
+        def after(v_next: Any) -> dict[str, Any]:
+            inner = (m * (at.z["v"] + rate) + h * (F - explicit) + beta * v_next) / (m + beta)
+            rate_next = inner - v_next
+            return states | {"stretch_m": stretch + 0.5 * h * (rate + rate_next), "rate_m_s": rate_next}
+
+        return Push(force, beta * m / (m + beta), after)
+
+
+@dataclass(frozen=True)
+class RatedVibro(Vibro):
+    """The same drive commanded by its coil's voltage: force F at the rated voltage, in proportion below it, at once."""
+
+    commanded: ClassVar[str] = "coil_voltage_V"
+    rated_voltage_V: float = 12.0
+
+    @property
+    def command_unit(self) -> float:
+        return self.rated_voltage_V
+
+
+@dataclass(frozen=True)
+class VoltageVibro(Vibro):
+    """The same drive commanded by its coil's voltage: force `K i` with the current behind R, L, back-EMF of the relative speed."""
+
+    commanded: ClassVar[str] = "coil_voltage_V"
+    states: ClassVar[tuple[str, ...]] = ("stretch_m", "rate_m_s", "current_A")
+    coil_force_N_per_A: float = 0.5
+    winding: Winding = Winding()
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        k = self.coil_force_N_per_A
+        low, high = sorted((0.7 * k, 1.4 * k))
+        gain = Parameter("coil_force_N_per_A", k, "N/A", low, high, "rig file; several percent off", fit=True)
+        return (gain, *super().parameters()[1:], *self.winding.parameters())
+
+    def field(self, at: Actuation) -> tuple[Any, dict[str, Any]]:
+        mean, end = self.winding.current(at.z["current_A"], at.command, at.z["rate_m_s"], at.h, at.p)
+        return at.p["coil_force_N_per_A"] * mean, {"current_A": end}

@@ -14,7 +14,10 @@ from models.parameter import Parameter
 
 @dataclass(frozen=True)
 class Stenosis(Effect):
-    """Level `1 + s exp(-(|x - x_0|/w)^n/2)`, the width w differing by the skew on either side."""
+    """Level `1 + s g`, `g = (1 + m (m + 1)/2 q^2)^(-1/m)`, `q = (x - x_0)/w`, the width w differing by the skew on either side.
+
+    The tail m leads from a Gaussian, `exp(-q^2/2)` at 0, to a Lorentzian, `1/(1 + q^2)` at 1.
+    """
 
     id = "stenosis"
     summary = "one local place of higher resistance"
@@ -29,9 +32,10 @@ class Stenosis(Effect):
     centre_m: Parameter = Parameter("centre_m", 0.0, "m", -0.3, 0.3, "tracing catalogue 11", fit=True)
     width_m: Parameter = Parameter("width_m", 0.003, "m", 0.0005, 0.03, "tracing catalogue 11", fit=True)
     skew: Parameter = Parameter("skew", 0.0, "1", -0.8, 0.8, "tracing catalogue 11", fit=True)
-    sharpness: Parameter = Parameter("sharpness", 2.0, "1", 1.0, 6.0, "tracing catalogue 11", fit=True)
+    tail: Parameter = Parameter("tail", 1.0, "1", 0.02, 2.0, "tracing catalogue 11", fit=True)
 
     def level(self, s: Signals, p: Values, z: Values) -> Any:
         away = s.x - p["centre_m"]
-        width = p["width_m"] * (1 + p["skew"] * np.sign(away))
-        return 1 + p["excess"] * np.exp(-0.5 * (np.abs(away) / width) ** p["sharpness"])
+        apart = away / (p["width_m"] * (1 + p["skew"] * np.sign(away)))
+        tail = p["tail"]
+        return 1 + p["excess"] * np.exp(-np.log1p(0.5 * tail * (1 + tail) * apart * apart) / tail)

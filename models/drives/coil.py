@@ -82,4 +82,4 @@ class VoltageCoil(Coil):
 
     def push(self, at: Actuation) -> Push:
         mean, end = self.winding.current(at.z["current_A"], at.command, at.v, at.h, at.p)
-        return Push(at.gain * self.force(at.x, at.v, mean, at.p), after=lambda _: {"current_A": end})
+        return Push(at.gain * self.force(at.x, at.v, mean, at.p), after=lambda *_: {"current_A": end})

@@ -19,18 +19,19 @@ def _unchanged(*_: Any) -> Any:
     return 1.0
 
 
-def _no_states(_: Any) -> dict[str, Any]:
+def _no_states(*_: Any) -> dict[str, Any]:
     return {}
 
 
 @dataclass(frozen=True)
 class Actuation:
-    """What a drive acts on within one step of `h` s: the body's place `x` in m and speed `v` in m/s at mid-step, the `command`
-    there, the parameters `p` and the drive's own states `z` by name, and what effects make of it: the factor `gain` on the force,
-    `suspension(stretch, rate)` in N beside an inner mass's spring, the factor `reach(stretch)` on its coil's force."""
+    """What a drive acts on within one step of `h` s: the body's place `x` in m and speed `v` in m/s at mid-step, its speed `start`
+    before, the `command` at mid-step, the parameters `p` and the drive's own states `z` by name, and what effects make of it: the
+    factor `gain` on the force, `suspension(stretch, rate)` in N beside an inner mass's spring, `reach(stretch)` on its coil's force."""
 
     x: Any
     v: Any
+    start: Any
     command: Any
     h: Any
     p: Values
@@ -43,11 +44,11 @@ class Actuation:
 @dataclass(frozen=True)
 class Push:
     """What a drive does to the body in one step: its mean `force` in N, the `inertia` in kg that the body feels beside its own
-    (a mass on a spring, solved implicitly), and the drive's states once the body's speed at the step's end is known."""
+    (a mass on a spring, solved implicitly), and the drive's states `after(speed at the step's end, mean speed)` of the body."""
 
     force: Any
     inertia: Any = 0.0
-    after: Callable[[Any], dict[str, Any]] = _no_states
+    after: Callable[[Any, Any], dict[str, Any]] = _no_states
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,9 @@ class Drive:
     """A drive's beliefs. `imposed`: the command is the capsule's position, and the force on it is measured.
 
     `states` are the drive's own, all 0 at the start; `command_unit` is what a command of 1 is in the driven column's unit;
-    `carried_kg` rides on the body and presses it down.
+    `carried_kg` rides on the body and presses it down. `turning` places the moment at which the body turns or stops within the
+    step, for drives that shake it to and fro in every cycle. `held`: the command is a switch, which over a step stays what it was
+    at the step's beginning; else it goes in a straight line.
     """
 
     name: ClassVar[str] = ""
@@ -63,6 +66,8 @@ class Drive:
     measured: ClassVar[str] = ""
     imposed: ClassVar[bool] = False
     states: ClassVar[tuple[str, ...]] = ()
+    turning: ClassVar[bool] = False
+    held: ClassVar[bool] = False
 
     @property
     def command_unit(self) -> float:

@@ -39,6 +39,8 @@ class Vibro(Drive):
     commanded: ClassVar[str] = "drive_on"
     measured: ClassVar[str] = "position_m"
     states: ClassVar[tuple[str, ...]] = ("stretch_m", "rate_m_s")
+    turning: ClassVar[bool] = True
+    held: ClassVar[bool] = True
     inner_mass_kg: float = 0.074
     spring_stiffness_N_per_m: float = 256.23
     spring_damping_N_s_per_m: float = 0.0
@@ -85,10 +87,11 @@ class Vibro(Drive):
         reaction = F if self.reaction_on_body else 0.0
         force = explicit - reaction + (0.5 * g * m * rate + beta * (F - explicit)) / (m + beta)
 
-        def after(v_next: Any) -> dict[str, Any]:
-            inner = (m * (at.z["v"] + rate) + h * (F - explicit) + beta * v_next) / (m + beta)
-            rate_next = inner - v_next
-            return states | {"stretch_m": stretch + 0.5 * h * (rate + rate_next), "rate_m_s": rate_next}
+        def after(v_next: Any, v_mean: Any) -> dict[str, Any]:
+            inner = at.start + rate
+            inner_next = (m * inner + h * (F - explicit) + beta * v_next) / (m + beta)
+            moved = 0.5 * h * (inner + inner_next) - h * v_mean
+            return states | {"stretch_m": stretch + moved, "rate_m_s": inner_next - v_next}
 
         return Push(force, beta * m / (m + beta), after)
 

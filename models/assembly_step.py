@@ -134,7 +134,7 @@ class Stepper:
             T, F_v = self.held(replace(s, v=v_next), dragged, self.tension(dragged.u), grip)
             output = grip.friction * s.direction + F_v + T - outside
         elif self.drive.imposed:
-            output = (command - x_next) / np.maximum(self.compliance, _STIFFEST)
+            output = (command - now["x"] - h * v_next) / np.maximum(self.compliance, _STIFFEST)
         new = _motion(now, x_next, v_next, dragged, s, h) | own
         seen = replace(active_next, z=active_next.follow(s, output, h))
         return new | dict(seen.z), seen.measured(s, output)
@@ -145,7 +145,9 @@ class Stepper:
         v = now["v"]
         free, stop = v + h / m * (push.force + others), friction * h / m
         if self.drive.imposed:
-            give = h * h / m / (self.compliance + h * h / m)  # the link's share of the step, solved implicitly
+            give = (
+                h * h / m / (np.maximum(self.compliance, _STIFFEST) + h * h / m)
+            )  # the link's share of the step, solved implicitly
             free, stop = free * (1 - give) + give * (command - now["x"]) / h, stop * (1 - give)
         if self.drive.turning and self.smoothing == 0:
             return turned(v, free, stop)

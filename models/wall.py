@@ -133,7 +133,11 @@ def settle(free: Any, stop: Any, smoothing: Any = 0.0) -> Any:
     at `smoothing` eps = 0 friction is set-valued: the body rests while `|free| <= stop`.
     """
     b = np.abs(free) - stop - smoothing
-    return np.sign(free) * (b + np.sqrt(b * b + 4 * smoothing * np.abs(free))) / 2
+    root = np.sqrt(b * b + 4 * smoothing * np.abs(free))
+    slides = np.sign(free) * (b + root) / 2
+    if isinstance(smoothing, int | float) and smoothing == 0:
+        return slides
+    return np.where(b < 0, 2 * smoothing * free / (root + np.abs(b)), slides)  # the same, with its slope at free = 0
 
 
 def base_parameters(tissue: Tissue) -> tuple[Parameter, ...]:

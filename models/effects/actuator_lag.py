@@ -31,6 +31,6 @@ class ActuatorLag(Effect):
 
     def advance(self, s: Signals, p: Values, z: Values, h: Any) -> dict[str, Any]:
         tau = np.maximum(p["time_s"], 1e-9)
-        rise = tau * (1 - np.exp(-h / tau))
+        rise = p["time_s"] * (1 - np.exp(-h / tau))
         start = s.command - s.rate * h
         return {"command": s.command - s.rate * rise + (z["command"] - start) * np.exp(-h / tau)}

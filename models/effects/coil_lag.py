@@ -11,11 +11,13 @@ from models.effects.effect import Signals, Values
 from models.effects.inner_mass import InnerMassEffect
 from models.parameter import Parameter
 
+_OFF = 1e-12  # share of the force below which the coil counts as off: the root's slope stays finite
+
 
 @dataclass(frozen=True)
 class CoilLag(InnerMassEffect):
-    """`tau i' = u - i` (tau = L/R) and force `F i^2`: half of it after 1.23 tau on the rise, after 0.35 tau on the fall, so the
-    drive is on for 0.88 tau less than its duty says."""
+    """`tau i' = sqrt(u) - i` (tau = L/R) and force `F i^2`: half of it after 1.23 tau on the rise, after 0.35 tau on the fall, so
+    the drive is on for 0.88 tau less than its duty says. A command u between off (0) and on (1) is a share of the force."""
 
     id = "coil_lag"
     summary = "the coil's current lags the switch; the force goes with its square"
@@ -33,4 +35,5 @@ class CoilLag(InnerMassEffect):
 
     def advance(self, s: Signals, p: Values, z: Values, h: Any) -> dict[str, Any]:
         kept = np.exp(-h / np.maximum(p["time_s"], 1e-9))
-        return {"current": s.command + (z["current"] - s.command) * kept}
+        final = np.sqrt(np.maximum(s.command, _OFF))
+        return {"current": final + (z["current"] - final) * kept}

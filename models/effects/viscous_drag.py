@@ -11,6 +11,8 @@ import numpy as np
 from models.effects.effect import Effect, Signals, Values
 from models.parameter import Parameter
 
+_CREEP = 1e-6  # m/s
+
 
 @dataclass(frozen=True)
 class ViscousDrag(Effect):
@@ -33,4 +35,5 @@ class ViscousDrag(Effect):
     )
 
     def force(self, s: Signals, p: Values, z: Values) -> Any:
-        return -p["coefficient_N"] * np.sign(s.v) * (np.abs(s.v) / 0.01) ** p["exponent"]
+        fast = np.maximum(np.abs(s.v), _CREEP)  # below it linear, so that the slope at rest is finite
+        return -p["coefficient_N"] * s.v / 0.01 * (fast / 0.01) ** (p["exponent"] - 1)

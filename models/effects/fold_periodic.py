@@ -38,11 +38,6 @@ class FoldPeriodic(Effect):
                 0.011508,
                 0.013004,
                 0.014694,
-                0.016604,
-                0.018763,
-                0.021202,
-                0.023958,
-                0.027073,
             ),
             "phase_rad": (0.0, 1.5707963),
         }
@@ -52,7 +47,7 @@ class FoldPeriodic(Effect):
     separated_by = "reverse over the same place"
 
     depth: Parameter = Parameter("depth", 0.0, "1", -0.9, 0.9, "folds up to 8 mm deep (Gray)", fit=True)
-    wavelength_m: Parameter = Parameter("wavelength_m", 0.008, "m", 0.002, 0.04, "folds up to 8 mm deep (Gray)", fit=True)
+    wavelength_m: Parameter = Parameter("wavelength_m", 0.008, "m", 0.002, 0.016, "folds up to 8 mm deep (Gray)", fit=True)
     phase_rad: Parameter = Parameter("phase_rad", 0.0, "rad", -7.0, 7.0, "folds up to 8 mm deep (Gray)", fit=True)
     second_sin: Parameter = Parameter("second_sin", 0.0, "1", -1.0, 1.0, "folds up to 8 mm deep (Gray)", fit=True)
     second_cos: Parameter = Parameter("second_cos", 0.0, "1", -1.0, 1.0, "folds up to 8 mm deep (Gray)", fit=True)

@@ -13,7 +13,7 @@ from models.parameter import Parameter
 
 @dataclass(frozen=True)
 class LumenTaper(Effect):
-    """Level `1 + g x`: narrowing lumen or capstan bend."""
+    """Level `1 + g x + b x^2`: narrowing lumen or capstan bend, the change itself changing along the way."""
 
     id = "lumen_taper"
     summary = "resistance changes steadily along the lumen"
@@ -24,6 +24,7 @@ class LumenTaper(Effect):
     separated_by = "a return pass over the same places"
 
     slope_per_m: Parameter = Parameter("slope_per_m", 0.0, "1/m", -30.0, 30.0, "tracing catalogue 11, 12", fit=True)
+    bend_per_m2: Parameter = Parameter("bend_per_m2", 0.0, "1/m^2", -600.0, 600.0, "tracing catalogue 11, 12", fit=True)
 
     def level(self, s: Signals, p: Values, z: Values) -> Any:
-        return np.maximum(1 + p["slope_per_m"] * s.x, 0.05)
+        return np.maximum(1 + p["slope_per_m"] * s.x + p["bend_per_m2"] * s.x**2, 0.05)

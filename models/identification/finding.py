@@ -16,8 +16,8 @@ from models.identification.result import STAGES, CandidateRow, Estimate, Finding
 from models.record import Record
 from models.rig import Rig
 
-ACCURACY = 0.005
-"""Relative accuracy of the models' own numerics, the least width of an interval on either side."""
+ACCURACY = 0.01
+"""Relative accuracy of the models' own numerics and of a minimum on a jagged criterion: the least width of an interval on either side."""
 _T95 = 1.96
 
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from models.identification.fit import Fit, anneal, evaluate, polish
+from models.identification.fit import Fit, anneal, descend, evaluate, polish
 from models.identification.kind import Kind
 from models.identification.screen import Screened, chance, screen
-from models.identification.tournament import Split, Trial, middle_stage, separation, tournament
+from models.identification.tournament import Split, Trial, fair, middle_stage, refit, separation, tournament
 from models.record import Record
 
 Progress = Callable[[str, float], None]
@@ -57,15 +57,17 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
     nominal = {p.name: p.value for p in kind.base}
     last = kind.stages - 1
     base = polish(kind, train, [], anneal(kind, train, [], nominal), last, rng)
-    parts = [anneal(kind, part, [], base.theta) for part, _ in splits]
+    if kind.stages > 1:
+        base = polish(kind, train, [], base, last, rng)
+    parts = [refit(kind, part, [], [base.theta]) for part, _ in splits]
     found = Search(base, base)
     clock.note("calibration", found)
     progress("what chance looks like", 0.15)
     found.threshold, found.detectable, found.chance_cost = chance(kind, splits[0][0], base.theta, rng)
     found.threshold = max(found.threshold, LEAST_GAIN)
     clock.note("chance", found)
-    found.before = found.after = _cost(kind, splits, [p.theta for p in parts], middle_stage(kind))
-    thetas = [p.theta for p in parts]
+    found.before = found.after = _cost(kind, splits, parts, middle_stage(kind))
+    thetas = parts
     for number in range(1, MOST_EFFECTS + 1):
         if _clean(kind, splits, thetas, found):
             break
@@ -74,22 +76,25 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
         clock.note("screening", found)
         progress(f"fitting candidates, round {number}", 0.3 + 0.25 * (number - 1))
         trials = tournament(kind, splits, found.effects, thetas, screened)
+        trials, thetas = fair(kind, splits, found.effects, thetas, trials)
+        found.after = _cost(kind, splits, thetas, middle_stage(kind))
+        if not found.effects:
+            found.before = found.after
         found.rounds.append((number, screened, trials))
         clock.note("fitting candidates", found)
         if not trials or not _accept(kind, found, trials[0]):
             break
         _add(kind, found, trials)
-        thetas = [
-            _refit(kind, part, found.effects, {**theta, **trials[0].theta})
-            for (part, _), theta in zip(splits, thetas, strict=True)
-        ]
+        thetas = list(trials[0].thetas)
         found.after = _cost(kind, splits, thetas, middle_stage(kind))
         thetas = _test_again(kind, splits, thetas, found)
         clock.note("testing again", found)
     progress("fitting the model on all records", 0.85)
     if found.effects:
-        start = {**base.theta, **thetas[0]}
-        found.augmented = polish(kind, train, found.effects, anneal(kind, train, found.effects, start), last, rng)
+        start = refit(kind, train, found.effects, [{**base.theta, **thetas[0]}])
+        found.augmented = descend(kind, train, found.effects, start, last, 0.03, 10)
+        for _ in range(min(2, kind.stages)):
+            found.augmented = polish(kind, train, found.effects, found.augmented, last, rng)
     clock.note("final fit", found)
     return found
 
@@ -99,7 +104,7 @@ def _test_again(kind: Kind, splits: Sequence[Split], thetas: list[dict[str, floa
     for effect in found.effects[:-1]:
         rest = [name for name in found.effects if name != effect]
         start = [{k: v for k, v in theta.items() if not k.startswith(effect + ".")} for theta in thetas]
-        without = [_refit(kind, part, rest, theta) for (part, _), theta in zip(splits, start, strict=True)]
+        without = [refit(kind, part, rest, [theta]) for (part, _), theta in zip(splits, start, strict=True)]
         cost = _cost(kind, splits, without, middle_stage(kind))
         if np.log(cost / found.after) < found.threshold:
             found.effects.remove(effect)
@@ -118,10 +123,6 @@ def _cost(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[str, flo
     residuals = [evaluate(kind, held, theta, stage) for (_, held), theta in zip(splits, thetas, strict=True)]
     joined = np.concatenate(residuals)
     return float(joined @ joined) / len(joined)
-
-
-def _refit(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> dict[str, float]:
-    return anneal(kind, records, effects, start).theta
 
 
 def _accept(kind: Kind, found: Search, trial: Trial) -> bool:

@@ -114,7 +114,8 @@ class Stepper:
         command = active_next.command(s)
         if imposed:
             v_now = (command - now["x"]) / h
-        s = replace(s, v=v_now, direction=np.where(np.abs(v_now) > _REST, np.sign(v_now), now["direction"]))
+        push = Push(0.0) if imposed else self.push(now, replace(s, v=v_now), command - 0.5 * h * rate, h)
+        s = replace(s, v=v_now, direction=np.where(np.abs(v_now) > _REST, np.sign(v_now), self._faced(now, push)))
         grip = self.grip(s)
         s = replace(s, drag_rate=drag_rate(drag, v_now, grip.recovery))
         T, F_v = self.held(s, drag, T_quiet, grip)
@@ -123,7 +124,6 @@ class Stepper:
             x_next, v_next, own = command, v_now, {}
             dragged = self.drag(drag, v_next, h, grip)
         else:
-            push = self.push(now, s, command - 0.5 * h * rate, h)
             v_next, v_mean = self._speed(now, push, outside - F_v - T, grip.friction, command, h)
             x_next = now["x"] + h * v_mean
             own = {f"{self.drive.name}.{name}": value for name, value in push.after(v_next, v_mean).items()}
@@ -138,6 +138,12 @@ class Stepper:
         new = _motion(now, x_next, v_next, dragged, s, h) | own
         seen = replace(active_next, z=active_next.follow(s, output, h))
         return new | dict(seen.z), seen.measured(s, output)
+
+    def _faced(self, now: dict[str, Any], push: Push) -> Any:
+        """Direction that a resting body's friction faces: in the gut the last motion's, on a plate where the drive pushes."""
+        if isinstance(self.surface, Plate):
+            return np.where(push.force == 0, now["direction"], np.sign(push.force))
+        return now["direction"]
 
     def _speed(self, now: dict[str, Any], push: Push, others: Any, friction: Any, command: Any, h: Any) -> tuple[Any, Any]:
         """Speed of a free body at the step's end and its mean over the step, friction solved within the step."""

@@ -18,6 +18,7 @@ from models.drives.pull import Pull
 from models.drives.vibro import RatedVibro, Stop, Vibro
 from models.drives.vibro_numbers import VibroCycle
 from models.drives.vibro_speed import mean_velocities
+from models.effects.directional_asymmetry import DirectionalAsymmetry
 from models.identification.lower import lower
 from models.laws.geometry import GRAVITY, Capsule, Tissue
 from models.plate import Plate
@@ -111,6 +112,15 @@ def test_the_compiled_table_solver_and_the_assembled_model_agree() -> None:
     drive = Vibro(0.074, 256.23, 1.5, 1.25, True, stop, stop)
     expected = float(mean_velocities(0.06, 0.25, 100, cycle, 100, 1e-4)[()])
     assert steady_speed(BIG[0], drive, 0.06, 0.25) == pytest.approx(expected, rel=2e-3)
+
+
+@pytest.mark.parametrize("asymmetry", [0.2, -0.2])
+def test_a_resting_body_breaks_away_against_the_friction_of_the_way_it_is_pushed(asymmetry: float) -> None:
+    cycle = VibroCycle(0.193, 0.074, 256.23, 1.25, 0.29 * 0.267 * GRAVITY, asymmetry=asymmetry)
+    expected = float(mean_velocities(0.06, 0.3, 100, cycle, 100, 1e-4)[()])
+    model, dt = assemble(*BIG, [DirectionalAsymmetry]), 0.06 / STEPS
+    x = run(model, pulses(0.06, 0.3, 200, dt), dt, values={"directional_asymmetry.asymmetry": asymmetry})
+    assert (x[200 * STEPS] - x[100 * STEPS]) / 6.0 == pytest.approx(expected, rel=2e-3)
 
 
 def test_an_internal_push_ends_where_momentum_says() -> None:

@@ -1,4 +1,4 @@
-"""Fitting a kind's parameters: annealed least squares with wide secants, then a sampled polish; stick-slip makes the criterion jagged."""
+"""Fitting a kind's parameters: least squares with wide secants or an ensemble, then a sampled polish; stick-slip makes the criterion jagged."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from models.identification.kind import Kind
+from models.identification.sampling import Found, Space, evolve, gather, spread
 from models.parameter import Parameter
 from models.record import Record
 
@@ -21,7 +22,10 @@ _R = TypeVar("_R")
 Array = NDArray[np.float64]
 _POOL = ThreadPoolExecutor(os.cpu_count() or 1)
 _MARGIN = 1e-9
-_WIDEST = 0.3
+_WIDEST = 0.25
+_PATIENT = ((1e5, 1e4), (1e4, 1e3))
+_START = 3.0
+_NEAR_M = 3e-3
 _SECANTS = (0.3, 0.1)
 
 
@@ -156,48 +160,71 @@ def polish(
     rng: np.random.Generator,
     rounds: int = 10,
 ) -> Fit:
-    """A sampled search around `fit` at `stage`: proposals shaped by the Gauss-Newton covariance, the best quarter of each round shapes
-    the next; then the Jacobian at the best point for the intervals. Never returns a point worse than the start.
-    """
+    """A sampled search around `fit` at `stage` (four generations of an evolution a round), shaped by the fit's Jacobian; then the
+    Jacobian at the best point for the intervals. Never returns a point worse than the start."""
     problem = Problem(kind, records, axes(kind, effects), stage)
-    n = len(problem.axes)
-    best = problem.start(fit.theta)
-    r = problem.at(best)
-    cost, mean = float(r @ r), best.copy()
-    covariance = _proposal(fit.jacobian, problem.scale)
-    size = 8 + 2 * n
-    for _ in range(rounds):
-        draws = rng.multivariate_normal(mean, covariance, size, method="eigh")
-        points = [np.clip(x, problem.lower, problem.upper) for x in draws]
-        costs = np.array([float(v @ v) for v in parallel(problem.at, points)])
-        order = np.argsort(costs)[: max(3, size // 4)]
-        if costs[order[0]] < cost:
-            cost, best = float(costs[order[0]]), points[order[0]]
-        elite = np.array([points[i] for i in order] + [best])
-        mean = 0.5 * best + 0.5 * elite.mean(axis=0)
-        spread = elite - mean
-        covariance = 0.4 * covariance + 0.6 * (spread.T @ spread / len(elite))
-    jacobian = problem.jacobian(best, 0.003)
-    r = problem.at(best)
-    return Fit(problem.theta(best), float(r @ r), len(r), jacobian, r)
+    x = problem.start(fit.theta)
+    if len(x):
+        space = _space(problem, fit.theta)
+        slope = fit.jacobian * space.reach
+        weight = 1 / max(fit.chi2, 1.0)
+        root = spread(weight * slope.T @ slope, _PATIENT[-1][1], _WIDEST)
+        r = problem.at(x)
+        x = evolve(space, Found(x, float(r @ r), x, root, fit.jacobian), rng, 4 * rounds, _START).best
+    r = problem.at(x)
+    return Fit(problem.theta(x), float(r @ r), len(r), problem.jacobian(x, 0.003), r)
 
 
-def _proposal(jacobian: Array, scale: Array) -> Array:
-    """A covariance with the Gauss-Newton shape whose widest axis is a third of a scale; at least a thirtieth along each parameter."""
-    J = jacobian * scale
-    values, vectors = np.linalg.eigh(J.T @ J + 1e-12 * np.eye(len(scale)))
-    spread = np.clip(np.sqrt(values[0] / values) * _WIDEST, _WIDEST / 10, _WIDEST)
-    root = scale[:, None] * vectors * spread
-    return np.asarray(root @ root.T)
+def _space(problem: Problem, start: Mapping[str, float]) -> Space:
+    """Where a sampled search of `problem` looks: around the believed base and the effects' values in `start`."""
+    count = sum(p.fit for p in problem.kind.base)
+    x = problem.start(start)
+    home = np.array([a.parameter.value if i < count else v for i, (a, v) in enumerate(zip(problem.axes, x, strict=True))])
+    grids = {f"{e.id}.{name}": values for e in problem.kind.effects for name, values in e.grid.items()}
+    amplitudes = {f"{e.id}.{e.amplitude().name}" for e in problem.kind.effects}
+    reach = [
+        0.25 * (a.parameter.upper - a.parameter.lower)
+        if i < count
+        else max(2 * a.scale, abs(float(v)))
+        if a.name in amplitudes
+        else _reach(a.parameter, float(v), grids.get(a.name, ()))
+        for i, (a, v) in enumerate(zip(problem.axes, x, strict=True))
+    ]
+
+    def residuals(points: list[Array]) -> list[Array]:
+        return parallel(problem.at, points)
+
+    return Space(residuals, problem.lower, problem.upper, np.array(reach), home)
+
+
+def _reach(p: Parameter, value: float, grid: Sequence[float]) -> float:
+    """How far a shape's constant may be off at the start: half the way to the next value of its screening `grid`, if it has one."""
+    if len(grid) > 1 and grid[0]:
+        return min(0.5, 0.5 * (grid[1] / grid[0] - 1)) * abs(value)
+    if p.unit == "rad":
+        return 1.0
+    if p.value:
+        return 0.5 * abs(value) if value else 0.5 * abs(p.value)
+    return _NEAR_M if p.unit == "m" else min(0.5, 0.25 * (p.upper - p.lower))
 
 
 def anneal(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float], steps: int = 12) -> Fit:
-    """Through the kind's stages, from the one that forgets fast to the free run, warm from stage to stage; the last stage's fit."""
-    fit = None
-    theta = dict(start)
-    for stage in range(kind.stages):
-        for secant in _SECANTS if stage == 0 else _SECANTS[1:]:
-            fit = descend(kind, records, effects, theta, stage, secant, steps)
+    """The last stage's fit: by way of an ensemble at the last two of the kind's stages where it has several (the cloud of points
+    shrinks from the one that forgets to the free run), else by least squares. Deterministic."""
+    last = kind.stages - 1
+    problem = Problem(kind, records, axes(kind, effects), last)
+    x = problem.start(start)
+    if not last or not len(x):
+        theta = dict(start)
+        for secant in _SECANTS:
+            fit = descend(kind, records, effects, theta, last, secant, steps)
             theta = fit.theta
-    assert fit is not None
-    return fit
+        return fit
+    rng = np.random.default_rng(0)
+    found = Found(x, np.inf, x, _WIDEST * np.eye(len(x)), np.zeros((0, len(x))))
+    for stage, patience in zip((last - 1, last), _PATIENT, strict=True):
+        space = _space(Problem(kind, records, problem.axes, stage), start)
+        found.cost = np.inf
+        found = gather(space, found, rng, patience, steps, _WIDEST)
+    r = problem.at(found.best)
+    return Fit(problem.theta(found.best), float(r @ r), len(r), found.slope, r)

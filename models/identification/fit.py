@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -23,8 +23,8 @@ Array = NDArray[np.float64]
 _POOL = ThreadPoolExecutor(os.cpu_count() or 1)
 _MARGIN = 1e-9
 _WIDEST = 0.25
-_PATIENT = ((1e5, 1e4), (1e4, 1e3))
-_START = 3.0
+_PATIENT = (1e5, 1e4)
+_SETTLING = (1e4, 3e3)
 _NEAR_M = 3e-3
 _SECANTS = (0.3, 0.1)
 
@@ -168,9 +168,9 @@ def polish(
         space = _space(problem, fit.theta)
         slope = fit.jacobian * space.reach
         weight = 1 / max(fit.chi2, 1.0)
-        root = spread(weight * slope.T @ slope, _PATIENT[-1][1], _WIDEST)
+        root = spread(weight * slope.T @ slope, _PATIENT[-1], _WIDEST)
         r = problem.at(x)
-        x = evolve(space, Found(x, float(r @ r), x, root, fit.jacobian), rng, 4 * rounds, _START).best
+        x = evolve(space, Found(x, float(r @ r), x, root, fit.jacobian), rng, 4 * rounds, 1.0).best
     r = problem.at(x)
     return Fit(problem.theta(x), float(r @ r), len(r), problem.jacobian(x, 0.003), r)
 
@@ -209,8 +209,8 @@ def _reach(p: Parameter, value: float, grid: Sequence[float]) -> float:
 
 
 def anneal(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float], steps: int = 12) -> Fit:
-    """The last stage's fit: by way of an ensemble at the last two of the kind's stages where it has several (the cloud of points
-    shrinks from the one that forgets to the free run), else by least squares. Deterministic."""
+    """The last stage's fit: where the kind has several stages by way of two ensembles, one that the observer keeps in step and one that
+    runs free, the better of which shrinks on; else by least squares. Deterministic."""
     last = kind.stages - 1
     problem = Problem(kind, records, axes(kind, effects), last)
     x = problem.start(start)
@@ -221,10 +221,16 @@ def anneal(kind: Kind, records: Sequence[Record], effects: Sequence[str], start:
             theta = fit.theta
         return fit
     rng = np.random.default_rng(0)
-    found = Found(x, np.inf, x, _WIDEST * np.eye(len(x)), np.zeros((0, len(x))))
-    for stage, patience in zip((last - 1, last), _PATIENT, strict=True):
-        space = _space(Problem(kind, records, problem.axes, stage), start)
-        found.cost = np.inf
-        found = gather(space, found, rng, patience, steps, _WIDEST)
+    space = _space(problem, start)
+    clouds = []
+    for stage in (last - 1, last):
+        found = Found(x, np.inf, x, _WIDEST * np.eye(len(x)), np.zeros((0, len(x))))
+        found = gather(_space(replace(problem, stage=stage), start), found, rng, _PATIENT, steps, _WIDEST)
+        ends = [found.best, found.mean]
+        found.best, found.cost = x, np.inf
+        found.take(ends, np.array([float(r @ r) for r in space.residuals(ends)]))
+        clouds.append(found)
+    found = min(clouds, key=lambda cloud: cloud.cost)
+    found = gather(space, found, rng, _SETTLING, steps // 2, _WIDEST)
     r = problem.at(found.best)
     return Fit(problem.theta(found.best), float(r @ r), len(r), found.slope, r)

@@ -59,17 +59,19 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
     base = polish(kind, train, [], anneal(kind, train, [], nominal), last, rng)
     if kind.stages > 1:
         base = polish(kind, train, [], base, last, rng)
-    parts = [refit(kind, part, [], [base.theta]) for part, _ in splits]
+    parts = [refit(kind, part, [], base.theta) for part, _ in splits]
     found = Search(base, base)
     clock.note("calibration", found)
     progress("what chance looks like", 0.15)
-    found.threshold, found.detectable, found.chance_cost = chance(kind, splits[0][0], base.theta, rng)
+    found.threshold, found.detectable, found.chance_cost = chance(kind, splits[0][0][:1], base.theta, rng)
     found.threshold = max(found.threshold, LEAST_GAIN)
     clock.note("chance", found)
     found.before = found.after = _cost(kind, splits, parts, middle_stage(kind))
     thetas = parts
     for number in range(1, MOST_EFFECTS + 1):
-        if _clean(kind, splits, thetas, found):
+        if found.after < found.chance_cost + LEAST_DROP or (
+            found.effects and found.explained > max(EXPLAINED, 1 - kind.next_share)
+        ):
             break
         progress(f"screening, round {number}", 0.2 + 0.25 * (number - 1))
         screened = screen(kind, splits[0][0], [*found.effects], thetas[0], found.dropped)
@@ -91,7 +93,7 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
         clock.note("testing again", found)
     progress("fitting the model on all records", 0.85)
     if found.effects:
-        start = refit(kind, train, found.effects, [{**base.theta, **thetas[0]}])
+        start = refit(kind, train, found.effects, {**base.theta, **thetas[0]})
         found.augmented = descend(kind, train, found.effects, start, last, 0.03, 10)
         for _ in range(min(2, kind.stages)):
             found.augmented = polish(kind, train, found.effects, found.augmented, last, rng)
@@ -104,18 +106,13 @@ def _test_again(kind: Kind, splits: Sequence[Split], thetas: list[dict[str, floa
     for effect in found.effects[:-1]:
         rest = [name for name in found.effects if name != effect]
         start = [{k: v for k, v in theta.items() if not k.startswith(effect + ".")} for theta in thetas]
-        without = [refit(kind, part, rest, [theta]) for (part, _), theta in zip(splits, start, strict=True)]
+        without = [refit(kind, part, rest, theta) for (part, _), theta in zip(splits, start, strict=True)]
         cost = _cost(kind, splits, without, middle_stage(kind))
         if np.log(cost / found.after) < found.threshold:
             found.effects.remove(effect)
             found.dropped.append(effect)
             found.after, thetas = cost, without
     return thetas
-
-
-def _clean(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[str, float]], found: Search) -> bool:
-    """True where what is left is what chance leaves."""
-    return found.after < found.chance_cost + LEAST_DROP
 
 
 def _cost(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[str, float]], stage: int) -> float:

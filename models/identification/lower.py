@@ -194,7 +194,8 @@ def _loaded(source: str) -> Kernel:
         draft.write_text(source, encoding="utf-8")
         os.replace(draft, path)
     spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None and spec.loader is not None
+    assert spec is not None
+    assert spec.loader is not None
     module: Any = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     spec.loader.exec_module(module)

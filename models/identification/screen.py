@@ -117,18 +117,10 @@ def _best(view: _View, effects: Sequence[type[Effect]]) -> list[Screened]:
 def screen(
     kind: Kind, records: Sequence[Record], effects: Sequence[str], theta: Mapping[str, float], dropped: Sequence[str] = ()
 ) -> list[Screened]:
-    """Every candidate's share of the residual beyond `effects`, best first, taken at the first two stages where there are more."""
-    rankings = []
-    for stage in range(min(2, kind.stages)):
-        fit = descend(kind, records, effects, theta, stage, _SECANT, 8)
-        view = _View.at(kind, records, effects, fit.theta, stage)
-        rankings.append(_best(view, _candidates(kind, (*effects, *dropped))))
-    merged: dict[str, Screened] = {}
-    for rows in itertools.zip_longest(*rankings):
-        for row in rows:
-            if row is not None and row.effect not in merged:
-                merged[row.effect] = row
-    return list(merged.values())
+    """Every candidate's share of the residual beyond `effects`, best first."""
+    stage = min(1, kind.stages - 1)
+    fit = descend(kind, records, effects, theta, stage, _SECANT, 8)
+    return _best(_View.at(kind, records, effects, fit.theta, stage), _candidates(kind, (*effects, *dropped)))
 
 
 def chance(

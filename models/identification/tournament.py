@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.identification.fit import anneal, descend, evaluate, parallel
+from models.identification.fit import Fit, anneal, descend, evaluate, parallel
 from models.identification.kind import Kind
 from models.identification.screen import Screened
 from models.record import Record
@@ -17,6 +17,7 @@ Split = tuple[list[Record], list[Record]]
 POOL = 6
 ALIKE = 2
 FINAL = 3
+CLOSE = 1.5
 _MULTIPLES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 _BLOCKS = 40
 
@@ -50,15 +51,16 @@ def tournament(
     entries = {}
     for row in screened:
         start = _opening(kind, part, effects, thetas[0], row)
-        entries[row.effect] = descend(kind, part, [*effects, row.effect], start, 0, 0.3, 4)
+        entries[row.effect] = descend(kind, part, [*effects, row.effect], start, 0, 0.3, 3)
     entered = sorted(entries, key=lambda name: entries[name].cost)
     fits = {}
     for name in _with_look_alikes(kind, entered):
         fit = entries[name]
-        for stage, secant in ((0, 0.1), (middle_stage(kind), 0.3), (middle_stage(kind), 0.1)):
-            fit = descend(kind, part, [*effects, name], fit.theta, stage, secant, 8)
+        for secant in (0.3, 0.1):
+            fit = descend(kind, part, [*effects, name], fit.theta, middle_stage(kind), secant, 8)
         fits[name] = fit
-    finalists = sorted(fits, key=lambda name: fits[name].cost)[:FINAL]
+    ranking = sorted(fits, key=lambda name: fits[name].cost)
+    finalists = [name for i, name in enumerate(ranking[:FINAL]) if i < 2 or fits[name].cost < CLOSE * fits[ranking[0]].cost]
     before = block_costs(kind, splits, thetas)
     trials = [_judge(kind, splits, effects, thetas, name, fits[name].theta, before) for name in finalists]
     return sorted(trials, key=lambda trial: -trial.gain)
@@ -99,7 +101,7 @@ def _judge(
     before: np.ndarray,
 ) -> Trial:
     own = {key: value for key, value in start.items() if key.startswith(name + ".")}
-    starts = [[dict(start), {**theta, **own}] for theta in thetas]
+    starts = [dict(start) if i == 0 else {**theta, **own} for i, theta in enumerate(thetas)]
     fits = tuple(refit(kind, part, [*effects, name], s) for (part, _), s in zip(splits, starts, strict=True))
     return _against(before, name, fits, block_costs(kind, splits, fits))
 
@@ -109,16 +111,20 @@ def _against(before: np.ndarray, name: str, fits: tuple[dict[str, float], ...], 
     return Trial(name, fits, gain, float(before.mean() - after.mean()), after)
 
 
-def refit(
-    kind: Kind, records: Sequence[Record], effects: Sequence[str], starts: Sequence[Mapping[str, float]]
-) -> dict[str, float]:
-    """The best of several ways to a fit on `records`: each start annealed, and stepped on from where it is."""
+def refit(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> dict[str, float]:
+    """The better of two ways to a fit on `records`: annealed, and stepped on from where it is."""
     stage = middle_stage(kind)
-    fits = [anneal(kind, records, effects, start) for start in starts]
+    fits = [anneal(kind, records, effects, start)]
     if kind.stages > 1:
-        fits += [descend(kind, records, effects, start, stage, 0.1, 10) for start in starts]
-        fits += [descend(kind, records, effects, fit.theta, stage, 0.03, 6) for fit in list(fits)]
+        fits.append(step_on(kind, records, effects, start))
+        fits.append(descend(kind, records, effects, fits[0].theta, stage, 0.03, 6))
     return min((fit.theta for fit in fits), key=lambda theta: float(np.sum(evaluate(kind, records, theta, stage) ** 2)))
+
+
+def step_on(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> Fit:
+    """A fit at the middle stage from where the start is."""
+    fit = descend(kind, records, effects, start, middle_stage(kind), 0.1, 10)
+    return descend(kind, records, effects, fit.theta, middle_stage(kind), 0.03, 6)
 
 
 def fair(
@@ -129,7 +135,7 @@ def fair(
     best, costs = list(thetas), block_costs(kind, splits, thetas)
     for trial in trials[:2]:
         starts = [{k: v for k, v in theta.items() if not k.startswith(trial.effect + ".")} for theta in trial.thetas]
-        again = [refit(kind, part, effects, [start]) for (part, _), start in zip(splits, starts, strict=True)]
+        again = [step_on(kind, part, effects, start).theta for (part, _), start in zip(splits, starts, strict=True)]
         training = [_training(kind, splits, choice) for choice in (best, again)]
         if training[1] < training[0]:
             best, costs = again, block_costs(kind, splits, again)

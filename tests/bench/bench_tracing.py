@@ -41,7 +41,11 @@ def run(kind: str, effect: str | None, seed: int, out: Path) -> dict[str, object
     finding, _ = close(rig, train, holdout, lambda *_: None, seed=0)
     named = [e.id for e in finding.effects]
     allowed = {i: [i, *e.equivalent] for i, e in zip(named, finding.effects, strict=True)}
-    right = (finding.verdict == "none" and not named) if effect is None else bool(named) and effect in allowed[named[0]] and len(allowed[named[0]]) <= 3
+    right = (
+        (finding.verdict == "none" and not named)
+        if effect is None
+        else bool(named) and effect in allowed[named[0]] and len(allowed[named[0]]) <= 3
+    )
     return {
         "kind": kind, "effect": effect, "seed": seed, "verdict": finding.verdict, "named": named, "classes": allowed, "right": right,
         "holdout": finding.error["holdout"], "floor": finding.noise_floor, "seconds": round(time.monotonic() - began, 1),
@@ -65,7 +69,9 @@ def main() -> None:
     done = {(r["kind"], r["effect"], r["seed"]) for r in rows}
     wanted: list[tuple[str, str | None, int]] = []
     for kind in arguments.kind or list(EFFECTS):
-        wanted += [(kind, e, s) for s in arguments.seeds for e in (arguments.effects if arguments.effects is not None else EFFECTS[kind])]
+        wanted += [
+            (kind, e, s) for s in arguments.seeds for e in (arguments.effects if arguments.effects is not None else EFFECTS[kind])
+        ]
         wanted += [(kind, None, 100 + s) for s in range(arguments.none)]
     for task in wanted:
         if task in done:

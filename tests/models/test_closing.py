@@ -138,7 +138,14 @@ def test_a_model_survives_its_file() -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["", "format = 1", 'format = 1\nkind = "pull"\n[nominal]\nx = "a"\n[calibrated]\n[augmented]\n', "format = 2", "[", 'kind = 3'],
+    [
+        "",
+        "format = 1",
+        'format = 1\nkind = "pull"\n[nominal]\nx = "a"\n[calibrated]\n[augmented]\n',
+        "format = 2",
+        "[",
+        "kind = 3",
+    ],
 )
 def test_a_bad_model_file_is_one_sentence(text: str) -> None:
     with pytest.raises(ValueError, match="model") as caught:

@@ -62,7 +62,7 @@ class GutKind:
     base: tuple[Parameter, ...] = ()
     effects: tuple[type[Effect], ...] = ()
     stages: int = 3
-    next_share: float = 0.3
+    next_share: float = 0.6
     equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
     measure: str = "rms of the free-running prediction, low-passed at 2 Hz"
     unit: str = "N"

@@ -13,7 +13,8 @@ Array = NDArray[np.float64]
 _SHRINK = 3.0
 _LEAP = 1.0
 _NARROWEST = 1e-4
-_PATIENCE = 12
+_PATIENCE = 10
+_COLLAPSED = 0.3
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,8 @@ def spread(curvature: Array, inflation: float, widest: float) -> Array:
 
 
 def evolve(space: Space, found: Found, rng: np.random.Generator, rounds: int, sigma: float) -> Found:
-    """CMA-ES (Hansen, arXiv:1604.00772) from `found.mean` with the spread `found.root`; stops early once it no longer gains."""
+    """CMA-ES (Hansen, arXiv:1604.00772) from `found.mean` with the spread `found.root`; starts anew from the best point
+    where it collapses, until that gains nothing."""
     n = len(space.reach)
     size = 8 + int(3 * np.log(n))
     half = size // 2
@@ -103,6 +105,7 @@ def evolve(space: Space, found: Found, rng: np.random.Generator, rounds: int, si
     damping = 1 + 2 * max(0.0, np.sqrt((mass - 1) / (n + 1)) - 1) + c_size
     expected = np.sqrt(n) * (1 - 1 / (4 * n) + 1 / (21 * n * n))
     x, covariance, path, turns, last, since = found.mean, np.eye(n), np.zeros(n), np.zeros(n), found.cost, 0
+    begin, kept = sigma, np.inf
     for k in range(rounds):
         values, vectors = np.linalg.eigh(covariance)
         length = np.sqrt(np.maximum(values, 1e-20))
@@ -112,8 +115,11 @@ def evolve(space: Space, found: Found, rng: np.random.Generator, rounds: int, si
         found.take(points, costs)
         since = 0 if found.cost < 0.999 * last else since + 1
         last = found.cost if since == 0 else last
-        if since > _PATIENCE and sigma < 0.3:
-            break
+        if since > _PATIENCE and sigma < _COLLAPSED * begin:
+            if found.cost >= 0.999 * kept:
+                break
+            x, covariance, path, turns, sigma, since, kept = found.best, np.eye(n), np.zeros(n), np.zeros(n), begin, 0, found.cost
+            continue
         elite = moves[np.argsort(costs, kind="stable")[:half]]
         mean = weight @ elite
         x = space.clip(x + space.reach * (found.root @ (sigma * mean)))

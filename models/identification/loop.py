@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from models.identification.fit import Fit, anneal, descend, evaluate, polish
+from models.identification.fit import Fit, descend, evaluate, polish
 from models.identification.kind import Kind
 from models.identification.screen import Screened, chance, screen
 from models.identification.tournament import Split, Trial, fair, middle_stage, refit, separation, tournament
@@ -56,7 +56,8 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
     splits = kind.folds(train)
     nominal = {p.name: p.value for p in kind.base}
     last = kind.stages - 1
-    base = polish(kind, train, [], anneal(kind, train, [], nominal), last, rng)
+    start = refit(kind, train, [], nominal)
+    base = polish(kind, train, [], descend(kind, train, [], start, last, 0.03, 10), last, rng)
     if kind.stages > 1:
         base = polish(kind, train, [], base, last, rng)
     parts = [refit(kind, part, [], base.theta) for part, _ in splits]

@@ -70,11 +70,11 @@ class Wall:
     def grip(self, speed: Any, hoop: Any, mu: Any, level: Any = 1.0) -> tuple[Any, Any]:
         """Environmental resistance `F_e = sin(theta) c I1` and slip limit `f_c = mu (m g + c (cos(theta) I1 + I2))` in N.
 
-        `hoop` is the rig's factor c on the hoop stress and `level` what effects make of it; paper V Eq. 8, 11, 12.
+        `hoop` is the rig's factor c on the hoop stress, `level` what effects make of both forces; paper V Eq. 8, 11, 12.
         """
-        nose, cylinder = hoop * level * self.nose(speed), hoop * level * self.cylinder(speed)
-        weight = self.capsule.mass_kg * GRAVITY
-        return math.sin(self.tissue.theta) * nose, mu * (weight + math.cos(self.tissue.theta) * nose + cylinder)
+        nose, cylinder = hoop * self.nose(speed), hoop * self.cylinder(speed)
+        load = self.capsule.mass_kg * GRAVITY + math.cos(self.tissue.theta) * nose + cylinder
+        return level * math.sin(self.tissue.theta) * nose, level * mu * load
 
     def tension(self, u: Any) -> Any:
         """`T(u)` in N of the wall dragged by `u` in m (paper A Eq. 12)."""

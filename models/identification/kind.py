@@ -49,6 +49,11 @@ class Kind(Protocol):
         ...
 
     @property
+    def least_gain(self) -> float:
+        """Gain below which nothing is named: what two searches of the same criterion may differ by; large where it is jagged."""
+        ...
+
+    @property
     def next_share(self) -> float:
         """Share of the first effect's gain that a further effect must bring: small where a law can be exact, larger where a form that
         fits badly would call for others to mend it."""

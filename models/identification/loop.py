@@ -17,7 +17,6 @@ from models.record import Record
 Progress = Callable[[str, float], None]
 
 MOST_EFFECTS = 4
-LEAST_GAIN = 0.05
 LEAST_DROP = 0.1
 EXPLAINED = 0.6
 CLEAN = 1.5
@@ -35,7 +34,7 @@ class Search:
     equivalent: dict[str, tuple[str, ...]] = field(default_factory=dict)
     confidence: dict[str, float] = field(default_factory=dict)
     rounds: list[tuple[int, list[Screened], list[Trial]]] = field(default_factory=list)
-    threshold: float = LEAST_GAIN
+    threshold: float = 0.0
     detectable: dict[str, float] = field(default_factory=dict)
     timings: dict[str, float] = field(default_factory=dict)
     before: float = 0.0
@@ -65,19 +64,19 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
     clock.note("calibration", found)
     progress("what chance looks like", 0.15)
     found.threshold, found.detectable, found.chance_cost = chance(kind, splits[0][0][:1], base.theta, rng)
-    found.threshold = max(found.threshold, LEAST_GAIN)
+    found.threshold = max(found.threshold, kind.least_gain)
     clock.note("chance", found)
     found.before = found.after = _cost(kind, splits, parts, middle_stage(kind))
     thetas = parts
     for number in range(1, MOST_EFFECTS + 1):
-        if found.after < found.chance_cost + LEAST_DROP or (
+        if found.after < max(found.chance_cost + LEAST_DROP, found.chance_cost * np.exp(kind.least_gain)) or (
             found.effects and found.explained > max(EXPLAINED, 1 - kind.next_share)
         ):
             break
-        progress(f"screening, round {number}", 0.2 + 0.25 * (number - 1))
+        progress(f"screening, round {number}", 0.2 + 0.15 * (number - 1))
         screened = screen(kind, splits[0][0], [*found.effects], thetas[0], found.dropped)
         clock.note("screening", found)
-        progress(f"fitting candidates, round {number}", 0.3 + 0.25 * (number - 1))
+        progress(f"fitting candidates, round {number}", 0.3 + 0.15 * (number - 1))
         trials = tournament(kind, splits, found.effects, thetas, screened)
         trials, thetas = fair(kind, splits, found.effects, thetas, trials)
         found.after = _cost(kind, splits, thetas, middle_stage(kind))

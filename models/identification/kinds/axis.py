@@ -43,6 +43,7 @@ class AxisKind:
     name: str = "axis"
     stages: int = 1
     next_share: float = 0.04
+    least_gain: float = 0.05
     equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
     quantity: str = "force_N"
     unit: str = "N"

@@ -41,6 +41,7 @@ class DmaKind:
     name: str = "dma"
     stages: int = 2
     next_share: float = 0.3
+    least_gain: float = 0.05
     equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
     quantity: str = "storage_modulus_Pa and loss_modulus_Pa"
     unit: str = "Pa"

@@ -63,6 +63,7 @@ class GutKind:
     effects: tuple[type[Effect], ...] = ()
     stages: int = 3
     next_share: float = 0.6
+    least_gain: float = 0.4
     equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
     measure: str = "rms of the free-running prediction, low-passed at 2 Hz"
     unit: str = "N"
@@ -82,7 +83,7 @@ class GutKind:
     @classmethod
     def build(cls, wall: Wall, drive: Drive, noise_std: float) -> GutKind:
         """The kind for a wall and a drive."""
-        memories = (0.03, 0.2) if drive.imposed else (0.2, 1.0)
+        memories = (0.03, 0.2) if drive.imposed else (0.2, 5.0)
         base = base_parameters(wall.tissue) + drive.parameters()
         unit = "N" if drive.imposed else "m"
         return cls(

@@ -43,6 +43,7 @@ class VibroTableKind:
     step_s: float = STEP_S
     stages: int = 1
     next_share: float = 0.1
+    least_gain: float = 0.05
     equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
     name: str = "vibro_table"
     quantity: str = "mean_velocity_m_s"

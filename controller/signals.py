@@ -1,0 +1,71 @@
+"""What passes between sensors, estimator, controller and drive: measurement, estimate, reference, action."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Status = Literal["ok", "late", "failed", "lost", "limited", "stopped"]
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """One reading: `channel` is a column name of records (`position_m`, `carriage_position_m`, ...), SI; `stamp_s` is when it was true."""
+
+    channel: str
+    value: float
+    stamp_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """What the estimator believes at `time_s`: `state` (n,) in the control model's order, its standard deviations `std` (n,), a slowly
+    varying `disturbance_N` along +x that the model lacks; `lost` when it should not be acted on."""
+
+    time_s: float
+    state: Array
+    std: Array
+    disturbance_N: float = 0.0
+    lost: bool = False
+
+
+class Reference(Protocol):
+    """Where the capsule shall be."""
+
+    def position(self, t: Array) -> Array:
+        """Position in m at the times `t` in s, same shape."""
+        ...
+
+    def speed(self, t: Array) -> Array:
+        """Speed in m/s at the times `t` in s, same shape."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Action:
+    """A controller's answer for one tick: `command` in the drive's unit, how it came about, the path it expects ((k,) positions in m or
+    None) and how long each phase took in s."""
+
+    command: float
+    status: Status = "ok"
+    predicted: Array | None = None
+    timings: Mapping[str, float] = field(default_factory=dict)
+
+
+class Controller(Protocol):
+    """What every controller is. Neither method raises; both take bounded time."""
+
+    name: str
+
+    def reset(self, now: float, estimate: Estimate, command: float) -> None:
+        """Begin at `now` in s with `command` in force, without a bump."""
+        ...
+
+    def act(self, now: float, estimate: Estimate, reference: Reference) -> Action:
+        """The command for the tick that begins at `now` in s."""
+        ...

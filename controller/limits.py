@@ -1,0 +1,202 @@
+"""Limits: one record of numbers with their sources, and one pure function that every command passes last."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields
+from numbers import Real
+from typing import Any
+
+_SHORTEST_TICK = 1e-6  # s
+_NEAR = 1e-9  # share of a range within which two commands count as the same
+
+
+def _limit(value: float, unit: str, source: str) -> Any:
+    return field(default=value, metadata={"unit": unit, "source": source})
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What no command may exceed, SI. Every field carries its unit and source, which `sources()` lists. Not clinical advice."""
+
+    force_N: float = _limit(0.5, "N", "choice: half of the 0.9 N/cm that contractions press with at least (Terry 2012, live pig)")
+    speed_m_s: float = _limit(0.3, "m/s", "end of the range over which the resistance law was integrated (models.wall.FASTEST)")
+    carriage_speed_m_s: float = _limit(0.25, "m/s", "reduced speed beside a person, ISO 10218-1 (from memory)")
+    carriage_acceleration_m_s2: float = _limit(10.0, "m/s2", "choice: from full carriage speed to rest within 25 ms")
+    travel_m: float = _limit(1.0, "m", "choice: the carriage stays within this distance of its zero")
+    gap_share: float = _limit(0.95, "1", "choice: share of the gap of greatest pull r/sqrt(3), beyond which the magnet lets go")
+    current_A: float = _limit(1.0, "A", "choice: 0.5 N at the default coil's 0.5 N/A")
+    current_rate_A_s: float = _limit(1200.0, "A/s", "12 V (PWM capsubot's supply) across the default coil's 10 mH")
+    temperature_C: float = _limit(43.0, "degC", "applied part in contact for 10 min or more, IEC 60601-1 (from memory)")
+    derate_C: float = _limit(41.0, "degC", "choice: the drive begins to fade 2 K below its temperature limit")
+    age_s: float = _limit(0.15, "s", "choice: localisation lost for 150 ms stops the drive")
+    longest_tick_s: float = _limit(0.02, "s", "choice: after a longer pause the command moves as if only this had passed")
+
+    def __post_init__(self) -> None:
+        for name in (f.name for f in fields(self)):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
+                raise ValueError(f"limit {name} must be a positive number; got {value!r}")
+        if self.gap_share > 1:
+            raise ValueError(f"limit gap_share must be at most 1; got {self.gap_share:g}")
+        if self.derate_C >= self.temperature_C:
+            raise ValueError(f"limit derate_C must be below temperature_C = {self.temperature_C:g}; got {self.derate_C:g}")
+
+    @classmethod
+    def sources(cls) -> dict[str, tuple[str, str]]:
+        """Unit and source of every limit by name."""
+        return {f.name: (str(f.metadata["unit"]), str(f.metadata["source"])) for f in fields(cls)}
+
+
+@dataclass(frozen=True, slots=True)
+class Envelope:
+    """`Limits` as one drive's command knows them (`controller.envelope`): range [`low`, `high`], `rate` a second, `acceleration` a
+    second squared, largest `gap_m` between carriage and capsule, each inf where it does not apply; `sense` is the sign of the force
+    of a positive command. `kind`: magnetic, coil or vibro."""
+
+    kind: str
+    low: float
+    high: float
+    rate: float
+    acceleration: float
+    gap_m: float
+    sense: float
+    limits: Limits
+
+    def neutral(self, position_m: float) -> float:
+        """The command without force: the carriage above the capsule (at mid-travel where `position_m` is not finite), else 0."""
+        if self.kind != "magnetic":
+            return 0.0
+        return _within(position_m, self.low, self.high) if math.isfinite(position_m) else 0.5 * (self.low + self.high)
+
+
+@dataclass(frozen=True, slots=True)
+class Issued:
+    """A command that went out, in the drive's unit, its rate of change a second, and the `aim` it was on its way to."""
+
+    command: float
+    rate: float = 0.0
+    aim: float = math.nan
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What is believed when a command is limited, SI: `age_s` is how old that belief is, `lost` whether it is none."""
+
+    position_m: float
+    speed_m_s: float
+    age_s: float = 0.0
+    lost: bool = False
+    temperature_C: float = 20.0
+
+
+def limited(wanted: object, previous: Issued, seen: Seen, dt: float, envelope: Envelope) -> tuple[Issued, tuple[str, ...]]:
+    """The command nearest to `wanted` that breaks no limit, `dt` s after `previous`, and the names of the limits it ran into.
+
+    Whatever comes in, out comes a finite command in [`low`, `high`], at most `rate dt` from `previous`, whose rate differs by at
+    most `acceleration dt` from its rate, and from which it can still come to rest within the range; `dt` counts as 0 below 1 us or
+    where it is no number, and as `longest_tick_s` beyond that. A `wanted` that is no finite number asks for the safe state: zero
+    current, inner mass off, carriage at rest. So does a lost, stale or impossible belief, and the temperature limit. Above
+    `derate_C` a current's range (the carriage's rate) shrinks in proportion. A capsule faster than `speed_m_s` is not pushed on and
+    the carriage does not leave the gap in which the magnet holds, as far as its acceleration allows. A `previous` that is not
+    finite or out of range counts as the nearest one that is neither, at rest. Never raises.
+    """
+    limits, broken = envelope.limits, list[str]()
+    aim, before, rate, dt = number(wanted), number(previous.command), number(previous.rate), number(dt)
+    x, v, warm = number(seen.position_m), number(seen.speed_m_s), number(seen.temperature_C)
+    if not (envelope.low <= before <= envelope.high and abs(rate) <= envelope.rate):
+        broken.append("previous")
+        before, rate = _within(before if math.isfinite(before) else envelope.neutral(x), envelope.low, envelope.high), 0.0
+    dt = min(dt, limits.longest_tick_s) if dt >= _SHORTEST_TICK else 0.0
+    share = _within((limits.temperature_C - warm) / (limits.temperature_C - limits.derate_C), 0.0, 1.0) if warm == warm else 0.0
+    if share < 1:
+        broken.append("temperature")
+    if not math.isfinite(aim):
+        broken.append("command")
+    blind = bool(seen.lost) or not (0 <= number(seen.age_s) <= limits.age_s and math.isfinite(v) and _possible(x, envelope))
+    if blind:
+        broken.append("estimate")
+    if blind or share == 0 or not math.isfinite(aim):
+        aim = before if envelope.kind == "magnetic" else 0.0
+    aim = _in_range(aim, share, envelope, broken)
+    if not blind:
+        aim = _held(aim, before, x, v, envelope, broken)
+    return _reached(aim, before, rate, number(previous.aim), dt, share, envelope, broken), tuple(broken)
+
+
+def number(value: object) -> float:
+    """`value` as a float; NaN where it is none, be it text, None or too large. Never raises."""
+    if type(value) is float:
+        return value
+    if not isinstance(value, Real):
+        return math.nan
+    try:
+        return float(value)
+    except (TypeError, ValueError, ArithmeticError):
+        return math.nan
+
+
+def _within(value: float, low: float, high: float) -> float:
+    return min(max(value, low), high)
+
+
+def _possible(x: float, envelope: Envelope) -> bool:
+    """Whether the capsule can be at `x`: anywhere but, for a carriage, out of the magnet's reach from every place on its travel."""
+    return math.isfinite(x) and (
+        envelope.kind != "magnetic" or envelope.low - envelope.gap_m <= x <= envelope.high + envelope.gap_m
+    )
+
+
+def _in_range(aim: float, share: float, envelope: Envelope, broken: list[str]) -> float:
+    """`aim` within the range, which a current gives up in proportion to `share`."""
+    left = 1.0 if envelope.kind == "magnetic" else share
+    clipped = _within(aim, left * envelope.low, left * envelope.high)
+    if clipped != aim:
+        broken.append("range")
+    return clipped
+
+
+def _held(aim: float, before: float, x: float, v: float, envelope: Envelope, broken: list[str]) -> float:
+    """`aim` that neither pushes on a capsule that is too fast nor lets the magnet lose it."""
+    held = aim
+    if envelope.kind == "magnetic":
+        held = _within(aim, x - envelope.gap_m, x + envelope.gap_m)
+        if held != aim:
+            broken.append("gap")
+    if abs(v) > envelope.limits.speed_m_s and envelope.kind != "vibro":
+        most = before if envelope.kind == "magnetic" else 0.0
+        slower = min(held, most) if v * envelope.sense > 0 else max(held, most)
+        if slower != held:
+            broken.append("speed")
+        held = slower
+    return _within(held, envelope.low, envelope.high)
+
+
+def _reached(
+    aim: float, before: float, rate: float, last_aim: float, dt: float, share: float, envelope: Envelope, broken: list[str]
+) -> Issued:
+    """What of `aim` can be reached within `dt` under rate and acceleration, with room left to come to rest within the range.
+
+    The carriage runs with its aim (its rate since `last_aim`) and makes up for a distance as fast as it can still brake.
+    """
+    if dt == 0 or math.isinf(envelope.rate):
+        command, new_rate = (before, rate) if dt == 0 else (aim, 0.0)
+    else:
+        fastest = envelope.rate * (share if envelope.kind == "magnetic" else 1.0)
+        able, a = _within((aim - before) / dt, -fastest, fastest), envelope.acceleration
+        if math.isfinite(a):
+            along = _within((aim - last_aim) / dt, -fastest, fastest) if math.isfinite(last_aim) else 0.0
+            behind = aim - before - along * dt
+            able = _within(along + math.copysign(_braking(abs(behind), dt, a), behind), -fastest, fastest)
+            able = _within(able, -_braking(before - envelope.low, dt, a), _braking(envelope.high - before, dt, a))
+            able = _within(able, rate - a * dt, rate + a * dt)
+        command = _within(before + able * dt, envelope.low, envelope.high)
+        new_rate = able if command == before + able * dt else 0.0
+    if abs(command - aim) > _NEAR * (envelope.high - envelope.low):
+        broken.append("rate")
+    return Issued(command, new_rate, aim)
+
+
+def _braking(room: float, dt: float, a: float) -> float:
+    """Greatest rate w for the next `dt` after which deceleration `a` still ends within `room`: `w dt + w^2/(2 a) = room`."""
+    return a * dt * (math.sqrt(1 + 2 * max(room, 0.0) / (a * dt * dt)) - 1)

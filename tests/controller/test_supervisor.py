@@ -1,0 +1,299 @@
+"""The supervisor: whatever the controllers below it do, a safe command leaves, without a step, and the best working one is in charge."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from controller.envelope import envelope_of
+from controller.gate import Verdict
+from controller.signals import Action, Array, Estimate, Reference
+from controller.rules import Rules
+from controller.supervisor import Supervisor
+from models.drives.coil import Coil
+from models.drives.magnetic import Magnetic
+from models.drives.vibro import Vibro
+
+DT = 0.002
+PASSED, REFUSED = Verdict(), Verdict(("worse on held-out records",))
+
+
+@dataclass
+class Ramp:
+    """A reference that moves at `rate`."""
+
+    rate: float = 0.0
+
+    def position(self, t: Array) -> Array:
+        return self.rate * t
+
+    def speed(self, t: Array) -> Array:
+        return np.full_like(t, self.rate)
+
+
+@dataclass
+class Stub:
+    """A controller that answers as `answer` says; counts how often it was asked and reset."""
+
+    name: str
+    answer: Callable[[float], Any]
+    resets: list[tuple[float, float]] = field(default_factory=list)
+    asked: int = 0
+
+    def reset(self, now: float, estimate: Estimate, command: float) -> None:
+        self.resets.append((now, command))
+
+    def act(self, now: float, estimate: Estimate, reference: Reference) -> Any:
+        self.asked += 1
+        return self.answer(now)
+
+
+def steady(name: str, command: float) -> Stub:
+    return Stub(name, lambda now: Action(command))
+
+
+def raises(now: float) -> Action:
+    raise RuntimeError("no solution")
+
+
+def estimate(now: float, x: float = 0.0, v: float = 0.0, lost: bool = False) -> Estimate:
+    return Estimate(now, np.array([x, v]), np.array([1e-4, 1e-3]), 0.0, lost)
+
+
+def run(
+    supervisor: Supervisor,
+    ticks: int,
+    start: int = 0,
+    believed: Callable[[float], Any] = estimate,
+    reference: Reference | None = None,
+) -> list[Action]:
+    reference = Ramp(1e-3) if reference is None else reference
+    return [supervisor.act(i * DT, believed(i * DT), reference) for i in range(start, start + ticks)]
+
+
+def magnetic(*chain: Stub, rules: Rules | None = None) -> Supervisor:
+    supervisor = Supervisor(chain, envelope_of(Magnetic()), rules)
+    supervisor.reset(0.0, estimate(0.0), 0.0)
+    return supervisor
+
+
+def test_the_first_controller_is_in_charge_while_it_works() -> None:
+    best, second = steady("mpc", 1e-3), steady("pid", 2e-3)
+    supervisor = magnetic(best, second)
+    actions = run(supervisor, 500)
+    assert supervisor.active == "mpc"
+    assert actions[-1].command == pytest.approx(1e-3)
+    assert actions[-1].status == "ok"
+    assert second.asked == 0
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        raises,
+        lambda now: Action(math.nan),
+        lambda now: Action(math.inf),
+        lambda now: Action(1e-3, "failed"),
+        lambda now: Action(1e-3, "lost"),
+        lambda now: None,
+        lambda now: Action("1"),  # type: ignore[arg-type]
+    ],
+)
+def test_a_controller_that_fails_is_replaced_in_the_same_tick(answer: Callable[[float], Any]) -> None:
+    best, second = Stub("mpc", answer), steady("pid", 0.0)
+    supervisor = magnetic(best, second)
+    first = supervisor.act(DT, estimate(DT), Ramp(1e-3))
+    assert supervisor.active == "pid"
+    assert second.asked == 1
+    assert first.command == 0.0
+    assert first.status == "failed"
+
+
+def test_with_nobody_left_the_carriage_comes_to_rest_where_it_is() -> None:
+    best = Stub("mpc", lambda now: Action(0.05 * now) if now < 0.1 else raises(now))
+    supervisor = magnetic(best, rules=Rules(retry_s=10.0, retry_longest_s=10.0))
+    run(supervisor, 50)
+    where = supervisor.issued.command
+    actions = run(supervisor, 100, start=50)
+    assert supervisor.active == "stop"
+    assert actions[-1].status == "stopped"
+    assert abs(actions[-1].command - where) < 0.05**2 / 20 + 0.05 * DT + 1e-6
+    assert len({action.command for action in actions[20:]}) == 1
+
+
+def test_with_nobody_left_a_current_is_ramped_down() -> None:
+    supervisor = Supervisor([Stub("mpc", raises)], envelope_of(Coil()), Rules(stop_s=0.1))
+    supervisor.reset(0.0, estimate(0.0), 0.5)
+    commands = [action.command for action in run(supervisor, 60, start=1)]
+    assert max(np.abs(np.diff([0.5, *commands]))) <= 0.5 * DT / 0.1 + 1e-12
+    assert commands[-1] == 0.0
+
+
+def test_a_lost_estimate_stops_the_drive_at_once_and_control_comes_back_without_a_step() -> None:
+    for drive in (Coil(), Magnetic()):
+        supervisor = Supervisor([steady("mpc", 0.3 if drive.name == "coil" else 5e-3)], envelope_of(drive), Rules(blend_s=0.2))
+        supervisor.reset(0.0, estimate(0.0), 0.0)
+        run(supervisor, 300)
+        full = supervisor.issued.command
+        lost = run(supervisor, 500, start=300, believed=lambda t: estimate(t, lost=True))
+        assert lost[0].status == "lost"
+        assert lost[0].command == (0.0 if drive.name == "coil" else full)
+        back = [action.command for action in run(supervisor, 300, start=800)]
+        assert max(np.abs(np.diff([lost[-1].command, *back]))) <= abs(full) * DT / 0.2 + 1e-9
+        assert back[-1] == pytest.approx(full)
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        lambda t: Estimate(t, np.array([math.nan, 0.0]), np.zeros(2)),
+        lambda t: Estimate(t, np.array([0.0, math.inf]), np.zeros(2)),
+        lambda t: Estimate(t - 1.0, np.zeros(2), np.zeros(2)),
+        lambda t: Estimate(t + 1.0, np.zeros(2), np.zeros(2)),
+        lambda t: Estimate(math.nan, np.zeros(2), np.zeros(2)),
+        lambda t: Estimate(t, np.zeros(0), np.zeros(0)),
+        lambda t: None,
+    ],
+)
+def test_an_estimate_that_cannot_be_believed_is_a_lost_one(bad: Callable[[float], Any]) -> None:
+    supervisor = magnetic(steady("mpc", 1e-3))
+    run(supervisor, 200)
+    held = supervisor.issued.command
+    action = run(supervisor, 1, start=200, believed=bad)[0]
+    assert action.status == "lost"
+    assert action.command == pytest.approx(held, abs=1e-9)
+
+
+def test_late_answers_are_used_until_there_are_too_many() -> None:
+    best, second = Stub("mpc", lambda now: Action(0.0, "late" if now >= 0.1 else "ok")), steady("pid", 0.0)
+    supervisor = magnetic(best, second, rules=Rules(late_allowed=2))
+    run(supervisor, 50)
+    names = [(run(supervisor, 1, start=50 + i)[0].status, supervisor.active) for i in range(4)]
+    assert names == [("late", "mpc"), ("late", "mpc"), ("late", "pid"), ("ok", "pid")]
+
+
+def test_an_answer_that_took_too_long_is_late() -> None:
+    ticking = iter(np.arange(0.0, 1e6, 0.5))
+    chain = [steady("mpc", 0.0)]
+    supervisor = Supervisor(chain, envelope_of(Magnetic()), Rules(deadline_s=0.1), clock=lambda: float(next(ticking)))
+    supervisor.reset(0.0, estimate(0.0), 0.0)
+    assert run(supervisor, 1)[0].status == "late"
+
+
+def test_a_failed_controller_is_tried_again_ever_more_rarely_and_comes_back() -> None:
+    best, second = Stub("mpc", lambda now: raises(now) if now < 2.0 else Action(0.0)), steady("pid", 0.0)
+    supervisor = magnetic(best, second, rules=Rules(retry_s=0.1, retry_longest_s=1.0))
+    run(supervisor, 1000)
+    assert best.asked == 5
+    assert supervisor.active == "pid"
+    run(supervisor, 600, start=1000)
+    assert supervisor.active == "mpc"
+
+
+def test_taking_over_resets_to_the_command_in_force_and_does_not_step() -> None:
+    best, second = Stub("mpc", lambda now: Action(4e-3) if now < 1.0 else raises(now)), steady("pid", -4e-3)
+    supervisor = magnetic(best, second, rules=Rules(blend_s=0.2))
+    commands = [action.command for action in run(supervisor, 1000)]
+    assert second.resets[0][1] == pytest.approx(4e-3)
+    assert max(np.abs(np.diff(commands[400:]))) <= 8e-3 * DT / 0.2 * 1.5  # a carriage that started late catches up
+    assert commands[-1] == pytest.approx(-4e-3, abs=1e-6)
+
+
+def test_limits_in_force_too_long_count_as_a_failure() -> None:
+    best, second = steady("mpc", 0.2), steady("pid", 1e-3)
+    supervisor = magnetic(best, second, rules=Rules(limit_s=0.2, retry_s=5.0, retry_longest_s=5.0))
+    actions = run(supervisor, 400)
+    assert supervisor.active == "pid"
+    assert "gap" in supervisor.events[-1].reason
+    assert all(abs(action.command) <= 0.02 / math.sqrt(3) for action in actions)
+
+
+def test_a_new_model_is_taken_at_rest_only_and_without_a_step() -> None:
+    old, new = steady("mpc", 2e-3), steady("mpc 2", 3e-3)
+    supervisor = magnetic(old, rules=Rules(rest_s=0.2, blend_s=0.2))
+    run(supervisor, 200)
+    assert supervisor.offer([new], PASSED)
+    run(supervisor, 200, start=200)
+    assert new.asked == 0
+    run(supervisor, 200, start=400, believed=lambda t: estimate(t, v=5e-3), reference=Ramp(0.0))
+    assert new.asked == 0
+    actions = run(supervisor, 400, start=600, reference=Ramp(0.0))
+    assert supervisor.active == "mpc 2"
+    assert new.resets[0][1] == pytest.approx(2e-3)
+    assert max(np.abs(np.diff([action.command for action in actions]))) <= 1e-3 * DT / 0.2 * 1.01
+    assert actions[-1].command == pytest.approx(3e-3)
+
+
+def test_a_model_that_did_not_pass_the_gate_is_never_taken() -> None:
+    old, new = steady("mpc", 0.0), steady("mpc 2", 0.0)
+    supervisor = magnetic(old)
+    assert not supervisor.offer([new], REFUSED)
+    run(supervisor, 1000, reference=Ramp(0.0))
+    assert supervisor.active == "mpc"
+    assert any("worse on held-out" in event.reason for event in supervisor.events)
+
+
+def test_a_hot_drive_is_switched_off() -> None:
+    supervisor = Supervisor([steady("mpc", 0.5)], envelope_of(Coil()))
+    supervisor.reset(0.0, estimate(0.0), 0.0)
+    run(supervisor, 100)
+    supervisor.temperature_C = 44.0
+    assert run(supervisor, 1, start=100)[0].command == 0.0
+
+
+def test_an_inner_mass_is_switched_and_not_blended() -> None:
+    supervisor = Supervisor([Stub("waveform", lambda now: Action(float(now % 0.1 < 0.05)))], envelope_of(Vibro()))
+    supervisor.reset(0.0, estimate(0.0), 0.0)
+    assert {action.command for action in run(supervisor, 200)} == {0.0, 1.0}
+
+
+answers = st.one_of(
+    st.just(raises),
+    st.floats().map(lambda c: lambda now: Action(c)),
+    st.floats(-0.01, 0.01).map(lambda c: lambda now: Action(c)),
+    st.sampled_from(["late", "failed", "lost", "stopped", "nonsense"]).map(lambda s: lambda now: Action(1e-3, s)),  # type: ignore[arg-type]
+    st.just(lambda now: None),
+)
+estimates = st.builds(
+    lambda age, x, v, lost: lambda t: Estimate(t - age, np.array([x, v]), np.zeros(2), 0.0, lost),
+    st.one_of(st.floats(0, 0.01), st.floats()),
+    st.one_of(st.floats(-0.1, 0.1), st.floats()),
+    st.one_of(st.floats(-0.01, 0.01), st.floats()),
+    st.booleans(),
+)
+
+
+@given(
+    script=st.lists(st.tuples(answers, answers, estimates, st.one_of(st.just(DT), st.floats())), min_size=1, max_size=30),
+    drive=st.sampled_from([Magnetic(), Coil(), Vibro()]),
+)
+def test_nothing_that_happens_raises_or_gets_past_the_limits(script: list[tuple[Any, Any, Any, float]], drive: Any) -> None:
+    turn = {"best": raises, "second": raises}
+    chain = [Stub(name, lambda now, name=name: turn[name](now)) for name in turn]  # type: ignore[misc]
+    envelope = envelope_of(drive)
+    supervisor = Supervisor(chain, envelope, Rules(retry_s=0.0))
+    supervisor.reset(0.0, estimate(0.0), 0.0)
+    now, before = 0.0, supervisor.issued
+    for best, second, believed, dt in script:
+        turn.update(best=best, second=second)
+        now += dt
+        action = supervisor.act(now, believed(now), Ramp(0.0))
+        assert math.isfinite(action.command)
+        assert envelope.low <= action.command <= envelope.high
+        if drive.name == "magnetic":
+            assert abs(action.command - before.command) <= envelope.rate * envelope.limits.longest_tick_s
+        before = replace(supervisor.issued)
+
+
+def test_an_empty_chain_is_refused() -> None:
+    with pytest.raises(ValueError, match="chain must have one controller or more"):
+        Supervisor([], envelope_of(Magnetic()))
+    with pytest.raises(ValueError, match="rule blend_s must be"):
+        Rules(blend_s=-1.0)

@@ -120,8 +120,12 @@ def _folder() -> Path:
     return Path(tempfile.gettempdir())
 
 
-def _lines(step: ca.Function, names: dict[tuple[int, int], str], prefix: str) -> tuple[list[str], dict[tuple[int, int], str]]:
-    """The function's instructions as Python statements, and for each output entry the variable that holds it."""
+def statements(step: ca.Function, names: dict[tuple[int, int], str], prefix: str) -> tuple[list[str], dict[tuple[int, int], str]]:
+    """The function's instructions as Python statements, and for each output entry (argument, entry) the variable that holds it.
+
+    `names` says what each input entry is called; `prefix` begins the names of intermediate results. Raises ValueError for operations
+    that are not scalar.
+    """
     lines: list[str] = []
     out: dict[tuple[int, int], str] = {}
     held: dict[int, str] = {}
@@ -161,8 +165,8 @@ def lower(step: ca.Function, correct: ca.Function) -> Kernel:
     n, m = step.numel_in(0), step.numel_in(5)
     names = {(0, i): f"s{i}" for i in range(n)} | {(5, i): f"p{i}" for i in range(m)}
     names |= {(1, 0): "a0", (2, 0): "a1", (3, 0): "t", (4, 0): "h"}
-    lines, out = _lines(step, names, "w")
-    fixes, fixed = _lines(correct, {(0, i): f"s{i}" for i in range(n)} | {(1, 0): "e", (2, 0): "gain"}, "y")
+    lines, out = statements(step, names, "w")
+    fixes, fixed = statements(correct, {(0, i): f"s{i}" for i in range(n)} | {(1, 0): "e", (2, 0): "gain"}, "y")
     source = _FRAME.format(
         unpack_state="\n".join(f"    s{i} = state[{i}]" for i in range(n)),
         unpack_parameters="\n".join(f"    p{i} = parameters[{i}]" for i in range(m)),
@@ -176,18 +180,19 @@ def lower(step: ca.Function, correct: ca.Function) -> Kernel:
         ),
         pack_state="\n".join(f"    state[{i}] = s{i}" for i in range(n)),
     )
-    return _load(source)
+    return load(source).run  # type: ignore[no-any-return]
 
 
-def _load(source: str) -> Kernel:
+def load(source: str) -> Any:
+    """Generated `source` as a module, kept on disk under its hash beside what numba compiles of it."""
     with _LOADING:
         return _loaded(source)
 
 
-def _loaded(source: str) -> Kernel:
+def _loaded(source: str) -> Any:
     name = "capsule_step_" + hashlib.sha256((source + sys.version).encode()).hexdigest()[:20]
     if name in sys.modules:
-        return sys.modules[name].run  # type: ignore[no-any-return]
+        return sys.modules[name]
     path = _folder() / f"{name}.py"
     if not path.is_file():
         draft = path.with_suffix(f".{os.getpid()}")
@@ -199,4 +204,4 @@ def _loaded(source: str) -> Kernel:
     module: Any = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     spec.loader.exec_module(module)
-    return module.run  # type: ignore[no-any-return]
+    return module

@@ -1,0 +1,142 @@
+"""The control model's step as machine code: CasADi's instructions handed to numba, no C compiler needed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.prediction_symbols import Symbols
+from models.identification.lower import load, statements
+
+Array = NDArray[np.float64]
+
+_FRAME = '''"""Generated from a CasADi function."""
+
+import math
+
+import numba
+import numpy as np
+
+FLAGS = {{"contract", "afn", "nsz"}}
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy", fastmath=FLAGS)
+def substep(state, c0, c1, d, t, h, parameters):
+{unpack}
+{step}
+{store_step}
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy", fastmath=FLAGS)
+def slopes(state, c0, c1, d, t, h, parameters, J):
+{unpack}
+{slopes}
+{store_slopes}
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def run(states, command, d, t, tick, substeps, parameters):
+    h = tick / substeps
+    for k in range(states.shape[0]):
+        for j in range(substeps):
+            substep(states[k], command, command, d[k], t + j * h, h, parameters)
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def roll(path, commands, d, t, stage, substeps, parameters):
+    h = stage / substeps
+    for k in range(commands.shape[0] - 1):
+        path[k + 1] = path[k]
+        rise = (commands[k + 1] - commands[k]) / substeps
+        for j in range(substeps):
+            c0 = commands[k] + j * rise
+            substep(path[k + 1], c0, c0 + rise, d, t + k * stage + j * h, h, parameters)
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def linearise(path, A, B, commands, d, t, stage, substeps, parameters):
+    n = path.shape[1]
+    h = stage / substeps
+    J = np.zeros((n, n + 3))
+    S = np.zeros((n, n + 2))
+    moved = np.zeros(n)
+    for k in range(commands.shape[0] - 1):
+        path[k + 1] = path[k]
+        rise = (commands[k + 1] - commands[k]) / substeps
+        S[:] = 0.0
+        for i in range(n):
+            S[i, i] = 1.0
+        for j in range(substeps):
+            c0 = commands[k] + j * rise
+            slopes(path[k + 1], c0, c0 + rise, d, t + k * stage + j * h, h, parameters, J)
+            first, last = j / substeps, (j + 1) / substeps
+            for m in range(n + 2):
+                for i in range(n):
+                    moved[i] = 0.0
+                    for l in range(n):
+                        moved[i] += J[i, l] * S[l, m]
+                for i in range(n):
+                    S[i, m] = moved[i]
+            for i in range(n):
+                S[i, n] += J[i, n] * (1 - first) + J[i, n + 1] * (1 - last)
+                S[i, n + 1] += J[i, n] * first + J[i, n + 1] * last
+        A[k] = S[:, :n]
+        B[k] = S[:, n:]
+'''
+
+
+@dataclass(frozen=True)
+class Kernels:
+    """Compiled functions of one model; arrays are C-contiguous float64, n states, all changed in place, nothing allocated but scratch.
+
+    - `step(x (n,), command, disturbance_N, t) -> (n,)`: one tick, a new array.
+    - `steps(states (m, n), command, disturbance_N (m,), t)`: one tick of m states at once, in place (a filter's sigma points).
+    - `roll(path (N + 1, n), commands (N + 1,), disturbance_N, t, stage_s, substeps, parameters)`: from `path[0]` N stages of `stage_s`
+      in which the command goes in a straight line from one of `commands` to the next; fills `path[1:]`.
+    - `linearise(path, A (N, n, n), B (N, n, 2), commands, ...)`: the same with `dx_next = A dx + B (dc0, dc1)`.
+    """
+
+    run: Any
+    roll: Any
+    linearise: Any
+    parameters: Array
+    tick_s: float
+    substeps: int
+
+    def step(self, x: Array, command: float, disturbance_N: float, t: float) -> Array:
+        """The state (n,) a tick later."""
+        states = np.array(x, dtype=float).reshape(1, -1)
+        self.run(states, command, np.array([disturbance_N]), t, self.tick_s, self.substeps, self.parameters)
+        return states[0]
+
+    def steps(self, states: Array, command: float, disturbance_N: Array, t: float) -> None:
+        """Move `states` (m, n), each under its own disturbance (m,), a tick on, in place."""
+        self.run(states, command, disturbance_N, t, self.tick_s, self.substeps, self.parameters)
+
+
+def compile_kernels(symbols: Symbols, values: Array, tick_s: float, substeps: int) -> Kernels:
+    """The functions of `symbols` at the parameters `values`; the code holds no parameter, so other values of the same model reuse it."""
+    n = len(symbols.states)
+    names = {(0, i): f"s{i}" for i in range(n)} | {(6, i): f"p{i}" for i in range(len(symbols.parameters))}
+    names |= {(1, 0): "c0", (2, 0): "c1", (3, 0): "d", (4, 0): "t", (5, 0): "h"}
+    step, stepped = statements(symbols.substep, names, "w")
+    slope, sloped = statements(symbols.slopes, names, "w")
+    unpack = [f"s{i} = state[{i}]" for i in range(n)] + [f"p{i} = parameters[{i}]" for i in range(len(symbols.parameters))]
+    store = [f"state[{i}] = {sloped.get((0, i), '0.0')}" for i in range(n)]
+    store += [f"J[{k % n}, {k // n}] = {sloped.get((1, k), '0.0')}" for k in range(n * (n + 3))]
+    source = _FRAME.format(
+        unpack=_block(unpack),
+        step=_block(step),
+        store_step=_block([f"state[{i}] = {stepped.get((0, i), '0.0')}" for i in range(n)]),
+        slopes=_block(slope),
+        store_slopes=_block(store),
+    )
+    module = load(source)
+    return Kernels(module.run, module.roll, module.linearise, np.ascontiguousarray(values, dtype=float), tick_s, substeps)
+
+
+def _block(lines: list[str]) -> str:
+    return "\n".join(f"    {line}" for line in lines)

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from controller.envelope import envelope_of
 from controller.gate import Verdict
-from controller.signals import Action, Array, Estimate, Reference
 from controller.rules import Rules
+from controller.signals import Action, Array, Estimate, Reference
 from controller.supervisor import Supervisor
 from models.drives.coil import Coil
 from models.drives.magnetic import Magnetic

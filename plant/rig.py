@@ -133,8 +133,9 @@ class Plant:
         if values.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
             raise ValueError(f"drive must be two or more finite values in a row; got shape {values.shape}")
         dt, first = self.rig.step_s, int(self.state[at.S_STEP])
-        values = real_drive(values, dt, self.effects, self._carriage)
         steps = values.size - 1
+        arrived = real_drive(values[:-1], dt, self.effects, self._carriage)
+        values = np.append(arrived, real_drive(values[-1:], dt, self.effects, self._carriage.copy()))
         out = np.zeros(((first + steps - 1) // every - (first - 1) // every, at.O_COUNT))
         common = (self.state, self.parameters, self.effects, self.tables, self.profile, values, dt, every, out)
         kind = self.rig.drive

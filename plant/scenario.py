@@ -83,6 +83,12 @@ def parse_scenario(raw: Table, folder: Path) -> Scenario:
             raise ValueError(f"tables must be among {', '.join(TABLES)}; got [{name}]; {nearest(name, TABLES)}")
         if not isinstance(table, Mapping):
             raise ValueError(f"{name} must be a table; got {table!r}")
+    run, kind, rig = parse_truth(raw)
+    return Scenario(run, kind, rig, _profile(raw.get("profile", {}), folder), _sensor(raw, kind))
+
+
+def parse_truth(raw: Table) -> tuple[Run, str, Rig]:
+    """How long a scenario runs, the kind of its rig and all that is true of that, from parsed TOML. Errors as `load_scenario`."""
     run = from_table(Run, raw.get("scenario", {}), "scenario")
     if not 0 < run.duration_s / run.step_s <= MOST_STEPS:
         raise ValueError(
@@ -100,7 +106,7 @@ def parse_scenario(raw: Table, folder: Path) -> Scenario:
         hidden=_effects(raw.get("effects", {}), kind),
         step_s=run.step_s,
     )
-    return Scenario(run, kind, rig, _profile(raw.get("profile", {}), folder), _sensor(raw, kind))
+    return run, kind, rig
 
 
 def _drive(kind: str, raw: Table) -> Drive:

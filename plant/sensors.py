@@ -45,7 +45,7 @@ class Sensor:
         when = t[0] + np.arange(math.floor((t[-1] - t[0]) * self.rate_Hz + 1e-9) + 1) / self.rate_Hz
         reading = np.interp(when - late, t, y)
         if h is not None:
-            reading = _with_hidden_errors(when, reading, h)
+            reading = with_hidden_errors(when, reading, h, float(np.ptp(reading)))
         reading = reading + self.noise_std * rng.standard_normal(when.size)
         return when, np.round(reading / self.quantum) * self.quantum if self.quantum > 0 else reading
 
@@ -62,8 +62,8 @@ def _lowpassed(y: Floats, step: float, time: float) -> Floats:
     return np.asarray(lfilter([b0, b1], [1.0, -a], y, zi=[y[0] * (b1 + a)])[0])
 
 
-def _with_hidden_errors(t: Floats, y: Floats, h: Floats) -> Floats:
-    span = float(np.ptp(y))
+def with_hidden_errors(t: Floats, y: Floats, h: Floats, span: float) -> Floats:
+    """Readings `y` at the times `t` in s with hidden gain and offsets; offsets count in `span`, the range of the signal."""
     y = y * (1 + h[ROWS["sensor_scale"], 0]) + h[ROWS["sensor_bias"], 0] * span
     drift, hum = h[ROWS["sensor_drift"]], h[ROWS["mains_hum"], 0]
     y = y + drift[0] * span * np.log1p(t / drift[1])

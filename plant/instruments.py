@@ -1,0 +1,122 @@
+"""Instruments that report while the plant runs: rate, latency, noise, drop-outs, outliers; each reading says when it was true."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from plant.hidden.registry import ROWS
+from plant.sensors import with_hidden_errors
+from plant.tables import Floats
+
+_OFFSETS = ("sensor_scale", "sensor_bias", "sensor_drift", "mains_hum")
+
+
+@dataclass(frozen=True)
+class Reading:
+    """`value` of the column `channel`, SI, true at `stamp_s`, at hand from `arrives_s` on."""
+
+    channel: str
+    value: float
+    stamp_s: float
+    arrives_s: float
+
+
+@dataclass(frozen=True)
+class Instrument:
+    """Samples at `rate_Hz`, at hand `latency_s` later, with white noise of `std`, rounded to `quantum` (0: not at all).
+
+    A share `missing_share` of the readings never comes and `outlier_share` is off by up to `outlier_size` either way. Within each
+    pair of `gaps_s` (start, length, start, length, ...) nothing comes; within `nan_s` NaN does. Hidden offsets of the sensor
+    count in `span`, the range in which it works. `std`, `quantum`, `outlier_size` and `span` are in the unit of what is measured.
+    """
+
+    rate_Hz: float = 100.0
+    std: float = 0.5e-3
+    latency_s: float = 8e-3
+    quantum: float = 0.0
+    missing_share: float = 0.0
+    outlier_share: float = 0.0
+    outlier_size: float = 20e-3
+    span: float = 20e-3
+    gaps_s: tuple[float, ...] = ()
+    nan_s: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.rate_Hz > 0:
+            raise ValueError(f"instrument rate_Hz must be positive; got {self.rate_Hz:g}")
+        for name in ("std", "latency_s", "quantum", "outlier_size", "span"):
+            if not getattr(self, name) >= 0:
+                raise ValueError(f"instrument {name} must be zero or more; got {getattr(self, name):g}")
+        for name in ("missing_share", "outlier_share"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise ValueError(f"instrument {name} must lie in [0, 1]; got {getattr(self, name):g}")
+        for name in ("gaps_s", "nan_s"):
+            if len(getattr(self, name)) % 2:
+                raise ValueError(f"instrument {name} must be pairs of start and length; got {len(getattr(self, name))} numbers")
+
+
+class Stream:
+    """One instrument at work. The same truth gives the same readings, in however many pieces it is handed over.
+
+    `truth_rate_Hz` is how often `take` sees the truth; a sample is the newest truth at its time.
+    """
+
+    def __init__(
+        self, channel: str, instrument: Instrument, rng: np.random.Generator, truth_rate_Hz: float, hidden: Floats | None
+    ) -> None:
+        self.channel, self.instrument, self._rng, self._hidden = channel, instrument, rng, hidden
+        self._share = 0.0
+        late = 0.0
+        if hidden is not None:
+            lag = 0.5 * hidden[ROWS["sensor_lowpass"], 0]
+            self._share = 1 - math.exp(-1 / (truth_rate_Hz * lag)) if lag > 0 else 0.0
+            late = float(hidden[ROWS["sensor_delay"], 0])
+        self._offset = hidden is not None and any(hidden[ROWS[name], 0] != 0.0 for name in _OFFSETS)
+        self._late: deque[float] = deque(maxlen=round(late * truth_rate_Hz) + 1)
+        self._smooth: tuple[float, float] | None = None
+        self._samples = 0
+
+    def take(self, t: Floats, y: Floats) -> list[Reading]:
+        """Readings of the samples that fall into the stretch of truth `y` at the times `t` in s; both 1-D of one length."""
+        readings: list[Reading] = []
+        for when, value in zip(t.tolist(), y.tolist(), strict=True):
+            self._late.append(self._smoothed(value))
+            due = self._samples / self.instrument.rate_Hz
+            if when >= due - 1e-9:
+                self._samples += 1
+                reading = self._sample(when, self._late[0])
+                if reading is not None:
+                    readings.append(reading)
+        return readings
+
+    def _smoothed(self, value: float) -> float:
+        if self._share == 0.0:
+            return value
+        first, second = self._smooth or (value, value)
+        first += self._share * (value - first)
+        second += self._share * (first - second)
+        self._smooth = first, second
+        return second
+
+    def _sample(self, t: float, value: float) -> Reading | None:
+        """One reading; every sample draws the same random numbers, so that faults do not shift the noise."""
+        i = self.instrument
+        noise, missing, wild, size = self._rng.standard_normal(), *self._rng.random(3)
+        if self._hidden is not None and self._offset:
+            value = float(with_hidden_errors(np.array([t]), np.array([value]), self._hidden, i.span)[0])
+        value += i.std * noise
+        if wild < i.outlier_share:
+            value += i.outlier_size * (2 * size - 1)
+        if i.quantum > 0:
+            value = round(value / i.quantum) * i.quantum
+        if missing < i.missing_share or _within(t, i.gaps_s):
+            return None
+        return Reading(self.channel, math.nan if _within(t, i.nan_s) else value, t, t + i.latency_s)
+
+
+def _within(t: float, spans: tuple[float, ...]) -> bool:
+    return any(start <= t < start + length for start, length in zip(spans[::2], spans[1::2], strict=True))

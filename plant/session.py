@@ -1,0 +1,100 @@
+"""The plant in a closed loop: a command goes in, time goes on, readings come out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from plant import layout as at
+from plant.hidden.table import effect_table
+from plant.instruments import Instrument, Reading, Stream
+from plant.rig import Coil, Magnet, Plant, Rig, Vibro
+from plant.tables import Floats
+
+_EVERY: Final = 10  # steps between rows of the truth
+LOCALISATION: Final = Instrument()
+FEEDBACK: Final = Instrument(rate_Hz=500.0, std=0.0, latency_s=0.0)
+
+
+@dataclass(frozen=True)
+class Instruments:
+    """What is measured in the loop: where the capsule is, and what the drive does (carriage in m, current in A)."""
+
+    localisation: Instrument = LOCALISATION
+    feedback: Instrument = FEEDBACK
+
+
+class Session:
+    """A rig that is commanded step by step. `rows` keeps the truth for whoever judges the run; no controller may see it.
+
+    A magnet's carriage goes in a straight line to each command, a carriage position in m; a coil holds the commanded voltage in V, an
+    inner mass without a coil the commanded share 0..1 of its force. Feedback of a carriage is its own encoder's, which neither lag
+    nor play behind it reaches. The same rig, instruments and seed under the same commands give the same numbers, whatever
+    the ticks; so does `Plant.advance` in one go.
+    """
+
+    def __init__(self, rig: Rig, instruments: Instruments | None = None, seed: int = 0, command: float = 0.0) -> None:
+        """At rest at 0 with `command` in force. Raises ValueError for a rig whose capsule is not free, or numbers that cannot be."""
+        if not isinstance(rig.drive, Magnet | Coil | Vibro):
+            raise ValueError(f"rig must have a free capsule (magnetic, coil, vibro); got {type(rig.drive).__name__}")
+        instruments = instruments or Instruments()
+        self.plant = Plant(rig)
+        self.command = float(command)
+        self.rows: list[Floats] = []
+        rate = 1 / (_EVERY * rig.step_s)
+        seeds = np.random.SeedSequence(seed).spawn(2)
+        hidden = effect_table({name: dict(numbers) for name, numbers in rig.hidden.items()})
+        self._place = Stream("position_m", instruments.localisation, np.random.default_rng(seeds[0]), rate, hidden)
+        self._drive = Stream(self.feedback_channel, instruments.feedback, np.random.default_rng(seeds[1]), rate, None)
+        self._waiting: list[Reading] = []
+
+    @property
+    def time(self) -> float:
+        """Seconds so far."""
+        return self.plant.time
+
+    @property
+    def feedback_channel(self) -> str:
+        """The column of the drive's feedback; empty where it has none."""
+        drive = self.plant.rig.drive
+        if isinstance(drive, Magnet):
+            return "carriage_position_m"
+        return "coil_current_A" if isinstance(drive, Coil) or (isinstance(drive, Vibro) and drive.coil) else ""
+
+    def advance(self, command: float, until_s: float) -> tuple[Reading, ...]:
+        """Go on under `command` to the plant's step nearest to `until_s`; the readings that are at hand then and were not before.
+
+        Raises ValueError for a command that is not finite or a time that is not at least a step ahead.
+        """
+        first = int(self.plant.state[at.S_STEP])
+        steps = round(until_s / self.plant.rig.step_s) - first
+        if steps < 1:
+            raise ValueError(f"until_s must lie after {self.time:g} s by a step; got {until_s:g}")
+        values = self.drive_values(command, steps)
+        rows = self.plant.advance(values, _EVERY)
+        self.command = float(command)
+        self.rows.append(rows)
+        self._waiting += self._place.take(rows[:, at.O_T], rows[:, at.O_X])
+        if self.feedback_channel:
+            self._waiting += self._drive.take(rows[:, at.O_T], self._fed_back(rows, values, first))
+        now = self.time + 1e-9
+        ready = tuple(sorted((r for r in self._waiting if r.arrives_s <= now), key=lambda r: (r.arrives_s, r.channel)))
+        self._waiting = [r for r in self._waiting if r.arrives_s > now]
+        return ready
+
+    def drive_values(self, command: float, steps: int) -> Floats:
+        """The plant's drive for the next `steps` steps, (steps + 1,), as `Plant.advance` takes it."""
+        drive = self.plant.rig.drive
+        if isinstance(drive, Magnet):
+            values = self.command + (command - self.command) * (np.arange(steps + 1) / steps)
+            values[-1] = command
+            return np.asarray(values)
+        scale = drive.force_N if isinstance(drive, Vibro) and drive.coil is None else 1.0
+        return np.full(steps + 1, scale * command)
+
+    def _fed_back(self, rows: Floats, values: Floats, first: int) -> Floats:
+        if isinstance(self.plant.rig.drive, Magnet):
+            return np.asarray(values[np.round(rows[:, at.O_T] / self.plant.rig.step_s).astype(int) - first])
+        return np.asarray(rows[:, at.O_CURRENT])

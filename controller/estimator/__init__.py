@@ -1,0 +1,1 @@
+"""What the controller knows of the capsule, from late, noisy, at times wrong measurements."""

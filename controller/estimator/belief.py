@@ -1,0 +1,121 @@
+"""One belief about the capsule and its step: the control model's states with their covariance and a disturbance force."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Final
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.estimator.moments import fuse, place_points, take_moments
+from controller.estimator.noise import Noise
+from controller.prediction import ControlModel
+
+Array = NDArray[np.float64]
+_NARROW: Final = 1e-3  # share of a standard deviation over which an extended filter differentiates
+_START_STD: Final = {"v": 1e-3, "u": 1e-4, "current_A": 0.1, "stretch_m": 1e-4, "rate_m_s": 1e-2}
+
+
+@dataclass(slots=True)
+class Belief:
+    """`z` (n,) the continuous states in the model's order and the disturbance last, `P` (n, n) their covariance, `modes` a model state
+    whose switches count; `time_s`, and the `command` in force up to then."""
+
+    z: Array
+    P: Array
+    modes: Array
+    time_s: float = 0.0
+    command: float = 0.0
+
+    def copy_from(self, other: Belief) -> None:
+        """Become `other` without a new array."""
+        self.z[:], self.P[:], self.modes[:] = other.z, other.P, other.modes
+        self.time_s, self.command = other.time_s, other.command
+
+
+@dataclass
+class Process:
+    """The control model as a filter's process: `z+ = f(z, command) + w`.
+
+    `unscented` False differentiates instead (extended). `measured` of the model is linear in `x` alone unless effects of the
+    sensor say otherwise; then its slopes come from CasADi.
+    """
+
+    model: ControlModel
+    noise: Noise
+    unscented: bool = True
+    where: NDArray[np.int64] = field(init=False)
+    position: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        model = self.model
+        self.where = np.array([k for k, name in enumerate(model.states) if name not in model.modes], dtype=np.int64)
+        self.names = (*(model.states[k] for k in self.where), "disturbance")
+        n = len(self.names)
+        walks = [self.noise.wander(name) for name in self.names[:-1]] + [self.noise.force_wander_N]
+        self._Q = np.array(walks) ** 2 * model.tick_s
+        self._scale = math.sqrt(n) if self.unscented else _NARROW
+        self._states, self._d = np.zeros((2 * n + 1, len(model.states))), np.zeros(2 * n + 1)
+        self._L, self._K, self._H = np.zeros((n, n)), np.zeros(n), np.zeros(n)
+        self._kernels = model.kernels
+        x, t = ca.SX.sym("x", len(model.states)), ca.SX.sym("t")
+        shown = model.measured(x, t)
+        self._plain = bool(ca.is_equal(ca.simplify(shown), x[0], 2))
+        self._seen = ca.Function("seen", [x, t], [shown, ca.gradient(shown, x)])
+        self._moves = model.drive.name == "magnetic"
+
+    @property
+    def size(self) -> int:
+        """Number of filtered states, the disturbance included."""
+        return len(self.names)
+
+    def start(self, position_m: float, std_m: float, command: float, now: float) -> Belief:
+        """At rest at `position_m`, known to `std_m`, with `command` in force for long."""
+        state = self.model.initial(position_m, command)
+        spread = [_START_STD.get(name.rpartition(".")[2], 1e-3) for name in self.names[:-1]]
+        spread = [std_m, *spread[1:], self.noise.force_wander_N]
+        return Belief(np.append(state[self.where], 0.0), np.diag(np.square(spread)), state.copy(), now, command)
+
+    def predict(self, b: Belief, command: float) -> None:
+        """Move `b` a tick on in place, to the end of which `command` leads; a carriage goes there in a straight line."""
+        place_points(b.z, b.P, b.modes, self.where, self._scale, self._L, self._states, self._d)
+        k = self._kernels
+        middle = 0.5 * (b.command + command) if self._moves else command
+        k.run(self._states, middle, self._d, b.time_s, k.tick_s, k.substeps, k.parameters)
+        take_moments(self._states, self._d, self.where, self._scale, self.unscented, self._Q, b.z, b.P, b.modes)
+        b.time_s += k.tick_s
+        b.command = command
+
+    def see_position(self, b: Belief, value: float) -> float:
+        """Take in a localisation in place; returns its normalised difference, beyond the gate where it was refused."""
+        self._H[:] = 0.0
+        expected = b.z[0]
+        if self._plain:
+            self._H[0] = 1.0
+        else:
+            shown, slopes = self._seen(self.state(b), b.time_s)
+            expected = float(shown)
+            self._H[:-1] = np.asarray(slopes).ravel()[self.where]
+        return float(fuse(b.z, b.P, self._H, value - expected, self.noise.position_std_m**2, self.noise.gate, self._K))
+
+    def see_state(self, b: Belief, name: str, value: float) -> float:
+        """Take in a reading of the state `name` itself, such as a coil's current."""
+        self._H[:] = 0.0
+        place = self.names.index(name)
+        self._H[place] = 1.0
+        return float(fuse(b.z, b.P, self._H, value - b.z[place], self.noise.feedback_std**2, self.noise.gate, self._K))
+
+    def state(self, b: Belief) -> Array:
+        """`b` as a state (n,) of the model."""
+        state = b.modes.copy()
+        state[self.where] = b.z[:-1]
+        return state
+
+    def std(self, b: Belief) -> Array:
+        """Standard deviations (n,) in the model's order, 0 for switches."""
+        std = np.zeros(len(self.model.states))
+        std[self.where] = np.sqrt(np.maximum(np.diag(b.P)[:-1], 0.0))
+        return std

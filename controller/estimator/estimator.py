@@ -1,0 +1,161 @@
+"""The estimator: beliefs kept for a while, so that a late measurement is taken in where it belongs and what came after is redone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from controller.estimator.belief import Belief, Process
+from controller.estimator.noise import Noise
+from controller.prediction import ControlModel
+from controller.signals import Estimate, Measurement
+
+_CHANNEL_STATES = {"coil_current_A": "current_A"}
+_MOST_A_TICK = 8
+
+
+@dataclass(slots=True)
+class Counts:
+    """What became of the measurements."""
+
+    accepted: int = 0
+    outliers: int = 0
+    unusable: int = 0
+    restarts: int = 0
+
+
+@dataclass(slots=True)
+class _Tick:
+    """A tick that is kept: the belief at its end with all that was measured there."""
+
+    belief: Belief
+    seen: list[Measurement] = field(default_factory=list)
+
+
+class Estimator:
+    """Position, speed, wall, drive and a disturbance force, from localisation (`position_m`) and drive feedback.
+
+    `observe` is called once a tick of the model. A measurement stamped up to `latest_s` ago is taken in at the tick of its stamp and
+    the ticks since are computed again: their number, and so the time this takes, is bounded. Never raises.
+    """
+
+    def __init__(self, model: ControlModel, noise: Noise | None = None, *, unscented: bool = True) -> None:
+        self.model = model
+        self.noise = Noise() if noise is None else noise
+        self.counts = Counts()
+        self._process = Process(model, self.noise, unscented)
+        kept = math.ceil((self.noise.latest_s + model.delay_s) / model.tick_s) + 2
+        self._ticks = [_Tick(self._process.start(0.0, 1.0, 0.0, 0.0)) for _ in range(kept)]
+        self._drive_state = next((n for n in model.states if n.rpartition(".")[2] == "current_A"), "")
+        self.reset(0.0, 0.0)
+
+    def reset(self, now: float, command: float) -> None:
+        """Know nothing but the `command` in force at `now`; the first position begins a belief."""
+        self._newest = 0
+        self._count = 0
+        self._command, self._time = command, now
+        self._accepted_at = -math.inf
+        self._refused, self._proven = 0, 0
+        self._offset, self._fed_back = 0.0, (now, command)
+
+    def observe(self, now: float, command: float, measurements: Sequence[Measurement] = ()) -> Estimate:
+        """The estimate at `now`, a tick after the last call; `command` was in force since, `measurements` came in since."""
+        if not math.isfinite(command):
+            command = self._command
+        if self._count:
+            self._go_on(now, command)
+        self._command, self._time = command, now
+        for m in sorted(measurements[-_MOST_A_TICK:], key=lambda m: m.stamp_s if m.stamp_s == m.stamp_s else math.inf):
+            self._take(m, now)
+        return self._estimate(now)
+
+    def _go_on(self, now: float, command: float) -> None:
+        last = self._ticks[self._newest].belief
+        self._newest = (self._newest + 1) % len(self._ticks)
+        tick = self._ticks[self._newest]
+        tick.belief.copy_from(last)
+        tick.seen.clear()
+        self._count = min(self._count + 1, len(self._ticks))
+        self._process.predict(tick.belief, command)
+        tick.belief.time_s = now
+
+    def _take(self, m: Measurement, now: float) -> None:
+        position = m.channel == "position_m"
+        if not (math.isfinite(m.value) and math.isfinite(m.stamp_s)) or not (position or self._follows(m.channel)):
+            self.counts.unusable += 1
+            return
+        if position and not self._count:
+            self._begin(m.value, now)
+            return
+        back = round((now - m.stamp_s + (self.model.delay_s if position else 0.0)) / self.model.tick_s)
+        if not 0 <= back < self._count:
+            self.counts.unusable += 1
+            return
+        first = (self._newest - back) % len(self._ticks)
+        self._ticks[first].seen.append(m)
+        refused = self._fuse(self._ticks[first].belief, m)
+        if position:
+            self._judge(m, refused, now)
+        if refused:
+            self._ticks[first].seen.pop()
+        else:
+            self._redo(first, back)
+
+    def _follows(self, channel: str) -> bool:
+        return channel in _CHANNEL_STATES and bool(self._drive_state) and self._count > 0
+
+    def _fuse(self, belief: Belief, m: Measurement) -> bool:
+        """Take `m` into a belief; whether it was refused."""
+        if m.channel == "position_m":
+            size = self._process.see_position(belief, m.value)
+        else:
+            size = self._process.see_state(belief, self._drive_state, m.value)
+        return not size <= self.noise.gate
+
+    def _redo(self, first: int, count: int) -> None:
+        """Compute the `count` ticks after `first` again, with all that was measured in them."""
+        for k in range(count):
+            before = self._ticks[(first + k) % len(self._ticks)].belief
+            tick = self._ticks[(first + k + 1) % len(self._ticks)]
+            time_s, command = tick.belief.time_s, tick.belief.command
+            tick.belief.copy_from(before)
+            self._process.predict(tick.belief, command)
+            tick.belief.time_s = time_s
+            for m in tick.seen:
+                self._fuse(tick.belief, m)
+
+    def _judge(self, m: Measurement, refused: bool, now: float) -> None:
+        """Count, and begin anew where many positions in a row do not fit."""
+        if not refused:
+            self.counts.accepted += 1
+            self._refused, self._accepted_at = 0, now
+            self._proven += 1
+            return
+        self.counts.outliers += 1
+        self._refused += 1
+        if self._refused >= self.noise.patience:
+            self.counts.restarts += 1
+            self._begin(m.value, now)
+
+    def _begin(self, position_m: float, now: float) -> None:
+        self._newest, self._count, self._refused, self._proven = 0, 1, 0, 0
+        start = self._process.start(position_m, self.noise.position_std_m, self._command, now)
+        self._ticks[0].belief.copy_from(start)
+        self._ticks[0].seen.clear()
+        self._accepted_at = now
+
+    def _estimate(self, now: float) -> Estimate:
+        if not self._count:
+            nothing = np.full(len(self.model.states), math.nan)
+            return Estimate(now, nothing, nothing, 0.0, True)
+        belief = self._ticks[self._newest].belief
+        if not (np.isfinite(belief.z).all() and np.isfinite(belief.P).all()):
+            self._count, self._proven = 0, 0
+            self.counts.restarts += 1
+            return self._estimate(now)
+        std = self._process.std(belief)
+        lost = now - self._accepted_at > self.noise.age_s or std[0] > self.noise.lost_std_m or self._proven < self.noise.proof
+        return Estimate(now, self._process.state(belief), std, float(belief.z[-1]), bool(lost))

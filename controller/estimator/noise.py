@@ -1,0 +1,48 @@
+"""What the filter assumes about noise, gates and patience."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+_DRIVE_SPREADS: Mapping[str, float] = {"current_A": 0.05, "stretch_m": 1e-4, "rate_m_s": 1e-2}
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations, SI. `*_wander` are random walks, a second's worth; what is not named here wanders by `other_wander` of 1.
+
+    A measurement further than `gate` standard deviations from what was expected is an outlier; `patience` of them in a row mean
+    that the belief is wrong, not they. The estimate is lost without an accepted position for `age_s`, above `lost_std_m`, and until
+    `proof` positions in a row were accepted after a new start. A reading later than `latest_s` is not used.
+    """
+
+    position_std_m: float = 0.5e-3
+    feedback_std: float = 1e-3
+    position_wander_m: float = 1e-4
+    speed_wander_m_s: float = 1e-2
+    wall_wander_m: float = 5e-5
+    force_wander_N: float = 2e-3
+    other_wander: float = 1e-3
+    gate: float = 5.0
+    patience: int = 12
+    proof: int = 5
+    age_s: float = 0.15
+    lost_std_m: float = 2e-3
+    latest_s: float = 0.05
+    drive_wander: Mapping[str, float] = field(default_factory=lambda: dict(_DRIVE_SPREADS))
+
+    def __post_init__(self) -> None:
+        for name in (f.name for f in fields(self) if f.name != "drive_wander"):
+            if not 0 < getattr(self, name) < math.inf:
+                raise ValueError(f"noise {name} must be a positive number; got {getattr(self, name)!r}")
+
+    def wander(self, state: str) -> float:
+        """Standard deviation of the random walk of the model's `state` over a second."""
+        own = {"x": self.position_wander_m, "v": self.speed_wander_m_s, "u": self.wall_wander_m}
+        return own.get(state, self.drive_wander.get(state.rpartition(".")[2], self.other_wander))

@@ -42,7 +42,7 @@ COLUMNS = MappingProxyType(
     {
         "pull": Columns((("position_m",),), ("force_N",), True, 100),
         "magnetic": Columns((("carriage_position_m",),), ("position_m",), True, 100),
-        "coil": Columns((("coil_current_A",),), ("position_m",), True, 100),
+        "coil": Columns((("coil_current_A", "coil_voltage_V"),), ("position_m",), True, 100),
         "vibro": Columns((("drive_on", "coil_voltage_V"),), ("position_m",), True, 100),
         "vibro_table": Columns((("period_s",), ("duty",), ("cycles",)), ("mean_velocity_m_s",), False, 4),
         "axis": Columns((("position_m",),), ("force_N",), True, 100),

@@ -36,6 +36,10 @@ class Record:
         """The same record with one column replaced or added."""
         return Record(self.name, self.kind, {**self.columns, column: np.asarray(values, dtype=float)})
 
+    def without(self, columns: Sequence[str]) -> Record:
+        """The same record without `columns`."""
+        return Record(self.name, self.kind, {key: column for key, column in self.columns.items() if key not in columns})
+
     def rows(self, index: Any) -> Record:
         """The same record with only the rows of `index`."""
         return Record(self.name, self.kind, {key: column[index] for key, column in self.columns.items()})

@@ -4,6 +4,7 @@ from models.effects.actuator_dead_zone import ActuatorDeadZone
 from models.effects.actuator_lag import ActuatorLag
 from models.effects.actuator_saturation import ActuatorSaturation
 from models.effects.added_mass import AddedMass
+from models.effects.back_emf import BackEmf
 from models.effects.broad_relaxation import BroadRelaxation
 from models.effects.carriage_backlash import CarriageBacklash
 from models.effects.coil_lag import CoilLag
@@ -19,6 +20,7 @@ from models.effects.fold_periodic import FoldPeriodic
 from models.effects.guide_friction import GuideFriction
 from models.effects.incline_gravity import InclineGravity
 from models.effects.lumen_taper import LumenTaper
+from models.effects.magnetic_hysteresis import MagneticHysteresis
 from models.effects.mains_hum import MainsHum
 from models.effects.peristaltic_wave import PeristalticWave
 from models.effects.preconditioning import Preconditioning
@@ -44,6 +46,7 @@ EFFECTS: tuple[type[Effect], ...] = (
     ActuatorLag,
     ActuatorSaturation,
     AddedMass,
+    BackEmf,
     BroadRelaxation,
     CarriageBacklash,
     CoilLag,
@@ -58,6 +61,7 @@ EFFECTS: tuple[type[Effect], ...] = (
     GuideFriction,
     InclineGravity,
     LumenTaper,
+    MagneticHysteresis,
     MainsHum,
     PeristalticWave,
     Preconditioning,

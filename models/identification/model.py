@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from models.columns import COLUMNS
 from models.effects import BY_ID
 from models.identification.kinds import kind_for
 from models.identification.result import STAGES
@@ -57,12 +58,13 @@ class Model:
         """The measured columns as this model predicts them from the driven columns of `record` alone."""
         if stage not in self.stages:
             raise ValueError(f"stage must be one of {', '.join(STAGES)}; got {stage!r}; {nearest(stage, STAGES)}")
-        kind = kind_for(rig, [])
+        driven = record.without(COLUMNS[rig.kind].measured)
+        kind = kind_for(rig, [driven])
         unknown = [name for name in self.stages[stage] if "." not in name and name not in {p.name for p in kind.base}]
         if unknown:
             known = [p.name for p in kind.base]
             raise ValueError(f"model must have parameters of a {kind.name} rig; got {unknown[0]!r}; {nearest(unknown[0], known)}")
-        return kind.columns(record, kind.predict(record, self.stages[stage]))
+        return kind.columns(driven, kind.predict(driven, self.stages[stage]))
 
 
 def _values(raw: object, stage: str) -> dict[str, float]:

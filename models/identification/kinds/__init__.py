@@ -26,8 +26,4 @@ def kind_for(rig: Rig, records: Sequence[Record]) -> AnyKind:
     if rig.kind == "vibro_table":
         table = VibroTableKind.from_rig(rig)
         return table.settled(records) if records and "mean_velocity_m_s" in records[0].columns else table
-    if rig.kind in ("pull", "magnetic"):
-        return GutKind.from_rig(rig, records)
-    raise ValueError(
-        f"rig must be of a kind that the loop works on: pull, magnetic, vibro_table, axis, periods, dma; got {rig.kind!r}"
-    )
+    return GutKind.from_rig(rig, records)

@@ -1,4 +1,4 @@
-"""Time series of a capsule in the gut: pull and magnetic rigs (coil and vibro the same way), predicted by the assembled model."""
+"""Time series of a capsule in the gut or on a plate, under any drive, predicted by the assembled model."""
 
 from __future__ import annotations
 
@@ -12,24 +12,28 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
-from models.assembly import Assembly, assemble_gut
+from models.assembly import Assembly, assemble
+from models.assembly_step import Surface
 from models.drives.drive import Drive
-from models.drives.magnetic import Magnetic
-from models.drives.pull import Pull
+from models.drives.from_rig import drive_of, surface_of
 from models.effects import BY_ID, effects_for
 from models.effects.effect import Effect
+from models.identification.kinds.driven import SWITCH_DELAY, drifts, driven_column, feed, interval, switch_delay
+from models.identification.kinds.gut_words import equations_of, next_experiment_of, statements_of
 from models.identification.lower import Kernel, lower
 from models.parameter import Parameter
+from models.plate import Plate
 from models.record import Record
 from models.rig import Rig
-from models.wall import Wall, base_parameters
+from models.wall import base_parameters
 
 Array = NDArray[np.float64]
 Theta = Mapping[str, float]
 
 LOW_PASS_HZ = 2.0
 _TAIL = 8.0  # standard deviations beyond which a difference counts ever less: samples at a jump of the speed
-_STEP = 5e-4  # s, internal step of a free capsule
+_START_S = 0.5  # s, over which a record's start is compared with a prediction's where the drive does not tell the place
+_WALL_HOOKS = ("stiffening", "wall_force", "recovery")
 
 
 def low_passed(signal: Array, dt: float) -> Array:
@@ -40,8 +44,8 @@ def low_passed(signal: Array, dt: float) -> Array:
 
 
 @cache
-def _model(wall: Wall, drive: Drive, names: tuple[str, ...]) -> tuple[Assembly, Kernel]:
-    assembly = assemble_gut(wall, drive, [BY_ID[name] for name in names])
+def _model(surface: Surface, drive: Drive, names: tuple[str, ...]) -> tuple[Assembly, Kernel]:
+    assembly = assemble(surface, drive, [BY_ID[name] for name in names])
     return assembly, lower(assembly.step, assembly.correct)
 
 
@@ -52,10 +56,11 @@ def active_effects(theta: Theta) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class GutKind:
-    """A `pull` or `magnetic` rig. `noise_std` of the sensor; `memories` in s are the observer's time constants of the fit's stages."""
+    """A rig whose records are time series of a capsule. `noise_std` of the sensor; `memories` in s are the observer's time constants
+    of the fit's stages."""
 
     name: str
-    wall: Wall
+    surface: Surface
     drive: Drive
     noise_std: float
     memories: tuple[float, ...]
@@ -71,24 +76,23 @@ class GutKind:
 
     @classmethod
     def from_rig(cls, rig: Rig, records: Sequence[Record]) -> GutKind:
-        """The kind that a rig file with a capsule, a gut and a pull or a magnet describes; the noise is estimated where not given."""
-        drive: Drive = Pull()
-        if rig.magnet is not None:
-            drive = Magnetic(rig.magnet.magnet_stiffness_N_per_m, rig.magnet.magnet_range_m)
-        elif rig.kind != "pull":
-            raise ValueError(f"rig must be of kind pull or magnetic to find what its model lacks; got {rig.kind!r}")
+        """The kind that a rig file describes under the drive of `records`; the noise is estimated where not given.
+
+        Raises ValueError for another kind of rig, and for records that are driven in different ways.
+        """
+        drive = drive_of(rig, driven_column(rig.kind, records))
         noise = rig.noise.force_std_N if drive.imposed else rig.noise.position_std_m
-        return cls.build(Wall.around(rig.capsule, rig.tissue), drive, noise or estimated_noise(records, drive.measured))
+        return cls.build(surface_of(rig), drive, noise or estimated_noise(records, drive.measured), records)
 
     @classmethod
-    def build(cls, wall: Wall, drive: Drive, noise_std: float) -> GutKind:
-        """The kind for a wall and a drive."""
-        memories = (0.03, 0.2) if drive.imposed else (0.2, 5.0)
-        base = base_parameters(wall.tissue) + drive.parameters()
+    def build(cls, surface: Surface, drive: Drive, noise_std: float, records: Sequence[Record] = ()) -> GutKind:
+        """The kind for a surface and a drive; `records` tell how a switch was logged."""
+        memories = (0.03, 0.2) if drive.imposed else (1.0, 5.0) if drifts(drive) else (0.2, 5.0)
+        own = surface.parameters() if isinstance(surface, Plate) else base_parameters(surface.tissue)
+        base = own + drive.parameters() + switch_delay(drive, records)
+        effects = tuple(e for e in effects_for(drive.name) if not isinstance(surface, Plate) or not _acts_on_the_wall(e))
         unit = "N" if drive.imposed else "m"
-        return cls(
-            drive.name, wall, drive, noise_std, memories, base, effects_for(drive.name), unit=unit, quantity=drive.measured
-        )
+        return cls(drive.name, surface, drive, noise_std, memories, base, effects, unit=unit, quantity=drive.measured)
 
     def nominal(self) -> dict[str, float]:
         """The base parameters as believed."""
@@ -99,48 +103,67 @@ class GutKind:
         return record[self.quantity]
 
     def _run(self, record: Record, theta: Theta, memory: float | None, measured: Array | None) -> Array:
-        assembly, kernel = _model(self.wall, self.drive, active_effects(theta))
-        t = record["t_s"]
-        dt = float(t[-1] - t[0]) / (len(t) - 1)
-        command = record[self.drive.commanded]
-        substeps = 1 if self.drive.imposed and "string_compliance" not in active_effects(theta) else max(1, round(dt / _STEP))
-        state = np.array([assembly.initial[name] for name in assembly.states])
-        state[0] = command[0] if self.drive.imposed or measured is None else float(np.mean(measured[: max(1, round(0.02 / dt))]))
-        for k, name in enumerate(assembly.states):
-            if name.endswith((".position_m", ".command")):
-                state[k] = command[0]
-        output = np.empty(len(t))
+        active = active_effects(theta)
+        assembly, kernel = _model(self.surface, self.drive, active)
+        rigid = self.drive.imposed and "string_compliance" not in active
+        fed = feed(self.drive, record, rigid, theta.get(SWITCH_DELAY, 0.0))
+        shown = np.empty(len(fed.commands))
         kernel(
-            state,
-            command,
-            output if measured is None or not memory else measured,
-            dt / memory if memory else 0.0,
+            self._start(assembly, record, measured),
+            fed.commands,
+            shown if measured is None or not memory else fed.spread(measured),
+            fed.dt / memory if memory else 0.0,
             assembly.vector(theta),
-            substeps,
-            dt,
-            output,
+            fed.substeps,
+            fed.dt,
+            shown,
         )
+        output = fed.samples(shown)
         delay = sum(
-            float(BY_ID[e]().delay({k.split(".")[1]: v for k, v in theta.items() if k.startswith(e + ".")}))
-            for e in active_effects(theta)
+            float(BY_ID[e]().delay({k.split(".")[1]: v for k, v in theta.items() if k.startswith(e + ".")})) for e in active
         )
+        t = record["t_s"]
         return np.interp(t - delay, t, output) if delay else output
 
+    def _start(self, assembly: Assembly, record: Record, measured: Array | None) -> Array:
+        state = assembly.start()
+        first = record[self.drive.commanded][0]
+        if not drifts(self.drive):
+            seen = None if measured is None else measured[: max(1, round(0.02 / interval(record)))]
+            state[0] = first if self.drive.imposed or seen is None else float(np.mean(seen))
+        elif measured is not None:
+            state[0] = measured[0]
+        for k, name in enumerate(assembly.states):
+            if name.endswith((".position_m", ".command")):
+                state[k] = first
+        return state
+
+    def _from_the_start(self, record: Record, output: Array) -> Array:
+        """`output` moved to where the record starts: one sample's noise in the starting place would stay to the end."""
+        if not drifts(self.drive) or self.quantity not in record.columns:
+            return output
+        first = slice(0, max(1, round(_START_S / interval(record))))
+        return output + float(np.mean(record[self.quantity][first] - output[first]))
+
     def predict(self, record: Record, theta: Theta) -> Array:
-        """The free run from the driven column alone; a magnetic capsule starts at rest below its magnet."""
-        return self._run(record, theta, None, None)
+        """The free run from the driven column alone; a magnetic capsule starts at rest below its magnet, one under a coil or an
+        inner mass at rest where the record starts (at 0 where it does not say)."""
+        seen = record.columns.get(self.quantity) if drifts(self.drive) else None
+        return self._from_the_start(record, self._run(record, theta, None, seen))
 
     def residual(self, record: Record, theta: Theta, stage: int = 0) -> Array:
         memory = self.memories[stage] if stage < len(self.memories) else None
-        r = (record[self.quantity] - self._run(record, theta, memory, record[self.quantity])) / self.noise_std
+        output = self._run(record, theta, memory, record[self.quantity])
+        if not memory:
+            output = self._from_the_start(record, output)
+        r = (record[self.quantity] - output) / self.noise_std
         r = np.where(np.isfinite(r), r, 1e6)
         return np.asarray(np.sign(r) * _TAIL * np.sqrt(2 * (np.sqrt(1 + (r / _TAIL) ** 2) - 1)))
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
         parts = []
         for record, predicted in zip(records, predictions, strict=True):
-            t = record["t_s"]
-            parts.append(low_passed(record[self.quantity] - predicted, float(t[-1] - t[0]) / (len(t) - 1)))
+            parts.append(low_passed(record[self.quantity] - predicted, interval(record)))
         return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 
     def noise_floor(self, records: Sequence[Record]) -> float:
@@ -162,50 +185,38 @@ class GutKind:
     def signals(self, record: Record) -> dict[str, Array]:
         """What the residual is drawn against."""
         t, x = record["t_s"], record[self.drive.commanded if self.drive.imposed else self.quantity]
-        step = float(t[-1] - t[0]) / (len(t) - 1)
+        step = interval(record)
         out = {"t_s": t, "x_m": x, "v_m_s": np.gradient(low_passed(x, step), step)}
         if self.drive.imposed:
             return out | {"force_N": record[self.quantity]}
+        if drifts(self.drive):
+            return out | {self.drive.commanded: record[self.drive.commanded]}
         return out | {"gap_m": record[self.drive.commanded] - x}
 
     def statements(self, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:
         """Sentences for the report."""
-        said = [f"Noise of the sensor: {self.noise_std:.3g} {self.unit}."]
-        if not self.drive.imposed:
-            said.append(
-                "Only the ratios of hoop stress, friction and magnet stiffness show well in a position: the three may move together."
-            )
-        return said
+        return statements_of(self.drive, self.noise_std, self.unit)
 
     def equations(self, theta: Theta) -> list[str]:
         """The model in words and numbers."""
-        p = {**self.nominal(), **theta}
-        lines = [
-            "m a = F_act - F_e(|v|) Sgn(v) - F_v(w) - T(u)",
-            f"F_e = {p['hoop_stress_factor']:.4g} sin(theta) I1(|v|)",
-            f"f_c = {p['friction_coefficient']:.4g} (m g + {p['hoop_stress_factor']:.4g} (cos(theta) I1(|v|) + I2(|v|)))",
-            "stick: u' = v until |T(u)| = f_c; slip: u' = -v_i, v_i = u_c/t_r, until u = 0",
-        ]
-        if "magnet_stiffness_N_per_m" in p:
-            lines.append(f"F_act = {p['magnet_stiffness_N_per_m']:.4g} g/(1 + (g/r)^2)^2, g = carriage - capsule")
-        for name in active_effects(theta):
-            values = ", ".join(f"{k.split('.')[1]} = {v:.4g}" for k, v in theta.items() if k.startswith(name + "."))
-            lines.append(f"{name}: {(BY_ID[name].__doc__ or '').splitlines()[0]} ({values})")
-        return lines
+        return equations_of(self.surface, self.drive, {**self.nominal(), **theta}, active_effects(theta))
 
     def next_experiment(self, theta: Theta, records: Sequence[Record]) -> str | None:
-        """What would separate the last effect from its look-alikes."""
-        names = active_effects(theta)
-        if not names:
-            return None
-        return "; ".join(f"{name} against {', '.join(BY_ID[name].look_alikes)}: {BY_ID[name].separated_by}" for name in names)
+        """What would separate the effects from their look-alikes."""
+        return next_experiment_of(active_effects(theta))
 
     def columns(self, record: Record, predicted: Array) -> dict[str, Array]:
         """The prediction as the columns of a file."""
         return {"t_s": record["t_s"], self.quantity: predicted}
 
 
+def _acts_on_the_wall(effect: type[Effect]) -> bool:
+    return any(getattr(effect, hook) is not getattr(Effect, hook) for hook in _WALL_HOOKS)
+
+
 def estimated_noise(records: Sequence[Record], column: str) -> float:
-    """Standard deviation of white noise on `column`, from its second differences' median, which motion hardly touches."""
-    second = np.concatenate([np.diff(record[column], 2) for record in records])
-    return max(float(np.median(np.abs(second)) / 0.6745 / np.sqrt(6)), 1e-12)
+    """Standard deviation of white noise on `column`, from its second differences' median, which motion hardly touches.
+
+    The least number that counts as noise where no record has the column."""
+    second = [np.diff(record[column], 2) for record in records if column in record.columns]
+    return max(float(np.median(np.abs(np.concatenate(second)))) / 0.6745 / np.sqrt(6), 1e-12) if second else 1e-12

@@ -1,0 +1,39 @@
+"""Forces periodic in time: what breathing and a peristaltic wave have in common."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from models.effects.effect import Effect, Signals, Values
+from models.parameter import Parameter
+
+RATIO = 1.09  # of neighbouring frequencies to screen: over half a minute their phases part by less than half a turn up to 0.4 Hz
+
+
+def frequencies(lowest_Hz: float, highest_Hz: float, ratio: float = RATIO) -> tuple[float, ...]:
+    """Frequencies in Hz in steps of `ratio` from `lowest_Hz` up to `highest_Hz`, the last one within both."""
+    count = math.floor(math.log(highest_Hz / lowest_Hz) / math.log(ratio) + 1e-9) + 1
+    return tuple(lowest_Hz * ratio**k for k in range(count))
+
+
+@dataclass(frozen=True)
+class ForceInTime(Effect):
+    """Force `A sin(2 pi f (t - d) + phi)` along +x, `d` in s the delay at the capsule's place."""
+
+    probe = 0.003
+
+    force_N: Parameter = Parameter("force_N", 0.0, "N", -0.2, 0.2, "gut 35:625: 59 to 93 mN, twice that at most", fit=True)
+    frequency_Hz: Parameter = Parameter("frequency_Hz", 0.25, "Hz", 0.03, 1.5, "tracing catalogue 15: 0.2 to 0.3 Hz", fit=True)
+    phase_rad: Parameter = Parameter("phase_rad", 0.0, "rad", -7.0, 7.0, "any: where in its cycle a record begins", fit=True)
+
+    def delay_at(self, x: Any, p: Values) -> Any:
+        """Time in s by which the force is late at the place `x` in m."""
+        return 0.0
+
+    def force(self, s: Signals, p: Values, z: Values) -> Any:
+        turn = 2 * math.pi * p["frequency_Hz"] * (s.t - self.delay_at(s.x, p))
+        return p["force_N"] * np.sin(turn + p["phase_rad"])

@@ -1,0 +1,78 @@
+"""What a report says of a capsule's time series: equations, sentences, and the experiment that would tell effects apart."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from models.assembly_step import Surface
+from models.drives.coil import Coil, VoltageCoil
+from models.drives.drive import Drive
+from models.drives.magnetic import Magnetic
+from models.drives.vibro import Vibro
+from models.effects import BY_ID
+from models.plate import Plate
+
+Theta = Mapping[str, float]
+
+_GUT = "m a = F_act - F_e(|v|) Sgn(v) - F_v(w) - T(u)"
+
+
+def equations_of(surface: Surface, drive: Drive, p: Theta, effects: Sequence[str]) -> list[str]:
+    """The model in words and numbers; `p` holds the base parameters and those of `effects`."""
+    lines = [*_surface_lines(surface, p), *_drive_lines(drive, p)]
+    for name in effects:
+        values = ", ".join(f"{k.split('.')[1]} = {v:.4g}" for k, v in p.items() if k.startswith(name + "."))
+        lines.append(f"{name}: {(BY_ID[name].__doc__ or '').splitlines()[0]} ({values})")
+    return lines
+
+
+def _surface_lines(surface: Surface, p: Theta) -> list[str]:
+    if isinstance(surface, Plate):
+        return [f"m a = F_act - {p['friction_coefficient']:.4g} N Sgn(v), N the weight of all that lies on the plate"]
+    return [
+        _GUT,
+        f"F_e = {p['hoop_stress_factor']:.4g} sin(theta) I1(|v|)",
+        f"f_c = {p['friction_coefficient']:.4g} (m g + {p['hoop_stress_factor']:.4g} (cos(theta) I1(|v|) + I2(|v|)))",
+        "stick: u' = v until |T(u)| = f_c; slip: u' = -v_i, v_i = u_c/t_r, until u = 0",
+    ]
+
+
+def _drive_lines(drive: Drive, p: Theta) -> list[str]:
+    if isinstance(drive, Magnetic):
+        return [f"F_act = {p['magnet_stiffness_N_per_m']:.4g} g/(1 + (g/r)^2)^2, g = carriage - capsule"]
+    if isinstance(drive, Coil):
+        field = "" if drive.range_m is None else "/(1 + ((x - x_c)/r)^2)^2"
+        lines = [f"F_act = {p['coil_force_N_per_A']:.4g} i{field}"]
+        if isinstance(drive, VoltageCoil):
+            lines.append(f"L i' = U - {p['coil_resistance_ohm']:.4g} i - {p['back_emf_V_s_per_m']:.4g} v")
+        return lines
+    if isinstance(drive, Vibro):
+        reaction = " - F" if drive.reaction_on_body else ""
+        return [
+            f"F_act = S{reaction}, S = {p['spring_stiffness_N_per_m']:.4g} r + {p['spring_damping_N_s_per_m']:.4g} r' + stops",
+            f"{drive.inner_mass_kg:.4g} w' = F - S, F = {p['force_N']:.4g} on",
+        ]
+    return []
+
+
+def statements_of(drive: Drive, noise_std: float, unit: str) -> list[str]:
+    """Sentences for the report."""
+    said = [f"Noise of the sensor: {noise_std:.3g} {unit}."]
+    if isinstance(drive, Magnetic):
+        said.append(
+            "Only the ratios of hoop stress, friction and magnet stiffness show well in a position: the three may move together."
+        )
+    elif not drive.imposed:
+        said.append("Predictions start at the place where the record starts: the drive alone does not tell it.")
+    if isinstance(drive, VoltageCoil):
+        said.append(
+            "Of the coil's resistance and its force per current a position shows the ratio alone: the resistance is believed."
+        )
+    return said
+
+
+def next_experiment_of(effects: Sequence[str]) -> str | None:
+    """What would separate each of `effects` from its look-alikes."""
+    if not effects:
+        return None
+    return "; ".join(f"{name} against {', '.join(BY_ID[name].look_alikes)}: {BY_ID[name].separated_by}" for name in effects)

@@ -84,6 +84,15 @@ class ControlModel:
         """Largest useful gap of carriage and capsule, `r/sqrt(3)`; beyond it the magnet's force falls."""
         return None if self.rig.magnet is None else self.rig.magnet.magnet_range_m / math.sqrt(3)
 
+    @property
+    def force_per_command(self) -> float:
+        """Slope of the drive's force at rest in N per unit of command, always positive."""
+        p = {q.name: v for q, v in zip(self.symbols.parameters, self.values, strict=True)}
+        slope = (
+            p["magnet_stiffness_N_per_m"] if self.gap_limit_m is not None else p.get("coil_force_N_per_A", p.get("force_N", 1.0))
+        )
+        return max(abs(float(slope)) / p.get("coil_resistance_ohm", 1.0), 1e-6)
+
     def index(self, name: str) -> int:
         """Where the state `name` stands; ValueError for a state that the model does not have."""
         if name not in self.states:

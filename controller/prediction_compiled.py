@@ -37,6 +37,21 @@ def slopes(state, c0, c1, d, t, h, parameters, J):
 {store_slopes}
 
 
+@numba.njit(nogil=True, cache=True, error_model="numpy", fastmath=FLAGS)
+def aim(state, speed, d, t, parameters):
+{unpack}
+{pursuit}
+    return {aim}
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy", fastmath=FLAGS)
+def hold(state, t, parameters, slope):
+{unpack}
+{wall}
+{store_wall}
+    return {force}
+
+
 @numba.njit(nogil=True, cache=True, error_model="numpy")
 def run(states, command, d, t, tick, substeps, parameters):
     h = tick / substeps
@@ -54,6 +69,27 @@ def roll(path, commands, d, t, stage, substeps, parameters):
         for j in range(substeps):
             c0 = commands[k] + j * rise
             substep(path[k + 1], c0, c0 + rise, d, t + k * stage + j * h, h, parameters)
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def pursue(path, commands, position, speed, catch, rate, low, high, d, t, stage, substeps, parameters):
+    h = stage / substeps
+    for k in range(commands.shape[0] - 1):
+        wanted = speed[k + 1] + (position[k + 1] - path[k, 0]) / catch
+        c = aim(path[k], wanted, d, t + k * stage, parameters)
+        c = min(max(c, commands[k] - rate * stage), commands[k] + rate * stage)
+        commands[k + 1] = min(max(c, low), high)
+        path[k + 1] = path[k]
+        rise = (commands[k + 1] - commands[k]) / substeps
+        for j in range(substeps):
+            c0 = commands[k] + j * rise
+            substep(path[k + 1], c0, c0 + rise, d, t + k * stage + j * h, h, parameters)
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def holds(path, forces, slopes, t, stage, parameters):
+    for k in range(path.shape[0]):
+        forces[k] = hold(path[k], t + k * stage, parameters, slopes[k])
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
@@ -97,11 +133,16 @@ class Kernels:
     - `roll(path (N + 1, n), commands (N + 1,), disturbance_N, t, stage_s, substeps, parameters)`: from `path[0]` N stages of `stage_s`
       in which the command goes in a straight line from one of `commands` to the next; fills `path[1:]`.
     - `linearise(path, A (N, n, n), B (N, n, 2), commands, ...)`: the same with `dx_next = A dx + B (dc0, dc1)`.
+    - `pursue(path, commands, position (N + 1,), speed (N + 1,), catch_s, rate, low, high, disturbance_N, ...)`: the same with commands
+      that follow `position` and `speed` by inverting the model, an error fading with `catch_s`; fills `commands[1:]` too.
+    - `holds(path, forces (N + 1,), slopes (N + 1, n), t, stage_s, parameters)`: the wall's force in N along a path, and its slopes.
     """
 
     run: Any
     roll: Any
     linearise: Any
+    pursue: Any
+    holds: Any
     parameters: Array
     tick_s: float
     substeps: int
@@ -120,10 +161,11 @@ class Kernels:
 def compile_kernels(symbols: Symbols, values: Array, tick_s: float, substeps: int) -> Kernels:
     """The functions of `symbols` at the parameters `values`; the code holds no parameter, so other values of the same model reuse it."""
     n = len(symbols.states)
-    names = {(0, i): f"s{i}" for i in range(n)} | {(6, i): f"p{i}" for i in range(len(symbols.parameters))}
-    names |= {(1, 0): "c0", (2, 0): "c1", (3, 0): "d", (4, 0): "t", (5, 0): "h"}
+    names = _named(symbols, {(1, 0): "c0", (2, 0): "c1", (3, 0): "d", (4, 0): "t", (5, 0): "h"}, 6)
     step, stepped = statements(symbols.substep, names, "w")
     slope, sloped = statements(symbols.slopes, names, "w")
+    wall, held = statements(symbols.wall_slopes, _named(symbols, {(1, 0): "t"}, 2), "w")
+    pursuit, aimed = statements(symbols.pursuit, _named(symbols, {(1, 0): "speed", (2, 0): "d", (3, 0): "t"}, 4), "w")
     unpack = [f"s{i} = state[{i}]" for i in range(n)] + [f"p{i} = parameters[{i}]" for i in range(len(symbols.parameters))]
     store = [f"state[{i}] = {sloped.get((0, i), '0.0')}" for i in range(n)]
     store += [f"J[{k % n}, {k // n}] = {sloped.get((1, k), '0.0')}" for k in range(n * (n + 3))]
@@ -133,9 +175,20 @@ def compile_kernels(symbols: Symbols, values: Array, tick_s: float, substeps: in
         store_step=_block([f"state[{i}] = {stepped.get((0, i), '0.0')}" for i in range(n)]),
         slopes=_block(slope),
         store_slopes=_block(store),
+        pursuit=_block(pursuit),
+        aim=aimed.get((0, 0), "0.0"),
+        wall=_block(wall),
+        store_wall=_block([f"slope[{i}] = {held.get((1, i), '0.0')}" for i in range(n)]),
+        force=held.get((0, 0), "0.0"),
     )
-    module = load(source)
-    return Kernels(module.run, module.roll, module.linearise, np.ascontiguousarray(values, dtype=float), tick_s, substeps)
+    m = load(source)
+    return Kernels(m.run, m.roll, m.linearise, m.pursue, m.holds, np.ascontiguousarray(values, dtype=float), tick_s, substeps)
+
+
+def _named(symbols: Symbols, scalars: dict[tuple[int, int], str], parameters: int) -> dict[tuple[int, int], str]:
+    """Names of a function's inputs: states first, `scalars`, the parameters as argument number `parameters`."""
+    names = {(0, i): f"s{i}" for i in range(len(symbols.states))} | scalars
+    return names | {(parameters, i): f"p{i}" for i in range(len(symbols.parameters))}
 
 
 def _block(lines: list[str]) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import casadi as ca
@@ -12,13 +12,16 @@ import numpy as np
 from models.assembly import effect_parameters
 from models.assembly_effects import Active
 from models.assembly_step import Stepper, Surface
+from models.drives.coil import Coil, VoltageCoil
 from models.drives.drive import Drive
+from models.drives.magnetic import Magnetic
 from models.effects.effect import Effect, Signals
 from models.parameter import Parameter
 from models.plate import Plate
 from models.wall import Drag, base_parameters, drag_rate
 
 _BASE = ("x", "v", "u", "slip", "direction", "travelled", "dwell")
+PURSUIT_S = 0.02
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,8 @@ class Unmodelled(Effect):
 class Symbols:
     """A model's functions of states `x` (n,), commands at a sub-step's ends `c0`, `c1`, disturbance `d` in N, time `t` and step `h` in s,
     parameters `q` in the order of `parameters`: `substep(x, c0, c1, d, t, h, q) -> x_next`, `slopes(...) -> (x_next, J (n, n + 3))`
-    with the derivatives by x, c0, c1, d, `measured(x, t, q) -> m`, `wall_force(x, t, q) -> N`."""
+    with the derivatives by x, c0, c1, d, `measured(x, t, q) -> m`, `wall_force(x, t, q) -> N`, `wall_slopes(...) -> (N, dN/dx (1, n))`,
+    `pursuit(x, speed, d, t, q) -> command` that would bring the capsule to `speed` in m/s within `PURSUIT_S`, the drive at once."""
 
     states: tuple[str, ...]
     parameters: tuple[Parameter, ...]
@@ -44,6 +48,8 @@ class Symbols:
     slopes: ca.Function
     measured: ca.Function
     wall_force: ca.Function
+    wall_slopes: ca.Function
+    pursuit: ca.Function
 
 
 @dataclass(frozen=True)
@@ -95,6 +101,33 @@ class _Model:
         tension, mucus = stepper.held(s, self.drag(), s.tension, grip)
         return grip.friction * s.v / (np.abs(s.v) + self.smoothing) + tension + mucus
 
+    def pursuit(self, speed: Any, t: Any) -> Any:
+        """Command whose force moves the capsule at `speed` against the wall as it stands, speed error and other forces included."""
+        v = self.now["v"]
+        moving = replace(self, now={**self.now, "v": speed, "direction": np.sign(speed)})
+        stepper = moving.stepper()
+        s = moving.signals(stepper, t)
+        force = moving.wall_force(t) - stepper.active.total("force", s) + stepper.mass_kg * (speed - v) / PURSUIT_S
+        force = force / stepper.active.product("gain", s)
+        if isinstance(self.drive, Magnetic):
+            return self.now["x"] + _gap(force / self.p["magnet_stiffness_N_per_m"], self.drive.range_m)
+        if not isinstance(self.drive, Coil):
+            return ca.SX(0.0)
+        current = force / self.drive.force(self.now["x"], v, 1.0, self.p)
+        if not isinstance(self.drive, VoltageCoil):
+            return current
+        return self.p["coil_resistance_ohm"] * current + self.p["back_emf_V_s_per_m"] * v
+
+
+def _gap(ratio: Any, reach: float) -> Any:
+    """The gap g in m with `g/(1 + (g/r)^2)^2` = `ratio`, held within 0.95 of the one of greatest force; three Newton steps."""
+    most = 0.95 * reach / np.sqrt(3)
+    g = np.clip(ratio, -most, most)
+    for _ in range(3):
+        q = (g / reach) ** 2
+        g = np.clip(g - (g / (1 + q) ** 2 - ratio) * (1 + q) ** 3 / (1 - 3 * q), -most, most)
+    return g
+
 
 def assembled(surface: Surface, drive: Drive, effects: Sequence[type[Effect]], smoothing: float) -> Symbols:
     """The functions of a body on `surface` under `drive` with `effects`, its states cut down to those that anything depends on."""
@@ -115,6 +148,8 @@ def assembled(surface: Surface, drive: Drive, effects: Sequence[type[Effect]], s
     x = ca.vertcat(*(now[name] for name in kept))
     after = ca.cse(ca.vertcat(*(new[name] for name in kept)))
     arguments = [x, c0, c1, d, t, h, q]
+    speed = ca.SX.sym("speed")
+    pursuit = ca.SX(model.pursuit(speed, t)) * unit
     jacobian = ca.densify(ca.jacobian(after, ca.vertcat(x, c0, c1, d)))
     return Symbols(
         kept,
@@ -123,6 +158,8 @@ def assembled(surface: Surface, drive: Drive, effects: Sequence[type[Effect]], s
         ca.Function("slopes", arguments, ca.cse([after, jacobian])),
         ca.Function("measured", [x, t, q], [reading]),
         ca.Function("wall_force", [x, t, q], [ca.cse(wall)]),
+        ca.Function("wall_slopes", [x, t, q], ca.cse([wall, ca.densify(ca.jacobian(wall, x))])),
+        ca.Function("pursuit", [x, speed, d, t, q], [ca.cse(pursuit)]),
     )
 
 

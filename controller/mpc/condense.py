@@ -1,0 +1,166 @@
+"""The numbers of one SQP step, compiled: cost of a plan, condensed Hessian and gradient, rows of the soft bounds."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+compiled: Any = numba.njit(nogil=True, cache=True, error_model="numpy")
+
+EXCESS = 10.0
+_NEAR = 0.6  # share of a soft bound from which on it gets rows
+
+
+@compiled
+def keep_feasible(commands: Array, last_rate: float, stage: float, first: float, bounds: Array) -> None:
+    """Move `commands` (N + 1,), in place, to where the hard bounds (low, high, rate, acceleration) hold; the first one stays.
+
+    `first` in s is the time within which the rate may change from `last_rate` to the first one. The rate stays low enough to stop
+    within the range.
+    """
+    low, high, most, bend = bounds[0], bounds[1], bounds[2], bounds[3]
+    rate = min(max(last_rate, -most), most)
+    for k in range(commands.shape[0] - 1):
+        change = bend * (first if k == 0 else stage)
+        wanted = (commands[k + 1] - commands[k]) / stage
+        ahead, behind = max(high - commands[k], 0.0), max(commands[k] - low, 0.0)
+        up = bend * (np.sqrt(stage * stage + 2 * ahead / bend) - stage)
+        down = bend * (np.sqrt(stage * stage + 2 * behind / bend) - stage)
+        wanted = min(max(wanted, -most, -down), most, up)
+        wanted = min(max(wanted, rate - change), rate + change)
+        commands[k + 1] = min(max(commands[k] + wanted * stage, low), high)
+        rate = (commands[k + 1] - commands[k]) / stage
+
+
+@compiled
+def excesses(path: Array, commands: Array, forces: Array, soft: Array, worst: Array) -> None:
+    """Fill `worst` (3,) with the largest share by which gap, speed and wall force exceed their bounds `soft` (3,)."""
+    worst[:] = 0.0
+    for k in range(1, path.shape[0]):
+        worst[0] = max(worst[0], abs(commands[k] - path[k, 0]) / soft[0] - 1)
+        worst[1] = max(worst[1], abs(path[k, 1]) / soft[1] - 1)
+        worst[2] = max(worst[2], abs(forces[k]) / soft[2] - 1)
+
+
+@compiled
+def cost(
+    path: Array,
+    commands: Array,
+    forces: Array,
+    reference: Array,
+    last_rate: float,
+    stage: float,
+    scales: Array,
+    soft: Array,
+    penalty: Array,
+) -> float:
+    """The plan's cost; `reference` (3, N + 1) holds position, speed and command rate, `scales` position, speed, rate, jump, final."""
+    worst = np.zeros(3)
+    excesses(path, commands, forces, soft, worst)
+    total = 0.0
+    for j in range(3):
+        total += penalty[j] * worst[j] * (1 + 0.5 * EXCESS * worst[j])
+    n, rate = commands.shape[0] - 1, last_rate
+    for k in range(1, n + 1):
+        weight = scales[4] if k == n else 1.0
+        total += 0.5 * weight * ((path[k, 0] - reference[0, k]) / scales[0]) ** 2
+        total += 0.5 * ((path[k, 1] - reference[1, k]) / scales[1]) ** 2
+        now = (commands[k] - commands[k - 1]) / stage
+        total += 0.5 * ((now - reference[2, k - 1]) / scales[2]) ** 2 + 0.5 * ((now - rate) / scales[3]) ** 2
+        rate = now
+    return total
+
+
+@compiled
+def sensitivities(A: Array, B: Array, step: float, Z: Array) -> None:
+    """Fill `Z` (N + 1, n, N) with the states' derivatives by the command's rates, each rate scaled so that it moves the command by `step`."""
+    n = Z.shape[1]
+    Z[0] = 0.0
+    for k in range(A.shape[0]):
+        for j in range(k + 1):
+            for i in range(n):
+                total = B[k, i, 1] * step
+                if j < k:
+                    total += B[k, i, 0] * step
+                    for m in range(n):
+                        total += A[k, i, m] * Z[k, m, j]
+                Z[k + 1, i, j] = total
+        Z[k + 1, :, k + 1 :] = 0.0
+
+
+@compiled
+def quadratic(
+    path: Array,
+    commands: Array,
+    Z: Array,
+    reference: Array,
+    last_rate: float,
+    stage: float,
+    scales: Array,
+    unit: float,
+    H: Array,
+    f: Array,
+) -> None:
+    """Gauss-Newton Hessian `H` and gradient `f` of the cost by the rates in multiples of `unit`, soft bounds aside; fills the leading
+    (N, N) and (N,) of them."""
+    n = commands.shape[0] - 1
+    H[:n, :n] = 0.0
+    f[:n] = 0.0
+    for k in range(1, n + 1):
+        weight = scales[4] if k == n else 1.0
+        px, pv = weight / scales[0] ** 2, 1 / scales[1] ** 2
+        ex, ev = px * (path[k, 0] - reference[0, k]), pv * (path[k, 1] - reference[1, k])
+        for i in range(k):
+            zx, zv = Z[k, 0, i], Z[k, 1, i]
+            f[i] += ex * zx + ev * zv
+            for j in range(i + 1):
+                H[i, j] += px * zx * Z[k, 0, j] + pv * zv * Z[k, 1, j]
+    before = last_rate
+    r, q = unit / scales[2], unit / scales[3]
+    for k in range(n):
+        now = (commands[k + 1] - commands[k]) / stage
+        f[k] += r * (now - reference[2, k]) / scales[2] + q * (now - before) / scales[3]
+        H[k, k] += r * r + q * q
+        if k > 0:
+            f[k - 1] -= q * (now - before) / scales[3]
+            H[k - 1, k - 1] += q * q
+            H[k, k - 1] -= q * q
+        before = now
+    for i in range(n):
+        for j in range(i):
+            H[j, i] = H[i, j]
+
+
+@compiled
+def soft_rows(
+    path: Array, commands: Array, forces: Array, slopes: Array, Z: Array, step: float, soft: Array, rows: Array, upper: Array
+) -> int:
+    """Rows `rows` (m, N + 3) and right sides `upper` (m,) of `|value|/bound - slack <= 1` for stages near a soft bound; returns m."""
+    n, count = commands.shape[0] - 1, 0
+    for kind in range(3):
+        near = False
+        for k in range(1, n + 1):
+            value = commands[k] - path[k, 0] if kind == 0 else path[k, 1] if kind == 1 else forces[k]
+            near = near or abs(value) > _NEAR * soft[kind]
+        if not near:
+            continue
+        for k in range(1, n + 1):
+            value = commands[k] - path[k, 0] if kind == 0 else path[k, 1] if kind == 1 else forces[k]
+            side = (1.0 if value >= 0 else -1.0) / soft[kind]
+            rows[count] = 0.0
+            for j in range(k):
+                if kind == 0:
+                    rows[count, j] = side * (step - Z[k, 0, j])
+                elif kind == 1:
+                    rows[count, j] = side * Z[k, 1, j]
+                else:
+                    for m in range(Z.shape[1]):
+                        rows[count, j] += side * slopes[k, m] * Z[k, m, j]
+            rows[count, n + kind] = -1.0
+            upper[count] = 1.0 - side * value
+            count += 1
+    return count

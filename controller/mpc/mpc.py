@@ -1,0 +1,129 @@
+"""The model predictive controller: what stands between an estimate with a reference and the next command."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.envelope import envelope_of
+from controller.mpc.planner import Plan, Planner
+from controller.mpc.settings import Bounds, Horizon, Weights
+from controller.prediction import ControlModel
+from controller.signals import Action, Estimate, Reference
+
+Array = NDArray[np.float64]
+
+REST_S = 0.05
+
+
+class MPC:
+    """Tracks a reference by planning over a horizon with the control model, offset-free through the estimate's disturbance.
+
+    `act` gives the command at the end of the tick, the path expected (N + 1 positions) and the s that each phase took. Status: "ok";
+    "late" where the deadline cut the steps short (the plan still holds the hard bounds); "lost" where the estimate is lost, "failed"
+    where something was not finite or unsolvable: then the last command is kept. Bounded by `horizon.iterations` and
+    `horizon.deadline_s`; never raises. Raises ValueError on making, for a drive that it cannot lead (an inner mass).
+    """
+
+    name = "mpc"
+
+    def __init__(
+        self,
+        model: ControlModel,
+        bounds: Bounds | None = None,
+        weights: Weights | None = None,
+        horizon: Horizon | None = None,
+        clock: Callable[[], float] = time.perf_counter,
+    ) -> None:
+        if model.drive.name not in ("magnetic", "coil"):
+            raise ValueError(f"model must be of a magnetic or coil rig for the MPC; got {model.drive.name!r}")
+        self.model, self.clock = model, clock
+        self.horizon = Horizon() if horizon is None else horizon
+        self.bounds = Bounds.of(envelope_of(model.drive)) if bounds is None else bounds
+        self.weights = Weights() if weights is None else weights
+        self.planner = Planner(model, self.bounds, self.weights, self.horizon, clock)
+        self._modes = [model.index(name) for name in model.modes]
+        self._grid: Array = np.linspace(0.0, self.horizon.stages * self.horizon.stage_s, self.horizon.stages + 1)
+        self._command, self._rate, self._plan, self._time = 0.0, 0.0, np.zeros(self.horizon.stages + 1), 0.0
+        self._resting = False
+        self.last: Plan | None = None
+        self._compile()
+
+    def _compile(self) -> None:
+        """Make one plan, so that machine code is there before the first tick."""
+        unhurried = Planner(self.model, self.bounds, self.weights, replace(self.horizon, deadline_s=1e9, iterations=1))
+        targets = np.zeros((3, self._grid.size))
+        targets[0] = 1e-3
+        unhurried.plan(0.0, self.model.initial(), 0.0, targets, np.zeros(self._grid.size), 0.0)
+
+    def reset(self, now: float, estimate: Estimate, command: float) -> None:
+        """Begin at `now` with `command` in force and at rest."""
+        self._command = float(command) if np.isfinite(command) else 0.0
+        self._rate, self._time, self._resting = 0.0, now, False
+        self._plan = np.full(self.horizon.stages + 1, self._command)
+
+    def act(self, now: float, estimate: Estimate, reference: Reference) -> Action:
+        """The command for the tick that begins at `now` in s."""
+        begin = self.clock()
+        if estimate.lost:
+            return self._kept("lost", begin)
+        state = np.array(estimate.state, dtype=float)
+        targets = self._targets(now, reference)
+        if (
+            state.shape != (len(self.model.states),)
+            or targets is None
+            or not np.isfinite([now, estimate.disturbance_N, *state]).all()
+        ):
+            return self._kept("failed", begin)
+        if self._rests(state, targets):
+            self._halt()
+            return Action(self._command, "ok", np.full(self._grid.size, state[0]), {"total": self.clock() - begin})
+        state[self._modes] = np.round(np.clip(state[self._modes], -1, 1))
+        plan = self.planner.plan(now, state, estimate.disturbance_N, targets, self._shifted(now, targets), self._rate)
+        self.last = plan
+        if plan.failed:
+            return self._kept("failed", begin)
+        tick = self.model.tick_s
+        self._rate = float(plan.commands[1] - plan.commands[0]) / self.horizon.stage_s
+        self._command = float(np.interp(tick, self._grid, plan.commands))
+        self._plan, self._time = plan.commands, now
+        timings = plan.timings | {"total": self.clock() - begin}
+        return Action(self._command, "late" if plan.cut else "ok", plan.path[:, 0].copy(), timings)
+
+    def _targets(self, now: float, reference: Reference) -> Array | None:
+        """Position, speed and command rate (3, N + 1) over the horizon; None where they are not numbers."""
+        times: Array = now + self._grid
+        try:
+            x, v = np.asarray(reference.position(times), dtype=float), np.asarray(reference.speed(times), dtype=float)
+            targets = np.vstack([x, v, self.planner.follows * v])
+        except (ValueError, TypeError, ArithmeticError, LookupError, AttributeError):
+            return None
+        return targets if targets.shape == (3, times.size) and bool(np.isfinite(targets).all()) else None
+
+    def _shifted(self, now: float, targets: Array) -> Array:
+        """The last plan from `now` on, gone on with at the reference's pace, from the command in force."""
+        passed = now - self._time
+        times = passed + self._grid
+        commands = np.interp(times, self._grid, self._plan)
+        commands += np.maximum(times - self._grid[-1], 0.0) * targets[2, -1]
+        commands[0] = self._command
+        return np.asarray(commands)
+
+    def _rests(self, state: Array, targets: Array) -> bool:
+        """Whether the capsule is to be left alone where it stands."""
+        still = not np.any(targets[1]) and np.ptp(targets[0]) == 0 and abs(self._rate) * self.model.tick_s < self.horizon.rest_m
+        near = abs(state[0] - targets[0, 0]) < (2 if self._resting else 1) * self.horizon.rest_m
+        self._resting = bool(still and near and (self._resting or abs(state[1]) < self.horizon.rest_m / REST_S))
+        return self._resting
+
+    def _halt(self) -> None:
+        self._rate = 0.0
+        self._plan[:] = self._command
+
+    def _kept(self, status: str, begin: float) -> Action:
+        self._halt()
+        return Action(self._command, "lost" if status == "lost" else "failed", None, {"total": self.clock() - begin})

@@ -1,0 +1,171 @@
+"""From a state and a guess to a better plan: at most a few Gauss-Newton SQP steps with a line search."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.mpc.condense import cost, keep_feasible, quadratic, sensitivities
+from controller.mpc.quadratic_program import Program
+from controller.mpc.settings import Bounds, Horizon, Weights
+from controller.prediction import ControlModel
+
+Array = NDArray[np.float64]
+
+_SHORTENINGS = (1.0, 0.5, 0.25, 0.1)
+_ENOUGH = 1e-3
+_LITTLE = 1e-6
+CATCH_S = 0.03
+
+
+@dataclass
+class Plan:
+    """Commands (N + 1,) and the path (N + 1, n) that the model makes of them, with its cost; `iterations` done, whether the deadline
+    `cut` them short, `failed` where nothing finite came out, and the s that each phase took."""
+
+    commands: Array
+    path: Array
+    cost: float
+    iterations: int = 0
+    cut: bool = False
+    failed: bool = False
+    timings: dict[str, float] = field(default_factory=dict)
+
+
+class Planner:
+    """Plans over a horizon of one model; all arrays of the size of the horizon are made here, once.
+
+    `force_per_command` in N per unit of command turns the weights' N/s into the command's rate; `follows` is 1 where a command in
+    step with the reference costs nothing (a carriage), else 0.
+    """
+
+    def __init__(
+        self,
+        model: ControlModel,
+        bounds: Bounds,
+        weights: Weights,
+        horizon: Horizon,
+        clock: Callable[[], float] = time.perf_counter,
+    ) -> None:
+        self.model, self.bounds, self.horizon, self.clock = model, bounds, horizon, clock
+        n, N = len(model.states), horizon.stages
+        gain = model.force_per_command
+        rate = weights.rate_N_s / gain
+        self.follows = 1.0 if model.gap_limit_m is not None else 0.0
+        self.scales = np.array([weights.position_m, weights.speed_m_s, rate, weights.jump_N_s / gain, weights.final])
+        self.soft = np.minimum([bounds.gap_m, bounds.speed_m_s, bounds.wall_force_N], 1e30)
+        self.penalty = np.array([weights.gap, weights.speed, weights.force])
+        most = min(bounds.rate, (bounds.high - bounds.low) / horizon.stage_s)
+        self.hard = np.array([bounds.low, bounds.high, most, min(bounds.acceleration, 1e30)])
+        limits = Bounds(bounds.low, bounds.high, most, bounds.acceleration)
+        self.program = Program.sized(limits, N, horizon.stage_s, model.tick_s, rate, self.soft, self.penalty)
+        self.A, self.B, self.Z = np.zeros((N, n, n)), np.zeros((N, n, 2)), np.zeros((N + 1, n, N))
+        self.forces, self.slopes = np.zeros(N + 1), np.zeros((N + 1, n))
+        self.last_rate = 0.0
+
+    def plan(self, now: float, state: Array, disturbance: float, reference: Array, guess: Array, last_rate: float) -> Plan:
+        """The plan from `state` (n,) at `now` in s; `guess` (N + 1,) are commands whose first is the one in force, changing at
+        `last_rate`; `reference` (3, N + 1) position, speed, command rate. Never raises; bounded by `horizon.iterations`."""
+        begin = self.clock()
+        best = self._candidates(now, state, disturbance, reference, guess, last_rate)
+        took = dict.fromkeys(("candidates", "linearise", "condense", "solve", "search"), 0.0)
+        moment = self.clock()
+        took["candidates"], longest = moment - begin, 0.0
+        best.failed = not np.isfinite(best.cost)
+        while not best.failed and best.iterations < self.horizon.iterations:
+            if moment - begin + longest > self.horizon.deadline_s:
+                best.cut = True
+                break
+            start = moment
+            better = self._iterate(now, best, disturbance, reference, last_rate, took)
+            moment = self.clock()
+            longest = max(longest, moment - start)
+            if not better:
+                break
+        took["total"] = moment - begin
+        best.timings = took
+        return best
+
+    def _rolled(self, now: float, plan: Plan, d: float, reference: Array, last_rate: float) -> None:
+        """Fill in the path and the cost of a plan's commands."""
+        k, h = self.model.kernels, self.horizon
+        k.roll(plan.path, plan.commands, d, now, h.stage_s, h.substeps, k.parameters)
+        self._priced(now, plan, reference, last_rate)
+
+    def _priced(self, now: float, plan: Plan, reference: Array, last_rate: float) -> None:
+        h = self.horizon
+        if self.soft[2] < 1e30:
+            k = self.model.kernels
+            k.holds(plan.path, self.forces, self.slopes, now, h.stage_s, k.parameters)
+        plan.cost = float(
+            cost(plan.path, plan.commands, self.forces, reference, last_rate, h.stage_s, self.scales, self.soft, self.penalty)
+        )
+
+    def _candidates(self, now: float, state: Array, d: float, reference: Array, guess: Array, last_rate: float) -> Plan:
+        """The cheaper of the shifted last plan and the one that follows the reference by inverting the model."""
+        k, h, b = self.model.kernels, self.horizon, self.hard
+        warm = Plan(np.array(guess), np.zeros((h.stages + 1, state.size)), np.inf)
+        ahead = Plan(np.array(guess), np.zeros((h.stages + 1, state.size)), np.inf)
+        warm.path[0] = ahead.path[0] = state
+        keep_feasible(warm.commands, last_rate, h.stage_s, self.model.tick_s, b)
+        self._rolled(now, warm, d, reference, last_rate)
+        k.pursue(
+            ahead.path,
+            ahead.commands,
+            reference[0],
+            reference[1],
+            CATCH_S,
+            b[2],
+            b[0],
+            b[1],
+            d,
+            now,
+            h.stage_s,
+            h.substeps,
+            k.parameters,
+        )
+        keep_feasible(ahead.commands, last_rate, h.stage_s, self.model.tick_s, b)
+        self._rolled(now, ahead, d, reference, last_rate)
+        return warm if warm.cost <= ahead.cost or not np.isfinite(ahead.cost) else ahead
+
+    def _iterate(self, now: float, best: Plan, d: float, reference: Array, last_rate: float, took: dict[str, float]) -> bool:
+        """One SQP step from `best`, which it changes; False where it is not worth another."""
+        k, h, t0 = self.model.kernels, self.horizon, self.clock()
+        k.linearise(best.path, self.A, self.B, best.commands, d, now, h.stage_s, h.substeps, k.parameters)
+        self._priced(now, best, reference, last_rate)
+        t1 = self.clock()
+        unit = self.program.unit
+        sensitivities(self.A, self.B, unit * h.stage_s, self.Z)
+        quadratic(
+            best.path, best.commands, self.Z, reference, last_rate, h.stage_s, self.scales, unit, self.program.H, self.program.f
+        )
+        t2 = self.clock()
+        change = self.program.solve(best.path, best.commands, self.forces, self.slopes, self.Z, last_rate)
+        t3 = self.clock()
+        took["linearise"] += t1 - t0
+        took["condense"] += t2 - t1
+        took["solve"] += t3 - t2
+        best.iterations += 1
+        if change is None:
+            best.failed = best.iterations == 1
+            return False
+        gain = self._searched(now, best, change, d, reference, last_rate)
+        took["search"] += self.clock() - t3
+        return gain > _ENOUGH * (abs(best.cost) + _LITTLE)
+
+    def _searched(self, now: float, best: Plan, change: Array, d: float, reference: Array, last_rate: float) -> float:
+        """Go along `change` as far as the cost falls; returns by how much it did."""
+        moves = np.concatenate([[0.0], np.cumsum(change)]) * (self.program.unit * self.horizon.stage_s)
+        trial = Plan(best.commands, best.path.copy(), np.inf)
+        for share in _SHORTENINGS:
+            trial.commands = best.commands + share * moves
+            self._rolled(now, trial, d, reference, last_rate)
+            if trial.cost < best.cost:
+                gain = best.cost - trial.cost
+                best.commands, best.path, best.cost = trial.commands, trial.path, trial.cost
+                return gain
+        return 0.0

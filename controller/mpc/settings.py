@@ -1,0 +1,81 @@
+"""What an MPC is told: horizon, weights and bounds."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+from controller.limits import Envelope
+
+
+@dataclass(frozen=True)
+class Horizon:
+    """`stages` of `stage_s` each, integrated in `substeps`; at most `iterations` SQP steps, none begun that would end later than
+    `deadline_s` after the tick's begin. A capsule within `rest_m` of a reference that stands still all along the horizon is left
+    alone until it is twice as far: smooth friction creeps where the real one holds, and a controller that believes it would hunt."""
+
+    stages: int = 30
+    stage_s: float = 5e-3
+    substeps: int = 4
+    iterations: int = 3
+    deadline_s: float = 8e-4
+    rest_m: float = 3e-5
+
+    def __post_init__(self) -> None:
+        for name, low, high in (("stages", 2, 200), ("substeps", 1, 100), ("iterations", 1, 100)):
+            if not low <= getattr(self, name) <= high:
+                raise ValueError(f"{name} must lie in [{low}, {high}]; got {getattr(self, name)}")
+        for name in ("stage_s", "deadline_s", "rest_m"):
+            if not 0 < getattr(self, name) < math.inf:
+                raise ValueError(f"{name} must be a positive number; got {getattr(self, name):g}")
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Deviations that cost as much as each other, and what a soft bound costs.
+
+    The cost is `1/2 sum_k ((x - r)/position_m)^2 + ((v - r')/speed_m_s)^2 + ((c' - c_r')/rate)^2 + ((c'_k - c'_{k-1})/jump)^2`, the last
+    position counted `final` times; `rate` and `jump` are given as the rate of the drive's force in N/s. A soft bound exceeded by a share
+    e of itself at worst costs `weight (e + 5 e^2)`.
+    """
+
+    position_m: float = 1e-4
+    speed_m_s: float = 2e-2
+    rate_N_s: float = 2.0
+    jump_N_s: float = 4.0
+    final: float = 5.0
+    gap: float = 2e4
+    speed: float = 5e3
+    force: float = 5e3
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            if not 0 < getattr(self, f.name) < math.inf:
+                raise ValueError(f"weight {f.name} must be a positive number; got {getattr(self, f.name)}")
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Hard: command in [`low`, `high`], its `rate` a second, the rate's change `acceleration` a second. Soft: capsule `speed_m_s`,
+    `gap_m` between carriage and capsule, `wall_force_N` that the wall holds; inf where there is none."""
+
+    low: float
+    high: float
+    rate: float
+    acceleration: float = math.inf
+    speed_m_s: float = math.inf
+    gap_m: float = math.inf
+    wall_force_N: float = math.inf
+
+    def __post_init__(self) -> None:
+        if not self.low < self.high or math.isinf(self.low) or math.isinf(self.high):
+            raise ValueError(f"bounds must have finite low < high; got {self.low:g}, {self.high:g}")
+        for name in ("rate", "acceleration", "speed_m_s", "gap_m", "wall_force_N"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"bound {name} must be above 0; got {getattr(self, name):g}")
+
+    @classmethod
+    def of(cls, envelope: Envelope) -> Bounds:
+        """The bounds that a drive's limits set."""
+        e, most = envelope, envelope.limits
+        return cls(e.low, e.high, e.rate, e.acceleration, most.speed_m_s, e.gap_m, most.force_N)

@@ -140,6 +140,41 @@ def _simulate(
         summary().print(f"record: {out}", markup=False, soft_wrap=True)
 
 
+@app.command("design")
+def _design(
+    rig: Annotated[Path, typer.Argument(metavar="RIG.toml", help="A rig of kind magnetic or coil.")],
+    model: Annotated[Path | None, typer.Option("--model", metavar="MODEL.toml", help="A model that close-loop wrote.")] = None,
+    stage: Annotated[str, typer.Option("--stage", metavar="nominal/calibrated/augmented", help="Which model.")] = "augmented",
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Draw the plots into this folder.")] = None,
+    speed: Annotated[float, typer.Option("--speed", metavar="MM_S", help="Speed in mm/s to linearise at.")] = 1.0,
+    delay: Annotated[
+        float, typer.Option("--delay", metavar="MS", help="Age of a measurement in ms when the command acts.")
+    ] = 15.0,
+    json_output: Json = False,
+) -> None:
+    """Linear design: gains, margins with delay, bandwidth, stick-slip cycles."""
+    from hil.app.design import design
+
+    design(rig, model, out, stage=stage, speed_mm_s=speed, delay_ms=delay, json_output=json_output)
+
+
+@app.command("track")
+def _track(
+    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.toml", help="Rig, reference, instruments and what is believed.")],
+    controller: Annotated[str | None, typer.Option("--controller", metavar="NAME", help="Which controller.")] = None,
+    model: Annotated[Path | None, typer.Option("--model", metavar="MODEL.toml", help="A model that close-loop wrote.")] = None,
+    stage: Annotated[str | None, typer.Option("--stage", metavar="nominal/calibrated/augmented", help="Which model.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Sets every random number; else the scenario's.")] = None,
+    compare: Annotated[bool, typer.Option("--compare", help="Run every controller.")] = False,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for track.html and track.json.")] = None,
+    json_output: Json = False,
+) -> None:
+    """Closed loop in simulation, no bus: reference tracking with a named controller."""
+    from hil.app.track import track
+
+    track(scenario, controller=controller, model=model, stage=stage, seed=seed, json_output=json_output, out=out, compare=compare)
+
+
 @app.command("demo")
 def _demo(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the reports.")] = Path("out/demo"),

@@ -1,0 +1,109 @@
+"""LQR with integral action (python-control): a classical baseline that knows the linearised plant but no stick and slip."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import control
+import numpy as np
+
+from controller.design.linear import Array, Linear, linearise
+from controller.limits import Envelope, number
+from controller.prediction import ControlModel
+from controller.signals import Action, Estimate, Reference
+
+
+@dataclass(frozen=True)
+class Weights:
+    """What the LQR calls large (Bryson): errors of position, speed and of the integral of position, and the command beyond the
+    reference's own (a gap in m, a current in A), each weighed by its inverse square."""
+
+    command: float
+    position_m: float = 2e-4
+    speed_m_s: float = 2e-2
+    integral_m_s: float = 2e-5
+
+    def __post_init__(self) -> None:
+        for name in ("command", "position_m", "speed_m_s", "integral_m_s"):
+            if not 0 < getattr(self, name) < math.inf:
+                raise ValueError(f"weight {name} must be positive; got {getattr(self, name)!r}")
+
+    @classmethod
+    def suited(cls, plant: Linear) -> Weights:
+        """A command is large that moves the capsule by 0.2 mm at 20 1/s."""
+        moved = plant.response(np.exp(1j * np.array([20.0 * plant.tick_s])))[0, 0]
+        return cls(2e-4 / float(np.abs(moved)))
+
+
+@dataclass(frozen=True)
+class Gains:
+    """`u = N_u r - K (z - N_z r) - K_i i`, `i+ = i + tick (x - r)`: K (n,) on the deviation from the states that belong to a rest at r."""
+
+    states: tuple[str, ...]
+    tick_s: float
+    K: Array
+    K_i: float
+    N_z: Array
+    N_u: float
+
+    def closed(self, plant: Linear) -> Array:
+        """Closed-loop matrix (n + 1, n + 1) of plant and integral."""
+        A, B = augmented(plant)
+        return np.asarray(A - B @ np.r_[self.K, self.K_i][None, :])
+
+
+def augmented(plant: Linear) -> tuple[Array, Array]:
+    """The plant with the integral of position as last state."""
+    n = len(plant.states)
+    A = np.block([[plant.A, np.zeros((n, 1))], [plant.tick_s * np.eye(1, n), np.ones((1, 1))]])
+    return A, np.vstack([plant.B, [[0.0]]])
+
+
+def lqr_gains(plant: Linear, weights: Weights | None = None) -> Gains:
+    """The gains that minimise `sum (x/position_m)^2 + (v/speed_m_s)^2 + (i/integral_m_s)^2 + (u/command)^2` on `plant`."""
+    weights = Weights.suited(plant) if weights is None else weights
+    A, B = augmented(plant)
+    Q = np.diag([weights.position_m**-2, weights.speed_m_s**-2, *[0.0] * (len(plant.states) - 2), weights.integral_m_s**-2])
+    gain = np.asarray(control.dlqr(A, B, Q, [[weights.command**-2]])[0], dtype=float).ravel()
+    N_z, N_u = plant.holding()
+    return Gains(plant.states, plant.tick_s, gain[:-1], float(gain[-1]), N_z, N_u)
+
+
+class LQR:
+    """State feedback on the estimate with an integral of the position error that stops where the command would leave its range."""
+
+    name = "lqr"
+
+    def __init__(self, model: ControlModel, envelope: Envelope, gains: Gains | None = None) -> None:
+        self.gains = lqr_gains(linearise(model, "slip")) if gains is None else gains
+        self._pick = np.array([model.index(name) for name in self.gains.states])
+        self._low, self._high = envelope.low, envelope.high
+        self._gap = envelope.gap_m if envelope.kind == "magnetic" else math.inf
+        self._sum = 0.0
+        self._start: float | None = None
+
+    def reset(self, now: float, estimate: Estimate, command: float) -> None:
+        """Begin with `command` in force: the first answer repeats it."""
+        self._sum, self._start = 0.0, number(command)
+
+    def act(self, now: float, estimate: Estimate, reference: Reference) -> Action:
+        """The command for the tick that begins at `now` in s; `failed` where estimate or reference is not finite."""
+        t = np.array([now])
+        r, speed = number(reference.position(t)[0]), number(reference.speed(t)[0])
+        g = self.gains
+        error = np.asarray(estimate.state, dtype=float)[self._pick] - g.N_z * r
+        error[1] -= speed
+        free = g.N_u * r - float(g.K @ error)
+        x = number(estimate.state[self._pick[0]])
+        if not math.isfinite(free + x):
+            return Action(math.nan, "failed")
+        if self._start is not None:
+            self._sum, self._start = ((free - self._start) / g.K_i if math.isfinite(self._start) else 0.0), None
+            return Action(free - g.K_i * self._sum)
+        low, high = max(self._low, x - self._gap), min(self._high, x + self._gap)
+        wanted = self._sum + g.tick_s * (x - r)
+        command = free - g.K_i * wanted
+        if low <= command <= high or (command - low) * (x - r) * g.K_i > 0:
+            self._sum = wanted
+        return Action(min(max(free - g.K_i * self._sum, low), high))

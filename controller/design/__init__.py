@@ -1,0 +1,1 @@
+"""Design tools: linearised plant, loop margins, stick-slip limit cycles."""

@@ -1,0 +1,58 @@
+"""One rig's design: the plant stuck and slipping, a tuned PID and a tuned LQR on it, their margins, and whether they hunt."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from controller.baselines.lqr import LQR, Gains
+from controller.design.cycle import Cycle, Run, lqr_law, pid_law, simulate
+from controller.design.linear import PHASES, Linear, linearise
+from controller.design.loop import Loop
+from controller.design.tuning import PEAK, Pid, pid_loop, state_loop, tuned_lqr, tuned_pid
+from controller.envelope import envelope_of
+from controller.prediction import ControlModel
+
+RAMP_S, HOLD_S = 6.0, 6.0
+
+
+@dataclass(frozen=True)
+class Study:
+    """What was designed for `speed_m_s` with measurements `delay_s` old: `runs` and `cycles` by controller and by "ramp" and "hold"."""
+
+    speed_m_s: float
+    delay_s: float
+    plants: tuple[Linear, ...]
+    pid: Pid
+    lqr: Gains
+    loops: tuple[Loop, ...]
+    runs: dict[str, dict[str, Run]]
+
+    def cycles(self) -> dict[str, dict[str, Cycle]]:
+        """How each controller's error repeats."""
+        return {name: {part: run.cycle() for part, run in parts.items()} for name, parts in self.runs.items()}
+
+
+def study(model: ControlModel, speed_m_s: float = 1e-3, delay_s: float = 0.015, peak: float = PEAK) -> Study:
+    """Design for `model`. Raises ValueError for an inner-mass drive, a speed or delay that is no positive number, and where no
+    controller keeps the sensitivity `peak`."""
+    if not 1e-5 <= abs(speed_m_s) <= 0.1:
+        raise ValueError(f"speed must lie in [1e-5, 0.1] m/s; got {speed_m_s:g}")
+    if not 0 <= delay_s <= 0.2:
+        raise ValueError(f"delay must lie in [0, 0.2] s; got {delay_s:g}")
+    if not 1 < peak <= 10:
+        raise ValueError(f"sensitivity peak must lie in (1, 10]; got {peak:g}")
+    plants = tuple(linearise(model, phase, speed_m_s) for phase in PHASES)
+    pid, gains = tuned_pid(plants, delay_s, peak), tuned_lqr(plants, plants[-1], delay_s, peak)
+    loops = tuple(loop for plant in plants for loop in (pid_loop(plant, pid, delay_s), state_loop(plant, gains, delay_s)))
+    runs = {
+        name: {part: _run(model, name, pid, gains, speed_m_s, delay_s, part) for part in ("ramp", "hold")}
+        for name in ("pid", "lqr")
+    }
+    return Study(speed_m_s, delay_s, plants, pid, gains, loops, runs)
+
+
+def _run(model: ControlModel, name: str, pid: Pid, gains: Gains, speed: float, delay_s: float, part: str) -> Run:
+    carriage = model.drive.name == "magnetic"
+    law = pid_law(pid, model.tick_s, carriage) if name == "pid" else lqr_law(LQR(model, envelope_of(model.drive), gains))
+    times = (RAMP_S, 0.0) if part == "ramp" else (1.0, HOLD_S)
+    return simulate(model, law, speed, *times, delay_s)

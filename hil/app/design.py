@@ -1,0 +1,156 @@
+"""`capsule design`: the linearised rig, tuned PID and LQR on it, their margins with delay, and whether they hunt."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+
+from controller.baselines.lqr import Gains
+from controller.design.loop import Margins
+from controller.design.study import Study, study
+from controller.design.tuning import Pid
+from controller.prediction import control_model
+from hil.app.console import output_to_notes, print_json, summary
+from hil.app.design_page import design_html
+from hil.app.predict import read_model
+from hil.app.write import check_folder, write_files
+from models.identification.result import STAGES
+from models.parameter import nearest
+from models.rig import Rig, read_rig
+
+PAGE = "design.html"
+TICK_S = 0.002
+
+
+def design(
+    rig: Path,
+    model: Path | None = None,
+    out: Path | None = None,
+    *,
+    stage: str = "augmented",
+    speed_mm_s: float = 1.0,
+    delay_ms: float = 15.0,
+    json_output: bool = False,
+) -> None:
+    """Design for the rig of a file, with the numbers of a model that close-loop wrote where one is given; draw into `out`."""
+    belief = read_rig(rig)
+    values = _values(belief, model, stage)
+    if out is not None:
+        check_folder(out, "--out")
+    if belief.kind == "vibro":
+        raise ValueError(
+            f"{rig}: kind must be magnetic or coil for a linear design; got 'vibro', whose body turns in every cycle"
+        )
+    with output_to_notes():
+        found = study(control_model(belief, values, TICK_S), 1e-3 * speed_mm_s, 1e-3 * delay_ms)
+    page = None if out is None else out / PAGE
+    if page is not None:
+        write_files({page: design_html(found, belief.name or rig.stem)})
+    if json_output:
+        print_json(design_json(found) | {"rig": str(rig), "model": stage if model else "nominal", "page": page and str(page)})
+    else:
+        print_design(found, page)
+
+
+def _values(belief: Rig, model: Path | None, stage: str) -> dict[str, float]:
+    if stage not in STAGES:
+        raise ValueError(f"--stage must be one of {', '.join(STAGES)}; got {stage!r}; {nearest(stage, STAGES)}")
+    return {} if model is None else read_model(model, belief.kind).stages[stage]
+
+
+def design_json(found: Study) -> dict[str, Any]:
+    """What the design found, SI."""
+    cycles = found.cycles()
+    return {
+        "speed_m_s": found.speed_m_s,
+        "delay_s": found.delay_s,
+        "tick_s": found.plants[0].tick_s,
+        "plants": {
+            plant.phase: {
+                "command": plant.command,
+                "states": list(plant.states),
+                "poles_1_per_s": [[rate.real, rate.imag] for rate in plant.rates()],
+            }
+            for plant in found.plants
+        },
+        "gains": {"pid": _pid_json(found.pid), "lqr": _lqr_json(found.lqr)},
+        "margins": [{"controller": loop.name, "phase": loop.phase, **_margins_json(loop.margins())} for loop in found.loops],
+        "cycles": {
+            name: {
+                part: {"peak_to_peak_m": c.peak_to_peak_m, "period_s": c.period_s, "rms_m": c.rms_m, "hunts": c.hunts}
+                for part, c in parts.items()
+            }
+            for name, parts in cycles.items()
+        },
+    }
+
+
+def _pid_json(pid: Pid) -> dict[str, float]:
+    return {"K_p": pid.K_p, "K_i_per_s": pid.K_i, "K_d_s": pid.K_d, "filter_s": pid.filter_s}
+
+
+def _lqr_json(gains: Gains) -> dict[str, Any]:
+    return {"K": dict(zip(gains.states, gains.K.tolist(), strict=True)), "K_i_per_s": gains.K_i}
+
+
+def _margins_json(margins: Margins) -> dict[str, Any]:
+    return {name: getattr(margins, name) for name in Margins.__dataclass_fields__}
+
+
+def print_design(found: Study, page: Path | None) -> None:
+    """Poles, gains, margins and cycles as tables."""
+    console = summary()
+    for plant in found.plants:
+        poles = ", ".join(_complex(rate) for rate in plant.rates())
+        console.print(f"sliding at {1e3 * found.speed_m_s:g} mm/s, wall in {plant.phase}: poles {poles} 1/s", markup=False)
+    pid, lqr = found.pid, found.lqr
+    console.print(
+        f"PID: K_p {pid.K_p:.4g}, K_i {pid.K_i:.4g} /s, K_d {pid.K_d:.4g} s (filter {1e3 * pid.filter_s:g} ms)", markup=False
+    )
+    feedback = ", ".join(f"{name} {gain:.4g}" for name, gain in zip(lqr.states, lqr.K, strict=True))
+    console.print(f"LQR: {feedback}, K_i {lqr.K_i:.4g} /s", markup=False)
+    console.print(_margin_table(found))
+    console.print(_cycle_table(found))
+    if page is not None:
+        console.print(f"plots: {page}", markup=False, soft_wrap=True)
+
+
+def _complex(rate: complex) -> str:
+    return f"{rate.real:.4g}" if rate.imag == 0 else f"{rate.real:.4g}{rate.imag:+.4g}j"
+
+
+def _margin_table(found: Study) -> Table:
+    table = Table(title=f"margins with {1e3 * found.delay_s:g} ms of delay", title_justify="left")
+    for column in (
+        "",
+        "wall",
+        "gain",
+        "phase in deg",
+        "more delay in ms",
+        "sensitivity",
+        "crossover in Hz",
+        "bandwidth in Hz",
+        "stable",
+    ):
+        table.add_column(column, justify="left" if column in ("", "wall") else "right")
+    for loop in found.loops:
+        m = loop.margins()
+        numbers = (m.gain, m.phase_deg, 1e3 * m.delay_s, m.sensitivity_peak, m.crossover_Hz, m.bandwidth_Hz)
+        table.add_row(
+            loop.name, loop.phase, *(f"{x:.3g}" if math.isfinite(x) else "-" for x in numbers), "yes" if m.stable else "NO"
+        )
+    return table
+
+
+def _cycle_table(found: Study) -> Table:
+    table = Table(title="set-valued friction, no noise: error in the last half", title_justify="left")
+    for column in ("", "run", "peak to peak in um", "period in s", "rms in um", "hunts"):
+        table.add_column(column, justify="left" if column in ("", "run") else "right")
+    for name, parts in found.cycles().items():
+        for part, c in parts.items():
+            period = f"{c.period_s:.3g}" if math.isfinite(c.period_s) else "-"
+            table.add_row(name, part, f"{1e6 * c.peak_to_peak_m:.3g}", period, f"{1e6 * c.rms_m:.3g}", "yes" if c.hunts else "no")
+    return table

@@ -15,6 +15,7 @@ from controller.signals import Estimate, Measurement
 
 _CHANNEL_STATES = {"coil_current_A": "current_A"}
 _MOST_A_TICK = 8
+_FOLLOWS = 3.0
 
 
 @dataclass(slots=True)
@@ -38,6 +39,9 @@ class _Tick:
 class Estimator:
     """Position, speed, wall, drive and a disturbance force, from localisation (`position_m`) and drive feedback.
 
+    A coil's current is a measurement of its state. What a carriage reports replaces what it was told: where they differ, the
+    commands since count as off by the same.
+
     `observe` is called once a tick of the model. A measurement stamped up to `latest_s` ago is taken in at the tick of its stamp and
     the ticks since are computed again: their number, and so the time this takes, is bounded. Never raises.
     """
@@ -59,7 +63,7 @@ class Estimator:
         self._command, self._time = command, now
         self._accepted_at = -math.inf
         self._refused, self._proven = 0, 0
-        self._offset, self._fed_back = 0.0, (now, command)
+        self._offset = 0.0
 
     def observe(self, now: float, command: float, measurements: Sequence[Measurement] = ()) -> Estimate:
         """The estimate at `now`, a tick after the last call; `command` was in force since, `measurements` came in since."""
@@ -79,11 +83,14 @@ class Estimator:
         tick.belief.copy_from(last)
         tick.seen.clear()
         self._count = min(self._count + 1, len(self._ticks))
-        self._process.predict(tick.belief, command)
+        self._process.predict(tick.belief, command + self._offset)
         tick.belief.time_s = now
 
     def _take(self, m: Measurement, now: float) -> None:
         position = m.channel == "position_m"
+        if m.channel == self.model.command_name:
+            self._correct_command(m, now)
+            return
         if not (math.isfinite(m.value) and math.isfinite(m.stamp_s)) or not (position or self._follows(m.channel)):
             self.counts.unusable += 1
             return
@@ -103,6 +110,16 @@ class Estimator:
             self._ticks[first].seen.pop()
         else:
             self._redo(first, back)
+
+    def _correct_command(self, m: Measurement, now: float) -> None:
+        """The drive reports where it really was."""
+        back = round((now - m.stamp_s) / self.model.tick_s) if math.isfinite(m.value + m.stamp_s) else -1
+        if not 0 <= back < self._count:
+            self.counts.unusable += 1
+            return
+        told = self._ticks[(self._newest - back) % len(self._ticks)].belief.command - self._offset
+        off = m.value - told
+        self._offset = off if abs(off) > _FOLLOWS * self.noise.feedback_std else 0.0
 
     def _follows(self, channel: str) -> bool:
         return channel in _CHANNEL_STATES and bool(self._drive_state) and self._count > 0

@@ -1,0 +1,115 @@
+"""PID on the position, and PID with a friction feedforward `F tanh(v_r/v_s)`: the baselines that know little of the wall."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller.envelope import gap_of_force
+from controller.limits import Envelope, number
+from controller.prediction import ControlModel
+from controller.signals import Action, Estimate, Reference
+from models.drives.coil import Coil, VoltageCoil
+from models.drives.from_rig import surface_of
+from models.drives.magnetic import Magnetic
+from models.laws.geometry import GRAVITY
+from models.plate import Plate
+
+
+@dataclass(frozen=True)
+class PidGains:
+    """`F = k_p (r - x) + k_i int (r - x) dt + k_d (r' - v)` in N/m, N/(m s), N s/m; the integral is held within `windup_N`."""
+
+    k_p: float
+    k_i: float
+    k_d: float
+    windup_N: float = 0.15
+
+    def __post_init__(self) -> None:
+        for name in ("k_p", "k_i", "k_d", "windup_N"):
+            if not 0 <= getattr(self, name) < math.inf:
+                raise ValueError(f"PID gain {name} must be zero or more; got {getattr(self, name)!r}")
+
+
+TUNED = {"magnetic": PidGains(25.0, 60.0, 0.0), "coil": PidGains(40.0, 80.0, 1.0)}
+"""Least tracking error over ramps of 0.5 to 10 mm/s and steps on the nominal rig (`tests/bench/bench_tracking.py --tune`)."""
+
+
+class Actuator:
+    """The static inverse of a drive: the command that pushes with a force in N at a place and speed, within the range."""
+
+    def __init__(self, model: ControlModel, envelope: Envelope) -> None:
+        self._drive, self._envelope = model.drive, envelope
+        self._values: dict[str, float] = dict(zip((p.name for p in model.symbols.parameters), model.values.tolist(), strict=True))
+        if not isinstance(self._drive, Magnetic | Coil):
+            raise ValueError(f"drive must be magnetic or coil for a PID on the force; got {self._drive.name!r}")
+
+    def command(self, force: float, x: float, v: float) -> float:
+        """Carriage position in m on the stable branch of the magnet, current in A, or voltage in V with the back-EMF."""
+        drive, p = self._drive, self._values
+        if isinstance(drive, Magnetic):
+            now = Magnetic(p["magnet_stiffness_N_per_m"], drive.range_m)
+            return x + math.copysign(gap_of_force(abs(force), now, self._envelope.gap_m), force)
+        current = force / p["coil_force_N_per_A"]
+        if isinstance(drive, VoltageCoil):
+            current = current * p["coil_resistance_ohm"] + p["back_emf_V_s_per_m"] * v
+        return min(max(current, self._envelope.low), self._envelope.high)
+
+    def force(self, command: float, x: float, v: float) -> float:
+        """The force in N of a command held for long: the inverse of `command`."""
+        drive, p = self._drive, self._values
+        if isinstance(drive, VoltageCoil):
+            command = (command - p["back_emf_V_s_per_m"] * v) / p["coil_resistance_ohm"]
+        return float(drive.force(x, v, command, p))
+
+
+class PID:
+    """The loop: force from the error, command from the force by the drive's static inverse. `friction_N` 0: no feedforward."""
+
+    def __init__(
+        self,
+        model: ControlModel,
+        envelope: Envelope,
+        gains: PidGains | None = None,
+        friction_N: float = 0.0,
+        speed_m_s: float = 5e-4,
+    ) -> None:
+        self.name = "pid" if friction_N == 0 else "pid_friction"
+        self.gains = TUNED[envelope.kind] if gains is None else gains
+        self._actuator, self._tick = Actuator(model, envelope), model.tick_s
+        self._friction, self._speed = friction_N, speed_m_s
+        self._sum, self._start = 0.0, math.nan
+
+    def reset(self, now: float, estimate: Estimate, command: float) -> None:
+        """Begin with `command` in force: the integral starts at what makes the first answer repeat it."""
+        self._sum, self._start = 0.0, number(command)
+
+    def act(self, now: float, estimate: Estimate, reference: Reference) -> Action:
+        """The command for the tick that begins at `now` in s; `failed` where estimate or reference is no number."""
+        t = np.array([now])
+        r, rate = number(reference.position(t)[0]), number(reference.speed(t)[0])
+        x, v = number(estimate.state[0]), number(estimate.state[1])
+        error, g = r - x, self.gains
+        free = g.k_p * error + g.k_d * (rate - v) + self._friction * math.tanh(rate / self._speed)
+        if not math.isfinite(free):
+            return Action(math.nan, "failed")
+        if math.isfinite(self._start):
+            self._sum = self._held(self._actuator.force(self._start, x, v) - free)
+            self._start = math.nan
+        self._sum = self._held(self._sum + g.k_i * error * self._tick)
+        return Action(self._actuator.command(free + self._sum, x, v))
+
+    def _held(self, value: float) -> float:
+        return min(max(value, -self.gains.windup_N), self.gains.windup_N)
+
+
+def mean_friction(model: ControlModel, speed_m_s: float = 1e-3) -> float:
+    """What a tanh feedforward takes friction to be, in N: `F_e + f_c/2` at `speed_m_s`, the mean of the saw; on a plate Coulomb's."""
+    p = dict(zip((p.name for p in model.symbols.parameters), model.values.tolist(), strict=True))
+    surface = surface_of(model.rig)
+    if isinstance(surface, Plate):
+        return float(p["friction_coefficient"] * (surface.mass_kg + model.drive.carried_kg) * GRAVITY)
+    friction, onset = surface.grip(speed_m_s, p["hoop_stress_factor"], p["friction_coefficient"])
+    return float(friction + 0.5 * onset)

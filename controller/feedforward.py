@@ -1,0 +1,80 @@
+"""Feedforward compensation: the model inverted along the reference, with the wall as the estimator sees it, and a slow position loop."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from controller.inversion import Inverse
+from controller.limits import Envelope, number
+from controller.prediction import ControlModel
+from controller.signals import Action, Estimate, Reference
+
+
+@dataclass(frozen=True)
+class Loop:
+    """How errors are taken back: the speed asked for is `r' + pace_1_s (r - x)` with these bounds.
+
+    While the reference moves the correction leaves at least `least` of its speed, so that noise does not turn friction round, and adds at
+    most `most_m_s`. At rest errors up to `slack_m` are left alone, which is what keeps a held capsule from hunting; beyond it the
+    capsule is brought back to half of that. `reach_s` is the time within which the inverse gets to the speed.
+    """
+
+    pace_1_s: float = 4.0
+    least: float = 0.2
+    most_m_s: float = 10e-3
+    slack_m: float = 0.4e-3
+    rest_m_s: float = 2e-5
+    reach_s: float = 4e-3
+
+    def __post_init__(self) -> None:
+        for name in (f.name for f in fields(self)):
+            if not 0 <= getattr(self, name) < math.inf:
+                raise ValueError(f"loop {name} must be zero or more; got {getattr(self, name)!r}")
+
+
+class Feedforward:
+    """Each tick the capsule is to go on from the reference's speed to the next one's, corrected by `Loop`; the command is the model's
+    inverse for that, from the wall displacement, slip and drive states of the estimate, against its disturbance.
+
+    In stick the tension that grows with the drag is followed, in slip its fall; at rest the command sits in the middle of what
+    friction holds, so neither noise nor a small error moves the capsule. Never raises, bounded time.
+    """
+
+    name = "feedforward"
+
+    def __init__(self, model: ControlModel, envelope: Envelope, loop: Loop | None = None) -> None:
+        self.loop = Loop() if loop is None else loop
+        self._inverse = Inverse(model, envelope, self.loop.reach_s)
+        self._envelope = envelope
+        self._returning = False
+        self._size = len(model.states)
+
+    def reset(self, now: float, estimate: Estimate, command: float) -> None:
+        """Begin anew; the answer depends on the estimate alone, so whoever changes over blends."""
+        self._returning = False
+
+    def act(self, now: float, estimate: Estimate, reference: Reference) -> Action:
+        """The command for the tick that begins at `now` in s; `failed` where estimate or reference is no number."""
+        times = np.array([now, now + self.loop.reach_s])
+        places, speeds = reference.position(times), reference.speed(times)
+        state = np.array(estimate.state, dtype=float)
+        if state.shape != (self._size,):
+            return Action(math.nan, "failed")
+        correction = self._correction(number(places[0]) - state[0], number(speeds[1]))
+        state[1] = number(speeds[0]) + correction
+        command = self._inverse.command(state, number(estimate.disturbance_N), number(speeds[1]) + correction, now)
+        return Action(command, "ok" if math.isfinite(command) else "failed")
+
+    def _correction(self, error: float, speed: float) -> float:
+        """Speed in m/s beyond the reference's that takes `error` in m back."""
+        loop = self.loop
+        wanted = min(max(loop.pace_1_s * error, -loop.most_m_s), loop.most_m_s)
+        if abs(speed) > loop.rest_m_s:
+            self._returning = False
+            against = wanted * speed < 0 and abs(error) < 4 * loop.slack_m
+            return math.copysign(min(abs(wanted), (1 - loop.least) * abs(speed)), wanted) if against else wanted
+        self._returning = abs(error) > (0.5 if self._returning else 1.0) * loop.slack_m
+        return wanted if self._returning else 0.0

@@ -1,0 +1,70 @@
+"""A reference made of positions over time, smooth enough to be followed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+STEP_S = 1e-3
+LONGEST_S = 3600.0
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Positions `places` in m at multiples of `STEP_S` from 0, linear between, at rest after the end; speeds are their slopes."""
+
+    places: Array
+
+    def __post_init__(self) -> None:
+        if self.places.ndim != 1 or self.places.size < 2 or not np.isfinite(self.places).all():
+            raise ValueError(f"places must be two or more finite positions; got shape {self.places.shape}")
+
+    @property
+    def end_s(self) -> float:
+        """When it comes to rest."""
+        return float(STEP_S * (self.places.size - 1))
+
+    def position(self, t: Array) -> Array:
+        """Position in m at the times `t` in s, same shape."""
+        at = np.clip(np.asarray(t, dtype=float) / STEP_S, 0.0, self.places.size - 1.0)
+        low = np.minimum(at.astype(np.int64), self.places.size - 2)
+        return np.asarray(self.places[low] + (at - low) * (self.places[low + 1] - self.places[low]))
+
+    def speed(self, t: Array) -> Array:
+        """Speed in m/s at the times `t` in s, same shape."""
+        at = np.asarray(t, dtype=float) / STEP_S
+        low = np.clip(np.floor(at + 1e-9), 0, self.places.size - 2).astype(np.int64)
+        inside = (at >= 0) & (at < self.places.size - 1)
+        return np.where(inside, (self.places[low + 1] - self.places[low]) / STEP_S, 0.0)
+
+
+def by_speeds(
+    speeds_m_s: Sequence[float], durations_s: Sequence[float], ramp_s: float = 0.05, start_m: float = 0.0
+) -> Trajectory:
+    """Runs at constant speeds one after the other; changes of speed take `ramp_s`. Raises ValueError for lists that do not match."""
+    if len(speeds_m_s) != len(durations_s) or not speeds_m_s:
+        raise ValueError(f"durations must be as many as speeds, {len(speeds_m_s)}; got {len(durations_s)}")
+    if not all(d > 0 for d in durations_s) or not sum(durations_s) <= LONGEST_S:
+        raise ValueError(f"durations must be positive and at most {LONGEST_S:g} s together; got {list(durations_s)[:8]}")
+    speed = np.concatenate([np.full(max(1, round(d / STEP_S)), v) for v, d in zip(speeds_m_s, durations_s, strict=True)])
+    width = max(1, round(ramp_s / STEP_S))
+    sums = np.cumsum(np.concatenate([np.zeros(width), speed, np.zeros(width)]))
+    smooth = (sums[width:] - sums[:-width]) / width
+    return Trajectory(start_m + np.concatenate([[0.0], np.cumsum(smooth) * STEP_S]))
+
+
+def through(places_m: Sequence[float], speed_m_s: float, dwell_s: float, start_s: float, ramp_s: float = 0.05) -> Trajectory:
+    """From 0 to one place after the other at `speed_m_s`, a rest of `dwell_s` at each; the first move begins at `start_s`."""
+    if not speed_m_s > 0 or not dwell_s >= 0:
+        raise ValueError(f"speed must be positive and dwell zero or more; got {speed_m_s:g} and {dwell_s:g}")
+    speeds, durations, here = [0.0], [max(start_s, STEP_S)], 0.0
+    for place in places_m:
+        ticks = max(1, round(abs(place - here) / speed_m_s / STEP_S))
+        speeds += [(place - here) / (ticks * STEP_S), 0.0]
+        durations += [ticks * STEP_S, max(dwell_s, STEP_S)]
+        here = place
+    return by_speeds(speeds, durations, ramp_s)

@@ -71,7 +71,8 @@ class Planner:
         """The plan from `state` (n,) at `now` in s; `guess` (N + 1,) are commands whose first is the one in force, changing at
         `last_rate`; `reference` (3, N + 1) position, speed, command rate. Never raises; bounded by `horizon.iterations`."""
         begin = self.clock()
-        best = self._candidates(now, state, disturbance, reference, guess, last_rate)
+        warm, ahead = self.candidates(now, state, disturbance, reference, guess, last_rate)
+        best = ahead if ahead.cost < warm.cost or not np.isfinite(warm.cost) else warm
         took = dict.fromkeys(("candidates", "linearise", "condense", "solve", "search"), 0.0)
         moment = self.clock()
         took["candidates"], longest = moment - begin, 0.0
@@ -105,32 +106,19 @@ class Planner:
             cost(plan.path, plan.commands, self.forces, reference, last_rate, h.stage_s, self.scales, self.soft, self.penalty)
         )
 
-    def _candidates(self, now: float, state: Array, d: float, reference: Array, guess: Array, last_rate: float) -> Plan:
-        """The cheaper of the shifted last plan and the one that follows the reference by inverting the model."""
+    def candidates(
+        self, now: float, state: Array, d: float, reference: Array, guess: Array, last_rate: float
+    ) -> tuple[Plan, Plan]:
+        """The guess, and the plan that follows the reference by inverting the model, both within the hard bounds."""
         k, h, b = self.model.kernels, self.horizon, self.hard
-        warm = Plan(np.array(guess), np.zeros((h.stages + 1, state.size)), np.inf)
-        ahead = Plan(np.array(guess), np.zeros((h.stages + 1, state.size)), np.inf)
+        warm, ahead = (Plan(np.array(guess), np.zeros((h.stages + 1, state.size)), np.inf) for _ in range(2))
         warm.path[0] = ahead.path[0] = state
-        keep_feasible(warm.commands, last_rate, h.stage_s, self.model.tick_s, b)
-        self._rolled(now, warm, d, reference, last_rate)
-        k.pursue(
-            ahead.path,
-            ahead.commands,
-            reference[0],
-            reference[1],
-            CATCH_S,
-            b[2],
-            b[0],
-            b[1],
-            d,
-            now,
-            h.stage_s,
-            h.substeps,
-            k.parameters,
-        )
-        keep_feasible(ahead.commands, last_rate, h.stage_s, self.model.tick_s, b)
-        self._rolled(now, ahead, d, reference, last_rate)
-        return warm if warm.cost <= ahead.cost or not np.isfinite(ahead.cost) else ahead
+        pace = (CATCH_S, b[2], b[0], b[1], d, now, h.stage_s, h.substeps, k.parameters)
+        k.pursue(ahead.path, ahead.commands, reference[0], reference[1], *pace)
+        for plan in (warm, ahead):
+            keep_feasible(plan.commands, last_rate, h.stage_s, self.model.tick_s, b)
+            self._rolled(now, plan, d, reference, last_rate)
+        return warm, ahead
 
     def _iterate(self, now: float, best: Plan, d: float, reference: Array, last_rate: float, took: dict[str, float]) -> bool:
         """One SQP step from `best`, which it changes; False where it is not worth another."""

@@ -17,8 +17,9 @@ from models.drives.vibro_numbers import VibroCycle
 Array = NDArray[np.float64]
 _DRY_SPEED = 2.0e-3  # m/s, below it dry friction of the inner mass's guide counts as creep
 _TRAVEL_M = 0.03  # beyond it the coil's reach and the spring's hardening stay what they are there
-_EVENTS = 8  # stick and slip changes that one step may hold
-_PERIODIC = 1.0e-8  # change of the state over a period, in m and m/s, below which the motion is periodic
+_SHORTEST_LAG_S = 1.0e-3  # of a lag shorter than this only the mean over a step is right
+_EVENTS = 8  # stick and slip changes that one step may hold; the rest of it is a rest
+_PERIODIC = 1.0e-6  # change of the state over a period, in m and m/s, below which the motion is periodic
 
 
 class Motion(NamedTuple):
@@ -29,6 +30,14 @@ class Motion(NamedTuple):
     stretch: float
     rate: float
     mode: int
+
+
+class Push(NamedTuple):
+    """The drive's share of its full force over one step: at its begin, its mean, at its end."""
+
+    begin: float
+    mean: float
+    end: float
 
 
 @nb.njit(cache=True, inline="always")
@@ -73,39 +82,46 @@ def resistance(v: float, q: VibroCycle) -> float:
 
 
 @nb.njit(cache=True, inline="always")
-def _accelerations(mode: int, v: float, stretch: float, rate: float, on: float, q: VibroCycle) -> tuple[float, float, float]:
-    """Accelerations of the body and of the inner mass against it, and the force on the body but for its Coulomb friction."""
+def _accelerations(mode: int, v: float, stretch: float, rate: float, on: float, q: VibroCycle) -> tuple[float, float]:
+    """Accelerations of the body and of the inner mass against it."""
     spring = suspension_force(stretch, rate, q)
     push = drive_force(on, stretch, q)
-    on_body = spring - q.reaction * push + q.incline_N
     body = 0.0
     if mode != 0:
+        on_body = spring - q.reaction * push + q.incline_N
         body = (on_body - mode * friction(abs(v), mode, q) - resistance(v, q)) / q.body_kg
-    return body, (push - spring) / q.inner_kg - body, on_body
+    return body, (push - spring) / q.inner_kg - body
 
 
 @nb.njit(cache=True, inline="always")
-def _heun(s: Motion, on0: float, on1: float, h: float, q: VibroCycle) -> tuple[Motion, float, float, float]:
-    """One step of Heun's method in one mode; with it the body's acceleration at both ends and the force on it at the end."""
-    a0, b0, _ = _accelerations(s.mode, s.v, s.stretch, s.rate, on0, q)
-    a1, b1, _ = _accelerations(s.mode, s.v + h * a0, s.stretch + h * s.rate, s.rate + h * b0, on1, q)
-    v, rate = s.v + 0.5 * h * (a0 + a1), s.rate + 0.5 * h * (b0 + b1)
-    x = s.x + 0.5 * h * (s.v + v) - h * h * (a1 - a0) / 12.0
-    stretch = s.stretch + 0.5 * h * (s.rate + rate) - h * h * (b1 - b0) / 12.0
-    _, _, force = _accelerations(0, 0.0, stretch, rate, on1, q)
-    return Motion(x, v, stretch, rate, s.mode), a0, a1, force
+def _on_body(s: Motion, on: float, q: VibroCycle) -> float:
+    """What moves a resting body, against its Coulomb friction, in N."""
+    return suspension_force(s.stretch, s.rate, q) - q.reaction * drive_force(on, s.stretch, q) + q.incline_N
+
+
+@nb.njit(cache=True)
+def _runge_kutta(s: Motion, on: Push, begin: float, end: float, h: float, q: VibroCycle) -> tuple[Motion, float]:
+    """The step's share from `begin` to `end` in one mode, fourth order, and the body's acceleration at its begin."""
+    k = (end - begin) * h
+    on0, on1, on2 = _push(on, begin), _push(on, 0.5 * (begin + end)), _push(on, end)
+    a0, b0 = _accelerations(s.mode, s.v, s.stretch, s.rate, on0, q)
+    v, w = s.v + 0.5 * k * a0, s.rate + 0.5 * k * b0
+    a1, b1 = _accelerations(s.mode, v, s.stretch + 0.5 * k * s.rate, w, on1, q)
+    v, w1 = s.v + 0.5 * k * a1, s.rate + 0.5 * k * b1
+    a2, b2 = _accelerations(s.mode, v, s.stretch + 0.5 * k * w, w1, on1, q)
+    v, w = s.v + k * a2, s.rate + k * b2
+    a3, b3 = _accelerations(s.mode, v, s.stretch + k * w1, w, on2, q)
+    x = s.x + k * s.v + k * k / 6.0 * (a0 + a1 + a2)
+    stretch = s.stretch + k * s.rate + k * k / 6.0 * (b0 + b1 + b2)
+    v, w = s.v + k / 6.0 * (a0 + 2.0 * (a1 + a2) + a3), s.rate + k / 6.0 * (b0 + 2.0 * (b1 + b2) + b3)
+    return Motion(x, v, stretch, w, s.mode), a0
 
 
 @nb.njit(cache=True, inline="always")
-def _stop_time(v: float, a0: float, a1: float, h: float) -> float:
-    """When, within h, the speed `v + a0 t + (a1 - a0) t^2/(2 h)` is zero, as a share of h."""
-    bend = 0.5 * (a1 - a0) / h
-    root = math.sqrt(max(a0 * a0 - 4.0 * bend * v, 0.0))
-    time = h
-    for low in (-a0 - root, -a0 + root):
-        if low != 0.0 and 0.0 <= 2.0 * v / low < time:
-            time = 2.0 * v / low
-    return time / h
+def _push(on: Push, at: float) -> float:
+    """The drive's share at the share `at` of a step: the parabola with the right ends and the right mean."""
+    bend = 3.0 * (on.begin + on.end - 2.0 * on.mean)
+    return on.begin + at * (on.end - on.begin - bend * (1.0 - at))
 
 
 @nb.njit(cache=True, inline="always")
@@ -117,34 +133,86 @@ def _break_away(force: float, q: VibroCycle) -> int:
 
 
 @nb.njit(cache=True)
-def _step(s: Motion, on0: float, on1: float, h: float, q: VibroCycle) -> Motion:
-    """One step with its changes between stick and slip located in it (second order in h)."""
-    rest = 1.0
+def _stop(
+    s: Motion, new: Motion, a0: float, on: Push, begin: float, until: float, h: float, q: VibroCycle
+) -> tuple[Motion, float]:
+    """Where in the rest of the step a sliding body comes to rest, and when: a parabola of the speed, then one step of Newton."""
+    k = (until - begin) * h
+    bend = new.v - s.v - a0 * k
+    root = math.sqrt(max(a0 * a0 * k * k - 4.0 * bend * s.v, 0.0))
+    at = 1.0
+    for low in (-a0 * k - root, -a0 * k + root):
+        if low != 0.0 and 0.0 < 2.0 * s.v / low < at:
+            at = 2.0 * s.v / low
+    if s.v == 0.0:
+        at = min(max(-a0 * k / bend, 0.0), 1.0) if bend != 0.0 else 0.0
+    end = begin + at * (until - begin)
+    new, _ = _runge_kutta(s, on, begin, end, h, q)
+    slope, _ = _accelerations(s.mode, new.v, new.stretch, new.rate, _push(on, end), q)
+    if slope * s.mode < 0.0:
+        end = min(max(end - new.v / (slope * h), begin), until)
+        new, _ = _runge_kutta(s, on, begin, end, h, q)
+    return Motion(new.x, 0.0, new.stretch, new.rate, 0), end
+
+
+@nb.njit(cache=True)
+def _start(
+    s: Motion, mode: int, before: float, after: float, on: Push, begin: float, until: float, h: float, q: VibroCycle
+) -> tuple[Motion, float]:
+    """Where in the rest of the step a resting body starts to slide in direction `mode`, and when: two steps of regula falsi."""
+    limit = mode * friction(0.0, mode, q)
+    low, high, below, above = begin, until, before - limit, after - limit
+    new = s
+    for _ in range(2):
+        end = low + (high - low) * below / (below - above) if above != below else low
+        new, _ = _runge_kutta(s, on, begin, end, h, q)
+        force = _on_body(new, _push(on, end), q) - limit
+        if force * mode > 0.0:
+            high, above = end, force
+        else:
+            low, below = end, force
+    return Motion(new.x, 0.0, new.stretch, new.rate, mode), end
+
+
+@nb.njit(cache=True)
+def _share(s: Motion, on: Push, begin: float, until: float, h: float, q: VibroCycle) -> Motion:
+    """The step's share from `begin` to `until` with its changes between stick and slip located in it."""
     for _ in range(_EVENTS):
-        start = on0 + (on1 - on0) * (1.0 - rest)
-        span = rest * h
         before = 0.0
         if s.mode == 0:
-            _, _, before = _accelerations(0, 0.0, s.stretch, s.rate, start, q)
-            mode = _break_away(before, q)
-            if mode != 0:
-                s = Motion(s.x, 0.0, s.stretch, s.rate, mode)
-        new, a0, a1, force = _heun(s, start, on1, span, q)
-        if s.mode == 0:
-            mode = _break_away(force, q)
+            before = _on_body(s, _push(on, begin), q)
+            s = Motion(s.x, 0.0, s.stretch, s.rate, _break_away(before, q))
+        new, a0 = _runge_kutta(s, on, begin, until, h, q)
+        if s.mode != 0:
+            if new.v * s.mode >= 0.0:
+                return new
+            s, begin = _stop(s, new, a0, on, begin, until, h, q)
+        else:
+            after = _on_body(new, _push(on, until), q)
+            mode = _break_away(after, q)
             if mode == 0:
                 return new
-            share = (mode * friction(0.0, mode, q) - before) / (force - before)
-        elif new.v * s.mode < 0.0:
-            mode = 0
-            share = _stop_time(s.v, a0, a1, span)
-        else:
-            return new
-        new, _, _, _ = _heun(s, start, start + (on1 - start) * share, share * span, q)
-        s = Motion(new.x, 0.0, new.stretch, new.rate, mode)
-        rest *= 1.0 - share
-        if rest < 1e-9:
+            s, begin = _start(s, mode, before, after, on, begin, until, h, q)
+        if begin > until - 1e-9:
             return s
+    new, _ = _runge_kutta(Motion(s.x, 0.0, s.stretch, s.rate, 0), on, begin, until, h, q)
+    return new
+
+
+@nb.njit(cache=True)
+def _step(s: Motion, on: Push, h: float, q: VibroCycle) -> Motion:
+    """One step, in equal parts where dry friction turns round or a stop is near."""
+    fine = h
+    if q.dry_N > 0.0 or q.stop_stiffness > 0.0:
+        mass = q.body_kg * q.inner_kg / (q.body_kg + q.inner_kg)
+        _, gain = _accelerations(s.mode, s.v, s.stretch, s.rate, on.mean, q)
+        if q.dry_N > 0.0 and abs(s.rate) < abs(gain) * h + 3.0 * _DRY_SPEED:
+            fine = 1.5 * _DRY_SPEED * mass / q.dry_N
+        if q.stop_stiffness > 0.0 and abs(s.stretch) + (abs(s.rate) + abs(gain) * h) * h > q.stop_gap_m:
+            fine = min(fine, 0.2 * math.sqrt(mass / q.stop_stiffness))
+    parts = max(math.ceil(h / fine), 1)
+    for i in range(parts):
+        s = _share(s, on, i / parts, (i + 1) / parts, h, q)
     return s
 
 
@@ -152,22 +220,37 @@ def _step(s: Motion, on0: float, on1: float, h: float, q: VibroCycle) -> Motion:
 def _phase(
     s: Motion, current: float, pull: float, on: float, length: float, step: float, q: VibroCycle
 ) -> tuple[Motion, float, float]:
-    """The drive held at `on` for `length` s; the coil's current and the force's own lag are carried along."""
+    """The drive held at `on` for `length` s: the coil's current follows it, the current's square makes the force, which may lag too.
+
+    All of it is `on + sum of A_j exp(-t/tau_j)`, with the current's time constant, half of it, and the force's own.
+    """
     n = max(math.ceil(length / step), 1)
     h = length / n
-    fade_current = math.exp(-h / q.current_lag_s) if q.current_lag_s > 0.0 else 0.0
-    fade_pull = math.exp(-h / q.force_lag_s) if q.force_lag_s > 0.0 else 0.0
-    if q.current_lag_s <= 0.0 and q.force_lag_s <= 0.0:
-        pull = on
+    slow, lag = q.current_lag_s, q.force_lag_s
+    if abs(lag - slow) < 1e-3 * slow or abs(2.0 * lag - slow) < 1e-3 * slow:
+        lag *= 1.003
+    a1, a2 = (2.0 * on * (current - on), (current - on) ** 2) if slow > 0.0 else (0.0, 0.0)
+    a3 = 0.0
+    if lag > 0.0:
+        a1, a2 = (a1 / (1.0 - lag / slow), a2 / (1.0 - 2.0 * lag / slow)) if slow > 0.0 else (0.0, 0.0)
+        a3 = pull - on - a1 - a2
+    f1 = math.exp(-h / slow) if slow > 0.0 else 0.0
+    f2, f3 = f1 * f1, math.exp(-h / lag) if lag > 0.0 else 0.0
+    m1, m2, m3 = slow / h * (1.0 - f1), 0.5 * slow / h * (1.0 - f2), lag / h * (1.0 - f3)
     for _ in range(n):
-        after = on + (current - on) * fade_current
-        middle = 0.5 * (current * current + after * after)
-        ends = middle + (pull - middle) * fade_pull if q.force_lag_s > 0.0 else after * after
-        if q.force_lag_s <= 0.0:
-            pull = current * current if q.current_lag_s > 0.0 else on
-        s = _step(s, pull, ends, h, q)
-        current, pull = after, ends
-    return s, current, pull
+        begin, mean = on + a1 + a2 + a3, on + a1 * m1 + a2 * m2 + a3 * m3
+        a1, a2, a3 = a1 * f1, a2 * f2, a3 * f3
+        s = _step(s, Push(begin, mean, on + a1 + a2 + a3), h, q)
+    return s, on + (current - on) * f1**n, on + a1 + a2 + a3
+
+
+@nb.njit(cache=True)
+def _longest(step: float, q: VibroCycle) -> float:
+    """The step that the drive's lags allow, in s."""
+    for lag in (q.current_lag_s, q.force_lag_s):
+        if lag > 0.0:
+            step = min(step, max(lag, _SHORTEST_LAG_S))
+    return step
 
 
 @nb.njit(cache=True)
@@ -184,6 +267,7 @@ def mean_velocity(period_s: float, duty: float, cycles: int, settle: int, step: 
     """
     s = Motion(0.0, 0.0, 0.0, 0.0, 0)
     current, pull, begin = 0.0, 0.0, 0.0
+    step = _longest(step, q)
     for cycle in range(settle + cycles):
         if cycle == settle:
             begin = s.x

@@ -11,7 +11,7 @@ from models.drives.vibro_cycle import table
 from models.drives.vibro_numbers import VibroCycle
 
 Array = NDArray[np.float64]
-STEP_S = 3.0e-4
+STEP_S = 2.0e-3
 
 
 def mean_velocities(period_s: Any, duty: Any, cycles: Any, q: VibroCycle, settle: int = 0, step: float = STEP_S) -> Array:

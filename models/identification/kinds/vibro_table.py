@@ -24,7 +24,10 @@ READING_M = 1.0e-3
 FOLDS = 8
 OUTLYING = 2.0
 """Standard deviations from which on an error counts linearly: runs may settle on another of coexisting motions."""
-_BELIEF = "rig file; only ratios of force, friction and masses show in mean speeds, so the pair may leave its tolerance together"
+_BELIEF = "rig file"
+_SCALE = (
+    "common factor of force and friction: it scales every speed, as a wrong force, masses or a wrong scale of the displacement do"
+)
 
 
 @dataclass(frozen=True)
@@ -85,8 +88,9 @@ class VibroTableKind:
         return cls(
             (
                 number("spring_stiffness_N_per_m", spring_stiffness_N_per_m, "N/m", 0.8, 1.2),
-                number("force_N", force_N, "N", 0.5, 2.6),
-                number("friction_coefficient", friction_coefficient, "1", 0.5, 2.6),
+                Parameter("load_scale", 1.0, "1", 0.4, 2.6, _SCALE, fit=True),
+                number("friction_coefficient", friction_coefficient, "1", 0.5, 1.7),
+                number("force_N", force_N, "N", 1.0, 1.0),
                 number("body_mass_kg", body_mass_kg, "kg", 1.0, 1.0),
                 number("inner_mass_kg", inner_mass_kg, "kg", 1.0, 1.0),
                 Parameter("mirror", mirror, "1", -1.0, 1.0, "settled once from the records"),

@@ -87,7 +87,7 @@ FIELDS = MappingProxyType(
 
 def vibro_cycle(theta: Theta, reaction_on_body: bool = True) -> VibroCycle:
     """The drive at `theta`: base values `body_mass_kg`, `inner_mass_kg`, `spring_stiffness_N_per_m`, `force_N`,
-    `friction_coefficient`, and whatever effects have entries. Raises ValueError for an entry that belongs to neither."""
+    `friction_coefficient`, `load_scale` (of force and friction alike), and whatever effects have entries. Raises ValueError for an entry that belongs to neither."""
     body, inner = theta["body_mass_kg"], theta["inner_mass_kg"]
     extra: dict[str, float] = {"reaction": 1.0 if reaction_on_body else 0.0}
     for name, value in theta.items():
@@ -97,5 +97,6 @@ def vibro_cycle(theta: Theta, reaction_on_body: bool = True) -> VibroCycle:
                     f"effect must be one that acts on a body with an inner mass; got {name!r}; known: {', '.join(FIELDS)}"
                 )
             extra[FIELDS[name]] = float(value)
+    scale = theta.get("load_scale", 1.0)
     coulomb = theta["friction_coefficient"] * (body + inner) * GRAVITY
-    return VibroCycle(body, inner, theta["spring_stiffness_N_per_m"], theta["force_N"], coulomb, **extra)
+    return VibroCycle(body, inner, theta["spring_stiffness_N_per_m"], scale * theta["force_N"], scale * coulomb, **extra)

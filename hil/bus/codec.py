@@ -1,0 +1,88 @@
+"""Values to bytes and back, as fast as Python's integers: a frame is one little-endian number."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from hil.bus.catalogue import Field, Frame
+from models.parameter import nearest
+
+Reason = Literal["length", "range", "crc", "counter", "repeated", "unknown"]
+PAYLOAD = 12
+"""Bits of a frame that its protection takes: CRC and counter."""
+
+
+class FrameError(ValueError):
+    """What was to be sent does not fit its frame: a value out of range, not finite, missing or unknown."""
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """Why a received frame changes nothing."""
+
+    reason: Reason
+    detail: str = ""
+
+
+class Codec:
+    """One frame's codec. `encode` refuses what is out of range, `decode` what came out of range; neither sets nor checks the protection.
+
+    A value goes on the wire as `round((value - offset)/scale)`, ties to even. Bits that no signal owns are 0.
+    """
+
+    __slots__ = ("_reading", "_writing", "frame", "length")
+
+    def __init__(self, frame: Frame) -> None:
+        self.frame, self.length = frame, frame.length
+        self._writing = tuple(
+            (f.name, f.lower, f.upper, f.offset, f.scale, f.raw_lower, f.raw_upper, (1 << f.length) - 1, f.start)
+            for f in frame.fields
+        )
+        self._reading = tuple(_reading(f) for f in frame.fields)
+
+    def encode(self, values: Mapping[str, float]) -> int:
+        """`values` of every signal as the frame's number, CRC and counter 0. Raises FrameError."""
+        if len(values) != len(self._writing):
+            raise self._misfit(values)
+        bits = 0
+        for name, lower, upper, offset, scale, raw_lower, raw_upper, mask, start in self._writing:
+            try:
+                value = values[name]
+                if not lower <= value <= upper:
+                    raise FrameError(f"{self.frame.name} {name} must lie in [{lower:g}, {upper:g}]; got {value!r}")
+                raw = round((value - offset) / scale)
+            except KeyError:
+                raise self._misfit(values) from None
+            except TypeError:
+                raise FrameError(f"{self.frame.name} {name} must be a number; got {values[name]!r}") from None
+            bits |= (min(max(raw, raw_lower), raw_upper) & mask) << start
+        return bits
+
+    def decode(self, bits: int) -> dict[str, float] | Refusal:
+        """The values of all signals of the frame's number, or why it is refused. Never raises."""
+        values = {}
+        for name, start, mask, sign, scale, offset, raw_lower, raw_upper, known in self._reading:
+            raw = (bits >> start) & mask
+            if raw & sign:
+                raw -= mask + 1
+            if not raw_lower <= raw <= raw_upper or (known and raw not in known):
+                return Refusal("range", f"{self.frame.name} {name} raw {raw}")
+            values[name] = raw * scale + offset
+        return values
+
+    def _misfit(self, values: Mapping[str, float]) -> FrameError:
+        names = [f.name for f in self.frame.fields]
+        unknown = [name for name in values if name not in names]
+        if unknown:
+            return FrameError(
+                f"{self.frame.name} must get its own signals; got {unknown[0]!r}; {nearest(str(unknown[0]), names)}"
+            )
+        missing = next(name for name in names if name not in values)
+        return FrameError(f"{self.frame.name} must get all its signals; {missing!r} is missing")
+
+
+def _reading(f: Field) -> tuple[str, int, int, int, float, float, int, int, frozenset[int]]:
+    sign = 1 << (f.length - 1) if f.signed else 0
+    return f.name, f.start, (1 << f.length) - 1, sign, f.scale, f.offset, f.raw_lower, f.raw_upper, frozenset(f.names)

@@ -1,0 +1,130 @@
+"""Counter, CRC and age as in AUTOSAR E2E profile 2: a bad frame changes nothing and is counted; age makes data invalid."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from hil.bus.catalogue import Frame
+from hil.bus.codec import Codec, Reason, Refusal
+from hil.bus.crc import crc8
+
+COUNTS = 16
+MOST_LOST = 4
+CYCLES = 5
+RESYNC = 3
+
+
+class Sender:
+    """Turns values into protected frames of one kind; counts them."""
+
+    __slots__ = ("_codec", "_counter", "_data_id")
+
+    def __init__(self, frame: Frame) -> None:
+        self._codec, self._counter, self._data_id = Codec(frame), 0, frame.data_id
+
+    def frame(self, values: Mapping[str, float]) -> bytes:
+        """The next frame. Raises FrameError for values that do not fit; the counter then stays."""
+        bits = self._codec.encode(values) | self._counter << 8
+        data = bytearray(bits.to_bytes(self._codec.length, "little"))
+        data[0] = crc8(memoryview(data)[1:], self._data_id)
+        self._counter = (self._counter + 1) % COUNTS
+        return bytes(data)
+
+
+@dataclass(slots=True)
+class Statistics:
+    """What a receiver has seen: frames `accepted`, `lost` by their counters, and `refused` by reason."""
+
+    accepted: int = 0
+    lost: int = 0
+    refused: Counter[Reason] = field(default_factory=Counter)
+
+
+class Receiver:
+    """Checks the frames of one kind: length, CRC, counter, range, in this order; keeps the last good values and when they came.
+
+    The counter of a cyclic frame may skip `MOST_LOST` frames; a repeated one is refused. After the data have become stale, `RESYNC` good frames in a row
+    that count on from each other begin anew (a sender that has restarted); while they are fresh no other sequence is let in, so a
+    replay beside the true sender is not. A replay of a whole recording after the sender fell silent cannot be told from its
+    restart by counters of 4 bits: heartbeats and the time to live bound what it can do. Frames that are not cyclic (safe stop, fault,
+    reset) come after silences of any length: every counter but the last one is let in at once, none of them can start anything.
+    """
+
+    __slots__ = ("_candidate", "_codec", "_counter", "_data_id", "_row", "frame", "longest_s", "stamp_s", "statistics", "values")
+
+    def __init__(self, frame: Frame, longest_s: float | None = None) -> None:
+        """`longest_s` is the age in s at which data become invalid: `CYCLES` cycles where None, inf for a frame sent on events."""
+        self.frame = frame
+        self.longest_s = (CYCLES * frame.cycle_s or math.inf) if longest_s is None else longest_s
+        self.statistics = Statistics()
+        self.values: dict[str, float] | None = None
+        self.stamp_s = -math.inf
+        self._codec, self._data_id = Codec(frame), frame.data_id
+        self._counter = self._candidate = -1
+        self._row = 0
+
+    def accept(self, data: bytes | bytearray, now: float) -> dict[str, float] | Refusal:
+        """The values of the frame that came at `now` in s, or why it is refused. Never raises."""
+        found = self._checked(data, now)
+        if isinstance(found, Refusal):
+            self.statistics.refused[found.reason] += 1
+            return found
+        self.values, self.stamp_s = found, now
+        self.statistics.accepted += 1
+        return found
+
+    def fresh(self, now: float) -> dict[str, float] | None:
+        """The last good values, None where there are none or they are older than `longest_s` (or younger than now)."""
+        return self.values if 0 <= now - self.stamp_s <= self.longest_s else None
+
+    def _checked(self, data: bytes | bytearray, now: float) -> dict[str, float] | Refusal:
+        if len(data) != self._codec.length:
+            return Refusal("length", f"{len(data)} bytes")
+        if crc8(memoryview(data)[1:], self._data_id) != data[0]:
+            return Refusal("crc")
+        counter = data[1] & 0x0F
+        step = self._step(counter, now)
+        if isinstance(step, Refusal):
+            return step
+        values = self._codec.decode(int.from_bytes(data, "little"))
+        if isinstance(values, Refusal):
+            return values
+        self.statistics.lost += step - 1
+        self._counter, self._row = counter, 0
+        return values
+
+    def _step(self, counter: int, now: float) -> int | Refusal:
+        """How far the counter has moved on, at least 1; or that it has not as it should."""
+        if self._counter < 0:
+            return 1
+        step = (counter - self._counter) % COUNTS
+        fresh, cyclic = self.fresh(now) is not None, self.frame.sent == "Cyclic"
+        if step and (not cyclic or (fresh and step <= MOST_LOST + 1)):
+            return step if cyclic else 1
+        if fresh:
+            return Refusal("repeated" if step == 0 else "counter", f"{self._counter} then {counter}")
+        self._row = self._row + 1 if (counter - self._candidate) % COUNTS == 1 and self._row else 1
+        self._candidate = counter
+        if self._row >= RESYNC or not cyclic:
+            return 1
+        return Refusal("counter", f"frame {self._row} of {RESYNC} after a silence")
+
+
+@dataclass(frozen=True, slots=True)
+class Reception:
+    """Receivers by identifier; what is not among them is counted as unknown."""
+
+    receivers: Mapping[int, Receiver]
+    unknown: Counter[int] = field(default_factory=Counter)
+
+    def accept(self, identifier: int, data: bytes | bytearray, now: float) -> dict[str, float] | Refusal:
+        """Hand a frame to its receiver. Never raises; identifiers nobody knows are counted, at most 2048 different ones."""
+        receiver = self.receivers.get(identifier)
+        if receiver is None:
+            if len(self.unknown) < 2048 or identifier in self.unknown:
+                self.unknown[identifier] += 1
+            return Refusal("unknown", f"identifier {identifier:#x}")
+        return receiver.accept(data, now)

@@ -1,4 +1,4 @@
-"""The numbers of one SQP step, compiled: cost of a plan, condensed Hessian and gradient, rows of the soft bounds."""
+"""The numbers of one SQP step, compiled: cost of a plan, its hard bounds, condensed Hessian and gradient."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ Array = NDArray[np.float64]
 compiled: Any = numba.njit(nogil=True, cache=True, error_model="numpy")
 
 EXCESS = 10.0
-_NEAR = 0.6  # share of a soft bound from which on it gets rows
 
 
 @compiled
@@ -28,8 +27,8 @@ def keep_feasible(commands: Array, last_rate: float, stage: float, first: float,
         change = bend * (first if k == 0 else stage)
         wanted = (commands[k + 1] - commands[k]) / stage
         ahead, behind = max(high - commands[k], 0.0), max(commands[k] - low, 0.0)
-        up = bend * (np.sqrt(stage * stage + 2 * ahead / bend) - stage)
-        down = bend * (np.sqrt(stage * stage + 2 * behind / bend) - stage)
+        up = 2 * ahead / (np.sqrt(stage * stage + 2 * ahead / bend) + stage)
+        down = 2 * behind / (np.sqrt(stage * stage + 2 * behind / bend) + stage)
         wanted = min(max(wanted, -most, -down), most, up)
         wanted = min(max(wanted, rate - change), rate + change)
         commands[k + 1] = min(max(commands[k] + wanted * stage, low), high)
@@ -133,34 +132,3 @@ def quadratic(
     for i in range(n):
         for j in range(i):
             H[j, i] = H[i, j]
-
-
-@compiled
-def soft_rows(
-    path: Array, commands: Array, forces: Array, slopes: Array, Z: Array, step: float, soft: Array, rows: Array, upper: Array
-) -> int:
-    """Rows `rows` (m, N + 3) and right sides `upper` (m,) of `|value|/bound - slack <= 1` for stages near a soft bound; returns m."""
-    n, count = commands.shape[0] - 1, 0
-    for kind in range(3):
-        near = False
-        for k in range(1, n + 1):
-            value = commands[k] - path[k, 0] if kind == 0 else path[k, 1] if kind == 1 else forces[k]
-            near = near or abs(value) > _NEAR * soft[kind]
-        if not near:
-            continue
-        for k in range(1, n + 1):
-            value = commands[k] - path[k, 0] if kind == 0 else path[k, 1] if kind == 1 else forces[k]
-            side = (1.0 if value >= 0 else -1.0) / soft[kind]
-            rows[count] = 0.0
-            for j in range(k):
-                if kind == 0:
-                    rows[count, j] = side * (step - Z[k, 0, j])
-                elif kind == 1:
-                    rows[count, j] = side * Z[k, 1, j]
-                else:
-                    for m in range(Z.shape[1]):
-                        rows[count, j] += side * slopes[k, m] * Z[k, m, j]
-            rows[count, n + kind] = -1.0
-            upper[count] = 1.0 - side * value
-            count += 1
-    return count

@@ -61,8 +61,7 @@ class Planner:
         self.penalty = np.array([weights.gap, weights.speed, weights.force])
         most = min(bounds.rate, (bounds.high - bounds.low) / horizon.stage_s)
         self.hard = np.array([bounds.low, bounds.high, most, min(bounds.acceleration, 1e30)])
-        limits = Bounds(bounds.low, bounds.high, most, bounds.acceleration)
-        self.program = Program.sized(limits, N, horizon.stage_s, model.tick_s, rate, self.soft, self.penalty)
+        self.program = Program.sized(N, horizon.stage_s, model.tick_s, rate, self.hard, self.soft, self.penalty)
         self.A, self.B, self.Z = np.zeros((N, n, n)), np.zeros((N, n, 2)), np.zeros((N + 1, n, N))
         self.forces, self.slopes = np.zeros(N + 1), np.zeros((N + 1, n))
         self.last_rate = 0.0
@@ -151,6 +150,7 @@ class Planner:
         trial = Plan(best.commands, best.path.copy(), np.inf)
         for share in _SHORTENINGS:
             trial.commands = best.commands + share * moves
+            keep_feasible(trial.commands, last_rate, self.horizon.stage_s, self.model.tick_s, self.hard)
             self._rolled(now, trial, d, reference, last_rate)
             if trial.cost < best.cost:
                 gain = best.cost - trial.cost

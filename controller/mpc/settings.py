@@ -16,7 +16,7 @@ class Horizon:
 
     stages: int = 30
     stage_s: float = 5e-3
-    substeps: int = 4
+    substeps: int = 2
     iterations: int = 3
     deadline_s: float = 8e-4
     rest_m: float = 3e-5

@@ -1,0 +1,95 @@
+"""The bounds of one SQP step as rows of its quadratic program, compiled; those that cannot matter are left out."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.mpc.condense import compiled
+
+Array = NDArray[np.float64]
+
+FREE = 1e30
+_NEAR = 0.6  # share of a bound from which on it gets rows
+
+
+@compiled
+def soft_rows(
+    path: Array, commands: Array, forces: Array, slopes: Array, Z: Array, step: float, soft: Array, rows: Array, upper: Array
+) -> int:
+    """Rows `rows` (m, N + 3) and right sides `upper` (m,) of `|value|/bound - slack <= 1` for stages near a soft bound; returns m."""
+    n, count = commands.shape[0] - 1, 0
+    for kind in range(3):
+        near = False
+        for k in range(1, n + 1):
+            value = commands[k] - path[k, 0] if kind == 0 else path[k, 1] if kind == 1 else forces[k]
+            near = near or abs(value) > _NEAR * soft[kind]
+        if not near:
+            continue
+        for k in range(1, n + 1):
+            value = commands[k] - path[k, 0] if kind == 0 else path[k, 1] if kind == 1 else forces[k]
+            side = (1.0 if value >= 0 else -1.0) / soft[kind]
+            rows[count] = 0.0
+            for j in range(k):
+                if kind == 0:
+                    rows[count, j] = side * (step - Z[k, 0, j])
+                elif kind == 1:
+                    rows[count, j] = side * Z[k, 1, j]
+                else:
+                    for m in range(Z.shape[1]):
+                        rows[count, j] += side * slopes[k, m] * Z[k, m, j]
+            rows[count, n + kind] = -1.0
+            upper[count] = 1.0 - side * value
+            count += 1
+    return count
+
+
+@compiled
+def hard_rows(
+    commands: Array,
+    last_rate: float,
+    stage: float,
+    tick: float,
+    unit: float,
+    bounds: Array,
+    rows: Array,
+    upper: Array,
+    lower: Array,
+    simple: int,
+    count: int,
+) -> int:
+    """Fill in the hard bounds (low, high, rate, acceleration) of changes y of the rates in multiples of `unit`; returns the rows in use.
+
+    The rates' own bounds are the first N entries of `upper` and `lower`, row k's are at `simple + k`; `count` rows are in use already.
+    Rows of the acceleration and of the command's range are there only while the plan comes near them.
+    """
+    n = commands.shape[0] - 1
+    low, high, most, bend = bounds[0], bounds[1], bounds[2], bounds[3]
+    before, bent, close = last_rate, False, False
+    for k in range(n):
+        rate = (commands[k + 1] - commands[k]) / stage
+        upper[k], lower[k] = (most - rate) / unit, (-most - rate) / unit
+        if k == 0:
+            upper[0] = max(min(upper[0], (last_rate + bend * tick - rate) / unit), 0.0)
+            lower[0] = min(max(lower[0], (last_rate - bend * tick - rate) / unit), 0.0)
+        elif abs(rate - before) > _NEAR * bend * stage:
+            bent = True
+        before = rate
+        middle = 0.5 * (low + high)
+        if abs(commands[k + 1] - middle) > _NEAR * (high - middle):
+            close = True
+    if bent:
+        for k in range(1, n):
+            jump = (commands[k + 1] - 2 * commands[k] + commands[k - 1]) / stage
+            rows[count] = 0.0
+            rows[count, k], rows[count, k - 1] = 1.0, -1.0
+            upper[simple + count], lower[simple + count] = (bend * stage - jump) / unit, (-bend * stage - jump) / unit
+            count += 1
+    if close:
+        for k in range(n):
+            rows[count] = 0.0
+            rows[count, : k + 1] = 1.0
+            upper[simple + count] = (high - commands[k + 1]) / (unit * stage)
+            lower[simple + count] = (low - commands[k + 1]) / (unit * stage)
+            count += 1
+    return count

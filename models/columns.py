@@ -83,6 +83,7 @@ def check_header(where: str, kind: str, header: Sequence[str], with_measured: bo
     required = COLUMNS[kind].required(with_measured)
     missing = [alternatives for alternatives in required if not set(alternatives) & set(header)]
     if not missing:
+        _refuse_another_kind(where, kind, header)
         return
     for alternatives in missing:
         for name in alternatives:
@@ -104,6 +105,13 @@ def check_unit_names(where: str, kind: str, header: Sequence[str]) -> None:
     for name in COLUMNS[kind].given_by_rig:
         if name not in header:
             _refuse_unit(where, name, header, kind)
+
+
+def _refuse_another_kind(where: str, kind: str, header: Sequence[str]) -> None:
+    """A whole record of one other kind that holds no measured column of `kind` was not made on such a rig."""
+    others = [other for other in COLUMNS if _fits(other, header)]
+    if len(others) == 1 and kind not in others and not set(COLUMNS[kind].measured) & set(header):
+        raise ValueError(f"{where}: record must be one of a {kind} rig; got the columns of kind {others[0]}")
 
 
 def _fits(kind: str, header: Sequence[str]) -> bool:

@@ -42,8 +42,11 @@ def check_folder(path: Path, option: str) -> Path:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ValueError(f"{option} must be a folder that can be made; got {path}: {error.strerror}") from None
-    if not os.access(path, os.W_OK | os.X_OK):
-        raise ValueError(f"{option} must be a folder that can be written to; got {path}")
+    try:
+        with tempfile.TemporaryFile(dir=path):
+            pass
+    except OSError as error:
+        raise ValueError(f"{option} must be a folder that can be written to; got {path}: {error.strerror or error}") from None
     return path
 
 

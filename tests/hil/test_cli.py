@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 
 import hil.app.close_loop as close_loop_module
 import hil.app.predict as predict_module
+import hil.app.write as write_module
 from hil.app.main import run, spread_option
 from hil.app.write import write_files, write_table
 from models.record import Record, read_record
@@ -169,6 +171,74 @@ def test_bad_input_ends_with_two_and_one_sentence(
     assert said in lines[0]
     assert "Traceback" not in output.err
     assert not (tmp_path / "p.csv").exists()
+
+
+@pytest.mark.usefixtures("faked")
+@pytest.mark.parametrize("command", ["close-loop", "predict"])
+def test_a_folder_that_cannot_be_written_to_is_refused_before_any_work(
+    tmp_path: Path,
+    rig: str,
+    record: str,
+    command: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def read_only(*_: object, **__: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(write_module.tempfile, "TemporaryFile", read_only)
+    monkeypatch.setattr(close_loop_module, "close", None)
+    where = {"close-loop": ["--out", str(tmp_path / "o")], "predict": ["--model", rig, "--out", str(tmp_path / "o" / "p.csv")]}
+    assert run([command, record, "--rig", rig, *where[command]]) == 2
+    assert "must be a folder that can be written to" in capsys.readouterr().err
+
+
+RECORD_FAULTS = {
+    "empty": (lambda text: "", "empty file"),
+    "column missing": (lambda text: text.replace("force_N", "forse_N"), "did you mean 'forse_N'"),
+    "unit": (lambda text: text.replace("position_m", "position_mm"), "'position_m', in m; got 'position_mm'"),
+    "time": (lambda text: text.replace("\n0.50,", "\n0.30,"), "line 52: t_s must increase"),
+    "not a number": (lambda text: text.replace("\n0.50,0.0050", "\n0.50,nan"), "line 52: position_m must be a finite number"),
+    "short": (lambda text: text[:500], "must have"),
+    "another kind": (lambda text: text.replace("force_N", "carriage_position_m"), "the columns of kind magnetic"),
+}
+
+
+@pytest.mark.usefixtures("faked")
+@pytest.mark.parametrize("fault", RECORD_FAULTS)
+def test_a_bad_record_is_refused_in_one_sentence(
+    tmp_path: Path, rig: str, record: str, fault: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    spoil, said = RECORD_FAULTS[fault]
+    bad = tmp_path / "bad.csv"
+    bad.write_text(spoil(Path(record).read_text()))
+    assert run(["close-loop", record, str(bad), "--rig", rig, "--out", str(tmp_path / "o"), "--json"]) == 2
+    output = capsys.readouterr()
+    assert (output.out, output.err.count("capsule:")) == ("", 1)
+    assert "bad.csv" in output.err
+    assert said in output.err
+    assert not list((tmp_path / "o").iterdir())
+
+
+@pytest.mark.usefixtures("faked")
+@pytest.mark.parametrize(
+    "spelling",
+    [
+        lambda text: text.replace(",", ";").encode(),
+        lambda text: text.replace(",", ";").replace(".", ",").encode(),
+        lambda text: b"\xef\xbb\xbf" + text.encode(),
+        lambda text: gzip.compress(text.encode()),
+    ],
+    ids=["semicolons", "decimal commas", "byte-order mark", "gzip"],
+)
+def test_spellings_of_a_record_are_accepted(
+    tmp_path: Path, rig: str, record: str, spelling: Callable[[str], bytes], capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = tmp_path / "other.csv.gz"
+    other.write_bytes(spelling(Path(record).read_text()))
+    for source in (record, str(other)):
+        assert run(["predict", source, "--rig", rig, "--model", rig, "--out", str(tmp_path / "p.csv"), "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)["rms"] == {"force_N": pytest.approx(0.05)}
 
 
 def test_version_and_help(capsys: pytest.CaptureFixture[str]) -> None:

@@ -163,6 +163,21 @@ def test_a_prediction_needs_the_driven_columns_only(tmp_path: Path) -> None:
         read(tmp_path, content.replace("0.3", "30"), "vibro_table", driven_only=True)
 
 
+def test_a_prediction_needs_a_record_of_its_own_kind(tmp_path: Path) -> None:
+    magnetic = "t_s,carriage_position_m,position_m\n" + ROWS
+    with pytest.raises(ValueError, match="must be one of a pull rig; got the columns of kind magnetic"):
+        read(tmp_path, magnetic, "pull", driven_only=True)
+    assert len(read(tmp_path, magnetic, "magnetic", driven_only=True)) == 200
+    assert len(read(tmp_path, HEADER.replace("force_N", "humidity") + ROWS, "pull", driven_only=True)) == 200
+
+
+def test_a_coil_is_driven_by_current_or_voltage(tmp_path: Path) -> None:
+    for name in ("coil_current_A", "coil_voltage_V"):
+        assert name in read(tmp_path, f"t_s,{name},position_m\n" + ROWS, "coil").columns
+    with pytest.raises(ValueError, match="'coil_current_A', in A; got 'coil_current_mA'"):
+        read(tmp_path, "t_s,coil_current_mA,position_m\n" + ROWS, "coil")
+
+
 def test_either_drive_column_makes_a_vibro_record(tmp_path: Path) -> None:
     for name in ("coil_voltage_V", "drive_on"):
         rows = "".join(f"{0.01 * i:.2f},{i % 2},0.001\n" for i in range(100))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from types import MappingProxyType
 from typing import ClassVar
 
@@ -45,7 +46,7 @@ class VibroTableKind:
     effects: tuple[type[Effect], ...] = EFFECTS
     step_s: float = STEP_S
     stages: int = 1
-    next_share: float = 0.1
+    next_share: float = 0.05
     least_gain: float = 0.05
     equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
     name: str = "vibro_table"
@@ -145,8 +146,12 @@ class VibroTableKind:
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
         """Rms over conditions in m/s, pooled over the records."""
-        wrong = [_means(r, r[self.quantity] - p) for r, p in zip(records, predictions, strict=True)]
+        wrong = [self.errors(r, p) for r, p in zip(records, predictions, strict=True)]
         return float(np.sqrt(np.mean(np.concatenate(wrong) ** 2)))
+
+    def errors(self, record: Record, predicted: Array) -> Array:
+        """Measured minus predicted speed in m/s, one a condition."""
+        return _means(record, record[self.quantity] - predicted)
 
     def noise_floor(self, records: Sequence[Record]) -> float:
         """What the scatter of the repeats leaves of the error, in m/s."""
@@ -201,9 +206,15 @@ def _softened(r: Array) -> Array:
 
 def _conditions(record: Record) -> tuple[Array, NDArray[np.intp]]:
     """The different (period, duty, cycles) of a record, and for each row which one it is."""
-    rows = np.column_stack((record["period_s"], record["duty"], record["cycles"]))
-    runs, index = np.unique(rows, axis=0, return_inverse=True)
-    return runs, index.ravel()
+    return _different(np.column_stack((record["period_s"], record["duty"], record["cycles"])).tobytes())
+
+
+@lru_cache(maxsize=64)
+def _different(rows: bytes) -> tuple[Array, NDArray[np.intp]]:
+    runs, index = np.unique(np.frombuffer(rows).reshape(-1, 3), axis=0, return_inverse=True)
+    index = index.ravel()
+    runs.flags.writeable = index.flags.writeable = False
+    return runs, index
 
 
 def _means(record: Record, values: Array) -> Array:

@@ -87,7 +87,8 @@ FIELDS = MappingProxyType(
 
 def vibro_cycle(theta: Theta, reaction_on_body: bool = True) -> VibroCycle:
     """The drive at `theta`: base values `body_mass_kg`, `inner_mass_kg`, `spring_stiffness_N_per_m`, `force_N`,
-    `friction_coefficient`, `load_scale` (of force and friction alike), and whatever effects have entries. Raises ValueError for an entry that belongs to neither."""
+    `friction_coefficient`, `load_scale` (of force and friction alike), and whatever effects have entries. Raises ValueError for an
+    entry that belongs to neither."""
     body, inner = theta["body_mass_kg"], theta["inner_mass_kg"]
     extra: dict[str, float] = {"reaction": 1.0 if reaction_on_body else 0.0}
     for name, value in theta.items():

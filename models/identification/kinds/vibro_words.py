@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from models.drives.vibro_numbers import GRAVITY
 from models.identification.kind import Array, Theta
+from models.identification.kinds.vibro_validation import cross_validated
 from models.record import Record
 
 if TYPE_CHECKING:
@@ -27,9 +29,10 @@ def equations(theta: Theta) -> list[str]:
     if has("end_stop_impact.stiffness_N_per_m"):
         gap = theta["end_stop_impact.gap_m"]
         spring += f" + {theta['end_stop_impact.stiffness_N_per_m']:.3g} sgn(xi) max(|xi| - {gap:.3g}, 0)"
-    drive = f"F = {theta['force_N']:.4g} on(t)"
+    force, grip = (theta.get("load_scale", 1.0) * theta[name] for name in ("force_N", "friction_coefficient"))
+    drive = f"F = {force:.4g} on(t)"
     if has("coil_lag.time_s"):
-        drive = f"F = {theta['force_N']:.4g} i^2, {theta['coil_lag.time_s']:.3g} i' = on(t) - i"
+        drive = f"F = {force:.4g} i^2, {theta['coil_lag.time_s']:.3g} i' = on(t) - i"
     if has("actuator_lag.time_s"):
         drive += f", lagged by {theta['actuator_lag.time_s']:.3g} s"
     if has("coil_reach.gain_per_m"):
@@ -39,7 +42,7 @@ def equations(theta: Theta) -> list[str]:
         f"{inner:.4g} (v' + xi'') = F - S",
         spring,
         drive,
-        f"R(v) = {theta['friction_coefficient'] * (body + inner) * 9.81:.4g} {_level(theta)}Sgn(v), Sgn(0) = [-1, 1]",
+        f"R(v) = {grip * (body + inner) * GRAVITY:.4g} {_level(theta)}Sgn(v), Sgn(0) = [-1, 1]",
         f"mean velocity in the record = {theta['mirror']:+.0f} x mean of v over the run, from rest",
     ]
 
@@ -80,15 +83,16 @@ def statements(kind: VibroTableKind, theta_by_stage: Mapping[str, Theta], record
         f"The record counts velocities {'along' if nominal['mirror'] > 0 else 'against'} the coil's push on the inner mass.",
         *(_turn(kind, stage, values) for stage, values in theta_by_stage.items()),
     ]
-    force, friction = (theta[k] / nominal[k] for k in ("force_N", "friction_coefficient"))
+    scale = theta.get("load_scale", 1.0)
+    force, friction = (scale * theta[k] / nominal[k] for k in ("force_N", "friction_coefficient"))
     if min(force, friction) > 1.2 or max(force, friction) < 1 / 1.2:
         out.append(
-            f"Force and friction come out at {force:.2f} and {friction:.2f} times nominal. A common factor on both scales "
-            "every speed by it and little else, so these data hardly tell it from a scale error of the displacement; the ratio "
-            "of force to friction is what they fix."
+            f"Force and friction come out at {force:.2f} and {friction:.2f} times nominal. A common factor on both, load_scale, "
+            "scales every speed by it and little else, so these data hardly tell it from a scale error of the displacement; the "
+            "ratio of force to friction is what they fix."
         )
     if "coil_reach.gain_per_m" in theta:
-        at = [theta["force_N"] * np.exp(theta["coil_reach.gain_per_m"] * xi) for xi in (0.0, 0.01, 0.02)]
+        at = [scale * theta["force_N"] * np.exp(theta["coil_reach.gain_per_m"] * xi) for xi in (0.0, 0.01, 0.02)]
         out.append(
             f"The coil pushes with {at[0]:.2f} N on the inner mass at rest, with {at[1]:.2f} N at 10 mm and {at[2]:.2f} N at "
             f"20 mm; the nominal {nominal['force_N']:.3g} N must not be compared with the first of these alone."
@@ -98,8 +102,19 @@ def statements(kind: VibroTableKind, theta_by_stage: Mapping[str, Theta], record
             "The measured speeds at duty D and 1 - D are not mirrored: the drive acts for less time than it is switched on. A "
             "lagging current whose square makes the force does this; a lagging force by itself does not."
         )
-    worst = _worst(kind, theta, records)
-    return [*out, worst, _sessions(records)]
+    return [*out, *_validation(kind, theta, records), _worst(kind, theta, records), _sessions(records)]
+
+
+def _validation(kind: VibroTableKind, theta: Theta, records: Sequence[Record]) -> list[str]:
+    errors = cross_validated(kind, theta, records)
+    if not errors:
+        return []
+    said = (
+        f"Cross-validated by whole conditions (eight parts, repeats of a condition never split) the model is off by "
+        f"{1e3 * errors.pop(''):.2f} mm/s rms"
+    )
+    without = ", ".join(f"{1e3 * error:.2f} without {name}" for name, error in errors.items())
+    return [f"{said}; refitted with one effect less: {without} (mm/s)." if without else f"{said}."]
 
 
 def _turn(kind: VibroTableKind, stage: str, theta: Theta) -> str:

@@ -46,9 +46,10 @@ class Statistics:
 class Receiver:
     """Checks the frames of one kind: length, CRC, counter, range, in this order; keeps the last good values and when they came.
 
-    The counter of a cyclic frame may skip `MOST_LOST` frames; a repeated one is refused. After the data have become stale, `RESYNC` good frames in a row
-    that count on from each other begin anew (a sender that has restarted); while they are fresh no other sequence is let in, so a
-    replay beside the true sender is not. A replay of a whole recording after the sender fell silent cannot be told from its
+    The counter of a cyclic frame may skip as many frames as there was time for, at most `MOST_LOST`; a repeated one is refused. After
+    the data have become stale, `RESYNC` good frames in a row that count on from each other begin anew (a sender that has restarted);
+    while they are fresh no other sequence is let in, so a replay beside the true sender is not, unless it is 15 frames old to the
+    frame, where the counter has come round. A replay of a whole recording after the sender fell silent cannot be told from its
     restart by counters of 4 bits: heartbeats and the time to live bound what it can do. Frames that are not cyclic (safe stop, fault,
     reset) come after silences of any length: every counter but the last one is let in at once, none of them can start anything.
     """
@@ -102,8 +103,10 @@ class Receiver:
             return 1
         step = (counter - self._counter) % COUNTS
         fresh, cyclic = self.fresh(now) is not None, self.frame.sent == "Cyclic"
-        if step and (not cyclic or (fresh and step <= MOST_LOST + 1)):
-            return step if cyclic else 1
+        if step and not cyclic:
+            return 1
+        if fresh and 1 <= step <= min(MOST_LOST, (now - self.stamp_s) / self.frame.cycle_s + 0.5) + 1:
+            return step
         if fresh:
             return Refusal("repeated" if step == 0 else "counter", f"{self._counter} then {counter}")
         self._row = self._row + 1 if (counter - self._candidate) % COUNTS == 1 and self._row else 1

@@ -103,11 +103,21 @@ def test_repeated_and_old_frames_are_refused_and_lost_ones_counted() -> None:
     sent = [sender.frame(VALUES) for _ in range(12)]
     assert isinstance(receiver.accept(sent[0], 0.0), dict)
     assert receiver.accept(sent[0], TICK) == Refusal("repeated", "0 then 0")
-    assert isinstance(receiver.accept(sent[3], 2 * TICK), dict)
+    assert receiver.accept(sent[3], TICK) == Refusal("counter", "0 then 3")
+    assert isinstance(receiver.accept(sent[3], 3 * TICK), dict)
     assert receiver.statistics.lost == 2
-    assert isinstance(receiver.accept(sent[1], 3 * TICK), Refusal)
-    assert isinstance(receiver.accept(sent[3 + MOST_LOST + 2], 3 * TICK), Refusal)
-    assert isinstance(receiver.accept(sent[3 + MOST_LOST + 1], 3 * TICK), dict)
+    assert isinstance(receiver.accept(sent[1], 4 * TICK), Refusal)
+    assert isinstance(receiver.accept(sent[3 + MOST_LOST + 2], 7.9 * TICK), Refusal)
+    assert isinstance(receiver.accept(sent[3 + MOST_LOST + 1], 7.9 * TICK), dict)
+
+
+@given(st.integers(2, 12), st.integers(16, 64), st.floats(0, 0.9))
+def test_a_frame_that_comes_late_beside_the_others_is_refused(age: int, count: int, wait: float) -> None:
+    sender, receiver = Sender(COIL), Receiver(COIL)
+    sent = [sender.frame(VALUES) for _ in range(count)]
+    for i, data in enumerate(sent):
+        assert isinstance(receiver.accept(data, i * TICK), dict)
+    assert isinstance(receiver.accept(sent[-age], (count - 1 + wait) * TICK), Refusal)
 
 
 def test_data_become_invalid_with_age_and_before_their_time() -> None:

@@ -118,3 +118,15 @@ def test_a_model_file_predicts_from_the_driven_column_alone() -> None:
     np.testing.assert_array_equal(model.predict(rig, record.without(("position_m",)))["position_m"], seen)
     moved = record.with_column("position_m", record["position_m"] + 0.13)
     assert kind.predict(moved, stage) == pytest.approx(kind.predict(record, stage) + 0.13, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["coil", "vibro_gut"])
+def test_lost_and_late_samples_cost_little(name: str) -> None:
+    rig, records, truth = series(name, None, 3, 4.0, 1)
+    kind, rng = kind_for(rig, records), np.random.default_rng(0)
+    theta = {**kind.nominal(), **truth} | ({SWITCH_DELAY: 0.0} if rig.kind == "vibro" else {})
+    kept = np.sort(rng.permutation(len(records[0]))[: round(0.97 * len(records[0]))])
+    lossy = records[0].rows(kept)
+    whole, thinned = kind.predict(records[0], theta)[kept], kind.predict(lossy, theta)
+    assert np.sqrt(np.mean((thinned - whole) ** 2)) < 0.02 * np.ptp(whole)
+    assert thinned.shape == lossy["t_s"].shape

@@ -17,9 +17,10 @@ from models.record import Record
 Array = NDArray[np.float64]
 
 SWITCH_DELAY = "switch_delay_s"
-_STEP = 5e-4  # s, internal step of a free capsule
+_STEP = 2.5e-4  # s, internal step of a free capsule
 _DRIFTING_STEP = 2e-4  # s, the same where no magnet holds its place: what a step does wrong stays
 _SHAKEN_STEP = 5e-5  # s, the same for a body that its drive shakes to and fro
+_UNEVEN = 0.05  # share of the sampling interval by which times may be off before samples count as uneven
 _AT_AN_END = 0.01  # share of a switch's range within which a sample counts as fully on or off
 
 
@@ -45,6 +46,16 @@ def interval(record: Record) -> float:
     """Mean time between samples in s."""
     t = record["t_s"]
     return float(t[-1] - t[0]) / (len(t) - 1)
+
+
+def evenly(record: Record, columns: Sequence[str]) -> Record:
+    """`record` itself where its samples are even in time, else its `columns` straight between samples at as many even times."""
+    t = record["t_s"]
+    even = np.linspace(t[0], t[-1], len(t))
+    if np.max(np.abs(t - even)) < _UNEVEN * interval(record):
+        return record
+    there = {name: np.interp(even, t, record[name]) for name in columns if name in record.columns}
+    return Record(record.name, record.kind, {"t_s": even, **there})
 
 
 @dataclass(frozen=True)
@@ -82,35 +93,37 @@ def feed(drive: Drive, record: Record, rigid: bool, delay: float) -> Feed:
     return Feed(np.concatenate([[0.0], mean, mean[-1:]]), dt / pieces, 1, 1, pieces)
 
 
-def _between(command: Array) -> NDArray[np.bool_]:
-    """Where a switch's column is neither fully on nor fully off."""
+def _ends(command: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Where a switch's column is fully off, and where fully on."""
     low, high = float(command.min()), float(command.max())
     margin = _AT_AN_END * (high - low)
-    return np.asarray((command > low + margin) & (command < high - margin))
+    return command <= low + margin, command >= high - margin
 
 
 def logged_whole(command: Array) -> bool:
     """Whether a switch's column knows only two values: it says at which sample, not when between two, the switch went."""
-    return not _between(command).any()
+    off, on = _ends(command)
+    return bool(np.all(off | on))
 
 
 def held(command: Array, dt: float, pieces: int, delay: float) -> Array:
     """Mean of a switched command over each of `pieces` equal parts of every sampling interval `dt` in s, shape ((n - 1) pieces,).
 
-    A sample is the command's mean over the interval before it. Where the neighbours are on one side higher, an edge is placed inside
-    the interval so that the mean is right; elsewhere the mean holds throughout. All of it comes `delay` s later.
+    A sample is the command's mean over the interval before it. Where a neighbour is fully on or off, an edge is placed inside the
+    interval so that the mean is right; elsewhere the mean holds throughout. All of it comes `delay` s later.
     """
-    partial = np.append(_between(command), False)
-    before, share, after = command[:-1], command[1:], np.append(command[2:], command[-1])
-    edge = partial[1:-1] & ~partial[:-2] & ~partial[2:] & (np.abs(after - before) > 0.5 * np.ptp(command))
-    gap = np.where(edge, after - before, 1.0)
-    turn = np.where(edge, (after - share) / gap, 1.0)  # share of the interval that is still as before
-    first = np.where(edge, before, share)
+    off, on = (np.append(where, False) for where in _ends(command))
+    partial = ~(off | on)[1:-1]
+    up, down = off[:-2] | on[2:], on[:-2] | off[2:]
+    rises, falls = partial & up & ~down, partial & down & ~up
+    share, low, high = command[1:], float(command.min()), float(command.max())
+    first = np.where(rises, low, np.where(falls, high, share))
+    then = np.where(rises, high, np.where(falls, low, share))
+    turn = np.where(rises | falls, (then - share) / np.where(first == then, 1.0, then - first), 1.0)
     starts = np.arange(len(share))
-    knots = np.stack([starts, starts + turn], axis=1).ravel()
-    area = np.stack([turn * first, (1 - turn) * after], axis=1).ravel()
+    knots = np.append(np.stack([starts, starts + turn], axis=1).ravel(), float(len(share)))
+    area = np.stack([turn * first, (1 - turn) * then], axis=1).ravel()
     total = np.concatenate([[0.0], np.cumsum(area)])
-    knots = np.append(knots, float(len(share)))
     at = np.arange(len(share) * pieces + 1) / pieces - delay / dt
     reached = np.interp(at, knots, total) + np.minimum(at, 0.0) * command[0]
     return np.asarray(np.diff(reached) * pieces)

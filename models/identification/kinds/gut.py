@@ -18,7 +18,7 @@ from models.drives.drive import Drive
 from models.drives.from_rig import drive_of, surface_of
 from models.effects import BY_ID, effects_for
 from models.effects.effect import Effect
-from models.identification.kinds.driven import SWITCH_DELAY, drifts, driven_column, feed, interval, switch_delay
+from models.identification.kinds.driven import SWITCH_DELAY, drifts, driven_column, evenly, feed, interval, switch_delay
 from models.identification.kinds.gut_words import equations_of, next_experiment_of, statements_of
 from models.identification.lower import Kernel, lower
 from models.parameter import Parameter
@@ -31,6 +31,7 @@ Array = NDArray[np.float64]
 Theta = Mapping[str, float]
 
 LOW_PASS_HZ = 2.0
+_PER_PERIOD = 10  # samples that the slow view keeps of a period of its cut-off
 _TAIL = 8.0  # standard deviations beyond which a difference counts ever less: samples at a jump of the speed
 _START_S = 0.5  # s, over which a record's start is compared with a prediction's where the drive does not tell the place
 _WALL_HOOKS = ("stiffening", "wall_force", "recovery")
@@ -67,6 +68,7 @@ class GutKind:
     base: tuple[Parameter, ...] = ()
     effects: tuple[type[Effect], ...] = ()
     stages: int = 3
+    slow_view: bool = True
     next_share: float = 0.6
     least_gain: float = 0.4
     equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
@@ -87,12 +89,13 @@ class GutKind:
     @classmethod
     def build(cls, surface: Surface, drive: Drive, noise_std: float, records: Sequence[Record] = ()) -> GutKind:
         """The kind for a surface and a drive; `records` tell how a switch was logged."""
-        memories = (0.03, 0.2) if drive.imposed else (1.0, 5.0) if drifts(drive) else (0.2, 5.0)
+        memories = (0.03, 0.2) if drive.imposed else (1.0, 5.0) if drifts(drive) else (0.2,)
         own = surface.parameters() if isinstance(surface, Plate) else base_parameters(surface.tissue)
         base = own + drive.parameters() + switch_delay(drive, records)
         effects = tuple(e for e in effects_for(drive.name) if not isinstance(surface, Plate) or not _acts_on_the_wall(e))
         unit = "N" if drive.imposed else "m"
-        return cls(drive.name, surface, drive, noise_std, memories, base, effects, unit=unit, quantity=drive.measured)
+        stages = len(memories) + 1
+        return cls(drive.name, surface, drive, noise_std, memories, base, effects, stages, unit=unit, quantity=drive.measured)
 
     def nominal(self) -> dict[str, float]:
         """The base parameters as believed."""
@@ -106,10 +109,12 @@ class GutKind:
         active = active_effects(theta)
         assembly, kernel = _model(self.surface, self.drive, active)
         rigid = self.drive.imposed and "string_compliance" not in active
-        fed = feed(self.drive, record, rigid, theta.get(SWITCH_DELAY, 0.0))
+        even = evenly(record, (self.drive.commanded, self.quantity))
+        measured = None if measured is None else even[self.quantity]
+        fed = feed(self.drive, even, rigid, theta.get(SWITCH_DELAY, 0.0))
         shown = np.empty(len(fed.commands))
         kernel(
-            self._start(assembly, record, measured),
+            self._start(assembly, even, measured),
             fed.commands,
             shown if measured is None or not memory else fed.spread(measured),
             fed.dt / memory if memory else 0.0,
@@ -122,8 +127,7 @@ class GutKind:
         delay = sum(
             float(BY_ID[e]().delay({k.split(".")[1]: v for k, v in theta.items() if k.startswith(e + ".")})) for e in active
         )
-        t = record["t_s"]
-        return np.interp(t - delay, t, output) if delay else output
+        return np.interp(record["t_s"] - delay, even["t_s"], output) if delay or even is not record else output
 
     def _start(self, assembly: Assembly, record: Record, measured: Array | None) -> Array:
         state = assembly.start()
@@ -158,6 +162,9 @@ class GutKind:
             output = self._from_the_start(record, output)
         r = (record[self.quantity] - output) / self.noise_std
         r = np.where(np.isfinite(r), r, 1e6)
+        if stage == self.stages:
+            dt = interval(record)
+            return np.asarray(low_passed(r, dt)[:: max(1, round(1 / (_PER_PERIOD * LOW_PASS_HZ * dt)))])
         return np.asarray(np.sign(r) * _TAIL * np.sqrt(2 * (np.sqrt(1 + (r / _TAIL) ** 2) - 1)))
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:

@@ -22,7 +22,7 @@ from models.rig import Rig
 
 Array = NDArray[np.float64]
 
-SMOOTHING = 5e-5
+SMOOTHING = 2e-5
 LONGEST_STEP_S = 1e-3
 _LONGEST_VIBRO_S = 3e-4
 _FOLLOWS_COMMAND = (".position_m", ".command")
@@ -91,7 +91,7 @@ class ControlModel:
         slope = (
             p["magnet_stiffness_N_per_m"] if self.gap_limit_m is not None else p.get("coil_force_N_per_A", p.get("force_N", 1.0))
         )
-        return max(abs(float(slope)) / p.get("coil_resistance_ohm", 1.0), 1e-6)
+        return max(abs(float(slope)) / float(p.get("coil_resistance_ohm", 1.0)), 1e-6)
 
     def index(self, name: str) -> int:
         """Where the state `name` stands; ValueError for a state that the model does not have."""
@@ -138,7 +138,7 @@ class ControlModel:
 
     @cached_property
     def kernels(self) -> Kernels:
-        """The step compiled to machine code by numba; kept on disk, so that only the first use of a kind of model takes seconds."""
+        """The step compiled to machine code, by a C compiler or by numba; kept on disk, so only the first use of a kind of model waits."""
         return compile_kernels(self.symbols, self.values, self.tick_s, self.substeps)
 
     def with_tick(self, tick_s: float) -> ControlModel:

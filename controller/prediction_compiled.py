@@ -1,4 +1,4 @@
-"""The control model's step as machine code: CasADi's instructions handed to numba, no C compiler needed."""
+"""The control model's step as machine code: by a C compiler where there is one, else by numba from CasADi's instructions."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.prediction_native import native_functions
 from controller.prediction_symbols import Symbols
 from models.identification.lower import load, statements
 
@@ -58,6 +59,14 @@ def run(states, command, d, t, tick, substeps, parameters):
     for k in range(states.shape[0]):
         for j in range(substeps):
             substep(states[k], command, command, d[k], t + j * h, h, parameters)
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def run_each(states, command, d, t, tick, substeps, parameters):
+    h = tick / substeps
+    for k in range(states.shape[0]):
+        for j in range(substeps):
+            substep(states[k], command, command, d[k], t + j * h, h, parameters[k])
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
@@ -126,10 +135,12 @@ def linearise(path, A, B, commands, d, t, stage, substeps, parameters):
 
 @dataclass(frozen=True)
 class Kernels:
-    """Compiled functions of one model; arrays are C-contiguous float64, n states, all changed in place, nothing allocated but scratch.
+    """Compiled functions of one model, `native` where a C compiler made them; arrays are C-contiguous float64, n states, all changed in
+    place, nothing allocated but scratch.
 
     - `step(x (n,), command, disturbance_N, t) -> (n,)`: one tick, a new array.
     - `steps(states (m, n), command, disturbance_N (m,), t)`: one tick of m states at once, in place (a filter's sigma points).
+    - `run_each(states (m, n), command, disturbance_N (m,), t, tick_s, substeps, parameters (m, p))`: the same, each state with its own.
     - `roll(path (N + 1, n), commands (N + 1,), disturbance_N, t, stage_s, substeps, parameters)`: from `path[0]` N stages of `stage_s`
       in which the command goes in a straight line from one of `commands` to the next; fills `path[1:]`.
     - `linearise(path, A (N, n, n), B (N, n, 2), commands, ...)`: the same with `dx_next = A dx + B (dc0, dc1)`.
@@ -139,6 +150,7 @@ class Kernels:
     """
 
     run: Any
+    run_each: Any
     roll: Any
     linearise: Any
     pursue: Any
@@ -146,6 +158,7 @@ class Kernels:
     parameters: Array
     tick_s: float
     substeps: int
+    native: bool = False
 
     def step(self, x: Array, command: float, disturbance_N: float, t: float) -> Array:
         """The state (n,) a tick later."""
@@ -160,6 +173,15 @@ class Kernels:
 
 def compile_kernels(symbols: Symbols, values: Array, tick_s: float, substeps: int) -> Kernels:
     """The functions of `symbols` at the parameters `values`; the code holds no parameter, so other values of the same model reuse it."""
+    numbers, native = np.ascontiguousarray(values, dtype=float), native_functions(symbols)
+    if native is not None:
+        return Kernels(**native, parameters=numbers, tick_s=tick_s, substeps=substeps, native=True)
+    m = load(_generated(symbols))
+    return Kernels(m.run, m.run_each, m.roll, m.linearise, m.pursue, m.holds, numbers, tick_s, substeps)
+
+
+def _generated(symbols: Symbols) -> str:
+    """The source of numba's module."""
     n = len(symbols.states)
     names = _named(symbols, {(1, 0): "c0", (2, 0): "c1", (3, 0): "d", (4, 0): "t", (5, 0): "h"}, 6)
     step, stepped = statements(symbols.substep, names, "w")
@@ -169,7 +191,7 @@ def compile_kernels(symbols: Symbols, values: Array, tick_s: float, substeps: in
     unpack = [f"s{i} = state[{i}]" for i in range(n)] + [f"p{i} = parameters[{i}]" for i in range(len(symbols.parameters))]
     store = [f"state[{i}] = {sloped.get((0, i), '0.0')}" for i in range(n)]
     store += [f"J[{k % n}, {k // n}] = {sloped.get((1, k), '0.0')}" for k in range(n * (n + 3))]
-    source = _FRAME.format(
+    return _FRAME.format(
         unpack=_block(unpack),
         step=_block(step),
         store_step=_block([f"state[{i}] = {stepped.get((0, i), '0.0')}" for i in range(n)]),
@@ -181,8 +203,6 @@ def compile_kernels(symbols: Symbols, values: Array, tick_s: float, substeps: in
         store_wall=_block([f"slope[{i}] = {held.get((1, i), '0.0')}" for i in range(n)]),
         force=held.get((0, 0), "0.0"),
     )
-    m = load(source)
-    return Kernels(m.run, m.roll, m.linearise, m.pursue, m.holds, np.ascontiguousarray(values, dtype=float), tick_s, substeps)
 
 
 def _named(symbols: Symbols, scalars: dict[tuple[int, int], str], parameters: int) -> dict[tuple[int, int], str]:

@@ -143,13 +143,13 @@ def assembled(surface: Surface, drive: Drive, effects: Sequence[type[Effect]], s
     unit = drive.command_unit
     last = c0 if drive.held else c1
     new = model.advance(c0 / unit, last / unit, t, h)
-    reading, wall = ca.SX(model.measured(t)), ca.SX(model.wall_force(t))
+    reading, wall = (ca.densify(ca.SX(e)) for e in (model.measured(t), model.wall_force(t)))
     kept = _needed(names, now, new, ca.vertcat(reading, wall))
     x = ca.vertcat(*(now[name] for name in kept))
-    after = ca.cse(ca.vertcat(*(new[name] for name in kept)))
+    after = ca.densify(ca.cse(ca.vertcat(*(new[name] for name in kept))))
     arguments = [x, c0, c1, d, t, h, q]
     speed = ca.SX.sym("speed")
-    pursuit = ca.SX(model.pursuit(speed, t)) * unit
+    pursuit = ca.densify(ca.SX(model.pursuit(speed, t)) * unit)
     jacobian = ca.densify(ca.jacobian(after, ca.vertcat(x, c0, c1, d)))
     return Symbols(
         kept,

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Kernel = Callable[[Array, Array, Array, float, Array, int, float, Array], None]
 
+SLOW_S = 2.0
 _LOADING = threading.Lock()
 _BINARY = {
     ca.OP_ADD: "({0} + {1})",
@@ -85,6 +86,7 @@ import numpy as np
 @numba.njit(nogil=True, cache=True, error_model="numpy", fastmath={{"contract", "afn", "nsz"}})
 def run(state, commands, measured, gain, parameters, substeps, dt, output):
     h = dt / substeps
+    slow = 0.0
 {unpack_state}
 {unpack_parameters}
     for k in range(commands.shape[0]):
@@ -100,13 +102,16 @@ def run(state, commands, measured, gain, parameters, substeps, dt, output):
             if k == 0 or j + 1 == substeps:
                 output[k] = {output}
                 e = measured[k] - output[k]
+        slow += min(dt / {forgets}, 1.0) * (e - slow)
+        e -= slow
         if gain != 0.0:
 {correct}
 {pack_state}
 '''
 
 
-def _folder() -> Path:
+def cache_folder() -> Path:
+    """Where generated code is kept: `CAPSULE_CACHE`, else the user's cache folder, else the one for temporary files."""
     root = os.environ.get("CAPSULE_CACHE") or os.path.join(
         os.environ.get("XDG_CACHE_HOME", os.path.expanduser("~/.cache")), "capsule"
     )
@@ -159,8 +164,9 @@ def lower(step: ca.Function, correct: ca.Function) -> Kernel:
 
     The loop `run(state, commands, measured, gain, parameters, substeps, dt, output)` steps through `commands` (one value a sample, linear
     in between, `substeps` steps a sample of `dt` s), overwrites `state` with the last one and fills `output`, one value a sample,
-    predicted before the sample is seen. `correct` then moves the state by `gain` times the prediction's error: an observer; a gain of 0 runs
-    free and never looks at `measured`. Compiled code is kept on disk under the hash of its source. Raises ValueError for operations that are not scalar.
+    predicted before the sample is seen. `correct` then moves the state by `gain` times the prediction's error less its slow part (a mean
+    over about `SLOW_S`): an observer that keeps teeth in step and leaves alone what a model lacks slowly; a gain of 0 runs free and never
+    looks at `measured`. Compiled code is kept on disk under the hash of its source. Raises ValueError for operations that are not scalar.
     """
     n, m = step.numel_in(0), step.numel_in(5)
     names = {(0, i): f"s{i}" for i in range(n)} | {(5, i): f"p{i}" for i in range(m)}
@@ -168,6 +174,7 @@ def lower(step: ca.Function, correct: ca.Function) -> Kernel:
     lines, out = statements(step, names, "w")
     fixes, fixed = statements(correct, {(0, i): f"s{i}" for i in range(n)} | {(1, 0): "e", (2, 0): "gain"}, "y")
     source = _FRAME.format(
+        forgets=SLOW_S,
         unpack_state="\n".join(f"    s{i} = state[{i}]" for i in range(n)),
         unpack_parameters="\n".join(f"    p{i} = parameters[{i}]" for i in range(m)),
         body="\n".join(" " * 12 + line for line in lines),
@@ -193,7 +200,7 @@ def _loaded(source: str) -> Any:
     name = "capsule_step_" + hashlib.sha256((source + sys.version).encode()).hexdigest()[:20]
     if name in sys.modules:
         return sys.modules[name]
-    path = _folder() / f"{name}.py"
+    path = cache_folder() / f"{name}.py"
     if not path.is_file():
         draft = path.with_suffix(f".{os.getpid()}")
         draft.write_text(source, encoding="utf-8")

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import tomllib
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from controller.prediction import ControlModel, control_model
+from controller.prediction_native import native_functions
 from models.assembly import assemble
 from models.drives.from_rig import drive_of, surface_of
 from models.rig import Rig, parse_rig
@@ -135,6 +137,40 @@ def test_stages_and_their_slopes_agree_with_differences(magnetic: ControlModel) 
     change = B[0, :, 1] * 1e-8
     change = A[1] @ change + B[1, :, 0] * 1e-8
     assert (other[2] - path[2])[:3] == pytest.approx(change[:3], rel=0.02, abs=1e-11)
+
+
+def test_numba_and_the_c_compiler_make_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = control_model(rig_of("magnetic"), {}, TICK_S)
+    if not model.kernels.native:
+        pytest.skip("needs a C compiler")
+    monkeypatch.setenv("CAPSULE_COMPILER", "none")
+    twin = control_model(rig_of("magnetic"), {}, TICK_S).kernels
+    assert not twin.native
+    results = []
+    for kernels in (model.kernels, twin):
+        n, count, p = len(model.states), 12, kernels.parameters
+        path, A, B = np.zeros((count + 1, n)), np.zeros((count, n, n)), np.zeros((count, n, 2))
+        commands, forces, slopes = np.linspace(4e-3, 6e-3, count + 1), np.zeros(count + 1), np.zeros((count + 1, n))
+        path[0] = [0.0, 8e-3, 2.2e-4, 0.0]
+        kernels.linearise(path, A, B, commands, 1e-3, 0.0, 5e-3, 2, p)
+        kernels.holds(path, forces, slopes, 0.0, 5e-3, p)
+        chased, led = path.copy(), commands.copy()
+        line = np.linspace(0.0, 1e-3, count + 1)
+        kernels.pursue(chased, led, line, 0 * line + 0.02, 0.03, 0.25, -1.0, 1.0, 0.0, 0.0, 5e-3, 2, p)
+        each = np.array(path[:3])
+        kernels.run_each(each, 5e-3, np.zeros(3), 0.0, TICK_S, 1, np.tile(p, (3, 1)))
+        results.append([path, A, B, forces, slopes, chased, led, each])
+    for native, jitted in zip(*results, strict=True):
+        assert native == pytest.approx(jitted, rel=1e-6, abs=1e-9)
+
+
+def test_a_compiler_that_fails_is_no_compiler(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    broken = tmp_path / "cc"
+    broken.write_text("#!/bin/sh\nexit 1\n")
+    broken.chmod(0o755)
+    monkeypatch.setenv("CAPSULE_COMPILER", str(broken))
+    monkeypatch.setenv("CAPSULE_CACHE", str(tmp_path))
+    assert native_functions(control_model(rig_of("magnetic"), {}, TICK_S).symbols) is None
 
 
 def test_a_disturbance_is_a_force_along_x(magnetic: ControlModel) -> None:

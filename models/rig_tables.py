@@ -35,7 +35,9 @@ class Noise(Table):
 class Drive(Table):
     """The inner mass of a vibro-impact drive: on a spring to the body, pushed by `force_N` while the coil is on.
 
-    `reaction_on_body` false: an external field acts on the inner mass alone. A stop that is left out is out of reach.
+    `reaction_on_body` false: an external field acts on the inner mass alone. A stop that is left out is out of reach. Where a record
+    logs the coil's voltage, either `rated_voltage_V` gives `force_N` at once, or `force_constant_N_per_A` and
+    `coil_resistance_Ohm` (with inductance and the supply's limit, where they matter) turn it into a current and that into a force.
     """
 
     inner_mass_kg: Mass
@@ -47,6 +49,10 @@ class Drive(Table):
     rear_stop_gap_m: Positive | None = None
     stop_stiffness_N_per_m: Positive | None = None
     rated_voltage_V: Positive | None = None
+    force_constant_N_per_A: Real | None = None
+    coil_resistance_Ohm: Positive | None = None
+    coil_inductance_H: Positive | None = None
+    current_limit_A: Positive | None = None
 
 
 class Surface(Table):

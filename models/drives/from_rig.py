@@ -6,7 +6,7 @@ from models.drives.coil import Coil, VoltageCoil, Winding
 from models.drives.drive import Drive
 from models.drives.magnetic import Magnetic
 from models.drives.pull import Pull
-from models.drives.vibro import RatedVibro, Stop, Vibro
+from models.drives.vibro import RatedVibro, Stop, Vibro, VoltageVibro
 from models.plate import Plate
 from models.rig import Rig
 from models.wall import Wall
@@ -45,9 +45,13 @@ def _coil(rig: Rig, by_voltage: bool) -> Coil:
         return Coil(c.force_constant_N_per_A, c.coil_position_m, c.coil_range_m)
     if c.coil_resistance_Ohm is None:
         raise ValueError("[rig] must have the key 'coil_resistance_Ohm' where the coil is driven by a voltage; it is missing")
-    most = float("inf") if c.current_limit_A is None else c.current_limit_A
-    winding = Winding(c.coil_resistance_Ohm, c.coil_inductance_H or 0.0, most, c.force_constant_N_per_A)
+    winding = _winding(c.coil_resistance_Ohm, c.coil_inductance_H, c.current_limit_A, c.force_constant_N_per_A)
     return VoltageCoil(c.force_constant_N_per_A, c.coil_position_m, c.coil_range_m, winding)
+
+
+def _winding(resistance: float, inductance: float | None, limit: float | None, force_constant: float) -> Winding:
+    """A coil whose back-EMF per speed is its force per current, as power demands."""
+    return Winding(resistance, inductance or 0.0, float("inf") if limit is None else limit, force_constant)
 
 
 def _vibro(rig: Rig, by_voltage: bool) -> Vibro:
@@ -66,6 +70,12 @@ def _vibro(rig: Rig, by_voltage: bool) -> Vibro:
     )
     if not by_voltage:
         return Vibro(*numbers)
-    if d.rated_voltage_V is None:
-        raise ValueError("[drive] must have the key 'rated_voltage_V' where the coil is driven by a voltage; it is missing")
-    return RatedVibro(*numbers, d.rated_voltage_V)
+    if d.rated_voltage_V is not None:
+        return RatedVibro(*numbers, d.rated_voltage_V)
+    if d.coil_resistance_Ohm is None or d.force_constant_N_per_A is None:
+        raise ValueError(
+            "[drive] must have the key 'rated_voltage_V', or 'force_constant_N_per_A' and 'coil_resistance_Ohm', where the coil is "
+            "driven by a voltage; they are missing"
+        )
+    winding = _winding(d.coil_resistance_Ohm, d.coil_inductance_H, d.current_limit_A, d.force_constant_N_per_A)
+    return VoltageVibro(*numbers, d.force_constant_N_per_A, winding)

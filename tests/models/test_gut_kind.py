@@ -8,17 +8,25 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from models.drives.coil import Coil, VoltageCoil
-from models.drives.vibro import RatedVibro, Vibro
+from models.drives.vibro import RatedVibro, Vibro, VoltageVibro
 from models.effects import BY_ID
 from models.identification import Model
 from models.identification.kinds import kind_for
 from models.identification.kinds.driven import SWITCH_DELAY, Feed, driven_column, feed, held, logged_whole
 from models.identification.kinds.gut import GutKind
+from models.laws.geometry import Capsule
 from models.plate import Plate
 from models.record import Record
 from models.rig import parse_rig
 from plant.excitation import pulse_width
-from tests.bench.bench_drives import believed, series
+from plant.recording import record_scenario
+from plant.rig import Coil as PlantCoil
+from plant.rig import Plate as PlantPlate
+from plant.rig import Rig as PlantRig
+from plant.rig import Vibro as PlantVibro
+from plant.scenario import Run, Scenario
+from plant.sensors import Sensor
+from tests.bench.bench_drives import Programme, believed, series
 
 FINE_S = 2e-5
 
@@ -73,7 +81,7 @@ def test_a_record_s_column_settles_the_drive() -> None:
     rig = parse_rig({**raw, "drive": {**raw["drive"], "rated_voltage_V": 12.0}})
     assert type(GutKind.from_rig(rig, [by["drive_on"]]).drive) is Vibro
     assert type(GutKind.from_rig(rig, [by["coil_voltage_V"]]).drive) is RatedVibro
-    with pytest.raises(ValueError, match="must have the key 'rated_voltage_V'"):
+    with pytest.raises(ValueError, match="must have the key 'rated_voltage_V', or"):
         GutKind.from_rig(parse_rig(raw), [by["coil_voltage_V"]])
     with pytest.raises(ValueError, match=r"must have one driven column.*drive_on: drive_on, coil_voltage_V: coil_voltage_V"):
         GutKind.from_rig(rig, list(by.values()))
@@ -130,3 +138,22 @@ def test_lost_and_late_samples_cost_little(name: str) -> None:
     whole, thinned = kind.predict(records[0], theta)[kept], kind.predict(lossy, theta)
     assert np.sqrt(np.mean((thinned - whole) ** 2)) < 0.02 * np.ptp(whole)
     assert thinned.shape == lossy["t_s"].shape
+
+
+def test_a_coil_on_board_that_is_driven_by_voltage_follows_the_plant() -> None:
+    coil = PlantCoil(0.5, 10.0, 0.05, 1.0, 0.5)
+    truth = PlantRig(PlantVibro(0.01, 150.0, 0.3, coil=coil), Capsule(mass_kg=0.02), surface=PlantPlate(0.29))
+    run = Scenario(Run("", 4.0, 5), "vibro", truth, Programme(0.05, 0.5, 8.0), Sensor(500.0, 5e-5))
+    record = Record("r", "vibro", record_scenario(run))
+    drive = {
+        "inner_mass_kg": 0.01, "spring_stiffness_N_per_m": 150.0, "spring_damping_N_s_per_m": 0.3, "force_N": 0.4,
+        "reaction_on_body": True, "force_constant_N_per_A": 0.5, "coil_resistance_Ohm": 10.0, "coil_inductance_H": 0.05,
+        "current_limit_A": 1.0,
+    }  # fmt: skip
+    surface = {"kind": "plate", "friction_coefficient": 0.29}
+    rig = parse_rig({"capsule": {"mass_kg": 0.02}, "drive": drive, "surface": surface, "rig": {"kind": "vibro"}})
+    kind = GutKind.from_rig(rig, [record])
+    assert type(kind.drive) is VoltageVibro
+    left = kind.error([record], [kind.predict(record, {**kind.nominal(), SWITCH_DELAY: 0.0})])
+    assert left < 5e-3 * np.ptp(record["position_m"])
+    assert any("L i'" in line for line in kind.equations({}))

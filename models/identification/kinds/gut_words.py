@@ -8,7 +8,7 @@ from models.assembly_step import Surface
 from models.drives.coil import Coil, VoltageCoil
 from models.drives.drive import Drive
 from models.drives.magnetic import Magnetic
-from models.drives.vibro import Vibro
+from models.drives.vibro import Vibro, VoltageVibro
 from models.effects import BY_ID
 from models.plate import Plate
 
@@ -43,16 +43,20 @@ def _drive_lines(drive: Drive, p: Theta) -> list[str]:
     if isinstance(drive, Coil):
         field = "" if drive.range_m is None else "/(1 + ((x - x_c)/r)^2)^2"
         lines = [f"F_act = {p['coil_force_N_per_A']:.4g} i{field}"]
-        if isinstance(drive, VoltageCoil):
-            lines.append(f"L i' = U - {p['coil_resistance_ohm']:.4g} i - {p['back_emf_V_s_per_m']:.4g} v")
-        return lines
+        return [*lines, *(_current_line(p, "v") if isinstance(drive, VoltageCoil) else ())]
     if isinstance(drive, Vibro):
         reaction = " - F" if drive.reaction_on_body else ""
+        force = f"{p['coil_force_N_per_A']:.4g} i" if isinstance(drive, VoltageVibro) else f"{p['force_N']:.4g} on"
         return [
             f"F_act = S{reaction}, S = {p['spring_stiffness_N_per_m']:.4g} r + {p['spring_damping_N_s_per_m']:.4g} r' + stops",
-            f"{drive.inner_mass_kg:.4g} w' = F - S, F = {p['force_N']:.4g} on",
+            f"{drive.inner_mass_kg:.4g} w' = F - S, F = {force}",
+            *(_current_line(p, "r'") if isinstance(drive, VoltageVibro) else ()),
         ]
     return []
+
+
+def _current_line(p: Theta, speed: str) -> tuple[str]:
+    return (f"L i' = U - {p['coil_resistance_ohm']:.4g} i - {p['back_emf_V_s_per_m']:.4g} {speed}",)
 
 
 def statements_of(drive: Drive, noise_std: float, unit: str) -> list[str]:
@@ -64,7 +68,7 @@ def statements_of(drive: Drive, noise_std: float, unit: str) -> list[str]:
         )
     elif not drive.imposed:
         said.append("Predictions start at the place where the record starts: the drive alone does not tell it.")
-    if isinstance(drive, VoltageCoil):
+    if isinstance(drive, VoltageCoil | VoltageVibro):
         said.append(
             "Of the coil's resistance and its force per current a position shows the ratio alone: the resistance is believed."
         )

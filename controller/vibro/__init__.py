@@ -1,0 +1,1 @@
+"""The vibro-impact drive's own choice of waveform: speed map, optimal cycles, feedforward, slow loop."""

@@ -1,0 +1,195 @@
+"""The control model of a vibro rig run through many cycles of a waveform: mean speed, energy, travel of the inner mass."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.vibro.waveform import Waveform
+from models.assembly import Assembly, assemble
+from models.assembly_step import Surface
+from models.drives.coil import Winding
+from models.drives.from_rig import drive_of, surface_of
+from models.drives.vibro import Vibro
+from models.effects import BY_ID
+from models.effects.effect import Effect
+from models.identification.lower import Kernel, lower
+from models.parameter import nearest
+from models.plate import Plate
+from models.rig import Rig
+
+Array = NDArray[np.float64]
+STEP_S = 6e-5
+SETTLE_S, MEASURE_S = 0.6, 0.6
+COPPER_N2_PER_W = 0.5**2 / Winding.resistance_ohm
+"""Square of the coil's motor constant, `k^2/R` in N^2/W: 0.5 N/A and 10 ohm as the other coils of this project have."""
+_ELSEWHERE = ("body_mass_kg", "inner_mass_kg", "mirror")
+
+
+@dataclass(frozen=True)
+class Pace:
+    """What a waveform does in the long run: `speed_m_s`, the coil's heat `copper_W = F^2 R/k^2`, its mechanical `work_W`, and how far
+    the inner mass swings to the `front_m` and to the `rear_m` of its rest."""
+
+    speed_m_s: float
+    copper_W: float
+    work_W: float
+    front_m: float
+    rear_m: float
+
+    @property
+    def energy_J_per_m(self) -> float:
+        """Electrical energy for a way, J/m = mJ/mm; infinite at rest."""
+        return (self.copper_W + self.work_W) / abs(self.speed_m_s) if self.speed_m_s != 0 else math.inf
+
+    @property
+    def work_J_per_m(self) -> float:
+        """Mechanical work for a way, J/m = mJ/mm; infinite at rest."""
+        return self.work_W / abs(self.speed_m_s) if self.speed_m_s != 0 else math.inf
+
+
+@dataclass(frozen=True)
+class VibroModel:
+    """Body with inner mass on `surface` under `drive` with `effects`; `values` are those of one stage of a model, by full name.
+
+    `mirror` -1 turns speeds round, as a `vibro_table` record may count them.
+    """
+
+    surface: Surface
+    drive: Vibro
+    effects: tuple[type[Effect], ...] = ()
+    values: Mapping[str, float] = field(default_factory=dict)
+    mirror: float = 1.0
+    copper_N2_per_W: float = COPPER_N2_PER_W
+
+    @classmethod
+    def from_rig(cls, rig: Rig, values: Mapping[str, float] | None = None) -> VibroModel:
+        """The model of a rig file (kind `vibro` or `vibro_table`) at the `values` of a stage, as `close-loop` writes them.
+
+        Raises ValueError for another kind of rig and for values that belong to no effect or parameter of it.
+        """
+        if rig.drive is None or rig.kind not in ("vibro", "vibro_table"):
+            raise ValueError(f"rig must be of kind 'vibro' or 'vibro_table'; got {rig.kind!r}")
+        drive = drive_of(replace(rig, kind="vibro"))
+        assert isinstance(drive, Vibro)
+        return cls.of(surface_of(rig), drive, values or {})
+
+    @classmethod
+    def of(cls, surface: Surface, drive: Vibro, values: Mapping[str, float]) -> VibroModel:
+        """The model with the effects that `values` names."""
+        names = {name.split(".")[0]: None for name in values if "." in name}
+        unknown = next((name for name in names if name not in BY_ID), None)
+        if unknown is not None:
+            raise ValueError(f"effect must be one of the catalogue; got {unknown!r}; {nearest(unknown, list(BY_ID))}")
+        model = cls(surface, drive, tuple(BY_ID[name] for name in names), mirror=float(values.get("mirror", 1.0)))
+        known = [p.name for p in model.assembly().parameters]
+        own = {name: float(value) for name, value in values.items() if name not in _ELSEWHERE}
+        unknown = next((name for name in own if name not in known), None)
+        if unknown is not None:
+            raise ValueError(f"value must be of a parameter of this rig; got {unknown!r}; {nearest(unknown, known)}")
+        return replace(model, values=own)
+
+    @property
+    def force_N(self) -> float:
+        """The coil's full force in N."""
+        return float(self.values.get("force_N", self.drive.force_N))
+
+    @property
+    def body_kg(self) -> float:
+        """Mass of the body without the inner one."""
+        return self.surface.mass_kg if isinstance(self.surface, Plate) else self.surface.capsule.mass_kg
+
+    def assembly(self, smoothing: float = 0.0) -> Assembly:
+        """The assembled model; `smoothing` in m/s makes it differentiable."""
+        return assemble(self.surface, self.drive, self.effects, smoothing)
+
+    def at(self, **factors: float) -> VibroModel:
+        """The same with parameters times `factors`, by name."""
+        declared = {p.name: p.value for p in self.assembly().parameters} | dict(self.values)
+        return replace(self, values=dict(self.values) | {name: declared[name] * f for name, f in factors.items()})
+
+
+class Cycles:
+    """A model compiled for running waveforms."""
+
+    def __init__(self, model: VibroModel) -> None:
+        self.model = model
+        assembly = model.assembly()
+        self.states = assembly.states
+        self._start = assembly.start()
+        self._kernel = _metered(assembly, model.drive.reaction_on_body)
+        self._parameters = assembly.vector(model.values)
+
+    def pace(self, waveform: Waveform, settle_s: float = SETTLE_S, measure_s: float = MEASURE_S) -> Pace:
+        """Mean speed and powers of `waveform` over whole cycles for `measure_s`, after `settle_s` from rest."""
+        n = max(math.ceil(waveform.period_s / STEP_S), 4 * len(waveform.levels))
+        levels = waveform.sampled(n)
+        first, last = (max(math.ceil(s / waveform.period_s), 3) for s in (settle_s, measure_s))
+        state = self.rest()
+        self._run(state, levels, first, waveform.period_s)
+        state[-4:] = 0.0
+        path = self._run(state, levels, last, waveform.period_s)
+        time = last * waveform.period_s
+        work, squares, front, rear = state[-4:]
+        force = self.model.force_N
+        copper = squares * force * force / self.model.copper_N2_per_W / time
+        speed = self.model.mirror * (path[-1] - path[0]) / time
+        return Pace(float(speed), float(copper), float(work / time), float(front), float(rear))
+
+    def rest(self) -> Array:
+        """The model's state at rest with its meters at 0, to `step` from."""
+        return np.concatenate((self._start, np.zeros(4)))
+
+    def step(self, state: Array, level: float, h: float) -> None:
+        """One step of `h` in s at `level`, changing `state`."""
+        self._kernel(state, np.array([level]), np.zeros(1), 0.0, self._parameters, 1, h, np.zeros(1))
+
+    def path(self, waveform: Waveform, cycles: int) -> Array:
+        """Position in m of the body from rest over `cycles`, at even times with a whole number a cycle."""
+        n = max(math.ceil(waveform.period_s / STEP_S), 4 * len(waveform.levels))
+        return self.model.mirror * self._run(self.rest(), waveform.sampled(n), cycles, waveform.period_s)
+
+    def last_cycle(self, waveform: Waveform, parts: int, settle_s: float = SETTLE_S) -> Array:
+        """States (parts + 1, n) at the ends of `parts` equal parts of a cycle after `settle_s` from rest."""
+        sub = max(math.ceil(waveform.period_s / STEP_S / parts), 4)
+        levels, h = waveform.sampled(parts * sub), waveform.period_s / (parts * sub)
+        state = self.rest()
+        self._run(state, levels, max(math.ceil(settle_s / waveform.period_s), 3), waveform.period_s)
+        rows = [state[:-4].copy()]
+        for k, level in enumerate(levels):
+            self.step(state, float(level), h)
+            if (k + 1) % sub == 0:
+                rows.append(state[:-4].copy())
+        return np.array(rows)
+
+    def _run(self, state: Array, levels: Array, cycles: int, period: float) -> Array:
+        """Steps through `cycles`, changing `state`; the path begins after one step more, which the compiled loop does first."""
+        command = np.concatenate((np.tile(levels, cycles), levels[:1]))
+        output = np.zeros(command.size)
+        self._kernel(state, command, output, 0.0, self._parameters, 1, period / levels.size, output)
+        return output
+
+
+def _metered(assembly: Assembly, on_board: bool) -> Kernel:
+    """The step with four more states: work of the coil on the inner mass in J, integral of the squared command, furthest swings in m."""
+    state, c0, c1, t, h, q = assembly.step.sx_in()
+    meter = ca.SX.sym("meter", 4)
+    new, _ = assembly.step(state, c0, c1, t, h, q)
+    stretch, x = assembly.states.index("vibro.stretch_m"), assembly.states.index("x")
+    force = q[[p.name for p in assembly.parameters].index("force_N")]
+    moved = new[stretch] - state[stretch] + (0.0 if on_board else new[x] - state[x])
+    after = ca.vertcat(
+        meter[0] + force * c0 * moved,
+        meter[1] + c0 * c0 * h,
+        ca.fmax(meter[2], new[stretch]),
+        ca.fmax(meter[3], -new[stretch]),
+    )
+    whole = ca.vertcat(state, meter)
+    step = ca.Function("step", [whole, c0, c1, t, h, q], [ca.vertcat(new, after), new[x]])
+    error, gain = ca.SX.sym("error"), ca.SX.sym("gain")
+    return lower(step, ca.Function("correct", [whole, error, gain], [whole]))

@@ -1,0 +1,69 @@
+"""One part of a cycle of the smooth model as a CasADi function, with the wall's stick and slip given: what the optimiser shoots through."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.vibro.cycles import VibroModel
+from models.assembly_effects import Active
+from models.assembly_step import Grip, Stepper
+from models.laws.geometry import GRAVITY
+from models.plate import Plate
+from models.wall import Drag
+
+Array = NDArray[np.float64]
+NODES = ("x", "v", "vibro.stretch_m", "vibro.rate_m_s", "u")
+SCALE = np.array([1e-3, 0.1, 1e-3, 0.1, 1e-4])
+"""What a node holds (m, m/s, m, m/s, m) and the size of 1 in it."""
+
+
+@dataclass(frozen=True)
+class KnownSlip(Stepper):
+    """A step whose wall keeps the slip that it is told: `u' = v` while it sticks, `-s v_i` while it slips, nothing switches."""
+
+    def drag(self, drag: Drag, v: Any, h: Any, grip: Grip) -> Drag:
+        if isinstance(self.surface, Plate):
+            return drag
+        return Drag(drag.u + h * ((1 - drag.slip * drag.slip) * v - drag.slip * grip.recovery), drag.slip)
+
+
+@dataclass(frozen=True)
+class Part:
+    """`advance(z, c, h, slip) -> z` over `steps` steps of h in s from the scaled node z (5,), the level c held; `strain(z)` =
+    T(u)/f_c of the wall, None on a plate. Effects' own states stay as at the start."""
+
+    advance: ca.Function
+    strain: ca.Function | None
+
+
+def smooth_part(model: VibroModel, smoothing: float, steps: int) -> Part:
+    """A part of the cycle of `model` with friction smoothed over `smoothing` in m/s."""
+    assembly = model.assembly(smoothing)
+    vector = assembly.vector(model.values)
+    p = {parameter.name: float(vector[i]) for i, parameter in enumerate(assembly.parameters)}
+    ids = {effect.id for effect in model.effects}
+    z, c, h, slip = ca.SX.sym("z", 5), ca.SX.sym("c"), ca.SX.sym("h"), ca.SX.sym("slip")
+    now: dict[str, Any] = {name: ca.SX(assembly.initial[name]) for name in assembly.states}
+    now |= {name: z[i] * SCALE[i] for i, name in enumerate(NODES)} | {"slip": slip}
+    hidden = [name for name in assembly.states if name.split(".")[0] in ids]
+
+    def stepper() -> KnownSlip:
+        active = Active(model.effects, p, {name: now[name] for name in hidden})
+        return KnownSlip(model.surface, model.drive, active, None, smoothing)
+
+    for _ in range(steps):
+        now, _output = stepper().advance(now, c, c, 0.0, h)
+    end = ca.vertcat(*(now[name] / SCALE[i] for i, name in enumerate(NODES)))
+    advance = ca.Function("advance", [z, c, h, slip], [end])
+    if isinstance(model.surface, Plate):
+        return Part(advance, None)
+    u, v = z[4] * SCALE[4], z[1] * SCALE[1]
+    mu = p["friction_coefficient"]
+    _, onset = model.surface.grip(np.sqrt(v * v + smoothing**2), p["hoop_stress_factor"], mu)
+    onset = onset + mu * model.drive.carried_kg * GRAVITY
+    return Part(advance, ca.Function("strain", [z], [stepper().tension(u) / onset]))

@@ -33,6 +33,7 @@ Theta = Mapping[str, float]
 LOW_PASS_HZ = 2.0
 _PER_PERIOD = 10  # samples that the slow view keeps of a period of its cut-off
 _TAIL = 8.0  # standard deviations beyond which a difference counts ever less: samples at a jump of the speed
+_DIVERGED = 1e6  # standard deviations, beyond which a prediction is no longer one
 _START_S = 0.5  # s, over which a record's start is compared with a prediction's where the drive does not tell the place
 _WALL_HOOKS = ("stiffening", "wall_force", "recovery")
 
@@ -161,7 +162,7 @@ class GutKind:
         if not memory:
             output = self._from_the_start(record, output)
         r = (record[self.quantity] - output) / self.noise_std
-        r = np.where(np.isfinite(r), r, 1e6)
+        r = np.clip(np.where(np.isfinite(r), r, _DIVERGED), -_DIVERGED, _DIVERGED)
         if stage == self.stages:
             dt = interval(record)
             return np.asarray(low_passed(r, dt)[:: max(1, round(1 / (_PER_PERIOD * LOW_PASS_HZ * dt)))])

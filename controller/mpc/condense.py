@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-compiled: Any = numba.njit(nogil=True, cache=True, error_model="numpy")
+compiled: Any = numba.njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
 
 EXCESS = 10.0
 
@@ -80,15 +80,17 @@ def sensitivities(A: Array, B: Array, step: float, Z: Array) -> None:
     n = Z.shape[1]
     Z[0] = 0.0
     for k in range(A.shape[0]):
-        for j in range(k + 1):
-            for i in range(n):
-                total = B[k, i, 1] * step
-                if j < k:
-                    total += B[k, i, 0] * step
-                    for m in range(n):
-                        total += A[k, i, m] * Z[k, m, j]
-                Z[k + 1, i, j] = total
-        Z[k + 1, :, k + 1 :] = 0.0
+        Z[k + 1] = 0.0
+        for i in range(n):
+            for m in range(n):
+                slope = A[k, i, m]
+                if slope != 0.0:
+                    for j in range(k):
+                        Z[k + 1, i, j] += slope * Z[k, m, j]
+            both = (B[k, i, 0] + B[k, i, 1]) * step
+            for j in range(k):
+                Z[k + 1, i, j] += both
+            Z[k + 1, i, k] = B[k, i, 1] * step
 
 
 @compiled

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -73,11 +74,8 @@ class MPC:
             return self._kept("lost", begin)
         state = np.array(estimate.state, dtype=float)
         targets = self._targets(now, reference)
-        if (
-            state.shape != (len(self.model.states),)
-            or targets is None
-            or not np.isfinite([now, estimate.disturbance_N, *state]).all()
-        ):
+        sound = state.shape == (len(self.model.states),) and math.isfinite(state.sum() + now + estimate.disturbance_N)
+        if targets is None or not sound:
             return self._kept("failed", begin)
         if self._rests(state, targets):
             self._halt()
@@ -98,11 +96,12 @@ class MPC:
         """Position, speed and command rate (3, N + 1) over the horizon; None where they are not numbers."""
         times: Array = now + self._grid
         try:
-            x, v = np.asarray(reference.position(times), dtype=float), np.asarray(reference.speed(times), dtype=float)
-            targets = np.vstack([x, v, self.planner.follows * v])
+            targets = np.empty((3, times.size))
+            targets[0], targets[1] = reference.position(times), reference.speed(times)
         except (ValueError, TypeError, ArithmeticError, LookupError, AttributeError):
             return None
-        return targets if targets.shape == (3, times.size) and bool(np.isfinite(targets).all()) else None
+        targets[2] = self.planner.follows * targets[1]
+        return targets if np.isfinite(targets.sum()) else None
 
     def _shifted(self, now: float, targets: Array) -> Array:
         """The last plan from `now` on, gone on with at the reference's pace, from the command in force."""

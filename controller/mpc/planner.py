@@ -17,7 +17,7 @@ from controller.prediction import ControlModel
 Array = NDArray[np.float64]
 
 _SHORTENINGS = (1.0, 0.5, 0.25, 0.1)
-_ENOUGH = 1e-3
+_ENOUGH = 5e-3
 _LITTLE = 1e-6
 CATCH_S = 0.03
 

@@ -41,8 +41,8 @@ def as_peers_expect() -> Iterator[None]:
         ca.GlobalOptions.setNumpyMode(1)
 
 
-def do_mpc() -> Act:
-    """do-mpc with its defaults: collocation (Radau, degree 2), IPOPT with mumps, warm from its last solution."""
+def do_mpc(elements: int = 1) -> Act:
+    """do-mpc: collocation (Radau, degree 2, `elements` a stage), IPOPT with mumps, warm from its last solution."""
     with as_peers_expect():
         import do_mpc as peer
 
@@ -56,7 +56,7 @@ def do_mpc() -> Act:
     model.setup()
     mpc = peer.controller.MPC(model)
     mpc.settings.n_horizon, mpc.settings.t_step, mpc.settings.store_full_solution = HORIZON.stages, TICK_S, False
-    mpc.settings.nlpsol_opts = QUIET
+    mpc.settings.nlpsol_opts, mpc.settings.collocation_ni = QUIET, elements
     gap, pace = 0.5 * ((x[0] - r) / WEIGHTS.position_m) ** 2, 0.5 * ((x[1] - s) / WEIGHTS.speed_m_s) ** 2
     mpc.set_objective(lterm=gap + pace + 0.5 * (w / WEIGHTS.rate_N_s) ** 2, mterm=WEIGHTS.final * gap + pace)
     mpc.set_rterm(w=0.5 / WEIGHTS.jump_N_s**2)
@@ -94,7 +94,13 @@ def converged() -> Act:
     N, n = HORIZON.stages, 4
     opti = ca.Opti()
     X, W = opti.variable(n, N + 1), opti.variable(N)
-    x0, c0, w0, d, r, s = opti.parameter(n), opti.parameter(), opti.parameter(), opti.parameter(), *(opti.parameter(N + 1) for _ in "rs")
+    x0, c0, w0, d, r, s = (
+        opti.parameter(n),
+        opti.parameter(),
+        opti.parameter(),
+        opti.parameter(),
+        *(opti.parameter(N + 1) for _ in "rs"),
+    )
     scale = np.array([1e-3, 1e-2, 1e-4, 0.1])
     x, a, b, f = ca.SX.sym("x", n), ca.SX.sym("a"), ca.SX.sym("b"), ca.SX.sym("f")
     end, m = x, HORIZON.substeps
@@ -109,7 +115,9 @@ def converged() -> Act:
         opti.subject_to(opti.bounded(BOUNDS.low, after, BOUNDS.high))
         at = X[:, k + 1] * scale
         weight = WEIGHTS.final if k + 1 == N else 1.0
-        total += 0.5 * weight * ((at[0] - r[k + 1]) / WEIGHTS.position_m) ** 2 + 0.5 * ((at[1] - s[k + 1]) / WEIGHTS.speed_m_s) ** 2
+        total += (
+            0.5 * weight * ((at[0] - r[k + 1]) / WEIGHTS.position_m) ** 2 + 0.5 * ((at[1] - s[k + 1]) / WEIGHTS.speed_m_s) ** 2
+        )
         total += 0.5 * (W[k] / WEIGHTS.rate_N_s) ** 2 + 0.5 * ((W[k] - before) / WEIGHTS.jump_N_s) ** 2
         command, before = after, W[k]
     opti.subject_to(opti.bounded(-BOUNDS.rate, W, BOUNDS.rate))

@@ -64,7 +64,8 @@ def advance(x: Any, c0: Any, c1: Any, d: Any, h: Any, p: dict[str, Any]) -> list
     keep = np.exp(-h / p["lag_s"])
     wanted = p["coil_force_N_per_A"] * 0.5 * (c0 + c1)
     after = wanted + (force - wanted) * keep
-    free = v + h / p["mass_kg"] * (0.5 * (force + after) + d - p["wall_N_per_m"] * (u + 0.5 * h * v))
+    middle = u + 0.5 * h * (v - np.abs(v) * u / p["slip_m"])
+    free = v + h / p["mass_kg"] * (0.5 * (force + after) + d - p["wall_N_per_m"] * middle)
     v_next = settle(free, resistance(v, p) * h / p["mass_kg"], SMOOTHING)
     mean = 0.5 * (v + v_next)
     return [x[0] + h * mean, v_next, (u + h * mean) / (1 + h * np.abs(mean) / p["slip_m"]), after]
@@ -161,14 +162,17 @@ def loop(act: Act, seconds: float, seed: int, mismatch: float = 1.15, skip: int 
     truth = {k: float(v) for k, v in PARAMETERS.items()}
     for name, factor in (("friction_N", mismatch), ("wall_N_per_m", mismatch), ("coil_force_N_per_A", 1 / mismatch)):
         truth[name] *= factor
-    plant, expected = _stepper(truth, 100), _stepper(PARAMETERS, 3)
+    plant, expected = _stepper(truth, 100), _stepper(PARAMETERS, 30)
     reference, n = Strides(), round(seconds / TICK_S)
     x, seen, force, command, rate = np.zeros(4), np.zeros(4), 0.0, 0.0, 0.0
     cost, errors, wall, own, failed = 0.0, np.zeros(n), np.zeros(n), np.zeros(n), 0
     for k in range(n):
         now, reading = k * TICK_S, x + NOISE * rng.standard_normal(4)
         error = reading - seen
-        state, force = seen + 0.4 * error, float(np.clip(force + 0.15 * truth["mass_kg"] / TICK_S * error[1] + 2.0 * error[0], -0.1, 0.1))
+        state, force = (
+            seen + 0.4 * error,
+            float(np.clip(force + 0.15 * truth["mass_kg"] / TICK_S * error[1] + 2.0 * error[0], -0.1, 0.1)),
+        )
         begin, mine = time.perf_counter(), time.thread_time()
         new = act(now, state, force, command, rate)
         wall[k], own[k] = time.perf_counter() - begin, time.thread_time() - mine
@@ -189,7 +193,9 @@ def _stepper(p: dict[str, float], substeps: int) -> Callable[[Array, float, floa
     x, c0, c1, d = ca.SX.sym("x", 4), ca.SX.sym("c0"), ca.SX.sym("c1"), ca.SX.sym("d")
     h = TICK_S / substeps
     share = ca.SX.sym("share", 2)
-    one = ca.Function("one", [x, share, c0, c1, d], [ca.vertcat(*advance(x, c0 + share[0] * (c1 - c0), c0 + share[1] * (c1 - c0), d, h, p))])
+    one = ca.Function(
+        "one", [x, share, c0, c1, d], [ca.vertcat(*advance(x, c0 + share[0] * (c1 - c0), c0 + share[1] * (c1 - c0), d, h, p))]
+    )
     chain = one.mapaccum(substeps)
     ends = np.linspace(0, 1, substeps + 1)
     shares = np.vstack([ends[:-1], ends[1:]])

@@ -138,7 +138,7 @@ class Supervisor:
         return Action(command, "late" if late else status, action.predicted, action.timings), None
 
     def _hand_over(self, rung: int, command: float) -> None:
-        self._note(self._chain[rung].name, self._reason)
+        self._note(self._chain[rung].name, "tried again" if 0 <= rung < self._active else self._reason)
         self._active, self._stopped_at = rung, math.inf
         if self.envelope.kind != "vibro":
             running = self.issued.rate * self._tick if self.envelope.kind == "magnetic" else 0.0

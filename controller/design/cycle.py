@@ -94,10 +94,13 @@ def lqr_law(lqr: LQR) -> Law:
     return law
 
 
-def simulate(model: ControlModel, law: Law, speed_m_s: float, seconds: float, hold_s: float, delay_s: float) -> Run:
+def simulate(
+    model: ControlModel, law: Law, speed_m_s: float, seconds: float, hold_s: float, delay_s: float, exact: Assembly | None = None
+) -> Run:
     """Run `law` on `model` with friction that holds a resting capsule: `seconds` at `speed_m_s`, then a hold of `hold_s`; what the
-    law sees is `delay_s` late. Returns the whole run, one sample a tick."""
-    exact = _exact(model)
+    law sees is `delay_s` late. Returns the whole run, one sample a tick. `exact` is
+    what `exactly(model)` gives, built here where None."""
+    exact = exactly(model) if exact is None else exact
     p, state, tick = _values(model, exact), exact.start(), model.tick_s
     seen = np.array([exact.states.index(name) for name in model.states])
     steps = max(1, math.ceil(tick / _LONGEST_STEP_S - 1e-9))
@@ -117,7 +120,7 @@ def simulate(model: ControlModel, law: Law, speed_m_s: float, seconds: float, ho
     return Run(t, reference, position, commands)
 
 
-def _exact(model: ControlModel) -> Assembly:
+def exactly(model: ControlModel) -> Assembly:
     """The same parts with set-valued friction."""
     ids = dict.fromkeys(p.name.split(".")[0] for p in model.symbols.parameters if "." in p.name)
     return assemble(surface_of(model.rig), model.drive, tuple(BY_ID[name] for name in ids))

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from controller.baselines.lqr import LQR, Gains
-from controller.design.cycle import Cycle, Run, lqr_law, pid_law, simulate
+from controller.design.cycle import Cycle, Law, Run, exactly, lqr_law, pid_law, simulate
 from controller.design.linear import PHASES, Linear, linearise
 from controller.design.loop import Loop
 from controller.design.tuning import PEAK, Pid, pid_loop, state_loop, tuned_lqr, tuned_pid
 from controller.envelope import envelope_of
 from controller.prediction import ControlModel
 
-RAMP_S, HOLD_S = 6.0, 6.0
+RAMP_S, HOLD_S = 5.0, 4.0
 
 
 @dataclass(frozen=True)
@@ -44,15 +44,18 @@ def study(model: ControlModel, speed_m_s: float = 1e-3, delay_s: float = 0.015, 
     plants = tuple(linearise(model, phase, speed_m_s) for phase in PHASES)
     pid, gains = tuned_pid(plants, delay_s, peak), tuned_lqr(plants, plants[-1], delay_s, peak)
     loops = tuple(loop for plant in plants for loop in (pid_loop(plant, pid, delay_s), state_loop(plant, gains, delay_s)))
+    exact = exactly(model)
     runs = {
-        name: {part: _run(model, name, pid, gains, speed_m_s, delay_s, part) for part in ("ramp", "hold")}
+        name: {
+            "ramp": simulate(model, _law(model, name, pid, gains), speed_m_s, RAMP_S, 0.0, delay_s, exact),
+            "hold": simulate(model, _law(model, name, pid, gains), speed_m_s, 1.0, HOLD_S, delay_s, exact),
+        }
         for name in ("pid", "lqr")
     }
     return Study(speed_m_s, delay_s, plants, pid, gains, loops, runs)
 
 
-def _run(model: ControlModel, name: str, pid: Pid, gains: Gains, speed: float, delay_s: float, part: str) -> Run:
-    carriage = model.drive.name == "magnetic"
-    law = pid_law(pid, model.tick_s, carriage) if name == "pid" else lqr_law(LQR(model, envelope_of(model.drive), gains))
-    times = (RAMP_S, 0.0) if part == "ramp" else (1.0, HOLD_S)
-    return simulate(model, law, speed, *times, delay_s)
+def _law(model: ControlModel, name: str, pid: Pid, gains: Gains) -> Law:
+    if name == "pid":
+        return pid_law(pid, model.tick_s, model.drive.name == "magnetic")
+    return lqr_law(LQR(model, envelope_of(model.drive), gains))

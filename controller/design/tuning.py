@@ -16,8 +16,8 @@ from controller.design.loop import Complex, Loop, closed_loop
 
 FILTER_S = 5e-3
 PEAK = 1.6
-_STEPS = 20
-_TIMES = 8
+_STEPS = 24
+_TIMES = 6
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def tuned_lqr(plants: Sequence[Linear], design: Linear, delay_s: float, peak: fl
     """
     grid = _Grid.of(plants, delay_s)
     scale = 1 / max(float(np.interp(20.0, grid.omega, np.abs(X[0]))) for X in grid.states)
-    commands, times = 2e-4 * scale * np.geomspace(0.03, 30, _STEPS), np.geomspace(0.02, 1.0, _TIMES)
+    commands, times = 2e-4 * scale * np.geomspace(0.1, 10, _STEPS // 2), np.geomspace(0.02, 1.0, _TIMES)
     choices = [lqr_gains(design, Weights(float(c), integral_m_s=2e-4 * T)) for c, T in product(commands, times)]
     for gains in sorted(choices, key=lambda gains: -gains.K_i):
         loops = [gains.K @ X + gains.K_i * grid.tick_s / (grid.z - 1) * X[0] for X in grid.states]

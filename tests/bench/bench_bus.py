@@ -125,7 +125,7 @@ def pace(seconds: float = 5.0) -> None:
     buses = {name: SimulatedBus(medium, name) for name in sorted({f.sender for f in cyclic})}
     senders, receivers = {f.name: Sender(f) for f in cyclic}, {f.id: Receiver(f) for f in cyclic}
     some = {f.name: values(f, random.Random(1)) for f in cyclic}
-    began, count = time.perf_counter(), 0
+    began, busy, count = time.perf_counter(), time.process_time(), 0
     for tick in range(round(seconds / TICK)):
         for frame in cyclic:
             if tick % round(frame.cycle_s / TICK) == 0:
@@ -137,19 +137,24 @@ def pace(seconds: float = 5.0) -> None:
             count += 1
         for name in buses:
             buses[name].inbox.clear()
-    taken = time.perf_counter() - began
+    wall, used = time.perf_counter() - began, time.process_time() - busy
     print(
-        f"simulated bus: {seconds / taken:.1f} x real time with {medium.load:.1%} load, {count / seconds:.0f} frames/s to the controller"
+        f"simulated bus: {seconds / wall:.1f} x real time ({seconds / used:.1f} x by processor time), {medium.load:.1%} load, ",
+        end="",
     )
+    print(f"{count / seconds:.0f} frames/s to the controller")
 
 
 def main() -> None:
     """Print everything; status 1 where a bad frame was acted on."""
     codec_times()
     pace()
-    for nodes in (None, {"Controller", "Localiser", "Carriage"}):
-        shares = bus_load(CATALOGUE, nodes)
-        print(f"load of {'all nodes' if nodes is None else ', '.join(sorted(nodes))}: {sum(s.load for s in shares):.1%}")
+    shares = bus_load(CATALOGUE)
+    print(f"load with every stuff bit: {sum(s.load for s in shares):.1%} of 1 Mbit/s")
+    for share in shares:
+        print(
+            f"  {share.id:#05x} {share.name:22s} {share.rate_Hz:5.0f} Hz {share.load:6.2%}  at most {1e3 * share.delay_s:.2f} ms"
+        )
     began = time.perf_counter()
     came, acted = fuzz(int(sys.argv[1]) if len(sys.argv) > 1 else FRAMES)
     print(f"bad frames: {came.total()} ({dict(came)}), acted on: {dict(acted) or 0}, {time.perf_counter() - began:.0f} s")

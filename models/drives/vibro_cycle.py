@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 _DRY_SPEED = 2.0e-3  # m/s, below it dry friction of the inner mass's guide counts as creep
 _TRAVEL_M = 0.03  # beyond it the coil's reach and the spring's hardening stay what they are there
 _SHORTEST_LAG_S = 1.0e-3  # of a lag shorter than this only the mean over a step is right
+_FASTEST = 0.2  # m/s that a body may gain in one step
 _EVENTS = 8  # stick and slip changes that one step may hold; the rest of it is a rest
 _PERIODIC = 1.0e-6  # change of the state over a period, in m and m/s, below which the motion is periodic
 
@@ -203,14 +204,18 @@ def _share(s: Motion, on: Push, begin: float, until: float, h: float, q: VibroCy
 def _step(s: Motion, on: Push, h: float, q: VibroCycle) -> Motion:
     """One step, in equal parts where dry friction turns round or a stop is near."""
     fine = h
+    if q.drag_N > 0.0 and s.mode != 0:
+        gain, _ = _accelerations(s.mode, s.v, s.stretch, s.rate, on.mean, q)
+        fastest = (abs(s.v) + min(abs(gain) * h, _FASTEST)) / 0.01
+        fine = 0.01 * q.body_kg / (q.drag_N * max(q.drag_power * fastest ** (q.drag_power - 1.0), 1.0))
     if q.dry_N > 0.0 or q.stop_stiffness > 0.0:
         mass = q.body_kg * q.inner_kg / (q.body_kg + q.inner_kg)
         _, gain = _accelerations(s.mode, s.v, s.stretch, s.rate, on.mean, q)
         if q.dry_N > 0.0 and abs(s.rate) < abs(gain) * h + 3.0 * _DRY_SPEED:
-            fine = 1.5 * _DRY_SPEED * mass / q.dry_N
+            fine = min(fine, 1.5 * _DRY_SPEED * mass / q.dry_N)
         if q.stop_stiffness > 0.0 and abs(s.stretch) + (abs(s.rate) + abs(gain) * h) * h > q.stop_gap_m:
             fine = min(fine, 0.2 * math.sqrt(mass / q.stop_stiffness))
-    parts = max(math.ceil(h / fine), 1)
+    parts = max(math.ceil(min(h / fine, 200.0)), 1)
     for i in range(parts):
         s = _share(s, on, i / parts, (i + 1) / parts, h, q)
     return s

@@ -12,10 +12,14 @@ from models.drives.vibro_numbers import VibroCycle
 from models.drives.vibro_speed import mean_velocities
 from models.effects.coil_lag import CoilLag
 from models.effects.effect import Signals
+from models.effects.incline_gravity import InclineGravity
 from models.effects.inner_mass import InnerMassEffect
+from models.effects.spring_damping import SpringDamping
 from models.identification.kinds.vibro_table import VibroTableKind
-from models.identification.kinds.vibro_theta import EFFECTS, FIELDS, vibro_cycle
+from models.identification.kinds.vibro_theta import EFFECTS, FIELDS, PlateAsymmetry, vibro_cycle
+from models.identification.kinds.vibro_validation import cross_validated
 from models.identification.kinds.vibro_words import reversal
+from models.identification.loop import search
 from models.record import Record
 from models.rig import parse_rig
 
@@ -64,9 +68,10 @@ def test_the_step_converges_and_the_periodic_short_cut_changes_nothing() -> None
     drive = vibro_cycle({**VibroTableKind.around().nominal(), **DAMPED})
     period, duty = np.array([0.03, 0.06, 0.08, 0.1, 0.155]), np.array([0.7, 0.35, 0.3, 0.25, 0.3])
     exact = mean_velocities(period, duty, 40, drive, step=1e-5)
-    errors = [np.max(np.abs(mean_velocities(period, duty, 40, drive, step=h) - exact)) for h in (4e-4, 2e-4, 1e-4)]
-    assert errors[1] < 1e-4
-    assert errors[2] < 0.5 * errors[0]
+    errors = [np.max(np.abs(mean_velocities(period, duty, 40, drive, step=h) - exact)) for h in (2e-3, 1e-3, 5e-4)]
+    assert errors[0] < 1e-4
+    assert errors[1] < 0.3 * errors[0]
+    assert errors[2] < 0.3 * errors[1]
     long = mean_velocities(period, duty, 4000, drive)
     assert long == pytest.approx(mean_velocities(period, duty, 50, drive, settle=100), abs=2e-5)
 
@@ -120,6 +125,28 @@ def test_the_coil_is_on_for_less_than_its_duty() -> None:
         force.append(float(CoilLag().command(Signals(), {}, z)))
     above = np.flatnonzero(np.array(force) > 0.5)
     assert h * len(above) == pytest.approx(0.02 - 0.88 * tau, abs=2e-5)
+
+
+def test_no_values_within_bounds_and_no_condition_give_anything_but_a_speed() -> None:
+    rng, kind = np.random.default_rng(5), VibroTableKind.around()
+    period, duty = (x.ravel() for x in np.meshgrid([0.02, 0.05, 0.08, 0.3], [0.0, 0.05, 0.5, 0.95, 1.0]))
+    runs = record(period, duty, 20)
+    for _ in range(25):
+        theta = {p.name: rng.uniform(p.lower, p.upper) for p in kind.base if p.fit}
+        for effect in (e for e in EFFECTS if rng.random() < 0.4):
+            theta |= {f"{effect.id}.{p.name}": rng.uniform(p.lower, p.upper) for p in effect.parameters()}
+        speeds = kind.predict(runs, theta)
+        assert np.all(np.abs(speeds) < 5.0)
+
+
+def test_the_load_scale_is_a_common_factor_of_force_and_friction() -> None:
+    kind = VibroTableKind.around()
+    runs = record([0.06, 0.1], [0.3, 0.25], 20)
+    both = {"force_N": 2.5, "friction_coefficient": 0.58, "spring_damping.damping_N_s_per_m": 1.0}
+    scaled = {"load_scale": 2.0, "spring_damping.damping_N_s_per_m": 1.0}
+    np.testing.assert_array_equal(kind.predict(runs, scaled), kind.predict(runs, both))
+    once = kind.predict(runs, {"spring_damping.damping_N_s_per_m": 1.0})
+    assert kind.predict(runs, scaled) == pytest.approx(2 * once, rel=1e-3)
 
 
 def test_the_criterion_is_about_one_for_a_right_model_and_reports_by_condition() -> None:
@@ -188,6 +215,22 @@ def test_measured_runs_reverse_direction_where_the_damped_model_does_and_the_nom
     assert reversal(kind, DAMPED) == pytest.approx(0.076, abs=0.003)
     at_nominal = reversal(kind, kind.nominal())
     assert at_nominal is None or at_nominal > 0.085
+
+
+def test_the_loop_finds_the_damping_in_measured_runs_and_says_what_it_is_worth() -> None:
+    period, duty, _, speed = np.array([row for row in MEASURED if row[0] <= 135]).T
+    table = record(period * 1e-3, duty, 15, speed * 1e-3)
+    kind = replace(VibroTableKind.around().settled([table]), effects=(SpringDamping, PlateAsymmetry, InclineGravity))
+    found = search(kind, [table], lambda *_: None, np.random.default_rng(0))
+    assert found.effects[0] == "spring_damping"
+    assert found.explained > 0.6
+    theta = {**kind.nominal(), **found.augmented.theta}
+    assert kind.error([table], [kind.predict(table, theta)]) < 6.5e-3
+    turn, believed = reversal(kind, theta), reversal(kind, kind.nominal())
+    assert turn is not None
+    assert believed is None or turn < believed - 0.005
+    worth = cross_validated(kind, {k: v for k, v in theta.items() if "." not in k or k.startswith("spring")}, [table])
+    assert worth["spring_damping"] > 2 * worth[""]
 
 
 def test_the_rig_file_gives_the_same_kind_and_a_gut_is_refused() -> None:

@@ -46,6 +46,7 @@ class VibroTableKind:
     effects: tuple[type[Effect], ...] = EFFECTS
     step_s: float = STEP_S
     stages: int = 1
+    slow_view: bool = False
     next_share: float = 0.05
     least_gain: float = 0.05
     equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
@@ -89,7 +90,7 @@ class VibroTableKind:
         return cls(
             (
                 number("spring_stiffness_N_per_m", spring_stiffness_N_per_m, "N/m", 0.8, 1.2),
-                Parameter("load_scale", 1.0, "1", 0.4, 2.6, _SCALE, fit=True),
+                Parameter("load_scale", 1.0, "1", 0.25, 4.0, _SCALE, fit=True),
                 number("friction_coefficient", friction_coefficient, "1", 0.5, 1.7),
                 number("force_N", force_N, "N", 1.0, 1.0),
                 number("body_mass_kg", body_mass_kg, "kg", 1.0, 1.0),

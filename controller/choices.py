@@ -13,6 +13,7 @@ from controller.mpc.mpc import MPC
 from controller.mpc.settings import Bounds
 from controller.prediction import ControlModel
 from controller.signals import Controller
+from controller.vibro.leading import vibro_controller
 from models.parameter import nearest
 
 Chain = tuple[Controller, ...]
@@ -39,10 +40,19 @@ def _mpc(model: ControlModel, envelope: Envelope) -> Chain:
     return (MPC(model, Bounds.of(envelope)), Feedforward(model, envelope), PID(model, envelope))
 
 
+def _vibro(model: ControlModel, envelope: Envelope) -> Chain:
+    return (vibro_controller(model),)
+
+
 CONTROLLERS: Mapping[str, Builder] = MappingProxyType(
-    {"pid": _pid, "pid_friction": _pid_friction, "lqr": _lqr, "feedforward": _feedforward, "mpc": _mpc}
+    {"pid": _pid, "pid_friction": _pid_friction, "lqr": _lqr, "feedforward": _feedforward, "mpc": _mpc, "vibro": _vibro}
 )
-LEADS = ("magnetic", "coil")
+_BODY = ("magnetic", "coil")
+
+
+def leads(name: str) -> tuple[str, ...]:
+    """The kinds of drive that the controller `name` can lead."""
+    return ("vibro",) if name == "vibro" else _BODY
 
 
 def build(name: str, model: ControlModel, envelope: Envelope) -> Chain:
@@ -52,6 +62,6 @@ def build(name: str, model: ControlModel, envelope: Envelope) -> Chain:
     """
     if name not in CONTROLLERS:
         raise ValueError(f"controller must be one of {', '.join(CONTROLLERS)}; got {name!r}; {nearest(name, CONTROLLERS)}")
-    if model.drive.name not in LEADS:
-        raise ValueError(f"rig must be {' or '.join(LEADS)} for the controller {name!r}; got {model.drive.name!r}")
+    if model.drive.name not in leads(name):
+        raise ValueError(f"rig must be {' or '.join(leads(name))} for the controller {name!r}; got {model.drive.name!r}")
     return CONTROLLERS[name](model, envelope)

@@ -32,7 +32,7 @@ class ProgressFilter:
     wander: float = 0.06e-3
     wander_share: float = 0.012
     slope_doubt: float = 0.5
-    doubt: float = 1.0e-3
+    doubt: float = 1.5e-3
     doubt_share: float = 0.3
 
     def __post_init__(self) -> None:

@@ -7,7 +7,7 @@ import json
 import math
 import os
 import tempfile
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,8 +27,9 @@ _RATIOS = (0.6, 0.7, 0.8, 0.9, 1.0, 1.05, 1.1, 1.3, 1.5, 1.7, 1.9, 2.1)
 _DUTIES = (0.15, 0.2, 0.25, 0.3, 0.4, 0.6, 0.7, 0.75, 0.8, 0.85)
 _AMPLITUDES = (0.15, 0.2, 0.25, 0.35, 0.5, 0.7, 1.0)
 _TRIED = 12
+_FURTHER = 1.2  # how much further the plain square must reach for a gear of its own
 _LAG_S = (0.03, 0.5)
-_FORMAT = 7
+_FORMAT = 9
 
 
 def wrong_models(model: VibroModel, share: float = _WRONG) -> list[VibroModel]:
@@ -83,14 +84,15 @@ def lag(cycles: Cycles, waveform: Waveform) -> float:
     return float(np.clip(n * waveform.period_s - path[-1] / pace.speed_m_s, *_LAG_S))
 
 
-def design(model: VibroModel, optimise: bool = True) -> DriveMap:
-    """The drive map of `model`; `optimise` False keeps to scaled square waves (seconds instead of a minute).
+def design(model: VibroModel, optimise: bool = True, table: SpeedMap | None = None) -> DriveMap:
+    """The drive map of `model`; `optimise` False keeps to scaled square waves (seconds instead of a minute). `table` is its
+    speed map where there is one already.
 
     A direction that the model does not reach has no gear.
     """
     cycles = Cycles(model)
     wrong = [Cycles(m) for m in wrong_models(model)]
-    table = speed_map(cycles, _RATIOS, _DUTIES, _AMPLITUDES)
+    table = table or speed_map(cycles, _RATIOS, _DUTIES, _AMPLITUDES)
     gears: list[Gear] = []
     found: list[Waveform] = []
     for speed in (sign * size for sign in (1, -1) for size in SEEDS_M_S):
@@ -100,9 +102,11 @@ def design(model: VibroModel, optimise: bool = True) -> DriveMap:
         guesses = [seed, seed.flipped(), *(w.flipped() for w in found)]
         shape = shape_at(cycles, wrong, speed, seed, guesses) if optimise else seed
         found.append(shape)
-        gear = gear_of(cycles, shape, speed)
-        if gear is not None:
-            gears.append(gear)
+        own = gear_of(cycles, shape, speed)
+        plain = gear_of(cycles, seed, speed) if optimise else None
+        gears += [] if own is None else [own]
+        if plain is not None and (own is None or abs(plain.fastest_m_s) > _FURTHER * abs(own.fastest_m_s)):
+            gears.append(replace(plain, home_m_s=plain.fastest_m_s))
     lags = [lag(cycles, g.waveforms[len(g.waveforms) // 2]) for g in gears]
     return DriveMap(tuple(gears), float(np.median(lags)) if lags else _LAG_S[1])
 

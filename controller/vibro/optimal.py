@@ -1,6 +1,6 @@
 """The periodic drive that moves the capsule at a mean speed for the least energy: multiple shooting over one cycle, solved by IPOPT.
 
-Over levels c_0..c_{N-1} in [0, 1], the period T and the nodes z_k = (x, v, r, r', u):
+Over levels c_0..c_{N-1} in [0, 1], the period T and the nodes z_k = (x, v, r, r', u) and what lags in the drive:
 
     minimise    sum c_k^2 F^2 R/k^2 T/N + sum c_k F (r_{k+1} - r_k)      over the way  |v| T
     subject to  z_{k+1} = advance(z_k, c_k),  z_N = z_0 but for  x_N - x_0 = v T,
@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.vibro.cycles import Cycles, Pace, VibroModel
-from controller.vibro.smooth_cycle import NODES, SCALE, Part, smooth_part
+from controller.vibro.smooth_cycle import SCALE, Part, smooth_part
 from controller.vibro.waveform import Waveform
 
 Array = NDArray[np.float64]
@@ -34,6 +34,7 @@ _SMOOTHING = (3e-3, 1e-3)
 _TIME = 0.01  # s, size of 1 of the scaled period
 _STRETCH = 1.3  # factor by which a round may change the period
 _ROUGH, _SLACK_SQUARE, _SLACK = 1e-3, 1.0, 0.3
+_REPEATS = 0.02  # share of its swing within which a state returns
 _CAUGHT = 6e-5  # m, wall displacement below which a slip ended because the wall was back, not because it was overtaken
 _OPTIONS: dict[str, Any] = {
     "print_time": False,
@@ -71,7 +72,8 @@ def optimal_cycle(
     """
     if speed_m_s == 0 or not np.isfinite(speed_m_s):
         raise ValueError(f"speed_m_s must be a finite speed that is not 0; got {speed_m_s:g}")
-    programs = [smooth_part(cycles.model, eps, STEPS) for eps in _SMOOTHING]
+    lags = _lags(cycles, guess, parts)
+    programs = [smooth_part(cycles.model, eps, STEPS, lags) for eps in _SMOOTHING]
     best, nearest = None, (abs(cycles.pace(guess).speed_m_s - speed_m_s), guess, cycles.pace(guess))
     waveform, aim = guess, speed_m_s * cycles.model.mirror
     for k in range(rounds):
@@ -95,16 +97,29 @@ def optimal_cycle(
     )
 
 
+def _lags(cycles: Cycles, waveform: Waveform, parts: int) -> dict[str, float]:
+    """The effects' states that swing with the cycle, each with the size that it swings by."""
+    states = cycles.last_cycle(waveform, parts)
+    ids = {effect.id for effect in cycles.model.effects}
+    found = {}
+    for column, name in enumerate(cycles.states):
+        path = states[:, column]
+        swing = float(np.ptp(path))
+        if name.split(".")[0] in ids and swing > 0 and abs(path[-1] - path[0]) < _REPEATS * swing:
+            found[name] = swing
+    return found
+
+
 def _solve(cycles: Cycles, part: Part, waveform: Waveform, aim: float, parts: int) -> Waveform | None:
     """One round from `waveform`, or None where IPOPT gave nothing finite."""
     states = cycles.last_cycle(waveform, 2 * parts)
-    columns = [cycles.states.index(name) for name in NODES]
-    start = states[::2, columns] / SCALE
+    columns = [cycles.states.index(name) for name in part.names]
+    start = states[::2, columns] / part.scale
     start[:, 0] -= start[0, 0]
     slip = np.round(states[1::2, cycles.states.index("slip")])
     program = _Program(cycles.model, part, aim, parts)
     solver, low, high = program.solver(slip, start)
-    nodes = 5 * (parts + 1)
+    nodes = len(part.names) * (parts + 1)
     period = waveform.period_s
     x0 = np.concatenate((start.ravel(), waveform.sampled(parts), [period / _TIME], np.zeros(parts + 1)))
     shortest, longest = max(SHORTEST_S, period / _STRETCH) / _TIME, min(LONGEST_S, period * _STRETCH) / _TIME
@@ -118,11 +133,11 @@ def _solve(cycles: Cycles, part: Part, waveform: Waveform, aim: float, parts: in
 
 
 class _Program:
-    """The nonlinear program of one round in CasADi's symbols: nodes Z (5, N + 1), levels C, period T, slacks E."""
+    """The nonlinear program of one round in CasADi's symbols: nodes Z (n, N + 1), levels C, period T, slacks E."""
 
     def __init__(self, model: VibroModel, part: Part, aim: float, parts: int) -> None:
         self.model, self.part, self.aim, self.n = model, part, aim, parts
-        self.Z, self.C = ca.MX.sym("Z", 5, parts + 1), ca.MX.sym("C", parts)
+        self.Z, self.C = ca.MX.sym("Z", len(part.names), parts + 1), ca.MX.sym("C", parts)
         self.T, self.E = ca.MX.sym("T"), ca.MX.sym("E", parts + 1)
 
     def cost(self) -> Any:
@@ -139,11 +154,11 @@ class _Program:
 
     def solver(self, slip: Array, start: Array) -> tuple[ca.Function, Array, Array]:
         """The solver with the bounds of its constraints."""
-        h = self.T * (_TIME / (self.n * STEPS))
+        h = self.T * (_TIME / (self.n * self.part.steps))
         ends = self.part.advance.map(self.n)(self.Z[:, :-1], self.C.T, h, ca.DM(slip).T)
         way = self.aim * self.T * _TIME / SCALE[0]
         rows = [ca.vec(ends - self.Z[:, 1:]), self.Z[1:, -1] - self.Z[1:, 0], self.Z[0, 0], self.Z[0, -1] - way]
-        equal = np.zeros(5 * self.n + 6)
+        equal = np.zeros(len(self.part.names) * (self.n + 1) + 1)
         more, low, high = self._wall(slip, start)
         unknown = ca.vertcat(ca.vec(self.Z), self.C, self.T, self.E)
         program = {"x": unknown, "f": self.cost(), "g": ca.vertcat(*rows, *more)}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,7 +20,7 @@ from models.wall import Drag
 Array = NDArray[np.float64]
 NODES = ("x", "v", "vibro.stretch_m", "vibro.rate_m_s", "u")
 SCALE = np.array([1e-3, 0.1, 1e-3, 0.1, 1e-4])
-"""What a node holds (m, m/s, m, m/s, m) and the size of 1 in it."""
+"""What every node holds (m, m/s, m, m/s, m) and the size of 1 in it."""
 
 
 @dataclass(frozen=True)
@@ -34,22 +35,27 @@ class KnownSlip(Stepper):
 
 @dataclass(frozen=True)
 class Part:
-    """`advance(z, c, h, slip) -> z` over `steps` steps of h in s from the scaled node z (5,), the level c held; `strain(z)` =
-    T(u)/f_c of the wall, None on a plate. Effects' own states stay as at the start."""
+    """`advance(z, c, h, slip) -> z` over `steps` steps of h in s from the scaled node z (n,), the level c held; `strain(z)` =
+    T(u)/f_c of the wall, None on a plate. A node holds the states `names` in units of `scale`."""
 
+    names: tuple[str, ...]
+    scale: Array
+    steps: int
     advance: ca.Function
     strain: ca.Function | None
 
 
-def smooth_part(model: VibroModel, smoothing: float, steps: int) -> Part:
-    """A part of the cycle of `model` with friction smoothed over `smoothing` in m/s."""
+def smooth_part(model: VibroModel, smoothing: float, steps: int, lags: Mapping[str, float]) -> Part:
+    """A part of the cycle of `model` with friction smoothed over `smoothing` in m/s. Nodes hold `NODES` and the effects' states in `lags`,
+    each with its size; other states of effects stay as they are at the start."""
     assembly = model.assembly(smoothing)
     vector = assembly.vector(model.values)
     p = {parameter.name: float(vector[i]) for i, parameter in enumerate(assembly.parameters)}
     ids = {effect.id for effect in model.effects}
-    z, c, h, slip = ca.SX.sym("z", 5), ca.SX.sym("c"), ca.SX.sym("h"), ca.SX.sym("slip")
+    names, scale = (*NODES, *lags), np.concatenate((SCALE, list(lags.values())))
+    z, c, h, slip = ca.SX.sym("z", len(names)), ca.SX.sym("c"), ca.SX.sym("h"), ca.SX.sym("slip")
     now: dict[str, Any] = {name: ca.SX(assembly.initial[name]) for name in assembly.states}
-    now |= {name: z[i] * SCALE[i] for i, name in enumerate(NODES)} | {"slip": slip}
+    now |= {name: z[i] * scale[i] for i, name in enumerate(names)} | {"slip": slip}
     hidden = [name for name in assembly.states if name.split(".")[0] in ids]
 
     def stepper() -> KnownSlip:
@@ -58,12 +64,12 @@ def smooth_part(model: VibroModel, smoothing: float, steps: int) -> Part:
 
     for _ in range(steps):
         now, _output = stepper().advance(now, c, c, 0.0, h)
-    end = ca.vertcat(*(now[name] / SCALE[i] for i, name in enumerate(NODES)))
+    end = ca.vertcat(*(now[name] / scale[i] for i, name in enumerate(names)))
     advance = ca.Function("advance", [z, c, h, slip], [end])
     if isinstance(model.surface, Plate):
-        return Part(advance, None)
+        return Part(names, scale, steps, advance, None)
     u, v = z[4] * SCALE[4], z[1] * SCALE[1]
     mu = p["friction_coefficient"]
     _, onset = model.surface.grip(np.sqrt(v * v + smoothing**2), p["hoop_stress_factor"], mu)
     onset = onset + mu * model.drive.carried_kg * GRAVITY
-    return Part(advance, ca.Function("strain", [z], [stepper().tension(u) / onset]))
+    return Part(names, scale, steps, advance, ca.Function("strain", [z], [stepper().tension(u) / onset]))

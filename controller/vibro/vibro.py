@@ -14,6 +14,7 @@ from controller.vibro.averaged import AveragedMpc, ProgressFilter, Weights
 from controller.vibro.gears import Choice, DriveMap
 from controller.vibro.waveform import REST, Waveform
 
+_FAR = 1e3  # m or m/s, beyond it a number is none
 _REGEAR = 0.2  # share by which the wanted speed must change for the choice of the gear to be thought over
 
 
@@ -26,7 +27,7 @@ class Tuning:
     tick_s: float = 1e-3
     position_index: int = 0
     sample_s: float = 9.5e-3
-    catch_up: float = 0.05
+    catch_up: float = 0.03
     catch_up_s: float = 0.7
     near_m: float = 0.4e-3
     blind_s: float = 1.0
@@ -38,7 +39,7 @@ class VibroController:
 
     At a cycle's end: the filter's state of the averaged motion, a plan of mean speeds from the MPC, its first one through the map to
     the next cycle's waveform. Where the map has two gears or directions, each keeps the bias that was learnt in it. The
-    status is `limited` while the commanded speed is out of the map's reach.
+    status is `limited` while the map's reach holds the command back.
     """
 
     name = "vibro"
@@ -87,12 +88,12 @@ class VibroController:
         if estimate.lost or estimate.state.size <= index:
             return None
         value = float(estimate.state[index])
-        return value if math.isfinite(value) and math.isfinite(estimate.time_s) else None
+        return value if abs(value) < _FAR else None
 
     def _look(self, now: float, estimate: Estimate) -> None:
         """Take a new estimate in, at the pace of the localisation."""
         position = self._position(estimate)
-        if position is None or estimate.time_s < self._stamp + self.tuning.sample_s:
+        if position is None or not self._stamp + self.tuning.sample_s <= estimate.time_s <= now + self.tuning.tick_s:
             return
         self._stamp, self._seen = estimate.time_s, now
         self.filter.predict(min(estimate.time_s, now), self._cycle.speed_m_s)
@@ -122,14 +123,15 @@ class VibroController:
         started = time.perf_counter()
         ahead = np.asarray(now + self.mpc.step_s * np.arange(self.mpc.horizon + 1), dtype=np.float64)
         places, speeds = reference.position(ahead), reference.speed(ahead)
-        if not (np.isfinite(places).all() and np.isfinite(speeds).all()):
+        if not ((abs(places) < _FAR).all() and (abs(speeds) < _FAR).all()):
             self._take(Choice(REST, None, 0.0, True), "failed")
         elif now - self._seen > self.tuning.blind_s and self.tuning.feedback:
             self._take(Choice(REST, None, 0.0, True), "lost")
         else:
             self._planned = self._plan(now, places, speeds)
             choice = self.drive.choose(self._planned, self._gear_for(float(speeds[0])))
-            self._take(choice, "ok" if choice.reachable else "limited")
+            low, high = self.drive.reach()
+            self._take(choice, "ok" if choice.reachable and low < self._planned < high else "limited")
         self._solve_s = time.perf_counter() - started
 
     def _gear_for(self, wanted: float) -> int | None:

@@ -8,7 +8,7 @@ from typing import Any
 
 from rich.table import Table
 
-from controller.choices import CONTROLLERS
+from controller.choices import CONTROLLERS, leads
 from hil.app.console import json_text, output_to_notes, print_json, progress_bar, summary
 from hil.app.predict import read_model
 from hil.app.track_loop import Trace, believed_model, run_loop
@@ -38,7 +38,8 @@ def track(
     """
     scenario = load_track_scenario(path)
     values, used = _values(model, stage, scenario.kind)
-    names = list(CONTROLLERS) if compare else [controller or scenario.control.controller]
+    leading = [name for name in CONTROLLERS if scenario.kind in leads(name)]
+    names = leading if compare else [controller or scenario.control.controller]
     if compare and controller is not None:
         raise ValueError(f"--compare must stand without --controller, as it runs them all; got --controller {controller}")
     number = scenario.seed if seed is None else seed

@@ -70,7 +70,8 @@ class Steady:
 
     def position(self, t: Array) -> Array:
         """Position in m."""
-        return self.speed_m_s * np.asarray(t, dtype=float)
+        with np.errstate(all="ignore"):
+            return self.speed_m_s * np.asarray(t, dtype=float)
 
     def speed(self, t: Array) -> Array:
         """Speed in m/s."""

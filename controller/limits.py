@@ -116,7 +116,7 @@ def limited(wanted: object, previous: Issued, seen: Seen, dt: float, envelope: E
     blind = bool(seen.lost) or not (0 <= number(seen.age_s) <= limits.age_s and math.isfinite(v) and _possible(x, envelope))
     if blind:
         broken.append("estimate")
-    if blind or share == 0 or not math.isfinite(aim):
+    if blind or not math.isfinite(aim):
         aim = before if envelope.kind == "magnetic" else 0.0
     aim = _in_range(aim, share, envelope, broken)
     if not blind:
@@ -169,7 +169,7 @@ def _held(aim: float, before: float, x: float, v: float, envelope: Envelope, bro
         if slower != held:
             broken.append("speed")
         held = slower
-    return _within(held, envelope.low, envelope.high)
+    return held
 
 
 def _reached(

@@ -41,7 +41,8 @@ anything = st.one_of(
 )
 seens = st.builds(Seen, floats, floats, floats, st.booleans(), floats)
 likely = st.builds(Seen, st.floats(-1, 1), st.floats(-0.5, 0.5), st.floats(0, 0.2), st.just(False), st.floats(20, 45))
-steps = st.lists(st.tuples(anything, st.one_of(seens, likely), floats), min_size=1, max_size=12)
+ticks = st.one_of(floats, st.floats(1e-6, 0.03))
+steps = st.lists(st.tuples(anything, st.one_of(seens, likely), ticks), min_size=1, max_size=12)
 
 
 def check(now: Issued, before: Issued, dt: float, envelope: Envelope) -> None:
@@ -87,7 +88,10 @@ def test_a_blind_or_hot_coil_is_off_and_a_blind_carriage_stands(wanted: object, 
     for blind in (
         replace(seen, lost=True),
         replace(seen, age_s=0.2),
+        replace(seen, age_s=-1.0),
         replace(seen, position_m=math.nan),
+        replace(seen, speed_m_s=math.nan),
+        replace(seen, temperature_C=math.nan),
         replace(seen, temperature_C=50.0),
     ):
         coil, broken = limited(wanted, Issued(share * 0.02), blind, 0.02, ENVELOPES[2])
@@ -133,6 +137,38 @@ def test_the_magnet_does_not_leave_the_gap_that_holds() -> None:
         issued, broken = limited(0.5, issued, Seen(0.0, 0.0), 0.002, envelope)
     assert "gap" in broken
     assert issued.command == pytest.approx(0.95 * 0.02 / math.sqrt(3), rel=1e-3)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_gap_holds_on_both_sides_of_a_capsule_that_moves(sign: int) -> None:
+    envelope, issued = ENVELOPES[0], Issued(0.0)
+    for i in range(1500):
+        x = -sign * 5e-6 * i
+        issued, _ = limited(sign * 0.5, issued, Seen(x, -sign * 2.5e-3), 0.002, envelope)
+        assert abs(issued.command - x) <= envelope.gap_m + 3e-5
+
+
+@pytest.mark.parametrize("place", [1.2, -1.2, 1e300])
+def test_a_capsule_that_cannot_be_there_is_not_followed(place: float) -> None:
+    issued, broken = limited(place, Issued(0.9), Seen(place, 0.0), 0.002, ENVELOPES[0])
+    assert "estimate" in broken
+    assert issued.command == 0.9
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_carriage_at_its_end_goes_no_further_however_fast_it_was(sign: int) -> None:
+    envelope = ENVELOPES[0]
+    issued, _ = limited(sign * 2.0, Issued(sign * envelope.high, sign * envelope.rate), Seen(sign * 1.0, 0.0), 0.002, envelope)
+    assert issued.command == sign * envelope.high
+    assert issued.rate == 0.0
+
+
+def test_a_current_stays_within_its_range_and_rate() -> None:
+    _, broken = limited(1.1, Issued(1.0), Seen(0.0, 0.0), 0.02, ENVELOPES[2])
+    assert broken == ("range",)
+    issued, broken = limited(1.0, Issued(0.0), Seen(0.0, 0.0), 1e-4, ENVELOPES[2])
+    assert issued.command == pytest.approx(0.12)
+    assert "rate" in broken
 
 
 def test_a_strong_magnet_is_held_where_it_pulls_the_force_limit() -> None:

@@ -15,7 +15,8 @@ SETS = Path(__file__).parent / "sets"
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number: `value` in `unit`, believed to lie in [`lower`, `upper`], taken from `source`; `fit` lets calibration change it."""
+    """One number: `value` in `unit`, believed to lie in [`lower`, `upper`], taken from `source`; `fit` lets calibration change it,
+    which `spread` (a standard deviation, beside data in units of their noise) holds to `value` where the data say little."""
 
     name: str
     value: float
@@ -24,6 +25,7 @@ class Parameter:
     upper: float = float("inf")
     source: str = ""
     fit: bool = False
+    spread: float = float("inf")
 
     def __post_init__(self) -> None:
         if not self.lower <= self.value <= self.upper:

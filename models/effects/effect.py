@@ -52,6 +52,7 @@ class Effect:
     probe: ClassVar[float] = 0.1
     look_alikes: ClassVar[tuple[str, ...]] = ()
     separated_by: ClassVar[str] = ""
+    refined_by: ClassVar[str] = ""
 
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:

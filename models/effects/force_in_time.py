@@ -11,6 +11,7 @@ import numpy as np
 from models.effects.effect import Effect, Signals, Values
 from models.parameter import Parameter
 
+_FORM = "contractions are pulses rather than sines"
 RATIO = 1.09  # of neighbouring frequencies to screen: over half a minute their phases part by less than half a turn up to 0.4 Hz
 
 
@@ -22,13 +23,19 @@ def frequencies(lowest_Hz: float, highest_Hz: float, ratio: float = RATIO) -> tu
 
 @dataclass(frozen=True)
 class ForceInTime(Effect):
-    """Force `A sin(2 pi f (t - d) + phi)` along +x, `d` in s the delay at the capsule's place."""
+    """Force `A (sin q + b sin 2q + c cos 2q + o)` along +x, `q = 2 pi f (t - d) + phi`, `d` in s the delay at the capsule's place.
+
+    A wave of pulses, `max(0, sin q)`, is A = 0.5, b = 0, c = -0.42, o = 0.64 times its height.
+    """
 
     probe = 0.003
 
     force_N: Parameter = Parameter("force_N", 0.0, "N", -0.2, 0.2, "gut 35:625: 59 to 93 mN, twice that at most", fit=True)
     frequency_Hz: Parameter = Parameter("frequency_Hz", 0.25, "Hz", 0.03, 1.5, "tracing catalogue 15: 0.2 to 0.3 Hz", fit=True)
     phase_rad: Parameter = Parameter("phase_rad", 0.0, "rad", -7.0, 7.0, "any: where in its cycle a record begins", fit=True)
+    second_sin: Parameter = Parameter("second_sin", 0.0, "1", -1.0, 1.0, _FORM, fit=True)
+    second_cos: Parameter = Parameter("second_cos", 0.0, "1", -1.0, 1.0, _FORM, fit=True)
+    offset: Parameter = Parameter("offset", 0.0, "1", -1.5, 1.5, _FORM, fit=True)
 
     def delay_at(self, x: Any, p: Values) -> Any:
         """Time in s by which the force is late at the place `x` in m."""
@@ -36,4 +43,7 @@ class ForceInTime(Effect):
 
     def force(self, s: Signals, p: Values, z: Values) -> Any:
         turn = 2 * math.pi * p["frequency_Hz"] * (s.t - self.delay_at(s.x, p))
-        return p["force_N"] * np.sin(turn + p["phase_rad"])
+        turn = turn + p["phase_rad"]
+        return p["force_N"] * (
+            np.sin(turn) + p["second_sin"] * np.sin(2 * turn) + p["second_cos"] * np.cos(2 * turn) + p["offset"]
+        )

@@ -14,9 +14,9 @@ from models.parameter import Parameter
 
 @dataclass(frozen=True)
 class Stenosis(Effect):
-    """Level `1 + s g`, `g = (1 + m (m + 1)/2 q^2)^(-1/m)`, `q = (x - x_0)/w`.
+    """Level `1 + s g`, `g = (1 + m (m + 1)/2 q^2)^(-1/m)`, `q = (x - x_0)/(w (1 + k sgn(x - x_0)))`.
 
-    The tail m leads from a Gaussian, `exp(-q^2/2)` at 0, to a Lorentzian, `1/(1 + q^2)` at 1.
+    The skew k makes one flank steeper; the tail m leads from a Gaussian, `exp(-q^2/2)` at 0, to a Lorentzian, `1/(1 + q^2)` at 1.
     """
 
     id = "stenosis"
@@ -33,8 +33,10 @@ class Stenosis(Effect):
     width_m: Parameter = Parameter("width_m", 0.003, "m", 0.0005, 0.03, "tracing catalogue 11", fit=True)
     tail: Parameter = Parameter("tail", 1.0, "1", 0.02, 2.0, "tracing catalogue 11", fit=True)
 
+    skew: Parameter = Parameter("skew", 0.0, "1", -0.6, 0.6, "tracing catalogue 11", fit=True)
+
     def level(self, s: Signals, p: Values, z: Values) -> Any:
         away = s.x - p["centre_m"]
-        apart = away / p["width_m"]
+        apart = away / (p["width_m"] * (1 + p["skew"] * np.sign(away)))
         tail = p["tail"]
         return 1 + p["excess"] * np.exp(-np.log1p(0.5 * tail * (1 + tail) * apart * apart) / tail)

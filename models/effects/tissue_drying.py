@@ -13,7 +13,7 @@ from models.parameter import Parameter
 
 @dataclass(frozen=True)
 class TissueDrying(Effect):
-    """Level `1 + b t` in clock time, also at rest."""
+    """Level `1 + b t + c t^2` in clock time, also at rest."""
 
     id = "tissue_drying"
     summary = "resistance drifts with time"
@@ -25,5 +25,7 @@ class TissueDrying(Effect):
 
     rate_per_s: Parameter = Parameter("rate_per_s", 0.0, "1/s", -0.02, 0.03, "paper C Section 2.2 (drying in air)", fit=True)
 
+    bend_per_s2: Parameter = Parameter("bend_per_s2", 0.0, "1/s^2", -3e-4, 3e-4, "paper C Section 2.2 (drying in air)", fit=True)
+
     def level(self, s: Signals, p: Values, z: Values) -> Any:
-        return np.maximum(1 + p["rate_per_s"] * s.t, 0.05)
+        return np.maximum(1 + (p["rate_per_s"] + p["bend_per_s2"] * s.t) * s.t, 0.05)

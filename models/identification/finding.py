@@ -19,6 +19,7 @@ from models.rig import Rig
 ACCURACY = 0.01
 """Relative accuracy of the models' own numerics and of a minimum on a jagged criterion: the least width of an interval on either side."""
 _T95 = 1.96
+_BLOCKS = 60
 
 
 def close(
@@ -40,7 +41,7 @@ def close(
         else {}
         for part, records in (("train", train), ("holdout", holdout))
     }
-    spread = _intervals(kind, found.augmented, found.effects)
+    spread = _intervals(kind, found.augmented, found.model)
     model = Model(kind.name, thetas, verdict, {"records": ", ".join(r.name for r in train), "seed": str(seed)})
     finding = Finding(
         kind=kind.name,
@@ -85,7 +86,8 @@ def _verdict(found: Search) -> str:
 
 
 def _intervals(kind: AnyKind, fit: Fit, effects: Sequence[str]) -> dict[str, Estimate]:
-    """95 % intervals from the Jacobian, widened for what is left beyond chance and for residuals that are not independent."""
+    """95 % intervals from the Jacobian: the wider of least squares' own, widened for what is left beyond chance and for residuals that are
+    not independent, and of the sandwich with the scores' scatter from block to block, which holds for a model that is not quite right."""
     fitted = axes(kind, effects)
     if not fitted:
         return {}
@@ -94,7 +96,10 @@ def _intervals(kind: AnyKind, fit: Fit, effects: Sequence[str]) -> dict[str, Est
     curvature = (J * scale).T @ (J * scale)
     values, vectors = np.linalg.eigh(curvature)
     widened = max(fit.chi2, 1.0) * _memory(fit.residual)
-    variance = (vectors**2 / np.maximum(values, 1e-12 * max(values[-1], 1e-300))).sum(axis=1) * widened
+    inverse = (vectors / np.maximum(values, 1e-12 * max(values[-1], 1e-300))) @ vectors.T
+    scores = np.array([part.T @ r for part, r in zip(_blocks(J * scale), _blocks(fit.residual), strict=True)])
+    scatter = len(scores) / max(len(scores) - len(fitted), 1) * scores.T @ scores
+    variance = np.maximum(np.diag(inverse) * widened, np.diag(inverse @ scatter @ inverse))
     out = {}
     for axis, deviation in zip(fitted, np.sqrt(variance) * scale, strict=True):
         value = fit.theta[axis.name]
@@ -103,6 +108,10 @@ def _intervals(kind: AnyKind, fit: Fit, effects: Sequence[str]) -> dict[str, Est
         told = half < 0.5 * max(abs(value), axis.scale) + axis.scale and p.lower < value < p.upper
         out[axis.name] = Estimate(value, (value - half, value + half), p.unit, told)
     return out
+
+
+def _blocks(values: np.ndarray) -> list[np.ndarray]:
+    return np.array_split(values, min(_BLOCKS, len(values)))
 
 
 def _memory(residual: np.ndarray) -> float:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from models.effects import REFINEMENTS
 from models.identification.kind import Kind
 from models.identification.sampling import Found, Space, evolve, gather, spread
 from models.parameter import Parameter
@@ -27,6 +28,7 @@ _PATIENT = (1e5, 1e4)
 _SETTLING = (1e4, 3e3)
 _NEAR_M = 3e-3
 _SECANTS = (0.3, 0.1)
+_FINE = 0.03
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ class Fit:
 def axes(kind: Kind, effects: Sequence[str]) -> list[Axis]:
     """What a fit of `kind` with `effects` may move. A tenth of a value is its scale; an amplitude's is the effect's probe."""
     result = [Axis(p.name, p, _scale(p)) for p in kind.base if p.fit]
-    declared = {effect.id: effect for effect in kind.effects}
+    declared = {effect.id: effect for effect in (*kind.effects, *REFINEMENTS)}
     for effect in (declared[name] for name in effects):
         name = effect.id
         for p in (q for q in effect.parameters() if q.fit):
@@ -107,7 +109,13 @@ class Problem:
         return np.clip([theta.get(a.name, a.parameter.value) for a in self.axes], self.lower + span, self.upper - span)
 
     def at(self, x: Array) -> Array:
-        return evaluate(self.kind, self.records, self.theta(x), self.stage)
+        residual = evaluate(self.kind, self.records, self.theta(x), self.stage)
+        held = [
+            (v - a.parameter.value) / a.parameter.spread
+            for a, v in zip(self.axes, x, strict=True)
+            if np.isfinite(a.parameter.spread)
+        ]
+        return np.concatenate([residual, held]) if held else residual
 
     def jacobian(self, x: Array, secant: float) -> Array:
         points = []
@@ -172,7 +180,7 @@ def polish(
         r = problem.at(x)
         x = evolve(space, Found(x, float(r @ r), x, root, fit.jacobian), rng, 4 * rounds, 1.0).best
     r = problem.at(x)
-    return Fit(problem.theta(x), float(r @ r), len(r), problem.jacobian(x, 0.003), r)
+    return Fit(problem.theta(x), float(r @ r), len(r), problem.jacobian(x, _FINE), r)
 
 
 def _space(problem: Problem, start: Mapping[str, float]) -> Space:
@@ -180,8 +188,8 @@ def _space(problem: Problem, start: Mapping[str, float]) -> Space:
     count = sum(p.fit for p in problem.kind.base)
     x = problem.start(start)
     home = np.array([a.parameter.value if i < count else v for i, (a, v) in enumerate(zip(problem.axes, x, strict=True))])
-    grids = {f"{e.id}.{name}": values for e in problem.kind.effects for name, values in e.grid.items()}
-    amplitudes = {f"{e.id}.{e.amplitude().name}" for e in problem.kind.effects}
+    grids = {f"{e.id}.{name}": values for e in (*problem.kind.effects, *REFINEMENTS) for name, values in e.grid.items()}
+    amplitudes = {f"{e.id}.{e.amplitude().name}" for e in (*problem.kind.effects, *REFINEMENTS)}
     reach = [
         0.25 * (a.parameter.upper - a.parameter.lower)
         if i < count

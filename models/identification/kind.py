@@ -49,6 +49,11 @@ class Kind(Protocol):
         ...
 
     @property
+    def slow_view(self) -> bool:
+        """Whether `residual` knows a further stage, number `stages`, that shows only what is slow in the free run."""
+        ...
+
+    @property
     def least_gain(self) -> float:
         """Gain below which nothing is named: what two searches of the same criterion may differ by; large where it is jagged."""
         ...

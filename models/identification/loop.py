@@ -8,16 +8,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from models.effects import BY_ID
 from models.identification.fit import Fit, descend, evaluate, polish
 from models.identification.kind import Kind
 from models.identification.screen import Screened, chance, screen
-from models.identification.tournament import Split, Trial, fair, middle_stage, refit, separation, tournament
+from models.identification.tournament import Split, Trial, fair, middle_stage, refit, separation, step_on, tournament
 from models.record import Record
 
 Progress = Callable[[str, float], None]
 
 MOST_EFFECTS = 4
 LEAST_DROP = 0.1
+REFINES = 0.1
 EXPLAINED = 0.6
 CLEAN = 1.5
 
@@ -30,6 +32,7 @@ class Search:
     augmented: Fit
     effects: list[str] = field(default_factory=list)
     dropped: list[str] = field(default_factory=list)
+    refinements: list[str] = field(default_factory=list)
     gains: dict[str, float] = field(default_factory=dict)
     equivalent: dict[str, tuple[str, ...]] = field(default_factory=dict)
     confidence: dict[str, float] = field(default_factory=dict)
@@ -40,6 +43,11 @@ class Search:
     before: float = 0.0
     after: float = 0.0
     chance_cost: float = 1.0
+
+    @property
+    def model(self) -> list[str]:
+        """Everything beyond the base: the effects named and the free curves that mend their shapes."""
+        return [*self.effects, *self.refinements]
 
     @property
     def explained(self) -> float:
@@ -57,8 +65,6 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
     last = kind.stages - 1
     start = refit(kind, train, [], nominal)
     base = polish(kind, train, [], descend(kind, train, [], start, last, 0.03, 10), last, rng)
-    if kind.stages > 1:
-        base = polish(kind, train, [], base, last, rng)
     parts = [refit(kind, part, [], base.theta) for part, _ in splits]
     found = Search(base, base)
     clock.note("calibration", found)
@@ -93,10 +99,14 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
         clock.note("testing again", found)
     progress("fitting the model on all records", 0.85)
     if found.effects:
-        start = refit(kind, train, found.effects, {**base.theta, **thetas[0]})
-        found.augmented = descend(kind, train, found.effects, start, last, 0.03, 10)
-        for _ in range(min(2, kind.stages)):
-            found.augmented = polish(kind, train, found.effects, found.augmented, last, rng)
+        found.refinements, thetas = _refined(kind, splits, thetas, found)
+        start = refit(kind, train, found.model, {**base.theta, **thetas[0]})
+        found.augmented = descend(kind, train, found.model, start, last, 0.03, 10)
+    if kind.stages > 1:
+        for _ in range(2):
+            found.augmented = polish(kind, train, found.model, found.augmented, last, rng)
+    if not found.effects:
+        found.calibrated = found.augmented
     clock.note("final fit", found)
     return found
 
@@ -113,6 +123,22 @@ def _test_again(kind: Kind, splits: Sequence[Split], thetas: list[dict[str, floa
             found.dropped.append(effect)
             found.after, thetas = cost, without
     return thetas
+
+
+def _refined(
+    kind: Kind, splits: Sequence[Split], thetas: list[dict[str, float]], found: Search
+) -> tuple[list[str], list[dict[str, float]]]:
+    """Free curves in place of the named effects' own shapes, where validation records gain by them."""
+    kept: list[str] = []
+    wanted = dict.fromkeys(BY_ID[name].refined_by for name in found.effects)
+    for curve in (name for name in wanted if name and kind.name in BY_ID[name].kinds):
+        model = [*found.effects, *kept, curve]
+        again = [step_on(kind, part, model, descend(kind, part, model, theta, 0, 0.1, 10).theta).theta
+                 for (part, _), theta in zip(splits, thetas, strict=True)]  # fmt: skip
+        cost = _cost(kind, splits, again, middle_stage(kind))
+        if np.log(found.after / cost) > REFINES:
+            kept, thetas, found.after = [*kept, curve], again, cost
+    return kept, thetas
 
 
 def _cost(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[str, float]], stage: int) -> float:

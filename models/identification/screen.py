@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,12 +22,12 @@ _SECANT = 0.1
 
 @dataclass(frozen=True)
 class Screened:
-    """One candidate: share of the residual it explains at first order, where a joint fit should start, and the smallest amplitude that
-    would have been seen at the share `chance` gives."""
+    """One candidate: share of the residual it explains at first order, where joint fits should start (one start a view of the residual),
+    and the smallest amplitude that would have been seen at the share `chance` gives."""
 
     effect: str
     share: float
-    start: dict[str, float]
+    starts: tuple[dict[str, float], ...]
     sensitivity: float
 
 
@@ -67,7 +67,7 @@ class _View:
         D, r = self.cleared(np.array(columns).T), self.cleared(self.residual)
         size = float(np.linalg.norm(D))
         if not np.isfinite(size) or size < 1e-9 * np.linalg.norm(r):
-            return Screened(effect.id, 0.0, start, np.inf)
+            return Screened(effect.id, 0.0, (start,), np.inf)
         factor, *_ = np.linalg.lstsq(D, -r, rcond=None)
         share = 1 - float(np.sum((r + D @ factor) ** 2)) / float(r @ r)
         size *= 1 / np.sqrt(len(phases))
@@ -79,7 +79,7 @@ class _View:
         start[head + amplitude.name] = float(np.clip(wanted, *reach))
         if not reach[0] <= wanted <= reach[1] and wanted * start[head + amplitude.name] <= 0:
             share = 0.0
-        return Screened(effect.id, share, start, abs(effect.probe) * float(np.linalg.norm(r)) / size)
+        return Screened(effect.id, share, (start,), abs(effect.probe) * float(np.linalg.norm(r)) / size)
 
 
 def _shapes(effect: type[Effect], records: Sequence[Record]) -> Iterator[dict[str, float]]:
@@ -117,10 +117,19 @@ def _best(view: _View, effects: Sequence[type[Effect]]) -> list[Screened]:
 def screen(
     kind: Kind, records: Sequence[Record], effects: Sequence[str], theta: Mapping[str, float], dropped: Sequence[str] = ()
 ) -> list[Screened]:
-    """Every candidate's share of the residual beyond `effects`, best first."""
-    stage = min(1, kind.stages - 1)
-    fit = descend(kind, records, effects, theta, stage, _SECANT, 8)
-    return _best(_View.at(kind, records, effects, fit.theta, stage), _candidates(kind, (*effects, *dropped)))
+    """Every candidate's share of the residual beyond `effects`, best first: the larger of what the kind's views of the residual show."""
+    rows: dict[str, Screened] = {}
+    for stage in (min(1, kind.stages - 1), *((kind.stages,) if kind.slow_view else ())):
+        fit = descend(kind, records, effects, theta, stage, _SECANT, 8)
+        for row in _best(_View.at(kind, records, effects, fit.theta, stage), _candidates(kind, (*effects, *dropped))):
+            other = rows.get(row.effect)
+            rows[row.effect] = row if other is None else _joined(row, other)
+    return sorted(rows.values(), key=lambda row: -row.share)
+
+
+def _joined(a: Screened, b: Screened) -> Screened:
+    better = a if a.share >= b.share else b
+    return replace(better, starts=(*a.starts, *b.starts))
 
 
 def chance(

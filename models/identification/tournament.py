@@ -51,36 +51,42 @@ def tournament(
     part = splits[0][0]
     entries = {}
     for row in screened:
-        start = _opening(kind, part, effects, thetas[0], row)
-        entries[row.effect] = descend(kind, part, [*effects, row.effect], start, 0, 0.3, 3)
+        starts = [_opening(kind, part, effects, thetas[0], row.effect, start) for start in row.starts]
+        fits = [descend(kind, part, [*effects, row.effect], start, 0, 0.3, 3) for start in starts]
+        entries[row.effect] = min(fits, key=lambda fit: fit.cost)
     entered = sorted(entries, key=lambda name: entries[name].cost)
-    fits = {}
+    fitted = {}
     for name in _with_look_alikes(kind, entered):
         fit = entries[name]
         for secant in (0.3, 0.1):
             fit = descend(kind, part, [*effects, name], fit.theta, middle_stage(kind), secant, 8)
-        fits[name] = fit
-    ranking = sorted(fits, key=lambda name: fits[name].cost)
-    finalists = [name for i, name in enumerate(ranking[:FINAL]) if i < 2 or fits[name].cost < CLOSE * fits[ranking[0]].cost]
+        fitted[name] = fit
+    ranking = sorted(fitted, key=lambda name: fitted[name].cost)
+    finalists = [name for i, name in enumerate(ranking[:FINAL]) if i < 2 or fitted[name].cost < CLOSE * fitted[ranking[0]].cost]
     before = block_costs(kind, splits, thetas)
-    trials = [_judge(kind, splits, effects, thetas, name, fits[name].theta, before) for name in finalists]
+    trials = [_judge(kind, splits, effects, thetas, name, fitted[name].theta, before) for name in finalists]
     return sorted(trials, key=lambda trial: -trial.gain)
 
 
 def _opening(
-    kind: Kind, part: Sequence[Record], effects: Sequence[str], theta: Mapping[str, float], row: Screened
+    kind: Kind,
+    part: Sequence[Record],
+    effects: Sequence[str],
+    theta: Mapping[str, float],
+    name: str,
+    start: Mapping[str, float],
 ) -> dict[str, float]:
     """Where a candidate's fit starts: the best amplitude, at the base as calibrated without it or as nominal (a calibration may have
     bent the base to make up for what was missing)."""
-    effect = next(e for e in kind.effects if e.id == row.effect)
+    effect = next(e for e in kind.effects if e.id == name)
     amplitude = effect.amplitude()
     key = f"{effect.id}.{amplitude.name}"
     nominal = {**theta, **{p.name: p.value for p in kind.base if p.fit}}
-    wanted = [row.start[key], *(sign * effect.probe * k for k in _MULTIPLES for sign in (1.0, -1.0))]
+    wanted = [start[key], *(sign * effect.probe * k for k in _MULTIPLES for sign in (1.0, -1.0))]
     values = sorted({v for v in wanted if amplitude.lower <= v <= amplitude.upper and v != 0.0})
-    points = [{**base, **row.start, key: value} for base in (theta, nominal) for value in values]
+    points = [{**base, **start, key: value} for base in (theta, nominal) for value in values]
     costs = parallel(lambda p: float(np.sum(evaluate(kind, part[:1], p, middle_stage(kind)) ** 2)), points)
-    return points[int(np.argmin(costs))] if points else {**theta, **row.start}
+    return points[int(np.argmin(costs))] if points else {**theta, **start}
 
 
 def _with_look_alikes(kind: Kind, entered: Sequence[str]) -> list[str]:

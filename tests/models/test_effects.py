@@ -17,7 +17,7 @@ from models.drives.drive import Drive
 from models.drives.magnetic import Magnetic
 from models.drives.pull import Pull
 from models.drives.vibro import Vibro
-from models.effects import BY_ID, EFFECTS, effects_for
+from models.effects import BY_ID, EFFECTS, REFINEMENTS, effects_for
 from models.effects.effect import Effect, Signals
 from models.effects.inner_mass import InnerMassEffect
 from models.laws.geometry import Capsule, Tissue
@@ -131,8 +131,8 @@ def answers(effect: type[Effect], p: dict[str, Any], z: dict[str, Any], numbers:
 
 def test_the_tuple_lists_every_file_once() -> None:
     files = {path.stem for path in Path(importlib.import_module("models.effects").__file__ or "").parent.glob("*.py")}
-    assert sorted(e.id for e in EFFECTS) == sorted(files - set(NOT_EFFECTS))
-    assert len(BY_ID) == len(EFFECTS)
+    assert sorted(e.id for e in (*EFFECTS, *REFINEMENTS)) == sorted(files - set(NOT_EFFECTS))
+    assert len(BY_ID) == len(EFFECTS) + len(REFINEMENTS)
 
 
 @each_effect

@@ -42,6 +42,7 @@ class AxisKind:
     effects: tuple[type[Effect], ...] = EFFECTS
     name: str = "axis"
     stages: int = 1
+    slow_view: bool = False
     next_share: float = 0.04
     least_gain: float = 0.05
     equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})

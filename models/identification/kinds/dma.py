@@ -40,6 +40,7 @@ class DmaKind:
     effects: tuple[type[Effect], ...] = (BroadRelaxation,)
     name: str = "dma"
     stages: int = 2
+    slow_view: bool = False
     next_share: float = 0.3
     least_gain: float = 0.05
     equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})

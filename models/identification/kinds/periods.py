@@ -69,6 +69,7 @@ class PeriodsKind:
     effects: tuple[type[Effect], ...] = (SingleSpeedStiffening,)
     name: str = "periods"
     stages: int = 1
+    slow_view: bool = False
     next_share: float = 0.3
     least_gain: float = 0.05
     quantity: str = "period_s, valley_N and peak_N"

@@ -31,7 +31,7 @@ def speed_map(drawn: Sequence[Panel], last: str) -> go.Figure | None:
             x=1e3 * conditions[:, 0],
             y=conditions[:, 1],
             mode="markers",
-            marker={"color": factor * values, "coloraxis": "coloraxis", "size": 15, "line": {"color": INK, "width": 0.7}},
+            marker={"color": factor * values, "coloraxis": "coloraxis", "size": 11, "line": {"color": INK, "width": 0.7}},
             hovertemplate=f"T %{{x:.3g}} ms, duty %{{y:.2f}}: %{{marker.color:.3g}} {unit}<extra></extra>",
             showlegend=False,
             row=1,

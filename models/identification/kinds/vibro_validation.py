@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from models.identification.kinds.vibro_table import VibroTableKind
 
 _FEWEST = 24
-_STEPS = 6
+_STEPS = 4
 
 
 def effects_in(theta: Theta) -> list[str]:

@@ -102,7 +102,17 @@ def statements(kind: VibroTableKind, theta_by_stage: Mapping[str, Theta], record
             "The measured speeds at duty D and 1 - D are not mirrored: the drive acts for less time than it is switched on. A "
             "lagging current whose square makes the force does this; a lagging force by itself does not."
         )
-    return [*out, *_validation(kind, theta, records), _worst(kind, theta, records), _sessions(records)]
+    return [*out, *_at_bounds(kind, theta), *_validation(kind, theta, records), _worst(kind, theta, records), _sessions(records)]
+
+
+def _at_bounds(kind: VibroTableKind, theta: Theta) -> list[str]:
+    """Which fitted base values lie at the end of what was believed: the predictions may hold, the values must not be taken as measured."""
+    ends = [
+        f"{p.name} = {theta[p.name]:.3g}"
+        for p in kind.base
+        if p.fit and p.name in theta and min(theta[p.name] - p.lower, p.upper - theta[p.name]) < 1e-3 * (p.upper - p.lower)
+    ]
+    return [f"At the end of their believed range, so not measured by these data: {', '.join(ends)}."] if ends else []
 
 
 def _validation(kind: VibroTableKind, theta: Theta, records: Sequence[Record]) -> list[str]:

@@ -47,7 +47,7 @@ def native_functions(symbols: Symbols) -> dict[str, Callable[..., None]] | None:
     try:
         if not path.is_file():
             _build(tool, source, path)
-        return _called(ctypes.CDLL(str(path)))
+        return _called(ctypes.PyDLL(str(path)))
     except (OSError, subprocess.SubprocessError, AttributeError):
         return None
 

@@ -64,12 +64,23 @@ class Planner:
         self.program = Program.sized(N, horizon.stage_s, model.tick_s, rate, self.hard, self.soft, self.penalty)
         self.A, self.B, self.Z = np.zeros((N, n, n)), np.zeros((N, n, 2)), np.zeros((N + 1, n, N))
         self.forces, self.slopes = np.zeros(N + 1), np.zeros((N + 1, n))
-        self.last_rate = 0.0
+        self.parameters = model.kernels.parameters
 
-    def plan(self, now: float, state: Array, disturbance: float, reference: Array, guess: Array, last_rate: float) -> Plan:
+    def plan(
+        self,
+        now: float,
+        state: Array,
+        disturbance: float,
+        reference: Array,
+        guess: Array,
+        last_rate: float,
+        parameters: Array | None = None,
+    ) -> Plan:
         """The plan from `state` (n,) at `now` in s; `guess` (N + 1,) are commands whose first is the one in force, changing at
-        `last_rate`; `reference` (3, N + 1) position, speed, command rate. Never raises; bounded by `horizon.iterations`."""
+        `last_rate`; `reference` (3, N + 1) position, speed, command rate; `parameters` (p,) in the model's order where they are
+        not the model's own. Never raises; bounded by `horizon.iterations`."""
         begin = self.clock()
+        self.parameters = self.model.kernels.parameters if parameters is None else parameters
         warm, ahead = self.candidates(now, state, disturbance, reference, guess, last_rate)
         best = ahead if ahead.cost < warm.cost or not np.isfinite(warm.cost) else warm
         took = dict.fromkeys(("candidates", "linearise", "condense", "solve", "search"), 0.0)
@@ -93,14 +104,14 @@ class Planner:
     def _rolled(self, now: float, plan: Plan, d: float, reference: Array, last_rate: float) -> None:
         """Fill in the path and the cost of a plan's commands."""
         k, h = self.model.kernels, self.horizon
-        k.roll(plan.path, plan.commands, d, now, h.stage_s, h.substeps, k.parameters)
+        k.roll(plan.path, plan.commands, d, now, h.stage_s, h.substeps, self.parameters)
         self._priced(now, plan, reference, last_rate)
 
     def _priced(self, now: float, plan: Plan, reference: Array, last_rate: float) -> None:
         h = self.horizon
         if self.soft[2] < 1e30:
             k = self.model.kernels
-            k.holds(plan.path, self.forces, self.slopes, now, h.stage_s, k.parameters)
+            k.holds(plan.path, self.forces, self.slopes, now, h.stage_s, self.parameters)
         plan.cost = float(
             cost(plan.path, plan.commands, self.forces, reference, last_rate, h.stage_s, self.scales, self.soft, self.penalty)
         )
@@ -112,7 +123,7 @@ class Planner:
         k, h, b = self.model.kernels, self.horizon, self.hard
         warm, ahead = (Plan(np.array(guess), np.zeros((h.stages + 1, state.size)), np.inf) for _ in range(2))
         warm.path[0] = ahead.path[0] = state
-        pace = (CATCH_S, b[2], b[0], b[1], d, now, h.stage_s, h.substeps, k.parameters)
+        pace = (CATCH_S, b[2], b[0], b[1], d, now, h.stage_s, h.substeps, self.parameters)
         k.pursue(ahead.path, ahead.commands, reference[0], reference[1], *pace)
         for plan in (warm, ahead):
             keep_feasible(plan.commands, last_rate, h.stage_s, self.model.tick_s, b)
@@ -122,7 +133,7 @@ class Planner:
     def _iterate(self, now: float, best: Plan, d: float, reference: Array, last_rate: float, took: dict[str, float]) -> bool:
         """One SQP step from `best`, which it changes; False where it is not worth another."""
         k, h, t0 = self.model.kernels, self.horizon, self.clock()
-        k.linearise(best.path, self.A, self.B, best.commands, d, now, h.stage_s, h.substeps, k.parameters)
+        k.linearise(best.path, self.A, self.B, best.commands, d, now, h.stage_s, h.substeps, self.parameters)
         self._priced(now, best, reference, last_rate)
         t1 = self.clock()
         unit = self.program.unit

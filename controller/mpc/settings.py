@@ -11,23 +11,26 @@ from controller.limits import Envelope
 @dataclass(frozen=True)
 class Horizon:
     """`stages` of `stage_s` each, integrated in `substeps`; at most `iterations` SQP steps, none begun that would end later than
-    `deadline_s` after the tick's begin. A capsule within `rest_m` of a reference that stands still all along the horizon is left
-    alone until it is twice as far: smooth friction creeps where the real one holds, and a controller that believes it would hunt."""
+    `deadline_s` after the tick's begin (to be set where ticks are paced; inf lets a simulation be the same on every machine).
+
+    A capsule within `rest_m` of a reference that stands still all along the horizon is left alone until it is twice as far: smooth
+    friction creeps where the real one holds, and a controller that believes it would hunt.
+    """
 
     stages: int = 30
     stage_s: float = 5e-3
     substeps: int = 2
     iterations: int = 3
-    deadline_s: float = 8e-4
+    deadline_s: float = math.inf
     rest_m: float = 3e-5
 
     def __post_init__(self) -> None:
         for name, low, high in (("stages", 2, 200), ("substeps", 1, 100), ("iterations", 1, 100)):
             if not low <= getattr(self, name) <= high:
                 raise ValueError(f"{name} must lie in [{low}, {high}]; got {getattr(self, name)}")
-        for name in ("stage_s", "deadline_s", "rest_m"):
-            if not 0 < getattr(self, name) < math.inf:
-                raise ValueError(f"{name} must be a positive number; got {getattr(self, name):g}")
+        for name, high in (("stage_s", 1.0), ("rest_m", 1.0), ("deadline_s", math.inf)):
+            if not 0 < getattr(self, name) <= high:
+                raise ValueError(f"{name} must lie above 0, up to {high:g}; got {getattr(self, name):g}")
 
 
 @dataclass(frozen=True)

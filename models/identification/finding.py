@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from models.effects import BY_ID
 from models.identification.checks import residual_checks
 from models.identification.fit import Fit, axes
 from models.identification.kinds import AnyKind, kind_for
@@ -157,6 +158,10 @@ def _statements(found: Search, verdict: str) -> list[str]:
         said.append(
             f"The effects take away {100 * min(found.explained, 1.0):.0f} % of the misfit beyond chance on records not used to fit them."
         )
+    said += [
+        f"{BY_ID[name].summary.capitalize()} ({name}) mends the shape of {', '.join(e for e in found.effects if BY_ID[e].refined_by == name)}."
+        for name in found.refinements
+    ]
     if verdict == "unknown":
         said.append("What is left is structured and no candidate explains it.")
     return said

@@ -32,6 +32,11 @@ Theta = Mapping[str, float]
 
 LOW_PASS_HZ = 2.0
 _PER_PERIOD = 10  # samples that the slow view keeps of a period of its cut-off
+_FORESIGHTS = (
+    (0.03, "one step ahead of an observer that forgets within 0.03 s"),
+    (0.5, "ahead of one that forgets within half a second"),
+    (None, "in a free run"),
+)
 _TAIL = 8.0  # standard deviations beyond which a difference counts ever less: samples at a jump of the speed
 _DIVERGED = 1e6  # standard deviations, beyond which a prediction is no longer one
 _START_S = 0.5  # s, over which a record's start is compared with a prediction's where the drive does not tell the place
@@ -202,8 +207,16 @@ class GutKind:
         return out | {"gap_m": record[self.drive.commanded] - x}
 
     def statements(self, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:
-        """Sentences for the report."""
-        return statements_of(self.drive, self.noise_std, self.unit)
+        """Sentences for the report: about the sensor, and the error over short, middle and unlimited foresight."""
+        said = statements_of(self.drive, self.noise_std, self.unit)
+        for memory, words in _FORESIGHTS:
+            rms = (f"{self._rms(records, theta, memory):.3g} {self.unit} {stage}" for stage, theta in theta_by_stage.items())
+            said.append(f"Rms on the training records, {words}: {', '.join(rms)}.")
+        return said
+
+    def _rms(self, records: Sequence[Record], theta: Theta, memory: float | None) -> float:
+        errors = [record[self.quantity] - self._run(record, theta, memory, record[self.quantity]) for record in records]
+        return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
 
     def equations(self, theta: Theta) -> list[str]:
         """The model in words and numbers."""

@@ -19,7 +19,8 @@ class Loop:
 
     While the reference moves the correction leaves at least `least` of its speed, so that noise does not turn friction round, and adds at
     most `most_m_s`. At rest errors up to `slack_m` are left alone, which is what keeps a held capsule from hunting; beyond it the
-    capsule is brought back to half of that. `reach_s` is the time within which the inverse gets to the speed.
+    capsule is brought back to half of that. `reach_s` is the time within which the inverse gets to the speed; a coil's must leave its
+    current some ticks.
     """
 
     pace_1_s: float = 4.0
@@ -27,12 +28,15 @@ class Loop:
     most_m_s: float = 10e-3
     slack_m: float = 0.4e-3
     rest_m_s: float = 2e-5
-    reach_s: float = 4e-3
+    reach_s: float = 1e-3
 
     def __post_init__(self) -> None:
         for name in (f.name for f in fields(self)):
             if not 0 <= getattr(self, name) < math.inf:
                 raise ValueError(f"loop {name} must be zero or more; got {getattr(self, name)!r}")
+
+
+LOOPS = {"magnetic": Loop(), "coil": Loop(reach_s=4e-3)}
 
 
 class Feedforward:
@@ -46,7 +50,7 @@ class Feedforward:
     name = "feedforward"
 
     def __init__(self, model: ControlModel, envelope: Envelope, loop: Loop | None = None) -> None:
-        self.loop = Loop() if loop is None else loop
+        self.loop = LOOPS.get(envelope.kind, Loop()) if loop is None else loop
         self._inverse = Inverse(model, envelope, self.loop.reach_s)
         self._envelope = envelope
         self._returning = False
@@ -65,7 +69,10 @@ class Feedforward:
             return Action(math.nan, "failed")
         correction = self._correction(number(places[0]) - state[0], number(speeds[1]))
         state[1] = number(speeds[0]) + correction
-        command = self._inverse.command(state, number(estimate.disturbance_N), number(speeds[1]) + correction, now)
+        learned = estimate.adapted
+        force = estimate.disturbance_N if learned is None else learned.disturbance_N
+        wanted = number(speeds[1]) + correction
+        command = self._inverse.command(state, number(force), wanted, now, None if learned is None else learned.parameters)
         return Action(command, "ok" if math.isfinite(command) else "failed")
 
     def _correction(self, error: float, speed: float) -> float:

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from controller.limits import Envelope
 from controller.prediction import ControlModel
+from controller.sharpened import sharpened
 
 Array = NDArray[np.float64]
 _EVALUATIONS: Final = 30
-_SHARE: Final = 1e-5  # of the range of commands, to which the command is found
+_SHARE: Final = 1e-4  # of the commands that come into question, to which one is found
 
 
 class Inverse:
@@ -26,22 +27,27 @@ class Inverse:
     """
 
     def __init__(self, model: ControlModel, envelope: Envelope, reach_s: float = 4e-3) -> None:
-        self.model = model.with_tick(reach_s)
+        self.model = sharpened(model, tick_s=reach_s)
         self._kernels, self._envelope = self.model.kernels, envelope
+        self._parameters = self._kernels.parameters
         self._state = np.zeros((1, len(model.states)))
         self._d = np.zeros(1)
 
-    def command(self, x: Array, disturbance_N: float, speed_m_s: float, t: float) -> float:
-        """The command in the drive's unit, at the end of its range where none is enough; NaN where something is no number."""
+    def command(self, x: Array, disturbance_N: float, speed_m_s: float, t: float, parameters: Array | None = None) -> float:
+        """The command in the drive's unit, at the end of its range where none is enough; NaN where something is no number.
+
+        `parameters` (p,) stand in for the model's own.
+        """
+        self._parameters = self._kernels.parameters if parameters is None else parameters
         low, high = self._bracket(x)
         if not (math.isfinite(low + high + disturbance_N + speed_m_s) and np.isfinite(x).all()):
             return math.nan
         below, above = (self._reached(x, c, disturbance_N, t) - speed_m_s for c in (low, high))
         if below * above >= 0:
             return low if (abs(below) < abs(above)) else high
-        last = 0
+        last, near = 0, _SHARE * (high - low)
         for _ in range(_EVALUATIONS):
-            if abs(high - low) <= _SHARE * (self._envelope.high - self._envelope.low) or math.isnan(below + above):
+            if high - low <= near or math.isnan(below + above):
                 break
             middle = (low * above - high * below) / (above - below)
             middle = min(max(middle, low + 0.02 * (high - low)), high - 0.02 * (high - low))
@@ -64,5 +70,5 @@ class Inverse:
         """Speed in m/s after `reach_s` under `command`."""
         self._state[0], self._d[0] = x, d
         k = self._kernels
-        k.run(self._state, command, self._d, t, k.tick_s, k.substeps, k.parameters)
+        k.run(self._state, command, self._d, t, k.tick_s, k.substeps, self._parameters)
         return float(self._state[0, 1])

@@ -23,15 +23,25 @@ class Measurement:
 
 
 @dataclass(frozen=True, slots=True)
+class Adapted:
+    """The model's parameters (p,) in its own order as the estimator has come to believe them, and the force along +x that is left."""
+
+    parameters: Array
+    disturbance_N: float
+
+
+@dataclass(frozen=True, slots=True)
 class Estimate:
     """What the estimator believes at `time_s`: `state` (n,) in the control model's order, its standard deviations `std` (n,), a slowly
-    varying `disturbance_N` along +x that the model lacks; `lost` when it should not be acted on."""
+    varying `disturbance_N` along +x that the model lacks; `lost` when it should not be acted on. `adapted`, where the estimator learns,
+    says the same with other parameters: `disturbance_N` is what the model's own ones lack in the present motion."""
 
     time_s: float
     state: Array
     std: Array
     disturbance_N: float = 0.0
     lost: bool = False
+    adapted: Adapted | None = None
 
 
 class Reference(Protocol):

@@ -13,16 +13,18 @@ from numpy.typing import NDArray
 from controller.estimator.moments import fuse, place_points, take_moments
 from controller.estimator.noise import Noise
 from controller.prediction import ControlModel
+from controller.signals import Adapted
 
 Array = NDArray[np.float64]
 _NARROW: Final = 1e-3  # share of a standard deviation over which an extended filter differentiates
+LEVELS: Final = ("hoop_stress_factor", "friction_coefficient")
 _START_STD: Final = {"v": 1e-3, "u": 1e-4, "current_A": 0.1, "stretch_m": 1e-4, "rate_m_s": 1e-2}
 
 
 @dataclass(slots=True)
 class Belief:
-    """`z` (n,) the continuous states in the model's order and the disturbance last, `P` (n, n) their covariance, `modes` a model state
-    whose switches count; `time_s`, and the `command` in force up to then."""
+    """`z` (n,) the continuous states in the model's order, the disturbance and the friction level, `P` (n, n) their covariance, `modes` a
+    model state whose switches count; `time_s`, and the `command` in force up to then."""
 
     z: Array
     P: Array
@@ -48,19 +50,24 @@ class Process:
     noise: Noise
     unscented: bool = True
     where: NDArray[np.int64] = field(init=False)
-    position: int = field(init=False)
+    wander: Array = field(init=False)
 
     def __post_init__(self) -> None:
         model = self.model
         self.where = np.array([k for k, name in enumerate(model.states) if name not in model.modes], dtype=np.int64)
-        self.names = (*(model.states[k] for k in self.where), "disturbance")
+        self.names = (*(model.states[k] for k in self.where), "disturbance", "level")
         n = len(self.names)
-        walks = [self.noise.wander(name) for name in self.names[:-1]] + [self.noise.force_wander_N]
-        self._Q = np.array(walks) ** 2 * model.tick_s
+        walks = [self.noise.wander(name) for name in self.names[:-2]] + [self.noise.force_wander_N, self.noise.level_wander]
+        self.wander = np.array(walks) ** 2 * model.tick_s
         self._scale = math.sqrt(n) if self.unscented else _NARROW
-        self._states, self._d = np.zeros((2 * n + 1, len(model.states))), np.zeros(2 * n + 1)
+        self._states, self._d, self._level = np.zeros((2 * n + 1, len(model.states))), np.zeros(2 * n + 1), np.zeros(2 * n + 1)
+        names = [p.name for p in model.symbols.parameters]
+        self.learned = next(names.index(name) for name in LEVELS if name in names)
+        self._bounds = [bound / model.values[self.learned] - 1 for bound in _bounds(model, self.learned)]
+        self._parameters = np.tile(model.values, (2 * n + 1, 1))
         self._L, self._K, self._H = np.zeros((n, n)), np.zeros(n), np.zeros(n)
         self._kernels = model.kernels
+        self._path, self._held, self._slopes = (np.zeros(s) for s in ((1, len(model.states)), (1,), (1, len(model.states))))
         x, t = ca.SX.sym("x", len(model.states)), ca.SX.sym("t")
         shown = model.measured(x, t)
         self._plain = bool(ca.is_equal(ca.simplify(shown), x[0], 2))
@@ -69,25 +76,41 @@ class Process:
 
     @property
     def size(self) -> int:
-        """Number of filtered states, the disturbance included."""
+        """Number of filtered states, disturbance and level included."""
         return len(self.names)
 
     def start(self, position_m: float, std_m: float, command: float, now: float) -> Belief:
         """At rest at `position_m`, known to `std_m`, with `command` in force for long."""
         state = self.model.initial(position_m, command)
-        spread = [_START_STD.get(name.rpartition(".")[2], 1e-3) for name in self.names[:-1]]
-        spread = [std_m, *spread[1:], self.noise.force_wander_N]
-        return Belief(np.append(state[self.where], 0.0), np.diag(np.square(spread)), state.copy(), now, command)
+        spread = [_START_STD.get(name.rpartition(".")[2], 1e-3) for name in self.names[:-2]]
+        spread = [std_m, *spread[1:], self.noise.force_std_N, self.noise.level_std]
+        return Belief(np.append(state[self.where], [0.0, 0.0]), np.diag(np.square(spread)), state.copy(), now, command)
 
     def predict(self, b: Belief, command: float) -> None:
         """Move `b` a tick on in place, to the end of which `command` leads; a carriage goes there in a straight line."""
-        place_points(b.z, b.P, b.modes, self.where, self._scale, self._L, self._states, self._d)
+        place_points(b.z, b.P, b.modes, self.where, self._scale, self._L, self._states, self._d, self._level)
+        np.clip(self._level, *self._bounds, out=self._level)
+        np.multiply(1 + self._level, self.model.values[self.learned], out=self._parameters[:, self.learned])
         k = self._kernels
-        middle = 0.5 * (b.command + command) if self._moves else command
-        k.run(self._states, middle, self._d, b.time_s, k.tick_s, k.substeps, k.parameters)
-        take_moments(self._states, self._d, self.where, self._scale, self.unscented, self._Q, b.z, b.P, b.modes)
+        k.run_each(self._states, self.middle(b.command, command), self._d, b.time_s, k.tick_s, k.substeps, self._parameters)
+        take_moments(self._states, self._d, self._level, self.where, self._scale, self.unscented, self.wander, b.z, b.P, b.modes)
         b.time_s += k.tick_s
         b.command = command
+
+    def middle(self, before: float, command: float) -> float:
+        """The mean command of a tick that `command` ends."""
+        return 0.5 * (before + command) if self._moves else command
+
+    def move(self, z: Array, modes: Array, command: float, t: float) -> tuple[Array, Array]:
+        """One point `z` (n,) with the switches `modes` (model states,) a tick on under the mean `command`: both anew."""
+        state = modes.copy()
+        state[self.where] = z[:-2]
+        numbers = self.model.values.copy()
+        numbers[self.learned] *= 1 + min(max(z[-1], self._bounds[0]), self._bounds[1])
+        k = self._kernels
+        states = state.reshape(1, -1)
+        k.run_each(states, command, np.array([z[-2]]), t, k.tick_s, k.substeps, numbers.reshape(1, -1))
+        return np.append(states[0, self.where], z[-2:]), states[0]
 
     def see_position(self, b: Belief, value: float) -> float:
         """Take in a localisation in place; returns its normalised difference, beyond the gate where it was refused."""
@@ -98,7 +121,7 @@ class Process:
         else:
             shown, slopes = self._seen(self.state(b), b.time_s)
             expected = float(shown)
-            self._H[:-1] = np.asarray(slopes).ravel()[self.where]
+            self._H[:-2] = np.asarray(slopes).ravel()[self.where]
         return float(fuse(b.z, b.P, self._H, value - expected, self.noise.position_std_m**2, self.noise.gate, self._K))
 
     def see_state(self, b: Belief, name: str, value: float) -> float:
@@ -111,11 +134,31 @@ class Process:
     def state(self, b: Belief) -> Array:
         """`b` as a state (n,) of the model."""
         state = b.modes.copy()
-        state[self.where] = b.z[:-1]
+        state[self.where] = b.z[:-2]
         return state
+
+    def adapted(self, b: Belief) -> Adapted:
+        """The model's parameters with the level of `b`, and the force that is left."""
+        numbers = self.model.values.copy()
+        numbers[self.learned] *= 1 + min(max(b.z[-1], self._bounds[0]), self._bounds[1])
+        return Adapted(numbers, float(b.z[-2]))
+
+    def lacking(self, b: Belief, numbers: Array) -> float:
+        """Force in N along +x that the model's own parameters lack against `numbers` in the present motion."""
+        self._path[0] = self.state(b)
+        return self._wall(b.time_s, self._kernels.parameters) - self._wall(b.time_s, numbers)
+
+    def _wall(self, t: float, numbers: Array) -> float:
+        self._kernels.holds(self._path, self._held, self._slopes, t, self._kernels.tick_s, numbers)
+        return float(self._held[0])
 
     def std(self, b: Belief) -> Array:
         """Standard deviations (n,) in the model's order, 0 for switches."""
         std = np.zeros(len(self.model.states))
-        std[self.where] = np.sqrt(np.maximum(np.diag(b.P)[:-1], 0.0))
+        std[self.where] = np.sqrt(np.maximum(np.diag(b.P)[:-2], 0.0))
         return std
+
+
+def _bounds(model: ControlModel, index: int) -> tuple[float, float]:
+    parameter = model.symbols.parameters[index]
+    return parameter.lower, parameter.upper

@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from controller.estimator.belief import Belief, Process
-from controller.estimator.noise import Noise
+from controller.estimator.noise import Noise, noise_of
+from controller.estimator.watch import Counts, Watch
 from controller.prediction import ControlModel
 from controller.signals import Estimate, Measurement
 
@@ -19,20 +20,11 @@ _FOLLOWS = 3.0
 
 
 @dataclass(slots=True)
-class Counts:
-    """What became of the measurements."""
-
-    accepted: int = 0
-    outliers: int = 0
-    unusable: int = 0
-    restarts: int = 0
-
-
-@dataclass(slots=True)
 class _Tick:
-    """A tick that is kept: the belief at its end with all that was measured there."""
+    """A tick that is kept: the belief at its end with all that was measured there, and what the drive was told."""
 
     belief: Belief
+    told: float = 0.0
     seen: list[Measurement] = field(default_factory=list)
 
 
@@ -48,21 +40,25 @@ class Estimator:
 
     def __init__(self, model: ControlModel, noise: Noise | None = None, *, unscented: bool = True) -> None:
         self.model = model
-        self.noise = Noise() if noise is None else noise
-        self.counts = Counts()
+        self.noise = noise_of(model.drive.name) if noise is None else noise
+        self._watch = Watch(self.noise)
         self._process = Process(model, self.noise, unscented)
         kept = math.ceil((self.noise.latest_s + model.delay_s) / model.tick_s) + 2
         self._ticks = [_Tick(self._process.start(0.0, 1.0, 0.0, 0.0)) for _ in range(kept)]
         self._drive_state = next((n for n in model.states if n.rpartition(".")[2] == "current_A"), "")
         self.reset(0.0, 0.0)
 
+    @property
+    def counts(self) -> Counts:
+        """What became of the measurements so far."""
+        return self._watch.counts
+
     def reset(self, now: float, command: float) -> None:
         """Know nothing but the `command` in force at `now`; the first position begins a belief."""
         self._newest = 0
         self._count = 0
         self._command, self._time = command, now
-        self._accepted_at = -math.inf
-        self._refused, self._proven = 0, 0
+        self._watch = Watch(self.noise, self.counts)
         self._offset = 0.0
 
     def observe(self, now: float, command: float, measurements: Sequence[Measurement] = ()) -> Estimate:
@@ -85,6 +81,7 @@ class Estimator:
         self._count = min(self._count + 1, len(self._ticks))
         self._process.predict(tick.belief, command + self._offset)
         tick.belief.time_s = now
+        tick.told = command
 
     def _take(self, m: Measurement, now: float) -> None:
         position = m.channel == "position_m"
@@ -104,12 +101,14 @@ class Estimator:
         first = (self._newest - back) % len(self._ticks)
         self._ticks[first].seen.append(m)
         refused = self._fuse(self._ticks[first].belief, m)
-        if position:
-            self._judge(m, refused, now)
         if refused:
             self._ticks[first].seen.pop()
         else:
             self._redo(first, back)
+        if position and not refused:
+            self._watch.accept(now)
+        elif position and self._watch.refuse():
+            self._begin(m.value, now)
 
     def _correct_command(self, m: Measurement, now: float) -> None:
         """The drive reports where it really was."""
@@ -117,9 +116,8 @@ class Estimator:
         if not 0 <= back < self._count:
             self.counts.unusable += 1
             return
-        told = self._ticks[(self._newest - back) % len(self._ticks)].belief.command - self._offset
-        off = m.value - told
-        self._offset = off if abs(off) > _FOLLOWS * self.noise.feedback_std else 0.0
+        off = m.value - self._ticks[(self._newest - back) % len(self._ticks)].told
+        self._offset = off if abs(off) > _FOLLOWS * self.noise.carriage_std_m else 0.0
 
     def _follows(self, channel: str) -> bool:
         return channel in _CHANNEL_STATES and bool(self._drive_state) and self._count > 0
@@ -144,25 +142,13 @@ class Estimator:
             for m in tick.seen:
                 self._fuse(tick.belief, m)
 
-    def _judge(self, m: Measurement, refused: bool, now: float) -> None:
-        """Count, and begin anew where many positions in a row do not fit."""
-        if not refused:
-            self.counts.accepted += 1
-            self._refused, self._accepted_at = 0, now
-            self._proven += 1
-            return
-        self.counts.outliers += 1
-        self._refused += 1
-        if self._refused >= self.noise.patience:
-            self.counts.restarts += 1
-            self._begin(m.value, now)
-
     def _begin(self, position_m: float, now: float) -> None:
-        self._newest, self._count, self._refused, self._proven = 0, 1, 0, 0
+        self._newest, self._count = 0, 1
         start = self._process.start(position_m, self.noise.position_std_m, self._command, now)
         self._ticks[0].belief.copy_from(start)
+        self._ticks[0].told = self._command
         self._ticks[0].seen.clear()
-        self._accepted_at = now
+        self._watch.begin(now)
 
     def _estimate(self, now: float) -> Estimate:
         if not self._count:
@@ -170,9 +156,10 @@ class Estimator:
             return Estimate(now, nothing, nothing, 0.0, True)
         belief = self._ticks[self._newest].belief
         if not (np.isfinite(belief.z).all() and np.isfinite(belief.P).all()):
-            self._count, self._proven = 0, 0
+            self._count = 0
             self.counts.restarts += 1
             return self._estimate(now)
         std = self._process.std(belief)
-        lost = now - self._accepted_at > self.noise.age_s or std[0] > self.noise.lost_std_m or self._proven < self.noise.proof
-        return Estimate(now, self._process.state(belief), std, float(belief.z[-1]), bool(lost))
+        adapted = self._process.adapted(belief)
+        force = adapted.disturbance_N + self._process.lacking(belief, adapted.parameters)
+        return Estimate(now, self._process.state(belief), std, force, self._watch.lost(now, float(std[0])), adapted)

@@ -17,7 +17,8 @@ LEAST_SHARE = 1e-12  # of a variance: below it a pivot counts as rounding
 def root(P: Array, L: Array) -> None:
     """Lower Cholesky factor `L` (n, n) of the symmetric `P` (n, n), whose lower half is read.
 
-    A pivot that rounding made negative or too small becomes `LEAST_SHARE` of its diagonal, so that any symmetric matrix gets one.
+    A pivot that rounding made negative or too small becomes `LEAST_SHARE` of its diagonal and its column empty, so that any symmetric
+    matrix gets one.
     """
     n = P.shape[0]
     for j in range(n):
@@ -27,20 +28,23 @@ def root(P: Array, L: Array) -> None:
         for k in range(j):
             pivot -= L[j, k] * L[j, k]
         least = LEAST_SHARE * abs(P[j, j]) + 1e-300
-        L[j, j] = math.sqrt(pivot if pivot > least else least)
+        sound = pivot > least
+        L[j, j] = math.sqrt(pivot if sound else least)
         for i in range(j + 1, n):
             rest = P[i, j]
             for k in range(j):
                 rest -= L[i, k] * L[j, k]
-            L[i, j] = rest / L[j, j]
+            L[i, j] = rest / L[j, j] if sound else 0.0
 
 
 @njit(cache=True)
-def place_points(z: Array, P: Array, modes: Array, where: Indices, scale: float, L: Array, states: Array, d: Array) -> None:
-    """Fill `states` (2 n + 1, model states) and `d` (2 n + 1,) with the points `z`, `z +- scale L_j` of the belief `z`, `P`.
+def place_points(
+    z: Array, P: Array, modes: Array, where: Indices, scale: float, L: Array, states: Array, d: Array, level: Array
+) -> None:
+    """Fill `states` (2 n + 1, model states), `d` and `level` (2 n + 1,) with the points `z`, `z +- scale L_j` of the belief `z`, `P`.
 
-    `z` (n,) holds the model's continuous states, which stand at `where` in a state, and the disturbance last; every point gets the
-    switches `modes` (model states,) of the belief.
+    `z` (n,) holds the model's continuous states, which stand at `where` in a state, then the disturbance, then the level; every point
+    gets the switches `modes` (model states,) of the belief.
     """
     root(P, L)
     n = z.shape[0]
@@ -50,15 +54,26 @@ def place_points(z: Array, P: Array, modes: Array, where: Indices, scale: float,
         column = (m - 1) // 2
         for i in range(n):
             value = z[i] + (side * L[i, column] if m > 0 else 0.0)
-            if i < n - 1:
+            if i < n - 2:
                 states[m, where[i]] = value
-            else:
+            elif i == n - 2:
                 d[m] = value
+            else:
+                level[m] = value
 
 
 @njit(cache=True)
 def take_moments(
-    states: Array, d: Array, where: Indices, scale: float, averaged: bool, Q: Array, z: Array, P: Array, modes: Array
+    states: Array,
+    d: Array,
+    level: Array,
+    where: Indices,
+    scale: float,
+    averaged: bool,
+    Q: Array,
+    z: Array,
+    P: Array,
+    modes: Array,
 ) -> None:
     """The belief after the points moved: `z` (n,), `P` (n, n) with the noise `Q` (n,) of the step, `modes` of the middle point.
 
@@ -66,28 +81,28 @@ def take_moments(
     positive, so that `P` cannot lose its sign. Else the middle point and central differences: an extended filter.
     """
     n = z.shape[0]
-    count = 2 * n
+    points = np.empty((2 * n + 1, n))
+    for m in range(2 * n + 1):
+        for i in range(n - 2):
+            points[m, i] = states[m, where[i]]
+        points[m, n - 2], points[m, n - 1] = d[m], level[m]
     for i in range(n):
+        z[i] = points[0, i]
         if averaged:
             total = 0.0
-            for m in range(1, count + 1):
-                total += d[m] if i == n - 1 else states[m, where[i]]
-            z[i] = total / count
-        else:
-            z[i] = d[0] if i == n - 1 else states[0, where[i]]
+            for m in range(1, 2 * n + 1):
+                total += points[m, i]
+            z[i] = total / (2 * n)
     modes[:] = states[0]
     for i in range(n):
         for j in range(i + 1):
             total = 0.0
-            for m in range(1, count + 1, 2):
-                up_i = d[m] if i == n - 1 else states[m, where[i]]
-                up_j = d[m] if j == n - 1 else states[m, where[j]]
-                down_i = d[m + 1] if i == n - 1 else states[m + 1, where[i]]
-                down_j = d[m + 1] if j == n - 1 else states[m + 1, where[j]]
+            for m in range(1, 2 * n + 1, 2):
                 if averaged:
-                    total += (up_i - z[i]) * (up_j - z[j]) + (down_i - z[i]) * (down_j - z[j])
+                    total += (points[m, i] - z[i]) * (points[m, j] - z[j])
+                    total += (points[m + 1, i] - z[i]) * (points[m + 1, j] - z[j])
                 else:
-                    total += 0.5 * (up_i - down_i) * (up_j - down_j)
+                    total += 0.5 * (points[m, i] - points[m + 1, i]) * (points[m, j] - points[m + 1, j])
             P[i, j] = total / (2 * scale * scale)
             P[j, i] = P[i, j]
     for i in range(n):

@@ -5,17 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-_DRIVE_SPREADS: Mapping[str, float] = {"current_A": 0.05, "stretch_m": 1e-4, "rate_m_s": 1e-2}
+_DRIVE_SPREADS: Mapping[str, float] = {"current_A": 0.2, "stretch_m": 1e-4, "rate_m_s": 1e-2}
 
 
 @dataclass(frozen=True)
 class Noise:
     """Standard deviations, SI. `*_wander` are random walks, a second's worth; what is not named here wanders by `other_wander` of 1.
+
+    The friction level is a share of the wall's pressure (of the friction coefficient on a plate), the force what no friction explains;
+    `level_std` and `force_std_N` are how far they may be off at the start.
 
     A measurement further than `gate` standard deviations from what was expected is an outlier; `patience` of them in a row mean
     that the belief is wrong, not they. The estimate is lost without an accepted position for `age_s`, above `lost_std_m`, and until
@@ -24,10 +28,14 @@ class Noise:
 
     position_std_m: float = 0.5e-3
     feedback_std: float = 1e-3
+    carriage_std_m: float = 2e-5
     position_wander_m: float = 1e-4
     speed_wander_m_s: float = 1e-2
     wall_wander_m: float = 5e-5
     force_wander_N: float = 2e-3
+    force_std_N: float = 3e-3
+    level_wander: float = 0.01
+    level_std: float = 0.05
     other_wander: float = 1e-3
     gate: float = 5.0
     patience: int = 12
@@ -46,3 +54,12 @@ class Noise:
         """Standard deviation of the random walk of the model's `state` over a second."""
         own = {"x": self.position_wander_m, "v": self.speed_wander_m_s, "u": self.wall_wander_m}
         return own.get(state, self.drive_wander.get(state.rpartition(".")[2], self.other_wander))
+
+
+NOISES: Mapping[str, Noise] = MappingProxyType({"coil": Noise(level_std=1e-3, level_wander=1e-3)})
+"""By drive where the default does not serve: without a spring to the capsule, level and force are told apart too late to help."""
+
+
+def noise_of(drive: str) -> Noise:
+    """What the filter assumes for a drive of this name."""
+    return NOISES.get(drive, Noise())

@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 
 from controller.choices import build
 from controller.envelope import envelope_of
-from controller.estimator.estimator import Counts, Estimator
+from controller.estimator.estimator import Estimator
+from controller.estimator.watch import Counts
 from controller.prediction import ControlModel, control_model
 from controller.rules import Event
+from controller.sharpened import sharpened
 from controller.signals import Action, Estimate, Measurement
 from controller.supervisor import Supervisor
 from hil.app.track_scenario import DRIVEN, TrackScenario
@@ -74,7 +76,7 @@ def run_loop(scenario: TrackScenario, model: ControlModel, controller: str, seed
     """
     envelope = envelope_of(model.drive, scenario.limits)
     supervisor = Supervisor(build(controller, model, envelope), envelope)
-    estimator = Estimator(model)
+    estimator = Estimator(sharpened(model))
     session = Session(scenario.truth, scenario.instruments, seed, supervisor.issued.command)
     tick_s, ticks = scenario.control.tick_s, round(scenario.duration_s / scenario.control.tick_s)
     trace = Trace.empty(ticks)

@@ -1,0 +1,151 @@
+"""`capsule track`: what it prints, what it writes, what it refuses, and that no controller sees the truth."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.app.main import run
+from hil.app.track_loop import believed_model, run_loop
+from hil.app.track_scenario import load_track_scenario, parse_track_scenario
+from hil.app.track_score import score
+
+SCENARIOS = sorted((Path(__file__).parents[2] / "hil" / "scenarios").glob("track_*.toml"))
+KEYS = {
+    "scenario": str,
+    "controller": str,
+    "seed": int,
+    "model": str,
+    "tracking_rmse_m": float,
+    "tracking_max_m": float,
+    "final_error_m": float,
+    "mean_speed_m_s": float,
+    "reference_mean_speed_m_s": float,
+    "wall_force_max_N": float,
+    "effort": float,
+    "hard_violations": int,
+    "solve_ms": dict,
+    "real_time_factor": float,
+}
+SHORT = """
+[scenario]
+name = "short"
+duration_s = 2.0
+[rig]
+kind = "magnetic"
+[reference]
+kind = "ramp"
+speed_mm_s = 2.0
+"""
+
+
+@pytest.fixture
+def short(tmp_path: Path) -> Path:
+    """Two seconds of a magnetic traverse."""
+    path = tmp_path / "short.toml"
+    path.write_text(SHORT, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
+def test_shipped_scenarios_can_be_read(path: Path) -> None:
+    """Each names a rig and a reference, and believes nominal values."""
+    scenario = load_track_scenario(path)
+    assert scenario.belief.kind == scenario.kind
+    assert scenario.reference.end_s > 0
+
+
+def test_json_has_the_keys_that_others_rely_on(short: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One object on standard output; the report and the same object in the folder."""
+    assert run(["track", str(short), "--json", "--seed", "4", "--out", str(tmp_path / "out")]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert {key: type(found[key]) for key in KEYS} == KEYS
+    assert set(found) == {*KEYS, "log"}
+    assert set(found["solve_ms"]) == {"median", "p99", "max", "failed"}
+    assert (found["controller"], found["seed"], found["model"]) == ("feedforward", 4, "nominal")
+    assert 0 < found["tracking_rmse_m"] <= found["tracking_max_m"] < 5e-3
+    assert found["reference_mean_speed_m_s"] == pytest.approx(2e-3, rel=0.05)
+    assert found["hard_violations"] == 0
+    assert json.loads((tmp_path / "out" / "track.json").read_text(encoding="utf-8")) == found
+    page = (tmp_path / "out" / "track.html").read_text(encoding="utf-8")
+    assert "short: tracking within" in page
+    assert "<script src" not in page
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--controller", "pidd"], "did you mean 'pid'"),
+        (["--stage", "augmented"], "--stage must stand with --model"),
+        (["--stage", "agumented"], "did you mean 'augmented'"),
+        (["--model", "none.toml"], "model must be a file"),
+        (["--compare", "--controller", "pid"], "--compare must stand without"),
+    ],
+)
+def test_bad_options_are_one_sentence(short: Path, words: list[str], sentence: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Status 2, one line on standard error, nothing on standard output."""
+    assert run(["track", str(short), *words]) == 2
+    said = capsys.readouterr()
+    assert sentence in said.err
+    assert said.err.strip().count("\n") <= 1
+    assert said.out == ""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ('kind = "ramp"', 'kind = "rampp"', "did you mean 'ramp'"),
+        ("speed_mm_s = 2.0", "speed_mms = 2.0", "did you mean 'speed_mm_s'"),
+        ("[reference]", "[refrence]", "did you mean 'reference'"),
+        ('kind = "magnetic"', 'kind = "pull"', "rig.kind must be one of magnetic, coil, vibro"),
+        ("duration_s = 2.0", "duration_s = 1e5", "at most 5e+07 steps"),
+        ("[reference]", "[control]\ntick_s = 7e-5\n[reference]", "tick_s"),
+        ("[reference]", "[belief.rig]\nmagnet_stifness_N_per_m = 3.0\n[reference]", "'magnet_stifness_N_per_m'"),
+        ("[reference]", "[localisation]\nrate_Hz = 0.0\n[reference]", "rate_Hz must be positive"),
+    ],
+)
+def test_bad_scenarios_are_one_sentence(
+    short: Path, old: str, new: str, sentence: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Status 2 and what would be right."""
+    short.write_text(SHORT.replace(old, new), encoding="utf-8")
+    assert run(["track", str(short)]) == 2
+    assert sentence in capsys.readouterr().err
+
+
+def test_the_same_seed_gives_the_same_run(short: Path) -> None:
+    """Bit for bit; another seed another one."""
+    scenario = replace(load_track_scenario(short), duration_s=1.0)
+    model = believed_model(scenario, {})
+    runs = [run_loop(scenario, model, "feedforward", seed) for seed in (1, 1, 2)]
+    assert np.array_equal(runs[0].rows, runs[1].rows)
+    assert np.array_equal(runs[0].command, runs[1].command)
+    assert not np.array_equal(runs[0].command, runs[2].command)
+
+
+def test_belief_is_not_the_truth() -> None:
+    """What the plant is made of does not reach the controller's model."""
+    raw = {
+        "rig": {"kind": "magnetic", "magnet_stiffness_N_per_m": 31.0},
+        "tissue": {"friction_coefficient": 0.1},
+        "reference": {"kind": "hold"},
+        "belief": {"tissue": {"friction_coefficient": 0.09}},
+    }
+    scenario = parse_track_scenario(raw)
+    assert scenario.belief.magnet is not None
+    assert scenario.belief.magnet.magnet_stiffness_N_per_m == 25.0
+    assert scenario.belief.tissue.friction_coefficient == 0.09
+    assert scenario.truth.tissue.friction_coefficient == 0.1
+
+
+def test_a_nan_sensor_stops_the_drive_and_nothing_breaks(short: Path) -> None:
+    """NaN from 1 s on: statuses say lost, commands stay finite and at rest, no limit is broken."""
+    short.write_text(SHORT + "[localisation]\nnan_s = [1.0, 1.0]\noutlier_share = 0.02\n", encoding="utf-8")
+    scenario = load_track_scenario(short)
+    trace = run_loop(scenario, believed_model(scenario, {}), "feedforward", 0)
+    assert np.isfinite(trace.command).all()
+    assert set(trace.status[1300:]) == {"lost"}
+    assert np.ptp(trace.command[1400:]) < 1e-9
+    assert score(scenario, trace).hard_violations == 0

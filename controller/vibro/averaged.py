@@ -57,7 +57,7 @@ class ProgressFilter:
         if h == 0:
             return
         apart = abs(command_m_s - self.learnt_at)
-        if apart > 0.5e-3 + 0.2 * abs(self.learnt_at):
+        if apart > 0.3e-3 + 0.1 * abs(self.learnt_at):
             self.P[2, 2] += (self.slope_doubt * apart) ** 2
             self.learnt_at = command_m_s
         F, shift = transition(h, self.lag_s)

@@ -12,7 +12,6 @@ from controller.vibro.cycles import Cycles
 from controller.vibro.waveform import REST, Waveform, blend
 
 _STANDS = 0.15e-3  # m/s, mean speeds below it count as standing
-_LONGEST_REST_S = 0.5
 STRENGTHS = tuple(1.08**i for i in range(-22, 20))
 
 
@@ -47,12 +46,12 @@ class Gear:
         return speed_m_s * self.fastest_m_s > 0 and abs(speed_m_s) <= abs(self.fastest_m_s)
 
     def waveform(self, speed_m_s: float) -> Waveform:
-        """The waveform for `speed_m_s`: slower than the path the slowest one with rests between its cycles, faster the fastest."""
+        """The waveform for `speed_m_s`; beyond the path the fastest, and below it the slowest at down to half its strength: there the
+        model stands, but a rig with less friction than believed goes on and needs the room."""
         size = abs(speed_m_s)
         slowest = abs(self.slowest_m_s)
         if size < slowest:
-            share = max(size / slowest, self.waveforms[0].period_s / _LONGEST_REST_S)
-            return self.waveforms[0].resting(min(share, 1.0))
+            return self.waveforms[0].scaled(0.5 + 0.5 * size / slowest)
         sizes = [abs(v) for v in self.speeds_m_s]
         i = bisect_left(sizes, size)
         if i >= len(sizes):

@@ -76,14 +76,6 @@ class Waveform:
         top = max(self.levels)
         return Waveform(self.period_s, self.edges, tuple(top - level for level in self.levels))
 
-    def resting(self, share: float) -> Waveform:
-        """The same cycle followed by a rest at level 0, so that it fills the share `share` in (0, 1] of a longer period."""
-        if not 0 < share <= 1:
-            raise ValueError(f"share must lie in (0, 1]; got {share:g}")
-        if share == 1:
-            return self
-        return Waveform(self.period_s / share, (*(share * e for e in self.edges), 1.0), (*self.levels, 0.0))
-
 
 def blend(a: Waveform, b: Waveform, share: float, parts: int = 48) -> Waveform:
     """Between `a` (share 0) and `b` (share 1): period in geometric, levels part by part in straight proportion."""

@@ -1,0 +1,183 @@
+"""Vibro drive: what it reaches, how soon the mean speed is right, and energy for a way of square, four-phase and optimal cycles.
+
+`python -m tests.bench.bench_vibro [--out DIR] [--plants N]` prints the tables and writes them to DIR/vibro.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from controller.vibro.cycles import Cycles, Pace, VibroModel
+from controller.vibro.design import design, designed
+from controller.vibro.four_phase import best_four_phase
+from controller.vibro.gears import DriveMap
+from controller.vibro.optimal import Optimum, optimal_cycle
+from controller.vibro.speed_map import best_square, speed_map
+from controller.vibro.vibro import Tuning, VibroController
+from controller.vibro.waveform import Waveform
+from models.identification.model import Model
+from models.laws.geometry import Capsule, Tissue
+from models.wall import Wall
+from plant.rig import Rig
+from plant.rig import Vibro as TrueVibro
+from tests.controller.vibro_runs import Steady, believed, drive_plant, gut_model, gut_plant, plate_model, plate_plant
+
+SPEEDS_M_S = tuple(sign * v for sign in (1, -1) for v in (2e-3, 5e-3, 10e-3, 20e-3))
+SECONDS = 9.0
+WRONG = 0.15
+IDENTIFIED = Path(__file__).parents[1] / "controller" / "capsubot_model.toml"
+Row = dict[str, Any]
+
+
+def energies() -> list[Row]:
+    """J/m = mJ/mm on the gut at each speed: electrical with the motor constant of `cycles`, and the coil's mechanical work."""
+    cycles = Cycles(gut_model())
+    table = speed_map(cycles)
+    phases = best_four_phase(cycles, SPEEDS_M_S)
+    rows: list[Row] = []
+    optima: list[Waveform] = []
+    for v in sorted(SPEEDS_M_S, key=lambda v: (v < 0, -abs(v))):
+        free, full = best_square(cycles, table, v), best_square(cycles, table, v, full_force=True)
+        guesses = [] if free is None else [free[0], free[0].flipped()]
+        best = _least([optimal_cycle(cycles, v, g) for g in (*guesses, *(w.flipped() for w in optima[:1]), *optima[-1:])])
+        row: Row = {"speed_mm_s": 1e3 * v}
+        if best is not None:
+            optima.append(best.waveform)
+            row["optimal"] = _said(best.waveform, best.pace)
+        for name, found in (("square", free), ("square, full force", full), ("four-phase", phases[v])):
+            if found is not None:
+                row[name] = _said(*found)
+        rows.append(row)
+    return rows
+
+
+def _least(found: list[Optimum]) -> Optimum | None:
+    return min((o for o in found if o.found), key=lambda o: o.pace.energy_J_per_m, default=None)
+
+
+def _said(wave: Waveform, pace: Pace) -> Row:
+    return {
+        "J_per_m": round(pace.energy_J_per_m, 2),
+        "work_J_per_m": round(pace.work_J_per_m, 3),
+        "speed_mm_s": round(1e3 * pace.speed_m_s, 2),
+        "period_ms": round(1e3 * wave.period_s, 1),
+    }
+
+
+def loop(drive: DriveMap, plants: Mapping[str, Rig], feedback: bool = True, mirror: float = 1.0) -> list[Row]:
+    """A run for each speed and plant: mean speed after 3 s against the commanded one, and when it had come within 10 % for good."""
+    rows = []
+    for v in SPEEDS_M_S:
+        for seed, (name, rig) in enumerate(plants.items()):
+            run = drive_plant(VibroController(drive, Tuning(feedback=feedback)), rig, Steady(v), SECONDS, seed + 100)
+            error = run.mean_speed(3.0) / v - 1
+            settled = run.settled_s(v)
+            ticks = {"p50": 1e3 * float(np.median(run.tick_s)), "p99": 1e3 * float(np.quantile(run.tick_s, 0.99))}
+            rows.append({"speed_mm_s": 1e3 * v, "plant": name, "error": error, "settled_s": settled, "tick_ms": ticks})
+    return rows
+
+
+def wrong_plants(n: int) -> dict[str, Rig]:
+    """The nominal plant and `n` with spring, force, hoop stress and friction off by up to 15 % each, drawn once."""
+    rng = np.random.default_rng(7)
+    drawn = [dict(zip(("spring", "force", "hoop", "mu"), rng.uniform(1 - WRONG, 1 + WRONG, 4), strict=True)) for _ in range(n)]
+    return {"nominal": gut_plant()} | {f"plant {k}": gut_plant(**off) for k, off in enumerate(drawn)}
+
+
+def reaches() -> dict[str, Row]:
+    """How fast each rig's model goes both ways by its map of squares."""
+    wall, light = Wall.around(Capsule(), Tissue()), Wall.around(Capsule(mass_kg=1.67e-3), Tissue())
+    rigs: dict[str, VibroModel] = {
+        "shipped gut rig": gut_model(),
+        "default drive (74 g, 1.25 N) in the gut": believed(TrueVibro(), wall),
+    }
+    for force in (0.06, 0.12, 0.25, 0.5):
+        rigs[f"1.8 g in 1.67 g, 62 N/m, {1e3 * force:.0f} mN, gut"] = believed(TrueVibro(1.8e-3, 62.0, 0.0156, force), light)
+    rigs["capsubot on its plate"] = plate_model()
+    rigs["capsubot identified"] = plate_model(_identified())
+    found = {}
+    for name, model in rigs.items():
+        low, high = (designed(model) if name == "shipped gut rig" else design(model, optimise=False)).reach()
+        found[name] = {"backward_mm_s": round(1e3 * low, 1), "forward_mm_s": round(1e3 * high, 1)}
+    return found
+
+
+def _identified() -> dict[str, float]:
+    values = Model.from_toml(IDENTIFIED.read_text(encoding="utf-8")).stages["augmented"]
+    return {**values, "mirror": 1.0}
+
+
+def capsubot() -> dict[str, list[Row]]:
+    """A plant like the identified capsubot, whose damping has the plant's own form, under the nominal and the identified model."""
+    rig = plate_plant(286.5 / 256.23, 3.16 / 1.25, 0.6647 / 0.29, {"spring_damping": {"damping_N_s_per_m": 2.349}})
+    maps = {"nominal model": designed(plate_model(), False), "identified model": designed(plate_model(_identified()), False)}
+    return {name: loop(drive, {"capsubot": rig}) for name, drive in maps.items()}
+
+
+def summary(rows: list[Row]) -> list[Row]:
+    """Over the plants, a row a speed."""
+    out = []
+    for v in sorted({r["speed_mm_s"] for r in rows}):
+        own = [r for r in rows if r["speed_mm_s"] == v]
+        errors = np.abs([r["error"] for r in own])
+        settled = np.array([r["settled_s"] for r in own])
+        out.append(
+            {
+                "speed_mm_s": v,
+                "runs": len(own),
+                "within_10_percent": int((errors <= 0.1).sum()),
+                "settled_in_3_s": int((settled <= 3.0).sum()),
+                "median_error": round(float(np.median(errors)), 4),
+                "worst_error": round(float(errors.max()), 4),
+                "median_settled_s": _finite(float(np.median(settled))),
+                "worst_settled_s": _finite(float(settled.max())),
+            }
+        )
+    return out
+
+
+def _finite(value: float) -> float | None:
+    return round(value, 2) if math.isfinite(value) else None
+
+
+def main() -> None:
+    """Run everything, print and write it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("bench_vibro"))
+    parser.add_argument("--plants", type=int, default=8)
+    given = parser.parse_args()
+    drive = designed(gut_model())
+    runs = loop(drive, wrong_plants(given.plants))
+    found: dict[str, Any] = {"closed loop": summary(runs)}
+    _show("closed loop on the gut, all speeds, plants off by up to 15 %", found["closed loop"])
+    found["feedforward alone"] = summary(loop(drive, wrong_plants(given.plants), feedback=False))
+    _show("feedforward alone", found["feedforward alone"])
+    found["tick_ms"] = {key: float(np.median([r["tick_ms"][key] for r in runs])) for key in ("p50", "p99")}
+    found["energy"] = energies()
+    for row in found["energy"]:
+        print(json.dumps(row))
+    found["reach"] = reaches()
+    for name, row in found["reach"].items():
+        print(name, json.dumps(row))
+    found["capsubot"] = {name: summary(rows) for name, rows in capsubot().items()}
+    for name, rows in found["capsubot"].items():
+        _show(name, rows)
+    given.out.mkdir(parents=True, exist_ok=True)
+    (given.out / "vibro.json").write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+
+
+def _show(title: str, rows: list[Row]) -> None:
+    print(title)
+    for row in rows:
+        print("  " + json.dumps(row), flush=True)
+
+
+if __name__ == "__main__":
+    main()

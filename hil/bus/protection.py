@@ -109,7 +109,7 @@ class Receiver:
             return step
         if fresh:
             return Refusal("repeated" if step == 0 else "counter", f"{self._counter} then {counter}")
-        self._row = self._row + 1 if (counter - self._candidate) % COUNTS == 1 and self._row else 1
+        self._row = self._row + 1 if (counter - self._candidate) % COUNTS == 1 else 1
         self._candidate = counter
         if self._row >= RESYNC or not cyclic:
             return 1

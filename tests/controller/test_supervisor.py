@@ -102,6 +102,7 @@ def test_the_first_controller_is_in_charge_while_it_works() -> None:
         lambda now: Action(math.inf),
         lambda now: Action(1e-3, "failed"),
         lambda now: Action(1e-3, "lost"),
+        lambda now: Action(1e-3, "stopped"),
         lambda now: None,
         lambda now: Action("1"),  # type: ignore[arg-type]
     ],
@@ -179,6 +180,20 @@ def test_late_answers_are_used_until_there_are_too_many() -> None:
     assert names == [("late", "mpc"), ("late", "mpc"), ("late", "pid"), ("ok", "pid")]
 
 
+def test_whoever_takes_over_may_be_late_too() -> None:
+    chain = [Stub(name, lambda now: Action(0.0, "late")) for name in ("mpc", "pid")]
+    supervisor = magnetic(*chain, rules=Rules(late_allowed=2, retry_s=10.0, retry_longest_s=10.0))
+    run(supervisor, 3)
+    assert [(run(supervisor, 1, start=3 + i), supervisor.active)[1] for i in range(3)] == ["pid", "stop", "stop"]
+
+
+def test_control_waits_until_the_estimate_has_been_good_for_a_while() -> None:
+    supervisor = magnetic(steady("mpc", 1e-3), rules=Rules(settle_s=0.05))
+    run(supervisor, 10, believed=lambda t: estimate(t, lost=True))
+    statuses = [action.status for action in run(supervisor, 30, start=10)]
+    assert statuses.index("ok" if "ok" in statuses else "limited") == pytest.approx(0.05 / DT, abs=1.1)
+
+
 def test_an_answer_that_took_too_long_is_late() -> None:
     ticking = iter(np.arange(0.0, 1e6, 0.5))
     chain = [steady("mpc", 0.0)]
@@ -215,6 +230,13 @@ def test_limits_in_force_too_long_count_as_a_failure() -> None:
     assert all(abs(action.command) <= 0.02 / math.sqrt(3) for action in actions)
 
 
+def test_limits_that_are_hit_now_and_then_are_no_failure() -> None:
+    best = Stub("mpc", lambda now: Action(0.2 if now % 0.2 < 0.1 else 0.0))
+    supervisor = magnetic(best, steady("pid", 0.0), rules=Rules(limit_s=0.2))
+    run(supervisor, 1000)
+    assert supervisor.active == "mpc"
+
+
 def test_a_new_model_is_taken_at_rest_only_and_without_a_step() -> None:
     old, new = steady("mpc", 2e-3), steady("mpc 2", 3e-3)
     supervisor = magnetic(old, rules=Rules(rest_s=0.2, blend_s=0.2))
@@ -224,7 +246,9 @@ def test_a_new_model_is_taken_at_rest_only_and_without_a_step() -> None:
     assert new.asked == 0
     run(supervisor, 200, start=400, believed=lambda t: estimate(t, v=5e-3), reference=Ramp(0.0))
     assert new.asked == 0
-    actions = run(supervisor, 400, start=600, reference=Ramp(0.0))
+    run(supervisor, 80, start=600, reference=Ramp(0.0))
+    assert new.asked == 0
+    actions = run(supervisor, 400, start=680, reference=Ramp(0.0))
     assert supervisor.active == "mpc 2"
     assert new.resets[0][1] == pytest.approx(2e-3)
     assert max(np.abs(np.diff([action.command for action in actions]))) <= 1e-3 * DT / 0.2 * 1.01

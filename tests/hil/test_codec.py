@@ -142,6 +142,29 @@ def test_a_catalogue_that_cannot_protect_is_refused(tmp_path: Path, pattern: str
         load_catalogue(path)
 
 
+def changed(tmp_path: Path, old: str, new: str) -> Path:
+    text = DBC.read_text(encoding="utf-8")
+    assert old in text
+    path = tmp_path / "changed.dbc"
+    path.write_text(text.replace(old, new), encoding="utf-8")
+    return path
+
+
+def test_a_range_that_ends_between_two_steps_is_kept_on_the_wire(tmp_path: Path) -> None:
+    codec = Codec(load_catalogue(changed(tmp_path, "[-2.5|2.5]", "[-2.49999|2.49999]"))["CoilCommand"])
+    for value in (2.49999, -2.49999):
+        found = codec.decode(codec.encode({"Current_A": value, "TimeToLive_ms": 8, "Mode": 2}))
+        assert isinstance(found, dict)
+        assert abs(found["Current_A"]) <= 2.49999
+
+
+def test_a_number_that_stands_for_nothing_is_refused(tmp_path: Path) -> None:
+    frame = load_catalogue(changed(tmp_path, 'VAL_ 272 Mode 0 "off" 1 "ready" ', 'VAL_ 272 Mode 0 "off" '))["CoilCommand"]
+    values = {"Current_A": 0.0, "TimeToLive_ms": 8, "Mode": 2}
+    assert isinstance(Codec(frame).decode(Codec(frame).encode(values)), dict)
+    assert isinstance(Codec(frame).decode(Codec(frame).encode(values | {"Mode": 1})), Refusal)
+
+
 def test_a_file_that_is_none_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="can be read"):
         load_catalogue(tmp_path / "none.dbc")

@@ -105,7 +105,7 @@ def test_repeated_and_old_frames_are_refused_and_lost_ones_counted() -> None:
     assert receiver.accept(sent[0], TICK) == Refusal("repeated", "0 then 0")
     assert receiver.accept(sent[3], TICK) == Refusal("counter", "0 then 3")
     assert isinstance(receiver.accept(sent[3], 3 * TICK), dict)
-    assert receiver.statistics.lost == 2
+    assert (receiver.statistics.accepted, receiver.statistics.lost) == (2, 2)
     assert isinstance(receiver.accept(sent[1], 4 * TICK), Refusal)
     assert isinstance(receiver.accept(sent[3 + MOST_LOST + 2], 7.9 * TICK), Refusal)
     assert isinstance(receiver.accept(sent[3 + MOST_LOST + 1], 7.9 * TICK), dict)
@@ -135,6 +135,9 @@ def test_a_sender_that_restarts_is_believed_after_a_silence_and_a_few_frames() -
         receiver.accept(old.frame(VALUES), i * TICK)
     found = [receiver.accept(new.frame(VALUES), 1.0 + i * TICK) for i in range(RESYNC)]
     assert [isinstance(f, Refusal) for f in found] == [True] * (RESYNC - 1) + [False]
+    other = Sender(COIL)
+    found = [receiver.accept(other.frame(VALUES), 2.0 + i * TICK) for i in range(RESYNC)]
+    assert [isinstance(f, Refusal) for f in found] == [True] * (RESYNC - 1) + [False]
 
 
 def test_a_replay_beside_the_true_sender_is_not_let_in() -> None:
@@ -161,6 +164,17 @@ def test_a_safe_stop_is_believed_at_once_after_any_silence() -> None:
     restarted = Sender(STOP)
     restarted.frame(stop)
     assert isinstance(receiver.accept(restarted.frame(stop), 200.0), dict)
+    same = restarted.frame(stop)
+    assert isinstance(receiver.accept(same, 300.0), dict)
+    assert isinstance(receiver.accept(same, 300.01), Refusal)
+    assert isinstance(receiver.accept(same, 400.0), dict)
+
+
+def test_an_event_stays_valid() -> None:
+    fault = CATALOGUE["CoilFault"]
+    receiver = Receiver(fault)
+    receiver.accept(Sender(fault).frame({"Code": 2, "Detail": 0}), 0.0)
+    assert receiver.fresh(1e6) == {"Code": 2, "Detail": 0}
 
 
 def test_what_was_not_sent_does_not_count() -> None:
@@ -174,4 +188,7 @@ def test_identifiers_that_nobody_knows_are_counted() -> None:
     reception = Reception({COIL.id: Receiver(COIL)})
     assert reception.accept(0x123, b"", 0.0) == Refusal("unknown", "identifier 0x123")
     assert reception.unknown[0x123] == 1
+    for identifier in range(0x1000, 0x3000):
+        reception.accept(identifier, b"", 0.0)
+    assert len(reception.unknown) == 2048
     assert isinstance(reception.accept(COIL.id, Sender(COIL).frame(VALUES), 0.0), dict)

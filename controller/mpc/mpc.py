@@ -81,7 +81,8 @@ class MPC:
             self._halt()
             return Action(self._command, "ok", np.full(self._grid.size, state[0]), {"total": self.clock() - begin})
         state[self._modes] = np.round(np.clip(state[self._modes], -1, 1))
-        plan = self.planner.plan(now, state, estimate.disturbance_N, targets, self._shifted(now, targets), self._rate)
+        guess, (force, parameters) = self._shifted(now, targets), self._learned(estimate)
+        plan = self.planner.plan(now, state, force, targets, guess, self._rate, parameters)
         self.last = plan
         if plan.failed:
             return self._kept("failed", begin)
@@ -91,6 +92,16 @@ class MPC:
         self._plan, self._time = plan.commands, now
         timings = plan.timings | {"total": self.clock() - begin}
         return Action(self._command, "late" if plan.cut else "ok", plan.path[:, 0].copy(), timings)
+
+    def _learned(self, estimate: Estimate) -> tuple[float, Array | None]:
+        """The disturbance to count on, with the parameters that it goes with where the estimator has learned some."""
+        learned = estimate.adapted
+        if learned is None:
+            return estimate.disturbance_N, None
+        parameters = np.array(learned.parameters, dtype=float)
+        if parameters.shape != self.model.values.shape or not math.isfinite(parameters.sum() + learned.disturbance_N):
+            return estimate.disturbance_N, None
+        return learned.disturbance_N, parameters
 
     def _targets(self, now: float, reference: Reference) -> Array | None:
         """Position, speed and command rate (3, N + 1) over the horizon; None where they are not numbers."""

@@ -44,8 +44,8 @@ class Weights:
 
     position_m: float = 1e-4
     speed_m_s: float = 2e-2
-    rate_N_s: float = 2.0
-    jump_N_s: float = 4.0
+    rate_N_s: float = 4.0
+    jump_N_s: float = 8.0
     final: float = 5.0
     gap: float = 2e4
     speed: float = 5e3

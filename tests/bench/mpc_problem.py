@@ -27,7 +27,7 @@ SMOOTHING = 1e-3
 STATES = ("x", "v", "u", "force_N")
 NOISE = np.array([2e-5, 3e-4, 1e-5, 1e-4])
 BOUNDS = Bounds(-0.2, 0.2, 5.0)
-WEIGHTS = Weights()
+WEIGHTS = Weights(position_m=1e-4, speed_m_s=2e-2, rate_N_s=2.0, jump_N_s=4.0)
 HORIZON = Horizon(stages=30, stage_s=TICK_S, substeps=3, iterations=3, deadline_s=10.0)
 PARAMETERS = {
     "coil_force_N_per_A": 1.0,

@@ -11,7 +11,7 @@ import pytest
 from controller.mpc.mpc import MPC
 from controller.mpc.settings import Bounds, Horizon, Weights
 from controller.prediction import ControlModel, control_model
-from controller.signals import Action, Estimate
+from controller.signals import Action, Adapted, Estimate
 from plant.layout import S_SLIP, S_U, S_V, S_X
 from plant.rig import Magnet, Plant
 from plant.rig import Rig as PlantRig
@@ -107,6 +107,25 @@ def test_a_known_disturbance_leaves_no_offset(model: ControlModel) -> None:
     mean = [abs(float(np.mean(error(run, Line(3e-3), 150)))) for run in (blind, told)]
     assert mean[1] < 0.02e-3
     assert mean[0] > 3 * mean[1]
+
+
+def test_what_the_estimator_learned_is_planned_with(model: ControlModel) -> None:
+    """A wall that grips 30 % more: told so by other parameters, the MPC tracks as with a model that is right; nonsense is not taken."""
+    truth = control_model(rig_of("magnetic"), {"hoop_stress_factor": 1.3}, TICK_S)
+
+    def rmse(adapted: Adapted | None) -> float:
+        mpc, state, x = MPC(model, BOUNDS, horizon=PATIENT), truth.initial(), np.zeros(300)
+        mpc.reset(0.0, Estimate(0.0, state, state), 0.0)
+        for k in range(x.size):
+            action = mpc.act(k * TICK_S, Estimate(k * TICK_S, state, state, 0.0, False, adapted), Line(3e-3))
+            assert action.status == "ok"
+            state = truth.kernels.step(state, action.command, 0.0, k * TICK_S)
+            x[k] = state[0]
+        return float(np.sqrt(np.mean((x - 3e-3 * TICK_S * np.arange(1, x.size + 1)) ** 2)))
+
+    unaware, aware = rmse(None), rmse(Adapted(truth.values, 0.0))
+    assert aware < 0.5 * unaware
+    assert rmse(Adapted(np.full(truth.values.size, np.nan), 0.0)) == unaware
 
 
 def test_a_hold_has_no_limit_cycle(model: ControlModel) -> None:

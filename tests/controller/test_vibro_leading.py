@@ -1,0 +1,49 @@
+"""The vibro controller by name: from a control model with its values to a drive map, and no other drive."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from controller.choices import build, leads
+from controller.envelope import envelope_of
+from controller.prediction import control_model
+from controller.vibro import leading
+from controller.vibro.cycles import VibroModel
+from controller.vibro.gears import DriveMap
+from models.identification.model import Model
+from models.rig import parse_rig
+
+TABLES = {
+    "capsule": {"mass_kg": 0.193},
+    "drive": {"inner_mass_kg": 0.074, "spring_stiffness_N_per_m": 256.23, "force_N": 1.25, "reaction_on_body": True},
+    "surface": {"kind": "plate", "friction_coefficient": 0.29},
+    "rig": {"kind": "vibro"},
+}
+IDENTIFIED = Path(__file__).with_name("capsubot_model.toml")
+
+
+def test_the_values_of_an_identified_model_reach_the_map(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[VibroModel] = []
+
+    def remembered(model: VibroModel, optimise: bool) -> DriveMap:
+        seen.append(model)
+        return DriveMap((), 0.1)
+
+    monkeypatch.setattr(leading, "designed", remembered)
+    stages = Model.from_toml(IDENTIFIED.read_text(encoding="utf-8")).stages
+    values = {k: v for k, v in stages["augmented"].items() if k not in ("mirror", "body_mass_kg", "inner_mass_kg")}
+    model = control_model(parse_rig(TABLES), values, 2e-3)
+    chain = build("vibro", model, envelope_of(model.drive))
+    assert [c.name for c in chain] == ["vibro"]
+    assert seen[0].force_N == 3.16
+    assert seen[0].values["spring_damping.damping_N_s_per_m"] == 2.349
+    assert {e.id for e in seen[0].effects} == {"spring_damping", "coil_lag"}
+
+
+def test_each_controller_leads_its_own_drives() -> None:
+    model = control_model(parse_rig(TABLES), {}, 1e-3)
+    assert leads("vibro") == ("vibro",)
+    with pytest.raises(ValueError, match="rig must be magnetic or coil for the controller 'pid'; got 'vibro'"):
+        build("pid", model, envelope_of(model.drive))

@@ -151,11 +151,11 @@ def changed(tmp_path: Path, old: str, new: str) -> Path:
 
 
 def test_a_range_that_ends_between_two_steps_is_kept_on_the_wire(tmp_path: Path) -> None:
-    codec = Codec(load_catalogue(changed(tmp_path, "[-2.5|2.5]", "[-2.49999|2.49999]"))["CoilCommand"])
-    for value in (2.49999, -2.49999):
+    codec = Codec(load_catalogue(changed(tmp_path, "[-2.5|2.5]", "[-2.499995|2.499995]"))["CoilCommand"])
+    for value in (2.499995, -2.499995):
         found = codec.decode(codec.encode({"Current_A": value, "TimeToLive_ms": 8, "Mode": 2}))
         assert isinstance(found, dict)
-        assert abs(found["Current_A"]) <= 2.49999
+        assert abs(found["Current_A"]) <= 2.499995
 
 
 def test_a_number_that_stands_for_nothing_is_refused(tmp_path: Path) -> None:

@@ -136,6 +136,8 @@ def test_a_sender_that_restarts_is_believed_after_a_silence_and_a_few_frames() -
     found = [receiver.accept(new.frame(VALUES), 1.0 + i * TICK) for i in range(RESYNC)]
     assert [isinstance(f, Refusal) for f in found] == [True] * (RESYNC - 1) + [False]
     other = Sender(COIL)
+    for _ in range(RESYNC):
+        other.frame(VALUES)
     found = [receiver.accept(other.frame(VALUES), 2.0 + i * TICK) for i in range(RESYNC)]
     assert [isinstance(f, Refusal) for f in found] == [True] * (RESYNC - 1) + [False]
 

@@ -113,7 +113,7 @@ def test_a_babbling_node_starves_everybody_below_it() -> None:
 
 def test_32_errors_in_a_row_end_in_bus_off_and_nobody_comes_back_unasked() -> None:
     medium = Medium(disturb=lambda t, sender, m: sender == "a" and t < 0.5)
-    a, b = nodes(medium, "a", "b")
+    a, b, _ = nodes(medium, "a", "b", "c")
     a.send(message(0x100, b"1"))
     medium.advance(0.1)
     assert a.counters.errors == BUS_OFF // 8
@@ -121,8 +121,10 @@ def test_32_errors_in_a_row_end_in_bus_off_and_nobody_comes_back_unasked() -> No
     assert b.state == can.BusState.ACTIVE
     with pytest.raises(can.CanOperationError, match="off the bus"):
         a.send(message(0x100))
+    b.send(message(0x200))
     medium.advance(0.6)
     assert a.state == can.BusState.ERROR
+    assert a.recv() is None
     a.recover()
     with pytest.raises(can.CanOperationError):
         a.send(message(0x100))
@@ -131,6 +133,25 @@ def test_32_errors_in_a_row_end_in_bus_off_and_nobody_comes_back_unasked() -> No
     medium.advance(0.7)
     got = list(received(b))
     assert [bytes(m.data) for m in got] == [b"2"]
+
+
+def test_errors_on_the_wire_count_for_those_who_listen_too() -> None:
+    medium = Medium(disturb=lambda t, sender, m: True)
+    a, b = nodes(medium, "a", "b")
+    a.send(message(0x100))
+    medium.advance(0.1)
+    assert b.counters.receive == a.counters.errors == BUS_OFF // 8
+
+
+def test_a_passive_node_gives_way_after_each_frame() -> None:
+    medium = Medium()
+    a, b, ear = nodes(medium, "a", "b", "ear")
+    a.counters.transmit = 200
+    a.send(message(0x010))
+    a.send(message(0x011))
+    b.send(message(0x300))
+    medium.advance(0.01)
+    assert [m.arbitration_id for m in received(ear)] == [0x010, 0x300, 0x011]
 
 
 def test_a_disturbed_frame_is_sent_again_and_the_counters_recover() -> None:

@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 
 from controller.mpc.condense import cost, keep_feasible, quadratic, sensitivities
 from controller.mpc.quadratic_program import Program
+from controller.mpc.rows import FREE
 from controller.mpc.settings import Bounds, Horizon, Weights
 from controller.prediction import ControlModel
 
 Array = NDArray[np.float64]
 
-_SHORTENINGS = (1.0, 0.5, 0.25, 0.1)
+_SHORTENINGS = (1.0, 0.4, 0.1)
+_PRESSED = 0.5  # share of the bound on the wall's force from which on every trial looks at it
 _ENOUGH = 5e-3
 _LITTLE = 1e-6
 CATCH_S = 0.03
@@ -57,14 +59,14 @@ class Planner:
         rate = weights.rate_N_s / gain
         self.follows = 1.0 if model.gap_limit_m is not None else 0.0
         self.scales = np.array([weights.position_m, weights.speed_m_s, rate, weights.jump_N_s / gain, weights.final])
-        self.soft = np.minimum([bounds.gap_m, bounds.speed_m_s, bounds.wall_force_N], 1e30)
+        self.soft = np.minimum([bounds.gap_m, bounds.speed_m_s, bounds.wall_force_N], FREE)
         self.penalty = np.array([weights.gap, weights.speed, weights.force])
         most = min(bounds.rate, (bounds.high - bounds.low) / horizon.stage_s)
-        self.hard = np.array([bounds.low, bounds.high, most, min(bounds.acceleration, 1e30)])
+        self.hard = np.array([bounds.low, bounds.high, most, min(bounds.acceleration, FREE)])
         self.program = Program.sized(N, horizon.stage_s, model.tick_s, rate, self.hard, self.soft, self.penalty)
         self.A, self.B, self.Z = np.zeros((N, n, n)), np.zeros((N, n, 2)), np.zeros((N + 1, n, N))
         self.forces, self.slopes = np.zeros(N + 1), np.zeros((N + 1, n))
-        self.parameters = model.kernels.parameters
+        self.parameters, self.pressed = model.kernels.parameters, False
 
     def plan(
         self,
@@ -81,6 +83,7 @@ class Planner:
         not the model's own. Never raises; bounded by `horizon.iterations`."""
         begin = self.clock()
         self.parameters = self.model.kernels.parameters if parameters is None else parameters
+        self.pressed = self.soft[2] < FREE
         warm, ahead = self.candidates(now, state, disturbance, reference, guess, last_rate)
         best = ahead if ahead.cost < warm.cost or not np.isfinite(warm.cost) else warm
         took = dict.fromkeys(("candidates", "linearise", "condense", "solve", "search"), 0.0)
@@ -109,7 +112,7 @@ class Planner:
 
     def _priced(self, now: float, plan: Plan, reference: Array, last_rate: float) -> None:
         h = self.horizon
-        if self.soft[2] < 1e30:
+        if self.pressed:
             k = self.model.kernels
             k.holds(plan.path, self.forces, self.slopes, now, h.stage_s, self.parameters)
         plan.cost = float(
@@ -134,7 +137,9 @@ class Planner:
         """One SQP step from `best`, which it changes; False where it is not worth another."""
         k, h, t0 = self.model.kernels, self.horizon, self.clock()
         k.linearise(best.path, self.A, self.B, best.commands, d, now, h.stage_s, h.substeps, self.parameters)
+        self.pressed = self.soft[2] < FREE
         self._priced(now, best, reference, last_rate)
+        self.pressed = self.soft[2] < FREE and float(np.abs(self.forces).max()) > _PRESSED * self.soft[2]
         t1 = self.clock()
         unit = self.program.unit
         sensitivities(self.A, self.B, unit * h.stage_s, self.Z)

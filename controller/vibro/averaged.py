@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 _LONGEST_STEP_S = 1.0
+_ENOUGH = 1e-6  # m/s, change of the commands below which a plan is done
 _GATE = 6.0  # standard deviations beyond which a reading is put down to an outlier
 
 
@@ -128,6 +129,7 @@ class AveragedMpc:
         self._first[0] = 1 / w.change_m_s
         self._hessian = self._forced.T @ self._forced + change.T @ change
         self._inverse = np.linalg.inv(self._hessian)
+        self._diagonal = np.diag(self._hessian).tolist()
         self._change = change
 
     def plan(
@@ -140,9 +142,16 @@ class AveragedMpc:
         if u.min() >= low_m_s and u.max() <= high_m_s:
             return np.asarray(u)
         u = np.clip(u, low_m_s, high_m_s)
-        diagonal = np.diag(self._hessian)
+        slope = gradient - self._hessian @ u
         for _ in range(sweeps):
+            largest = 0.0
             for j in range(self.horizon):
-                step = (gradient[j] - self._hessian[j] @ u) / diagonal[j]
-                u[j] = min(max(u[j] + step, low_m_s), high_m_s)
+                to = min(max(float(u[j]) + float(slope[j]) / self._diagonal[j], low_m_s), high_m_s)
+                step = to - float(u[j])
+                if step != 0.0:
+                    u[j] = to
+                    slope -= self._hessian[j] * step
+                    largest = max(largest, abs(step))
+            if largest < _ENOUGH:
+                break
         return np.asarray(u)

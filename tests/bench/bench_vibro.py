@@ -18,7 +18,7 @@ from controller.vibro.cycles import Cycles, Pace, VibroModel
 from controller.vibro.design import design, designed
 from controller.vibro.four_phase import best_four_phase
 from controller.vibro.gears import DriveMap
-from controller.vibro.optimal import Optimum, optimal_cycle
+from controller.vibro.optimal import optimal_cycle
 from controller.vibro.speed_map import best_square, speed_map
 from controller.vibro.vibro import Tuning, VibroController
 from controller.vibro.waveform import Waveform
@@ -46,11 +46,11 @@ def energies() -> list[Row]:
     for v in sorted(SPEEDS_M_S, key=lambda v: (v < 0, -abs(v))):
         free, full = best_square(cycles, table, v), best_square(cycles, table, v, full_force=True)
         guesses = [] if free is None else [free[0], free[0].flipped()]
-        best = _least([optimal_cycle(cycles, v, g) for g in (*guesses, *(w.flipped() for w in optima[:1]), *optima[-1:])])
         row: Row = {"speed_mm_s": 1e3 * v}
+        best = optimum(cycles, v, [*guesses, *(w.flipped() for w in optima[:1]), *optima[-1:]])
         if best is not None:
-            optima.append(best.waveform)
-            row["optimal"] = _said(best.waveform, best.pace)
+            optima.append(best[0])
+            row["optimal"] = _said(*best)
         for name, found in (("square", free), ("square, full force", full), ("four-phase", phases[v])):
             if found is not None:
                 row[name] = _said(*found)
@@ -58,8 +58,21 @@ def energies() -> list[Row]:
     return rows
 
 
-def _least(found: list[Optimum]) -> Optimum | None:
-    return min((o for o in found if o.found), key=lambda o: o.pace.energy_J_per_m, default=None)
+def optimum(cycles: Cycles, speed: float, guesses: list[Waveform]) -> tuple[Waveform, Pace] | None:
+    """The cheapest optimal cycle from `guesses`, brought within 2 % of `speed` by its strength."""
+    best: tuple[Waveform, Pace] | None = None
+    for guess in guesses:
+        wave = optimal_cycle(cycles, speed, guess, close=0.25).waveform
+        pace = cycles.pace(wave)
+        for _ in range(10):
+            ratio = pace.speed_m_s / speed
+            if not 0.2 < ratio < 5 or abs(ratio - 1) < 0.02:
+                break
+            wave = wave.scaled(ratio**-0.4)
+            pace = cycles.pace(wave)
+        if abs(pace.speed_m_s / speed - 1) < 0.02 and (best is None or pace.energy_J_per_m < best[1].energy_J_per_m):
+            best = (wave, pace)
+    return best
 
 
 def _said(wave: Waveform, pace: Pace) -> Row:

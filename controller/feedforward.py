@@ -23,7 +23,7 @@ class Loop:
     current some ticks.
     """
 
-    pace_1_s: float = 4.0
+    pace_1_s: float = 10.0
     least: float = 0.2
     most_m_s: float = 10e-3
     slack_m: float = 0.4e-3

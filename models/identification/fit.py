@@ -216,7 +216,9 @@ def _reach(p: Parameter, value: float, grid: Sequence[float]) -> float:
     return _NEAR_M if p.unit == "m" else min(0.5, 0.25 * (p.upper - p.lower))
 
 
-def anneal(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float], steps: int = 12) -> Fit:
+def anneal(
+    kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float], steps: int = 12, seed: int = 0
+) -> Fit:
     """The last stage's fit: where the kind has several stages by way of two ensembles, one that the observer keeps in step and one that
     runs free, the better of which shrinks on; else by least squares. Deterministic."""
     last = kind.stages - 1
@@ -228,7 +230,7 @@ def anneal(kind: Kind, records: Sequence[Record], effects: Sequence[str], start:
             fit = descend(kind, records, effects, theta, last, secant, steps)
             theta = fit.theta
         return fit
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(seed)
     space = _space(problem, start)
     clouds = []
     for stage in (last - 1, last):

@@ -49,6 +49,12 @@ class Kind(Protocol):
         ...
 
     @property
+    def restarts(self) -> int:
+        """How many ensembles a fit sends out from each of its starts where the criterion that judges is too jagged for least squares; 0 where
+        it is not."""
+        ...
+
+    @property
     def slow_view(self) -> bool:
         """Whether `residual` knows a further stage, number `stages`, that shows only what is slow in the free run."""
         ...

@@ -120,10 +120,19 @@ def _against(before: np.ndarray, name: str, fits: tuple[dict[str, float], ...], 
 
 def refit(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> dict[str, float]:
     """The best of several ways to a fit on `records`, judged at the middle stage: down the stages by least squares, stepped on from
-    where it is, and, where neither leaves about the noise, by an ensemble."""
+    where it is, and, where neither leaves about the noise, by an ensemble; for a kind with `restarts` by ensembles from where it is and
+    from the nominal base (a base fitted without an effect is bent), the best one stepped on."""
     stage = middle_stage(kind)
     if kind.stages == 1:
         return anneal(kind, records, effects, start).theta
+    if kind.restarts:
+        nominal = {p.name: p.value for p in kind.base if p.fit}
+        clouds = [
+            anneal(kind, records, effects, begin, seed=seed)
+            for begin in (start, {**start, **nominal})
+            for seed in range(kind.restarts)
+        ]
+        return step_on(kind, records, effects, min(clouds, key=lambda fit: fit.cost).theta).theta
     fits = [
         _at_stage(kind, records, fit)
         for fit in (down_the_stages(kind, records, effects, start), step_on(kind, records, effects, start).theta)

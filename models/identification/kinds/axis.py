@@ -43,6 +43,7 @@ class AxisKind:
     name: str = "axis"
     stages: int = 1
     slow_view: bool = False
+    restarts: int = 0
     next_share: float = 0.04
     least_gain: float = 0.05
     equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})

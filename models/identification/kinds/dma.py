@@ -41,6 +41,7 @@ class DmaKind:
     name: str = "dma"
     stages: int = 2
     slow_view: bool = False
+    restarts: int = 0
     next_share: float = 0.3
     least_gain: float = 0.05
     equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})

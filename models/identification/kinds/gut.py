@@ -75,6 +75,7 @@ class GutKind:
     effects: tuple[type[Effect], ...] = ()
     stages: int = 3
     slow_view: bool = True
+    restarts: int = 0
     next_share: float = 0.6
     least_gain: float = 0.4
     equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
@@ -101,7 +102,20 @@ class GutKind:
         effects = tuple(e for e in effects_for(drive.name) if not isinstance(surface, Plate) or not _acts_on_the_wall(e))
         unit = "N" if drive.imposed else "m"
         stages = len(memories) + 1
-        return cls(drive.name, surface, drive, noise_std, memories, base, effects, stages, unit=unit, quantity=drive.measured)
+        restarts = 2 if len(memories) == 1 else 0
+        return cls(
+            drive.name,
+            surface,
+            drive,
+            noise_std,
+            memories,
+            base,
+            effects,
+            stages,
+            restarts=restarts,
+            unit=unit,
+            quantity=drive.measured,
+        )
 
     def nominal(self) -> dict[str, float]:
         """The base parameters as believed."""

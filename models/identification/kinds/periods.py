@@ -70,6 +70,7 @@ class PeriodsKind:
     name: str = "periods"
     stages: int = 1
     slow_view: bool = False
+    restarts: int = 0
     next_share: float = 0.3
     least_gain: float = 0.05
     quantity: str = "period_s, valley_N and peak_N"

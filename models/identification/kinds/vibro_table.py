@@ -47,6 +47,7 @@ class VibroTableKind:
     step_s: float = STEP_S
     stages: int = 1
     slow_view: bool = False
+    restarts: int = 0
     next_share: float = 0.05
     least_gain: float = 0.05
     equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})

@@ -8,13 +8,14 @@ from pathlib import Path
 
 from rich.table import Table
 
+from hil.app.can_record import read_rig_record
 from hil.app.console import json_text, notes, output_to_notes, print_json, progress_bar, summary
 from hil.app.report import headline, report_html, report_json
 from hil.app.report.words import STAGE_WORDS, error_unit, number
 from hil.app.write import check_folder, write_files
 from models.identification import Model, close
 from models.identification.result import STAGES, Finding
-from models.record import Record, read_record
+from models.record import Record
 from models.rig import Rig, read_rig
 
 REPORT, NUMBERS, MODEL = "report.html", "report.json", "model.toml"
@@ -44,7 +45,7 @@ def read_series(records: Sequence[Path], holdout: Sequence[Path], rig: Rig) -> t
         if path.resolve() in seen:
             raise ValueError(f"records must be different files, for training or held out; got {path} twice")
         seen.add(path.resolve())
-    read = [read_record(path, rig) for path in (*records, *holdout)]
+    read = [read_rig_record(path, rig) for path in (*records, *holdout)]
     names = [record.name for record in read]
     paths = (*records, *holdout)
     distinct = [

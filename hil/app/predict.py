@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.app.can_record import read_rig_record
 from hil.app.console import output_to_notes, print_json, summary
 from hil.app.write import check_file, write_table
 from models.columns import COLUMNS
 from models.identification import Model
 from models.identification.result import STAGES
 from models.parameter import nearest
-from models.record import Record, read_record
+from models.record import Record
 from models.rig import read_rig
 
 LARGEST_MODEL = 1 << 22
@@ -27,7 +28,7 @@ def predict(record: Path, rig: Path, model: Path, out: Path, *, stage: str = "au
     check_file(out, "--out", (".csv", ".csv.gz"))
     belief = read_rig(rig)
     learned = read_model(model, belief.kind)
-    driven = read_record(record, belief, driven_only=True)
+    driven = read_rig_record(record, belief, driven_only=True)
     with output_to_notes():
         columns = learned.predict(belief, driven, stage)
     write_table(out, columns)

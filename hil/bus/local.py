@@ -1,0 +1,186 @@
+"""A bus between processes of one machine that loses nothing on the way: SEQPACKET sockets, offered as a python-can interface."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import select
+import socket
+import struct
+import tempfile
+import time
+from collections import deque
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import can
+
+INTERFACE: Final = "capsule_local"
+_PACKET: Final = struct.Struct("<dHB8s")
+_LONGEST_PATH: Final = 100
+_NODES: Final = 64
+_BUFFER: Final = 1 << 20
+
+
+class LocalBus(can.BusABC):
+    """A node on the local bus `channel`. Every node is connected to every other one; there is no hub whose death would end the bus.
+
+    A frame is in the receivers' queues when `send` returns, in the order in which this node sent. A receiver that does not read
+    fills its own queue only; what no longer fits is lost to it and counted in `overruns`, as in a CAN controller. Nodes come and go at
+    any time, also by SIGKILL. Not modelled: arbitration, bit time, errors, acknowledgement (a lonely sender hears no complaint).
+    Times of frames are the sender's `time.time()`. Classic data frames with 11-bit identifiers alone.
+    """
+
+    def __init__(self, channel: str = "capsule", receive_own_messages: bool = False, **kwargs: Any) -> None:
+        """Join the bus. Raises can.CanInitializationError where that cannot be done."""
+        self.overruns = 0
+        self._own = receive_own_messages
+        self._inbox: deque[can.Message] = deque()
+        self._peers: dict[int, socket.socket] = {}
+        self._poll = select.epoll()
+        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET | socket.SOCK_NONBLOCK)
+        try:
+            folder = channel_folder(str(channel))
+            self._place = folder / f"{os.getpid()}-{self._listener.fileno()}-{time.monotonic_ns()}"
+            self._join(folder)
+        except OSError as error:
+            self._listener.close()
+            self._poll.close()
+            raise can.CanInitializationError(f"local bus {channel!r}: {error.strerror or error}") from None
+        super().__init__(channel=channel, **kwargs)
+        self.channel_info = f"local bus {channel}"
+
+    def _join(self, folder: Path) -> None:
+        """Take a place in the folder and connect to all who have one; one node at a time."""
+        with _locked(folder):
+            for place in sorted(folder.iterdir()):
+                if place.name == "lock":
+                    continue
+                peer = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+                try:
+                    peer.connect(str(place))
+                except (ConnectionRefusedError, FileNotFoundError):
+                    peer.close()
+                    place.unlink(missing_ok=True)
+                else:
+                    self._add(peer)
+            self._listener.bind(str(self._place))
+            self._listener.listen(_NODES)
+        self._poll.register(self._listener, select.EPOLLIN)
+
+    def _add(self, peer: socket.socket) -> None:
+        peer.setblocking(False)
+        peer.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER)
+        self._peers[peer.fileno()] = peer
+        self._poll.register(peer, select.EPOLLIN)
+
+    def _greet(self) -> None:
+        """Take in nodes that have joined."""
+        while len(self._peers) < _NODES:
+            try:
+                peer, _ = self._listener.accept()
+            except OSError:
+                return
+            self._add(peer)
+
+    def _forget(self, number: int) -> None:
+        peer = self._peers.pop(number, None)
+        if peer is not None:
+            with contextlib.suppress(OSError):
+                self._poll.unregister(peer)
+            peer.close()
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Hand a frame to every other node; never waits. Raises ValueError for anything but a classic data frame of 11 bits."""
+        if msg.is_extended_id or msg.is_remote_frame or msg.is_fd or msg.is_error_frame or len(msg.data) > 8:
+            raise ValueError(f"message must be a classic data frame with an 11-bit identifier; got {msg}")
+        self._greet()
+        packet = _PACKET.pack(time.time(), msg.arbitration_id, len(msg.data), bytes(msg.data))
+        for number, peer in list(self._peers.items()):
+            try:
+                peer.send(packet)
+            except BlockingIOError:
+                self.overruns += 1
+            except OSError:
+                self._forget(number)
+        if self._own:
+            self._inbox.append(self._message(packet, is_rx=False))
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        if not self._inbox:
+            self._collect(timeout)
+        return (self._inbox.popleft() if self._inbox else None), False
+
+    def _collect(self, timeout: float | None) -> None:
+        """Move what has come in, or comes within `timeout`, into the inbox, oldest first."""
+        end = None if timeout is None else time.monotonic() + timeout
+        while True:
+            left = None if end is None else max(end - time.monotonic(), 0.0)
+            for number, _ in self._poll.poll(left):
+                if number == self._listener.fileno():
+                    self._greet()
+                else:
+                    self._drain(number)
+            if self._inbox or (end is not None and time.monotonic() >= end):
+                break
+        if len(self._inbox) > 1:
+            self._inbox = deque(sorted(self._inbox, key=lambda message: message.timestamp))
+
+    def _drain(self, number: int) -> None:
+        peer = self._peers[number]
+        while True:
+            try:
+                packet = peer.recv(_PACKET.size)
+            except BlockingIOError:
+                return
+            except OSError:
+                packet = b""
+            if len(packet) != _PACKET.size:
+                self._forget(number)
+                return
+            self._inbox.append(self._message(packet, is_rx=True))
+
+    def _message(self, packet: bytes, is_rx: bool) -> can.Message:
+        stamp, identifier, length, data = _PACKET.unpack(packet)
+        return can.Message(stamp, identifier, False, data=data[:length], is_rx=is_rx, channel=self.channel_info)
+
+    def fileno(self) -> int:
+        """Readable while a frame (or a node that joins) waits."""
+        return self._poll.fileno()
+
+    def send_periodic(self, *_: Any, **__: Any) -> Any:
+        """Refused: commands are sent one by one, so that a dead controller's end with it."""
+        raise NotImplementedError("frames of the local bus are sent one by one")
+
+    def shutdown(self) -> None:
+        """Leave the bus."""
+        if self._is_shutdown:
+            return
+        super().shutdown()
+        self._place.unlink(missing_ok=True)
+        for number in list(self._peers):
+            self._forget(number)
+        self._listener.close()
+        self._poll.close()
+
+
+def channel_folder(channel: str) -> Path:
+    """The folder in which the nodes of `channel` have their places; made where it is missing. A channel with a `/` is the folder itself.
+
+    Raises OSError where it cannot be made, or its path is too long for a socket.
+    """
+    named = Path(tempfile.gettempdir()) / f"capsule-bus-{os.getuid()}" / channel
+    folder = Path(channel).absolute() if "/" in channel else named
+    if not channel or len(str(folder)) > _LONGEST_PATH - 32:
+        raise OSError(f"folder must be at most {_LONGEST_PATH - 32} characters long; got {folder}")
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    return folder
+
+
+@contextlib.contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    with (folder / "lock").open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield

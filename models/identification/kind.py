@@ -50,7 +50,7 @@ class Kind(Protocol):
 
     @property
     def restarts(self) -> int:
-        """How many ensembles a fit sends out from each of its starts where the criterion that judges is too jagged for least squares; 0 where
+        """How many ensembles a fit sends out from the nominal base where the criterion that judges is too jagged for least squares; 0 where
         it is not."""
         ...
 

@@ -64,8 +64,10 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
     nominal = {p.name: p.value for p in kind.base}
     last = kind.stages - 1
     start = refit(kind, train, [], nominal)
-    base = polish(kind, train, [], descend(kind, train, [], start, last, 0.03, 10), last, rng)
-    parts = [refit(kind, part, [], base.theta) for part, _ in splits]
+    base = polish(kind, train, [], descend(kind, train, [], start, last, 0.03, 10), last, rng, 5 if kind.stages > 1 else 10)
+    parts = [
+        (step_on(kind, part, [], base.theta).theta if kind.restarts else refit(kind, part, [], base.theta)) for part, _ in splits
+    ]
     found = Search(base, base)
     clock.note("calibration", found)
     progress("what chance looks like", 0.15)

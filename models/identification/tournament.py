@@ -57,15 +57,26 @@ def tournament(
     entered = sorted(entries, key=lambda name: entries[name].cost)
     fitted = {}
     for name in _with_look_alikes(kind, entered):
-        fit = entries[name]
-        for secant in (0.3, 0.1):
-            fit = descend(kind, part, [*effects, name], fit.theta, middle_stage(kind), secant, 8)
-        fitted[name] = fit
+        fitted[name] = _heat(kind, part, [*effects, name], entries[name].theta)
     ranking = sorted(fitted, key=lambda name: fitted[name].cost)
     finalists = [name for i, name in enumerate(ranking[:FINAL]) if i < 2 or fitted[name].cost < CLOSE * fitted[ranking[0]].cost]
     before = block_costs(kind, splits, thetas)
     trials = [_judge(kind, splits, effects, thetas, name, fitted[name].theta, before) for name in finalists]
     return sorted(trials, key=lambda trial: -trial.gain)
+
+
+def _heat(kind: Kind, part: Sequence[Record], effects: Sequence[str], theta: dict[str, float]) -> Fit:
+    """A fit good enough to rank by."""
+    if kind.restarts:
+        return anneal(kind, part, effects, {**theta, **_nominal(kind)}, steps=8)
+    for secant in (0.3, 0.1):
+        fit = descend(kind, part, effects, theta, middle_stage(kind), secant, 8)
+        theta = fit.theta
+    return fit
+
+
+def _nominal(kind: Kind) -> dict[str, float]:
+    return {p.name: p.value for p in kind.base if p.fit}
 
 
 def _opening(
@@ -81,7 +92,7 @@ def _opening(
     effect = next(e for e in kind.effects if e.id == name)
     amplitude = effect.amplitude()
     key = f"{effect.id}.{amplitude.name}"
-    nominal = {**theta, **{p.name: p.value for p in kind.base if p.fit}}
+    nominal = {**theta, **_nominal(kind)}
     wanted = [start[key], *(sign * effect.probe * k for k in _MULTIPLES for sign in (1.0, -1.0))]
     values = sorted({v for v in wanted if amplitude.lower <= v <= amplitude.upper and v != 0.0})
     points = [{**base, **start, key: value} for base in (theta, nominal) for value in values]
@@ -126,12 +137,8 @@ def refit(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: 
     if kind.stages == 1:
         return anneal(kind, records, effects, start).theta
     if kind.restarts:
-        nominal = {p.name: p.value for p in kind.base if p.fit}
-        clouds = [
-            anneal(kind, records, effects, begin, seed=seed)
-            for begin in (start, {**start, **nominal})
-            for seed in range(kind.restarts)
-        ]
+        begins = [{**start, **_nominal(kind)}] * kind.restarts + [dict(start)]
+        clouds = [anneal(kind, records, effects, begin, seed=seed) for seed, begin in enumerate(begins)]
         return step_on(kind, records, effects, min(clouds, key=lambda fit: fit.cost).theta).theta
     fits = [
         _at_stage(kind, records, fit)

@@ -102,7 +102,7 @@ class GutKind:
         effects = tuple(e for e in effects_for(drive.name) if not isinstance(surface, Plate) or not _acts_on_the_wall(e))
         unit = "N" if drive.imposed else "m"
         stages = len(memories) + 1
-        restarts = 2 if len(memories) == 1 else 0
+        restarts = 1 if len(memories) == 1 else 0
         return cls(
             drive.name,
             surface,

@@ -14,6 +14,7 @@ from models.identification.kinds import AnyKind, kind_for
 from models.identification.loop import CLEAN, EXPLAINED, Search, search
 from models.identification.model import Model
 from models.identification.result import STAGES, CandidateRow, Estimate, Finding, FoundEffect, Trace
+from models.parameter import Parameter
 from models.record import Record
 from models.rig import Rig
 
@@ -21,6 +22,7 @@ ACCURACY = 0.01
 """Relative accuracy of the models' own numerics and of a minimum on a jagged criterion: the least width of an interval on either side."""
 _T95 = 1.96
 _BLOCKS = 60
+_AT_BOUND = 1e-3
 
 
 def close(
@@ -106,9 +108,14 @@ def _intervals(kind: AnyKind, fit: Fit, effects: Sequence[str]) -> dict[str, Est
         value = fit.theta[axis.name]
         half = float(np.hypot(_T95 * deviation, ACCURACY * abs(value)))
         p = axis.parameter
-        told = half < 0.5 * max(abs(value), axis.scale) + axis.scale and p.lower < value < p.upper
+        told = half < 0.5 * max(abs(value), axis.scale) + axis.scale and _inside(value, p)
         out[axis.name] = Estimate(value, (value - half, value + half), p.unit, told)
     return out
+
+
+def _inside(value: float, p: Parameter) -> bool:
+    margin = _AT_BOUND * (p.upper - p.lower) if np.isfinite(p.upper - p.lower) else 0.0
+    return p.lower + margin < value < p.upper - margin
 
 
 def _blocks(values: np.ndarray) -> list[np.ndarray]:

@@ -28,7 +28,8 @@ class Ears:
     def __init__(
         self, bus: can.BusABC, catalogue: Catalogue, wiring: Wiring, tick_s: float, observer: Observer | None = None
     ) -> None:
-        names = (wiring.feedback, wiring.fault, wiring.heartbeat, "CapsuleLocalisation", "LocaliserHeartbeat", "ForceReading")
+        sensors = ("CapsuleLocalisation", "LocaliserHeartbeat", "ForceReading", "ForceSensorHeartbeat")
+        names = (wiring.feedback, wiring.fault, wiring.heartbeat, *sensors)
         self._names = {catalogue[name].id: name for name in names}
         self.reception = Reception({catalogue[name].id: Receiver(catalogue[name]) for name in names})
         self.wiring, self.tick_s = wiring, tick_s

@@ -175,6 +175,47 @@ def _track(
     track(scenario, controller=controller, model=model, stage=stage, seed=seed, json_output=json_output, out=out, compare=compare)
 
 
+@app.command("sil")
+def _sil(
+    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.toml", help="As for track, with [bus] and [[faults]].")],
+    controller: Annotated[str | None, typer.Option("--controller", metavar="NAME", help="Which controller.")] = None,
+    model: Annotated[Path | None, typer.Option("--model", metavar="MODEL.toml", help="A model that close-loop wrote.")] = None,
+    stage: Annotated[str | None, typer.Option("--stage", metavar="nominal/calibrated/augmented", help="Which model.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Sets every random number; else the scenario's.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for sil.json and the log sil.blf.")] = None,
+    json_output: Json = False,
+) -> None:
+    """Closed loop over the CAN bus in simulated time, plant as a bus node, with faults."""
+    from hil.app.sil import sil
+
+    sil(scenario, controller=controller, model=model, stage=stage, seed=seed, json_output=json_output, out=out)
+
+
+@app.command("run")
+def _run(
+    rig: Annotated[Path, typer.Argument(metavar="RIG.toml", help="A rig file with [bus], [control], [reference] and [limits].")],
+    action: Annotated[str, typer.Argument(metavar="[check]", help="check: look at bus, drive, limits, model and time.")] = "lead",
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Listen and compute, send nothing.")] = False,
+    log: Annotated[Path | None, typer.Option("--log", metavar="LOG.blf", help="Where the log goes; else beside you.")] = None,
+    json_output: Json = False,
+) -> int:
+    """The controller alone, on a real actuator bus."""
+    from hil.app.run import run
+
+    return run(rig, action, dry_run=dry_run, log=log, json_output=json_output)
+
+
+@app.command("replay")
+def _replay(
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="A log of the controller, its record beside it.")],
+    json_output: Json = False,
+) -> int:
+    """The controller again on a log: its frames compared bit by bit."""
+    from hil.app.replay import replay
+
+    return replay(log, json_output=json_output)
+
+
 @app.command("demo")
 def _demo(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the reports.")] = Path("out/demo"),

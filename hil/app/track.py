@@ -37,7 +37,7 @@ def track(
     ValueError, one sentence, for anything that cannot be used.
     """
     scenario = load_track_scenario(path)
-    values, used = _values(model, stage, scenario.kind)
+    values, used = model_values(model, stage, scenario.kind)
     leading = [name for name in CONTROLLERS if scenario.kind in leads(name)]
     names = leading if compare else [controller or scenario.control.controller]
     if compare and controller is not None:
@@ -62,8 +62,8 @@ def track(
         _say(scenario, [found for found, _ in runs], out)
 
 
-def _values(model: Path | None, stage: str | None, kind: str) -> tuple[dict[str, float], str]:
-    """Parameters and the stage's name."""
+def model_values(model: Path | None, stage: str | None, kind: str) -> tuple[dict[str, float], str]:
+    """Parameters of the stage of a model file that the command line asks for, and the stage's name. Raises ValueError."""
     if stage is not None and stage not in STAGES:
         raise ValueError(f"--stage must be one of {', '.join(STAGES)}; got {stage!r}; {nearest(stage, STAGES)}")
     if model is None:

@@ -1,0 +1,82 @@
+"""`capsule sil`: a closed loop over the simulated CAN bus, controller and plant as nodes, in lockstep."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from controller.prediction import ControlModel
+from hil.app.console import json_text, output_to_notes, print_json, progress_bar, summary
+from hil.app.sil_bench import believed_on_bus
+from hil.app.sil_faults import outcomes
+from hil.app.sil_loop import SilTrace, run_sil
+from hil.app.sil_scenario import SilScenario, load_sil_scenario
+from hil.app.track import model_values
+from hil.app.track_score import document, score
+from hil.app.write import check_folder, write_files
+
+
+def sil(
+    path: Path,
+    *,
+    controller: str | None = None,
+    model: Path | None = None,
+    stage: str | None = None,
+    seed: int | None = None,
+    json_output: bool = False,
+    out: Path | None = None,
+) -> None:
+    """Run the scenario file `path` over the bus and say how well it was tracked and what came of its faults.
+
+    `model` is a file that close-loop wrote, of which `stage` is used; without it the controller knows nominal values. Raises
+    ValueError, one sentence, for anything that cannot be used.
+    """
+    scenario, _ = load_sil_scenario(path)
+    values, used = model_values(model, stage, scenario.loop.kind)
+    number = scenario.loop.seed if seed is None else seed
+    if out is not None:
+        check_folder(out, "--out")
+    with output_to_notes():
+        believed = believed_on_bus(scenario, values)
+        with progress_bar(scenario.loop.name) as report:
+            found, trace = judged(scenario, believed, controller, number, used, report)
+        if out is not None:
+            write_files({out / "sil.json": json_text(found)})
+    if json_output:
+        print_json(found)
+    else:
+        _say(scenario, found, trace)
+
+
+def judged(
+    scenario: SilScenario, model: ControlModel, controller: str | None, seed: int, used: str, report: Any = None, **more: Any
+) -> tuple[dict[str, Any], SilTrace]:
+    """One run and its JSON object, in the keys of interfaces.md; `more` goes to `run_sil`."""
+    name = controller or scenario.loop.control.controller
+    trace = run_sil(scenario, model, name, seed, report, **more)
+    found = document(scenario.loop, scenario.loop.name, name, seed, used, score(scenario.loop, trace), None)
+    found["bus"] = {"frames": trace.frames, "load": trace.load, "rejected": trace.rejected}
+    found["faults"] = [outcome.document() for outcome in outcomes(scenario, trace)]
+    return found, trace
+
+
+def _say(scenario: SilScenario, found: dict[str, Any], trace: SilTrace) -> None:
+    console = summary()
+
+    def say(text: str) -> None:
+        console.print(text, markup=False, soft_wrap=True)
+
+    loop, bus, solve = scenario.loop, found["bus"], found["solve_ms"]
+    say(f"{loop.name}: {loop.kind} rig on the bus, {loop.duration_s:g} s, seed {found['seed']}, {found['model']} model")
+    say(
+        f"{found['controller']}: rmse {1e3 * found['tracking_rmse_m']:.3f} mm, max {1e3 * found['tracking_max_m']:.3f} mm, "
+        f"{found['hard_violations']} violations, solve {solve['median']:.3f} ms (p99 {solve['p99']:.3f}), "
+        f"{found['real_time_factor']:.1f} x real time"
+    )
+    say(f"bus: {bus['frames']} frames, load {100 * bus['load']:.1f} %, {bus['rejected']} rejected")
+    for fault in found["faults"]:
+        after = fault["safe_after_ms"]
+        came = "rode through" if after is None else f"safe after {after:.1f} ms"
+        say(f"fault {fault['fault']} at {fault['at_s']:g} s: {came}{', UNSAFE' if fault['unsafe'] else ''}")
+    if trace.stopped_because:
+        say(f"stopped: {trace.stopped_because}")

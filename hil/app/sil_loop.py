@@ -1,0 +1,117 @@
+"""One closed loop over the simulated bus: what it leaves to be judged."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import time
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.prediction import ControlModel
+from hil.app.sil_bench import Bench
+from hil.app.sil_scenario import SilScenario
+from hil.app.track_loop import Array, Progress, Trace
+from hil.bus.sim import SimulatedBus
+from hil.nodes.plant import SLOT_S
+from hil.nodes.wiring import ENABLE, Observer
+
+_REPORTS: Final = 50
+_LEAST_S: Final = 60.0
+
+
+@dataclass
+class SilTrace(Trace):
+    """What a run over the bus leaves beside `Trace`: `slots` (n, 3) are the end of each of the drive's slots in s, whether it was in its
+    safe state, and when the last good command had come; `digest` is the hash of all frames with their times where asked for."""
+
+    slots: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    frames: int = 0
+    load: float = 0.0
+    rejected: int = 0
+    stopped_because: str = ""
+    digest: str = ""
+
+
+class _Tap:
+    """Hashes all that is on the wire."""
+
+    def __init__(self, bench: Bench) -> None:
+        self._port = SimulatedBus(bench.medium, "tap")
+        self._hash = hashlib.sha256()
+
+    def drain(self) -> None:
+        while (message := self._port.recv(0)) is not None:
+            stamp = np.float64(message.timestamp).tobytes()
+            self._hash.update(stamp + message.arbitration_id.to_bytes(2, "little") + bytes(message.data))
+
+    def hexdigest(self) -> str:
+        return self._hash.hexdigest()
+
+
+def run_sil(
+    scenario: SilScenario,
+    model: ControlModel,
+    controller: str,
+    seed: int,
+    report: Progress | None = None,
+    *,
+    observer: Observer | None = None,
+    digest: bool = False,
+) -> SilTrace:
+    """Run `scenario` over the simulated bus under the named controller. `observer` sees the controller node's frames.
+
+    Raises ValueError for a controller that cannot lead this rig, and for a run that takes longer by the wall clock than `[bus]` allows.
+    """
+    loop, bench = scenario.loop, Bench(scenario, model, controller, seed, observer=observer)
+    ticks = round(loop.duration_s / bench.tick_s)
+    trace, tap = _empty(ticks, bench.slots), _Tap(bench) if digest else None
+    wall = model.index("u") if "u" in model.states else None
+    led: list[int] = []
+    began = time.perf_counter()
+    patience = max(_LEAST_S, scenario.bus.longest_s_per_s * loop.duration_s)
+    bench.node.start(0.0, 0.0)
+    for k in range(ticks):
+        tick = bench.begin_tick()
+        if tick is not None:
+            trace.note(k, tick.time_s, tick.estimate, tick.action, wall, tick.seconds)
+            trace.active.append(tick.active)
+            if tick.passed.mode == ENABLE:
+                led.append(k)
+            else:
+                trace.status.pop()
+        for number in range(bench.slots):
+            at = bench.slot(number)
+            trace.slots[k * bench.slots + number] = at + SLOT_S, bench.plant.drive.safe, bench.plant.drive.good_at
+        bench.end_tick()
+        if tap is not None:
+            tap.drain()
+        if k % max(1, ticks // _REPORTS) == 0:
+            if report is not None:
+                report(controller, k / ticks)
+            if time.perf_counter() - began > patience:
+                raise ValueError(
+                    f"run must take at most {patience:g} s by the wall clock (bus.longest_s_per_s); got {k} of {ticks} ticks in it"
+                )
+    trace.wall_clock_s = time.perf_counter() - began
+    _finish(trace, bench, led)
+    trace.digest = "" if tap is None else tap.hexdigest()
+    return trace
+
+
+def _empty(ticks: int, slots: int) -> SilTrace:
+    nothing: list[NDArray[np.float64]] = [np.full(ticks, math.nan) for _ in range(7)]
+    a, b, c, d, e, f, g = nothing
+    return SilTrace(a, b, c, d, e, np.zeros(ticks, dtype=bool), [], f, g, slots=np.zeros((ticks * slots, 3)))
+
+
+def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:
+    """What the bench knows at the end; step times count while the controller leads the drive."""
+    trace.rows = np.concatenate(bench.plant.session.rows)
+    trace.events, trace.counts = list(bench.node.supervisor.events), bench.node.estimator.counts
+    trace.frames, trace.load, trace.rejected = bench.frames, bench.medium.load, bench.rejected
+    trace.stopped_because = bench.node.reason
+    trace.solve_s = trace.solve_s[led] if led else np.zeros(1)

@@ -1,0 +1,72 @@
+"""SCENARIO.toml on the bus: a closed loop as `capsule track` reads it, with the tables `[bus]` and `[[faults]]`."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+from hil.app.track_scenario import LARGEST_FILE, TrackScenario, parse_track_scenario
+from hil.nodes.fault import Fault, read_faults
+from hil.nodes.plant import SLOT_S
+from hil.nodes.wiring import frames, wiring_of
+from plant.reading import from_table
+
+OWN_TABLES: Final = ("bus", "faults")
+
+
+@dataclass(frozen=True)
+class BusTable:
+    """Table `[bus]`: whether the force sensor speaks too, and how many s of wall clock a simulated s may take before the run is failed."""
+
+    force_sensor: bool = False
+    longest_s_per_s: float = 60.0
+
+    def __post_init__(self) -> None:
+        if not self.longest_s_per_s > 0:
+            raise ValueError(f"bus.longest_s_per_s must be positive; got {self.longest_s_per_s:g}")
+
+
+@dataclass(frozen=True)
+class SilScenario:
+    """A closed `loop` over the bus and what goes wrong in it. Its tick is the cycle of the drive's command frame where the file names
+    none."""
+
+    loop: TrackScenario
+    bus: BusTable = BusTable()
+    faults: tuple[Fault, ...] = ()
+
+
+def load_sil_scenario(path: Path) -> tuple[SilScenario, str]:
+    """Read and check a scenario file; with its text. A ValueError of one sentence says which key, what it must be and what it is."""
+    try:
+        if path.stat().st_size > LARGEST_FILE:
+            raise ValueError(f"{path}: scenario must be smaller than {LARGEST_FILE} bytes; got {path.stat().st_size}")
+        text = path.read_text(encoding="utf-8-sig")
+        raw = tomllib.loads(text)
+    except OSError as error:
+        raise ValueError(f"{path}: scenario must be a file that can be read; got: {error.strerror or error}") from None
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+        raise ValueError(f"{path}: scenario must be TOML; got: {' '.join(str(error).split())[:200]}") from None
+    try:
+        return parse_sil_scenario(raw), text
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
+    """A loop over the bus from parsed TOML. Errors as `load_sil_scenario`."""
+    loop = parse_track_scenario({name: table for name, table in raw.items() if name not in OWN_TABLES})
+    if "tick_s" not in raw.get("control", {}):
+        cycle = frames()[wiring_of(loop.kind).command].cycle_s
+        loop = replace(loop, control=replace(loop.control, tick_s=cycle))
+    slots = loop.control.tick_s / SLOT_S
+    if round(slots) < 1 or abs(slots - round(slots)) > 1e-6:
+        raise ValueError(f"control.tick_s must be a multiple of {SLOT_S:g} s on the bus; got {loop.control.tick_s:g}")
+    bus = raw.get("bus", {})
+    if not isinstance(bus, Mapping):
+        raise ValueError(f"bus must be a table; got {bus!r}")
+    faults = read_faults(raw.get("faults", []), loop.duration_s)
+    return SilScenario(loop, from_table(BusTable, bus, "bus"), faults)

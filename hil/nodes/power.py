@@ -69,7 +69,8 @@ class CarriagePower:
 
 @dataclass
 class CoilPower:
-    """A current source: `U = R i* + K (i* - i) + K_i sum (i* - i)` within the supply. Safe state: no current, driven to zero and then
+    """A current source: `U = R (i* + s) + K (i* - i)` within the supply, K bringing a coil of the rated R and L to i* in one
+    step and s summing a fifth of what each step missed. Safe state: no current, driven to zero and then
     short-circuited; a coil without current leaves the capsule to the wall's friction, which holds it."""
 
     current_A: float
@@ -84,6 +85,7 @@ class CoilPower:
     _over_s: float = 0.0
     _left_s: float = 0.0
     _sum: float = 0.0
+    _wanted: float = 0.0
 
     def aim(self, setpoint: float, over_s: float) -> None:
         self._begin, self._target = self.setpoint, setpoint
@@ -101,8 +103,8 @@ class CoilPower:
         if share <= 0:
             self._begin = self._target = 0.0
         wanted = min(max(self.setpoint, -share * self.current_A), share * self.current_A)
-        missing = wanted - sensed
-        self._sum = 0.0 if share <= 0 else min(max(self._sum + 0.2 * missing, -0.2 * self.current_A), 0.2 * self.current_A)
+        missing, failed, self._wanted = wanted - sensed, self._wanted - sensed, wanted
+        self._sum = 0.0 if share <= 0 else min(max(self._sum + 0.2 * failed, -0.2 * self.current_A), 0.2 * self.current_A)
         turns = dt * self.resistance_ohm / self.inductance_H if self.inductance_H > 0 else math.inf
         gain = self.resistance_ohm * math.exp(-turns) / (1 - math.exp(-turns))
         volts = self.resistance_ohm * (wanted + self._sum) + gain * missing

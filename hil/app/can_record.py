@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from hil.bus.catalogue import Catalogue, load_catalogue
 from hil.bus.codec import Refusal
-from hil.bus.log_file import WITHHELD, Logged
+from hil.bus.log_file import RECEIVED, SENT, Logged
 from hil.bus.log_reading import is_log, read_frames
 from hil.bus.protection import Receiver
 from models.columns import COLUMNS, TIME
@@ -102,7 +102,7 @@ class _Reading:
             if start is None:
                 start = logged.time_s if logged.time_s > _CALENDAR_S else 0.0
             receiver = self.receivers.get(logged.id)
-            if receiver is None or logged.way == WITHHELD:
+            if receiver is None or logged.way not in (RECEIVED, SENT):
                 continue
             now = logged.time_s - start
             values = receiver.accept(logged.data, now)

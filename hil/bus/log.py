@@ -7,13 +7,14 @@ import fcntl
 import json
 import math
 import os
+import struct
 import subprocess
 import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from hil.bus.log_file import LATEST_S, RECEIVED, SENT, WITHHELD, BlfFile, Logged
+from hil.bus.log_file import LATEST_S, NOTED, RECEIVED, SENT, WITHHELD, BlfFile, Logged
 
 ROOM: Final = 1 << 20
 FORMAT: Final = 1
@@ -71,6 +72,10 @@ class FrameLog:
         """Note a frame that the tick at `time_s` sent, or only computed (`withheld`). Never raises, never waits."""
         self._put(time_s, identifier, data, WITHHELD if withheld else SENT)
 
+    def noted(self, time_s: float, code: int, value: float = 0.0) -> None:
+        """Note something that is no frame (codes: `hil.app.run_recorder`). Never raises, never waits."""
+        self._put(time_s, code, struct.pack("<d", value), NOTED)
+
     def _put(self, time_s: float, identifier: int, data: bytes | bytearray, way: int) -> None:
         if self._pipe < 0 or not 0 <= time_s <= LATEST_S or len(data) > 8:
             self.dropped += 1
@@ -116,6 +121,10 @@ class LockstepLog:
     def sent(self, time_s: float, identifier: int, data: bytes | bytearray, withheld: bool = False) -> None:
         """As `FrameLog.sent`."""
         self._put(time_s, identifier, data, WITHHELD if withheld else SENT)
+
+    def noted(self, time_s: float, code: int, value: float = 0.0) -> None:
+        """As `FrameLog.noted`."""
+        self._put(time_s, code, struct.pack("<d", value), NOTED)
 
     def _put(self, time_s: float, identifier: int, data: bytes | bytearray, way: int) -> None:
         if not (math.isfinite(time_s) and 0 <= time_s <= LATEST_S) or len(data) > 8:

@@ -8,8 +8,8 @@ from typing import Final, NamedTuple
 
 import can
 
-RECEIVED, SENT, WITHHELD = 1, 2, 3
-"""Which way a frame went: to the node that logs, from it, or from it but kept back (a dry run)."""
+RECEIVED, SENT, WITHHELD, NOTED = 1, 2, 3, 4
+"""Which way a frame went: to the node that logs, from it, from it but kept back (a dry run); or it is no frame but a note."""
 LATEST_S: Final = 1e6
 PACKED: Final = struct.Struct("<qIBB8s2x")
 """A frame between processes: time in ns, identifier, way, length, data."""
@@ -41,14 +41,13 @@ def unpacked(block: bytes) -> list[Logged]:
 class BlfFile(can.BLFWriter):
     """A BLF file whose times are those of the node's clock, not of the calendar (the record beside the file knows when it began).
 
-    Withheld frames stand on channel 2. `flush` ends a container and hands everything to the operating system: what was written before
+    Withheld frames stand on channel 2, notes on channel 3. `flush` ends a container and hands everything to the operating system: what was written before
     survives the death of the process (not of the machine).
     """
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, compression_level=1)
         self.start_timestamp = 0.0
-        self._between = 0
         self.flush()
 
     def write(self, frame: Logged) -> None:
@@ -60,7 +59,7 @@ class BlfFile(can.BLFWriter):
                 False,
                 data=frame.data,
                 is_rx=frame.way == RECEIVED,
-                channel=1 if frame.way == WITHHELD else 0,
+                channel=max(frame.way - SENT, 0),
             )
         )
 
@@ -79,4 +78,4 @@ def way_of(message: can.Message) -> int:
     """Which way a frame of a BLF file went."""
     if message.is_rx:
         return RECEIVED
-    return WITHHELD if message.channel == 1 else SENT
+    return {1: WITHHELD, 2: NOTED}.get(message.channel, SENT)

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.bus.log import FrameLog, LockstepLog, record_path, write_record
-from hil.bus.log_file import RECEIVED, SENT, WITHHELD, BlfFile, Logged, unpacked
+from hil.bus.log_file import NOTED, RECEIVED, SENT, WITHHELD, BlfFile, Logged, unpacked
 from hil.bus.log_reading import is_log, read_frames, read_log_record
 
 NODE = """
@@ -31,7 +31,7 @@ while True:
         time.sleep(0.02)
 """
 FRAMES = st.builds(
-    Logged, st.integers(0, 10**14), st.integers(0, 0x7FF), st.binary(max_size=8), st.sampled_from((RECEIVED, SENT, WITHHELD))
+    Logged, st.integers(0, 10**14), st.integers(0, 0x7FF), st.binary(max_size=8), st.sampled_from((RECEIVED, SENT, WITHHELD, NOTED))
 )
 
 

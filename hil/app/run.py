@@ -1,0 +1,125 @@
+"""`capsule run`: the controller alone, on a real actuator bus."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import can
+
+from hil.app.console import notes, output_to_notes, print_json, summary
+from hil.app.run_check import check, rehearse
+from hil.app.run_clock import Clock, ClockedBus
+from hil.app.run_file import BusTable, Deployment, load_deployment
+from hil.app.run_loop import Outcome, Signals, lead, prepare_process
+from hil.app.run_recorder import Recorder, log_record
+from hil.bus.catalogue import load_catalogue
+from hil.bus.log import FrameLog
+from hil.nodes.controller import ControllerNode
+from models.parameter import nearest
+
+ACTIONS = ("lead", "check")
+
+
+def run(path: Path, action: str = "lead", *, dry_run: bool = False, log: Path | None = None, json_output: bool = False) -> int:
+    """Lead the drive that the rig file `path` names, or only check; 0 where all went as asked, 1 where it did not.
+
+    With `dry_run` everything is listened to and computed and nothing is sent. Raises ValueError, one sentence, for what cannot be used.
+    """
+    if action not in ACTIONS:
+        raise ValueError(f"action must be one of {', '.join(ACTIONS)}; got {action!r}; {nearest(action, ACTIONS)}")
+    deployment, catalogue = load_deployment(path), load_catalogue()
+    verdict = deployment.verdict
+    if action == "lead" and verdict is not None and not verdict.passed and not dry_run:
+        raise ValueError(f"{path}: model must pass the gate before it leads; got: {verdict.sentence}")
+    with output_to_notes():
+        task = deployment.task()
+        bus = ClockedBus(open_bus(deployment.bus), Clock())
+        try:
+            if action == "check":
+                points = check(deployment, task, bus, catalogue)
+            else:
+                outcome, node, frames_log = _lead(deployment, bus, dry_run, log or Path(f"{deployment.name}.blf"))
+        finally:
+            bus.shutdown()
+    if action == "check":
+        if json_output:
+            print_json({"rig": str(path), "good": all(p.good for p in points), "points": [vars(p) for p in points]})
+        for point in () if json_output else points:
+            summary().print(f"{'ok ' if point.good else 'BAD'} {point.what}: {point.words}", markup=False, soft_wrap=True)
+        return 0 if all(p.good for p in points) else 1
+    found = _document(path, outcome, node, frames_log, dry_run)
+    if json_output:
+        print_json(found)
+    else:
+        _say(found)
+    return 0 if outcome.well or dry_run else 1
+
+
+def open_bus(table: BusTable) -> can.BusABC:
+    """The bus that `[bus]` names. Raises ValueError of one sentence where there is none."""
+    if table.interface not in can.VALID_INTERFACES:
+        known = sorted(can.VALID_INTERFACES)
+        raise ValueError(
+            f"bus.interface must be one of {', '.join(known)}; got {table.interface!r}; {nearest(table.interface, known)}"
+        )
+    try:
+        return can.Bus(interface=table.interface, channel=table.channel or None, bitrate=table.bitrate)
+    except Exception as error:  # noqa: BLE001 - drivers of many makers raise whatever they like
+        words = " ".join(str(error).split())[:200] or type(error).__name__
+        raise ValueError(f"bus must be one that opens; got {table.interface} {table.channel!r}: {words}") from None
+
+
+def _lead(deployment: Deployment, bus: ClockedBus, dry_run: bool, path: Path) -> tuple[Outcome, ControllerNode, FrameLog]:
+    task, catalogue, control = deployment.task(), load_catalogue(), deployment.control
+    record = log_record(
+        {"deployment": deployment.text},
+        control.controller,
+        deployment.values,
+        deployment.limits,
+        catalogue,
+        dry_run=dry_run,
+        bus=vars(deployment.bus),
+    )
+    with FrameLog(path, record) as frames_log, Signals().caught() as signals:
+        rehearse(task, catalogue)
+        recorder = Recorder(frames_log, dry_run)
+        node = ControllerNode(task, bus, catalogue=catalogue, observer=recorder, dry_run=dry_run)
+        for sentence in prepare_process(control.priority, control.core):
+            notes().print(sentence, markup=False)
+        notes().print(f"{deployment.name}: leading for {control.duration_s:g} s; Ctrl-C stops", markup=False)
+        outcome = lead(node, bus.clock, control.duration_s, recorder, signals)
+    return outcome, node, frames_log
+
+
+def _document(path: Path, outcome: Outcome, node: ControllerNode, frames_log: FrameLog, dry_run: bool) -> dict[str, object]:
+    grid = outcome.grid
+    return {
+        "rig": str(path),
+        "controller": node.task.controller,
+        "dry_run": dry_run,
+        "ended": outcome.ended,
+        "led": outcome.led,
+        "ticks": grid.ticks,
+        "missed_ticks": grid.missed,
+        "late_ms": grid.late.document(),
+        "tick_ms": outcome.busy.document(),
+        "rejected": node.ears.rejected,
+        "refused": sum(node.guard.refused.values()),
+        "unsent": node.guard.unsent,
+        "log": str(frames_log.path),
+        "log_dropped": frames_log.dropped,
+    }
+
+
+def _say(found: dict[str, object]) -> None:
+    console = summary()
+    console.print(
+        f"{found['controller']}: {found['ticks']} ticks, {found['missed_ticks']} missed; ended: {found['ended']}", markup=False
+    )
+    for name, words in (("late_ms", "began late by"), ("tick_ms", "took")):
+        times = found[name]
+        assert isinstance(times, dict)
+        console.print(
+            f"ticks {words} ms: median {times['median']:.3f}, p99 {times['p99']:.3f}, max {times['max']:.3f}", markup=False
+        )
+    console.print(f"log: {found['log']}", markup=False, soft_wrap=True)

@@ -1,0 +1,159 @@
+"""RIG.toml of a deployment: the rig file's tables, and those that say which bus, which controller, where to go and within what limits."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from controller.gate import Gate, Verdict
+from controller.limits import Limits
+from controller.prediction import control_model
+from controller.trajectory import Trajectory
+from hil.app.predict import read_model
+from hil.app.track_reference import read_reference
+from hil.bus.catalogue import load_catalogue
+from hil.nodes.controller import Task
+from models.identification.result import STAGES
+from models.parameter import nearest
+from models.rig import LARGEST_FILE, TABLES, Rig, parse_rig
+from plant.reading import from_table
+
+OWN_TABLES: Final = ("bus", "control", "reference", "limits", "model")
+
+
+@dataclass(frozen=True)
+class BusTable:
+    """`[bus]`: a python-can interface, its channel and the bit rate, which must be the catalogue's."""
+
+    interface: str
+    channel: str = ""
+    bitrate: int = 1_000_000
+
+    def __post_init__(self) -> None:
+        rate = load_catalogue().bit_rate
+        if self.bitrate != rate:
+            raise ValueError(f"bus.bitrate must be {rate}, as capsule.dbc has it; got {self.bitrate}")
+
+
+@dataclass(frozen=True)
+class ControlTable:
+    """`[control]`: which controller at which tick, the noise of the localisation, how long; `priority` 1 to 99 asks for SCHED_FIFO,
+    `core` from 0 on for one core alone."""
+
+    controller: str = "feedforward"
+    tick_s: float = 2e-3
+    seen_noise_m: float = 5e-4
+    duration_s: float = 10.0
+    priority: int = 0
+    core: int = -1
+
+    def __post_init__(self) -> None:
+        for name, lower, upper in (("tick_s", 5e-4, 0.02), ("seen_noise_m", 0.0, 0.01), ("duration_s", 0.01, 86400.0)):
+            if not lower <= getattr(self, name) <= upper:
+                raise ValueError(f"control.{name} must lie in [{lower:g}, {upper:g}]; got {getattr(self, name):g}")
+        if not 0 <= self.priority <= 99:
+            raise ValueError(f"control.priority must lie in [0, 99]; got {self.priority}")
+
+
+@dataclass(frozen=True)
+class ModelTable:
+    """`[model]`: a file that close-loop wrote and its report.json, paths relative to the rig file."""
+
+    file: str
+    report: str
+    stage: str = "augmented"
+
+    def __post_init__(self) -> None:
+        if self.stage not in STAGES:
+            raise ValueError(f"model.stage must be one of {', '.join(STAGES)}; got {self.stage!r}; {nearest(self.stage, STAGES)}")
+
+
+@dataclass(frozen=True)
+class Deployment:
+    """A controller to run on a bus. `values` are the learned model's parameters, none where nominal; `verdict` the gate's, where asked."""
+
+    name: str
+    text: str
+    rig: Rig
+    bus: BusTable
+    control: ControlTable
+    reference: Trajectory
+    limits: Limits
+    values: Mapping[str, float]
+    verdict: Verdict | None = None
+
+    def task(self) -> Task:
+        """What the controller node is built from. Raises ValueError for a rig that cannot be controlled."""
+        model = control_model(self.rig, self.values, self.control.tick_s)
+        return Task(model, self.control.controller, self.reference, self.limits, self.control.seen_noise_m)
+
+
+def load_deployment(path: Path) -> Deployment:
+    """Read and check a deployment file; anything wrong is a ValueError of one sentence."""
+    text = _text(path)
+    try:
+        raw = tomllib.loads(text)
+        values, verdict = _learned(raw, path.parent)
+        return parse_deployment(text, values, path.stem, verdict)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise ValueError(f"{path}: rig file must be TOML; got: {' '.join(str(error).split())[:200]}") from None
+    except ValueError as error:
+        raise ValueError(str(error) if str(error).startswith(str(path.parent)) else f"{path}: {error}") from None
+
+
+def parse_deployment(text: str, values: Mapping[str, float], name: str = "rig", verdict: Verdict | None = None) -> Deployment:
+    """A deployment from TOML text and the learned `values`. Errors as `load_deployment`."""
+    raw = tomllib.loads(text)
+    known = (*TABLES, *OWN_TABLES)
+    for table, content in raw.items():
+        if table not in known:
+            raise ValueError(f"tables must be among {', '.join(known)}; got [{table}]; {nearest(table, known)}")
+        if not isinstance(content, dict):
+            raise ValueError(f"{table} must be a table; got {content!r}")
+    rig = _rig(raw)
+    control = from_table(ControlTable, raw.get("control", {}), "control")
+    return Deployment(
+        name,
+        text,
+        rig,
+        from_table(BusTable, raw.get("bus", {}), "bus"),
+        control,
+        read_reference(raw.get("reference", {}), control.duration_s),
+        from_table(Limits, raw.get("limits", {}), "limits"),
+        values,
+        verdict,
+    )
+
+
+def _rig(raw: Mapping[str, Any]) -> Rig:
+    return parse_rig({name: table for name, table in raw.items() if name not in OWN_TABLES}, "rig file")
+
+
+def _learned(raw: Mapping[str, Any], folder: Path) -> tuple[dict[str, float], Verdict | None]:
+    """Values of the model that the file names and what the gate says of them."""
+    if not isinstance(raw.get("model"), dict):
+        return {}, None
+    table, rig = from_table(ModelTable, raw["model"], "model"), _rig(raw)
+    model = read_model(folder / table.file, rig.kind)
+    report = folder / table.report
+    try:
+        numbers = json.loads(report.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{report}: report must be the JSON that close-loop wrote; got: {error}") from None
+    verdict = Gate().judge(numbers if isinstance(numbers, dict) else {}, model, rig, stage=table.stage)
+    return dict(model.stages[table.stage]), verdict
+
+
+def _text(path: Path) -> str:
+    try:
+        if path.stat().st_size > LARGEST_FILE:
+            raise ValueError(f"{path}: rig file must be smaller than {LARGEST_FILE} bytes; got {path.stat().st_size}")
+        return path.read_bytes().decode("utf-8-sig")
+    except OSError as error:
+        raise ValueError(f"{path}: rig file must be a file that can be read; got: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path}: rig file must be UTF-8 text; got another byte at {error.start}") from None

@@ -1,0 +1,26 @@
+"""Files of deployments for tests: a rig with a bus, and the plant that stands in for it."""
+
+from __future__ import annotations
+
+from tests.conftest import RIG
+
+PLANT = """
+[scenario]
+duration_s = 60.0
+seed = 1
+[rig]
+kind = "magnetic"
+magnet_stiffness_N_per_m = 24.2
+magnet_range_m = 0.02
+[tissue]
+preset = "jejunum"
+[reference]
+kind = "ramp"
+speed_mm_s = 2.0
+"""
+
+
+def deployment(channel: str = "test", interface: str = "capsule_local", control: str = "duration_s = 1.0", more: str = "") -> str:
+    """A rig file of a magnetic rig on a bus."""
+    tables = f'[bus]\ninterface = "{interface}"\nchannel = "{channel}"\n[control]\n{control}\n[reference]\nkind = "ramp"\nspeed_mm_s = 2.0\n'
+    return f"{RIG}\n{tables}\n{more}"

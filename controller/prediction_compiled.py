@@ -164,7 +164,7 @@ class Kernels:
         """The state (n,) a tick later."""
         states = np.array(x, dtype=float).reshape(1, -1)
         self.run(states, command, np.array([disturbance_N]), t, self.tick_s, self.substeps, self.parameters)
-        return states[0]
+        return np.asarray(states[0])
 
     def steps(self, states: Array, command: float, disturbance_N: Array, t: float) -> None:
         """Move `states` (m, n), each under its own disturbance (m,), a tick on, in place."""

@@ -74,7 +74,8 @@ def _build(tool: str, source: str, path: Path) -> None:
         os.replace(draft, path)
 
 
-_at = (ctypes.c_char * 0).from_buffer  # where an array begins; refuses one that is not contiguous and writable
+_begin: Any = (ctypes.c_char * 0).from_buffer  # refuses an array that is not contiguous and writable
+_at: Callable[[Array], Any] = _begin
 
 
 def _called(library: Any) -> dict[str, Callable[..., None]]:

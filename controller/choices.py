@@ -2,51 +2,77 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
+from controller.baselines.classical import CLASSICAL, CLASSICAL_FRICTION, JERKINESS
 from controller.baselines.lqr import LQR
 from controller.baselines.pid import PID, mean_friction
+from controller.estimator.estimator import Estimator
+from controller.estimator.kinematic import KinematicFilter, Kinematics
 from controller.feedforward import Feedforward
 from controller.limits import Envelope
 from controller.mpc.mpc import MPC
-from controller.mpc.settings import Bounds
+from controller.mpc.settings import Bounds, Horizon
 from controller.prediction import ControlModel
+from controller.sharpened import sharpened
 from controller.signals import Controller
 from controller.vibro.leading import vibro_controller
 from models.parameter import nearest
 
 Chain = tuple[Controller, ...]
-Builder = Callable[[ControlModel, Envelope], Chain]
+Builder = Callable[[ControlModel, Envelope, float], Chain]
+Observer = Estimator | KinematicFilter
 
 
-def _pid(model: ControlModel, envelope: Envelope) -> Chain:
+def _pid(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
+    return (PID(model, envelope, CLASSICAL[envelope.kind]),)
+
+
+def _pid_friction(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
+    return (PID(model, envelope, CLASSICAL_FRICTION[envelope.kind], mean_friction(model)),)
+
+
+def _pid_estimated(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
     return (PID(model, envelope),)
 
 
-def _pid_friction(model: ControlModel, envelope: Envelope) -> Chain:
+def _pid_friction_estimated(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
     return (PID(model, envelope, friction_N=mean_friction(model)),)
 
 
-def _feedforward(model: ControlModel, envelope: Envelope) -> Chain:
+def _feedforward(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
     return (Feedforward(model, envelope), PID(model, envelope))
 
 
-def _lqr(model: ControlModel, envelope: Envelope) -> Chain:
+def _lqr(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
     return (LQR(model, envelope), PID(model, envelope))
 
 
-def _mpc(model: ControlModel, envelope: Envelope) -> Chain:
-    return (MPC(model, Bounds.of(envelope)), Feedforward(model, envelope), PID(model, envelope))
+def _mpc(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
+    mpc = MPC(model, Bounds.of(envelope), horizon=Horizon(deadline_s=deadline_s))
+    return (mpc, Feedforward(model, envelope), PID(model, envelope))
 
 
-def _vibro(model: ControlModel, envelope: Envelope) -> Chain:
+def _vibro(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
     return (vibro_controller(model),)
 
 
 CONTROLLERS: Mapping[str, Builder] = MappingProxyType(
-    {"pid": _pid, "pid_friction": _pid_friction, "lqr": _lqr, "feedforward": _feedforward, "mpc": _mpc, "vibro": _vibro}
+    {
+        "pid": _pid,
+        "pid_friction": _pid_friction,
+        "pid_estimated": _pid_estimated,
+        "pid_friction_estimated": _pid_friction_estimated,
+        "lqr": _lqr,
+        "feedforward": _feedforward,
+        "mpc": _mpc,
+        "vibro": _vibro,
+    }
 )
+"""`pid` and `pid_friction` see the localisation through a kinematic filter, as a laboratory without a friction model has it; all
+others, the two PIDs called estimated among them, what the friction-aware estimator believes."""
 _BODY = ("magnetic", "coil")
 
 
@@ -55,8 +81,15 @@ def leads(name: str) -> tuple[str, ...]:
     return ("vibro",) if name == "vibro" else _BODY
 
 
-def build(name: str, model: ControlModel, envelope: Envelope) -> Chain:
-    """The controller `name` for `model` within `envelope`, with those that step in for it.
+def estimator_for(name: str, model: ControlModel) -> Observer:
+    """What the controller `name` sees the measurements through."""
+    if name not in ("pid", "pid_friction"):
+        return Estimator(sharpened(model))
+    return KinematicFilter(model, Kinematics(JERKINESS[name][model.drive.name]))
+
+
+def build(name: str, model: ControlModel, envelope: Envelope, deadline_s: float = math.inf) -> Chain:
+    """The controller `name` for `model` within `envelope`, with those that step in for it; `deadline_s` is the MPC's.
 
     Raises ValueError for an unknown name, naming the nearest, and for a drive that these controllers cannot lead.
     """
@@ -64,4 +97,4 @@ def build(name: str, model: ControlModel, envelope: Envelope) -> Chain:
         raise ValueError(f"controller must be one of {', '.join(CONTROLLERS)}; got {name!r}; {nearest(name, CONTROLLERS)}")
     if model.drive.name not in leads(name):
         raise ValueError(f"rig must be {' or '.join(leads(name))} for the controller {name!r}; got {model.drive.name!r}")
-    return CONTROLLERS[name](model, envelope)
+    return CONTROLLERS[name](model, envelope, deadline_s)

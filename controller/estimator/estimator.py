@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from controller.estimator.belief import Belief, Process
-from controller.estimator.noise import Noise, noise_of
+from controller.estimator.noise import EXTENDED, Noise, noise_of
 from controller.estimator.watch import Counts, Watch
 from controller.prediction import ControlModel
 from controller.signals import Estimate, Measurement
@@ -36,13 +36,16 @@ class Estimator:
 
     `observe` is called once a tick of the model. A measurement stamped up to `latest_s` ago is taken in at the tick of its stamp and
     the ticks since are computed again: their number, and so the time this takes, is bounded. Never raises.
+
+    `unscented` averages over points a standard deviation away, of which some stick while others slip: the mean then glides along
+    where the capsule jumps. Extended, the mean itself sticks and slips, and locks on to the teeth. None: by drive (`EXTENDED`).
     """
 
-    def __init__(self, model: ControlModel, noise: Noise | None = None, *, unscented: bool = True) -> None:
+    def __init__(self, model: ControlModel, noise: Noise | None = None, *, unscented: bool | None = None) -> None:
         self.model = model
         self.noise = noise_of(model.drive.name) if noise is None else noise
         self._watch = Watch(self.noise)
-        self._process = Process(model, self.noise, unscented)
+        self._process = Process(model, self.noise, model.drive.name not in EXTENDED if unscented is None else unscented)
         kept = math.ceil((self.noise.latest_s + model.delay_s) / model.tick_s) + 2
         self._ticks = [_Tick(self._process.start(0.0, 1.0, 0.0, 0.0)) for _ in range(kept)]
         self._drive_state = next((n for n in model.states if n.rpartition(".")[2] == "current_A"), "")

@@ -56,8 +56,14 @@ class Noise:
         return own.get(state, self.drive_wander.get(state.rpartition(".")[2], self.other_wander))
 
 
-NOISES: Mapping[str, Noise] = MappingProxyType({"coil": Noise(level_std=1e-3, level_wander=1e-3)})
-"""By drive where the default does not serve: without a spring to the capsule, level and force are told apart too late to help."""
+_LOCKED = Noise(
+    position_wander_m=3e-5, speed_wander_m_s=3e-3, wall_wander_m=2e-5, force_wander_N=2e-3, level_wander=0.02, level_std=0.1
+)
+NOISES: Mapping[str, Noise] = MappingProxyType({"magnetic": _LOCKED, "coil": Noise(level_std=1e-3, level_wander=1e-3)})
+"""By drive where the default does not serve. A magnet's stiffness ties the capsule's jumps to the friction, so a filter that trusts its model
+locks on to them. Without a spring to the capsule, level and force are told apart too late to help."""
+EXTENDED = ("magnetic",)
+"""Drives whose filter differentiates at the mean, which then sticks and slips as the capsule does, instead of averaging over points."""
 
 
 def noise_of(drive: str) -> Noise:

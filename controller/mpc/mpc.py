@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.envelope import envelope_of
+from controller.limits import number
 from controller.mpc.planner import Plan, Planner
 from controller.mpc.settings import Bounds, Horizon, Weights
 from controller.prediction import ControlModel
@@ -19,6 +20,8 @@ from controller.signals import Action, Estimate, Reference
 Array = NDArray[np.float64]
 
 REST_S = 0.05
+REST_STDS = 3.0
+_WIDEST = 3.0
 
 
 class MPC:
@@ -77,7 +80,7 @@ class MPC:
         sound = state.shape == (len(self.model.states),) and math.isfinite(state.sum() + now + estimate.disturbance_N)
         if targets is None or not sound:
             return self._kept("failed", begin)
-        if self._rests(state, targets):
+        if self._rests(state, number(estimate.std[0]) if np.size(estimate.std) else 0.0, targets):
             self._halt()
             return Action(self._command, "ok", np.full(self._grid.size, state[0]), {"total": self.clock() - begin})
         state[self._modes] = np.round(np.clip(state[self._modes], -1, 1))
@@ -123,10 +126,11 @@ class MPC:
         commands[0] = self._command
         return np.asarray(commands)
 
-    def _rests(self, state: Array, targets: Array) -> bool:
-        """Whether the capsule is to be left alone where it stands."""
+    def _rests(self, state: Array, std_m: float, targets: Array) -> bool:
+        """Whether the capsule is to be left alone where it stands: as near as the estimate, sure to `std_m`, can tell."""
+        band = max(self.horizon.rest_m, min(REST_STDS * std_m, _WIDEST * self.horizon.rest_m))
         still = not np.any(targets[1]) and np.ptp(targets[0]) == 0 and abs(self._rate) * self.model.tick_s < self.horizon.rest_m
-        near = abs(state[0] - targets[0, 0]) < (2 if self._resting else 1) * self.horizon.rest_m
+        near = abs(state[0] - targets[0, 0]) < (2 if self._resting else 1) * band
         self._resting = bool(still and near and (self._resting or abs(state[1]) < self.horizon.rest_m / REST_S))
         return self._resting
 

@@ -13,8 +13,9 @@ class Horizon:
     """`stages` of `stage_s` each, integrated in `substeps`; at most `iterations` SQP steps, none begun that would end later than
     `deadline_s` after the tick's begin (to be set where ticks are paced; inf lets a simulation be the same on every machine).
 
-    A capsule within `rest_m` of a reference that stands still all along the horizon is left alone until it is twice as far: smooth
-    friction creeps where the real one holds, and a controller that believes it would hunt.
+    A capsule within `rest_m` of a reference that stands still all along the horizon, or within three standard deviations of the estimate
+    up to three times that, is left alone until it is twice as far: smooth friction creeps where the real one holds, and a controller
+    that believes it, or that follows the noise of its estimate, would hunt.
     """
 
     stages: int = 30
@@ -22,7 +23,7 @@ class Horizon:
     substeps: int = 2
     iterations: int = 3
     deadline_s: float = math.inf
-    rest_m: float = 3e-5
+    rest_m: float = 1e-4
 
     def __post_init__(self) -> None:
         for name, low, high in (("stages", 2, 200), ("substeps", 1, 100), ("iterations", 1, 100)):

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.vibro.table_values import unloaded
 from controller.vibro.waveform import Waveform
 from models.assembly import Assembly, assemble
 from models.assembly_step import Surface
@@ -77,7 +78,7 @@ class VibroModel:
             raise ValueError(f"rig must be of kind 'vibro' or 'vibro_table'; got {rig.kind!r}")
         drive = drive_of(replace(rig, kind="vibro"))
         assert isinstance(drive, Vibro)
-        return cls.of(surface_of(rig), drive, values or {})
+        return cls.of(surface_of(rig), drive, unloaded(values or {}))
 
     @classmethod
     def of(cls, surface: Surface, drive: Vibro, values: Mapping[str, float]) -> VibroModel:

@@ -52,8 +52,8 @@ def predict(record: Path, rig: Path, model: Path, out: Path, *, stage: str = "au
         console.print(f"rms of {name}, measured minus predicted: {value:.4g}", markup=False)
 
 
-def read_model(path: Path, kind: str) -> Model:
-    """The model of a file, for rigs of `kind`; a ValueError of one sentence where it is none."""
+def read_model(path: Path, kind: str, *others: str) -> Model:
+    """The model of a file, for rigs of `kind` or one of the `others`; a ValueError of one sentence where it is none."""
     try:
         if path.stat().st_size > LARGEST_MODEL:
             raise ValueError(f"{path}: model must be smaller than {LARGEST_MODEL} bytes; got {path.stat().st_size}")
@@ -66,8 +66,8 @@ def read_model(path: Path, kind: str) -> Model:
         model = Model.from_toml(text)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
-    if model.kind != kind:
-        raise ValueError(f"{path}: model must be one of a {kind} rig; got one of a {model.kind} rig")
+    if model.kind not in (kind, *others):
+        raise ValueError(f"{path}: model must be one of a {' or '.join((kind, *others))} rig; got one of a {model.kind} rig")
     return model
 
 

@@ -19,6 +19,9 @@ from hil.app.write import check_folder, write_files
 from models.identification.result import STAGES
 from models.parameter import nearest
 
+_MODELS = {"vibro": ("vibro", "vibro_table")}
+"""Kinds of model files that a rig of a kind can be controlled with, where there are several."""
+
 
 def track(
     path: Path,
@@ -71,7 +74,7 @@ def model_values(model: Path | None, stage: str | None, kind: str) -> tuple[dict
             raise ValueError(f"--stage must stand with --model unless it is nominal; got {stage!r} alone")
         return {}, "nominal"
     stage = stage or "augmented"
-    return read_model(model, kind).stages[stage], stage
+    return read_model(model, *_MODELS.get(kind, (kind,))).stages[stage], stage
 
 
 def _say(scenario: TrackScenario, found: Sequence[dict[str, Any]], out: Path | None) -> None:

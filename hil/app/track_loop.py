@@ -9,15 +9,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.choices import build
+from controller.choices import build, estimator_for
 from controller.envelope import envelope_of
-from controller.estimator.estimator import Estimator
 from controller.estimator.watch import Counts
 from controller.prediction import ControlModel, control_model
 from controller.rules import Event
-from controller.sharpened import sharpened
 from controller.signals import Action, Estimate, Measurement
 from controller.supervisor import Supervisor
+from controller.vibro.table_values import in_time
 from hil.app.track_scenario import DRIVEN, TrackScenario
 from plant.session import Session
 
@@ -64,8 +63,10 @@ class Trace:
 
 
 def believed_model(scenario: TrackScenario, values: Mapping[str, float]) -> ControlModel:
-    """The control model of what the scenario's controller believes, with the `values` of one stage of a model file."""
-    return control_model(scenario.belief, values, scenario.control.tick_s, driven=DRIVEN[scenario.kind])
+    """The control model of what the scenario's controller believes, with the `values` of one stage of a model file; those of a
+    `vibro_table` are turned into a drive's in time."""
+    belief, numbers = in_time(scenario.belief, values) if scenario.kind == "vibro" else (scenario.belief, values)
+    return control_model(belief, numbers, scenario.control.tick_s, driven=DRIVEN[scenario.kind])
 
 
 def run_loop(scenario: TrackScenario, model: ControlModel, controller: str, seed: int, report: Progress | None = None) -> Trace:
@@ -76,7 +77,7 @@ def run_loop(scenario: TrackScenario, model: ControlModel, controller: str, seed
     """
     envelope = envelope_of(model.drive, scenario.limits)
     supervisor = Supervisor(build(controller, model, envelope), envelope)
-    estimator = Estimator(sharpened(model))
+    estimator = estimator_for(controller, model)
     session = Session(scenario.truth, scenario.instruments, seed, supervisor.issued.command)
     tick_s, ticks = scenario.control.tick_s, round(scenario.duration_s / scenario.control.tick_s)
     trace = Trace.empty(ticks)

@@ -10,13 +10,11 @@ from typing import Final
 
 import can
 
-from controller.choices import build
+from controller.choices import build, estimator_for
 from controller.envelope import envelope_of
-from controller.estimator.estimator import Estimator
 from controller.limits import Envelope, Limits
 from controller.prediction import ControlModel
 from controller.rules import Rules
-from controller.sharpened import sharpened
 from controller.signals import Action, Array, Estimate, Measurement, Reference
 from controller.supervisor import Supervisor
 from hil.bus.catalogue import Catalogue
@@ -100,7 +98,7 @@ class ControllerNode:
         self.task, self.wiring = task, wiring_of(task.model.drive.name)
         self.envelope: Envelope = envelope_of(task.model.drive, task.limits)
         self.supervisor = Supervisor(build(task.controller, task.model, self.envelope), self.envelope, rules)
-        self.estimator = Estimator(sharpened(task.model))
+        self.estimator = estimator_for(task.controller, task.model)
         self.tick_s = task.model.tick_s
         self.ears = Ears(bus, catalogue, self.wiring, self.tick_s, observer)
         self.guard = Guard(bus, catalogue, self.wiring, Fence.of(self.envelope, self.tick_s), dry=dry_run, observe=observer)

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from hil.app.main import run
+from hil.app.track import model_values
 from hil.app.track_loop import believed_model, run_loop
 from hil.app.track_scenario import load_track_scenario, parse_track_scenario
 from hil.app.track_score import score
 
+CAPSUBOT = Path(__file__).parents[1] / "controller" / "capsubot_model.toml"
 SCENARIOS = sorted((Path(__file__).parents[2] / "hil" / "scenarios").glob("track_*.toml"))
 KEYS = {
     "scenario": str,
@@ -149,3 +151,22 @@ def test_a_nan_sensor_stops_the_drive_and_nothing_breaks(short: Path) -> None:
     assert set(trace.status[1300:]) == {"lost"}
     assert np.ptp(trace.command[1400:]) < 1e-9
     assert score(scenario, trace).hard_violations == 0
+
+
+def test_a_model_of_a_table_of_runs_leads_the_drive_in_time(tmp_path: Path) -> None:
+    """What close-loop writes for the capsubot: masses go to the rig, the common scale into force and friction, the mirror is the record's."""
+    path = tmp_path / "model.toml"
+    text = CAPSUBOT.read_text(encoding="utf-8").replace('"mirror" = -1.0', '"mirror" = -1.0\n"load_scale" = 0.5')
+    path.write_text(text.replace('"body_mass_kg" = 0.193', '"body_mass_kg" = 0.2'), encoding="utf-8")
+    scenario = load_track_scenario(SCENARIOS[-1])
+    assert scenario.kind == "vibro"
+    values, stage = model_values(path, None, "vibro")
+    model = believed_model(scenario, values)
+    named = dict(zip((p.name for p in model.symbols.parameters), model.values.tolist(), strict=True))
+    assert stage == "augmented"
+    assert model.rig.capsule.mass_kg == 0.2
+    assert named["force_N"] == pytest.approx(1.58)
+    assert named["friction_coefficient"] == pytest.approx(0.33235)
+    assert named["spring_damping.damping_N_s_per_m"] == 2.349
+    with pytest.raises(ValueError, match="model must be one of a magnetic rig; got one of a vibro_table rig"):
+        model_values(path, None, "magnetic")

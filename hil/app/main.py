@@ -216,6 +216,23 @@ def _replay(
     return replay(log, json_output=json_output)
 
 
+@app.command("campaign")
+def _campaign(
+    path: Annotated[Path, typer.Argument(metavar="CAMPAIGN.toml", help="A scenario and what is varied in it.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for results and report; resumed where it has some.")] = Path(
+        "out/campaign"
+    ),
+    workers: Annotated[int | None, typer.Option("--workers", metavar="N", help="Processes; else one a core.")] = None,
+    scheduler: Annotated[str | None, typer.Option("--scheduler", metavar="ADDRESS", help="A Dask scheduler to run on.")] = None,
+    number: Annotated[int | None, typer.Option("--run", metavar="N", help="Do run N alone and print it.")] = None,
+    json_output: Json = False,
+) -> int:
+    """Thousands of closed loops: distributions and worst cases."""
+    from hil.app.campaign import campaign
+
+    return campaign(path, out, workers=workers, scheduler=scheduler, run=number, json_output=json_output)
+
+
 @app.command("demo")
 def _demo(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the reports.")] = Path("out/demo"),

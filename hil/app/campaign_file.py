@@ -1,0 +1,241 @@
+"""CAMPAIGN.toml: a closed loop run many times, over drawn anatomies and rigs, hidden effects, faults and controllers.
+
+[campaign]
+engine = "track"                                # or "sil": over the bus
+scenario = "track_magnetic_ramp.toml"           # beside this file
+cases = 100                                     # each with a seed and draws of its own
+[draw."tissue.friction_coefficient"]            # a key of the scenario
+uniform = [0.06, 0.11]                          # or log_uniform, choice, integer
+[grid]                                          # every case under every combination
+"control.controller" = ["pid", "mpc"]
+[[variants.hidden]]                             # more of the grid: tables that are laid over the scenario
+name = "folds"
+set.effects.fold_periodic = { excess = 0.3, wavelength_m = 0.0073 }
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import math
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from hil.app.predict import read_model
+from hil.app.sil_scenario import parse_sil_scenario
+from hil.app.track_scenario import LARGEST_FILE, parse_track_scenario
+from models.identification.result import STAGES
+from models.parameter import nearest
+from plant.reading import from_table
+
+Table = Mapping[str, Any]
+TABLES: Final = ("campaign", "draw", "grid", "variants")
+MOST_RUNS: Final = 1_000_000
+ENGINES: Final[Mapping[str, Callable[[Table], Any]]] = {"track": parse_track_scenario, "sil": parse_sil_scenario}
+
+
+@dataclass(frozen=True)
+class Head:
+    """`[campaign]`. `chunk` runs go to a worker at once; `metric` is what the report is about, a key of what `track` prints."""
+
+    scenario: str
+    engine: str = "track"
+    cases: int = 1
+    seed: int = 0
+    chunk: int = 4
+    metric: str = "tracking_rmse_m"
+    model: str = ""
+    stage: str = "augmented"
+
+    def __post_init__(self) -> None:
+        for name, choices in (("engine", tuple(ENGINES)), ("stage", STAGES)):
+            if getattr(self, name) not in choices:
+                got = getattr(self, name)
+                raise ValueError(f"campaign.{name} must be one of {', '.join(choices)}; got {got!r}; {nearest(got, choices)}")
+        for name, most in (("cases", MOST_RUNS), ("chunk", 1000)):
+            if not 1 <= getattr(self, name) <= most:
+                raise ValueError(f"campaign.{name} must lie in [1, {most}]; got {getattr(self, name)}")
+        if self.seed < 0:
+            raise ValueError(f"campaign.seed must be zero or more; got {self.seed}")
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run: its number, the scenario as tables, its seed, and what sets it apart (`point`)."""
+
+    number: int
+    engine: str
+    raw: Table
+    seed: int
+    point: Table
+    values: Mapping[str, float]
+    stage: str
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """All runs, computed when asked for. Runs of one case follow each other; they share seed and draws, so controllers can be compared."""
+
+    name: str
+    head: Head
+    raw: Table
+    draws: Mapping[str, tuple[str, tuple[Any, ...]]]
+    combinations: Sequence[tuple[Table, Table]]
+    values: Mapping[str, float]
+
+    def __len__(self) -> int:
+        return self.head.cases * len(self.combinations)
+
+    def job(self, number: int) -> Job:
+        """Run `number`, from 0 on; the same whatever ran before it."""
+        case, which = divmod(number, len(self.combinations))
+        rng = np.random.default_rng(np.random.SeedSequence(self.head.seed, spawn_key=(case,)))
+        seed = int(rng.integers(1 << 31))
+        drawn = {key: _drawn(rng, kind, numbers) for key, (kind, numbers) in self.draws.items()}
+        over, point = self.combinations[which]
+        raw = laid_over(self.raw, over)
+        for key, value in drawn.items():
+            raw = laid_over(raw, nested(key, value))
+        stage = self.head.stage if self.values else "nominal"
+        return Job(number, self.head.engine, raw, seed, {"case": case, **point, **drawn}, self.values, stage)
+
+    @property
+    def fingerprint(self) -> str:
+        """What tells this campaign from another one: all that its runs depend on but the program."""
+        told = [
+            self.head.engine,
+            self.head.cases,
+            self.head.seed,
+            self.head.stage,
+            self.raw,
+            self.draws,
+            self.combinations,
+            self.values,
+        ]
+        return hashlib.sha256(json.dumps(told, sort_keys=True, default=dict).encode()).hexdigest()[:16]
+
+
+def load_campaign(path: Path) -> Campaign:
+    """Read and check a campaign file and its scenario; a ValueError of one sentence says what is wrong."""
+    try:
+        raw = _toml(path, "campaign")
+        for table in raw:
+            if table not in TABLES:
+                raise ValueError(f"{path}: tables must be among {', '.join(TABLES)}; got [{table}]; {nearest(table, TABLES)}")
+        head = from_table(Head, _table(raw, "campaign"), "campaign")
+        scenario = _toml(path.parent / head.scenario, "scenario")
+        kind = str(scenario.get("rig", {}).get("kind", ""))
+        values = dict(read_model(path.parent / head.model, kind).stages[head.stage]) if head.model else {}
+        draws = {key: _distribution(key, value) for key, value in _table(raw, "draw").items()}
+        axes = [*_grid(_table(raw, "grid")), *_variants(_table(raw, "variants"))]
+        combinations = [_combined(choice) for choice in itertools.product(*axes)]
+        campaign = Campaign(path.stem, head, scenario, draws, combinations, values)
+        if len(campaign) > MOST_RUNS:
+            raise ValueError(f"campaign must have at most {MOST_RUNS} runs; got {len(campaign)}")
+        for which in range(min(len(combinations), 256)):
+            ENGINES[head.engine](campaign.job(which).raw)
+    except ValueError as error:
+        raise ValueError(str(error) if str(error).startswith(str(path.parent)) else f"{path}: {error}") from None
+    return campaign
+
+
+def nested(key: str, value: Any) -> dict[str, Any]:
+    """`a.b.c` and a value as tables within tables."""
+    for part in reversed(key.split(".")):
+        value = {part: value}
+    return dict(value)
+
+
+def laid_over(below: Table, above: Table) -> dict[str, Any]:
+    """Tables merged key by key; anything else of `above` replaces what is `below`."""
+    merged = dict(below)
+    for key, value in above.items():
+        before = merged.get(key)
+        merged[key] = laid_over(before, value) if isinstance(before, Mapping) and isinstance(value, Mapping) else value
+    return merged
+
+
+def _grid(table: Table) -> list[list[tuple[Table, Table]]]:
+    for key, choices in table.items():
+        if not isinstance(choices, list) or not choices:
+            raise ValueError(f"grid.{key} must be a list of values; got {choices!r}")
+    axes: list[list[tuple[Table, Table]]] = [[(nested(key, v), {key: v}) for v in choices] for key, choices in table.items()]
+    return axes
+
+
+def _variants(table: Table) -> list[list[tuple[Table, Table]]]:
+    axes: list[list[tuple[Table, Table]]] = []
+    for axis, choices in table.items():
+        if not isinstance(choices, list) or not all(
+            isinstance(one, dict) and isinstance(one.get("name"), str) for one in choices
+        ):
+            raise ValueError(f"variants.{axis} must be tables [[variants.{axis}]] with a name; got {choices!r}"[:200])
+        for one in choices:
+            unknown = [key for key in one if key not in ("name", "set")]
+            if unknown or not isinstance(one.get("set", {}), dict):
+                raise ValueError(f"variants.{axis} must have a name and tables under set; got {(unknown or ['set'])[0]!r}")
+        axes.append([(one.get("set", {}), {axis: one["name"]}) for one in choices])
+    return axes
+
+
+def _combined(choice: Sequence[tuple[Table, Table]]) -> tuple[Table, Table]:
+    over: dict[str, Any] = {}
+    point: dict[str, Any] = {}
+    for tables, names in choice:
+        over, point = laid_over(over, tables), {**point, **names}
+    return over, point
+
+
+def _distribution(key: str, table: Any) -> tuple[str, tuple[Any, ...]]:
+    if not isinstance(table, dict) or len(table) != 1:
+        raise ValueError(f'draw."{key}" must have one of {", ".join(_DRAWS)}; got {table!r}')
+    kind, numbers = next(iter(table.items()))
+    if kind not in _DRAWS:
+        raise ValueError(f'draw."{key}" must have one of {", ".join(_DRAWS)}; got {kind!r}; {nearest(kind, list(_DRAWS))}')
+    if not isinstance(numbers, list) or not numbers:
+        raise ValueError(f'draw."{key}" {kind} must be a list; got {numbers!r}')
+    if kind != "choice":
+        good = (
+            len(numbers) == 2
+            and all(isinstance(n, int | float) and math.isfinite(n) for n in numbers)
+            and numbers[0] <= numbers[1]
+        )
+        if not good or (kind == "log_uniform" and numbers[0] <= 0):
+            raise ValueError(f'draw."{key}" {kind} must be [lower, upper]; got {numbers!r}')
+    return kind, tuple(numbers)
+
+
+_DRAWS: Final[Mapping[str, Callable[[np.random.Generator, tuple[Any, ...]], Any]]] = {
+    "uniform": lambda rng, n: float(rng.uniform(n[0], n[1])),
+    "log_uniform": lambda rng, n: float(math.exp(rng.uniform(math.log(n[0]), math.log(n[1])))),
+    "integer": lambda rng, n: int(rng.integers(int(n[0]), int(n[1]) + 1)),
+    "choice": lambda rng, n: n[int(rng.integers(len(n)))],
+}
+
+
+def _drawn(rng: np.random.Generator, kind: str, numbers: tuple[Any, ...]) -> Any:
+    return _DRAWS[kind](rng, numbers)
+
+
+def _table(raw: Table, name: str) -> Table:
+    table = raw.get(name, {})
+    if not isinstance(table, dict):
+        raise ValueError(f"{name} must be a table; got {table!r}")
+    return table
+
+
+def _toml(path: Path, what: str) -> dict[str, Any]:
+    try:
+        if path.stat().st_size > LARGEST_FILE:
+            raise ValueError(f"{path}: {what} must be smaller than {LARGEST_FILE} bytes; got {path.stat().st_size}")
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except OSError as error:
+        raise ValueError(f"{path}: {what} must be a file that can be read; got: {error.strerror or error}") from None
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+        raise ValueError(f"{path}: {what} must be TOML; got: {' '.join(str(error).split())[:200]}") from None

@@ -34,7 +34,7 @@ class Outcome:
 def outcomes(scenario: SilScenario, trace: SilTrace) -> list[Outcome]:
     """The outcome of each fault; it counts until the next one begins."""
     faults = scenario.faults
-    ends = [*(f.at_s for f in faults[1:]), math.inf]
+    ends = [*(f.at_s for f in faults[1:]), math.inf][: len(faults)]
     return [_outcome(scenario, trace, fault, end) for fault, end in zip(faults, ends, strict=True)]
 
 

@@ -12,16 +12,20 @@ SAME: Final = 3
 
 @dataclass
 class Doubts:
-    """`follow` is how far the drive's report may be off the command in its unit, for at most `follow_ticks` in a row; `noisy` whether
-    the localisation has so much noise that readings alike mean a stuck one."""
+    """`follow` is how far the drive's report may be off the command in its unit, for less than `follow_ticks` in a row; a report
+    that is still the same to the last bit after the command has moved by `follow`/20 may be so for as long. `noisy`: the localisation has so
+    much noise that readings alike mean a stuck one."""
 
     follow: float
     noisy: bool = True
     follow_ticks: int = 5
     alike: int = 0
     off: int = 0
+    frozen: int = 0
     restarts: int = 0
     _last: float = math.nan
+    _report: float = math.nan
+    _told: float = math.nan
 
     def saw(self, value: float) -> None:
         """A localisation reading came."""
@@ -31,16 +35,19 @@ class Doubts:
     def reported(self, value: float, told: float) -> None:
         """The drive reported `value` where it had been `told` something."""
         self.off = self.off + 1 if not abs(value - told) <= self.follow else 0
+        if value != self._report:
+            self._report, self._told = value, told
+        self.frozen = self.frozen + 1 if abs(told - self._told) > self.follow / 20 else 0
 
     def settle(self, restarts: int) -> None:
         """Begin anew with a drive that does nothing yet and an estimator that has begun anew `restarts` times."""
-        self.off, self.restarts = 0, restarts
+        self.off, self.frozen, self.restarts = 0, 0, restarts
 
     def reason(self, restarts: int) -> str:
         """Why to stop, "" where there is no reason; `restarts` of the estimator so far."""
         if self.noisy and self.alike >= SAME:
             return "localisation stuck"
-        if self.off >= self.follow_ticks:
+        if max(self.off, self.frozen) >= self.follow_ticks:
             return "drive does not follow"
         if restarts > self.restarts:
             return "localisation jumped"

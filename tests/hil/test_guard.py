@@ -87,12 +87,22 @@ def test_range(wanted: float, left: float) -> None:
     assert (out.value, out.reason) == (left, "limit" if left != wanted else "")
 
 
+def test_travel() -> None:
+    assert passed(5.0, ENABLE, GOOD, on(0.9999), TICK, CARRIAGE).value == 1.0
+    assert passed(-5.0, ENABLE, GOOD, on(-0.9999), TICK, CARRIAGE).value == -1.0
+
+
 def test_slew_holds_both_ways_and_from_the_first_command() -> None:
     assert passed(1.0, ENABLE, GOOD, on(0.1), TICK, CARRIAGE) == Passed(
         pytest.approx(0.1005), pytest.approx(0.25), ENABLE, 0, "limit"
     )
     assert passed(-1.0, ENABLE, GOOD, on(0.1), TICK, CARRIAGE).value == pytest.approx(0.0995)
     assert passed(1.0, ENABLE, GOOD, Passed(0.1, 0.0, READY), TICK, CARRIAGE).value == pytest.approx(0.1005)
+
+
+def test_slew_of_a_current() -> None:
+    assert passed(0.8, ENABLE, GOOD, on(), TICK, COIL).value == pytest.approx(0.2)
+    assert passed(0.8, ENABLE, replace(GOOD, localisation_s=0.1), on(), TICK, COIL).value == pytest.approx(0.2)
 
 
 @pytest.mark.parametrize(("dt", "step"), [(10.0, 2 * TICK), (math.inf, 2 * TICK), (0.0, 0.0), (-1.0, 0.0), (math.nan, 0.0)])
@@ -257,6 +267,14 @@ def test_the_command_frame(wire: Wire) -> None:
     assert second["Position_m"] == pytest.approx(0.1002, abs=1e-7)
     assert second["Velocity_m_s"] == pytest.approx(0.1, abs=3e-5)
     assert second["TimeToLive_ms"] == 10
+
+
+def test_slew_counts_the_time_between_commands(wire: Wire) -> None:
+    guard = guard_on(wire)
+    assert guard.sent == Passed(0.0, 0.0, OFF)
+    guard.command(10.0, 0.1, READY, GOOD)
+    assert guard.command(10.0 + TICK, 1.0, ENABLE, GOOD).value == pytest.approx(0.1 + 0.25 * TICK)
+    assert guard.command(10.0 + 9 * TICK, 1.0, ENABLE, GOOD).value == pytest.approx(0.1 + 3 * 0.25 * TICK)
 
 
 def test_a_stop_is_told_twice(wire: Wire) -> None:

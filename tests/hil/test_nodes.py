@@ -363,6 +363,13 @@ def test_doubts() -> None:
     assert (doubts.reason(0), doubts.reason(1)) == ("", "localisation jumped")
     doubts.settle(1)
     assert doubts.reason(1) == ""
+    for told in (0.0, 4e-5, 6e-5, 7e-5, 8e-5, 9e-5):
+        doubts.reported(5e-7, told)
+        assert doubts.reason(1) == ""
+    doubts.reported(5e-7, 1e-4)
+    assert doubts.reason(1) == "drive does not follow"
+    doubts.reported(1e-7, 2e-4)
+    assert doubts.reason(1) == ""
     coarse = Doubts(1e-3, noisy=False)
     for _ in range(9):
         coarse.saw(0.1)

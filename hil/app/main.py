@@ -182,7 +182,7 @@ def _sil(
     model: Annotated[Path | None, typer.Option("--model", metavar="MODEL.toml", help="A model that close-loop wrote.")] = None,
     stage: Annotated[str | None, typer.Option("--stage", metavar="nominal/calibrated/augmented", help="Which model.")] = None,
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="Sets every random number; else the scenario's.")] = None,
-    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for sil.json and the log sil.blf.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for sil.json and the log frames.blf.")] = None,
     json_output: Json = False,
 ) -> None:
     """Closed loop over the CAN bus in simulated time, plant as a bus node, with faults."""

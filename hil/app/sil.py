@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
 
 from controller.prediction import ControlModel
 from hil.app.console import json_text, output_to_notes, print_json, progress_bar, summary
+from hil.app.run_recorder import Recorder, log_record
 from hil.app.sil_bench import believed_on_bus
 from hil.app.sil_faults import outcomes
 from hil.app.sil_loop import SilTrace, run_sil
@@ -14,6 +17,8 @@ from hil.app.sil_scenario import SilScenario, load_sil_scenario
 from hil.app.track import model_values
 from hil.app.track_score import document, score
 from hil.app.write import check_folder, write_files
+from hil.bus.log import LockstepLog
+from hil.nodes.wiring import frames
 
 
 def sil(
@@ -31,21 +36,34 @@ def sil(
     `model` is a file that close-loop wrote, of which `stage` is used; without it the controller knows nominal values. Raises
     ValueError, one sentence, for anything that cannot be used.
     """
-    scenario, _ = load_sil_scenario(path)
+    scenario, text = load_sil_scenario(path)
     values, used = model_values(model, stage, scenario.loop.kind)
     number = scenario.loop.seed if seed is None else seed
     if out is not None:
         check_folder(out, "--out")
     with output_to_notes():
         believed = believed_on_bus(scenario, values)
-        with progress_bar(scenario.loop.name) as report:
-            found, trace = judged(scenario, believed, controller, number, used, report)
-        if out is not None:
+        with progress_bar(scenario.loop.name) as report, _log(out, scenario, text, controller, values, number) as log:
+            recorder = None if log is None else Recorder(log)
+            found, trace = judged(scenario, believed, controller, number, used, report, recorder=recorder)
+        if log is not None and out is not None:
+            found["log"] = str(log.path)
             write_files({out / "sil.json": json_text(found)})
     if json_output:
         print_json(found)
     else:
         _say(scenario, found, trace)
+
+
+def _log(
+    out: Path | None, scenario: SilScenario, text: str, controller: str | None, values: Mapping[str, float], seed: int
+) -> AbstractContextManager[LockstepLog | None]:
+    """The log `frames.blf` in the folder `out`, with what `capsule replay` needs beside it."""
+    if out is None:
+        return nullcontext()
+    name = controller or scenario.loop.control.controller
+    record = log_record({"scenario": text}, name, values, scenario.loop.limits, frames(), seed=seed)
+    return LockstepLog(out / "frames.blf", record)
 
 
 def judged(

@@ -8,13 +8,14 @@ from collections.abc import Mapping
 import can
 
 from controller.prediction import ControlModel, control_model
+from hil.app.run_recorder import Recorder
 from hil.app.sil_scenario import SilScenario
 from hil.bus.sim import BUS_OFF, Medium, SimulatedBus
 from hil.nodes.controller import ControllerNode, Task, Tick
 from hil.nodes.fault import Fault
 from hil.nodes.link import TAMPERING, Link
 from hil.nodes.plant import SLOT_S, PlantNode
-from hil.nodes.wiring import Observer, frames, wiring_of
+from hil.nodes.wiring import frames, wiring_of
 from plant.instruments import Reading
 from plant.session import Session
 
@@ -41,9 +42,10 @@ class Bench:
         controller: str,
         seed: int,
         *,
-        observer: Observer | None = None,
+        recorder: Recorder | None = None,
     ) -> None:
-        """Raises ValueError for a controller that cannot lead this rig."""
+        """`recorder` writes the log of the controller node. Raises ValueError for a controller that cannot lead this rig."""
+        self._recorder = recorder
         loop, self.scenario = scenario.loop, scenario
         self.tick_s, self.wiring = loop.control.tick_s, wiring_of(loop.kind)
         self.medium = Medium(frames().bit_rate)
@@ -51,7 +53,7 @@ class Bench:
         self._babbler = SimulatedBus(self.medium, "babbler") if any(f.kind == "babbling" for f in scenario.faults) else None
         self.links: dict[str, Link] = {}
         task = Task(model, controller, loop.reference, loop.limits, loop.instruments.localisation.std)
-        self.node = ControllerNode(task, self._bus("controller", seed), observer=observer)
+        self.node = ControllerNode(task, self._bus("controller", seed), observer=recorder)
         session = Session(loop.truth, loop.instruments, seed, 0.0)
         self.plant = PlantNode(
             session,
@@ -80,6 +82,12 @@ class Bench:
         """Frames that controller and drive refused so far."""
         return self.node.ears.rejected + self.plant.drive.rejected
 
+    def start(self) -> None:
+        """The operator's word, with the reference beginning at 0."""
+        if self._recorder is not None:
+            self._recorder.start(self.time_s, 0.0)
+        self.node.start(self.time_s, 0.0)
+
     def begin_tick(self) -> Tick | None:
         """The controller's part of a tick; None where it is killed or frozen."""
         now = self.time_s
@@ -88,7 +96,10 @@ class Bench:
         if kinds & {"killed", "frozen"}:
             return None
         jump = sum(f.amount for f in self._active if f.kind == "clock_jump")
-        return self.node.tick(now + jump, "late_solve" not in kinds)
+        solved = "late_solve" not in kinds
+        if self._recorder is not None and not solved:
+            self._recorder.unsolved(now + jump)
+        return self.node.tick(now + jump, solved)
 
     def slot(self, number: int) -> float:
         """The plant's part of a tick's slot `number`; the time at its begin."""

@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.prediction import ControlModel
+from hil.app.run_recorder import Recorder
 from hil.app.sil_bench import Bench
 from hil.app.sil_scenario import SilScenario
 from hil.app.track_loop import Array, Progress, Trace
 from hil.bus.sim import SimulatedBus
 from hil.nodes.plant import SLOT_S
-from hil.nodes.wiring import ENABLE, Observer
+from hil.nodes.wiring import ENABLE
 
 _REPORTS: Final = 50
 _LEAST_S: Final = 60.0
@@ -59,21 +60,21 @@ def run_sil(
     seed: int,
     report: Progress | None = None,
     *,
-    observer: Observer | None = None,
+    recorder: Recorder | None = None,
     digest: bool = False,
 ) -> SilTrace:
-    """Run `scenario` over the simulated bus under the named controller. `observer` sees the controller node's frames.
+    """Run `scenario` over the simulated bus under the named controller. `recorder` writes the controller node's log.
 
     Raises ValueError for a controller that cannot lead this rig, and for a run that takes longer by the wall clock than `[bus]` allows.
     """
-    loop, bench = scenario.loop, Bench(scenario, model, controller, seed, observer=observer)
+    loop, bench = scenario.loop, Bench(scenario, model, controller, seed, recorder=recorder)
     ticks = round(loop.duration_s / bench.tick_s)
     trace, tap = _empty(ticks, bench.slots), _Tap(bench) if digest else None
     wall = model.index("u") if "u" in model.states else None
     led: list[int] = []
     began = time.perf_counter()
     patience = max(_LEAST_S, scenario.bus.longest_s_per_s * loop.duration_s)
-    bench.node.start(0.0, 0.0)
+    bench.start()
     for k in range(ticks):
         tick = bench.begin_tick()
         if tick is not None:

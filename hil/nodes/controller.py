@@ -34,13 +34,15 @@ _NOISE_M: Final = 2e-5
 @dataclass(frozen=True)
 class Task:
     """What a controller node is built from: the control model (its tick is the bus's), the name of a controller in
-    `controller.choices`, where to go, and the limits. `seen_noise_m` is the noise the localisation is believed to have."""
+    `controller.choices`, where to go, and the limits. `seen_noise_m` is the noise the localisation is believed to have. `deadline_s`
+    is when the MPC begins no further iteration in a tick (inf, as lockstep needs it, where no clock decides)."""
 
     model: ControlModel
     controller: str
     reference: Reference
     limits: Limits
     seen_noise_m: float = 5e-4
+    deadline_s: float = math.inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +99,7 @@ class ControllerNode:
         catalogue = catalogue or frames()
         self.task, self.wiring = task, wiring_of(task.model.drive.name)
         self.envelope: Envelope = envelope_of(task.model.drive, task.limits)
-        self.supervisor = Supervisor(build(task.controller, task.model, self.envelope), self.envelope, rules)
+        self.supervisor = Supervisor(build(task.controller, task.model, self.envelope, task.deadline_s), self.envelope, rules)
         self.estimator = estimator_for(task.controller, task.model)
         self.tick_s = task.model.tick_s
         self.ears = Ears(bus, catalogue, self.wiring, self.tick_s, observer)

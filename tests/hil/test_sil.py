@@ -64,6 +64,18 @@ def test_json_has_the_keys_that_others_rely_on(short: Path, tmp_path: Path, caps
     assert json.loads((tmp_path / "out" / "sil.json").read_text(encoding="utf-8")) == found
 
 
+def test_the_log_can_be_replayed_bit_by_bit(short: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The controller on its own log sends the same frames again, late solutions included."""
+    late = '\n[[faults]]\nkind = "late_solve"\nat_s = 0.3\nduration_s = 0.003\n'
+    short.write_text(SHORT + late, encoding="utf-8")
+    assert capsule(["sil", str(short), "--out", str(tmp_path / "out"), "--json"]) == 0
+    log = json.loads(capsys.readouterr().out)["log"]
+    assert capsule(["replay", log, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["identical"]
+    assert found["ticks"] == 250
+
+
 def test_summary_names_the_fault(short: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert capsule(["sil", str(short)]) == 0
     out = capsys.readouterr().out

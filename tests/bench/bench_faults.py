@@ -1,0 +1,104 @@
+"""Every fault in every state of every kind of drive, at several phases of the tick: the worst time to the safe state, and what was unsafe.
+
+`python -m tests.bench.bench_faults [magnetic coil vibro] [--phases N]`; a line a fault, the worst over states that move and phases.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+
+from hil.nodes.fault import KINDS
+from tests.hil.sil_runs import RIGS, run
+
+LENGTH_S: Final = 0.2
+STATES: Final[Mapping[str, tuple[float, tuple[Mapping[str, Any], ...]]]] = {
+    "boot": (0.010, ()),
+    "self_test": (0.035, ()),
+    "ready": (0.060, ()),
+    "enabled, at rest": (0.090, ()),
+    "enabled, moving": (0.400, ()),
+    "derated": (0.400, ({"kind": "over_temperature", "at_s": 0.2, "duration_s": 9.0, "value": 42.0},)),
+    "quick stop": (0.400, ({"kind": "late_solve", "at_s": 0.3935, "duration_s": 0.02},)),
+    "fault": (0.400, ({"kind": "drop", "at_s": 0.3, "duration_s": 0.05},)),
+}
+"""When the fault comes and what came before it, so that the drive is in that state."""
+
+
+@dataclass
+class Worst:
+    """The worst of one fault on one kind of drive, in s; which state it was in; runs, those that rode through, unsafe ones, and those
+    in which the drive moved again after it had been safe."""
+
+    after_s: float = 0.0
+    since_good_s: float = 0.0
+    state: str = ""
+    runs: int = 0
+    rode: int = 0
+    unsafe: int = 0
+    again: list[str] = field(default_factory=list)
+
+
+def main() -> int:
+    """Run the matrix; 1 where anything was unsafe."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("kinds", nargs="*", default=list(RIGS))
+    parser.add_argument("--phases", type=int, default=2, help="times within a tick at which the fault begins")
+    options = parser.parse_args()
+    unsafe = runs = 0
+    print(
+        f"{'drive':9s} {'fault':24s} {'worst ms':>9s} {'since good':>11s}  {'worst in':18s} {'runs':>5s} {'rode':>5s} {'unsafe':>7s}"
+    )
+    for rig in options.kinds:
+        for kind, target in ((k, t) for k, known in KINDS.items() for t in known.targets):
+            worst = Worst()
+            for state, at_s, before in cases(options.phases):
+                judge(worst, rig, state, {"kind": kind, "at_s": at_s, "duration_s": LENGTH_S, "target": target}, before)
+            unsafe, runs = unsafe + worst.unsafe, runs + worst.runs
+            print(
+                f"{rig:9s} {f'{kind} {target}':24s} {1e3 * worst.after_s:9.1f} {1e3 * worst.since_good_s:11.1f}  {worst.state:18s} "
+                f"{worst.runs:5d} {worst.rode:5d} {worst.unsafe:7d} {'moved again: ' + ', '.join(worst.again) if worst.again else ''}",
+                flush=True,
+            )
+    print(f"{runs} runs, {unsafe} unsafe")
+    return int(unsafe > 0)
+
+
+def cases(phases: int) -> Iterator[tuple[str, float, tuple[Mapping[str, Any], ...]]]:
+    """State, time of the fault, and what comes before it."""
+    for state, (at_s, before) in STATES.items():
+        for k in range(phases):
+            yield state, at_s + 2e-3 * k / phases, before
+
+
+def judge(worst: Worst, rig: str, state: str, fault: Mapping[str, Any], before: tuple[Mapping[str, Any], ...]) -> None:
+    """One run into `worst`. A drive that did not move when the fault came counts for safety alone, unless it moves while it lasts."""
+    at_s = float(fault["at_s"])
+    trace, found = run(rig, at_s + LENGTH_S + 0.05, *before, fault)
+    outcome = next(o for o in found if o.fault.kind == fault["kind"] and o.fault.at_s == at_s)
+    worst.runs += 1
+    worst.unsafe += outcome.unsafe
+    t, safe, good = trace.slots.T
+    after = t > at_s
+    if safe[np.flatnonzero(after)[0] - 1]:
+        return
+    if math.isnan(outcome.safe_after_s):
+        worst.rode += 1
+        return
+    first = np.flatnonzero(after & (safe > 0))[0]
+    if not safe[first:].all():
+        worst.again.append(state)
+    if outcome.safe_after_s > worst.after_s:
+        worst.after_s, worst.state = outcome.safe_after_s, state
+    if math.isfinite(good[first]):
+        worst.since_good_s = max(worst.since_good_s, outcome.since_good_s)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

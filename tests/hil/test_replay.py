@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from pathlib import Path
 
 import can
@@ -13,6 +14,7 @@ from hil.app.can_record import log_record
 from hil.app.main import run
 from hil.app.replay import Word, ticks_of
 from hil.app.run_recorder import EXACT, START, UNSOLVED, Recorder
+from hil.app.track_scenario import parse_track_scenario
 from hil.bus.catalogue import load_catalogue
 from hil.bus.log import LockstepLog, record_path
 from hil.bus.log_file import RECEIVED, SENT, BlfFile, Logged
@@ -96,7 +98,9 @@ def test_the_log_of_a_run_is_a_record(tmp_path: Path) -> None:
     record = log_record(log, Rig("magnetic"))
     assert len(record) > 100
     gap = record["carriage_position_m"] - record["position_m"]
-    assert np.mean(record["position_m"][-10:]) == pytest.approx(2e-3 * 1.5, abs=1e-3)
+    said = json.loads((log.parent / "sil.json").read_text())
+    target = parse_track_scenario(tomllib.loads(SHORT)).reference.position(np.array([1.5]))[0]
+    assert np.mean(record["position_m"][-5:]) == pytest.approx(target + said["final_error_m"], abs=1e-3)
     assert np.all(np.abs(gap) < 0.02 / np.sqrt(3))
     assert np.all(np.diff(record["t_s"]) == pytest.approx(0.01, abs=2e-3))
 

@@ -21,7 +21,20 @@ from hil.bus.catalogue import Catalogue
 from hil.nodes.doubts import Doubts
 from hil.nodes.guard import Evidence, Fence, Guard, Passed
 from hil.nodes.listening import Ears
-from hil.nodes.wiring import BOOT, ENABLE, MOVING, OFF, READY, SELF_TEST, STANDBY, WAITING, Observer, frames, wiring_of
+from hil.nodes.wiring import (
+    BOOT,
+    ENABLE,
+    MOVING,
+    OFF,
+    QUICK_STOP,
+    READY,
+    SELF_TEST,
+    STANDBY,
+    WAITING,
+    Observer,
+    frames,
+    wiring_of,
+)
 
 IDLE, RUNNING, HALTING, FAULTY = 1, 2, 3, 4
 """States of the node, in the numbers of its heartbeat."""
@@ -127,8 +140,12 @@ class ControllerNode:
             self.state, self.reason = HALTING, reason
 
     def tick(self, now: float, solved: bool = True) -> Tick:
-        """One tick at `now` in s. `solved` False is a tick whose solution did not come in time."""
+        """One tick at `now` in s. `solved` False is a tick whose solution did not come in time. A clock that shows no number counts as
+        one that jumped."""
         began = self._clock()
+        if not math.isfinite(now):
+            now = self._last + self.tick_s if math.isfinite(self._last) else 0.0
+            self._fail("clock jumped")
         self._speak(now)
         arrived = self.ears.listen(now)
         estimate = self._estimated(now, arrived)
@@ -140,8 +157,8 @@ class ControllerNode:
         end = self._clock()
         self._before = self.guard.sent
         out = self.guard.command(now, action.command, mode, evidence)
-        if out.reason and out.mode not in (OFF, READY, ENABLE) and self.state == RUNNING:
-            self.state, self.reason = FAULTY, out.reason
+        if out.mode == QUICK_STOP:
+            self._fail(out.reason)
         self._last = now
         return Tick(now + self.tick_s, estimate, action, out, self.state, self.supervisor.active, (middle - began, end - middle))
 
@@ -172,8 +189,7 @@ class ControllerNode:
         missed = round((now - self._last) / self.tick_s) - 1 if math.isfinite(self._last) else 0
         if not 0 <= missed <= CATCH_UP:
             self.estimator.reset(now, self._in_force)
-            if self.state == RUNNING:
-                self.state, self.reason = FAULTY, "clock jumped"
+            self._fail("clock jumped")
             missed = 0
         for k in range(missed, 0, -1):
             self.estimator.observe(now + (1 - k) * self.tick_s, self._in_force)
@@ -191,13 +207,17 @@ class ControllerNode:
 
     def _judge(self, now: float) -> None:
         """Stop for good where there is a reason to."""
-        if self.state != RUNNING:
+        if not self._led:
             return
-        reason = self.ears.doubt(now) if self._led else ""
-        if self._led and self.ears.state not in (WAITING, *MOVING):
+        reason = self.ears.doubt(now) or self._doubts.reason(self.estimator.counts.restarts)
+        if self.ears.state not in (WAITING, *MOVING):
             reason = reason or "drive left operation"
-        reason = reason or (self._doubts.reason(self.estimator.counts.restarts) if self._led else "")
         if reason:
+            self._fail(reason)
+
+    def _fail(self, reason: str) -> None:
+        """A latched stop."""
+        if self.state == RUNNING:
             self.state, self.reason = FAULTY, reason
 
     def _mode(self, evidence: Evidence, estimate: Estimate) -> int:

@@ -74,6 +74,8 @@ class PlantNode:
 
     def tick(self, now: float) -> None:
         """Go on from `now` by a slot."""
+        if isinstance(self.drive.power, CoilPower):
+            self.drive.power.output = self._sensed()
         self.drive.listen(now, self.slots)
         self._localiser.speak(now, self._seen())
         if self._force is not None:

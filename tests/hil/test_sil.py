@@ -277,6 +277,18 @@ def test_whatever_the_controller_does_nothing_unsafe_leaves(kind: str) -> None:
         assert np.abs(rows[:, at.O_CURRENT]).max() <= 1.3
 
 
+@pytest.mark.parametrize("strange", [float("nan"), float("inf"), -1e300, 1e300])
+def test_a_strange_clock_stops_and_raises_nothing(strange: float) -> None:
+    bench = bench_of()
+    bench.node.start(0.0, 0.0)
+    go(bench, 0.2)
+    assert bench.plant.drive.stage.state == ENABLED
+    bench.node.tick(strange)
+    assert (bench.node.state, bench.node.reason) == (FAULTY, "clock jumped")
+    go(bench, 0.1)
+    assert bench.plant.drive.safe
+
+
 def test_led_only_by_fresh_localisation() -> None:
     """Without localisation the drive gets ready and no further."""
     trace, _ = run("coil", 0.4, {"kind": "lost", "at_s": 0.0, "duration_s": 9.0})

@@ -16,7 +16,7 @@ from controller.prediction import ControlModel
 from controller.signals import Adapted
 
 Array = NDArray[np.float64]
-_NARROW: Final = 1e-3  # share of a standard deviation over which an extended filter differentiates
+_NARROW: Final = 0.1  # share of a standard deviation over which an extended filter differentiates; a narrower one sees a jump as a slope without bound
 LEVELS: Final = ("hoop_stress_factor", "friction_coefficient")
 _START_STD: Final = {"v": 1e-3, "u": 1e-4, "current_A": 0.1, "stretch_m": 1e-4, "rate_m_s": 1e-2}
 

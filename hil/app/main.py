@@ -200,6 +200,7 @@ def _run(
     json_output: Json = False,
 ) -> int:
     """The controller alone, on a real actuator bus."""
+    _one_thread()
     from hil.app.run import run
 
     return run(rig, action, dry_run=dry_run, log=log, json_output=json_output)
@@ -219,15 +220,16 @@ def _replay(
 @app.command("campaign")
 def _campaign(
     path: Annotated[Path, typer.Argument(metavar="CAMPAIGN.toml", help="A scenario and what is varied in it.")],
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for results and report; resumed where it has some.")] = Path(
-        "out/campaign"
-    ),
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder for results and report; resumed where it has some.")
+    ] = Path("out/campaign"),
     workers: Annotated[int | None, typer.Option("--workers", metavar="N", help="Processes; else one a core.")] = None,
     scheduler: Annotated[str | None, typer.Option("--scheduler", metavar="ADDRESS", help="A Dask scheduler to run on.")] = None,
     number: Annotated[int | None, typer.Option("--run", metavar="N", help="Do run N alone and print it.")] = None,
     json_output: Json = False,
 ) -> int:
     """Thousands of closed loops: distributions and worst cases."""
+    _one_thread()
     from hil.app.campaign import campaign
 
     return campaign(path, out, workers=workers, scheduler=scheduler, run=number, json_output=json_output)
@@ -243,6 +245,12 @@ def _demo(
     from hil.app.demo import demo
 
     demo(out, json_output=json_output, seed=seed)
+
+
+def _one_thread() -> None:
+    """Small matrices on one thread: others would wait for the processor at common priority, or compete with other workers."""
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
 
 
 def run(args: Sequence[str]) -> int:

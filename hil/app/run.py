@@ -84,7 +84,10 @@ def _lead(deployment: Deployment, bus: ClockedBus, dry_run: bool, path: Path) ->
         rehearse(task, catalogue)
         recorder = Recorder(frames_log, dry_run)
         node = ControllerNode(task, bus, catalogue=catalogue, observer=recorder, dry_run=dry_run)
-        for sentence in prepare_process(control.priority, control.core):
+        refused = prepare_process(control.priority, control.core)
+        if control.priority > 0 and not refused:
+            frames_log.hasten(1)
+        for sentence in refused:
             notes().print(sentence, markup=False)
         notes().print(f"{deployment.name}: leading for {control.duration_s:g} s; Ctrl-C stops", markup=False)
         outcome = lead(node, bus.clock, control.duration_s, recorder, signals)

@@ -117,10 +117,10 @@ class Grid:
         if left > 0:
             time.sleep(left)
         now = self.clock.now()
+        self.late.add(max(now - self._due, 0.0))
         behind = int((now - self._due) / self.tick_s)
         if behind > 0:
             self.missed += behind
             self._due += behind * self.tick_s
-        self.late.add(max(now - self._due, 0.0))
         self.ticks += 1
         return now

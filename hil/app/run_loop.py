@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import os
 import signal
@@ -21,6 +22,7 @@ LISTEN_S: Final = 2.0
 LEAST_S: Final = 0.3
 REST_S: Final = 0.2
 COME_TO_REST_S: Final = 2.0
+_MCL_CURRENT_AND_FUTURE: Final = 3
 
 
 @dataclass
@@ -114,8 +116,16 @@ def _tick(node: ControllerNode, outcome: Outcome, recorder: Recorder) -> float:
     return now
 
 
+def _lock_memory() -> None:
+    """Keep all pages of this process in memory, those to come too."""
+    if ctypes.CDLL(None, use_errno=True).mlockall(_MCL_CURRENT_AND_FUTURE):
+        number = ctypes.get_errno()
+        raise OSError(number, os.strerror(number))
+
+
 def prepare_process(priority: int, core: int) -> list[str]:
-    """Real-time hygiene of this process: what lives now is never collected, one `core` and SCHED_FIFO of `priority` where asked for.
+    """Real-time hygiene of this process: what lives now is never collected, one `core`, and SCHED_FIFO of `priority` with memory locked,
+    where asked for.
 
     Gives a sentence for each thing that the system does not allow.
     """
@@ -126,6 +136,7 @@ def prepare_process(priority: int, core: int) -> list[str]:
     if core >= 0:
         wishes.append((f"core {core}", lambda: os.sched_setaffinity(0, {core})))
     if priority > 0:
+        wishes.append(("memory that stays", _lock_memory))
         wishes.append((f"priority {priority}", lambda: os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))))
     for what, wish in wishes:
         try:

@@ -5,22 +5,22 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import can
 
 from controller.choices import build, estimator_for
 from controller.envelope import envelope_of
-from controller.limits import Envelope, Limits
-from controller.prediction import ControlModel
+from controller.limits import Envelope
 from controller.rules import Rules
-from controller.signals import Action, Array, Estimate, Measurement, Reference
+from controller.signals import Action, Estimate, Measurement, Reference
 from controller.supervisor import Supervisor
 from hil.bus.catalogue import Catalogue
 from hil.nodes.doubts import Doubts
 from hil.nodes.guard import Evidence, Fence, Guard, Passed
 from hil.nodes.listening import Ears
+from hil.nodes.task import Shifted, Task, Tick
 from hil.nodes.wiring import (
     BOOT,
     ENABLE,
@@ -36,54 +36,13 @@ from hil.nodes.wiring import (
     wiring_of,
 )
 
+__all__ = ["FAULTY", "HALTING", "IDLE", "RUNNING", "ControllerNode", "Task", "Tick"]
 IDLE, RUNNING, HALTING, FAULTY = 1, 2, 3, 4
 """States of the node, in the numbers of its heartbeat."""
 HEARTBEAT_S: Final = 0.02
 CATCH_UP: Final = 3
 _FOLLOW: Final = {"magnetic": 1e-3, "coil": 0.15, "vibro": math.inf}
 _NOISE_M: Final = 2e-5
-
-
-@dataclass(frozen=True)
-class Task:
-    """What a controller node is built from: the control model (its tick is the bus's), the name of a controller in
-    `controller.choices`, where to go, and the limits. `seen_noise_m` is the noise the localisation is believed to have. `deadline_s`
-    is when the MPC begins no further iteration in a tick (inf, as lockstep needs it, where no clock decides)."""
-
-    model: ControlModel
-    controller: str
-    reference: Reference
-    limits: Limits
-    seen_noise_m: float = 5e-4
-    deadline_s: float = math.inf
-
-
-@dataclass(frozen=True, slots=True)
-class Tick:
-    """What one tick came to: `time_s` it was computed for, what was believed and wanted, what the guard let out, and the time in s
-    that estimate and controller took."""
-
-    time_s: float
-    estimate: Estimate
-    action: Action
-    passed: Passed
-    state: int
-    active: str
-    seconds: tuple[float, float]
-
-
-@dataclass(frozen=True, slots=True)
-class _Shifted:
-    """A reference that begins at `origin_s` of the node's clock."""
-
-    path: Reference
-    origin_s: float
-
-    def position(self, t: Array) -> Array:
-        return self.path.position(t - self.origin_s)
-
-    def speed(self, t: Array) -> Array:
-        return self.path.speed(t - self.origin_s)
 
 
 class ControllerNode:
@@ -129,7 +88,7 @@ class ControllerNode:
 
     def start(self, now: float, origin_s: float | None = None) -> None:
         """The operator's word to run; the reference begins at `origin_s`, `now` where None. Ends a latched stop."""
-        self._reference = _Shifted(self.task.reference, now if origin_s is None else origin_s)
+        self._reference = Shifted(self.task.reference, now if origin_s is None else origin_s)
         self.state, self.reason, self._led = RUNNING, "", False
         self._acknowledge = 2 if self.ears.fault else 0
         self._doubts.settle(self.estimator.counts.restarts)

@@ -22,8 +22,8 @@ from hil.nodes.wiring import (
 
 BOOT_S: Final = 0.02
 SELF_TEST_S: Final = 0.03
-NO_FAULT, OVER_CURRENT, OVER_TEMPERATURE, OVER_SPEED, TIME_TO_LIVE, HEARTBEAT_LOST = range(6)
-BUS_OFF, FAILED_SELF_TEST = 8, 10
+NO_FAULT, OVER_CURRENT, OVER_TEMPERATURE, _, TIME_TO_LIVE, HEARTBEAT_LOST = range(6)
+BUS_OFF: Final = 8
 """Codes of latched faults, in the numbers of the fault frames."""
 
 

@@ -95,7 +95,7 @@ class PlantNode:
     def _sensed(self) -> float:
         """What the drive's own sensor shows its power stage."""
         if isinstance(self.drive.power, CoilPower):
-            return self._newest(at.O_CURRENT)
+            return float(self.session.plant.state[at.S_CURRENT])
         if isinstance(self.drive.power, InnerMassPower):
             return self._newest(at.O_INNER_X) - self._newest(at.O_X)
         return self.drive.power.output

@@ -70,7 +70,7 @@ class CarriagePower:
 @dataclass
 class CoilPower:
     """A current source: `U = R (i* + s) + K (i* - i)` within the supply, K bringing a coil of the rated R and L to i* in one
-    step and s summing a fifth of what each step missed. Safe state: no current, driven to zero and then
+    step and s summing what the steps missed. Safe state: no current, driven to zero and then
     short-circuited; a coil without current leaves the capsule to the wall's friction, which holds it."""
 
     current_A: float
@@ -100,11 +100,11 @@ class CoilPower:
     def step(self, dt: float, share: float, sensed: float) -> float:
         self.output, self.overload = sensed, abs(sensed) > 1.3 * self.current_A
         self._left_s = max(self._left_s - dt, 0.0)
-        if share <= 0:
-            self._begin = self._target = 0.0
+        if share <= 0 and self.setpoint != 0.0:
+            self._begin = self._target = self._sum = 0.0
         wanted = min(max(self.setpoint, -share * self.current_A), share * self.current_A)
         missing, failed, self._wanted = wanted - sensed, self._wanted - sensed, wanted
-        self._sum = 0.0 if share <= 0 else min(max(self._sum + 0.2 * failed, -0.2 * self.current_A), 0.2 * self.current_A)
+        self._sum = min(max(self._sum + failed, -0.2 * self.current_A), 0.2 * self.current_A)
         turns = dt * self.resistance_ohm / self.inductance_H if self.inductance_H > 0 else math.inf
         gain = self.resistance_ohm * math.exp(-turns) / (1 - math.exp(-turns))
         volts = self.resistance_ohm * (wanted + self._sum) + gain * missing

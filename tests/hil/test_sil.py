@@ -8,16 +8,20 @@ import can
 import numpy as np
 import pytest
 
+from controller.signals import Action
 from hil.app.main import run as capsule
-from hil.app.sil_bench import Bench
+from hil.app.sil_bench import PHASE_S, Bench
 from hil.app.sil_loop import run_sil
 from hil.app.sil_scenario import load_sil_scenario, parse_sil_scenario
 from hil.app.track_loop import believed_model, run_loop
 from hil.app.track_score import score
 from hil.bus.protection import Receiver, Reception
 from hil.nodes.controller import FAULTY, RUNNING, ControllerNode, Task
+from hil.nodes.plant import SLOT_S
+from hil.nodes.power import CarriagePower
 from hil.nodes.wiring import BOOT, ENABLE, ENABLED, FAULT, STANDBY, frames
 from plant import layout as at
+from plant.rig import Coil
 from tests.hil.sil_runs import RIGS, model_of, run, scenario_of
 
 SCENARIOS = sorted((Path(__file__).parents[2] / "hil" / "scenarios").glob("*_*.toml"))
@@ -150,8 +154,6 @@ def test_bus_table_is_checked() -> None:
 
 def test_a_coil_inside_the_capsule_has_no_frame() -> None:
     scenario = scenario_of("vibro", 0.3)
-    from plant.rig import Coil
-
     drive = replace(scenario.loop.truth.drive, coil=Coil())
     other = replace(scenario, loop=replace(scenario.loop, truth=replace(scenario.loop.truth, drive=drive)))
     with pytest.raises(ValueError, match="on the bus must be"):
@@ -224,8 +226,6 @@ class Wild:
 
     def act(self, *_: object) -> object:
         """NaN, infinities, jumps, other types, exceptions."""
-        from controller.signals import Action
-
         kind = int(self.rng.integers(8))
         if kind == 0:
             raise RuntimeError("wild")
@@ -242,8 +242,6 @@ def test_whatever_the_controller_does_nothing_unsafe_leaves(kind: str) -> None:
     original = node.supervisor.act
 
     def act(*words: object) -> object:
-        from controller.signals import Action
-
         try:
             return original(*words)
         except RuntimeError:
@@ -275,6 +273,44 @@ def test_whatever_the_controller_does_nothing_unsafe_leaves(kind: str) -> None:
     rows = np.concatenate(bench.plant.session.rows)
     if kind == "coil":
         assert np.abs(rows[:, at.O_CURRENT]).max() <= 1.3
+
+
+class Full:
+    """A controller that asks for all there is."""
+
+    active = "full"
+    temperature_C = 20.0
+
+    def reset(self, *_: object) -> None:
+        """Nothing to remember."""
+
+    def act(self, *_: object) -> Action:
+        """More than any range allows."""
+        return Action(9.0)
+
+
+@pytest.mark.parametrize(("kind", "allowed_s"), [("magnetic", 0.025), ("coil", 0.010), ("vibro", 0.010)])
+@pytest.mark.parametrize("phase", [0, 1])
+def test_from_full_power_to_the_safe_state_when_the_controller_dies(kind: str, allowed_s: float, phase: int) -> None:
+    """The carriage at its full speed, the coil at its full current: from the last good frame to rest within what the drive is allowed."""
+    bench = bench_of(kind)
+    bench.node.supervisor = Full()  # type: ignore[assignment]
+    bench.node.start(0.0, 0.0)
+    go(bench, 0.2)
+    drive, power = bench.plant.drive, bench.plant.drive.power
+    if isinstance(power, CarriagePower):
+        assert power.rate == pytest.approx(bench.node.guard.fence.rate)
+    else:
+        assert power.output == pytest.approx(bench.node.guard.fence.high, rel=0.02)
+    if phase:
+        bench.slot(0)
+        bench.medium.advance(bench.time_s + bench.tick_s)
+    now = bench.time_s + (2 if phase else 0) * SLOT_S + PHASE_S
+    while not drive.safe:
+        bench.medium.advance(now)
+        bench.plant.tick(now)
+        now += SLOT_S
+    assert now - drive.good_at <= allowed_s
 
 
 @pytest.mark.parametrize("strange", [float("nan"), float("inf"), -1e300, 1e300])

@@ -80,8 +80,8 @@ def _lead(deployment: Deployment, bus: ClockedBus, dry_run: bool, path: Path) ->
         dry_run=dry_run,
         bus=vars(deployment.bus),
     )
+    rehearse(task, catalogue)
     with FrameLog(path, record) as frames_log, Signals().caught() as signals:
-        rehearse(task, catalogue)
         recorder = Recorder(frames_log, dry_run)
         node = ControllerNode(task, bus, catalogue=catalogue, observer=recorder, dry_run=dry_run)
         refused = prepare_process(control.priority, control.core)

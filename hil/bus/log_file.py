@@ -78,4 +78,4 @@ def way_of(message: can.Message) -> int:
     """Which way a frame of a BLF file went."""
     if message.is_rx:
         return RECEIVED
-    return {1: WITHHELD, 2: NOTED}.get(message.channel, SENT)
+    return WITHHELD if message.channel == 1 else NOTED if message.channel == 2 else SENT

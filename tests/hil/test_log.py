@@ -31,7 +31,11 @@ while True:
         time.sleep(0.02)
 """
 FRAMES = st.builds(
-    Logged, st.integers(0, 10**14), st.integers(0, 0x7FF), st.binary(max_size=8), st.sampled_from((RECEIVED, SENT, WITHHELD, NOTED))
+    Logged,
+    st.integers(0, 10**14),
+    st.integers(0, 0x7FF),
+    st.binary(max_size=8),
+    st.sampled_from((RECEIVED, SENT, WITHHELD, NOTED)),
 )
 
 

@@ -29,9 +29,9 @@ class Horizon:
         for name, low, high in (("stages", 2, 200), ("substeps", 1, 100), ("iterations", 1, 100)):
             if not low <= getattr(self, name) <= high:
                 raise ValueError(f"{name} must lie in [{low}, {high}]; got {getattr(self, name)}")
-        for name, high in (("stage_s", 1.0), ("rest_m", 1.0), ("deadline_s", math.inf)):
-            if not 0 < getattr(self, name) <= high:
-                raise ValueError(f"{name} must lie above 0, up to {high:g}; got {getattr(self, name):g}")
+        for name, most in (("stage_s", 1.0), ("rest_m", 1.0), ("deadline_s", math.inf)):
+            if not 0 < getattr(self, name) <= most:
+                raise ValueError(f"{name} must lie above 0, up to {most:g}; got {getattr(self, name):g}")
 
 
 @dataclass(frozen=True)

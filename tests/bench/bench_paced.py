@@ -115,7 +115,9 @@ def paced(ticks: int, tick_s: float) -> dict[str, np.ndarray]:
         arrived = measured(port.receive(now), now)
         action = supervisor.act(now, estimator.observe(now, supervisor.issued.command, arrived), reference)
         speed = min(max(supervisor.issued.rate, -0.4), 0.4)
-        port.send("CarriageCommand", {"Position_m": action.command, "Velocity_m_s": speed, "TimeToLive_ms": 10, "Mode": MODE_ENABLE})
+        port.send(
+            "CarriageCommand", {"Position_m": action.command, "Velocity_m_s": speed, "TimeToLive_ms": 10, "Mode": MODE_ENABLE}
+        )
         sent[k], own[k] = 1e3 * (time.perf_counter() - due), 1e3 * (time.thread_time() - mine)
         odd[k] = action.status != "ok"
         peer.go_on(now + tick_s)

@@ -38,7 +38,11 @@ def draw(path: Path) -> None:
         rmse = 1e3 * score(scenario, trace).tracking_rmse_m
         axes.plot(t[inside][::5], error[inside][::5], color=colour, linewidth=1.2, label=f"{words}: {rmse:.2f} mm rms")
     axes.set(xlabel="time, s", ylabel="position error, mm", xlim=WINDOW_S)
-    axes.set_title("Slow traverse at 1 mm/s; localisation 0.5 mm rms, 100 Hz, 8 ms late; friction 7 %, wall 9 %, magnet 3 % off", fontsize=10, loc="left")
+    axes.set_title(
+        "Slow traverse at 1 mm/s; localisation 0.5 mm rms, 100 Hz, 8 ms late; friction 7 %, wall 9 %, magnet 3 % off",
+        fontsize=10,
+        loc="left",
+    )
     axes.legend(frameon=False, loc="upper right", fontsize=9)
     axes.spines[["top", "right"]].set_visible(False)
     figure.tight_layout()

@@ -9,13 +9,14 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 settings.register_profile(
-    "capsule",
+    "new",
     deadline=None,
     print_blob=True,
     max_examples=100,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
 )
-settings.load_profile("capsule")
+settings.register_profile("same", settings.get_profile("new"), derandomize=True)
+settings.load_profile(os.environ.get("CAPSULE_EXAMPLES", "same"))
 
 
 @pytest.fixture(scope="session")

@@ -313,7 +313,9 @@ def test_nothing_that_happens_raises_or_gets_past_the_limits(script: list[tuple[
         assert envelope.low <= action.command <= envelope.high
         if drive.name == "magnetic":
             step = envelope.rate * envelope.limits.longest_tick_s
-            assert abs(action.command - before.command) <= step + np.spacing(abs(before.command) + step)  # one rounding of the sum
+            assert abs(action.command - before.command) <= step + np.spacing(
+                abs(before.command) + step
+            )  # one rounding of the sum
         before = replace(supervisor.issued)
 
 

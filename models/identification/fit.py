@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from models.effects import REFINEMENTS
+from models.effects.effect import Effect
 from models.identification.kind import Kind
 from models.identification.sampling import Found, Space, evolve, gather, spread
 from models.parameter import Parameter
@@ -59,13 +60,18 @@ class Fit:
 def axes(kind: Kind, effects: Sequence[str]) -> list[Axis]:
     """What a fit of `kind` with `effects` may move. A tenth of a value is its scale; an amplitude's is the effect's probe."""
     result = [Axis(p.name, p, _scale(p)) for p in kind.base if p.fit]
-    declared = {effect.id: effect for effect in (*kind.effects, *REFINEMENTS)}
-    for effect in (declared[name] for name in effects):
+    known = {effect.id: effect for effect in _declared(kind)}
+    for effect in (known[name] for name in effects):
         name = effect.id
         for p in (q for q in effect.parameters() if q.fit):
             scale = effect.probe if p.name == effect.amplitude().name else _scale(p)
             result.append(Axis(f"{name}.{p.name}", p, scale))
     return result
+
+
+def _declared(kind: Kind) -> tuple[type[Effect], ...]:
+    """Every effect that a fit of `kind` may be asked for: its candidates and the free curves."""
+    return (*kind.effects, *REFINEMENTS)
 
 
 def _scale(p: Parameter) -> float:
@@ -188,8 +194,8 @@ def _space(problem: Problem, start: Mapping[str, float]) -> Space:
     count = sum(p.fit for p in problem.kind.base)
     x = problem.start(start)
     home = np.array([a.parameter.value if i < count else v for i, (a, v) in enumerate(zip(problem.axes, x, strict=True))])
-    grids = {f"{e.id}.{name}": values for e in (*problem.kind.effects, *REFINEMENTS) for name, values in e.grid.items()}
-    amplitudes = {f"{e.id}.{e.amplitude().name}" for e in (*problem.kind.effects, *REFINEMENTS)}
+    grids = {f"{e.id}.{name}": values for e in _declared(problem.kind) for name, values in e.grid.items()}
+    amplitudes = {f"{e.id}.{e.amplitude().name}" for e in _declared(problem.kind)}
     reach = [
         0.25 * (a.parameter.upper - a.parameter.lower)
         if i < count

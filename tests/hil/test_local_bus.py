@@ -7,9 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
-from uuid import uuid4
 
 import can
 import pytest
@@ -28,16 +26,6 @@ while True:
         break
     bus.send(can.Message(arbitration_id=message.arbitration_id + 1, is_extended_id=False, data=message.data))
 """
-
-
-@pytest.fixture
-def channel() -> Iterator[str]:
-    name = f"test-{uuid4().hex[:12]}"
-    yield name
-    folder = channel_folder(name)
-    for place in folder.iterdir():
-        place.unlink()
-    folder.rmdir()
 
 
 def message(number: int, identifier: int = 0x100) -> can.Message:

@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
-from uuid import uuid4
 
 import can
 import numpy as np
@@ -27,20 +26,10 @@ from hil.app.run_clock import Clock, ClockedBus, Grid, Histogram
 from hil.app.run_file import load_deployment, parse_deployment
 from hil.app.run_loop import Signals
 from hil.bus.catalogue import load_catalogue
-from hil.bus.local import LocalBus, channel_folder
+from hil.bus.local import LocalBus
 from hil.bus.log_reading import read_log_record
 from models.rig import Rig
 from tests.hil.deployments import PLANT, deployment
-
-
-@pytest.fixture
-def channel() -> Iterator[str]:
-    name = f"test-{uuid4().hex[:12]}"
-    yield name
-    folder = channel_folder(name)
-    for place in folder.iterdir():
-        place.unlink()
-    folder.rmdir()
 
 
 @contextmanager

@@ -73,9 +73,7 @@ class GutKind:
     memories: tuple[float, ...]
     base: tuple[Parameter, ...] = ()
     effects: tuple[type[Effect], ...] = ()
-    stages: int = 3
     slow_view: bool = True
-    restarts: int = 0
     next_share: float = 0.6
     least_gain: float = 0.4
     equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
@@ -101,8 +99,6 @@ class GutKind:
         base = own + drive.parameters() + switch_delay(drive, records)
         effects = tuple(e for e in effects_for(drive.name) if not isinstance(surface, Plate) or not _acts_on_the_wall(e))
         unit = "N" if drive.imposed else "m"
-        stages = len(memories) + 1
-        restarts = 1 if len(memories) == 1 else 0
         return cls(
             drive.name,
             surface,
@@ -111,11 +107,19 @@ class GutKind:
             memories,
             base,
             effects,
-            stages,
-            restarts=restarts,
             unit=unit,
             quantity=drive.measured,
         )
+
+    @property
+    def stages(self) -> int:
+        """One with each of the observer's memories, and the free run."""
+        return len(self.memories) + 1
+
+    @property
+    def restarts(self) -> int:
+        """A rig that is judged by its free run alone, which is jagged, is fitted by ensembles."""
+        return 1 if len(self.memories) == 1 else 0
 
     def nominal(self) -> dict[str, float]:
         """The base parameters as believed."""

@@ -1,4 +1,5 @@
-"""One rig's design: the plant stuck and slipping, a tuned PID and a tuned LQR on it, their margins, and whether they hunt."""
+"""One rig's design: the plant stuck and slipping, a tuned PID and a tuned LQR on it, their margins, and whether they hunt: by simulation and
+by harmonic balance."""
 
 from __future__ import annotations
 
@@ -6,8 +7,9 @@ from dataclasses import dataclass
 
 from controller.baselines.lqr import LQR, Gains
 from controller.design.cycle import Cycle, Law, Run, exactly, lqr_law, pid_law, simulate
+from controller.design.describing import Balance, Describing, balances, compliance, describe, without_wall
 from controller.design.linear import PHASES, Linear, linearise
-from controller.design.loop import Loop
+from controller.design.loop import Complex, Loop
 from controller.design.tuning import PEAK, Pid, pid_loop, state_loop, tuned_lqr, tuned_pid
 from controller.envelope import envelope_of
 from controller.prediction import ControlModel
@@ -17,7 +19,8 @@ RAMP_S, HOLD_S = 5.0, 4.0
 
 @dataclass(frozen=True)
 class Study:
-    """What was designed for `speed_m_s` with measurements `delay_s` old: `runs` and `cycles` by controller and by "ramp" and "hold"."""
+    """What was designed for `speed_m_s` with measurements `delay_s` old: `runs` and `cycles` by controller and by "ramp" and "hold", the
+    `wall`'s describing function with the plant `free` of the wall that stands across from it."""
 
     speed_m_s: float
     delay_s: float
@@ -26,10 +29,24 @@ class Study:
     lqr: Gains
     loops: tuple[Loop, ...]
     runs: dict[str, dict[str, Run]]
+    wall: Describing
+    free: Linear
 
     def cycles(self) -> dict[str, dict[str, Cycle]]:
         """How each controller's error repeats."""
         return {name: {part: run.cycle() for part, run in parts.items()} for name, parts in self.runs.items()}
+
+    def laws(self) -> dict[str, Pid | Gains]:
+        """The controllers by name."""
+        return {"pid": self.pid, "lqr": self.lqr}
+
+    def balances(self) -> dict[str, list[Balance]]:
+        """The cycles at rest that the harmonic balance has for each controller."""
+        return {name: balances(self.wall, self.free, law, self.delay_s) for name, law in self.laws().items()}
+
+    def compliance(self, name: str) -> Complex:
+        """What a force does to the capsule under the controller `name` without a wall, m/N at the wall's `omega`."""
+        return compliance(self.free, self.laws()[name], self.wall.omega, self.delay_s)
 
 
 def study(model: ControlModel, speed_m_s: float = 1e-3, delay_s: float = 0.015, peak: float = PEAK) -> Study:
@@ -52,7 +69,7 @@ def study(model: ControlModel, speed_m_s: float = 1e-3, delay_s: float = 0.015, 
         }
         for name in ("pid", "lqr")
     }
-    return Study(speed_m_s, delay_s, plants, pid, gains, loops, runs)
+    return Study(speed_m_s, delay_s, plants, pid, gains, loops, runs, describe(model), without_wall(model))
 
 
 def _law(model: ControlModel, name: str, pid: Pid, gains: Gains) -> Law:

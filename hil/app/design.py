@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from rich.table import Table
 
 from controller.baselines.lqr import Gains
+from controller.design.describing import AMPLITUDES_M, Balance
 from controller.design.loop import Margins
 from controller.design.study import Study, study
 from controller.design.tuning import Pid
@@ -85,6 +87,7 @@ def design_json(found: Study) -> dict[str, Any]:
             }
             for name, parts in cycles.items()
         },
+        "harmonic_balance": {name: [asdict(cycle) for cycle in found.balances()[name]] for name in found.laws()},
     }
 
 
@@ -114,8 +117,22 @@ def print_design(found: Study, page: Path | None) -> None:
     console.print(f"LQR: {feedback}, K_i {lqr.K_i:.4g} /s", markup=False)
     console.print(_margin_table(found))
     console.print(_cycle_table(found))
+    for name, balance in found.balances().items():
+        console.print(f"harmonic balance, {name} at rest: {balance_words(balance)}", markup=False)
     if page is not None:
         console.print(f"plots: {page}", markup=False, soft_wrap=True)
+
+
+def balance_words(found: list[Balance]) -> str:
+    """What the harmonic balance of one loop says."""
+    if not found:
+        return f"no cycle from {1e3 * AMPLITUDES_M[0]:g} to {1e3 * AMPLITUDES_M[-1]:g} mm: stiction brings it to rest"
+    return "; ".join(
+        f"hunts at {1e3 * one.amplitude_m:.3g} mm, {one.frequency_Hz:.3g} Hz"
+        if one.stable
+        else f"comes to rest from a swing below {1e3 * one.amplitude_m:.3g} mm ({one.frequency_Hz:.3g} Hz), goes off from more"
+        for one in found
+    )
 
 
 def _complex(rate: complex) -> str:

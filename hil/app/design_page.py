@@ -27,6 +27,7 @@ def design_html(found: Study, title: str) -> str:
         "Sensitivity": sensitivity_figure(found),
         "Closed-loop poles": pole_figure(found),
         "Stick and slip": run_figure(found),
+        "Harmonic balance": balance_figure(found),
     }
     body = "".join(
         f'<section><h2>{escape(name)}</h2><div class="figure">{figure_html(figure, f"figure-{i}")}</div></section>'
@@ -89,6 +90,29 @@ def sensitivity_figure(found: Study) -> go.Figure:
     styled(figure, 380)
     figure.update_xaxes(title="frequency in Hz", type="log")
     return figure.update_yaxes(title="|1/(1 + L)| in dB")
+
+
+def balance_figure(found: Study) -> go.Figure:
+    """Where a force takes the capsule, G, and -1/N of stick and slip along the amplitude: a cycle stands where they meet at one frequency."""
+    figure = go.Figure()
+    wall, hertz = found.wall, found.wall.omega / (2 * math.pi)
+    for place, name in enumerate(found.laws()):
+        G = 1e3 * found.compliance(name)
+        line = {"color": QUANTITY_COLOURS[place]}
+        texts = [f"{f:.3g} Hz" for f in hertz]
+        figure.add_scatter(x=G.real, y=G.imag, mode="lines+markers", name=f"G, {name}", line=line, text=texts)
+    for column in range(0, len(hertz), 6):
+        across = -1e3 / wall.N[:, column]
+        texts = [f"{1e3 * A:.3g} mm" for A in wall.amplitude_m]
+        line, label = {"color": MUTED, "dash": "dot"}, f"-1/N, {hertz[column]:.2g} Hz"
+        figure.add_scatter(x=across.real, y=across.imag, mode="lines", name=label, line=line, text=texts)
+    for place, (name, cycles) in enumerate(found.balances().items()):
+        across = np.array([-1e3 / found.wall.at(c.amplitude_m, c.frequency_Hz) for c in cycles], dtype=complex)
+        marker = {"color": QUANTITY_COLOURS[place], "symbol": "x", "size": 11}
+        figure.add_scatter(x=across.real, y=across.imag, mode="markers", name=f"balance, {name}", marker=marker)
+    styled(figure, 520)
+    figure.update_xaxes(title="real part in mm/N", range=[-60, 60])
+    return figure.update_yaxes(title="imaginary part in mm/N", range=[-60, 60], scaleanchor="x")
 
 
 def pole_figure(found: Study) -> go.Figure:

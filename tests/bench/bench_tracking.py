@@ -1,6 +1,7 @@
 """Every controller on the shipped scenarios over seeds and random anatomies: tracking error, wall force, violations, step times.
 
-`python -m tests.bench.bench_tracking [--seeds 3] [--anatomies 0] [--scenarios NAME...] [--controllers NAME...]`
+`python -m tests.bench.bench_tracking [--seeds 3] [--first 0] [--anatomies 0] [--scenarios NAME...] [--controllers NAME...]`
+Judged are the seeds from 0 on; tune on others (`--first 100`).
 """
 
 from __future__ import annotations
@@ -21,14 +22,14 @@ from plant.anatomy import random_anatomy
 FOLDER = Path(__file__).parents[2] / "hil" / "scenarios"
 
 
-def variants(scenario: TrackScenario, seeds: int, anatomies: int) -> list[tuple[TrackScenario, int]]:
+def variants(scenario: TrackScenario, seeds: range, anatomies: range) -> list[tuple[TrackScenario, int]]:
     """The scenario under each seed; with `anatomies`, each in another random gut."""
     if not anatomies:
-        return [(scenario, seed) for seed in range(seeds)]
-    return [(replace(scenario, truth=replace(scenario.truth, anatomy=random_anatomy(seed))), seed) for seed in range(anatomies)]
+        return [(scenario, seed) for seed in seeds]
+    return [(replace(scenario, truth=replace(scenario.truth, anatomy=random_anatomy(seed))), seed) for seed in anatomies]
 
 
-def measure(name: str, controllers: list[str], seeds: int, anatomies: int, duration_s: float | None) -> None:
+def measure(name: str, controllers: list[str], seeds: range, anatomies: range, duration_s: float | None) -> None:
     """One table row a controller: medians over the runs, and the worst."""
     scenario = load_track_scenario(FOLDER / f"track_{name}.toml")
     if duration_s is not None:
@@ -65,6 +66,8 @@ if __name__ == "__main__":
         "--scenarios", nargs="*", default=sorted(p.stem.removeprefix("track_") for p in FOLDER.glob("track_*.toml"))
     )
     options.add_argument("--controllers", nargs="*", default=list(CONTROLLERS))
+    options.add_argument("--first", type=int, default=0)
     chosen = options.parse_args()
+    chosen_seeds, chosen_guts = (range(chosen.first, chosen.first + n) for n in (chosen.seeds, chosen.anatomies))
     for scenario_name in chosen.scenarios:
-        measure(scenario_name, chosen.controllers, chosen.seeds, chosen.anatomies, chosen.duration)
+        measure(scenario_name, chosen.controllers, chosen_seeds, chosen_guts, chosen.duration)

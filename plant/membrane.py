@@ -41,20 +41,30 @@ def wall_force(v: float, hoop: float, s: Floats, p: Floats, h: Floats, tab: Floa
 
 @compiled
 def move_wall(v: float, dt: float, hoop: float, s: Floats, p: Floats, h: Floats, tab: Floats) -> None:
-    """Advance `u` by one step at the capsule's speed `v`, then change between stick and slip where the base model says so."""
+    """Advance `u` by one step at the capsule's speed `v`, from stick to slip or back inside the step, where the base model says so.
+
+    The tension is taken as linear in the step; the rest of the step is spent in the other mode, so that the teeth's period does not
+    grow with the step.
+    """
     if p[P_SURFACE] != GUT:
         return
-    slip = s[S_SLIP]
+    slip, u = s[S_SLIP], s[S_U]
     if slip == 0.0:
-        u = s[S_U] + dt * v
+        before = abs(tension(tab, u) * stiffening(u, h))
+        u += dt * v
         pull = tension(tab, u) * stiffening(u, h)
-        if abs(pull) >= wall_limit(v, hoop, p, tab):
-            s[S_SLIP] = 1.0 if pull > 0 else -1.0
+        limit = wall_limit(v, hoop, p, tab)
+        if abs(pull) >= limit:
+            side = 1.0 if pull > 0 else -1.0
+            s[S_SLIP] = side
+            rest = dt * min(1.0, (abs(pull) - limit) / max(abs(pull) - before, 1e-15))
+            s[S_U] = u - rest * v
+            u = s[S_U] - side * draw_back_speed(v, hoop, s, p, h, tab) * rest
     else:
         back = draw_back_speed(v, hoop, s, p, h, tab)
-        u = s[S_U] - slip * back * dt
+        u -= slip * back * dt
         if slip * u <= 0.0:
-            u = 0.0
+            u = v * min(dt, abs(u) / max(back, 1e-15))
             s[S_SLIP] = 0.0
         elif slip * v < -back:
             s[S_SLIP] = 0.0

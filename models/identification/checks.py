@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from models.identification.fit import Fit, evaluate
+from models.identification.judging import middle_stage
 from models.identification.kind import Kind
 from models.identification.result import Check
 from models.record import Record
@@ -18,7 +19,7 @@ _WIDER = 1.3
 
 def residual_checks(kind: Kind, records: Sequence[Record], fit: Fit, chance_cost: float, seed: int = 0) -> tuple[Check, ...]:
     """Size and whiteness of what is left, with limits from records imitated on the fitted model."""
-    stage = min(1, kind.stages - 1)
+    stage = middle_stage(kind)
     rng = np.random.default_rng(seed)
     actual = _numbers(evaluate(kind, records, fit.theta, stage))
     imitated = [

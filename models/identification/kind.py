@@ -49,6 +49,12 @@ class Kind(Protocol):
         ...
 
     @property
+    def judges(self) -> tuple[int, ...]:
+        """Stages that judge a model, block by block the one under which it fits better: an observer may lose a step that the free run
+        keeps, and the free run one that the observer keeps."""
+        ...
+
+    @property
     def restarts(self) -> int:
         """How many ensembles a fit sends out from the nominal base where the criterion that judges is too jagged for least squares; 0 where
         it is not."""

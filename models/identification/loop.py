@@ -9,10 +9,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from models.effects import BY_ID
-from models.identification.fit import Fit, descend, evaluate, polish
+from models.identification.fit import Fit, descend, polish
+from models.identification.judging import Split, block_costs
 from models.identification.kind import Kind
 from models.identification.screen import Screened, chance, screen
-from models.identification.tournament import Split, Trial, fair, middle_stage, refit, separation, step_on, tournament
+from models.identification.tournament import Trial, fair, refit, separation, step_on, tournament
 from models.record import Record
 
 Progress = Callable[[str, float], None]
@@ -74,7 +75,7 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
     found.threshold, found.detectable, found.chance_cost = chance(kind, splits[0][0][:1], base.theta, rng)
     found.threshold = max(found.threshold, kind.least_gain)
     clock.note("chance", found)
-    found.before = found.after = _cost(kind, splits, parts, middle_stage(kind))
+    found.before = found.after = _cost(kind, splits, parts)
     thetas = parts
     for number in range(1, MOST_EFFECTS + 1):
         if found.after < max(found.chance_cost + LEAST_DROP, found.chance_cost * np.exp(kind.least_gain)) or (
@@ -87,7 +88,7 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
         progress(f"fitting candidates, round {number}", 0.3 + 0.15 * (number - 1))
         trials = tournament(kind, splits, found.effects, thetas, screened)
         trials, thetas = fair(kind, splits, found.effects, thetas, trials)
-        found.after = _cost(kind, splits, thetas, middle_stage(kind))
+        found.after = _cost(kind, splits, thetas)
         if not found.effects:
             found.before = found.after
         found.rounds.append((number, screened, trials))
@@ -96,7 +97,7 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
             break
         _add(kind, found, trials)
         thetas = list(trials[0].thetas)
-        found.after = _cost(kind, splits, thetas, middle_stage(kind))
+        found.after = _cost(kind, splits, thetas)
         thetas = _test_again(kind, splits, thetas, found)
         clock.note("testing again", found)
     progress("fitting the model on all records", 0.85)
@@ -119,7 +120,7 @@ def _test_again(kind: Kind, splits: Sequence[Split], thetas: list[dict[str, floa
         rest = [name for name in found.effects if name != effect]
         start = [{k: v for k, v in theta.items() if not k.startswith(effect + ".")} for theta in thetas]
         without = [refit(kind, part, rest, theta) for (part, _), theta in zip(splits, start, strict=True)]
-        cost = _cost(kind, splits, without, middle_stage(kind))
+        cost = _cost(kind, splits, without)
         if np.log(cost / found.after) < found.threshold:
             found.effects.remove(effect)
             found.dropped.append(effect)
@@ -137,17 +138,15 @@ def _refined(
         model = [*found.effects, *kept, curve]
         again = [step_on(kind, part, model, descend(kind, part, model, theta, 0, 0.1, 10).theta).theta
                  for (part, _), theta in zip(splits, thetas, strict=True)]  # fmt: skip
-        cost = _cost(kind, splits, again, middle_stage(kind))
+        cost = _cost(kind, splits, again)
         if np.log(found.after / cost) > REFINES:
             kept, thetas, found.after = [*kept, curve], again, cost
     return kept, thetas
 
 
-def _cost(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[str, float]], stage: int) -> float:
+def _cost(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[str, float]]) -> float:
     """Mean square of the validation residuals over the splits."""
-    residuals = [evaluate(kind, held, theta, stage) for (_, held), theta in zip(splits, thetas, strict=True)]
-    joined = np.concatenate(residuals)
-    return float(joined @ joined) / len(joined)
+    return float(block_costs(kind, splits, thetas).mean())
 
 
 def _accept(kind: Kind, found: Search, trial: Trial) -> bool:

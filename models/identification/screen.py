@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from models.effects.effect import Effect
 from models.identification.fit import Problem, axes, descend, evaluate, parallel
+from models.identification.judging import judged, middle_stage
 from models.identification.kind import Kind
 from models.record import Record
 
@@ -119,7 +120,7 @@ def screen(
 ) -> list[Screened]:
     """Every candidate's share of the residual beyond `effects`, best first: the larger of what the kind's views of the residual show."""
     rows: dict[str, Screened] = {}
-    for stage in (min(1, kind.stages - 1), *((kind.stages,) if kind.slow_view else ())):
+    for stage in (middle_stage(kind), *((kind.stages,) if kind.slow_view else ())):
         fit = descend(kind, records, effects, theta, stage, _SECANT, 8)
         for row in _best(_View.at(kind, records, effects, fit.theta, stage), _candidates(kind, (*effects, *dropped))):
             other = rows.get(row.effect)
@@ -137,13 +138,12 @@ def chance(
 ) -> tuple[float, dict[str, float], float]:
     """What records without an effect give: the largest gain -ln(1 - share) over all candidates, the smallest amplitude of each that
     would stand out from it, and the mean square of their residuals."""
-    stage = min(1, kind.stages - 1)
+    stage = middle_stage(kind)
     gain, cost, weakest = 0.0, 0.0, dict[str, float]()
     for _ in range(_IMITATIONS):
         imitated = [kind.imitate(record, theta, rng) for record in records]
         view = _View.at(kind, imitated, [], theta, stage)
-        left = view.cleared(view.residual)
-        cost = max(cost, float(left @ left) / len(left))
+        cost = max(cost, float(judged(kind, imitated, view.theta).mean()))
         rows = _best(view, kind.effects)
         gain = max(gain, *(-float(np.log1p(-min(row.share, 0.999))) for row in rows)) if rows else gain
         for row in rows:

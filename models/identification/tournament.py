@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.identification.fit import Fit, anneal, descend, evaluate, parallel
+from models.identification.judging import Split, block_costs, judged, middle_stage, training_cost
 from models.identification.kind import Kind
 from models.identification.screen import Screened
 from models.record import Record
-
-Split = tuple[list[Record], list[Record]]
 
 POOL = 6
 ALIKE = 2
@@ -20,7 +19,6 @@ FINAL = 3
 CLOSE = 1.5
 NEAR_NOISE = 2.5
 _MULTIPLES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
-_BLOCKS = 40
 
 
 @dataclass(frozen=True)
@@ -33,11 +31,6 @@ class Trial:
     gain: float
     drop: float
     blocks: np.ndarray
-
-
-def middle_stage(kind: Kind) -> int:
-    """The stage on which models are compared: corrected enough to forgive teeth out of step, free enough to see every effect."""
-    return min(1, kind.stages - 1)
 
 
 def tournament(
@@ -151,7 +144,7 @@ def refit(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: 
 
 
 def _at_stage(kind: Kind, records: Sequence[Record], theta: dict[str, float]) -> tuple[float, dict[str, float]]:
-    return float(np.mean(evaluate(kind, records, theta, middle_stage(kind)) ** 2)), theta
+    return float(np.mean(judged(kind, records, theta))), theta
 
 
 def down_the_stages(
@@ -180,25 +173,11 @@ def fair(
     for trial in trials[:2]:
         starts = [{k: v for k, v in theta.items() if not k.startswith(trial.effect + ".")} for theta in trial.thetas]
         again = [step_on(kind, part, effects, start).theta for (part, _), start in zip(splits, starts, strict=True)]
-        training = [_training(kind, splits, choice) for choice in (best, again)]
+        training = [training_cost(kind, splits, choice) for choice in (best, again)]
         if training[1] < training[0]:
             best, costs = again, block_costs(kind, splits, again)
     judged = [_against(costs, t.effect, t.thetas, t.blocks) for t in trials]
     return sorted(judged, key=lambda trial: -trial.gain), best
-
-
-def _training(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[str, float]]) -> float:
-    stage = middle_stage(kind)
-    return sum(float(np.sum(evaluate(kind, part, theta, stage) ** 2)) for (part, _), theta in zip(splits, thetas, strict=True))
-
-
-def block_costs(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[str, float]]) -> np.ndarray:
-    """Validation cost for each residual at the middle stage, by blocks of neighbours (at most forty a split)."""
-    out: list[float] = []
-    for (_, held), theta in zip(splits, thetas, strict=True):
-        squares = evaluate(kind, held, theta, middle_stage(kind)) ** 2
-        out += [float(block.mean()) for block in np.array_split(squares, min(_BLOCKS, len(squares)))]
-    return np.array(out)
 
 
 def separation(best: Trial, other: Trial) -> float:

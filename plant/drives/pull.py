@@ -33,7 +33,7 @@ def advance_pull(
     """Impose positions `drive[0], drive[1], ...` in m at steps of `dt` from now on; fill `out` with a row each `every` steps.
 
     `F = m a + R(|v|) Sgn(v) + F_v(w) + T(u) - F_hidden`; at rest the last direction's R is kept. `drive` holds one more
-    value than steps done. The rate of `x` from one value to the next is `v`. State `s` is changed in place; returns the rows
+    value than steps done. A row has the rate of `x` at which the capsule came to where it is. State `s` is changed in place; returns the rows
     written.
     """
     rows = 0
@@ -41,27 +41,28 @@ def advance_pull(
     step = int(s[S_STEP])
     due = -step % every
     for k in range(drive.shape[0] - 1):
-        x = drive[k]
+        x, t = drive[k], (step + k) * dt
         v = (drive[k + 1] - x) / dt
         if abs(v) < 1e-12:
             v = 0.0
-        if v != 0.0:
-            s[S_DIRECTION] = 1.0 if v > 0 else -1.0
-        t = (step + k) * dt
         hoop = p[P_HOOP] * profile_level(x, p, profile)
-        if leveled:
-            hoop *= resistance_level(x, v, t, s, h)
         if k == due:
-            limit = sliding_limit(v, hoop, p, tab)
-            force = inertia(p, h) * (v - s[S_V]) / dt + s[S_DIRECTION] * limit + wall_force(v, hoop, s, p, h, tab)
+            came = s[S_V]
+            seen = hoop * resistance_level(x, came, t, s, h) if leveled else hoop
+            force = inertia(p, h) * (v - came) / dt
+            force += s[S_DIRECTION] * sliding_limit(came, seen, p, tab) + wall_force(came, seen, s, p, h, tab)
             out[rows, O_T] = t
             out[rows, O_X] = x
-            out[rows, O_V] = v
+            out[rows, O_V] = came
             out[rows, O_U] = s[S_U]
-            out[rows, O_FORCE] = force - (hidden_force(x, v, t, s, p, h) if forced else 0.0)
+            out[rows, O_FORCE] = force - (hidden_force(x, came, t, s, p, h) if forced else 0.0)
             out[rows, O_DRIVE] = x
             rows += 1
             due += every
+        if v != 0.0:
+            s[S_DIRECTION] = 1.0 if v > 0 else -1.0
+        if leveled:
+            hoop *= resistance_level(x, v, t, s, h)
         s[S_V] = v
         s[S_X] = drive[k + 1]
         move_wall(v, dt, hoop, s, p, h, tab)

@@ -40,6 +40,7 @@ class DmaKind:
     effects: tuple[type[Effect], ...] = (BroadRelaxation,)
     name: str = "dma"
     stages: int = 2
+    judges: tuple[int, ...] = (1,)
     slow_view: bool = False
     restarts: int = 0
     next_share: float = 0.3

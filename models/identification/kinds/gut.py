@@ -117,6 +117,11 @@ class GutKind:
         return len(self.memories) + 1
 
     @property
+    def judges(self) -> tuple[int, ...]:
+        """The observer that forgets slowest, and the free run."""
+        return (self.stages - 2, self.stages - 1)
+
+    @property
     def restarts(self) -> int:
         """A rig that is judged by its free run alone, which is jagged, is fitted by ensembles."""
         return 1 if len(self.memories) == 1 else 0

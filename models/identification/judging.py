@@ -1,0 +1,38 @@
+"""How well a model fits records, as candidates are compared by it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.identification.fit import evaluate
+from models.identification.kind import Kind
+from models.record import Record
+
+Split = tuple[list[Record], list[Record]]
+
+_BLOCKS = 40
+
+
+def middle_stage(kind: Kind) -> int:
+    """The stage on which models are compared: corrected enough to forgive teeth out of step, free enough to see every effect."""
+    return min(1, kind.stages - 1)
+
+
+def judged(kind: Kind, records: Sequence[Record], theta: Mapping[str, float]) -> NDArray[np.float64]:
+    """Mean square of the residuals in each of at most forty blocks of neighbours, under the kind's judge that the block suits better."""
+    squares = [evaluate(kind, records, theta, stage) ** 2 for stage in kind.judges]
+    blocks = [[float(part.mean()) for part in np.array_split(s, min(_BLOCKS, len(s)))] for s in squares]
+    return np.asarray(np.min(blocks, axis=0))
+
+
+def block_costs(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[str, float]]) -> NDArray[np.float64]:
+    """Validation cost for each residual by blocks of neighbours (at most forty a split), as `judged`."""
+    return np.concatenate([judged(kind, held, theta) for (_, held), theta in zip(splits, thetas, strict=True)])
+
+
+def training_cost(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[str, float]]) -> float:
+    """Sum of the judged blocks over the training parts."""
+    return sum(float(judged(kind, part, theta).sum()) for (part, _), theta in zip(splits, thetas, strict=True))

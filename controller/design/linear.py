@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 from controller.prediction import ControlModel
 
 Array = NDArray[np.float64]
-Phase = Literal["stick", "slip"]
+Phase = Literal["stick", "slip", "averaged"]
 PHASES: tuple[Phase, ...] = ("stick", "slip")
 _MEMORIES = ("direction", "travelled", "slip")
 _WIDEST = 1e3

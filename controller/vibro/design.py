@@ -12,8 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
+from controller.vibro.alternatives import squares
 from controller.vibro.cycles import Cycles, VibroModel
 from controller.vibro.gears import DriveMap, Gear, gear_of
+from controller.vibro.impact import IMPACTS
 from controller.vibro.optimal import optimal_cycle
 from controller.vibro.speed_map import SpeedMap, speed_map
 from controller.vibro.waveform import Waveform
@@ -29,7 +31,12 @@ _AMPLITUDES = (0.15, 0.2, 0.25, 0.35, 0.5, 0.7, 1.0)
 _TRIED = 12
 _FURTHER = 1.2  # how much further the plain square must reach for a gear of its own
 _LAG_S = (0.03, 0.5)
-_FORMAT = 9
+_FORMAT = 10
+
+
+def rough_map(cycles: Cycles) -> SpeedMap:
+    """The speed map on the grid that seeds are looked for on."""
+    return speed_map(cycles, _RATIOS, _DUTIES, _AMPLITUDES)
 
 
 def wrong_models(model: VibroModel, share: float = _WRONG) -> list[VibroModel]:
@@ -45,9 +52,9 @@ def wrong_models(model: VibroModel, share: float = _WRONG) -> list[VibroModel]:
 def seed_square(nominal: Cycles, wrong: list[Cycles], table: SpeedMap, speed_m_s: float) -> Waveform | None:
     """The cheapest square wave within 0.6 to 1.5 of `speed_m_s` that keeps its direction with wrong parameters, else the one of the
     cheapest that keeps most of its speed; None where the map has no such speed."""
-    ends = sorted((0.6 * speed_m_s, 1.5 * speed_m_s))
+    low, high = sorted((0.6 * speed_m_s, 1.5 * speed_m_s))
     best: tuple[float, Waveform] | None = None
-    for wave in table.squares(*ends)[:_TRIED]:
+    for wave in table.squares(low, high)[:_TRIED]:
         kept = _kept(wrong, wave, speed_m_s)
         if kept >= _LEAST:
             return wave
@@ -88,18 +95,20 @@ def design(model: VibroModel, optimise: bool = True, table: SpeedMap | None = No
     """The drive map of `model`; `optimise` False keeps to scaled square waves (seconds instead of a minute). `table` is its
     speed map where there is one already.
 
-    A direction that the model does not reach has no gear.
+    A direction that the model does not reach has no gear. Every kind of impact that a square wave has at a gear's speed is among the
+    guesses from which its cycle is optimised, so which stop it strikes, if any, is a matter of energy.
     """
     cycles = Cycles(model)
     wrong = [Cycles(m) for m in wrong_models(model)]
-    table = table or speed_map(cycles, _RATIOS, _DUTIES, _AMPLITUDES)
+    table = table or rough_map(cycles)
     gears: list[Gear] = []
     found: list[Waveform] = []
     for speed in (sign * size for sign in (1, -1) for size in SEEDS_M_S):
         seed = seed_square(cycles, wrong, table, speed)
         if seed is None:
             continue
-        guesses = [seed, seed.flipped(), *(w.flipped() for w in found)]
+        other = squares(cycles, table, speed) if optimise else []
+        guesses = [seed, seed.flipped(), *(w.flipped() for w in found), *(one.waveform for one in other)]
         shape = shape_at(cycles, wrong, speed, seed, guesses) if optimise else seed
         found.append(shape)
         own = gear_of(cycles, shape, speed)
@@ -136,7 +145,7 @@ def from_json(text: str) -> DriveMap:
     gears = []
     for gear in raw["gears"]:
         waves = tuple(Waveform(w["period_s"], tuple(w["edges"]), tuple(w["levels"])) for w in gear["waveforms"])
-        gears.append(Gear(waves, tuple(gear["speeds_m_s"]), float(gear["home_m_s"])))
+        gears.append(Gear(waves, tuple(gear["speeds_m_s"]), float(gear["home_m_s"]), IMPACTS[IMPACTS.index(gear["impact"])]))
     return DriveMap(tuple(gears), float(raw["lag_s"]))
 
 

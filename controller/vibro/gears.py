@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from controller.vibro.cycles import Cycles
+from controller.vibro.impact import Impact, impact_of
 from controller.vibro.waveform import REST, Waveform, blend
 
 _STANDS = 0.15e-3  # m/s, mean speeds below it count as standing
@@ -18,11 +19,13 @@ STRENGTHS = tuple(1.08**i for i in range(-22, 20))
 @dataclass(frozen=True)
 class Gear:
     """`waveforms` along a path whose mean `speeds_m_s`, all of one sign, grow in size; in between levels and period are blended.
-    `home_m_s` is the speed that its shape was found for. Raises ValueError for speeds that do not grow or change their sign."""
+    `home_m_s` is the speed that its shape was found for, `impact` the stop that it strikes there. Raises ValueError for speeds that do not
+    grow or change their sign."""
 
     waveforms: tuple[Waveform, ...]
     speeds_m_s: tuple[float, ...]
     home_m_s: float
+    impact: Impact = "none"
 
     def __post_init__(self) -> None:
         sizes = [abs(v) for v in self.speeds_m_s]
@@ -76,7 +79,8 @@ def gear_of(cycles: Cycles, shape: Waveform, home_m_s: float) -> Gear | None:
     kept = _longest_rise(speeds)
     if len(kept) < 2:
         return None
-    return Gear(tuple(path[i] for i in kept), tuple(direction * speeds[i] for i in kept), home_m_s)
+    impact = impact_of(cycles.model, cycles.pace(shape))
+    return Gear(tuple(path[i] for i in kept), tuple(direction * speeds[i] for i in kept), home_m_s, impact)
 
 
 def _longest_rise(values: Sequence[float]) -> list[int]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.vibro.cycles import Cycles, Pace, VibroModel
+from controller.vibro.impact import IMPACTS, Impact, impact_of
 from controller.vibro.waveform import Waveform
 
 Array = NDArray[np.float64]
@@ -29,7 +30,8 @@ def free_period(model: VibroModel) -> float:
 
 @dataclass(frozen=True)
 class SpeedMap:
-    """`speed` in m/s, `energy` and `work` in J/m (= mJ/mm), each (P, D, A), over `period_s` (P,), `duty` (D,), `amplitude` (A,)."""
+    """`speed` in m/s, `energy` and `work` in J/m (= mJ/mm), each (P, D, A), over `period_s` (P,), `duty` (D,), `amplitude` (A,);
+    `impact` (P, D, A) holds the place in `IMPACTS` of the stop that is hit."""
 
     period_s: Array
     duty: Array
@@ -37,10 +39,12 @@ class SpeedMap:
     speed: Array
     energy: Array
     work: Array
+    impact: NDArray[np.int8]
 
-    def squares(self, low_m_s: float, high_m_s: float) -> list[Waveform]:
-        """The square waves whose speed lies in [`low_m_s`, `high_m_s`], the cheapest first."""
-        inside = np.argwhere((self.speed >= low_m_s) & (self.speed <= high_m_s))
+    def squares(self, low_m_s: float, high_m_s: float, impact: Impact | None = None) -> list[Waveform]:
+        """The square waves whose speed lies in [`low_m_s`, `high_m_s`], the cheapest first; of those that hit `impact` alone where given."""
+        fits = (self.speed >= low_m_s) & (self.speed <= high_m_s)
+        inside = np.argwhere(fits if impact is None else fits & (self.impact == IMPACTS.index(impact)))
         inside = inside[np.argsort(self.energy[tuple(inside.T)], kind="stable")] if len(inside) else inside
         return [Waveform.square(float(self.period_s[i]), float(self.duty[j]), float(self.amplitude[k])) for i, j, k in inside]
 
@@ -54,25 +58,30 @@ def speed_map(
     """The map of a model, periods as multiples of the inner mass's free period."""
     periods = np.asarray(ratios) * free_period(cycles.model)
     shape = (len(ratios), len(duties), len(amplitudes))
-    found = np.zeros((3, *shape))
+    found, impact = np.zeros((3, *shape)), np.zeros(shape, dtype=np.int8)
     for i, j, k in np.ndindex(*shape):
         pace = cycles.pace(Waveform.square(float(periods[i]), duties[j], amplitudes[k]))
         found[:, i, j, k] = pace.speed_m_s, pace.energy_J_per_m, pace.work_J_per_m
-    return SpeedMap(periods, np.asarray(duties), np.asarray(amplitudes), *found)
+        impact[i, j, k] = IMPACTS.index(impact_of(cycles.model, pace))
+    speed, energy, work = found
+    return SpeedMap(periods, np.asarray(duties), np.asarray(amplitudes), speed, energy, work, impact)
 
 
-def best_square(cycles: Cycles, table: SpeedMap, speed_m_s: float, full_force: bool = False) -> tuple[Waveform, Pace] | None:
+def best_square(
+    cycles: Cycles, table: SpeedMap, speed_m_s: float, full_force: bool = False, impact: Impact | None = None
+) -> tuple[Waveform, Pace] | None:
     """The cheapest square wave at `speed_m_s`: those of the map within a quarter of it, brought there by their amplitude.
 
-    `full_force`: amplitude 1 alone, as a coil that is switched on and off has it; then the duty brings it there. None where the
-    map has nothing that comes within 2 %.
+    `full_force`: amplitude 1 alone, as a coil that is switched on and off has it; then the duty brings it there. `impact`: those that hit
+    these stops alone. None where the map has nothing that comes within 2 %.
     """
     ends = sorted((0.75 * speed_m_s, 1.25 * speed_m_s))
     best: tuple[Waveform, Pace] | None = None
-    candidates = [w for w in table.squares(ends[0], ends[1]) if not full_force or max(w.levels) == 1]
+    candidates = [w for w in table.squares(ends[0], ends[1], impact) if not full_force or max(w.levels) == 1]
     for candidate in candidates[:_TRIED]:
         wave, pace = _brought_to(cycles, candidate, speed_m_s, full_force)
-        if abs(pace.speed_m_s / speed_m_s - 1) < _EXACT and (best is None or pace.energy_J_per_m < best[1].energy_J_per_m):
+        fits = abs(pace.speed_m_s / speed_m_s - 1) < _EXACT and impact in (None, impact_of(cycles.model, pace))
+        if fits and (best is None or pace.energy_J_per_m < best[1].energy_J_per_m):
             best = (wave, pace)
     return best
 

@@ -1,8 +1,10 @@
-"""`capsule design`: the linearised rig, tuned PID and LQR on it, their margins with delay, and whether they hunt."""
+"""`capsule design`: the linearised rig, tuned PID and LQR on it, their margins with delay, and whether they hunt; for an inner mass its
+resonance, gears and slow loop."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -15,8 +17,10 @@ from controller.design.loop import Margins
 from controller.design.study import Study, study
 from controller.design.tuning import Pid
 from controller.prediction import control_model
+from controller.vibro.cycles import VibroModel
 from hil.app.console import output_to_notes, print_json, summary
 from hil.app.design_page import design_html
+from hil.app.design_vibro import print_vibro, study_of, vibro_html, vibro_json
 from hil.app.predict import read_model
 from hil.app.write import check_folder, write_files
 from models.identification.result import STAGES
@@ -42,19 +46,28 @@ def design(
     values = _values(belief, model, stage)
     if out is not None:
         check_folder(out, "--out")
+    label = {"rig": str(rig), "model": stage if model else "nominal", "page": None if out is None else str(out / PAGE)}
+    title, page = belief.name or rig.stem, None if out is None else out / PAGE
     if belief.kind == "vibro":
-        raise ValueError(
-            f"{rig}: kind must be magnetic or coil for a linear design; got 'vibro', whose body turns in every cycle"
-        )
+        with output_to_notes():
+            shaken = study_of(VibroModel.from_rig(belief, values), 1e-3 * delay_ms)
+        _hand_over(page, lambda: vibro_html(shaken, title), json_output, vibro_json(shaken) | label)
+        if not json_output:
+            print_vibro(shaken, page)
+        return
     with output_to_notes():
         found = study(control_model(belief, values, TICK_S), 1e-3 * speed_mm_s, 1e-3 * delay_ms)
-    page = None if out is None else out / PAGE
-    if page is not None:
-        write_files({page: design_html(found, belief.name or rig.stem)})
-    if json_output:
-        print_json(design_json(found) | {"rig": str(rig), "model": stage if model else "nominal", "page": page and str(page)})
-    else:
+    _hand_over(page, lambda: design_html(found, title), json_output, design_json(found) | label)
+    if not json_output:
         print_design(found, page)
+
+
+def _hand_over(page: Path | None, html: Callable[[], str], json_output: bool, numbers: dict[str, Any]) -> None:
+    """Write the page and the JSON, where asked for."""
+    if page is not None:
+        write_files({page: html()})
+    if json_output:
+        print_json(numbers)
 
 
 def _values(belief: Rig, model: Path | None, stage: str) -> dict[str, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 
@@ -21,19 +22,27 @@ STYLE = Path(hil.app.report.__file__).with_name("style.css")
 
 def design_html(found: Study, title: str) -> str:
     """The page, complete in itself."""
-    figures = {
-        "Open loop (Bode)": bode_figure(found),
-        "Open loop (Nyquist)": nyquist_figure(found),
-        "Sensitivity": sensitivity_figure(found),
-        "Closed-loop poles": pole_figure(found),
-        "Stick and slip": run_figure(found),
-        "Harmonic balance": balance_figure(found),
+    head = f"Design for {title}: sliding at {1e3 * found.speed_m_s:g} mm/s, {1e3 * found.delay_s:g} ms of delay"
+    own = {"Stick and slip": run_figure(found), "Harmonic balance": balance_figure(found)}
+    return page_html(head, loop_figures(found.loops) | own)
+
+
+def loop_figures(loops: Sequence[Loop]) -> dict[str, go.Figure]:
+    """What is drawn of linear loops, by heading."""
+    return {
+        "Open loop (Bode)": bode_figure(loops),
+        "Open loop (Nyquist)": nyquist_figure(loops),
+        "Sensitivity": sensitivity_figure(loops),
+        "Closed-loop poles": pole_figure(loops),
     }
+
+
+def page_html(head: str, figures: Mapping[str, go.Figure]) -> str:
+    """A page of figures under their headings."""
     body = "".join(
         f'<section><h2>{escape(name)}</h2><div class="figure">{figure_html(figure, f"figure-{i}")}</div></section>'
         for i, (name, figure) in enumerate(figures.items())
     )
-    head = f"Design for {title}: sliding at {1e3 * found.speed_m_s:g} mm/s, {1e3 * found.delay_s:g} ms of delay"
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{escape(head)}</title>'
         f"<style>{STYLE.read_text(encoding='utf-8')}</style><script>{get_plotlyjs()}</script></head>"
@@ -41,20 +50,20 @@ def design_html(found: Study, title: str) -> str:
     )
 
 
-def _look(found: Study, loop: Loop) -> dict[str, object]:
-    names = list(dict.fromkeys(item.name for item in found.loops))
+def _look(loops: Sequence[Loop], loop: Loop) -> dict[str, object]:
+    names = list(dict.fromkeys(item.name for item in loops))
     dash = "solid" if loop.phase == "stick" else "dash"
     return {"color": QUANTITY_COLOURS[names.index(loop.name) % len(QUANTITY_COLOURS)], "dash": dash}
 
 
-def bode_figure(found: Study) -> go.Figure:
+def bode_figure(loops: Sequence[Loop]) -> go.Figure:
     """Gain and phase of every open loop, delay included."""
     figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.06)
-    for loop in found.loops:
+    for loop in loops:
         hertz, label = loop.omega / (2 * math.pi), f"{loop.name}, {loop.phase}"
         phase = np.degrees(np.unwrap(np.angle(loop.L)))
         for row, values in ((1, 20 * np.log10(np.abs(loop.L))), (2, phase - 360 * (phase[0] > 90))):
-            line, shown = _look(found, loop), row == 1
+            line, shown = _look(loops, loop), row == 1
             figure.add_scatter(x=hertz, y=values, mode="lines", name=label, line=line, showlegend=shown, row=row, col=1)
     figure.add_hline(y=0, line={"color": MUTED, "width": 1}, row=1, col=1)
     figure.add_hline(y=-180, line={"color": MUTED, "width": 1}, row=2, col=1)
@@ -65,13 +74,13 @@ def bode_figure(found: Study) -> go.Figure:
     return styled(figure, 520)
 
 
-def nyquist_figure(found: Study) -> go.Figure:
+def nyquist_figure(loops: Sequence[Loop]) -> go.Figure:
     """Every open loop near -1."""
     figure = go.Figure()
-    for loop in found.loops:
+    for loop in loops:
         near = np.abs(loop.L) < 6
         label = f"{loop.name}, {loop.phase}"
-        figure.add_scatter(x=loop.L.real[near], y=loop.L.imag[near], mode="lines", name=label, line=_look(found, loop))
+        figure.add_scatter(x=loop.L.real[near], y=loop.L.imag[near], mode="lines", name=label, line=_look(loops, loop))
     turn = np.linspace(0, 2 * math.pi, 200)
     circle = {"color": MUTED, "width": 1, "dash": "dot"}
     figure.add_scatter(x=np.cos(turn), y=np.sin(turn), mode="lines", line=circle, showlegend=False, hoverinfo="skip")
@@ -81,12 +90,12 @@ def nyquist_figure(found: Study) -> go.Figure:
     return figure.update_yaxes(title="imaginary part", range=[-3, 2], scaleanchor="x")
 
 
-def sensitivity_figure(found: Study) -> go.Figure:
+def sensitivity_figure(loops: Sequence[Loop]) -> go.Figure:
     """What each loop makes of a disturbance: below 0 dB it is damped."""
     figure = go.Figure()
-    for loop in found.loops:
+    for loop in loops:
         values, label = 20 * np.log10(loop.sensitivity()), f"{loop.name}, {loop.phase}"
-        figure.add_scatter(x=loop.omega / (2 * math.pi), y=values, mode="lines", name=label, line=_look(found, loop))
+        figure.add_scatter(x=loop.omega / (2 * math.pi), y=values, mode="lines", name=label, line=_look(loops, loop))
     styled(figure, 380)
     figure.update_xaxes(title="frequency in Hz", type="log")
     return figure.update_yaxes(title="|1/(1 + L)| in dB")
@@ -115,11 +124,11 @@ def balance_figure(found: Study) -> go.Figure:
     return figure.update_yaxes(title="imaginary part in mm/N", range=[-60, 60], scaleanchor="x")
 
 
-def pole_figure(found: Study) -> go.Figure:
+def pole_figure(loops: Sequence[Loop]) -> go.Figure:
     """Poles of the closed loops in the discrete plane; stable inside the circle."""
     figure = go.Figure()
-    for loop in found.loops:
-        look = _look(found, loop)
+    for loop in loops:
+        look = _look(loops, loop)
         marker = {"color": look["color"], "symbol": "x" if loop.phase == "stick" else "circle-open", "size": 9}
         name = f"{loop.name}, {loop.phase}"
         figure.add_scatter(x=loop.poles.real, y=loop.poles.imag, mode="markers", name=name, marker=marker)

@@ -14,11 +14,12 @@ from typing import Any
 
 import numpy as np
 
+from controller.vibro.alternatives import cheapest, optima, squares
 from controller.vibro.cycles import Cycles, Pace, VibroModel
 from controller.vibro.design import design, designed
 from controller.vibro.four_phase import best_four_phase
 from controller.vibro.gears import DriveMap
-from controller.vibro.optimal import optimal_cycle
+from controller.vibro.impact import impact_of
 from controller.vibro.speed_map import best_square, speed_map
 from controller.vibro.vibro import Tuning, VibroController
 from controller.vibro.waveform import Waveform
@@ -37,42 +38,30 @@ Row = dict[str, Any]
 
 
 def energies() -> list[Row]:
-    """J/m = mJ/mm on the gut at each speed: electrical with the motor constant of `cycles`, and the coil's mechanical work."""
+    """J/m = mJ/mm on the gut at each speed: electrical with the motor constant of `cycles`, and the coil's mechanical work; square and
+    optimal cycles by the stop that they strike, `chosen` the cheapest of all and its share of the best fixed square wave's energy."""
     cycles = Cycles(gut_model())
     table = speed_map(cycles)
     phases = best_four_phase(cycles, SPEEDS_M_S)
     rows: list[Row] = []
-    optima: list[Waveform] = []
+    optimal: list[Waveform] = []
     for v in sorted(SPEEDS_M_S, key=lambda v: (v < 0, -abs(v))):
-        free, full = best_square(cycles, table, v), best_square(cycles, table, v, full_force=True)
-        guesses = [] if free is None else [free[0], free[0].flipped()]
+        plain = squares(cycles, table, v)
+        guesses = [w for one in plain for w in (one.waveform, one.waveform.flipped())]
+        better = optima(cycles, v, [*guesses, *(w.flipped() for w in optimal[:1]), *optimal[-1:]])
         row: Row = {"speed_mm_s": 1e3 * v}
-        best = optimum(cycles, v, [*guesses, *(w.flipped() for w in optima[:1]), *optima[-1:]])
-        if best is not None:
-            optima.append(best[0])
-            row["optimal"] = _said(*best)
-        for name, found in (("square", free), ("square, full force", full), ("four-phase", phases[v])):
+        for one in plain + better:
+            row[f"{one.shape}, impact {one.impact}"] = _said(one.waveform, one.pace)
+        for name, found in (("square, full force", best_square(cycles, table, v, full_force=True)), ("four-phase", phases[v])):
             if found is not None:
-                row[name] = _said(*found)
+                row[name] = _said(*found) | {"impact": impact_of(cycles.model, found[1])}
+        chosen, square = cheapest(plain + better), cheapest(plain)
+        if chosen is not None:
+            share = None if square is None else round(chosen.pace.energy_J_per_m / square.pace.energy_J_per_m, 3)
+            row["chosen"] = {"shape": chosen.shape, "impact": chosen.impact, "of_square": share}
+            optimal += [chosen.waveform] if chosen.shape == "optimal" else []
         rows.append(row)
     return rows
-
-
-def optimum(cycles: Cycles, speed: float, guesses: list[Waveform]) -> tuple[Waveform, Pace] | None:
-    """The cheapest optimal cycle from `guesses`, brought within 2 % of `speed` by its strength."""
-    best: tuple[Waveform, Pace] | None = None
-    for guess in guesses:
-        wave = optimal_cycle(cycles, speed, guess, close=0.25).waveform
-        pace = cycles.pace(wave)
-        for _ in range(10):
-            ratio = pace.speed_m_s / speed
-            if not 0.2 < ratio < 5 or abs(ratio - 1) < 0.02:
-                break
-            wave = wave.scaled(ratio**-0.4)
-            pace = cycles.pace(wave)
-        if abs(pace.speed_m_s / speed - 1) < 0.02 and (best is None or pace.energy_J_per_m < best[1].energy_J_per_m):
-            best = (wave, pace)
-    return best
 
 
 def _said(wave: Waveform, pace: Pace) -> Row:

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import json
+import math
+import re
+from functools import partial
 from pathlib import Path
 
 import pytest
 
+from hil.app.design_vibro import study_of
 from hil.app.main import run
+from tests.conftest import RIG
 
 VIBRO = """[drive]
 inner_mass_kg = 0.074
@@ -23,6 +28,8 @@ friction_coefficient = 0.29
 kind = "vibro"
 """
 
+PULL = re.sub(r"magnet_.*\n", "", RIG.replace('"magnetic"', '"pull"'))
+
 
 def test_design_prints_numbers_and_draws(rig_text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rig = tmp_path / "rig.toml"
@@ -33,18 +40,44 @@ def test_design_prints_numbers_and_draws(rig_text: str, tmp_path: Path, capsys: 
     assert all(row["stable"] and row["phase_deg"] > 30 for row in found["margins"])
     assert found["plants"]["stick"]["poles_1_per_s"][0][0] < found["plants"]["slip"]["poles_1_per_s"][0][0] < 0
     assert not found["cycles"]["pid"]["hold"]["hunts"]
+    assert not any(cycle["stable"] for cycle in found["harmonic_balance"]["pid"])
     page = (tmp_path / "out" / "design.html").read_text(encoding="utf-8")
     assert "Nyquist" in page
+    assert "Harmonic balance" in page
     assert 'src="http' not in page
 
 
-@pytest.mark.parametrize(
-    ("options", "words"), [((), "must be magnetic or coil"), (("--stage", "best"), "--stage must be one of")]
-)
-def test_design_says_what_it_cannot_do(
-    options: tuple[str, ...], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_an_inner_mass_has_its_resonance_its_gears_and_a_slow_loop_that_holds(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("hil.app.design.study_of", partial(study_of, optimise=False))
     rig = tmp_path / "rig.toml"
     rig.write_text(VIBRO)
+    assert run(["design", str(rig), "--json", "--out", str(tmp_path / "out")]) == 0
+    found = json.loads(capsys.readouterr().out)
+    held = math.sqrt(256.23 / 0.074) / (2 * math.pi)
+    assert found["resonance"]["held_Hz"] == pytest.approx(held)
+    assert found["resonance"]["free_Hz"] == pytest.approx(held * math.sqrt(1 + 0.074 / 0.193))
+    assert found["resonance"]["contact_s"] is None
+    low, high = found["reach_m_s"]
+    assert low < -2e-3 < 2e-3 < high
+    assert {one["impact"] for one in found["squares"]} == {"none"}
+    assert all(one["stable"] and one["gain"] > 2 and one["phase_deg"] > 30 for one in found["slow_loops"])
+    assert "Gears" in (tmp_path / "out" / "design.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "words"),
+    [
+        (PULL, (), "must be of a kind whose capsule is free"),
+        (VIBRO, ("--stage", "best"), "--stage must be one of"),
+        (VIBRO, ("--delay", "900"), "delay must lie in"),
+    ],
+)
+def test_design_says_what_it_cannot_do(
+    text: str, options: tuple[str, ...], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text(text)
     assert run(["design", str(rig), *options]) == 2
     assert words in capsys.readouterr().err

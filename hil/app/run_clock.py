@@ -28,7 +28,8 @@ class Clock:
 
 class ClockedBus(can.BusABC):
     """Another bus whose received frames carry times of `clock`: the driver's stamp where it is at most 0.1 s old by the calendar,
-    else the moment of reading. So a step of the calendar's clock never reaches the node."""
+    else the moment of reading. So a step of the calendar's clock never reaches the node. What is received counts as received: SocketCAN
+    marks frames of another process on the same machine as this machine's own."""
 
     def __init__(self, inner: can.BusABC, clock: Clock) -> None:
         super().__init__(channel=inner.channel_info)
@@ -47,6 +48,7 @@ class ClockedBus(can.BusABC):
             if not 0 <= age <= OLDEST_S:
                 age, self.unstamped = 0.0, self.unstamped + 1
             message.timestamp = max(round((now - age) * 1e9), 0) / 1e9
+            message.is_rx = True
         return message
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:

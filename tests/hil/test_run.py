@@ -260,9 +260,10 @@ def test_stamps_are_of_the_nodes_clock(channel: str) -> None:
         got = near.recv(1)
         assert got is not None
         assert near.clock.now() - got.timestamp >= 0.02
-        near.inner._inbox.append(can.Message(time.time() + 3600, 1, False))  # type: ignore[attr-defined]
+        near.inner._inbox.append(can.Message(time.time() + 3600, 1, False, is_rx=False))  # type: ignore[attr-defined]
         odd = near.recv(1)
         assert odd is not None
+        assert odd.is_rx
         assert abs(odd.timestamp - near.clock.now()) < 0.1
         assert near.unstamped == 1
         assert round(got.timestamp * 1e9) / 1e9 == got.timestamp

@@ -51,6 +51,8 @@ class MPC:
         self.weights = Weights() if weights is None else weights
         self.planner = Planner(model, self.bounds, self.weights, self.horizon, clock)
         self._modes = [model.index(name) for name in model.modes]
+        names = [p.name for p in model.symbols.parameters]
+        self._grip = names.index("friction_coefficient") if "u" in model.states and self.horizon.late_slip > 0 else None
         self._grid: Array = np.linspace(0.0, self.horizon.stages * self.horizon.stage_s, self.horizon.stages + 1)
         self._command, self._rate, self._plan, self._time = 0.0, 0.0, np.zeros(self.horizon.stages + 1), 0.0
         self._resting = False
@@ -97,14 +99,17 @@ class MPC:
         return Action(self._command, "late" if plan.cut else "ok", plan.path[:, 0].copy(), timings)
 
     def _learned(self, estimate: Estimate) -> tuple[float, Array | None]:
-        """The disturbance to count on, with the parameters that it goes with where the estimator has learned some."""
+        """The disturbance to count on, with the parameters that it goes with where the estimator has learned some or slips come late."""
+        force, parameters = estimate.disturbance_N, None
         learned = estimate.adapted
-        if learned is None:
-            return estimate.disturbance_N, None
-        parameters = np.array(learned.parameters, dtype=float)
-        if parameters.shape != self.model.values.shape or not math.isfinite(parameters.sum() + learned.disturbance_N):
-            return estimate.disturbance_N, None
-        return learned.disturbance_N, parameters
+        if learned is not None:
+            found = np.array(learned.parameters, dtype=float)
+            if found.shape == self.model.values.shape and math.isfinite(found.sum() + learned.disturbance_N):
+                force, parameters = learned.disturbance_N, found
+        if self._grip is not None:
+            parameters = self.model.values.copy() if parameters is None else parameters
+            parameters[self._grip] *= 1 + self.horizon.late_slip
+        return force, parameters
 
     def _targets(self, now: float, reference: Reference) -> Array | None:
         """Position, speed and command rate (3, N + 1) over the horizon; None where they are not numbers."""

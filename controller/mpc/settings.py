@@ -16,6 +16,10 @@ class Horizon:
     A capsule within `rest_m` of a reference that stands still all along the horizon, or within three standard deviations of the estimate
     up to three times that, is left alone until it is twice as far: smooth friction creeps where the real one holds, and a controller
     that believes it, or that follows the noise of its estimate, would hunt.
+
+    `late_slip` is by what share a plan takes the wall's slip limit for higher than the estimate has it. A plan that eases off ahead of a slip
+    that comes a little later than foreseen leaves the capsule stuck at the threshold, where nothing but noisy positions tells; one that
+    keeps pulling until the estimate slips loses a few milliseconds.
     """
 
     stages: int = 30
@@ -24,11 +28,14 @@ class Horizon:
     iterations: int = 3
     deadline_s: float = math.inf
     rest_m: float = 1e-4
+    late_slip: float = 0.0
 
     def __post_init__(self) -> None:
         for name, low, high in (("stages", 2, 200), ("substeps", 1, 100), ("iterations", 1, 100)):
             if not low <= getattr(self, name) <= high:
                 raise ValueError(f"{name} must lie in [{low}, {high}]; got {getattr(self, name)}")
+        if not 0 <= self.late_slip <= 1:
+            raise ValueError(f"late_slip must lie in [0, 1]; got {self.late_slip:g}")
         for name, most in (("stage_s", 1.0), ("rest_m", 1.0), ("deadline_s", math.inf)):
             if not 0 < getattr(self, name) <= most:
                 raise ValueError(f"{name} must lie above 0, up to {most:g}; got {getattr(self, name):g}")

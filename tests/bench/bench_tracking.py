@@ -15,7 +15,7 @@ import numpy as np
 from controller.choices import CONTROLLERS, leads
 from hil.app.track_loop import believed_model, run_loop
 from hil.app.track_scenario import TrackScenario, load_track_scenario
-from hil.app.track_score import score
+from hil.app.track_score import score, wall_force
 from plant import layout as at
 from plant.anatomy import random_anatomy
 
@@ -37,21 +37,24 @@ def measure(name: str, controllers: list[str], seeds: range, anatomies: range, d
     model = believed_model(scenario, {})
     runs = variants(scenario, seeds, anatomies)
     print(
-        f"\n{name}: {len(runs)} runs of {scenario.duration_s:g} s\ncontroller      rmse mm median (worst)  wall mN  violations  drift mm  solve ms"
+        f"\n{name}: {len(runs)} runs of {scenario.duration_s:g} s\n"
+        "controller      rmse mm median (worst)  wall mN max  mean  violations  drift mm  solve ms"
     )
     for controller in controllers:
         if scenario.kind not in leads(controller):
             continue
-        found, drifts = [], []
+        found, drifts, means = [], [], []
         for one, seed in runs:
             trace = run_loop(one, model, controller, seed)
             found.append(score(one, trace))
+            means.append(float(np.mean(np.abs(wall_force(one.truth, trace.rows)))))
             late = trace.rows[trace.rows[:, at.O_T] > one.duration_s - 60.0]
             drifts.append(float(np.ptp(late[late[:, at.O_T] > 6.0][:, at.O_X])) if "hold" in name else np.nan)
         rmse = 1e3 * np.array([one.tracking_rmse_m for one in found])
         print(
             f"{controller:14s} {np.median(rmse):8.3f} ({rmse.max():.3f})"
-            f" {1e3 * np.median([one.wall_force_max_N for one in found]):15.1f} {sum(one.hard_violations for one in found):9d}"
+            f" {1e3 * np.median([one.wall_force_max_N for one in found]):15.1f} {1e3 * np.median(means):5.1f}"
+            f" {sum(one.hard_violations for one in found):9d}"
             f" {1e3 * np.max(drifts):10.3f} {np.median([one.solve_ms['median'] for one in found]):9.3f}",
             flush=True,
         )

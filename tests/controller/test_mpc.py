@@ -223,3 +223,17 @@ def test_what_it_cannot_lead_is_refused() -> None:
         Bounds(1.0, 0.0, 1.0)
     with pytest.raises(ValueError, match="weight gap"):
         Weights(gap=0.0)
+
+
+def test_a_plan_that_expects_slip_late_does_not_ease_off_before_it(model: ControlModel) -> None:
+    state = model.initial(0.0, 2e-3)
+    state[model.index("v")], state[model.index("u")] = 1e-3, 2.3e-4
+    estimate = Estimate(0.0, state, np.full(state.size, 1e-5))
+    pulls = []
+    for late in (0.0, 0.25):
+        mpc = MPC(model, horizon=Horizon(late_slip=late))
+        mpc.reset(0.0, estimate, 2e-3)
+        mpc.act(0.0, estimate, Line(1e-3))
+        assert mpc.last is not None
+        pulls.append(mpc.last.commands - mpc.last.path[:, 0])
+    assert pulls[1].max() > 1.02 * pulls[0].max()

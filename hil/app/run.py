@@ -14,7 +14,10 @@ from hil.app.run_loop import Outcome, Signals, lead, prepare_process
 from hil.app.run_recorder import Recorder, log_record
 from hil.bus.catalogue import load_catalogue
 from hil.bus.log import FrameLog
+from hil.nodes.cia402_bus import Cia402Bus
+from hil.nodes.cia402_setup import set_up
 from hil.nodes.controller import ControllerNode
+from hil.nodes.wiring import wiring_of
 from models.parameter import nearest
 
 ACTIONS = ("lead", "check")
@@ -33,7 +36,7 @@ def run(path: Path, action: str = "lead", *, dry_run: bool = False, log: Path | 
         raise ValueError(f"{path}: model must pass the gate before it leads; got: {verdict.sentence}")
     with output_to_notes():
         task = deployment.task()
-        bus = ClockedBus(open_bus(deployment.bus), Clock())
+        bus = ClockedBus(_drives_bus(deployment, listen_only=dry_run or action == "check"), Clock())
         try:
             if action == "check":
                 points = check(deployment, task, bus, catalogue)
@@ -67,6 +70,20 @@ def open_bus(table: BusTable) -> can.BusABC:
     except Exception as error:  # noqa: BLE001 - drivers of many makers raise whatever they like
         words = " ".join(str(error).split())[:200] or type(error).__name__
         raise ValueError(f"bus must be one that opens; got {table.interface} {table.channel!r}: {words}") from None
+
+
+def _drives_bus(deployment: Deployment, *, listen_only: bool) -> can.BusABC:
+    """The deployment's bus; a CiA 402 drive on it is set up first, but where nothing may be sent. Raises ValueError of one sentence."""
+    bus, table = open_bus(deployment.bus), deployment.cia402
+    if table is None:
+        return bus
+    if not listen_only:
+        try:
+            set_up(bus, table, deployment.limits, deployment.control.tick_s, wiring_of(deployment.rig.kind).time_to_live_ms)
+        except ValueError:
+            bus.shutdown()
+            raise
+    return Cia402Bus(bus, table, load_catalogue())
 
 
 def _lead(deployment: Deployment, bus: ClockedBus, dry_run: bool, path: Path) -> tuple[Outcome, ControllerNode, FrameLog]:

@@ -16,13 +16,14 @@ from controller.trajectory import Trajectory
 from hil.app.predict import read_model
 from hil.app.track_reference import read_reference
 from hil.bus.catalogue import load_catalogue
+from hil.nodes.cia402 import Cia402Table
 from hil.nodes.controller import Task
 from models.identification.result import STAGES
 from models.parameter import nearest
 from models.rig import LARGEST_FILE, TABLES, Rig, parse_rig
 from plant.reading import from_table
 
-OWN_TABLES: Final = ("bus", "control", "reference", "limits", "model")
+OWN_TABLES: Final = ("bus", "cia402", "control", "reference", "limits", "model")
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,8 @@ class ModelTable:
 
 @dataclass(frozen=True)
 class Deployment:
-    """A controller to run on a bus. `values` are the learned model's parameters, none where nominal; `verdict` the gate's, where asked."""
+    """A controller to run on a bus. `values` are the learned model's parameters, none where nominal; `verdict` the gate's, where asked;
+    `cia402` the carriage's settings where it is a CANopen drive."""
 
     name: str
     text: str
@@ -85,6 +87,7 @@ class Deployment:
     limits: Limits
     values: Mapping[str, float]
     verdict: Verdict | None = None
+    cia402: Cia402Table | None = None
 
     def task(self) -> Task:
         """What the controller node is built from. Raises ValueError for a rig that cannot be controlled."""
@@ -126,7 +129,17 @@ def parse_deployment(text: str, values: Mapping[str, float], name: str = "rig", 
         from_table(Limits, raw.get("limits", {}), "limits"),
         values,
         verdict,
+        _drive(raw, rig.kind),
     )
+
+
+def _drive(raw: Mapping[str, Any], kind: str) -> Cia402Table | None:
+    """The CANopen drive that the file names."""
+    if "cia402" not in raw:
+        return None
+    if kind != "magnetic":
+        raise ValueError(f"cia402 must stand with rig.kind magnetic, whose carriage it is; got {kind!r}")
+    return from_table(Cia402Table, raw["cia402"], "cia402")
 
 
 def _rig(raw: Mapping[str, Any]) -> Rig:

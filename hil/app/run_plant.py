@@ -6,31 +6,43 @@ import json
 import signal
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import can
 import numpy as np
 
+from controller.limits import Limits
 from hil.app.run import open_bus
 from hil.app.run_clock import Clock, ClockedBus, Grid
 from hil.app.run_file import BusTable
 from hil.app.run_loop import Signals, prepare_process
 from hil.app.track_scenario import load_track_scenario
-from hil.nodes.plant import SLOT_S, PlantNode
+from hil.nodes.cia402 import Cia402Table
+from hil.nodes.plant import SLOT_S, PlantNode, power_of
+from hil.nodes.power import CarriagePower
 from plant import layout as at
 from plant.session import Session
 
+if TYPE_CHECKING:
+    from hil.nodes.cia402_drive import Cia402Drive
 
-def run_plant(scenario_path: Path, interface: str, channel: str, seconds: float, priority: int = 0) -> dict[str, Any]:
+
+def run_plant(
+    scenario_path: Path, interface: str, channel: str, seconds: float, priority: int = 0, drive: str = "own"
+) -> dict[str, Any]:
     """Put the plant of a scenario on a bus for `seconds` or until a signal; what became of it, the truth included.
 
-    The plant's time is the wall clock's, `priority` as in a deployment: slots that come late are made up for at once, so it never runs slow.
+    `drive` "cia402" is a carriage that speaks CANopen. The plant's time is the wall clock's, `priority` as in a deployment: slots that
+    come late are made up for at once, so it never runs slow.
     """
     scenario = load_track_scenario(scenario_path)
     Session(scenario.truth, scenario.instruments, scenario.seed, 0.0).advance(0.0, SLOT_S)
     raw = open_bus(BusTable(interface, channel))
     clock = Clock()
     bus = ClockedBus(raw, clock)
-    node = PlantNode(Session(scenario.truth, scenario.instruments, scenario.seed, 0.0), scenario.limits, 2 * SLOT_S, bus, bus)
+    session = Session(scenario.truth, scenario.instruments, scenario.seed, 0.0)
+    carriage = _cia402(session, scenario.limits, bus) if drive == "cia402" else None
+    node = PlantNode(session, scenario.limits, 2 * SLOT_S, bus, bus, drive=carriage)
     prepare_process(priority, -1)
     print("ready", flush=True)
     grid, slots = Grid(clock, SLOT_S), 0
@@ -55,7 +67,17 @@ def run_plant(scenario_path: Path, interface: str, channel: str, seconds: float,
     }
 
 
+def _cia402(session: Session, limits: Limits, bus: can.BusABC) -> Cia402Drive:
+    """The scenario's carriage as a CANopen drive. Raises ValueError for another kind of drive."""
+    from hil.nodes.cia402_drive import Cia402Drive
+
+    kind, power = power_of(session, limits)
+    if not isinstance(power, CarriagePower):
+        raise ValueError(f"drive cia402 must be a carriage; got a rig of kind {kind}")
+    return Cia402Drive(bus, Cia402Table(), power, limits, 2 * SLOT_S)
+
+
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    found = run_plant(Path(sys.argv[1]), sys.argv[2], sys.argv[3], float(sys.argv[4]), int(sys.argv[5]))
+    found = run_plant(Path(sys.argv[1]), sys.argv[2], sys.argv[3], float(sys.argv[4]), int(sys.argv[5]), *sys.argv[6:])
     print(json.dumps(found), flush=True)

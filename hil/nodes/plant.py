@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import can
 import numpy as np
@@ -19,6 +19,9 @@ from plant import layout as at
 from plant.instruments import Reading
 from plant.rig import Coil, Magnet, Vibro
 from plant.session import Session
+
+if TYPE_CHECKING:
+    from hil.nodes.cia402_drive import Cia402Drive
 
 SLOT_S: Final = 1e-3
 """The drives' firmware runs this often."""
@@ -56,15 +59,17 @@ class PlantNode:
         *,
         force_seed: int | None = None,
         catalogue: Catalogue | None = None,
+        drive: Cia402Drive | None = None,
     ) -> None:
-        """`force_seed` None: without a force sensor. Raises ValueError for a drive that is not on the bus, or a tick that is no multiple of a slot."""
+        """`force_seed` None: without a force sensor. `drive`: another one than the catalogue's. Raises ValueError for a drive that is
+        not on the bus, or a tick that is no multiple of a slot."""
         self.slots = round(tick_s / SLOT_S)
         if self.slots < 1 or abs(self.slots * SLOT_S - tick_s) > 1e-9:
             raise ValueError(f"tick_s must be a multiple of the drives' {SLOT_S:g} s; got {tick_s:g}")
         catalogue = catalogue or frames()
         kind, power = power_of(session, limits)
         self.session, self.tamper = session, None
-        self.drive = DriveNode(drive_bus, catalogue, wiring_of(kind), power, limits, tick_s)
+        self.drive: DriveNode | Cia402Drive = drive or DriveNode(drive_bus, catalogue, wiring_of(kind), power, limits, tick_s)
         self._parts = _COIL_PARTS if kind == "coil" else 1
         self._localiser = _Localiser(sensor_bus, catalogue)
         self._force = None if force_seed is None else _ForceSensor(sensor_bus, catalogue, force_seed)

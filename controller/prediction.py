@@ -17,6 +17,7 @@ from models.drives.drive import Drive
 from models.drives.from_rig import drive_of, surface_of
 from models.effects import BY_ID
 from models.effects.effect import Effect
+from models.identification.kinds.driven import SWITCH_DELAY
 from models.parameter import nearest
 from models.rig import Rig
 
@@ -173,7 +174,8 @@ def control_model(
 
     `tick_s` in s is the controller's, `smoothing` in m/s what friction is rounded over. `driven` chooses the column that is commanded
     where the rig has several (`coil_voltage_V`). What `values` lacks keeps the rig file's number; an effect with the amplitude 0 is
-    left out. Raises ValueError for a rig without a free capsule, an unknown name, a value that is no finite number.
+    left out, and so is how late a record's switch was logged. Raises ValueError for a rig without a free capsule, an unknown name, a
+    value that is no finite number.
     """
     drive = drive_of(rig, driven)
     if drive.imposed:
@@ -186,7 +188,7 @@ def control_model(
     symbols = assembled(surface_of(rig), drive, effects, smoothing)
     numbers = {p.name: p.value for p in symbols.parameters}
     for name, value in values.items():
-        if name.split(".")[0] in BY_ID and name.split(".")[0] not in {e.id for e in effects}:
+        if name == SWITCH_DELAY or (name.split(".")[0] in BY_ID and name.split(".")[0] not in {e.id for e in effects}):
             continue
         if name not in numbers:
             raise ValueError(f"values must name the model's parameters; got {name!r}; {nearest(name, dict(numbers))}")

@@ -1,112 +1,121 @@
-"""`capsule demo`: the loop on printed measurements and on a simulated rig with an effect it keeps to itself."""
+"""`capsule demo`: the loop on printed measurements, and on two rigs that are driven over the bus, recorded, learnt from and driven again."""
 
 from __future__ import annotations
 
 import time
-import tomllib
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
+from typing import Any, Final
 
 from rich.table import Table
 
-from hil.app.close_loop import REPORT, find_and_write, read_series
-from hil.app.console import notes, print_json, summary
+from hil.app.close_loop import NUMBERS, REPORT
+from hil.app.console import json_text, print_json, summary
+from hil.app.demo_loop import LOOPS, LoopStory
+from hil.app.demo_page import demo_html
+from hil.app.demo_story import PRINTED, Story, Told
+from hil.app.demo_work import story_bars, told
 from hil.app.report import headline, report_json
-from hil.app.report.words import STAGE_WORDS, error_scale, number, scaled, tested_part
+from hil.app.report.words import DASH, STAGE_WORDS, effect_words, error_scale, listed, number, scaled, tested_part
 from hil.app.write import check_folder, write_files
-from models.identification.result import STAGES, Finding
-from models.rig import read_rig
-from models.sets import measured_path
-from plant.series import make_series
+from models.identification.result import STAGES
 
-SIMULATED_EFFECT, SIMULATED_SECONDS, SIMULATED_SEED = "fold_periodic", 30.0, 7
+PAGE, PAGE_NUMBERS = "demo.html", "demo.json"
+STORIES: Final[tuple[Story, ...]] = (*PRINTED, *LOOPS)
 
 
-@dataclass(frozen=True)
-class Story:
-    """One closed loop of the demo: `prepare` puts `rig.toml` and the records into a folder and names the latter."""
-
-    name: str
-    title: str
-    prepare: Callable[[Path], tuple[list[Path], list[Path]]]
-
-
-def _printed(measurement: str, rig: str) -> Callable[[Path], tuple[list[Path], list[Path]]]:
-    def prepare(folder: Path) -> tuple[list[Path], list[Path]]:
-        record = folder / f"{measurement}.csv"
-        write_files({folder / "rig.toml": rig, record: measured_path(measurement).read_bytes()})
-        return [record], []
-
-    return prepare
-
-
-def _simulated(folder: Path) -> tuple[list[Path], list[Path]]:
-    make_series("pull", SIMULATED_EFFECT, SIMULATED_SEED, folder, SIMULATED_SECONDS)
-    return [folder / f"train_{i}.csv.gz" for i in (1, 2, 3)], [folder / "holdout.csv.gz"]
-
-
-STORIES = (
-    Story(
-        "periods",
-        "measured: eight stick-slip periods (paper A, Table 2)",
-        _printed("analytical_table2_periods", '[rig]\nkind = "periods"\nvelocity_m_s = 0.5e-3\n'),
-    ),
-    Story(
-        "spectrum",
-        "measured: moduli of three gut samples (paper V, Table 2)",
-        _printed("viscoelastic_table2_dma", '[rig]\nkind = "dma"\n'),
-    ),
-    Story("simulated_pull", "simulated: a pull through a gut with an undeclared effect", _simulated),
-)
-
-
-def demo(out: Path, *, json_output: bool = False, seed: int = 0) -> None:
-    """Close the loop on every story and print the errors before and after; the reports go to a folder each under `out`."""
+def demo(out: Path, *, json_output: bool = False, seed: int = 0, stories: Sequence[Story] = STORIES) -> None:
+    """Tell every story, print the errors before and after, and leave the reports: `out`/demo.html and demo.json, and a folder for each
+    story with its own. All of it takes its place at the end or not at all. Raises ValueError of one sentence."""
     began = time.monotonic()
     check_folder(out, "--out")
-    findings: list[tuple[Story, Path, Finding]] = []
-    for story in STORIES:
-        folder = check_folder(out / story.name, "--out")
-        notes().print(story.title, markup=False, style="bold")
-        records, holdout = story.prepare(folder)
-        rig = read_rig(folder / "rig.toml")
-        findings.append((story, folder, find_and_write(rig, *read_series(records, holdout, rig), folder, story.name, seed)))
-    seconds = time.monotonic() - began
+    with TemporaryDirectory(dir=out, prefix=".demo-") as hidden:
+        work = Path(hidden)
+        longest_first = sorted(stories, key=lambda story: (not isinstance(story, LoopStory), story.name != LOOPS[-1].name))
+        with story_bars([story.name for story in stories]) as report:
+            found = told(longest_first, work, seed, report)
+        lines = [(story, found[story.name]) for story in stories]
+        seconds = time.monotonic() - began
+        document = {
+            "stories": [_numbers(story, one, out / story.name) for story, one in lines],
+            "report": str(out / PAGE),
+            "seed": seed,
+            "seconds": seconds,
+        }
+        write_files({work / PAGE: demo_html(lines, seconds), work / PAGE_NUMBERS: json_text(document)})
+        _put(work, out)
     if json_output:
-        print_json({"stories": [_numbers(*row) for row in findings], "seconds": seconds})
+        print_json(document)
     else:
-        _print(findings, seconds)
+        _say(lines, out, seconds)
 
 
-def _print(findings: list[tuple[Story, Path, Finding]], seconds: float) -> None:
+def _put(work: Path, out: Path) -> None:
+    """Move all files into place."""
+    for file in sorted(path for path in work.rglob("*") if path.is_file()):
+        target = out / file.relative_to(work)
+        check_folder(target.parent, "--out")
+        file.replace(target)
+
+
+def _numbers(story: Story, one: Told, folder: Path) -> dict[str, Any]:
+    """A story as JSON: the numbers of its report, and of a driven one what the gate said and how well each model tracked."""
+    document: dict[str, Any] = {
+        "story": story.name,
+        "title": story.title,
+        "report": str(folder / REPORT),
+        "numbers": str(folder / NUMBERS),
+        "hidden": ", ".join(one.hidden) or None,
+        **report_json(one.finding),
+    }
+    if one.gate:
+        document["gate"] = {
+            stage: {"passed": verdict.passed, "reasons": list(verdict.reasons)} for stage, verdict in one.gate.items()
+        }
+        document["tracking"] = {
+            stage: {**mission.numbers, "log": str(folder / mission.numbers["log"])} for stage, mission in one.missions.items()
+        }
+    return document
+
+
+def _say(lines: Sequence[tuple[Story, Told]], out: Path, seconds: float) -> None:
     console = summary()
-    table = Table(title="Error before and after", title_justify="left", show_lines=True)
+    table = Table(title="Before and after", title_justify="left", show_lines=True)
     table.add_column("story")
+    table.add_column("error of")
     for column in (*(STAGE_WORDS[stage] for stage in STAGES), "noise floor"):
         table.add_column(column, justify="right")
     table.add_column("verdict")
-    for story, _, finding in findings:
-        factor, unit = error_scale(finding)
-        part = tested_part(finding)
-        where = "held out" if part == "holdout" else "training"
-        cells = [f"{number(scaled(finding.error[part].get(stage), factor), 3)} {unit}" for stage in STAGES]
-        table.add_row(f"{story.title} ({where})", *cells, f"{number(factor * finding.noise_floor, 3)} {unit}", headline(finding))
+    for story, one in lines:
+        table.add_row(story.title, *_predicted(one), headline(one.finding))
+        if one.missions:
+            table.add_row("  the same run driven again", "tracking", *_tracked(one), "", _gate_words(one))
     console.print(table)
-    for story, folder, _ in findings:
-        hidden = _hidden(folder)
-        console.print(f"{story.name}: {folder / REPORT}", markup=False, soft_wrap=True)
-        if hidden:
-            console.print(f"  what the simulator kept to itself: {hidden}", markup=False)
+    for story, one in lines:
+        console.print(f"{story.name}: {out / story.name / REPORT}", markup=False, soft_wrap=True)
+        if one.hidden:
+            words = listed(effect_words(name) for name in one.hidden)
+            console.print(f"  what the simulated rig kept to itself: {words}", markup=False)
+    console.print(f"all: {out / PAGE}", markup=False, soft_wrap=True)
     console.print(f"{seconds:.0f} s", markup=False)
 
 
-def _numbers(story: Story, folder: Path, finding: Finding) -> dict[str, Any]:
-    hidden = _hidden(folder)
-    return {"story": story.name, "title": story.title, "report": str(folder / REPORT), "hidden": hidden, **report_json(finding)}
+def _predicted(one: Told) -> list[str]:
+    finding, part = one.finding, tested_part(one.finding)
+    factor, unit = error_scale(finding)
+    where = "prediction, held out" if part == "holdout" else "prediction, training"
+    values = [finding.error[part].get(stage) for stage in STAGES]
+    return [where, *(f"{number(scaled(value, factor), 3)} {unit}" for value in (*values, finding.noise_floor))]
 
 
-def _hidden(folder: Path) -> str | None:
-    answer = folder / "answer.toml"
-    return str(tomllib.loads(answer.read_text(encoding="utf-8"))["effect"]) if answer.is_file() else None
+def _tracked(one: Told) -> list[str]:
+    return [_rmse(one.missions[stage].numbers) if stage in one.missions else DASH for stage in STAGES]
+
+
+def _rmse(numbers: Mapping[str, Any]) -> str:
+    return f"{number(1e3 * numbers['tracking_rmse_m'], 3)} mm"
+
+
+def _gate_words(one: Told) -> str:
+    return "; ".join(f"gate, {stage}: {verdict.sentence}" for stage, verdict in one.gate.items())

@@ -142,7 +142,7 @@ def _simulate(
 
 @app.command("design")
 def _design(
-    rig: Annotated[Path, typer.Argument(metavar="RIG.toml", help="A rig of kind magnetic or coil.")],
+    rig: Annotated[Path, typer.Argument(metavar="RIG.toml", help="A rig of kind magnetic, coil or vibro.")],
     model: Annotated[Path | None, typer.Option("--model", metavar="MODEL.toml", help="A model that close-loop wrote.")] = None,
     stage: Annotated[str, typer.Option("--stage", metavar="nominal/calibrated/augmented", help="Which model.")] = "augmented",
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Draw the plots into this folder.")] = None,
@@ -152,7 +152,7 @@ def _design(
     ] = 15.0,
     json_output: Json = False,
 ) -> None:
-    """Linear design: gains, margins with delay, bandwidth, stick-slip cycles."""
+    """Linear design: gains, margins with delay, bandwidth, stick-slip cycles; for vibro resonance, gears and slow loop."""
     from hil.app.design import design
 
     design(rig, model, out, stage=stage, speed_mm_s=speed, delay_ms=delay, json_output=json_output)
@@ -241,7 +241,8 @@ def _demo(
     json_output: Json = False,
     seed: Seed = 0,
 ) -> None:
-    """The whole story in one go: measured and simulated records, what the model lacks, the error before and after."""
+    """The whole story in one go: drive, record, find what the model lacks, redeploy, compare."""
+    _one_thread()
     from hil.app.demo import demo
 
     demo(out, json_output=json_output, seed=seed)

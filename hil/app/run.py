@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 
 import can
 
 from hil.app.console import notes, output_to_notes, print_json, summary
-from hil.app.run_check import check, rehearse
+from hil.app.run_check import check, limits_point, rehearse
 from hil.app.run_clock import Clock, ClockedBus
 from hil.app.run_file import BusTable, Deployment, load_deployment
 from hil.app.run_loop import Outcome, Signals, lead, prepare_process
@@ -21,6 +22,8 @@ from hil.nodes.wiring import wiring_of
 from models.parameter import nearest
 
 ACTIONS = ("lead", "check")
+_DRIVERS = logging.getLogger("can")
+"""What drivers say beside their errors; the errors alone are told."""
 
 
 def run(path: Path, action: str = "lead", *, dry_run: bool = False, log: Path | None = None, json_output: bool = False) -> int:
@@ -34,6 +37,9 @@ def run(path: Path, action: str = "lead", *, dry_run: bool = False, log: Path | 
     verdict = deployment.verdict
     if action == "lead" and verdict is not None and not verdict.passed and not dry_run:
         raise ValueError(f"{path}: model must pass the gate before it leads; got: {verdict.sentence}")
+    limits = limits_point(deployment.limits, deployment.rig.kind, catalogue)
+    if action == "lead" and not limits.good:
+        raise ValueError(f"{path}: {limits.words}")
     with output_to_notes():
         task = deployment.task()
         bus = ClockedBus(_drives_bus(deployment, listen_only=dry_run or action == "check"), Clock())
@@ -60,6 +66,8 @@ def run(path: Path, action: str = "lead", *, dry_run: bool = False, log: Path | 
 
 def open_bus(table: BusTable) -> can.BusABC:
     """The bus that `[bus]` names. Raises ValueError of one sentence where there is none."""
+    if not _DRIVERS.handlers:
+        _DRIVERS.addHandler(logging.NullHandler())
     if table.interface not in can.VALID_INTERFACES:
         known = sorted(can.VALID_INTERFACES)
         raise ValueError(

@@ -44,7 +44,7 @@ def check(deployment: Deployment, task: Task, bus: ClockedBus, catalogue: Catalo
     """All points. Nothing is sent: sensors that sample at SYNC alone are heard only while something else sends it."""
     return [
         *_listen(deployment, bus, catalogue),
-        _limits(deployment.limits, deployment.rig.kind, catalogue),
+        limits_point(deployment.limits, deployment.rig.kind, catalogue),
         _model(deployment),
         _time(task, catalogue),
     ]
@@ -69,7 +69,7 @@ def _listen(deployment: Deployment, bus: ClockedBus, catalogue: Catalogue) -> li
     return [heard, drive, Point("localisation", age <= deployment.limits.age_s, seen)]
 
 
-def _limits(limits: Limits, kind: str, catalogue: Catalogue) -> Point:
+def limits_point(limits: Limits, kind: str, catalogue: Catalogue) -> Point:
     """Every limit must fit into its signal: beyond it the codec would refuse the command."""
     frame = catalogue[wiring_of(kind).command]
     for signal, name in _SIGNALS[kind]:
@@ -94,20 +94,20 @@ def _time(task: Task, catalogue: Catalogue) -> Point:
 
 def rehearse(task: Task, catalogue: Catalogue, ticks: int = REHEARSED) -> Histogram:
     """How long a tick takes, measured on a drive that is made up and does what it is told; the first half only warms up."""
-    tape, took = Tape(), Histogram()
-    node = ControllerNode(task, tape, catalogue=catalogue, dry_run=True)
-    speak = _made_up(node, tape, catalogue)
-    tick_s = task.model.tick_s
-    for k in range(ticks):
-        now = round(k * tick_s, 9)
-        speak(k, now)
-        if k == ticks // 8:
-            node.start(now)
-        began = time.perf_counter()
-        node.tick(now)
-        if k >= ticks // 2:
-            took.add(time.perf_counter() - began)
-    tape.shutdown()
+    took = Histogram()
+    with Tape() as tape:
+        node = ControllerNode(task, tape, catalogue=catalogue, dry_run=True)
+        speak = _made_up(node, tape, catalogue)
+        tick_s = task.model.tick_s
+        for k in range(ticks):
+            now = round(k * tick_s, 9)
+            speak(k, now)
+            if k == ticks // 8:
+                node.start(now)
+            began = time.perf_counter()
+            node.tick(now)
+            if k >= ticks // 2:
+                took.add(time.perf_counter() - began)
     return took
 
 

@@ -58,6 +58,8 @@ class ControlTable:
                 raise ValueError(f"control.{name} must lie in [{lower:g}, {upper:g}]; got {getattr(self, name):g}")
         if not 0 <= self.priority <= 99:
             raise ValueError(f"control.priority must lie in [0, 99]; got {self.priority}")
+        if self.core < -1:
+            raise ValueError(f"control.core must be a core's number, or -1 for any; got {self.core}")
 
 
 @dataclass(frozen=True)

@@ -64,7 +64,7 @@ class Outcome:
     @property
     def well(self) -> bool:
         """Whether nothing but time or the operator ended it."""
-        return not self.reason and self.ended != "nothing to lead"
+        return not self.reason and self.led
 
 
 def lead(node: ControllerNode, clock: Clock, duration_s: float, recorder: Recorder, signals: Signals) -> Outcome:
@@ -86,7 +86,8 @@ def lead(node: ControllerNode, clock: Clock, duration_s: float, recorder: Record
         while node.state == RUNNING and now - origin < duration_s and not signals.wanted:
             now = _tick(node, outcome, recorder)
     outcome.reason = node.reason if node.state == FAULTY else ""
-    outcome.ended = outcome.reason or signals.wanted or ("time is up" if outcome.led else "nothing to lead")
+    missing = node.ears.doubt(now) or "no feedback of the drive"
+    outcome.ended = outcome.reason or signals.wanted or ("time is up" if outcome.led else f"nothing to lead: {missing}")
     _come_to_rest(node, outcome, recorder, now)
     return outcome
 

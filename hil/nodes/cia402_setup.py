@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from typing import Final
 
@@ -87,6 +88,7 @@ def set_up(bus: can.BusABC, table: Cia402Table, limits: Limits, tick_s: float, t
         raise ValueError(
             "cia402 must have the package canopen; install the extra: pip install 'capsule-control[canopen]'"
         ) from None
+    logging.getLogger("canopen").setLevel(logging.CRITICAL)
     network = canopen.Network(bus)
     network.connect()
     try:

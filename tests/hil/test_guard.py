@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from controller.envelope import envelope_of
 from controller.limits import Limits
 from hil.bus.protection import Receiver
-from hil.nodes.guard import Evidence, Fence, Guard, Passed, passed
+from hil.nodes.guard import STOP_PERIOD_S, Evidence, Fence, Guard, Passed, passed
 from hil.nodes.wiring import (
     BOOT,
     DERATED,
@@ -51,15 +51,17 @@ def on(value: float = 0.0, **more: object) -> Passed:
 
 
 class Wire(can.BusABC):
-    """Keeps what is sent; refuses all of it where `dead`."""
+    """Keeps what is sent, and how long its sender would have waited; refuses all of it where `dead`."""
 
     def __init__(self) -> None:
         super().__init__(channel="wire")
         self.sent: list[can.Message] = []
+        self.patience: set[float | None] = set()
         self.dead: Exception | None = None
         self.shutdown()
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        self.patience.add(timeout)
         if self.dead is not None:
             raise self.dead
         self.sent.append(msg)
@@ -85,6 +87,13 @@ def test_a_fine_command_leaves_unchanged() -> None:
 def test_range(wanted: float, left: float) -> None:
     out = passed(wanted, ENABLE, GOOD, on(), 2 * TICK, replace(COIL, rate=math.inf))
     assert (out.value, out.reason) == (left, "limit" if left != wanted else "")
+
+
+def test_what_is_no_more_than_a_rounding_counts_as_fine() -> None:
+    """1e-9 of the range, whatever the range."""
+    wide = replace(COIL, low=-1000.0, high=1000.0, rate=math.inf)
+    assert passed(1000.0 + 1e-6, ENABLE, GOOD, on(), TICK, wide).reason == ""
+    assert passed(1000.0 + 3e-6, ENABLE, GOOD, on(), TICK, wide).reason == "limit"
 
 
 def test_travel() -> None:
@@ -167,6 +176,7 @@ def test_old_localisation_halves_what_is_allowed() -> None:
     assert passed(1.0, ENABLE, old, on(0.1), TICK, CARRIAGE).value == pytest.approx(0.1 + 0.5 * 0.25 * TICK)
     assert passed(0.8, ENABLE, old, on(0.4), TICK, COIL).value == 0.4
     assert passed(-0.8, ENABLE, old, on(-0.4), TICK, COIL).value == -0.4
+    assert passed(0.9, ENABLE, old, on(0.9), TICK, CARRIAGE) == Passed(0.9, 0.0, ENABLE), "a carriage is slowed, not drawn back"
     just = replace(GOOD, localisation_s=0.05)
     assert passed(1.0, ENABLE, just, on(0.1), TICK, CARRIAGE).value == pytest.approx(0.1005)
 
@@ -214,7 +224,8 @@ def test_the_whitelist(wire: Wire) -> None:
     guard = guard_on(wire)
     assert not guard.send("CoilCommand", wiring_of("coil").values(0.0, 0.0, ENABLE), 0.0)
     assert not guard.send("Nonsense", {}, 0.0)
-    assert guard.refused == {"CoilCommand": 1, "Nonsense": 1}
+    assert not guard.send("Nonsense", {}, 0.1)
+    assert guard.refused == {"CoilCommand": 1, "Nonsense": 2}
     assert not wire.sent
     for name, values in (
         ("Sync", {"Tick": 1, "Period_s": TICK}),
@@ -225,6 +236,7 @@ def test_the_whitelist(wire: Wire) -> None:
         assert guard.send(name, values, 1.5)
         assert wire.sent[-1].arbitration_id == frames()[name].id
         assert (wire.sent[-1].timestamp, wire.sent[-1].is_extended_id, wire.sent[-1].is_rx) == (1.5, False, False)
+    assert wire.patience == {0}, "the control path never waits for the bus"
 
 
 def test_what_does_not_fit_its_frame_is_not_sent(wire: Wire) -> None:
@@ -269,6 +281,10 @@ def test_the_command_frame(wire: Wire) -> None:
     assert second["TimeToLive_ms"] == 10
 
 
+def test_the_first_command_moves_as_if_two_ticks_had_passed(wire: Wire) -> None:
+    assert guard_on(wire).command(10.0, 1.0, ENABLE, GOOD).value == pytest.approx(0.25 * 2 * TICK)
+
+
 def test_slew_counts_the_time_between_commands(wire: Wire) -> None:
     guard = guard_on(wire)
     assert guard.sent == Passed(0.0, 0.0, OFF)
@@ -292,6 +308,15 @@ def test_a_stop_is_told_twice(wire: Wire) -> None:
     guard.command(25 * TICK, 0.0, OFF, GOOD)
     guard.command(26 * TICK, 0.0, ENABLE, late)
     assert wire.sent[-1].arbitration_id == stop
+
+
+def test_when_a_stop_is_told_again(wire: Wire) -> None:
+    """Not twice at the same moment, at half a tick before the period, and with the time it is told at."""
+    guard, stop = guard_on(wire), frames()["SafeStop"].id
+    late = replace(GOOD, feedback_s=1.0)
+    for now in (0.0, 0.0, STOP_PERIOD_S - 0.5 * TICK):
+        guard.command(now, 0.0, ENABLE, late)
+    assert [m.timestamp for m in wire.sent if m.arbitration_id == stop] == [0.0, STOP_PERIOD_S - 0.5 * TICK]
 
 
 def test_a_clock_that_goes_back_does_not_silence_the_stop(wire: Wire) -> None:

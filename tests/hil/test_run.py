@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -28,6 +29,7 @@ from hil.app.run_loop import Signals
 from hil.bus.catalogue import load_catalogue
 from hil.bus.local import LocalBus
 from hil.bus.log_reading import read_log_record
+from hil.bus.protection import Sender
 from models.rig import Rig
 from tests.hil.deployments import PLANT, deployment
 
@@ -152,9 +154,33 @@ def test_a_dry_run_sends_nothing(tmp_path: Path, channel: str, capsys: pytest.Ca
         log = tmp_path / "dry.blf"
         assert run(["run", rig_file(tmp_path, deployment(channel)), "--dry-run", "--log", str(log), "--json"]) == 0
         found = json.loads(capsys.readouterr().out)
-        assert found["ended"] == "nothing to lead"
+        assert found["ended"] == "nothing to lead: no feedback of the drive"
         assert ears.recv(0) is None
     assert run(["replay", str(log)]) == 0
+
+
+def test_a_drive_with_another_dbc_is_not_led(tmp_path: Path, channel: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its heartbeat carries the fingerprint of the file it knows."""
+    catalogue = load_catalogue()
+    beat, feedback = Sender(catalogue["CarriageHeartbeat"]), Sender(catalogue["CarriageFeedback"])
+    told = {"Position_m": 0.0, "Velocity_m_s": 0.0, "State": 2, "Temperature_degC": 25.0}
+    over = threading.Event()
+
+    def speak() -> None:
+        with LocalBus(channel) as drive:
+            while not over.wait(0.005):
+                other = {"State": 1, "Uptime_s": 0.0, "Catalogue": catalogue.fingerprint ^ 1}
+                for frame, data in (("CarriageHeartbeat", beat.frame(other)), ("CarriageFeedback", feedback.frame(told))):
+                    drive.send(can.Message(arbitration_id=catalogue[frame].id, is_extended_id=False, data=data))
+
+    drive = threading.Thread(target=speak)
+    drive.start()
+    try:
+        assert run(["run", rig_file(tmp_path, deployment(channel)), "--log", str(tmp_path / "log.blf"), "--json"]) == 1
+    finally:
+        over.set()
+        drive.join()
+    assert json.loads(capsys.readouterr().out)["ended"] == "nothing to lead: drive knows another DBC"
 
 
 def test_check_says_what_is_missing(tmp_path: Path, channel: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -174,7 +200,10 @@ def test_check_says_what_is_missing(tmp_path: Path, channel: str, capsys: pytest
         (deployment(interface="socketcn"), "bus.interface must be one of"),
         (deployment(interface="socketcan", channel="nocan9"), "bus must be one that opens; got socketcan 'nocan9'"),
         (deployment(channel="y" * 150), "bus must be one that opens"),
+        (deployment(interface="pcan"), "bus must be one that opens; got pcan"),
         (deployment(control="tick_s = 0.5"), "control.tick_s must lie in"),
+        (deployment(control="core = -2"), "control.core must be a core's number"),
+        (deployment(more="[limits]\ncarriage_speed_m_s = 0.5\n"), "carriage_speed_m_s must be at most 0.4"),
         (deployment(control="duratoin_s = 1"), "did you mean"),
         (deployment(control='controller = "mpcc"'), "controller must be one of"),
         (deployment(more="[bis]"), "tables must be among"),

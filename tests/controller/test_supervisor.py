@@ -4,84 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from controller.envelope import envelope_of
-from controller.gate import Verdict
 from controller.rules import Rules
-from controller.signals import Action, Array, Estimate, Reference
+from controller.signals import Action, Estimate
 from controller.supervisor import Supervisor
 from models.drives.coil import Coil
 from models.drives.magnetic import Magnetic
 from models.drives.vibro import Vibro
-
-DT = 0.002
-PASSED, REFUSED = Verdict(), Verdict(("worse on held-out records",))
-
-
-@dataclass
-class Ramp:
-    """A reference that moves at `rate`."""
-
-    rate: float = 0.0
-
-    def position(self, t: Array) -> Array:
-        return self.rate * t
-
-    def speed(self, t: Array) -> Array:
-        return np.full_like(t, self.rate)
-
-
-@dataclass
-class Stub:
-    """A controller that answers as `answer` says; counts how often it was asked and reset."""
-
-    name: str
-    answer: Callable[[float], Any]
-    resets: list[tuple[float, float]] = field(default_factory=list)
-    asked: int = 0
-
-    def reset(self, now: float, estimate: Estimate, command: float) -> None:
-        self.resets.append((now, command))
-
-    def act(self, now: float, estimate: Estimate, reference: Reference) -> Any:
-        self.asked += 1
-        return self.answer(now)
-
-
-def steady(name: str, command: float) -> Stub:
-    return Stub(name, lambda now: Action(command))
-
-
-def raises(now: float) -> Action:
-    raise RuntimeError("no solution")
-
-
-def estimate(now: float, x: float = 0.0, v: float = 0.0, lost: bool = False) -> Estimate:
-    return Estimate(now, np.array([x, v]), np.array([1e-4, 1e-3]), 0.0, lost)
-
-
-def run(
-    supervisor: Supervisor,
-    ticks: int,
-    start: int = 0,
-    believed: Callable[[float], Any] = estimate,
-    reference: Reference | None = None,
-) -> list[Action]:
-    reference = Ramp(1e-3) if reference is None else reference
-    return [supervisor.act(i * DT, believed(i * DT), reference) for i in range(start, start + ticks)]
-
-
-def magnetic(*chain: Stub, rules: Rules | None = None) -> Supervisor:
-    supervisor = Supervisor(chain, envelope_of(Magnetic()), rules)
-    supervisor.reset(0.0, estimate(0.0), 0.0)
-    return supervisor
+from tests.controller.supervisor_stubs import DT, Ramp, Stub, estimate, magnetic, raises, run, steady
 
 
 def test_the_first_controller_is_in_charge_while_it_works() -> None:
@@ -237,33 +172,6 @@ def test_limits_that_are_hit_now_and_then_are_no_failure() -> None:
     assert supervisor.active == "mpc"
 
 
-def test_a_new_model_is_taken_at_rest_only_and_without_a_step() -> None:
-    old, new = steady("mpc", 2e-3), steady("mpc 2", 3e-3)
-    supervisor = magnetic(old, rules=Rules(rest_s=0.2, blend_s=0.2))
-    run(supervisor, 200)
-    assert supervisor.offer([new], PASSED)
-    run(supervisor, 200, start=200)
-    assert new.asked == 0
-    run(supervisor, 200, start=400, believed=lambda t: estimate(t, v=5e-3), reference=Ramp(0.0))
-    assert new.asked == 0
-    run(supervisor, 80, start=600, reference=Ramp(0.0))
-    assert new.asked == 0
-    actions = run(supervisor, 400, start=680, reference=Ramp(0.0))
-    assert supervisor.active == "mpc 2"
-    assert new.resets[0][1] == pytest.approx(2e-3)
-    assert max(np.abs(np.diff([action.command for action in actions]))) <= 1e-3 * DT / 0.2 * 1.01
-    assert actions[-1].command == pytest.approx(3e-3)
-
-
-def test_a_model_that_did_not_pass_the_gate_is_never_taken() -> None:
-    old, new = steady("mpc", 0.0), steady("mpc 2", 0.0)
-    supervisor = magnetic(old)
-    assert not supervisor.offer([new], REFUSED)
-    run(supervisor, 1000, reference=Ramp(0.0))
-    assert supervisor.active == "mpc"
-    assert any("worse on held-out" in event.reason for event in supervisor.events)
-
-
 def test_a_hot_drive_is_switched_off() -> None:
     supervisor = Supervisor([steady("mpc", 0.5)], envelope_of(Coil()))
     supervisor.reset(0.0, estimate(0.0), 0.0)
@@ -276,47 +184,6 @@ def test_an_inner_mass_is_switched_and_not_blended() -> None:
     supervisor = Supervisor([Stub("waveform", lambda now: Action(float(now % 0.1 < 0.05)))], envelope_of(Vibro()))
     supervisor.reset(0.0, estimate(0.0), 0.0)
     assert {action.command for action in run(supervisor, 200)} == {0.0, 1.0}
-
-
-answers = st.one_of(
-    st.just(raises),
-    st.floats().map(lambda c: lambda now: Action(c)),
-    st.floats(-0.01, 0.01).map(lambda c: lambda now: Action(c)),
-    st.sampled_from(["late", "failed", "lost", "stopped", "nonsense"]).map(lambda s: lambda now: Action(1e-3, s)),  # type: ignore[arg-type]
-    st.just(lambda now: None),
-)
-estimates = st.builds(
-    lambda age, x, v, lost: lambda t: Estimate(t - age, np.array([x, v]), np.zeros(2), 0.0, lost),
-    st.one_of(st.floats(0, 0.01), st.floats()),
-    st.one_of(st.floats(-0.1, 0.1), st.floats()),
-    st.one_of(st.floats(-0.01, 0.01), st.floats()),
-    st.booleans(),
-)
-
-
-@given(
-    script=st.lists(st.tuples(answers, answers, estimates, st.one_of(st.just(DT), st.floats())), min_size=1, max_size=30),
-    drive=st.sampled_from([Magnetic(), Coil(), Vibro()]),
-)
-def test_nothing_that_happens_raises_or_gets_past_the_limits(script: list[tuple[Any, Any, Any, float]], drive: Any) -> None:
-    turn = {"best": raises, "second": raises}
-    chain = [Stub(name, lambda now, name=name: turn[name](now)) for name in turn]  # type: ignore[misc]
-    envelope = envelope_of(drive)
-    supervisor = Supervisor(chain, envelope, Rules(retry_s=0.0))
-    supervisor.reset(0.0, estimate(0.0), 0.0)
-    now, before = 0.0, supervisor.issued
-    for best, second, believed, dt in script:
-        turn.update(best=best, second=second)
-        now += dt
-        action = supervisor.act(now, believed(now), Ramp(0.0))
-        assert math.isfinite(action.command)
-        assert envelope.low <= action.command <= envelope.high
-        if drive.name == "magnetic":
-            step = envelope.rate * envelope.limits.longest_tick_s
-            assert abs(action.command - before.command) <= step + np.spacing(
-                abs(before.command) + step
-            )  # one rounding of the sum
-        before = replace(supervisor.issued)
 
 
 def test_an_empty_chain_is_refused() -> None:

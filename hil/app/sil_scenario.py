@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from hil.app.track_scenario import LARGEST_FILE, TrackScenario, parse_track_scenario
+from hil.app.track_scenario import LARGEST_FILE, TABLES, TrackScenario, parse_track_scenario
 from hil.nodes.fault import Fault, read_faults
 from hil.nodes.plant import SLOT_S
 from hil.nodes.wiring import frames, wiring_of
+from models.parameter import nearest
 from plant.reading import from_table
 
 OWN_TABLES: Final = ("bus", "faults")
@@ -58,6 +59,10 @@ def load_sil_scenario(path: Path) -> tuple[SilScenario, str]:
 
 def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
     """A loop over the bus from parsed TOML. Errors as `load_sil_scenario`."""
+    known = (*TABLES, *OWN_TABLES)
+    for name in raw:
+        if name not in known:
+            raise ValueError(f"tables must be among {', '.join(known)}; got [{name}]; {nearest(name, known)}")
     loop = parse_track_scenario({name: table for name, table in raw.items() if name not in OWN_TABLES})
     if "tick_s" not in raw.get("control", {}):
         cycle = frames()[wiring_of(loop.kind).command].cycle_s

@@ -1,0 +1,47 @@
+"""docs/bus.md says what the DBC, the fault catalogue and the tests' limits say."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from hil.bus.catalogue import load_catalogue
+from hil.bus.table import frames_table, load_table
+from hil.nodes.fault import KINDS
+from tests.hil.sil_runs import RIGS
+from tests.hil.test_faults import HARMLESS, REFUSED, UNSEEN, allowed_s
+
+PAGE = (Path(__file__).parents[2] / "docs" / "bus.md").read_text(encoding="utf-8")
+
+
+def test_frames_and_load_are_those_of_the_dbc() -> None:
+    """`python -m hil.bus.table` prints them anew."""
+    assert frames_table(load_catalogue()) in PAGE
+    assert load_table(load_catalogue()) in PAGE
+
+
+def limits(kind: str, target: str) -> str:
+    """The limits in ms of a fault on each drive, as the page writes them."""
+    through = [(kind, target) in HARMLESS or kind in REFUSED or ((rig, kind) in UNSEEN and target == "feedback") for rig in RIGS]
+    return " / ".join("-" if free else f"{1e3 * allowed_s(rig, kind, target):g}" for rig, free in zip(RIGS, through, strict=True))
+
+
+def test_every_fault_stands_there_with_its_limits() -> None:
+    rows = dict(re.findall(r"^\| ([a-z_]+(?: [a-z()]+)?) \| [^|]+ \| ([-\d./ ]+) \| [^|]+ \|$", PAGE, re.M))
+    expected = {
+        f"{kind} (any)" if kind in REFUSED else f"{kind} {target}".strip(): limits(kind, target)
+        for kind, known in KINDS.items()
+        for target in known.targets
+    }
+    assert rows == expected
+
+
+def test_no_measured_time_exceeds_its_limit() -> None:
+    found = 0
+    for row in re.findall(r"^\| [^|]+ \| [^|]+ \| ([-\d./ ]+) \| ([\d./ a-z]+) \|$", PAGE, re.M):
+        allowed, measured = (cell.split(" / ") for cell in row)
+        for limit, worst in zip(allowed, measured if len(measured) > 1 else 3 * measured, strict=True):
+            assert (limit == "-") == (worst == "rode through")
+            assert limit == "-" or float(worst) <= float(limit)
+            found += 1
+    assert found == 3 * 31

@@ -67,5 +67,6 @@ def move_wall(v: float, dt: float, hoop: float, s: Floats, p: Floats, h: Floats,
             u = v * min(dt, abs(u) / max(back, 1e-15))
             s[S_SLIP] = 0.0
         elif slip * v < -back:
+            u = s[S_U] + dt * v
             s[S_SLIP] = 0.0
     s[S_U] = u

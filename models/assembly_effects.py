@@ -54,6 +54,12 @@ class Active:
             speed = e().recovery(s, self._own(e, self.p), self._own(e, self.z), speed, onset)
         return speed
 
+    def onset(self, s: Signals, level: Any) -> Any:
+        """The factor on the slip limit."""
+        for e in self.effects:
+            level = e().onset(s, self._own(e, self.p), self._own(e, self.z), level)
+        return level
+
     def advance(self, s: Signals, h: Any) -> Active:
         """The same effects with their hidden states a step `h` later."""
         z = dict(self.z)

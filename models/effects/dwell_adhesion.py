@@ -25,6 +25,7 @@ class DwellAdhesion(Effect):
     probe = 0.1
     look_alikes = ("stribeck", "stress_relaxation")
     separated_by = "slide, hold, slide with holds of 0.1 to 30 s"
+    refined_by = ("level_at_onset",)
 
     peak: Parameter = Parameter("peak", 0.0, "1", -0.5, 3.0, "rate and state ageing, Dillavou arXiv:1908.02676", fit=True)
     ageing_time_s: Parameter = Parameter(

@@ -52,7 +52,7 @@ class Effect:
     probe: ClassVar[float] = 0.1
     look_alikes: ClassVar[tuple[str, ...]] = ()
     separated_by: ClassVar[str] = ""
-    refined_by: ClassVar[str] = ""
+    refined_by: ClassVar[tuple[str, ...]] = ()
 
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:
@@ -67,6 +67,10 @@ class Effect:
     def level(self, s: Signals, p: Values, z: Values) -> Any:
         """Factor on the wall's grip, that is on F_e and f_c (on the Coulomb friction of a plate or an axis)."""
         return 1.0
+
+    def onset(self, s: Signals, p: Values, z: Values, level: Any) -> Any:
+        """Factor on the slip limit f_c alone, given the one that `level` would give it."""
+        return level
 
     def force(self, s: Signals, p: Values, z: Values) -> Any:
         """Extra force on the capsule along +x in N; a resistance has the sign of -v."""

@@ -25,6 +25,7 @@ class FoldPeriodic(Effect):
     probe = 0.05
     look_alikes = ("lumen_taper", "peristaltic_wave")
     separated_by = "reverse over the same place"
+    refined_by = ("level_at_onset",)
 
     depth: Parameter = Parameter("depth", 0.0, "1", -0.9, 0.9, "folds up to 8 mm deep (Gray)", fit=True)
     wavelength_m: Parameter = Parameter("wavelength_m", 0.008, "m", 0.002, 0.016, "folds up to 8 mm deep (Gray)", fit=True)

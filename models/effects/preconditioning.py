@@ -24,6 +24,7 @@ class Preconditioning(Effect):
     probe = 0.05
     look_alikes = ("tissue_drying",)
     separated_by = "revisit the old place against a new one; wait without moving"
+    refined_by = ("level_at_onset",)
 
     fall: Parameter = Parameter("fall", 0.0, "1", -1.0, 0.9, "Terry 2014: 13 cycles; Mullins", fit=True)
     length_m: Parameter = Parameter("length_m", 0.05, "m", 0.01, 0.5, "Terry 2014: 13 cycles; Mullins", fit=True)

@@ -26,7 +26,7 @@ class ViscousDrag(Effect):
     probe = 0.002
     look_alikes = ("stribeck", "wall_viscosity", "back_emf")
     separated_by = "two drive amplitudes; speeds over two decades"
-    refined_by = "level_over_speed"
+    refined_by = ("level_over_speed",)
 
     coefficient_N: Parameter = Parameter(
         "coefficient_N", 0.0, "N at 10 mm/s", -0.1, 0.3, "Tribol. Lett. 51:377; shear-thinning mucus n 0.3 to 0.6", fit=True

@@ -166,7 +166,7 @@ def _statements(found: Search, verdict: str) -> list[str]:
             f"The effects take away {100 * min(found.explained, 1.0):.0f} % of the misfit beyond chance on records not used to fit them."
         )
     said += [
-        f"{BY_ID[name].summary.capitalize()} ({name}) mends the shape of {', '.join(e for e in found.effects if BY_ID[e].refined_by == name)}."
+        f"{BY_ID[name].summary.capitalize()} ({name}) mends the shape of {', '.join(e for e in found.effects if name in BY_ID[e].refined_by)}."
         for name in found.refinements
     ]
     if verdict == "unknown":

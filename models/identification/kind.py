@@ -49,6 +49,11 @@ class Kind(Protocol):
         ...
 
     @property
+    def final(self) -> int:
+        """The stage at which the model that is reported is polished: the last one, or the same computed more exactly."""
+        ...
+
+    @property
     def judges(self) -> tuple[int, ...]:
         """Stages that judge a model, block by block the one under which it fits better: an observer may lose a step that the free run
         keeps, and the free run one that the observer keeps."""

@@ -106,8 +106,8 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
         start = refit(kind, train, found.model, {**base.theta, **thetas[0]})
         found.augmented = descend(kind, train, found.model, start, last, 0.03, 10)
     if kind.stages > 1:
-        for _ in range(2):
-            found.augmented = polish(kind, train, found.model, found.augmented, last, rng)
+        found.augmented = polish(kind, train, found.model, found.augmented, last, rng)
+        found.augmented = polish(kind, train, found.model, found.augmented, kind.final, rng, 5)
     if not found.effects:
         found.calibrated = found.augmented
     clock.note("final fit", found)
@@ -131,17 +131,20 @@ def _test_again(kind: Kind, splits: Sequence[Split], thetas: list[dict[str, floa
 def _refined(
     kind: Kind, splits: Sequence[Split], thetas: list[dict[str, float]], found: Search
 ) -> tuple[list[str], list[dict[str, float]]]:
-    """Free curves in place of the named effects' own shapes, where validation records gain by them."""
-    kept: list[str] = []
-    wanted = dict.fromkeys(BY_ID[name].refined_by for name in found.effects)
-    for curve in (name for name in wanted if name and kind.name in BY_ID[name].kinds):
-        model = [*found.effects, *kept, curve]
+    """What mends the named effects' own shapes: of the refinements, one after the other, the fewest that do about as well on validation
+    records as the best."""
+    wanted = dict.fromkeys(curve for name in found.effects for curve in BY_ID[name].refined_by)
+    curves = [name for name in wanted if kind.name in BY_ID[name].kinds]
+    rows = [(found.after, thetas)]
+    for k in range(len(curves)):
+        model = [*found.effects, *curves[: k + 1]]
         again = [step_on(kind, part, model, descend(kind, part, model, theta, 0, 0.1, 10).theta).theta
-                 for (part, _), theta in zip(splits, thetas, strict=True)]  # fmt: skip
-        cost = _cost(kind, splits, again)
-        if np.log(found.after / cost) > REFINES:
-            kept, thetas, found.after = [*kept, curve], again, cost
-    return kept, thetas
+                 for (part, _), theta in zip(splits, rows[-1][1], strict=True)]  # fmt: skip
+        rows.append((_cost(kind, splits, again), again))
+    least = min(cost for cost, _ in rows)
+    number = next(k for k, (cost, _) in enumerate(rows) if np.log(cost / least) <= REFINES)
+    found.after, thetas = rows[number]
+    return curves[:number], thetas
 
 
 def _cost(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[str, float]]) -> float:

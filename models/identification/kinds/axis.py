@@ -42,6 +42,7 @@ class AxisKind:
     effects: tuple[type[Effect], ...] = EFFECTS
     name: str = "axis"
     stages: int = 1
+    final: int = 0
     judges: tuple[int, ...] = (0,)
     slow_view: bool = False
     restarts: int = 0

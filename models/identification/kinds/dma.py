@@ -40,6 +40,7 @@ class DmaKind:
     effects: tuple[type[Effect], ...] = (BroadRelaxation,)
     name: str = "dma"
     stages: int = 2
+    final: int = 1
     judges: tuple[int, ...] = (1,)
     slow_view: bool = False
     restarts: int = 0

@@ -117,6 +117,11 @@ class GutKind:
         return len(self.memories) + 1
 
     @property
+    def final(self) -> int:
+        """The free run at fine steps."""
+        return self.stages + 1
+
+    @property
     def judges(self) -> tuple[int, ...]:
         """The observer that forgets slowest, and the free run."""
         return (self.stages - 2, self.stages - 1)
@@ -134,13 +139,13 @@ class GutKind:
         """The measured column."""
         return record[self.quantity]
 
-    def _run(self, record: Record, theta: Theta, memory: float | None, measured: Array | None) -> Array:
+    def _run(self, record: Record, theta: Theta, memory: float | None, measured: Array | None, fine: bool = True) -> Array:
         active = active_effects(theta)
         assembly, kernel = _model(self.surface, self.drive, active)
         rigid = self.drive.imposed and "string_compliance" not in active
         even = evenly(record, (self.drive.commanded, self.quantity))
         measured = None if measured is None else even[self.quantity]
-        fed = feed(self.drive, even, rigid, theta.get(SWITCH_DELAY, 0.0))
+        fed = feed(self.drive, even, rigid, theta.get(SWITCH_DELAY, 0.0), fine)
         shown = np.empty(len(fed.commands))
         kernel(
             self._start(assembly, even, measured),
@@ -186,7 +191,7 @@ class GutKind:
 
     def residual(self, record: Record, theta: Theta, stage: int = 0) -> Array:
         memory = self.memories[stage] if stage < len(self.memories) else None
-        output = self._run(record, theta, memory, record[self.quantity])
+        output = self._run(record, theta, memory, record[self.quantity], stage == self.final)
         if not memory:
             output = self._from_the_start(record, output)
         r = (record[self.quantity] - output) / self.noise_std

@@ -69,6 +69,7 @@ class PeriodsKind:
     effects: tuple[type[Effect], ...] = (SingleSpeedStiffening,)
     name: str = "periods"
     stages: int = 1
+    final: int = 0
     judges: tuple[int, ...] = (0,)
     slow_view: bool = False
     restarts: int = 0

@@ -46,6 +46,7 @@ class VibroTableKind:
     effects: tuple[type[Effect], ...] = EFFECTS
     step_s: float = STEP_S
     stages: int = 1
+    final: int = 0
     judges: tuple[int, ...] = (0,)
     slow_view: bool = False
     restarts: int = 0

@@ -10,7 +10,7 @@ from plotly.offline import get_plotlyjs
 
 from hil.app.close_loop import MODEL, REPORT
 from hil.app.demo_figures import improvement_figure, left_over_figure, mission_figure
-from hil.app.demo_story import Story, Told
+from hil.app.demo_story import Mission, Story, Told
 from hil.app.report import headline
 from hil.app.report.figure_traces import trace_figure
 from hil.app.report.page import STYLE
@@ -115,7 +115,7 @@ def _loop(story: Story, told: Told) -> str:
     effects = "".join(
         f"<h3>{escape(effect_words(effect.id))}</h3>{parameter_table(effect.parameters)}" for effect in finding.effects
     )
-    stages = ", ".join(f"{stage} {mission.numbers['tracking_rmse_m'] * 1e3:.3g} mm" for stage, mission in told.missions.items())
+    stages = ", ".join(f"{_tracked(mission)} with the {stage} model" for stage, mission in told.missions.items())
     parts = [
         f"<p>Kept from controller, model and search: <b>{escape(kept)}</b>. The rig was driven over the bus under the nominal model; "
         "close-loop read the logs of those runs. The mission below was never among them.</p>",
@@ -124,12 +124,18 @@ def _loop(story: Story, told: Told) -> str:
         f"<h3>Prediction, on a run that no fit has seen</h3><p>{escape(error_story(finding))}</p>",
         _figure(trace_figure(panels(finding, held)[0], POINTS), f"{key}-held-out"),
         f"<h3>Gate</h3><p>{_gate(told)}</p>",
-        f"<h3>The same run again</h3><p>Rms tracking error of the true path, one seed for all: {escape(stages)}.</p>",
+        f"<h3>The same run again</h3><p>Rms (largest) tracking error of the true path, under one seed: {escape(stages)}.</p>",
         _figure(mission_figure(told.missions), f"{key}-mission"),
         f'<p><a href="{key}/{REPORT}">Report of close-loop</a>, <a href="{key}/{MODEL}">model</a>; beside them the scenario and log '
         "of every run.</p>",
     ]
     return "".join(parts)
+
+
+def _tracked(mission: Mission) -> str:
+    rms, largest = (1e3 * mission.numbers[key] for key in ("tracking_rmse_m", "tracking_max_m"))
+    stopped = mission.numbers["stopped_because"]
+    return f"{rms:.3g} ({largest:.3g}) mm" + (f", stopped ({stopped})," if stopped else "")
 
 
 def _figure(figure: object, name: str) -> str:

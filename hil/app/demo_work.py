@@ -32,7 +32,7 @@ class _Worker:
 def told(stories: Sequence[Story], folder: Path, seed: int, report: Reporter) -> dict[str, Told]:
     """What came of each story by name, told in processes of their own; the first ones begin first. Each has `folder`/name to itself.
 
-    Raises ValueError with a story's sentence, RuntimeError where its process died; no process goes on after that or an interruption.
+    Raises a story's ValueError or OSError, RuntimeError where its process died; no process goes on after that or an interruption.
     """
     waiting, working, found = list(stories), list[_Worker](), dict[str, Told]()
     try:
@@ -75,7 +75,7 @@ def _heard(worker: _Worker) -> Told | tuple[str, float]:
     except EOFError:
         worker.process.join()
         raise RuntimeError(f"process of the story {worker.story.name} ended with status {worker.process.exitcode}") from None
-    if isinstance(word, ValueError):
+    if isinstance(word, ValueError | OSError):
         raise word
     answer: Told | tuple[str, float] = word
     return answer
@@ -91,6 +91,8 @@ def _tell(story: Story, folder: Path, seed: int, words: Connection) -> None:
         words.send(ValueError(str(error)))
     except BrokenPipeError:
         sys.exit(1)
+    except OSError as error:
+        words.send(error)
 
 
 @contextlib.contextmanager

@@ -167,7 +167,7 @@ class Quick:
         if self.fault == "endless":
             time.sleep(600)
         finding, _ = learned({"nominal": 2e-3, "calibrated": 1e-3, "augmented": 1e-4})
-        numbers = {"tracking_rmse_m": 1e-3, "log": "mission.blf"}
+        numbers = {"tracking_rmse_m": 1e-3, "tracking_max_m": 2e-3, "stopped_because": "", "log": "mission.blf"}
         time_s, at_m, to_m = (finding.traces[0].signals[name][:50] for name in ("t_s", "x_m", "x_m"))
         missions = {stage: Mission(numbers, time_s, at_m, to_m) for stage in STAGES}
         return Told(finding, {stage: Verdict() for stage in STAGES[1:]}, missions, ("fold_periodic",))

@@ -6,19 +6,21 @@ from dataclasses import dataclass
 from typing import Literal
 
 from controller.vibro.cycles import Cycles, Pace
+from controller.vibro.gears import DriveMap
 from controller.vibro.impact import IMPACTS, Impact, impact_of
 from controller.vibro.optimal import optimal_cycle
 from controller.vibro.speed_map import SpeedMap, best_square
 from controller.vibro.waveform import Waveform
 
-Shape = Literal["square", "optimal"]
+Shape = Literal["square", "optimal", "map"]
 _EXACT = 0.02  # share of the speed to which a cycle is brought
 _ROUGHLY = 0.25
 
 
 @dataclass(frozen=True)
 class Alternative:
-    """One way to go at a mean speed: the `waveform` with what it does, the stop that it strikes and how it was found."""
+    """One way to go at a mean speed: the `waveform` with what it does, the stop that it strikes and where it comes from: a
+    square wave, the optimiser, or the drive map that a controller runs on."""
 
     waveform: Waveform
     pace: Pace
@@ -44,6 +46,13 @@ def optima(cycles: Cycles, speed_m_s: float, guesses: list[Waveform]) -> list[Al
         ):
             best[impact] = Alternative(wave, pace, impact, "optimal")
     return list(best.values())
+
+
+def from_map(cycles: Cycles, drive: DriveMap, speed_m_s: float) -> Alternative:
+    """What the `drive` map makes of the commanded `speed_m_s`."""
+    wave = drive.choose(speed_m_s).waveform
+    pace = cycles.pace(wave)
+    return Alternative(wave, pace, impact_of(cycles.model, pace), "map")
 
 
 def cheapest(found: list[Alternative]) -> Alternative | None:

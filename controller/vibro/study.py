@@ -13,7 +13,7 @@ from scipy.linalg import solve_discrete_are
 
 from controller.design.linear import Linear
 from controller.design.loop import Loop, closed_loop
-from controller.vibro.alternatives import Alternative, squares
+from controller.vibro.alternatives import Alternative, from_map, squares
 from controller.vibro.averaged import AveragedMpc, ProgressFilter, transition
 from controller.vibro.cycles import Cycles, VibroModel
 from controller.vibro.design import wrong_models
@@ -78,8 +78,8 @@ def vibro_study(
     if not 0 <= delay_s <= 0.2:
         raise ValueError(f"delay must lie in [0, 0.2] s; got {delay_s:g}")
     cycles, wrong = Cycles(model), [Cycles(m) for m in wrong_models(model)]
-    found = {v: squares(cycles, table, v) for v in speeds_m_s}
     reached = [v for v in speeds_m_s if drive.nearest(v) is not None]
+    found = {v: squares(cycles, table, v) + [from_map(cycles, drive, v)] * (v in reached) for v in speeds_m_s}
     slow = tuple(slow_loop(drive, wrong, v, delay_s) for v in reached)
     return VibroStudy(resonance(model), drive, table, found, slow, delay_s)
 

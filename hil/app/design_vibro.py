@@ -44,12 +44,13 @@ def vibro_json(found: VibroStudy) -> dict[str, Any]:
             }
             for gear in found.drive.gears
         ],
-        "squares": [
+        "ways": [
             {
-                "speed_m_s": speed,
+                "commanded_m_s": speed,
+                "shape": one.shape,
                 "impact": one.impact,
+                "speed_m_s": one.pace.speed_m_s,
                 "period_s": one.waveform.period_s,
-                "duty": one.waveform.edges[1],
                 "amplitude": max(one.waveform.levels),
                 "energy_J_per_m": one.pace.energy_J_per_m,
             }
@@ -92,16 +93,25 @@ def print_vibro(found: VibroStudy, page: Path | None) -> None:
 
 
 def _cost_table(found: VibroStudy) -> Table:
-    table = Table(title="cheapest square wave by impact", title_justify="left")
-    for column in ("mm/s", "impact", "mJ/mm", "period in ms", "duty", "amplitude"):
-        table.add_column(column, justify="left" if column == "impact" else "right")
+    table = Table(title="cheapest square wave by impact, and what the drive map does", title_justify="left")
+    for column in ("mm/s", "", "impact", "mJ/mm", "period in ms", "duty", "amplitude", "goes at mm/s"):
+        table.add_column(column, justify="left" if column in ("", "impact") else "right")
     for speed, ways in found.alternatives.items():
         for one in ways:
-            wave = one.waveform
-            numbers = (one.pace.energy_J_per_m, 1e3 * wave.period_s, wave.edges[1], max(wave.levels))
-            table.add_row(f"{1e3 * speed:g}", one.impact, *(f"{x:.3g}" for x in numbers))
+            wave, pace = one.waveform, one.pace
+            duty = f"{wave.edges[1]:.3g}" if one.shape == "square" else ""
+            numbers = (f"{x:.3g}" for x in (pace.energy_J_per_m, 1e3 * wave.period_s))
+            table.add_row(
+                f"{1e3 * speed:g}",
+                one.shape,
+                one.impact,
+                *numbers,
+                duty,
+                f"{max(wave.levels):.3g}",
+                f"{1e3 * pace.speed_m_s:.3g}",
+            )
         if not ways:
-            table.add_row(f"{1e3 * speed:g}", "no square wave of the map", *[""] * 4)
+            table.add_row(f"{1e3 * speed:g}", "out of reach", *[""] * 6)
     return table
 
 

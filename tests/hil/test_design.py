@@ -61,7 +61,9 @@ def test_an_inner_mass_has_its_resonance_its_gears_and_a_slow_loop_that_holds(
     assert found["resonance"]["contact_s"] is None
     low, high = found["reach_m_s"]
     assert low < -2e-3 < 2e-3 < high
-    assert {one["impact"] for one in found["squares"]} == {"none"}
+    assert {one["impact"] for one in found["ways"]} == {"none"}
+    own = [one for one in found["ways"] if one["shape"] == "map"]
+    assert all(one["speed_m_s"] == pytest.approx(one["commanded_m_s"], rel=0.15) for one in own)
     assert all(one["stable"] and one["gain"] > 2 and one["phase_deg"] > 30 for one in found["slow_loops"])
     assert "Gears" in (tmp_path / "out" / "design.html").read_text(encoding="utf-8")
 

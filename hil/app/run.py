@@ -21,7 +21,7 @@ from hil.nodes.controller import ControllerNode
 from hil.nodes.wiring import wiring_of
 from models.parameter import nearest
 
-ACTIONS = ("lead", "check")
+ACTIONS = ("lead", "check", "reset")
 _DRIVERS = logging.getLogger("can")
 """What drivers say beside their errors; the errors alone are told."""
 
@@ -29,16 +29,17 @@ _DRIVERS = logging.getLogger("can")
 def run(path: Path, action: str = "lead", *, dry_run: bool = False, log: Path | None = None, json_output: bool = False) -> int:
     """Lead the drive that the rig file `path` names, or only check; 0 where all went as asked, 1 where it did not.
 
-    With `dry_run` everything is listened to and computed and nothing is sent. Raises ValueError, one sentence, for what cannot be used.
+    The action "reset" leads too, and acknowledges first a fault that the drive has latched: that takes an operator's word. With
+    `dry_run` everything is listened to and computed and nothing is sent. Raises ValueError, one sentence, for what cannot be used.
     """
     if action not in ACTIONS:
         raise ValueError(f"action must be one of {', '.join(ACTIONS)}; got {action!r}; {nearest(action, ACTIONS)}")
     deployment, catalogue = load_deployment(path), load_catalogue()
     verdict = deployment.verdict
-    if action == "lead" and verdict is not None and not verdict.passed and not dry_run:
+    if action != "check" and verdict is not None and not verdict.passed and not dry_run:
         raise ValueError(f"{path}: model must pass the gate before it leads; got: {verdict.sentence}")
     limits = limits_point(deployment.limits, deployment.rig.kind, catalogue)
-    if action == "lead" and not limits.good:
+    if action != "check" and not limits.good:
         raise ValueError(f"{path}: {limits.words}")
     with output_to_notes():
         task = deployment.task()
@@ -47,7 +48,9 @@ def run(path: Path, action: str = "lead", *, dry_run: bool = False, log: Path | 
             if action == "check":
                 points = check(deployment, task, bus, catalogue)
             else:
-                outcome, node, frames_log = _lead(deployment, bus, dry_run, log or Path(f"{deployment.name}.blf"))
+                outcome, node, frames_log = _lead(
+                    deployment, bus, dry_run, log or Path(f"{deployment.name}.blf"), reset=action == "reset"
+                )
         finally:
             bus.shutdown()
     if action == "check":
@@ -94,7 +97,9 @@ def _drives_bus(deployment: Deployment, *, listen_only: bool) -> can.BusABC:
     return Cia402Bus(bus, table, load_catalogue())
 
 
-def _lead(deployment: Deployment, bus: ClockedBus, dry_run: bool, path: Path) -> tuple[Outcome, ControllerNode, FrameLog]:
+def _lead(
+    deployment: Deployment, bus: ClockedBus, dry_run: bool, path: Path, *, reset: bool
+) -> tuple[Outcome, ControllerNode, FrameLog]:
     task, catalogue, control = deployment.task(), load_catalogue(), deployment.control
     record = log_record(
         {"deployment": deployment.text},
@@ -115,7 +120,7 @@ def _lead(deployment: Deployment, bus: ClockedBus, dry_run: bool, path: Path) ->
         for sentence in refused:
             notes().print(sentence, markup=False)
         notes().print(f"{deployment.name}: leading for {control.duration_s:g} s; Ctrl-C stops", markup=False)
-        outcome = lead(node, bus.clock, control.duration_s, recorder, signals)
+        outcome = lead(node, bus.clock, control.duration_s, recorder, signals, reset=reset)
     return outcome, node, frames_log
 
 

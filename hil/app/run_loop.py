@@ -16,7 +16,7 @@ from hil.app.run_clock import Clock, Grid, Histogram
 from hil.app.run_recorder import Recorder
 from hil.nodes.controller import FAULTY, RUNNING, ControllerNode
 from hil.nodes.listening import HEARTBEAT_LOST_S
-from hil.nodes.wiring import MOVING
+from hil.nodes.wiring import FAULT, MOVING
 
 LISTEN_S: Final = 2.0
 LEAST_S: Final = 0.3
@@ -67,8 +67,12 @@ class Outcome:
         return not self.reason and self.led
 
 
-def lead(node: ControllerNode, clock: Clock, duration_s: float, recorder: Recorder, signals: Signals) -> Outcome:
+def lead(
+    node: ControllerNode, clock: Clock, duration_s: float, recorder: Recorder, signals: Signals, *, reset: bool = False
+) -> Outcome:
     """Listen until the drive is heard (at most 2 s), start, lead for `duration_s`, stop, tick on until the drive is at rest.
+
+    A drive that has latched a fault is led with `reset` alone: the start then acknowledges the fault.
 
     Overruns: a tick that begins a period late skips the points in between (`Grid`); the estimator catches up with at most three,
     after a longer pause the node stops by itself; the drive meanwhile lives on its command's time to live.
@@ -76,9 +80,9 @@ def lead(node: ControllerNode, clock: Clock, duration_s: float, recorder: Record
     outcome = Outcome(Grid(clock, node.tick_s))
     began = _tick(node, outcome, recorder)
     now = began
-    while now - began < LISTEN_S and not signals.wanted and (now - began < LEAST_S or not _heard(node, now)):
+    while now - began < LISTEN_S and not signals.wanted and (now - began < LEAST_S or not _heard(node, now, reset)):
         now = _tick(node, outcome, recorder)
-    if _heard(node, now) and not signals.wanted:
+    if _heard(node, now, reset) and not signals.wanted:
         recorder.start(now, now)
         node.start(now, now)
         outcome.led = True
@@ -86,15 +90,22 @@ def lead(node: ControllerNode, clock: Clock, duration_s: float, recorder: Record
         while node.state == RUNNING and now - origin < duration_s and not signals.wanted:
             now = _tick(node, outcome, recorder)
     outcome.reason = node.reason if node.state == FAULTY else ""
-    missing = node.ears.doubt(now) or "no feedback of the drive"
+    missing = _doubt(node, now, reset) or "no feedback of the drive"
+    missing += "; 'capsule run RIG.toml reset' acknowledges it" if missing.startswith("drive fault") else ""
     outcome.ended = outcome.reason or signals.wanted or ("time is up" if outcome.led else f"nothing to lead: {missing}")
     _come_to_rest(node, outcome, recorder, now)
     return outcome
 
 
-def _heard(node: ControllerNode, now: float) -> bool:
+def _doubt(node: ControllerNode, now: float, reset: bool) -> str:
+    """Why the drive is not to be led, "" where it is."""
+    doubt = node.ears.doubt(now) or ("drive fault" if node.ears.state == FAULT and not node.ears.fault else "")
+    return "" if reset and doubt == f"drive fault {node.ears.fault}" else doubt
+
+
+def _heard(node: ControllerNode, now: float, reset: bool) -> bool:
     """Whether there is a drive to lead."""
-    return not node.ears.doubt(now) and node.ears.evidence(now).feedback_s < HEARTBEAT_LOST_S
+    return not _doubt(node, now, reset) and node.ears.evidence(now).feedback_s < HEARTBEAT_LOST_S
 
 
 def _come_to_rest(node: ControllerNode, outcome: Outcome, recorder: Recorder, now: float) -> None:

@@ -111,11 +111,11 @@ class Cia402Drive:
         self.network.subscribe(int(self.node.sdo[0x1005].raw), self._synchronised)
         self.network.subscribe(0x700 + (int(self.node.sdo[0x1016][1].raw) >> 16), self._heard)
 
-    def _told(self, _: Any) -> None:
-        self.good_at = self._now
+    def _told(self, command: Any) -> None:
+        self.good_at = command.timestamp
 
-    def _heard(self, *_: Any) -> None:
-        self._heard_at = self._now
+    def _heard(self, _: int, __: Any, stamp: float) -> None:
+        self._heard_at = stamp
 
     def _synchronised(self, *_: Any) -> None:
         """SYNC: the newest command is taken over, then the reports go out."""

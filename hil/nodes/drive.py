@@ -42,7 +42,8 @@ class DriveNode:
 
     A command counts from its arrival for its time to live; it is taken over with the next SYNC, without one at the drive's own pace. A
     temperature above `derate_C` halves the limits, above `temperature_C` for `HOT_S` is a fault; so is a controller without heartbeat
-    for 60 ms, and to be off the bus. A fault is latched: after a reset the drive stands by and is enabled step by step only.
+    for 60 ms, and to be off the bus. A fault is latched: after a reset the drive stands by and is enabled step by step only. A
+    controller that has begun anew (its uptime has fallen) is told of it again.
     """
 
     def __init__(
@@ -66,7 +67,7 @@ class DriveNode:
         self._mode, self._setpoint, self._taken, self._waiting = OFF, 0.0, OFF, False
         self._dies_at = self._stop_until = self._heard_at = self._beat_at = -math.inf
         self._reset, self._hot_since, self._phase, self._tell = NO_FAULT, math.inf, 0, 0
-        self._stranger = False
+        self._stranger, self._uptime_s = False, math.inf
 
     @property
     def rejected(self) -> int:
@@ -129,6 +130,9 @@ class DriveNode:
         elif name == "DriveReset" and mine:
             self._reset = int(values["Code"])
         elif name == "ControllerHeartbeat":
+            if values["Uptime_s"] < self._uptime_s and self.stage.fault:
+                self._tell = 2
+            self._uptime_s = values["Uptime_s"]
             self._heard_at, self._stranger = stamp, values["Catalogue"] != self.catalogue.fingerprint
 
     def _take_over(self) -> None:

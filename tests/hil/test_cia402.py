@@ -7,7 +7,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -307,6 +307,19 @@ def test_no_drive_or_no_package_is_one_sentence(
     assert ("install the extra" if missing == "canopen" else "node 1 must answer") in str(found.value)
 
 
+class Stamping:
+    """A bus whose frames arrive at the simulated time at which they are read."""
+
+    def __init__(self, inner: can.BusABC, now: Callable[[], float]) -> None:
+        self._inner, self._now, self.send = inner, now, inner.send
+
+    def recv(self, timeout: float | None) -> can.Message | None:
+        message = self._inner.recv(timeout)
+        if message is not None:
+            message.timestamp = self._now()
+        return message
+
+
 class Desk:
     """Adapter and simulated drive in one simulated time, set up and led as a controller would."""
 
@@ -316,6 +329,7 @@ class Desk:
             time.sleep(0.05)
         polled.halt()
         self.drive, self.now, self.beats = polled.drive, 10.0, True
+        self.drive.bus = Stamping(self.drive.bus, lambda: self.now)
         self.ends = Ends(channel)
         self.ends.far.shutdown()
         self.place = 0.0

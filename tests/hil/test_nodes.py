@@ -228,7 +228,7 @@ class Desk:
         self.drive = DriveNode(self.port, frames(), self.wiring, power, Limits(), TICK)
         self.senders = {f.name: Sender(f) for f in frames().frames.values()}
         self.now, self.mode, self.value = 0.0, OFF, 0.0
-        self.alive = True
+        self.alive, self.uptime_s = True, 0.0
         self.heard: list[can.Message] = []
 
     def say(self, name: str, **values: float) -> None:
@@ -240,7 +240,7 @@ class Desk:
         for _ in range(round(seconds / TICK)):
             if self.alive:
                 self.say("Sync", Tick=0, Period_s=TICK)
-                self.say("ControllerHeartbeat", State=2, Uptime_s=0, Catalogue=frames().fingerprint)
+                self.say("ControllerHeartbeat", State=2, Uptime_s=self.uptime_s, Catalogue=frames().fingerprint)
                 self.say(self.wiring.command, **self.wiring.values(self.value, 0.0, self.mode))
             for k in range(2):
                 self.medium.advance(self.now + 2e-4 + k * SLOT)
@@ -294,6 +294,22 @@ def test_a_silent_controller_faults_the_drive_and_only_reset_and_the_whole_way_b
     for desk.mode in (OFF, READY, ENABLE):
         desk.go(0.01)
     assert desk.state == ENABLED
+
+
+def test_a_controller_that_begins_anew_is_told_of_a_fault(desk: Desk) -> None:
+    """The one that was killed cannot name the fault any more; while the same one goes on, it is not told again."""
+    desk.uptime_s = 7.0
+    desk.go(0.02)
+    desk.alive = False
+    desk.go(0.15)
+    desk.heard.clear()
+    desk.alive, desk.uptime_s = True, 7.5
+    desk.go(0.02)
+    told = frames()[desk.wiring.fault].id
+    assert [m for m in desk.heard if m.arbitration_id == told] == []
+    desk.uptime_s = 0.0
+    desk.go(0.02)
+    assert [m.arbitration_id for m in desk.heard].count(told) == 2
 
 
 def test_safe_stop_of_another_drive_is_not_its_business(desk: Desk) -> None:

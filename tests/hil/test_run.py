@@ -159,18 +159,28 @@ def test_a_dry_run_sends_nothing(tmp_path: Path, channel: str, capsys: pytest.Ca
     assert run(["replay", str(log)]) == 0
 
 
-def test_a_drive_with_another_dbc_is_not_led(tmp_path: Path, channel: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """Its heartbeat carries the fingerprint of the file it knows."""
+@pytest.mark.parametrize(
+    ("other", "fault", "words"),
+    [(1, 0, "drive knows another DBC"), (0, 4, "drive fault 4; 'capsule run RIG.toml reset' acknowledges it")],
+)
+def test_a_drive_with_another_dbc_or_a_fault_is_not_led(
+    tmp_path: Path, channel: str, capsys: pytest.CaptureFixture[str], other: int, fault: int, words: str
+) -> None:
+    """Its heartbeat carries the fingerprint of the file it knows; a latched fault takes an operator's word."""
     catalogue = load_catalogue()
-    beat, feedback = Sender(catalogue["CarriageHeartbeat"]), Sender(catalogue["CarriageFeedback"])
-    told = {"Position_m": 0.0, "Velocity_m_s": 0.0, "State": 2, "Temperature_degC": 25.0}
+    speakers = {name: Sender(catalogue[name]) for name in ("CarriageHeartbeat", "CarriageFeedback", "CarriageFault")}
+    told: dict[str, dict[str, float]] = {
+        "CarriageHeartbeat": {"State": 1, "Uptime_s": 0.0, "Catalogue": catalogue.fingerprint ^ other},
+        "CarriageFeedback": {"Position_m": 0.0, "Velocity_m_s": 0.0, "State": 7 if fault else 2, "Temperature_degC": 25.0},
+    }
+    told |= {"CarriageFault": {"Code": fault, "Detail": 0}} if fault else {}
     over = threading.Event()
 
     def speak() -> None:
         with LocalBus(channel) as drive:
             while not over.wait(0.005):
-                other = {"State": 1, "Uptime_s": 0.0, "Catalogue": catalogue.fingerprint ^ 1}
-                for frame, data in (("CarriageHeartbeat", beat.frame(other)), ("CarriageFeedback", feedback.frame(told))):
+                for frame, values in told.items():
+                    data = speakers[frame].frame(values)
                     drive.send(can.Message(arbitration_id=catalogue[frame].id, is_extended_id=False, data=data))
 
     drive = threading.Thread(target=speak)
@@ -180,7 +190,7 @@ def test_a_drive_with_another_dbc_is_not_led(tmp_path: Path, channel: str, capsy
     finally:
         over.set()
         drive.join()
-    assert json.loads(capsys.readouterr().out)["ended"] == "nothing to lead: drive knows another DBC"
+    assert json.loads(capsys.readouterr().out)["ended"] == f"nothing to lead: {words}"
 
 
 def test_check_says_what_is_missing(tmp_path: Path, channel: str, capsys: pytest.CaptureFixture[str]) -> None:

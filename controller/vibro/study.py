@@ -106,7 +106,7 @@ def slow_loop(drive: DriveMap, wrong: Sequence[Cycles], speed_m_s: float, delay_
     loop = closed_loop(name, plant, control.series(plant.system(), back), delay_s)
     near = [drive.choose(f * speed_m_s, choice.gear).waveform for f in (1 - _ABOUT, 1 + _ABOUT)]
     slopes = [float(np.diff([c.pace(wave).speed_m_s for wave in near])[0]) / (2 * _ABOUT * speed_m_s) for c in wrong]
-    return SlowLoop(speed_m_s, loop, min(slopes), max(slopes))
+    return SlowLoop(speed_m_s, loop, min(slopes, default=1.0), max(slopes, default=1.0))
 
 
 def feedback(lag_s: float, period_s: float, speed_m_s: float) -> control.StateSpace:

@@ -67,7 +67,7 @@ def closed(mpc: MPC, plant: ControlModel, reference: Line, seconds: float, distu
 
 
 def error(run: Run, reference: Line, skip: int = 0) -> Array:
-    return np.asarray(run.x - reference.position(TICK_S * np.arange(1, run.x.size + 1)))[skip:]
+    return np.asarray(run.x - reference.position(np.linspace(TICK_S, run.x.size * TICK_S, run.x.size)))[skip:]
 
 
 def test_it_tracks_through_stick_and_slip(model: ControlModel) -> None:

@@ -195,7 +195,7 @@ def _sil(
 def _run(
     rig: Annotated[Path, typer.Argument(metavar="RIG.toml", help="A rig file with [bus], [control], [reference] and [limits].")],
     action: Annotated[
-        str, typer.Argument(metavar="[check|reset]", help="check: look at all, send nothing; reset: lead out of a latched fault.")
+        str, typer.Argument(metavar="check|reset", help="check: look at all, send nothing; reset: lead out of a latched fault.")
     ] = "lead",
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Listen and compute, send nothing.")] = False,
     log: Annotated[Path | None, typer.Option("--log", metavar="LOG.blf", help="Where the log goes; else beside you.")] = None,

@@ -31,6 +31,10 @@ app = typer.Typer(
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else there.")]
 RigFile = Annotated[Path, typer.Option("--rig", metavar="RIG.toml", help="What the experimenter believes about the rig.")]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Sets every random number.")]
+ControllerName = Annotated[str | None, typer.Option("--controller", metavar="NAME", help="Which controller.")]
+LearnedModel = Annotated[Path | None, typer.Option("--model", metavar="MODEL.toml", help="A model that close-loop wrote.")]
+ModelStage = Annotated[str | None, typer.Option("--stage", metavar="nominal/calibrated/augmented", help="Which model.")]
+RunSeed = Annotated[int | None, typer.Option("--seed", min=0, help="Sets every random number; else the scenario's.")]
 
 
 class ManyHoldouts(TyperCommand):
@@ -143,7 +147,7 @@ def _simulate(
 @app.command("design")
 def _design(
     rig: Annotated[Path, typer.Argument(metavar="RIG.toml", help="A rig of kind magnetic, coil or vibro.")],
-    model: Annotated[Path | None, typer.Option("--model", metavar="MODEL.toml", help="A model that close-loop wrote.")] = None,
+    model: LearnedModel = None,
     stage: Annotated[str, typer.Option("--stage", metavar="nominal/calibrated/augmented", help="Which model.")] = "augmented",
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Draw the plots into this folder.")] = None,
     speed: Annotated[float, typer.Option("--speed", metavar="MM_S", help="Speed in mm/s to linearise at.")] = 1.0,
@@ -161,34 +165,36 @@ def _design(
 @app.command("track")
 def _track(
     scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.toml", help="Rig, reference, instruments and what is believed.")],
-    controller: Annotated[str | None, typer.Option("--controller", metavar="NAME", help="Which controller.")] = None,
-    model: Annotated[Path | None, typer.Option("--model", metavar="MODEL.toml", help="A model that close-loop wrote.")] = None,
-    stage: Annotated[str | None, typer.Option("--stage", metavar="nominal/calibrated/augmented", help="Which model.")] = None,
-    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Sets every random number; else the scenario's.")] = None,
+    controller: ControllerName = None,
+    model: LearnedModel = None,
+    stage: ModelStage = None,
+    seed: RunSeed = None,
     compare: Annotated[bool, typer.Option("--compare", help="Run every controller.")] = False,
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for track.html and track.json.")] = None,
     json_output: Json = False,
 ) -> None:
     """Closed loop in simulation, no bus: reference tracking with a named controller."""
     from hil.app.track import track
+    from hil.app.track_asked import Asked
 
-    track(scenario, controller=controller, model=model, stage=stage, seed=seed, json_output=json_output, out=out, compare=compare)
+    track(scenario, Asked(controller, model, stage, seed, out, json_output), compare)
 
 
 @app.command("sil")
 def _sil(
     scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.toml", help="As for track, with [bus] and [[faults]].")],
-    controller: Annotated[str | None, typer.Option("--controller", metavar="NAME", help="Which controller.")] = None,
-    model: Annotated[Path | None, typer.Option("--model", metavar="MODEL.toml", help="A model that close-loop wrote.")] = None,
-    stage: Annotated[str | None, typer.Option("--stage", metavar="nominal/calibrated/augmented", help="Which model.")] = None,
-    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Sets every random number; else the scenario's.")] = None,
+    controller: ControllerName = None,
+    model: LearnedModel = None,
+    stage: ModelStage = None,
+    seed: RunSeed = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for sil.json and the log frames.blf.")] = None,
     json_output: Json = False,
 ) -> None:
     """Closed loop over the CAN bus in simulated time, plant as a bus node, with faults."""
     from hil.app.sil import sil
+    from hil.app.track_asked import Asked
 
-    sil(scenario, controller=controller, model=model, stage=stage, seed=seed, json_output=json_output, out=out)
+    sil(scenario, Asked(controller, model, stage, seed, out, json_output))
 
 
 @app.command("run")

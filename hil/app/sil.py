@@ -14,54 +14,43 @@ from hil.app.sil_bench import believed_on_bus
 from hil.app.sil_faults import outcomes
 from hil.app.sil_loop import SilTrace, run_sil
 from hil.app.sil_scenario import SilScenario, load_sil_scenario
-from hil.app.track import model_values
+from hil.app.track_asked import Asked
 from hil.app.track_score import document, score
 from hil.app.write import check_folder, write_files
 from hil.bus.log import LockstepLog
 from hil.nodes.wiring import frames
 
 
-def sil(
-    path: Path,
-    *,
-    controller: str | None = None,
-    model: Path | None = None,
-    stage: str | None = None,
-    seed: int | None = None,
-    json_output: bool = False,
-    out: Path | None = None,
-) -> None:
+def sil(path: Path, asked: Asked) -> None:
     """Run the scenario file `path` over the bus and say how well it was tracked and what came of its faults.
 
-    `model` is a file that close-loop wrote, of which `stage` is used; without it the controller knows nominal values. Raises
-    ValueError, one sentence, for anything that cannot be used.
+    Raises ValueError, one sentence, for anything that cannot be used.
     """
     scenario, text = load_sil_scenario(path)
-    values, used = model_values(model, stage, scenario.loop.kind)
-    number = scenario.loop.seed if seed is None else seed
+    values, used = asked.values(scenario.loop.kind)
+    (name, number), out = asked.of(scenario.loop), asked.out
     if out is not None:
         check_folder(out, "--out")
     with output_to_notes():
         believed = believed_on_bus(scenario, values)
-        with progress_bar(scenario.loop.name) as report, _log(out, scenario, text, controller, values, number) as log:
+        with progress_bar(scenario.loop.name) as report, _log(out, scenario, text, name, values, number) as log:
             recorder = None if log is None else Recorder(log)
-            found, trace = judged(scenario, believed, controller, number, used, report, recorder=recorder)
+            found, trace = judged(scenario, believed, name, number, used, report, recorder=recorder)
         if log is not None and out is not None:
             found["log"] = str(log.path)
             write_files({out / "sil.json": json_text(found)})
-    if json_output:
+    if asked.json_output:
         print_json(found)
     else:
         _say(scenario, found, trace)
 
 
 def _log(
-    out: Path | None, scenario: SilScenario, text: str, controller: str | None, values: Mapping[str, float], seed: int
+    out: Path | None, scenario: SilScenario, text: str, name: str, values: Mapping[str, float], seed: int
 ) -> AbstractContextManager[LockstepLog | None]:
     """The log `frames.blf` in the folder `out`, with what `capsule replay` needs beside it."""
     if out is None:
         return nullcontext()
-    name = controller or scenario.loop.control.controller
     record = log_record({"scenario": text}, name, values, scenario.loop.limits, frames(), seed=seed)
     return LockstepLog(out / "frames.blf", record)
 

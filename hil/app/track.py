@@ -10,42 +10,26 @@ from rich.table import Table
 
 from controller.choices import CONTROLLERS, leads
 from hil.app.console import json_text, output_to_notes, print_json, progress_bar, summary
-from hil.app.predict import read_model
+from hil.app.track_asked import Asked
 from hil.app.track_loop import Trace, believed_model, run_loop
 from hil.app.track_page import page_html
 from hil.app.track_scenario import TrackScenario, load_track_scenario
 from hil.app.track_score import document, score
 from hil.app.write import check_folder, write_files
-from models.identification.result import STAGES
-from models.parameter import nearest
-
-_MODELS = {"vibro": ("vibro", "vibro_table")}
-"""Kinds of model files that a rig of a kind can be controlled with, where there are several."""
 
 
-def track(
-    path: Path,
-    *,
-    controller: str | None = None,
-    model: Path | None = None,
-    stage: str | None = None,
-    seed: int | None = None,
-    json_output: bool = False,
-    out: Path | None = None,
-    compare: bool = False,
-) -> None:
+def track(path: Path, asked: Asked, compare: bool = False) -> None:
     """Run the scenario file `path` in closed loop and say how well it was tracked; with `compare` under every controller.
 
-    `model` is a file that close-loop wrote, of which `stage` is used; without it the controller knows nominal values. Raises
-    ValueError, one sentence, for anything that cannot be used.
+    Raises ValueError, one sentence, for anything that cannot be used.
     """
     scenario = load_track_scenario(path)
-    values, used = model_values(model, stage, scenario.kind)
-    leading = [name for name in CONTROLLERS if scenario.kind in leads(name)]
-    names = leading if compare else [controller or scenario.control.controller]
-    if compare and controller is not None:
-        raise ValueError(f"--compare must stand without --controller, as it runs them all; got --controller {controller}")
-    number = scenario.seed if seed is None else seed
+    values, used = asked.values(scenario.kind)
+    name, number = asked.of(scenario)
+    names = [one for one in CONTROLLERS if scenario.kind in leads(one)] if compare else [name]
+    if compare and asked.controller is not None:
+        raise ValueError(f"--compare must stand without --controller, as it runs them all; got --controller {asked.controller}")
+    out = asked.out
     if out is not None:
         check_folder(out, "--out")
     runs: list[tuple[dict[str, Any], Trace]] = []
@@ -59,22 +43,10 @@ def track(
         documents: Any = [found for found, _ in runs] if compare else runs[0][0]
         if out is not None:
             write_files({out / "track.html": page_html(scenario, runs), out / "track.json": json_text(documents)})
-    if json_output:
+    if asked.json_output:
         print_json({"runs": documents} if compare else documents)
     else:
         _say(scenario, [found for found, _ in runs], out)
-
-
-def model_values(model: Path | None, stage: str | None, kind: str) -> tuple[dict[str, float], str]:
-    """Parameters of the stage of a model file that the command line asks for, and the stage's name. Raises ValueError."""
-    if stage is not None and stage not in STAGES:
-        raise ValueError(f"--stage must be one of {', '.join(STAGES)}; got {stage!r}; {nearest(stage, STAGES)}")
-    if model is None:
-        if stage not in (None, "nominal"):
-            raise ValueError(f"--stage must stand with --model unless it is nominal; got {stage!r} alone")
-        return {}, "nominal"
-    stage = stage or "augmented"
-    return read_model(model, *_MODELS.get(kind, (kind,))).stages[stage], stage
 
 
 def _say(scenario: TrackScenario, found: Sequence[dict[str, Any]], out: Path | None) -> None:

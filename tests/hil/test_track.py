@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hil.app.main import run
-from hil.app.track import model_values
+from hil.app.track_asked import Asked
 from hil.app.track_loop import believed_model, run_loop
 from hil.app.track_scenario import load_track_scenario, parse_track_scenario
 from hil.app.track_score import score
@@ -160,7 +160,7 @@ def test_a_model_of_a_table_of_runs_leads_the_drive_in_time(tmp_path: Path) -> N
     path.write_text(text.replace('"body_mass_kg" = 0.193', '"body_mass_kg" = 0.2'), encoding="utf-8")
     scenario = load_track_scenario(SCENARIOS[-1])
     assert scenario.kind == "vibro"
-    values, stage = model_values(path, None, "vibro")
+    values, stage = Asked(model=path).values("vibro")
     model = believed_model(scenario, values)
     named = dict(zip((p.name for p in model.symbols.parameters), model.values.tolist(), strict=True))
     assert stage == "augmented"
@@ -169,4 +169,4 @@ def test_a_model_of_a_table_of_runs_leads_the_drive_in_time(tmp_path: Path) -> N
     assert named["friction_coefficient"] == pytest.approx(0.33235)
     assert named["spring_damping.damping_N_s_per_m"] == 2.349
     with pytest.raises(ValueError, match="model must be one of a magnetic rig; got one of a vibro_table rig"):
-        model_values(path, None, "magnetic")
+        Asked(model=path).values("magnetic")

@@ -136,8 +136,8 @@ LOOPS = (
         "simulated vibro rig over the bus",
         SCENARIOS / "demo_vibro.toml",
         (
-            Excitation(_waypoints([0.2, 1.6, 3.0, 4.4, 5.9], [0.0, 18.0, -2.0, 4.0, -5.0]), 6.0),
-            Excitation(_waypoints([0.2, 1.6, 3.0, 4.4, 5.9], [0.0, -16.0, 2.0, -3.0, 8.0]), 6.0),
+            Excitation(_waypoints([0.2, 1.6, 3.0, 4.4, 5.8, 7.8], [0.0, 18.0, -2.0, 4.0, -5.0, 1.0]), 8.0),
+            Excitation(_waypoints([0.2, 1.6, 3.0, 4.4, 5.8, 7.8], [0.0, -16.0, 2.0, -3.0, 8.0, -8.0]), 8.0),
         ),
         Excitation(_waypoints([0.2, 1.4, 3.2, 5.9], [0.0, -9.0, 8.0, 0.0]), 6.0),
     ),

@@ -68,7 +68,7 @@ def friction(speed: float, direction: int, q: VibroCycle) -> float:
     """Coulomb friction in N of a body that moves, or would move, in `direction` (+1, -1) at `speed` >= 0."""
     level = 1.0 + q.asymmetry * direction
     if q.stribeck != 0.0:
-        level *= 1.0 + q.stribeck * math.exp(-((speed / q.stribeck_speed) ** 2))
+        level *= 1.0 + q.stribeck * math.exp(-((speed / q.stribeck_speed) ** q.stribeck_power))
     return q.coulomb_N * max(level, 0.0)
 
 

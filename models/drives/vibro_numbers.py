@@ -30,3 +30,4 @@ class VibroCycle(NamedTuple):
     drag_power: float = 1.0
     stribeck: float = 0.0
     stribeck_speed: float = 0.003
+    stribeck_power: float = 2.0

@@ -23,7 +23,7 @@ def equations(theta: Theta) -> list[str]:
     if has("directional_asymmetry.asymmetry"):
         friction += f" (1 {theta['directional_asymmetry.asymmetry']:+.3g} sgn(v))"
     if has("stribeck.excess"):
-        friction += f" (1 {theta['stribeck.excess']:+.3g} exp(-(v/{theta['stribeck.speed_m_s']:.3g})^2))"
+        friction += f" (1 {theta['stribeck.excess']:+.3g} exp(-(v/{theta['stribeck.speed_m_s']:.3g})^{theta.get('stribeck.exponent', 2.0):.3g}))"
     if has("lumen_taper.slope_per_m"):
         friction += f" (1 {theta['lumen_taper.slope_per_m']:+.3g} x)"
     if has("fold_periodic.depth"):

@@ -41,6 +41,7 @@ class PlateStribeck(Stribeck):
     grid = MappingProxyType({"speed_m_s": (0.01, 0.03, 0.08)})
     excess: Parameter = Parameter("excess", 0.0, "1", 0.0, 2.0, Stribeck.source, fit=True)
     speed_m_s: Parameter = Parameter("speed_m_s", 0.03, "m/s", 0.002, 0.15, Stribeck.source, fit=True)
+    exponent: Parameter = Parameter("exponent", 2.0, "1", 0.5, 4.0, Stribeck.source, fit=False)
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,7 @@ FIELDS = MappingProxyType(
         "end_stop_impact.gap_m": "stop_gap_m",
         "stribeck.excess": "stribeck",
         "stribeck.speed_m_s": "stribeck_speed",
+        "stribeck.exponent": "stribeck_power",
         "viscous_drag.coefficient_N": "drag_N",
         "viscous_drag.exponent": "drag_power",
         "directional_asymmetry.asymmetry": "asymmetry",

@@ -14,7 +14,7 @@ from controller.vibro.waveform import Waveform
 
 Array = NDArray[np.float64]
 PERIOD_RATIOS = (0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.35, 1.5, 1.7, 1.9, 2.1, 2.4)
-DUTIES = (0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9)
+DUTIES = (0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9)
 AMPLITUDES = (0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.8, 1.0)
 _TRIED = 8  # cheapest squares of the map that are brought to the exact speed
 _EXACT = 0.02

@@ -23,9 +23,9 @@ def frequencies(lowest_Hz: float, highest_Hz: float, ratio: float = RATIO) -> tu
 
 @dataclass(frozen=True)
 class ForceInTime(Effect):
-    """Force `A (sin q + b sin 2q + c cos 2q + o)` along +x, `q = 2 pi f (t - d) + phi`, `d` in s the delay at the capsule's place.
+    """Force `A (sin q + o + sum of harmonics 2 to 4)` along +x, `q = 2 pi f (t - d) + phi`, `d` in s the delay at the capsule's place.
 
-    A wave of pulses, `max(0, sin q)`, is A = 0.5, b = 0, c = -0.42, o = 0.64 times its height.
+    A wave of pulses, `max(0, sin q)`, has A = 0.5, o = 0.64, and -0.42 cos 2q and -0.08 cos 4q as its harmonics.
     """
 
     probe = 0.003
@@ -35,6 +35,10 @@ class ForceInTime(Effect):
     phase_rad: Parameter = Parameter("phase_rad", 0.0, "rad", -7.0, 7.0, "any: where in its cycle a record begins", fit=True)
     second_sin: Parameter = Parameter("second_sin", 0.0, "1", -1.0, 1.0, _FORM, fit=True)
     second_cos: Parameter = Parameter("second_cos", 0.0, "1", -1.0, 1.0, _FORM, fit=True)
+    third_sin: Parameter = Parameter("third_sin", 0.0, "1", -0.7, 0.7, _FORM, fit=True, spread=0.2)
+    third_cos: Parameter = Parameter("third_cos", 0.0, "1", -0.7, 0.7, _FORM, fit=True, spread=0.2)
+    fourth_sin: Parameter = Parameter("fourth_sin", 0.0, "1", -0.5, 0.5, _FORM, fit=True, spread=0.2)
+    fourth_cos: Parameter = Parameter("fourth_cos", 0.0, "1", -0.5, 0.5, _FORM, fit=True, spread=0.2)
     offset: Parameter = Parameter("offset", 0.0, "1", -1.5, 1.5, _FORM, fit=True)
 
     def delay_at(self, x: Any, p: Values) -> Any:
@@ -44,6 +48,7 @@ class ForceInTime(Effect):
     def force(self, s: Signals, p: Values, z: Values) -> Any:
         turn = 2 * math.pi * p["frequency_Hz"] * (s.t - self.delay_at(s.x, p))
         turn = turn + p["phase_rad"]
-        return p["force_N"] * (
-            np.sin(turn) + p["second_sin"] * np.sin(2 * turn) + p["second_cos"] * np.cos(2 * turn) + p["offset"]
-        )
+        wave = np.sin(turn) + p["offset"]
+        for k, name in enumerate(("second", "third", "fourth"), start=2):
+            wave = wave + p[f"{name}_sin"] * np.sin(k * turn) + p[f"{name}_cos"] * np.cos(k * turn)
+        return p["force_N"] * wave

@@ -14,7 +14,7 @@ from models.parameter import Parameter
 
 @dataclass(frozen=True)
 class StressRelaxation(Effect):
-    """Maxwell branch, force `-k q`, `q' = v - q/tau`."""
+    """Maxwell branch that slips, force `-k q`, `q' = v - q/tau - c |v| q`: it relaxes with time and on the way; c = 0 never slips."""
 
     id = "stress_relaxation"
     summary = "a force that builds up while moving and relaxes"
@@ -31,9 +31,12 @@ class StressRelaxation(Effect):
     )
     time_s: Parameter = Parameter("time_s", 1.0, "s", 0.05, 20.0, "rat gut SLS, WJG 11:4974; five-element model (Kim)", fit=True)
 
+    slip_per_m: Parameter = Parameter("slip_per_m", 0.0, "1/m", 0.0, 2000.0, "as a bristle's: LuGre, Canudas 1995", fit=True)
+
     def force(self, s: Signals, p: Values, z: Values) -> Any:
         return -p["stiffness_N_per_m"] * z["stretch_m"]
 
     def advance(self, s: Signals, p: Values, z: Values, h: Any) -> dict[str, Any]:
-        decay = np.exp(-h / p["time_s"])
-        return {"stretch_m": z["stretch_m"] * decay + s.v * p["time_s"] * (1 - decay)}
+        fading = 1 / p["time_s"] + np.abs(s.v) * p["slip_per_m"]
+        decay = np.exp(-h * fading)
+        return {"stretch_m": z["stretch_m"] * decay + s.v / fading * (1 - decay)}

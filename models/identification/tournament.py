@@ -112,7 +112,10 @@ def _judge(
     before: np.ndarray,
 ) -> Trial:
     own = {key: value for key, value in start.items() if key.startswith(name + ".")}
-    starts = [dict(start) if i == 0 else {**theta, **own} for i, theta in enumerate(thetas)]
+    starts = [
+        min(({**theta, **own}, dict(start)), key=lambda point: float(judged(kind, part, point).sum())) if i else dict(start)
+        for i, ((part, _), theta) in enumerate(zip(splits, thetas, strict=True))
+    ]
     fits = tuple(refit(kind, part, [*effects, name], s) for (part, _), s in zip(splits, starts, strict=True))
     return _against(before, name, fits, block_costs(kind, splits, fits))
 

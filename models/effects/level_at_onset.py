@@ -21,6 +21,8 @@ class LevelAtOnset(Effect):
     source = _SOURCE
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     probe = 0.02
+    look_alikes = ("level_over_speed",)
+    separated_by = "runs at one speed over places, times or directions that differ"
 
     lack: Parameter = Parameter("lack", 0.0, "1", -0.5, 1.5, _SOURCE, fit=True, spread=0.1)
 

@@ -239,7 +239,7 @@ def anneal(
     rng = np.random.default_rng(seed)
     space = _space(problem, start)
     clouds = []
-    for stage in (last - 1, last):
+    for stage in (min(1, last - 1), last):
         found = Found(x, np.inf, x, _WIDEST * np.eye(len(x)), np.zeros((0, len(x))))
         found = gather(_space(replace(problem, stage=stage), start), found, rng, _PATIENT, steps, _WIDEST)
         ends = [found.best, found.mean]

@@ -13,7 +13,7 @@ from models.identification.fit import Fit, descend, polish
 from models.identification.judging import Split, block_costs
 from models.identification.kind import Kind
 from models.identification.screen import Screened, chance, screen
-from models.identification.tournament import Trial, fair, refit, separation, step_on, tournament
+from models.identification.tournament import Trial, down_the_stages, fair, refit, separation, step_on, tournament
 from models.record import Record
 
 Progress = Callable[[str, float], None]
@@ -138,8 +138,7 @@ def _refined(
     rows = [(found.after, thetas)]
     for k in range(len(curves)):
         model = [*found.effects, *curves[: k + 1]]
-        again = [step_on(kind, part, model, descend(kind, part, model, theta, 0, 0.1, 10).theta).theta
-                 for (part, _), theta in zip(splits, rows[-1][1], strict=True)]  # fmt: skip
+        again = [down_the_stages(kind, part, model, theta) for (part, _), theta in zip(splits, rows[-1][1], strict=True)]
         rows.append((_cost(kind, splits, again), again))
     least = min(cost for cost, _ in rows)
     number = next(k for k, (cost, _) in enumerate(rows) if np.log(cost / least) <= REFINES)

@@ -94,7 +94,7 @@ class GutKind:
     @classmethod
     def build(cls, surface: Surface, drive: Drive, noise_std: float, records: Sequence[Record] = ()) -> GutKind:
         """The kind for a surface and a drive; `records` tell how a switch was logged."""
-        memories = (0.03, 0.2) if drive.imposed else (1.0, 5.0) if drifts(drive) else (0.2,)
+        memories = (0.03, 0.2, 1.0, 4.0) if drive.imposed else (1.0, 5.0) if drifts(drive) else (0.2,)
         own = surface.parameters() if isinstance(surface, Plate) else base_parameters(surface.tissue)
         base = own + drive.parameters() + switch_delay(drive, records)
         effects = tuple(e for e in effects_for(drive.name) if not isinstance(surface, Plate) or not _acts_on_the_wall(e))
@@ -123,8 +123,8 @@ class GutKind:
 
     @property
     def judges(self) -> tuple[int, ...]:
-        """The observer that forgets slowest, and the free run."""
-        return (self.stages - 2, self.stages - 1)
+        """The observer that forgives teeth out of step but little else, and the free run."""
+        return (min(1, self.stages - 2), self.stages - 1)
 
     @property
     def restarts(self) -> int:

@@ -20,6 +20,7 @@ from models.effects.fold_periodic import FoldPeriodic
 from models.effects.guide_friction import GuideFriction
 from models.effects.incline_gravity import InclineGravity
 from models.effects.level_at_onset import LevelAtOnset
+from models.effects.level_at_rest import LevelAtRest
 from models.effects.level_over_speed import LevelOverSpeed
 from models.effects.lumen_taper import LumenTaper
 from models.effects.magnetic_hysteresis import MagneticHysteresis
@@ -84,7 +85,7 @@ EFFECTS: tuple[type[Effect], ...] = (
     ViscousDrag,
     WallViscosity,
 )
-REFINEMENTS: tuple[type[Effect], ...] = (LevelAtOnset, LevelOverSpeed)
+REFINEMENTS: tuple[type[Effect], ...] = (LevelAtRest, LevelAtOnset, LevelOverSpeed)
 """Free curves that mend the shape of a named effect; never candidates."""
 BY_ID = {effect.id: effect for effect in (*EFFECTS, *REFINEMENTS)}
 

@@ -64,7 +64,9 @@ class _View:
         columns = []
         for phase in phases:
             theta = {**self.theta, **start} | ({head + "phase_rad": phase} if phase is not None else {})
-            columns.append(evaluate(self.kind, self.records, theta, self.stage) - self.residual)
+            seen = evaluate(self.kind, self.records, theta, self.stage)
+            beliefs = np.zeros(len(self.residual) - len(seen))  # rows that hold fitted parameters to what is believed of them
+            columns.append(np.concatenate([seen - self.residual[: len(seen)], beliefs]))
         D, r = self.cleared(np.array(columns).T), self.cleared(self.residual)
         size = float(np.linalg.norm(D))
         if not np.isfinite(size) or size < 1e-9 * np.linalg.norm(r):

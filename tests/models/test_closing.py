@@ -156,3 +156,16 @@ def test_a_bad_model_file_is_one_sentence(text: str) -> None:
 def test_every_look_alike_is_told_apart_by_something() -> None:
     for effect in BY_ID.values():
         assert effect.separated_by, effect.id
+
+
+def test_what_is_missing_beside_an_effect_with_held_parameters_is_screened() -> None:
+    from models.identification.kinds.gut import GutKind
+    from models.identification.screen import screen
+
+    _, records = short_pull()
+    kind = GutKind.from_rig(parse_rig(PULL), records)
+    values = {"hoop_stress_factor": 1.1, "friction_coefficient": 0.075}
+    stribeck = {f"stribeck.{p.name}": p.value for p in BY_ID["stribeck"].parameters()} | {"stribeck.excess": 0.1}
+    rows = screen(kind, records[:1], ["stribeck"], {**values, **stribeck})
+    assert {row.effect for row in rows} == {effect.id for effect in kind.effects} - {"stribeck"}
+    assert all(0 <= row.share <= 1 for row in rows)

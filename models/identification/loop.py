@@ -10,7 +10,7 @@ import numpy as np
 
 from models.effects import BY_ID
 from models.identification.fit import Fit, descend, polish
-from models.identification.judging import Split, block_costs
+from models.identification.judging import Split, block_costs, middle_stage
 from models.identification.kind import Kind
 from models.identification.screen import Screened, chance, screen
 from models.identification.tournament import Trial, down_the_stages, fair, refit, separation, step_on, tournament
@@ -106,8 +106,8 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
         start = refit(kind, train, found.model, {**base.theta, **thetas[0]})
         found.augmented = descend(kind, train, found.model, start, last, 0.03, 10)
     if kind.stages > 1:
-        found.augmented = polish(kind, train, found.model, found.augmented, last, rng)
-        found.augmented = polish(kind, train, found.model, found.augmented, kind.final, rng, 5)
+        for stage in (*range(middle_stage(kind), last), last, kind.final):
+            found.augmented = polish(kind, train, found.model, found.augmented, stage, rng, 10 if stage == last else 5)
     if not found.effects:
         found.calibrated = found.augmented
     clock.note("final fit", found)

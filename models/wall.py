@@ -73,8 +73,8 @@ class Wall:
     def grip(self, speed: Any, hoop: Any, mu: Any, level: Any = 1.0, onset: Any = None) -> tuple[Any, Any]:
         """Environmental resistance `F_e = sin(theta) c I1` and slip limit `f_c = mu (m g + c (cos(theta) I1 + I2))` in N.
 
-        `hoop` is the rig's factor c on the hoop stress, `level` what effects make of both forces, `onset` of the second one where it differs; paper V Eq.
-        8, 11, 12.
+        `hoop` is the rig's factor c on the hoop stress, `level` what effects make of both forces, `onset` of the second one where it
+        differs; paper V Eq. 8, 11, 12.
         """
         nose, cylinder = hoop * self.nose(speed), hoop * self.cylinder(speed)
         load = self.capsule.mass_kg * GRAVITY + math.cos(self.tissue.theta) * nose + cylinder

@@ -137,16 +137,16 @@ def refit(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: 
         clouds = [anneal(kind, records, effects, begin, seed=seed) for seed, begin in enumerate(begins)]
         return step_on(kind, records, effects, min(clouds, key=lambda fit: fit.cost).theta).theta
     fits = [
-        _at_stage(kind, records, fit)
+        _with_cost(kind, records, fit)
         for fit in (down_the_stages(kind, records, effects, start), step_on(kind, records, effects, start).theta)
     ]
     if min(cost for cost, _ in fits) > NEAR_NOISE:
         fit = descend(kind, records, effects, anneal(kind, records, effects, start).theta, stage, 0.03, 6)
-        fits.append(_at_stage(kind, records, fit.theta))
+        fits.append(_with_cost(kind, records, fit.theta))
     return min(fits, key=lambda row: row[0])[1]
 
 
-def _at_stage(kind: Kind, records: Sequence[Record], theta: dict[str, float]) -> tuple[float, dict[str, float]]:
+def _with_cost(kind: Kind, records: Sequence[Record], theta: dict[str, float]) -> tuple[float, dict[str, float]]:
     return float(np.mean(judged(kind, records, theta))), theta
 
 
@@ -179,8 +179,8 @@ def fair(
         training = [training_cost(kind, splits, choice) for choice in (best, again)]
         if training[1] < training[0]:
             best, costs = again, block_costs(kind, splits, again)
-    judged = [_against(costs, t.effect, t.thetas, t.blocks) for t in trials]
-    return sorted(judged, key=lambda trial: -trial.gain), best
+    again_judged = [_against(costs, t.effect, t.thetas, t.blocks) for t in trials]
+    return sorted(again_judged, key=lambda trial: -trial.gain), best
 
 
 def separation(best: Trial, other: Trial) -> float:

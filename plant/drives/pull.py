@@ -33,8 +33,8 @@ def advance_pull(
     """Impose positions `drive[0], drive[1], ...` in m at steps of `dt` from now on; fill `out` with a row each `every` steps.
 
     `F = m a + R(|v|) Sgn(v) + F_v(w) + T(u) - F_hidden`; at rest the last direction's R is kept. `drive` holds one more
-    value than steps done. A row has the rate of `x` at which the capsule came to where it is. State `s` is changed in place; returns the rows
-    written.
+    value than steps done. A row has the rate of `x` at which the capsule came to where it is. State `s` is changed in
+    place; returns the rows written.
     """
     rows = 0
     leveled, forced = has_level(h), has_force(h)

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from tests.conftest import RIG
 
-PLANT = """
-[scenario]
-duration_s = 60.0
-seed = 1
+TRUTH = """
 [rig]
 kind = "magnetic"
 magnet_stiffness_N_per_m = 24.2
@@ -18,6 +15,7 @@ preset = "jejunum"
 kind = "ramp"
 speed_mm_s = 2.0
 """
+PLANT = f"[scenario]\nduration_s = 60.0\nseed = 1\n{TRUTH}"
 
 
 def deployment(channel: str = "test", interface: str = "capsule_local", control: str = "duration_s = 1.0", more: str = "") -> str:

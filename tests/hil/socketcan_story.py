@@ -12,6 +12,7 @@ import json
 import multiprocessing
 import shutil
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from multiprocessing.connection import Connection
@@ -28,6 +29,7 @@ from hil.bus.catalogue import load_catalogue
 from hil.bus.codec import Codec
 from hil.nodes.wiring import ENABLE, MOVING, STOPPING
 
+SCRATCH = Path(tempfile.gettempdir())
 CHANNEL = "vcan0"
 LEADS_S = 0.6
 AFTERWARDS_S = 0.3
@@ -109,7 +111,7 @@ def _lead(*arguments: str) -> tuple[int, str]:
 
 def main(folder: Path) -> None:
     """The whole story."""
-    wire, log, rig = Wire(), Path("/tmp/run.blf"), str(folder / "rig.toml")
+    wire, log, rig = Wire(), SCRATCH / "run.blf", str(folder / "rig.toml")
     plant = Child(run_plant, folder / "plant.toml", "socketcan", CHANNEL, 3600.0, 20)
     found: dict[str, Any] = {"stopped": _stopped(wire, rig, log)}
     found["frames"] = _counts(wire)
@@ -140,7 +142,7 @@ def _stopped(wire: Wire, rig: str, log: Path) -> dict[str, Any]:
 def _killed(wire: Wire, rig: str) -> dict[str, Any]:
     """A controller that is killed while it leads: times in ms from its last command to the drive's first word that it does not follow
     any more, and to its first word that it is at rest, by the kernel's stamps."""
-    controller = Child(_lead, rig, "--log", "/tmp/killed.blf")
+    controller = Child(_lead, rig, "--log", str(SCRATCH / "killed.blf"))
     led = wire.lead(controller)
     controller.process.kill()
     wire.listen(lambda _: False, AFTERWARDS_S)

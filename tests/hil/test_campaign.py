@@ -23,20 +23,9 @@ from hil.app.campaign_page import summary_of, worst_of
 from hil.app.campaign_results import Results, chunks
 from hil.app.campaign_work import TRIES, pooled, run_job
 from hil.app.main import run
+from tests.hil.deployments import TRUTH
 
-SCENARIO = """
-[scenario]
-duration_s = 0.7
-[rig]
-kind = "magnetic"
-magnet_stiffness_N_per_m = 24.2
-magnet_range_m = 0.02
-[tissue]
-preset = "jejunum"
-[reference]
-kind = "ramp"
-speed_mm_s = 2.0
-"""
+SCENARIO = f"[scenario]\nduration_s = 0.7\n{TRUTH}"
 CAMPAIGN = """
 [campaign]
 scenario = "scenario.toml"

@@ -19,7 +19,6 @@ import hashlib
 import itertools
 import json
 import math
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,7 +28,8 @@ import numpy as np
 
 from hil.app.predict import read_model
 from hil.app.sil_scenario import parse_sil_scenario
-from hil.app.track_scenario import LARGEST_FILE, parse_track_scenario
+from hil.app.toml_file import read_toml
+from hil.app.track_scenario import parse_track_scenario
 from models.identification.result import STAGES
 from models.parameter import nearest
 from plant.reading import from_table
@@ -124,12 +124,12 @@ class Campaign:
 def load_campaign(path: Path) -> Campaign:
     """Read and check a campaign file and its scenario; a ValueError of one sentence says what is wrong."""
     try:
-        raw = _toml(path, "campaign")
+        raw, _ = read_toml(path, "campaign")
         for table in raw:
             if table not in TABLES:
                 raise ValueError(f"{path}: tables must be among {', '.join(TABLES)}; got [{table}]; {nearest(table, TABLES)}")
         head = from_table(Head, _table(raw, "campaign"), "campaign")
-        scenario = _toml(path.parent / head.scenario, "scenario")
+        scenario, _ = read_toml(path.parent / head.scenario, "scenario")
         kind = str(scenario.get("rig", {}).get("kind", ""))
         values = dict(read_model(path.parent / head.model, kind).stages[head.stage]) if head.model else {}
         draws = {key: _distribution(key, value) for key, value in _table(raw, "draw").items()}
@@ -228,14 +228,3 @@ def _table(raw: Table, name: str) -> Table:
     if not isinstance(table, dict):
         raise ValueError(f"{name} must be a table; got {table!r}")
     return table
-
-
-def _toml(path: Path, what: str) -> dict[str, Any]:
-    try:
-        if path.stat().st_size > LARGEST_FILE:
-            raise ValueError(f"{path}: {what} must be smaller than {LARGEST_FILE} bytes; got {path.stat().st_size}")
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise ValueError(f"{path}: {what} must be a file that can be read; got: {error.strerror or error}") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-        raise ValueError(f"{path}: {what} must be TOML; got: {' '.join(str(error).split())[:200]}") from None

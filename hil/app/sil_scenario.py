@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from hil.app.track_scenario import LARGEST_FILE, TABLES, TrackScenario, parse_track_scenario
+from hil.app.toml_file import read_toml
+from hil.app.track_scenario import TABLES, TrackScenario, parse_track_scenario
 from hil.nodes.fault import Fault, read_faults
 from hil.nodes.plant import SLOT_S
 from hil.nodes.wiring import frames, wiring_of
@@ -42,15 +42,7 @@ class SilScenario:
 
 def load_sil_scenario(path: Path) -> tuple[SilScenario, str]:
     """Read and check a scenario file; with its text. A ValueError of one sentence says which key, what it must be and what it is."""
-    try:
-        if path.stat().st_size > LARGEST_FILE:
-            raise ValueError(f"{path}: scenario must be smaller than {LARGEST_FILE} bytes; got {path.stat().st_size}")
-        text = path.read_text(encoding="utf-8-sig")
-        raw = tomllib.loads(text)
-    except OSError as error:
-        raise ValueError(f"{path}: scenario must be a file that can be read; got: {error.strerror or error}") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-        raise ValueError(f"{path}: scenario must be TOML; got: {' '.join(str(error).split())[:200]}") from None
+    raw, text = read_toml(path, "scenario")
     try:
         return parse_sil_scenario(raw), text
     except ValueError as error:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any, Final
 
 from controller.limits import Limits
 from controller.trajectory import Trajectory
+from hil.app.toml_file import read_toml
 from hil.app.track_reference import read_reference
 from models.parameter import nearest
 from models.rig import TABLES as RIG_TABLES
@@ -24,7 +24,6 @@ Table = Mapping[str, Any]
 TRUTH_TABLES: Final = ("scenario", "capsule", "tissue", "rig", "drive", "surface", "anatomy", "effects")
 OWN_TABLES: Final = ("reference", "belief", "control", "limits", "localisation", "feedback")
 TABLES: Final = TRUTH_TABLES + OWN_TABLES
-LARGEST_FILE: Final = 1 << 20
 
 _CAPSULE: Final = {"radius_m": 6.5e-3, "cylinder_length_m": 20e-3, "mass_kg": 4.0e-3}
 _TISSUE: Final = {
@@ -80,14 +79,7 @@ class TrackScenario:
 
 def load_track_scenario(path: Path) -> TrackScenario:
     """Read and check a scenario file; a ValueError of one sentence says which key, what it must be and what it is."""
-    try:
-        if path.stat().st_size > LARGEST_FILE:
-            raise ValueError(f"{path}: scenario must be smaller than {LARGEST_FILE} bytes; got {path.stat().st_size}")
-        raw = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise ValueError(f"{path}: scenario must be a file that can be read; got: {error.strerror or error}") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-        raise ValueError(f"{path}: scenario must be TOML; got: {' '.join(str(error).split())[:200]}") from None
+    raw, _ = read_toml(path, "scenario")
     try:
         return parse_track_scenario(raw)
     except ValueError as error:

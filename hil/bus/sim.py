@@ -6,7 +6,7 @@ import heapq
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import can
 
@@ -37,14 +37,13 @@ class Counters:
     longest_s: float = 0.0
 
 
-@dataclass(frozen=True, slots=True, order=True)
-class _Waiting:
-    """A frame in a node's queue, in order of priority."""
+class _Waiting(NamedTuple):
+    """A frame in a node's queue, in order of priority; no two have the same `number`."""
 
     id: int
     number: int
     queued: int
-    message: Any
+    message: can.Message
 
 
 class Medium:
@@ -80,8 +79,8 @@ class Medium:
         """Let the bus run until `until_s`; frames that end by then are in the receivers' inboxes. Time never goes back."""
         end = max(round(until_s * self.bit_rate), self._now)
         while self._land(end):
-            start = self._next_start()
-            if start is None or start >= end:
+            start = min((p.ready_at(self._free) for p in self.ports if p.waiting), default=end)
+            if start >= end:
                 break
             self._transmit(start)
         self._now = end
@@ -115,24 +114,21 @@ class Medium:
         got = can.Message(last / self.bit_rate, sent.arbitration_id, False, data=sent.data, is_rx=True, channel=sender.name)
         for port in self.ports:
             if port is not sender and self.online(port):
-                port.counters.receive = min(max(port.counters.receive - 1, 0), PASSIVE - 1)
-                port.counters.received += 1
+                counters = port.counters
+                if counters.receive:
+                    counters.receive = min(counters.receive - 1, PASSIVE - 1)
+                counters.received += 1
                 port.inbox.append(got)
         return True
-
-    def _next_start(self) -> int | None:
-        """When the next frame can begin."""
-        times = [max(self._free, p.waiting[0].queued, p.suspended_until, p.offline_until) for p in self.ports if p.waiting]
-        return min(times, default=None)
 
     def _transmit(self, start: int) -> None:
         """Arbitration at `start`, and what becomes of the winner."""
         self._now = max(self._now, start)
-        ready = [p for p in self.ports if p.waiting and max(p.waiting[0].queued, p.suspended_until, p.offline_until) <= start]
-        winner = min(ready, key=lambda p: p.waiting[0])
-        waiting = winner.waiting[0]
-        rivals = [p for p in ready if p is not winner and p.waiting[0].id == waiting.id]
-        if any(bytes(p.waiting[0].message.data) != bytes(waiting.message.data) for p in rivals):
+        ready = [p for p in self.ports if p.waiting and p.ready_at(start) == start]
+        winner = min(ready, key=_first)
+        waiting = _first(winner)
+        rivals = [p for p in ready if p is not winner and _first(p).id == waiting.id]
+        if any(_first(p).message.data != waiting.message.data for p in rivals):
             self._fail(start, [winner, *rivals], waiting)
         elif not any(p is not winner and self.online(p) for p in self.ports):
             self._fail(start, [winner], waiting, acknowledged=False)
@@ -168,6 +164,10 @@ class Medium:
         self.busy_bits += bits
 
 
+def _first(port: SimulatedBus) -> _Waiting:
+    return port.waiting[0]
+
+
 class SimulatedBus(can.BusABC):
     """A node on a `Medium`, a python-can bus. `recv` gives what has come in by the medium's time and never waits, whatever its timeout;
     `send` queues at the medium's time. Both refuse a node that is off the bus with CanOperationError."""
@@ -192,6 +192,10 @@ class SimulatedBus(can.BusABC):
         if len(self.waiting) >= QUEUE:
             raise can.CanOperationError(f"node {self.name} has {QUEUE} frames waiting")
         self.medium.queue(self, msg)
+
+    def ready_at(self, free: int) -> int:
+        """The bit at which its first waiting frame can begin on a wire that is free from the bit `free` on."""
+        return max(free, self.waiting[0].queued, self.suspended_until, self.offline_until)
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """The oldest frame that has come in, or None at once."""

@@ -13,14 +13,14 @@ _TAIL = 13
 
 def frame_bits(identifier: int, data: bytes | bytearray) -> int:
     """Bits of the frame with an 11-bit `identifier` and up to 8 bytes of `data`, stuff bits and the space after it included."""
-    return int(_stuffed(identifier << 7 | len(data), int.from_bytes(data, "big"), 8 * len(data))) + _TAIL
+    return int(_stuffed(identifier << 7 | len(data), int.from_bytes(data, "big", signed=True), 8 * len(data))) + _TAIL
 
 
 def _compiled(signature: str) -> Any:
     return numba.njit(signature, cache=True)
 
 
-@_compiled("int64(int64, uint64, int64)")
+@_compiled("int64(int64, int64, int64)")
 def _stuffed(head: int, word: int, size: int) -> int:
     """Bits from the start of frame to the CRC: 19 of the `head`, `size` of the data `word`, 15 of the CRC; after five alike a stuff bit."""
     rest, run, last, stuff = 0, 0, 1, 0
@@ -29,7 +29,7 @@ def _stuffed(head: int, word: int, size: int) -> int:
         if k < 19:
             bit = head >> (18 - k) & 1
         elif k < before:
-            bit = numba.int64(word >> numba.uint64(before - 1 - k) & numba.uint64(1))
+            bit = word >> (before - 1 - k) & 1
         else:
             bit = rest >> (before + 14 - k) & 1
         if k < before:

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.estimator.moments import fuse, place_points, take_moments
+from controller.estimator.moments import fuse, place_points, take_moments, take_spread
 from controller.estimator.noise import Noise
 from controller.prediction import ControlModel
 from controller.signals import Adapted
@@ -63,8 +63,10 @@ class Process:
         self._states, self._d, self._level = np.zeros((2 * n + 1, len(model.states))), np.zeros(2 * n + 1), np.zeros(2 * n + 1)
         names = [p.name for p in model.symbols.parameters]
         self.learned = next(names.index(name) for name in LEVELS if name in names)
-        self._bounds = [bound / model.values[self.learned] - 1 for bound in _bounds(model, self.learned)]
+        middle = float(model.values[self.learned])
+        self._bounds = np.array([*(bound / middle - 1 for bound in _bounds(model, self.learned)), middle])
         self._parameters = np.tile(model.values, (2 * n + 1, 1))
+        self._points = (self._states, self._d, self._level, self._parameters[:, self.learned])
         self._L, self._K, self._H = np.zeros((n, n)), np.zeros(n), np.zeros(n)
         self._kernels = model.kernels
         self._path, self._held, self._slopes = (np.zeros(s) for s in ((1, len(model.states)), (1,), (1, len(model.states))))
@@ -88,9 +90,7 @@ class Process:
 
     def predict(self, b: Belief, command: float) -> None:
         """Move `b` a tick on in place, to the end of which `command` leads; a carriage goes there in a straight line."""
-        place_points(b.z, b.P, b.modes, self.where, self._scale, self._L, self._states, self._d, self._level)
-        np.clip(self._level, *self._bounds, out=self._level)
-        np.multiply(1 + self._level, self.model.values[self.learned], out=self._parameters[:, self.learned])
+        place_points(b.z, b.P, b.modes, self.where, self._scale, self._bounds, self._L, *self._points)
         k = self._kernels
         k.run_each(self._states, self.middle(b.command, command), self._d, b.time_s, k.tick_s, k.substeps, self._parameters)
         take_moments(self._states, self._d, self._level, self.where, self._scale, self.unscented, self.wander, b.z, b.P, b.modes)
@@ -152,11 +152,10 @@ class Process:
         self._kernels.holds(self._path, self._held, self._slopes, t, self._kernels.tick_s, numbers)
         return float(self._held[0])
 
-    def std(self, b: Belief) -> Array:
-        """Standard deviations (n,) in the model's order, 0 for switches."""
+    def spread(self, b: Belief) -> tuple[Array, bool]:
+        """Standard deviations (n,) in the model's order, 0 for switches; whether `b` is made of numbers."""
         std = np.zeros(len(self.model.states))
-        std[self.where] = np.sqrt(np.maximum(np.diag(b.P)[:-2], 0.0))
-        return std
+        return std, take_spread(b.z, b.P, self.where, std)
 
 
 def _bounds(model: ControlModel, index: int) -> tuple[float, float]:

@@ -158,11 +158,11 @@ class Estimator:
             nothing = np.full(len(self.model.states), math.nan)
             return Estimate(now, nothing, nothing, 0.0, True)
         belief = self._ticks[self._newest].belief
-        if not (np.isfinite(belief.z).all() and np.isfinite(belief.P).all()):
+        std, sound = self._process.spread(belief)
+        if not sound:
             self._count = 0
             self.counts.restarts += 1
             return self._estimate(now)
-        std = self._process.std(belief)
         adapted = self._process.adapted(belief)
         force = adapted.disturbance_N + self._process.lacking(belief, adapted.parameters)
         return Estimate(now, self._process.state(belief), std, force, self._watch.lost(now, float(std[0])), adapted)

@@ -39,12 +39,23 @@ def root(P: Array, L: Array) -> None:
 
 @njit(cache=True)
 def place_points(
-    z: Array, P: Array, modes: Array, where: Indices, scale: float, L: Array, states: Array, d: Array, level: Array
+    z: Array,
+    P: Array,
+    modes: Array,
+    where: Indices,
+    scale: float,
+    bounds: Array,
+    L: Array,
+    states: Array,
+    d: Array,
+    level: Array,
+    learned: Array,
 ) -> None:
     """Fill `states` (2 n + 1, model states), `d` and `level` (2 n + 1,) with the points `z`, `z +- scale L_j` of the belief `z`, `P`.
 
     `z` (n,) holds the model's continuous states, which stand at `where` in a state, then the disturbance, then the level; every point
-    gets the switches `modes` (model states,) of the belief.
+    gets the switches `modes` (model states,) of the belief. `bounds` (3,) are the least and the greatest level, and the value of the
+    learned parameter at level 0; `learned` (2 n + 1,) becomes its value at each point's level.
     """
     root(P, L)
     n = z.shape[0]
@@ -59,7 +70,22 @@ def place_points(
             elif i == n - 2:
                 d[m] = value
             else:
-                level[m] = value
+                level[m] = min(max(value, bounds[0]), bounds[1])
+                learned[m] = (1 + level[m]) * bounds[2]
+
+
+@njit(cache=True)
+def take_spread(z: Array, P: Array, where: Indices, std: Array) -> bool:
+    """Fill `std` (model states,) with the standard deviations of the states at `where`; whether all of `z` and `P` are numbers."""
+    n = z.shape[0]
+    total = 0.0
+    for i in range(n):
+        total += z[i]
+        for j in range(n):
+            total += P[i, j]
+    for i in range(n - 2):
+        std[where[i]] = math.sqrt(max(P[i, i], 0.0))
+    return math.isfinite(total)
 
 
 @njit(cache=True)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Final
 
 import can
@@ -197,10 +196,9 @@ class ControllerNode:
         """The command for the next tick: the supervised controller's once the drive is being enabled, else where the drive is."""
         if mode != ENABLE:
             return Action(self.ears.report, "stopped")
-        then = now + self.tick_s
         if not self._led:
             self._led = True
             self._doubts.settle(self.estimator.counts.restarts)
             self.supervisor.reset(now, estimate, self.ears.report)
         self.supervisor.temperature_C = self.ears.temperature_C
-        return self.supervisor.act(then, replace(estimate, time_s=then), self._reference)
+        return self.supervisor.act(now + self.tick_s, estimate, self._reference)

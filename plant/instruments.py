@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,26 +75,34 @@ class Stream:
             self._share = 1 - math.exp(-1 / (truth_rate_Hz * lag)) if lag > 0 else 0.0
             late = float(hidden[ROWS["sensor_delay"], 0])
         self._offset = hidden is not None and any(hidden[ROWS[name], 0] != 0.0 for name in _OFFSETS)
-        self._late: deque[float] = deque(maxlen=round(late * truth_rate_Hz) + 1)
+        self._late = round(late * truth_rate_Hz)
+        self._past: list[float] = []
         self._smooth: tuple[float, float] | None = None
         self._samples = 0
 
     def take(self, t: Floats, y: Floats) -> list[Reading]:
         """Readings of the samples that fall into the stretch of truth `y` at the times `t` in s; both 1-D of one length."""
+        if not t.size:
+            return []
+        values = y.tolist() if self._share == 0.0 else [self._smoothed(value) for value in y.tolist()]
+        seen = (self._past or [values[0]] * self._late) + values if self._late else values
         readings: list[Reading] = []
-        for when, value in zip(t.tolist(), y.tolist(), strict=True):
-            self._late.append(self._smoothed(value))
-            due = self._samples / self.instrument.rate_Hz
-            if when >= due - 1e-9:
-                self._samples += 1
-                reading = self._sample(when, self._late[0])
-                if reading is not None:
-                    readings.append(reading)
+        k = int(np.searchsorted(t, self._due))
+        while k < len(values):
+            self._samples += 1
+            reading = self._sample(float(t[k]), seen[k])
+            if reading is not None:
+                readings.append(reading)
+            k = max(int(np.searchsorted(t, self._due)), k + 1)
+        self._past = seen[len(values) :]
         return readings
 
+    @property
+    def _due(self) -> float:
+        """When the next sample is due, but for rounding."""
+        return self._samples / self.instrument.rate_Hz - 1e-9
+
     def _smoothed(self, value: float) -> float:
-        if self._share == 0.0:
-            return value
         first, second = self._smooth or (value, value)
         first += self._share * (value - first)
         second += self._share * (first - second)

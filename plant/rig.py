@@ -14,7 +14,7 @@ from plant.anatomy import Anatomy
 from plant.drives.body import COIL, FORCE, LINK, MAGNET, advance_body
 from plant.drives.pull import advance_pull
 from plant.drives.vibro import BY_FORCE, BY_VOLTAGE, advance_vibro
-from plant.hidden.carriage import real_drive
+from plant.hidden.carriage import BACKLASH, LAG, real_drive
 from plant.hidden.registry import ROWS
 from plant.hidden.table import effect_table
 from plant.tables import Floats, tabulate
@@ -116,6 +116,7 @@ class Plant:
         self.state = np.zeros(at.S_COUNT)
         self.state[at.S_DIRECTION] = 1.0
         self._carriage = np.zeros(4)
+        self._behind = bool(self.effects[[LAG, BACKLASH], 0].any())
 
     @property
     def time(self) -> float:
@@ -134,8 +135,9 @@ class Plant:
             raise ValueError(f"drive must be two or more finite values in a row; got shape {values.shape}")
         dt, first = self.rig.step_s, int(self.state[at.S_STEP])
         steps = values.size - 1
-        arrived = real_drive(values[:-1], dt, self.effects, self._carriage)
-        values = np.append(arrived, real_drive(values[-1:], dt, self.effects, self._carriage.copy()))
+        if self._behind:
+            arrived = real_drive(values[:-1], dt, self.effects, self._carriage)
+            values = np.append(arrived, real_drive(values[-1:], dt, self.effects, self._carriage.copy()))
         out = np.zeros(((first + steps - 1) // every - (first - 1) // every, at.O_COUNT))
         common = (self.state, self.parameters, self.effects, self.tables, self.profile, values, dt, every, out)
         kind = self.rig.drive

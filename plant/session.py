@@ -20,10 +20,10 @@ FEEDBACK: Final = Instrument(rate_Hz=500.0, std=0.0, latency_s=0.0)
 
 @dataclass(frozen=True)
 class Instruments:
-    """What is measured in the loop: where the capsule is, and what the drive does (carriage in m, current in A)."""
+    """What is measured in the loop: where the capsule is, and what the drive does (carriage in m, current in A; None: it says nothing)."""
 
     localisation: Instrument = LOCALISATION
-    feedback: Instrument = FEEDBACK
+    feedback: Instrument | None = FEEDBACK
 
 
 class Session:
@@ -47,8 +47,11 @@ class Session:
         seeds = np.random.SeedSequence(seed).spawn(2)
         hidden = effect_table({name: dict(numbers) for name, numbers in rig.hidden.items()})
         self._place = Stream("position_m", instruments.localisation, np.random.default_rng(seeds[0]), rate, hidden)
-        self._drive = Stream(self.feedback_channel, instruments.feedback, np.random.default_rng(seeds[1]), rate, None)
+        self._drive: Stream | None = None
+        if instruments.feedback is not None and self.feedback_channel:
+            self._drive = Stream(self.feedback_channel, instruments.feedback, np.random.default_rng(seeds[1]), rate, None)
         self._waiting: list[Reading] = []
+        self._shares = np.arange(2.0)
 
     @property
     def time(self) -> float:
@@ -77,9 +80,11 @@ class Session:
         self.command = float(command)
         self.rows.append(rows)
         self._waiting += self._place.take(rows[:, at.O_T], rows[:, at.O_X])
-        if self.feedback_channel:
+        if self._drive is not None:
             self._waiting += self._drive.take(rows[:, at.O_T], self._fed_back(rows, values, first))
         now = self.time + 1e-9
+        if not any(r.arrives_s <= now for r in self._waiting):
+            return ()
         ready = tuple(sorted((r for r in self._waiting if r.arrives_s <= now), key=lambda r: (r.arrives_s, r.channel)))
         self._waiting = [r for r in self._waiting if r.arrives_s > now]
         return ready
@@ -88,9 +93,11 @@ class Session:
         """The plant's drive for the next `steps` steps, (steps + 1,), as `Plant.advance` takes it."""
         drive = self.plant.rig.drive
         if isinstance(drive, Magnet):
-            values = self.command + (command - self.command) * (np.arange(steps + 1) / steps)
+            if self._shares.size != steps + 1:
+                self._shares = np.arange(steps + 1) / steps
+            values: Floats = self.command + (command - self.command) * self._shares
             values[-1] = command
-            return np.asarray(values)
+            return values
         scale = drive.force_N if isinstance(drive, Vibro) and drive.coil is None else 1.0
         return np.full(steps + 1, scale * command)
 

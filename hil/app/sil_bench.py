@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import can
 
@@ -54,7 +55,7 @@ class Bench:
         self.links: dict[str, Link] = {}
         task = Task(model, controller, loop.reference, loop.limits, loop.instruments.localisation.std)
         self.node = ControllerNode(task, self._bus("controller", seed), observer=recorder)
-        session = Session(loop.truth, loop.instruments, seed, 0.0)
+        session = Session(loop.truth, replace(loop.instruments, feedback=None), seed, 0.0)
         self.plant = PlantNode(
             session,
             loop.limits,

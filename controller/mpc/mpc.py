@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 REST_S = 0.05
 REST_STDS = 3.0
 _WIDEST = 3.0
+_CALM = 0.99
 
 
 class MPC:
@@ -55,7 +56,7 @@ class MPC:
         self._grip = names.index("friction_coefficient") if "u" in model.states and self.horizon.late_slip > 0 else None
         self._grid: Array = np.linspace(0.0, self.horizon.stages * self.horizon.stage_s, self.horizon.stages + 1)
         self._command, self._rate, self._plan, self._time = 0.0, 0.0, np.zeros(self.horizon.stages + 1), 0.0
-        self._resting = False
+        self._resting = self._followable = False
         self.last: Plan | None = None
         self._compile()
 
@@ -69,7 +70,7 @@ class MPC:
     def reset(self, now: float, estimate: Estimate, command: float) -> None:
         """Begin at `now` with `command` in force and at rest."""
         self._command = float(command) if np.isfinite(command) else 0.0
-        self._rate, self._time, self._resting = 0.0, now, False
+        self._rate, self._time, self._resting, self._followable = 0.0, now, False, False
         self._plan = np.full(self.horizon.stages + 1, self._command)
 
     def act(self, now: float, estimate: Estimate, reference: Reference) -> Action:
@@ -78,6 +79,10 @@ class MPC:
         if estimate.lost:
             return self._kept("lost", begin)
         state = np.array(estimate.state, dtype=float)
+        command = self._foreseen(now, state)
+        if command is not None:
+            self._rate, self._command = (command - self._command) / self.model.tick_s, command
+            return Action(command, "ok", None, {"total": self.clock() - begin})
         targets = self._targets(now, reference)
         sound = state.shape == (len(self.model.states),) and math.isfinite(state.sum() + now + estimate.disturbance_N)
         if targets is None or not sound:
@@ -91,12 +96,27 @@ class MPC:
         self.last = plan
         if plan.failed:
             return self._kept("failed", begin)
-        tick = self.model.tick_s
+        self._followable = not plan.cut and self._calm(plan.commands)
         self._rate = float(plan.commands[1] - plan.commands[0]) / self.horizon.stage_s
-        self._command = float(np.interp(tick, self._grid, plan.commands))
         self._plan, self._time = plan.commands, now
+        self._command = _along(plan.commands, self.model.tick_s / self.horizon.stage_s)
         timings = plan.timings | {"total": self.clock() - begin}
         return Action(self._command, "late" if plan.cut else "ok", plan.path[:, 0].copy(), timings)
+
+    def _foreseen(self, now: float, state: Array) -> float | None:
+        """The last plan's command for this tick; None where a new plan is due (`Horizon`) or the state is no number."""
+        age, tick, h, plan = now - self._time, self.model.tick_s, self.horizon, self.last
+        if plan is None or not self._followable or not 0 < age < h.hold_s - 0.5 * tick:
+            return None
+        near = abs(state[0] - _along(plan.path[:, 0], age / h.stage_s)) <= h.hold_m
+        return _along(plan.commands, (age + tick) / h.stage_s) if near and math.isfinite(state.sum()) else None
+
+    def _calm(self, commands: Array) -> bool:
+        """Whether the rates of all stages that a plan may be followed in, and of the next one, differ by less than a tick's acceleration
+        makes up for; a plan that changes faster is made anew each tick, which keeps the acceleration's bound exactly."""
+        stages = math.ceil(self.horizon.hold_s / self.horizon.stage_s) + 1
+        rates = np.diff(commands[: stages + 1], prepend=commands[0] - self._rate * self.horizon.stage_s) / self.horizon.stage_s
+        return bool(np.abs(np.diff(rates)).max() < _CALM * self.bounds.acceleration * self.model.tick_s)
 
     def _learned(self, estimate: Estimate) -> tuple[float, Array | None]:
         """The disturbance to count on, with the parameters that it goes with where the estimator has learned some or slips come late."""
@@ -140,9 +160,15 @@ class MPC:
         return self._resting
 
     def _halt(self) -> None:
-        self._rate = 0.0
+        self._rate, self._followable = 0.0, False
         self._plan[:] = self._command
 
     def _kept(self, status: str, begin: float) -> Action:
         self._halt()
         return Action(self._command, "lost" if status == "lost" else "failed", None, {"total": self.clock() - begin})
+
+
+def _along(values: Array, stages: float) -> float:
+    """`values` (N + 1,), one a stage, `stages` after the first, linear between."""
+    k = min(int(stages), values.shape[0] - 2)
+    return float(values[k] + (stages - k) * (values[k + 1] - values[k]))

@@ -20,6 +20,10 @@ class Horizon:
     `late_slip` is by what share a plan takes the wall's slip limit for higher than the estimate has it. A plan that eases off ahead of a slip
     that comes a little later than foreseen leaves the capsule stuck at the threshold, where nothing but noisy positions tells; one that
     keeps pulling until the estimate slips loses a few milliseconds.
+
+    A plan is followed for up to `hold_s` (0: each tick makes its own) while the estimate stays within `hold_m` of the path that it foresaw, if
+    none of its rates until then differs from the one before by more than a tick's acceleration allows. Between two readings of the
+    localisation there is little more to know, and a plan for each tick reacts to the noise of one reading several times.
     """
 
     stages: int = 30
@@ -29,6 +33,8 @@ class Horizon:
     deadline_s: float = math.inf
     rest_m: float = 1e-4
     late_slip: float = 0.0
+    hold_s: float = 0.0
+    hold_m: float = 2e-5
 
     def __post_init__(self) -> None:
         for name, low, high in (("stages", 2, 200), ("substeps", 1, 100), ("iterations", 1, 100)):
@@ -36,7 +42,9 @@ class Horizon:
                 raise ValueError(f"{name} must lie in [{low}, {high}]; got {getattr(self, name)}")
         if not 0 <= self.late_slip <= 1:
             raise ValueError(f"late_slip must lie in [0, 1]; got {self.late_slip:g}")
-        for name, most in (("stage_s", 1.0), ("rest_m", 1.0), ("deadline_s", math.inf)):
+        if not 0 <= self.hold_s <= 0.5 * self.stages * self.stage_s:
+            raise ValueError(f"hold_s must lie within half the horizon of {self.stages * self.stage_s:g} s; got {self.hold_s:g}")
+        for name, most in (("stage_s", 1.0), ("rest_m", 1.0), ("hold_m", 1.0), ("deadline_s", math.inf)):
             if not 0 < getattr(self, name) <= most:
                 raise ValueError(f"{name} must lie above 0, up to {most:g}; got {getattr(self, name):g}")
 

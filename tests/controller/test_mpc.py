@@ -77,16 +77,41 @@ def test_it_tracks_through_stick_and_slip(model: ControlModel) -> None:
     assert np.sqrt(np.mean(error(run, Line(1e-3)) ** 2)) < 0.03e-3
 
 
-def test_the_hard_bounds_hold_and_the_soft_ones_bend(model: ControlModel) -> None:
+@pytest.mark.parametrize("hold_s", [0.0, 0.01])
+def test_the_hard_bounds_hold_and_the_soft_ones_bend(model: ControlModel, hold_s: float) -> None:
     """A step of 30 mm cannot be tracked: carriage range, rate and acceleration hold exactly, the gap within a percent."""
     bounds = replace(BOUNDS, high=0.02)
-    run = closed(MPC(model, bounds, horizon=PATIENT), model, Line(0.0, start_m=0.03), 1.2)
+    run = closed(MPC(model, bounds, horizon=replace(PATIENT, hold_s=hold_s)), model, Line(0.0, start_m=0.03), 1.2)
     rate = np.diff(run.command, prepend=0.0) / TICK_S
     assert run.command.max() <= bounds.high + 1e-9
     assert np.abs(rate).max() <= bounds.rate * (1 + 1e-6)
     assert np.abs(np.diff(rate, prepend=0.0)).max() <= bounds.acceleration * TICK_S * (1 + 1e-6)
     assert np.abs(run.command - run.x).max() < bounds.gap_m * 1.01
     assert run.x[-1] > 0.012
+
+
+def test_a_plan_is_followed_while_the_capsule_goes_along_it(model: ControlModel) -> None:
+    """10 ms are five ticks: few plans, no worse than one for each tick; a capsule 0.1 mm off, or a lost estimate, ends it at once."""
+    horizon = replace(PATIENT, hold_s=0.01)
+    every, fewer = (closed(MPC(model, BOUNDS, horizon=h), model, Line(1e-3), 1.0) for h in (PATIENT, horizon))
+    planned = sum(action.predicted is not None for action in fewer.actions)
+    assert all(action.predicted is not None for action in every.actions)
+    assert planned < 0.5 * len(fewer.actions)
+    rmse = [float(np.sqrt(np.mean(error(run, Line(1e-3)) ** 2))) for run in (every, fewer)]
+    assert rmse[1] < 1.2 * rmse[0]
+    mpc, state = MPC(model, BOUNDS, horizon=horizon), model.initial()
+    mpc.reset(0.0, Estimate(0.0, state, state), 0.0)
+    seen = []
+    for k in range(60):
+        off = 1e-4 if k == 50 else 0.0
+        shown = state + np.array([off, 0.0, 0.0, 0.0])
+        action = mpc.act(k * TICK_S, Estimate(k * TICK_S, shown, state, 0.0, lost=k == 55), Line(3e-3))
+        seen.append((action.status, action.predicted is not None))
+        state = model.kernels.step(state, action.command, 0.0, k * TICK_S)
+    assert seen[50] == ("ok", True)
+    assert seen[55] == ("lost", False)
+    assert seen[56] == ("ok", True)
+    assert ("ok", False) in seen[20:50]
 
 
 def test_a_bound_on_the_wall_s_force_is_kept(model: ControlModel) -> None:
@@ -219,6 +244,8 @@ def test_what_it_cannot_lead_is_refused() -> None:
         MPC(control_model(rig_of("vibro"), {}, TICK_S))
     with pytest.raises(ValueError, match="stages must lie"):
         Horizon(stages=0)
+    with pytest.raises(ValueError, match="hold_s must lie"):
+        Horizon(hold_s=0.2)
     with pytest.raises(ValueError, match="low < high"):
         Bounds(1.0, 0.0, 1.0)
     with pytest.raises(ValueError, match="weight gap"):

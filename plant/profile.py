@@ -8,7 +8,7 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from plant.excitation import piecewise_runs, pulse_width, random_runs, random_wander
+from plant.excitation import piecewise_runs, pulse_width, random_pulses, random_runs, random_voltage, random_wander
 from plant.tables import Floats
 
 
@@ -91,6 +91,26 @@ class Pwm:
 
 
 @dataclass(frozen=True)
+class RandomPulses(Pwm):
+    """Trains of pulses whose periods and duties vary at random about `period_s` and a half, with rests between."""
+
+    duty: float = 0.5
+
+    def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
+        return self.amplitude_V * random_pulses(rng, duration_s, dt, self.period_s)
+
+
+@dataclass(frozen=True)
+class RandomVoltage:
+    """A sum of sines, for a coil."""
+
+    amplitude_V: float = 1.6
+
+    def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
+        return random_voltage(rng, duration_s, dt, self.amplitude_V)
+
+
+@dataclass(frozen=True)
 class Recorded:
     """A column of a CSV file, linear between its samples; the path counts from the scenario's folder."""
 
@@ -118,5 +138,7 @@ PROFILES: Final[dict[str, type[Profile]]] = {
     "constant_speed": ConstantSpeed,
     "sine": Sine,
     "pwm": Pwm,
+    "random_pulses": RandomPulses,
+    "random_voltage": RandomVoltage,
     "record": Recorded,
 }

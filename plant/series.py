@@ -8,8 +8,9 @@ import gzip
 import io
 import os
 import tempfile
+from dataclasses import replace
 from pathlib import Path
-from typing import Final, Literal
+from typing import Final, Literal, get_args
 
 import numpy as np
 
@@ -18,11 +19,15 @@ from plant import layout as at
 from plant.excitation import random_runs, random_wander
 from plant.hidden.registry import hidden
 from plant.hidden.table import draw
-from plant.rig import STEP_S, Magnet, Plant, Pull, Rig
+from plant.recording import record_scenario
+from plant.rig import STEP_S, Coil, Magnet, Plant, Pull, Rig, Vibro
+from plant.scenario import Run, Scenario
 from plant.sensors import Sensor
+from plant.series_rigs import BELIEVED
 from plant.tables import Floats
 
-Kind = Literal["pull", "magnetic"]
+Kind = Literal["pull", "magnetic", "coil", "vibro", "vibro_plate"]
+KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 RECORDS: Final = ("train_1", "train_2", "train_3", "holdout")
 FORCE_STD_N: Final = 1e-3
 POSITION_STD_M: Final = 5e-5
@@ -33,29 +38,22 @@ _NOMINAL_MAGNET = Magnet()
 def make_series(kind: Kind, effect: str | None, seed: int, out: Path, duration_s: float = 45.0) -> Path:
     """Write `train_1..3.csv.gz`, `holdout.csv.gz`, `rig.toml` (nominal values) and `answer.toml` (the truth) to the folder `out`.
 
-    The truth's hoop stress factor and friction differ from nominal by up to 15 %, the magnet's stiffness by up to 5 %;
+    The truth's hoop stress factor and friction differ from nominal by up to 15 %, the magnet's stiffness by up to 5 %, a coil's or
+    inner mass's force and spring by up to 7 %; `vibro` is a capsule in the gut, `vibro_plate` the capsubot on a plate.
     `effect` is a hidden effect's id with numbers drawn from its ranges, or None. 500 Hz; noise 1 mN on a pull's force, 50 um
-    on a magnetic rig's position. The same seed gives the same bytes; its rig, drive and noise stay the same with another
+    on a position. The same seed gives the same bytes; its rig, drive and noise stay the same with another
     effect. Raises `ValueError` for an unknown kind or effect, or one that the drive cannot have.
     """
-    if kind not in ("pull", "magnetic"):
-        raise ValueError(f"kind must be pull or magnetic; got {kind!r}")
-    if effect is not None and kind not in hidden(effect).drives:
+    if kind not in KINDS:
+        raise ValueError(f"kind must be one of {', '.join(KINDS)}; got {kind!r}")
+    if effect is not None and kind.removesuffix("_plate") not in hidden(effect).drives:
         raise ValueError(
             f"effect of a {kind} rig must be one for that kind; got {effect!r}, which is for {', '.join(hidden(effect).drives)}"
         )
     truth, *streams = (np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(2 + len(RECORDS)))
     effect_stream, *record_streams = streams
-    hoop, friction, magnet = truth.uniform(0.85, 1.15), truth.uniform(0.85, 1.15), truth.uniform(0.95, 1.05)
     numbers = {} if effect is None else draw(effect, effect_stream)
-    rig = Rig(
-        drive=Pull()
-        if kind == "pull"
-        else Magnet(_NOMINAL_MAGNET.magnet_stiffness_N_per_m * magnet, _NOMINAL_MAGNET.magnet_range_m),
-        tissue=Tissue(friction_coefficient=Tissue().friction_coefficient * friction),
-        hoop_factor=float(hoop),
-        hidden={} if effect is None else {effect: numbers},
-    )
+    rig = replace(_truth(kind, truth), hidden={} if effect is None else {effect: numbers})
     out.mkdir(parents=True, exist_ok=True)
     for name, stream in zip(RECORDS, record_streams, strict=True):
         columns = _record(kind, rig, stream, duration_s)
@@ -65,7 +63,24 @@ def make_series(kind: Kind, effect: str | None, seed: int, out: Path, duration_s
     return out
 
 
+def _truth(kind: Kind, rng: np.random.Generator) -> Rig:
+    """The rig as it is, without what is hidden."""
+    if kind in BELIEVED:
+        return BELIEVED[kind].truth(rng)
+    hoop, friction, magnet = rng.uniform(0.85, 1.15), rng.uniform(0.85, 1.15), rng.uniform(0.95, 1.05)
+    return Rig(
+        drive=Pull()
+        if kind == "pull"
+        else Magnet(_NOMINAL_MAGNET.magnet_stiffness_N_per_m * magnet, _NOMINAL_MAGNET.magnet_range_m),
+        tissue=Tissue(friction_coefficient=Tissue().friction_coefficient * friction),
+        hoop_factor=float(hoop),
+    )
+
+
 def _record(kind: Kind, rig: Rig, rng: np.random.Generator, duration_s: float) -> dict[str, Floats]:
+    if kind in BELIEVED:
+        belief, run = BELIEVED[kind], Run("", duration_s, int(rng.integers(2**31)), rig.step_s)
+        return record_scenario(Scenario(run, belief.kind, rig, belief.profile, Sensor(noise_std=POSITION_STD_M)))
     pulled = kind == "pull"
     drive = random_runs(rng, duration_s, STEP_S) if pulled else random_wander(rng, duration_s, STEP_S)
     plant = Plant(rig)
@@ -106,12 +121,15 @@ def _replace(path: Path, data: bytes) -> None:
 
 def rig_text(kind: Kind) -> str:
     """The rig file that the experimenter believes: nominal values in the keys of interfaces.md."""
-    capsule, tissue = Capsule(), Tissue()
+    belief = BELIEVED.get(kind)
+    capsule, tissue = Capsule() if belief is None else belief.nominal.capsule, Tissue()
     lines = ["# rig of one experiment series; SI units", "[capsule]"]
-    lines += [f"{name} = {getattr(capsule, name)!r}" for name in ("radius_m", "cylinder_length_m", "mass_kg")]
-    lines += ["", "[tissue]", 'preset = "jejunum"']
-    lines += [f"{name} = {getattr(tissue, name)!r}" for name in tissue.__dataclass_fields__]
-    lines += ["", "[rig]", f'kind = "{kind}"']
+    sizes = () if belief and belief.nominal.surface else ("radius_m", "cylinder_length_m")
+    lines += [f"{name} = {getattr(capsule, name)!r}" for name in (*sizes, "mass_kg")]
+    if sizes:
+        lines += ["", "[tissue]", 'preset = "jejunum"']
+        lines += [f"{name} = {getattr(tissue, name)!r}" for name in tissue.__dataclass_fields__]
+    lines += ["", "[rig]", f'kind = "{kind}"'] if belief is None else belief.tables()
     if kind == "magnetic":
         lines += [f"{name} = {getattr(_NOMINAL_MAGNET, name)!r}" for name in _NOMINAL_MAGNET.__dataclass_fields__]
     noise = f"force_std_N = {FORCE_STD_N!r}" if kind == "pull" else f"position_std_m = {POSITION_STD_M!r}"
@@ -119,11 +137,23 @@ def rig_text(kind: Kind) -> str:
 
 
 def _answer_text(kind: Kind, rig: Rig, effect: str | None, numbers: dict[str, float], seed: int) -> str:
-    lines = [f'effect = "{effect or "none"}"', f"seed = {seed}", f"hoop_stress_factor = {rig.hoop_factor:.6g}"]
-    lines += [f"friction_coefficient = {rig.tissue.friction_coefficient:.6g}"]
-    if isinstance(rig.drive, Magnet):
-        lines += [f"magnet_stiffness_N_per_m = {rig.drive.magnet_stiffness_N_per_m:.6g}"]
+    lines = [f'effect = "{effect or "none"}"', f"seed = {seed}"]
+    lines += [] if rig.surface else [f"hoop_stress_factor = {rig.hoop_factor:.6g}"]
+    lines += [f"friction_coefficient = {(rig.surface or rig.tissue).friction_coefficient:.6g}"]
+    lines += [f"{name} = {value:.6g}" for name, value in _driven_by(rig).items()]
     if effect is not None:
         lines += ["", "[parameters]", f'form = "{hidden(effect).form}"', f"published = {str(hidden(effect).published).lower()}"]
         lines += [f"{name} = {value:.6g}" for name, value in numbers.items()]
     return "\n".join([*lines, ""])
+
+
+def _driven_by(rig: Rig) -> dict[str, float]:
+    """The true numbers of the drive under the names that a calibration gives them."""
+    drive = rig.drive
+    if isinstance(drive, Magnet):
+        return {"magnet_stiffness_N_per_m": drive.magnet_stiffness_N_per_m}
+    if isinstance(drive, Coil):
+        return {"coil_force_N_per_A": drive.gain_N_per_A}
+    return (
+        {"force_N": drive.force_N, "spring_stiffness_N_per_m": drive.spring_stiffness_N_per_m} if isinstance(drive, Vibro) else {}
+    )

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,43 +20,15 @@ from models.laws.geometry import Capsule, Tissue
 from models.record import Record
 from models.rig import Rig as Belief
 from models.rig import parse_rig
-from plant.excitation import pulse_width
 from plant.hidden.table import draw
-from plant.profile import Pwm
+from plant.profile import RandomPulses, RandomVoltage
 from plant.recording import record_scenario
 from plant.rig import Coil, Plate, Rig, Vibro
 from plant.scenario import Run, Scenario
 from plant.sensors import Sensor
-from plant.tables import Floats
 
 RIGS = ("coil", "vibro_plate", "vibro_gut")
 NOISE_M = 5e-5
-
-
-@dataclass(frozen=True)
-class Programme(Pwm):
-    """Pulses of many periods and duties in random order, with rests between."""
-
-    def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
-        parts: list[Floats] = []
-        while sum(part.size for part in parts) * dt <= duration_s:
-            period, duty = self.period_s * rng.uniform(0.6, 1.6), rng.uniform(0.15, 0.85)
-            resting = rng.random() < 0.25
-            parts.append(np.zeros(round(0.4 / dt)) if resting else pulse_width(period, duty, float(rng.integers(1, 4)), dt)[:-1])
-        return self.amplitude_V * np.concatenate(parts)[: round(duration_s / dt) + 1]
-
-
-@dataclass(frozen=True)
-class Voltage:
-    """Seven sines of a coil's voltage in V, 0.05 to 2 Hz."""
-
-    amplitude_V: float = 1.6
-
-    def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
-        t = dt * np.arange(round(duration_s / dt) + 1)
-        turns = [2 * np.pi * f * t + rng.uniform(0, 2 * np.pi) for f in np.geomspace(0.05, 2.0, 7) * rng.uniform(0.8, 1.25, 7)]
-        wave = np.sum([rng.uniform(0.2, 0.4) * np.sin(turn) for turn in turns], axis=0)
-        return np.asarray(self.amplitude_V * wave * np.clip(t / 0.5, 0, 1))
 
 
 def believed(name: str) -> dict[str, dict[str, object]]:
@@ -107,7 +79,7 @@ def series(
         else:
             rig = Rig(vibro, Capsule(mass_kg=0.02), Tissue(friction_coefficient=mu), hoop_factor=off["hoop"], **common)  # type: ignore[arg-type]
             truth |= {"hoop_stress_factor": off["hoop"]}
-    profile = Voltage() if name == "coil" else Programme(0.08 if name == "vibro_plate" else 0.055, 0.5)
+    profile = RandomVoltage() if name == "coil" else RandomPulses(0.08 if name == "vibro_plate" else 0.055)
     records = []
     for i in range(count):
         columns = record_scenario(Scenario(Run("", seconds, 1000 * seed + i), belief.kind, rig, profile, Sensor(500.0, NOISE_M)))

@@ -28,6 +28,15 @@ EFFECTS = {
         "stribeck", "directional_asymmetry", "fold_periodic", "lumen_taper", "stenosis", "peristaltic_wave", "tissue_drying",
         "incline_gravity", "coupling_fade", "actuator_lag", "carriage_backlash", "viscous_drag",
     ),
+    "coil": (
+        "stribeck", "directional_asymmetry", "fold_periodic", "lumen_taper", "stenosis", "tissue_drying", "incline_gravity",
+        "coupling_fade", "actuator_lag", "actuator_dead_zone", "actuator_saturation", "viscous_drag",
+    ),
+    "vibro": (
+        "spring_damping", "end_stop_impact", "stribeck", "directional_asymmetry", "fold_periodic", "lumen_taper", "incline_gravity",
+        "tissue_drying", "viscous_drag",
+    ),
+    "vibro_plate": ("spring_damping", "end_stop_impact", "stribeck", "directional_asymmetry", "fold_periodic", "incline_gravity"),
 }  # fmt: skip
 
 

@@ -19,6 +19,7 @@ from models.plate import Plate
 from models.record import Record
 from models.rig import parse_rig
 from plant.excitation import pulse_width
+from plant.profile import RandomPulses
 from plant.recording import record_scenario
 from plant.rig import Coil as PlantCoil
 from plant.rig import Plate as PlantPlate
@@ -26,7 +27,7 @@ from plant.rig import Rig as PlantRig
 from plant.rig import Vibro as PlantVibro
 from plant.scenario import Run, Scenario
 from plant.sensors import Sensor
-from tests.bench.bench_drives import Programme, believed, series
+from tests.bench.bench_drives import believed, series
 
 FINE_S = 2e-5
 
@@ -143,7 +144,7 @@ def test_lost_and_late_samples_cost_little(name: str) -> None:
 def test_a_coil_on_board_that_is_driven_by_voltage_follows_the_plant() -> None:
     coil = PlantCoil(0.5, 10.0, 0.05, 1.0, 0.5)
     truth = PlantRig(PlantVibro(0.01, 150.0, 0.3, coil=coil), Capsule(mass_kg=0.02), surface=PlantPlate(0.29))
-    run = Scenario(Run("", 4.0, 5), "vibro", truth, Programme(0.05, 0.5, 8.0), Sensor(500.0, 5e-5))
+    run = Scenario(Run("", 4.0, 5), "vibro", truth, RandomPulses(0.05, amplitude_V=8.0), Sensor(500.0, 5e-5))
     record = Record("r", "vibro", record_scenario(run))
     drive = {
         "inner_mass_kg": 0.01, "spring_stiffness_N_per_m": 150.0, "spring_damping_N_s_per_m": 0.3, "force_N": 0.4,

@@ -16,7 +16,6 @@ from controller.limits import Envelope
 from controller.mpc.mpc import MPC
 from controller.mpc.settings import Bounds, Horizon
 from controller.prediction import ControlModel
-from controller.sharpened import sharpened
 from controller.signals import Controller
 from controller.vibro.leading import vibro_controller
 from models.parameter import nearest
@@ -89,7 +88,7 @@ def leads(name: str) -> tuple[str, ...]:
 def estimator_for(name: str, model: ControlModel) -> Observer:
     """What the controller `name` sees the measurements through."""
     if name not in ("pid", "pid_friction"):
-        return Estimator(sharpened(model))
+        return Estimator(model.sharp)
     return KinematicFilter(model, Kinematics(JERKINESS[name][model.drive.name]))
 
 

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from controller.limits import Envelope
 from controller.prediction import ControlModel
-from controller.sharpened import sharpened
 
 Array = NDArray[np.float64]
 _EVALUATIONS: Final = 30
@@ -27,7 +26,7 @@ class Inverse:
     """
 
     def __init__(self, model: ControlModel, envelope: Envelope, reach_s: float = 4e-3) -> None:
-        self.model = sharpened(model, tick_s=reach_s)
+        self.model = model.sharp.with_tick(reach_s)
         self._kernels, self._envelope = self.model.kernels, envelope
         self._parameters = self._kernels.parameters
         self._state = np.zeros((1, len(model.states)))

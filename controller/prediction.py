@@ -23,7 +23,7 @@ from models.rig import Rig
 
 Array = NDArray[np.float64]
 
-SMOOTHING = 2e-5
+SMOOTHING, SHARP_M_S = 2e-5, 1e-6
 LONGEST_STEP_S = 1e-3
 _LONGEST_VIBRO_S = 3e-4
 _FOLLOWS_COMMAND = (".position_m", ".command")
@@ -141,6 +141,16 @@ class ControlModel:
     def kernels(self) -> Kernels:
         """The step compiled to machine code, by a C compiler or by numba; kept on disk, so only the first use of a kind of model waits."""
         return compile_kernels(self.symbols, self.values, self.tick_s, self.substeps)
+
+    @cached_property
+    def sharp(self) -> ControlModel:
+        """This model with friction as sharp as it is: for estimating and inverting, which need no derivatives of it.
+
+        Rounded over 50 um/s, friction at 1 mm/s is 5 % too low, and the path runs 0.5 mm ahead of the exact stick and slip; over 1 um/s
+        by 0.04 mm.
+        """
+        values = dict(zip((p.name for p in self.symbols.parameters), self.values.tolist(), strict=True))
+        return control_model(self.rig, values, self.tick_s, min(SHARP_M_S, self.smoothing), self.command_name)
 
     def with_tick(self, tick_s: float) -> ControlModel:
         """The same model with another tick."""

@@ -11,14 +11,13 @@ from controller.estimator.belief import Process
 from controller.estimator.estimator import Estimator
 from controller.estimator.noise import Noise
 from controller.estimator.reference_ukf import ReferenceFilter
-from controller.sharpened import sharpened
 from controller.signals import Measurement
 from tests.controller.loops import model_of
 
 
 def endure(steps: int) -> None:
     """Carriage to and fro under slow changes, noisy positions each tenth tick, one in a hundred wild."""
-    model = sharpened(model_of())
+    model = model_of().sharp
     estimator, rng = Estimator(model), np.random.default_rng(0)
     truth, command, worst, began = model.initial(), 0.0, 0.0, time.perf_counter()
     lost = 0
@@ -39,7 +38,7 @@ def endure(steps: int) -> None:
 
 def cost(ticks: int) -> None:
     """us a tick: prediction alone, a position 8 ms late, and filterpy's prediction, interleaved in one run."""
-    model = sharpened(model_of())
+    model = model_of().sharp
     estimator, process = Estimator(model), Process(model, Noise())
     slow = ReferenceFilter(process, process.start(0.0, 5e-4, 0.0, 0.0))
     plain, late, reference = [], [], []

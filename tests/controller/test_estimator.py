@@ -7,7 +7,6 @@ import pytest
 
 from controller.estimator.estimator import Estimator
 from controller.estimator.noise import Noise
-from controller.sharpened import sharpened
 from controller.signals import Array, Measurement
 from plant import layout as at
 from plant.instruments import Instrument
@@ -15,7 +14,7 @@ from plant.rig import Coil, Magnet, Rig
 from plant.session import Instruments, Session
 from tests.controller.loops import model_of
 
-MODEL = sharpened(model_of())
+MODEL = model_of().sharp
 
 
 def follow(
@@ -124,7 +123,7 @@ def test_a_carriage_that_lags_behind_is_believed() -> None:
 
 def test_a_coil_is_followed_too() -> None:
     """Voltage in, position and current out: the current near its feedback, the position better than measured."""
-    model = sharpened(model_of("coil"))
+    model = model_of("coil").sharp
     estimator = Estimator(model)
     session = Session(Rig(Coil()), seed=1)
     off = []

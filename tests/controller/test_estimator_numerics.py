@@ -9,10 +9,9 @@ from controller.estimator.belief import Process
 from controller.estimator.moments import fuse, root
 from controller.estimator.noise import Noise
 from controller.estimator.reference_ukf import ReferenceFilter, safe_root
-from controller.sharpened import sharpened
 from tests.controller.loops import model_of
 
-MODEL = sharpened(model_of())
+MODEL = model_of().sharp
 
 
 def test_the_same_numbers_as_filterpy() -> None:

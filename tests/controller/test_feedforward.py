@@ -10,7 +10,6 @@ from controller.choices import CONTROLLERS, build, leads
 from controller.envelope import envelope_of
 from controller.estimator.estimator import Estimator
 from controller.inversion import Inverse
-from controller.sharpened import sharpened
 from controller.signals import Array, Estimate
 from controller.trajectory import STEP_S, Trajectory, by_speeds, through
 from plant import layout as at
@@ -58,7 +57,7 @@ def tracked(
 ) -> tuple[Array, Array, list[str]]:
     """Rows of the truth, commands and statuses of a run on a rig that is 10 % off."""
     truth = Rig(Magnet(24.0), hoop_factor=1.1)
-    estimator = Estimator(sharpened(MODEL))
+    estimator = Estimator(MODEL.sharp)
     return closed_loop(MODEL, build(name, MODEL, ENVELOPE), reference, duration_s, truth, estimator, instruments)[:3]
 
 

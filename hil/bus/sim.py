@@ -79,10 +79,10 @@ class Medium:
         """Let the bus run until `until_s`; frames that end by then are in the receivers' inboxes. Time never goes back."""
         end = max(round(until_s * self.bit_rate), self._now)
         while self._land(end):
-            start = min((p.ready_at(self._free) for p in self.ports if p.waiting), default=end)
-            if start >= end:
+            start, ready = self._contenders(end)
+            if not ready:
                 break
-            self._transmit(start)
+            self._transmit(start, ready)
         self._now = end
 
     def queue(self, port: SimulatedBus, message: can.Message) -> None:
@@ -113,21 +113,32 @@ class Medium:
         sent = waiting.message
         got = can.Message(last / self.bit_rate, sent.arbitration_id, False, data=sent.data, is_rx=True, channel=sender.name)
         for port in self.ports:
-            if port is not sender and self.online(port):
-                counters = port.counters
+            counters = port.counters
+            if port is not sender and counters.transmit < BUS_OFF and self._now >= port.offline_until:
                 if counters.receive:
                     counters.receive = min(counters.receive - 1, PASSIVE - 1)
                 counters.received += 1
                 port.inbox.append(got)
         return True
 
-    def _transmit(self, start: int) -> None:
-        """Arbitration at `start`, and what becomes of the winner."""
+    def _contenders(self, end: int) -> tuple[int, list[SimulatedBus]]:
+        """The first bit before `end` at which a frame can begin, and the nodes that want to begin one there."""
+        start, ready = end, list[SimulatedBus]()
+        for port in self.ports:
+            if port.waiting:
+                at = max(self._free, port.waiting[0].queued, port.silent_until)
+                if at < start:
+                    start, ready = at, [port]
+                elif at == start < end:
+                    ready.append(port)
+        return start, ready
+
+    def _transmit(self, start: int, ready: list[SimulatedBus]) -> None:
+        """Arbitration at `start` between the nodes that are `ready`, and what becomes of the winner."""
         self._now = max(self._now, start)
-        ready = [p for p in self.ports if p.waiting and p.ready_at(start) == start]
-        winner = min(ready, key=_first)
+        winner = min(ready, key=_first) if len(ready) > 1 else ready[0]
         waiting = _first(winner)
-        rivals = [p for p in ready if p is not winner and _first(p).id == waiting.id]
+        rivals = [p for p in ready if p is not winner and _first(p).id == waiting.id] if len(ready) > 1 else []
         if any(_first(p).message.data != waiting.message.data for p in rivals):
             self._fail(start, [winner, *rivals], waiting)
         elif not any(p is not winner and self.online(p) for p in self.ports):
@@ -193,9 +204,10 @@ class SimulatedBus(can.BusABC):
             raise can.CanOperationError(f"node {self.name} has {QUEUE} frames waiting")
         self.medium.queue(self, msg)
 
-    def ready_at(self, free: int) -> int:
-        """The bit at which its first waiting frame can begin on a wire that is free from the bit `free` on."""
-        return max(free, self.waiting[0].queued, self.suspended_until, self.offline_until)
+    @property
+    def silent_until(self) -> int:
+        """The bit from which on it may begin a frame."""
+        return max(self.suspended_until, self.offline_until)
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """The oldest frame that has come in, or None at once."""

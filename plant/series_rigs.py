@@ -64,7 +64,7 @@ def _table(name: str, values: Mapping[str, object]) -> list[str]:
 BELIEVED: Final = {
     "coil": Believed("coil", Rig(Coil(back_emf_V_s_per_m=0.0), step_s=FINE_STEP_S), RandomVoltage()),
     "vibro": Believed(
-        "vibro", Rig(Vibro(0.01, 150.0, 0.3, 0.3), Capsule(mass_kg=0.02), Tissue(), step_s=FINE_STEP_S), RandomPulses(0.055)
+        "vibro", Rig(Vibro(0.01, 150.0, 0.2, 0.5), Capsule(mass_kg=0.02), Tissue(), step_s=FINE_STEP_S), RandomPulses(0.055)
     ),
     "vibro_plate": Believed(
         "vibro",

@@ -49,9 +49,9 @@ def suspension_force(stretch: float, rate: float, q: VibroCycle) -> float:
     if q.dry_N != 0.0:
         force += q.dry_N * rate / math.sqrt(rate * rate + _DRY_SPEED * _DRY_SPEED)
     if stretch > q.stop_gap_m:
-        force += q.stop_stiffness * (stretch - q.stop_gap_m)
+        force += q.stop_stiffness * max(stretch - q.stop_gap_m + q.stop_loss_s * rate, 0.0)
     elif stretch < -q.stop_gap_m:
-        force += q.stop_stiffness * (stretch + q.stop_gap_m)
+        force += q.stop_stiffness * min(stretch + q.stop_gap_m + q.stop_loss_s * rate, 0.0)
     return force
 
 
@@ -79,7 +79,7 @@ def resistance(v: float, q: VibroCycle) -> float:
         return 0.0
     if q.drag_power == 1.0:
         return q.drag_N * v / 0.01
-    return math.copysign(q.drag_N * (abs(v) / 0.01) ** q.drag_power, v)
+    return q.drag_N * math.copysign((abs(v) / 0.01) ** q.drag_power, v)
 
 
 @nb.njit(cache=True, inline="always")

@@ -21,6 +21,7 @@ class VibroCycle(NamedTuple):
     cubic: float = 0.0
     stop_stiffness: float = 0.0
     stop_gap_m: float = 1.0
+    stop_loss_s: float = 0.0
     current_lag_s: float = 0.0
     force_lag_s: float = 0.0
     reach_per_m: float = 0.0

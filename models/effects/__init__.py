@@ -11,6 +11,7 @@ from models.effects.coil_lag import CoilLag
 from models.effects.coil_reach import CoilReach
 from models.effects.coupling_decay import CouplingDecay
 from models.effects.coupling_fade import CouplingFade
+from models.effects.damping_over_speed import DampingOverSpeed
 from models.effects.directional_asymmetry import DirectionalAsymmetry
 from models.effects.dwell_adhesion import DwellAdhesion
 from models.effects.effect import Effect
@@ -85,7 +86,7 @@ EFFECTS: tuple[type[Effect], ...] = (
     ViscousDrag,
     WallViscosity,
 )
-REFINEMENTS: tuple[type[Effect], ...] = (LevelAtRest, LevelAtOnset, LevelOverSpeed)
+REFINEMENTS: tuple[type[Effect], ...] = (LevelAtRest, LevelAtOnset, LevelOverSpeed, DampingOverSpeed)
 """Free curves that mend the shape of a named effect; never candidates."""
 BY_ID = {effect.id: effect for effect in (*EFFECTS, *REFINEMENTS)}
 

@@ -21,6 +21,7 @@ class SpringDamping(InnerMassEffect):
     probe = 0.5
     look_alikes = ("guide_friction", "viscous_drag")
     separated_by = "ring-down of the inner mass with the body held: exponential for damping, straight for dry friction"
+    refined_by = ("damping_over_speed",)
 
     damping_N_s_per_m: Parameter = Parameter(
         "damping_N_s_per_m", 0.0, "N s/m", 0.0, 5.0, "up to about half of critical", fit=True

@@ -35,6 +35,23 @@ class SwitchLag(ActuatorLag):
 
 
 @dataclass(frozen=True)
+class SoftStop(EndStopImpact):
+    """`end_stop_impact` of elastic rubber: mean speeds tell little of a short impact."""
+
+    grid = MappingProxyType({"gap_m": (0.005, 0.01, 0.015)})
+    stiffness_N_per_m: Parameter = Parameter("stiffness_N_per_m", 0.0, "N/m", 0.0, 3000.0, "rubber stops", fit=True)
+    gap_m: Parameter = Parameter("gap_m", 0.01, "m", 0.003, 0.03, "travel of the inner mass", fit=True)
+    loss_s: Parameter = Parameter("loss_s", 0.0, "s", 0.0, 5e-3, EndStopImpact.source)
+
+
+@dataclass(frozen=True)
+class PlateDrag(ViscousDrag):
+    """`viscous_drag` of a plate, which never pushes: a body would run away."""
+
+    coefficient_N: Parameter = Parameter("coefficient_N", 0.0, "N at 10 mm/s", 0.0, 0.3, ViscousDrag.source, fit=True)
+
+
+@dataclass(frozen=True)
 class PlateStribeck(Stribeck):
     """`stribeck` of a dry plate: it fades over speeds of the body's own swing, up to 0.15 m/s."""
 
@@ -58,9 +75,9 @@ EFFECTS: tuple[type[Effect], ...] = (
     SwitchLag,
     CoilReach,
     SpringHardening,
-    EndStopImpact,
+    SoftStop,
     PlateStribeck,
-    ViscousDrag,
+    PlateDrag,
     PlateAsymmetry,
     InclineGravity,
 )
@@ -75,6 +92,7 @@ FIELDS = MappingProxyType(
         "spring_hardening.cubic_N_per_m3": "cubic",
         "end_stop_impact.stiffness_N_per_m": "stop_stiffness",
         "end_stop_impact.gap_m": "stop_gap_m",
+        "end_stop_impact.loss_s": "stop_loss_s",
         "stribeck.excess": "stribeck",
         "stribeck.speed_m_s": "stribeck_speed",
         "stribeck.exponent": "stribeck_power",

@@ -87,13 +87,13 @@ class Stream:
         values = y.tolist() if self._share == 0.0 else [self._smoothed(value) for value in y.tolist()]
         seen = (self._past or [values[0]] * self._late) + values if self._late else values
         readings: list[Reading] = []
-        k = int(np.searchsorted(t, self._due))
+        k = int(t.searchsorted(self._due))
         while k < len(values):
             self._samples += 1
             reading = self._sample(float(t[k]), seen[k])
             if reading is not None:
                 readings.append(reading)
-            k = max(int(np.searchsorted(t, self._due)), k + 1)
+            k = max(int(t.searchsorted(self._due)), k + 1)
         self._past = seen[len(values) :]
         return readings
 

@@ -114,9 +114,14 @@ class MPC:
     def _calm(self, commands: Array) -> bool:
         """Whether the rates of all stages that a plan may be followed in, and of the next one, differ by less than a tick's acceleration
         makes up for; a plan that changes faster is made anew each tick, which keeps the acceleration's bound exactly."""
-        stages = math.ceil(self.horizon.hold_s / self.horizon.stage_s) + 1
-        rates = np.diff(commands[: stages + 1], prepend=commands[0] - self._rate * self.horizon.stage_s) / self.horizon.stage_s
-        return bool(np.abs(np.diff(rates)).max() < _CALM * self.bounds.acceleration * self.model.tick_s)
+        stage, before = self.horizon.stage_s, self._rate
+        ahead = commands[: math.ceil(self.horizon.hold_s / stage) + 2].tolist()
+        for here, there in zip(ahead, ahead[1:], strict=False):
+            rate = (there - here) / stage
+            if not abs(rate - before) < _CALM * self.bounds.acceleration * self.model.tick_s:
+                return False
+            before = rate
+        return True
 
     def _learned(self, estimate: Estimate) -> tuple[float, Array | None]:
         """The disturbance to count on, with the parameters that it goes with where the estimator has learned some or slips come late."""

@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,7 +117,7 @@ class MPC:
         makes up for; a plan that changes faster is made anew each tick, which keeps the acceleration's bound exactly."""
         stage, before = self.horizon.stage_s, self._rate
         ahead = commands[: math.ceil(self.horizon.hold_s / stage) + 2].tolist()
-        for here, there in zip(ahead, ahead[1:], strict=False):
+        for here, there in pairwise(ahead):
             rate = (there - here) / stage
             if not abs(rate - before) < _CALM * self.bounds.acceleration * self.model.tick_s:
                 return False

@@ -39,7 +39,6 @@ __all__ = ["FAULTY", "HALTING", "IDLE", "RUNNING", "ControllerNode", "Task", "Ti
 IDLE, RUNNING, HALTING, FAULTY = 1, 2, 3, 4
 """States of the node, in the numbers of its heartbeat."""
 HEARTBEAT_S: Final = 0.02
-CATCH_UP: Final = 3
 _FOLLOW: Final = {"magnetic": 1e-3, "coil": 0.15, "vibro": math.inf}
 _NOISE_M: Final = 2e-5
 
@@ -51,7 +50,11 @@ class ControllerNode:
     `now` is in s of the clock that stamps received messages (`can.Message.timestamp`). The node begins idle: it listens, estimates
     and commands mode "off". `start` leads the drive through ready to enabled, `stop` back. Whatever makes it stop by itself is
     latched with its `reason`, and the drive stays off until `start` is called again; that acknowledges a latched fault of the drive
-    first (DriveReset), which then passes through off, ready and enable as at the beginning. `tick` never raises, never sleeps and
+    first (DriveReset), which then passes through off, ready and enable as at the beginning.
+
+    Ticks that did not take place are caught up with while the last command lives, by the node's clock; whether it does by the drive's, the
+    drive says. After a longer step of the clock the node stops: "controller paused" where the drive's feedback filled the time (a
+    report for each two ticks at least), "clock jumped" where it did not. `tick` never raises, never sleeps and
     takes bounded time. `observer` sees every frame in and out, `clock` times estimate and solve alone.
     """
 
@@ -80,6 +83,7 @@ class ControllerNode:
         self._reference: Reference = task.reference
         self._bus, self._catalogue, self._clock = bus, catalogue, clock
         self._began = self._last = self._beat_at = -math.inf
+        self._longest_s = 1e-3 * self.wiring.time_to_live_ms + 1e-6
         self._ticks = 0
         self._led = False
         self._acknowledge = 0
@@ -144,13 +148,16 @@ class ControllerNode:
                 self._doubts.saw(m.value)
             elif self._moved:
                 self._doubts.reported(m.value, self._before.value)
-        missed = round((now - self._last) / self.tick_s) - 1 if math.isfinite(self._last) else 0
-        if not 0 <= missed <= CATCH_UP:
+        step = now - self._last if math.isfinite(self._last) else self.tick_s
+        missed = round(step / self.tick_s) - 1
+        if missed < 0 or step > self._longest_s:
             self.estimator.reset(now, self._in_force)
-            self._fail("clock jumped")
+            self._fail("controller paused" if 0 < missed < 2 * self.ears.feedbacks else "clock jumped")
             missed = 0
         for k in range(missed, 0, -1):
-            self.estimator.observe(now + (1 - k) * self.tick_s, self._in_force)
+            then = now + (1 - k) * self.tick_s
+            self.estimator.observe(then, self._in_force, [m for m in arrived if m.stamp_s <= then])
+            arrived = [m for m in arrived if m.stamp_s > then]
         return self.estimator.observe(now + self.tick_s, self._in_force, arrived)
 
     @property

@@ -40,10 +40,10 @@ _NODE_STATE: Final = {BOOT: 0, SELF_TEST: 0, STANDBY: 1, WAITING: 1, STOPPING: 3
 class DriveNode:
     """Listens, steps its state machine each time its firmware runs, and moves its power stage only while enabled and its command lives.
 
-    A command counts from its arrival for its time to live; it is taken over with the next SYNC, without one at the drive's own pace. A
-    temperature above `derate_C` halves the limits, above `temperature_C` for `HOT_S` is a fault; so is a controller without heartbeat
-    for 60 ms, and to be off the bus. A fault is latched: after a reset the drive stands by and is enabled step by step only. A
-    controller that has begun anew (its uptime has fallen) is told of it again.
+    A command counts from its arrival for its time to live, as long as which the next one may count on from it; it is taken over with the
+    next SYNC, without one at the drive's own pace. A temperature above `derate_C` halves the limits, above `temperature_C` for `HOT_S`
+    is a fault; so is a controller without heartbeat for 60 ms, and to be off the bus. A fault is latched: after a reset the drive
+    stands by and is enabled step by step only. A controller that has begun anew (its uptime has fallen) is told of it again.
     """
 
     def __init__(
@@ -60,6 +60,9 @@ class DriveNode:
     def boot(self, now: float) -> None:
         """Begin anew, as after a loss of supply: nothing is remembered, counters start at 0."""
         self.reception = Reception({i: Receiver(self.catalogue[n]) for i, n in self._names.items()})
+        for name in (self.wiring.command, "Sync"):
+            receiver = self.reception.receivers[self.catalogue[name].id]
+            receiver.longest_s = max(receiver.longest_s, 1e-3 * self.wiring.time_to_live_ms)
         self.mouth = Mouth(self.bus, self.catalogue, (self.wiring.feedback, self.wiring.fault, self.wiring.heartbeat))
         self.stage = Stage(BOOT, now)
         self.good_at = -math.inf

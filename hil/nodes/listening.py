@@ -22,7 +22,7 @@ class Ears:
     """Reads a bus: `listen` empties it (at most 256 frames a tick) and gives the measurements of good frames.
 
     `state`, `report` (position in m, current in A, level) and `temperature_C` are the drive's last good feedback; `fault` the code
-    that it has latched. `report` is 0 before the first one.
+    that it has latched. `report` is 0 before the first one. `feedbacks` is how many the last `listen` took in.
     """
 
     def __init__(
@@ -34,7 +34,7 @@ class Ears:
         self.reception = Reception({catalogue[name].id: Receiver(catalogue[name]) for name in names})
         self.wiring, self.tick_s = wiring, tick_s
         self.state, self.report, self.temperature_C, self.fault = BOOT, 0.0, 20.0, 0
-        self.deaf = False
+        self.deaf, self.feedbacks = False, 0
         self._fingerprint, self._other = catalogue.fingerprint, False
         self._bus, self._observer = bus, observer
         self._place_at = self._fed_at = -math.inf
@@ -49,6 +49,7 @@ class Ears:
     def listen(self, now: float) -> list[Measurement]:
         """The measurements that came in. Never raises; a bus that cannot be read counts as silent."""
         found: list[Measurement] = []
+        self.feedbacks = 0
         for _ in range(MOST):
             try:
                 message = self._bus.recv(0)
@@ -86,6 +87,7 @@ class Ears:
                 self._place_at = stamp - values["Age_s"]
                 found.append(Measurement("position_m", values["Position_m"], self._place_at))
         elif name == self.wiring.feedback:
+            self.feedbacks += 1
             self._fed_at, self.state, self.temperature_C = stamp, int(values["State"]), values["Temperature_degC"]
             if self.wiring.kind != "vibro":
                 self.report = values[self.wiring.signal]

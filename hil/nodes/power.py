@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final, Protocol
 
 QUICK_STOP_M_S2: Final = 25.0
-"""Braking of the carriage without a command: from its 0.25 m/s to rest in 10 ms, with the time to live of 10 ms within 25 ms."""
+"""Braking of the carriage without a command: from its 0.25 m/s to rest in 10 ms, with the time to live of 13 ms within 25 ms."""
 
 
 class Power(Protocol):

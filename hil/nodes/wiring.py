@@ -27,7 +27,8 @@ FASTEST_M_S: Final = 0.4
 class Wiring:
     """One drive on the bus. `node` is its name there, `channel` the column of records that its `signal` is, `target` its number in
     SafeStop and DriveReset. A command is worth something for `time_to_live_ms`: the drive's safe state (carriage at rest, no current,
-    inner mass off) follows it within 10 ms for the coil and inner mass, within 25 ms for the carriage, the time to brake included.
+    inner mass off) follows it within 10 ms for the coil and inner mass, within 25 ms for the carriage, the time to brake included. For as
+    long a controller that did not get the processor may be silent and go on.
     """
 
     kind: str
@@ -69,7 +70,7 @@ class Wiring:
 
 WIRINGS: Mapping[str, Wiring] = MappingProxyType(
     {
-        "magnetic": Wiring("magnetic", "Carriage", "Position_m", "carriage_position_m", 1, 10),
+        "magnetic": Wiring("magnetic", "Carriage", "Position_m", "carriage_position_m", 1, 13),
         "coil": Wiring("coil", "Coil", "Current_A", "coil_current_A", 2, 6),
         "vibro": Wiring("vibro", "InnerMass", "Level", "drive_on", 3, 6),
     }

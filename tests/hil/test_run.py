@@ -64,6 +64,7 @@ def rig_file(folder: Path, text: str) -> str:
 REAL_TIME = "duration_s = 1.5\npriority = 20"
 """With SCHED_FIFO where the system allows it: these tests run beside others."""
 HELD_UP = (
+    "controller paused",
     "clock jumped",
     "feedback lost",
     "drive heartbeat lost",
@@ -80,8 +81,8 @@ def truth_of(plant: subprocess.Popen[str]) -> dict[str, float]:
 
 
 def led(folder: Path, channel: str, log: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What controller and plant say of one run in real time. A machine that holds a process up for longer than the node bears (three
-    ticks) ends a run; that is right, and the run is done again."""
+    """What controller and plant say of one run in real time. A machine that holds a process up for longer than a command
+    lives ends a run; that is right, and the run is done again."""
     command = [sys.executable, "-m", "hil.app.main", "run", rig_file(folder, deployment(channel, control=REAL_TIME))]
     for _ in range(TRIES):
         with plant_on(folder, channel) as plant:

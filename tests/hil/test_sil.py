@@ -313,6 +313,49 @@ def test_from_full_power_to_the_safe_state_when_the_controller_dies(kind: str, a
     assert now - drive.good_at <= allowed_s
 
 
+@pytest.mark.parametrize(("kind", "silent_ticks"), [("magnetic", 1), ("magnetic", 3), ("magnetic", 5), ("coil", 1), ("coil", 2)])
+def test_a_pause_within_the_commands_life_is_ridden_through(kind: str, silent_ticks: int) -> None:
+    """The controller gets no processor for some ticks: the drive lives on its last command, the node catches up and goes on."""
+    bench = bench_of(kind)
+    bench.node.start(0.0, 0.0)
+    go(bench, 0.3)
+    restarts = bench.node.estimator.counts.restarts
+    pause(bench, silent_ticks)
+    go(bench, 0.2)
+    assert (bench.node.state, bench.node.reason) == (RUNNING, "")
+    assert bench.plant.drive.stage.state == ENABLED
+    assert bench.plant.drive.rejected == 0
+    assert bench.node.estimator.counts.restarts == restarts
+    estimate = bench.node.tick(bench.time_s).estimate
+    truth = np.concatenate(bench.plant.session.rows)[-1, at.O_X]
+    assert abs(estimate.state[0] - truth) < 0.5e-3
+
+
+@pytest.mark.parametrize(("kind", "silent_ticks"), [("magnetic", 6), ("magnetic", 15), ("coil", 3), ("coil", 15)])
+def test_a_longer_pause_is_told_from_a_jump_of_the_clock(kind: str, silent_ticks: int) -> None:
+    """Both stop the drive for good; in a pause the drive's reports have filled the time, in a jump nobody has said anything."""
+    paused, jumped = bench_of(kind), bench_of(kind)
+    for bench in (paused, jumped):
+        bench.node.start(0.0, 0.0)
+        go(bench, 0.3)
+    pause(paused, silent_ticks)
+    paused.begin_tick()
+    jumped.node.tick(jumped.time_s + silent_ticks * jumped.tick_s)
+    assert (paused.node.state, paused.node.reason) == (FAULTY, "controller paused")
+    assert (jumped.node.state, jumped.node.reason) == (FAULTY, "clock jumped")
+    for bench in (paused, jumped):
+        go(bench, 0.1)
+        assert bench.plant.drive.safe
+
+
+def pause(bench: Bench, ticks: int) -> None:
+    """Let time go on without the controller."""
+    for _ in range(ticks):
+        for number in range(bench.slots):
+            bench.slot(number)
+        bench.end_tick()
+
+
 @pytest.mark.parametrize("strange", [float("nan"), float("inf"), -1e300, 1e300])
 def test_a_strange_clock_stops_and_raises_nothing(strange: float) -> None:
     bench = bench_of()

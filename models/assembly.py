@@ -87,7 +87,7 @@ def _correction(surface: Surface, drive: Drive, names: tuple[str, ...]) -> ca.Fu
     state, error, gain = ca.SX.sym("state", len(names)), ca.SX.sym("error"), ca.SX.sym("gain")
     now: dict[str, Any] = {name: state[i] for i, name in enumerate(names)}
     shift = gain * error
-    if isinstance(surface, Plate):
+    if isinstance(surface, Plate) or not drive.anchored:
         new = now | {"x": now["x"] + shift}
     elif drive.imposed:
         shift = gain * error / surface.stiffness()

@@ -53,7 +53,8 @@ class Push:
 
 @dataclass(frozen=True)
 class Drive:
-    """A drive's beliefs. `imposed`: the command is the capsule's position, and the force on it is measured.
+    """A drive's beliefs. `imposed`: the command is the capsule's position, and the force on it is measured. `anchored`: the command
+    holds a place, so that being off it tells of the wall; else a position is only known from where it started.
 
     `states` are the drive's own, all 0 at the start; `command_unit` is what a command of 1 is in the driven column's unit;
     `carried_kg` rides on the body and presses it down. `turning` places the moment at which the body turns or stops within the
@@ -65,6 +66,7 @@ class Drive:
     commanded: ClassVar[str] = ""
     measured: ClassVar[str] = ""
     imposed: ClassVar[bool] = False
+    anchored: ClassVar[bool] = False
     states: ClassVar[tuple[str, ...]] = ()
     turning: ClassVar[bool] = False
     held: ClassVar[bool] = False

@@ -17,6 +17,7 @@ class Magnetic(Drive):
     name: ClassVar[str] = "magnetic"
     commanded: ClassVar[str] = "carriage_position_m"
     measured: ClassVar[str] = "position_m"
+    anchored: ClassVar[bool] = True
     stiffness_N_per_m: float = 25.0
     range_m: float = 0.02
 

@@ -16,3 +16,4 @@ class Pull(Drive):
     commanded: ClassVar[str] = "position_m"
     measured: ClassVar[str] = "force_N"
     imposed: ClassVar[bool] = True
+    anchored: ClassVar[bool] = True

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from models.columns import COLUMNS
 from models.drives.drive import Drive
-from models.drives.magnetic import Magnetic
 from models.parameter import Parameter
 from models.record import Record
 
@@ -40,7 +39,7 @@ def driven_column(kind: str, records: Sequence[Record]) -> str:
 
 def drifts(drive: Drive) -> bool:
     """Whether a drive pushes without a place of its own, so that a position is only known from where it started."""
-    return not drive.imposed and not isinstance(drive, Magnetic)
+    return not drive.anchored
 
 
 def interval(record: Record) -> float:

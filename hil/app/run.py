@@ -90,7 +90,8 @@ def _drives_bus(deployment: Deployment, *, listen_only: bool) -> can.BusABC:
         return bus
     if not listen_only:
         try:
-            set_up(bus, table, deployment.limits, deployment.control.tick_s, wiring_of(deployment.rig.kind).time_to_live_ms)
+            shortest_ms = wiring_of(deployment.rig.kind).life_ms(deployment.limits.carriage_speed_m_s)
+            set_up(bus, table, deployment.limits, deployment.control.tick_s, shortest_ms)
         except ValueError:
             bus.shutdown()
             raise

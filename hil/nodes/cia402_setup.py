@@ -10,7 +10,7 @@ import can
 
 from controller.limits import Limits
 from hil.nodes.cia402 import CYCLIC_SYNCHRONOUS_POSITION, MASTER_NODE, SYNC_ID, Cia402Table
-from hil.nodes.power import QUICK_STOP_M_S2
+from hil.nodes.wiring import QUICK_STOP_M_S2
 
 HEARTBEAT_MS: Final = 20
 HEARTBEAT_LOST_MS: Final = 60

@@ -41,6 +41,7 @@ IDLE, RUNNING, HALTING, FAULTY = 1, 2, 3, 4
 HEARTBEAT_S: Final = 0.02
 _FOLLOW: Final = {"magnetic": 1e-3, "coil": 0.15, "vibro": math.inf}
 _NOISE_M: Final = 2e-5
+_ROUNDING_S: Final = 1e-6
 
 
 class ControllerNode:
@@ -83,7 +84,6 @@ class ControllerNode:
         self._reference: Reference = task.reference
         self._bus, self._catalogue, self._clock = bus, catalogue, clock
         self._began = self._last = self._beat_at = -math.inf
-        self._longest_s = 1e-3 * self.wiring.time_to_live_ms + 1e-6
         self._ticks = 0
         self._led = False
         self._acknowledge = 0
@@ -150,7 +150,7 @@ class ControllerNode:
                 self._doubts.reported(m.value, self._before.value)
         step = now - self._last if math.isfinite(self._last) else self.tick_s
         missed = round(step / self.tick_s) - 1
-        if missed < 0 or step > self._longest_s:
+        if missed < 0 or step > 1e-3 * self.wiring.life_ms(self.guard.sent.rate) + _ROUNDING_S:
             self.estimator.reset(now, self._in_force)
             self._fail("controller paused" if 0 < missed < 2 * self.ears.feedbacks else "clock jumped")
             missed = 0

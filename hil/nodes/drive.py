@@ -62,7 +62,7 @@ class DriveNode:
         self.reception = Reception({i: Receiver(self.catalogue[n]) for i, n in self._names.items()})
         for name in (self.wiring.command, "Sync"):
             receiver = self.reception.receivers[self.catalogue[name].id]
-            receiver.longest_s = max(receiver.longest_s, 1e-3 * self.wiring.time_to_live_ms)
+            receiver.longest_s = max(receiver.longest_s, 1e-3 * self.wiring.still_ms)
         self.mouth = Mouth(self.bus, self.catalogue, (self.wiring.feedback, self.wiring.fault, self.wiring.heartbeat))
         self.stage = Stage(BOOT, now)
         self.good_at = -math.inf

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Protocol
 
-QUICK_STOP_M_S2: Final = 25.0
-"""Braking of the carriage without a command: from its 0.25 m/s to rest in 10 ms, with the time to live of 13 ms within 25 ms."""
+from hil.nodes.wiring import QUICK_STOP_M_S2
 
 
 class Power(Protocol):

@@ -12,7 +12,7 @@ from hil.nodes.link import Link
 from tests.hil.sil_runs import RIGS, run
 
 AT_S, DURATION_S = 0.3, 0.2
-TO_LIVE_S = {"magnetic": 0.025, "coil": 0.010, "vibro": 0.010}
+TO_LIVE_S = {"magnetic": 0.020, "coil": 0.010, "vibro": 0.010}
 """From the last good command frame to the safe state."""
 BUS_S = dict.fromkeys(RIGS, 0.02)
 SEEN_S = {kind: 0.010 + TO_LIVE_S[kind] for kind in RIGS}

@@ -278,7 +278,7 @@ def test_the_command_frame(wire: Wire) -> None:
     assert (first["Mode"], second["Mode"]) == (READY, ENABLE)
     assert second["Position_m"] == pytest.approx(0.1002, abs=1e-7)
     assert second["Velocity_m_s"] == pytest.approx(0.1, abs=3e-5)
-    assert second["TimeToLive_ms"] == 13
+    assert (first["TimeToLive_ms"], second["TimeToLive_ms"]) == (18, 14)
 
 
 def test_the_first_command_moves_as_if_two_ticks_had_passed(wire: Wire) -> None:

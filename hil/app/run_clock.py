@@ -10,6 +10,8 @@ import can
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.nodes.controller import GRID_SLACK
+
 OLDEST_S: Final = 0.1
 _BINS: Final = 20_000
 _BIN_S: Final = 1e-6
@@ -113,14 +115,16 @@ class Grid:
         """Sleep until the next point; the time then."""
         if self._due < 0:
             self._due = self.clock.now()
-        else:
-            self._due += self.tick_s
+            self.ticks = 1
+            self.late.add(0.0)
+            return self._due
+        self._due += self.tick_s
         left = self._due - self.clock.now()
         if left > 0:
             time.sleep(left)
         now = self.clock.now()
         self.late.add(max(now - self._due, 0.0))
-        behind = int((now - self._due) / self.tick_s)
+        behind = int((now - self._due) / self.tick_s + GRID_SLACK)
         if behind > 0:
             self.missed += behind
             self._due += behind * self.tick_s

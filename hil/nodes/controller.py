@@ -42,6 +42,8 @@ HEARTBEAT_S: Final = 0.02
 _FOLLOW: Final = {"magnetic": 1e-3, "coil": 0.15, "vibro": math.inf}
 _NOISE_M: Final = 2e-5
 _ROUNDING_S: Final = 1e-6
+GRID_SLACK: Final = 1e-3
+"""Share of a tick by which a time may lie before its point of the grid, by rounding."""
 
 
 class ControllerNode:
@@ -84,6 +86,7 @@ class ControllerNode:
         self._reference: Reference = task.reference
         self._bus, self._catalogue, self._clock = bus, catalogue, clock
         self._began = self._last = self._beat_at = -math.inf
+        self._origin, self._index = 0.0, 0
         self._ticks = 0
         self._led = False
         self._acknowledge = 0
@@ -148,17 +151,30 @@ class ControllerNode:
                 self._doubts.saw(m.value)
             elif self._moved:
                 self._doubts.reported(m.value, self._before.value)
-        step = now - self._last if math.isfinite(self._last) else self.tick_s
-        missed = round(step / self.tick_s) - 1
-        if missed < 0 or step > 1e-3 * self.wiring.life_ms(self.guard.sent.rate) + _ROUNDING_S:
+        missed = self._missed(now)
+        if missed < 0:
             self.estimator.reset(now, self._in_force)
-            self._fail("controller paused" if 0 < missed < 2 * self.ears.feedbacks else "clock jumped")
-            missed = 0
+            filled = 2 * self.ears.feedbacks >= (now - self._last) / self.tick_s - 1 > 0
+            self._fail("controller paused" if filled else "clock jumped")
         for k in range(missed, 0, -1):
             then = now + (1 - k) * self.tick_s
             self.estimator.observe(then, self._in_force, [m for m in arrived if m.stamp_s <= then])
             arrived = [m for m in arrived if m.stamp_s > then]
         return self.estimator.observe(now + self.tick_s, self._in_force, arrived)
+
+    def _missed(self, now: float) -> int:
+        """How many ticks of the grid that began with the first one did not take place before this one; -1, and a new grid from here, after
+        a step of the clock backwards or beyond the life of the last command. A tick that is late by less than a period is none the less its
+        own, and the next one may follow it soon."""
+        if not math.isfinite(self._last):
+            self._origin, self._index = now, 0
+            return 0
+        index, before = math.floor((now - self._origin) / self.tick_s + GRID_SLACK), self._index
+        if index > before and now - self._last <= 1e-3 * self.wiring.life_ms(self.guard.sent.rate) + _ROUNDING_S:
+            self._index = index
+            return index - before - 1
+        self._origin, self._index = now, 0
+        return -1
 
     @property
     def _moved(self) -> bool:

@@ -348,6 +348,22 @@ def test_a_longer_pause_is_told_from_a_jump_of_the_clock(kind: str, silent_ticks
         assert bench.plant.drive.safe
 
 
+@pytest.mark.parametrize("late_s", [0.4e-3, 1.1e-3, 1.9e-3])
+def test_a_late_tick_is_still_its_own(late_s: float) -> None:
+    """Each third tick begins late, the next one on time and so after less than a period: no tick is missed, none counts twice."""
+    bench = bench_of("magnetic")
+    bench.node.start(0.0, 0.0)
+    go(bench, 0.3)
+    ahead = []
+    for k in range(200):
+        tick = bench.node.tick(bench.time_s + (late_s if k % 3 == 1 else 0.0))
+        pause(bench, 1)
+        ahead.append(tick.estimate.state[0] - np.concatenate(bench.plant.session.rows)[-1, at.O_X])
+    assert (bench.node.state, bench.node.reason) == (RUNNING, "")
+    assert bench.node.estimator.counts.restarts == 0
+    assert np.abs(ahead).max() < 0.5e-3
+
+
 def test_a_fast_carriage_s_command_lives_shorter_by_the_time_to_brake() -> None:
     """The whole way to rest takes 18 ms at most, whatever the speed; what the node rides through follows."""
     wiring = bench_of("magnetic").wiring

@@ -126,8 +126,8 @@ def limited(wanted: object, previous: Issued, seen: Seen, dt: float, envelope: E
 
 def number(value: object) -> float:
     """`value` as a float; NaN where it is none, be it text, None or too large. Never raises."""
-    if type(value) is float:
-        return value
+    if isinstance(value, float):
+        return float(value)
     if not isinstance(value, Real):
         return math.nan
     try:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from controller.prediction_native import native_functions
 from controller.prediction_symbols import Symbols
-from models.identification.lower import load, statements
+from models.identification.as_python import statements
+from models.identification.generated import load
 
 Array = NDArray[np.float64]
 

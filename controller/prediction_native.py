@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.prediction_symbols import Symbols
-from models.identification.lower import cache_folder
+from models.identification.generated import cache_folder
 
 Array = NDArray[np.float64]
 

@@ -13,6 +13,7 @@ from models.assembly_effects import Active
 from models.assembly_step import Stepper, Surface
 from models.drives.drive import Drive
 from models.effects.effect import Effect
+from models.link import Link
 from models.parameter import Parameter
 from models.plate import Plate
 from models.wall import LONGEST, Wall, base_parameters
@@ -74,7 +75,7 @@ def assemble(surface: Surface, drive: Drive, effects: Sequence[type[Effect]] = (
     p = {item.name: q[i] for i, item in enumerate(parameters)}
     now: dict[str, Any] = {name: state[i] for i, name in enumerate(names)}
     active = Active(tuple(effects), p, {name: now[name] for name in hidden})
-    stepper = Stepper(surface, drive, active, p.get("string_compliance.compliance_m_per_N"), smoothing)
+    stepper = Stepper(surface, drive, active, Link.of(p), smoothing)
     unit, last = drive.command_unit, c0 if drive.held else c1
     first, last = (c0, last) if unit == 1 else (c0 / unit, last / unit)
     new, output = stepper.advance(now, first, last, t, h)

@@ -12,12 +12,12 @@ from models.drives.drive import Actuation, Drive, Push
 from models.effects.effect import Signals
 from models.laws.geometry import GRAVITY
 from models.laws.mucus import mucus_drag
+from models.link import Link
 from models.plate import Plate
 from models.wall import Drag, Wall, drag_rate, settle, step_drag
 
 Surface = Wall | Plate
 
-_STIFFEST = 1e-7  # m/N, compliance of a link below which it counts as rigid
 _REST = 1e-7  # m/s, below it the capsule counts as at rest for the direction of the last motion
 _SMALL_DRAG = 1e-6  # m, below it the tension of a smooth model is linear in the drag
 
@@ -40,7 +40,7 @@ class Stepper:
     surface: Surface
     drive: Drive
     active: Active
-    compliance: Any = None
+    link: Link | None = None
     smoothing: float = 0.0
 
     @property
@@ -104,7 +104,7 @@ class Stepper:
 
     def advance(self, now: dict[str, Any], c0: Any, c1: Any, t: Any, h: Any) -> tuple[dict[str, Any], Any]:
         """The states after a step `h` from `t` in s while the command goes from `c0` to `c1`, and the output at its end."""
-        imposed = self.drive.imposed and self.compliance is None
+        imposed = self.drive.imposed and self.link is None
         drag, rate = Drag(now["u"], now["slip"]), (c1 - c0) / h
         T_quiet = self.tension(drag.u if imposed else drag.u + 0.5 * h * now["u_rate"])
         v_now = rate if imposed else now["v"] + 0.5 * h * now["a"]
@@ -124,7 +124,7 @@ class Stepper:
             x_next, v_next, own = command, v_now, {}
             dragged = self.drag(drag, v_next, h, grip)
         else:
-            v_next, v_mean = self._speed(now, push, outside - F_v - T, grip.friction, command, h)
+            v_next, v_mean = self._speed(now, push, outside - F_v - T, grip.friction, (command, rate), h)
             x_next = now["x"] + h * v_mean
             own = {f"{self.drive.name}.{name}": value for name, value in push.after(v_next, v_mean).items()}
             dragged = self.drag(drag, v_mean, h, grip)
@@ -133,8 +133,8 @@ class Stepper:
         if imposed:
             T, F_v = self.held(replace(s, v=v_next), dragged, self.tension(dragged.u), grip)
             output = grip.friction * s.direction + F_v + T - outside
-        elif self.drive.imposed:
-            output = (command - now["x"] - h * v_next) / np.maximum(self.compliance, _STIFFEST)
+        elif self.link is not None:
+            output = self.link.force(command - now["x"] - h * v_next) + self.link.damping * (rate - v_next)
         new = _motion(now, x_next, v_next, dragged, s, h) | own
         seen = replace(active_next, z=active_next.follow(s, output, h))
         return new | dict(seen.z), seen.measured(s, output)
@@ -145,16 +145,20 @@ class Stepper:
             return np.where(push.force == 0, now["direction"], np.sign(push.force))
         return now["direction"]
 
-    def _speed(self, now: dict[str, Any], push: Push, others: Any, friction: Any, command: Any, h: Any) -> tuple[Any, Any]:
+    def _speed(
+        self, now: dict[str, Any], push: Push, others: Any, friction: Any, pulled: tuple[Any, Any], h: Any
+    ) -> tuple[Any, Any]:
         """Speed of a free body at the step's end and its mean over the step, friction solved within the step."""
         m = self.mass_kg + push.inertia
         v = now["v"]
         free, stop = v + h / m * (push.force + others), friction * h / m
-        if self.drive.imposed:
-            give = (
-                h * h / m / (np.maximum(self.compliance, _STIFFEST) + h * h / m)
-            )  # the link's share of the step, solved implicitly
-            free, stop = free * (1 - give) + give * (command - now["x"]) / h, stop * (1 - give)
+        if self.link is not None:  # solved implicitly about the stretch that the speed before would give
+            command, rate = pulled
+            stretch = command - now["x"] - h * v
+            stiffness, damping = self.link.stiffness(stretch), self.link.damping
+            held = m + h * h * stiffness + h * damping
+            free = (m * free + h * (self.link.force(stretch) + h * stiffness * v + damping * rate)) / held
+            stop = stop * m / held
         if self.drive.turning and self.smoothing == 0:
             return turned(v, free, stop)
         v_next = settle(free, stop, self.smoothing)

@@ -83,7 +83,7 @@ def describe(model: ControlModel, amplitude_m: Array = AMPLITUDES_M, frequency_H
         phase = 2 * math.pi / n * np.arange((_SETTLE + _MEASURE) * n + 1)
         for i, A in enumerate(amplitude_m):
             pull = np.zeros(phase.size)
-            kernel(pulled.start(), A * np.sin(phase), pull, 0.0, p, 1, period / n, pull)
+            kernel.one(pulled.start(), A * np.sin(phase), pull, 0.0, p, 1, period / n, pull)
             last = slice(_SETTLE * n + 1, None)
             N[i, j] = 2j / (_MEASURE * n * A) * np.dot(pull[last], np.exp(-1j * phase[last]))
     return Describing(np.asarray(amplitude_m, dtype=np.float64), omega, N)

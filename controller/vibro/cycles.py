@@ -148,7 +148,7 @@ class Cycles:
 
     def step(self, state: Array, level: float, h: float) -> None:
         """One step of `h` in s at `level`, changing `state`."""
-        self._kernel(state, np.array([level]), np.zeros(1), 0.0, self._parameters, 1, h, np.zeros(1))
+        self._kernel.one(state, np.array([level]), np.zeros(1), 0.0, self._parameters, 1, h, np.zeros(1))
 
     def path(self, waveform: Waveform, cycles: int) -> Array:
         """Position in m of the body from rest over `cycles`, at even times with a whole number a cycle."""
@@ -172,7 +172,7 @@ class Cycles:
         """Steps through `cycles`, changing `state`; the path begins after one step more, which the compiled loop does first."""
         command = np.concatenate((np.tile(levels, cycles), levels[:1]))
         output = np.zeros(command.size)
-        self._kernel(state, command, output, 0.0, self._parameters, 1, period / levels.size, output)
+        self._kernel.one(state, command, output, 0.0, self._parameters, 1, period / levels.size, output)
         return output
 
 

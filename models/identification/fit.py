@@ -85,7 +85,18 @@ def parallel(function: Callable[[_T], _R], items: Sequence[_T]) -> list[_R]:
 
 def evaluate(kind: Kind, records: Sequence[Record], theta: Mapping[str, float], stage: int) -> Array:
     """The residuals of all records at `theta`, one after the other."""
-    return np.concatenate([kind.residual(record, theta, stage) for record in records])
+    return evaluate_all(kind, records, [theta], stage)[0]
+
+
+def evaluate_all(kind: Kind, records: Sequence[Record], thetas: Sequence[Mapping[str, float]], stage: int) -> list[Array]:
+    """`evaluate` at each of `thetas`, on all processors and in all their lanes."""
+    groups = [thetas[i : i + kind.lanes] for i in range(0, len(thetas), kind.lanes)]
+    tasks = [(record, group) for group in groups for record in records]
+    parts = iter(parallel(lambda task: kind.residuals(*task, stage), tasks))
+    rows: list[Array] = []
+    for _ in groups:
+        rows += [np.concatenate(row) for row in zip(*(next(parts) for _ in records), strict=True)]
+    return rows
 
 
 @dataclass(frozen=True)
@@ -115,13 +126,16 @@ class Problem:
         return np.clip([theta.get(a.name, a.parameter.value) for a in self.axes], self.lower + span, self.upper - span)
 
     def at(self, x: Array) -> Array:
-        residual = evaluate(self.kind, self.records, self.theta(x), self.stage)
-        held = [
-            (v - a.parameter.value) / a.parameter.spread
-            for a, v in zip(self.axes, x, strict=True)
-            if np.isfinite(a.parameter.spread)
-        ]
-        return np.concatenate([residual, held]) if held else residual
+        return self.all_at([x])[0]
+
+    def all_at(self, points: Sequence[Array]) -> list[Array]:
+        """Residuals at each point: of the records, and of fitted parameters from what is believed of them."""
+        rows = evaluate_all(self.kind, self.records, [self.theta(x) for x in points], self.stage)
+        believed = [(i, a.parameter) for i, a in enumerate(self.axes) if np.isfinite(a.parameter.spread)]
+        if not believed:
+            return rows
+        held = [[(x[i] - p.value) / p.spread for i, p in believed] for x in points]
+        return [np.concatenate(pair) for pair in zip(rows, held, strict=True)]
 
     def jacobian(self, x: Array, secant: float) -> Array:
         points = []
@@ -130,7 +144,7 @@ class Problem:
                 y = x.copy()
                 y[i] = np.clip(x[i] + sign * step, self.lower[i], self.upper[i])
                 points.append(y)
-        values = parallel(self.at, points)
+        values = self.all_at(points)
         columns = [
             (values[2 * i] - values[2 * i + 1]) / max(points[2 * i][i] - points[2 * i + 1][i], 1e-300) for i in range(len(x))
         ]
@@ -204,11 +218,7 @@ def _space(problem: Problem, start: Mapping[str, float]) -> Space:
         else _reach(a.parameter, float(v), grids.get(a.name, ()))
         for i, (a, v) in enumerate(zip(problem.axes, x, strict=True))
     ]
-
-    def residuals(points: list[Array]) -> list[Array]:
-        return parallel(problem.at, points)
-
-    return Space(residuals, problem.lower, problem.upper, np.array(reach), home)
+    return Space(problem.all_at, problem.lower, problem.upper, np.array(reach), home)
 
 
 def _reach(p: Parameter, value: float, grid: Sequence[float]) -> float:

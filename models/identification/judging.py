@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from models.identification.fit import evaluate
+from models.identification.fit import evaluate_all
 from models.identification.kind import Kind
 from models.record import Record
 
+Array = NDArray[np.float64]
 Split = tuple[list[Record], list[Record]]
 
 _BLOCKS = 40
@@ -21,14 +22,22 @@ def middle_stage(kind: Kind) -> int:
     return min(1, kind.stages - 1)
 
 
-def judged(kind: Kind, records: Sequence[Record], theta: Mapping[str, float]) -> NDArray[np.float64]:
+def judged(kind: Kind, records: Sequence[Record], theta: Mapping[str, float]) -> Array:
     """Mean square of the residuals in each of at most forty blocks of neighbours, under the kind's judge that the block suits better."""
-    squares = [evaluate(kind, records, theta, stage) ** 2 for stage in kind.judges]
-    blocks = [[float(part.mean()) for part in np.array_split(s, min(_BLOCKS, len(s)))] for s in squares]
-    return np.asarray(np.min(blocks, axis=0))
+    return judged_all(kind, records, [theta])[0]
 
 
-def block_costs(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[str, float]]) -> NDArray[np.float64]:
+def judged_all(kind: Kind, records: Sequence[Record], thetas: Sequence[Mapping[str, float]]) -> list[Array]:
+    """`judged` at each of `thetas`."""
+    by_stage = [[_blocks(row) for row in evaluate_all(kind, records, thetas, stage)] for stage in kind.judges]
+    return [np.min(blocks, axis=0) for blocks in zip(*by_stage, strict=True)]
+
+
+def _blocks(residual: Array) -> Array:
+    return np.array([float(part @ part) / len(part) for part in np.array_split(residual, min(_BLOCKS, len(residual)))])
+
+
+def block_costs(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[str, float]]) -> Array:
     """Validation cost for each residual by blocks of neighbours (at most forty a split), as `judged`."""
     return np.concatenate([judged(kind, held, theta) for (_, held), theta in zip(splits, thetas, strict=True)])
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,6 +106,15 @@ class Kind(Protocol):
         but forgets (an observer keeps the model in step) to the one that is meant; most kinds have one stage."""
         ...
 
+    @property
+    def lanes(self) -> int:
+        """How many points `residuals` evaluates at about the price of one."""
+        ...
+
+    def residuals(self, record: Record, thetas: Sequence[Theta], stage: int = 0) -> list[Array]:
+        """`residual` at several points."""
+        ...
+
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
         """The error measure that is reported (`measure` says in words which), pooled over the records."""
         ...
@@ -121,3 +130,17 @@ class Kind(Protocol):
     def folds(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
         """Splits into (training, validation) parts for cross-validation: by record, by condition, by sample; never within one."""
         ...
+
+
+class _Residual(Protocol):
+    def residual(self, record: Record, theta: Theta, stage: int = 0) -> Array: ...
+
+
+class OneByOne:
+    """A kind that evaluates one point at a time."""
+
+    lanes: ClassVar[int] = 1
+
+    def residuals(self: _Residual, record: Record, thetas: Sequence[Theta], stage: int = 0) -> list[Array]:
+        """`residual` at several points."""
+        return [self.residual(record, theta, stage) for theta in thetas]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.effects.effect import Effect
-from models.identification.fit import Problem, axes, descend, evaluate, parallel
+from models.identification.fit import Problem, axes, descend, evaluate_all
 from models.identification.judging import judged, middle_stage
 from models.identification.kind import Kind
 from models.record import Record
@@ -54,26 +54,32 @@ class _View:
     def cleared(self, vectors: Array) -> Array:
         return np.asarray(vectors - self.basis @ (self.basis.T @ vectors))
 
-    def explained(self, effect: type[Effect], shape: Mapping[str, float]) -> Screened:
+    def explained(self, effect: type[Effect], shapes: Sequence[Mapping[str, float]]) -> list[Screened]:
+        """`effect` in each of `shapes`, all evaluated together."""
+        amplitude, head = effect.amplitude(), f"{effect.id}."
+        starts = []
+        for shape in shapes:
+            start = {head + p.name: p.value for p in effect.parameters()} | {head + k: v for k, v in shape.items()}
+            start[head + amplitude.name] = float(np.clip(effect.probe, amplitude.lower, amplitude.upper))
+            starts.append(start)
+        phases = ({head + "phase_rad": 0.0}, {head + "phase_rad": np.pi / 2}) if head + "phase_rad" in starts[0] else ({},)
+        thetas = [{**self.theta, **start, **phase} for start in starts for phase in phases]
+        seen = evaluate_all(self.kind, self.records, thetas, self.stage)
+        n = len(phases)
+        return [self._told(effect, start, seen[n * k : n * (k + 1)]) for k, start in enumerate(starts)]
+
+    def _told(self, effect: type[Effect], start: dict[str, float], seen: Sequence[Array]) -> Screened:
         """Secants of the residual along the amplitude (and its quadrature, where there is a phase) against the residual itself."""
-        amplitude = effect.amplitude()
-        head = f"{effect.id}."
-        start = {head + p.name: p.value for p in effect.parameters()} | {head + k: v for k, v in shape.items()}
-        start[head + amplitude.name] = float(np.clip(effect.probe, amplitude.lower, amplitude.upper))
-        phases = (0.0, np.pi / 2) if head + "phase_rad" in start else (None,)
-        columns = []
-        for phase in phases:
-            theta = {**self.theta, **start} | ({head + "phase_rad": phase} if phase is not None else {})
-            seen = evaluate(self.kind, self.records, theta, self.stage)
-            beliefs = np.zeros(len(self.residual) - len(seen))  # rows that hold fitted parameters to what is believed of them
-            columns.append(np.concatenate([seen - self.residual[: len(seen)], beliefs]))
+        amplitude, head = effect.amplitude(), f"{effect.id}."
+        beliefs = np.zeros(len(self.residual) - len(seen[0]))  # rows that hold fitted parameters to what is believed of them
+        columns = [np.concatenate([row - self.residual[: len(row)], beliefs]) for row in seen]
         D, r = self.cleared(np.array(columns).T), self.cleared(self.residual)
         size = float(np.linalg.norm(D))
         if not np.isfinite(size) or size < 1e-9 * np.linalg.norm(r):
             return Screened(effect.id, 0.0, (start,), np.inf)
         factor, *_ = np.linalg.lstsq(D, -r, rcond=None)
         share = 1 - float(np.sum((r + D @ factor) ** 2)) / float(r @ r)
-        size *= 1 / np.sqrt(len(phases))
+        size *= 1 / np.sqrt(len(seen))
         if len(factor) == 2:
             start[head + "phase_rad"] = float(np.arctan2(factor[1], factor[0]))
         scale = float(np.hypot(*factor)) if len(factor) == 2 else float(factor[0])
@@ -101,15 +107,7 @@ def _candidates(kind: Kind, taken: Sequence[str]) -> list[type[Effect]]:
 
 
 def _best(view: _View, effects: Sequence[type[Effect]]) -> list[Screened]:
-    for effect in effects:  # compiled one after the other, before the processors share the work
-        evaluate(
-            view.kind,
-            view.records[:1],
-            {**view.theta, **{f"{effect.id}.{p.name}": p.value for p in effect.parameters()}},
-            view.stage,
-        )
-    tasks = [(effect, shape) for effect in effects for shape in _shapes(effect, view.records)]
-    rows = parallel(lambda task: view.explained(*task), tasks)
+    rows = [row for effect in effects for row in view.explained(effect, list(_shapes(effect, view.records)))]
     best: dict[str, Screened] = {}
     for row in rows:
         if row.effect not in best or row.share > best[row.effect].share:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.identification.fit import Fit, anneal, descend, evaluate, parallel
-from models.identification.judging import Split, block_costs, judged, middle_stage, training_cost
+from models.identification.fit import Fit, anneal, descend, evaluate_all
+from models.identification.judging import Split, block_costs, judged, judged_all, middle_stage, training_cost
 from models.identification.kind import Kind
 from models.identification.screen import Screened
 from models.record import Record
@@ -16,7 +16,7 @@ from models.record import Record
 POOL = 6
 ALIKE = 2
 FINAL = 3
-CLOSE = 1.5
+BEHIND = 3.0
 NEAR_NOISE = 2.5
 _MULTIPLES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 
@@ -42,20 +42,29 @@ def tournament(
 ) -> list[Trial]:
     """Joint fits of `effects` and one more, from short ones of every candidate to full ones of the best three; best gain first."""
     part = splits[0][0]
-    entries = {}
-    for row in screened:
-        starts = [_opening(kind, part, effects, thetas[0], row.effect, start) for start in row.starts]
-        fits = [descend(kind, part, [*effects, row.effect], start, 0, 0.3, 3) for start in starts]
-        entries[row.effect] = min(fits, key=lambda fit: fit.cost)
-    entered = sorted(entries, key=lambda name: entries[name].cost)
+    entries = {row.effect: _entry(kind, part, effects, thetas[0], row) for row in screened}
+    entered = sorted(entries, key=lambda name: entries[name][0])
     fitted = {}
     for name in _with_look_alikes(kind, entered):
-        fitted[name] = _heat(kind, part, [*effects, name], entries[name].theta)
+        fitted[name] = _heat(kind, part, [*effects, name], entries[name][1])
     ranking = sorted(fitted, key=lambda name: fitted[name].cost)
-    finalists = [name for i, name in enumerate(ranking[:FINAL]) if i < 2 or fitted[name].cost < CLOSE * fitted[ranking[0]].cost]
+    finalists = [name for name in ranking[:FINAL] if fitted[name].cost <= BEHIND * fitted[ranking[0]].cost]
     before = block_costs(kind, splits, thetas)
     trials = [_judge(kind, splits, effects, thetas, name, fitted[name].theta, before) for name in finalists]
     return sorted(trials, key=lambda trial: -trial.gain)
+
+
+def _entry(
+    kind: Kind, part: Sequence[Record], effects: Sequence[str], theta: Mapping[str, float], row: Screened
+) -> tuple[float, dict[str, float]]:
+    """Where the heat of a candidate starts and what that point costs: its better opening or a short fit from there, whichever judges
+    better (an observer may be thrown out of step by a strong effect that the free run follows)."""
+    openings = [_opening(kind, part, effects, theta, row.effect, start) for start in row.starts]
+    costs = [float(blocks.mean()) for blocks in judged_all(kind, part, openings)]
+    cost, point = min(zip(costs, openings, strict=True), key=lambda pair: pair[0])
+    fitted = descend(kind, part, [*effects, row.effect], point, 0, 0.3, 3).theta
+    after = float(judged(kind, part, fitted).mean())
+    return (after, fitted) if after < cost else (cost, point)
 
 
 def _heat(kind: Kind, part: Sequence[Record], effects: Sequence[str], theta: dict[str, float]) -> Fit:
@@ -89,7 +98,7 @@ def _opening(
     wanted = [start[key], *(sign * effect.probe * k for k in _MULTIPLES for sign in (1.0, -1.0))]
     values = sorted({v for v in wanted if amplitude.lower <= v <= amplitude.upper and v != 0.0})
     points = [{**base, **start, key: value} for base in (theta, nominal) for value in values]
-    costs = parallel(lambda p: float(np.sum(evaluate(kind, part[:1], p, middle_stage(kind)) ** 2)), points)
+    costs = [float(r @ r) for r in evaluate_all(kind, part, points, middle_stage(kind))]
     return points[int(np.argmin(costs))] if points else {**theta, **start}
 
 

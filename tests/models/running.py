@@ -34,7 +34,7 @@ def run(
     kernel = lower(watching(assembly, watch) if watch else assembly.step, assembly.correct)
     output = np.zeros(command.size)
     state = assembly.start(**start)
-    kernel(state, np.asarray(command, float), output, 0.0, assembly.vector(values or {}), substeps, dt, output)
+    kernel.one(state, np.asarray(command, float), output, 0.0, assembly.vector(values or {}), substeps, dt, output)
     return output
 
 

@@ -197,7 +197,7 @@ def test_an_assembly_declares_what_it_holds(drive: Coil) -> None:
     assert all(p.lower <= p.value <= p.upper and p.unit and p.source for p in model.parameters)
     assert len({p.name for p in model.parameters}) == len(model.parameters) == model.step.numel_in(5)
     assert model.vector({"hoop_stress_factor": 1.2})[0] == 1.2
-    assert callable(lower(model.step, model.correct))
+    assert callable(lower(model.step, model.correct).many)
 
 
 def test_rig_files_give_surface_and_drive() -> None:

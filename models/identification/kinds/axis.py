@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from models.effects.effect import Effect, Signals
-from models.identification.kind import Array, Theta
+from models.identification.kind import Array, OneByOne, Theta
 from models.identification.kinds.axis_effects import EFFECTS
 from models.identification.kinds.axis_words import equations, next_experiment, statements
 from models.identification.kinds.present import present
@@ -29,7 +29,7 @@ _BELIEF = "rig file; without it only a start for the calibration"
 
 
 @dataclass(frozen=True)
-class AxisKind:
+class AxisKind(OneByOne):
     """The inverse dynamics of a stage from its measured position, filtered as the EMPS authors do.
 
     An effect's `level` multiplies the whole friction (Coulomb and viscous), its `force` acts on the stage along +x, its `delay`

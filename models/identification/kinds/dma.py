@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from models.effects.broad_relaxation import BroadRelaxation
 from models.effects.effect import Effect
-from models.identification.kind import Array, Theta
+from models.identification.kind import Array, OneByOne, Theta
 from models.identification.kinds.dma_words import equations, next_experiment, statements
 from models.identification.kinds.present import present
 from models.laws.dynamic_modulus import angular_frequency, five_element_modulus
@@ -29,7 +29,7 @@ SAMPLE_SPREAD, READING_SPREAD = 0.035, 0.010
 
 
 @dataclass(frozen=True)
-class DmaKind:
+class DmaKind(OneByOne):
     """Five springs and dampers in decadic logarithms, since they span decades; calibrated on all samples together.
 
     Noise: every sample has its own factor (cut, thickness), every reading its own error.

@@ -18,9 +18,9 @@ from models.drives.drive import Drive
 from models.drives.from_rig import drive_of, surface_of
 from models.effects import BY_ID, effects_for
 from models.effects.effect import Effect
-from models.identification.kinds.driven import SWITCH_DELAY, drifts, driven_column, evenly, feed, interval, switch_delay
+from models.identification.kinds.driven import SWITCH_DELAY, Feed, drifts, driven_column, evenly, feed, interval, switch_delay
 from models.identification.kinds.gut_words import equations_of, next_experiment_of, statements_of
-from models.identification.lower import Kernel, lower
+from models.identification.lower import LANES, Kernel, lower
 from models.parameter import Parameter
 from models.plate import Plate
 from models.record import Record
@@ -139,29 +139,65 @@ class GutKind:
         """The measured column."""
         return record[self.quantity]
 
+    @property
+    def lanes(self) -> int:
+        """As many as the compiled loop runs side by side."""
+        return LANES
+
     def _run(self, record: Record, theta: Theta, memory: float | None, measured: Array | None, fine: bool = True) -> Array:
-        active = active_effects(theta)
+        return self._runs(record, [theta], memory, measured, fine)[0]
+
+    def _runs(
+        self, record: Record, thetas: Sequence[Theta], memory: float | None, measured: Array | None, fine: bool = True
+    ) -> list[Array]:
+        """The output at each of `thetas`, those side by side that have the same effects and switch at the same time."""
+        alike: dict[tuple[tuple[str, ...], float], list[int]] = {}
+        for i, theta in enumerate(thetas):
+            alike.setdefault((active_effects(theta), theta.get(SWITCH_DELAY, 0.0)), []).append(i)
+        outputs: dict[int, Array] = {}
+        for (active, delay), members in alike.items():
+            for k in range(0, len(members), LANES):
+                some = members[k : k + LANES]
+                shown = self._side_by_side(record, [thetas[i] for i in some], active, delay, memory, measured, fine)
+                outputs.update(zip(some, shown, strict=True))
+        return [outputs[i] for i in range(len(thetas))]
+
+    def _side_by_side(
+        self,
+        record: Record,
+        thetas: Sequence[Theta],
+        active: tuple[str, ...],
+        delay: float,
+        memory: float | None,
+        measured: Array | None,
+        fine: bool,
+    ) -> list[Array]:
         assembly, kernel = _model(self.surface, self.drive, active)
         rigid = self.drive.imposed and "string_compliance" not in active
         even = evenly(record, (self.drive.commanded, self.quantity))
         measured = None if measured is None else even[self.quantity]
-        fed = feed(self.drive, even, rigid, theta.get(SWITCH_DELAY, 0.0), fine)
-        shown = np.empty(len(fed.commands))
-        kernel(
-            self._start(assembly, even, measured),
+        fed = feed(self.drive, even, rigid, delay, fine)
+        shown = np.empty((len(fed.commands), LANES))
+        filled = [*thetas, *[thetas[-1]] * (LANES - len(thetas))]
+        kernel.many(
+            np.repeat(self._start(assembly, even, measured)[:, None], LANES, axis=1),
             fed.commands,
-            shown if measured is None or not memory else fed.spread(measured),
+            shown[:, 0].copy() if measured is None or not memory else fed.spread(measured),
             fed.dt / memory if memory else 0.0,
-            assembly.vector(theta),
+            np.array([assembly.vector(theta) for theta in filled]).T.copy(),
             fed.substeps,
             fed.dt,
             shown,
         )
+        return [self._at_samples(record, even, fed, shown[:, b], theta) for b, theta in enumerate(thetas)]
+
+    def _at_samples(self, record: Record, even: Record, fed: Feed, shown: Array, theta: Theta) -> Array:
         output = fed.samples(shown)
         delay = sum(
-            float(BY_ID[e]().delay({k.split(".")[1]: v for k, v in theta.items() if k.startswith(e + ".")})) for e in active
+            float(BY_ID[e]().delay({k.split(".")[1]: v for k, v in theta.items() if k.startswith(e + ".")}))
+            for e in active_effects(theta)
         )
-        return np.interp(record["t_s"] - delay, even["t_s"], output) if delay or even is not record else output
+        return np.interp(record["t_s"] - delay, even["t_s"], output) if delay or even is not record else output.copy()
 
     def _start(self, assembly: Assembly, record: Record, measured: Array | None) -> Array:
         state = assembly.start()
@@ -190,10 +226,18 @@ class GutKind:
         return self._from_the_start(record, self._run(record, theta, None, seen))
 
     def residual(self, record: Record, theta: Theta, stage: int = 0) -> Array:
+        """Differences in units of the noise, those in a tooth's jump counting less; see `Kind.residual`."""
+        return self.residuals(record, [theta], stage)[0]
+
+    def residuals(self, record: Record, thetas: Sequence[Theta], stage: int = 0) -> list[Array]:
+        """`residual` at several points."""
         memory = self.memories[stage] if stage < len(self.memories) else None
-        output = self._run(record, theta, memory, record[self.quantity], stage == self.final)
+        outputs = self._runs(record, thetas, memory, record[self.quantity], stage == self.final)
         if not memory:
-            output = self._from_the_start(record, output)
+            outputs = [self._from_the_start(record, output) for output in outputs]
+        return [self._weighed(record, output, stage) for output in outputs]
+
+    def _weighed(self, record: Record, output: Array, stage: int) -> Array:
         r = (record[self.quantity] - output) / self.noise_std
         r = np.clip(np.where(np.isfinite(r), r, _DIVERGED), -_DIVERGED, _DIVERGED)
         if stage == self.stages:

@@ -12,7 +12,7 @@ import numpy as np
 
 from models.effects.effect import Effect, Signals
 from models.effects.small_strain_stiffening import SmallStrainStiffening
-from models.identification.kind import Array, Theta
+from models.identification.kind import Array, OneByOne, Theta
 from models.identification.kinds.periods_words import equations, next_experiment, statements
 from models.identification.kinds.present import present
 from models.laws.geometry import GRAVITY, Capsule, Tissue, stretched_length, wall_section
@@ -50,7 +50,7 @@ class Cycle:
 
 
 @dataclass(frozen=True)
-class PeriodsKind:
+class PeriodsKind(OneByOne):
     """Saw-tooth between `F_e` and `F_e + f_c`: the wall sticks until `T(u_c) = f_c`, then draws back at `v + v_i` to the capsule.
 
     `F_e = q sin(theta) I1`, `f_c = mu (m g + q (cos(theta) I1 + I2))` with the hoop factor q; period `u_c/v + u_c/(v + v_i)`.

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from models.drives.vibro_speed import STEP_S, mean_velocities
 from models.effects.effect import Effect
-from models.identification.kind import Array, Theta
+from models.identification.kind import Array, OneByOne, Theta
 from models.identification.kinds.vibro_theta import EFFECTS, vibro_cycle
 from models.identification.kinds.vibro_words import equations, next_experiment, statements
 from models.parameter import Parameter
@@ -32,7 +32,7 @@ _SCALE = (
 
 
 @dataclass(frozen=True)
-class VibroTableKind:
+class VibroTableKind(OneByOne):
     """Mean speed over `cycles` periods from rest, `M v' = S - F - mu (M + m) g Sgn(v)`, `m (v' + xi'') = F - S`, `S = k xi`.
 
     One residual a condition (period, duty, cycles): the mean of its repeats against the model, in units of

@@ -23,6 +23,7 @@ class ActuatorLag(Effect):
     probe = 0.005
     look_alikes = ("sensor_delay", "sensor_lowpass", "carriage_backlash")
     separated_by = "time-stamped edges; phase against frequency"
+    refined_by = ("sensor_delay",)
 
     time_s: Parameter = Parameter("time_s", 0.0, "s", 0.0, 1.0, "first-order drive", fit=True)
 

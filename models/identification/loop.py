@@ -134,7 +134,7 @@ def _refined(
     """What mends the named effects' own shapes: of the refinements, one after the other, the fewest that do about as well on validation
     records as the best."""
     wanted = dict.fromkeys(curve for name in found.effects for curve in BY_ID[name].refined_by)
-    curves = [name for name in wanted if kind.name in BY_ID[name].kinds]
+    curves = [name for name in wanted if kind.name in BY_ID[name].kinds and name not in found.effects]
     rows = [(found.after, thetas)]
     for k in range(len(curves)):
         model = [*found.effects, *curves[: k + 1]]

@@ -21,6 +21,8 @@ Loop = Callable[[Array, Array, Array, float, Array, int, float, Array], None]
 LANES = 8
 """Parameter sets that a loop runs side by side: as many doubles as the widest vector units hold."""
 SLOW_S = 2.0
+NEVER_S = 1e30
+"""`slow_s` of an observer that corrects all of the error: where nothing holds a place, a slow error is the model's own drift."""
 _WRITERS = ("arithmetic.py", "program.py")
 _FRAME = '''"""Generated from a CasADi function; written out by {digest}."""
 
@@ -72,6 +74,7 @@ class Kernel:
 
     step: ca.Function
     correct: ca.Function
+    slow_s: float
 
     @cached_property
     def many(self) -> Loop:
@@ -105,21 +108,21 @@ class Kernel:
             correct=program_of(self.correct, state | {(1, 0): "e", (2, 0): "gain"}, state),
             lanes=lanes,
             shown=(n + m) * lanes,
-            forgets=SLOW_S,
+            forgets=self.slow_s,
         )
         return load(text).run  # type: ignore[no-any-return]
 
 
-def lower(step: ca.Function, correct: ca.Function) -> Kernel:
+def lower(step: ca.Function, correct: ca.Function, slow_s: float = SLOW_S) -> Kernel:
     """Compile `step(state, c0, c1, t, h, parameters) -> (state, output)` into a loop over samples, with `correct(state, error, gain)`.
 
     The loop steps through `commands` (one value a sample, linear in between, `substeps` steps a sample of `dt` s), overwrites `state`
     with the last one and fills `output`, one value a sample, predicted before the sample is seen. `correct` then moves the state by
-    `gain` times the prediction's error less its slow part (a mean over about `SLOW_S`): an observer that keeps teeth in step and leaves
+    `gain` times the prediction's error less its slow part (a mean over about `slow_s`): an observer that keeps teeth in step and leaves
     alone what a model lacks slowly; a gain of 0 runs free and never looks at `measured`. Compiled when first run and kept on disk under
     the hash of its source. Running raises ValueError for operations that are not scalar.
     """
-    return Kernel(step, correct)
+    return Kernel(step, correct, slow_s)
 
 
 def _digest() -> str:

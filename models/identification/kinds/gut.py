@@ -20,7 +20,7 @@ from models.effects import BY_ID, effects_for
 from models.effects.effect import Effect
 from models.identification.kinds.driven import SWITCH_DELAY, Feed, drifts, driven_column, evenly, feed, interval, switch_delay
 from models.identification.kinds.gut_words import equations_of, next_experiment_of, statements_of
-from models.identification.lower import LANES, Kernel, lower
+from models.identification.lower import LANES, NEVER_S, SLOW_S, Kernel, lower
 from models.parameter import Parameter
 from models.plate import Plate
 from models.record import Record
@@ -53,7 +53,7 @@ def low_passed(signal: Array, dt: float) -> Array:
 @cache
 def _model(surface: Surface, drive: Drive, names: tuple[str, ...]) -> tuple[Assembly, Kernel]:
     assembly = assemble(surface, drive, [BY_ID[name] for name in names])
-    return assembly, lower(assembly.step, assembly.correct)
+    return assembly, lower(assembly.step, assembly.correct, NEVER_S if drifts(drive) else SLOW_S)
 
 
 def active_effects(theta: Theta) -> tuple[str, ...]:
@@ -179,16 +179,15 @@ class GutKind:
         fed = feed(self.drive, even, rigid, delay, fine)
         shown = np.empty((len(fed.commands), LANES))
         filled = [*thetas, *[thetas[-1]] * (LANES - len(thetas))]
-        kernel.many(
-            np.repeat(self._start(assembly, even, measured)[:, None], LANES, axis=1),
-            fed.commands,
-            shown[:, 0].copy() if measured is None or not memory else fed.spread(measured),
-            fed.dt / memory if memory else 0.0,
-            np.array([assembly.vector(theta) for theta in filled]).T.copy(),
-            fed.substeps,
-            fed.dt,
-            shown,
-        )
+        parameters = np.array([assembly.vector(theta) for theta in filled]).T.copy()
+        states = np.repeat(self._start(assembly, even, measured)[:, None], LANES, axis=1)
+        seen = shown[:, 0].copy() if measured is None or not memory else fed.spread(measured)
+        if drifts(self.drive) and measured is not None and memory:
+            n = 1 + max(1, round(_START_S / fed.dt))
+            kernel.many(states.copy(), fed.commands[:n], seen, 0.0, parameters, fed.substeps, fed.dt, shown)
+            states[0] += np.mean(seen[:n, None] - shown[:n], axis=0)  # one sample's noise in the place would last
+        gain = fed.dt / memory if memory else 0.0
+        kernel.many(states, fed.commands, seen, gain, parameters, fed.substeps, fed.dt, shown)
         return [self._at_samples(record, even, fed, shown[:, b], theta) for b, theta in enumerate(thetas)]
 
     def _at_samples(self, record: Record, even: Record, fed: Feed, shown: Array, theta: Theta) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -10,35 +11,32 @@ import numpy as np
 from models.effects.effect import Effect, Signals, Values
 from models.parameter import Parameter
 
-_OFFSETS = (-0.75, -0.25, 0.25, 0.75)
-
 
 @dataclass(frozen=True)
 class CarriageBacklash(Effect):
-    """Play after Prandtl and Ishlinskii: the mean of plays as wide as `b (1 + s q)`, `q` evenly between -1 and 1; each follows the
-    command when it is more than half its width away. With `s = 0` the one play of a loose nut, with more an end that is reached softly."""
+    """Backlash as a Duhem operator: of a change `dc` of the command the carriage follows `dc (e^(k q) - 1)/(e^k - 1)`, `q` from 0 to 1 how
+    far it is through the play `b` in the direction of `dc`. A large `k` is the loose nut, which does not move before `q = 1`; a small
+    one an elastic seat that gives way gradually."""
 
     id = "carriage_backlash"
     summary = "play in the drive"
-    source = "tracing catalogue 18; Kuhnen, Eur. J. Control 9 (2003) 407"
+    source = "tracing catalogue 18; backlash-like hysteresis, Su et al., IEEE TAC 45 (2000) 2427"
     kinds = frozenset({"pull", "magnetic"})
-    states = ("a.position_m", "b.position_m", "c.position_m", "d.position_m")
+    states = ("position_m",)
+    grid = MappingProxyType({"sharpness": (3.0, 30.0)})
     probe = 0.0003
     look_alikes = ("directional_asymmetry", "actuator_lag", "sensor_delay")
     separated_by = "reversals at several amplitudes"
 
     play_m: Parameter = Parameter("play_m", 0.0, "m", 0.0, 0.008, "tracing catalogue 18", fit=True)
-    softness: Parameter = Parameter("softness", 0.1, "1", 0.0, 1.3, "backlash rounded by elastic seats", fit=True)
+    sharpness: Parameter = Parameter("sharpness", 10.0, "1", 0.5, 60.0, "from an elastic seat to a loose nut", fit=True)
 
     def command(self, s: Signals, p: Values, z: Values) -> Any:
-        total: Any = 0.0
-        for name in self.states:
-            total = total + z[name]
-        return total / len(self.states)
+        return z["position_m"]
 
     def advance(self, s: Signals, p: Values, z: Values, h: Any) -> dict[str, Any]:
-        new = {}
-        for name, q in zip(self.states, _OFFSETS, strict=True):
-            half = np.maximum(0.5 * p["play_m"] * (1 + p["softness"] * q), 0.0)
-            new[name] = np.clip(z[name], s.command - half, s.command + half)
-        return new
+        half, change, k = p["play_m"] / 2, s.rate * h, p["sharpness"]
+        ahead = (s.command - 0.5 * change - z["position_m"]) * np.sign(change)
+        through = np.clip(0.5 + 0.5 * ahead / np.maximum(half, 1e-9), 0.0, 1.0)
+        share = (np.exp(k * through) - 1) / (np.exp(k) - 1)
+        return {"position_m": np.clip(z["position_m"] + change * share, s.command - half, s.command + half)}

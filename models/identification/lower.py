@@ -57,7 +57,7 @@ def run(state, commands, measured, gain, parameters, substeps, dt, output):
             output[k, lane] = work[{shown} + lane]
         if gain != 0.0:
             for lane in range({lanes}):
-                e = measured[k] - work[{shown} + lane]
+                e = measured[k, lane] - work[{shown} + lane]
                 slow[lane] += min(dt / {forgets}, 1.0) * (e - slow[lane])
                 correct(work, lane, e - slow[lane], gain)
     for i in range(state.shape[0]):
@@ -69,8 +69,8 @@ def run(state, commands, measured, gain, parameters, substeps, dt, output):
 @dataclass(frozen=True)
 class Kernel:
     """A compiled loop over samples. `many(states, commands, measured, gain, parameters, substeps, dt, outputs)` runs `LANES` parameter
-    sets side by side, a column each of `states` (n, LANES), `parameters` (m, LANES) and `outputs` (samples, LANES); `one` runs a single
-    one, with the same numbers, on plain vectors."""
+    sets side by side, a column each of `states` (n, LANES), `parameters` (m, LANES), `measured` and `outputs` (samples, LANES); `one` runs
+    a single one, with the same numbers, on plain vectors."""
 
     step: ca.Function
     correct: ca.Function
@@ -92,7 +92,7 @@ class Kernel:
         output: Array,
     ) -> None:
         """One parameter set; see `lower`."""
-        self._single(state[:, None], commands, measured, gain, parameters[:, None], substeps, dt, output[:, None])
+        self._single(state[:, None], commands, measured[:, None], gain, parameters[:, None], substeps, dt, output[:, None])
 
     @cached_property
     def _single(self) -> Loop:

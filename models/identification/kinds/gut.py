@@ -61,6 +61,16 @@ def active_effects(theta: Theta) -> tuple[str, ...]:
     return tuple(sorted({name.split(".")[0] for name in theta if "." in name}))
 
 
+def _each_lane(values: Array) -> Array:
+    return np.repeat(values[:, None], LANES, axis=1)
+
+
+def _late(theta: Theta) -> float:
+    """Time in s by which the effects in `theta` make the measurement late."""
+    own = ((BY_ID[e](), {k.split(".")[1]: v for k, v in theta.items() if k.startswith(e + ".")}) for e in active_effects(theta))
+    return sum(float(effect.delay(values)) for effect, values in own)
+
+
 @dataclass(frozen=True)
 class GutKind:
     """A rig whose records are time series of a capsule. `noise_std` of the sensor; `memories` in s are the observer's time constants
@@ -180,22 +190,23 @@ class GutKind:
         shown = np.empty((len(fed.commands), LANES))
         filled = [*thetas, *[thetas[-1]] * (LANES - len(thetas))]
         parameters = np.array([assembly.vector(theta) for theta in filled]).T.copy()
-        states = np.repeat(self._start(assembly, even, measured)[:, None], LANES, axis=1)
-        seen = shown[:, 0].copy() if measured is None or not memory else fed.spread(measured)
+        states = _each_lane(self._start(assembly, even, measured))
+        seen = shown
+        if measured is not None and memory:
+            spread = fed.spread(measured)
+            at, late = np.arange(len(spread)), [_late(theta) / fed.dt for theta in filled]
+            seen = np.stack([np.interp(at + n, at, spread) for n in late], axis=1) if any(late) else _each_lane(spread)
         if drifts(self.drive) and measured is not None and memory:
             n = 1 + max(1, round(_START_S / fed.dt))
             kernel.many(states.copy(), fed.commands[:n], seen, 0.0, parameters, fed.substeps, fed.dt, shown)
-            states[0] += np.mean(seen[:n, None] - shown[:n], axis=0)  # one sample's noise in the place would last
+            states[0] += np.mean(seen[:n] - shown[:n], axis=0)  # one sample's noise in the place would last
         gain = fed.dt / memory if memory else 0.0
         kernel.many(states, fed.commands, seen, gain, parameters, fed.substeps, fed.dt, shown)
         return [self._at_samples(record, even, fed, shown[:, b], theta) for b, theta in enumerate(thetas)]
 
     def _at_samples(self, record: Record, even: Record, fed: Feed, shown: Array, theta: Theta) -> Array:
         output = fed.samples(shown)
-        delay = sum(
-            float(BY_ID[e]().delay({k.split(".")[1]: v for k, v in theta.items() if k.startswith(e + ".")}))
-            for e in active_effects(theta)
-        )
+        delay = _late(theta)
         return np.interp(record["t_s"] - delay, even["t_s"], output) if delay or even is not record else output.copy()
 
     def _start(self, assembly: Assembly, record: Record, measured: Array | None) -> Array:

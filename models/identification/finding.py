@@ -82,9 +82,9 @@ def _stage_values(kind: AnyKind, found: Search) -> dict[str, dict[str, float]]:
 
 
 def _verdict(found: Search) -> str:
-    clean = found.after < CLEAN * found.chance_cost
     if not found.effects:
-        return "none" if clean else "unknown"
+        return "none" if found.after < CLEAN * found.chance_cost else "unknown"
+    clean = found.after < CLEAN * max(found.chance_cost, found.restless)
     return "named" if clean or found.explained >= EXPLAINED else "unknown"
 
 
@@ -164,6 +164,10 @@ def _statements(found: Search, verdict: str) -> list[str]:
     if found.effects:
         said.append(
             f"The effects take away {100 * min(found.explained, 1.0):.0f} % of the misfit beyond chance on records not used to fit them."
+        )
+    if found.restless > CLEAN * found.chance_cost:
+        said.append(
+            f"The motion is restless: the model leaves {found.restless:.3g} of itself when its base numbers are a thousandth off."
         )
     said += [
         f"{BY_ID[name].summary.capitalize()} ({name}) mends the shape of {', '.join(e for e in found.effects if name in BY_ID[e].refined_by)}."

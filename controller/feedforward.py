@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
+from typing import Final
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from controller.inversion import Inverse
 from controller.limits import Envelope, number
 from controller.prediction import ControlModel
 from controller.signals import Action, Estimate, Reference
+
+_RESPONDING: Final = 0.35
+"""Share of a drive's time constant below which the inverse would drive it from end to end of its range."""
 
 
 @dataclass(frozen=True)
@@ -20,7 +24,7 @@ class Loop:
     While the reference moves the correction leaves at least `least` of its speed, so that noise does not turn friction round, and adds at
     most `most_m_s`. At rest errors up to `slack_m` are left alone, which is what keeps a held capsule from hunting; beyond it the
     capsule is brought back to half of that. `reach_s` is the time within which the inverse gets to the speed; a coil's must leave its
-    current some ticks.
+    current some ticks, and a lagging drive gets a third of its time constant at least.
     """
 
     pace_1_s: float = 10.0
@@ -51,7 +55,8 @@ class Feedforward:
 
     def __init__(self, model: ControlModel, envelope: Envelope, loop: Loop | None = None) -> None:
         self.loop = LOOPS.get(envelope.kind, Loop()) if loop is None else loop
-        self._inverse = Inverse(model, envelope, self.loop.reach_s)
+        self._reach_s = max(self.loop.reach_s, _RESPONDING * model.response_s)
+        self._inverse = Inverse(model, envelope, self._reach_s)
         self._envelope = envelope
         self._returning = False
         self._size = len(model.states)
@@ -62,7 +67,7 @@ class Feedforward:
 
     def act(self, now: float, estimate: Estimate, reference: Reference) -> Action:
         """The command for the tick that begins at `now` in s; `failed` where estimate or reference is no number."""
-        times = np.array([now, now + self.loop.reach_s])
+        times = np.array([now, now + self._reach_s])
         places, speeds = reference.position(times), reference.speed(times)
         state = np.array(estimate.state, dtype=float)
         if state.shape != (self._size,):

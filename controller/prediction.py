@@ -44,6 +44,7 @@ class ControlModel:
     `step(x, command, disturbance_N, t) -> x_next` goes one tick of `tick_s` with the command held; `jacobians`, same arguments, gives
     `(x_next, A (n, n), B (n, 1), E (n, 1))` with respect to x, command and disturbance. `kernels` has the same step compiled, many
     times faster (`kernels.step`). `measured(x, t) -> m` is what the position sensor shows of `x`, late by `delay_s`;
+    the drive follows its command with the time constant `response_s`;
     `wall_force(x, t) -> N` what the wall holds against +x. `gap_limit_m` is where a magnet's force is largest (None: no magnet).
 
     Friction is smoothed over `smoothing` m/s and solved within the step, so the step is stable at any length; a resting capsule creeps by
@@ -58,6 +59,7 @@ class ControlModel:
     tick_s: float
     smoothing: float
     delay_s: float
+    response_s: float = 0.0
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -205,8 +207,11 @@ def control_model(
         if not math.isfinite(value):
             raise ValueError(f"values must be finite numbers; got {name} = {value}")
         numbers[name] = float(value)
-    delay = sum(float(e().delay({p.name: numbers[f"{e.id}.{p.name}"] for p in e.parameters()})) for e in effects)
-    return ControlModel(rig, drive, symbols, np.array(list(numbers.values())), checked_tick(tick_s), float(smoothing), delay)
+    own = [(e(), {p.name: numbers[f"{e.id}.{p.name}"] for p in e.parameters()}) for e in effects]
+    delay = sum(float(effect.delay(its)) for effect, its in own)
+    response = sum(float(effect.response(its)) for effect, its in own)
+    vector = np.array(list(numbers.values()))
+    return ControlModel(rig, drive, symbols, vector, checked_tick(tick_s), float(smoothing), delay, response)
 
 
 def _effects(kind: str, values: Mapping[str, float]) -> tuple[type[Effect], ...]:

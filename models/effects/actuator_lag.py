@@ -30,6 +30,9 @@ class ActuatorLag(Effect):
     def command(self, s: Signals, p: Values, z: Values) -> Any:
         return z["command"]
 
+    def response(self, p: Values) -> Any:
+        return p["time_s"]
+
     def advance(self, s: Signals, p: Values, z: Values, h: Any) -> dict[str, Any]:
         tau = np.maximum(p["time_s"], 1e-9)
         rise = p["time_s"] * (1 - np.exp(-h / tau))

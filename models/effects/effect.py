@@ -92,6 +92,10 @@ class Effect:
         """The command that reaches the capsule, given the one that was sent."""
         return s.command
 
+    def response(self, p: Values) -> Any:
+        """Time constant in s with which the command arrives."""
+        return 0.0
+
     def gain(self, s: Signals, p: Values, z: Values) -> Any:
         """Factor on the drive's force."""
         return 1.0

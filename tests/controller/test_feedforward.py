@@ -10,13 +10,14 @@ from controller.choices import CONTROLLERS, build, leads
 from controller.envelope import envelope_of
 from controller.estimator.estimator import Estimator
 from controller.inversion import Inverse
+from controller.prediction import control_model
 from controller.signals import Array, Estimate
 from controller.trajectory import STEP_S, Trajectory, by_speeds, through
 from plant import layout as at
 from plant.instruments import Instrument
 from plant.rig import Magnet, Rig
 from plant.session import Instruments
-from tests.controller.loops import closed_loop, model_of
+from tests.controller.loops import believed, closed_loop, model_of
 
 MODEL = model_of()
 ENVELOPE = envelope_of(MODEL.drive)
@@ -67,6 +68,18 @@ def test_feedforward_tracks_a_slow_traverse() -> None:
     rows, _, _ = tracked("feedforward", reference, 6.0)
     judged = rows[:, at.O_T] > 1.0
     assert np.sqrt(np.mean((rows[:, at.O_X] - reference.position(rows[:, at.O_T]))[judged] ** 2)) < 0.2e-3
+
+
+def test_a_lagging_drive_is_not_driven_from_end_to_end() -> None:
+    """A lag of 0.1 s turned round within a tick would ask for a hundred times the path."""
+    model = control_model(believed(), {"actuator_lag.time_s": 0.11}, 1e-3)
+    assert model.response_s == 0.11
+    truth = Rig(Magnet(), hidden={"actuator_lag": {"time_s": 0.1}})
+    reference = by_speeds([0.0, 2e-3], [0.5, 5.0])
+    chain = build("feedforward", model, envelope_of(model.drive))
+    rows, *_ = closed_loop(model, chain, reference, 5.0, truth, Estimator(model.sharp))
+    judged = rows[:, at.O_T] > 2.0
+    assert np.sqrt(np.mean((rows[:, at.O_X] - reference.position(rows[:, at.O_T]))[judged] ** 2)) < 0.5e-3
 
 
 def test_a_held_capsule_rests() -> None:

@@ -9,20 +9,13 @@ import numpy as np
 
 from models.effects import BY_ID
 from models.identification.checks import residual_checks
-from models.identification.fit import Fit, axes
+from models.identification.intervals import intervals
 from models.identification.kinds import AnyKind, kind_for
 from models.identification.loop import CLEAN, EXPLAINED, Search, search
 from models.identification.model import Model
 from models.identification.result import STAGES, CandidateRow, Estimate, Finding, FoundEffect, Trace
-from models.parameter import Parameter
 from models.record import Record
 from models.rig import Rig
-
-ACCURACY = 0.01
-"""Relative accuracy of the models' own numerics and of a minimum on a jagged criterion: the least width of an interval on either side."""
-_T95 = 1.96
-_BLOCKS = 60
-_AT_BOUND = 1e-3
 
 
 def close(
@@ -44,7 +37,7 @@ def close(
         else {}
         for part, records in (("train", train), ("holdout", holdout))
     }
-    spread = _intervals(kind, found.augmented, found.model)
+    spread = intervals(kind, found.augmented, found.model)
     model = Model(kind.name, thetas, verdict, {"records": ", ".join(r.name for r in train), "seed": str(seed)})
     finding = Finding(
         kind=kind.name,
@@ -86,56 +79,6 @@ def _verdict(found: Search) -> str:
         return "none" if found.after < CLEAN * found.chance_cost else "unknown"
     clean = found.after < CLEAN * max(found.chance_cost, found.restless)
     return "named" if clean or found.explained >= EXPLAINED else "unknown"
-
-
-def _intervals(kind: AnyKind, fit: Fit, effects: Sequence[str]) -> dict[str, Estimate]:
-    """95 % intervals from the Jacobian: the wider of least squares' own, widened for what is left beyond chance and for residuals that are
-    not independent, and of the sandwich with the scores' scatter from block to block, which holds for a model that is not quite right."""
-    fitted = axes(kind, effects)
-    if not fitted:
-        return {}
-    J = fit.jacobian
-    scale = np.array([a.scale for a in fitted])
-    curvature = (J * scale).T @ (J * scale)
-    values, vectors = np.linalg.eigh(curvature)
-    widened = max(fit.chi2, 1.0) * _memory(fit.residual)
-    inverse = (vectors / np.maximum(values, 1e-12 * max(values[-1], 1e-300))) @ vectors.T
-    scores = np.array([part.T @ r for part, r in zip(_blocks(J * scale), _blocks(fit.residual), strict=True)])
-    scatter = len(scores) / max(len(scores) - len(fitted), 1) * scores.T @ scores
-    variance = np.maximum(np.diag(inverse) * widened, np.diag(inverse @ scatter @ inverse))
-    out = {}
-    for axis, deviation in zip(fitted, np.sqrt(variance) * scale, strict=True):
-        value = fit.theta[axis.name]
-        half = float(np.hypot(_T95 * deviation, ACCURACY * abs(value)))
-        p = axis.parameter
-        told = half < 0.5 * max(abs(value), axis.scale) + axis.scale and _inside(value, p)
-        out[axis.name] = Estimate(value, (value - half, value + half), p.unit, told)
-    return out
-
-
-def _inside(value: float, p: Parameter) -> bool:
-    margin = _AT_BOUND * (p.upper - p.lower) if np.isfinite(p.upper - p.lower) else 0.0
-    return p.lower + margin < value < p.upper - margin
-
-
-def _blocks(values: np.ndarray) -> list[np.ndarray]:
-    return np.array_split(values, min(_BLOCKS, len(values)))
-
-
-def _memory(residual: np.ndarray) -> float:
-    """Samples that count as one: 1 + 2 sum of the autocorrelation until it first dies out, at most 200 lags."""
-    r = residual - residual.mean()
-    n = len(r)
-    power = float(r @ r)
-    if n < 20 or power == 0:
-        return 1.0
-    total = 1.0
-    for lag in range(1, min(200, n // 4)):
-        rho = float(r[:-lag] @ r[lag:]) / power
-        if rho < 0.02:
-            break
-        total += 2 * rho
-    return total
 
 
 def _effect(name: str, found: Search, spread: Mapping[str, Estimate]) -> FoundEffect:

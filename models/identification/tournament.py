@@ -18,7 +18,7 @@ ALIKE = 2
 FINAL = 3
 BEHIND = 3.0
 NEAR_NOISE = 2.5
-_MULTIPLES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
+_MULTIPLES = tuple(2 ** (k / 2) for k in range(11))
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from models.record import Record
 
 Array = NDArray[np.float64]
 _PLACES = 24
+_FEW = 2
 _IMITATIONS = 2
 _SECANT = 0.1
 
@@ -107,12 +108,17 @@ def _candidates(kind: Kind, taken: Sequence[str]) -> list[type[Effect]]:
 
 
 def _best(view: _View, effects: Sequence[type[Effect]]) -> list[Screened]:
-    rows = [row for effect in effects for row in view.explained(effect, list(_shapes(effect, view.records)))]
-    best: dict[str, Screened] = {}
-    for row in rows:
-        if row.effect not in best or row.share > best[row.effect].share:
-            best[row.effect] = row
-    return sorted(best.values(), key=lambda row: -row.share)
+    return sorted((_likeliest(view.explained(effect, list(_shapes(effect, view.records)))) for effect in effects), key=_by_share)
+
+
+def _likeliest(rows: Sequence[Screened]) -> Screened:
+    """The best of one candidate's shapes, with where the best few would start: their shares differ by less than their fits."""
+    best = sorted(rows, key=_by_share)[:_FEW]
+    return replace(best[0], starts=tuple(start for row in best for start in row.starts))
+
+
+def _by_share(row: Screened) -> float:
+    return -row.share
 
 
 def screen(
@@ -125,7 +131,7 @@ def screen(
         for row in _best(_View.at(kind, records, effects, fit.theta, stage), _candidates(kind, (*effects, *dropped))):
             other = rows.get(row.effect)
             rows[row.effect] = row if other is None else _joined(row, other)
-    return sorted(rows.values(), key=lambda row: -row.share)
+    return sorted(rows.values(), key=_by_share)
 
 
 def _joined(a: Screened, b: Screened) -> Screened:

@@ -57,14 +57,24 @@ def tournament(
 def _entry(
     kind: Kind, part: Sequence[Record], effects: Sequence[str], theta: Mapping[str, float], row: Screened
 ) -> tuple[float, dict[str, float]]:
-    """Where the heat of a candidate starts and what that point costs: its better opening or a short fit from there, whichever judges
-    better (an observer may be thrown out of step by a strong effect that the free run follows)."""
-    openings = [_opening(kind, part, effects, theta, row.effect, start) for start in row.starts]
-    costs = [float(blocks.mean()) for blocks in judged_all(kind, part, openings)]
-    cost, point = min(zip(costs, openings, strict=True), key=lambda pair: pair[0])
-    fitted = descend(kind, part, [*effects, row.effect], point, 0, 0.3, 3).theta
-    after = float(judged(kind, part, fitted).mean())
-    return (after, fitted) if after < cost else (cost, point)
+    """Where the heat of a candidate starts and what that point costs: after a short fit to an observer that forgets fast, from each
+    opening. Where no such observer is to be had (a kind with `restarts`: a strong effect that the free run follows throws its observer
+    out of step), of openings at the base as calibrated and at the nominal one and of short fits from both, the point that judges best."""
+    bases = (theta, {**theta, **_nominal(kind)})
+    if not kind.restarts:
+        openings = [_opening(kind, part, bases, row.effect, start) for start in row.starts]
+        fits = [descend(kind, part, [*effects, row.effect], point, 0, 0.3, 3) for point in openings]
+        best = min(fits, key=lambda fit: fit.cost)
+        return best.cost, best.theta
+    points = []
+    for base in bases:
+        openings = [_opening(kind, part, (base,), row.effect, start) for start in row.starts]
+        costs = [float(blocks.mean()) for blocks in judged_all(kind, part, openings)]
+        point = openings[int(np.argmin(costs))]
+        points += [point, descend(kind, part, [*effects, row.effect], point, 0, 0.3, 3).theta]
+    costs = [float(blocks.mean()) for blocks in judged_all(kind, part, points)]
+    k = int(np.argmin(costs))
+    return costs[k], points[k]
 
 
 def _heat(kind: Kind, part: Sequence[Record], effects: Sequence[str], theta: dict[str, float]) -> Fit:
@@ -82,24 +92,18 @@ def _nominal(kind: Kind) -> dict[str, float]:
 
 
 def _opening(
-    kind: Kind,
-    part: Sequence[Record],
-    effects: Sequence[str],
-    theta: Mapping[str, float],
-    name: str,
-    start: Mapping[str, float],
+    kind: Kind, part: Sequence[Record], bases: Sequence[Mapping[str, float]], name: str, start: Mapping[str, float]
 ) -> dict[str, float]:
-    """Where a candidate's fit starts: the best amplitude, at the base as calibrated without it or as nominal (a calibration may have
-    bent the base to make up for what was missing)."""
+    """The best amplitude of the effect `name` in the shape `start` at the best of `bases` (a calibration may have bent the base to make
+    up for what was missing)."""
     effect = next(e for e in kind.effects if e.id == name)
     amplitude = effect.amplitude()
     key = f"{effect.id}.{amplitude.name}"
-    nominal = {**theta, **_nominal(kind)}
     wanted = [start[key], *(sign * effect.probe * k for k in _MULTIPLES for sign in (1.0, -1.0))]
     values = sorted({v for v in wanted if amplitude.lower <= v <= amplitude.upper and v != 0.0})
-    points = [{**base, **start, key: value} for base in (theta, nominal) for value in values]
+    points = [{**base, **start, key: value} for base in bases for value in values]
     costs = [float(r @ r) for r in evaluate_all(kind, part, points, middle_stage(kind))]
-    return points[int(np.argmin(costs))] if points else {**theta, **start}
+    return points[int(np.argmin(costs))] if points else {**bases[0], **start}
 
 
 def _with_look_alikes(kind: Kind, entered: Sequence[str]) -> list[str]:

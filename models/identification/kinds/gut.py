@@ -248,7 +248,8 @@ class GutKind:
         return [self._weighed(record, output, stage) for output in outputs]
 
     def _weighed(self, record: Record, output: Array, stage: int) -> Array:
-        r = (record[self.quantity] - output) / self.noise_std
+        with np.errstate(over="ignore", invalid="ignore"):  # of a model that ran away
+            r = (record[self.quantity] - output) / self.noise_std
         r = np.clip(np.where(np.isfinite(r), r, _DIVERGED), -_DIVERGED, _DIVERGED)
         if stage == self.stages:
             dt = interval(record)

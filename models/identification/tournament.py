@@ -17,7 +17,7 @@ POOL = 6
 ALIKE = 2
 FINAL = 3
 BEHIND = 3.0
-NEAR_NOISE = 2.5
+NEAR_NOISE = 1.5
 _MULTIPLES = tuple(2 ** (k / 2) for k in range(11))
 
 

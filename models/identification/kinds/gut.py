@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
 from types import MappingProxyType
 from typing import ClassVar
 
@@ -12,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
-from models.assembly import Assembly, assemble
 from models.assembly_step import Surface
 from models.drives.drive import Drive
 from models.drives.from_rig import drive_of, surface_of
-from models.effects import BY_ID, effects_for
+from models.effects import effects_for
 from models.effects.effect import Effect
-from models.identification.kinds.driven import SWITCH_DELAY, Feed, drifts, driven_column, evenly, feed, interval, switch_delay
+from models.identification.kinds.driven import drifts, driven_column, interval, switch_delay
 from models.identification.kinds.gut_words import equations_of, next_experiment_of, statements_of
-from models.identification.lower import LANES, NEVER_S, SLOW_S, Kernel, lower
+from models.identification.kinds.running import START_S, Runner, Theta, active_effects
+from models.identification.lower import LANES
 from models.parameter import Parameter
 from models.plate import Plate
 from models.record import Record
@@ -28,7 +27,6 @@ from models.rig import Rig
 from models.wall import base_parameters
 
 Array = NDArray[np.float64]
-Theta = Mapping[str, float]
 
 LOW_PASS_HZ = 2.0
 _PER_PERIOD = 10  # samples that the slow view keeps of a period of its cut-off
@@ -39,7 +37,6 @@ _FORESIGHTS = (
 )
 _TAIL = 8.0  # standard deviations beyond which a difference counts ever less: samples at a jump of the speed
 _DIVERGED = 1e6  # standard deviations, beyond which a prediction is no longer one
-_START_S = 0.5  # s, over which a record's start is compared with a prediction's where the drive does not tell the place
 _WALL_HOOKS = ("stiffening", "wall_force", "recovery")
 
 
@@ -48,27 +45,6 @@ def low_passed(signal: Array, dt: float) -> Array:
     if len(signal) < 16 or LOW_PASS_HZ * 2 * dt >= 1:
         return signal
     return np.asarray(sosfiltfilt(butter(2, LOW_PASS_HZ * 2 * dt, output="sos"), signal))
-
-
-@cache
-def _model(surface: Surface, drive: Drive, names: tuple[str, ...]) -> tuple[Assembly, Kernel]:
-    assembly = assemble(surface, drive, [BY_ID[name] for name in names])
-    return assembly, lower(assembly.step, assembly.correct, NEVER_S if drifts(drive) else SLOW_S)
-
-
-def active_effects(theta: Theta) -> tuple[str, ...]:
-    """Ids of the effects that have an entry in `theta`, sorted."""
-    return tuple(sorted({name.split(".")[0] for name in theta if "." in name}))
-
-
-def _each_lane(values: Array) -> Array:
-    return np.repeat(values[:, None], LANES, axis=1)
-
-
-def _late(theta: Theta) -> float:
-    """Time in s by which the effects in `theta` make the measurement late."""
-    own = ((BY_ID[e](), {k.split(".")[1]: v for k, v in theta.items() if k.startswith(e + ".")}) for e in active_effects(theta))
-    return sum(float(effect.delay(values)) for effect, values in own)
 
 
 @dataclass(frozen=True)
@@ -160,73 +136,13 @@ class GutKind:
     def _runs(
         self, record: Record, thetas: Sequence[Theta], memory: float | None, measured: Array | None, fine: bool = True
     ) -> list[Array]:
-        """The output at each of `thetas`, those side by side that have the same effects and switch at the same time."""
-        alike: dict[tuple[tuple[str, ...], float], list[int]] = {}
-        for i, theta in enumerate(thetas):
-            alike.setdefault((active_effects(theta), theta.get(SWITCH_DELAY, 0.0)), []).append(i)
-        outputs: dict[int, Array] = {}
-        for (active, delay), members in alike.items():
-            for k in range(0, len(members), LANES):
-                some = members[k : k + LANES]
-                shown = self._side_by_side(record, [thetas[i] for i in some], active, delay, memory, measured, fine)
-                outputs.update(zip(some, shown, strict=True))
-        return [outputs[i] for i in range(len(thetas))]
-
-    def _side_by_side(
-        self,
-        record: Record,
-        thetas: Sequence[Theta],
-        active: tuple[str, ...],
-        delay: float,
-        memory: float | None,
-        measured: Array | None,
-        fine: bool,
-    ) -> list[Array]:
-        assembly, kernel = _model(self.surface, self.drive, active)
-        rigid = self.drive.imposed and "string_compliance" not in active
-        even = evenly(record, (self.drive.commanded, self.quantity))
-        measured = None if measured is None else even[self.quantity]
-        fed = feed(self.drive, even, rigid, delay, fine)
-        shown = np.empty((len(fed.commands), LANES))
-        filled = [*thetas, *[thetas[-1]] * (LANES - len(thetas))]
-        parameters = np.array([assembly.vector(theta) for theta in filled]).T.copy()
-        states = _each_lane(self._start(assembly, even, measured))
-        seen = shown
-        if measured is not None and memory:
-            spread = fed.spread(measured)
-            at, late = np.arange(len(spread)), [_late(theta) / fed.dt for theta in filled]
-            seen = np.stack([np.interp(at + n, at, spread) for n in late], axis=1) if any(late) else _each_lane(spread)
-        if drifts(self.drive) and measured is not None and memory:
-            n = 1 + max(1, round(_START_S / fed.dt))
-            kernel.many(states.copy(), fed.commands[:n], seen, 0.0, parameters, fed.substeps, fed.dt, shown)
-            states[0] += np.mean(seen[:n] - shown[:n], axis=0)  # one sample's noise in the place would last
-        gain = fed.dt / memory if memory else 0.0
-        kernel.many(states, fed.commands, seen, gain, parameters, fed.substeps, fed.dt, shown)
-        return [self._at_samples(record, even, fed, shown[:, b], theta) for b, theta in enumerate(thetas)]
-
-    def _at_samples(self, record: Record, even: Record, fed: Feed, shown: Array, theta: Theta) -> Array:
-        output = fed.samples(shown)
-        delay = _late(theta)
-        return np.interp(record["t_s"] - delay, even["t_s"], output) if delay or even is not record else output.copy()
-
-    def _start(self, assembly: Assembly, record: Record, measured: Array | None) -> Array:
-        state = assembly.start()
-        first = record[self.drive.commanded][0]
-        if not drifts(self.drive):
-            seen = None if measured is None else measured[: max(1, round(0.02 / interval(record)))]
-            state[0] = first if self.drive.imposed or seen is None else float(np.mean(seen))
-        elif measured is not None:
-            state[0] = measured[0]
-        for k, name in enumerate(assembly.states):
-            if name.endswith((".position_m", ".command")):
-                state[k] = first
-        return state
+        return Runner(self.surface, self.drive, self.quantity).runs(record, thetas, memory, measured, fine)
 
     def _from_the_start(self, record: Record, output: Array) -> Array:
         """`output` moved to where the record starts: one sample's noise in the starting place would stay to the end."""
         if not drifts(self.drive) or self.quantity not in record.columns:
             return output
-        first = slice(0, max(1, round(_START_S / interval(record))))
+        first = slice(0, max(1, round(START_S / interval(record))))
         return output + float(np.mean(record[self.quantity][first] - output[first]))
 
     def predict(self, record: Record, theta: Theta) -> Array:

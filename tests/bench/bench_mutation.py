@@ -1,12 +1,13 @@
-"""Mutation testing of the guard: every small change to its functions must make a test of `tests/hil/test_guard.py` fail.
+"""Mutation testing of the guard: every small change to its functions must make a test of `tests/hil/test_guard*.py` fail.
 
-`python -m tests.bench.bench_mutation [FILE.py TEST.py]` with the package mutmut (3.8 was used); it works on a copy, prints each survivor's
+`python -m tests.bench.bench_mutation [FILE.py TEST.py...]` with the package mutmut (3.8 was used); it works on a copy, prints each survivor's
 change and how many there were, and ends with 1 where one is not among the `EQUIVALENT` ones, which no test can tell from the original.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import re
 import shutil
 import subprocess
@@ -17,14 +18,15 @@ from pathlib import Path
 from typing import Final
 
 ROOT: Final = Path(__file__).parents[2]
-PACKAGES: Final = ("models", "controller", "plant", "hil")
-GUARD, TESTS = "hil/nodes/guard.py", "tests/hil/test_guard.py"
+PACKAGES: Final = ("models", "controller", "plant", "hil", "tests")
+GUARD = "hil/nodes/guard.py"
+TESTS: Final = ("tests/hil/test_guard.py", "tests/hil/test_guard_passed.py")
 SETTINGS: Final = """[tool.mutmut]
 source_paths = ["hil"]
 only_mutate = ["{source}"]
 also_copy = ["models", "controller", "plant"]
 pytest_add_cli_args = ["-p", "no:cacheprovider", "--noconftest"]
-pytest_add_cli_args_test_selection = ["{tests}"]
+pytest_add_cli_args_test_selection = {tests}
 use_git_change_detection = false
 
 [tool.pytest.ini_options]
@@ -45,16 +47,13 @@ def main() -> int:
     """Mutate, test, list what survived."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("source", nargs="?", default=GUARD)
-    parser.add_argument("tests", nargs="?", default=TESTS)
+    parser.add_argument("tests", nargs="*", default=TESTS)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder)
         for package in PACKAGES:
             shutil.copytree(ROOT / package, copy / package, ignore=shutil.ignore_patterns("__pycache__"))
-        place = copy / options.tests
-        place.parent.mkdir(parents=True)
-        shutil.copy(ROOT / options.tests, place)
-        (copy / "pyproject.toml").write_text(SETTINGS.format(source=options.source, tests=options.tests))
+        (copy / "pyproject.toml").write_text(SETTINGS.format(source=options.source, tests=json.dumps(options.tests)))
         done = _mutmut(copy, "run", "--max-children", "1")
         results = _mutmut(copy, "results", "--all", "true")
         counts: dict[str, int] = {}

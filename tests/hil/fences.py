@@ -1,0 +1,9 @@
+"""Fences of a carriage and a coil, and evidence on which both may move, that tests of the guard share."""
+
+from hil.nodes.guard import Evidence, Fence
+from hil.nodes.wiring import ENABLED
+from tests.hil.ticks import TICK
+
+CARRIAGE = Fence(-1.0, 1.0, 0.25, True, TICK)
+COIL = Fence(-0.8, 0.8, 100.0, False, TICK)
+GOOD = Evidence(0.012, 0.003, ENABLED)

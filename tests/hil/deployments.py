@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from tests.conftest import RIG
 
 TRUTH = """
@@ -22,3 +24,10 @@ def deployment(channel: str = "test", interface: str = "capsule_local", control:
     """A rig file of a magnetic rig on a bus."""
     tables = f'[bus]\ninterface = "{interface}"\nchannel = "{channel}"\n[control]\n{control}\n[reference]\nkind = "ramp"\nspeed_mm_s = 2.0\n'
     return f"{RIG}\n{tables}\n{more}"
+
+
+def rig_file(folder: Path, text: str) -> str:
+    """Write it into `folder`; its path."""
+    path = folder / "rig.toml"
+    path.write_text(text)
+    return str(path)

@@ -1,0 +1,43 @@
+"""A plant in a process of its own, for what leads it in real time."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from tests.hil.deployments import PLANT
+
+CAPSULE = (sys.executable, "-m", "hil.app.main")
+REAL_TIME = "duration_s = 1.5\npriority = 20"
+"""With SCHED_FIFO where the system allows it: these tests run beside others."""
+
+TRIES = 3
+"""A machine that holds a process up for longer than a command lives ends a run; that is right, and the run is done again."""
+
+
+@contextmanager
+def plant_on(folder: Path, channel: str, drive: str = "own") -> Iterator[subprocess.Popen[str]]:
+    """A plant with its drive, ready, for the time of the block."""
+    scenario = folder / "plant.toml"
+    scenario.write_text(PLANT)
+    command = [sys.executable, "-m", "hil.app.run_plant", str(scenario), "capsule_local", channel, "60", "20", drive]
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    try:
+        assert child.stdout is not None
+        assert child.stdout.readline() == "ready\n"
+        yield child
+    finally:
+        if child.returncode is None:
+            child.kill()
+            child.communicate()
+
+
+def truth_of(plant: subprocess.Popen[str]) -> dict[str, Any]:
+    """End it; what it says of itself then."""
+    plant.terminate()
+    return dict(json.loads(plant.communicate()[0]))

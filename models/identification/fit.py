@@ -1,21 +1,20 @@
-"""Fitting a kind's parameters: least squares with wide secants or an ensemble, then a sampled polish; stick-slip makes the criterion jagged."""
+"""Fitting a kind's parameters: least squares with ever narrower secants, for stick-slip makes the criterion jagged."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from models.effects import REFINEMENTS
 from models.effects.effect import Effect
+from models.identification.descent import Valley
 from models.identification.kind import Kind
-from models.identification.sampling import Found, Space, evolve, gather, spread
 from models.parameter import Parameter
 from models.record import Record
 
@@ -24,12 +23,10 @@ _R = TypeVar("_R")
 Array = NDArray[np.float64]
 _POOL = ThreadPoolExecutor(os.cpu_count() or 1)
 _MARGIN = 1e-9
-_WIDEST = 0.25
-_PATIENT = (1e5, 1e4)
-_SETTLING = (1e4, 3e3)
-_NEAR_M = 3e-3
-_SECANTS = (0.3, 0.1)
-_FINE = 0.03
+WIDE = (1.0, 0.3, 0.1)
+NARROW = (0.3, 0.1)
+FINE = (0.1, 0.03)
+"""Widths of secants, one descent after the other."""
 
 
 @dataclass(frozen=True)
@@ -160,103 +157,28 @@ def descend(
     secant: float,
     steps: int,
 ) -> Fit:
-    """Least squares within bounds at one stage, derivatives as central secants `secant` scales wide that look across the jags."""
+    """Least squares within bounds at one stage in at most `steps` rounds, derivatives as secants `secant` wide that look across the jags."""
     problem = Problem(kind, records, axes(kind, effects), stage)
     x0 = problem.start(start)
     if not len(x0):
         r = problem.at(x0)
         return Fit({}, float(r @ r), len(r), np.zeros((len(r), 0)), r)
-    solution = least_squares(
-        problem.at,
-        x0,
-        jac=lambda x: problem.jacobian(x, secant),
-        bounds=(problem.lower, problem.upper),
-        x_scale=problem.scale,
-        max_nfev=steps,
-        ftol=1e-4,
-        xtol=1e-5,
-    )
-    return Fit(problem.theta(solution.x), 2 * float(solution.cost), len(solution.fun), solution.jac, solution.fun)
+    end = Valley(problem.all_at, problem.lower, problem.upper, problem.scale).descend(x0, secant, steps)
+    return Fit(problem.theta(end.x), end.cost, len(end.residual), end.jacobian, end.residual)
 
 
-def polish(
+def narrowing(
     kind: Kind,
     records: Sequence[Record],
     effects: Sequence[str],
-    fit: Fit,
+    start: Mapping[str, float],
     stage: int,
-    rng: np.random.Generator,
-    rounds: int = 10,
+    widths: Sequence[float] = NARROW,
+    steps: int = 12,
 ) -> Fit:
-    """A sampled search around `fit` at `stage` (four generations of an evolution a round), shaped by the fit's Jacobian; then the
-    Jacobian at the best point for the intervals. Never returns a point worse than the start."""
-    problem = Problem(kind, records, axes(kind, effects), stage)
-    x = problem.start(fit.theta)
-    if len(x):
-        space = _space(problem, fit.theta)
-        slope = fit.jacobian * space.reach
-        weight = 1 / max(fit.chi2, 1.0)
-        root = spread(weight * slope.T @ slope, _PATIENT[-1], _WIDEST)
-        r = problem.at(x)
-        x = evolve(space, Found(x, float(r @ r), x, root, fit.jacobian), rng, 4 * rounds, 1.0).best
-    r = problem.at(x)
-    return Fit(problem.theta(x), float(r @ r), len(r), problem.jacobian(x, _FINE), r)
-
-
-def _space(problem: Problem, start: Mapping[str, float]) -> Space:
-    """Where a sampled search of `problem` looks: around the believed base and the effects' values in `start`."""
-    count = sum(p.fit for p in problem.kind.base)
-    x = problem.start(start)
-    home = np.array([a.parameter.value if i < count else v for i, (a, v) in enumerate(zip(problem.axes, x, strict=True))])
-    grids = {f"{e.id}.{name}": values for e in _declared(problem.kind) for name, values in e.grid.items()}
-    amplitudes = {f"{e.id}.{e.amplitude().name}" for e in _declared(problem.kind)}
-    reach = [
-        0.25 * (a.parameter.upper - a.parameter.lower)
-        if i < count
-        else max(2 * a.scale, abs(float(v)))
-        if a.name in amplitudes
-        else _reach(a.parameter, float(v), grids.get(a.name, ()))
-        for i, (a, v) in enumerate(zip(problem.axes, x, strict=True))
-    ]
-    return Space(problem.all_at, problem.lower, problem.upper, np.array(reach), home)
-
-
-def _reach(p: Parameter, value: float, grid: Sequence[float]) -> float:
-    """How far a shape's constant may be off at the start: half the way to the next value of its screening `grid`, if it has one."""
-    if len(grid) > 1 and grid[0]:
-        return min(0.5, 0.5 * (grid[1] / grid[0] - 1)) * abs(value)
-    if p.unit == "rad":
-        return 1.0
-    if p.value:
-        return 0.5 * abs(value) if value else 0.5 * abs(p.value)
-    return _NEAR_M if p.unit == "m" else min(0.5, 0.25 * (p.upper - p.lower))
-
-
-def anneal(
-    kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float], steps: int = 12, seed: int = 0
-) -> Fit:
-    """The last stage's fit: where the kind has several stages by way of two ensembles, one that the observer keeps in step and one that
-    runs free, the better of which shrinks on; else by least squares. Deterministic."""
-    last = kind.stages - 1
-    problem = Problem(kind, records, axes(kind, effects), last)
-    x = problem.start(start)
-    if not last or not len(x):
-        theta = dict(start)
-        for secant in _SECANTS:
-            fit = descend(kind, records, effects, theta, last, secant, steps)
-            theta = fit.theta
-        return fit
-    rng = np.random.default_rng(seed)
-    space = _space(problem, start)
-    clouds = []
-    for stage in (min(1, last - 1), last):
-        found = Found(x, np.inf, x, _WIDEST * np.eye(len(x)), np.zeros((0, len(x))))
-        found = gather(_space(replace(problem, stage=stage), start), found, rng, _PATIENT, steps, _WIDEST)
-        ends = [found.best, found.mean]
-        found.best, found.cost = x, np.inf
-        found.take(ends, np.array([float(r @ r) for r in space.residuals(ends)]))
-        clouds.append(found)
-    found = min(clouds, key=lambda cloud: cloud.cost)
-    found = gather(space, found, rng, _SETTLING, steps // 2, _WIDEST)
-    r = problem.at(found.best)
-    return Fit(problem.theta(found.best), float(r @ r), len(r), found.slope, r)
+    """Descents at one stage, one after the other, with secants of `widths`."""
+    theta = dict(start)
+    for width in widths:
+        fit = descend(kind, records, effects, theta, stage, width, steps)
+        theta = fit.theta
+    return fit

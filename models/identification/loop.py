@@ -9,22 +9,23 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from models.effects import BY_ID
-from models.identification.fit import Fit, descend, polish
-from models.identification.judging import Split, block_costs, judged, middle_stage
+from models.identification.fit import FINE, NARROW, Fit, narrowing
+from models.identification.judging import Split, block_costs, judged
 from models.identification.kind import Kind
 from models.identification.screen import Screened, chance, screen
-from models.identification.tournament import Trial, down_the_stages, fair, refit, separation, step_on, tournament
+from models.identification.tournament import Trial, ahead, fair, refit, step_on, tournament
 from models.record import Record
 
 Progress = Callable[[str, float], None]
 
 MOST_EFFECTS = 4
 LEAST_DROP = 0.1
-REFINES = 0.1
+REFINES = 0.01
 EXPLAINED = 0.6
 CLEAN = 1.5
 _THOUSANDTH = 1e-3
 _IMITATIONS = 4
+_APART = 2.0  # standard errors
 
 
 @dataclass
@@ -68,7 +69,7 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
     nominal = {p.name: p.value for p in kind.base}
     last = kind.stages - 1
     start = refit(kind, train, [], nominal)
-    base = polish(kind, train, [], descend(kind, train, [], start, last, 0.03, 10), last, rng, 5 if kind.stages > 1 else 10)
+    base = narrowing(kind, train, [], start, last, FINE)
     parts = [
         (step_on(kind, part, [], base.theta).theta if kind.restarts else refit(kind, part, [], base.theta)) for part, _ in splits
     ]
@@ -107,10 +108,9 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
     if found.effects:
         found.refinements, thetas = _refined(kind, splits, thetas, found)
         start = refit(kind, train, found.model, {**base.theta, **thetas[0]})
-        found.augmented = descend(kind, train, found.model, start, last, 0.03, 10)
+        found.augmented = narrowing(kind, train, found.model, start, last, FINE)
     if kind.stages > 1:
-        for stage in (*range(middle_stage(kind), last), last, kind.final):
-            found.augmented = polish(kind, train, found.model, found.augmented, stage, rng, 10 if stage == last else 5)
+        found.augmented = narrowing(kind, train, found.model, found.augmented.theta, kind.final, (NARROW[0], *FINE))
     if found.effects and kind.stages > 1:
         found.restless = restlessness(kind, splits, found.augmented.theta, rng)
     if not found.effects:
@@ -152,14 +152,17 @@ def _refined(
     records as the best."""
     wanted = dict.fromkeys(curve for name in found.effects for curve in BY_ID[name].refined_by)
     curves = [name for name in wanted if kind.name in BY_ID[name].kinds and name not in found.effects]
-    rows = [(found.after, thetas)]
+    rows = [(block_costs(kind, splits, thetas), thetas)]
     for k in range(len(curves)):
         model = [*found.effects, *curves[: k + 1]]
-        again = [down_the_stages(kind, part, model, theta) for (part, _), theta in zip(splits, rows[-1][1], strict=True)]
-        rows.append((_cost(kind, splits, again), again))
-    least = min(cost for cost, _ in rows)
-    number = next(k for k, (cost, _) in enumerate(rows) if np.log(cost / least) <= REFINES)
-    found.after, thetas = rows[number]
+        again = [refit(kind, part, model, theta) for (part, _), theta in zip(splits, rows[-1][1], strict=True)]
+        rows.append((block_costs(kind, splits, again), again))
+    best = min((blocks for blocks, _ in rows), key=lambda blocks: float(blocks.mean()))
+    number = next(
+        k for k, (blocks, _) in enumerate(rows) if np.log(blocks.mean() / best.mean()) <= REFINES or ahead(best, blocks) < _APART
+    )
+    blocks, thetas = rows[number]
+    found.after = float(blocks.mean())
     return curves[:number], thetas
 
 
@@ -176,8 +179,8 @@ def _accept(kind: Kind, found: Search, trial: Trial) -> bool:
 
 def _add(kind: Kind, found: Search, trials: Sequence[Trial]) -> None:
     best = trials[0]
-    rivals = {t.effect: separation(best, t) for t in trials[1:]}
-    close = tuple(name for name, z in rivals.items() if z < 2.0 and _gain_of(trials, name) > 0.7 * best.gain)
+    rivals = {t.effect: ahead(best.blocks, t.blocks) for t in trials[1:]}
+    close = tuple(name for name, z in rivals.items() if z < _APART and _gain_of(trials, name) > 0.7 * best.gain)
     apart = [z for name, z in rivals.items() if name not in close]
     found.effects.append(best.effect)
     found.gains[best.effect] = best.gain

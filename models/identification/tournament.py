@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from models.identification.fit import Fit, anneal, descend, evaluate_all
-from models.identification.judging import Split, block_costs, judged, judged_all, middle_stage, training_cost
+from models.effects import BY_ID
+from models.identification.fit import FINE, NARROW, WIDE, Fit, descend, evaluate_all, narrowing
+from models.identification.judging import Split, block_costs, judged, middle_stage, training_cost
 from models.identification.kind import Kind
 from models.identification.screen import Screened
 from models.record import Record
@@ -18,7 +19,7 @@ ALIKE = 2
 FINAL = 3
 BEHIND = 3.0
 NEAR_NOISE = 1.5
-_MULTIPLES = tuple(2 ** (k / 2) for k in range(11))
+_MULTIPLES = tuple(2.0**k for k in range(6))
 
 
 @dataclass(frozen=True)
@@ -51,40 +52,42 @@ def tournament(
     finalists = [name for name in ranking[:FINAL] if fitted[name].cost <= BEHIND * fitted[ranking[0]].cost]
     before = block_costs(kind, splits, thetas)
     trials = [_judge(kind, splits, effects, thetas, name, fitted[name].theta, before) for name in finalists]
+    if min(trial.blocks.mean() for trial in trials) > NEAR_NOISE:
+        trials = [_mended(kind, splits, effects, trial, before) for trial in trials]
     return sorted(trials, key=lambda trial: -trial.gain)
+
+
+def _mended(kind: Kind, splits: Sequence[Split], effects: Sequence[str], trial: Trial, before: np.ndarray) -> Trial:
+    """`trial` as its own declared companions in the catalogue would leave it, where that is better: of two candidates of which neither
+    is quite right, the one that can be put right."""
+    companions = [name for name in BY_ID[trial.effect].refined_by if name in {effect.id for effect in kind.effects}]
+    if not companions:
+        return trial
+    model = [*effects, trial.effect, *companions]
+    fits = tuple(refit(kind, part, model, theta) for (part, _), theta in zip(splits, trial.thetas, strict=True))
+    mended = _against(before, trial.effect, fits, block_costs(kind, splits, fits))
+    return replace(trial, gain=mended.gain, drop=mended.drop, blocks=mended.blocks) if mended.gain > trial.gain else trial
 
 
 def _entry(
     kind: Kind, part: Sequence[Record], effects: Sequence[str], theta: Mapping[str, float], row: Screened
 ) -> tuple[float, dict[str, float]]:
-    """Where the heat of a candidate starts and what that point costs: after a short fit to an observer that forgets fast, from each
-    opening. Where no such observer is to be had (a kind with `restarts`: a strong effect that the free run follows throws its observer
-    out of step), of openings at the base as calibrated and at the nominal one and of short fits from both, the point that judges best."""
+    """Where the heat of a candidate starts and what that point costs: after a short fit from each opening, to an observer that forgets
+    fast. Where no such observer is to be had (a kind with `restarts`: a strong effect that the free run follows throws its observer out
+    of step) from the best opening, to the free run, with wide secants."""
     bases = (theta, {**theta, **_nominal(kind)})
-    if not kind.restarts:
-        openings = [_opening(kind, part, bases, row.effect, start) for start in row.starts]
-        fits = [descend(kind, part, [*effects, row.effect], point, 0, 0.3, 3) for point in openings]
-        best = min(fits, key=lambda fit: fit.cost)
-        return best.cost, best.theta
-    points = []
-    for base in bases:
-        openings = [_opening(kind, part, (base,), row.effect, start) for start in row.starts]
-        costs = [float(blocks.mean()) for blocks in judged_all(kind, part, openings)]
-        point = openings[int(np.argmin(costs))]
-        points += [point, descend(kind, part, [*effects, row.effect], point, 0, 0.3, 3).theta]
-    costs = [float(blocks.mean()) for blocks in judged_all(kind, part, points)]
-    k = int(np.argmin(costs))
-    return costs[k], points[k]
+    openings = [_opening(kind, part, bases, row.effect, start) for start in row.starts]
+    if kind.restarts:
+        openings = [min(openings, key=lambda row: row[0])]
+    stage, width = (middle_stage(kind), WIDE[0]) if kind.restarts else (0, NARROW[0])
+    fits = [descend(kind, part, [*effects, row.effect], point, stage, width, 3) for _, point in openings]
+    best = min(fits, key=lambda fit: fit.cost)
+    return best.cost, best.theta
 
 
 def _heat(kind: Kind, part: Sequence[Record], effects: Sequence[str], theta: dict[str, float]) -> Fit:
     """A fit good enough to rank by."""
-    if kind.restarts:
-        return anneal(kind, part, effects, {**theta, **_nominal(kind)}, steps=8)
-    for secant in (0.3, 0.1):
-        fit = descend(kind, part, effects, theta, middle_stage(kind), secant, 8)
-        theta = fit.theta
-    return fit
+    return narrowing(kind, part, effects, theta, middle_stage(kind), WIDE if kind.restarts else NARROW, 8)
 
 
 def _nominal(kind: Kind) -> dict[str, float]:
@@ -93,8 +96,8 @@ def _nominal(kind: Kind) -> dict[str, float]:
 
 def _opening(
     kind: Kind, part: Sequence[Record], bases: Sequence[Mapping[str, float]], name: str, start: Mapping[str, float]
-) -> dict[str, float]:
-    """The best amplitude of the effect `name` in the shape `start` at the best of `bases` (a calibration may have bent the base to make
+) -> tuple[float, dict[str, float]]:
+    """Cost and place of the best amplitude of the effect `name` in the shape `start` at the best of `bases` (a calibration may have bent the base to make
     up for what was missing)."""
     effect = next(e for e in kind.effects if e.id == name)
     amplitude = effect.amplitude()
@@ -103,7 +106,7 @@ def _opening(
     values = sorted({v for v in wanted if amplitude.lower <= v <= amplitude.upper and v != 0.0})
     points = [{**base, **start, key: value} for base in bases for value in values]
     costs = [float(r @ r) for r in evaluate_all(kind, part, points, middle_stage(kind))]
-    return points[int(np.argmin(costs))] if points else {**bases[0], **start}
+    return min(zip(costs, points, strict=True), key=lambda row: row[0])
 
 
 def _with_look_alikes(kind: Kind, entered: Sequence[str]) -> list[str]:
@@ -139,28 +142,25 @@ def _against(before: np.ndarray, name: str, fits: tuple[dict[str, float], ...], 
 
 
 def refit(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> dict[str, float]:
-    """The best of several ways to a fit on `records`, judged at the middle stage: down the stages by least squares, stepped on from
-    where it is, and, where neither leaves about the noise, by an ensemble; for a kind with `restarts` by ensembles from where it is and
-    from the nominal base (a base fitted without an effect is bent), the best one stepped on."""
+    """The best of several ways to a fit on `records`, as judged: stepped on from where it is; down the stages where the kind has
+    observers that can be trusted; and, where these leave more than about the noise, with wide secants from where it is and from the
+    nominal base (a base fitted without an effect is bent)."""
     stage = middle_stage(kind)
     if kind.stages == 1:
-        return anneal(kind, records, effects, start).theta
-    if kind.restarts:
-        begins = [{**start, **_nominal(kind)}] * kind.restarts + [dict(start)]
-        clouds = [anneal(kind, records, effects, begin, seed=seed) for seed, begin in enumerate(begins)]
-        return step_on(kind, records, effects, min(clouds, key=lambda fit: fit.cost).theta).theta
-    fits = [
-        _with_cost(kind, records, fit)
-        for fit in (down_the_stages(kind, records, effects, start), step_on(kind, records, effects, start).theta)
-    ]
-    if min(cost for cost, _ in fits) > NEAR_NOISE:
-        fit = descend(kind, records, effects, anneal(kind, records, effects, start).theta, stage, 0.03, 6)
-        fits.append(_with_cost(kind, records, fit.theta))
-    return min(fits, key=lambda row: row[0])[1]
+        return narrowing(kind, records, effects, start, stage).theta
+    fits = [step_on(kind, records, effects, start).theta]
+    if not kind.restarts:
+        fits.append(down_the_stages(kind, records, effects, start))
+    costs = [_cost(kind, records, theta) for theta in fits]
+    if min(costs) > NEAR_NOISE:
+        begins = (start, {**start, **_nominal(kind)})
+        fits += [narrowing(kind, records, effects, begin, stage, WIDE).theta for begin in begins]
+        costs = [_cost(kind, records, theta) for theta in fits]
+    return fits[int(np.argmin(costs))]
 
 
-def _with_cost(kind: Kind, records: Sequence[Record], theta: dict[str, float]) -> tuple[float, dict[str, float]]:
-    return float(np.mean(judged(kind, records, theta))), theta
+def _cost(kind: Kind, records: Sequence[Record], theta: Mapping[str, float]) -> float:
+    return float(np.mean(judged(kind, records, theta)))
 
 
 def down_the_stages(
@@ -176,8 +176,7 @@ def down_the_stages(
 
 def step_on(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> Fit:
     """A fit at the middle stage from where the start is."""
-    fit = descend(kind, records, effects, start, middle_stage(kind), 0.1, 10)
-    return descend(kind, records, effects, fit.theta, middle_stage(kind), 0.03, 6)
+    return narrowing(kind, records, effects, start, middle_stage(kind), (*NARROW, FINE[-1]), 10)
 
 
 def fair(
@@ -196,8 +195,8 @@ def fair(
     return sorted(again_judged, key=lambda trial: -trial.gain), best
 
 
-def separation(best: Trial, other: Trial) -> float:
-    """How many standard errors of the block-wise difference `best` is ahead of `other`."""
-    difference = other.blocks - best.blocks
+def ahead(best: np.ndarray, other: np.ndarray) -> float:
+    """How many standard errors of the block-wise difference of validation costs `best` is ahead of `other`."""
+    difference = other - best
     error = float(difference.std(ddof=1)) / np.sqrt(len(difference)) if len(difference) > 1 else np.inf
     return float(difference.mean()) / error if error > 0 else 0.0

@@ -1,0 +1,154 @@
+"""Least squares on a jagged criterion: derivatives as secants along the criterion's own principal directions, trial steps side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+WIDTH = 3.0
+"""Change of the residuals, rms in their unit, that a secant of width 1 makes."""
+_ENOUGH = 1e-4  # of the cost: a round that gains less is the last
+_WHOLE = (2.0, 1.0, 0.5, 0.25)  # shares of a hardly damped step that are tried
+_STEPS = tuple((1e-6, share) for share in _WHOLE) + tuple(
+    (d, share) for d in (1e-3, 1e-2, 0.1, 1.0, 10.0) for share in (1.0, 0.4)
+)
+_SHARE = 0.25  # of a parameter's range, the widest secant
+_STRETCH = 100.0  # times its scale that a parameter's first secant may become
+_SHORTER, _LONGER = 0.2, 10.0  # than an axis' own secant, along a principal direction
+_NEAR = 0.1  # of a secant from a bound a parameter is looked at by itself
+_TINY = 1e-12
+
+
+@dataclass(frozen=True)
+class Slope:
+    """A point with its residuals, and their derivatives at it, one column a parameter."""
+
+    x: Array
+    residual: Array
+    jacobian: Array
+
+    @property
+    def cost(self) -> float:
+        """Sum of squares."""
+        return float(self.residual @ self.residual)
+
+
+@dataclass(frozen=True)
+class Valley:
+    """Where to descend: `residuals` of many points at once, bounds, and a first guess of how far each parameter may go for a secant."""
+
+    residuals: Callable[[list[Array]], list[Array]]
+    lower: Array
+    upper: Array
+    scale: Array
+
+    def descend(self, start: Array, secant: float, rounds: int) -> Slope:
+        """Gauss-Newton from `start`; never ends higher than it began.
+
+        In each round the residuals are looked at on both sides along directions whose effects are orthogonal and of equal size, `secant`
+        times `WIDTH` of the residuals' unit rms: jags that are narrower average out, and parameters that nearly make up for one another
+        are told apart by long secants along their valley. Then steps of several lengths and dampings are tried at once and the lowest
+        is taken.
+        """
+        x, r = start, self.residuals([start])[0]
+        wanted = WIDTH * secant * np.sqrt(len(r))
+        reach = self._first_reach(x, r, wanted)
+        basis = np.diag(reach)
+        for _ in range(rounds):
+            here, seen = self._slope(x, r, basis)
+            points = [seen, *self._steps(here)]
+            values = self.residuals(points)
+            best = int(np.argmin([v @ v for v in values]))
+            gain = here.cost - float(values[best] @ values[best])
+            if gain <= 0:
+                return here
+            x, r = points[best], values[best]
+            reach = self._limited(np.clip(wanted / _norms(here.jacobian), reach / 3, reach * 3))
+            basis = self._principal(here.jacobian, x, reach, wanted)
+            if gain < _ENOUGH * here.cost:
+                return Slope(x, r, here.jacobian)
+        return self._slope(x, r, basis)[0]
+
+    def _first_reach(self, x: Array, r: Array, wanted: float) -> Array:
+        """How far each parameter goes for the wanted effect, from one trial of its scale each."""
+        reach = self._limited(wanted / np.sqrt(len(r)) / WIDTH * self.scale)
+        up = np.where(x + reach <= self.upper, reach, -reach)
+        values = self.residuals([self._clip(x + step) for step in np.diag(up)])
+        changes = np.array([np.linalg.norm(v - r) for v in values])
+        return self._limited(reach * np.clip(wanted / np.maximum(changes, _TINY), 0.1, _STRETCH))
+
+    def _slope(self, x: Array, r: Array, basis: Array) -> tuple[Slope, Array]:
+        """Derivatives at `x` by secants along the columns of `basis`, and the lowest of the points looked at."""
+        points, lengths = [], []
+        for direction in basis.T:
+            for step in (direction, -direction):
+                share = self._room(x, step)
+                points.append(self._clip(x + share * step))
+                lengths.append(share)
+        values = self.residuals(points)
+        both = np.array(lengths[::2]) + np.array(lengths[1::2])
+        along = [
+            (up - down) / b if b > _TINY else np.zeros(len(r))
+            for up, down, b in zip(values[::2], values[1::2], both, strict=True)
+        ]
+        jacobian = np.array(along).T @ np.linalg.inv(basis)
+        return Slope(x, r, jacobian), points[int(np.argmin([v @ v for v in values]))]
+
+    def _steps(self, here: Slope) -> list[Array]:
+        """Gauss-Newton steps of several lengths and dampings; a parameter that pushes against its bound stays there."""
+        gradient = here.jacobian.T @ here.residual
+        curvature = here.jacobian.T @ here.jacobian
+        size = np.maximum(np.diag(curvature), 1e-30)
+        edge = self._edge()
+        free = ~(((here.x <= self.lower + 2 * edge) & (gradient > 0)) | ((here.x >= self.upper - 2 * edge) & (gradient < 0)))
+        block = np.ix_(free, free)
+        points = []
+        for damping, share in _STEPS:
+            step = np.zeros(len(here.x))
+            step[free] = np.linalg.solve(curvature[block] + damping * np.diag(size[free]), -gradient[free])
+            points.append(self._clip(here.x + share * step))
+        return points
+
+    def _principal(self, jacobian: Array, x: Array, reach: Array, wanted: float) -> Array:
+        """Directions, as columns, whose effects are orthogonal and as large as wanted where that does not lead too far; a parameter
+        close to a bound is a direction of its own."""
+        basis = np.diag(reach)
+        inner = np.flatnonzero(np.minimum(x - self.lower, self.upper - x) > _NEAR * reach)
+        if len(inner):
+            _, effects, turned = np.linalg.svd(jacobian[:, inner] * reach[inner], full_matrices=False)
+            if len(effects) == len(inner):
+                lengths = np.clip(wanted / np.maximum(effects, _TINY), _SHORTER, _LONGER)
+                columns = reach[inner, None] * turned.T * lengths
+                columns /= np.maximum(1.0, np.max(np.abs(columns) / self._widest()[inner, None], axis=0))
+                basis[np.ix_(inner, inner)] = columns
+        return basis
+
+    def _widest(self) -> Array:
+        span = self.upper - self.lower
+        return np.where(np.isfinite(span), _SHARE * span, np.inf)
+
+    def _limited(self, reach: Array) -> Array:
+        return np.asarray(np.minimum(reach, self._widest()))
+
+    def _edge(self) -> Array:
+        span = self.upper - self.lower
+        return np.where(np.isfinite(span), span, 1.0) * 1e-9
+
+    def _clip(self, x: Array) -> Array:
+        edge = self._edge()
+        return np.clip(x, self.lower + edge, self.upper - edge)
+
+    def _room(self, x: Array, step: Array) -> float:
+        """The share of `step` that stays within the bounds."""
+        ahead = np.where(step > 0, self.upper - x, x - self.lower)
+        moving = step != 0
+        return float(np.clip(np.min(ahead[moving] / np.abs(step[moving]), initial=1.0), 0.0, 1.0))
+
+
+def _norms(jacobian: Array) -> Array:
+    return np.asarray(np.maximum(np.linalg.norm(jacobian, axis=0), _TINY))

@@ -13,10 +13,21 @@ Array = NDArray[np.float64]
 WIDTH = 3.0
 """Change of the residuals, rms in their unit, that a secant of width 1 makes."""
 _ENOUGH = 1e-4  # of the cost: a round that gains less is the last
-_WHOLE = (2.0, 1.0, 0.5, 0.25)  # shares of a hardly damped step that are tried
-_STEPS = tuple((1e-6, share) for share in _WHOLE) + tuple(
-    (d, share) for d in (1e-3, 1e-2, 0.1, 1.0, 10.0) for share in (1.0, 0.4)
-)
+_STEPS = (
+    *((1e-6, 1.0), (1e-6, 0.5), (1e-2, 1.0), (0.1, 1.0)),
+    *(
+        (1e-6, 2.0),
+        (1e-6, 0.25),
+        (1e-3, 1.0),
+        (1e-3, 0.4),
+        (1e-2, 0.4),
+        (0.1, 0.4),
+        (1.0, 1.0),
+        (1.0, 0.4),
+        (10.0, 1.0),
+        (10.0, 0.4),
+    ),
+)  # damping and share of a Gauss-Newton step, likeliest first
 _SHARE = 0.25  # of a parameter's range, the widest secant
 _STRETCH = 100.0  # times its scale that a parameter's first secant may become
 _SHORTER, _LONGER = 0.2, 10.0  # than an axis' own secant, along a principal direction
@@ -40,12 +51,14 @@ class Slope:
 
 @dataclass(frozen=True)
 class Valley:
-    """Where to descend: `residuals` of many points at once, bounds, and a first guess of how far each parameter may go for a secant."""
+    """Where to descend: `residuals` of many points at once, bounds, a first guess of how far each parameter may go for a secant, and how
+    many trial steps are worth their time at once."""
 
     residuals: Callable[[list[Array]], list[Array]]
     lower: Array
     upper: Array
     scale: Array
+    batch: int = 16
 
     def descend(self, start: Array, secant: float, rounds: int) -> Slope:
         """Gauss-Newton from `start`; never ends higher than it began.
@@ -61,18 +74,29 @@ class Valley:
         basis = np.diag(reach)
         for _ in range(rounds):
             here, seen = self._slope(x, r, basis)
-            points = [seen, *self._steps(here)]
-            values = self.residuals(points)
-            best = int(np.argmin([v @ v for v in values]))
-            gain = here.cost - float(values[best] @ values[best])
+            ahead, gain = self._lowest([seen, *self._steps(here)], here)
             if gain <= 0:
                 return here
-            x, r = points[best], values[best]
+            x, r = ahead
             reach = self._limited(np.clip(wanted / _norms(here.jacobian), reach / 3, reach * 3))
             basis = self._principal(here.jacobian, x, reach, wanted)
             if gain < _ENOUGH * here.cost:
                 return Slope(x, r, here.jacobian)
         return self._slope(x, r, basis)[0]
+
+    def _lowest(self, points: list[Array], here: Slope) -> tuple[tuple[Array, Array], float]:
+        """The lowest of the points and its residuals, or of the first few that hold one that is worth it; and how far below `here`."""
+        best, gain = (here.x, here.residual), 0.0
+        for k in range(0, len(points), self.batch):
+            some = points[k : k + self.batch]
+            values = self.residuals(some)
+            gains = [here.cost - float(v @ v) for v in values]
+            i = int(np.argmax(gains))
+            if gains[i] > gain:
+                best, gain = (some[i], values[i]), gains[i]
+            if gain > _ENOUGH * here.cost:
+                break
+        return best, gain
 
     def _first_reach(self, x: Array, r: Array, wanted: float) -> Array:
         """How far each parameter goes for the wanted effect, from one trial of its scale each."""

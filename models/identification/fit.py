@@ -163,7 +163,7 @@ def descend(
     if not len(x0):
         r = problem.at(x0)
         return Fit({}, float(r @ r), len(r), np.zeros((len(r), 0)), r)
-    end = Valley(problem.all_at, problem.lower, problem.upper, problem.scale).descend(x0, secant, steps)
+    end = Valley(problem.all_at, problem.lower, problem.upper, problem.scale, max(4, 2 * kind.lanes)).descend(x0, secant, steps)
     return Fit(problem.theta(end.x), end.cost, len(end.residual), end.jacobian, end.residual)
 
 

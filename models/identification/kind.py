@@ -50,7 +50,7 @@ class Kind(Protocol):
 
     @property
     def final(self) -> int:
-        """The stage at which the model that is reported is polished: the last one, or the same computed more exactly."""
+        """The stage at which the fit of the model that is reported ends: the last one, or the same computed more exactly."""
         ...
 
     @property
@@ -60,9 +60,8 @@ class Kind(Protocol):
         ...
 
     @property
-    def restarts(self) -> int:
-        """How many ensembles a fit sends out from the nominal base where the criterion that judges is too jagged for least squares; 0 where
-        it is not."""
+    def free_only(self) -> bool:
+        """Whether the free run alone is to be trusted: a strong effect that it follows throws the kind's observers out of step."""
         ...
 
     @property

@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from models.effects import BY_ID
+from models.effects import BY_ID, REFINEMENTS
 from models.identification.fit import FINE, NARROW, Fit, narrowing
 from models.identification.judging import Split, block_costs, judged
 from models.identification.kind import Kind
 from models.identification.screen import Screened, chance, screen
-from models.identification.tournament import Trial, ahead, fair, refit, step_on, tournament
+from models.identification.tournament import Trial, ahead, fair, mend, refit, step_on, tournament
 from models.record import Record
 
 Progress = Callable[[str, float], None]
@@ -71,7 +71,7 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
     start = refit(kind, train, [], nominal)
     base = narrowing(kind, train, [], start, last, FINE)
     parts = [
-        (step_on(kind, part, [], base.theta).theta if kind.restarts else refit(kind, part, [], base.theta)) for part, _ in splits
+        (step_on(kind, part, [], base.theta).theta if kind.free_only else refit(kind, part, [], base.theta)) for part, _ in splits
     ]
     found = Search(base, base)
     clock.note("calibration", found)
@@ -155,7 +155,8 @@ def _refined(
     rows = [(block_costs(kind, splits, thetas), thetas)]
     for k in range(len(curves)):
         model = [*found.effects, *curves[: k + 1]]
-        again = [refit(kind, part, model, theta) for (part, _), theta in zip(splits, rows[-1][1], strict=True)]
+        fit = mend if BY_ID[curves[k]] in REFINEMENTS else refit
+        again = [fit(kind, part, model, theta) for (part, _), theta in zip(splits, rows[-1][1], strict=True)]
         rows.append((block_costs(kind, splits, again), again))
     best = min((blocks for blocks, _ in rows), key=lambda blocks: float(blocks.mean()))
     number = next(

@@ -73,13 +73,13 @@ def _entry(
     kind: Kind, part: Sequence[Record], effects: Sequence[str], theta: Mapping[str, float], row: Screened
 ) -> tuple[float, dict[str, float]]:
     """Where the heat of a candidate starts and what that point costs: after a short fit from each opening, to an observer that forgets
-    fast. Where no such observer is to be had (a kind with `restarts`: a strong effect that the free run follows throws its observer out
+    fast. Where no such observer is to be had (a kind with `free_only`: a strong effect that the free run follows throws its observer out
     of step) from the best opening, to the free run, with wide secants."""
     bases = (theta, {**theta, **_nominal(kind)})
     openings = [_opening(kind, part, bases, row.effect, start) for start in row.starts]
-    if kind.restarts:
+    if kind.free_only:
         openings = [min(openings, key=lambda row: row[0])]
-    stage, width = (middle_stage(kind), WIDE[0]) if kind.restarts else (0, NARROW[0])
+    stage, width = (middle_stage(kind), WIDE[0]) if kind.free_only else (0, NARROW[0])
     fits = [descend(kind, part, [*effects, row.effect], point, stage, width, 3) for _, point in openings]
     best = min(fits, key=lambda fit: fit.cost)
     return best.cost, best.theta
@@ -87,7 +87,7 @@ def _entry(
 
 def _heat(kind: Kind, part: Sequence[Record], effects: Sequence[str], theta: dict[str, float]) -> Fit:
     """A fit good enough to rank by."""
-    return narrowing(kind, part, effects, theta, middle_stage(kind), WIDE if kind.restarts else NARROW, 8)
+    return narrowing(kind, part, effects, theta, middle_stage(kind), WIDE if kind.free_only else NARROW, 8)
 
 
 def _nominal(kind: Kind) -> dict[str, float]:
@@ -149,7 +149,7 @@ def refit(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: 
     if kind.stages == 1:
         return narrowing(kind, records, effects, start, stage).theta
     fits = [step_on(kind, records, effects, start).theta]
-    if not kind.restarts:
+    if not kind.free_only:
         fits.append(down_the_stages(kind, records, effects, start))
     costs = [_cost(kind, records, theta) for theta in fits]
     if min(costs) > NEAR_NOISE:
@@ -172,6 +172,13 @@ def down_the_stages(
         for secant in (0.3, 0.1) if stage == 0 else (0.1,):
             theta = descend(kind, records, effects, theta, stage, secant, 12).theta
     return theta
+
+
+def mend(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> dict[str, float]:
+    """A fit with one more free curve, from close by."""
+    if kind.free_only:
+        return narrowing(kind, records, effects, start, middle_stage(kind), NARROW[-1:], 8).theta
+    return down_the_stages(kind, records, effects, start)
 
 
 def step_on(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> Fit:

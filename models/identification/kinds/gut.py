@@ -113,9 +113,9 @@ class GutKind:
         return (min(1, self.stages - 2), self.stages - 1)
 
     @property
-    def restarts(self) -> int:
-        """A rig that is judged by its free run alone, which is jagged, is fitted by ensembles."""
-        return 1 if len(self.memories) == 1 else 0
+    def free_only(self) -> bool:
+        """See `Kind.free_only`: a rig with one observer, of a capsule that its drive holds by a spring."""
+        return len(self.memories) == 1
 
     def nominal(self) -> dict[str, float]:
         """The base parameters as believed."""

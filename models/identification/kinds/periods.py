@@ -72,7 +72,7 @@ class PeriodsKind(OneByOne):
     final: int = 0
     judges: tuple[int, ...] = (0,)
     slow_view: bool = False
-    restarts: int = 0
+    free_only: bool = False
     next_share: float = 0.3
     least_gain: float = 0.05
     quantity: str = "period_s, valley_N and peak_N"

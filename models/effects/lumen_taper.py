@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -13,12 +14,14 @@ from models.parameter import Parameter
 
 @dataclass(frozen=True)
 class LumenTaper(Effect):
-    """Level `1 + g x + b x^2 + c x^3`: narrowing lumen or capstan bend, the change itself changing along the way."""
+    """Level `1 + g y + b y^2 + c y^3`, `y = x/sqrt(1 + (x/L)^2)`: narrowing lumen or capstan bend, the change itself changing along the
+    way and dying out beyond the reach L."""
 
     id = "lumen_taper"
     summary = "resistance changes steadily along the lumen"
     source = "tracing catalogue 11, 12"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "axis"})
+    grid = MappingProxyType({"reach_m": (0.02, 0.2)})
     probe = 2.0
     look_alikes = ("tissue_drying", "stenosis")
     separated_by = "a return pass over the same places"
@@ -29,5 +32,8 @@ class LumenTaper(Effect):
 
     curl_per_m3: Parameter = Parameter("curl_per_m3", 0.0, "1/m^3", -2e4, 2e4, "tracing catalogue 11, 12", fit=True)
 
+    reach_m: Parameter = Parameter("reach_m", 0.05, "m", 0.01, 1.0, "tracing catalogue 11, 12", fit=True)
+
     def level(self, s: Signals, p: Values, z: Values) -> Any:
-        return np.maximum(1 + (p["slope_per_m"] + (p["bend_per_m2"] + p["curl_per_m3"] * s.x) * s.x) * s.x, 0.05)
+        y = s.x / np.sqrt(1 + (s.x / p["reach_m"]) ** 2)
+        return np.maximum(1 + (p["slope_per_m"] + (p["bend_per_m2"] + p["curl_per_m3"] * y) * y) * y, 0.05)

@@ -17,7 +17,7 @@ from models.record import Record
 POOL = 6
 ALIKE = 2
 FINAL = 3
-BEHIND = 3.0
+BEHIND = 6.0
 NEAR_NOISE = 1.5
 _MULTIPLES = tuple(2.0**k for k in range(6))
 
@@ -52,7 +52,7 @@ def tournament(
     finalists = [name for name in ranking[:FINAL] if fitted[name].cost <= BEHIND * fitted[ranking[0]].cost]
     before = block_costs(kind, splits, thetas)
     trials = [_judge(kind, splits, effects, thetas, name, fitted[name].theta, before) for name in finalists]
-    if min(trial.blocks.mean() for trial in trials) > NEAR_NOISE:
+    if trials and min(trial.blocks.mean() for trial in trials) > NEAR_NOISE:
         trials = [_mended(kind, splits, effects, trial, before) for trial in trials]
     return sorted(trials, key=lambda trial: -trial.gain)
 
@@ -183,7 +183,7 @@ def mend(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: M
 
 def step_on(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> Fit:
     """A fit at the middle stage from where the start is."""
-    return narrowing(kind, records, effects, start, middle_stage(kind), (*NARROW, FINE[-1]), 10)
+    return narrowing(kind, records, effects, start, middle_stage(kind), (NARROW[0], *FINE) if kind.free_only else FINE, 10)
 
 
 def fair(

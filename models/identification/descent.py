@@ -14,20 +14,9 @@ WIDTH = 3.0
 """Change of the residuals, rms in their unit, that a secant of width 1 makes."""
 _ENOUGH = 1e-4  # of the cost: a round that gains less is the last
 _STEPS = (
-    *((1e-6, 1.0), (1e-6, 0.5), (1e-2, 1.0), (0.1, 1.0)),
-    *(
-        (1e-6, 2.0),
-        (1e-6, 0.25),
-        (1e-3, 1.0),
-        (1e-3, 0.4),
-        (1e-2, 0.4),
-        (0.1, 0.4),
-        (1.0, 1.0),
-        (1.0, 0.4),
-        (10.0, 1.0),
-        (10.0, 0.4),
-    ),
-)  # damping and share of a Gauss-Newton step, likeliest first
+    (1e-6, 1.0), (1e-6, 0.5), (1e-2, 1.0), (0.1, 1.0),
+    (1e-6, 2.0), (1e-6, 0.25), (1e-3, 1.0), (1e-3, 0.4), (1e-2, 0.4), (0.1, 0.4), (1.0, 1.0), (1.0, 0.4), (10.0, 1.0), (10.0, 0.4),
+)  # damping and share of a Gauss-Newton step, likeliest first  # fmt: skip
 _SHARE = 0.25  # of a parameter's range, the widest secant
 _STRETCH = 100.0  # times its scale that a parameter's first secant may become
 _SHORTER, _LONGER = 0.2, 10.0  # than an axis' own secant, along a principal direction

@@ -74,15 +74,20 @@ def _entry(
 ) -> tuple[float, dict[str, float]]:
     """Where the heat of a candidate starts and what that point costs: after a short fit from each opening, to an observer that forgets
     fast. Where no such observer is to be had (a kind with `free_only`: a strong effect that the free run follows throws its observer out
-    of step) from the best opening, to the free run, with wide secants."""
+    of step) from the best opening at either base, to the free run, with wide secants."""
     bases = (theta, {**theta, **_nominal(kind)})
-    openings = [_opening(kind, part, bases, row.effect, start) for start in row.starts]
     if kind.free_only:
-        openings = [min(openings, key=lambda row: row[0])]
+        openings = [min((_opening(kind, part, (base,), row.effect, start) for start in row.starts), key=_first) for base in bases]
+    else:
+        openings = [_opening(kind, part, bases, row.effect, start) for start in row.starts]
     stage, width = (middle_stage(kind), WIDE[0]) if kind.free_only else (0, NARROW[0])
     fits = [descend(kind, part, [*effects, row.effect], point, stage, width, 3) for _, point in openings]
     best = min(fits, key=lambda fit: fit.cost)
     return best.cost, best.theta
+
+
+def _first(row: tuple[float, dict[str, float]]) -> float:
+    return row[0]
 
 
 def _heat(kind: Kind, part: Sequence[Record], effects: Sequence[str], theta: dict[str, float]) -> Fit:
@@ -106,7 +111,7 @@ def _opening(
     values = sorted({v for v in wanted if amplitude.lower <= v <= amplitude.upper and v != 0.0})
     points = [{**base, **start, key: value} for base in bases for value in values]
     costs = [float(r @ r) for r in evaluate_all(kind, part, points, middle_stage(kind))]
-    return min(zip(costs, points, strict=True), key=lambda row: row[0])
+    return min(zip(costs, points, strict=True), key=_first)
 
 
 def _with_look_alikes(kind: Kind, entered: Sequence[str]) -> list[str]:

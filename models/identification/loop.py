@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from models.effects import BY_ID, REFINEMENTS
-from models.identification.fit import FINE, NARROW, Fit, narrowing
+from models.identification.fit import FINE, NARROW, WIDE, Fit, narrowing
 from models.identification.judging import Split, block_costs, judged
 from models.identification.kind import Kind
 from models.identification.screen import Screened, chance, screen
@@ -25,6 +25,7 @@ EXPLAINED = 0.6
 CLEAN = 1.5
 _THOUSANDTH = 1e-3
 _IMITATIONS = 4
+_WAYS_DOWN = 3
 _APART = 2.0  # standard errors
 
 
@@ -110,13 +111,24 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
         start = refit(kind, train, found.model, {**base.theta, **thetas[0]})
         found.augmented = narrowing(kind, train, found.model, start, last, FINE)
     if kind.stages > 1:
-        found.augmented = narrowing(kind, train, found.model, found.augmented.theta, kind.final, (NARROW[0], *FINE))
+        found.augmented = _finished(kind, train, found.model, found.augmented)
     if found.effects and kind.stages > 1:
         found.restless = restlessness(kind, splits, found.augmented.theta, rng)
     if not found.effects:
         found.calibrated = found.augmented
     clock.note("final fit", found)
     return found
+
+
+def _finished(kind: Kind, records: Sequence[Record], effects: Sequence[str], fit: Fit) -> Fit:
+    """`fit` at the kind's final stage, descended anew as long as that helps: where one way down ends another may begin."""
+    best = narrowing(kind, records, effects, fit.theta, kind.final, (*WIDE, FINE[-1]))
+    for _ in range(_WAYS_DOWN):
+        again = narrowing(kind, records, effects, best.theta, kind.final, (NARROW[0], *FINE))
+        if again.cost > (1 - REFINES) * best.cost:
+            return min(best, again, key=lambda fit: fit.cost)
+        best = again
+    return best
 
 
 def restlessness(kind: Kind, splits: Sequence[Split], theta: Mapping[str, float], rng: np.random.Generator) -> float:

@@ -86,7 +86,7 @@ def test_calibration_finds_the_parameters_that_made_the_record() -> None:
         ("directional_asymmetry.asymmetry", 0.2, lambda x, v: (200 * np.abs(v) + 20) * 0.2),
         ("stribeck.excess", 0.5, lambda x, v: (200 * v + 20 * np.sign(v)) * 0.5 * np.exp(-((v / 0.003) ** 2))),
         ("viscous_drag.coefficient_N", 2.0, lambda x, v: 2.0 * np.sign(v) * np.sqrt(np.abs(v) / 0.01)),
-        ("lumen_taper.slope_per_m", 1.0, lambda x, v: (200 * v + 20 * np.sign(v)) * x),
+        ("lumen_taper.slope_per_m", 1.0, lambda x, v: (200 * v + 20 * np.sign(v)) * x / np.sqrt(1 + (x / 0.05) ** 2)),
     ],
 )
 def test_an_effect_adds_its_own_resistance(effect: str, value: float, grows_with: Callable[..., np.ndarray]) -> None:

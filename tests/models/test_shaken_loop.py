@@ -65,7 +65,7 @@ def test_hidden_damping_of_the_spring_stands_out_in_the_gut(tmp_path: Path) -> N
     screened = screen(kind, part, [], base)
     assert screened[0].effect == "spring_damping"
     fitted = down_the_stages(kind, part, ["spring_damping"], {**kind.nominal(), **screened[0].starts[0]})
-    assert float(judged(kind, part, fitted).mean()) < 0.3 * left
+    assert float(judged(kind, part, fitted).mean()) < 1 + 0.2 * (left - 1)  # 1 is the noise
     assert fitted["spring_damping.damping_N_s_per_m"] > 0.1
 
 

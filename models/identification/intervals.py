@@ -20,7 +20,7 @@ _AT_BOUND = 1e-3
 
 def intervals(kind: Kind, fit: Fit, effects: Sequence[str]) -> dict[str, Estimate]:
     """95 % intervals from the Jacobian: the wider of least squares' own, widened for what is left beyond chance and for residuals that are
-    not independent, and of the sandwich with the scores' scatter from block to block, which holds for a model that is not quite right."""
+    not independent, and of the sandwich with the scores' scatter from block to block, which holds for a model that is not quite right; within the bounds."""
     fitted = axes(kind, effects)
     if not fitted:
         return {}
@@ -39,7 +39,7 @@ def intervals(kind: Kind, fit: Fit, effects: Sequence[str]) -> dict[str, Estimat
         half = float(np.hypot(_T95 * deviation, ACCURACY * abs(value)))
         p = axis.parameter
         told = half < 0.5 * max(abs(value), axis.scale) + axis.scale and _inside(value, p)
-        out[axis.name] = Estimate(value, (value - half, value + half), p.unit, told)
+        out[axis.name] = Estimate(value, (max(value - half, p.lower), min(value + half, p.upper)), p.unit, told)
     return out
 
 

@@ -48,7 +48,7 @@ class Search:
     before: float = 0.0
     after: float = 0.0
     chance_cost: float = 1.0
-    restless: float = 1.0
+    restless: float = 0.0
 
     @property
     def model(self) -> list[str]:

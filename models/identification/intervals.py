@@ -20,7 +20,8 @@ _AT_BOUND = 1e-3
 
 def intervals(kind: Kind, fit: Fit, effects: Sequence[str]) -> dict[str, Estimate]:
     """95 % intervals from the Jacobian: the wider of least squares' own, widened for what is left beyond chance and for residuals that are
-    not independent, and of the sandwich with the scores' scatter from block to block, which holds for a model that is not quite right; within the bounds."""
+    not independent, and of the sandwich with the scores' scatter from block to block, which holds for a model that is not quite
+    right; never beyond the bounds."""
     fitted = axes(kind, effects)
     if not fitted:
         return {}

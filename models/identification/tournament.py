@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -19,6 +20,7 @@ ALIKE = 2
 FINAL = 3
 BEHIND = 6.0
 NEAR_NOISE = 1.5
+_OFF = (0.8, 0.9, 1.0, 1.1, 1.2)
 _MULTIPLES = tuple(2.0**k for k in range(6))
 
 
@@ -149,7 +151,7 @@ def _against(before: np.ndarray, name: str, fits: tuple[dict[str, float], ...], 
 def refit(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> dict[str, float]:
     """The best of several ways to a fit on `records`, as judged: stepped on from where it is; down the stages where the kind has
     observers that can be trusted; and, where these leave more than about the noise, with wide secants from where it is and from the
-    nominal base (a base fitted without an effect is bent)."""
+    nominal base (a base fitted without an effect is bent), for a base alone that only the free run judges also from around it."""
     stage = middle_stage(kind)
     if kind.stages == 1:
         return narrowing(kind, records, effects, start, stage).theta
@@ -158,10 +160,23 @@ def refit(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: 
         fits.append(down_the_stages(kind, records, effects, start))
     costs = [_cost(kind, records, theta) for theta in fits]
     if min(costs) > NEAR_NOISE:
-        begins = (start, {**start, **_nominal(kind)})
+        begins = [start, {**start, **_nominal(kind)}]
+        if kind.free_only and not effects:
+            begins += _around(kind, records)
         fits += [narrowing(kind, records, effects, begin, stage, WIDE).theta for begin in begins]
         costs = [_cost(kind, records, theta) for theta in fits]
     return fits[int(np.argmin(costs))]
+
+
+def _around(kind: Kind, records: Sequence[Record]) -> list[dict[str, float]]:
+    """The best few of a grid of bases around the nominal one, which may be off by as much."""
+    nominal = _nominal(kind)
+    points = [
+        {name: value * factor for (name, value), factor in zip(nominal.items(), factors, strict=True)}
+        for factors in itertools.product(_OFF, repeat=len(nominal))
+    ]
+    costs = [float(r @ r) for r in evaluate_all(kind, records, points, middle_stage(kind))]
+    return [points[i] for i in np.argsort(costs, kind="stable")[:FINAL]]
 
 
 def _cost(kind: Kind, records: Sequence[Record], theta: Mapping[str, float]) -> float:

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Point = tuple[Array, Array]
+"""A place and its residuals."""
 
 WIDTH = 3.0
 """Change of the residuals, rms in their unit, that a secant of width 1 makes."""
@@ -63,45 +65,42 @@ class Valley:
         basis = np.diag(reach)
         for _ in range(rounds):
             here, seen = self._slope(x, r, basis)
-            ahead, gain = self._lowest([seen, *self._steps(here)], here)
+            x, r = self._lowest(here, seen)
+            gain = here.cost - float(r @ r)
             if gain <= 0:
                 return here
-            x, r = ahead
             reach = self._limited(np.clip(wanted / _norms(here.jacobian), reach / 3, reach * 3))
             basis = self._principal(here.jacobian, x, reach, wanted)
             if gain < _ENOUGH * here.cost:
                 return Slope(x, r, here.jacobian)
         return self._slope(x, r, basis)[0]
 
-    def _lowest(self, points: list[Array], here: Slope) -> tuple[tuple[Array, Array], float]:
-        """The lowest of the points and its residuals, or of the first few that hold one that is worth it; and how far below `here`."""
-        best, gain = (here.x, here.residual), 0.0
-        for k in range(0, len(points), self.batch):
-            some = points[k : k + self.batch]
-            values = self.residuals(some)
-            gains = [here.cost - float(v @ v) for v in values]
-            i = int(np.argmax(gains))
-            if gains[i] > gain:
-                best, gain = (some[i], values[i]), gains[i]
-            if gain > _ENOUGH * here.cost:
+    def _lowest(self, here: Slope, seen: Point) -> Point:
+        """The lowest of `seen` and the trial steps, or of the first few (`seen` counts as one) that hold one that is worth it; `here`
+        where none is lower."""
+        steps, best = self._steps(here), min((here.x, here.residual), seen, key=_height)
+        for first in range(-1, len(steps), self.batch):
+            some = steps[max(first, 0) : first + self.batch]
+            best = min(best, *zip(some, self.residuals(some), strict=True), key=_height)
+            if here.cost - _height(best) > _ENOUGH * here.cost:
                 break
-        return best, gain
+        return best
 
     def _first_reach(self, x: Array, r: Array, wanted: float) -> Array:
         """How far each parameter goes for the wanted effect, from one trial of its scale each."""
         reach = self._limited(wanted / np.sqrt(len(r)) / WIDTH * self.scale)
         up = np.where(x + reach <= self.upper, reach, -reach)
-        values = self.residuals([self._clip(x + step) for step in np.diag(up)])
+        values = self.residuals([self.clip(x + step) for step in np.diag(up)])
         changes = np.array([np.linalg.norm(v - r) for v in values])
         return self._limited(reach * np.clip(wanted / np.maximum(changes, _TINY), 0.1, _STRETCH))
 
-    def _slope(self, x: Array, r: Array, basis: Array) -> tuple[Slope, Array]:
+    def _slope(self, x: Array, r: Array, basis: Array) -> tuple[Slope, Point]:
         """Derivatives at `x` by secants along the columns of `basis`, and the lowest of the points looked at."""
         points, lengths = [], []
         for direction in basis.T:
             for step in (direction, -direction):
                 share = self._room(x, step)
-                points.append(self._clip(x + share * step))
+                points.append(self.clip(x + share * step))
                 lengths.append(share)
         values = self.residuals(points)
         both = np.array(lengths[::2]) + np.array(lengths[1::2])
@@ -110,7 +109,7 @@ class Valley:
             for up, down, b in zip(values[::2], values[1::2], both, strict=True)
         ]
         jacobian = np.array(along).T @ np.linalg.inv(basis)
-        return Slope(x, r, jacobian), points[int(np.argmin([v @ v for v in values]))]
+        return Slope(x, r, jacobian), min(zip(points, values, strict=True), key=_height)
 
     def _steps(self, here: Slope) -> list[Array]:
         """Gauss-Newton steps of several lengths and dampings; a parameter that pushes against its bound stays there."""
@@ -124,7 +123,7 @@ class Valley:
         for damping, share in _STEPS:
             step = np.zeros(len(here.x))
             step[free] = np.linalg.solve(curvature[block] + damping * np.diag(size[free]), -gradient[free])
-            points.append(self._clip(here.x + share * step))
+            points.append(self.clip(here.x + share * step))
         return points
 
     def _principal(self, jacobian: Array, x: Array, reach: Array, wanted: float) -> Array:
@@ -152,7 +151,8 @@ class Valley:
         span = self.upper - self.lower
         return np.where(np.isfinite(span), span, 1.0) * 1e-9
 
-    def _clip(self, x: Array) -> Array:
+    def clip(self, x: Array) -> Array:
+        """`x` a little inside the bounds."""
         edge = self._edge()
         return np.clip(x, self.lower + edge, self.upper - edge)
 
@@ -161,6 +161,10 @@ class Valley:
         ahead = np.where(step > 0, self.upper - x, x - self.lower)
         moving = step != 0
         return float(np.clip(np.min(ahead[moving] / np.abs(step[moving]), initial=1.0), 0.0, 1.0))
+
+
+def _height(point: Point) -> float:
+    return float(point[1] @ point[1])
 
 
 def _norms(jacobian: Array) -> Array:

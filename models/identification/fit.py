@@ -22,7 +22,6 @@ _T = TypeVar("_T")
 _R = TypeVar("_R")
 Array = NDArray[np.float64]
 _POOL = ThreadPoolExecutor(os.cpu_count() or 1)
-_MARGIN = 1e-9
 WIDE = (1.0, 0.3, 0.1)
 NARROW = (0.3, 0.1)
 FINE = (0.1, 0.03)
@@ -115,12 +114,15 @@ class Problem:
     def scale(self) -> Array:
         return np.array([a.scale for a in self.axes])
 
+    @property
+    def valley(self) -> Valley:
+        return Valley(self.all_at, self.lower, self.upper, self.scale, max(4, 2 * self.kind.lanes))
+
     def theta(self, x: Array) -> dict[str, float]:
         return {a.name: float(v) for a, v in zip(self.axes, x, strict=True)}
 
     def start(self, theta: Mapping[str, float]) -> Array:
-        span = np.where(np.isfinite(self.upper - self.lower), self.upper - self.lower, 1.0) * _MARGIN
-        return np.clip([theta.get(a.name, a.parameter.value) for a in self.axes], self.lower + span, self.upper - span)
+        return self.valley.clip(np.array([theta.get(a.name, a.parameter.value) for a in self.axes]))
 
     def at(self, x: Array) -> Array:
         return self.all_at([x])[0]
@@ -163,7 +165,7 @@ def descend(
     if not len(x0):
         r = problem.at(x0)
         return Fit({}, float(r @ r), len(r), np.zeros((len(r), 0)), r)
-    end = Valley(problem.all_at, problem.lower, problem.upper, problem.scale, max(4, 2 * kind.lanes)).descend(x0, secant, steps)
+    end = problem.valley.descend(x0, secant, steps)
     return Fit(problem.theta(end.x), end.cost, len(end.residual), end.jacobian, end.residual)
 
 

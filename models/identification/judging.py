@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from models.identification.fit import evaluate_all
+from models.identification.fit import evaluate
 from models.identification.kind import Kind
 from models.record import Record
 
@@ -24,13 +24,12 @@ def middle_stage(kind: Kind) -> int:
 
 def judged(kind: Kind, records: Sequence[Record], theta: Mapping[str, float]) -> Array:
     """Mean square of the residuals in each of at most forty blocks of neighbours, under the kind's judge that the block suits better."""
-    return judged_all(kind, records, [theta])[0]
+    return np.asarray(np.min([_blocks(evaluate(kind, records, theta, stage)) for stage in kind.judges], axis=0))
 
 
-def judged_all(kind: Kind, records: Sequence[Record], thetas: Sequence[Mapping[str, float]]) -> list[Array]:
-    """`judged` at each of `thetas`."""
-    by_stage = [[_blocks(row) for row in evaluate_all(kind, records, thetas, stage)] for stage in kind.judges]
-    return [np.min(blocks, axis=0) for blocks in zip(*by_stage, strict=True)]
+def judged_cost(kind: Kind, records: Sequence[Record], theta: Mapping[str, float]) -> float:
+    """Mean of the blocks."""
+    return float(judged(kind, records, theta).mean())
 
 
 def _blocks(residual: Array) -> Array:

@@ -139,6 +139,7 @@ class OneByOne:
     """A kind that evaluates one point at a time."""
 
     lanes: ClassVar[int] = 1
+    free_only: ClassVar[bool] = False
 
     def residuals(self: _Residual, record: Record, thetas: Sequence[Theta], stage: int = 0) -> list[Array]:
         """`residual` at several points."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from models.effects import BY_ID, REFINEMENTS
 from models.identification.fit import FINE, NARROW, WIDE, Fit, narrowing
-from models.identification.judging import Split, block_costs, judged
+from models.identification.judging import Split, block_costs, judged_cost
 from models.identification.kind import Kind
 from models.identification.screen import Screened, chance, screen
 from models.identification.tournament import Trial, ahead, fair, mend, refit, step_on, tournament
@@ -139,7 +139,7 @@ def restlessness(kind: Kind, splits: Sequence[Split], theta: Mapping[str, float]
     _, held = splits[0]
     for _ in range(_IMITATIONS):
         moved = {name: v * (1 + _THOUSANDTH * rng.choice((-1, 1))) if name in fitted else v for name, v in theta.items()}
-        cost = max(cost, float(judged(kind, [kind.imitate(record, moved, rng) for record in held], theta).mean()))
+        cost = max(cost, judged_cost(kind, [kind.imitate(record, moved, rng) for record in held], theta))
     return cost
 
 

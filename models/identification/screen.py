@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from models.effects.effect import Effect
 from models.identification.fit import Problem, axes, descend, evaluate_all
-from models.identification.judging import judged, middle_stage
+from models.identification.judging import judged_cost, middle_stage
 from models.identification.kind import Kind
 from models.record import Record
 
@@ -149,7 +149,7 @@ def chance(
     for _ in range(_IMITATIONS):
         imitated = [kind.imitate(record, theta, rng) for record in records]
         view = _View.at(kind, imitated, [], theta, stage)
-        cost = max(cost, float(judged(kind, imitated, view.theta).mean()))
+        cost = max(cost, judged_cost(kind, imitated, view.theta))
         rows = _best(view, kind.effects)
         gain = max(gain, *(-float(np.log1p(-min(row.share, 0.999))) for row in rows)) if rows else gain
         for row in rows:

@@ -10,7 +10,7 @@ import numpy as np
 
 from models.effects import BY_ID
 from models.identification.fit import FINE, NARROW, WIDE, Fit, descend, evaluate_all, narrowing
-from models.identification.judging import Split, block_costs, judged, middle_stage, training_cost
+from models.identification.judging import Split, block_costs, judged, judged_cost, middle_stage, training_cost
 from models.identification.kind import Kind
 from models.identification.screen import Screened
 from models.record import Record
@@ -104,8 +104,8 @@ def _nominal(kind: Kind) -> dict[str, float]:
 def _opening(
     kind: Kind, part: Sequence[Record], bases: Sequence[Mapping[str, float]], name: str, start: Mapping[str, float]
 ) -> tuple[float, dict[str, float]]:
-    """Cost and place of the best amplitude of the effect `name` in the shape `start` at the best of `bases` (a calibration may have bent the base to make
-    up for what was missing)."""
+    """Cost and place of the best amplitude of the effect `name` in the shape `start` at the best of `bases` (a calibration may have bent
+    the base to make up for what was missing)."""
     effect = next(e for e in kind.effects if e.id == name)
     amplitude = effect.amplitude()
     key = f"{effect.id}.{amplitude.name}"
@@ -158,13 +158,13 @@ def refit(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: 
     fits = [step_on(kind, records, effects, start).theta]
     if not kind.free_only:
         fits.append(down_the_stages(kind, records, effects, start))
-    costs = [_cost(kind, records, theta) for theta in fits]
+    costs = [judged_cost(kind, records, theta) for theta in fits]
     if min(costs) > NEAR_NOISE:
         begins = [start, {**start, **_nominal(kind)}]
         if kind.free_only and not effects:
             begins += _around(kind, records)
         fits += [narrowing(kind, records, effects, begin, stage, WIDE).theta for begin in begins]
-        costs = [_cost(kind, records, theta) for theta in fits]
+        costs = [judged_cost(kind, records, theta) for theta in fits]
     return fits[int(np.argmin(costs))]
 
 
@@ -177,10 +177,6 @@ def _around(kind: Kind, records: Sequence[Record]) -> list[dict[str, float]]:
     ]
     costs = [float(r @ r) for r in evaluate_all(kind, records, points, middle_stage(kind))]
     return [points[i] for i in np.argsort(costs, kind="stable")[:FINAL]]
-
-
-def _cost(kind: Kind, records: Sequence[Record], theta: Mapping[str, float]) -> float:
-    return float(np.mean(judged(kind, records, theta)))
 
 
 def down_the_stages(

@@ -7,7 +7,7 @@ import os
 import signal
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +54,21 @@ def led(folder: Path, channel: str, log: Path) -> tuple[dict[str, Any], dict[str
     return found, truth
 
 
+def leading(folder: Path, channel: str, frame: str, says: Callable[[bytearray], bool]) -> subprocess.Popen[str]:
+    """`capsule run` for twenty seconds, once a `frame` on the bus `says` that it leads."""
+    command = [*CAPSULE, "run", rig_file(folder, deployment(channel, control="duration_s = 20.0\npriority = 20")), "--json"]
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder, env=environment)
+    wanted = load_catalogue()[frame].id
+    with LocalBus(channel) as ears:
+        began = time.monotonic()
+        while time.monotonic() - began < 20:
+            message = ears.recv(1)
+            if message is not None and message.arbitration_id == wanted and says(message.data):
+                break
+    return child
+
+
 def test_controller_and_plant_in_two_processes(tmp_path: Path, channel: str, capsys: pytest.CaptureFixture[str]) -> None:
     """In real time: the capsule moves as asked, nothing is refused, and log, record and replay say the same."""
     log = tmp_path / "run.blf"
@@ -74,18 +89,9 @@ def test_controller_and_plant_in_two_processes(tmp_path: Path, channel: str, cap
 
 
 def test_a_signal_asks_for_a_controlled_stop(tmp_path: Path, channel: str, plant: subprocess.Popen[str]) -> None:
-    control = "duration_s = 20.0\npriority = 20"
-    command = [*CAPSULE, "run", rig_file(tmp_path, deployment(channel, control=control)), "--json"]
-    child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path, env=_environment())
-    with LocalBus(channel) as ears:
-        enabled = load_catalogue()["CarriageCommand"].id
-        began = time.monotonic()
-        while time.monotonic() - began < 20:
-            message = ears.recv(1)
-            if message is not None and message.arbitration_id == enabled and (message.data[7] >> 2) & 3 == 2:
-                break
-        child.send_signal(signal.SIGTERM)
-        found = json.loads(child.communicate(timeout=20)[0])
+    child = leading(tmp_path, channel, "CarriageCommand", lambda data: (data[7] >> 2) & 3 == 2)
+    child.send_signal(signal.SIGTERM)
+    found = json.loads(child.communicate(timeout=20)[0])
     truth = truth_of(plant)
     assert found["ended"] in ("SIGTERM", *HELD_UP)
     assert child.returncode == (0 if found["ended"] == "SIGTERM" else 1)
@@ -103,21 +109,8 @@ def test_the_second_signal_ends_the_program_as_ever() -> None:
 
 
 def test_a_plant_that_dies_ends_the_run_with_a_reason(tmp_path: Path, channel: str, plant: subprocess.Popen[str]) -> None:
-    control = "duration_s = 20.0\npriority = 20"
-    command = [*CAPSULE, "run", rig_file(tmp_path, deployment(channel, control=control)), "--json"]
-    child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path, env=_environment())
-    with LocalBus(channel) as ears:
-        feedback = load_catalogue()["CarriageFeedback"].id
-        began = time.monotonic()
-        while time.monotonic() - began < 20:
-            message = ears.recv(1)
-            if message is not None and message.arbitration_id == feedback and ((message.data[6] >> 2) & 15) == 4:
-                break
+    child = leading(tmp_path, channel, "CarriageFeedback", lambda data: (data[6] >> 2) & 15 == 4)
     plant.kill()
     found = json.loads(child.communicate(timeout=20)[0])
     assert child.returncode == 1
     assert found["ended"] in HELD_UP
-
-
-def _environment() -> dict[str, str]:
-    return {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}

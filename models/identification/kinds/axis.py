@@ -45,7 +45,6 @@ class AxisKind(OneByOne):
     final: int = 0
     judges: tuple[int, ...] = (0,)
     slow_view: bool = False
-    free_only: bool = False
     next_share: float = 0.04
     least_gain: float = 0.05
     equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})

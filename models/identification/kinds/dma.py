@@ -43,7 +43,6 @@ class DmaKind(OneByOne):
     final: int = 1
     judges: tuple[int, ...] = (1,)
     slow_view: bool = False
-    free_only: bool = False
     next_share: float = 0.3
     least_gain: float = 0.05
     equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})

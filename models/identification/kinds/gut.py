@@ -8,7 +8,6 @@ from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from models.assembly_step import Surface
@@ -16,17 +15,16 @@ from models.drives.drive import Drive
 from models.drives.from_rig import drive_of, surface_of
 from models.effects import effects_for
 from models.effects.effect import Effect
+from models.identification.kind import Array, Theta
 from models.identification.kinds.driven import drifts, driven_column, interval, switch_delay
 from models.identification.kinds.gut_words import equations_of, next_experiment_of, statements_of
-from models.identification.kinds.running import START_S, Runner, Theta, active_effects
+from models.identification.kinds.running import START_S, Runner, active_effects
 from models.identification.lower import LANES
 from models.parameter import Parameter
 from models.plate import Plate
 from models.record import Record
 from models.rig import Rig
 from models.wall import base_parameters
-
-Array = NDArray[np.float64]
 
 LOW_PASS_HZ = 2.0
 _PER_PERIOD = 10  # samples that the slow view keeps of a period of its cut-off

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from models.assembly_step import Surface
 from models.drives.coil import Coil, VoltageCoil
@@ -10,9 +10,8 @@ from models.drives.drive import Drive
 from models.drives.magnetic import Magnetic
 from models.drives.vibro import Vibro, VoltageVibro
 from models.effects import BY_ID
+from models.identification.kind import Theta
 from models.plate import Plate
-
-Theta = Mapping[str, float]
 
 _GUT = "m a = F_act - F_e(|v|) Sgn(v) - F_v(w) - T(u)"
 

@@ -72,7 +72,6 @@ class PeriodsKind(OneByOne):
     final: int = 0
     judges: tuple[int, ...] = (0,)
     slow_view: bool = False
-    free_only: bool = False
     next_share: float = 0.3
     least_gain: float = 0.05
     quantity: str = "period_s, valley_N and peak_N"

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models.assembly import Assembly, assemble
 from models.assembly_step import Surface
 from models.drives.drive import Drive
 from models.effects import BY_ID
+from models.identification.kind import Array, Theta
 from models.identification.kinds.driven import SWITCH_DELAY, Feed, drifts, evenly, feed, interval
 from models.identification.lower import LANES, NEVER_S, SLOW_S, Kernel, lower
 from models.record import Record
-
-Array = NDArray[np.float64]
-Theta = Mapping[str, float]
 
 START_S = 0.5  # s, over which a record's start is compared with a prediction's where the drive does not tell the place
 

@@ -23,7 +23,8 @@ def frequencies(lowest_Hz: float, highest_Hz: float, ratio: float = RATIO) -> tu
 
 @dataclass(frozen=True)
 class ForceInTime(Effect):
-    """Force `A (sin q + o + sum of harmonics 2 to 4)` along +x, `q = 2 pi f (t - d) + phi`, `d` in s the delay at the capsule's place.
+    """Force `A (sin q + o + sum of harmonics 2 to 4)` along +x, `q = 2 pi (f t - n) + phi`, `n` the turns by which it is late at the
+    capsule's place.
 
     A wave of pulses, `max(0, sin q)`, has A = 0.5, o = 0.64, and -0.42 cos 2q and -0.08 cos 4q as its harmonics.
     """
@@ -41,13 +42,12 @@ class ForceInTime(Effect):
     fourth_cos: Parameter = Parameter("fourth_cos", 0.0, "1", -0.5, 0.5, _FORM, fit=True, spread=0.2)
     offset: Parameter = Parameter("offset", 0.0, "1", -1.5, 1.5, _FORM, fit=True)
 
-    def delay_at(self, x: Any, p: Values) -> Any:
-        """Time in s by which the force is late at the place `x` in m."""
+    def turns_at(self, x: Any, p: Values) -> Any:
+        """Turns by which the force is late at the place `x` in m."""
         return 0.0
 
     def force(self, s: Signals, p: Values, z: Values) -> Any:
-        turn = 2 * math.pi * p["frequency_Hz"] * (s.t - self.delay_at(s.x, p))
-        turn = turn + p["phase_rad"]
+        turn = 2 * math.pi * (p["frequency_Hz"] * s.t - self.turns_at(s.x, p)) + p["phase_rad"]
         wave = np.sin(turn) + p["offset"]
         for k, name in enumerate(("second", "third", "fourth"), start=2):
             wave = wave + p[f"{name}_sin"] * np.sin(k * turn) + p[f"{name}_cos"] * np.cos(k * turn)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -12,6 +11,7 @@ from models.effects import BY_ID
 from models.identification.fit import FINE, NARROW, WIDE, Fit, descend, evaluate_all, narrowing
 from models.identification.judging import Split, block_costs, judged, judged_cost, middle_stage, training_cost
 from models.identification.kind import Kind
+from models.identification.lengthening import QUICK, lengthening
 from models.identification.screen import Screened
 from models.record import Record
 
@@ -20,8 +20,7 @@ ALIKE = 2
 FINAL = 3
 BEHIND = 6.0
 NEAR_NOISE = 1.5
-_OFF = (0.8, 0.9, 1.0, 1.1, 1.2)
-_MULTIPLES = tuple(2.0**k for k in range(6))
+_MULTIPLES = (1.0, 4.0, 16.0)
 
 
 @dataclass(frozen=True)
@@ -49,7 +48,7 @@ def tournament(
     entered = sorted(entries, key=lambda name: entries[name][0])
     fitted = {}
     for name in _with_look_alikes(kind, entered):
-        fitted[name] = _heat(kind, part, [*effects, name], entries[name][1])
+        fitted[name] = _heat(kind, part, effects, name, entries[name][1])
     ranking = sorted(fitted, key=lambda name: fitted[name].cost)
     finalists = [name for name in ranking[:FINAL] if fitted[name].cost <= BEHIND * fitted[ranking[0]].cost]
     before = block_costs(kind, splits, thetas)
@@ -73,28 +72,30 @@ def _mended(kind: Kind, splits: Sequence[Split], effects: Sequence[str], trial: 
 
 def _entry(
     kind: Kind, part: Sequence[Record], effects: Sequence[str], theta: Mapping[str, float], row: Screened
-) -> tuple[float, dict[str, float]]:
-    """Where the heat of a candidate starts and what that point costs: after a short fit from each opening, to an observer that forgets
+) -> tuple[float, list[dict[str, float]]]:
+    """Where the heat of a candidate may start, best first, and what that point costs: after a short fit from each opening, to an observer that forgets
     fast. Where no such observer is to be had (a kind with `free_only`: a strong effect that the free run follows throws its observer out
     of step) from the best opening at either base, to the free run, with wide secants."""
     bases = (theta, {**theta, **_nominal(kind)})
+    openings = [_opening(kind, part, bases, row.effect, start) for start in row.starts]
     if kind.free_only:
-        openings = [min((_opening(kind, part, (base,), row.effect, start) for start in row.starts), key=_first) for base in bases]
-    else:
-        openings = [_opening(kind, part, bases, row.effect, start) for start in row.starts]
+        openings = [min(openings, key=_first)]
     stage, width = (middle_stage(kind), WIDE[0]) if kind.free_only else (0, NARROW[0])
     fits = [descend(kind, part, [*effects, row.effect], point, stage, width, 3) for _, point in openings]
-    best = min(fits, key=lambda fit: fit.cost)
-    return best.cost, best.theta
+    fits.sort(key=lambda fit: fit.cost)
+    return fits[0].cost, [fit.theta for fit in fits]
 
 
 def _first(row: tuple[float, dict[str, float]]) -> float:
     return row[0]
 
 
-def _heat(kind: Kind, part: Sequence[Record], effects: Sequence[str], theta: dict[str, float]) -> Fit:
-    """A fit good enough to rank by."""
-    return narrowing(kind, part, effects, theta, middle_stage(kind), WIDE if kind.free_only else NARROW, 8)
+def _heat(kind: Kind, part: Sequence[Record], effects: Sequence[str], name: str, starts: Sequence[dict[str, float]]) -> Fit:
+    """A fit of `effects` and `name` good enough to rank by."""
+    model, stage = [*effects, name], middle_stage(kind)
+    if kind.free_only:
+        return lengthening(kind, part, model, starts, stage, QUICK, name)
+    return narrowing(kind, part, model, starts[0], stage, NARROW, 8)
 
 
 def _nominal(kind: Kind) -> dict[str, float]:
@@ -150,8 +151,8 @@ def _against(before: np.ndarray, name: str, fits: tuple[dict[str, float], ...], 
 
 def refit(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> dict[str, float]:
     """The best of several ways to a fit on `records`, as judged: stepped on from where it is; down the stages where the kind has
-    observers that can be trusted; and, where these leave more than about the noise, with wide secants from where it is and from the
-    nominal base (a base fitted without an effect is bent), for a base alone that only the free run judges also from around it."""
+    observers that can be trusted; and, where these leave more than about the noise, from where it is and from the nominal base (a base
+    fitted without an effect is bent) with wide secants or, where only the free run judges, on ever longer beginnings."""
     stage = middle_stage(kind)
     if kind.stages == 1:
         return narrowing(kind, records, effects, start, stage).theta
@@ -161,22 +162,12 @@ def refit(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: 
     costs = [judged_cost(kind, records, theta) for theta in fits]
     if min(costs) > NEAR_NOISE:
         begins = [start, {**start, **_nominal(kind)}]
-        if kind.free_only and not effects:
-            begins += _around(kind, records)
-        fits += [narrowing(kind, records, effects, begin, stage, WIDE).theta for begin in begins]
+        if kind.free_only:
+            fits.append(lengthening(kind, records, effects, begins, stage).theta)
+        else:
+            fits += [narrowing(kind, records, effects, begin, stage, WIDE).theta for begin in begins]
         costs = [judged_cost(kind, records, theta) for theta in fits]
     return fits[int(np.argmin(costs))]
-
-
-def _around(kind: Kind, records: Sequence[Record]) -> list[dict[str, float]]:
-    """The best few of a grid of bases around the nominal one, which may be off by as much."""
-    nominal = _nominal(kind)
-    points = [
-        {name: value * factor for (name, value), factor in zip(nominal.items(), factors, strict=True)}
-        for factors in itertools.product(_OFF, repeat=len(nominal))
-    ]
-    costs = [float(r @ r) for r in evaluate_all(kind, records, points, middle_stage(kind))]
-    return [points[i] for i in np.argsort(costs, kind="stable")[:FINAL]]
 
 
 def down_the_stages(
@@ -193,7 +184,8 @@ def down_the_stages(
 def mend(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> dict[str, float]:
     """A fit with one more free curve, from close by."""
     if kind.free_only:
-        return narrowing(kind, records, effects, start, middle_stage(kind), NARROW[-1:], 8).theta
+        begins = [start, {**start, **_nominal(kind)}]
+        return lengthening(kind, records, effects, begins, middle_stage(kind), QUICK).theta
     return down_the_stages(kind, records, effects, start)
 
 

@@ -14,8 +14,8 @@ from models.parameter import Parameter
 
 @dataclass(frozen=True)
 class LumenTaper(Effect):
-    """Level `1 + g y + b y^2 + c y^3`, `y = x/sqrt(1 + (x/L)^2)`: narrowing lumen or capstan bend, the change itself changing along the
-    way and dying out beyond the reach L."""
+    """Level `1 + g y + b y^2 + c y^3`, `y = r/sqrt(1 + (r/L)^2)`, `r = x - m`: narrowing lumen or capstan bend, the change itself
+    changing along the way and dying out beyond the reach L of its middle m."""
 
     id = "lumen_taper"
     summary = "resistance changes steadily along the lumen"
@@ -34,6 +34,9 @@ class LumenTaper(Effect):
 
     reach_m: Parameter = Parameter("reach_m", 0.05, "m", 0.01, 1.0, "tracing catalogue 11, 12", fit=True)
 
+    middle_m: Parameter = Parameter("middle_m", 0.0, "m", -0.3, 0.3, "tracing catalogue 11, 12", fit=True, spread=0.05)
+
     def level(self, s: Signals, p: Values, z: Values) -> Any:
-        y = s.x / np.sqrt(1 + (s.x / p["reach_m"]) ** 2)
+        r = s.x - p["middle_m"]
+        y = r / np.sqrt(1 + (r / p["reach_m"]) ** 2)
         return np.maximum(1 + (p["slope_per_m"] + (p["bend_per_m2"] + p["curl_per_m3"] * y) * y) * y, 0.05)

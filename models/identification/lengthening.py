@@ -14,7 +14,7 @@ from models.identification.fit import NARROW, Axis, Fit, axes, evaluate_all, nar
 from models.identification.kind import Kind
 from models.record import Record
 
-_BEGINNINGS_S = (4.0, 10.0, 25.0)
+_BEGINNINGS_S = (2.0, 5.0, 12.0, 28.0)
 _ROUNDS = 6
 _OFF = 0.2  # of a nominal value, what a base may be off by
 _DOUBLINGS = 5.5  # of an amplitude's probe
@@ -29,8 +29,8 @@ class Effort:
     kept: tuple[int, ...]
 
 
-THOROUGH = Effort(256, (8, 4, 2, 1))
-QUICK = Effort(128, (6, 3, 1, 1))
+THOROUGH = Effort(512, (16, 6, 3, 2, 1))
+QUICK = Effort(256, (8, 4, 2, 1, 1))
 
 
 def lengthening(
@@ -87,6 +87,6 @@ def _place(axis: Axis, start: Mapping[str, float], share: float, fresh: str) -> 
         value = value if p.lower <= value <= p.upper else -value
     else:
         value = start.get(axis.name, p.value)
-        reach = 0.0 if np.isfinite(p.spread) else max(_NEAR * axis.scale, _NEAR / 10 * abs(value))
+        reach = min(p.spread, max(_NEAR * axis.scale, _NEAR / 10 * abs(value)))
         value += reach * (2 * share - 1)
     return float(np.clip(value, p.lower, p.upper))

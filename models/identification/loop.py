@@ -13,7 +13,7 @@ from models.identification.fit import FINE, NARROW, WIDE, Fit, narrowing
 from models.identification.judging import Split, block_costs, judged_cost
 from models.identification.kind import Kind
 from models.identification.screen import Screened, chance, screen
-from models.identification.tournament import Trial, ahead, fair, mend, refit, step_on, tournament
+from models.identification.tournament import NEAR_NOISE, Trial, ahead, fair, mend, refit, step_on, tournament
 from models.record import Record
 
 Progress = Callable[[str, float], None]
@@ -27,6 +27,7 @@ _THOUSANDTH = 1e-3
 _IMITATIONS = 4
 _WAYS_DOWN = 3
 _APART = 2.0  # standard errors
+_AS_BEFORE = 1.2  # times what the fit on a part of the records leaves there
 
 
 @dataclass
@@ -108,7 +109,8 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
     progress("fitting the model on all records", 0.85)
     if found.effects:
         found.refinements, thetas = _refined(kind, splits, thetas, found)
-        start = refit(kind, train, found.model, {**base.theta, **thetas[0]})
+        reached = max(NEAR_NOISE, _AS_BEFORE * judged_cost(kind, splits[0][0], thetas[0]))
+        start = refit(kind, train, found.model, {**base.theta, **thetas[0]}, reached)
         found.augmented = narrowing(kind, train, found.model, start, last, FINE)
     if kind.stages > 1:
         found.augmented = _finished(kind, train, found.model, found.augmented)

@@ -149,9 +149,11 @@ def _against(before: np.ndarray, name: str, fits: tuple[dict[str, float], ...], 
     return Trial(name, fits, gain, float(before.mean() - after.mean()), after)
 
 
-def refit(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> dict[str, float]:
+def refit(
+    kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float], enough: float = NEAR_NOISE
+) -> dict[str, float]:
     """The best of several ways to a fit on `records`, as judged: stepped on from where it is; down the stages where the kind has
-    observers that can be trusted; and, where these leave more than about the noise, from where it is and from the nominal base (a base
+    observers that can be trusted; and, where these leave more than `enough` (about the noise), from where it is and from the nominal base (a base
     fitted without an effect is bent) with wide secants or, where only the free run judges, on ever longer beginnings."""
     stage = middle_stage(kind)
     if kind.stages == 1:
@@ -160,7 +162,7 @@ def refit(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: 
     if not kind.free_only:
         fits.append(down_the_stages(kind, records, effects, start))
     costs = [judged_cost(kind, records, theta) for theta in fits]
-    if min(costs) > NEAR_NOISE:
+    if min(costs) > enough:
         begins = [start, {**start, **_nominal(kind)}]
         if kind.free_only:
             fits.append(lengthening(kind, records, effects, begins, stage).theta)

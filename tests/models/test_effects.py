@@ -64,7 +64,7 @@ PUBLISHED = (
 OWN = ("coil_lag", "coil_reach", "guide_friction", "spring_hardening")
 """Ids beyond the published ones: the four that a real capsubot's suspension and coil asked for."""
 KINDS = ("pull", "magnetic", "coil", "vibro", "vibro_table", "axis", "periods", "dma")
-NOT_EFFECTS = ("__init__", "effect", "force_in_time", "inner_mass")
+NOT_EFFECTS = ("__init__", "drift_in_time", "effect", "force_in_time", "inner_mass")
 STEP_S = 5e-4
 TIME = STEP_S * np.arange(2400)
 PAUSED = np.where(TIME < 0.4, TIME, np.maximum(TIME - 0.3, 0.4))  # s, a clock that stops for a while: a rest under way

@@ -1,0 +1,43 @@
+"""A fit that begins with a few teeth of stick and slip: it finds the truth from far off."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from models.identification.fit import evaluate
+from models.identification.judging import middle_stage
+from models.identification.kinds.gut import GutKind
+from models.identification.lengthening import QUICK, lengthening
+from models.record import read_record
+from models.rig import read_rig
+from plant.series import make_series
+
+
+def test_a_base_and_a_force_far_off_are_found(tmp_path: Path) -> None:
+    folder = make_series("magnetic", "incline_gravity", 2, tmp_path, 30.0)
+    rig, answer = read_rig(folder / "rig.toml"), tomllib.loads((folder / "answer.toml").read_text(encoding="utf-8"))
+    records = [read_record(folder / f"train_{k}.csv.gz", rig) for k in (1, 2)]
+    kind = GutKind.from_rig(rig, records)
+    nominal = {p.name: p.value for p in kind.base if p.fit}
+    start = {**nominal, "incline_gravity.force_N": 0.002}
+    found = lengthening(kind, records, ["incline_gravity"], [start], middle_stage(kind), QUICK, "incline_gravity")
+    assert found.chi2 < 1.1
+    for name in nominal:
+        assert found.theta[name] == pytest.approx(answer[name], rel=0.01)
+    mass_kg = 4.0e-3
+    weight_N = -mass_kg * 9.81 * np.sin(answer["parameters"]["angle_rad"])
+    assert found.theta["incline_gravity.force_N"] == pytest.approx(weight_N, rel=0.02)
+
+
+def test_it_never_ends_worse_than_where_it_was_told_to_start(tmp_path: Path) -> None:
+    folder = make_series("magnetic", None, 3, tmp_path, 12.0)
+    rig, answer = read_rig(folder / "rig.toml"), tomllib.loads((folder / "answer.toml").read_text(encoding="utf-8"))
+    records = [read_record(folder / "train_1.csv.gz", rig)]
+    kind = GutKind.from_rig(rig, records)
+    truth = {p.name: float(answer[p.name]) for p in kind.base if p.fit}
+    r = evaluate(kind, records, truth, middle_stage(kind))
+    assert lengthening(kind, records, [], [truth], middle_stage(kind), QUICK).cost <= float(r @ r)

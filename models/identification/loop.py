@@ -27,7 +27,7 @@ _THOUSANDTH = 1e-3
 _IMITATIONS = 4
 _WAYS_DOWN = 3
 _APART = 2.0  # standard errors
-_AS_BEFORE = 1.2  # times what the fit on a part of the records leaves there
+_AS_BEFORE = 1.2  # times what the fit on a part leaves there; free curves take long
 
 
 @dataclass
@@ -109,8 +109,8 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
     progress("fitting the model on all records", 0.85)
     if found.effects:
         found.refinements, thetas = _refined(kind, splits, thetas, found)
-        reached = max(NEAR_NOISE, _AS_BEFORE * judged_cost(kind, splits[0][0], thetas[0]))
-        start = refit(kind, train, found.model, {**base.theta, **thetas[0]}, reached)
+        reached = _AS_BEFORE * judged_cost(kind, splits[0][0], thetas[0]) if found.refinements else 0.0
+        start = refit(kind, train, found.model, {**base.theta, **thetas[0]}, max(NEAR_NOISE, reached))
         found.augmented = narrowing(kind, train, found.model, start, last, FINE)
     if kind.stages > 1:
         found.augmented = _finished(kind, train, found.model, found.augmented)

@@ -16,6 +16,7 @@ from models.identification.screen import Screened
 from models.record import Record
 
 POOL = 6
+POOL_FREE = 4  # where a heat begins with a few teeth and takes its time
 ALIKE = 2
 FINAL = 3
 BEHIND = 6.0
@@ -73,8 +74,8 @@ def _mended(kind: Kind, splits: Sequence[Split], effects: Sequence[str], trial: 
 def _entry(
     kind: Kind, part: Sequence[Record], effects: Sequence[str], theta: Mapping[str, float], row: Screened
 ) -> tuple[float, list[dict[str, float]]]:
-    """Where the heat of a candidate may start, best first, and what that point costs: after a short fit from each opening, to an observer that forgets
-    fast. Where no such observer is to be had (a kind with `free_only`: a strong effect that the free run follows throws its observer out
+    """Where the heat of a candidate may start, best first, and what that point costs: after a short fit from each opening, to an observer
+    that forgets fast. Where no such observer is to be had (a kind with `free_only`: a strong effect that the free run follows throws its observer out
     of step) from the best opening at either base, to the free run, with wide secants."""
     bases = (theta, {**theta, **_nominal(kind)})
     openings = [_opening(kind, part, bases, row.effect, start) for start in row.starts]
@@ -120,7 +121,7 @@ def _opening(
 def _with_look_alikes(kind: Kind, entered: Sequence[str]) -> list[str]:
     """The best entries and the declared look-alikes of the first few: they share a residual and only a full fit tells them apart."""
     declared = {effect.id: effect for effect in kind.effects}
-    wanted = list(entered[:POOL])
+    wanted = list(entered[: POOL_FREE if kind.free_only else POOL])
     for name in entered[:ALIKE]:
         wanted += [other for other in declared[name].look_alikes if other in entered and other not in wanted]
     return wanted
@@ -153,8 +154,8 @@ def refit(
     kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float], enough: float = NEAR_NOISE
 ) -> dict[str, float]:
     """The best of several ways to a fit on `records`, as judged: stepped on from where it is; down the stages where the kind has
-    observers that can be trusted; and, where these leave more than `enough` (about the noise), from where it is and from the nominal base (a base
-    fitted without an effect is bent) with wide secants or, where only the free run judges, on ever longer beginnings."""
+    observers that can be trusted; and, where these leave more than `enough` (about the noise), from where it is and from the nominal
+    base (a base fitted without an effect is bent) with wide secants or, where only the free run judges, on ever longer beginnings."""
     stage = middle_stage(kind)
     if kind.stages == 1:
         return narrowing(kind, records, effects, start, stage).theta

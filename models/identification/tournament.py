@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from models.effects import BY_ID
+from models.effects import BY_ID, REFINEMENTS
 from models.identification.fit import FINE, NARROW, WIDE, Fit, descend, evaluate_all, narrowing
 from models.identification.judging import Split, block_costs, judged, judged_cost, middle_stage, training_cost
 from models.identification.kind import Kind
@@ -155,7 +155,8 @@ def refit(
 ) -> dict[str, float]:
     """The best of several ways to a fit on `records`, as judged: stepped on from where it is; down the stages where the kind has
     observers that can be trusted; and, where these leave more than `enough` (about the noise), from where it is and from the nominal
-    base (a base fitted without an effect is bent) with wide secants or, where only the free run judges, on ever longer beginnings."""
+    base (a base fitted without an effect is bent) with wide secants or, where only the free run judges, on ever longer beginnings, there
+    also with the newest effect as it is declared."""
     stage = middle_stage(kind)
     if kind.stages == 1:
         return narrowing(kind, records, effects, start, stage).theta
@@ -166,11 +167,18 @@ def refit(
     if min(costs) > enough:
         begins = [start, {**start, **_nominal(kind)}]
         if kind.free_only:
-            fits.append(lengthening(kind, records, effects, begins, stage).theta)
+            newest = next((name for name in reversed(effects) if BY_ID[name] not in REFINEMENTS), "")
+            begins.append({**begins[-1], **_declared(newest)})
+            fits.append(lengthening(kind, records, effects, begins, stage, fresh=newest).theta)
         else:
             fits += [narrowing(kind, records, effects, begin, stage, WIDE).theta for begin in begins]
         costs = [judged_cost(kind, records, theta) for theta in fits]
     return fits[int(np.argmin(costs))]
+
+
+def _declared(effect: str) -> dict[str, float]:
+    """What an effect starts from where nothing is known of it."""
+    return {f"{effect}.{p.name}": p.value for p in BY_ID[effect].parameters() if p.fit} if effect else {}
 
 
 def down_the_stages(

@@ -16,12 +16,11 @@ from models.identification.screen import Screened
 from models.record import Record
 
 POOL = 6
-POOL_FREE = 4  # where a heat begins with a few teeth and takes its time
 ALIKE = 2
 FINAL = 3
 BEHIND = 6.0
 NEAR_NOISE = 1.5
-_MULTIPLES = (1.0, 4.0, 16.0)
+_MULTIPLES = tuple(2.0**k for k in range(6))
 
 
 @dataclass(frozen=True)
@@ -78,9 +77,10 @@ def _entry(
     that forgets fast. Where no such observer is to be had (a kind with `free_only`: a strong effect that the free run follows throws its observer out
     of step) from the best opening at either base, to the free run, with wide secants."""
     bases = (theta, {**theta, **_nominal(kind)})
-    openings = [_opening(kind, part, bases, row.effect, start) for start in row.starts]
     if kind.free_only:
-        openings = [min(openings, key=_first)]
+        openings = [min((_opening(kind, part, (base,), row.effect, start) for start in row.starts), key=_first) for base in bases]
+    else:
+        openings = [_opening(kind, part, bases, row.effect, start) for start in row.starts]
     stage, width = (middle_stage(kind), WIDE[0]) if kind.free_only else (0, NARROW[0])
     fits = [descend(kind, part, [*effects, row.effect], point, stage, width, 3) for _, point in openings]
     fits.sort(key=lambda fit: fit.cost)
@@ -121,7 +121,7 @@ def _opening(
 def _with_look_alikes(kind: Kind, entered: Sequence[str]) -> list[str]:
     """The best entries and the declared look-alikes of the first few: they share a residual and only a full fit tells them apart."""
     declared = {effect.id: effect for effect in kind.effects}
-    wanted = list(entered[: POOL_FREE if kind.free_only else POOL])
+    wanted = list(entered[:POOL])
     for name in entered[:ALIKE]:
         wanted += [other for other in declared[name].look_alikes if other in entered and other not in wanted]
     return wanted

@@ -16,6 +16,9 @@ from hil.bus.protection import Sender
 from hil.nodes.wiring import ENABLE, MOVING, QUICK_STOP, WAITING, Observer, Wiring
 
 STOP_PERIOD_S: Final = 0.02
+FEEDBACK_S: Final = 0.01
+CARRIAGE_FEEDBACK_S: Final = 0.02
+"""A carriage has its own position loop and is braked within 25 ms of the last good frame; a coil's force must be gone within 10."""
 GUARD_REASON: Final = 2
 
 
@@ -30,7 +33,7 @@ class Fence:
     rate: float
     rests: bool
     tick_s: float
-    feedback_s: float = 0.01
+    feedback_s: float = FEEDBACK_S
     derate_s: float = 0.05
     stop_s: float = 0.15
     late_stop: int = 3
@@ -38,7 +41,9 @@ class Fence:
     @classmethod
     def of(cls, envelope: Envelope, tick_s: float) -> Fence:
         """The fence that a drive's limits set."""
-        return cls(envelope.low, envelope.high, envelope.rate, envelope.kind == "magnetic", tick_s, stop_s=envelope.limits.age_s)
+        rests = envelope.kind == "magnetic"
+        patience = CARRIAGE_FEEDBACK_S if rests else FEEDBACK_S
+        return cls(envelope.low, envelope.high, envelope.rate, rests, tick_s, patience, stop_s=envelope.limits.age_s)
 
 
 @dataclass(frozen=True, slots=True)

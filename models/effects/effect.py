@@ -64,6 +64,11 @@ class Effect:
         """The parameter whose value 0 switches the effect off."""
         return cls.parameters()[0]
 
+    @classmethod
+    def start(cls) -> dict[str, float]:
+        """Where a search begins that knows nothing of the effect: its declared values, by `effect_id.name`."""
+        return {f"{cls.id}.{p.name}": p.value for p in cls.parameters()}
+
     def level(self, s: Signals, p: Values, z: Values) -> Any:
         """Factor on the wall's grip, that is on F_e and f_c (on the Coulomb friction of a plate or an axis)."""
         return 1.0

@@ -3,8 +3,8 @@ many it is out of step, and least squares sees no way."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.stats import qmc
@@ -15,10 +15,13 @@ from models.identification.kind import Kind
 from models.record import Record
 
 _BEGINNINGS_S = (2.0, 5.0, 12.0, 28.0)
+_TELLING_S = 12.0  # a beginning worth wide secants, and that may put a model out of the race
 _ROUNDS = 6
 _OFF = 0.2  # of a nominal value, what a base may be off by
 _DOUBLINGS = 5.5  # of an amplitude's probe
 _NEAR = 3.0  # scales around a start
+_BASES = 2  # on which effects are drawn anew
+_IN_REACH = 1.3  # times what the last of those that count leaves
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,54 @@ THOROUGH = Effort(512, (16, 6, 3, 2, 1))
 QUICK = Effort(256, (8, 4, 2, 1, 1))
 
 
+@dataclass
+class Climb:
+    """One model on its way from the first teeth to whole records. At every length the starts, and the effects drawn anew on the bases found
+    so far, stand beside what the shorter ones led to, for what a short one does not show it cannot tell. Of the effect `fresh` not even
+    the size is known. `fits` are those of the last length, the best first."""
+
+    kind: Kind
+    effects: Sequence[str]
+    starts: Sequence[Mapping[str, float]]
+    stage: int
+    effort: Effort
+    fresh: str = ""
+    fits: list[Fit] = field(default_factory=list)
+
+    def on(self, number: int, length: float, records: Sequence[Record]) -> None:
+        """To the next `length` in s, `records` being the beginnings number `number`."""
+        places = [dict(start) for start in self.starts]
+        if self.fits:
+            found = [fit.theta for fit in self.fits]
+            points = found + places + self._redrawn(found[:_BASES])
+        else:
+            points = places + self._scattered()
+        costs = [float(r @ r) for r in evaluate_all(self.kind, records, points, self.stage)]
+        best = [points[i] for i in np.argsort(costs, kind="stable")[: self.effort.kept[number]]]
+        widths = NARROW if length >= _TELLING_S else NARROW[-1:]
+        fits = [narrowing(self.kind, records, self.effects, point, self.stage, widths, _ROUNDS) for point in best]
+        self.fits = sorted(fits, key=lambda fit: fit.cost)
+
+    def _scattered(self) -> list[dict[str, float]]:
+        """Places around the nominal base and close to the starts' effects, with amplitudes of every size of the one that is fresh."""
+        return self._drawn(self.starts, axes(self.kind, self.effects), self.effort.places, seed=0)
+
+    def _redrawn(self, found: Sequence[Mapping[str, float]]) -> list[dict[str, float]]:
+        """Each base of `found` with effects from around their declared values: a drift does not show in the first few teeth."""
+        moved = [axis for axis in axes(self.kind, self.effects) if "." in axis.name]
+        bases = [{name: value for name, value in theta.items() if "." not in name} for theta in found]
+        return self._drawn(bases, moved, self.effort.places // 2, seed=1)
+
+    def _drawn(
+        self, starts: Sequence[Mapping[str, float]], moved: Sequence[Axis], count: int, seed: int
+    ) -> list[dict[str, float]]:
+        shares = qmc.Sobol(len(moved), seed=seed).random(count) if moved else np.zeros((0, 0))
+        return [
+            {**start, **{axis.name: _place(axis, start, share, self.fresh) for axis, share in zip(moved, row, strict=True)}}
+            for start, row in ((starts[i % len(starts)], row) for i, row in enumerate(shares))
+        ]
+
+
 def lengthening(
     kind: Kind,
     records: Sequence[Record],
@@ -42,37 +93,37 @@ def lengthening(
     effort: Effort = THOROUGH,
     fresh: str = "",
 ) -> Fit:
-    """The best fit on the whole records. At every length the starts stand beside what the shorter ones led to, for what a short one
-    does not show it cannot tell. Of the effect `fresh` not even the size is known."""
-    places = [dict(start) for start in starts]
-    points = places + _scattered(kind, effects, places, effort.places, fresh)
-    for length, kept in zip((*_BEGINNINGS_S, np.inf), effort.kept, strict=True):
+    """The best fit on the whole records."""
+    climb = Climb(kind, effects, starts, stage, effort, fresh)
+    for number, length, parts in _beginnings(records):
+        climb.on(number, length, parts)
+    return climb.fits[0]
+
+
+def race(records: Sequence[Record], climbs: Mapping[str, Climb], counting: int) -> dict[str, Fit]:
+    """Fits on the whole records of those `climbs` that stay in reach of the first `counting`; the rest end on their way."""
+    running = dict(climbs)
+    for number, length, parts in _beginnings(records):
+        for climb in running.values():
+            climb.on(number, length, parts)
+        costs = {name: climb.fits[0].chi2 for name, climb in running.items()}
+        if length >= _TELLING_S:
+            limit = _IN_REACH * sorted(costs.values())[min(counting, len(costs)) - 1]
+            running = {name: climb for name, climb in running.items() if costs[name] <= limit}
+    return {name: climb.fits[0] for name, climb in running.items()}
+
+
+def _beginnings(records: Sequence[Record]) -> Iterator[tuple[int, float, list[Record]]]:
+    """Number, length in s and records cut to it, the whole ones last."""
+    for number, length in enumerate((*_BEGINNINGS_S, np.inf)):
         parts = [_beginning(record, length) for record in records]
-        if length < np.inf and all(len(part) == len(record) for part, record in zip(parts, records, strict=True)):
-            continue
-        costs = [float(r @ r) for r in evaluate_all(kind, parts, points, stage)]
-        best = [points[i] for i in np.argsort(costs, kind="stable")[:kept]]
-        fits = [narrowing(kind, parts, effects, point, stage, NARROW, _ROUNDS) for point in best]
-        fits.sort(key=lambda fit: fit.cost)
-        points = [fit.theta for fit in fits] + places
-    return fits[0]
+        if length == np.inf or any(len(part) < len(record) for part, record in zip(parts, records, strict=True)):
+            yield number, length, parts
 
 
 def _beginning(record: Record, length: float) -> Record:
     t = record["t_s"]
     return record.rows(slice(0, int(np.searchsorted(t, t[0] + length))))
-
-
-def _scattered(
-    kind: Kind, effects: Sequence[str], starts: Sequence[Mapping[str, float]], count: int, fresh: str
-) -> list[dict[str, float]]:
-    """Places around the nominal base and close to the starts' effects, with amplitudes of every size of the one that is `fresh`."""
-    moved = axes(kind, effects)
-    shares = qmc.Sobol(len(moved), seed=0).random(count) if moved else np.zeros((0, 0))
-    return [
-        {**start, **{axis.name: _place(axis, start, share, fresh) for axis, share in zip(moved, row, strict=True)}}
-        for start, row in ((starts[i % len(starts)], row) for i, row in enumerate(shares))
-    ]
 
 
 def _place(axis: Axis, start: Mapping[str, float], share: float, fresh: str) -> float:

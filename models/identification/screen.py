@@ -60,7 +60,7 @@ class _View:
         amplitude, head = effect.amplitude(), f"{effect.id}."
         starts = []
         for shape in shapes:
-            start = {head + p.name: p.value for p in effect.parameters()} | {head + k: v for k, v in shape.items()}
+            start = effect.start() | {head + k: v for k, v in shape.items()}
             start[head + amplitude.name] = float(np.clip(effect.probe, amplitude.lower, amplitude.upper))
             starts.append(start)
         phases = ({head + "phase_rad": 0.0}, {head + "phase_rad": np.pi / 2}) if head + "phase_rad" in starts[0] else ({},)

@@ -11,7 +11,7 @@ from models.effects import BY_ID, REFINEMENTS
 from models.identification.fit import FINE, NARROW, WIDE, Fit, descend, evaluate_all, narrowing
 from models.identification.judging import Split, block_costs, judged, judged_cost, middle_stage, training_cost
 from models.identification.kind import Kind
-from models.identification.lengthening import QUICK, lengthening
+from models.identification.lengthening import QUICK, Climb, lengthening, race
 from models.identification.screen import Screened
 from models.record import Record
 
@@ -46,9 +46,7 @@ def tournament(
     part = splits[0][0]
     entries = {row.effect: _entry(kind, part, effects, thetas[0], row) for row in screened}
     entered = sorted(entries, key=lambda name: entries[name][0])
-    fitted = {}
-    for name in _with_look_alikes(kind, entered):
-        fitted[name] = _heat(kind, part, effects, name, entries[name][1])
+    fitted = _heats(kind, part, effects, {name: entries[name][1] for name in _with_look_alikes(kind, entered)})
     ranking = sorted(fitted, key=lambda name: fitted[name].cost)
     finalists = [name for name in ranking[:FINAL] if fitted[name].cost <= BEHIND * fitted[ranking[0]].cost]
     before = block_costs(kind, splits, thetas)
@@ -75,8 +73,9 @@ def _entry(
 ) -> tuple[float, list[dict[str, float]]]:
     """Where the heat of a candidate may start, best first, and what that point costs: after a short fit from each opening, to an observer
     that forgets fast. Where no such observer is to be had (a kind with `free_only`: a strong effect that the free run follows throws its observer out
-    of step) from the best opening at either base, to the free run, with wide secants."""
-    bases = (theta, {**theta, **_nominal(kind)})
+    of step) from the best opening at either base, to the free run of the first record, with wide secants."""
+    bases = _begins(kind, theta)
+    part = part[:1] if kind.free_only else part
     if kind.free_only:
         openings = [min((_opening(kind, part, (base,), row.effect, start) for start in row.starts), key=_first) for base in bases]
     else:
@@ -91,16 +90,20 @@ def _first(row: tuple[float, dict[str, float]]) -> float:
     return row[0]
 
 
-def _heat(kind: Kind, part: Sequence[Record], effects: Sequence[str], name: str, starts: Sequence[dict[str, float]]) -> Fit:
-    """A fit of `effects` and `name` good enough to rank by."""
-    model, stage = [*effects, name], middle_stage(kind)
+def _heats(
+    kind: Kind, part: Sequence[Record], effects: Sequence[str], starts: Mapping[str, Sequence[dict[str, float]]]
+) -> dict[str, Fit]:
+    """Fits of `effects` and each candidate good enough to rank by; without those that fell behind on the way."""
+    stage = middle_stage(kind)
     if kind.free_only:
-        return lengthening(kind, part, model, starts, stage, QUICK, name)
-    return narrowing(kind, part, model, starts[0], stage, NARROW, 8)
+        climbs = {name: Climb(kind, [*effects, name], own, stage, QUICK, name) for name, own in starts.items()}
+        return race(part, climbs, FINAL)
+    return {name: narrowing(kind, part, [*effects, name], own[0], stage, NARROW, 8) for name, own in starts.items()}
 
 
-def _nominal(kind: Kind) -> dict[str, float]:
-    return {p.name: p.value for p in kind.base if p.fit}
+def _begins(kind: Kind, theta: Mapping[str, float]) -> list[dict[str, float]]:
+    """`theta`, and the same at the nominal base: one fitted without an effect may be bent to make up for it."""
+    return [dict(theta), {**theta, **{p.name: p.value for p in kind.base if p.fit}}]
 
 
 def _opening(
@@ -155,7 +158,7 @@ def refit(
 ) -> dict[str, float]:
     """The best of several ways to a fit on `records`, as judged: stepped on from where it is; down the stages where the kind has
     observers that can be trusted; and, where these leave more than `enough` (about the noise), from where it is and from the nominal
-    base (a base fitted without an effect is bent) with wide secants or, where only the free run judges, on ever longer beginnings, there
+    base with wide secants or, where only the free run judges, on ever longer beginnings, there
     also with the newest effect as it is declared."""
     stage = middle_stage(kind)
     if kind.stages == 1:
@@ -165,20 +168,16 @@ def refit(
         fits.append(down_the_stages(kind, records, effects, start))
     costs = [judged_cost(kind, records, theta) for theta in fits]
     if min(costs) > enough:
-        begins = [start, {**start, **_nominal(kind)}]
+        begins = _begins(kind, start)
         if kind.free_only:
             newest = next((name for name in reversed(effects) if BY_ID[name] not in REFINEMENTS), "")
-            begins.append({**begins[-1], **_declared(newest)})
+            if newest:
+                begins.append({**begins[-1], **BY_ID[newest].start()})
             fits.append(lengthening(kind, records, effects, begins, stage, fresh=newest).theta)
         else:
             fits += [narrowing(kind, records, effects, begin, stage, WIDE).theta for begin in begins]
         costs = [judged_cost(kind, records, theta) for theta in fits]
     return fits[int(np.argmin(costs))]
-
-
-def _declared(effect: str) -> dict[str, float]:
-    """What an effect starts from where nothing is known of it."""
-    return {f"{effect}.{p.name}": p.value for p in BY_ID[effect].parameters() if p.fit} if effect else {}
 
 
 def down_the_stages(
@@ -193,10 +192,9 @@ def down_the_stages(
 
 
 def mend(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> dict[str, float]:
-    """A fit with one more free curve, from close by."""
+    """A fit with one more free curve: from close by, or on ever longer beginnings where only the free run judges."""
     if kind.free_only:
-        begins = [start, {**start, **_nominal(kind)}]
-        return lengthening(kind, records, effects, begins, middle_stage(kind), QUICK).theta
+        return lengthening(kind, records, effects, _begins(kind, start), middle_stage(kind), QUICK).theta
     return down_the_stages(kind, records, effects, start)
 
 

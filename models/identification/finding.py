@@ -108,7 +108,12 @@ def _statements(found: Search, verdict: str) -> list[str]:
         said.append(
             f"The effects take away {100 * min(found.explained, 1.0):.0f} % of the misfit beyond chance on records not used to fit them."
         )
-    if found.restless > CLEAN * found.chance_cost:
+    if found.horizon_s < np.inf:
+        said.append(
+            f"The motion is restless: only over the first {found.horizon_s:g} s of the records does the model predict itself when its base "
+            "numbers are a thousandth off; effects are judged on these."
+        )
+    elif found.restless > CLEAN * found.chance_cost:
         said.append(
             f"The motion is restless: the model leaves {found.restless:.3g} of itself when its base numbers are a thousandth off."
         )

@@ -14,7 +14,7 @@ from models.identification.fit import NARROW, Axis, Fit, axes, evaluate_all, nar
 from models.identification.kind import Kind
 from models.record import Record
 
-_BEGINNINGS_S = (2.0, 5.0, 12.0, 28.0)
+BEGINNINGS_S = (2.0, 5.0, 12.0, 28.0)
 _TELLING_S = 12.0  # a beginning worth wide secants, and that may put a model out of the race
 _ROUNDS = 6
 _OFF = 0.2  # of a nominal value, what a base may be off by
@@ -95,7 +95,7 @@ def lengthening(
 ) -> Fit:
     """The best fit on the whole records."""
     climb = Climb(kind, effects, starts, stage, effort, fresh)
-    for number, length, parts in _beginnings(records):
+    for number, length, parts in _lengths(records):
         climb.on(number, length, parts)
     return climb.fits[0]
 
@@ -103,7 +103,7 @@ def lengthening(
 def race(records: Sequence[Record], climbs: Mapping[str, Climb], counting: int) -> dict[str, Fit]:
     """Fits on the whole records of those `climbs` that stay in reach of the first `counting`; the rest end on their way."""
     running = dict(climbs)
-    for number, length, parts in _beginnings(records):
+    for number, length, parts in _lengths(records):
         for climb in running.values():
             climb.on(number, length, parts)
         costs = {name: climb.fits[0].chi2 for name, climb in running.items()}
@@ -113,17 +113,17 @@ def race(records: Sequence[Record], climbs: Mapping[str, Climb], counting: int) 
     return {name: climb.fits[0] for name, climb in running.items()}
 
 
-def _beginnings(records: Sequence[Record]) -> Iterator[tuple[int, float, list[Record]]]:
+def _lengths(records: Sequence[Record]) -> Iterator[tuple[int, float, list[Record]]]:
     """Number, length in s and records cut to it, the whole ones last."""
-    for number, length in enumerate((*_BEGINNINGS_S, np.inf)):
-        parts = [_beginning(record, length) for record in records]
+    for number, length in enumerate((*BEGINNINGS_S, np.inf)):
+        parts = beginnings(records, length)
         if length == np.inf or any(len(part) < len(record) for part, record in zip(parts, records, strict=True)):
             yield number, length, parts
 
 
-def _beginning(record: Record, length: float) -> Record:
-    t = record["t_s"]
-    return record.rows(slice(0, int(np.searchsorted(t, t[0] + length))))
+def beginnings(records: Sequence[Record], length: float) -> list[Record]:
+    """The first `length` s of each record."""
+    return [record.rows(slice(0, int(np.searchsorted(record["t_s"], record["t_s"][0] + length)))) for record in records]
 
 
 def _place(axis: Axis, start: Mapping[str, float], share: float, fresh: str) -> float:

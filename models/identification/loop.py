@@ -10,6 +10,7 @@ import numpy as np
 
 from models.effects import BY_ID, REFINEMENTS
 from models.identification.fit import FINE, NARROW, WIDE, Fit, narrowing
+from models.identification.horizon import predictable, restlessness
 from models.identification.judging import Split, block_costs, judged_cost
 from models.identification.kind import Kind
 from models.identification.screen import Screened, chance, screen
@@ -23,8 +24,6 @@ LEAST_DROP = 0.1
 REFINES = 0.01
 EXPLAINED = 0.6
 CLEAN = 1.5
-_THOUSANDTH = 1e-3
-_IMITATIONS = 4
 _WAYS_DOWN = 3
 _APART = 2.0  # standard errors
 _AS_BEFORE = 1.2  # times what the fit on a part leaves there; free curves take long
@@ -50,6 +49,7 @@ class Search:
     after: float = 0.0
     chance_cost: float = 1.0
     restless: float = 0.0
+    horizon_s: float = np.inf
 
     @property
     def model(self) -> list[str]:
@@ -77,11 +77,48 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
     ]
     found = Search(base, base)
     clock.note("calibration", found)
+    thetas = _named(kind, splits, parts, found, progress, clock, rng)
+    if kind.free_only and not found.effects and found.after > CLEAN:
+        trials = found.rounds[0][2] if found.rounds else []
+        likeliest = trials[0].thetas[0] if trials else parts[0]
+        found.horizon_s, splits = predictable(kind, splits, likeliest, CLEAN, rng)
+        if found.horizon_s < np.inf:
+            parts = [refit(kind, part, [], base.theta) for part, _ in splits]
+            thetas = _named(kind, splits, parts, found, progress, clock, rng)
+    progress("fitting the model on all records", 0.85)
+    if found.effects:
+        found.refinements, thetas = _refined(kind, splits, thetas, found)
+        reached = _AS_BEFORE * judged_cost(kind, splits[0][0], thetas[0]) if found.refinements else 0.0
+        start = refit(kind, train, found.model, {**base.theta, **thetas[0]}, max(NEAR_NOISE, reached))
+        found.augmented = narrowing(kind, train, found.model, start, last, FINE)
+    if kind.stages > 1:
+        found.augmented = _finished(kind, train, found.model, found.augmented)
+    if found.effects and kind.stages > 1:
+        found.restless = restlessness(kind, splits, found.augmented.theta, rng)
+    if not found.effects:
+        found.calibrated = found.augmented
+    clock.note("final fit", found)
+    return found
+
+
+def _named(
+    kind: Kind,
+    splits: Sequence[Split],
+    parts: list[dict[str, float]],
+    found: Search,
+    progress: Progress,
+    clock: _Clock,
+    rng: np.random.Generator,
+) -> list[dict[str, float]]:
+    """Effects added to `found` one at a time while validation records gain beyond what chance gives; the fits on the splits' parts."""
     progress("what chance looks like", 0.15)
-    found.threshold, found.detectable, found.chance_cost = chance(kind, splits[0][0][:1], base.theta, rng)
+    found.threshold, found.detectable, found.chance_cost = chance(kind, splits[0][0][:1], parts[0], rng)
     found.threshold = max(found.threshold, kind.least_gain)
     clock.note("chance", found)
     found.before = found.after = _cost(kind, splits, parts)
+    found.rounds = []
+    if kind.free_only and found.chance_cost > CLEAN and found.horizon_s == np.inf:
+        return parts
     thetas = parts
     for number in range(1, MOST_EFFECTS + 1):
         if found.after < max(found.chance_cost + LEAST_DROP, found.chance_cost * np.exp(kind.least_gain)) or (
@@ -106,20 +143,7 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
         found.after = _cost(kind, splits, thetas)
         thetas = _test_again(kind, splits, thetas, found)
         clock.note("testing again", found)
-    progress("fitting the model on all records", 0.85)
-    if found.effects:
-        found.refinements, thetas = _refined(kind, splits, thetas, found)
-        reached = _AS_BEFORE * judged_cost(kind, splits[0][0], thetas[0]) if found.refinements else 0.0
-        start = refit(kind, train, found.model, {**base.theta, **thetas[0]}, max(NEAR_NOISE, reached))
-        found.augmented = narrowing(kind, train, found.model, start, last, FINE)
-    if kind.stages > 1:
-        found.augmented = _finished(kind, train, found.model, found.augmented)
-    if found.effects and kind.stages > 1:
-        found.restless = restlessness(kind, splits, found.augmented.theta, rng)
-    if not found.effects:
-        found.calibrated = found.augmented
-    clock.note("final fit", found)
-    return found
+    return thetas
 
 
 def _finished(kind: Kind, records: Sequence[Record], effects: Sequence[str], fit: Fit) -> Fit:
@@ -131,18 +155,6 @@ def _finished(kind: Kind, records: Sequence[Record], effects: Sequence[str], fit
             return min(best, again, key=lambda fit: fit.cost)
         best = again
     return best
-
-
-def restlessness(kind: Kind, splits: Sequence[Split], theta: Mapping[str, float], rng: np.random.Generator) -> float:
-    """Validation cost that the model leaves of itself, with noise, where the base's numbers are a thousandth off: what no fit can do
-    better than where teeth that come a little early change all that follow."""
-    fitted = {p.name for p in kind.base if p.fit}
-    cost = 0.0
-    _, held = splits[0]
-    for _ in range(_IMITATIONS):
-        moved = {name: v * (1 + _THOUSANDTH * rng.choice((-1, 1))) if name in fitted else v for name, v in theta.items()}
-        cost = max(cost, judged_cost(kind, [kind.imitate(record, moved, rng) for record in held], theta))
-    return cost
 
 
 def _test_again(kind: Kind, splits: Sequence[Split], thetas: list[dict[str, float]], found: Search) -> list[dict[str, float]]:

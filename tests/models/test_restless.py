@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from models.identification.horizon import restlessness
 from models.identification.kinds.gut import GutKind
-from models.identification.loop import restlessness
 from models.record import read_record
 from models.rig import read_rig
 from plant.series import make_series

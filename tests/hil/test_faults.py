@@ -15,7 +15,7 @@ AT_S, DURATION_S = 0.3, 0.2
 TO_LIVE_S = {"magnetic": 0.020, "coil": 0.010, "vibro": 0.010}
 """From the last good command frame to the safe state."""
 BUS_S = dict.fromkeys(RIGS, 0.02)
-SEEN_S = {kind: 0.010 + TO_LIVE_S[kind] for kind in RIGS}
+SEEN_S = {"magnetic": 0.025, "coil": 0.010, "vibro": 0.010}
 """A drive that is not heard for 10 ms is stopped."""
 PLACE_S = dict.fromkeys(RIGS, 0.155)
 """150 ms without localisation, and the next tick's way to the drive."""

@@ -16,7 +16,7 @@ TO_LIVE_S = {"magnetic": 0.020, "coil": 0.010, "vibro": 0.010}
 """From the last good command frame to the safe state."""
 BUS_S = dict.fromkeys(RIGS, 0.02)
 SEEN_S = {"magnetic": 0.025, "coil": 0.010, "vibro": 0.010}
-"""A drive that is not heard for 10 ms is stopped."""
+"""A carriage that is not heard for 20 ms is stopped, another drive after 10."""
 PLACE_S = dict.fromkeys(RIGS, 0.155)
 """150 ms without localisation, and the next tick's way to the drive."""
 BLIND = ("bus_off localiser", "nan localisation", "lost localisation", "drop localisation", "corrupt localisation")

@@ -1,7 +1,11 @@
-"""Mean speed of vibro drives on the gut over drive frequency, held against paper A's claim about the wall's 0.05 s."""
+"""Mean speed of vibro drives on the gut over drive frequency, held against paper A's claim about the wall's 0.05 s.
+
+`python -m hil.app.vibro_sweep DIR` sweeps 24 drives (a quarter of a minute), prints for which the claim holds, and draws all into DIR.
+"""
 
 from __future__ import annotations
 
+import argparse
 import json
 from dataclasses import asdict, dataclass
 from itertools import product
@@ -120,3 +124,20 @@ def _figure(found: dict[str, Any]) -> go.Figure:
         template="plotly_white",
     )
     return figure
+
+
+def main() -> None:
+    """Sweep, draw, and print the verdicts."""
+    parser = argparse.ArgumentParser(prog="python -m hil.app.vibro_sweep", description=CLAIM)
+    parser.add_argument("out", type=Path, metavar="DIR", help="folder for vibro_sweep.html and vibro_sweep.json")
+    out = parser.parse_args().out
+    found = vibro_sweep(out)
+    for verdict, names in found["verdicts"].items():
+        print(f"{verdict} ({len(names)}): {'; '.join(names)}")
+    pairs = zip(found["frequency_Hz"], found["median_speed_m_s"], strict=True)
+    print("median of the sizes, mm/s: " + ", ".join(f"{1e3 * v:.2g} at {f:g} Hz" for f, v in pairs))
+    print(out / "vibro_sweep.html")
+
+
+if __name__ == "__main__":
+    main()

@@ -81,7 +81,9 @@ class Model:
             strange = next((name for name in present if name not in effects), None)
             if strange is not None:
                 hint = nearest(strange, list(effects))
-                raise ValueError(f"model [{stage}] must have effects that can act on a {kind.name} rig; got {strange!r}; {hint}")
+                raise ValueError(
+                    f"model [{stage}] must have effects that can act on a rig of kind {kind.name}; got {strange!r}; {hint}"
+                )
             own = [(p, p.fit) for p in effect_parameters([effects[name] for name in present])]
             _check_values(stage, values, [*((p, True) for p in base), *own])
 

@@ -223,7 +223,7 @@ BAD_MODELS = {
     "effect incomplete": (lambda text: text + '\n"stribeck.excess" = 0.1\n', "must have the key 'stribeck.speed_m_s'"),
     "effect of another kind": (
         lambda text: text + '\n"wall_viscosity.viscosity_N_s_per_m" = 0.1\n',
-        "effects that can act on a axis rig",
+        "effects that can act on a rig of kind axis",
     ),
 }
 

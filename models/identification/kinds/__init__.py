@@ -10,7 +10,7 @@ from models.identification.kinds.gut import GutKind
 from models.identification.kinds.periods import PeriodsKind
 from models.identification.kinds.vibro_table import VibroTableKind
 from models.identification.kinds.zero_phase import evened
-from models.record import Record
+from models.record import Record, named
 from models.rig import Rig
 
 AnyKind = AxisKind | DmaKind | GutKind | PeriodsKind | VibroTableKind
@@ -32,4 +32,7 @@ def kind_for(rig: Rig, records: Sequence[Record]) -> AnyKind:
 
 def ready(record: Record) -> Record:
     """`record` as its kind works on it: a stage's at even times."""
-    return evened(record, ("position_m", "force_N")) if record.kind == "axis" else record
+    if record.kind != "axis":
+        return record
+    with named(record):
+        return evened(record, ("position_m", "force_N"))

@@ -52,7 +52,7 @@ def evened(record: Record, columns: Sequence[str]) -> Record:
         return record
     if steps[worst] > _LONGEST * usual:
         raise ValueError(
-            f"{record.name}: t_s must be evenly spaced to be differentiated, no step above {_LONGEST:g} times the usual one; "
+            f"t_s must be evenly spaced to be differentiated, no step above {_LONGEST:g} times the usual one; "
             f"got a step of {steps[worst]:g} s at {t[worst]:.12g} s among {usual:g} s"
         )
     even = np.linspace(t[0], t[-1], len(t))

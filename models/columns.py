@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from models.parameter import nearest
+import numpy as np
+from numpy.typing import NDArray
 
 TIME = "t_s"
 TIME_SERIES_ROWS = 2_000_000
@@ -51,18 +53,42 @@ COLUMNS = MappingProxyType(
     }
 )
 
+_FORCE = (-1e3, 1e3, "between -1000 and 1000 N")
+_PLACE = (-100.0, 100.0, "between -100 and 100 m")
+
 RANGES = MappingProxyType(
     {
+        "position_m": _PLACE,
+        "carriage_position_m": _PLACE,
+        "force_N": _FORCE,
+        "valley_N": _FORCE,
+        "peak_N": _FORCE,
+        "velocity_m_s": (0.0, 1.0, "the speed of the pull, positive and at most 1 m/s"),
+        "mean_velocity_m_s": (-10.0, 10.0, "between -10 and 10 m/s"),
+        "coil_current_A": (-1e3, 1e3, "between -1000 and 1000 A"),
+        "coil_voltage_V": (-1e4, 1e4, "between -10000 and 10000 V"),
         "period_s": (0.0, 1e4, "positive, in s"),
         "duty": (0.0, 1.0, "a share between 0 and 1"),
-        "cycles": (0.0, 1e9, "a positive number of periods"),
+        "cycles": (1.0, 1e9, "a number of periods, at least 1"),
         "drive_on": (0.0, 1.0, "between 0 (off) and 1 (on)"),
         "frequency_Hz": (0.0, 1e9, "positive, in Hz"),
         "storage_modulus_Pa": (0.0, 1e12, "positive, in Pa"),
         "loss_modulus_Pa": (0.0, 1e12, "not negative, in Pa"),
     }
 )
-MAY_BE_ZERO = frozenset({"duty", "drive_on", "loss_modulus_Pa"})
+ABOVE = frozenset({"velocity_m_s", "period_s", "frequency_Hz", "storage_modulus_Pa"})
+"""Columns whose lower bound is not a value itself."""
+_TIME_NAMES = ("time", "timestamp", "seconds", "sec")
+
+
+def first_wrong(name: str, values: NDArray[np.float64]) -> int | None:
+    """Row of the first value out of the range of the column `name`; None where there is none."""
+    if name not in RANGES:
+        return None
+    lower, upper, _ = RANGES[name]
+    good = ((values > lower) if name in ABOVE else (values >= lower)) & (values <= upper)
+    return None if good.all() else int(np.argmin(good))
+
 
 _UNITS = MappingProxyType(
     {
@@ -96,8 +122,19 @@ def check_header(where: str, kind: str, header: Sequence[str], with_measured: bo
             f"{where}: record must be one of a {kind} rig (column {wanted} is missing); got the columns of kind {found}"
         )
     free = [name for name in header if name not in COLUMNS[kind].known()]
-    hint = nearest(missing[0][0], free) if free else "it has no further columns"
-    raise ValueError(f"{where}: header must have the column {wanted} (kind {kind}); got {_listed(header)}; {hint}")
+    raise ValueError(
+        f"{where}: header must have the column {wanted} (kind {kind}); got {_listed(header)}; {_hint(missing, free)}"
+    )
+
+
+def _hint(missing: Sequence[tuple[str, ...]], free: Sequence[str]) -> str:
+    """Which column of ours a column of the file was probably meant to be."""
+    for name in (name for alternatives in missing for name in alternatives):
+        clock = [other for other in free if name == TIME and other.lower().startswith(_TIME_NAMES)]
+        close = clock or difflib.get_close_matches(name, free, n=1, cutoff=0.5)
+        if close:
+            return f"where it has {close[0]!r}, did you mean {name!r}?"
+    return "none of its further columns is like it" if free else "it has no further columns"
 
 
 def check_unit_names(where: str, kind: str, header: Sequence[str]) -> None:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 BLOCK_CHARACTERS = 1 << 22
 LONGEST_LINE = 1 << 20
 MOST_COLUMNS = 256
+_UNREADABLE = "\ufffd"
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ def read_blocks(path: Path, check: Callable[[list[str]], Sequence[str]]) -> Iter
             _, first = next(lines)
             separator = ";" if ";" in first else "\t" if "\t" in first and "," not in first else ","
             header = _header(path, first, separator)
-            parser = _Parser(str(path), header, separator, frozenset(check(header)))
+            parser = _Parser(str(path), header, separator, frozenset(_checked(header, check)))
             yield header, parser.parse([])
             block: list[tuple[int, str]] = []
             size = 0
@@ -57,6 +58,15 @@ def read_blocks(path: Path, check: Callable[[list[str]], Sequence[str]]) -> Iter
             raise ValueError(f"{path}: file must be complete gzip data; got a truncated or damaged one ({error})") from None
         except OSError as error:
             raise ValueError(f"{path}: record must be a file that can be read; got: {error.strerror or error}") from None
+
+
+def _checked(header: list[str], check: Callable[[list[str]], Sequence[str]]) -> Sequence[str]:
+    try:
+        return check(header)
+    except ValueError as error:
+        if not any(_UNREADABLE in name for name in header):
+            raise
+        raise ValueError(f"{error}; the header is not UTF-8 text (Latin-1?): save it as 'CSV UTF-8'") from None
 
 
 def _opened(path: Path) -> BinaryIO:

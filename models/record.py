@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.columns import COLUMNS, MAY_BE_ZERO, RANGES, TIME, check_header, check_unit_names
+from models.columns import COLUMNS, RANGES, TIME, check_header, check_unit_names, first_wrong
 from models.csv_blocks import Block, read_blocks
 from models.rig import Rig
 
@@ -43,6 +44,15 @@ class Record:
     def rows(self, index: Any) -> Record:
         """The same record with only the rows of `index`."""
         return Record(self.name, self.kind, {key: column[index] for key, column in self.columns.items()})
+
+
+@contextmanager
+def named(record: Record) -> Iterator[None]:
+    """Whatever is refused within says which record it is about."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"{record.name}: {error}") from None
 
 
 def read_record(path: Path, rig: Rig, *, driven_only: bool = False) -> Record:
@@ -100,6 +110,7 @@ class _Reading:
             )
         self._check_time(block)
         self._check_ranges(block)
+        self._check_peaks(block)
         self.blocks.append(block.values)
 
     def columns(self) -> dict[str, Array]:
@@ -130,11 +141,21 @@ class _Reading:
 
     def _check_ranges(self, block: Block) -> None:
         for index, name in enumerate(self.header):
-            if name not in RANGES or name not in COLUMNS[self.rig.kind].known():
+            if name not in COLUMNS[self.rig.kind].known():
                 continue
-            lower, upper, words = RANGES[name]
-            values = block.values[:, index]
-            good = ((values >= lower) if name in MAY_BE_ZERO else (values > lower)) & (values <= upper)
-            if not good.all():
-                row = int(np.argmin(good))
-                raise ValueError(f"{self.where}, line {block.lines[row]}: {name} must be {words}; got {values[row]:g}")
+            row = first_wrong(name, block.values[:, index])
+            if row is not None:
+                raise ValueError(
+                    f"{self.where}, line {block.lines[row]}: {name} must be {RANGES[name][2]}; got {block.values[row, index]:g}"
+                )
+
+    def _check_peaks(self, block: Block) -> None:
+        if self.rig.kind != "periods" or not {"valley_N", "peak_N"} <= set(self.header):
+            return
+        valley, peak = (block.values[:, list(self.header).index(name)] for name in ("valley_N", "peak_N"))
+        wrong = np.flatnonzero(~(peak > valley))
+        if wrong.size:
+            row = int(wrong[0])
+            raise ValueError(
+                f"{self.where}, line {block.lines[row]}: peak_N must be above valley_N; got {peak[row]:g} and {valley[row]:g}"
+            )

@@ -153,8 +153,8 @@ def _part(head: _Head, table: type[T]) -> T | None:
 
 def _pull_speed(where: str, head: _Head) -> float | None:
     speed = head.velocity_m_s if isinstance(head, _PeriodsHead) else None
-    if speed is not None and not 0 < abs(speed) <= 10:
-        raise ValueError(f"{where}: [rig] velocity_m_s must be the speed of the pull in m/s, not 0 and at most 10; got {speed:g}")
+    if speed is not None and not 0 < abs(speed) <= 1:
+        raise ValueError(f"{where}: [rig] velocity_m_s must be the speed of the pull in m/s, not 0 and at most 1; got {speed:g}")
     return speed
 
 

@@ -16,7 +16,7 @@ from hil.bus.codec import Refusal
 from hil.bus.log_file import RECEIVED, SENT, Logged
 from hil.bus.log_reading import is_log, read_frames
 from hil.bus.protection import Receiver
-from models.columns import COLUMNS, TIME
+from models.columns import COLUMNS, RANGES, TIME, first_wrong
 from models.record import Record, read_record
 from models.rig import Rig
 
@@ -81,6 +81,10 @@ def log_record(path: Path, rig: Rig, *, driven_only: bool = False, catalogue: Ca
     least, rows = 2 if driven_only else kind.minimum, len(columns[TIME])
     if not least <= rows <= kind.limit:
         raise ValueError(f"{path}: record of kind {rig.kind} must have {least} to {kind.limit} rows; the log gives {rows}")
+    for name, values in columns.items():
+        row = first_wrong(name, values)
+        if row is not None:
+            raise ValueError(f"{path}: {name} must be {RANGES[name][2]}; got {values[row]:g} at {columns[TIME][row]:g} s")
     return Record(path.stem, rig.kind, columns)
 
 

@@ -9,6 +9,7 @@ import os
 import sys
 from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -264,6 +265,8 @@ def _one_thread() -> None:
 
 def run(args: Sequence[str]) -> int:
     """Run one command line and return its exit status."""
+    if any(option == "--out=" or (option == "--out" and not word) for option, word in pairwise((*args, "-"))):
+        return _said("--out must name a file or a folder; got nothing", BAD_INPUT)
     try:
         status = app(list(args) or ["--help"], prog_name="capsule", standalone_mode=False)
     except (KeyboardInterrupt, typer.Abort):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hil.app.can_record import read_rig_record
 from hil.app.console import output_to_notes, print_json, summary
-from hil.app.write import check_file, write_table
+from hil.app.write import check_file, check_targets, write_table
 from models.columns import COLUMNS
 from models.identification import Model
 from models.identification.result import STAGES
@@ -26,9 +26,14 @@ def predict(record: Path, rig: Path, model: Path, out: Path, *, stage: str = "au
     if stage not in STAGES:
         raise ValueError(f"--stage must be one of {', '.join(STAGES)}; got {stage!r}; {nearest(stage, STAGES)}")
     check_file(out, "--out", (".csv", ".csv.gz"))
+    check_targets([out], "--out", [record, rig, model])
     belief = read_rig(rig)
     learned = read_model(model, belief.kind)
     driven = read_rig_record(record, belief, driven_only=True)
+    try:
+        learned.check(belief, driven)
+    except ValueError as error:
+        raise ValueError(f"{model}: {error}") from None
     with output_to_notes():
         columns = learned.predict(belief, driven, stage)
     write_table(out, columns)

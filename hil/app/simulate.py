@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from hil.app.write import check_targets
 from plant.recording import record_scenario
 from plant.scenario import load_scenario
 from plant.series import write_record
@@ -18,4 +19,5 @@ def simulate(scenario: Path, out: Path) -> None:
         raise ValueError(f"--out must end in .csv or .csv.gz; got {out.name!r}")
     if not out.parent.is_dir():
         raise ValueError(f"--out must lie in a folder that exists; got {str(out.parent)!r}")
+    check_targets([out], "--out", [scenario])
     write_record(out, record_scenario(load_scenario(scenario)))

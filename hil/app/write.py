@@ -6,7 +6,7 @@ import gzip
 import io
 import os
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +58,15 @@ def check_file(path: Path, option: str, endings: tuple[str, ...]) -> Path:
         raise ValueError(f"{option} must be a file; got the folder {path}")
     check_folder(path.absolute().parent, f"folder of {option}")
     return path
+
+
+def check_targets(outputs: Sequence[Path], option: str, inputs: Sequence[Path]) -> None:
+    """Refuse, before any work is done for them, outputs that are folders, or files that are read and would be lost."""
+    for out in outputs:
+        if out.is_dir():
+            raise ValueError(f"{option} must leave the name {out.name} free for a file; got the folder {out}")
+        if out.exists() and any(path.exists() and out.samefile(path) for path in inputs):
+            raise ValueError(f"{option} must not be a file that is read, which would be overwritten; got {out}")
 
 
 def _written(path: Path, data: bytes) -> Path:

@@ -10,10 +10,11 @@ import numpy as np
 from models.effects import BY_ID
 from models.identification.checks import residual_checks
 from models.identification.intervals import intervals
-from models.identification.kinds import AnyKind, kind_for
+from models.identification.kinds import AnyKind, kind_for, ready
 from models.identification.loop import CLEAN, EXPLAINED, Search, search
 from models.identification.model import Model
 from models.identification.result import STAGES, CandidateRow, Estimate, Finding, FoundEffect, Trace
+from models.identification.telling import check_parts, check_records
 from models.record import Record
 from models.rig import Rig
 
@@ -21,12 +22,16 @@ from models.rig import Rig
 def close(
     rig: Rig, train: Sequence[Record], holdout: Sequence[Record], progress: Callable[[str, float], None], seed: int = 0
 ) -> tuple[Finding, Model]:
-    """Calibrate the rig's model on `train`, find what it lacks, and report the errors before and after; `holdout` is opened last.
+    """Calibrate the rig's model on `train`, find what it lacks, and report the errors before and after; `holdout` is looked through for
+    what makes it unusable, then not opened until the end.
 
     The same records and `seed` give the same numbers. Raises ValueError for records that cannot tell anything.
     """
     began = time.monotonic()
+    check_records(train, holdout)
+    train, holdout = [ready(r) for r in train], [ready(r) for r in holdout]
     kind = kind_for(rig, train)
+    check_parts(kind, train, holdout)
     found = search(kind, train, progress, np.random.default_rng(seed))
     thetas = _stage_values(kind, found)
     progress("held-out records", 0.95)

@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from models.assembly import effect_parameters
 from models.columns import COLUMNS
-from models.effects import BY_ID
+from models.effects import BY_ID, REFINEMENTS
 from models.identification.kinds import kind_for
+from models.identification.kinds.driven import SWITCH_DELAY
 from models.identification.result import STAGES
-from models.parameter import nearest
-from models.record import Record
+from models.identification.telling import check_demand
+from models.parameter import Parameter, nearest
+from models.record import Record, named
 from models.rig import Rig
 
 FORMAT = 1
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -59,12 +63,46 @@ class Model:
         if stage not in self.stages:
             raise ValueError(f"stage must be one of {', '.join(STAGES)}; got {stage!r}; {nearest(stage, STAGES)}")
         driven = record.without(COLUMNS[rig.kind].measured)
+        check_demand(driven)
         kind = kind_for(rig, [driven])
-        unknown = [name for name in self.stages[stage] if "." not in name and name not in {p.name for p in kind.base}]
-        if unknown:
-            known = [p.name for p in kind.base]
-            raise ValueError(f"model must have parameters of a {kind.name} rig; got {unknown[0]!r}; {nearest(unknown[0], known)}")
-        return kind.columns(driven, kind.predict(driven, self.stages[stage]))
+        with named(record):
+            return kind.columns(driven, kind.predict(driven, self.stages[stage]))
+
+    def check(self, rig: Rig, record: Record) -> None:
+        """Refuse values that are not those of `rig` driven as in `record`: every stage must have the base's parameters, no other, and
+        those of effects that can act on it, all within their bounds. Raises ValueError of one sentence."""
+        kind = kind_for(rig, [record.without(COLUMNS[rig.kind].measured)])
+        base = tuple(
+            replace(p, upper=np.inf) if p.name == SWITCH_DELAY else p for p in kind.base
+        )  # at most a sample of its own records
+        effects = {effect.id: effect for effect in (*kind.effects, *REFINEMENTS)}
+        for stage, values in self.stages.items():
+            present = dict.fromkeys(name.split(".")[0] for name in values if "." in name)
+            strange = next((name for name in present if name not in effects), None)
+            if strange is not None:
+                hint = nearest(strange, list(effects))
+                raise ValueError(
+                    f"model [{stage}] must have effects that can act on a rig of kind {kind.name}; got {strange!r}; {hint}"
+                )
+            own = [(p, p.fit) for p in effect_parameters([effects[name] for name in present])]
+            _check_values(stage, values, [*((p, True) for p in base), *own])
+
+
+def _check_values(stage: str, values: Mapping[str, float], declared: Sequence[tuple[Parameter, bool]]) -> None:
+    """`values` against parameters, each with whether it must be there."""
+    known = [p.name for p, _ in declared]
+    unknown = next((name for name in values if name not in known), None)
+    if unknown is not None:
+        hint = nearest(unknown, [name for name in known if name not in values] or known)
+        raise ValueError(f"model [{stage}] must have parameters of its rig and effects; got {unknown!r}; {hint}")
+    for p, needed in declared:
+        if p.name not in values:
+            if needed:
+                raise ValueError(f"model [{stage}] must have the key {p.name!r}; it is missing")
+            continue
+        slack = _ROUNDING * max(abs(p.lower), abs(p.upper)) if np.isfinite(p.lower + p.upper) else 0.0
+        if not p.lower - slack <= values[p.name] <= p.upper + slack:
+            raise ValueError(f"model [{stage}] {p.name} must lie in [{p.lower:g}, {p.upper:g}] {p.unit}; got {values[p.name]:g}")
 
 
 def _values(raw: object, stage: str) -> dict[str, float]:
@@ -76,5 +114,12 @@ def _values(raw: object, stage: str) -> dict[str, float]:
             raise ValueError(f"model [{stage}] {name} must be a finite number; got {value!r}")
         if "." in name and name.split(".")[0] not in BY_ID:
             raise ValueError(f"model [{stage}] must name known effects; got {name!r}; {nearest(name.split('.')[0], list(BY_ID))}")
+        if "." in name:
+            effect, own = name.split(".", 1)
+            known = [p.name for p in BY_ID[effect].parameters()]
+            if own not in known:
+                raise ValueError(
+                    f"model [{stage}] {effect} must have parameters of that effect; got {own!r}; {nearest(own, known)}"
+                )
         out[str(name)] = float(value)
     return out

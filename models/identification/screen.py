@@ -75,11 +75,11 @@ class _View:
         beliefs = np.zeros(len(self.residual) - len(seen[0]))  # rows that hold fitted parameters to what is believed of them
         columns = [np.concatenate([row - self.residual[: len(row)], beliefs]) for row in seen]
         D, r = self.cleared(np.array(columns).T), self.cleared(self.residual)
-        size = float(np.linalg.norm(D))
-        if not np.isfinite(size) or size < 1e-9 * np.linalg.norm(r):
+        size, power = float(np.linalg.norm(D)), float(r @ r)
+        if not (0 < power < np.inf) or not np.isfinite(size) or size < 1e-9 * np.sqrt(power):
             return Screened(effect.id, 0.0, (start,), np.inf)
         factor, *_ = np.linalg.lstsq(D, -r, rcond=None)
-        share = 1 - float(np.sum((r + D @ factor) ** 2)) / float(r @ r)
+        share = 1 - float(np.sum((r + D @ factor) ** 2)) / power
         size *= 1 / np.sqrt(len(seen))
         if len(factor) == 2:
             start[head + "phase_rad"] = float(np.arctan2(factor[1], factor[0]))
@@ -89,7 +89,7 @@ class _View:
         start[head + amplitude.name] = float(np.clip(wanted, *reach))
         if not reach[0] <= wanted <= reach[1] and wanted * start[head + amplitude.name] <= 0:
             share = 0.0
-        return Screened(effect.id, share, (start,), abs(effect.probe) * float(np.linalg.norm(r)) / size)
+        return Screened(effect.id, share, (start,), abs(effect.probe) * float(np.sqrt(power)) / size)
 
 
 def _shapes(effect: type[Effect], records: Sequence[Record]) -> Iterator[dict[str, float]]:

@@ -37,6 +37,9 @@ class FakeModel:
             raise ValueError("model must have a kind; got none")
         return cls()
 
+    def check(self, rig: Rig, record: Record) -> None:
+        pass
+
     def predict(self, rig: Rig, record: Record, stage: str) -> dict[str, np.ndarray]:
         print("chatter that must not reach standard output")
         return {"t_s": record["t_s"], "force_N": np.zeros(len(record))}
@@ -195,7 +198,7 @@ def test_a_folder_that_cannot_be_written_to_is_refused_before_any_work(
 
 RECORD_FAULTS = {
     "empty": (lambda text: "", "empty file"),
-    "column missing": (lambda text: text.replace("force_N", "forse_N"), "did you mean 'forse_N'"),
+    "column missing": (lambda text: text.replace("force_N", "forse_N"), "'forse_N', did you mean 'force_N'"),
     "unit": (lambda text: text.replace("position_m", "position_mm"), "'position_m', in m; got 'position_mm'"),
     "time": (lambda text: text.replace("\n0.50,", "\n0.30,"), "line 52: t_s must increase"),
     "not a number": (lambda text: text.replace("\n0.50,0.0050", "\n0.50,nan"), "line 52: position_m must be a finite number"),

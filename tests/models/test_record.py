@@ -90,7 +90,7 @@ def test_further_columns_are_kept_where_they_hold_numbers(tmp_path: Path) -> Non
         (HEADER.replace("position_m", "position_mm") + ROWS, "'position_m', in m; got 'position_mm'"),
         (HEADER.replace("t_s", "t_ms") + ROWS, "'t_s', in s; got 't_ms'"),
         (HEADER.replace("force_N", "Force_N") + ROWS, "'force_N', in N; got 'Force_N'"),
-        (HEADER.replace("force_N", "forse_N") + ROWS, "column force_N.*did you mean 'forse_N'"),
+        (HEADER.replace("force_N", "forse_N") + ROWS, "column force_N.*'forse_N', did you mean 'force_N'"),
         (HEADER.replace("force_N", "t_s") + ROWS, "'t_s' twice"),
         ("t_s,carriage_position_m,position_m\n" + ROWS, "columns of kind magnetic"),
         ("period_s,valley_N,peak_N\n" + ROWS, "columns of kind periods"),

@@ -9,7 +9,8 @@ from models.identification.kinds.dma import DmaKind
 from models.identification.kinds.gut import GutKind
 from models.identification.kinds.periods import PeriodsKind
 from models.identification.kinds.vibro_table import VibroTableKind
-from models.record import Record
+from models.identification.kinds.zero_phase import evened
+from models.record import Record, named
 from models.rig import Rig
 
 AnyKind = AxisKind | DmaKind | GutKind | PeriodsKind | VibroTableKind
@@ -27,3 +28,11 @@ def kind_for(rig: Rig, records: Sequence[Record]) -> AnyKind:
         table = VibroTableKind.from_rig(rig)
         return table.settled(records) if records and "mean_velocity_m_s" in records[0].columns else table
     return GutKind.from_rig(rig, records)
+
+
+def ready(record: Record) -> Record:
+    """`record` as its kind works on it: a stage's at even times."""
+    if record.kind != "axis":
+        return record
+    with named(record):
+        return evened(record, ("position_m", "force_N"))

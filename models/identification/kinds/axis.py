@@ -18,7 +18,16 @@ from models.identification.kind import Array, OneByOne, Theta
 from models.identification.kinds.axis_effects import EFFECTS
 from models.identification.kinds.axis_words import equations, next_experiment, statements
 from models.identification.kinds.present import present
-from models.identification.kinds.zero_phase import Motion, decimate, motion, passed, quiet_roughness, repeat_lag, sampling_rate
+from models.identification.kinds.zero_phase import (
+    Motion,
+    decimate,
+    evened,
+    motion,
+    passed,
+    quiet_roughness,
+    repeat_lag,
+    sampling_rate,
+)
 from models.parameter import Parameter
 from models.record import Record
 from models.rig import Rig
@@ -96,6 +105,9 @@ class AxisKind(OneByOne):
 
     def predict(self, record: Record, theta: Theta) -> Array:
         """Force in N that the measured motion needs, one value a row."""
+        even = evened(record, ("position_m",))
+        if even is not record:
+            return np.interp(record["t_s"], even["t_s"], self.predict(even, theta))
         m = self._motion(record)
         s = Signals(t=m.t, x=m.x, v=m.v, direction=np.sign(m.v))
         acting = present(self.effects, theta)

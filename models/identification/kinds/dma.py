@@ -137,7 +137,8 @@ class DmaKind(OneByOne):
         single = [r.rows(rows) for r in records for rows in samples_of(r)]
         if len(single) == 1:
             record = single[0]
-            single = [record.rows(np.flatnonzero(record["frequency_Hz"] == f)) for f in np.unique(record["frequency_Hz"])]
+            left_out = [record["frequency_Hz"] == f for f in np.unique(record["frequency_Hz"])]
+            return [([record.rows(~out)] if not out.all() else [], [record.rows(out)]) for out in left_out]
         return [([s for s in single if s is not out], [out]) for out in single]
 
     def signals(self, record: Record) -> dict[str, Array]:

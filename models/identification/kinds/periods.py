@@ -144,9 +144,15 @@ class PeriodsKind(OneByOne):
         return sum(float(effect.wall_force(s, p, {})) for effect, p in present(self.effects, theta))
 
     def tooth(self, limit: float, speed: float, theta: Theta) -> Tooth:
-        """Rise and fall between slip at the tension `limit` in N and the relaxed wall."""
+        """Rise and fall between slip at the tension `limit` in N and the relaxed wall. Raises ValueError where no drag gives it."""
         recoil = self.return_speed_m_s
-        tooth = stick_slip_tooth(lambda u: self.tension(u, theta), limit, speed, recoil or 1.0)
+        try:
+            tooth = stick_slip_tooth(lambda u: self.tension(u, theta), limit, speed, recoil or 1.0)
+        except ValueError:
+            raise ValueError(
+                f"force must rise from valley to peak by what the wall's tension can reach at the pull's speed; got {limit:g} N "
+                f"at {speed:g} m/s"
+            ) from None
         return tooth if recoil is not None else Tooth(tooth.drag_m, tooth.rise_s, self.tissue.recovery_time_s)
 
     def residual(self, record: Record, theta: Theta, stage: int = 0) -> Array:

@@ -10,10 +10,12 @@ import numpy as np
 from scipy.optimize import brentq
 
 from models.identification.kind import Theta
-from models.record import Record
+from models.record import Record, named
 
 if TYPE_CHECKING:
     from models.identification.kinds.periods import PeriodsKind
+
+_WIDEST = 5.0  # logarithm of how much stiffer or softer a wall may be
 
 
 def equations(kind: PeriodsKind, theta: Theta) -> list[str]:
@@ -49,7 +51,8 @@ def statements(kind: PeriodsKind, theta_by_stage: Mapping[str, Theta], records: 
         f"{_period(kind, 0.01656):.4f} s, with L_s = L = {1e3 * kind.capsule.cylinder_length_m:g} mm "
         f"{_period(shorter(kind), 0.01656):.4f} s."
     )
-    factor = _stiffer_by(kind, limit, period)
+    with named(records[0]):
+        factor = _stiffer_by(kind, limit, period)
     out.append(
         f"One speed cannot tell apart: a wall {factor:.2f} times stiffer at this drag of "
         f"{1e3 * cycle.tooth.drag_m / factor:.3f} mm, a wall {factor:.2f} times stiffer at every drag, a stretched length of "
@@ -92,5 +95,14 @@ def _period(kind: PeriodsKind, limit: float) -> float:
 
 
 def _stiffer_by(kind: PeriodsKind, limit: float, period: float) -> float:
-    """Common factor on the tension that gives the measured period."""
-    return float(np.exp(brentq(lambda k: _period(kind, limit / np.exp(k)) - period, -5.0, 5.0)))
+    """Common factor on the tension that gives the measured period. Raises ValueError where none between 1/150 and 150 does."""
+
+    def given(k: float) -> float:
+        return _period(kind, limit / np.exp(k))
+
+    if not given(_WIDEST) <= period <= given(-_WIDEST):
+        raise ValueError(
+            f"pull at {kind.velocity_m_s:g} m/s with teeth of {limit:.3g} N must have a period_s of {given(_WIDEST):.3g} to "
+            f"{given(-_WIDEST):.3g} s, whatever the wall; got {period:.3g} s: is the speed right, and the forces in N?"
+        )
+    return float(np.exp(brentq(lambda k: given(k) - period, -_WIDEST, _WIDEST)))

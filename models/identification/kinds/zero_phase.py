@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -9,9 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, cheby1, filtfilt, freqz
 
+from models.record import Record
+
 Array = NDArray[np.float64]
 BAND_HZ = 20.0  # closed-loop bandwidth that the authors' cut-offs are multiples of
 BORDER_S = 0.05  # cut at the ends, where a zero-phase filter has only one side
+_EVEN, _LONGEST = 0.05, 5.0  # share by which steps may differ, and the longest in usual ones that is bridged
 
 
 @dataclass(frozen=True)
@@ -31,13 +35,29 @@ def _low_pass(factor: int) -> tuple[Array, Array]:
 
 
 def sampling_rate(t: Array) -> float:
-    """Samples per second of evenly spaced times; a ValueError where they are not even within 5 %."""
+    """Samples per second of evenly spaced times."""
+    return 1 / float(np.median(np.diff(t)))
+
+
+def evened(record: Record, columns: Sequence[str]) -> Record:
+    """`record` itself where its steps in time are even within 5 %, else its `columns` straight between samples at as many even times.
+
+    Raises ValueError where steps are so uneven that speed and acceleration would be guessed.
+    """
+    t = record["t_s"]
     steps = np.diff(t)
-    step = float(np.median(steps))
-    if np.max(np.abs(steps - step)) > 0.05 * step:
-        worst = int(np.argmax(np.abs(steps - step)))
-        raise ValueError(f"t_s must be evenly spaced to be differentiated; got a step of {steps[worst]:g} s among {step:g} s")
-    return 1 / step
+    usual = float(np.median(steps))
+    worst = int(np.argmax(np.abs(steps - usual)))
+    if abs(steps[worst] - usual) <= _EVEN * usual:
+        return record
+    if steps[worst] > _LONGEST * usual:
+        raise ValueError(
+            f"t_s must be evenly spaced to be differentiated, no step above {_LONGEST:g} times the usual one; "
+            f"got a step of {steps[worst]:g} s at {t[worst]:.12g} s among {usual:g} s"
+        )
+    even = np.linspace(t[0], t[-1], len(t))
+    there = {name: np.interp(even, t, record[name]) for name in columns if name in record.columns}
+    return Record(record.name, record.kind, {"t_s": even, **there})
 
 
 def motion(t: Array, position: Array) -> Motion:

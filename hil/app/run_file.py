@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from controller.choices import CONTROLLERS, leads
 from controller.gate import Gate, Verdict
 from controller.limits import Limits
 from controller.prediction import control_model
@@ -18,6 +19,7 @@ from hil.app.track_reference import read_reference
 from hil.bus.catalogue import load_catalogue
 from hil.nodes.cia402 import Cia402Table
 from hil.nodes.controller import Task
+from hil.nodes.wiring import WIRINGS
 from models.identification.result import STAGES
 from models.parameter import nearest
 from models.rig import LARGEST_FILE, TABLES, Rig, parse_rig
@@ -60,6 +62,11 @@ class ControlTable:
             raise ValueError(f"control.priority must lie in [0, 99]; got {self.priority}")
         if self.core < -1:
             raise ValueError(f"control.core must be a core's number, or -1 for any; got {self.core}")
+        if self.controller not in CONTROLLERS:
+            choices = f"one of {', '.join(CONTROLLERS)}"
+            raise ValueError(
+                f"control.controller must be {choices}; got {self.controller!r}; {nearest(self.controller, CONTROLLERS)}"
+            )
 
 
 @dataclass(frozen=True)
@@ -121,6 +128,8 @@ def parse_deployment(text: str, values: Mapping[str, float], name: str = "rig", 
             raise ValueError(f"{table} must be a table; got {content!r}")
     rig = _rig(raw)
     control = from_table(ControlTable, raw.get("control", {}), "control")
+    if rig.kind in WIRINGS and rig.kind not in leads(control.controller):
+        raise ValueError(f"control.controller must be one that leads a {rig.kind} rig; got {control.controller!r}")
     return Deployment(
         name,
         text,

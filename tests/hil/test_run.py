@@ -58,7 +58,8 @@ def test_a_drive_with_another_dbc_or_a_fault_is_not_led(
     finally:
         over.set()
         drive.join()
-    assert json.loads(capsys.readouterr().out)["ended"] == f"nothing to lead: {words}"
+    found = json.loads(capsys.readouterr().out)
+    assert (found["ended"], found["overruns"]) == (f"nothing to lead: {words}", 0)
 
 
 def test_check_says_what_is_missing(tmp_path: Path, channel: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -66,7 +67,7 @@ def test_check_says_what_is_missing(tmp_path: Path, channel: str, capsys: pytest
     assert run(["run", rig_file(tmp_path, text), "check", "--json"]) == 1
     found = {point["what"]: point for point in json.loads(capsys.readouterr().out)["points"]}
     assert not found["bus"]["good"]
-    assert not found["drive Carriage"]["good"]
+    assert (found["drive Carriage"]["good"], found["drive Carriage"]["words"]) == (False, "nothing heard")
     assert "carriage_speed_m_s must be at most 0.4" in found["limits"]["words"]
     assert found["model"]["good"]
     assert "p99" in found["time"]["words"]
@@ -83,7 +84,8 @@ def test_check_says_what_is_missing(tmp_path: Path, channel: str, capsys: pytest
         (deployment(control="core = -2"), "control.core must be a core's number"),
         (deployment(more="[limits]\ncarriage_speed_m_s = 0.5\n"), "carriage_speed_m_s must be at most 0.4"),
         (deployment(control="duratoin_s = 1"), "did you mean"),
-        (deployment(control='controller = "mpcc"'), "controller must be one of"),
+        (deployment(control='controller = "mpcc"'), "rig.toml: control.controller must be one of"),
+        (deployment(control='controller = "vibro"'), "control.controller must be one that leads a magnetic rig; got 'vibro'"),
         (deployment(more="[bis]"), "tables must be among"),
         (deployment(more='[model]\nfile = "no.toml"\nreport = "no.json"'), "model must be a file"),
         (deployment().replace("[bus]", "[bus]\nbitrate = 500000"), "bus.bitrate must be 1000000"),

@@ -124,17 +124,17 @@ def test_a_carriage_without_commands_stays() -> None:
     ],
 )
 def test_evidence(evidence: Evidence, reason: str) -> None:
-    for fence, rest in ((CARRIAGE, 0.1), (COIL, 0.0)):
+    for fence, rest in ((replace(CARRIAGE, feedback_s=0.01), 0.1), (COIL, 0.0)):
         out = passed(0.1, ENABLE, evidence, on(0.1), TICK, fence)
         assert out == (Passed(rest, 0.0, QUICK_STOP, 0, reason) if reason else Passed(0.1, 0.0, ENABLE))
 
 
 @pytest.mark.parametrize("way", [1, -1])
 def test_a_fast_carriage_is_waited_for_by_as_much_less_as_it_takes_to_brake(way: int) -> None:
-    """From 0.1 m/s at 25 m/s2: 4 ms of the 10."""
+    """From 0.1 m/s at 25 m/s2: 4 ms of the 20."""
     before = replace(on(0.1), rate=0.1 * way)
-    assert passed(0.1, ENABLE, replace(GOOD, feedback_s=0.006 - 1e-6), before, TICK, CARRIAGE).reason == ""
-    assert passed(0.1, ENABLE, replace(GOOD, feedback_s=0.006 + 1e-6), before, TICK, CARRIAGE).reason == "feedback lost"
+    assert passed(0.1, ENABLE, replace(GOOD, feedback_s=0.016 - 1e-6), before, TICK, CARRIAGE).reason == ""
+    assert passed(0.1, ENABLE, replace(GOOD, feedback_s=0.016 + 1e-6), before, TICK, CARRIAGE).reason == "feedback lost"
     assert passed(0.1, ENABLE, replace(GOOD, feedback_s=0.010), before, TICK, COIL).reason == ""
 
 

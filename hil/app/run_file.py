@@ -117,6 +117,15 @@ def load_deployment(path: Path) -> Deployment:
         raise ValueError(str(error) if str(error).startswith(str(path.parent)) else f"{path}: {error}") from None
 
 
+def read_deployed_rig(path: Path) -> Rig:
+    """The rig of a rig file or of a deployment file, whose own tables are left out. Raises ValueError of one sentence."""
+    try:
+        raw = tomllib.loads(_text(path))
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise ValueError(f"{path}: rig file must be TOML; got: {' '.join(str(error).split())[:200]}") from None
+    return _rig(raw, str(path))
+
+
 def parse_deployment(text: str, values: Mapping[str, float], name: str = "rig", verdict: Verdict | None = None) -> Deployment:
     """A deployment from TOML text and the learned `values`. Errors as `load_deployment`."""
     raw = tomllib.loads(text)
@@ -153,8 +162,8 @@ def _drive(raw: Mapping[str, Any], kind: str) -> Cia402Table | None:
     return from_table(Cia402Table, raw["cia402"], "cia402")
 
 
-def _rig(raw: Mapping[str, Any]) -> Rig:
-    return parse_rig({name: table for name, table in raw.items() if name not in OWN_TABLES}, "rig file")
+def _rig(raw: Mapping[str, Any], where: str = "rig file") -> Rig:
+    return parse_rig({name: table for name, table in raw.items() if name not in OWN_TABLES}, where)
 
 
 def _learned(raw: Mapping[str, Any], folder: Path) -> tuple[dict[str, float], Verdict | None]:

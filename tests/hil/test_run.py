@@ -10,10 +10,12 @@ import can
 import pytest
 
 from hil.app.main import run
-from hil.app.run_file import load_deployment
+from hil.app.run_file import load_deployment, read_deployed_rig
 from hil.bus.catalogue import load_catalogue
 from hil.bus.local import LocalBus
 from hil.bus.protection import Sender
+from models.rig import read_rig
+from tests.conftest import RIG
 from tests.hil.deployments import deployment, rig_file
 
 
@@ -130,3 +132,11 @@ def test_a_model_leads_only_through_the_gate(tmp_path: Path, capsys: pytest.Capt
     loaded = load_deployment(Path(rig_file(tmp_path, text)))
     assert loaded.verdict is not None
     assert loaded.verdict.passed
+
+
+def test_the_rig_of_a_deployment_is_that_of_its_rig_file(tmp_path: Path) -> None:
+    """So that `close-loop` takes the file that the run was led with."""
+    (tmp_path / "plain.toml").write_text(RIG)
+    assert read_deployed_rig(Path(rig_file(tmp_path, deployment()))) == read_rig(tmp_path / "plain.toml")
+    with pytest.raises(ValueError, match=r"rig\.toml: table must be one of a rig file; got 'bis'"):
+        read_deployed_rig(Path(rig_file(tmp_path, deployment(more="[bis]"))))

@@ -18,6 +18,7 @@ from hil.app.run_file import parse_deployment
 from hil.app.run_recorder import EXACT, LATE, START, STOP, UNSOLVED, code_version
 from hil.app.sil_scenario import parse_sil_scenario
 from hil.bus.catalogue import Catalogue, load_catalogue
+from hil.bus.log import FORMAT, record_path
 from hil.bus.log_file import NOTED, RECEIVED, Logged
 from hil.bus.log_reading import read_frames, read_log_record
 from hil.nodes.controller import ControllerNode, Task
@@ -103,8 +104,12 @@ class Replay:
 def replay(path: Path, *, json_output: bool = False) -> int:
     """Run the controller of the log `path` again; 0 where all its frames are the same, else 1. Raises ValueError of one sentence."""
     record, catalogue = read_log_record(path), load_catalogue()
-    with output_to_notes():
-        found = replayed(read_frames(path), task_of(record, str(path)), catalogue, bool(record.get("dry_run")))
+    _fits(record, catalogue, record_path(path))
+    try:
+        with output_to_notes():
+            found = replayed(read_frames(path), task_of(record, str(path)), catalogue, bool(record.get("dry_run")))
+    except ValueError as error:
+        raise ValueError(str(error) if str(error).startswith(str(path)) else f"{record_path(path)}: {error}") from None
     code = str(record.get("code", "unknown"))
     lines = [difference.words(catalogue) for difference in found.differences[:_SHOWN]]
     if json_output:
@@ -128,6 +133,13 @@ def replay(path: Path, *, json_output: bool = False) -> int:
     if not found.identical and code != code_version():
         console.print(f"code: log {code}, now {code_version()}", markup=False)
     return 0 if found.identical else 1
+
+
+def _fits(record: Mapping[str, Any], catalogue: Catalogue, where: Path) -> None:
+    """Raises ValueError for a record of another format, and for frames of another DBC."""
+    for key, own in (("format", FORMAT), ("catalogue", catalogue.fingerprint)):
+        if record.get(key) != own:
+            raise ValueError(f"{where}: {key} must be {own}, as this program has it; got {record.get(key)!r}")
 
 
 def task_of(record: Mapping[str, Any], where: str) -> Task:
@@ -154,10 +166,16 @@ def replayed(frames: Iterable[Logged], task: Task, catalogue: Catalogue, dry_run
         if dry_run and not message.is_rx:
             sent.append((message.arbitration_id, bytes(message.data)))
 
-    node = ControllerNode(task, tape, catalogue=catalogue, observer=keep, dry_run=dry_run)
+    with tape:
+        node = ControllerNode(task, tape, catalogue=catalogue, observer=keep, dry_run=dry_run)
+        return _compared(node, tape, list(ticks_of(frames, catalogue["Sync"].id)))
+
+
+def _compared(node: ControllerNode, tape: Tape, events: list[TickOfLog | Word]) -> Replay:
+    """The node's frames beside those of the log, tick by tick."""
+    sent = tape.sent
     ticks = count = late = 0
     differences: list[Difference] = []
-    events = list(ticks_of(frames, catalogue["Sync"].id))
     last = next((k for k in range(len(events) - 1, -1, -1) if isinstance(events[k], TickOfLog)), -1)
     for k, event in enumerate(events):
         if isinstance(event, Word):
@@ -175,7 +193,6 @@ def replayed(frames: Iterable[Logged], task: Task, catalogue: Catalogue, dry_run
         computed = sent[: len(event.sent)] if k == last else sent
         if computed != event.sent:
             differences.append(Difference(ticks, event.time_s, tuple(event.sent), tuple(sent)))
-    tape.shutdown()
     return Replay(ticks, count, late, tuple(differences))
 
 

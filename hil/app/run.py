@@ -14,7 +14,8 @@ from hil.app.run_file import BusTable, Deployment, load_deployment
 from hil.app.run_loop import Outcome, Signals, lead, prepare_process
 from hil.app.run_recorder import Recorder, log_record
 from hil.bus.catalogue import load_catalogue
-from hil.bus.log import FrameLog
+from hil.bus.local import LocalBus
+from hil.bus.log import FrameLog, keep_older
 from hil.nodes.cia402_bus import Cia402Bus
 from hil.nodes.cia402_setup import set_up
 from hil.nodes.controller import ControllerNode
@@ -59,7 +60,7 @@ def run(path: Path, action: str = "lead", *, dry_run: bool = False, log: Path | 
         for point in () if json_output else points:
             summary().print(f"{'ok ' if point.good else 'BAD'} {point.what}: {point.words}", markup=False, soft_wrap=True)
         return 0 if all(p.good for p in points) else 1
-    found = _document(path, outcome, node, frames_log, dry_run)
+    found = _document(path, outcome, node, frames_log, dry_run) | {"overruns": _overruns(bus)}
     if json_output:
         print_json(found)
     else:
@@ -112,6 +113,9 @@ def _lead(
         bus=vars(deployment.bus),
     )
     rehearse(task, catalogue)
+    older = keep_older(path)
+    if older is not None:
+        notes().print(f"older log kept as {older}", markup=False, soft_wrap=True)
     with FrameLog(path, record) as frames_log, Signals().caught() as signals:
         recorder = Recorder(frames_log, dry_run)
         node = ControllerNode(task, bus, catalogue=catalogue, observer=recorder, dry_run=dry_run)
@@ -143,6 +147,13 @@ def _document(path: Path, outcome: Outcome, node: ControllerNode, frames_log: Fr
         "log": str(frames_log.path),
         "log_dropped": frames_log.dropped,
     }
+
+
+def _overruns(bus: can.BusABC) -> int:
+    """Frames for which there was no room in another node's queue, as far as the interface counts them: the local bus does."""
+    while isinstance(bus, ClockedBus | Cia402Bus):
+        bus = bus.inner
+    return bus.overruns if isinstance(bus, LocalBus) else 0
 
 
 def _say(found: dict[str, object]) -> None:

@@ -62,8 +62,9 @@ def _listen(deployment: Deployment, bus: ClockedBus, catalogue: Catalogue) -> li
     heard = Point("bus", good > 0 and not refused, f"{good} good frames, {refused} refused, {others} of others in {LISTEN_S:g} s")
     doubt = ears.doubt(clock.now())
     wiring, state = wiring_of(deployment.rig.kind), ears.state
-    words = doubt or f"{_STATES[state]}, {ears.temperature_C:g} degC"
-    drive = Point(f"drive {wiring.node}", not doubt and got[wiring.feedback].accepted > 0 and state != FAULT, words)
+    fed = got[wiring.feedback].accepted > 0
+    words = doubt or (f"{_STATES[state]}, {ears.temperature_C:g} degC" if fed else "nothing heard")
+    drive = Point(f"drive {wiring.node}", not doubt and fed and state != FAULT, words)
     age = ears.evidence(clock.now()).localisation_s
     seen = f"newest {1e3 * age:.0f} ms old" if math.isfinite(age) else "nothing heard"
     return [heard, drive, Point("localisation", age <= deployment.limits.age_s, seen)]

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from controller.choices import CONTROLLERS, leads
 from controller.gate import Gate, Verdict
 from controller.limits import Limits
 from controller.prediction import control_model
@@ -18,6 +19,7 @@ from hil.app.track_reference import read_reference
 from hil.bus.catalogue import load_catalogue
 from hil.nodes.cia402 import Cia402Table
 from hil.nodes.controller import Task
+from hil.nodes.wiring import WIRINGS
 from models.identification.result import STAGES
 from models.parameter import nearest
 from models.rig import LARGEST_FILE, TABLES, Rig, parse_rig
@@ -60,6 +62,11 @@ class ControlTable:
             raise ValueError(f"control.priority must lie in [0, 99]; got {self.priority}")
         if self.core < -1:
             raise ValueError(f"control.core must be a core's number, or -1 for any; got {self.core}")
+        if self.controller not in CONTROLLERS:
+            choices = f"one of {', '.join(CONTROLLERS)}"
+            raise ValueError(
+                f"control.controller must be {choices}; got {self.controller!r}; {nearest(self.controller, CONTROLLERS)}"
+            )
 
 
 @dataclass(frozen=True)
@@ -110,6 +117,15 @@ def load_deployment(path: Path) -> Deployment:
         raise ValueError(str(error) if str(error).startswith(str(path.parent)) else f"{path}: {error}") from None
 
 
+def read_deployed_rig(path: Path) -> Rig:
+    """The rig of a rig file or of a deployment file, whose own tables are left out. Raises ValueError of one sentence."""
+    try:
+        raw = tomllib.loads(_text(path))
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise ValueError(f"{path}: rig file must be TOML; got: {' '.join(str(error).split())[:200]}") from None
+    return _rig(raw, str(path))
+
+
 def parse_deployment(text: str, values: Mapping[str, float], name: str = "rig", verdict: Verdict | None = None) -> Deployment:
     """A deployment from TOML text and the learned `values`. Errors as `load_deployment`."""
     raw = tomllib.loads(text)
@@ -121,6 +137,8 @@ def parse_deployment(text: str, values: Mapping[str, float], name: str = "rig", 
             raise ValueError(f"{table} must be a table; got {content!r}")
     rig = _rig(raw)
     control = from_table(ControlTable, raw.get("control", {}), "control")
+    if rig.kind in WIRINGS and rig.kind not in leads(control.controller):
+        raise ValueError(f"control.controller must be one that leads a {rig.kind} rig; got {control.controller!r}")
     return Deployment(
         name,
         text,
@@ -144,8 +162,8 @@ def _drive(raw: Mapping[str, Any], kind: str) -> Cia402Table | None:
     return from_table(Cia402Table, raw["cia402"], "cia402")
 
 
-def _rig(raw: Mapping[str, Any]) -> Rig:
-    return parse_rig({name: table for name, table in raw.items() if name not in OWN_TABLES}, "rig file")
+def _rig(raw: Mapping[str, Any], where: str = "rig file") -> Rig:
+    return parse_rig({name: table for name, table in raw.items() if name not in OWN_TABLES}, where)
 
 
 def _learned(raw: Mapping[str, Any], folder: Path) -> tuple[dict[str, float], Verdict | None]:

@@ -20,7 +20,8 @@ OWN_TABLES: Final = ("bus", "faults")
 
 @dataclass(frozen=True)
 class BusTable:
-    """Table `[bus]`: whether the force sensor speaks too, and how many s of wall clock a simulated s may take before the run is failed."""
+    """Table `[bus]`: whether the force sensor speaks too, and how many s of wall clock a simulated s may take before the run is failed;
+    a run has at least 60 s."""
 
     force_sensor: bool = False
     longest_s_per_s: float = 60.0

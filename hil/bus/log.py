@@ -27,6 +27,23 @@ def record_path(path: Path) -> Path:
     return path.with_suffix(".json")
 
 
+def keep_older(path: Path) -> Path | None:
+    """Move a log that stands at `path`, and its record, to the first free name `NAME-1.blf`, `NAME-2.blf`, ...; that name, None where there
+    is no such log. Raises ValueError where it cannot be moved."""
+    if not path.exists():
+        return None
+    number = 1
+    while (kept := path.with_name(f"{path.stem}-{number}{path.suffix}")).exists() or record_path(kept).exists():
+        number += 1
+    try:
+        path.rename(kept)
+        if record_path(path).exists():
+            record_path(path).rename(record_path(kept))
+    except OSError as error:
+        raise ValueError(f"{path}: older log must be one that can be moved; got: {error.strerror or error}") from None
+    return kept
+
+
 def write_record(path: Path, record: Mapping[str, Any]) -> None:
     """Write the record of the log `path`, complete or not at all. Raises ValueError for a path that is no BLF file or cannot be written."""
     if path.suffix != ".blf":

@@ -77,6 +77,11 @@ class Receiver:
         self.statistics.accepted += 1
         return found
 
+    @property
+    def counter(self) -> int:
+        """Counter of the last good frame, -1 where there was none."""
+        return self._counter
+
     def fresh(self, now: float) -> dict[str, float] | None:
         """The last good values, None where there are none or they are older than `longest_s` (or younger than now)."""
         return self.values if 0 <= now - self.stamp_s <= self.longest_s else None

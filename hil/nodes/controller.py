@@ -87,7 +87,7 @@ class ControllerNode:
         self._bus, self._catalogue, self._clock = bus, catalogue, clock
         self._began = self._last = self._beat_at = -math.inf
         self._origin, self._index = 0.0, 0
-        self._ticks = 0
+        self._number = 0
         self._led = False
         self._acknowledge = 0
         self._before = Passed(0.0, 0.0, OFF)
@@ -111,9 +111,10 @@ class ControllerNode:
         if not math.isfinite(now):
             now = self._last + self.tick_s if math.isfinite(self._last) else 0.0
             self._fail("clock jumped")
+        missed = self._missed(now)
         self._speak(now)
         arrived = self.ears.listen(now)
-        estimate = self._estimated(now, arrived)
+        estimate = self._estimated(now, arrived, missed)
         middle = self._clock()
         self._judge(now)
         evidence = self.ears.evidence(now)
@@ -131,8 +132,7 @@ class ControllerNode:
         """SYNC, heartbeat, and the acknowledgement of a fault where `start` asked for one."""
         if self._began == -math.inf:
             self._began = now
-        self._ticks = (self._ticks + 1) % (1 << 32)
-        self.guard.send("Sync", {"Tick": self._ticks, "Period_s": self.tick_s}, now)
+        self.guard.send("Sync", {"Tick": self._number % (1 << 32), "Period_s": self.tick_s}, now)
         if not 0 <= now - self._beat_at < HEARTBEAT_S - 0.5 * self.tick_s:
             self._beat_at = now
             up = min(max(now - self._began, 0.0), 167772.0)
@@ -144,14 +144,13 @@ class ControllerNode:
             if not self._acknowledge:
                 self.ears.fault = 0
 
-    def _estimated(self, now: float, arrived: list[Measurement]) -> Estimate:
-        """The estimate for the begin of the next tick, from what is in force until then."""
+    def _estimated(self, now: float, arrived: list[Measurement], missed: int) -> Estimate:
+        """The estimate for the begin of the next tick, from what is in force until then, after `missed` ticks."""
         for m in arrived:
             if m.channel == "position_m":
                 self._doubts.saw(m.value)
             elif self._moved:
                 self._doubts.reported(m.value, self._before.value)
-        missed = self._missed(now)
         if missed < 0:
             self.estimator.reset(now, self._in_force)
             filled = 2 * self.ears.feedbacks >= (now - self._last) / self.tick_s - 1 > 0
@@ -165,14 +164,16 @@ class ControllerNode:
     def _missed(self, now: float) -> int:
         """How many ticks of the grid that began with the first one did not take place before this one; -1, and a new grid from here, after
         a step of the clock backwards or beyond the life of the last command. A tick that is late by less than a period is none the less its
-        own, and the next one may follow it soon."""
+        own, and the next one may follow it soon. The number that SYNC tells goes on with the time, never back."""
         if not math.isfinite(self._last):
             self._origin, self._index = now, 0
             return 0
         index, before = math.floor((now - self._origin) / self.tick_s + GRID_SLACK), self._index
         if index > before and now - self._last <= 1e-3 * self.wiring.life_ms(self.guard.sent.rate) + _ROUNDING_S:
             self._index = index
+            self._number += index - before
             return index - before - 1
+        self._number += max(math.ceil((now - self._last) / self.tick_s - GRID_SLACK), 1)
         self._origin, self._index = now, 0
         return -1
 

@@ -23,6 +23,7 @@ from hil.nodes.drive_stage import (
     may_move,
     next_stage,
 )
+from hil.nodes.metronome import Metronome
 from hil.nodes.power import CarriagePower, CoilPower, InnerMassPower, Power
 from hil.nodes.speaking import Mouth
 from hil.nodes.wiring import BOOT, DERATED, FAULT, OFF, SELF_TEST, STANDBY, STOPPING, WAITING, Wiring
@@ -40,8 +41,9 @@ _NODE_STATE: Final = {BOOT: 0, SELF_TEST: 0, STANDBY: 1, WAITING: 1, STOPPING: 3
 class DriveNode:
     """Listens, steps its state machine each time its firmware runs, and moves its power stage only while enabled and its command lives.
 
-    A command counts from its arrival for its time to live, as long as which the next one may count on from it; it is taken over with the
-    next SYNC, without one at the drive's own pace. A temperature above `derate_C` halves the limits, above `temperature_C` for `HOT_S`
+    A command counts from its arrival for its time to live, as long as which the next one may count on from it, but from no more than a
+    tick after the begin of its own tick: one that comes late lives shorter, one that comes too late is refused as `stale`. It is taken
+    over with the next SYNC, without one at the drive's own pace. A temperature above `derate_C` halves the limits, above `temperature_C` for `HOT_S`
     is a fault; so is a controller without heartbeat for 60 ms, and to be off the bus. A fault is latched: after a reset the drive
     stands by and is enabled step by step only. A controller that has begun anew (its uptime has fallen) is told of it again.
     """
@@ -65,7 +67,8 @@ class DriveNode:
             receiver.longest_s = max(receiver.longest_s, 1e-3 * self.wiring.still_ms)
         self.mouth = Mouth(self.bus, self.catalogue, (self.wiring.feedback, self.wiring.fault, self.wiring.heartbeat))
         self.stage = Stage(BOOT, now)
-        self.good_at = -math.inf
+        self.good_at, self.stale = -math.inf, 0
+        self._metronome = Metronome()
         self._began, self._last = now, now
         self._mode, self._setpoint, self._taken, self._waiting = OFF, 0.0, OFF, False
         self._dies_at = self._stop_until = self._heard_at = self._beat_at = -math.inf
@@ -75,7 +78,7 @@ class DriveNode:
     @property
     def rejected(self) -> int:
         """Frames refused so far."""
-        return sum(r.statistics.refused.total() for r in self.reception.receivers.values())
+        return self.stale + sum(r.statistics.refused.total() for r in self.reception.receivers.values())
 
     @property
     def safe(self) -> bool:
@@ -115,23 +118,33 @@ class DriveNode:
             values = self.reception.accept(message.arbitration_id, message.data, message.timestamp)
             if isinstance(values, Refusal):
                 continue
-            name = self._names[message.arbitration_id]
+            name, stamp = self._names[message.arbitration_id], message.timestamp
+            counter = self.reception.receivers[message.arbitration_id].counter
             if name == "Sync":
+                self._metronome.sync(counter, int(values["Tick"]), values["Period_s"], stamp)
                 self._take_over()
                 synced = True
+            elif name == self.wiring.command:
+                self._follow(values, stamp, self._metronome.begin(counter, stamp))
             else:
-                self._obey(name, values, message.timestamp)
+                self._obey(name, values, stamp)
         return synced
+
+    def _follow(self, values: dict[str, float], stamp: float, begin: float) -> None:
+        """Take a command in that came at `stamp`, of the tick that began at `begin`."""
+        dies_at = min(stamp, begin + self.tick_s) + 1e-3 * values["TimeToLive_ms"]
+        if dies_at <= stamp:
+            self.stale += 1
+            return
+        self._mode, self._setpoint, self._waiting = int(values["Mode"]), values[self.wiring.signal], True
+        self._dies_at, self.good_at = dies_at, stamp
 
     def _obey(self, name: str, values: dict[str, float], stamp: float) -> None:
         mine = values.get("Target", 0) in (0, self.wiring.target)
-        if name == self.wiring.command:
-            self._mode, self._setpoint, self._waiting = int(values["Mode"]), values[self.wiring.signal], True
-            self._dies_at, self.good_at = stamp + 1e-3 * values["TimeToLive_ms"], stamp
-        elif name == "SafeStop" and mine:
+        if name == "SafeStop" and mine:
             self._stop_until = stamp + SAFE_STOP_S
         elif name == "DriveReset" and mine:
-            self._reset = int(values["Code"])
+            self._reset, self._metronome = int(values["Code"]), Metronome()
         elif name == "ControllerHeartbeat":
             if values["Uptime_s"] < self._uptime_s and self.stage.fault:
                 self._tell = 2

@@ -14,38 +14,41 @@ from plant.reading import from_table
 LINKS: Final = ("commands", "feedback", "localisation", "all")
 SENSORS: Final = ("localisation", "feedback")
 NODES: Final = ("controller", "drive", "localiser")
+_SHARE: Final = (1e-6, 1.0)
 
 
 @dataclass(frozen=True)
 class FaultKind:
-    """What a kind of fault does, the targets it may have (the first one where none is named), and what its `value` means."""
+    """What a kind of fault does, the targets it may have (the first one where none is named), what its `value` means, and the least and the
+    most that makes sense."""
 
     summary: str
     targets: tuple[str, ...] = ("",)
     value: float = math.nan
     meaning: str = ""
+    range: tuple[float, float] = (-math.inf, math.inf)
 
 
 KINDS: Mapping[str, FaultKind] = MappingProxyType(
     {
-        "drop": FaultKind("frames are lost on their way", LINKS, 1.0, "share of the frames"),
-        "delay": FaultKind("frames come late", LINKS, 0.03, "s"),
+        "drop": FaultKind("frames are lost on their way", LINKS, 1.0, "share of the frames", _SHARE),
+        "delay": FaultKind("frames come late", LINKS, 0.03, "s", (1e-4, 10.0)),
         "duplicate": FaultKind("frames come twice", LINKS),
         "reorder": FaultKind("each two frames change places", LINKS),
-        "corrupt": FaultKind("bits of frames are flipped behind the bus's own check", LINKS, 1.0, "share of the frames"),
-        "replay": FaultKind("old frames come again between the true ones", LINKS, 20.0, "frames ago"),
-        "babbling": FaultKind("a node sends the highest identifier without pause"),
+        "corrupt": FaultKind("bits of frames are flipped behind the bus's own check", LINKS, 1.0, "share of the frames", _SHARE),
+        "replay": FaultKind("old frames come again between the true ones", LINKS, 20.0, "frames ago", (1, 32)),
+        "babbling": FaultKind("a node sends identifier 0, which goes before all others, without pause"),
         "bus_off": FaultKind("a node leaves the bus by its error counters", NODES),
         "stuck": FaultKind("the sensor repeats its last value", SENSORS),
-        "biased": FaultKind("the sensor is off", SENSORS, 0.01, "m or A"),
+        "biased": FaultKind("the sensor is off", SENSORS, 0.01, "m or A", (-1.0, 1.0)),
         "nan": FaultKind("the sensor has no number", SENSORS[:1]),
         "lost": FaultKind("the localisation says nothing", SENSORS[:1]),
-        "over_temperature": FaultKind("the drive gets hot", value=60.0, meaning="degC"),
+        "over_temperature": FaultKind("the drive gets hot", value=60.0, meaning="degC", range=(-40.0, 150.0)),
         "drive_reset": FaultKind("the drive boots anew"),
         "killed": FaultKind("the controller's process is gone"),
         "frozen": FaultKind("the controller's process stands still"),
         "late_solve": FaultKind("the controller's solutions come too late"),
-        "clock_jump": FaultKind("the controller's clock jumps", value=0.5, meaning="s"),
+        "clock_jump": FaultKind("the controller's clock jumps", value=0.5, meaning="s", range=(-1000.0, 1000.0)),
     }
 )
 
@@ -77,8 +80,13 @@ class Fault:
             raise ValueError(
                 f"faults.value of {self.kind} must be {f'a number ({known.meaning})' if known.meaning else 'left out'}; got {self.value:g}"
             )
-        if known.meaning.startswith(("share", "frames", "s")) and self.kind != "clock_jump" and not self.amount > 0:
-            raise ValueError(f"faults.value of {self.kind} must be positive; got {self.value:g}")
+        least, most = known.range
+        if known.meaning and not least <= self.amount <= most:
+            raise ValueError(
+                f"faults.value of {self.kind} must lie in [{least:g}, {most:g}] ({known.meaning}); got {self.value:g}"
+            )
+        if self.kind == "replay" and self.amount != int(self.amount):
+            raise ValueError(f"faults.value of replay must be a whole number of frames; got {self.value:g}")
         object.__setattr__(self, "target", self.target or known.targets[0])
 
     @property

@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Final
 
 import can
@@ -13,27 +14,29 @@ import can
 from controller.limits import Envelope, number
 from hil.bus.catalogue import Catalogue
 from hil.bus.protection import Sender
-from hil.nodes.wiring import ENABLE, MOVING, QUICK_STOP, WAITING, Observer, Wiring
+from hil.nodes.wiring import ENABLE, MOVING, QUICK_STOP, WAITING, WIRINGS, Observer, Wiring
 
 STOP_PERIOD_S: Final = 0.02
-FEEDBACK_S: Final = 0.01
-CARRIAGE_FEEDBACK_S: Final = 0.02
-"""A carriage has its own position loop and is braked within 25 ms of the last good frame; a coil's force must be gone within 10."""
+FEEDBACK_S: Final[Mapping[str, float]] = MappingProxyType({"magnetic": 0.0215, "coil": 0.0045, "vibro": 0.0065})
+"""How old the feedback of a drive at rest may be: what is left of 25 ms (carriage) and 10 ms (coil, inner mass) from the last good frame to
+the safe state, once a tick until the guard sees it, the way of the stop to the drive and, of a coil, the decay of its current are taken off."""
 GUARD_REASON: Final = 2
 
 
 @dataclass(frozen=True, slots=True)
 class Fence:
     """What a command is held to: range [`low`, `high`] and `rate` a second in the drive's unit. `rests`: the safe command is to stay
-    (carriage), else it is 0. Feedback older than `feedback_s` or localisation older than `stop_s` stop the drive; localisation older
-    than `derate_s` halves range or rate. One missing command is held, from the second on it fades, the `late_stop`-th stops."""
+    (carriage), else it is 0. Feedback older than `feedback_s` less the time to brake at `braking` a second squared, or localisation older
+    than `stop_s` stop the drive; localisation older than `derate_s` halves range or rate. One missing command is held, from the second on
+    it fades, the `late_stop`-th stops."""
 
     low: float
     high: float
     rate: float
     rests: bool
     tick_s: float
-    feedback_s: float = FEEDBACK_S
+    feedback_s: float
+    braking: float = math.inf
     derate_s: float = 0.05
     stop_s: float = 0.15
     late_stop: int = 3
@@ -42,8 +45,8 @@ class Fence:
     def of(cls, envelope: Envelope, tick_s: float) -> Fence:
         """The fence that a drive's limits set."""
         rests = envelope.kind == "magnetic"
-        patience = CARRIAGE_FEEDBACK_S if rests else FEEDBACK_S
-        return cls(envelope.low, envelope.high, envelope.rate, rests, tick_s, patience, stop_s=envelope.limits.age_s)
+        patience, braking = FEEDBACK_S[envelope.kind], WIRINGS[envelope.kind].braking_m_s2
+        return cls(envelope.low, envelope.high, envelope.rate, rests, tick_s, patience, braking, stop_s=envelope.limits.age_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +80,7 @@ def passed(wanted: object, mode: int, evidence: Evidence, before: Passed, dt: fl
     if mode != ENABLE:
         return Passed(here, 0.0, mode)
     missed = 0 if math.isfinite(aim) else before.missed + 1
-    reason = before.reason if before.mode == QUICK_STOP else _stopping(evidence, missed, fence)
+    reason = before.reason if before.mode == QUICK_STOP else _stopping(evidence, missed, before.rate, fence)
     if reason:
         return Passed(_rest(before.value, fence), 0.0, QUICK_STOP, missed, reason)
     if missed:
@@ -94,11 +97,11 @@ def passed(wanted: object, mode: int, evidence: Evidence, before: Passed, dt: fl
     return Passed(held, rate, ENABLE, missed, why)
 
 
-def _stopping(evidence: Evidence, missed: int, fence: Fence) -> str:
-    """Why the drive must stop, "" where it need not."""
+def _stopping(evidence: Evidence, missed: int, rate: float, fence: Fence) -> str:
+    """Why a drive that moves by `rate` a second must stop, "" where it need not."""
     if missed >= fence.late_stop:
         return "controller late"
-    if not -fence.tick_s <= evidence.feedback_s <= fence.feedback_s:
+    if not -fence.tick_s <= evidence.feedback_s <= fence.feedback_s - abs(rate) / fence.braking:
         return "feedback lost"
     if evidence.state != WAITING and evidence.state not in MOVING:
         return "drive not enabled"

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
+from hil.app.sil_limits import limit_s
 from hil.bus.catalogue import load_catalogue
 from hil.bus.table import frames_table, load_table
-from hil.nodes.fault import KINDS
+from hil.nodes.fault import KINDS, Fault
 from tests.hil.sil_runs import RIGS
-from tests.hil.test_faults import HARMLESS, REFUSED, UNSEEN, allowed_s
+from tests.hil.test_faults import REFUSED
 
 PAGE = (Path(__file__).parents[2] / "docs" / "bus.md").read_text(encoding="utf-8")
 
@@ -22,8 +24,8 @@ def test_frames_and_load_are_those_of_the_dbc() -> None:
 
 def limits(kind: str, target: str) -> str:
     """The limits in ms of a fault on each drive, as the page writes them."""
-    through = [(kind, target) in HARMLESS or kind in REFUSED or ((rig, kind) in UNSEEN and target == "feedback") for rig in RIGS]
-    return " / ".join("-" if free else f"{1e3 * allowed_s(rig, kind, target):g}" for rig, free in zip(RIGS, through, strict=True))
+    found = (limit_s(rig, Fault(kind, 0.0, target=target)) for rig in RIGS)
+    return " / ".join("-" if math.isinf(limit) else f"{1e3 * limit:g}" for limit in found)
 
 
 def test_every_fault_stands_there_with_its_limits() -> None:

@@ -14,6 +14,7 @@ from hil.nodes.guard import Evidence, Fence, Passed, passed
 from hil.nodes.wiring import BOOT, DERATED, ENABLE, ENABLED, FAULT, OFF, QUICK_STOP, READY, SELF_TEST, STANDBY, STOPPING, WAITING
 from models.drives.coil import Coil
 from models.drives.magnetic import Magnetic
+from models.drives.vibro import Vibro
 from tests.hil.fences import CARRIAGE, COIL, GOOD
 from tests.hil.ticks import TICK
 
@@ -123,9 +124,18 @@ def test_a_carriage_without_commands_stays() -> None:
     ],
 )
 def test_evidence(evidence: Evidence, reason: str) -> None:
-    for fence, rest in ((CARRIAGE, 0.1), (COIL, 0.0)):
+    for fence, rest in ((replace(CARRIAGE, feedback_s=0.01), 0.1), (COIL, 0.0)):
         out = passed(0.1, ENABLE, evidence, on(0.1), TICK, fence)
         assert out == (Passed(rest, 0.0, QUICK_STOP, 0, reason) if reason else Passed(0.1, 0.0, ENABLE))
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_fast_carriage_is_waited_for_by_as_much_less_as_it_takes_to_brake(way: int) -> None:
+    """From 0.1 m/s at 25 m/s2: 4 ms of the 20."""
+    before = replace(on(0.1), rate=0.1 * way)
+    assert passed(0.1, ENABLE, replace(GOOD, feedback_s=0.016 - 1e-6), before, TICK, CARRIAGE).reason == ""
+    assert passed(0.1, ENABLE, replace(GOOD, feedback_s=0.016 + 1e-6), before, TICK, CARRIAGE).reason == "feedback lost"
+    assert passed(0.1, ENABLE, replace(GOOD, feedback_s=0.010), before, TICK, COIL).reason == ""
 
 
 def test_old_localisation_halves_what_is_allowed() -> None:
@@ -172,6 +182,11 @@ def test_fence_of_limits() -> None:
     limits = Limits(current_A=0.7, age_s=0.12)
     carriage = Fence.of(envelope_of(Magnetic(25.0, 0.02), limits), TICK)
     assert (carriage.low, carriage.high, carriage.rate, carriage.rests) == (-1.0, 1.0, 0.25, True)
-    assert (carriage.tick_s, carriage.stop_s) == (TICK, 0.12)
+    assert (carriage.tick_s, carriage.stop_s, carriage.derate_s, carriage.late_stop) == (TICK, 0.12, 0.05, 3)
+    assert (carriage.feedback_s, carriage.braking) == (0.0215, 25.0)
     coil = Fence.of(envelope_of(Coil(0.5), limits), TICK)
     assert (coil.low, coil.high, coil.rate, coil.rests) == (-0.7, 0.7, 1200.0, False)
+    assert (coil.feedback_s, coil.braking) == (0.0045, math.inf)
+    inner_mass = Fence.of(envelope_of(Vibro(), limits), TICK)
+    assert (inner_mass.low, inner_mass.high, inner_mass.rests) == (0.0, 1.0, False)
+    assert (inner_mass.feedback_s, inner_mass.braking) == (0.0065, math.inf)

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.bus.log import FrameLog, LockstepLog, record_path, write_record
+from hil.bus.log import FrameLog, LockstepLog, keep_older, record_path, write_record
 from hil.bus.log_file import NOTED, RECEIVED, SENT, WITHHELD, BlfFile, Logged, unpacked
 from hil.bus.log_reading import is_log, read_frames, read_log_record
 
@@ -164,3 +164,18 @@ def test_names_of_logs_and_their_records(tmp_path: Path) -> None:
     (tmp_path / "run.json").write_text("[]")
     with pytest.raises(ValueError, match="JSON object"):
         read_log_record(tmp_path / "run.blf")
+
+
+def test_an_older_log_is_kept(tmp_path: Path) -> None:
+    path = tmp_path / "run.blf"
+    assert keep_older(path) is None
+    for number in (1, 2):
+        path.write_bytes(bytes([number]))
+        record_path(path).write_text(f"{number}")
+        assert keep_older(path) == tmp_path / f"run-{number}.blf"
+    assert not path.exists()
+    for number in (1, 2):
+        kept = tmp_path / f"run-{number}.blf"
+        assert (kept.read_bytes(), record_path(kept).read_text()) == (bytes([number]), f"{number}")
+    path.touch()
+    assert keep_older(path) == tmp_path / "run-3.blf"

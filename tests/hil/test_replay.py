@@ -131,13 +131,21 @@ def test_logs_without_a_task_are_one_sentence(tmp_path: Path, capsys: pytest.Cap
     file.stop()
     assert run(["replay", str(path)]) == 2
     assert "record of the log must be there" in capsys.readouterr().err
-    for text, sentence in (
-        ("{}", "must have controller, values"),
-        ('{"controller": "pid", "values": {}, "deployment": "x"}', "must describe a task"),
-        ('{"controller": "pid", "values": {}, "scenario": "[rig]"}', "must describe a task"),
+    own = {"format": 1, "catalogue": load_catalogue().fingerprint}
+    scenario = {"values": {}, "scenario": SHORT, **own}
+    for record, sentence in (
+        ({}, "format must be 1, as this program has it; got None"),
+        ({**own, "format": 2}, "format must be 1, as this program has it; got 2"),
+        ({**own, "catalogue": 7}, f"catalogue must be {own['catalogue']}, as this program has it; got 7"),
+        (own, "must have controller, values"),
+        ({"controller": "pid", "values": {}, "deployment": "x", **own}, "must describe a task"),
+        ({"controller": "pid", "values": {}, "scenario": "[rig]", **own}, "must describe a task"),
+        ({"controller": "pod", **scenario}, "controller must be one of pid"),
+        ({"controller": "vibro", **scenario}, "rig must be vibro for the controller 'vibro'; got 'magnetic'"),
     ):
-        record_path(path).write_text(text)
+        record_path(path).write_text(json.dumps(record))
         assert run(["replay", str(path)]) == 2
         said = capsys.readouterr().err
         assert sentence in said
+        assert "a.json" in said or "a.blf" in said
         assert said.count("\n") == 1

@@ -10,10 +10,12 @@ import can
 import pytest
 
 from hil.app.main import run
-from hil.app.run_file import load_deployment
+from hil.app.run_file import load_deployment, read_deployed_rig
 from hil.bus.catalogue import load_catalogue
 from hil.bus.local import LocalBus
 from hil.bus.protection import Sender
+from models.rig import read_rig
+from tests.conftest import RIG
 from tests.hil.deployments import deployment, rig_file
 
 
@@ -58,7 +60,8 @@ def test_a_drive_with_another_dbc_or_a_fault_is_not_led(
     finally:
         over.set()
         drive.join()
-    assert json.loads(capsys.readouterr().out)["ended"] == f"nothing to lead: {words}"
+    found = json.loads(capsys.readouterr().out)
+    assert (found["ended"], found["overruns"]) == (f"nothing to lead: {words}", 0)
 
 
 def test_check_says_what_is_missing(tmp_path: Path, channel: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -66,7 +69,7 @@ def test_check_says_what_is_missing(tmp_path: Path, channel: str, capsys: pytest
     assert run(["run", rig_file(tmp_path, text), "check", "--json"]) == 1
     found = {point["what"]: point for point in json.loads(capsys.readouterr().out)["points"]}
     assert not found["bus"]["good"]
-    assert not found["drive Carriage"]["good"]
+    assert (found["drive Carriage"]["good"], found["drive Carriage"]["words"]) == (False, "nothing heard")
     assert "carriage_speed_m_s must be at most 0.4" in found["limits"]["words"]
     assert found["model"]["good"]
     assert "p99" in found["time"]["words"]
@@ -83,7 +86,8 @@ def test_check_says_what_is_missing(tmp_path: Path, channel: str, capsys: pytest
         (deployment(control="core = -2"), "control.core must be a core's number"),
         (deployment(more="[limits]\ncarriage_speed_m_s = 0.5\n"), "carriage_speed_m_s must be at most 0.4"),
         (deployment(control="duratoin_s = 1"), "did you mean"),
-        (deployment(control='controller = "mpcc"'), "controller must be one of"),
+        (deployment(control='controller = "mpcc"'), "rig.toml: control.controller must be one of"),
+        (deployment(control='controller = "vibro"'), "control.controller must be one that leads a magnetic rig; got 'vibro'"),
         (deployment(more="[bis]"), "tables must be among"),
         (deployment(more='[model]\nfile = "no.toml"\nreport = "no.json"'), "model must be a file"),
         (deployment().replace("[bus]", "[bus]\nbitrate = 500000"), "bus.bitrate must be 1000000"),
@@ -128,3 +132,11 @@ def test_a_model_leads_only_through_the_gate(tmp_path: Path, capsys: pytest.Capt
     loaded = load_deployment(Path(rig_file(tmp_path, text)))
     assert loaded.verdict is not None
     assert loaded.verdict.passed
+
+
+def test_the_rig_of_a_deployment_is_that_of_its_rig_file(tmp_path: Path) -> None:
+    """So that `close-loop` takes the file that the run was led with."""
+    (tmp_path / "plain.toml").write_text(RIG)
+    assert read_deployed_rig(Path(rig_file(tmp_path, deployment()))) == read_rig(tmp_path / "plain.toml")
+    with pytest.raises(ValueError, match=r"rig\.toml: table must be one of a rig file; got 'bis'"):
+        read_deployed_rig(Path(rig_file(tmp_path, deployment(more="[bis]"))))

@@ -1,5 +1,9 @@
 """A run over the bus: deterministic, tracks as a run without a bus does, speaks and moves only as wanted, and comes to an end."""
 
+import signal
+import time
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -34,9 +38,26 @@ def test_force_sensor_speaks_where_wanted() -> None:
 
 
 def test_a_run_without_end_is_failed_by_the_wall_clock(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hil.app.sil_loop._LEAST_S", 1e-6)
+    monkeypatch.setattr("hil.app.sil_loop.LEAST_S", 1e-6)
     with pytest.raises(ValueError, match="by the wall clock"):
         run("magnetic", 0.2, bus={"longest_s_per_s": 1e-6})
+
+
+def test_a_tick_that_does_not_return_is_failed_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hil.app.sil_loop.LEAST_S", 0.2)
+    monkeypatch.setattr("hil.app.sil_bench.Bench.slot", lambda *_: time.sleep(60.0))
+    before, began = signal.getsignal(signal.SIGALRM), time.monotonic()
+    with pytest.raises(ValueError, match=r"at most 0\.2 s by the wall clock"):
+        run("magnetic", 0.2, bus={"longest_s_per_s": 1e-6})
+    assert time.monotonic() - began < 10.0
+    assert signal.getsignal(signal.SIGALRM) == before
+    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+
+
+def test_in_another_thread_it_is_failed_between_ticks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hil.app.sil_loop.LEAST_S", 1e-6)
+    with ThreadPoolExecutor(1) as pool, pytest.raises(ValueError, match="by the wall clock"):
+        pool.submit(run, "magnetic", 0.2, bus={"longest_s_per_s": 1e-6}).result()
 
 
 def test_led_only_by_fresh_localisation() -> None:

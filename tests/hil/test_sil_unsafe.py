@@ -102,3 +102,27 @@ def test_from_full_power_to_the_safe_state_when_the_controller_dies(kind: str, a
         bench.plant.tick(now)
         now += SLOT_S
     assert now - drive.good_at <= allowed_s
+
+
+@pytest.mark.parametrize(("kind", "allowed_s"), [("magnetic", 0.025), ("coil", 0.010), ("vibro", 0.010)])
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_from_full_power_to_the_safe_state_when_the_drive_is_not_heard(kind: str, allowed_s: float, way: float) -> None:
+    """From the last good feedback to rest, the time to brake and the current's decay included."""
+    fault = {"kind": "drop", "at_s": 0.2, "target": "feedback"}
+    bench = bench_of(kind, fault)
+    bench.node.supervisor = Full(way)  # type: ignore[assignment]
+    bench.node.start(0.0, 0.0)
+    go(bench, 0.2)
+    drive, ears = bench.plant.drive, bench.node.ears
+    assert not drive.safe
+    heard_at = 0.2
+    while not drive.safe:
+        bench.begin_tick()
+        heard_at = bench.time_s - ears.evidence(bench.time_s).feedback_s
+        for number in range(bench.slots):
+            end = bench.slot(number) + SLOT_S
+            if drive.safe:
+                break
+        bench.end_tick()
+    assert heard_at < 0.2
+    assert end - heard_at <= allowed_s

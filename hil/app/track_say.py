@@ -11,6 +11,7 @@ from rich.table import Table
 
 from hil.app.console import summary
 from hil.app.track_scenario import TrackScenario
+from hil.app.track_score import HARD
 
 Found = Mapping[str, Any]
 
@@ -22,8 +23,9 @@ def say(scenario: TrackScenario, found: Sequence[Found], out: Path | None) -> No
     console.print(f"{scenario.name}: {scenario.kind} rig, {seconds}, {found[0]['model']} model", markup=False)
     heads = ("rmse mm", "max mm", "final mm", "mean mm/s", "wall mN", "effort mN", "violations")
     _print(console, heads, [[one["controller"], *_tracking(one)] for one in found])
-    more = ("ticks not ok", "most of a limit", "solve ms: median", "p99", "max", "estimate ms: median", "p99", "max")
-    _print(console, more, [[one["controller"], not_ok(one), most_used(one), *times(one)] for one in found])
+    _print(console, ("ticks not ok", "most of a hard limit"), [[one["controller"], not_ok(one), most_used(one)] for one in found])
+    steps = ("solve ms: median", "p99", "max", "estimate ms: median", "p99", "max")
+    _print(console, steps, [[one["controller"], *times(one)] for one in found])
     checks = [
         [one["controller"], check["check"], f"{check['value']:.4g}", f"{check['limit']:g}", verdict(check)]
         for one in found
@@ -41,9 +43,9 @@ def not_ok(found: Found) -> str:
 
 
 def most_used(found: Found) -> str:
-    """The limit of which the largest share was used: "gap 83 %"."""
-    name, share = max(found["limit_use"].items(), key=lambda item: item[1])
-    return f"{name.replace('_', ' ')} {100 * share:.0f} %"
+    """The limit of the true state of which the largest share was used: "gap 83 %"."""
+    name, share = max(((name, share) for name, share in found["limit_use"].items() if name in HARD), key=lambda item: item[1])
+    return f"{name} {100 * share:.0f} %"
 
 
 def times(found: Found) -> list[str]:
@@ -65,7 +67,7 @@ def _print(console: Console, heads: Sequence[str], rows: Sequence[Sequence[str]]
     table = Table(box=None, pad_edge=False)
     for title in ("controller", *heads):
         table.add_column(
-            title, justify="left" if title in ("controller", "check", "ticks not ok", "most of a limit") else "right"
+            title, justify="left" if title in ("controller", "check", "ticks not ok", "most of a hard limit") else "right"
         )
     for row in rows:
         table.add_row(*row)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from dataclasses import asdict, dataclass
-from typing import Any, get_args
+from typing import Any, Final, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,8 @@ from plant import layout as at
 from plant.rig import Coil, Magnet, Rig, Vibro
 
 Array = NDArray[np.float64]
+HARD: Final = ("speed", "force", "gap", "current")
+"""Limits of the true state, those of `shares`; the others are the command's, which the last step before the drive holds."""
 
 
 @dataclass(frozen=True)

@@ -104,13 +104,13 @@ def test_drift_is_the_way_between_the_outermost_positions() -> None:
 
 
 def test_mean_speeds_are_judged_leg_by_leg() -> None:
-    """3 mm lost over the second leg's judged 6 s of 1 mm/s are 50 %."""
+    """A step of 1 mm amid the second leg's judged 2.95 s of 1 mm/s tilts the line through all positions by 1.5 mm in 2.95 s."""
     reference = {"kind": "waypoints", "times_s": [0.5, 5.0, 10.0], "positions_mm": [0.0, 9.0, 4.0]}
     scenario = scenario_of(reference, {"speed_error_percent": 10, "speed_after_s": 2})
     assert led(scenario, [])["speed_error_percent"][1]
-    value, passed = led(scenario, [(8.0, 1.45)])["speed_error_percent"]
+    value, passed = led(scenario, [(8.525, 1.0)])["speed_error_percent"]
     assert not passed
-    assert value == pytest.approx(50, abs=2)
+    assert value == pytest.approx(51, abs=2)
 
 
 def test_a_controller_s_own_table_stands_over_the_common_one() -> None:

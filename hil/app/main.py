@@ -173,12 +173,12 @@ def _track(
     compare: Annotated[bool, typer.Option("--compare", help="Run every controller.")] = False,
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for track.html and track.json.")] = None,
     json_output: Json = False,
-) -> None:
-    """Closed loop in simulation, no bus: reference tracking with a named controller."""
+) -> int:
+    """Closed loop in simulation, no bus: reference tracking with a named controller; status 1 where a check of the scenario fails."""
     from hil.app.track import track
     from hil.app.track_asked import Asked
 
-    track(scenario, Asked(controller, model, stage, seed, out, json_output), compare)
+    return track(scenario, Asked(controller, model, stage, seed, out, json_output), compare)
 
 
 @app.command("sil")

@@ -28,7 +28,8 @@ class Asked:
 
     def of(self, scenario: TrackScenario) -> tuple[str, int]:
         """The controller's name and the seed for `scenario`."""
-        return self.controller or scenario.control.controller, scenario.seed if self.seed is None else self.seed
+        name = scenario.control.controller if self.controller is None else self.controller
+        return name, scenario.seed if self.seed is None else self.seed
 
     def values(self, kind: str) -> tuple[dict[str, float], str]:
         """Parameters that a rig of `kind` is believed to have, and the name of their stage. Raises ValueError."""

@@ -16,6 +16,7 @@ from hil.app.report.page import STYLE
 from hil.app.report.panels import thinned
 from hil.app.report.theme import MUTED, QUANTITY_COLOURS, figure_html, styled
 from hil.app.track_loop import Trace
+from hil.app.track_say import not_ok, times, verdict
 from hil.app.track_scenario import TrackScenario
 from plant import layout as at
 
@@ -29,9 +30,16 @@ def page_html(scenario: TrackScenario, runs: Sequence[tuple[dict[str, Any], Trac
     """One self-contained page for the runs of a scenario, one a controller."""
     best = min(found["tracking_rmse_m"] for found, _ in runs)
     title = f"{scenario.name}: tracking within {1e3 * best:.3f} mm rms"
-    body = _table(runs) + "".join(
-        f'<section><h2>{name}</h2><div class="figure">{figure_html(figure, f"figure-{k}")}</div></section>'
-        for k, (name, figure) in enumerate((("Path and error", _paths(scenario, runs)), ("Behind it", _inside(scenario, runs))))
+    body = (
+        _table(runs)
+        + _uses(runs)
+        + _checks(runs)
+        + "".join(
+            f'<section><h2>{name}</h2><div class="figure">{figure_html(figure, f"figure-{k}")}</div></section>'
+            for k, (name, figure) in enumerate(
+                (("Path and error", _paths(scenario, runs)), ("Behind it", _inside(scenario, runs)))
+            )
+        )
     )
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
@@ -51,17 +59,39 @@ def _table(runs: Sequence[tuple[dict[str, Any], Trace]]) -> str:
         "wall mN",
         "effort mN",
         "hard violations",
+        "ticks not ok",
         "solve ms, median / p99 / max",
+        "estimate ms, median / p99 / max",
     )
     rows = []
     for found, _ in runs:
         numbers = [f"{1e3 * found[key]:.3f}" for key in ("tracking_rmse_m", "tracking_max_m", "final_error_m")]
         numbers += [f"{1e3 * found[key]:.1f}" for key in ("wall_force_max_N", "effort")]
-        solve = " / ".join(f"{found['solve_ms'][key]:.3f}" for key in ("median", "p99", "max"))
-        cells = [escape(found["controller"]), *numbers, str(found["hard_violations"]), solve]
-        rows.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")
-    head = "".join(f"<th>{h}</th>" for h in heads)
-    return f"<section><h2>Numbers</h2><table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table></section>"
+        each = times(found)
+        spans = [" / ".join(each[:3]), " / ".join(each[3:])]
+        rows.append([found["controller"], *numbers, str(found["hard_violations"]), not_ok(found), *spans])
+    return _section("Numbers", heads, rows)
+
+
+def _uses(runs: Sequence[tuple[dict[str, Any], Trace]]) -> str:
+    names = list(runs[0][0]["limit_use"])
+    rows = [[found["controller"], *(f"{100 * found['limit_use'][name]:.1f}" for name in names)] for found, _ in runs]
+    return _section("Largest use of each limit, %", ("Controller", *(name.replace("_", " ") for name in names)), rows)
+
+
+def _checks(runs: Sequence[tuple[dict[str, Any], Trace]]) -> str:
+    rows = [
+        [found["controller"], check["check"], f"{check['value']:.4g}", f"{check['limit']:g}", verdict(check)]
+        for found, _ in runs
+        for check in found["checks"]
+    ]
+    return _section("Checks", ("Controller", "check", "value", "at most", "verdict"), rows) if rows else ""
+
+
+def _section(title: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    head = "".join(f"<th>{escape(h)}</th>" for h in heads)
+    body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
+    return f"<section><h2>{escape(title)}</h2><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></section>"
 
 
 def _line(t: Array, y: Array, name: str, colour: str, **more: Any) -> go.Scatter:

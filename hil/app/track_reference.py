@@ -8,10 +8,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from controller.trajectory import STEP_S, Trajectory, by_speeds, through
+from controller.limits import Limits
+from controller.trajectory import LONGEST_S, STEP_S, Trajectory, by_speeds, through
 from plant.reading import choice, from_table
 
 MM: Final = 1e-3
+FARTHEST: Final = 1e6
+"""Largest number in mm and mm/s that is read at all, so that nothing overflows; what a rig can do are its limits."""
+FASTEST_HZ: Final = 0.1 / STEP_S
 
 
 @dataclass(frozen=True)
@@ -34,8 +38,8 @@ class Sine:
     start_s: float = 0.5
 
     def trajectory(self, duration_s: float) -> Trajectory:
-        if not self.frequency_Hz > 0:
-            raise ValueError(f"reference.frequency_Hz must be positive; got {self.frequency_Hz:g}")
+        if not 0 < self.frequency_Hz <= FASTEST_HZ:
+            raise ValueError(f"reference.frequency_Hz must be positive and at most {FASTEST_HZ:g}; got {self.frequency_Hz:g}")
         t = np.maximum(STEP_S * np.arange(round(duration_s / STEP_S) + 2) - self.start_s, 0.0)
         return Trajectory(0.5 * self.amplitude_mm * MM * (1 - np.cos(2 * np.pi * self.frequency_Hz * t)))
 
@@ -50,6 +54,11 @@ class Steps:
     start_s: float = 0.5
 
     def trajectory(self, duration_s: float) -> Trajectory:
+        if not self.positions_mm:
+            raise ValueError("reference.positions_mm must be one position or more; got none")
+        if not self.dwell_s >= 0:
+            raise ValueError(f"reference.dwell_s must be zero or more; got {self.dwell_s:g}")
+        _in_time(self.positions_mm, self.speed_mm_s, self.start_s, self.dwell_s, duration_s)
         return through([MM * p for p in self.positions_mm], MM * self.speed_mm_s, self.dwell_s, self.start_s)
 
 
@@ -62,6 +71,7 @@ class Hold:
     start_s: float = 0.5
 
     def trajectory(self, duration_s: float) -> Trajectory:
+        _in_time((self.position_mm,), self.speed_mm_s, self.start_s, 0.0, duration_s)
         return through([MM * self.position_mm], MM * self.speed_mm_s, 0.0, self.start_s)
 
 
@@ -79,6 +89,8 @@ class Waypoints:
                 f"reference.times_s must be above 0, increase and be as many as positions_mm; got {list(self.times_s)[:8]} "
                 f"and {len(self.positions_mm)} positions"
             )
+        if times[-1] > duration_s + STEP_S:
+            raise ValueError(f"reference.times_s must end within the run of {duration_s:g} s; got {times[-1]:g}")
         spans = np.maximum(np.round(np.diff(times) / STEP_S), 1.0) * STEP_S
         return by_speeds((np.diff(places) / spans).tolist(), spans.tolist())
 
@@ -92,9 +104,41 @@ REFERENCES: Final[Mapping[str, Callable[..., Any]]] = {
 }
 
 
-def read_reference(table: Mapping[str, Any], duration_s: float) -> Trajectory:
-    """The reference that a scenario's table asks for, over `duration_s`. Raises ValueError as `plant.reading.from_table`."""
+def read_reference(table: Mapping[str, Any], duration_s: float, limits: Limits | None = None) -> Trajectory:
+    """The reference that a scenario's table asks for, over `duration_s`; within the travel and speed of `limits` where there are some.
+
+    Raises ValueError as `plant.reading.from_table`.
+    """
     kind = choice(table, "reference.kind", tuple(REFERENCES))
     shape = from_table(REFERENCES[kind], table, "reference", skip=("kind",))  # type: ignore[arg-type]
+    for name, value in vars(shape).items():
+        if "_mm" in name and not np.all(np.abs(value) <= FARTHEST):
+            raise ValueError(f"reference.{name} must lie within {FARTHEST:g} either way; got {value}")
+        if name == "start_s" and not 0 <= value < duration_s:
+            raise ValueError(f"reference.start_s must lie from 0 on and within the run of {duration_s:g} s; got {value:g}")
     trajectory: Trajectory = shape.trajectory(duration_s)
+    if limits is not None:
+        _within(trajectory, limits)
     return trajectory
+
+
+def _in_time(positions_mm: tuple[float, ...], speed_mm_s: float, start_s: float, dwell_s: float, duration_s: float) -> None:
+    """Refuse moves of which the last does not arrive within the run."""
+    if not speed_mm_s > 0:
+        raise ValueError(f"reference.speed_mm_s must be positive; got {speed_mm_s:g}")
+    way = float(np.sum(np.abs(np.diff([0.0, *positions_mm]))))
+    arrives = start_s + way / speed_mm_s + dwell_s * (len(positions_mm) - 1) if way else 0.0
+    if arrives > min(duration_s, LONGEST_S) + STEP_S:
+        raise ValueError(f"reference must arrive within the run of {duration_s:g} s; got {arrives:g} s until it does")
+
+
+def _within(trajectory: Trajectory, limits: Limits) -> None:
+    """Refuse what no rig within `limits` can follow."""
+    speed = float(np.max(np.abs(np.diff(trajectory.places)))) / STEP_S
+    farthest = float(np.max(np.abs(trajectory.places)))
+    if speed > limits.speed_m_s * (1 + 1e-9):
+        raise ValueError(
+            f"reference must be no faster than limits.speed_m_s, {limits.speed_m_s / MM:g} mm/s; got {speed / MM:.4g} mm/s"
+        )
+    if farthest > limits.travel_m:
+        raise ValueError(f"reference must stay within limits.travel_m, {limits.travel_m / MM:g} mm; got {farthest / MM:.4g} mm")

@@ -7,48 +7,36 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Final
 
+from controller.choices import CONTROLLERS, leads
 from controller.limits import Limits
 from controller.trajectory import Trajectory
 from hil.app.toml_file import read_toml
+from hil.app.track_belief import read_belief
+from hil.app.track_checks import CheckTable, read_checks
 from hil.app.track_reference import read_reference
 from models.parameter import nearest
-from models.rig import TABLES as RIG_TABLES
-from models.rig import Rig, parse_rig
+from models.rig import Rig
 from plant.instruments import Instrument
-from plant.reading import from_table
+from plant.reading import converted, from_table
+from plant.rig import STEP_S, Plant
 from plant.rig import Rig as Truth
 from plant.scenario import parse_truth
 from plant.session import FEEDBACK, LOCALISATION, Instruments
 
 Table = Mapping[str, Any]
 TRUTH_TABLES: Final = ("scenario", "capsule", "tissue", "rig", "drive", "surface", "anatomy", "effects")
-OWN_TABLES: Final = ("reference", "belief", "control", "limits", "localisation", "feedback")
+OWN_TABLES: Final = ("reference", "belief", "control", "limits", "localisation", "feedback", "checks")
 TABLES: Final = TRUTH_TABLES + OWN_TABLES
-
-_CAPSULE: Final = {"radius_m": 6.5e-3, "cylinder_length_m": 20e-3, "mass_kg": 4.0e-3}
-_TISSUE: Final = {
-    "preset": "jejunum",
-    "wall_thickness_m": 2.5e-3,
-    "contact_angle_deg": 60.0,
-    "nose_force_angle_deg": 30.0,
-    "friction_coefficient": 0.082,
-    "mucus_thickness_m": 30e-6,
-    "recovery_time_s": 0.05,
-}
-_HEAD: Final[Mapping[str, Table]] = {
-    "magnetic": {"magnet_stiffness_N_per_m": 25.0, "magnet_range_m": 0.02},
-    "coil": {"force_constant_N_per_A": 0.5, "coil_resistance_Ohm": 10.0, "coil_inductance_H": 10e-3, "current_limit_A": 1.0},
-    "vibro": {},
-}
-_DRIVE: Final = {"inner_mass_kg": 0.074, "spring_stiffness_N_per_m": 256.23, "force_N": 1.25, "reaction_on_body": True}
-_PLATE_BODY_KG: Final = 0.193
-_PLATE_FRICTION: Final = 0.29
+SAMPLE_STEPS: Final = 10
+"""Steps of the plant between samples of the truth (`plant.session`)."""
 DRIVEN: Final[Mapping[str, str]] = {"magnetic": "", "coil": "coil_voltage_V", "vibro": ""}
+_LEADING: Final[Mapping[str, str]] = {"magnetic": "feedforward", "coil": "feedforward", "vibro": "vibro"}
 
 
 @dataclass(frozen=True)
 class Control:
-    """Table `[control]`: the tick, which controller runs where the command line names none, and from when on tracking is judged."""
+    """Table `[control]`: the tick, which controller runs where the command line names none (a vibro rig's own for that kind), and from
+    when on tracking is judged."""
 
     tick_s: float = 1e-3
     controller: str = "feedforward"
@@ -75,6 +63,7 @@ class TrackScenario:
     reference: Trajectory
     limits: Limits
     control: Control
+    checks: CheckTable = CheckTable()
 
 
 def load_track_scenario(path: Path) -> TrackScenario:
@@ -93,63 +82,92 @@ def parse_track_scenario(raw: Table) -> TrackScenario:
             raise ValueError(f"tables must be among {', '.join(TABLES)}; got [{name}]; {nearest(name, TABLES)}")
         if not isinstance(table, Mapping):
             raise ValueError(f"{name} must be a table; got {table!r}")
+    seed = raw.get("anatomy", {}).get("seed", 0)
+    if converted(seed, int, "anatomy.seed") < 0:
+        raise ValueError(f"anatomy.seed must be zero or more; got {seed}")
     run, kind, truth = parse_truth({name: table for name, table in raw.items() if name in TRUTH_TABLES})
-    if kind not in _HEAD:
-        raise ValueError(f"rig.kind must be one of {', '.join(_HEAD)} to be controlled; got {kind!r}")
-    control = from_table(Control, raw.get("control", {}), "control")
-    if not control.judged_from_s < run.duration_s:
-        raise ValueError(
-            f"control.judged_from_s must be below the duration of {run.duration_s:g} s; got {control.judged_from_s:g}"
-        )
-    ratio = control.tick_s / run.step_s
-    if abs(ratio - round(ratio)) > 1e-6:
-        raise ValueError(f"control.tick_s must be a multiple of the plant's step of {run.step_s:g} s; got {control.tick_s:g}")
+    if kind not in DRIVEN:
+        raise ValueError(f"rig.kind must be one of {', '.join(DRIVEN)} to be controlled; got {kind!r}")
+    if run.seed < 0:
+        raise ValueError(f"scenario.seed must be zero or more; got {run.seed}")
+    _buildable(truth, raw)
+    control = _control(raw.get("control", {}), kind, run.duration_s, run.step_s)
+    limits = from_table(Limits, raw.get("limits", {}), "limits")
+    instruments = Instruments(
+        _instrument(raw.get("localisation", {}), "localisation", LOCALISATION, run.duration_s),
+        _instrument(raw.get("feedback", {}), "feedback", FEEDBACK, run.duration_s),
+    )
+    reference = read_reference(raw.get("reference", {}), run.duration_s, limits)
     return TrackScenario(
         name=run.name or "unnamed",
         duration_s=run.duration_s,
         seed=run.seed,
         kind=kind,
         truth=truth,
-        instruments=Instruments(
-            _instrument(raw.get("localisation", {}), "localisation", LOCALISATION),
-            _instrument(raw.get("feedback", {}), "feedback", FEEDBACK),
-        ),
-        belief=_belief(raw.get("belief", {}), kind, raw.get("surface", {}).get("kind", "gut")),
-        reference=read_reference(raw.get("reference", {}), run.duration_s),
-        limits=_limits(raw.get("limits", {})),
+        instruments=instruments,
+        belief=read_belief(raw.get("belief", {}), kind, raw.get("surface", {}).get("kind", "gut")),
+        reference=reference,
+        limits=limits,
         control=control,
+        checks=read_checks(raw.get("checks", {}), kind, reference, instruments, control.judged_from_s, run.duration_s),
     )
 
 
-def _instrument(table: Table, where: str, nominal: Instrument) -> Instrument:
-    return from_table(Instrument, {f.name: _plain(getattr(nominal, f.name)) for f in fields(Instrument)} | dict(table), where)
+def _buildable(truth: Truth, raw: Table) -> None:
+    """Build the plant once, so that what it refuses is said of the file, under the table in which the number stands."""
+    for where, record in (("capsule", truth.capsule), ("tissue", truth.tissue)):
+        for name, value in vars(record).items():
+            may_be_zero = name in ("friction_coefficient", "nose_force_angle_deg")
+            if not (value > 0 or (may_be_zero and value == 0)):
+                raise ValueError(f"{where}.{name} must be {'zero or more' if may_be_zero else 'positive'}; got {value:g}")
+    try:
+        Plant(truth)
+    except ValueError as error:
+        table, _, rest = str(error).partition(".")
+        key = rest.split(" ")[0]
+        elsewhere = table == "drive" and key not in raw.get("drive", {}) and key in raw.get("rig", {})
+        raise ValueError(f"rig.{rest}" if elsewhere else str(error)) from None
+
+
+def _control(table: Table, kind: str, duration_s: float, step_s: float) -> Control:
+    control = from_table(Control, {"controller": _LEADING[kind], **table}, "control")
+    name, able = control.controller, [name for name in CONTROLLERS if kind in leads(name)]
+    if name not in able:
+        raise ValueError(
+            f"control.controller must be one of {', '.join(able)} for a {kind} rig; got {name!r}; {nearest(name, able)}"
+        )
+    ratio, ticks = control.tick_s / step_s, round(duration_s / control.tick_s)
+    if abs(ratio - round(ratio)) > 1e-6:
+        raise ValueError(f"control.tick_s must be a multiple of the plant's step of {step_s:g} s; got {control.tick_s:g}")
+    if ticks < 1:
+        raise ValueError(f"scenario.duration_s must be a tick of {control.tick_s:g} s or more; got {duration_s:g}")
+    latest = ticks * control.tick_s - 2 * SAMPLE_STEPS * step_s
+    if control.judged_from_s > latest + 1e-9:
+        raise ValueError(
+            f"control.judged_from_s must leave two samples of the truth to judge, so be at most {latest:g} s in a run of "
+            f"{duration_s:g} s; got {control.judged_from_s:g}"
+        )
+    return control
+
+
+def _instrument(table: Table, where: str, nominal: Instrument, duration_s: float) -> Instrument:
+    given = {f.name: _plain(getattr(nominal, f.name)) for f in fields(Instrument)} | dict(table)
+    try:
+        instrument = from_table(Instrument, given, where)
+    except ValueError as error:
+        raise ValueError(str(error).replace("instrument ", f"{where}.", 1)) from None
+    fastest = 1 / (SAMPLE_STEPS * STEP_S)
+    if "rate_Hz" in table and not 1 / duration_s <= instrument.rate_Hz <= fastest:
+        raise ValueError(
+            f"{where}.rate_Hz must lie in [{1 / duration_s:g}, {fastest:g}], two readings within the run or more and no more than "
+            f"there are samples of the truth; got {instrument.rate_Hz:g}"
+        )
+    for name in ("gaps_s", "nan_s"):
+        spans = getattr(instrument, name)
+        if any(start < 0 for start in spans[::2]) or any(not length > 0 for length in spans[1::2]):
+            raise ValueError(f"{where}.{name} must be pairs of a start from 0 on and a positive length; got {list(spans)[:8]}")
+    return instrument
 
 
 def _plain(value: Any) -> Any:
     return list(value) if isinstance(value, tuple) else value
-
-
-def _limits(table: Table) -> Limits:
-    return from_table(Limits, table, "limits")
-
-
-def _belief(table: Table, kind: str, surface: str) -> Rig:
-    """The rig file that the experimenter would have written: `[belief.*]` over nominal values."""
-    for name, content in table.items():
-        if name not in RIG_TABLES:
-            raise ValueError(f"tables of [belief] must be those of a rig file; got {name!r}; {nearest(name, RIG_TABLES)}")
-        if not isinstance(content, Mapping):
-            raise ValueError(f"belief.{name} must be a table; got {content!r}")
-    capsule = dict(_CAPSULE)
-    if kind == "vibro":
-        capsule["mass_kg"] = _PLATE_BODY_KG
-    nominal: dict[str, Table] = {"capsule": capsule, "rig": {"kind": kind, **_HEAD[kind]}}
-    if kind != "vibro" or surface == "gut":
-        nominal["tissue"] = _TISSUE
-    if kind == "vibro":
-        nominal["drive"] = _DRIVE
-        nominal["surface"] = {"kind": "gut"} if surface == "gut" else {"kind": "plate", "friction_coefficient": _PLATE_FRICTION}
-    merged = {name: {**nominal.get(name, {}), **table.get(name, {})} for name in {**nominal, **table}}
-    if merged["rig"]["kind"] != kind:
-        raise ValueError(f"belief.rig.kind must be the plant's, {kind!r}; got {merged['rig']['kind']!r}")
-    return parse_rig(merged, "belief")

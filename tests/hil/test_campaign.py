@@ -45,7 +45,7 @@ name = "folds"
 set.effects.fold_periodic = { excess = 0.3, wavelength_m = 0.0073 }
 """
 RUNS = 24
-TIMES = ("solve_ms", "real_time_factor")
+TIMES = ("solve_ms", "estimate_ms", "real_time_factor")
 
 
 @pytest.fixture

@@ -28,7 +28,11 @@ KEYS = {
     "wall_force_max_N": float,
     "effort": float,
     "hard_violations": int,
+    "limit_use": dict,
+    "ticks": dict,
+    "estimator": dict,
     "solve_ms": dict,
+    "estimate_ms": dict,
     "real_time_factor": float,
 }
 SHORT = """
@@ -64,7 +68,13 @@ def test_json_has_the_keys_that_others_rely_on(short: Path, tmp_path: Path, caps
     assert run(["track", str(short), "--json", "--seed", "4", "--out", str(tmp_path / "out")]) == 0
     found = json.loads(capsys.readouterr().out)
     assert {key: type(found[key]) for key in KEYS} == KEYS
-    assert set(found) == {*KEYS, "log"}
+    assert set(found) == {*KEYS, "log", "checks"}
+    assert set(found["estimate_ms"]) == {"median", "p99", "max"}
+    assert 0 < found["estimate_ms"]["median"] <= found["estimate_ms"]["p99"] <= found["estimate_ms"]["max"]
+    assert sum(found["ticks"].values()) == 2000
+    assert set(found["limit_use"]) == {"speed", "force", "gap", "carriage_speed", "carriage_acceleration", "travel"}
+    assert all(0 < share <= 1.001 for share in found["limit_use"].values())
+    assert found["checks"] == []
     assert set(found["solve_ms"]) == {"median", "p99", "max", "failed"}
     assert (found["controller"], found["seed"], found["model"]) == ("feedforward", 4, "nominal")
     assert 0 < found["tracking_rmse_m"] <= found["tracking_max_m"] < 5e-3

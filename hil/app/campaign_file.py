@@ -26,7 +26,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from hil.app.predict import read_model
+from hil.app.model_file import read_model
 from hil.app.sil_scenario import parse_sil_scenario
 from hil.app.toml_file import read_toml
 from hil.app.track_scenario import parse_track_scenario

@@ -12,11 +12,12 @@ from hil.app.can_record import read_rig_record
 from hil.app.console import json_text, notes, output_to_notes, print_json, progress_bar, summary
 from hil.app.report import headline, report_html, report_json
 from hil.app.report.words import STAGE_WORDS, error_unit, number
+from hil.app.run_file import read_deployed_rig
 from hil.app.write import check_folder, check_targets, write_files
 from models.identification import Model, close
 from models.identification.result import STAGES, Finding
 from models.record import Record
-from models.rig import Rig, read_rig
+from models.rig import Rig
 
 REPORT, NUMBERS, MODEL = "report.html", "report.json", "model.toml"
 
@@ -27,7 +28,7 @@ def close_loop(
     """Find what the model lacks and write `report.html`, `report.json` and `model.toml` to the folder `out`, all or none."""
     check_folder(out, "--out")
     check_targets([out / name for name in (REPORT, NUMBERS, MODEL)], "--out", [*records, *holdout, rig])
-    belief = read_rig(rig)
+    belief = read_deployed_rig(rig)
     train, held = read_series(records, holdout, belief)
     for record, role in [(r, "training") for r in train] + [(r, "held out") for r in held]:
         notes().print(f"{record.name}: {len(record)} rows, {role}", markup=False)

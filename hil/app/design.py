@@ -21,7 +21,7 @@ from controller.vibro.cycles import VibroModel
 from hil.app.console import output_to_notes, print_json, summary
 from hil.app.design_page import design_html
 from hil.app.design_vibro import print_vibro, study_of, vibro_html, vibro_json
-from hil.app.predict import read_model
+from hil.app.model_file import read_model
 from hil.app.write import check_folder, write_files
 from models.identification.result import STAGES
 from models.parameter import nearest

@@ -10,15 +10,13 @@ from numpy.typing import NDArray
 
 from hil.app.can_record import read_rig_record
 from hil.app.console import output_to_notes, print_json, summary
+from hil.app.model_file import read_model
+from hil.app.run_file import read_deployed_rig
 from hil.app.write import check_file, check_targets, write_table
 from models.columns import COLUMNS
-from models.identification import Model
 from models.identification.result import STAGES
 from models.parameter import nearest
 from models.record import Record
-from models.rig import read_rig
-
-LARGEST_MODEL = 1 << 22
 
 
 def predict(record: Path, rig: Path, model: Path, out: Path, *, stage: str = "augmented", json_output: bool = False) -> None:
@@ -27,7 +25,7 @@ def predict(record: Path, rig: Path, model: Path, out: Path, *, stage: str = "au
         raise ValueError(f"--stage must be one of {', '.join(STAGES)}; got {stage!r}; {nearest(stage, STAGES)}")
     check_file(out, "--out", (".csv", ".csv.gz"))
     check_targets([out], "--out", [record, rig, model])
-    belief = read_rig(rig)
+    belief = read_deployed_rig(rig)
     learned = read_model(model, belief.kind)
     driven = read_rig_record(record, belief, driven_only=True)
     try:
@@ -55,25 +53,6 @@ def predict(record: Path, rig: Path, model: Path, out: Path, *, stage: str = "au
     console.print(f"{stage} model, {rows} rows: {out}", markup=False, soft_wrap=True)
     for name, value in differences.items():
         console.print(f"rms of {name}, measured minus predicted: {value:.4g}", markup=False)
-
-
-def read_model(path: Path, kind: str, *others: str) -> Model:
-    """The model of a file, for rigs of `kind` or one of the `others`; a ValueError of one sentence where it is none."""
-    try:
-        if path.stat().st_size > LARGEST_MODEL:
-            raise ValueError(f"{path}: model must be smaller than {LARGEST_MODEL} bytes; got {path.stat().st_size}")
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise ValueError(f"{path}: model must be a file that can be read; got: {error.strerror or error}") from None
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{path}: model must be UTF-8 text; got another byte at {error.start}") from None
-    try:
-        model = Model.from_toml(text)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
-    if model.kind not in (kind, *others):
-        raise ValueError(f"{path}: model must be one of a {' or '.join((kind, *others))} rig; got one of a {model.kind} rig")
-    return model
 
 
 def compare(record: Record, columns: dict[str, NDArray[np.float64]]) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from controller.gate import Gate, Verdict
 from controller.limits import Limits
 from controller.prediction import control_model
 from controller.trajectory import Trajectory
-from hil.app.predict import read_model
+from hil.app.model_file import read_model
 from hil.app.track_reference import read_reference
 from hil.bus.catalogue import load_catalogue
 from hil.nodes.cia402 import Cia402Table

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from hil.app.predict import read_model
+from hil.app.model_file import read_model
 from hil.app.track_scenario import TrackScenario
 from models.identification.result import STAGES
 from models.parameter import nearest

@@ -14,7 +14,7 @@ from models.record import Record, named
 MOST_SECONDS = MappingProxyType({"pull": 3600.0, "magnetic": 3600.0, "coil": 3600.0, "vibro": 600.0, "vibro_table": 1e5})
 """Longest motion that one record may ask to be computed, by kind of rig."""
 _STEPS_S = (1e-6, 1.0)
-_GAP = 100.0
+_GAP = 1000.0
 _PARTS = MappingProxyType(
     {
         "axis": "more records, or one of at least four stretches of motion that last more than 0.4 s each",

@@ -18,7 +18,7 @@ import numpy as np
 
 from controller.limits import Limits
 from hil.app.main import run as capsule
-from hil.app.predict import read_model
+from hil.app.model_file import read_model
 from hil.app.track_loop import believed_model, run_loop
 from hil.app.track_reference import Sine
 from hil.app.track_scenario import Control, TrackScenario

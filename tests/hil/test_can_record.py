@@ -10,7 +10,7 @@ import can
 import numpy as np
 import pytest
 
-import hil.app.predict as predict_module
+import hil.app.model_file as model_file
 from hil.app.can_record import SOURCES, log_record, read_rig_record
 from hil.app.main import run
 from hil.bus.catalogue import load_catalogue
@@ -184,7 +184,7 @@ def test_csv_records_are_read_as_ever(tmp_path: Path) -> None:
 def test_the_command_line_predicts_from_a_log(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(predict_module, "Model", FakeModel)
+    monkeypatch.setattr(model_file, "Model", FakeModel)
     rig, model, out = tmp_path / "rig.toml", tmp_path / "model.toml", tmp_path / "out.csv"
     rig.write_text('[rig]\nkind = "axis"\n')
     model.write_text('kind = "axis"\n')

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import hil.app.close_loop as close_loop_module
-import hil.app.predict as predict_module
+import hil.app.model_file as model_file
 import hil.app.write as write_module
 from hil.app.main import run, spread_option
 from hil.app.write import write_files, write_table
@@ -70,7 +70,7 @@ def record(tmp_path: Path) -> str:
 @pytest.fixture
 def faked(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(close_loop_module, "close", fake_close)
-    monkeypatch.setattr(predict_module, "Model", FakeModel)
+    monkeypatch.setattr(model_file, "Model", FakeModel)
 
 
 def test_every_word_after_holdout_is_held_out() -> None:

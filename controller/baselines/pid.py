@@ -10,7 +10,7 @@ import numpy as np
 from controller.envelope import gap_of_force
 from controller.limits import Envelope, number
 from controller.prediction import ControlModel
-from controller.signals import Action, Estimate, Reference
+from controller.signals import Action, Controller, Estimate, Reference
 from models.drives.coil import Coil, VoltageCoil
 from models.drives.from_rig import surface_of
 from models.drives.magnetic import Magnetic
@@ -66,7 +66,7 @@ class Actuator:
         return float(drive.force(x, v, command, p))
 
 
-class PID:
+class PID(Controller):
     """The loop: force from the error, command from the force by the drive's static inverse. `friction_N` 0: no feedforward."""
 
     def __init__(

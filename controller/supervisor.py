@@ -203,11 +203,11 @@ class Supervisor:
         """What the estimate says of the capsule; lost where it cannot be read."""
         try:
             x, v = number(estimate.state[self._place]), number(estimate.state[self._pace])
-            age, lost = number(now) - number(estimate.time_s), bool(estimate.lost)
+            age, lost, std = number(now) - number(estimate.time_s), bool(estimate.lost), number(estimate.std[self._place])
         except Exception:  # noqa: BLE001 - an estimate that cannot be read is a lost one
             return Seen(math.nan, math.nan, math.inf, True, self.temperature_C)
         early = -self.envelope.limits.longest_tick_s
-        return Seen(x, v, max(age, 0.0) if age >= early else math.inf, lost, self.temperature_C)
+        return Seen(x, v, max(age, 0.0) if age >= early else math.inf, lost, self.temperature_C, std)
 
     def _note(self, after: str, reason: str) -> None:
         self.events.append(Event(self._now, self.active, after, reason))

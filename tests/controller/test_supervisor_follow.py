@@ -14,10 +14,15 @@ from controller.rules import Rules
 from controller.signals import Action
 from hil.app.track_loop import believed_model, run_loop
 from hil.app.track_scenario import parse_track_scenario
+from hil.app.track_score import score
 from plant import layout as at
 from tests.controller.supervisor_stubs import DT, Stub, magnetic, run, steady
 
-RAMP = (Path(hil.__file__).parent / "scenarios" / "track_magnetic_ramp.toml").read_text().replace("20.0", "7.0")
+RAMP = (
+    (Path(hil.__file__).parent / "scenarios" / "track_magnetic_ramp.toml")
+    .read_text()
+    .replace("duration_s = 20.0", "duration_s = 7.0")
+)
 
 
 @pytest.mark.parametrize(("fault", "seed"), [("gaps_s", 1), ("gaps_s", 2), ("nan_s", 3)])
@@ -66,3 +71,11 @@ def test_only_a_carriage_that_cannot_follow_for_long_is_a_failure(answer: Callab
     assert supervisor.active == active
     if active == "pid":
         assert supervisor.events[-1].reason == "mpc held by limits: rate"
+
+
+@pytest.mark.parametrize("controller", ["feedforward", "mpc"])
+def test_the_magnet_keeps_a_capsule_that_a_narrow_place_holds_back(controller: str) -> None:
+    """Where the estimate runs ahead of the capsule by five of its standard deviations."""
+    narrow = RAMP.replace("duration_s = 7.0", "duration_s = 8.0") + "\n[effects.stenosis]\nexcess = 1.0\ncentre_m = 0.006\n"
+    scenario = parse_track_scenario(tomllib.loads(narrow))
+    assert score(scenario, run_loop(scenario, believed_model(scenario, {}), controller, 1)).hard_violations == 0

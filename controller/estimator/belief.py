@@ -16,7 +16,7 @@ from controller.prediction import ControlModel
 from controller.signals import Adapted
 
 Array = NDArray[np.float64]
-_NARROW: Final = 0.1  # share of a standard deviation over which an extended filter differentiates; a narrower one sees a jump as a slope without bound
+NARROW: Final = 0.1  # share of a standard deviation over which an extended filter differentiates; a narrower one sees a jump as a slope without bound
 LEVELS: Final = ("hoop_stress_factor", "friction_coefficient")
 _START_STD: Final = {"v": 1e-3, "u": 1e-4, "current_A": 0.1, "stretch_m": 1e-4, "rate_m_s": 1e-2}
 
@@ -59,7 +59,7 @@ class Process:
         n = len(self.names)
         walks = [self.noise.wander(name) for name in self.names[:-2]] + [self.noise.force_wander_N, self.noise.level_wander]
         self.wander = np.array(walks) ** 2 * model.tick_s
-        self._scale = math.sqrt(n) if self.unscented else _NARROW
+        self._scale = math.sqrt(n) if self.unscented else NARROW
         self._states, self._d, self._level = np.zeros((2 * n + 1, len(model.states))), np.zeros(2 * n + 1), np.zeros(2 * n + 1)
         names = [p.name for p in model.symbols.parameters]
         self.learned = next(names.index(name) for name in LEVELS if name in names)

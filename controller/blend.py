@@ -52,13 +52,14 @@ class Blend:
     def __init__(self, time_s: float) -> None:
         self._time = time_s
         self._step, self._since = 0.0, -math.inf
+        self.left = 0.0
 
     def begin(self, step: float, now: float) -> None:
         """Hide `step` = old command - new command from `now` on."""
         self._step, self._since = step, now
 
     def smooth(self, command: float, now: float) -> float:
-        """`command` with what is left of the step."""
-        if self._time <= 0:
-            return command
-        return command + self._step * max(0.0, 1 - max(now - self._since, 0.0) / self._time)
+        """`command` with what is `left` of the step."""
+        share = max(0.0, 1 - max(now - self._since, 0.0) / self._time) if self._time > 0 else 0.0
+        self.left = self._step * share
+        return command + self.left

@@ -11,7 +11,7 @@ import numpy as np
 from controller.inversion import Inverse
 from controller.limits import Envelope, number
 from controller.prediction import ControlModel
-from controller.signals import Action, Estimate, Reference
+from controller.signals import Action, Controller, Estimate, Reference
 
 _RESPONDING: Final = 0.35
 """Share of a drive's time constant below which the inverse would drive it from end to end of its range."""
@@ -43,7 +43,7 @@ class Loop:
 LOOPS = {"magnetic": Loop(), "coil": Loop(reach_s=4e-3)}
 
 
-class Feedforward:
+class Feedforward(Controller):
     """Each tick the capsule is to go on from the reference's speed to the next one's, corrected by `Loop`; the command is the model's
     inverse for that, from the wall displacement, slip and drive states of the estimate, against its disturbance.
 

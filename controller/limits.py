@@ -25,6 +25,7 @@ class Limits:
     carriage_acceleration_m_s2: float = _limit(10.0, "m/s2", "choice: from full carriage speed to rest within 25 ms")
     travel_m: float = _limit(1.0, "m", "choice: the carriage stays within this distance of its zero")
     gap_share: float = _limit(0.95, "1", "choice: share of the gap of greatest pull r/sqrt(3), beyond which the magnet lets go")
+    gap_stds: float = _limit(3.0, "1", "choice: standard deviations of the estimated position by which the gap is held smaller")
     current_A: float = _limit(1.0, "A", "choice: 0.5 N at the default coil's 0.5 N/A")
     current_rate_A_s: float = _limit(1200.0, "A/s", "12 V (PWM capsubot's supply) across the default coil's 10 mH")
     temperature_C: float = _limit(43.0, "degC", "applied part in contact for 10 min or more, IEC 60601-1 (from memory)")
@@ -81,13 +82,15 @@ class Issued:
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What is believed when a command is limited, SI: `age_s` is how old that belief is, `lost` whether it is none."""
+    """What is believed when a command is limited, SI: `age_s` is how old that belief is, `lost` whether it is none, `std_m` the standard
+    deviation of the position."""
 
     position_m: float
     speed_m_s: float
     age_s: float = 0.0
     lost: bool = False
     temperature_C: float = 20.0
+    std_m: float = 0.0
 
 
 def limited(wanted: object, previous: Issued, seen: Seen, dt: float, envelope: Envelope) -> tuple[Issued, tuple[str, ...]]:
@@ -98,7 +101,9 @@ def limited(wanted: object, previous: Issued, seen: Seen, dt: float, envelope: E
     where it is no number, and as `longest_tick_s` beyond that. A `wanted` that is no finite number asks for the safe state: zero
     current, inner mass off, carriage at rest. So does a lost, stale or impossible belief, and the temperature limit. Above
     `derate_C` a current's range (the carriage's rate) shrinks in proportion. A capsule faster than `speed_m_s` is not pushed on and
-    the carriage does not leave the gap in which the magnet holds, as far as its acceleration allows. A `previous` that is not
+    the carriage does not leave the gap in which the magnet holds, less
+    `gap_stds` of the position: it brakes ahead of the gap's end as of the range's, and only a capsule that jumps or is not where it is
+    believed gets further. A `previous` that is not
     finite or out of range counts as the nearest one that is neither, at rest. Never raises.
     """
     limits, broken = envelope.limits, list[str]()
@@ -119,9 +124,11 @@ def limited(wanted: object, previous: Issued, seen: Seen, dt: float, envelope: E
     if blind or not math.isfinite(aim):
         aim = before if envelope.kind == "magnetic" else 0.0
     aim = _in_range(aim, share, envelope, broken)
+    low, high = envelope.low, envelope.high
     if not blind:
-        aim = _held(aim, before, x, v, envelope, broken)
-    return _reached(aim, before, rate, number(previous.aim), dt, share, envelope, broken), tuple(broken)
+        low, high = _room(x, number(seen.std_m), envelope)
+        aim = _held(aim, before, v, (low, high), envelope, broken)
+    return _reached(aim, before, rate, number(previous.aim), dt, share, (low, high), envelope, broken), tuple(broken)
 
 
 def number(value: object) -> float:
@@ -156,11 +163,21 @@ def _in_range(aim: float, share: float, envelope: Envelope, broken: list[str]) -
     return clipped
 
 
-def _held(aim: float, before: float, x: float, v: float, envelope: Envelope, broken: list[str]) -> float:
+def _room(x: float, std: float, envelope: Envelope) -> tuple[float, float]:
+    """Where a carriage holds a capsule at `x` in m, known to `std` in m (to nothing where that is no number); the range of other drives."""
+    low, high = envelope.low, envelope.high
+    if envelope.kind != "magnetic":
+        return low, high
+    margin = envelope.limits.gap_stds * std
+    gap = max(envelope.gap_m - margin, 0.0) if margin >= 0 else 0.0
+    return _within(x - gap, low, high), _within(x + gap, low, high)
+
+
+def _held(aim: float, before: float, v: float, room: tuple[float, float], envelope: Envelope, broken: list[str]) -> float:
     """`aim` that neither pushes on a capsule that is too fast nor lets the magnet lose it."""
     held = aim
     if envelope.kind == "magnetic":
-        held = _within(aim, x - envelope.gap_m, x + envelope.gap_m)
+        held = _within(aim, *room)
         if held != aim:
             broken.append("gap")
     if abs(v) > envelope.limits.speed_m_s and envelope.kind != "vibro":
@@ -173,9 +190,17 @@ def _held(aim: float, before: float, x: float, v: float, envelope: Envelope, bro
 
 
 def _reached(
-    aim: float, before: float, rate: float, last_aim: float, dt: float, share: float, envelope: Envelope, broken: list[str]
+    aim: float,
+    before: float,
+    rate: float,
+    last_aim: float,
+    dt: float,
+    share: float,
+    room: tuple[float, float],
+    envelope: Envelope,
+    broken: list[str],
 ) -> Issued:
-    """What of `aim` can be reached within `dt` under rate and acceleration, with room left to come to rest within the range.
+    """What of `aim` can be reached within `dt` under rate and acceleration, so that it comes to rest within `room` and the range.
 
     The carriage runs with its aim (its rate since `last_aim`) and makes up for a distance as fast as it can still brake.
     """
@@ -188,7 +213,7 @@ def _reached(
             along = _within((aim - last_aim) / dt, -fastest, fastest) if math.isfinite(last_aim) else 0.0
             behind = aim - before - along * dt
             able = _within(along + math.copysign(_braking(abs(behind), dt, a), behind), -fastest, fastest)
-            able = _within(able, -_braking(before - envelope.low, dt, a), _braking(envelope.high - before, dt, a))
+            able = _within(able, -_braking(before - room[0], dt, a), _braking(room[1] - before, dt, a))
             able = _within(able, rate - a * dt, rate + a * dt)
         command = _within(before + able * dt, envelope.low, envelope.high)
         new_rate = able if command == before + able * dt else 0.0

@@ -10,10 +10,11 @@ from dataclasses import dataclass, fields
 class Rules:
     """When the supervisor changes over, all in s but `late_allowed` (late answers in a row that are still used) and `rest_speed_m_s`.
 
-    An answer later than `deadline_s` by the clock is late. A controller that failed is tried again after `retry_s`, twice as long
-    after each further failure up to `retry_longest_s`, and forgiven after `forgive_s` of good work. Serious limits in force for
-    `limit_s` on end count as a failure. After a lost estimate control resumes once it was good for `settle_s`. A change-over is blended over `blend_s`, a
-    stop takes the current to 0 within `stop_s`. At rest: capsule and reference slower than `rest_speed_m_s` for `rest_s`.
+    An answer later than `deadline_s` by the clock is late. A controller that failed is tried again after `retry_s`, twice as long after each further
+    failure up to `retry_longest_s`, and forgiven after `forgive_s` of good work. Serious limits in force for `limit_s` on end count as a failure, so
+    does turning about far from the aim for `limit_s` (a second of following takes 0.5 s off). After a lost estimate control resumes once it was good
+    for `settle_s`. A change-over is blended over `blend_s`, a stop takes the current to 0 within `stop_s`. At rest: capsule and reference slower than
+    `rest_speed_m_s` for `rest_s`.
     """
 
     late_allowed: int = 2

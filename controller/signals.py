@@ -68,13 +68,18 @@ class Action:
 
 
 class Controller(Protocol):
-    """What every controller is. Neither method raises; both take bounded time."""
+    """What every controller is. No method raises; all take bounded time."""
 
     name: str
 
     def reset(self, now: float, estimate: Estimate, command: float) -> None:
         """Begin at `now` in s with `command` in force, without a bump."""
         ...
+
+    def follow(self, command: float, rate: float) -> None:
+        """Hear the command in force and its `rate` a second, before each `act`: what limits left of the last answer, for those who go
+        on from their own commands. The others need not listen."""
+        return
 
     def act(self, now: float, estimate: Estimate, reference: Reference) -> Action:
         """The command for the tick that begins at `now` in s."""

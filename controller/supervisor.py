@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from controller.signals import Action, Controller, Estimate, Reference, Status
 
 SERIOUS = frozenset({"range", "gap", "speed", "temperature"})
 _EVENTS = 256
+_FORGOTTEN = 0.5  # s of turning about far from the aim that a second of following it makes up for
+_FULL = 0.99  # share of the full rate from which on a carriage counts as running at it
 _NO_ACTION = Action(math.nan, "failed")
 
 
@@ -52,6 +54,7 @@ class Supervisor:
         self.events: deque[Event] = deque(maxlen=_EVENTS)
         self.issued = Issued(envelope.neutral(math.nan))
         self._place, self._pace, self._clock = place, pace, clock
+        self._braking_m = 0.5 * envelope.rate**2 / envelope.acceleration if math.isfinite(envelope.acceleration) else math.inf
         self._offered: tuple[Controller, ...] | None = None
         self._begin(tuple(chain), 0.0)
 
@@ -63,6 +66,7 @@ class Supervisor:
         self._late = 0
         self._reason = "start"
         self._bad_until, self._rest_since, self._limited_since = -math.inf, math.inf, math.inf
+        self._unfollowed_s = 0.0
         self._stopped_at, self._stop_from = math.inf, 0.0
 
     @property
@@ -123,6 +127,7 @@ class Supervisor:
         try:
             if changed:
                 controller.reset(now, estimate, self.issued.command)
+            controller.follow(self.issued.command - (0.0 if changed else self._blend.left), self.issued.rate)
             action = controller.act(now, estimate, reference)
             command, status = number(action.command), action.status
         except Exception as error:  # noqa: BLE001 - whatever a controller does, the drive gets a safe command
@@ -157,15 +162,28 @@ class Supervisor:
         return Action(left * self._stop_from, "stopped")
 
     def _watch_limits(self, broken: Sequence[str]) -> None:
-        """Serious limits in force too long count as a failure of whoever is in charge."""
+        """Serious limits in force too long count as a failure of whoever is in charge; so do commands that no carriage can follow."""
         if self._active < 0 or not SERIOUS.intersection(broken):
             self._limited_since = math.inf
         elif self._limited_since == math.inf:
             self._limited_since = self._elapsed
         elif self._elapsed - self._limited_since >= self.rules.limit_s:
-            self._reason = f"{self.active} held by limits: {', '.join(sorted(SERIOUS.intersection(broken)))}"
-            self._ladder.failed(self._active, self._elapsed)
-            self._limited_since = math.inf
+            self._too_long(SERIOUS.intersection(broken))
+        self._unfollowed_s = 0.0 if self._active < 0 else max(0.0, self._unfollowed_s + self._unfollowed() * self._tick)
+        if self._unfollowed_s >= self.rules.limit_s:
+            self._too_long({"rate"})
+
+    def _unfollowed(self) -> float:
+        """1 while the carriage is further from its aim than it takes to stop from full rate, and yet turns or brakes; 0 while it goes there
+        at full rate, which is a normal move; `-_FORGOTTEN` while it follows."""
+        if not abs(self.issued.aim - self.issued.command) > self._braking_m:
+            return -_FORGOTTEN
+        return float(abs(self.issued.rate) < _FULL * self.envelope.rate)
+
+    def _too_long(self, names: Iterable[str]) -> None:
+        self._reason = f"{self.active} held by limits: {', '.join(sorted(names))}"
+        self._ladder.failed(self._active, self._elapsed)
+        self._limited_since, self._unfollowed_s = math.inf, 0.0
 
     def _take_offered(self, seen: Seen, reference: Reference) -> None:
         """Take the offered chain once capsule and reference have been at rest long enough."""
@@ -185,11 +203,11 @@ class Supervisor:
         """What the estimate says of the capsule; lost where it cannot be read."""
         try:
             x, v = number(estimate.state[self._place]), number(estimate.state[self._pace])
-            age, lost = number(now) - number(estimate.time_s), bool(estimate.lost)
+            age, lost, std = number(now) - number(estimate.time_s), bool(estimate.lost), number(estimate.std[self._place])
         except Exception:  # noqa: BLE001 - an estimate that cannot be read is a lost one
             return Seen(math.nan, math.nan, math.inf, True, self.temperature_C)
         early = -self.envelope.limits.longest_tick_s
-        return Seen(x, v, max(age, 0.0) if age >= early else math.inf, lost, self.temperature_C)
+        return Seen(x, v, max(age, 0.0) if age >= early else math.inf, lost, self.temperature_C, std)
 
     def _note(self, after: str, reason: str) -> None:
         self.events.append(Event(self._now, self.active, after, reason))

@@ -11,7 +11,7 @@ import numpy as np
 from controller.design.linear import Array, Linear, linearise
 from controller.limits import Envelope, number
 from controller.prediction import ControlModel
-from controller.signals import Action, Estimate, Reference
+from controller.signals import Action, Controller, Estimate, Reference
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def lqr_gains(plant: Linear, weights: Weights | None = None) -> Gains:
     return Gains(plant.states, plant.tick_s, gain[:-1], float(gain[-1]), N_z, N_u)
 
 
-class LQR:
+class LQR(Controller):
     """State feedback on the estimate with an integral of the position error that stops where the command would leave its range."""
 
     name = "lqr"

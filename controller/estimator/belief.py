@@ -16,7 +16,9 @@ from controller.prediction import ControlModel
 from controller.signals import Adapted
 
 Array = NDArray[np.float64]
-_NARROW: Final = 0.1  # share of a standard deviation over which an extended filter differentiates; a narrower one sees a jump as a slope without bound
+NARROW: Final = 0.1  # share of a standard deviation over which an extended filter differentiates; a narrower one sees a jump as a slope without bound
+_SURPRISE: Final = 0.7  # of the mean normalised difference, three standard deviations of its noise, beyond which something pushes
+_RECENT: Final = 0.1  # share of the newest position in that mean
 LEVELS: Final = ("hoop_stress_factor", "friction_coefficient")
 _START_STD: Final = {"v": 1e-3, "u": 1e-4, "current_A": 0.1, "stretch_m": 1e-4, "rate_m_s": 1e-2}
 
@@ -24,18 +26,20 @@ _START_STD: Final = {"v": 1e-3, "u": 1e-4, "current_A": 0.1, "stretch_m": 1e-4, 
 @dataclass(slots=True)
 class Belief:
     """`z` (n,) the continuous states in the model's order, the disturbance and the friction level, `P` (n, n) their covariance, `modes` a
-    model state whose switches count; `time_s`, and the `command` in force up to then."""
+    model state whose switches count; `time_s`, the `command` in force up to then, and by how many standard deviations recent positions
+    were off on average, `surprise`."""
 
     z: Array
     P: Array
     modes: Array
     time_s: float = 0.0
     command: float = 0.0
+    surprise: float = 0.0
 
     def copy_from(self, other: Belief) -> None:
         """Become `other` without a new array."""
         self.z[:], self.P[:], self.modes[:] = other.z, other.P, other.modes
-        self.time_s, self.command = other.time_s, other.command
+        self.time_s, self.command, self.surprise = other.time_s, other.command, other.surprise
 
 
 @dataclass
@@ -59,7 +63,9 @@ class Process:
         n = len(self.names)
         walks = [self.noise.wander(name) for name in self.names[:-2]] + [self.noise.force_wander_N, self.noise.level_wander]
         self.wander = np.array(walks) ** 2 * model.tick_s
-        self._scale = math.sqrt(n) if self.unscented else _NARROW
+        self._pushed = self.wander.copy()
+        self._pushed[-2] = self.noise.push_wander_N**2 * model.tick_s
+        self._scale = math.sqrt(n) if self.unscented else NARROW
         self._states, self._d, self._level = np.zeros((2 * n + 1, len(model.states))), np.zeros(2 * n + 1), np.zeros(2 * n + 1)
         names = [p.name for p in model.symbols.parameters]
         self.learned = next(names.index(name) for name in LEVELS if name in names)
@@ -93,7 +99,8 @@ class Process:
         place_points(b.z, b.P, b.modes, self.where, self._scale, self._bounds, self._L, *self._points)
         k = self._kernels
         k.run_each(self._states, self.middle(b.command, command), self._d, b.time_s, k.tick_s, k.substeps, self._parameters)
-        take_moments(self._states, self._d, self._level, self.where, self._scale, self.unscented, self.wander, b.z, b.P, b.modes)
+        wander = self._pushed if abs(b.surprise) > _SURPRISE else self.wander
+        take_moments(self._states, self._d, self._level, self.where, self._scale, self.unscented, wander, b.z, b.P, b.modes)
         b.time_s += k.tick_s
         b.command = command
 
@@ -122,7 +129,10 @@ class Process:
             shown, slopes = self._seen(self.state(b), b.time_s)
             expected = float(shown)
             self._H[:-2] = np.asarray(slopes).ravel()[self.where]
-        return float(fuse(b.z, b.P, self._H, value - expected, self.noise.position_std_m**2, self.noise.gate, self._K))
+        size = float(fuse(b.z, b.P, self._H, value - expected, self.noise.position_std_m**2, self.noise.gate, self._K))
+        if size <= self.noise.gate:
+            b.surprise += _RECENT * (math.copysign(size, value - expected) - b.surprise)
+        return size
 
     def see_state(self, b: Belief, name: str, value: float) -> float:
         """Take in a reading of the state `name` itself, such as a coil's current."""

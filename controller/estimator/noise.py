@@ -19,7 +19,8 @@ class Noise:
     """Standard deviations, SI. `*_wander` are random walks, a second's worth; what is not named here wanders by `other_wander` of 1.
 
     The friction level is a share of the wall's pressure (of the friction coefficient on a plate), the force what no friction explains;
-    `level_std` and `force_std_N` are how far they may be off at the start.
+    `level_std` and `force_std_N` are how far they may be off at the start. The force wanders by `push_wander_N` instead while positions
+    come out on one side of what was expected: something pushes.
 
     A measurement further than `gate` standard deviations from what was expected is an outlier; `patience` of them in a row mean
     that the belief is wrong, not they. The estimate is lost without an accepted position for `age_s`, above `lost_std_m`, and until
@@ -33,6 +34,7 @@ class Noise:
     speed_wander_m_s: float = 1e-2
     wall_wander_m: float = 5e-5
     force_wander_N: float = 2e-3
+    push_wander_N: float = 2e-3
     force_std_N: float = 3e-3
     level_wander: float = 0.01
     level_std: float = 0.05
@@ -57,7 +59,13 @@ class Noise:
 
 
 _LOCKED = Noise(
-    position_wander_m=3e-5, speed_wander_m_s=3e-3, wall_wander_m=2e-5, force_wander_N=2e-3, level_wander=0.02, level_std=0.1
+    position_wander_m=3e-5,
+    speed_wander_m_s=3e-3,
+    wall_wander_m=2e-5,
+    force_wander_N=2e-3,
+    push_wander_N=30e-3,
+    level_wander=0.02,
+    level_std=0.1,
 )
 NOISES: Mapping[str, Noise] = MappingProxyType({"magnetic": _LOCKED, "coil": Noise(level_std=1e-3, level_wander=1e-3)})
 """By drive where the default does not serve. A magnet's stiffness ties the capsule's jumps to the friction, so a filter that trusts its model

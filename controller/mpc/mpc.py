@@ -16,7 +16,7 @@ from controller.limits import number
 from controller.mpc.planner import Plan, Planner
 from controller.mpc.settings import Bounds, Horizon, Weights
 from controller.prediction import ControlModel
-from controller.signals import Action, Estimate, Reference
+from controller.signals import Action, Controller, Estimate, Reference
 
 Array = NDArray[np.float64]
 
@@ -24,9 +24,10 @@ REST_S = 0.05
 REST_STDS = 3.0
 _WIDEST = 3.0
 _CALM = 0.99
+_SAME = 1e-9  # share of the range within which two commands count as the same
 
 
-class MPC:
+class MPC(Controller):
     """Tracks a reference by planning over a horizon with the control model, offset-free through the estimate's disturbance.
 
     `act` gives the command at the end of the tick, the path expected (N + 1 positions) and the s that each phase took. Status: "ok";
@@ -58,6 +59,7 @@ class MPC:
         self._grid: Array = np.linspace(0.0, self.horizon.stages * self.horizon.stage_s, self.horizon.stages + 1)
         self._command, self._rate, self._plan, self._time = 0.0, 0.0, np.zeros(self.horizon.stages + 1), 0.0
         self._resting = self._followable = False
+        self._same = _SAME * (self.bounds.high - self.bounds.low)
         self.last: Plan | None = None
         self._compile()
 
@@ -73,6 +75,11 @@ class MPC:
         self._command = float(command) if np.isfinite(command) else 0.0
         self._rate, self._time, self._resting, self._followable = 0.0, now, False, False
         self._plan = np.full(self.horizon.stages + 1, self._command)
+
+    def follow(self, command: float, rate: float) -> None:
+        """Plan on from `command` and its `rate` where they are not what was planned."""
+        if abs(command - self._command) > self._same:
+            self._command, self._rate, self._followable = command, rate, False
 
     def act(self, now: float, estimate: Estimate, reference: Reference) -> Action:
         """The command for the tick that begins at `now` in s."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.signals import Action, Estimate, Reference, Status
+from controller.signals import Action, Controller, Estimate, Reference, Status
 from controller.vibro.averaged import AveragedMpc, ProgressFilter, Weights
 from controller.vibro.gears import Choice, DriveMap
 from controller.vibro.waveform import REST, Waveform
@@ -34,7 +34,7 @@ class Tuning:
     feedback: bool = True
 
 
-class VibroController:
+class VibroController(Controller):
     """`act` gives the level (0 to 1 of the coil's force) of the tick from the phase of the present cycle.
 
     At a cycle's end: the filter's state of the averaged motion, a plan of mean speeds from the MPC, its first one through the map to

@@ -11,14 +11,13 @@ from typing import Any
 
 from rich.table import Table
 
-from controller.baselines.lqr import Gains
 from controller.design.describing import AMPLITUDES_M, Balance
 from controller.design.loop import Margins
 from controller.design.study import Study, study
-from controller.design.tuning import Pid
-from controller.prediction import control_model
+from controller.prediction import ControlModel, control_model
 from controller.vibro.cycles import VibroModel
 from hil.app.console import output_to_notes, print_json, summary
+from hil.app.design_gains import command_unit, gains_json, gains_words
 from hil.app.design_page import design_html
 from hil.app.design_vibro import print_vibro, study_of, vibro_html, vibro_json
 from hil.app.model_file import read_model
@@ -29,6 +28,7 @@ from models.rig import Rig, read_rig
 
 PAGE = "design.html"
 TICK_S = 0.002
+SPEEDS_MM_S, LONGEST_DELAY_MS = (0.01, 100.0), 200.0
 
 
 def design(
@@ -44,6 +44,8 @@ def design(
     """Design for the rig of a file, with the numbers of a model that close-loop wrote where one is given; draw into `out`."""
     belief = read_rig(rig)
     values = _values(belief, model, stage)
+    if not 0 <= delay_ms <= LONGEST_DELAY_MS:
+        raise ValueError(f"--delay must lie in [0, {LONGEST_DELAY_MS:g}] ms; got {delay_ms:g}")
     if out is not None:
         check_folder(out, "--out")
     label = {"rig": str(rig), "model": stage if model else "nominal", "page": None if out is None else str(out / PAGE)}
@@ -54,12 +56,28 @@ def design(
         _hand_over(page, lambda: vibro_html(shaken, title), json_output, vibro_json(shaken) | label)
         if not json_output:
             print_vibro(shaken, page)
+            _hint(page)
         return
+    if not SPEEDS_MM_S[0] <= abs(speed_mm_s) <= SPEEDS_MM_S[1]:
+        raise ValueError(f"--speed must lie in [{SPEEDS_MM_S[0]:g}, {SPEEDS_MM_S[1]:g}] mm/s; got {speed_mm_s:g}")
     with output_to_notes():
-        found = study(control_model(belief, values, TICK_S), 1e-3 * speed_mm_s, 1e-3 * delay_ms)
-    _hand_over(page, lambda: design_html(found, title), json_output, design_json(found) | label)
+        plant = control_model(belief, values, TICK_S, driven=_driven(belief))
+        found = study(plant, 1e-3 * speed_mm_s, 1e-3 * delay_ms)
+    _hand_over(page, lambda: design_html(found, title), json_output, design_json(found, command_unit(plant)) | label)
     if not json_output:
-        print_design(found, page)
+        print_design(found, plant, page)
+        _hint(page)
+
+
+def _driven(belief: Rig) -> str:
+    """The column that track, sil and run command: a coil's voltage where the rig file has its resistance, else the current."""
+    known = belief.coil is not None and belief.coil.coil_resistance_Ohm is not None
+    return "coil_voltage_V" if known else ""
+
+
+def _hint(page: Path | None) -> None:
+    if page is None:
+        summary().print("no plots drawn: --out DIR draws them", markup=False)
 
 
 def _hand_over(page: Path | None, html: Callable[[], str], json_output: bool, numbers: dict[str, Any]) -> None:
@@ -76,8 +94,8 @@ def _values(belief: Rig, model: Path | None, stage: str) -> dict[str, float]:
     return {} if model is None else read_model(model, belief.kind).stages[stage]
 
 
-def design_json(found: Study) -> dict[str, Any]:
-    """What the design found, SI."""
+def design_json(found: Study, unit: str) -> dict[str, Any]:
+    """What the design found, SI; `unit` is the command's."""
     cycles = found.cycles()
     return {
         "speed_m_s": found.speed_m_s,
@@ -91,7 +109,7 @@ def design_json(found: Study) -> dict[str, Any]:
             }
             for plant in found.plants
         },
-        "gains": {"pid": _pid_json(found.pid), "lqr": _lqr_json(found.lqr)},
+        "gains": gains_json(found.pid, found.lqr, unit),
         "margins": [{"controller": loop.name, "phase": loop.phase, **_margins_json(loop.margins())} for loop in found.loops],
         "cycles": {
             name: {
@@ -104,30 +122,18 @@ def design_json(found: Study) -> dict[str, Any]:
     }
 
 
-def _pid_json(pid: Pid) -> dict[str, float]:
-    return {"K_p": pid.K_p, "K_i_per_s": pid.K_i, "K_d_s": pid.K_d, "filter_s": pid.filter_s}
-
-
-def _lqr_json(gains: Gains) -> dict[str, Any]:
-    return {"K": dict(zip(gains.states, gains.K.tolist(), strict=True)), "K_i_per_s": gains.K_i}
-
-
 def _margins_json(margins: Margins) -> dict[str, Any]:
     return {name: getattr(margins, name) for name in Margins.__dataclass_fields__}
 
 
-def print_design(found: Study, page: Path | None) -> None:
+def print_design(found: Study, plant: ControlModel, page: Path | None) -> None:
     """Poles, gains, margins and cycles as tables."""
     console = summary()
-    for plant in found.plants:
-        poles = ", ".join(_complex(rate) for rate in plant.rates())
-        console.print(f"sliding at {1e3 * found.speed_m_s:g} mm/s, wall in {plant.phase}: poles {poles} 1/s", markup=False)
-    pid, lqr = found.pid, found.lqr
-    console.print(
-        f"PID: K_p {pid.K_p:.4g}, K_i {pid.K_i:.4g} /s, K_d {pid.K_d:.4g} s (filter {1e3 * pid.filter_s:g} ms)", markup=False
-    )
-    feedback = ", ".join(f"{name} {gain:.4g}" for name, gain in zip(lqr.states, lqr.K, strict=True))
-    console.print(f"LQR: {feedback}, K_i {lqr.K_i:.4g} /s", markup=False)
+    for linear in found.plants:
+        poles = ", ".join(_complex(rate) for rate in linear.rates())
+        console.print(f"sliding at {1e3 * found.speed_m_s:g} mm/s, wall in {linear.phase}: poles {poles} 1/s", markup=False)
+    for line in gains_words(found.pid, found.lqr, plant):
+        console.print(line, markup=False, soft_wrap=True)
     console.print(_margin_table(found))
     console.print(_cycle_table(found))
     for name, balance in found.balances().items():

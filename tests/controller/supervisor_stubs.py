@@ -38,9 +38,13 @@ class Stub:
     answer: Callable[[float], Any]
     resets: list[tuple[float, float]] = field(default_factory=list)
     asked: int = 0
+    followed: float = 0.0
 
     def reset(self, now: float, estimate: Estimate, command: float) -> None:
         self.resets.append((now, command))
+
+    def follow(self, command: float, rate: float) -> None:
+        self.followed = command
 
     def act(self, now: float, estimate: Estimate, reference: Reference) -> Any:
         self.asked += 1

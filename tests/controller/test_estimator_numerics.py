@@ -8,23 +8,25 @@ from hypothesis import strategies as st
 from controller.estimator.belief import Process
 from controller.estimator.moments import fuse, root
 from controller.estimator.noise import Noise
+from controller.estimator.reference_ekf import ReferenceExtended
 from controller.estimator.reference_ukf import ReferenceFilter, safe_root
 from tests.controller.loops import model_of
 
 MODEL = model_of().sharp
 
 
-def test_the_same_numbers_as_filterpy() -> None:
+@pytest.mark.parametrize(("reference", "unscented"), [(ReferenceFilter, True), (ReferenceExtended, False)])
+def test_the_same_numbers_as_filterpy(reference: type[ReferenceFilter | ReferenceExtended], unscented: bool) -> None:
     """Through stick and slip, five ticks and a position from the same belief, the two filters agree to rounding."""
-    process, other = Process(MODEL, Noise(gate=100.0)), Process(MODEL, Noise(gate=100.0))
+    process, other = (Process(MODEL, Noise(gate=100.0), unscented) for _ in range(2))
     fast = process.start(0.0, 0.5e-3, 0.0, 0.0)
-    slow = ReferenceFilter(other, fast)
+    slow = reference(other, fast)
     rng = np.random.default_rng(3)
     modes, agreed = set(), 0
     for k in range(1, 1501):
         command = 4e-3 * min(k / 300, 1.0) + 2e-6 * k
         if k % 5 == 1:
-            slow = ReferenceFilter(other, fast)
+            slow = reference(other, fast)
         process.predict(fast, command)
         slow.predict(command)
         if k % 10 == 0:

@@ -39,8 +39,10 @@ anything = st.one_of(
     st.complex_numbers(),
     st.just(np.float32(0.3)),
 )
-seens = st.builds(Seen, floats, floats, floats, st.booleans(), floats)
-likely = st.builds(Seen, st.floats(-1, 1), st.floats(-0.5, 0.5), st.floats(0, 0.2), st.just(False), st.floats(20, 45))
+seens = st.builds(Seen, floats, floats, floats, st.booleans(), floats, floats)
+likely = st.builds(
+    Seen, st.floats(-1, 1), st.floats(-0.5, 0.5), st.floats(0, 0.2), st.just(False), st.floats(20, 45), st.floats(0, 2e-3)
+)
 ticks = st.one_of(floats, st.floats(1e-6, 0.03))
 steps = st.lists(st.tuples(anything, st.one_of(seens, likely), ticks), min_size=1, max_size=12)
 
@@ -146,6 +148,20 @@ def test_the_gap_holds_on_both_sides_of_a_capsule_that_moves(sign: int) -> None:
         x = -sign * 5e-6 * i
         issued, _ = limited(sign * 0.5, issued, Seen(x, -sign * 2.5e-3), 0.002, envelope)
         assert abs(issued.command - x) <= envelope.gap_m + 3e-5
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("std", [0.0, 1e-4, 5e-4, 1.0, math.nan])
+def test_a_running_carriage_brakes_ahead_of_the_gap_that_the_estimate_is_sure_of(sign: int, std: float) -> None:
+    """However far the command jumps beyond: the capsule is within three standard deviations of where it is believed."""
+    envelope, issued = ENVELOPES[0], Issued(0.0)
+    sure = max(envelope.gap_m - 3 * std, 0.0) if std == std else 0.0
+    for i in range(600):
+        wanted = 6e-5 * i if i < 150 else 0.5
+        issued, broken = limited(sign * wanted, issued, Seen(0.0, 0.0, std_m=std), 0.001, envelope)
+        assert abs(issued.command) <= sure + 1e-9
+    assert "gap" in broken
+    assert abs(issued.command) == pytest.approx(sure, abs=1e-6)
 
 
 @pytest.mark.parametrize("place", [1.2, -1.2, 1e300])

@@ -73,7 +73,8 @@ def test_an_inner_mass_has_its_resonance_its_gears_and_a_slow_loop_that_holds(
     [
         (PULL, (), "must be of a kind whose capsule is free"),
         (VIBRO, ("--stage", "best"), "--stage must be one of"),
-        (VIBRO, ("--delay", "900"), "delay must lie in"),
+        (VIBRO, ("--delay", "900"), "--delay must lie in [0, 200] ms; got 900"),
+        (RIG, ("--speed", "500"), "--speed must lie in [0.01, 100] mm/s; got 500"),
     ],
 )
 def test_design_says_what_it_cannot_do(
@@ -83,3 +84,20 @@ def test_design_says_what_it_cannot_do(
     rig.write_text(text)
     assert run(["design", str(rig), *options]) == 2
     assert words in capsys.readouterr().err
+
+
+def test_a_coil_with_a_resistance_is_designed_for_voltage_and_gains_carry_units(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As track drives it. Without --out nothing is drawn, which the output says, as it says that other gains run."""
+    rig = tmp_path / "rig.toml"
+    coil = re.sub(r"magnet_.*\n", "", RIG.replace('"magnetic"', '"coil"')).replace(
+        "[rig]\n", "[rig]\nforce_constant_N_per_A = 0.5\n"
+    )
+    winding = "coil_resistance_Ohm = 10.0\ncoil_inductance_H = 0.01\n"
+    rig.write_text(coil.replace("[rig]\n", f"[rig]\n{winding}"))
+    assert run(["design", str(rig)]) == 0
+    said = capsys.readouterr().out
+    assert re.search(r"K_p [\d.e+]+ V/m, K_i [\d.e+]+ V/\(m s\), K_d [\d.e+]+ V s/m", said)
+    assert "k_p 100 N/m" in said
+    assert "--out DIR" in said

@@ -26,9 +26,10 @@ class Checks:
     """Upper limits on what `capsule track` finds, None: not judged. Errors are those of the true position, judged as `[control]` says.
 
     `drift_mm` is the way between the outermost positions from `drift_from_s` on (else from `judged_from_s`). `recovered_within_s` after
-    the last drop-out or NaN, and `settled_within_s` after each arrival of the reference, the error must have come below `recovered_mm`
-    and `settled_mm` and stay there. `speed_error_percent` is how far the mean speed is off from `speed_after_s` after each change of the
-    reference's speed on. `failed_ticks` are those late, failed or stopped, `lost_ticks` those without an estimate.
+    the last drop-out or NaN the error must have come below `recovered_mm` and stay there for a second, `settled_within_s` after each
+    arrival of the reference below `settled_mm` and stay there. `speed_error_percent` is how far the mean speed is off from
+    `speed_after_s` after each change of the reference's speed on. `failed_ticks` are those late, failed or stopped, `lost_ticks` those
+    without an estimate.
     """
 
     rmse_mm: float | None = None

@@ -17,6 +17,8 @@ from hil.app.track_score import Score
 from plant import layout as at
 
 Array = NDArray[np.float64]
+STAYING_S = 1.0
+"""For so long an error must stay small to count as recovered: later teeth of the stick-slip are none of the drop-out's."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +65,7 @@ def _traced(scenario: TrackScenario, checks: Checks, trace: Trace) -> Iterator[t
         yield "drift_mm", 1e3 * float(np.ptp(x[t >= begin]))
     fault = last_fault_s(scenario.instruments)
     if checks.recovered_mm is not None and fault is not None:
-        yield "recovered_within_s", _below_for_good(t, error, checks.recovered_mm, fault, duration)
+        yield "recovered_within_s", _back_below(t, error, checks.recovered_mm, fault)
     if checks.settled_mm is not None:
         times = [_below_for_good(t, error, checks.settled_mm, *span) for span in rests(reference, duration)]
         yield "settled_within_s", max(times, default=math.inf)
@@ -87,6 +89,18 @@ def _below_for_good(t: Array, error: Array, bound: float, begin: float, end: flo
         return 0.0
     last = int(above[-1])
     return math.inf if last == np.count_nonzero(inside) - 1 else float(t[inside][last + 1] - begin)
+
+
+def _back_below(t: Array, error: Array, bound: float, begin: float) -> float:
+    """Seconds after `begin` from which on `error` stays below `bound` for `STAYING_S` (or to the end); inf where it never does."""
+    later = t >= begin
+    times, above = t[later], np.flatnonzero(~(error[later] < bound))
+    starts = [0, *(above + 1)]
+    ends = [*times[above], math.inf]
+    for start, end in zip(starts, ends, strict=True):
+        if start < times.size and end >= times[start] + STAYING_S:
+            return float(times[start] - begin) if start else 0.0
+    return math.inf
 
 
 def _mean_speed(t: Array, x: Array, begin: float, end: float) -> float:

@@ -164,9 +164,7 @@ def test_a_lost_estimate_is_told(short: Path, capsys: pytest.CaptureFixture[str]
         ("magnetic_steps", "feedforward"),
         ("magnetic_nan", "feedforward"),
         ("magnetic_nan", "mpc"),
-        pytest.param(
-            "magnetic_dropout", "mpc", marks=pytest.mark.xfail(reason="hunts after a second without localisation", strict=False)
-        ),
+        ("magnetic_dropout", "mpc"),
     ],
 )
 def test_quick_scenarios_keep_their_checks(name: str, controller: str) -> None:

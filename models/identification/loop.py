@@ -117,8 +117,6 @@ def _named(
     clock.note("chance", found)
     found.before = found.after = _cost(kind, splits, parts)
     found.rounds = []
-    if kind.free_only and found.chance_cost > CLEAN and found.horizon_s == np.inf:
-        return parts
     thetas = parts
     for number in range(1, MOST_EFFECTS + 1):
         if found.after < max(found.chance_cost + LEAST_DROP, found.chance_cost * np.exp(kind.least_gain)) or (

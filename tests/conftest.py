@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+from tests.rig_texts import GUT
+
 settings.register_profile(
     "new",
     deadline=None,
@@ -28,21 +30,7 @@ def shared() -> Path:
     return folder
 
 
-RIG = """
-[capsule]
-radius_m = 6.5e-3
-cylinder_length_m = 20e-3
-mass_kg = 4.0e-3
-
-[tissue]
-preset = "jejunum"
-wall_thickness_m = 2.5e-3
-contact_angle_deg = 60.0
-nose_force_angle_deg = 30.0
-friction_coefficient = 0.082
-mucus_thickness_m = 30e-6
-recovery_time_s = 0.05
-
+RIG = f"""{GUT}
 [rig]
 kind = "magnetic"
 magnet_stiffness_N_per_m = 25.0

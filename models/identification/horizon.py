@@ -13,7 +13,6 @@ from models.record import Record
 
 _THOUSANDTH = 1e-3
 _IMITATIONS = 4
-_LEAST_S = 5.0
 
 
 def restlessness(kind: Kind, splits: Sequence[Split], theta: Mapping[str, float], rng: np.random.Generator) -> float:
@@ -30,7 +29,7 @@ def predictable(
     splits cut to them."""
     _, held = splits[0]
     imitated = _moved(kind, held, theta, rng)
-    for length in (np.inf, *(s for s in reversed(BEGINNINGS_S) if s > _LEAST_S), _LEAST_S):
+    for length in (np.inf, *reversed(BEGINNINGS_S[1:])):  # two seconds hold too few teeth to judge by
         cut = [beginnings(records, length) for records in imitated]
         if _of_itself(kind, cut, theta) < most:
             break

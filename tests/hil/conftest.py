@@ -1,13 +1,15 @@
-"""What tests of the bus between processes share."""
+"""What tests of the bus and of the command line share."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from uuid import uuid4
 
 import pytest
 
 from hil.bus.local import channel_folder
+from tests.hil.track_texts import SHORT
 
 
 @pytest.fixture
@@ -19,3 +21,11 @@ def channel() -> Iterator[str]:
     for place in folder.iterdir():
         place.unlink()
     folder.rmdir()
+
+
+@pytest.fixture
+def short(tmp_path: Path) -> Path:
+    """Two seconds of a magnetic traverse."""
+    path = tmp_path / "short.toml"
+    path.write_text(SHORT, encoding="utf-8")
+    return path

@@ -12,6 +12,7 @@ from hil.app.track_asked import Asked
 from hil.app.track_loop import believed_model, run_loop
 from hil.app.track_scenario import load_track_scenario, parse_track_scenario
 from hil.app.track_score import score
+from tests.hil.track_texts import SHORT
 
 CAPSUBOT = Path(__file__).parents[1] / "controller" / "capsubot_model.toml"
 SCENARIOS = sorted((Path(__file__).parents[2] / "hil" / "scenarios").glob("track_*.toml"))
@@ -35,24 +36,6 @@ KEYS = {
     "estimate_ms": dict,
     "real_time_factor": float,
 }
-SHORT = """
-[scenario]
-name = "short"
-duration_s = 2.0
-[rig]
-kind = "magnetic"
-[reference]
-kind = "ramp"
-speed_mm_s = 2.0
-"""
-
-
-@pytest.fixture
-def short(tmp_path: Path) -> Path:
-    """Two seconds of a magnetic traverse."""
-    path = tmp_path / "short.toml"
-    path.write_text(SHORT, encoding="utf-8")
-    return path
 
 
 @pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)

@@ -13,26 +13,10 @@ from hil.app.track_scenario import TrackScenario, load_track_scenario, parse_tra
 from hil.app.track_score import score
 from hil.app.track_verdicts import verdicts
 from plant import layout as at
+from tests.hil.track_texts import SHORT
 
 FOLDER = Path(__file__).parents[2] / "hil" / "scenarios"
 SHIPPED = sorted(FOLDER.glob("track_*.toml"))
-SHORT = """
-[scenario]
-name = "short"
-duration_s = 2.0
-[rig]
-kind = "magnetic"
-[reference]
-kind = "ramp"
-speed_mm_s = 2.0
-"""
-
-
-@pytest.fixture
-def short(tmp_path: Path) -> Path:
-    path = tmp_path / "short.toml"
-    path.write_text(SHORT, encoding="utf-8")
-    return path
 
 
 def led(scenario: TrackScenario, error_mm: list[tuple[float, float]]) -> dict[str, tuple[float, bool]]:

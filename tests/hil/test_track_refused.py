@@ -5,24 +5,7 @@ from pathlib import Path
 import pytest
 
 from hil.app.main import run
-
-SHORT = """
-[scenario]
-name = "short"
-duration_s = 2.0
-[rig]
-kind = "magnetic"
-[reference]
-kind = "ramp"
-speed_mm_s = 2.0
-"""
-
-
-@pytest.fixture
-def short(tmp_path: Path) -> Path:
-    path = tmp_path / "short.toml"
-    path.write_text(SHORT, encoding="utf-8")
-    return path
+from tests.hil.track_texts import SHORT
 
 
 @pytest.mark.parametrize(

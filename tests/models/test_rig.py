@@ -10,21 +10,9 @@ from hypothesis import strategies as st
 
 from models.laws.geometry import Capsule, Tissue
 from models.rig import Rig, parse_rig, read_rig
+from tests.rig_texts import PLATE
 
-PLATE = """
-[capsule]
-mass_kg = 0.193
-[drive]
-inner_mass_kg = 0.074
-spring_stiffness_N_per_m = 256.23
-force_N = 1.25
-reaction_on_body = true
-[surface]
-kind = "plate"
-friction_coefficient = 0.29
-[rig]
-kind = "vibro_table"
-"""
+VIBRO_TABLE = PLATE + '[rig]\nkind = "vibro_table"\n'
 
 
 def read(folder: Path, text: str | bytes) -> Rig:
@@ -42,7 +30,7 @@ def test_reads_a_magnetic_rig(tmp_path: Path, rig_text: str) -> None:
 
 
 def test_reads_a_body_on_a_plate(tmp_path: Path) -> None:
-    rig = read(tmp_path, PLATE)
+    rig = read(tmp_path, VIBRO_TABLE)
     assert rig.capsule.mass_kg == 0.193
     assert rig.drive is not None
     assert rig.drive.reaction_on_body
@@ -89,12 +77,12 @@ def test_what_is_wrong_is_said_in_one_sentence(tmp_path: Path, rig_text: str, ol
 
 def test_plate_needs_its_friction(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="friction_coefficient"):
-        read(tmp_path, PLATE.replace("friction_coefficient = 0.29", ""))
+        read(tmp_path, VIBRO_TABLE.replace("friction_coefficient = 0.29", ""))
 
 
 def test_gut_needs_capsule_and_tissue(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="radius_m"):
-        read(tmp_path, PLATE.replace('"plate"', '"gut"'))
+        read(tmp_path, VIBRO_TABLE.replace('"plate"', '"gut"'))
 
 
 def test_missing_file_and_folder(tmp_path: Path) -> None:

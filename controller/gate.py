@@ -13,10 +13,8 @@ from models.effects import BY_ID
 from models.identification.kinds import kind_for
 from models.identification.model import Model
 from models.identification.result import STAGES
-from models.parameter import Parameter, nearest
+from models.parameter import nearest
 from models.rig import Rig
-
-_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -89,10 +87,5 @@ def _bounds(model: Model, rig: Rig, stage: str) -> tuple[str, ...]:
     return unknown + tuple(
         f"{name} must lie in [{p.lower:g}, {p.upper:g}]; got {values[name]:g}"
         for name, p in declared.items()
-        if name in values and not _inside(values[name], p)
+        if name in values and not p.holds(values[name])
     )
-
-
-def _inside(value: float, p: Parameter) -> bool:
-    slack = _ROUNDING * max(abs(value), 1e-12)
-    return math.isfinite(value) and p.lower - slack <= value <= p.upper + slack

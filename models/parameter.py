@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -11,6 +12,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 SETS = Path(__file__).parent / "sets"
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,11 @@ class Parameter:
     def at(self, value: float) -> Parameter:
         """The same parameter at another value."""
         return replace(self, value=float(value))
+
+    def holds(self, value: float) -> bool:
+        """Whether `value` lies within the bounds, but for rounding."""
+        slack = _ROUNDING * max(abs(value), 1e-12)
+        return math.isfinite(value) and self.lower - slack <= value <= self.upper + slack
 
 
 def nearest(name: str, known: Mapping[str, object] | list[str] | tuple[str, ...]) -> str:

@@ -22,7 +22,6 @@ from models.record import Record, named
 from models.rig import Rig
 
 FORMAT = 1
-_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -100,8 +99,7 @@ def _check_values(stage: str, values: Mapping[str, float], declared: Sequence[tu
             if needed:
                 raise ValueError(f"model [{stage}] must have the key {p.name!r}; it is missing")
             continue
-        slack = _ROUNDING * max(abs(p.lower), abs(p.upper)) if np.isfinite(p.lower + p.upper) else 0.0
-        if not p.lower - slack <= values[p.name] <= p.upper + slack:
+        if not p.holds(values[p.name]):
             raise ValueError(f"model [{stage}] {p.name} must lie in [{p.lower:g}, {p.upper:g}] {p.unit}; got {values[p.name]:g}")
 
 

@@ -1,6 +1,6 @@
 """Does a model that close-loop improved control better? Per hidden effect, same truth, same controller, three stages of one model file.
 
-`python -m tests.bench.bench_augmented --out DIR [--effects a b] [--seeds 1] [--controllers feedforward mpc]` makes a series of a magnetic
+`python -m tests.bench.bench_augmented --out DIR [--effects a b] [--seeds 2] [--controllers feedforward mpc]` makes a series of a magnetic
 rig with the hidden effect, runs `capsule close-loop` on it, then tracks a slow sine on the same rig with the nominal, the calibrated and
 the augmented model. One JSON line a run in DIR/runs.jsonl; finished ones are not repeated.
 """
@@ -17,7 +17,6 @@ from typing import Any, Final
 import numpy as np
 
 from controller.limits import Limits
-from hil.app.main import run as capsule
 from hil.app.model_file import read_model
 from hil.app.track_loop import believed_model, run_loop
 from hil.app.track_reference import Sine
@@ -27,25 +26,12 @@ from models.identification.result import STAGES
 from models.laws.geometry import Tissue
 from models.rig import read_rig
 from plant.rig import Magnet, Rig
-from plant.series import make_series
 from plant.session import Instruments
+from tests.bench.bench_tracing import EFFECTS, learned
 
-EFFECTS: Final = ("fold_periodic", "actuator_lag", "stenosis", "directional_asymmetry", "viscous_drag", "coupling_fade")
 SECONDS: Final = 21.0
 NOISES: Final = (1, 2, 3)
 Row = dict[str, Any]
-
-
-def learned(effect: str, seed: int, out: Path) -> Path:
-    """The folder with the series and what close-loop made of it."""
-    folder = out / f"{effect}_{seed}"
-    if not (folder / "model.toml").exists():
-        make_series("magnetic", effect, seed, folder)
-        records = [str(folder / f"train_{k}.csv.gz") for k in (1, 2, 3)]
-        words = ["--rig", str(folder / "rig.toml"), "--out", str(folder), "--holdout", str(folder / "holdout.csv.gz"), "--json"]
-        if capsule(["close-loop", *records, *words]) != 0:
-            raise RuntimeError(f"close-loop refused {folder}")
-    return folder
 
 
 def scenario(effect: str, folder: Path) -> TrackScenario:
@@ -95,8 +81,8 @@ def main() -> None:
     """Run what is missing, then print the table."""
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--out", type=Path, required=True)
-    options.add_argument("--effects", nargs="*", default=list(EFFECTS))
-    options.add_argument("--seeds", nargs="*", type=int, default=[1])
+    options.add_argument("--effects", nargs="*", default=list(EFFECTS["magnetic"]))
+    options.add_argument("--seeds", nargs="*", type=int, default=[2])
     options.add_argument("--controllers", nargs="*", default=["pid_friction", "feedforward", "mpc"])
     chosen = options.parse_args()
     chosen.out.mkdir(parents=True, exist_ok=True)
@@ -105,7 +91,7 @@ def main() -> None:
     done = {(r["effect"], r["seed"], r["stage"], r["controller"], r["noise"]) for r in found}
     for seed in chosen.seeds:
         for effect in chosen.effects:
-            folder = learned(effect, seed, chosen.out)
+            folder = learned("magnetic", effect, seed, chosen.out)
             for row in rows(effect, seed, folder, chosen.controllers, done):
                 found.append(row)
                 with ledger.open("a") as file:

@@ -1,28 +1,33 @@
 """How often the loop names the hidden effect: simulated series with one effect nobody declared, and series without any.
 
-`python -m tests.bench.bench_tracing --out DIR [--kind pull] [--effects a b] [--seeds 1 2] [--none 5]` runs the plant's series through
-`close`, keeps one JSON line a series (finished ones are not repeated) and prints the table that README quotes. "a thousandth" is what the
-model found leaves of its own held-out prediction, without noise, where its base numbers are 0.1 % off: what a fit that good would leave.
+`python -m tests.bench.bench_tracing --out DIR [--kind pull] [--effects a b] [--seeds 1 2] [--none 5]` runs `capsule close-loop` on the
+plant's series, keeps one JSON line a series (finished ones are not repeated) and prints the table that README quotes; `bench_augmented`
+with the same DIR takes the models from there. "a thousandth" is what the model found leaves of its own held-out prediction, without noise,
+where its base numbers are 0.1 % off: what a fit that good would leave.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import io
 import itertools
 import json
-import time
 import tomllib
 from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
 
-from models.identification import close
+from hil.app.main import run as capsule
+from hil.app.model_file import read_model
 from models.identification.kinds import kind_for
+from models.identification.kinds.gut import GutKind
 from models.record import Record, read_record
 from models.rig import read_rig
-from plant.series import make_series
+from plant.series import Kind, make_series
 
-EFFECTS = {
+EFFECTS: Final[dict[Kind, tuple[str, ...]]] = {
     "pull": (
         "stribeck", "viscous_drag", "directional_asymmetry", "fold_periodic", "lumen_taper", "stenosis", "peristaltic_wave",
         "stress_relaxation", "tissue_drying", "string_compliance", "wall_viscosity", "carriage_backlash",
@@ -43,32 +48,42 @@ EFFECTS = {
 }  # fmt: skip
 
 
-def run(kind: str, effect: str | None, seed: int, out: Path) -> dict[str, object]:
+def learned(kind: Kind, effect: str | None, seed: int, out: Path) -> Path:
+    """The folder with a series and what `capsule close-loop` made of it."""
+    folder = out / f"{kind}_{effect}_{seed}"
+    if not (folder / "model.toml").exists():
+        make_series(kind, effect, seed, folder)
+        records = [str(folder / f"train_{k}.csv.gz") for k in (1, 2, 3)]
+        words = ["--rig", str(folder / "rig.toml"), "--out", str(folder), "--holdout", str(folder / "holdout.csv.gz"), "--json"]
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as said:
+            status = capsule(["close-loop", *records, *words])
+        if status != 0:
+            raise RuntimeError(f"close-loop refused {folder}: {said.getvalue()}")
+    return folder
+
+
+def run(kind: Kind, effect: str | None, seed: int, out: Path) -> dict[str, Any]:
     """One series made, closed and judged."""
-    folder = make_series(kind, effect, seed, out / f"{kind}_{effect}_{seed}")
+    folder = learned(kind, effect, seed, out)
     rig = read_rig(folder / "rig.toml")
     train = [read_record(folder / f"train_{i}.csv.gz", rig) for i in (1, 2, 3)]
     holdout = [read_record(folder / "holdout.csv.gz", rig)]
-    began = time.monotonic()
-    finding, model = close(rig, train, holdout, lambda *_: None, seed=0)
-    seconds = round(time.monotonic() - began, 1)
-    named = [e.id for e in finding.effects]
-    allowed = {i: [i, *e.equivalent] for i, e in zip(named, finding.effects, strict=True)}
-    right = (
-        (finding.verdict == "none" and not named)
-        if effect is None
-        else bool(named) and effect in allowed[named[0]] and len(allowed[named[0]]) <= 3
-    )
+    report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
+    allowed = {e["id"]: [e["id"], *e["equivalent"]] for e in report["effects"]}
+    first = next(iter(allowed.values()), [])
+    right = report["verdict"] == "none" if effect is None else effect in first and len(first) <= 3
+    model_kind = kind_for(rig, train)
+    assert isinstance(model_kind, GutKind)
+    theta = read_model(folder / "model.toml", kind.removesuffix("_plate")).stages["augmented"]
     return {
-        "kind": kind, "effect": effect, "seed": seed, "verdict": finding.verdict, "named": named, "classes": allowed, "right": right,
-        "holdout": finding.error["holdout"], "floor": finding.noise_floor, "seconds": seconds,
-        "thousandth": _a_thousandth_off(kind_for(rig, train), model.stages["augmented"], holdout),
-        "gains": [(c.id, c.round, c.gain) for c in finding.candidates if c.gain is not None],
-        "statement": finding.statements[0], "truth": tomllib.loads((folder / "answer.toml").read_text()),
+        "kind": kind, "effect": effect, "seed": seed, "verdict": report["verdict"], "classes": allowed, "right": right,
+        "holdout": report["error"]["holdout"], "floor": report["error"]["noise_floor"], "seconds": round(report["seconds"], 1),
+        "thousandth": _a_thousandth_off(model_kind, theta, holdout),
+        "truth": tomllib.loads((folder / "answer.toml").read_text(encoding="utf-8")),
     }  # fmt: skip
 
 
-def _a_thousandth_off(kind, theta: dict[str, float], records: list[Record]) -> float:  # type: ignore[no-untyped-def]
+def _a_thousandth_off(kind: GutKind, theta: dict[str, float], records: list[Record]) -> float:
     """Largest error of the model at `theta` held against itself, each fitted base number 0.1 % up or down."""
     made = [record.with_column(kind.quantity, kind.predict(record, theta)) for record in records]
     fitted = [p.name for p in kind.base if p.fit]
@@ -94,7 +109,7 @@ def main() -> None:
     arguments.out.mkdir(parents=True, exist_ok=True)
     rows = [json.loads(line) for line in ledger.read_text().splitlines()] if ledger.exists() else []
     done = {(r["kind"], r["effect"], r["seed"]) for r in rows}
-    wanted: list[tuple[str, str | None, int]] = []
+    wanted: list[tuple[Kind, str | None, int]] = []
     for kind in arguments.kind or list(EFFECTS):
         wanted += [
             (kind, e, s) for s in arguments.seeds for e in (arguments.effects if arguments.effects is not None else EFFECTS[kind])
@@ -111,10 +126,9 @@ def main() -> None:
     _summary(rows)
 
 
-def _line(row: dict[str, object]) -> str:
+def _line(row: dict[str, Any]) -> str:
     errors = row["holdout"]
-    assert isinstance(errors, dict)
-    ratio = errors["augmented"] / row["floor"]  # type: ignore[operator]
+    ratio = errors["augmented"] / row["floor"]
     return (
         f"{row['kind']:9} {row['effect']!s:22} seed {row['seed']:<4} {'right' if row['right'] else 'WRONG':6} {row['verdict']:8} "
         f"{row['classes']} {errors['nominal']:.3g} -> {errors['calibrated']:.3g} -> {errors['augmented']:.3g} "
@@ -122,13 +136,13 @@ def _line(row: dict[str, object]) -> str:
     )
 
 
-def _summary(rows: list[dict[str, object]]) -> None:
+def _summary(rows: list[dict[str, Any]]) -> None:
     for row in rows:
         print(_line(row))
     hidden = [r for r in rows if r["effect"] is not None]
     free = [r for r in rows if r["effect"] is None]
     print(f"named right: {sum(bool(r['right']) for r in hidden)} of {len(hidden)}; nothing named where nothing is: "
-          f"{sum(bool(r['right']) for r in free)} of {len(free)}; median seconds {np.median([r['seconds'] for r in rows]):.0f}")  # type: ignore[arg-type]  # fmt: skip
+          f"{sum(bool(r['right']) for r in free)} of {len(free)}; median seconds {np.median([r['seconds'] for r in rows]):.0f}")  # fmt: skip
 
 
 if __name__ == "__main__":

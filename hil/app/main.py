@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from threadpoolctl import threadpool_limits
 from typer.core import TyperCommand
 
 from hil.app.console import output_to_notes, print_json, summary
@@ -209,7 +210,6 @@ def _run(
     json_output: Json = False,
 ) -> int:
     """The controller alone, on a real actuator bus."""
-    _one_thread()
     from hil.app.run import run
 
     return run(rig, action, dry_run=dry_run, log=log, json_output=json_output)
@@ -238,7 +238,6 @@ def _campaign(
     json_output: Json = False,
 ) -> int:
     """Thousands of closed loops: distributions and worst cases."""
-    _one_thread()
     from hil.app.campaign import campaign
 
     return campaign(path, out, workers=workers, scheduler=scheduler, run=number, json_output=json_output)
@@ -251,20 +250,22 @@ def _demo(
     seed: Seed = 0,
 ) -> None:
     """The whole story in one go: drive, record, find what the model lacks, redeploy, compare."""
-    _one_thread()
     from hil.app.demo import demo
 
     demo(out, json_output=json_output, seed=seed)
 
 
 def _one_thread() -> None:
-    """Small matrices on one thread: others would wait for the processor at common priority, or compete with other workers."""
+    """Small matrices on one thread, here and in processes started from here: others would wait for a processor that the compiled loops of
+    a search or other workers have, or that a control loop has at a higher priority."""
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
+    threadpool_limits(1)
 
 
 def run(args: Sequence[str]) -> int:
     """Run one command line and return its exit status."""
+    _one_thread()
     if any(option == "--out=" or (option == "--out" and not word) for option, word in pairwise((*args, "-"))):
         return _said("--out must name a file or a folder; got nothing", BAD_INPUT)
     try:

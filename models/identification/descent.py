@@ -28,7 +28,7 @@ _TINY = 1e-12
 
 @dataclass(frozen=True)
 class Slope:
-    """A point with its residuals, and their derivatives at it, one column a parameter."""
+    """A point with its residuals, and their derivatives at it or a step before, one column a parameter."""
 
     x: Array
     residual: Array
@@ -52,16 +52,16 @@ class Valley:
     batch: int = 16
 
     def descend(self, start: Array, secant: float, rounds: int) -> Slope:
-        """Gauss-Newton from `start`; never ends higher than it began.
+        """Gauss-Newton from `start` in one round or more; never ends higher than it began. The derivatives are those of the last round.
 
         In each round the residuals are looked at on both sides along directions whose effects are orthogonal and of equal size, `secant`
         times `WIDTH` of the residuals' unit rms: jags that are narrower average out, and parameters that nearly make up for one another
         are told apart by long secants along their valley. Then steps of several lengths and dampings are tried at once and the lowest
         is taken.
         """
-        x, r = start, self.residuals([start])[0]
+        x = start
+        r, reach = self._first_reach(x, secant)
         wanted = WIDTH * secant * np.sqrt(len(r))
-        reach = self._first_reach(x, r, wanted)
         basis = np.diag(reach)
         for _ in range(rounds):
             here, seen = self._slope(x, r, basis)
@@ -69,11 +69,11 @@ class Valley:
             gain = here.cost - float(r @ r)
             if gain <= 0:
                 return here
+            if gain < _ENOUGH * here.cost:
+                break
             reach = self._limited(np.clip(wanted / _norms(here.jacobian), reach / 3, reach * 3))
             basis = self._principal(here.jacobian, x, reach, wanted)
-            if gain < _ENOUGH * here.cost:
-                return Slope(x, r, here.jacobian)
-        return self._slope(x, r, basis)[0]
+        return Slope(x, r, here.jacobian)
 
     def _lowest(self, here: Slope, seen: Point) -> Point:
         """The lowest of `seen` and the trial steps, or of the first few (`seen` counts as one) that hold one that is worth it; `here`
@@ -86,13 +86,14 @@ class Valley:
                 break
         return best
 
-    def _first_reach(self, x: Array, r: Array, wanted: float) -> Array:
-        """How far each parameter goes for the wanted effect, from one trial of its scale each."""
-        reach = self._limited(wanted / np.sqrt(len(r)) / WIDTH * self.scale)
+    def _first_reach(self, x: Array, secant: float) -> tuple[Array, Array]:
+        """The residuals at `x`, and how far each parameter goes for the wanted effect, from one trial of its scale each."""
+        reach = self._limited(secant * self.scale)
         up = np.where(x + reach <= self.upper, reach, -reach)
-        values = self.residuals([self.clip(x + step) for step in np.diag(up)])
+        r, *values = self.residuals([x, *(self.clip(x + step) for step in np.diag(up))])
+        wanted = WIDTH * secant * np.sqrt(len(r))
         changes = np.array([np.linalg.norm(v - r) for v in values])
-        return self._limited(reach * np.clip(wanted / np.maximum(changes, _TINY), 0.1, _STRETCH))
+        return r, self._limited(reach * np.clip(wanted / np.maximum(changes, _TINY), 0.1, _STRETCH))
 
     def _slope(self, x: Array, r: Array, basis: Array) -> tuple[Slope, Point]:
         """Derivatives at `x` by secants along the columns of `basis`, and the lowest of the points looked at."""

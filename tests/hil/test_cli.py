@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import gzip
 import json
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -274,3 +276,12 @@ def test_the_example_scenario_runs(tmp_path: Path, capsys: pytest.CaptureFixture
     assert run(["simulate", str(example), "--out", str(tmp_path / "r.csv"), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["record"].endswith("r.csv")
     assert len(read_record(tmp_path / "r.csv", Rig("pull"))) == 10_000
+
+
+def test_a_command_keeps_small_matrices_on_one_thread() -> None:
+    code = (
+        "from hil.app.main import run; run(['--version']); import scipy.linalg; from threadpoolctl import threadpool_info;"
+        "print([pool['num_threads'] for pool in threadpool_info() if pool['user_api'] == 'blas'])"
+    )
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.splitlines()[-1]
+    assert set(json.loads(said)) == {1}

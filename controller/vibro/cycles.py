@@ -34,14 +34,15 @@ _ELSEWHERE = ("body_mass_kg", "inner_mass_kg", "mirror")
 
 @dataclass(frozen=True)
 class Pace:
-    """What a waveform does in the long run: `speed_m_s`, the coil's heat `copper_W = F^2 R/k^2`, its mechanical `work_W`, and how far
-    the inner mass swings to the `front_m` and to the `rear_m` of its rest."""
+    """What a waveform does in the long run: mean `speed_m_s` and the body's highest `peak_m_s`, the coil's heat `copper_W = F^2 R/k^2`,
+    its mechanical `work_W`, and how far the inner mass swings to the `front_m` and to the `rear_m` of its rest."""
 
     speed_m_s: float
     copper_W: float
     work_W: float
     front_m: float
     rear_m: float
+    peak_m_s: float
 
     @property
     def energy_J_per_m(self) -> float:
@@ -140,7 +141,8 @@ class Cycles:
         force = self.model.force_N
         copper = squares * force * force / self.model.copper_N2_per_W / time
         speed = self.model.mirror * (path[-1] - path[0]) / time
-        return Pace(float(speed), float(copper), float(work / time), float(front), float(rear))
+        peak = np.max(np.abs(np.diff(path))) * n / waveform.period_s
+        return Pace(float(speed), float(copper), float(work / time), float(front), float(rear), float(peak))
 
     def rest(self) -> Array:
         """The model's state at rest with its meters at 0, to `step` from."""

@@ -8,11 +8,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
+from controller.limits import Limits
 from controller.vibro.cycles import Cycles
 from controller.vibro.impact import Impact, impact_of
 from controller.vibro.waveform import REST, Waveform, blend
 
 _STANDS = 0.15e-3  # m/s, mean speeds below it count as standing
+_ROOM = 0.95  # of the speed limit, for turns and a rig that is livelier than believed
 STRENGTHS = tuple(1.08**i for i in range(-22, 20))
 
 
@@ -65,9 +67,8 @@ class Gear:
 
 
 def gear_of(cycles: Cycles, shape: Waveform, home_m_s: float) -> Gear | None:
-    """The gear of `shape` at weaker and stronger levels; strengths at which the model's speed does not grow are left out.
-
-    None where less than two of them go in the direction of `home_m_s`.
+    """The gear of `shape` at weaker and stronger levels; strengths at which the model's speed does not grow, or its body comes close to the
+    speed limit within a cycle, are left out. None where less than two of them go in the direction of `home_m_s`.
     """
     direction = 1 if home_m_s > 0 else -1
     path: list[Waveform] = []
@@ -75,7 +76,8 @@ def gear_of(cycles: Cycles, shape: Waveform, home_m_s: float) -> Gear | None:
         wave = shape.scaled(strength)
         if not path or wave.levels != path[-1].levels:
             path.append(wave)
-    speeds = [direction * cycles.pace(w).speed_m_s for w in path]
+    paces = [cycles.pace(w) for w in path]
+    speeds = [direction * pace.speed_m_s if pace.peak_m_s < _ROOM * Limits().speed_m_s else 0.0 for pace in paces]
     kept = _longest_rise(speeds)
     if len(kept) < 2:
         return None

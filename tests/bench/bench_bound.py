@@ -1,0 +1,82 @@
+"""How well anyone could follow a capsule through a gut that nobody knows, with the localisation that controllers have.
+
+`python -m tests.bench.bench_bound [--guts 100]` pulls a capsule stiffly along the slow ramp through random guts, turns the force of each,
+without its teeth, into the gap at which the ramp's magnet gives it, and prints how much of that gap the best linear filter leaves
+unknown that knows these guts' statistics, the magnet and everything else, but not which gut it is: with the localisation's rate, noise and
+delay. A capsule cannot be held closer to its path than it is known to be.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve, toeplitz
+from scipy.signal import butter, sosfiltfilt
+
+from hil.app.track_scenario import load_track_scenario
+from plant import layout as at
+from plant.anatomy import random_anatomy
+from plant.rig import STEP_S, Magnet, Plant, Pull, Rig
+from plant.session import Instruments
+from tests.bench.bench_tracking import FOLDER
+
+SPEED_M_S, SECONDS, STARTED_S = 1e-3, 14.0, 2.0
+EVERY_S, TEETH_HZ = 0.05, 0.5
+_MEANS = 50  # readings of the force in each of them
+
+Floats = NDArray[np.float64]
+
+
+def gap(force_N: Floats, magnet: Magnet) -> Floats:
+    """The gap in m at which the magnet pulls with `force_N`, short of its greatest pull."""
+    k, r = magnet.magnet_stiffness_N_per_m, magnet.magnet_range_m
+    gaps = np.linspace(0.0, r / np.sqrt(3), 2000)
+    return np.interp(force_N, k * gaps / (1 + (gaps / r) ** 2) ** 2, gaps)
+
+
+def gaps(rig: Rig, magnet: Magnet, guts: range) -> Floats:
+    """One row a gut: gaps in m every `EVERY_S` along the ramp, teeth taken out."""
+    every = round(EVERY_S / STEP_S) // _MEANS
+    low_pass = butter(2, TEETH_HZ, fs=1 / EVERY_S, output="sos")
+    path = SPEED_M_S * STEP_S * np.arange(round(SECONDS / STEP_S), dtype=np.float64)
+    rows = []
+    for seed in guts:
+        plant = Plant(replace(rig, drive=Pull(), anatomy=random_anatomy(seed)))
+        seen = plant.advance(path, every)
+        mean = seen[: len(seen) // _MEANS * _MEANS, at.O_FORCE].reshape(-1, _MEANS).mean(axis=1)
+        rows.append(gap(sosfiltfilt(low_pass, mean)[round(STARTED_S / EVERY_S) :], magnet))
+    return np.array(rows)
+
+
+def left(found: Floats, instruments: Instruments) -> tuple[float, float]:
+    """Spread of the gaps in m, and what the filter leaves of it after a whole run."""
+    n = found.shape[1]
+    moved = found - found.mean()
+    covariance = np.array([np.mean(moved[:, : n - lag] * moved[:, lag:]) * (n - lag) / n for lag in range(n)])
+    sensor = instruments.localisation
+    late = sensor.latency_s / EVERY_S
+    ahead = np.interp(late + np.arange(n - 1), np.arange(n), covariance)
+    noise = sensor.std**2 / (sensor.rate_Hz * EVERY_S)
+    known = cho_factor(toeplitz(covariance[: n - 1]) + noise * np.eye(n - 1))
+    return float(np.sqrt(covariance[0])), float(np.sqrt(covariance[0] - ahead @ cho_solve(known, ahead)))
+
+
+def main() -> None:
+    """Pull, filter, print."""
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--guts", type=int, default=100)
+    options.add_argument("--first", type=int, default=1000)
+    chosen = options.parse_args()
+    scenario = load_track_scenario(FOLDER / "track_magnetic_ramp.toml")
+    assert isinstance(scenario.truth.drive, Magnet)
+    found = gaps(scenario.truth, scenario.truth.drive, range(chosen.first, chosen.first + chosen.guts))
+    spread, unknown = left(found, scenario.instruments)
+    print(f"gap of the magnet in {chosen.guts} guts: {1e3 * found.mean():.2f} mm, spread {1e3 * spread:.3f} mm")
+    print(f"the best linear filter leaves {1e3 * unknown:.3f} mm of it unknown")
+
+
+if __name__ == "__main__":
+    main()

@@ -48,12 +48,16 @@ RUNS = 24
 TIMES = ("solve_ms", "estimate_ms", "real_time_factor")
 
 
-@pytest.fixture
-def campaign(tmp_path: Path) -> Path:
-    (tmp_path / "scenario.toml").write_text(SCENARIO)
-    path = tmp_path / "campaign.toml"
+def campaign_files(folder: Path) -> Path:
+    (folder / "scenario.toml").write_text(SCENARIO)
+    path = folder / "campaign.toml"
     path.write_text(CAMPAIGN)
     return path
+
+
+@pytest.fixture
+def campaign(tmp_path: Path) -> Path:
+    return campaign_files(tmp_path)
 
 
 def rows_of(folder: Path) -> list[dict[str, Any]]:

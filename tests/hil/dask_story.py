@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import sys
 import time
 from collections.abc import Callable
@@ -134,29 +135,40 @@ class Poison(Job):
 
 
 def failing(folder: Path) -> dict[str, Any]:
-    """A run that kills its workers, beside others, on three workers of which one is left; then a campaign whose scheduler dies."""
+    """A campaign whose scheduler says nothing; beside it, on three workers of which one is left, a run that kills its workers and others;
+    then a campaign whose scheduler dies."""
+    out = folder / "out"
+
+    def begun(name: str, target: Callable[..., Any], *arguments: Any) -> tuple[BaseProcess, Path]:
+        log = folder / f"{name}.log"
+        return forked(log, target, *arguments), log
+
+    def begun_on(address: str, name: str) -> tuple[BaseProcess, Path]:
+        return begun(name, run, ["campaign", str(folder / "campaign.toml"), "--out", str(out / name), "--scheduler", address])
+
+    def told(child: BaseProcess, log: Path) -> dict[str, Any]:
+        return {"status": ended(child), "said": log.read_text()}
+
+    silent = socket.create_server(("127.0.0.1", 0))
+    nobody = f"127.0.0.1:{silent.getsockname()[1]}"
+    ignored = begun_on(nobody, "ignored")
+
     cluster = Cluster(folder, failures=0)
     workers = [cluster.worker(name) for name in "abc"]
     raw = {"rig": {"kind": "nothing"}}
     jobs = [kind(number, "track", raw, 0, {"case": number}, {}, "nominal") for number, kind in enumerate((Poison, Job, Job))]
 
     def poisoned() -> None:
-        rows = [row for part in scheduled([jobs[:2], jobs[2:]], cluster.address, PATIENCE_S) for row in part]
-        print(json.dumps(rows))
+        print(json.dumps([row for part in scheduled([jobs[:2], jobs[2:]], cluster.address, PATIENCE_S) for row in part]))
 
-    def told(name: str, child: BaseProcess) -> dict[str, Any]:
-        return {"status": ended(child), "said": (folder / f"{name}.log").read_text()}
+    poison = told(*begun("poison", poisoned))
+    left = [worker.is_alive() for worker in workers].count(True)
 
-    poison = told("poison", forked(folder / "poison.log", poisoned))
-    left = [worker.is_alive() for worker in workers]
-
-    out = folder / "out"
-    orphan = forked(
-        folder / "orphan.log", run, ["campaign", str(folder / "campaign.toml"), "--out", str(out), "--scheduler", cluster.address]
-    )
-    until(lambda: on_file(out) > 0)
+    orphan = begun_on(cluster.address, "orphan")
+    until(lambda: on_file(out / "orphan") > 0)
     cluster.scheduler.kill()
-    return {"poison": poison, "left": left, "address": cluster.address, "orphan": told("orphan", orphan), "on_file": on_file(out)}
+    found = {"poison": poison, "left": left, "orphan": told(*orphan), "ignored": told(*ignored)}
+    return found | {"address": cluster.address, "nobody": nobody, "on_file": on_file(out / "orphan")}
 
 
 STORIES = {"killed": killed, "failing": failing}

@@ -48,7 +48,7 @@ class Cluster:
 
 
 def _scheduler(file: Path, failures: int) -> None:
-    with dask.config.set({"distributed.scheduler.allowed-failures": failures}):
+    with dask.config.set({"distributed.scheduler.allowed-failures": failures, "temporary-directory": str(file.parent)}):
         dask_scheduler.main(["--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file)])
 
 

@@ -20,16 +20,18 @@ import itertools
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
+from hil.app.campaign_draws import Distribution, distribution, drawn
 from hil.app.model_file import read_model
 from hil.app.sil_scenario import parse_sil_scenario
 from hil.app.toml_file import read_toml
 from hil.app.track_scenario import parse_track_scenario
+from hil.app.track_score import Score
 from models.identification.result import STAGES
 from models.parameter import nearest
 from plant.reading import from_table
@@ -37,12 +39,13 @@ from plant.reading import from_table
 Table = Mapping[str, Any]
 TABLES: Final = ("campaign", "draw", "grid", "variants")
 MOST_RUNS: Final = 1_000_000
+METRICS: Final = tuple(field.name for field in fields(Score) if field.type in ("float", "int"))
 ENGINES: Final[Mapping[str, Callable[[Table], Any]]] = {"track": parse_track_scenario, "sil": parse_sil_scenario}
 
 
 @dataclass(frozen=True)
 class Head:
-    """`[campaign]`. `chunk` runs go to a worker at once; `metric` is what the report is about, a key of what `track` prints."""
+    """`[campaign]`. `chunk` runs go to a worker at once; `metric` is what the report is about, a number that `track` prints."""
 
     scenario: str
     engine: str = "track"
@@ -54,7 +57,7 @@ class Head:
     stage: str = "augmented"
 
     def __post_init__(self) -> None:
-        for name, choices in (("engine", tuple(ENGINES)), ("stage", STAGES)):
+        for name, choices in (("engine", tuple(ENGINES)), ("stage", STAGES), ("metric", METRICS)):
             if getattr(self, name) not in choices:
                 got = getattr(self, name)
                 raise ValueError(f"campaign.{name} must be one of {', '.join(choices)}; got {got!r}; {nearest(got, choices)}")
@@ -85,7 +88,7 @@ class Campaign:
     name: str
     head: Head
     raw: Table
-    draws: Mapping[str, tuple[str, tuple[Any, ...]]]
+    draws: Mapping[str, Distribution]
     combinations: Sequence[tuple[Table, Table]]
     values: Mapping[str, float]
 
@@ -97,13 +100,13 @@ class Campaign:
         case, which = divmod(number, len(self.combinations))
         rng = np.random.default_rng(np.random.SeedSequence(self.head.seed, spawn_key=(case,)))
         seed = int(rng.integers(1 << 31))
-        drawn = {key: _drawn(rng, kind, numbers) for key, (kind, numbers) in self.draws.items()}
+        draws = {key: drawn(rng, kind, numbers) for key, (kind, numbers) in self.draws.items()}
         over, point = self.combinations[which]
         raw = laid_over(self.raw, over)
-        for key, value in drawn.items():
+        for key, value in draws.items():
             raw = laid_over(raw, nested(key, value))
         stage = self.head.stage if self.values else "nominal"
-        return Job(number, self.head.engine, raw, seed, {"case": case, **point, **drawn}, self.values, stage)
+        return Job(number, self.head.engine, raw, seed, {"case": case, **point, **draws}, self.values, stage)
 
     @property
     def fingerprint(self) -> str:
@@ -130,18 +133,22 @@ def load_campaign(path: Path) -> Campaign:
                 raise ValueError(f"{path}: tables must be among {', '.join(TABLES)}; got [{table}]; {nearest(table, TABLES)}")
         head = from_table(Head, _table(raw, "campaign"), "campaign")
         scenario, _ = read_toml(path.parent / head.scenario, "scenario")
-        kind = str(scenario.get("rig", {}).get("kind", ""))
+        kind = str(_table(scenario, "rig").get("kind", ""))
         values = dict(read_model(path.parent / head.model, kind).stages[head.stage]) if head.model else {}
-        draws = {key: _distribution(key, value) for key, value in _table(raw, "draw").items()}
-        axes = [*_grid(_table(raw, "grid")), *_variants(_table(raw, "variants"))]
+        draws = {key: distribution(key, value) for key, value in _table(raw, "draw").items()}
+        grid, variants = _table(raw, "grid"), _table(raw, "variants")
+        _check_names(["case", *draws, *grid, *variants])
+        axes = [*_grid(grid), *_variants(variants)]
+        runs = head.cases * math.prod(len(axis) for axis in axes)
+        if runs > MOST_RUNS:
+            raise ValueError(f"campaign must have at most {MOST_RUNS} runs; got {runs}")
         combinations = [_combined(choice) for choice in itertools.product(*axes)]
         campaign = Campaign(path.stem, head, scenario, draws, combinations, values)
-        if len(campaign) > MOST_RUNS:
-            raise ValueError(f"campaign must have at most {MOST_RUNS} runs; got {len(campaign)}")
         for which in range(min(len(combinations), 256)):
             ENGINES[head.engine](campaign.job(which).raw)
     except ValueError as error:
-        raise ValueError(str(error) if str(error).startswith(str(path.parent)) else f"{path}: {error}") from None
+        said = str(error).startswith((f"{path}:", f"{path.parent}/"))
+        raise ValueError(str(error) if said else f"{path}: {error}") from None
     return campaign
 
 
@@ -161,10 +168,18 @@ def laid_over(below: Table, above: Table) -> dict[str, Any]:
     return merged
 
 
+def _check_names(names: Sequence[str]) -> None:
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(f"names in draw, grid and variants must differ, and none be 'case'; got {name!r} twice")
+
+
 def _grid(table: Table) -> list[list[tuple[Table, Table]]]:
     for key, choices in table.items():
-        if not isinstance(choices, list) or not choices:
-            raise ValueError(f"grid.{key} must be a list of values; got {choices!r}")
+        if isinstance(choices, dict):
+            raise ValueError(f'grid must have its keys in quotes, as "{key}.{next(iter(choices), "")}" = [...]; got them without')
+        if not isinstance(choices, list) or not choices or any(choices.count(one) > 1 for one in choices):
+            raise ValueError(f"grid.{key} must be a list of values that differ; got {choices!r}"[:200])
     axes: list[list[tuple[Table, Table]]] = [[(nested(key, v), {key: v}) for v in choices] for key, choices in table.items()]
     return axes
 
@@ -172,10 +187,11 @@ def _grid(table: Table) -> list[list[tuple[Table, Table]]]:
 def _variants(table: Table) -> list[list[tuple[Table, Table]]]:
     axes: list[list[tuple[Table, Table]]] = []
     for axis, choices in table.items():
-        if not isinstance(choices, list) or not all(
-            isinstance(one, dict) and isinstance(one.get("name"), str) for one in choices
-        ):
-            raise ValueError(f"variants.{axis} must be tables [[variants.{axis}]] with a name; got {choices!r}"[:200])
+        names = [one.get("name") for one in choices if isinstance(one, dict)] if isinstance(choices, list) else []
+        if not names or len(names) != len(choices) or not all(isinstance(n, str) and names.count(n) == 1 for n in names):
+            raise ValueError(
+                f"variants.{axis} must be tables [[variants.{axis}]], each with a name of its own; got {choices!r}"[:200]
+            )
         for one in choices:
             unknown = [key for key in one if key not in ("name", "set")]
             if unknown or not isinstance(one.get("set", {}), dict):
@@ -190,37 +206,6 @@ def _combined(choice: Sequence[tuple[Table, Table]]) -> tuple[Table, Table]:
     for tables, names in choice:
         over, point = laid_over(over, tables), {**point, **names}
     return over, point
-
-
-def _distribution(key: str, table: Any) -> tuple[str, tuple[Any, ...]]:
-    if not isinstance(table, dict) or len(table) != 1:
-        raise ValueError(f'draw."{key}" must have one of {", ".join(_DRAWS)}; got {table!r}')
-    kind, numbers = next(iter(table.items()))
-    if kind not in _DRAWS:
-        raise ValueError(f'draw."{key}" must have one of {", ".join(_DRAWS)}; got {kind!r}; {nearest(kind, list(_DRAWS))}')
-    if not isinstance(numbers, list) or not numbers:
-        raise ValueError(f'draw."{key}" {kind} must be a list; got {numbers!r}')
-    if kind != "choice":
-        good = (
-            len(numbers) == 2
-            and all(isinstance(n, int | float) and math.isfinite(n) for n in numbers)
-            and numbers[0] <= numbers[1]
-        )
-        if not good or (kind == "log_uniform" and numbers[0] <= 0):
-            raise ValueError(f'draw."{key}" {kind} must be [lower, upper]; got {numbers!r}')
-    return kind, tuple(numbers)
-
-
-_DRAWS: Final[Mapping[str, Callable[[np.random.Generator, tuple[Any, ...]], Any]]] = {
-    "uniform": lambda rng, n: float(rng.uniform(n[0], n[1])),
-    "log_uniform": lambda rng, n: float(math.exp(rng.uniform(math.log(n[0]), math.log(n[1])))),
-    "integer": lambda rng, n: int(rng.integers(int(n[0]), int(n[1]) + 1)),
-    "choice": lambda rng, n: n[int(rng.integers(len(n)))],
-}
-
-
-def _drawn(rng: np.random.Generator, kind: str, numbers: tuple[Any, ...]) -> Any:
-    return _DRAWS[kind](rng, numbers)
 
 
 def _table(raw: Table, name: str) -> Table:

@@ -107,7 +107,7 @@ def pooled(parts: Sequence[Sequence[Job]], workers: int) -> Iterator[list[Row]]:
                     elif len(part) > 1:
                         waiting += [((job,), 1) for job in part]
                     else:
-                        yield [_lost(part[0])]
+                        yield [lost(part[0], TRIES)]
             except (KeyboardInterrupt, GeneratorExit):
                 pool.shutdown(wait=False, cancel_futures=True)
                 raise
@@ -117,12 +117,13 @@ def _suspect(flying: Mapping[Future[list[Row]], tuple[tuple[Job, ...], int]]) ->
     return any(tries for _, tries in flying.values())
 
 
-def _lost(job: Job) -> Row:
+def lost(job: Job, deaths: int) -> Row:
+    """The row of a run that has killed so many workers."""
     return {
         "run": job.number,
         "seed": job.seed,
         "point": dict(job.point),
-        "error": f"its worker died {TRIES} times",
+        "error": f"its worker died {deaths} times",
         "seconds": 0.0,
     }
 

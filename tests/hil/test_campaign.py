@@ -48,12 +48,16 @@ RUNS = 24
 TIMES = ("solve_ms", "estimate_ms", "real_time_factor")
 
 
-@pytest.fixture
-def campaign(tmp_path: Path) -> Path:
-    (tmp_path / "scenario.toml").write_text(SCENARIO)
-    path = tmp_path / "campaign.toml"
+def campaign_files(folder: Path) -> Path:
+    (folder / "scenario.toml").write_text(SCENARIO)
+    path = folder / "campaign.toml"
     path.write_text(CAMPAIGN)
     return path
+
+
+@pytest.fixture
+def campaign(tmp_path: Path) -> Path:
+    return campaign_files(tmp_path)
 
 
 def rows_of(folder: Path) -> list[dict[str, Any]]:
@@ -228,6 +232,17 @@ def test_the_bus_is_another_engine(campaign: Path) -> None:
         ("scenario.toml", "none.toml", "scenario must be a file that can be read"),
         ("set.effects", "put.effects", "variants.hidden must have"),
         ('name = "none"', "", "with a name"),
+        ('name = "none"', 'name = "folds"', "a name of its own"),
+        ("[[variants.hidden]]", "[[variants.case]]", "none be 'case'; got 'case' twice"),
+        ("control.controller", "anatomy.seed", "got 'anatomy.seed' twice"),
+        ('["pid", "pid_friction"]', '["pid", "pid"]', "values that differ"),
+        ('"control.controller" =', "control.controller =", 'in quotes, as "control.controller"'),
+        ('[draw."anatomy.seed"]', "[draw.anatomy.seed]", 'in quotes, as [draw."anatomy.seed"]'),
+        ("[0, 1000]", "[0.2, 0.7]", "integers of at most"),
+        ("[0, 1000]", "[0, 1000000000000000000000]", "integers of at most"),
+        ("[0.06, 0.1]", "[-1.7e308, 1.7e308]", "finite numbers"),
+        ("chunk = 2", 'metric = "tracking_rmse"', "campaign.metric must be one of tracking_rmse_m"),
+        ("[grid]", "[grid]\n" + "".join(f'"a.k{k}" = {list(range(20))}\n' for k in range(9)), "at most 1000000 runs"),
         ("chunk = 2", 'engine = "trak"', "did you mean 'track'"),
     ],
 )
@@ -240,6 +255,20 @@ def test_what_cannot_be_used_is_one_sentence(
     said = capsys.readouterr().err
     assert sentence in said
     assert said.count("\n") == 1
+
+
+def test_a_scenario_that_cannot_be_used_is_one_sentence(campaign: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (campaign.parent / "scenario.toml").write_text("rig = 3\n")
+    assert run(["campaign", str(campaign), "--out", str(campaign.parent / "out")]) == 2
+    assert capsys.readouterr().err == f"capsule: {campaign}: rig must be a table; got 3\n"
+
+
+def test_a_campaign_that_is_not_there_is_named_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run(["campaign", "none.toml"]) == 2
+    assert capsys.readouterr().err.startswith("capsule: none.toml: campaign must be a file")
 
 
 def test_options_that_cannot_be_are_one_sentence(campaign: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -17,6 +17,7 @@ from models.drives.drive import Drive
 from models.drives.from_rig import drive_of, surface_of
 from models.effects import BY_ID
 from models.effects.effect import Effect
+from models.effects.level_over_speed import LevelOverSpeed
 from models.identification.kinds.driven import SWITCH_DELAY
 from models.parameter import nearest
 from models.rig import Rig
@@ -186,8 +187,8 @@ def control_model(
 
     `tick_s` in s is the controller's, `smoothing` in m/s what friction is rounded over. `driven` chooses the column that is commanded
     where the rig has several (`coil_voltage_V`). What `values` lacks keeps the rig file's number; an effect with the amplitude 0 is
-    left out, and so is how late a record's switch was logged. Raises ValueError for a rig without a free capsule, an unknown name, a
-    value that is no finite number.
+    left out, and so are how late a record's switch was logged and a free curve over speed. Raises ValueError for a rig without a
+    free capsule, an unknown name, a value that is no finite number.
     """
     drive = drive_of(rig, driven)
     if drive.imposed:
@@ -215,10 +216,12 @@ def control_model(
 
 
 def _effects(kind: str, values: Mapping[str, float]) -> tuple[type[Effect], ...]:
-    """The effects that `values` gives an amplitude to."""
+    """The effects that `values` gives an amplitude to, but for a curve from knot to knot over speed: it mends a prediction, but its slopes
+    between the knots would make an inverse of friction that falls where the tissue's does not."""
     ids = sorted({name.split(".")[0] for name in values if "." in name})
     for name in ids:
         if name not in BY_ID or kind not in BY_ID[name].kinds:
             known = [e for e, effect in BY_ID.items() if kind in effect.kinds]
             raise ValueError(f"values must name effects of a {kind} rig; got {name!r}; {nearest(name, known)}")
-    return tuple(BY_ID[name] for name in ids if values.get(f"{name}.{BY_ID[name].amplitude().name}", 0.0) != 0)
+    left = [BY_ID[name] for name in ids if BY_ID[name] is not LevelOverSpeed]
+    return tuple(effect for effect in left if values.get(f"{effect.id}.{effect.amplitude().name}", 0.0) != 0)

@@ -11,10 +11,13 @@ import numpy as np
 from controller.inversion import Inverse
 from controller.limits import Envelope, number
 from controller.prediction import ControlModel
-from controller.signals import Action, Controller, Estimate, Reference
+from controller.signals import Action, Array, Controller, Estimate, Reference
 
 _RESPONDING: Final = 0.35
 """Share of a drive's time constant below which the inverse would drive it from end to end of its range."""
+
+_LOOSE: Final = 1.5
+"""Times what a break-away takes beyond motion: at just as much a model that holds too little stays at rest with the capsule and learns nothing."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,8 @@ class Feedforward(Controller):
     """Each tick the capsule is to go on from the reference's speed to the next one's, corrected by `Loop`; the command is the model's
     inverse for that, from the wall displacement, slip and drive states of the estimate, against its disturbance.
 
-    In stick the tension that grows with the drag is followed, in slip its fall; at rest the command sits in the middle of what
+    In stick the tension that grows with the drag is followed, in slip its fall. Where friction falls with speed, a capsule that is slower than
+    asked for gets more than the command that takes it on from rest, the less of it the faster it is; at rest the command sits in the middle of what
     friction holds, so neither noise nor a small error moves the capsule. Never raises, bounded time.
     """
 
@@ -60,6 +64,7 @@ class Feedforward(Controller):
         self._envelope = envelope
         self._returning = False
         self._size = len(model.states)
+        self._effects = any("." in p.name for p in model.symbols.parameters)
 
     def reset(self, now: float, estimate: Estimate, command: float) -> None:
         """Begin anew; the answer depends on the estimate alone, so whoever changes over blends."""
@@ -73,12 +78,21 @@ class Feedforward(Controller):
         if state.shape != (self._size,):
             return Action(math.nan, "failed")
         correction = self._correction(number(places[0]) - state[0], number(speeds[1]))
-        state[1] = number(speeds[0]) + correction
-        learned = estimate.adapted
-        force = estimate.disturbance_N if learned is None else learned.disturbance_N
+        seen, state[1] = state[1], number(speeds[0]) + correction
         wanted = number(speeds[1]) + correction
-        command = self._inverse.command(state, number(force), wanted, now, None if learned is None else learned.parameters)
+        command = self._turned_round(state, wanted, now, estimate)
+        if self._effects and abs(wanted) > self.loop.rest_m_s:  # the base's friction grows with speed
+            state[1] = math.copysign(self.loop.rest_m_s, wanted)
+            push = self._envelope.sense * math.copysign(1.0, wanted)
+            more = push * (self._turned_round(state, state[1], now, estimate) - command)
+            command += push * max(more, 0.0) * _LOOSE * min(max(1 - seen / wanted, 0.0), 1.0)
         return Action(command, "ok" if math.isfinite(command) else "failed")
+
+    def _turned_round(self, state: Array, speed_m_s: float, now: float, estimate: Estimate) -> float:
+        """The model's inverse from `state` with what the estimator has learned."""
+        learned = estimate.adapted
+        force = number(estimate.disturbance_N if learned is None else learned.disturbance_N)
+        return self._inverse.command(state, force, speed_m_s, now, None if learned is None else learned.parameters)
 
     def _correction(self, error: float, speed: float) -> float:
         """Speed in m/s beyond the reference's that takes `error` in m back."""

@@ -148,8 +148,10 @@ def _named(
 
 
 def _finished(kind: Kind, records: Sequence[Record], effects: Sequence[str], fit: Fit) -> Fit:
-    """`fit` at the kind's final stage, descended anew as long as that helps: where one way down ends another may begin."""
-    best = narrowing(kind, records, effects, fit.theta, kind.final, (*WIDE, FINE[-1]))
+    """`fit` at the kind's final stage, descended anew as long as that helps: where one way down ends another may begin. Wide secants only
+    where more than the noise is left."""
+    widths = FINE if fit.chi2 < NEAR_NOISE else (*WIDE, FINE[-1])
+    best = narrowing(kind, records, effects, fit.theta, kind.final, widths)
     for _ in range(_WAYS_DOWN):
         again = narrowing(kind, records, effects, best.theta, kind.final, (NARROW[0], *FINE))
         if again.cost > (1 - REFINES) * best.cost:

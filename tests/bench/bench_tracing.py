@@ -25,6 +25,7 @@ from models.identification.kinds import kind_for
 from models.identification.kinds.gut import GutKind
 from models.record import Record, read_record
 from models.rig import read_rig
+from plant.hidden.registry import hidden
 from plant.series import Kind, make_series
 
 EFFECTS: Final[dict[Kind, tuple[str, ...]]] = {
@@ -71,7 +72,12 @@ def run(kind: Kind, effect: str | None, seed: int, out: Path) -> dict[str, Any]:
     report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
     allowed = {e["id"]: [e["id"], *e["equivalent"]] for e in report["effects"]}
     first = next(iter(allowed.values()), [])
-    right = report["verdict"] == "none" if effect is None else effect in first and len(first) <= 3
+    if effect is None:
+        right = report["verdict"] == "none"
+    elif hidden(effect).published:
+        right = effect in first and len(first) <= 3
+    else:  # nothing in the catalogue is it
+        right = report["verdict"] == "unknown"
     model_kind = kind_for(rig, train)
     assert isinstance(model_kind, GutKind)
     theta = read_model(folder / "model.toml", kind.removesuffix("_plate")).stages["augmented"]
@@ -139,9 +145,9 @@ def _line(row: dict[str, Any]) -> str:
 def _summary(rows: list[dict[str, Any]]) -> None:
     for row in rows:
         print(_line(row))
-    hidden = [r for r in rows if r["effect"] is not None]
+    acted = [r for r in rows if r["effect"] is not None]
     free = [r for r in rows if r["effect"] is None]
-    print(f"named right: {sum(bool(r['right']) for r in hidden)} of {len(hidden)}; nothing named where nothing is: "
+    print(f"named right: {sum(bool(r['right']) for r in acted)} of {len(acted)}; nothing named where nothing is: "
           f"{sum(bool(r['right']) for r in free)} of {len(free)}; median seconds {np.median([r['seconds'] for r in rows]):.0f}")  # fmt: skip
 
 

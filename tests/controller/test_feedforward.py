@@ -139,3 +139,13 @@ def test_a_trajectory_is_its_speeds_summed() -> None:
     assert np.cumsum(path.speed(t)) * STEP_S == pytest.approx(path.position(t + STEP_S), abs=1e-12)
     assert path.position(np.array([100.0]))[0] == pytest.approx(1e-3, abs=1e-9)
     assert path.speed(np.array([-1.0, 100.0])) == pytest.approx([0.0, 0.0])
+
+
+def test_friction_that_falls_with_speed_is_broken_loose_from() -> None:
+    """Resting friction three quarters above the one in motion, believed a tenth too low: what keeps up the motion would never begin it."""
+    model = control_model(believed(), {"stribeck.excess": 0.7, "stribeck.speed_m_s": 2.5e-3, "friction_coefficient": 0.074}, 1e-3)
+    truth = Rig(Magnet(), hidden={"stribeck": {"excess": 0.75, "speed_m_s": 2e-3}})
+    reference = by_speeds([0.0, 2e-3], [0.5, 5.0])
+    chain = build("feedforward", model, envelope_of(model.drive))[:1]
+    rows, *_ = closed_loop(model, chain, reference, 5.0, truth, Estimator(model.sharp))
+    assert rows[-1, at.O_X] == pytest.approx(9e-3, abs=3e-3)

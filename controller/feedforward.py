@@ -16,7 +16,7 @@ from controller.signals import Action, Array, Controller, Estimate, Reference
 _RESPONDING: Final = 0.35
 """Share of a drive's time constant below which the inverse would drive it from end to end of its range."""
 
-_LOOSE: Final = 1.5
+_LOOSE: Final = 2.0
 """Times what a break-away takes beyond motion: at just as much a model that holds too little stays at rest with the capsule and learns nothing."""
 
 

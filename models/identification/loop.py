@@ -78,16 +78,13 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
     found = Search(base, base)
     clock.note("calibration", found)
     thetas = _named(kind, splits, parts, found, progress, clock, rng)
-    if kind.free_only and found.after > CLEAN and not (found.effects and found.explained >= EXPLAINED):
+    if kind.free_only and not found.effects and found.after > CLEAN:
         trials = found.rounds[0][2] if found.rounds else []
-        likeliest = thetas[0] if found.effects else trials[0].thetas[0] if trials else parts[0]
-        horizon_s, cut = predictable(kind, splits, likeliest, CLEAN, rng)
-        if horizon_s < np.inf:
-            again = Search(base, base, horizon_s=horizon_s, timings=found.timings)
-            parts = [refit(kind, part, [], base.theta) for part, _ in cut]
-            told = _named(kind, cut, parts, again, progress, clock, rng)
-            if again.effects or not found.effects:
-                found, thetas, splits = again, told, cut
+        likeliest = trials[0].thetas[0] if trials else parts[0]
+        found.horizon_s, splits = predictable(kind, splits, likeliest, CLEAN, rng)
+        if found.horizon_s < np.inf:
+            parts = [refit(kind, part, [], base.theta) for part, _ in splits]
+            thetas = _named(kind, splits, parts, found, progress, clock, rng)
     progress("fitting the model on all records", 0.85)
     if found.effects:
         found.refinements, thetas = _refined(kind, splits, thetas, found)

@@ -81,11 +81,11 @@ class Feedforward(Controller):
         seen, state[1] = state[1], number(speeds[0]) + correction
         wanted = number(speeds[1]) + correction
         command = self._turned_round(state, wanted, now, estimate)
-        if self._effects and abs(wanted) > self.loop.rest_m_s:  # the base's friction grows with speed
+        if self._effects and abs(wanted) > self.loop.rest_m_s and seen / wanted < 1:  # the base's friction grows with speed
             state[1] = math.copysign(self.loop.rest_m_s, wanted)
             push = self._envelope.sense * math.copysign(1.0, wanted)
             more = push * (self._turned_round(state, state[1], now, estimate) - command)
-            command += push * max(more, 0.0) * _LOOSE * min(max(1 - seen / wanted, 0.0), 1.0)
+            command += push * max(more, 0.0) * _LOOSE * min(1 - seen / wanted, 1.0)
         return Action(command, "ok" if math.isfinite(command) else "failed")
 
     def _turned_round(self, state: Array, speed_m_s: float, now: float, estimate: Estimate) -> float:

@@ -7,34 +7,20 @@ from filterpy.kalman import ExtendedKalmanFilter
 from numpy.typing import NDArray
 
 from controller.estimator.belief import NARROW, Belief, Process
-from controller.estimator.reference_ukf import safe_root
+from controller.estimator.reference_ukf import Reference, safe_root
 
 Array = NDArray[np.float64]
 
 
-class ReferenceExtended:
+class ReferenceExtended(Reference):
     """`ExtendedKalmanFilter` with the slopes of `Process`: central differences over `NARROW` standard deviations along the axes of P."""
 
     def __init__(self, process: Process, start: Belief) -> None:
-        self._process, self._modes = process, start.modes.copy()
-        self._command, self._time = start.command, start.time_s
-        self._ekf = ExtendedKalmanFilter(process.size, 1)
-        self._ekf.x, self._ekf.P = start.z.copy(), start.P.copy()
-        self._ekf.Q, self._ekf.R = np.diag(process.wander), np.array([[process.noise.position_std_m**2]])
-
-    @property
-    def z(self) -> Array:
-        """The mean (n,)."""
-        return np.asarray(self._ekf.x)
-
-    @property
-    def P(self) -> Array:
-        """The covariance (n, n)."""
-        return np.asarray(self._ekf.P)
+        super().__init__(process, start, ExtendedKalmanFilter(process.size, 1))
 
     def predict(self, command: float) -> None:
         """Move a tick on, to the end of which `command` leads."""
-        process, ekf = self._process, self._ekf
+        process, ekf = self._process, self._own
         middle = process.middle(self._command, command)
 
         def moved(z: Array) -> Array:
@@ -50,4 +36,4 @@ class ReferenceExtended:
 
     def see_position(self, value: float) -> None:
         """Take in a localisation."""
-        self._ekf.update(np.array([value]), lambda z: np.eye(1, z.size), lambda z: z[:1])
+        self._own.update(np.array([value]), lambda z: np.eye(1, z.size), lambda z: z[:1])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 from numpy.typing import NDArray
@@ -22,27 +24,33 @@ def safe_root(P: Array) -> Array:
     return L.T.copy()
 
 
-class ReferenceFilter:
+class Reference:
+    """`own`, one of filterpy's filters, begun at `start` with the noises of `process`."""
+
+    def __init__(self, process: Process, start: Belief, own: Any) -> None:
+        self._process, self._modes = process, start.modes.copy()
+        self._command, self._time, self._own = start.command, start.time_s, own
+        own.x, own.P = start.z.copy(), start.P.copy()
+        own.Q, own.R = np.diag(process.wander), np.array([[process.noise.position_std_m**2]])
+
+    @property
+    def z(self) -> Array:
+        """The mean (n,)."""
+        return np.asarray(self._own.x)
+
+    @property
+    def P(self) -> Array:
+        """The covariance (n, n)."""
+        return np.asarray(self._own.P)
+
+
+class ReferenceFilter(Reference):
     """`UnscentedKalmanFilter` with the points and weights of `Process`: 2 n points at `sqrt(n)` standard deviations, all of one weight."""
 
     def __init__(self, process: Process, start: Belief) -> None:
         n = process.size
         points = MerweScaledSigmaPoints(n, alpha=1.0, beta=0.0, kappa=0.0, sqrt_method=safe_root)
-        self._process, self._modes = process, start.modes.copy()
-        self._command, self._time = start.command, start.time_s
-        self._ukf = UnscentedKalmanFilter(n, 1, process.model.tick_s, lambda z: z[:1], self._move, points)
-        self._ukf.x, self._ukf.P = start.z.copy(), start.P.copy()
-        self._ukf.Q, self._ukf.R = np.diag(process.wander), np.array([[process.noise.position_std_m**2]])
-
-    @property
-    def z(self) -> Array:
-        """The mean (n,)."""
-        return np.asarray(self._ukf.x)
-
-    @property
-    def P(self) -> Array:
-        """The covariance (n, n)."""
-        return np.asarray(self._ukf.P)
+        super().__init__(process, start, UnscentedKalmanFilter(n, 1, process.model.tick_s, lambda z: z[:1], self._move, points))
 
     def _move(self, z: Array, dt: float) -> Array:
         new, _ = self._process.move(z, self._modes, self._middle, self._time)
@@ -52,14 +60,14 @@ class ReferenceFilter:
         """Move a tick on, to the end of which `command` leads."""
         process = self._process
         self._middle = process.middle(self._command, command)
-        _, modes = process.move(self._ukf.x, self._modes, self._middle, self._time)
-        self._ukf.predict()
-        self._ukf.P = 0.5 * (self._ukf.P + self._ukf.P.T)
+        _, modes = process.move(self._own.x, self._modes, self._middle, self._time)
+        self._own.predict()
+        self._own.P = 0.5 * (self._own.P + self._own.P.T)
         self._modes, self._command, self._time = modes, command, self._time + process.model.tick_s
 
     def see_position(self, value: float) -> None:
         """Take in a localisation. filterpy keeps the points of the prediction, which lack its noise: they are drawn anew first."""
-        ukf = self._ukf
+        ukf = self._own
         ukf.sigmas_f = ukf.points_fn.sigma_points(ukf.x, ukf.P)
         ukf.update(np.array([value]))
         ukf.P = 0.5 * (ukf.P + ukf.P.T)

@@ -61,11 +61,16 @@ class Active:
         return level
 
     def advance(self, s: Signals, h: Any) -> Active:
-        """The same effects with their hidden states a step `h` later."""
+        """The same effects with their hidden states a step `h` later, each under the command that the one before lets through."""
         z = dict(self.z)
         for e in self.effects:
-            for name, value in e().advance(s, self._own(e, self.p), self._own(e, z), h).items():
+            p, before = self._own(e, self.p), self._own(e, z)
+            for name, value in e().advance(s, p, before, h).items():
                 z[f"{e.id}.{name}"] = value
+            if e.command is not Effect.command:
+                start = e().command(replace(s, command=s.command - s.rate * h), p, before)
+                end = e().command(s, p, self._own(e, z))
+                s = replace(s, command=end, rate=(end - start) / h)
         return replace(self, z=z)
 
     def suspension(self, stretch: Any, rate: Any) -> Any:
@@ -85,9 +90,11 @@ class Active:
         return product
 
     def follow(self, s: Signals, y: Any, h: Any) -> dict[str, Any]:
-        """The hidden states after the sensor saw `y` for a step `h`."""
+        """The hidden states after the sensor saw `y` for a step `h`, each behind what the one before makes of it."""
         z = dict(self.z)
         for e in self.effects:
-            for name, value in e().follow(s, self._own(e, self.p), self._own(e, self.z), y, h).items():
+            p = self._own(e, self.p)
+            for name, value in e().follow(s, p, self._own(e, z), y, h).items():
                 z[f"{e.id}.{name}"] = value
+            y = e().measured(s, p, self._own(e, z), y)
         return z

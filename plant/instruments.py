@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plant.hidden.registry import ROWS
+from plant.hidden.registry import LAG_SHARES, ROWS
 from plant.sensors import with_hidden_errors
 from plant.tables import Floats
 
@@ -68,23 +68,23 @@ class Stream:
         self, channel: str, instrument: Instrument, rng: np.random.Generator, truth_rate_Hz: float, hidden: Floats | None
     ) -> None:
         self.channel, self.instrument, self._rng, self._hidden = channel, instrument, rng, hidden
-        self._share = 0.0
+        self._shares: tuple[float, ...] = ()
         late = 0.0
         if hidden is not None:
-            lag = 0.5 * hidden[ROWS["sensor_lowpass"], 0]
-            self._share = 1 - math.exp(-1 / (truth_rate_Hz * lag)) if lag > 0 else 0.0
+            time = float(hidden[ROWS["sensor_lowpass"], 0])
+            self._shares = tuple(1 - math.exp(-1 / (truth_rate_Hz * share * time)) for share in LAG_SHARES) if time > 0 else ()
             late = float(hidden[ROWS["sensor_delay"], 0])
         self._offset = hidden is not None and any(hidden[ROWS[name], 0] != 0.0 for name in _OFFSETS)
         self._late = round(late * truth_rate_Hz)
         self._past: list[float] = []
-        self._smooth: tuple[float, float] | None = None
+        self._smooth: list[float] = []
         self._samples = 0
 
     def take(self, t: Floats, y: Floats) -> list[Reading]:
         """Readings of the samples that fall into the stretch of truth `y` at the times `t` in s; both 1-D of one length."""
         if not t.size:
             return []
-        values = y.tolist() if self._share == 0.0 else [self._smoothed(value) for value in y.tolist()]
+        values = [self._smoothed(value) for value in y.tolist()] if self._shares else y.tolist()
         seen = (self._past or [values[0]] * self._late) + values if self._late else values
         readings: list[Reading] = []
         k = int(t.searchsorted(self._due))
@@ -103,11 +103,11 @@ class Stream:
         return self._samples / self.instrument.rate_Hz - 1e-9
 
     def _smoothed(self, value: float) -> float:
-        first, second = self._smooth or (value, value)
-        first += self._share * (value - first)
-        second += self._share * (first - second)
-        self._smooth = first, second
-        return second
+        self._smooth = self._smooth or [value] * len(self._shares)
+        for k, share in enumerate(self._shares):
+            self._smooth[k] += share * (value - self._smooth[k])
+            value = self._smooth[k]
+        return value
 
     def _sample(self, t: float, value: float) -> Reading | None:
         """One reading; every sample draws the same random numbers, so that faults do not shift the noise."""

@@ -14,7 +14,7 @@ from plant.anatomy import Anatomy
 from plant.drives.body import COIL, FORCE, LINK, MAGNET, advance_body
 from plant.drives.pull import advance_pull
 from plant.drives.vibro import BY_FORCE, BY_VOLTAGE, advance_vibro
-from plant.hidden.carriage import BACKLASH, LAG, real_drive
+from plant.hidden.carriage import BACKLASH, CARRIAGE_NUMBERS, LAG, real_drive
 from plant.hidden.registry import ROWS
 from plant.hidden.table import effect_table
 from plant.tables import Floats, tabulate
@@ -115,7 +115,7 @@ class Plant:
         self.parameters = _parameters(rig)
         self.state = np.zeros(at.S_COUNT)
         self.state[at.S_DIRECTION] = 1.0
-        self._carriage = np.zeros(4)
+        self._carriage = np.zeros(CARRIAGE_NUMBERS)
         self._behind = bool(self.effects[[LAG, BACKLASH], 0].any())
 
     @property

@@ -7,14 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plant.hidden.registry import ROWS
+from plant.hidden.registry import LAG_SHARES, ROWS
 from plant.tables import Floats
 
 
 @dataclass(frozen=True)
 class Sensor:
     """A sensor: samples at `rate_Hz`, is late by `delay_s`, smooths with `lowpass_s` (first order), adds white noise of
-    `noise_std` and rounds to multiples of `quantum` (0: not at all). Noise and quantum are in the unit of what is measured.
+    `noise_std` and rounds to multiples of `quantum` (0: not at all). Hidden offsets count in `span`, the range in which it works (0: the
+    range of what it reads). Noise, quantum and span are in the unit of what is measured.
     """
 
     rate_Hz: float = 500.0
@@ -22,11 +23,12 @@ class Sensor:
     quantum: float = 0.0
     delay_s: float = 0.0
     lowpass_s: float = 0.0
+    span: float = 0.0
 
     def __post_init__(self) -> None:
         if not self.rate_Hz > 0:
             raise ValueError(f"sensor rate_Hz must be positive; got {self.rate_Hz:g}")
-        for name in ("noise_std", "quantum", "delay_s", "lowpass_s"):
+        for name in ("noise_std", "quantum", "delay_s", "lowpass_s", "span"):
             if not getattr(self, name) >= 0:
                 raise ValueError(f"sensor {name} must be zero or more; got {getattr(self, name):g}")
 
@@ -39,13 +41,14 @@ class Sensor:
             raise ValueError(f"a sensor must see two or more samples of the truth; got {t.size}")
         step = float(t[1] - t[0])
         if h is not None and h[ROWS["sensor_lowpass"], 0] > 0:
-            y = _lowpassed(_lowpassed(y, step, 0.5 * h[ROWS["sensor_lowpass"], 0]), step, 0.5 * h[ROWS["sensor_lowpass"], 0])
+            for share in LAG_SHARES:
+                y = _lowpassed(y, step, share * float(h[ROWS["sensor_lowpass"], 0]))
         y = _lowpassed(y, step, self.lowpass_s)
         late = self.delay_s + (0.0 if h is None else float(h[ROWS["sensor_delay"], 0]))
         when = t[0] + np.arange(math.floor((t[-1] - t[0]) * self.rate_Hz + 1e-9) + 1) / self.rate_Hz
         reading = np.interp(when - late, t, y)
         if h is not None:
-            reading = with_hidden_errors(when, reading, h, float(np.ptp(reading)))
+            reading = with_hidden_errors(when, reading, h, self.span or float(np.ptp(reading)))
         reading = reading + self.noise_std * rng.standard_normal(when.size)
         return when, np.round(reading / self.quantum) * self.quantum if self.quantum > 0 else reading
 
@@ -63,7 +66,7 @@ def _lowpassed(y: Floats, step: float, time: float) -> Floats:
 
 
 def with_hidden_errors(t: Floats, y: Floats, h: Floats, span: float) -> Floats:
-    """Readings `y` at the times `t` in s with hidden gain and offsets; offsets count in `span`, the range of the signal."""
+    """Readings `y` at the times `t` in s with hidden gain and offsets; offsets count in `span`."""
     y = y * (1 + h[ROWS["sensor_scale"], 0]) + h[ROWS["sensor_bias"], 0] * span
     drift, hum = h[ROWS["sensor_drift"]], h[ROWS["mains_hum"], 0]
     y = y + drift[0] * span * np.log1p(t / drift[1])

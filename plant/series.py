@@ -31,6 +31,8 @@ KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 RECORDS: Final = ("train_1", "train_2", "train_3", "holdout")
 FORCE_STD_N: Final = 1e-3
 POSITION_STD_M: Final = 5e-5
+FORCE_SPAN_N: Final = 0.25
+POSITION_SPAN_M: Final = 25e-3
 _EVERY = 10  # steps between the samples that the sensor sees
 _NOMINAL_MAGNET = Magnet()
 
@@ -80,12 +82,15 @@ def _truth(kind: Kind, rng: np.random.Generator) -> Rig:
 def _record(kind: Kind, rig: Rig, rng: np.random.Generator, duration_s: float) -> dict[str, Floats]:
     if kind in BELIEVED:
         belief, run = BELIEVED[kind], Run("", duration_s, int(rng.integers(2**31)), rig.step_s)
-        return record_scenario(Scenario(run, belief.kind, rig, belief.profile, Sensor(noise_std=POSITION_STD_M)))
+        return record_scenario(
+            Scenario(run, belief.kind, rig, belief.profile, Sensor(noise_std=POSITION_STD_M, span=POSITION_SPAN_M))
+        )
     pulled = kind == "pull"
     drive = random_runs(rng, duration_s, STEP_S) if pulled else random_wander(rng, duration_s, STEP_S)
     plant = Plant(rig)
     rows = plant.advance(drive, _EVERY)
-    sensor = Sensor(noise_std=FORCE_STD_N if pulled else POSITION_STD_M)
+    std, span = (FORCE_STD_N, FORCE_SPAN_N) if pulled else (POSITION_STD_M, POSITION_SPAN_M)
+    sensor = Sensor(noise_std=std, span=span)
     t, reading = sensor.measure(rows[:, at.O_T], rows[:, at.O_FORCE if pulled else at.O_X], rng, plant.effects)
     driven = np.interp(t, np.arange(drive.size) * STEP_S, drive)
     names = ("position_m", "force_N") if pulled else ("carriage_position_m", "position_m")

@@ -18,6 +18,8 @@ from models.effects.effect import Effect
 from models.effects.end_stop_impact import EndStopImpact
 from models.effects.exponential_recovery import ExponentialRecovery
 from models.effects.fold_periodic import FoldPeriodic
+from models.effects.further_lag import FurtherLag
+from models.effects.further_lowpass import FurtherLowpass
 from models.effects.guide_friction import GuideFriction
 from models.effects.incline_gravity import InclineGravity
 from models.effects.level_at_onset import LevelAtOnset
@@ -86,8 +88,15 @@ EFFECTS: tuple[type[Effect], ...] = (
     ViscousDrag,
     WallViscosity,
 )
-REFINEMENTS: tuple[type[Effect], ...] = (LevelAtRest, LevelAtOnset, LevelOverSpeed, DampingOverSpeed)
-"""Free curves that mend the shape of a named effect; never candidates."""
+REFINEMENTS: tuple[type[Effect], ...] = (
+    LevelAtRest,
+    LevelAtOnset,
+    LevelOverSpeed,
+    DampingOverSpeed,
+    FurtherLag,
+    FurtherLowpass,
+)
+"""Free curves and further orders that mend the shape of a named effect; never candidates."""
 BY_ID = {effect.id: effect for effect in (*EFFECTS, *REFINEMENTS)}
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -21,9 +21,9 @@ class ActuatorLag(Effect):
     kinds = frozenset({"pull", "magnetic", "coil"})
     states = ("command",)
     probe = 0.005
-    look_alikes = ("sensor_delay", "sensor_lowpass", "carriage_backlash")
+    look_alikes: ClassVar[tuple[str, ...]] = ("sensor_delay", "sensor_lowpass", "carriage_backlash")
     separated_by = "time-stamped edges; phase against frequency"
-    refined_by = ("sensor_delay",)
+    refined_by: ClassVar[tuple[str, ...]] = ("further_lag", "sensor_delay")
 
     time_s: Parameter = Parameter("time_s", 0.0, "s", 0.0, 1.0, "first-order drive", fit=True)
 

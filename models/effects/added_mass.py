@@ -25,7 +25,7 @@ class AddedMass(Effect):
     look_alikes = ("actuator_lag",)
     separated_by = "faster reversals"
 
-    mass_kg: Parameter = Parameter("mass_kg", 0.0, "kg", -0.005, 0.2, "tracing catalogue 16", fit=True)
+    mass_kg: Parameter = Parameter("mass_kg", 0.0, "kg", -0.005, 2.0, "tracing catalogue 16", fit=True)
 
     def force(self, s: Signals, p: Values, z: Values) -> Any:
         return -p["mass_kg"] * z["acceleration"]

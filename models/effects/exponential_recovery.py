@@ -13,7 +13,7 @@ from models.parameter import Parameter
 
 @dataclass(frozen=True)
 class ExponentialRecovery(Effect):
-    """Recovery at `v_i (1 - q + 3 q |u|/u_c)`: constant speed at q = 0, exponential with time constant `t_r/3` at q = 1."""
+    """Recovery at `v_i (1 - q + q m |u|/u_c)`: constant speed at q = 0, exponential with time constant `t_r/m` at q = 1."""
 
     id = "exponential_recovery"
     summary = "the wall draws back exponentially"
@@ -24,6 +24,7 @@ class ExponentialRecovery(Effect):
     separated_by = "the shape of the falling edge at high sampling rate"
 
     share: Parameter = Parameter("share", 0.0, "1", -0.5, 1.5, "paper A Section 3.2 (real contraction is nonlinear)", fit=True)
+    times: Parameter = Parameter("times", 3.0, "1", 0.5, 10.0, "95 % of an exponential within t_r", fit=True, spread=1.0)
 
     def recovery(self, s: Signals, p: Values, z: Values, speed: Any, onset: Any) -> Any:
-        return speed * (1 - p["share"] + p["share"] * 3 * np.abs(s.drag) / onset)
+        return speed * (1 - p["share"] + p["share"] * p["times"] * np.abs(s.drag) / onset)

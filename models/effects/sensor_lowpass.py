@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -21,8 +21,9 @@ class SensorLowpass(Effect):
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     states = ("smooth",)
     probe = 0.005
-    look_alikes = ("sensor_delay",)
+    look_alikes: ClassVar[tuple[str, ...]] = ("sensor_delay",)
     separated_by = "the phase saturates at 90 degrees"
+    refined_by: ClassVar[tuple[str, ...]] = ("further_lowpass", "sensor_delay")
 
     time_s: Parameter = Parameter("time_s", 0.0, "s", 0.0, 0.5, "tracing catalogue 26", fit=True)
 

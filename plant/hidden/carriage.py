@@ -7,21 +7,23 @@ from typing import Final
 import numpy as np
 
 from plant.compiling import compiled
-from plant.hidden.registry import ROWS
+from plant.hidden.registry import LAG_SHARES, ROWS
 from plant.tables import Floats
 
 LAG: Final = ROWS["actuator_lag"]
 BACKLASH: Final = ROWS["carriage_backlash"]
+CARRIAGE_NUMBERS: Final = 2 + len(LAG_SHARES)
 
 
 @compiled
-def _two_lags(values: Floats, dt: float, time: float, memory: Floats) -> Floats:
+def _lags(values: Floats, dt: float, time: float, memory: Floats) -> Floats:
     out = np.empty_like(values)
-    share = dt / (0.5 * time + dt)
     for k in range(values.shape[0]):
-        memory[0] += share * (values[k] - memory[0])
-        memory[1] += share * (memory[0] - memory[1])
-        out[k] = memory[1]
+        value = values[k]
+        for i in range(len(LAG_SHARES)):
+            memory[2 + i] += dt / (LAG_SHARES[i] * time + dt) * (value - memory[2 + i])
+            value = memory[2 + i]
+        out[k] = value
     return out
 
 
@@ -29,22 +31,22 @@ def _two_lags(values: Floats, dt: float, time: float, memory: Floats) -> Floats:
 def _rounded_play(values: Floats, width: float, memory: Floats) -> Floats:
     out = np.empty_like(values)
     for k in range(values.shape[0]):
-        change = values[k] - memory[3]
-        memory[3] = values[k]
-        ahead = (values[k] - memory[2]) / width if change > 0 else (memory[2] - values[k]) / width
-        memory[2] += change * min(max(0.5 + ahead, 0.0), 1.0) ** 3
-        out[k] = memory[2]
+        change = values[k] - memory[1]
+        memory[1] = values[k]
+        ahead = (values[k] - memory[0]) / width if change > 0 else (memory[0] - values[k]) / width
+        memory[0] += change * min(max(0.5 + ahead, 0.0), 1.0) ** 3
+        out[k] = memory[0]
     return out
 
 
 def real_drive(values: Floats, dt: float, h: Floats, memory: Floats) -> Floats:
-    """What arrives of the commanded drive `values`, one a step of `dt` s: `a/2` lags in a row, then play of width `a`.
+    """What arrives of the commanded drive `values`, one a step of `dt` s: lags in a row, then play of width `a`.
 
-    In the play the carriage follows with the third power of the distance to its end. `memory` (four numbers, the first
+    In the play the carriage follows with the third power of the distance to its end. `memory` (`CARRIAGE_NUMBERS`, the first
     values at rest) carries over from call to call and is changed in place.
     """
     if h[LAG, 0] != 0.0:
-        values = _two_lags(values, dt, h[LAG, 0], memory)
+        values = _lags(values, dt, h[LAG, 0], memory)
     if h[BACKLASH, 0] != 0.0:
         values = _rounded_play(values, h[BACKLASH, 0], memory)
     return values

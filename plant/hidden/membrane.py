@@ -35,4 +35,4 @@ def recovery_speed(u: float, u_c: float, t_r: float, h: Floats) -> float:
     """Speed in m/s at which a slipping wall draws back: `u_c/t_r`, or the hidden exponential one."""
     if h[RECOVERY, 0] == 0.0:
         return u_c / t_r
-    return float(h[RECOVERY, 0] * (abs(u) + 0.15 * u_c) / t_r)
+    return float(h[RECOVERY, 0] * u_c * (0.15 + (abs(u) / u_c) ** 0.8) / t_r)

@@ -44,6 +44,8 @@ class Hidden:
 GUT_DRIVES: Final = ("pull", "magnetic", "coil", "vibro", "force")
 RESTING: Final = ("pull", "magnetic", "coil", "force")
 CARRIED: Final = ("pull", "magnetic")
+LAG_SHARES: Final = (1 / 2, 1 / 3, 1 / 6)
+IN_A_ROW: Final = "three first-order lags in a row, a/2, a/3 and a/6"
 
 HIDDEN: Final[tuple[Hidden, ...]] = (
     Hidden(
@@ -128,7 +130,7 @@ HIDDEN: Final[tuple[Hidden, ...]] = (
     ),
     Hidden("added_mass", "(m + a) v'", (Shape("mass_kg", 0.1, 0.3),), GUT_DRIVES),
     Hidden("wall_viscosity", "T + a sgn(u') (|u'|/10 mm/s)^0.9", (Shape("force_N", 10e-3, 25e-3),), GUT_DRIVES),
-    Hidden("exponential_recovery", "in slip u' = -a (u + 0.15 u_c)/t_r", (Shape("rate", 1.5, 2.5),), GUT_DRIVES),
+    Hidden("exponential_recovery", "in slip u' = -a u_c (0.15 + (|u|/u_c)^0.8)/t_r", (Shape("rate", 1.5, 2.5),), GUT_DRIVES),
     Hidden(
         "small_strain_stiffening",
         "T (1 + a/(1 + |u|/u_0))",
@@ -153,7 +155,7 @@ HIDDEN: Final[tuple[Hidden, ...]] = (
         (Shape("share", 0.2, 0.4), Shape("time_s", 12.0, 30.0)),
         ("magnetic", "coil"),
     ),
-    Hidden("actuator_lag", "two first-order lags in a row, a/2 each", (Shape("time_s", 0.06, 0.16),), (*CARRIED, "coil")),
+    Hidden("actuator_lag", IN_A_ROW, (Shape("time_s", 0.06, 0.16),), (*CARRIED, "coil")),
     Hidden("carriage_backlash", "play of width a whose ends are rounded", (Shape("width_m", 1.0e-3, 2.5e-3),), CARRIED),
     Hidden("actuator_dead_zone", "current below a does nothing, rounded", (Shape("current_A", 0.05, 0.12),), ("coil",)),
     Hidden("actuator_saturation", "force F/(1 + |F/a|^3)^(1/3)", (Shape("force_N", 0.08, 0.12),), ("magnetic", "coil")),
@@ -173,16 +175,16 @@ HIDDEN: Final[tuple[Hidden, ...]] = (
     ),
     Hidden(
         "sensor_drift",
-        "a log(1 + t/t_0), in spans of the signal",
+        "a log(1 + t/t_0), in spans of the sensor",
         (Shape("span", 0.06, 0.15, True), Shape("time_s", 8.0, 20.0)),
         GUT_DRIVES,
     ),
-    Hidden("sensor_bias", "a, in spans of the signal", (Shape("span", 0.05, 0.12, True),), GUT_DRIVES),
+    Hidden("sensor_bias", "a, in spans of the sensor", (Shape("span", 0.05, 0.12, True),), GUT_DRIVES),
     Hidden("sensor_scale", "1 + a", (Shape("excess", 0.08, 0.2, True),), GUT_DRIVES),
     Hidden("sensor_delay", "y(t - a)", (Shape("time_s", 0.04, 0.12),), GUT_DRIVES),
-    Hidden("sensor_lowpass", "two first-order lags in a row, a/2 each", (Shape("time_s", 0.06, 0.16),), GUT_DRIVES),
+    Hidden("sensor_lowpass", IN_A_ROW, (Shape("time_s", 0.06, 0.16),), GUT_DRIVES),
     Hidden(
-        "mains_hum", "a (sin 2 pi 50 t + 0.3 sin 2 pi 150 t), in spans of the signal", (Shape("span", 0.02, 0.05),), GUT_DRIVES
+        "mains_hum", "a (sin 2 pi 50 t + 0.3 sin 2 pi 150 t), in spans of the sensor", (Shape("span", 0.02, 0.05),), GUT_DRIVES
     ),
 )
 ROWS: Final = {effect.id: row for row, effect in enumerate(HIDDEN)}

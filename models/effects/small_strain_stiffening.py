@@ -11,14 +11,15 @@ from models.effects.effect import Effect, Signals, Values
 from models.parameter import Parameter
 
 _SOURCE = "paper A Table 2 against A Eq. 1, 3, 12: eight periods, 2.6 times stiffer below 0.1 mm"
+_NO_TAIL = 1e-3
 
 
 @dataclass(frozen=True)
 class SmallStrainStiffening(Effect):
-    """Tension `T(u) (1 + a ((1 - q) exp(-|u|/u_0) + q exp(-|u|/(5 u_0))))`: extra stiffness that is gone where quasi-static tests measured.
+    """Tension `T(u) (1 + a (1 + m |u|/u_0)^(-1/m))`, at m = 0 `exp(-|u|/u_0)`: extra stiffness that is gone where quasi-static tests measured.
 
-    `u` the wall's drag in m, `a` the excess at zero stretch, `u_0` in m the drag over which it fades but for a share q, which
-    fades over five times that. The tension stays monotone in `u` for `a < e^2` at q = 0.
+    `u` the wall's drag in m, `a` the excess at zero stretch, `u_0` in m the drag over which it fades, with a tail m. The tension
+    stays monotone in `u` for `a < e^2` at m = 0.
     """
 
     id = "small_strain_stiffening"
@@ -33,8 +34,7 @@ class SmallStrainStiffening(Effect):
     scale_m: Parameter = Parameter(
         "scale_m", 2e-4, "m", 2e-5, 2e-3, "between A's 0.03 mm and the mm of quasi-static tests", fit=True
     )
-    slow: Parameter = Parameter("slow", 0.0, "1", 0.0, 0.9, "tissue softens over more than one scale", fit=True, spread=0.2)
+    tail: Parameter = Parameter("tail", 0.3, "1", _NO_TAIL, 2.0, "tissue softens over more than one scale", fit=True, spread=0.5)
 
     def stiffening(self, s: Signals, p: Values, z: Values) -> Any:
-        way = np.abs(s.drag) / p["scale_m"]
-        return 1 + p["excess"] * ((1 - p["slow"]) * np.exp(-way) + p["slow"] * np.exp(-way / 5))
+        return 1 + p["excess"] * np.exp(-np.log1p(p["tail"] * np.abs(s.drag) / p["scale_m"]) / p["tail"])

@@ -16,10 +16,10 @@ STIFFENING: Final = ROWS["small_strain_stiffening"]
 
 @compiled
 def stiffening(u: float, h: Floats) -> float:
-    """Factor on T(u): `1 + a/(1 + |u|/u_0)`."""
+    """Factor on T(u): `1 + a/(1 + (|u|/u_0)^1.2)`."""
     if h[STIFFENING, 0] == 0.0:
         return 1.0
-    return float(1 + h[STIFFENING, 0] / (1 + abs(u) / h[STIFFENING, 1]))
+    return float(1 + h[STIFFENING, 0] / (1 + (abs(u) / h[STIFFENING, 1]) ** 1.2))
 
 
 @compiled

@@ -133,7 +133,7 @@ HIDDEN: Final[tuple[Hidden, ...]] = (
     Hidden("exponential_recovery", "in slip u' = -a u_c (0.15 + (|u|/u_c)^0.8)/t_r", (Shape("rate", 1.5, 2.5),), GUT_DRIVES),
     Hidden(
         "small_strain_stiffening",
-        "T (1 + a/(1 + |u|/u_0))",
+        "T (1 + a/(1 + (|u|/u_0)^1.2))",
         (Shape("excess", 1.0, 2.5), Shape("drag_m", 80e-6, 250e-6)),
         GUT_DRIVES,
     ),

@@ -38,7 +38,7 @@ class SingleSpeedStiffening(SmallStrainStiffening):
     """`small_strain_stiffening` of which one speed tells the size alone, not the drag over which it fades."""
 
     scale_m: Parameter = Parameter("scale_m", 2e-4, "m", 2e-5, 2e-3, "held: one speed cannot tell it", fit=False)
-    slow: Parameter = Parameter("slow", 0.0, "1", 0.0, 0.9, "held: one speed cannot tell it")
+    tail: Parameter = Parameter("tail", 1e-3, "1", 1e-3, 2.0, "held: one speed cannot tell it")
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from models.wall import Drag, Wall, drag_rate, settle, step_drag
 Surface = Wall | Plate
 
 _REST = 1e-7  # m/s, below it the capsule counts as at rest for the direction of the last motion
+_REST_IMPOSED = 1e-11  # m/s, the same of an imposed motion, which creeps as it likes
 _SMALL_DRAG = 1e-6  # m, below it the tension of a smooth model is linear in the drag
 
 
@@ -115,7 +116,8 @@ class Stepper:
         if imposed:
             v_now = (command - now["x"]) / h
         push = Push(0.0) if imposed else self.push(now, replace(s, v=v_now), command - 0.5 * h * rate, h)
-        s = replace(s, v=v_now, direction=np.where(np.abs(v_now) > _REST, np.sign(v_now), self._faced(now, push)))
+        rest = _REST_IMPOSED if imposed else _REST
+        s = replace(s, v=v_now, direction=np.where(np.abs(v_now) > rest, np.sign(v_now), self._faced(now, push)))
         grip = self.grip(s)
         s = replace(s, drag_rate=drag_rate(drag, v_now, grip.recovery))
         T, F_v = self.held(s, drag, T_quiet, grip)
@@ -135,7 +137,7 @@ class Stepper:
             output = grip.friction * s.direction + F_v + T - outside
         elif self.link is not None:
             output = self.link.force(command - now["x"] - h * v_next) + self.link.damping * (rate - v_next)
-        new = _motion(now, x_next, v_next, dragged, s, h) | own
+        new = _motion(now, x_next, v_next, dragged, s, h, rest) | own
         seen = replace(active_next, z=active_next.follow(s, output, h))
         return new | dict(seen.z), seen.measured(s, output)
 
@@ -181,9 +183,9 @@ def turned(v: Any, free: Any, stop: Any) -> tuple[Any, Any]:
     return v_next, np.where(stops, 0.5 * (share * v + rest * after), 0.5 * (v + v_next))
 
 
-def _motion(now: dict[str, Any], x: Any, v: Any, drag: Drag, s: Signals, h: Any) -> dict[str, Any]:
-    """The base model's states at the step's end."""
-    moving = np.abs(v) > _REST
+def _motion(now: dict[str, Any], x: Any, v: Any, drag: Drag, s: Signals, h: Any, rest: float) -> dict[str, Any]:
+    """The base model's states at the step's end; a body slower than `rest` in m/s is at rest."""
+    moving = np.abs(v) > rest
     return {
         "x": x,
         "v": v,

@@ -14,9 +14,9 @@ from models.parameter import Parameter
 
 @dataclass(frozen=True)
 class CarriageBacklash(Effect):
-    """Backlash as a Duhem operator: of a change `dc` of the command the carriage follows `dc (e^(k q) - 1)/(e^k - 1)`, `q` from 0 to 1 how
-    far it is from the dead part `d` of the play `b` through the rest of it, in the direction of `dc`. A large `k` is the loose nut, which
-    does not move before `q = 1`; a small one an elastic seat that gives way gradually."""
+    """Backlash as a Duhem operator: of a change `dc` of the command the carriage follows `dc (e^(k q^n) - 1)/(e^k - 1)`, `q` from 0 to 1 how
+    far it is through the play `b` in the direction of `dc`. A large `k` is the loose nut, which does not move before `q = 1`; a small
+    one an elastic seat that gives way gradually, from its begin on (`n = 1`) or late."""
 
     id = "carriage_backlash"
     summary = "play in the drive"
@@ -30,7 +30,7 @@ class CarriageBacklash(Effect):
 
     play_m: Parameter = Parameter("play_m", 0.0, "m", 0.0, 0.008, "tracing catalogue 18", fit=True)
     sharpness: Parameter = Parameter("sharpness", 10.0, "1", 0.5, 60.0, "from an elastic seat to a loose nut", fit=True)
-    dead: Parameter = Parameter("dead", 0.2, "1", 0.0, 0.9, "a loose nut on an elastic seat", fit=True, spread=0.3)
+    order: Parameter = Parameter("order", 1.2, "1", 1.0, 4.0, "a seat that stiffens", fit=True, spread=1.0)
 
     def command(self, s: Signals, p: Values, z: Values) -> Any:
         return z["position_m"]
@@ -39,6 +39,5 @@ class CarriageBacklash(Effect):
         half, change, k = p["play_m"] / 2, s.rate * h, p["sharpness"]
         ahead = (s.command - 0.5 * change - z["position_m"]) * np.sign(change)
         through = np.clip(0.5 + 0.5 * ahead / np.maximum(half, 1e-9), 0.0, 1.0)
-        through = np.maximum(through - p["dead"], 0.0) / (1 - p["dead"])
-        share = (np.exp(k * through) - 1) / (np.exp(k) - 1)
+        share = (np.exp(k * through ** p["order"]) - 1) / (np.exp(k) - 1)
         return {"position_m": np.clip(z["position_m"] + change * share, s.command - half, s.command + half)}

@@ -136,7 +136,7 @@ def test_imitation_scatters_as_the_measured_periods() -> None:
 def test_stiffening_fades_and_tension_stays_monotone() -> None:
     effect, most = SmallStrainStiffening(), 7.0
     u = np.linspace(0, 2e-3, 400)
-    factor = effect.stiffening(Signals(drag=u), {"excess": most, "scale_m": 2e-4}, {})
+    factor = effect.stiffening(Signals(drag=u), {"excess": most, "scale_m": 2e-4, "tail": 1e-3}, {})
     assert factor[0] == pytest.approx(1 + most)
     assert factor[-1] == pytest.approx(1.0, abs=1e-3)
     assert np.all(np.diff(u * factor) > 0)

@@ -98,7 +98,7 @@ class _Model:
         stepper = self.stepper()
         s = self.signals(stepper, t)
         grip = stepper.grip(s)
-        tension, mucus = stepper.held(s, self.drag(), s.tension, grip)
+        tension, mucus = stepper.held(s, self.drag(), s.tension)
         return grip.friction * s.v / (np.abs(s.v) + self.smoothing) + tension + mucus
 
     def pursuit(self, speed: Any, t: Any) -> Any:

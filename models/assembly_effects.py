@@ -22,6 +22,10 @@ class Active:
         head = f"{effect.id}."
         return {key.removeprefix(head): value for key, value in table.items() if key.startswith(head)}
 
+    def overrides(self, hook: str) -> bool:
+        """Whether any effect says something under `hook`."""
+        return any(getattr(e, hook) is not getattr(Effect, hook) for e in self.effects)
+
     def product(self, hook: str, s: Signals) -> Any:
         """Product of the factors that the effects give under `hook`."""
         total: Any = 1.0

@@ -20,18 +20,19 @@ Surface = Wall | Plate
 
 _REST = 1e-7  # m/s, below it the capsule counts as at rest for the direction of the last motion
 _REST_IMPOSED = 1e-11  # m/s, the same of an imposed motion, which creeps as it likes
+_STEFFENSEN = 3
+_STRAIGHT = 1e-13  # m, below it a sequence of drags has settled
 _SMALL_DRAG = 1e-6  # m, below it the tension of a smooth model is linear in the drag
 
 
 @dataclass(frozen=True)
 class Grip:
     """What the surface does to the body at this moment: Coulomb part `friction` in N, slip limit `onset` in N, draw-back speed
-    `recovery` in m/s, factor `stiffening` on the wall's tension. A plate has the first alone."""
+    `recovery` in m/s. A plate has the first alone."""
 
     friction: Any
     onset: Any = 0.0
     recovery: Any = 0.0
-    stiffening: Any = 1.0
 
 
 @dataclass(frozen=True)
@@ -77,23 +78,39 @@ class Stepper:
         friction, onset = self.surface.grip(np.abs(s.v), p["hoop_stress_factor"], mu, level, self.active.onset(s, level))
         if load:
             onset = onset + mu * load
-        stiff = self.active.product("stiffening", s)
-        u_c = self.surface.drag_at(onset / stiff)
+        u_c = self.slipping_drag(self.surface, onset, s)
         recovery = self.active.recovery(s, u_c / self.surface.tissue.recovery_time_s, u_c)
-        return Grip(friction, onset, recovery, stiff)
+        return Grip(friction, onset, recovery)
 
-    def held(self, s: Signals, drag: Drag, tension: Any, grip: Grip) -> tuple[Any, Any]:
+    def slipping_drag(self, wall: Wall, onset: Any, s: Signals) -> Any:
+        """`u_c` in m with `T(u_c)`, as stiff as effects make it there, equal to `onset` in N; Steffensen's steps."""
+        u = wall.drag_at(onset)
+        if not self.active.overrides("stiffening"):
+            return u
+        for _ in range(_STEFFENSEN):
+            once = wall.drag_at(onset / self.stiffening(s, u))
+            twice = wall.drag_at(onset / self.stiffening(s, once))
+            turn = twice - 2 * once + u
+            bent = np.abs(turn) > _STRAIGHT
+            u = np.where(bent, u - (once - u) ** 2 / np.where(bent, turn, 1.0), twice)
+        return u
+
+    def stiffening(self, s: Signals, u: Any) -> Any:
+        """Factor that effects put on the tension of a wall dragged by `u` in m."""
+        return self.active.product("stiffening", replace(s, drag=u))
+
+    def held(self, s: Signals, drag: Drag, tension: Any) -> tuple[Any, Any]:
         """Tension with what effects add, and mucus drag, both in N against the body's motion."""
         if isinstance(self.surface, Plate):
             return 0.0, 0.0
         extra = self.active.total("wall_force", s)
-        return tension * grip.stiffening + extra, self.mucus(np.where(drag.slip == 0, 0.0, s.v - s.drag_rate))
+        return tension * self.stiffening(s, drag.u) + extra, self.mucus(np.where(drag.slip == 0, 0.0, s.v - s.drag_rate))
 
-    def drag(self, drag: Drag, v: Any, h: Any, grip: Grip) -> Drag:
+    def drag(self, s: Signals, drag: Drag, v: Any, h: Any, grip: Grip) -> Drag:
         """The wall a step later."""
         if isinstance(self.surface, Plate):
             return drag
-        return step_drag(drag, v, h, grip.onset, lambda u: self.tension(u) * grip.stiffening, grip.recovery)
+        return step_drag(drag, v, h, grip.onset, lambda u: self.tension(u) * self.stiffening(s, u), grip.recovery)
 
     def push(self, now: dict[str, Any], s: Signals, middle: Any, h: Any) -> Push:
         """What the drive does to a free body; `middle` is the command at mid-step."""
@@ -120,20 +137,20 @@ class Stepper:
         s = replace(s, v=v_now, direction=np.where(np.abs(v_now) > rest, np.sign(v_now), self._faced(now, push)))
         grip = self.grip(s)
         s = replace(s, drag_rate=drag_rate(drag, v_now, grip.recovery))
-        T, F_v = self.held(s, drag, T_quiet, grip)
+        T, F_v = self.held(s, drag, T_quiet)
         outside = self.active.total("force", s)
         if imposed:
             x_next, v_next, own = command, v_now, {}
-            dragged = self.drag(drag, v_next, h, grip)
+            dragged = self.drag(s, drag, v_next, h, grip)
         else:
             v_next, v_mean = self._speed(now, push, outside - F_v - T, grip.friction, (command, rate), h)
             x_next = now["x"] + h * v_mean
             own = {f"{self.drive.name}.{name}": value for name, value in push.after(v_next, v_mean).items()}
-            dragged = self.drag(drag, v_mean, h, grip)
+            dragged = self.drag(s, drag, v_mean, h, grip)
         s = replace(s, t=t + h, drag_rate=drag_rate(dragged, v_next, grip.recovery))
         output = x_next
         if imposed:
-            T, F_v = self.held(replace(s, v=v_next), dragged, self.tension(dragged.u), grip)
+            T, F_v = self.held(replace(s, v=v_next), dragged, self.tension(dragged.u))
             output = grip.friction * s.direction + F_v + T - outside
         elif self.link is not None:
             output = self.link.force(command - now["x"] - h * v_next) + self.link.damping * (rate - v_next)

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from plant.compiling import compiled
 from plant.hidden.membrane import rate_tension, recovery_speed, stiffening
 from plant.layout import GUT, P_MU, P_RECOVERY, P_SURFACE, P_WEIGHT, S_SLIP, S_U
 from plant.tables import Floats, drag_at, film_drag, pressure_load, tension
+
+_MOST: Final = 200
+_SETTLED_M: Final = 1e-9
 
 
 @compiled
@@ -20,8 +25,10 @@ def draw_back_speed(v: float, hoop: float, s: Floats, p: Floats, h: Floats, tab:
     u_c = drag_at(tab, wall_limit(v, hoop, p, tab))
     if stiffening(u_c, h) != 1.0:
         limit = wall_limit(v, hoop, p, tab)
-        for _ in range(6):
-            u_c = drag_at(tab, limit / stiffening(u_c, h))
+        for _ in range(_MOST):
+            before, u_c = u_c, drag_at(tab, limit / stiffening(u_c, h))
+            if abs(u_c - before) < _SETTLED_M:
+                break
     return recovery_speed(s[S_U], u_c, p[P_RECOVERY], h)
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from controller.vibro.cycles import VibroModel
 from models.assembly_effects import Active
 from models.assembly_step import Grip, Stepper
+from models.effects.effect import Signals
 from models.laws.geometry import GRAVITY
 from models.plate import Plate
 from models.wall import Drag
@@ -27,7 +28,7 @@ SCALE = np.array([1e-3, 0.1, 1e-3, 0.1, 1e-4])
 class KnownSlip(Stepper):
     """A step whose wall keeps the slip that it is told: `u' = v` while it sticks, `-s v_i` while it slips, nothing switches."""
 
-    def drag(self, drag: Drag, v: Any, h: Any, grip: Grip) -> Drag:
+    def drag(self, s: Signals, drag: Drag, v: Any, h: Any, grip: Grip) -> Drag:
         if isinstance(self.surface, Plate):
             return drag
         return Drag(drag.u + h * ((1 - drag.slip * drag.slip) * v - drag.slip * grip.recovery), drag.slip)
@@ -72,4 +73,10 @@ def smooth_part(model: VibroModel, smoothing: float, steps: int, lags: Mapping[s
     mu = p["friction_coefficient"]
     _, onset = model.surface.grip(np.sqrt(v * v + smoothing**2), p["hoop_stress_factor"], mu)
     onset = onset + mu * model.drive.carried_kg * GRAVITY
-    return Part(names, scale, steps, advance, ca.Function("strain", [z], [stepper().tension(u) / onset]))
+    return Part(
+        names,
+        scale,
+        steps,
+        advance,
+        ca.Function("strain", [z], [stepper().tension(u) * stepper().stiffening(Signals(), u) / onset]),
+    )

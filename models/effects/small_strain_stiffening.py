@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from types import MappingProxyType
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -26,6 +28,7 @@ class SmallStrainStiffening(Effect):
     summary = "the wall is stiffer at small, fast stretch than its quasi-static law"
     source = _SOURCE
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "periods"})
+    grid: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType({"scale_m": (5e-5, 1e-4, 2e-4, 6e-4)})
     probe = 0.3
     look_alikes = ("wall_viscosity", "exponential_recovery")
     separated_by = "pulls at several speeds; step and hold of 0.05 and 0.5 mm"

@@ -37,6 +37,8 @@ EQUIVALENTS = MappingProxyType({"small_strain_stiffening": ("wall_viscosity",)})
 class SingleSpeedStiffening(SmallStrainStiffening):
     """`small_strain_stiffening` of which one speed tells the size alone, not the drag over which it fades."""
 
+    grid = MappingProxyType({})
+
     scale_m: Parameter = Parameter("scale_m", 2e-4, "m", 2e-5, 2e-3, "held: one speed cannot tell it", fit=False)
     tail: Parameter = Parameter("tail", 1e-3, "1", 1e-3, 2.0, "held: one speed cannot tell it")
 

@@ -15,7 +15,7 @@ from hil.app.campaign_file import Campaign, load_campaign
 from hil.app.campaign_page import groups, page_html, summary_of, value_of, worst_of
 from hil.app.campaign_results import Results, chunks
 from hil.app.campaign_work import Row, pooled, run_job
-from hil.app.console import json_text, output_to_notes, print_json, progress_bar, summary
+from hil.app.console import InterruptionError, json_text, output_to_notes, print_json, progress_bar, summary
 from hil.app.write import check_folder, write_files
 
 RESULTS, PAGE, NUMBERS = "results.jsonl", "campaign.html", "campaign.json"
@@ -40,6 +40,8 @@ def campaign(
         return _one(plan, run)
     if workers is not None and not 1 <= workers <= 1024:
         raise ValueError(f"--workers must lie in [1, 1024]; got {workers}")
+    if workers is not None and scheduler is not None:
+        raise ValueError(f"--workers must be left out with --scheduler, whose cluster has its own; got {workers}")
     check_folder(out, "--out")
     results = Results(out / RESULTS, plan.fingerprint)
     try:
@@ -47,6 +49,9 @@ def campaign(
             resumed = len(results.done)
             _do(plan, results, workers or os.cpu_count() or 1, scheduler)
         rows = [results.done[number] for number in sorted(results.done)]
+    except KeyboardInterrupt as error:
+        kept = f"{len(results.done)} of {len(plan)} runs are on file in {results.path}"
+        raise InterruptionError(f"interrupted: {kept}; the same command goes on from there") from error
     finally:
         results.close()
     repeat = shlex.join(["capsule", "campaign", str(path)])

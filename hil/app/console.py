@@ -15,6 +15,10 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 WIDTH = 110
 
 
+class InterruptionError(Exception):
+    """Long work that the user stopped; its text says what was kept."""
+
+
 def notes() -> Console:
     """The console on standard error."""
     return _console(Console(stderr=True, highlight=False))

@@ -17,7 +17,7 @@ import typer
 from threadpoolctl import threadpool_limits
 from typer.core import TyperCommand
 
-from hil.app.console import output_to_notes, print_json, summary
+from hil.app.console import InterruptionError, output_to_notes, print_json, summary
 from models.parameter import nearest
 
 BAD_INPUT, INTERRUPTED = 2, 130
@@ -272,6 +272,8 @@ def run(args: Sequence[str]) -> int:
         status = app(list(args) or ["--help"], prog_name="capsule", standalone_mode=False)
     except (KeyboardInterrupt, typer.Abort):
         return _said(INTERRUPTION, INTERRUPTED)
+    except InterruptionError as error:
+        return _said(str(error), INTERRUPTED)
     except typer.TyperException as error:
         return _said(_usage(error, args), BAD_INPUT)
     except BrokenPipeError:

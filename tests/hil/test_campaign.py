@@ -69,9 +69,9 @@ def untimed(row: dict[str, Any]) -> dict[str, Any]:
     return {**row, "result": result, "seconds": 0}
 
 
-def started(campaign: Path, out: Path) -> subprocess.Popen[str]:
+def started(campaign: Path, out: Path, heard: int = subprocess.DEVNULL) -> subprocess.Popen[str]:
     command = [sys.executable, "-m", "hil.app.main", "campaign", str(campaign), "--out", str(out), "--workers", "1"]
-    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, text=True, start_new_session=True)
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=heard, text=True, start_new_session=True)
 
 
 def alive(group: int) -> list[str]:
@@ -84,6 +84,22 @@ def alive(group: int) -> list[str]:
             if int(its_group) == group and state != "Z":
                 found.append(name)
     return found
+
+
+def test_an_interrupted_campaign_says_what_it_kept(campaign: Path) -> None:
+    out = campaign.parent / "out"
+    child = started(campaign, out, subprocess.PIPE)
+    file = out / "results.jsonl"
+    while not (file.exists() and file.read_bytes().count(b"\n") > 3):
+        assert child.poll() is None
+        time.sleep(0.02)
+    child.send_signal(signal.SIGINT)
+    _, said = child.communicate(timeout=60)
+    kept = len(rows_of(out))
+    assert child.returncode == 130
+    assert said.endswith(
+        f"capsule: interrupted: {kept} of {RUNS} runs are on file in {file}; the same command goes on from there\n"
+    )
 
 
 def test_a_killed_campaign_goes_on_without_loss_or_repetition(campaign: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -272,7 +288,12 @@ def test_a_campaign_that_is_not_there_is_named_once(
 
 
 def test_options_that_cannot_be_are_one_sentence(campaign: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for options in (["--run", "24"], ["--workers", "0"], ["--scheduler", "nowhere:1"]):
+    for options in (
+        ["--run", "24"],
+        ["--workers", "0"],
+        ["--scheduler", "nowhere:1"],
+        ["--scheduler", "nowhere:1", "--workers", "2"],
+    ):
         assert run(["campaign", str(campaign), "--out", str(campaign.parent / "out"), *options]) == 2
         assert options[0] in capsys.readouterr().err
 

@@ -23,7 +23,7 @@ class ActuatorLag(Effect):
     probe = 0.005
     look_alikes: ClassVar[tuple[str, ...]] = ("sensor_delay", "sensor_lowpass", "carriage_backlash")
     separated_by = "time-stamped edges; phase against frequency"
-    refined_by: ClassVar[tuple[str, ...]] = ("further_lag", "sensor_delay")
+    refined_by: ClassVar[tuple[str, ...]] = ("sensor_delay", "further_lag")
 
     time_s: Parameter = Parameter("time_s", 0.0, "s", 0.0, 1.0, "first-order drive", fit=True)
 

@@ -23,10 +23,10 @@ def frequencies(lowest_Hz: float, highest_Hz: float, ratio: float = RATIO) -> tu
 
 @dataclass(frozen=True)
 class ForceInTime(Effect):
-    """Force `A (sin q + o + sum of harmonics 2 to 6)` along +x, `q = 2 pi (f t - n) + phi`, `n` the turns by which it is late at the
+    """Force `A (sin q + o + sum of harmonics 2 to 4)` along +x, `q = 2 pi (f t - n) + phi`, `n` the turns by which it is late at the
     capsule's place.
 
-    A wave of pulses, `max(0, sin q)`, has A = 0.5, o = 0.64, and -0.42 cos 2q, -0.08 cos 4q and -0.04 cos 6q as its harmonics.
+    A wave of pulses, `max(0, sin q)`, has A = 0.5, o = 0.64, and -0.42 cos 2q and -0.08 cos 4q as its harmonics.
     """
 
     probe = 0.003
@@ -40,10 +40,6 @@ class ForceInTime(Effect):
     third_cos: Parameter = Parameter("third_cos", 0.0, "1", -0.7, 0.7, _FORM, fit=True, spread=0.2)
     fourth_sin: Parameter = Parameter("fourth_sin", 0.0, "1", -0.5, 0.5, _FORM, fit=True, spread=0.2)
     fourth_cos: Parameter = Parameter("fourth_cos", 0.0, "1", -0.5, 0.5, _FORM, fit=True, spread=0.2)
-    fifth_sin: Parameter = Parameter("fifth_sin", 0.0, "1", -0.3, 0.3, _FORM, fit=True, spread=0.1)
-    fifth_cos: Parameter = Parameter("fifth_cos", 0.0, "1", -0.3, 0.3, _FORM, fit=True, spread=0.1)
-    sixth_sin: Parameter = Parameter("sixth_sin", 0.0, "1", -0.3, 0.3, _FORM, fit=True, spread=0.1)
-    sixth_cos: Parameter = Parameter("sixth_cos", 0.0, "1", -0.3, 0.3, _FORM, fit=True, spread=0.1)
     offset: Parameter = Parameter("offset", 0.0, "1", -1.5, 1.5, _FORM, fit=True)
 
     def turns_at(self, x: Any, p: Values) -> Any:
@@ -53,6 +49,6 @@ class ForceInTime(Effect):
     def force(self, s: Signals, p: Values, z: Values) -> Any:
         turn = 2 * math.pi * (p["frequency_Hz"] * s.t - self.turns_at(s.x, p)) + p["phase_rad"]
         wave = np.sin(turn) + p["offset"]
-        for k, name in enumerate(("second", "third", "fourth", "fifth", "sixth"), start=2):
+        for k, name in enumerate(("second", "third", "fourth"), start=2):
             wave = wave + p[f"{name}_sin"] * np.sin(k * turn) + p[f"{name}_cos"] * np.cos(k * turn)
         return p["force_N"] * wave

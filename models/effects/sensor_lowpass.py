@@ -23,7 +23,7 @@ class SensorLowpass(Effect):
     probe = 0.005
     look_alikes: ClassVar[tuple[str, ...]] = ("sensor_delay",)
     separated_by = "the phase saturates at 90 degrees"
-    refined_by: ClassVar[tuple[str, ...]] = ("further_lowpass",)
+    refined_by: ClassVar[tuple[str, ...]] = ("further_lowpass", "sensor_delay")
 
     time_s: Parameter = Parameter("time_s", 0.0, "s", 0.0, 0.5, "tracing catalogue 26", fit=True)
 

@@ -23,14 +23,14 @@ class CarriageBacklash(Effect):
     source = "tracing catalogue 18; backlash-like hysteresis, Su et al., IEEE TAC 45 (2000) 2427"
     kinds = frozenset({"pull", "magnetic"})
     states = ("position_m",)
-    grid = MappingProxyType({"sharpness": (3.0, 30.0)})
+    grid = MappingProxyType({"sharpness": (3.0, 30.0), "order": (1.2,)})
     probe = 0.0003
     look_alikes = ("directional_asymmetry", "actuator_lag", "sensor_delay")
     separated_by = "reversals at several amplitudes"
 
     play_m: Parameter = Parameter("play_m", 0.0, "m", 0.0, 0.008, "tracing catalogue 18", fit=True)
     sharpness: Parameter = Parameter("sharpness", 10.0, "1", 0.5, 60.0, "from an elastic seat to a loose nut", fit=True)
-    order: Parameter = Parameter("order", 1.2, "1", 1.0, 4.0, "a seat that stiffens", fit=True, spread=1.0)
+    order: Parameter = Parameter("order", 1.0, "1", 1.0, 4.0, "a seat that stiffens", fit=True, spread=1.0)
 
     def command(self, s: Signals, p: Values, z: Values) -> Any:
         return z["position_m"]

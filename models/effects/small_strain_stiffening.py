@@ -28,7 +28,7 @@ class SmallStrainStiffening(Effect):
     summary = "the wall is stiffer at small, fast stretch than its quasi-static law"
     source = _SOURCE
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "periods"})
-    grid: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType({"scale_m": (5e-5, 1e-4, 2e-4, 6e-4)})
+    grid: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType({"scale_m": (5e-5, 1e-4, 2e-4, 6e-4), "tail": (0.3,)})
     probe = 0.3
     look_alikes = ("wall_viscosity", "exponential_recovery")
     separated_by = "pulls at several speeds; step and hold of 0.05 and 0.5 mm"
@@ -37,7 +37,9 @@ class SmallStrainStiffening(Effect):
     scale_m: Parameter = Parameter(
         "scale_m", 2e-4, "m", 2e-5, 2e-3, "between A's 0.03 mm and the mm of quasi-static tests", fit=True
     )
-    tail: Parameter = Parameter("tail", 0.3, "1", _NO_TAIL, 2.0, "tissue softens over more than one scale", fit=True, spread=0.5)
+    tail: Parameter = Parameter(
+        "tail", _NO_TAIL, "1", _NO_TAIL, 2.0, "tissue softens over more than one scale", fit=True, spread=0.5
+    )
 
     def stiffening(self, s: Signals, p: Values, z: Values) -> Any:
         return 1 + p["excess"] * np.exp(-np.log1p(p["tail"] * np.abs(s.drag) / p["scale_m"]) / p["tail"])

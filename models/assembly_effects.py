@@ -22,10 +22,6 @@ class Active:
         head = f"{effect.id}."
         return {key.removeprefix(head): value for key, value in table.items() if key.startswith(head)}
 
-    def overrides(self, hook: str) -> bool:
-        """Whether any effect says something under `hook`."""
-        return any(getattr(e, hook) is not getattr(Effect, hook) for e in self.effects)
-
     def product(self, hook: str, s: Signals) -> Any:
         """Product of the factors that the effects give under `hook`."""
         total: Any = 1.0
@@ -71,7 +67,7 @@ class Active:
             p, before = self._own(e, self.p), self._own(e, z)
             for name, value in e().advance(s, p, before, h).items():
                 z[f"{e.id}.{name}"] = value
-            if e.command is not Effect.command:
+            if e.answers("command"):
                 start = e().command(replace(s, command=s.command - s.rate * h), p, before)
                 end = e().command(s, p, self._own(e, z))
                 s = replace(s, command=end, rate=(end - start) / h)

@@ -85,7 +85,7 @@ class Stepper:
     def slipping_drag(self, wall: Wall, onset: Any, s: Signals) -> Any:
         """`u_c` in m with `T(u_c)`, as stiff as effects make it there, equal to `onset` in N; Steffensen's steps."""
         u = wall.drag_at(onset)
-        if not self.active.overrides("stiffening"):
+        if not any(effect.answers("stiffening") for effect in self.active.effects):
             return u
         for _ in range(_STEFFENSEN):
             once = wall.drag_at(onset / self.stiffening(s, u))

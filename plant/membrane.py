@@ -22,9 +22,9 @@ def wall_limit(v: float, hoop: float, p: Floats, tab: Floats) -> float:
 @compiled
 def draw_back_speed(v: float, hoop: float, s: Floats, p: Floats, h: Floats, tab: Floats) -> float:
     """`v_i = u_c/t_r` in m/s with `T(u_c) = f_c(|v|)` of this moment."""
-    u_c = drag_at(tab, wall_limit(v, hoop, p, tab))
+    limit = wall_limit(v, hoop, p, tab)
+    u_c = drag_at(tab, limit)
     if stiffening(u_c, h) != 1.0:
-        limit = wall_limit(v, hoop, p, tab)
         for _ in range(_MOST):
             before, u_c = u_c, drag_at(tab, limit / stiffening(u_c, h))
             if abs(u_c - before) < _SETTLED_M:

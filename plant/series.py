@@ -80,17 +80,15 @@ def _truth(kind: Kind, rng: np.random.Generator) -> Rig:
 
 
 def _record(kind: Kind, rig: Rig, rng: np.random.Generator, duration_s: float) -> dict[str, Floats]:
+    pulled = kind == "pull"
+    std, span = (FORCE_STD_N, FORCE_SPAN_N) if pulled else (POSITION_STD_M, POSITION_SPAN_M)
+    sensor = Sensor(noise_std=std, span=span)
     if kind in BELIEVED:
         belief, run = BELIEVED[kind], Run("", duration_s, int(rng.integers(2**31)), rig.step_s)
-        return record_scenario(
-            Scenario(run, belief.kind, rig, belief.profile, Sensor(noise_std=POSITION_STD_M, span=POSITION_SPAN_M))
-        )
-    pulled = kind == "pull"
+        return record_scenario(Scenario(run, belief.kind, rig, belief.profile, sensor))
     drive = random_runs(rng, duration_s, STEP_S) if pulled else random_wander(rng, duration_s, STEP_S)
     plant = Plant(rig)
     rows = plant.advance(drive, _EVERY)
-    std, span = (FORCE_STD_N, FORCE_SPAN_N) if pulled else (POSITION_STD_M, POSITION_SPAN_M)
-    sensor = Sensor(noise_std=std, span=span)
     t, reading = sensor.measure(rows[:, at.O_T], rows[:, at.O_FORCE if pulled else at.O_X], rng, plant.effects)
     driven = np.interp(t, np.arange(drive.size) * STEP_S, drive)
     names = ("position_m", "force_N") if pulled else ("carriage_position_m", "position_m")

@@ -73,10 +73,6 @@ def smooth_part(model: VibroModel, smoothing: float, steps: int, lags: Mapping[s
     mu = p["friction_coefficient"]
     _, onset = model.surface.grip(np.sqrt(v * v + smoothing**2), p["hoop_stress_factor"], mu)
     onset = onset + mu * model.drive.carried_kg * GRAVITY
-    return Part(
-        names,
-        scale,
-        steps,
-        advance,
-        ca.Function("strain", [z], [stepper().tension(u) * stepper().stiffening(Signals(), u) / onset]),
-    )
+    own = stepper()
+    strain = ca.Function("strain", [z], [own.tension(u) * own.stiffening(Signals(), u) / onset])
+    return Part(names, scale, steps, advance, strain)

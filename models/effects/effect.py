@@ -69,6 +69,11 @@ class Effect:
         """Where a search begins that knows nothing of the effect: its declared values, by `effect_id.name`."""
         return {f"{cls.id}.{p.name}": p.value for p in cls.parameters()}
 
+    @classmethod
+    def answers(cls, hook: str) -> bool:
+        """Whether the effect has an answer of its own under `hook`."""
+        return getattr(cls, hook) is not getattr(Effect, hook)
+
     def level(self, s: Signals, p: Values, z: Values) -> Any:
         """Factor on the wall's grip, that is on F_e and f_c (on the Coulomb friction of a plate or an axis)."""
         return 1.0

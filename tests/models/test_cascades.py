@@ -38,7 +38,7 @@ def test_play_behind_a_lag_takes_up_what_the_lag_lets_through() -> None:
 
 
 def test_two_smoothings_are_late_by_the_sum_of_their_times() -> None:
-    """Against one of them by a reading that rises and falls: the area between is the second one's time times the rise."""
+    """A reading that rises and stays is late against one of them alone: the area between is the second one's time times the rise."""
     path = SPEED * np.minimum(TIME, 0.2)
     one = run(assemble(WALL, Pull(), [SensorLowpass]), path, DT, values={"sensor_lowpass.time_s": FIRST_S})
     values = {"sensor_lowpass.time_s": FIRST_S, "further_lowpass.time_s": SECOND_S}

@@ -229,7 +229,7 @@ class GutKind:
 
 
 def _acts_on_the_wall(effect: type[Effect]) -> bool:
-    return any(getattr(effect, hook) is not getattr(Effect, hook) for hook in _WALL_HOOKS)
+    return any(effect.answers(hook) for hook in _WALL_HOOKS)
 
 
 def estimated_noise(records: Sequence[Record], column: str) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import ClassVar
 
@@ -31,6 +31,7 @@ SPEED, RETURN_SPEED = 0.5e-3, 0.6e-3
 """Pull and average speed at which the wall draws back in m/s: paper A Table 1."""
 EQUIVALENTS = MappingProxyType({"small_strain_stiffening": ("wall_viscosity",)})
 """Effects that give the same period, valley and peak at one speed, whatever is measured."""
+_HELD = "held: one speed cannot tell it"
 
 
 @dataclass(frozen=True)
@@ -39,8 +40,8 @@ class SingleSpeedStiffening(SmallStrainStiffening):
 
     grid = MappingProxyType({})
 
-    scale_m: Parameter = Parameter("scale_m", 2e-4, "m", 2e-5, 2e-3, "held: one speed cannot tell it", fit=False)
-    tail: Parameter = Parameter("tail", 1e-3, "1", 1e-3, 2.0, "held: one speed cannot tell it")
+    scale_m: Parameter = replace(SmallStrainStiffening.scale_m, source=_HELD, fit=False)
+    tail: Parameter = replace(SmallStrainStiffening.tail, source=_HELD, fit=False)
 
 
 @dataclass(frozen=True)

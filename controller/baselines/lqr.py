@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import control
 import numpy as np
 
 from controller.design.linear import Array, Linear, linearise
@@ -62,6 +61,8 @@ def augmented(plant: Linear) -> tuple[Array, Array]:
 
 def lqr_gains(plant: Linear, weights: Weights | None = None) -> Gains:
     """The gains that minimise `sum (x/position_m)^2 + (v/speed_m_s)^2 + (i/integral_m_s)^2 + (u/command)^2` on `plant`."""
+    import control  # draws matplotlib in, a second that other controllers need not wait
+
     weights = Weights.suited(plant) if weights is None else weights
     A, B = augmented(plant)
     Q = np.diag([weights.position_m**-2, weights.speed_m_s**-2, *[0.0] * (len(plant.states) - 2), weights.integral_m_s**-2])

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-import control
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from controller.prediction import ControlModel
+
+if TYPE_CHECKING:
+    import control
 
 Array = NDArray[np.float64]
 Phase = Literal["stick", "slip", "averaged"]
@@ -39,6 +41,8 @@ class Linear:
 
     def system(self, output: str = "x", source: Literal["command", "disturbance"] = "command") -> control.StateSpace:
         """From `command` (or `disturbance`, N) to the state `output`, discrete in time."""
+        import control  # draws matplotlib in, a second that a controller on its way to a drive need not wait
+
         C = np.zeros((1, len(self.states)))
         C[0, self.states.index(output)] = 1.0
         return control.ss(self.A, self.B if source == "command" else self.E, C, 0.0, self.tick_s)

@@ -81,7 +81,9 @@ def open_bus(table: BusTable) -> can.BusABC:
         return can.Bus(interface=table.interface, channel=table.channel or None, bitrate=table.bitrate)
     except Exception as error:  # noqa: BLE001 - drivers of many makers raise whatever they like
         words = " ".join(str(error).split())[:200] or type(error).__name__
-        raise ValueError(f"bus must be one that opens; got {table.interface} {table.channel!r}: {words}") from None
+        up = f"; 'ip link set {table.channel} up type can bitrate {table.bitrate}' brings it up, in a kernel that knows CAN"
+        remedy = up if table.interface == "socketcan" and table.channel else ""
+        raise ValueError(f"bus must be one that opens; got {table.interface} {table.channel!r}: {words}{remedy}") from None
 
 
 def _drives_bus(deployment: Deployment, *, listen_only: bool) -> can.BusABC:
@@ -111,6 +113,7 @@ def _lead(
         catalogue,
         dry_run=dry_run,
         bus=vars(deployment.bus),
+        clock_origin_ns=bus.clock.origin_ns,
     )
     rehearse(task, catalogue)
     older = keep_older(path)

@@ -21,11 +21,11 @@ class Clock:
     """Monotonic time in s since the node began, whole ns: a log keeps it to the last bit."""
 
     def __init__(self) -> None:
-        self._origin = time.monotonic_ns()
+        self.origin_ns = time.monotonic_ns()
 
     def now(self) -> float:
         """Seconds since the clock was made."""
-        return (time.monotonic_ns() - self._origin) / 1e9
+        return (time.monotonic_ns() - self.origin_ns) / 1e9
 
 
 class ClockedBus(can.BusABC):

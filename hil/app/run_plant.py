@@ -59,6 +59,7 @@ def run_plant(
     return {
         "slots": slots,
         "missed": grid.missed,
+        "late_ms": grid.late.document(),
         "rejected": node.drive.rejected,
         "state": node.drive.stage.state,
         "slots_in_state": states,

@@ -106,6 +106,7 @@ def test_the_catalogue_says_what_the_bench_needs() -> None:
         assert frame.receivers
         assert all(f.comment for f in frame.fields)
         assert frame.data_id > 0
+    assert all(signal.comment for message in PEER.messages for signal in message.signals)
     assert CATALOGUE.bit_rate == 1_000_000
     assert CATALOGUE["SafeStop"].id < min(frame.id for name, frame in CATALOGUE.frames.items() if name != "SafeStop")
 

@@ -21,7 +21,8 @@ Surface = Wall | Plate
 _REST = 1e-7  # m/s, below it the capsule counts as at rest for the direction of the last motion
 _REST_IMPOSED = 1e-11  # m/s, the same of an imposed motion, which creeps as it likes
 _STEFFENSEN = 3
-_STRAIGHT = 1e-13  # m, below it a sequence of drags has settled
+_STRAIGHT = 1e-13  # m or m/s, below it a sequence has settled
+_MOST_TURN = 0.5  # where friction falls so steeply with speed that a step's speed runs away, it is followed half of the way
 _SMALL_DRAG = 1e-6  # m, below it the tension of a smooth model is linear in the drag
 
 
@@ -143,7 +144,7 @@ class Stepper:
             x_next, v_next, own = command, v_now, {}
             dragged = self.drag(s, drag, v_next, h, grip)
         else:
-            v_next, v_mean = self._speed(now, push, outside - F_v - T, grip.friction, (command, rate), h)
+            v_next, v_mean = self._slowed(now, push, outside - F_v - T, s, grip, (command, rate), h)
             x_next = now["x"] + h * v_mean
             own = {f"{self.drive.name}.{name}": value for name, value in push.after(v_next, v_mean).items()}
             dragged = self.drag(s, drag, v_mean, h, grip)
@@ -163,6 +164,26 @@ class Stepper:
         if isinstance(self.surface, Plate):
             return np.where(push.force == 0, now["direction"], np.sign(push.force))
         return now["direction"]
+
+    def _slowed(
+        self, now: dict[str, Any], push: Push, others: Any, s: Signals, grip: Grip, pulled: tuple[Any, Any], h: Any
+    ) -> tuple[Any, Any]:
+        """`_speed` under the `grip`; where its level goes by the speed, under the level that belongs to the step's own mean speed, by a
+        secant: friction's slope over the speed times h/m is no small number."""
+
+        def at(friction: Any) -> tuple[Any, Any]:
+            return self._speed(now, push, others, friction, pulled, h)
+
+        found = at(grip.friction)
+        if self.smoothing or not any(effect.by_speed for effect in self.active.effects):
+            return found
+        mean = found[1]
+        facing = np.where(np.abs(mean) > _REST, np.sign(mean), s.direction)
+        level, then = (self.active.product("level", seen) for seen in (s, replace(s, v=mean, direction=facing)))
+        change = grip.friction * (then / level - 1)
+        far = np.abs(mean - s.v) > _STRAIGHT
+        turn = np.where(far, (at(grip.friction + change)[1] - mean) / np.where(far, mean - s.v, 1.0), 0.0)
+        return at(grip.friction + change / (1 - np.minimum(turn, _MOST_TURN)))
 
     def _speed(
         self, now: dict[str, Any], push: Push, others: Any, friction: Any, pulled: tuple[Any, Any], h: Any

@@ -73,12 +73,13 @@ class Wall:
     def grip(self, speed: Any, hoop: Any, mu: Any, level: Any = 1.0, onset: Any = None) -> tuple[Any, Any]:
         """Environmental resistance `F_e = sin(theta) c I1` and slip limit `f_c = mu (m g + c (cos(theta) I1 + I2))` in N.
 
-        `hoop` is the rig's factor c on the hoop stress, `level` what effects make of both forces, `onset` of the second one where it
-        differs; paper V Eq. 8, 11, 12.
+        `hoop` is the rig's factor c on the hoop stress, `level` what effects make of both forces, `onset` of the weight's share of the
+        second one where it differs; paper V Eq. 8, 11, 12.
         """
         nose, cylinder = hoop * self.nose(speed), hoop * self.cylinder(speed)
-        load = self.capsule.mass_kg * GRAVITY + math.cos(self.tissue.theta) * nose + cylinder
-        return level * math.sin(self.tissue.theta) * nose, (level if onset is None else onset) * mu * load
+        weight = self.capsule.mass_kg * GRAVITY * (level if onset is None else onset)
+        pressed = level * (math.cos(self.tissue.theta) * nose + cylinder)
+        return level * math.sin(self.tissue.theta) * nose, mu * (weight + pressed)
 
     def tension(self, u: Any) -> Any:
         """`T(u)` in N of the wall dragged by `u` in m (paper A Eq. 12), a polynomial within 1e-7 of the law up to 3 mm of drag."""

@@ -22,8 +22,8 @@ from models.effects.further_lag import FurtherLag
 from models.effects.further_lowpass import FurtherLowpass
 from models.effects.guide_friction import GuideFriction
 from models.effects.incline_gravity import InclineGravity
+from models.effects.level_at_creep import LevelAtCreep
 from models.effects.level_at_onset import LevelAtOnset
-from models.effects.level_at_rest import LevelAtRest
 from models.effects.level_over_speed import LevelOverSpeed
 from models.effects.lumen_taper import LumenTaper
 from models.effects.magnetic_hysteresis import MagneticHysteresis
@@ -89,7 +89,7 @@ EFFECTS: tuple[type[Effect], ...] = (
     WallViscosity,
 )
 REFINEMENTS: tuple[type[Effect], ...] = (
-    LevelAtRest,
+    LevelAtCreep,
     LevelAtOnset,
     LevelOverSpeed,
     DampingOverSpeed,

@@ -40,7 +40,8 @@ class Effect:
     """An effect beyond the base model. Every hook's default is "no effect".
 
     Subclasses declare their parameters as `Parameter` fields; the first one is the amplitude, and at the amplitude's value 0 the effect
-    is absent. Hooks get the signals `s`, the parameters' values `p` by field name and the hidden states `z` by name.
+    is absent. Hooks get the signals `s`, the parameters' values `p` by field name and the hidden states `z` by name. `by_speed` says that
+    the level changes with the speed and not only with its direction.
     """
 
     id: ClassVar[str] = ""
@@ -53,6 +54,7 @@ class Effect:
     look_alikes: ClassVar[tuple[str, ...]] = ()
     separated_by: ClassVar[str] = ""
     refined_by: ClassVar[tuple[str, ...]] = ()
+    by_speed: ClassVar[bool] = False
 
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:
@@ -79,7 +81,7 @@ class Effect:
         return 1.0
 
     def onset(self, s: Signals, p: Values, z: Values, level: Any) -> Any:
-        """Factor on the slip limit f_c alone, given the one that `level` would give it."""
+        """Factor on the weight's share of the slip limit, `mu m g`, given the one that `level` would give it."""
         return level
 
     def force(self, s: Signals, p: Values, z: Values) -> Any:

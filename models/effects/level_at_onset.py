@@ -13,18 +13,18 @@ _SOURCE = "paper V Eq. 11: of the normal load only what the wall presses follows
 
 @dataclass(frozen=True)
 class LevelAtOnset(Effect):
-    """Where effects make F_e `l` times as large, the slip limit f_c becomes `1 + (1 - k)(l - 1)` times as large, k the share that it
-    lacks."""
+    """Where effects make F_e `l` times as large, the slip limit is `f_c = mu (m g (1 + (1 - k)(l - 1)) + l N_p)`, N_p what the wall
+    presses: k is the share of the weight's friction that stays as it is. 0: all of f_c follows; 1: only what the wall presses does."""
 
     id = "level_at_onset"
-    summary = "a share of the changed resistance that the slip limit lacks"
+    summary = "a share of the weight's friction that a changed resistance leaves as it is"
     source = _SOURCE
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
-    probe = 0.02
+    probe = 0.1
     look_alikes = ("level_over_speed",)
     separated_by = "runs at one speed over places, times or directions that differ"
 
-    lack: Parameter = Parameter("lack", 0.0, "1", -0.5, 1.5, _SOURCE, fit=True, spread=0.1)
+    kept: Parameter = Parameter("kept", 0.0, "1", -0.5, 1.5, _SOURCE, fit=True, spread=1.0)
 
     def onset(self, s: Signals, p: Values, z: Values, level: Any) -> Any:
-        return level - p["lack"] * (level - 1)
+        return level - p["kept"] * (level - 1)

@@ -28,6 +28,7 @@ class LevelOverSpeed(Effect):
     summary = "resistance as a free curve over speed"
     source = _SOURCE
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
+    by_speed = True
     probe = 0.02
     look_alikes = ("stribeck", "viscous_drag", "directional_asymmetry")
     separated_by = "speeds over two decades"

@@ -1,0 +1,41 @@
+"""Resistance whose level goes by speed or place: friction within a step, and what of the slip limit follows the level."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from models.assembly import assemble
+from models.drives.magnetic import Magnetic
+from models.effects.directional_asymmetry import DirectionalAsymmetry
+from models.effects.effect import Signals
+from models.effects.level_at_creep import LevelAtCreep
+from models.effects.level_at_onset import LevelAtOnset
+from models.laws.geometry import GRAVITY, Capsule, Tissue
+from models.wall import Wall
+from tests.models.running import run
+
+DT = 2e-3
+WALL = Wall.around(Capsule(), Tissue())
+CREEP = {"directional_asymmetry.asymmetry": -0.29, "level_at_creep.odd": 0.28, "level_at_creep.even": 0.09}
+
+
+def test_friction_that_rises_steeply_with_speed_is_that_of_the_steps_own_speed() -> None:
+    """A level that comes with 0.2 mm/s makes rates of some 8,000 1/s of 4 g: steps of 0.25 ms must tell what steps of 5 us do."""
+    model = assemble(WALL, Magnetic(), [DirectionalAsymmetry, LevelAtCreep])
+    t = DT * np.arange(5000)
+    carriage = 8e-3 * np.sin(2 * np.pi * 0.2 * t) + 2e-3 * np.sin(2 * np.pi * 0.71 * t)
+    coarse, fine = (run(model, carriage, DT, substeps, CREEP) for substeps in (8, 400))
+    assert np.sqrt(np.mean((coarse - fine) ** 2)) < 5e-6
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.4, 1.0])
+def test_a_changed_resistance_leaves_the_share_of_the_weights_friction_that_it_keeps(kept: float) -> None:
+    """Paper V Eq. 11: `f_c = mu (m g + N_p)`; a level l makes it `mu (m g (1 + (1 - k)(l - 1)) + l N_p)`."""
+    mu, level = Tissue().friction_coefficient, 1.7
+    onset = LevelAtOnset().onset(Signals(), {"kept": kept}, {}, level)
+    resistance, limit = WALL.grip(5e-3, 1.1, mu, level, onset)
+    plain_resistance, plain = WALL.grip(5e-3, 1.1, mu)
+    weight = mu * Capsule().mass_kg * GRAVITY
+    assert resistance == pytest.approx(level * plain_resistance)
+    assert limit == pytest.approx(weight * (1 + (1 - kept) * (level - 1)) + level * (plain - weight))

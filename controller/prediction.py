@@ -17,6 +17,7 @@ from models.drives.drive import Drive
 from models.drives.from_rig import drive_of, surface_of
 from models.effects import BY_ID
 from models.effects.effect import Effect
+from models.effects.level_at_creep import LevelAtCreep
 from models.effects.level_over_speed import LevelOverSpeed
 from models.identification.kinds.driven import SWITCH_DELAY
 from models.parameter import nearest
@@ -27,6 +28,7 @@ Array = NDArray[np.float64]
 SMOOTHING, SHARP_M_S = 2e-5, 1e-6
 LONGEST_STEP_S = 1e-3
 _LONGEST_VIBRO_S = 3e-4
+_MENDS_PREDICTIONS = (LevelOverSpeed, LevelAtCreep)
 _FOLLOWS_COMMAND = (".position_m", ".command")
 _FOLLOWS_POSITION = (".smooth",)
 
@@ -216,12 +218,12 @@ def control_model(
 
 
 def _effects(kind: str, values: Mapping[str, float]) -> tuple[type[Effect], ...]:
-    """The effects that `values` gives an amplitude to, but for a curve from knot to knot over speed: it mends a prediction, but its slopes
-    between the knots would make an inverse of friction that falls where the tissue's does not."""
+    """The effects that `values` gives an amplitude to, but for those that mend a prediction at other speeds than the inverse asks for: a
+    curve from knot to knot, whose slopes would make friction fall where the tissue's does not, and what a body that creeps meets."""
     ids = sorted({name.split(".")[0] for name in values if "." in name})
     for name in ids:
         if name not in BY_ID or kind not in BY_ID[name].kinds:
             known = [e for e, effect in BY_ID.items() if kind in effect.kinds]
             raise ValueError(f"values must name effects of a {kind} rig; got {name!r}; {nearest(name, known)}")
-    left = [BY_ID[name] for name in ids if BY_ID[name] is not LevelOverSpeed]
+    left = [BY_ID[name] for name in ids if BY_ID[name] not in _MENDS_PREDICTIONS]
     return tuple(effect for effect in left if values.get(f"{effect.id}.{effect.amplitude().name}", 0.0) != 0)

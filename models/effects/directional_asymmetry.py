@@ -20,7 +20,7 @@ class DirectionalAsymmetry(Effect):
     probe = 0.05
     look_alikes = ("incline_gravity", "sensor_bias")
     separated_by = "records at rest, where a constant force stays and an asymmetry does not"
-    refined_by = ("level_at_creep", "level_at_onset", "level_over_speed")
+    refined_by = ("level_at_onset", "level_at_creep", "level_over_speed")
 
     asymmetry: Parameter = Parameter("asymmetry", 0.0, "1", -0.9, 0.9, "tracing catalogue 14; EMPS, Janot et al. 2019", fit=True)
 

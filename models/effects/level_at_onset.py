@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 from models.effects.effect import Effect, Signals, Values
@@ -20,6 +21,7 @@ class LevelAtOnset(Effect):
     summary = "a share of the weight's friction that a changed resistance leaves as it is"
     source = _SOURCE
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
+    grid = MappingProxyType({"kept": (1.0,)})
     probe = 0.1
     look_alikes = ("level_over_speed",)
     separated_by = "runs at one speed over places, times or directions that differ"

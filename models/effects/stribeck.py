@@ -27,7 +27,7 @@ class Stribeck(Effect):
     probe = 0.1
     look_alikes = ("dwell_adhesion", "viscous_drag")
     separated_by = "vary the dwell at fixed speed; speeds over two decades"
-    refined_by = ("level_at_creep", "level_at_onset", "level_over_speed")
+    refined_by = ("level_at_onset", "level_at_creep", "level_over_speed")
 
     excess: Parameter = Parameter("excess", 0.0, "1", -0.8, 3.0, "Stribeck curve; Monatsh. Chem. 2016 for mucus", fit=True)
     speed_m_s: Parameter = Parameter(

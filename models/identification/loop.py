@@ -181,8 +181,8 @@ def _refined(
     rows = [(block_costs(kind, splits, thetas), thetas)]
     for k in range(len(curves)):
         model = [*found.effects, *curves[: k + 1]]
-        fit = mend if BY_ID[curves[k]] in REFINEMENTS else refit
-        again = [fit(kind, part, model, theta) for (part, _), theta in zip(splits, rows[-1][1], strict=True)]
+        fit, begin = (mend, _begin(curves[k])) if BY_ID[curves[k]] in REFINEMENTS else (refit, {})
+        again = [fit(kind, part, model, {**theta, **begin}) for (part, _), theta in zip(splits, rows[-1][1], strict=True)]
         rows.append((block_costs(kind, splits, again), again))
     best = min((blocks for blocks, _ in rows), key=lambda blocks: float(blocks.mean()))
     number = next(
@@ -191,6 +191,11 @@ def _refined(
     blocks, thetas = rows[number]
     found.after = float(blocks.mean())
     return curves[:number], thetas
+
+
+def _begin(curve: str) -> dict[str, float]:
+    """Where a refinement's shape begins: first on its grid."""
+    return {f"{curve}.{name}": values[0] for name, values in BY_ID[curve].grid.items()}
 
 
 def _cost(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[str, float]]) -> float:

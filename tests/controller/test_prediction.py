@@ -213,10 +213,11 @@ def test_values_that_do_not_fit_are_refused(values: dict[str, float], said: str)
         control_model(rig_of("magnetic"), values, TICK_S)
 
 
-def test_a_free_curve_over_speed_is_left_out() -> None:
-    """It zigzags from knot to knot, and an inverse would follow it."""
+def test_what_mends_a_prediction_over_speed_is_left_out() -> None:
+    """A free curve zigzags from knot to knot, friction in creep may fall with speed, and an inverse would follow it."""
     named = {"directional_asymmetry.asymmetry": 0.2}
     curve = {f"level_over_speed.{side}_{k}": 0.08 * (-1) ** k for side in ("even", "odd") for k in range(1, 9)}
+    curve |= {"level_at_creep.odd": 0.2, "level_at_creep.even": 0.1}
     models = [control_model(rig_of("magnetic"), values, TICK_S) for values in (named | curve, named)]
     assert [p.name for p in models[0].symbols.parameters] == [p.name for p in models[1].symbols.parameters]
 

@@ -168,16 +168,21 @@ def refit(
         fits.append(down_the_stages(kind, records, effects, start))
     costs = [judged_cost(kind, records, theta) for theta in fits]
     if min(costs) > enough:
-        begins = _begins(kind, start)
         if kind.free_only:
-            newest = next((name for name in reversed(effects) if BY_ID[name] not in REFINEMENTS), "")
-            if newest:
-                begins.append({**begins[-1], **BY_ID[newest].start()})
-            fits.append(lengthening(kind, records, effects, begins, stage, fresh=newest).theta)
+            fits.append(_lengthened(kind, records, effects, start))
         else:
-            fits += [narrowing(kind, records, effects, begin, stage, WIDE).theta for begin in begins]
+            fits += [narrowing(kind, records, effects, begin, stage, WIDE).theta for begin in _begins(kind, start)]
         costs = [judged_cost(kind, records, theta) for theta in fits]
     return fits[int(np.argmin(costs))]
+
+
+def _lengthened(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> dict[str, float]:
+    """A fit on ever longer beginnings from `start`, at the nominal base too, and there also with the newest effect as it is declared."""
+    begins = _begins(kind, start)
+    newest = next((name for name in reversed(effects) if BY_ID[name] not in REFINEMENTS), "")
+    if newest:
+        begins.append({**begins[-1], **BY_ID[newest].start()})
+    return lengthening(kind, records, effects, begins, middle_stage(kind), fresh=newest).theta
 
 
 def down_the_stages(
@@ -192,10 +197,14 @@ def down_the_stages(
 
 
 def mend(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> dict[str, float]:
-    """A fit with one more free curve: from close by, or on ever longer beginnings where only the free run judges."""
-    if kind.free_only:
-        return lengthening(kind, records, effects, _begins(kind, start), middle_stage(kind), QUICK).theta
-    return down_the_stages(kind, records, effects, start)
+    """A fit with one more free curve: from close by, or on ever longer beginnings where only the free run judges, from more places where
+    the first ones leave more than the noise."""
+    if not kind.free_only:
+        return down_the_stages(kind, records, effects, start)
+    quick = lengthening(kind, records, effects, _begins(kind, start), middle_stage(kind), QUICK).theta
+    if judged_cost(kind, records, quick) <= NEAR_NOISE:
+        return quick
+    return min(quick, _lengthened(kind, records, effects, start), key=lambda theta: judged_cost(kind, records, theta))
 
 
 def step_on(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> Fit:

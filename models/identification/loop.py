@@ -11,7 +11,7 @@ import numpy as np
 from models.effects import BY_ID, REFINEMENTS
 from models.identification.fit import FINE, NARROW, WIDE, Fit, narrowing
 from models.identification.horizon import predictable, restlessness
-from models.identification.judging import Split, block_costs, judged_cost
+from models.identification.judging import Split, block_costs, judged_cost, training_cost
 from models.identification.kind import Kind
 from models.identification.screen import Screened, chance, screen
 from models.identification.tournament import NEAR_NOISE, Trial, ahead, fair, mend, refit, step_on, tournament
@@ -26,6 +26,7 @@ EXPLAINED = 0.6
 CLEAN = 1.5
 _WAYS_DOWN = 3
 _APART = 2.0  # standard errors
+_TOLD = 0.03  # of the training cost, many times what chance takes off it
 _AS_BEFORE = 1.2  # times what the fit on a part leaves there; free curves take long
 
 
@@ -175,20 +176,22 @@ def _refined(
     kind: Kind, splits: Sequence[Split], thetas: list[dict[str, float]], found: Search
 ) -> tuple[list[str], list[dict[str, float]]]:
     """What mends the named effects' own shapes: of the refinements, one after the other, the fewest that do about as well on validation
-    records as the best."""
+    records as the best. One that the training records tell clearly need not stand out there from teeth that come or stay out."""
     wanted = dict.fromkeys(curve for name in found.effects for curve in BY_ID[name].refined_by)
     curves = [name for name in wanted if kind.name in BY_ID[name].kinds and name not in found.effects]
-    rows = [(block_costs(kind, splits, thetas), thetas)]
+    rows = [(block_costs(kind, splits, thetas), thetas, training_cost(kind, splits, thetas))]
     for k in range(len(curves)):
         model = [*found.effects, *curves[: k + 1]]
         fit, begin = (mend, _begin(curves[k])) if BY_ID[curves[k]] in REFINEMENTS else (refit, {})
         again = [fit(kind, part, model, {**theta, **begin}) for (part, _), theta in zip(splits, rows[-1][1], strict=True)]
-        rows.append((block_costs(kind, splits, again), again))
-    best = min((blocks for blocks, _ in rows), key=lambda blocks: float(blocks.mean()))
+        rows.append((block_costs(kind, splits, again), again, training_cost(kind, splits, again)))
+    best, _, told = min(rows, key=lambda row: float(row[0].mean()))
     number = next(
-        k for k, (blocks, _) in enumerate(rows) if np.log(blocks.mean() / best.mean()) <= REFINES or ahead(best, blocks) < _APART
+        k
+        for k, (blocks, _, training) in enumerate(rows)
+        if np.log(blocks.mean() / best.mean()) <= REFINES or (ahead(best, blocks) < _APART and told > (1 - _TOLD) * training)
     )
-    blocks, thetas = rows[number]
+    blocks, thetas, _ = rows[number]
     found.after = float(blocks.mean())
     return curves[:number], thetas
 

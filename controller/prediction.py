@@ -15,10 +15,8 @@ from controller.prediction_compiled import Kernels, compile_kernels
 from controller.prediction_symbols import Symbols, assembled
 from models.drives.drive import Drive
 from models.drives.from_rig import drive_of, surface_of
-from models.effects import BY_ID
+from models.effects import BY_ID, REFINEMENTS
 from models.effects.effect import Effect
-from models.effects.level_at_creep import LevelAtCreep
-from models.effects.level_over_speed import LevelOverSpeed
 from models.identification.kinds.driven import SWITCH_DELAY
 from models.parameter import nearest
 from models.rig import Rig
@@ -28,7 +26,6 @@ Array = NDArray[np.float64]
 SMOOTHING, SHARP_M_S = 2e-5, 1e-6
 LONGEST_STEP_S = 1e-3
 _LONGEST_VIBRO_S = 3e-4
-_MENDS_PREDICTIONS = (LevelOverSpeed, LevelAtCreep)
 _FOLLOWS_COMMAND = (".position_m", ".command")
 _FOLLOWS_POSITION = (".smooth",)
 
@@ -218,12 +215,12 @@ def control_model(
 
 
 def _effects(kind: str, values: Mapping[str, float]) -> tuple[type[Effect], ...]:
-    """The effects that `values` gives an amplitude to, but for those that mend a prediction at other speeds than the inverse asks for: a
-    curve from knot to knot, whose slopes would make friction fall where the tissue's does not, and what a body that creeps meets."""
+    """The effects that `values` gives an amplitude to, but for refinements that go by the speed: they mend a prediction, but their slopes
+    over the speed would make an inverse of friction that falls where the tissue's does not."""
     ids = sorted({name.split(".")[0] for name in values if "." in name})
     for name in ids:
         if name not in BY_ID or kind not in BY_ID[name].kinds:
             known = [e for e, effect in BY_ID.items() if kind in effect.kinds]
             raise ValueError(f"values must name effects of a {kind} rig; got {name!r}; {nearest(name, known)}")
-    left = [BY_ID[name] for name in ids if BY_ID[name] not in _MENDS_PREDICTIONS]
+    left = [BY_ID[name] for name in ids if not (BY_ID[name] in REFINEMENTS and BY_ID[name].by_speed)]
     return tuple(effect for effect in left if values.get(f"{effect.id}.{effect.amplitude().name}", 0.0) != 0)

@@ -28,10 +28,11 @@ _SMALL_DRAG = 1e-6  # m, below it the tension of a smooth model is linear in the
 
 @dataclass(frozen=True)
 class Grip:
-    """What the surface does to the body at this moment: Coulomb part `friction` in N, slip limit `onset` in N, draw-back speed
-    `recovery` in m/s. A plate has the first alone."""
+    """What the surface does to the body at this moment: Coulomb part `friction` in N at the effects' `level`, slip limit `onset` in N,
+    draw-back speed `recovery` in m/s. A plate has the first two alone."""
 
     friction: Any
+    level: Any
     onset: Any = 0.0
     recovery: Any = 0.0
 
@@ -75,13 +76,13 @@ class Stepper:
         p, level = self.active.p, self.active.product("level", s)
         mu, load = p["friction_coefficient"], self.drive.carried_kg * GRAVITY
         if isinstance(self.surface, Plate):
-            return Grip(mu * (self.mass_kg * GRAVITY + load) * level)
+            return Grip(mu * (self.mass_kg * GRAVITY + load) * level, level)
         friction, onset = self.surface.grip(np.abs(s.v), p["hoop_stress_factor"], mu, level, self.active.onset(s, level))
         if load:
             onset = onset + mu * load
         u_c = self.slipping_drag(self.surface, onset, s)
         recovery = self.active.recovery(s, u_c / self.surface.tissue.recovery_time_s, u_c)
-        return Grip(friction, onset, recovery)
+        return Grip(friction, level, onset, recovery)
 
     def slipping_drag(self, wall: Wall, onset: Any, s: Signals) -> Any:
         """`u_c` in m with `T(u_c)`, as stiff as effects make it there, equal to `onset` in N; Steffensen's steps."""
@@ -179,8 +180,7 @@ class Stepper:
             return found
         mean = found[1]
         facing = np.where(np.abs(mean) > _REST, np.sign(mean), s.direction)
-        level, then = (self.active.product("level", seen) for seen in (s, replace(s, v=mean, direction=facing)))
-        change = grip.friction * (then / level - 1)
+        change = grip.friction * (self.active.product("level", replace(s, v=mean, direction=facing)) / grip.level - 1)
         far = np.abs(mean - s.v) > _STRAIGHT
         turn = np.where(far, (at(grip.friction + change)[1] - mean) / np.where(far, mean - s.v, 1.0), 0.0)
         return at(grip.friction + change / (1 - np.minimum(turn, _MOST_TURN)))

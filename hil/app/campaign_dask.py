@@ -86,8 +86,8 @@ def _connected(address: str) -> Any:
         kind = str(error) or f"no answer in {ANSWER_S:g} s"
     if kind != "Scheduler":
         raise ValueError(f"--scheduler must be the address of a Dask scheduler, as tcp://HOST:8786; got {address}: {kind}")
-    for told_here in ("distributed", "distributed.client"):
-        logging.getLogger(told_here).setLevel(logging.CRITICAL)
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     return Client(address, timeout=ANSWER_S)
 
 

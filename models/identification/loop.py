@@ -179,19 +179,23 @@ def _refined(
     records as the best. One that the training records tell clearly need not stand out there from teeth that come or stay out."""
     wanted = dict.fromkeys(curve for name in found.effects for curve in BY_ID[name].refined_by)
     curves = [name for name in wanted if kind.name in BY_ID[name].kinds and name not in found.effects]
-    rows = [(block_costs(kind, splits, thetas), thetas, training_cost(kind, splits, thetas))]
+    rows = [(block_costs(kind, splits, thetas), thetas)]
     for k in range(len(curves)):
         model = [*found.effects, *curves[: k + 1]]
         fit, begin = (mend, _begin(curves[k])) if BY_ID[curves[k]] in REFINEMENTS else (refit, {})
         again = [fit(kind, part, model, {**theta, **begin}) for (part, _), theta in zip(splits, rows[-1][1], strict=True)]
-        rows.append((block_costs(kind, splits, again), again, training_cost(kind, splits, again)))
-    best, _, told = min(rows, key=lambda row: float(row[0].mean()))
-    number = next(
-        k
-        for k, (blocks, _, training) in enumerate(rows)
-        if np.log(blocks.mean() / best.mean()) <= REFINES or (ahead(best, blocks) < _APART and told > (1 - _TOLD) * training)
-    )
-    blocks, thetas, _ = rows[number]
+        rows.append((block_costs(kind, splits, again), again))
+    best, best_thetas = min(rows, key=lambda row: float(row[0].mean()))
+
+    def as_good(blocks: np.ndarray, own: Sequence[Mapping[str, float]]) -> bool:
+        if np.log(blocks.mean() / best.mean()) <= REFINES:
+            return True
+        if ahead(best, blocks) >= _APART:
+            return False
+        return training_cost(kind, splits, best_thetas) > (1 - _TOLD) * training_cost(kind, splits, own)
+
+    number = next(k for k, row in enumerate(rows) if as_good(*row))
+    blocks, thetas = rows[number]
     found.after = float(blocks.mean())
     return curves[:number], thetas
 

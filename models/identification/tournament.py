@@ -202,9 +202,11 @@ def mend(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: M
     if not kind.free_only:
         return down_the_stages(kind, records, effects, start)
     quick = lengthening(kind, records, effects, _begins(kind, start), middle_stage(kind), QUICK).theta
-    if judged_cost(kind, records, quick) <= NEAR_NOISE:
+    cost = judged_cost(kind, records, quick)
+    if cost <= NEAR_NOISE:
         return quick
-    return min(quick, _lengthened(kind, records, effects, start), key=lambda theta: judged_cost(kind, records, theta))
+    thorough = _lengthened(kind, records, effects, start)
+    return thorough if judged_cost(kind, records, thorough) < cost else quick
 
 
 def step_on(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> Fit:

@@ -168,7 +168,11 @@ def long_figures(seconds: float, runs: int, priority: int, load: bool, controlle
         ],
         "late_ms_p99": max(run.says["late_ms"]["p99"] for run in found),
         "tick_ms_p99": max(run.says["tick_ms"]["p99"] for run in found),
-        "trip_ms": dict(zip(("median", "p99", "max"), np.quantile(trips, (0.5, 0.99, 1.0)).round(3).tolist(), strict=True)),
+        "trip_ms": {
+            name: round(float(np.quantile(trips, share)), 3)
+            for name, share in (("median", 0.5), ("p99", 0.99), ("max", 1.0))
+            if trips.size
+        },
         "overruns": sum(run.says["overruns"] for run in found),
         "rejected": sum(run.says["rejected"] for run in found),
         "log_dropped": sum(run.says["log_dropped"] for run in found),

@@ -42,7 +42,6 @@ while os.getppid() == parent:
 class Away(NamedTuple):
     """A time in which a core did not let its witness wake: from the last time it was seen to the next, ns of the monotonic clock."""
 
-    core: int
     begin_ns: int
     end_ns: int
 
@@ -80,12 +79,12 @@ def witnesses() -> Iterator[Witnesses]:
             yield seen
             seen.stood_s = time.monotonic() - began
         finally:
-            for core, (child, file) in enumerate(standing):
+            for child, file in standing:
                 child.kill()
                 child.communicate()
                 file.seek(0)
                 words = [line.split() for line in file if line.endswith("\n")]
-                seen.away += [Away(core, int(begin), int(end)) for begin, end in words]
+                seen.away += [Away(int(begin), int(end)) for begin, end in words]
 
 
 def _standing(core: int, stack: ExitStack) -> tuple[subprocess.Popen[str], IO[str]]:

@@ -79,6 +79,7 @@ def test_check_says_what_is_missing(tmp_path: Path, channel: str, capsys: pytest
     ("text", "sentence"),
     [
         (deployment(interface="socketcn"), "bus.interface must be one of"),
+        (deployment(interface="socketcan", channel="nocan9"), "bus must be one that opens; got socketcan 'nocan9'"),
         (deployment(interface="socketcan", channel="nocan9"), "brings it up, in a kernel that knows CAN"),
         (deployment(channel="y" * 150), "bus must be one that opens"),
         (deployment(interface="pcan"), "bus must be one that opens; got pcan"),

@@ -7,8 +7,9 @@ import pytest
 
 from models.assembly import assemble
 from models.drives.magnetic import Magnetic
+from models.effects import BY_ID
 from models.effects.directional_asymmetry import DirectionalAsymmetry
-from models.effects.effect import Signals
+from models.effects.effect import Effect, Signals
 from models.effects.level_at_creep import LevelAtCreep
 from models.effects.level_at_onset import LevelAtOnset
 from models.laws.geometry import GRAVITY, Capsule, Tissue
@@ -27,6 +28,14 @@ def test_friction_that_rises_steeply_with_speed_is_that_of_the_steps_own_speed()
     carriage = 8e-3 * np.sin(2 * np.pi * 0.2 * t) + 2e-3 * np.sin(2 * np.pi * 0.71 * t)
     coarse, fine = (run(model, carriage, DT, substeps, CREEP) for substeps in (8, 400))
     assert np.sqrt(np.mean((coarse - fine) ** 2)) < 5e-6
+
+
+@pytest.mark.parametrize("effect", [e for e in BY_ID.values() if e.answers("level")], ids=lambda e: e.id)
+def test_an_effect_says_whether_its_level_goes_by_the_speed(effect: type[Effect]) -> None:
+    numbers = {p.name: p.value or 0.01 * k for k, p in enumerate(effect.parameters(), start=1)}
+    z = dict.fromkeys(effect.states, 0.3)
+    levels = [effect().level(Signals(t=5.0, x=0.01, v=v, direction=1.0, travelled=0.1), numbers, z) for v in (1e-4, 1e-3, 1e-2)]
+    assert (float(np.ptp(np.array(levels, dtype=float))) > 0) == effect.by_speed
 
 
 @pytest.mark.parametrize("kept", [0.0, 0.4, 1.0])

@@ -2,7 +2,7 @@
 
 Exponential, logarithm, power, sine and cosine after fdlibm (Sun Microsystems 1993): argument reduction, then a polynomial; within 2 units
 in the last place over the ranges stated. A call into the C library would keep a loop over parameter sets from being vectorised, which
-costs a factor of four.
+costs a factor of four. A product and a sum may become one operation with one rounding, where the processor has it.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class Number:
         return x.value if isinstance(x, Number) else ir.Constant(_REAL, x)
 
     def _two(self, write: str, a: Number | float, b: Number | float) -> Number:
-        return Number(self.builder, getattr(self.builder, write)(self._raw(a), self._raw(b)))
+        return Number(self.builder, getattr(self.builder, write)(self._raw(a), self._raw(b), flags=("contract",)))
 
     def __add__(self, other: Number | float) -> Number:
         return self._two("fadd", self, other)

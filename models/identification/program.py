@@ -14,6 +14,7 @@ from models.identification.arithmetic import OPERATIONS, Number
 
 _NAMES = {value: name.removeprefix("OP_").lower() for name, value in vars(ca).items() if name.startswith("OP_")}
 _INT, _REAL = ir.IntType(64), ir.DoubleType()
+_WIDE = '"prefer-vector-width"="512"'  # LLVM would keep to 256 bits where short loops pay for wide units; these run for seconds
 
 
 def program_of(function: ca.Function, names: Mapping[tuple[int, int], str], outputs: Mapping[tuple[int, int], str]) -> str:
@@ -61,6 +62,7 @@ def _code(text: str, lanes: int, scalars: tuple[str, ...]) -> Callable[..., Any]
     rows = [line.split() for line in text.splitlines()]
 
     def write(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        set.add(builder.function.attributes, _WIDE)  # llvmlite's own `add` knows no attribute with a value
         data = context.make_array(signature.args[0])(context, builder, args[0]).data
         known = {name: Number(builder, value) for name, value in zip(scalars, args[2:], strict=True)}
 

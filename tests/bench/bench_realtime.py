@@ -162,7 +162,7 @@ def long_figures(seconds: float, runs: int, priority: int, load: bool, controlle
                 "after_s": round(run.led_s, 1),
                 "ended": run.says["ended"],
                 "without_feedback_ms": round((run.end_ns - run.heard_ns) / 1e6, 1),
-                "machine_away_ms": round(seen.longest(run.heard_ns, run.end_ns), 1),
+                "machine_away_ms": round(seen.longest(min(run.heard_ns, int(run.sent_ns[-1])), run.end_ns), 1),
             }
             for run in ends
         ],
@@ -189,13 +189,14 @@ def long_figures(seconds: float, runs: int, priority: int, load: bool, controlle
 
 @dataclass(frozen=True)
 class Run:
-    """One `capsule run`: what it `says`, when its commands went out and when the drive was last heard before it stopped (ns of the
-    machine's monotonic clock), the round trips in ms from SYNC to the drive's feedback that follows (the drive's firmware runs every 1 ms
-    by its own clock, so 1 ms of it is the drive's), and whether its replay was `alike`."""
+    """One `capsule run`: what it `says`, when its commands went out, when the drive was last heard before it stopped and when it stopped
+    (ns of the machine's monotonic clock), the round trips in ms from SYNC to the drive's feedback that follows (the drive's firmware runs
+    every 1 ms by its own clock, so 1 ms of it is the drive's), and whether its replay was `alike`."""
 
     says: dict[str, Any]
     sent_ns: NDArray[np.int64]
     heard_ns: int
+    end_ns: int
     trips_ms: NDArray[np.float64]
     alike: bool
 
@@ -203,11 +204,6 @@ class Run:
     def led_s(self) -> float:
         """From the first command to the last."""
         return float(np.ptp(self.sent_ns)) / 1e9 if self.sent_ns.size else 0.0
-
-    @property
-    def end_ns(self) -> int:
-        """The last command's time."""
-        return int(self.sent_ns[-1]) if self.sent_ns.size else 0
 
     def gaps(self) -> list[tuple[int, int]]:
         """Where a command or more is missing: no command began in a whole period of the grid that the first one began."""
@@ -248,22 +244,24 @@ def lead_figures(seconds: float, priority: int, load: bool, controller: str) -> 
             f"run of {says['ticks'] * TICK_NS / 1e9:.1f} s: {says['ended']}; plant late ms {truth['late_ms']}; {replayed.stdout.strip()}",
             flush=True,
         )
-        sent, heard, trips = _frames_of(log)
+        sent, heard, ended, trips = _frames_of(log)
         origin = int(read_log_record(log)["clock_origin_ns"])
-        return Run(says, sent + origin, heard + origin, trips, replayed.returncode == 0)
+        return Run(says, sent + origin, heard + origin, ended + origin, trips, replayed.returncode == 0)
 
 
 SINE = 'kind = "sine"\namplitude_mm = 5.0\nfrequency_Hz = 0.125'
 
 
-def _frames_of(log: Path) -> tuple[NDArray[np.int64], int, NDArray[np.float64]]:
-    """When the commands went out between the operator's start and the stop, and the last feedback before that, ns; round trips in ms."""
+def _frames_of(log: Path) -> tuple[NDArray[np.int64], int, int, NDArray[np.float64]]:
+    """When the commands went out between the operator's start and the stop, the last feedback before that and the stop, ns; round trips in ms."""
     catalogue = load_catalogue()
     asking, answering, command = (catalogue[name].id for name in ("Sync", "CarriageFeedback", "CarriageCommand"))
     asked, answered, sent = list[int](), list[int](), list[int]()
-    leads, heard = False, 0
+    leads, heard, ended = False, 0, 0
     for frame in read_frames(log):
         if frame.way == NOTED:
+            if frame.id == STOP and leads:
+                ended = frame.time_ns
             leads = frame.id == START or (leads and frame.id != STOP)
         elif frame.id == answering:
             answered.append(frame.time_ns)
@@ -275,7 +273,7 @@ def _frames_of(log: Path) -> tuple[NDArray[np.int64], int, NDArray[np.float64]]:
     came, began = np.sort(np.array(answered, dtype=np.int64)), np.array(asked, dtype=np.int64)
     first = np.searchsorted(came, began)
     whole = (first > 0) & (first < came.size)
-    return np.array(sent, dtype=np.int64), heard, 1e-6 * (came[first[whole]] - began[whole]).astype(np.float64)
+    return np.array(sent, dtype=np.int64), heard, ended, 1e-6 * (came[first[whole]] - began[whole]).astype(np.float64)
 
 
 def main() -> None:

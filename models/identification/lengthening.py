@@ -100,15 +100,17 @@ def lengthening(
     return climb.fits[0]
 
 
-def race(records: Sequence[Record], climbs: Mapping[str, Climb], counting: int) -> dict[str, Fit]:
-    """Fits on the whole records of those `climbs` that stay in reach of the first `counting`; the rest end on their way."""
+def race(records: Sequence[Record], climbs: Mapping[str, Climb], counting: int, behind: float) -> dict[str, Fit]:
+    """Fits on the whole records of those `climbs` that stay in reach of the first `counting` and leave at most `behind` times what the
+    first one does; the rest end on their way."""
     running = dict(climbs)
     for number, length, parts in _lengths(records):
         for climb in running.values():
             climb.on(number, length, parts)
         costs = {name: climb.fits[0].chi2 for name, climb in running.items()}
         if length >= _TELLING_S:
-            limit = _IN_REACH * sorted(costs.values())[min(counting, len(costs)) - 1]
+            ranked = sorted(costs.values())
+            limit = min(_IN_REACH * ranked[min(counting, len(costs)) - 1], behind * ranked[0])
             running = {name: climb for name, climb in running.items() if costs[name] <= limit}
     return {name: climb.fits[0] for name, climb in running.items()}
 

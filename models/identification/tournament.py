@@ -97,7 +97,7 @@ def _heats(
     stage = middle_stage(kind)
     if kind.free_only:
         climbs = {name: Climb(kind, [*effects, name], own, stage, QUICK, name) for name, own in starts.items()}
-        return race(part, climbs, FINAL)
+        return race(part, climbs, FINAL, BEHIND)
     return {name: narrowing(kind, part, [*effects, name], own[0], stage, NARROW, 8) for name, own in starts.items()}
 
 

@@ -11,7 +11,7 @@ import pytest
 from models.identification.fit import evaluate
 from models.identification.judging import middle_stage
 from models.identification.kinds.gut import GutKind
-from models.identification.lengthening import QUICK, lengthening
+from models.identification.lengthening import QUICK, Climb, lengthening, race
 from models.record import read_record
 from models.rig import read_rig
 from plant.series import make_series
@@ -41,3 +41,20 @@ def test_it_never_ends_worse_than_where_it_was_told_to_start(tmp_path: Path) -> 
     truth = {p.name: float(answer[p.name]) for p in kind.base if p.fit}
     r = evaluate(kind, records, truth, middle_stage(kind))
     assert lengthening(kind, records, [], [truth], middle_stage(kind), QUICK).cost <= float(r @ r)
+
+
+def test_a_candidate_that_leaves_far_more_than_the_first_ends_on_its_way(tmp_path: Path) -> None:
+    folder = make_series("magnetic", "incline_gravity", 2, tmp_path, 16.0)
+    rig = read_rig(folder / "rig.toml")
+    records = [read_record(folder / "train_1.csv.gz", rig)]
+    kind = GutKind.from_rig(rig, records)
+    nominal = {p.name: p.value for p in kind.base if p.fit}
+
+    def ended(behind: float) -> set[str]:
+        climbs = {
+            name: Climb(kind, [name], [nominal], middle_stage(kind), QUICK, name) for name in ("incline_gravity", "actuator_lag")
+        }
+        return set(race(records, climbs, 3, behind))
+
+    assert ended(6.0) == {"incline_gravity"}
+    assert ended(np.inf) == {"incline_gravity", "actuator_lag"}

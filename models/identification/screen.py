@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.effects.effect import Effect
-from models.identification.fit import Problem, axes, descend, evaluate_all
+from models.identification.fit import FINE, Problem, axes, descend, evaluate_all, narrowing
 from models.identification.judging import judged_cost, middle_stage
 from models.identification.kind import Kind
 from models.record import Record
@@ -20,6 +20,7 @@ _PLACES = 24
 _FEW = 2
 _IMITATIONS = 2
 _SECANT = 0.1
+_MISSED = 1.5  # times the noise, beyond which a model has missed a tooth of its own imitation
 
 
 @dataclass(frozen=True)
@@ -143,13 +144,19 @@ def chance(
     kind: Kind, records: Sequence[Record], theta: Mapping[str, float], rng: np.random.Generator
 ) -> tuple[float, dict[str, float], float]:
     """What records without an effect give: the largest gain -ln(1 - share) over all candidates, the smallest amplitude of each that
-    would stand out from it, and the mean square of their residuals."""
+    would stand out from it, and the mean square of their residuals. Where a tooth of an imitation hangs on how finely it is computed, the
+    base is fitted to it anew, as it was to the records."""
     stage = middle_stage(kind)
     gain, cost, weakest = 0.0, 0.0, dict[str, float]()
     for _ in range(_IMITATIONS):
         imitated = [kind.imitate(record, theta, rng) for record in records]
-        view = _View.at(kind, imitated, [], theta, stage)
-        cost = max(cost, judged_cost(kind, imitated, view.theta))
+        own = theta
+        if judged_cost(kind, imitated, theta) > _MISSED:
+            own = min(
+                (theta, narrowing(kind, imitated, [], theta, stage, FINE).theta), key=lambda at: judged_cost(kind, imitated, at)
+            )
+        view = _View.at(kind, imitated, [], own, stage)
+        cost = max(cost, judged_cost(kind, imitated, own))
         rows = _best(view, kind.effects)
         gain = max(gain, *(-float(np.log1p(-min(row.share, 0.999))) for row in rows)) if rows else gain
         for row in rows:

@@ -1,0 +1,36 @@
+"""What noise alone leaves of a right model, which says when to look no further."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+
+from models.identification.judging import judged_cost
+from models.identification.kinds.gut import GutKind
+from models.identification.screen import chance
+from models.record import Record, read_record
+from models.rig import read_rig
+from plant.series import make_series
+
+
+class Hanging(GutKind):
+    """Imitates with a wall a fiftieth firmer than told, as a model does whose teeth hang on how finely it is computed."""
+
+    def imitate(self, record: Record, theta: Mapping[str, float], rng: np.random.Generator) -> Record:
+        """Slips a little later than `residual` will say."""
+        return super().imitate(record, {**theta, "hoop_stress_factor": 1.02 * theta["hoop_stress_factor"]}, rng)
+
+
+def test_a_tooth_that_the_model_itself_misses_does_not_count_as_chance(tmp_path: Path) -> None:
+    folder = make_series("magnetic", None, 3, tmp_path, 12.0)
+    rig, answer = read_rig(folder / "rig.toml"), tomllib.loads((folder / "answer.toml").read_text(encoding="utf-8"))
+    records = [read_record(folder / "train_1.csv.gz", rig)]
+    plain = GutKind.from_rig(rig, records)
+    kind = Hanging(**{f.name: getattr(plain, f.name) for f in fields(plain)} | {"effects": ()})
+    truth = {p.name: float(answer[p.name]) for p in kind.base if p.fit}
+    assert judged_cost(kind, [kind.imitate(records[0], truth, np.random.default_rng(0))], truth) > 2.0
+    assert chance(kind, records, truth, np.random.default_rng(0))[2] < 1.2

@@ -87,7 +87,8 @@ def alive(group: int) -> list[str]:
 
 
 def test_an_interrupted_campaign_says_what_it_kept(campaign: Path) -> None:
-    out = campaign.parent / "out"
+    out, more = campaign.parent / "out", 15  # times as many runs: this process may wait for a second before it interrupts
+    campaign.write_text(CAMPAIGN.replace("cases = 6", f"cases = {more * 6}"))
     child = started(campaign, out, subprocess.PIPE)
     file = out / "results.jsonl"
     while not (file.exists() and file.read_bytes().count(b"\n") > 3):
@@ -98,7 +99,7 @@ def test_an_interrupted_campaign_says_what_it_kept(campaign: Path) -> None:
     kept = len(rows_of(out))
     assert child.returncode == 130
     assert said.endswith(
-        f"capsule: interrupted: {kept} of {RUNS} runs are on file in {file}; the same command goes on from there\n"
+        f"capsule: interrupted: {kept} of {more * RUNS} runs are on file in {file}; the same command goes on from there\n"
     )
 
 

@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 Split = tuple[list[Record], list[Record]]
 
 _BLOCKS = 40
+NEAR_NOISE = 1.5
+"""Cost for each residual up to which a fit counts as one that leaves about the noise."""
 
 
 def middle_stage(kind: Kind) -> int:

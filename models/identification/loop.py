@@ -11,10 +11,10 @@ import numpy as np
 from models.effects import BY_ID, REFINEMENTS
 from models.identification.fit import FINE, NARROW, WIDE, Fit, narrowing
 from models.identification.horizon import predictable, restlessness
-from models.identification.judging import Split, block_costs, judged_cost, training_cost
+from models.identification.judging import NEAR_NOISE, Split, block_costs, judged_cost, training_cost
 from models.identification.kind import Kind
 from models.identification.screen import Screened, chance, screen
-from models.identification.tournament import NEAR_NOISE, Trial, ahead, fair, mend, refit, step_on, tournament
+from models.identification.tournament import Trial, ahead, fair, mend, refit, step_on, tournament
 from models.record import Record
 
 Progress = Callable[[str, float], None]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from models.effects.effect import Effect
 from models.identification.fit import FINE, Problem, axes, descend, evaluate_all, narrowing
-from models.identification.judging import judged_cost, middle_stage
+from models.identification.judging import NEAR_NOISE, judged_cost, middle_stage
 from models.identification.kind import Kind
 from models.record import Record
 
@@ -20,7 +20,6 @@ _PLACES = 24
 _FEW = 2
 _IMITATIONS = 2
 _SECANT = 0.1
-_MISSED = 1.5  # times the noise, beyond which a model has missed a tooth of its own imitation
 
 
 @dataclass(frozen=True)
@@ -150,13 +149,12 @@ def chance(
     gain, cost, weakest = 0.0, 0.0, dict[str, float]()
     for _ in range(_IMITATIONS):
         imitated = [kind.imitate(record, theta, rng) for record in records]
-        own = theta
-        if judged_cost(kind, imitated, theta) > _MISSED:
-            own = min(
-                (theta, narrowing(kind, imitated, [], theta, stage, FINE).theta), key=lambda at: judged_cost(kind, imitated, at)
-            )
+        own, left = theta, judged_cost(kind, imitated, theta)
+        if left > NEAR_NOISE:
+            again = narrowing(kind, imitated, [], theta, stage, FINE).theta
+            own, left = min((own, left), (again, judged_cost(kind, imitated, again)), key=lambda fit: fit[1])
         view = _View.at(kind, imitated, [], own, stage)
-        cost = max(cost, judged_cost(kind, imitated, own))
+        cost = max(cost, left)
         rows = _best(view, kind.effects)
         gain = max(gain, *(-float(np.log1p(-min(row.share, 0.999))) for row in rows)) if rows else gain
         for row in rows:

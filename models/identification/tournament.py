@@ -9,7 +9,7 @@ import numpy as np
 
 from models.effects import BY_ID, REFINEMENTS
 from models.identification.fit import FINE, NARROW, WIDE, Fit, descend, evaluate_all, narrowing
-from models.identification.judging import Split, block_costs, judged, judged_cost, middle_stage, training_cost
+from models.identification.judging import NEAR_NOISE, Split, block_costs, judged, judged_cost, middle_stage, training_cost
 from models.identification.kind import Kind
 from models.identification.lengthening import QUICK, Climb, lengthening, race
 from models.identification.screen import Screened
@@ -19,7 +19,6 @@ POOL = 6
 ALIKE = 2
 FINAL = 3
 BEHIND = 6.0
-NEAR_NOISE = 1.5
 _MULTIPLES = tuple(2.0**k for k in range(6))
 
 

@@ -88,9 +88,8 @@ def alive(group: int) -> list[str]:
 
 def test_an_interrupted_campaign_says_what_it_kept(campaign: Path) -> None:
     out = campaign.parent / "out"
-    before = signal.signal(
-        signal.SIGINT, signal.default_int_handler
-    )  # a child of what a shell put aside with & would inherit deafness
+    # what a shell has put aside with & is deaf to SIGINT, and so would its child be
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         child = started(campaign, out, subprocess.PIPE)
     finally:

@@ -12,11 +12,11 @@ import pytest
 from models.effects import BY_ID
 from models.effects.damping_over_speed import KNOTS_M_S, DampingOverSpeed
 from models.effects.end_stop_impact import EndStopImpact
-from models.identification.judging import judged
+from models.identification.judging import NEAR_NOISE, judged
 from models.identification.kinds import kind_for
 from models.identification.kinds.gut import GutKind
 from models.identification.screen import screen
-from models.identification.tournament import NEAR_NOISE, down_the_stages
+from models.identification.tournament import down_the_stages
 from models.record import Record, read_record
 from models.rig import Rig, read_rig
 from plant.series import make_series

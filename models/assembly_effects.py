@@ -19,8 +19,8 @@ class Active:
     z: Mapping[str, Any]
 
     def _own(self, effect: type[Effect], table: Mapping[str, Any]) -> dict[str, Any]:
-        head = f"{effect.id}."
-        return {key.removeprefix(head): value for key, value in table.items() if key.startswith(head)}
+        rows = ((*key.partition("."), value) for key, value in table.items())
+        return {name: value for owner, _, name, value in rows if owner in (effect.id, effect.of)}
 
     def product(self, hook: str, s: Signals) -> Any:
         """Product of the factors that the effects give under `hook`."""

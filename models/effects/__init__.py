@@ -46,6 +46,7 @@ from models.effects.string_compliance import StringCompliance
 from models.effects.tissue_drying import TissueDrying
 from models.effects.viscous_drag import ViscousDrag
 from models.effects.wall_viscosity import WallViscosity
+from models.effects.wave_harmonics import WaveHarmonics
 
 EFFECTS: tuple[type[Effect], ...] = (
     ActuatorDeadZone,
@@ -95,6 +96,7 @@ REFINEMENTS: tuple[type[Effect], ...] = (
     DampingOverSpeed,
     FurtherLag,
     FurtherLowpass,
+    WaveHarmonics,
 )
 """Free curves and further orders that mend the shape of a named effect; never candidates."""
 BY_ID = {effect.id: effect for effect in (*EFFECTS, *REFINEMENTS)}

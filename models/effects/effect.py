@@ -41,7 +41,7 @@ class Effect:
 
     Subclasses declare their parameters as `Parameter` fields; the first one is the amplitude, and at the amplitude's value 0 the effect
     is absent. Hooks get the signals `s`, the parameters' values `p` by field name and the hidden states `z` by name. `by_speed` says that
-    the level changes with the speed and not only with its direction.
+    the level changes with the speed and not only with its direction. A refinement `of` one effect gets that effect's values too.
     """
 
     id: ClassVar[str] = ""
@@ -54,6 +54,7 @@ class Effect:
     look_alikes: ClassVar[tuple[str, ...]] = ()
     separated_by: ClassVar[str] = ""
     refined_by: ClassVar[tuple[str, ...]] = ()
+    of: ClassVar[str] = ""
     by_speed: ClassVar[bool] = False
 
     @classmethod

@@ -46,8 +46,12 @@ class ForceInTime(Effect):
         """Turns by which the force is late at the place `x` in m."""
         return 0.0
 
+    def turn(self, s: Signals, p: Values) -> Any:
+        """The angle q in rad."""
+        return 2 * math.pi * (p["frequency_Hz"] * s.t - self.turns_at(s.x, p)) + p["phase_rad"]
+
     def force(self, s: Signals, p: Values, z: Values) -> Any:
-        turn = 2 * math.pi * (p["frequency_Hz"] * s.t - self.turns_at(s.x, p)) + p["phase_rad"]
+        turn = self.turn(s, p)
         wave = np.sin(turn) + p["offset"]
         for k, name in enumerate(("second", "third", "fourth"), start=2):
             wave = wave + p[f"{name}_sin"] * np.sin(k * turn) + p[f"{name}_cos"] * np.cos(k * turn)

@@ -28,6 +28,7 @@ class PeristalticWave(ForceInTime):
     grid = MappingProxyType({"frequency_Hz": frequencies(0.04, 0.41), "wavenumber_per_m": (6.0, 12.0, 19.0, 26.0, 34.0, 43.0)})
     look_alikes = ("respiration", "fold_periodic")
     separated_by = "a record at rest at two places"
+    refined_by = ("wave_harmonics",)
 
     frequency_Hz: Parameter = Parameter("frequency_Hz", 0.18, "Hz", 0.03, 0.6, _SOURCE, fit=True)
     wavenumber_per_m: Parameter = Parameter("wavenumber_per_m", 18.0, "1/m", -80.0, 80.0, _SPEED, fit=True)

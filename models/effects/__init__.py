@@ -13,6 +13,7 @@ from models.effects.coupling_decay import CouplingDecay
 from models.effects.coupling_fade import CouplingFade
 from models.effects.damping_over_speed import DampingOverSpeed
 from models.effects.directional_asymmetry import DirectionalAsymmetry
+from models.effects.drying_shape import DryingShape
 from models.effects.dwell_adhesion import DwellAdhesion
 from models.effects.effect import Effect
 from models.effects.end_stop_impact import EndStopImpact
@@ -94,6 +95,7 @@ REFINEMENTS: tuple[type[Effect], ...] = (
     LevelAtOnset,
     LevelOverSpeed,
     DampingOverSpeed,
+    DryingShape,
     FurtherLag,
     FurtherLowpass,
     WaveHarmonics,

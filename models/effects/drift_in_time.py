@@ -25,5 +25,10 @@ class DriftInTime(Effect):
 
     def factor(self, t: Any, p: Values) -> Any:
         """The factor at the time `t` in s since the record began."""
-        s = t / (1 + t / p["settling_s"])
+        s = settling_time(t, p)
         return np.maximum(1 + (p["rate_per_s"] + p["bend_per_s2"] * s) * s, 0.05)
+
+
+def settling_time(t: Any, p: Values) -> Any:
+    """The time s in s that runs slower and slower, up to `settling_s`."""
+    return t / (1 + t / p["settling_s"])

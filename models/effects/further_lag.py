@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from models.effects.actuator_lag import ActuatorLag
 from models.parameter import Parameter
@@ -17,6 +18,7 @@ class FurtherLag(ActuatorLag):
     id = "further_lag"
     summary = "a second lag of the drive"
     source = _SOURCE
+    grid = MappingProxyType({"time_s": (0.03,)})
     look_alikes = ("actuator_lag", "sensor_delay")
     refined_by = ()
 

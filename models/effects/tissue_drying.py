@@ -19,7 +19,7 @@ class TissueDrying(DriftInTime):
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     look_alikes = ("preconditioning", "coupling_fade", "lumen_taper")
     separated_by = "wait without moving"
-    refined_by = ("level_at_onset",)
+    refined_by = ("level_at_onset", "drying_shape")
 
     def level(self, s: Signals, p: Values, z: Values) -> Any:
         return self.factor(s.t, p)

@@ -11,7 +11,7 @@ import numpy as np
 from models.effects import BY_ID, REFINEMENTS
 from models.identification.fit import FINE, NARROW, WIDE, Fit, narrowing
 from models.identification.horizon import predictable, restlessness
-from models.identification.judging import NEAR_NOISE, Split, block_costs, judged_cost, training_cost
+from models.identification.judging import NEAR_NOISE, Split, block_costs, judged_cost
 from models.identification.kind import Kind
 from models.identification.screen import Screened, chance, screen
 from models.identification.tournament import Trial, ahead, fair, mend, refit, step_on, tournament
@@ -26,7 +26,7 @@ EXPLAINED = 0.6
 CLEAN = 1.5
 _WAYS_DOWN = 3
 _APART = 2.0  # standard errors
-_TOLD = 0.03  # of the training cost, many times what chance takes off it
+_SHAPED = 0.003  # of the logarithm of a cost, the least that a finer shape is worth
 _AS_BEFORE = 1.2  # times what the fit on a part leaves there; free curves take long
 
 
@@ -176,27 +176,19 @@ def _refined(
     kind: Kind, splits: Sequence[Split], thetas: list[dict[str, float]], found: Search
 ) -> tuple[list[str], list[dict[str, float]]]:
     """What mends the named effects' own shapes: of the refinements, one after the other, the fewest that do about as well on validation
-    records as the best. One that the training records tell clearly need not stand out there from teeth that come or stay out."""
+    records as the best, blocks compared by the logarithm of their cost: a tooth that comes or stays out is one block, however high."""
     wanted = dict.fromkeys(curve for name in found.effects for curve in BY_ID[name].refined_by)
     curves = [name for name in wanted if kind.name in BY_ID[name].kinds and name not in found.effects]
-    rows = [(block_costs(kind, splits, thetas), thetas)]
+    rows = [(np.log(block_costs(kind, splits, thetas)), thetas)]
     for k in range(len(curves)):
         model = [*found.effects, *curves[: k + 1]]
         fit, begin = (mend, _begin(curves[k])) if BY_ID[curves[k]] in REFINEMENTS else (refit, {})
         again = [fit(kind, part, model, {**theta, **begin}) for (part, _), theta in zip(splits, rows[-1][1], strict=True)]
-        rows.append((block_costs(kind, splits, again), again))
-    best, best_thetas = min(rows, key=lambda row: float(row[0].mean()))
-
-    def as_good(blocks: np.ndarray, own: Sequence[Mapping[str, float]]) -> bool:
-        if np.log(blocks.mean() / best.mean()) <= REFINES:
-            return True
-        if ahead(best, blocks) >= _APART:
-            return False
-        return training_cost(kind, splits, best_thetas) > (1 - _TOLD) * training_cost(kind, splits, own)
-
-    number = next(k for k, row in enumerate(rows) if as_good(*row))
+        rows.append((np.log(block_costs(kind, splits, again)), again))
+    best = min((blocks for blocks, _ in rows), key=np.mean)
+    number = next(k for k, (blocks, _) in enumerate(rows) if np.mean(blocks - best) <= _SHAPED or ahead(best, blocks) < _APART)
     blocks, thetas = rows[number]
-    found.after = float(blocks.mean())
+    found.after = float(np.exp(blocks).mean())
     return curves[:number], thetas
 
 

@@ -15,6 +15,11 @@ Array = NDArray[np.float64]
 Split = tuple[list[Record], list[Record]]
 
 _BLOCKS = 40
+_SHAPED = 0.003  # of the logarithm of a cost, the least that a finer shape is worth
+_ONE_BLOCK = 0.1  # of the logarithm of its cost, the most that a block counts for or against a finer shape
+_LEAST = 1e-12  # a cost whose logarithm can be taken
+APART = 2.0
+"""Standard errors by which one model's blocks lie ahead of another's where the records tell them apart."""
 NEAR_NOISE = 1.5
 """Cost for each residual up to which a fit counts as one that leaves about the noise."""
 
@@ -46,3 +51,24 @@ def block_costs(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[st
 def training_cost(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[str, float]]) -> float:
     """Sum of the judged blocks over the training parts."""
     return sum(float(judged(kind, part, theta).sum()) for (part, _), theta in zip(splits, thetas, strict=True))
+
+
+def ahead(best: Array, other: Array) -> float:
+    """How many standard errors of the block-wise difference of validation costs `best` is ahead of `other`."""
+    difference = other - best
+    mean, count = float(difference.mean()), len(difference)
+    error = float(difference.std(ddof=1)) / np.sqrt(count) if count > 1 else np.inf
+    return mean / max(error, _LEAST * abs(mean)) if mean else 0.0
+
+
+def fewest(rows: Sequence[Array]) -> int:
+    """The first of `rows`, costs by block of ever finer models, that does about as well as the best one. Blocks count by the logarithm of
+    their cost and change it by a tenth at most: a tooth of stick and slip that comes or stays out is one block, however high."""
+    logs = [np.log(np.maximum(blocks, _LEAST)) for blocks in rows]
+
+    def behind(row: Array, other: Array) -> Array:
+        return np.clip(row - other, -_ONE_BLOCK, _ONE_BLOCK)
+
+    best = min(logs, key=lambda row: float(behind(row, logs[0]).mean()))
+    worse = [behind(row, best) for row in logs]
+    return next(k for k, row in enumerate(worse) if row.mean() <= _SHAPED or ahead(np.zeros_like(row), row) < APART)

@@ -11,10 +11,10 @@ import numpy as np
 from models.effects import BY_ID, REFINEMENTS
 from models.identification.fit import FINE, NARROW, WIDE, Fit, narrowing
 from models.identification.horizon import predictable, restlessness
-from models.identification.judging import NEAR_NOISE, Split, block_costs, judged_cost
+from models.identification.judging import APART, NEAR_NOISE, Split, ahead, block_costs, fewest, judged_cost
 from models.identification.kind import Kind
 from models.identification.screen import Screened, chance, screen
-from models.identification.tournament import Trial, ahead, fair, mend, refit, step_on, tournament
+from models.identification.tournament import Trial, fair, mend, refit, step_on, tournament
 from models.record import Record
 
 Progress = Callable[[str, float], None]
@@ -25,8 +25,6 @@ REFINES = 0.01
 EXPLAINED = 0.6
 CLEAN = 1.5
 _WAYS_DOWN = 3
-_APART = 2.0  # standard errors
-_SHAPED = 0.003  # of the logarithm of a cost, the least that a finer shape is worth
 _AS_BEFORE = 1.2  # times what the fit on a part leaves there; free curves take long
 
 
@@ -176,19 +174,18 @@ def _refined(
     kind: Kind, splits: Sequence[Split], thetas: list[dict[str, float]], found: Search
 ) -> tuple[list[str], list[dict[str, float]]]:
     """What mends the named effects' own shapes: of the refinements, one after the other, the fewest that do about as well on validation
-    records as the best, blocks compared by the logarithm of their cost: a tooth that comes or stays out is one block, however high."""
+    records as the best."""
     wanted = dict.fromkeys(curve for name in found.effects for curve in BY_ID[name].refined_by)
     curves = [name for name in wanted if kind.name in BY_ID[name].kinds and name not in found.effects]
-    rows = [(np.log(block_costs(kind, splits, thetas)), thetas)]
+    rows = [(block_costs(kind, splits, thetas), thetas)]
     for k in range(len(curves)):
         model = [*found.effects, *curves[: k + 1]]
         fit, begin = (mend, _begin(curves[k])) if BY_ID[curves[k]] in REFINEMENTS else (refit, {})
         again = [fit(kind, part, model, {**theta, **begin}) for (part, _), theta in zip(splits, rows[-1][1], strict=True)]
-        rows.append((np.log(block_costs(kind, splits, again)), again))
-    best = min((blocks for blocks, _ in rows), key=np.mean)
-    number = next(k for k, (blocks, _) in enumerate(rows) if np.mean(blocks - best) <= _SHAPED or ahead(best, blocks) < _APART)
+        rows.append((block_costs(kind, splits, again), again))
+    number = fewest([blocks for blocks, _ in rows])
     blocks, thetas = rows[number]
-    found.after = float(np.exp(blocks).mean())
+    found.after = float(blocks.mean())
     return curves[:number], thetas
 
 
@@ -211,7 +208,7 @@ def _accept(kind: Kind, found: Search, trial: Trial) -> bool:
 def _add(kind: Kind, found: Search, trials: Sequence[Trial]) -> None:
     best = trials[0]
     rivals = {t.effect: ahead(best.blocks, t.blocks) for t in trials[1:]}
-    close = tuple(name for name, z in rivals.items() if z < _APART and _gain_of(trials, name) > 0.7 * best.gain)
+    close = tuple(name for name, z in rivals.items() if z < APART and _gain_of(trials, name) > 0.7 * best.gain)
     apart = [z for name, z in rivals.items() if name not in close]
     found.effects.append(best.effect)
     found.gains[best.effect] = best.gain

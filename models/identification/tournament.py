@@ -227,10 +227,3 @@ def fair(
             best, costs = again, block_costs(kind, splits, again)
     again_judged = [_against(costs, t.effect, t.thetas, t.blocks) for t in trials]
     return sorted(again_judged, key=lambda trial: -trial.gain), best
-
-
-def ahead(best: np.ndarray, other: np.ndarray) -> float:
-    """How many standard errors of the block-wise difference of validation costs `best` is ahead of `other`."""
-    difference = other - best
-    error = float(difference.std(ddof=1)) / np.sqrt(len(difference)) if len(difference) > 1 else np.inf
-    return float(difference.mean()) / error if error > 0 else 0.0

@@ -58,7 +58,9 @@ def ahead(best: Array, other: Array) -> float:
     difference = other - best
     mean, count = float(difference.mean()), len(difference)
     error = float(difference.std(ddof=1)) / np.sqrt(count) if count > 1 else np.inf
-    return mean / max(error, _LEAST * abs(mean)) if mean else 0.0
+    if mean == 0:
+        return 0.0
+    return mean / error if error > 0 else float(np.copysign(np.inf, mean))
 
 
 def fewest(rows: Sequence[Array]) -> int:

@@ -17,6 +17,7 @@ Split = tuple[list[Record], list[Record]]
 _BLOCKS = 40
 _SHAPED = 0.003  # of the logarithm of a cost, the least that a finer shape is worth
 _ONE_BLOCK = 0.1  # of the logarithm of its cost, the most that a block counts for or against a finer shape
+_TOLD = 0.03  # of the training cost, many times what chance takes off it
 _LEAST = 1e-12  # a cost whose logarithm can be taken
 APART = 2.0
 """Standard errors by which one model's blocks lie ahead of another's where the records tell them apart."""
@@ -63,14 +64,18 @@ def ahead(best: Array, other: Array) -> float:
     return mean / error if error > 0 else float(np.copysign(np.inf, mean))
 
 
-def fewest(rows: Sequence[Array]) -> int:
-    """The first of `rows`, costs by block of ever finer models, that does about as well as the best one. Blocks count by the logarithm of
-    their cost and change it by a tenth at most: a tooth of stick and slip that comes or stays out is one block, however high."""
+def fewest(rows: Sequence[Array], training: Sequence[float]) -> int:
+    """The first of `rows`, validation costs by block of ever finer models, that does about as well as the best one. Blocks count by the
+    logarithm of their cost and change it by a tenth at most: a tooth of stick and slip that comes or stays out is one block, however high.
+    A model that the `training` costs tell clearly need not stand out."""
     logs = [np.log(np.maximum(blocks, _LEAST)) for blocks in rows]
 
     def behind(row: Array, other: Array) -> Array:
         return np.clip(row - other, -_ONE_BLOCK, _ONE_BLOCK)
 
-    best = min(logs, key=lambda row: float(behind(row, logs[0]).mean()))
-    worse = [behind(row, best) for row in logs]
-    return next(k for k, row in enumerate(worse) if row.mean() <= _SHAPED or ahead(np.zeros_like(row), row) < APART)
+    best = int(np.argmin([behind(row, logs[0]).mean() for row in logs]))
+    worse = [behind(row, logs[best]) for row in logs]
+    told = [training[best] <= (1 - _TOLD) * cost for cost in training]
+    return next(
+        k for k, row in enumerate(worse) if row.mean() <= _SHAPED or (ahead(np.zeros_like(row), row) < APART and not told[k])
+    )

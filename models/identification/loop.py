@@ -11,7 +11,7 @@ import numpy as np
 from models.effects import BY_ID, REFINEMENTS
 from models.identification.fit import FINE, NARROW, WIDE, Fit, narrowing
 from models.identification.horizon import predictable, restlessness
-from models.identification.judging import APART, NEAR_NOISE, Split, ahead, block_costs, fewest, judged_cost
+from models.identification.judging import APART, NEAR_NOISE, Split, ahead, block_costs, fewest, judged_cost, training_cost
 from models.identification.kind import Kind
 from models.identification.screen import Screened, chance, screen
 from models.identification.tournament import Trial, fair, mend, refit, step_on, tournament
@@ -183,7 +183,7 @@ def _refined(
         fit, begin = (mend, _begin(curves[k])) if BY_ID[curves[k]] in REFINEMENTS else (refit, {})
         again = [fit(kind, part, model, {**theta, **begin}) for (part, _), theta in zip(splits, rows[-1][1], strict=True)]
         rows.append((block_costs(kind, splits, again), again))
-    number = fewest([blocks for blocks, _ in rows])
+    number = fewest([blocks for blocks, _ in rows], [training_cost(kind, splits, own) for _, own in rows])
     blocks, thetas = rows[number]
     found.after = float(blocks.mean())
     return curves[:number], thetas

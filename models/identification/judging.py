@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 Split = tuple[list[Record], list[Record]]
 
 _BLOCKS = 40
-_SHAPED = 0.003  # of the logarithm of a cost, the least that a finer shape is worth
+_SHAPED = 0.01  # of the logarithm of a cost, the least that a finer shape is worth
 _ONE_BLOCK = 0.1  # of the logarithm of its cost, the most that a block counts for or against a finer shape
 _TOLD = 0.03  # of the training cost, many times what chance takes off it
 _LEAST = 1e-12  # a cost whose logarithm can be taken

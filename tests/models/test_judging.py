@@ -41,6 +41,6 @@ def test_a_shape_that_mends_every_block_alike_is_taken() -> None:
 
 
 def test_a_shape_that_the_training_records_tell_need_not_stand_out_on_validation_records() -> None:
-    uneven = COARSE - 0.02 + 0.07 * np.random.default_rng(3).standard_normal(BLOCKS)
+    uneven = COARSE * np.where(np.arange(BLOCKS) % 2, 0.92, 1.05)
     assert fewest([COARSE, uneven], (1.0, 0.999)) == 0
     assert fewest([COARSE, uneven], (1.0, 0.8)) == 1

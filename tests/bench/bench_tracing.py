@@ -3,7 +3,8 @@
 `python -m tests.bench.bench_tracing --out DIR [--kind pull] [--effects a b] [--seeds 1 2] [--none 5]` runs `capsule close-loop` on the
 plant's series, keeps one JSON line a series (finished ones are not repeated) and prints the table that README quotes; `bench_augmented`
 with the same DIR takes the models from there. "a thousandth" is what the model found leaves of its own held-out prediction, without noise,
-where its base numbers are 0.1 % off: what a fit that good would leave.
+where its base numbers are 0.1 % off: what a fit that good would leave. With `--truth` every series in DIR is fitted once more, with the model
+that was found but from the plant's own base numbers on: what more luck in the search could gain.
 """
 
 from __future__ import annotations
@@ -21,13 +22,17 @@ import numpy as np
 
 from hil.app.main import run as capsule
 from hil.app.model_file import read_model
+from models.identification.fit import FINE, NARROW, narrowing
+from models.identification.judging import middle_stage
 from models.identification.kinds import kind_for
 from models.identification.kinds.gut import GutKind
+from models.identification.kinds.running import active_effects
 from models.record import Record, read_record
 from models.rig import read_rig
 from plant.hidden.registry import hidden
 from plant.series import Kind, make_series
 
+TRAIN: Final = ("train_1", "train_2", "train_3")
 EFFECTS: Final[dict[Kind, tuple[str, ...]]] = {
     "pull": (
         "stribeck", "viscous_drag", "directional_asymmetry", "fold_periodic", "lumen_taper", "stenosis", "peristaltic_wave",
@@ -54,7 +59,7 @@ def learned(kind: Kind, effect: str | None, seed: int, out: Path) -> Path:
     folder = out / f"{kind}_{effect}_{seed}"
     if not (folder / "model.toml").exists():
         make_series(kind, effect, seed, folder)
-        records = [str(folder / f"train_{k}.csv.gz") for k in (1, 2, 3)]
+        records = [str(folder / f"{name}.csv.gz") for name in TRAIN]
         words = ["--rig", str(folder / "rig.toml"), "--out", str(folder), "--holdout", str(folder / "holdout.csv.gz"), "--json"]
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as said:
             status = capsule(["close-loop", *records, *words])
@@ -67,7 +72,7 @@ def run(kind: Kind, effect: str | None, seed: int, out: Path) -> dict[str, Any]:
     """One series made, closed and judged."""
     folder = learned(kind, effect, seed, out)
     rig = read_rig(folder / "rig.toml")
-    train = [read_record(folder / f"train_{i}.csv.gz", rig) for i in (1, 2, 3)]
+    train = [read_record(folder / f"{name}.csv.gz", rig) for name in TRAIN]
     holdout = [read_record(folder / "holdout.csv.gz", rig)]
     report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
     allowed = {e["id"]: [e["id"], *e["equivalent"]] for e in report["effects"]}
@@ -110,6 +115,7 @@ def main() -> None:
     parser.add_argument("--effects", nargs="*")
     parser.add_argument("--seeds", nargs="*", type=int, default=[1, 2])
     parser.add_argument("--none", type=int, default=0)
+    parser.add_argument("--truth", action="store_true")
     arguments = parser.parse_args()
     ledger = arguments.out / "results.jsonl"
     arguments.out.mkdir(parents=True, exist_ok=True)
@@ -130,6 +136,25 @@ def main() -> None:
             file.write(json.dumps(row) + "\n")
         print(_line(row), flush=True)
     _summary(rows)
+    if arguments.truth:
+        for row in rows:
+            print(f"{row['kind']:9} {row['effect']!s:22} seed {row['seed']:<4} {_from_the_truth(row, arguments.out)}", flush=True)
+
+
+def _from_the_truth(row: dict[str, Any], out: Path) -> str:
+    folder = out / f"{row['kind']}_{row['effect']}_{row['seed']}"
+    rig = read_rig(folder / "rig.toml")
+    train, holdout = ([read_record(folder / f"{name}.csv.gz", rig) for name in names] for names in (TRAIN, ("holdout",)))
+    kind = kind_for(rig, train)
+    assert isinstance(kind, GutKind)
+    found = read_model(folder / "model.toml", kind.name).stages["augmented"]
+    start = found | {name: value for name, value in row["truth"].items() if name in found}
+    near = narrowing(kind, train, active_effects(found), start, middle_stage(kind), (*NARROW, *FINE))
+    end = narrowing(kind, train, active_effects(found), near.theta, kind.final, (*NARROW, *FINE))
+    floors = [
+        kind.error(holdout, [kind.predict(r, theta) for r in holdout]) / row["floor"] for theta in (found, found | end.theta)
+    ]
+    return f"found {floors[0]:.2f} floors, from the true base numbers {floors[1]:.2f}"
 
 
 def _line(row: dict[str, Any]) -> str:

@@ -14,7 +14,7 @@ from models.identification.horizon import predictable, restlessness
 from models.identification.judging import APART, NEAR_NOISE, Split, ahead, block_costs, fewest, judged_cost, training_cost
 from models.identification.kind import Kind
 from models.identification.screen import Screened, chance, screen
-from models.identification.tournament import Trial, fair, mend, refit, step_on, tournament
+from models.identification.tournament import Trial, better_without, fair, mend, refit, step_on, tournament, without
 from models.record import Record
 
 Progress = Callable[[str, float], None]
@@ -160,13 +160,12 @@ def _test_again(kind: Kind, splits: Sequence[Split], thetas: list[dict[str, floa
     """Drops every earlier effect that the later ones made needless: without it the validation records lose no more than chance gives."""
     for effect in found.effects[:-1]:
         rest = [name for name in found.effects if name != effect]
-        start = [{k: v for k, v in theta.items() if not k.startswith(effect + ".")} for theta in thetas]
-        without = [refit(kind, part, rest, theta) for (part, _), theta in zip(splits, start, strict=True)]
-        cost = _cost(kind, splits, without)
+        shorter = [refit(kind, part, rest, without(theta, effect)) for (part, _), theta in zip(splits, thetas, strict=True)]
+        cost = _cost(kind, splits, shorter)
         if np.log(cost / found.after) < found.threshold:
             found.effects.remove(effect)
             found.dropped.append(effect)
-            found.after, thetas = cost, without
+            found.after, thetas = cost, shorter
     return thetas
 
 
@@ -174,19 +173,20 @@ def _refined(
     kind: Kind, splits: Sequence[Split], thetas: list[dict[str, float]], found: Search
 ) -> tuple[list[str], list[dict[str, float]]]:
     """What mends the named effects' own shapes: of the refinements, one after the other, the fewest that do about as well on validation
-    records as the best."""
+    records as the best. Each is held against the model without it as it is from its own base too, for it must not win by a luckier search."""
     wanted = dict.fromkeys(curve for name in found.effects for curve in BY_ID[name].refined_by)
     curves = [name for name in wanted if kind.name in BY_ID[name].kinds and name not in found.effects]
-    rows = [(block_costs(kind, splits, thetas), thetas)]
-    for k in range(len(curves)):
-        model = [*found.effects, *curves[: k + 1]]
-        fit, begin = (mend, _begin(curves[k])) if BY_ID[curves[k]] in REFINEMENTS else (refit, {})
-        again = [fit(kind, part, model, {**theta, **begin}) for (part, _), theta in zip(splits, rows[-1][1], strict=True)]
-        rows.append((block_costs(kind, splits, again), again))
-    number = fewest([blocks for blocks, _ in rows], [training_cost(kind, splits, own) for _, own in rows])
-    blocks, thetas = rows[number]
-    found.after = float(blocks.mean())
-    return curves[:number], thetas
+    rows = [thetas]
+    for k, curve in enumerate(curves):
+        model = [*found.effects, *curves[:k]]
+        fit, begin = (mend, _begin(curve)) if BY_ID[curve] in REFINEMENTS else (refit, {})
+        finer = [fit(kind, part, [*model, curve], {**theta, **begin}) for (part, _), theta in zip(splits, rows[-1], strict=True)]
+        rows[-1] = better_without(kind, splits, model, rows[-1], curve, finer)
+        rows.append(finer)
+    blocks = [block_costs(kind, splits, own) for own in rows]
+    number = fewest(blocks, [training_cost(kind, splits, own) for own in rows])
+    found.after = float(blocks[number].mean())
+    return curves[:number], rows[number]
 
 
 def _begin(curve: str) -> dict[str, float]:

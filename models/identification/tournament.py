@@ -213,17 +213,34 @@ def step_on(kind: Kind, records: Sequence[Record], effects: Sequence[str], start
     return narrowing(kind, records, effects, start, middle_stage(kind), (NARROW[0], *FINE) if kind.free_only else FINE, 10)
 
 
+def better_without(
+    kind: Kind,
+    splits: Sequence[Split],
+    effects: Sequence[str],
+    thetas: list[dict[str, float]],
+    further: str,
+    others: Sequence[Mapping[str, float]],
+) -> list[dict[str, float]]:
+    """The better on the training records of `thetas`, fits with `effects`, and of those begun where `others`, fits with one `further`
+    effect, have their base and the effects."""
+    starts = [without(theta, further) for theta in others]
+    again = [step_on(kind, part, effects, start).theta for (part, _), start in zip(splits, starts, strict=True)]
+    return min(thetas, again, key=lambda choice: training_cost(kind, splits, choice))
+
+
+def without(theta: Mapping[str, float], effect: str) -> dict[str, float]:
+    """`theta` without the numbers of one effect."""
+    return {name: value for name, value in theta.items() if not name.startswith(f"{effect}.")}
+
+
 def fair(
     kind: Kind, splits: Sequence[Split], effects: Sequence[str], thetas: Sequence[dict[str, float]], trials: Sequence[Trial]
 ) -> tuple[list[Trial], list[dict[str, float]]]:
     """The trials judged again against the best fit *without* a further effect, looked for from the trials' own base values too: a
     trial must not win because its search was luckier with the base."""
-    best, costs = list(thetas), block_costs(kind, splits, thetas)
+    best = list(thetas)
     for trial in trials[:2]:
-        starts = [{k: v for k, v in theta.items() if not k.startswith(trial.effect + ".")} for theta in trial.thetas]
-        again = [step_on(kind, part, effects, start).theta for (part, _), start in zip(splits, starts, strict=True)]
-        training = [training_cost(kind, splits, choice) for choice in (best, again)]
-        if training[1] < training[0]:
-            best, costs = again, block_costs(kind, splits, again)
+        best = better_without(kind, splits, effects, best, trial.effect, trial.thetas)
+    costs = block_costs(kind, splits, best)
     again_judged = [_against(costs, t.effect, t.thetas, t.blocks) for t in trials]
     return sorted(again_judged, key=lambda trial: -trial.gain), best

@@ -10,6 +10,7 @@ import numpy as np
 from models.effects import BY_ID
 from models.identification.checks import residual_checks
 from models.identification.intervals import intervals
+from models.identification.judging import NEAR_NOISE
 from models.identification.kinds import AnyKind, kind_for, ready
 from models.identification.loop import CLEAN, EXPLAINED, Search, search
 from models.identification.model import Model
@@ -35,7 +36,7 @@ def close(
     found = search(kind, train, progress, np.random.default_rng(seed))
     thetas = _stage_values(kind, found)
     progress("held-out records", 0.95)
-    verdict = _verdict(found)
+    verdict = verdict_of(found)
     errors = {
         part: {stage: kind.error(records, [kind.predict(r, thetas[stage]) for r in records]) for stage in STAGES}
         if records
@@ -79,9 +80,11 @@ def _stage_values(kind: AnyKind, found: Search) -> dict[str, dict[str, float]]:
     }
 
 
-def _verdict(found: Search) -> str:
+def verdict_of(found: Search) -> str:
+    """`named` where the effects explain what was left; without any, `none` where no more is left than chance and about the noise leave;
+    else `unknown`."""
     if not found.effects:
-        return "none" if found.after < CLEAN * found.chance_cost else "unknown"
+        return "none" if found.after < CLEAN * min(found.chance_cost, NEAR_NOISE) else "unknown"
     clean = found.after < CLEAN * max(found.chance_cost, found.restless)
     return "named" if clean or found.explained >= EXPLAINED else "unknown"
 
@@ -127,7 +130,11 @@ def _statements(found: Search, verdict: str) -> list[str]:
         for name in found.refinements
     ]
     if verdict == "unknown":
-        said.append("What is left is structured and no candidate explains it.")
+        said.append(
+            "What is left is structured and no candidate explains it."
+            if found.after >= CLEAN * found.chance_cost
+            else "Fits leave as much of the model's own predictions: an effect that is smaller than that cannot be seen."
+        )
     return said
 
 

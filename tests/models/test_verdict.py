@@ -1,0 +1,23 @@
+"""What a finished search allows to say."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from models.identification.finding import verdict_of
+from models.identification.fit import Fit
+from models.identification.loop import Search
+
+FIT = Fit({}, 1.0, 1, np.zeros((1, 0)), np.ones(1))
+
+
+@pytest.mark.parametrize(
+    ("after", "chance", "said"),
+    [(1.05, 1.0, "none"), (1.7, 1.6, "none"), (2.0, 1.0, "unknown"), (8.0, 6.3, "unknown"), (8.0, 1.0, "unknown")],
+)
+def test_nothing_is_missing_only_where_chance_and_about_the_noise_explain_what_is_left(
+    after: float, chance: float, said: str
+) -> None:
+    """A model whose own predictions its fits miss by far leaves that much with and without an effect."""
+    assert verdict_of(Search(FIT, FIT, after=after, chance_cost=chance)) == said

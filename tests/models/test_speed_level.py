@@ -32,7 +32,8 @@ def test_friction_that_rises_steeply_with_speed_is_that_of_the_steps_own_speed()
 
 @pytest.mark.parametrize("effect", [e for e in BY_ID.values() if e.answers("level")], ids=lambda e: e.id)
 def test_an_effect_says_whether_its_level_goes_by_the_speed(effect: type[Effect]) -> None:
-    numbers = {p.name: p.value or 0.01 * k for k, p in enumerate(effect.parameters(), start=1)}
+    refined = BY_ID[effect.of].parameters() if effect.of else ()
+    numbers = {p.name: p.value or 0.01 * k for k, p in enumerate((*refined, *effect.parameters()), start=1)}
     z = dict.fromkeys(effect.states, 0.3)
     levels = [effect().level(Signals(t=5.0, x=0.01, v=v, direction=1.0, travelled=0.1), numbers, z) for v in (1e-4, 1e-3, 1e-2)]
     assert (float(np.ptp(np.array(levels, dtype=float))) > 0) == effect.by_speed

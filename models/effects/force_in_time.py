@@ -21,6 +21,13 @@ def frequencies(lowest_Hz: float, highest_Hz: float, ratio: float = RATIO) -> tu
     return tuple(lowest_Hz * ratio**k for k in range(count))
 
 
+def with_harmonics(wave: Any, turn: Any, p: Values, first: int, names: tuple[str, ...]) -> Any:
+    """`wave` and the harmonics of the angle `turn` in rad, from order `first` on, whose sizes are `NAME_sin` and `NAME_cos` of `names`."""
+    for k, name in enumerate(names, start=first):
+        wave = wave + p[f"{name}_sin"] * np.sin(k * turn) + p[f"{name}_cos"] * np.cos(k * turn)
+    return wave
+
+
 @dataclass(frozen=True)
 class ForceInTime(Effect):
     """Force `A (sin q + o + sum of harmonics 2 to 4)` along +x, `q = 2 pi (f t - n) + phi`, `n` the turns by which it is late at the
@@ -52,7 +59,4 @@ class ForceInTime(Effect):
 
     def force(self, s: Signals, p: Values, z: Values) -> Any:
         turn = self.turn(s, p)
-        wave = np.sin(turn) + p["offset"]
-        for k, name in enumerate(("second", "third", "fourth"), start=2):
-            wave = wave + p[f"{name}_sin"] * np.sin(k * turn) + p[f"{name}_cos"] * np.cos(k * turn)
-        return p["force_N"] * wave
+        return p["force_N"] * with_harmonics(np.sin(turn) + p["offset"], turn, p, 2, ("second", "third", "fourth"))

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from models.effects.effect import Effect, Signals, Values
+from models.effects.force_in_time import with_harmonics
 from models.effects.peristaltic_wave import PeristalticWave
 from models.parameter import Parameter
 
@@ -42,7 +41,4 @@ class WaveHarmonics(Effect):
 
     def force(self, s: Signals, p: Values, z: Values) -> Any:
         turn = PeristalticWave().turn(s, p)
-        wave: Any = 0.0
-        for k, name in enumerate(("fifth", "sixth", "seventh", "eighth"), start=5):
-            wave = wave + p[f"{name}_sin"] * np.sin(k * turn) + p[f"{name}_cos"] * np.cos(k * turn)
-        return p["force_N"] * wave
+        return p["force_N"] * with_harmonics(0.0, turn, p, 5, ("fifth", "sixth", "seventh", "eighth"))

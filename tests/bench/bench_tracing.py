@@ -71,9 +71,7 @@ def learned(kind: Kind, effect: str | None, seed: int, out: Path) -> Path:
 def run(kind: Kind, effect: str | None, seed: int, out: Path) -> dict[str, Any]:
     """One series made, closed and judged."""
     folder = learned(kind, effect, seed, out)
-    rig = read_rig(folder / "rig.toml")
-    train = [read_record(folder / f"{name}.csv.gz", rig) for name in TRAIN]
-    holdout = [read_record(folder / "holdout.csv.gz", rig)]
+    model_kind, _, holdout, theta = _read(folder)
     report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
     allowed = {e["id"]: [e["id"], *e["equivalent"]] for e in report["effects"]}
     first = next(iter(allowed.values()), [])
@@ -83,15 +81,26 @@ def run(kind: Kind, effect: str | None, seed: int, out: Path) -> dict[str, Any]:
         right = effect in first and len(first) <= 3
     else:  # nothing in the catalogue is it
         right = report["verdict"] == "unknown"
-    model_kind = kind_for(rig, train)
-    assert isinstance(model_kind, GutKind)
-    theta = read_model(folder / "model.toml", kind.removesuffix("_plate")).stages["augmented"]
     return {
         "kind": kind, "effect": effect, "seed": seed, "verdict": report["verdict"], "classes": allowed, "right": right,
         "holdout": report["error"]["holdout"], "floor": report["error"]["noise_floor"], "seconds": round(report["seconds"], 1),
         "thousandth": _a_thousandth_off(model_kind, theta, holdout),
         "truth": tomllib.loads((folder / "answer.toml").read_text(encoding="utf-8")),
     }  # fmt: skip
+
+
+def _read(folder: Path) -> tuple[GutKind, list[Record], list[Record], dict[str, float]]:
+    """Of a closed series: the kind, the training and the held-out records, and the model found."""
+    rig = read_rig(folder / "rig.toml")
+    train = [read_record(folder / f"{name}.csv.gz", rig) for name in TRAIN]
+    kind = kind_for(rig, train)
+    assert isinstance(kind, GutKind)
+    return (
+        kind,
+        train,
+        [read_record(folder / "holdout.csv.gz", rig)],
+        read_model(folder / "model.toml", kind.name).stages["augmented"],
+    )
 
 
 def _a_thousandth_off(kind: GutKind, theta: dict[str, float], records: list[Record]) -> float:
@@ -142,12 +151,7 @@ def main() -> None:
 
 
 def _from_the_truth(row: dict[str, Any], out: Path) -> str:
-    folder = out / f"{row['kind']}_{row['effect']}_{row['seed']}"
-    rig = read_rig(folder / "rig.toml")
-    train, holdout = ([read_record(folder / f"{name}.csv.gz", rig) for name in names] for names in (TRAIN, ("holdout",)))
-    kind = kind_for(rig, train)
-    assert isinstance(kind, GutKind)
-    found = read_model(folder / "model.toml", kind.name).stages["augmented"]
+    kind, train, holdout, found = _read(out / f"{row['kind']}_{row['effect']}_{row['seed']}")
     start = found | {name: value for name, value in row["truth"].items() if name in found}
     near = narrowing(kind, train, active_effects(found), start, middle_stage(kind), (*NARROW, *FINE))
     end = narrowing(kind, train, active_effects(found), near.theta, kind.final, (*NARROW, *FINE))

@@ -17,10 +17,11 @@ Split = tuple[list[Record], list[Record]]
 _BLOCKS = 40
 _SHAPED = 0.01  # of the logarithm of a cost, the least that a finer shape is worth
 _ONE_BLOCK = 0.1  # of the logarithm of its cost, the most that a block counts for or against a finer shape
-_TOLD = 0.03  # of the training cost, many times what chance takes off it
 _LEAST = 1e-12  # a cost whose logarithm can be taken
 APART = 2.0
 """Standard errors by which one model's blocks lie ahead of another's where the records tell them apart."""
+TOLD = 0.03
+"""Share of the training cost, many times what chance takes off it, that tells a finer shape."""
 NEAR_NOISE = 1.5
 """Cost for each residual up to which a fit counts as one that leaves about the noise."""
 
@@ -75,7 +76,7 @@ def fewest(rows: Sequence[Array], training: Sequence[float]) -> int:
 
     best = int(np.argmin([behind(row, logs[0]).mean() for row in logs]))
     worse = [behind(row, logs[best]) for row in logs]
-    told = [training[best] <= (1 - _TOLD) * cost for cost in training]
+    told = [training[best] <= (1 - TOLD) * cost for cost in training]
     return next(
         k for k, row in enumerate(worse) if row.mean() <= _SHAPED or (ahead(np.zeros_like(row), row) < APART and not told[k])
     )

@@ -11,6 +11,7 @@ from scipy.stats import qmc
 
 from models.effects import BY_ID
 from models.identification.fit import NARROW, Axis, Fit, axes, evaluate_all, narrowing
+from models.identification.judging import NEAR_NOISE
 from models.identification.kind import Kind
 from models.record import Record
 
@@ -22,6 +23,7 @@ _DOUBLINGS = 5.5  # of an amplitude's probe
 _NEAR = 3.0  # scales around a start
 _BASES = 2  # on which effects are drawn anew
 _IN_REACH = 1.3  # times what the last of those that count leaves
+_LOST = 30.0  # times what a model that leaves about the noise does, on a beginning too short to tell less
 
 
 @dataclass(frozen=True)
@@ -102,7 +104,7 @@ def lengthening(
 
 def race(records: Sequence[Record], climbs: Mapping[str, Climb], counting: int, behind: float) -> dict[str, Fit]:
     """Fits on the whole records of those `climbs` that stay in reach of the first `counting` and leave at most `behind` times what the
-    first one does; the rest end on their way."""
+    first one does; the rest end on their way, early those that are lost where another leaves about the noise."""
     running = dict(climbs)
     for number, length, parts in _lengths(records):
         for climb in running.values():
@@ -111,7 +113,11 @@ def race(records: Sequence[Record], climbs: Mapping[str, Climb], counting: int, 
         if length >= _TELLING_S:
             ranked = sorted(costs.values())
             limit = min(_IN_REACH * ranked[min(counting, len(costs)) - 1], behind * ranked[0])
-            running = {name: climb for name, climb in running.items() if costs[name] <= limit}
+        elif number and min(costs.values()) < NEAR_NOISE:
+            limit = _LOST * min(costs.values())
+        else:
+            limit = np.inf
+        running = {name: climb for name, climb in running.items() if costs[name] <= limit}
     return {name: climb.fits[0] for name, climb in running.items()}
 
 

@@ -8,23 +8,22 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from models.effects import BY_ID, REFINEMENTS
-from models.identification.fit import FINE, NARROW, WIDE, Fit, narrowing
+from models.identification.finishing import finished, whole
+from models.identification.fit import FINE, Fit, narrowing
 from models.identification.horizon import predictable, restlessness
-from models.identification.judging import APART, NEAR_NOISE, Split, ahead, block_costs, fewest, judged_cost, training_cost
+from models.identification.judging import APART, NEAR_NOISE, Split, ahead, block_costs, judged_cost
 from models.identification.kind import Kind
+from models.identification.refining import Known, refined, refined_at_last
 from models.identification.screen import Screened, chance, screen
-from models.identification.tournament import Trial, better_without, fair, mend, refit, step_on, tournament, without
+from models.identification.tournament import Trial, fair, refit, step_on, tournament, without
 from models.record import Record
 
 Progress = Callable[[str, float], None]
 
 MOST_EFFECTS = 4
 LEAST_DROP = 0.1
-REFINES = 0.01
 EXPLAINED = 0.6
 CLEAN = 1.5
-_WAYS_DOWN = 3
 _AS_BEFORE = 1.2  # times what the fit on a part leaves there; free curves take long
 
 
@@ -49,6 +48,7 @@ class Search:
     chance_cost: float = 1.0
     restless: float = 0.0
     horizon_s: float = np.inf
+    known: Known = field(default_factory=dict)
 
     @property
     def model(self) -> list[str]:
@@ -68,9 +68,7 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
     progress("calibrating", 0.02)
     splits = kind.folds(train)
     nominal = {p.name: p.value for p in kind.base}
-    last = kind.stages - 1
-    start = refit(kind, train, [], nominal)
-    base = narrowing(kind, train, [], start, last, FINE)
+    base = narrowing(kind, train, [], refit(kind, train, [], nominal), kind.stages - 1, FINE)
     parts = [
         (step_on(kind, part, [], base.theta).theta if kind.free_only else refit(kind, part, [], base.theta)) for part, _ in splits
     ]
@@ -86,12 +84,15 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
             thetas = _named(kind, splits, parts, found, progress, clock, rng)
     progress("fitting the model on all records", 0.85)
     if found.effects:
-        found.refinements, thetas = _refined(kind, splits, thetas, found)
+        found.refinements, thetas = refined(kind, splits, found.effects, thetas, found.known)
+        found.after = _cost(kind, splits, thetas)
         reached = _AS_BEFORE * judged_cost(kind, splits[0][0], thetas[0]) if found.refinements else 0.0
-        start = refit(kind, train, found.model, {**base.theta, **thetas[0]}, max(NEAR_NOISE, reached))
-        found.augmented = narrowing(kind, train, found.model, start, last, FINE)
-    if kind.stages > 1:
-        found.augmented = _finished(kind, train, found.model, found.augmented)
+        start = {**base.theta, **thetas[0]}
+        found.augmented = whole(kind, train, found.model, start, max(NEAR_NOISE, reached))
+        added, found.augmented = refined_at_last(kind, train, found.effects, found.refinements, found.augmented, found.known)
+        found.refinements += added
+    else:
+        found.augmented = finished(kind, train, [], base)
     if found.effects and kind.stages > 1:
         found.restless = restlessness(kind, splits, found.augmented.theta, rng)
     if not found.effects:
@@ -143,19 +144,6 @@ def _named(
     return thetas
 
 
-def _finished(kind: Kind, records: Sequence[Record], effects: Sequence[str], fit: Fit) -> Fit:
-    """`fit` at the kind's final stage, descended anew as long as that helps: where one way down ends another may begin. Wide secants only
-    where more than the noise is left."""
-    widths = FINE if fit.chi2 < NEAR_NOISE else (*WIDE, FINE[-1])
-    best = narrowing(kind, records, effects, fit.theta, kind.final, widths)
-    for _ in range(_WAYS_DOWN):
-        again = narrowing(kind, records, effects, best.theta, kind.final, (NARROW[0], *FINE))
-        if again.cost > (1 - REFINES) * best.cost:
-            return min(best, again, key=lambda fit: fit.cost)
-        best = again
-    return best
-
-
 def _test_again(kind: Kind, splits: Sequence[Split], thetas: list[dict[str, float]], found: Search) -> list[dict[str, float]]:
     """Drops every earlier effect that the later ones made needless: without it the validation records lose no more than chance gives."""
     for effect in found.effects[:-1]:
@@ -167,31 +155,6 @@ def _test_again(kind: Kind, splits: Sequence[Split], thetas: list[dict[str, floa
             found.dropped.append(effect)
             found.after, thetas = cost, shorter
     return thetas
-
-
-def _refined(
-    kind: Kind, splits: Sequence[Split], thetas: list[dict[str, float]], found: Search
-) -> tuple[list[str], list[dict[str, float]]]:
-    """What mends the named effects' own shapes: of the refinements, one after the other, the fewest that do about as well on validation
-    records as the best. Each is held against the model without it as it is from its own base too, for it must not win by a luckier search."""
-    wanted = dict.fromkeys(curve for name in found.effects for curve in BY_ID[name].refined_by)
-    curves = [name for name in wanted if kind.name in BY_ID[name].kinds and name not in found.effects]
-    rows = [thetas]
-    for k, curve in enumerate(curves):
-        model = [*found.effects, *curves[:k]]
-        fit, begin = (mend, _begin(curve)) if BY_ID[curve] in REFINEMENTS else (refit, {})
-        finer = [fit(kind, part, [*model, curve], {**theta, **begin}) for (part, _), theta in zip(splits, rows[-1], strict=True)]
-        rows[-1] = better_without(kind, splits, model, rows[-1], curve, finer)
-        rows.append(finer)
-    blocks = [block_costs(kind, splits, own) for own in rows]
-    number = fewest(blocks, [training_cost(kind, splits, own) for own in rows])
-    found.after = float(blocks[number].mean())
-    return curves[:number], rows[number]
-
-
-def _begin(curve: str) -> dict[str, float]:
-    """Where a refinement's shape begins: first on its grid."""
-    return {f"{curve}.{name}": values[0] for name, values in BY_ID[curve].grid.items()}
 
 
 def _cost(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[str, float]]) -> float:
@@ -212,6 +175,7 @@ def _add(kind: Kind, found: Search, trials: Sequence[Trial]) -> None:
     apart = [z for name, z in rivals.items() if name not in close]
     found.effects.append(best.effect)
     found.gains[best.effect] = best.gain
+    found.known.update(best.companions)
     found.equivalent[best.effect] = tuple(dict.fromkeys((*close, *kind.equivalents.get(best.effect, ()))))
     z = min(apart, default=6.0)
     found.confidence[best.effect] = float(np.clip(1 - 0.5 * np.exp(-0.5 * z**2), 0.5, 0.999))

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from models.effects import BY_ID, REFINEMENTS
 from models.identification.fit import FINE, NARROW, WIDE, Fit, descend, evaluate_all, narrowing
-from models.identification.judging import NEAR_NOISE, Split, block_costs, judged, judged_cost, middle_stage, training_cost
+from models.identification.judging import NEAR_NOISE, TOLD, Split, block_costs, judged, judged_cost, middle_stage, training_cost
 from models.identification.kind import Kind
-from models.identification.lengthening import QUICK, Climb, lengthening, race
+from models.identification.lengthening import BEGINNINGS_S, QUICK, Climb, beginnings, lengthening, race
 from models.identification.screen import Screened
 from models.record import Record
 
@@ -25,13 +25,15 @@ _MULTIPLES = tuple(2.0**k for k in range(6))
 @dataclass(frozen=True)
 class Trial:
     """A model with one more effect: what it adds on validation records, `gain` = ln(cost without/cost with), and its drop for each
-    residual; `thetas` are the fits, one a split, and `blocks` the validation cost by block for comparing trials."""
+    residual; `thetas` are the fits, one a split, `blocks` the validation cost by block for comparing trials, and `companions` the fits of
+    the models with the effect's own companions that were made on the way."""
 
     effect: str
     thetas: tuple[dict[str, float], ...]
     gain: float
     drop: float
     blocks: np.ndarray
+    companions: Mapping[tuple[str, ...], list[dict[str, float]]] = field(default_factory=dict)
 
 
 def tournament(
@@ -50,21 +52,30 @@ def tournament(
     finalists = [name for name in ranking[:FINAL] if fitted[name].cost <= BEHIND * fitted[ranking[0]].cost]
     before = block_costs(kind, splits, thetas)
     trials = [_judge(kind, splits, effects, thetas, name, fitted[name].theta, before) for name in finalists]
-    if trials and min(trial.blocks.mean() for trial in trials) > NEAR_NOISE:
-        trials = [_mended(kind, splits, effects, trial, before) for trial in trials]
+    mendable = min((trial.blocks.mean() for trial in trials), default=0.0) > NEAR_NOISE
+    trials = [_put_right(kind, splits, effects, trial, before, mendable) for trial in trials]
     return sorted(trials, key=lambda trial: -trial.gain)
 
 
-def _mended(kind: Kind, splits: Sequence[Split], effects: Sequence[str], trial: Trial, before: np.ndarray) -> Trial:
-    """`trial` as its own declared companions in the catalogue would leave it, where that is better: of two candidates of which neither
-    is quite right, the one that can be put right."""
-    companions = [name for name in BY_ID[trial.effect].refined_by if name in {effect.id for effect in kind.effects}]
-    if not companions:
+def _put_right(
+    kind: Kind, splits: Sequence[Split], effects: Sequence[str], trial: Trial, before: np.ndarray, mendable: bool
+) -> Trial:
+    """`trial` as its own declared companions in the catalogue would leave it, where it is `mendable` and that is better: of two candidates
+    of which neither is quite right, the one that can be put right. One without companions is looked for from more places where it
+    leaves more than the noise."""
+    model = [*effects, trial.effect]
+    known = {effect.id for effect in kind.effects}
+    companions = [name for name in BY_ID[trial.effect].refined_by if name in known] if mendable else []
+    if companions:
+        model += companions
+        fits = [refit(kind, part, model, theta) for (part, _), theta in zip(splits, trial.thetas, strict=True)]
+        mended = _against(before, trial.effect, tuple(fits), block_costs(kind, splits, fits))
+        trial = replace(trial, companions={tuple(model): fits})
+        return replace(trial, gain=mended.gain, drop=mended.drop, blocks=mended.blocks) if mended.gain > trial.gain else trial
+    if not kind.free_only:
         return trial
-    model = [*effects, trial.effect, *companions]
-    fits = tuple(refit(kind, part, model, theta) for (part, _), theta in zip(splits, trial.thetas, strict=True))
-    mended = _against(before, trial.effect, fits, block_costs(kind, splits, fits))
-    return replace(trial, gain=mended.gain, drop=mended.drop, blocks=mended.blocks) if mended.gain > trial.gain else trial
+    fits = [refit(kind, part, model, theta) for (part, _), theta in zip(splits, trial.thetas, strict=True)]
+    return _against(before, trial.effect, tuple(fits), block_costs(kind, splits, fits))
 
 
 def _entry(
@@ -72,10 +83,10 @@ def _entry(
 ) -> tuple[float, list[dict[str, float]]]:
     """Where the heat of a candidate may start, best first, and what that point costs: after a short fit from each opening, to an observer
     that forgets fast. Where no such observer is to be had (a kind with `free_only`: a strong effect that the free run follows throws its observer out
-    of step) from the best opening at either base, to the free run of the first record, with wide secants."""
+    of step) from the best opening at either base, to the free run of the first record's longest beginning, with wide secants."""
     bases = _begins(kind, theta)
-    part = part[:1] if kind.free_only else part
     if kind.free_only:
+        part = beginnings(part[:1], BEGINNINGS_S[-1])
         openings = [min((_opening(kind, part, (base,), row.effect, start) for start in row.starts), key=_first) for base in bases]
     else:
         openings = [_opening(kind, part, bases, row.effect, start) for start in row.starts]
@@ -143,7 +154,11 @@ def _judge(
         min(({**theta, **own}, dict(start)), key=lambda point: float(judged(kind, part, point).sum())) if i else dict(start)
         for i, ((part, _), theta) in enumerate(zip(splits, thetas, strict=True))
     ]
-    fits = tuple(refit(kind, part, [*effects, name], s) for (part, _), s in zip(splits, starts, strict=True))
+    model = [*effects, name]
+    fits = tuple(
+        step_on(kind, part, model, s).theta if kind.free_only else refit(kind, part, model, s)
+        for (part, _), s in zip(splits, starts, strict=True)
+    )
     return _against(before, name, fits, block_costs(kind, splits, fits))
 
 
@@ -196,10 +211,13 @@ def down_the_stages(
 
 
 def mend(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> dict[str, float]:
-    """A fit with one more free curve: from close by, or on ever longer beginnings where only the free run judges, from more places where
-    the first ones leave more than the noise."""
+    """A fit with one more free curve: from close by, or, where only the free run judges and that leaves more than the noise, on ever longer
+    beginnings, from more places where the first ones leave clearly more."""
     if not kind.free_only:
         return down_the_stages(kind, records, effects, start)
+    near = step_on(kind, records, effects, start).theta
+    if (1 - TOLD) * judged_cost(kind, records, near) <= 1:
+        return near
     quick = lengthening(kind, records, effects, _begins(kind, start), middle_stage(kind), QUICK).theta
     cost = judged_cost(kind, records, quick)
     if cost <= NEAR_NOISE:
@@ -242,5 +260,5 @@ def fair(
     for trial in trials[:2]:
         best = better_without(kind, splits, effects, best, trial.effect, trial.thetas)
     costs = block_costs(kind, splits, best)
-    again_judged = [_against(costs, t.effect, t.thetas, t.blocks) for t in trials]
+    again_judged = [replace(_against(costs, t.effect, t.thetas, t.blocks), companions=t.companions) for t in trials]
     return sorted(again_judged, key=lambda trial: -trial.gain), best

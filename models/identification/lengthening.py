@@ -23,7 +23,6 @@ _DOUBLINGS = 5.5  # of an amplitude's probe
 _NEAR = 3.0  # scales around a start
 _BASES = 2  # on which effects are drawn anew
 _IN_REACH = 1.3  # times what the last of those that count leaves
-_LOST = 30.0  # times what a model that leaves about the noise does, on a beginning too short to tell less
 
 
 @dataclass(frozen=True)
@@ -104,7 +103,8 @@ def lengthening(
 
 def race(records: Sequence[Record], climbs: Mapping[str, Climb], counting: int, behind: float) -> dict[str, Fit]:
     """Fits on the whole records of those `climbs` that stay in reach of the first `counting` and leave at most `behind` times what the
-    first one does; the rest end on their way, early those that are lost where another leaves about the noise."""
+    first one does; the rest end on their way, on shorter beginnings
+    only those that leave `behind` times as much again where the first one leaves about the noise."""
     running = dict(climbs)
     for number, length, parts in _lengths(records):
         for climb in running.values():
@@ -114,7 +114,7 @@ def race(records: Sequence[Record], climbs: Mapping[str, Climb], counting: int, 
             ranked = sorted(costs.values())
             limit = min(_IN_REACH * ranked[min(counting, len(costs)) - 1], behind * ranked[0])
         elif number and min(costs.values()) < NEAR_NOISE:
-            limit = _LOST * min(costs.values())
+            limit = behind**2 * min(costs.values())
         else:
             limit = np.inf
         running = {name: climb for name, climb in running.items() if costs[name] <= limit}

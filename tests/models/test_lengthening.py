@@ -50,11 +50,13 @@ def test_a_candidate_that_leaves_far_more_than_the_first_ends_on_its_way(tmp_pat
     kind = GutKind.from_rig(rig, records)
     nominal = {p.name: p.value for p in kind.base if p.fit}
 
-    def ended(behind: float) -> set[str]:
+    def ended(behind: float) -> tuple[set[str], int]:
         climbs = {
             name: Climb(kind, [name], [nominal], middle_stage(kind), QUICK, name) for name in ("incline_gravity", "actuator_lag")
         }
-        return set(race(records, climbs, 3, behind))
+        return set(race(records, climbs, 3, behind)), climbs["actuator_lag"].fits[0].count
 
-    assert ended(6.0) == {"incline_gravity"}
-    assert ended(np.inf) == {"incline_gravity", "actuator_lag"}
+    assert ended(6.0)[0] == {"incline_gravity"}
+    everyone, whole = ended(np.inf)
+    assert everyone == {"incline_gravity", "actuator_lag"}
+    assert ended(2.0)[1] < 0.4 * whole, "lost where the first one is at the noise: no further than five of sixteen seconds"

@@ -15,11 +15,12 @@ Array = NDArray[np.float64]
 Split = tuple[list[Record], list[Record]]
 
 _BLOCKS = 40
-_SHAPED = 0.01  # of the logarithm of a cost, the least that a finer shape is worth
 _ONE_BLOCK = 0.1  # of the logarithm of its cost, the most that a block counts for or against a finer shape
 _LEAST = 1e-12  # a cost whose logarithm can be taken
 APART = 2.0
 """Standard errors by which one model's blocks lie ahead of another's where the records tell them apart."""
+SHAPED = 0.01
+"""Of the logarithm of a cost, the least that a finer shape is worth."""
 TOLD = 0.03
 """Share of the training cost, many times what chance takes off it, that tells a finer shape."""
 NEAR_NOISE = 1.5
@@ -78,5 +79,5 @@ def fewest(rows: Sequence[Array], training: Sequence[float]) -> int:
     worse = [behind(row, logs[best]) for row in logs]
     told = [training[best] <= (1 - TOLD) * cost for cost in training]
     return next(
-        k for k, row in enumerate(worse) if row.mean() <= _SHAPED or (ahead(np.zeros_like(row), row) < APART and not told[k])
+        k for k, row in enumerate(worse) if row.mean() <= SHAPED or (ahead(np.zeros_like(row), row) < APART and not told[k])
     )

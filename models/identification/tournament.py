@@ -9,7 +9,7 @@ import numpy as np
 
 from models.effects import BY_ID, REFINEMENTS
 from models.identification.fit import FINE, NARROW, WIDE, Fit, descend, evaluate_all, narrowing
-from models.identification.judging import NEAR_NOISE, TOLD, Split, block_costs, judged, judged_cost, middle_stage, training_cost
+from models.identification.judging import NEAR_NOISE, SHAPED, Split, block_costs, judged, judged_cost, middle_stage, training_cost
 from models.identification.kind import Kind
 from models.identification.lengthening import BEGINNINGS_S, QUICK, Climb, beginnings, lengthening, race
 from models.identification.screen import Screened
@@ -211,19 +211,19 @@ def down_the_stages(
 
 
 def mend(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> dict[str, float]:
-    """A fit with one more free curve: from close by, or, where only the free run judges and that leaves more than the noise, on ever longer
-    beginnings, from more places where the first ones leave clearly more."""
+    """The best fit with one more free curve: from close by; where only the free run judges and that leaves more than the noise to a hundredth,
+    on ever longer beginnings too; and from more places where these leave `NEAR_NOISE`."""
     if not kind.free_only:
         return down_the_stages(kind, records, effects, start)
-    near = step_on(kind, records, effects, start).theta
-    if (1 - TOLD) * judged_cost(kind, records, near) <= 1:
-        return near
-    quick = lengthening(kind, records, effects, _begins(kind, start), middle_stage(kind), QUICK).theta
-    cost = judged_cost(kind, records, quick)
-    if cost <= NEAR_NOISE:
-        return quick
-    thorough = _lengthened(kind, records, effects, start)
-    return thorough if judged_cost(kind, records, thorough) < cost else quick
+    fits = [step_on(kind, records, effects, start).theta]
+    costs = [judged_cost(kind, records, fits[0])]
+    if costs[0] > 1 + SHAPED:
+        fits.append(lengthening(kind, records, effects, _begins(kind, start), middle_stage(kind), QUICK).theta)
+        costs.append(judged_cost(kind, records, fits[-1]))
+    if min(costs) > NEAR_NOISE:
+        fits.append(_lengthened(kind, records, effects, start))
+        costs.append(judged_cost(kind, records, fits[-1]))
+    return fits[int(np.argmin(costs))]
 
 
 def step_on(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> Fit:

@@ -21,6 +21,7 @@ from models.effects.exponential_recovery import ExponentialRecovery
 from models.effects.fold_periodic import FoldPeriodic
 from models.effects.further_lag import FurtherLag
 from models.effects.further_lowpass import FurtherLowpass
+from models.effects.further_relaxation import FurtherRelaxation
 from models.effects.guide_friction import GuideFriction
 from models.effects.incline_gravity import InclineGravity
 from models.effects.level_at_creep import LevelAtCreep
@@ -45,6 +46,7 @@ from models.effects.stress_relaxation import StressRelaxation
 from models.effects.stribeck import Stribeck
 from models.effects.string_compliance import StringCompliance
 from models.effects.tissue_drying import TissueDrying
+from models.effects.viscosity_thinning import ViscosityThinning
 from models.effects.viscous_drag import ViscousDrag
 from models.effects.wall_viscosity import WallViscosity
 from models.effects.wave_harmonics import WaveHarmonics
@@ -98,6 +100,8 @@ REFINEMENTS: tuple[type[Effect], ...] = (
     DryingShape,
     FurtherLag,
     FurtherLowpass,
+    FurtherRelaxation,
+    ViscosityThinning,
     WaveHarmonics,
 )
 """Free curves and further orders that mend the shape of a named effect; never candidates."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -23,8 +23,9 @@ class StressRelaxation(Effect):
     states = ("stretch_m",)
     grid = MappingProxyType({"time_s": (0.15, 0.4, 1.0, 3.0, 8.0)})
     probe = 1.0
-    look_alikes = ("viscous_drag", "wall_viscosity", "stribeck")
+    look_alikes: ClassVar[tuple[str, ...]] = ("viscous_drag", "wall_viscosity", "stribeck")
     separated_by = "frequency sweep at fixed amplitude; stop and hold"
+    refined_by: ClassVar[tuple[str, ...]] = ("further_relaxation",)
 
     stiffness_N_per_m: Parameter = Parameter(
         "stiffness_N_per_m", 0.0, "N/m", -30.0, 300.0, "rat gut SLS, WJG 11:4974; five-element model (Kim)", fit=True

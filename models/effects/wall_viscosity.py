@@ -19,6 +19,7 @@ class WallViscosity(Effect):
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     probe = 0.3
     look_alikes = ("viscous_drag", "small_strain_stiffening")
+    refined_by = ("viscosity_thinning",)
     separated_by = "frequency sweep at fixed amplitude; the force while the wall draws back"
 
     viscosity_N_s_per_m: Parameter = Parameter(

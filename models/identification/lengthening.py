@@ -103,8 +103,8 @@ def lengthening(
 
 def race(records: Sequence[Record], climbs: Mapping[str, Climb], counting: int, behind: float) -> dict[str, Fit]:
     """Fits on the whole records of those `climbs` that stay in reach of the first `counting` and leave at most `behind` times what the
-    first one does; the rest end on their way, on shorter beginnings
-    only those that leave `behind` times as much again where the first one leaves about the noise."""
+    first one does; the rest end on their way: on short beginnings only where the first one leaves about the noise and they `behind` times
+    as much again."""
     running = dict(climbs)
     for number, length, parts in _lengths(records):
         for climb in running.values():

@@ -7,12 +7,15 @@ from collections.abc import MutableMapping, Sequence
 import numpy as np
 
 from models.effects import BY_ID, REFINEMENTS
-from models.identification.finishing import whole
-from models.identification.fit import FINE, Fit, evaluate_all, narrowing
+from models.identification.finishing import finished
+from models.identification.fit import FINE, NARROW, Fit, evaluate_all, narrowing
 from models.identification.judging import NEAR_NOISE, TOLD, Split, block_costs, fewest, training_cost
 from models.identification.kind import Kind
 from models.identification.tournament import BEHIND, better_without, mend, refit, without
 from models.record import Record
+
+_CLOSE = 1.25  # floors on the training records, up to which nothing is wanted
+_SHARE = 0.1  # of the reported error on the training records, the least that tells a finer shape
 
 Known = MutableMapping[tuple[str, ...], list[dict[str, float]]]
 """Fits on the parts of the splits by model: its effects and refinements in order."""
@@ -48,26 +51,41 @@ def refined_at_last(
     kind: Kind, records: Sequence[Record], effects: Sequence[str], taken: Sequence[str], fit: Fit, known: Known
 ) -> tuple[list[str], Fit]:
     """The refinements beyond `taken` that `fit`, made at the kind's final stage, still wants, and the best fit: the coarser steps on which
-    shapes are compared may hide one. Looked for from `fit` on, or from a `known` fit on a part where that is better. It must take a clear
-    share of the training cost, also of what is left without it from its own base, and leave about the noise; a fit that leaves `BEHIND`
-    times the noise lacks more than a shape, and a kind with one stage has hidden none."""
+    shapes are compared may hide one. Looked for from `fit` on, or from a `known` fit on a part where that is better, as long as the
+    reported error is not about the noise's. It must take a clear share of the training cost or of the reported error there, also of what
+    is left without it from its own base, and leave about the noise; a fit that leaves `BEHIND` times the noise lacks more than a shape,
+    and a kind with one stage has hidden none."""
     added: list[str] = []
     if kind.stages == 1:
         return added, fit
+    floors = _floors(kind, records, fit)
     for curve in (name for name in _shapes(kind, effects) if name not in taken):
-        if not 1 < (1 - TOLD) * fit.chi2 < BEHIND:
+        if floors < _CLOSE or fit.chi2 > BEHIND:
             break
         model = [*effects, *taken, *added, curve]
         starts = [{**fit.theta, **_begin(curve)}, *known.get(tuple(model), ())]
         costs = [float(r @ r) for r in evaluate_all(kind, records, starts, kind.final)]
-        finer = whole(kind, records, model, starts[int(np.argmin(costs))], fit.chi2)
-        if finer.cost <= (1 - TOLD) * fit.cost and finer.chi2 < NEAR_NOISE:
+        begun = narrowing(kind, records, model, starts[int(np.argmin(costs))], kind.final, NARROW)
+        finer = finished(kind, records, model, begun)
+        left = _floors(kind, records, finer)
+        if finer.chi2 < NEAR_NOISE and _clearly(finer, left, fit, floors):
             again = narrowing(kind, records, model[:-1], without(finer.theta, curve), kind.final, FINE)
-            fit = min(fit, again, key=lambda own: own.cost)
-            if finer.cost <= (1 - TOLD) * fit.cost:
+            if again.cost < fit.cost:
+                fit, floors = again, _floors(kind, records, again)
+            if _clearly(finer, left, fit, floors):
                 added.append(curve)
-                fit = finer
+                fit, floors = finer, left
     return added, fit
+
+
+def _floors(kind: Kind, records: Sequence[Record], fit: Fit) -> float:
+    """The reported error over what the noise leaves of it."""
+    return kind.error(records, [kind.predict(record, fit.theta) for record in records]) / kind.noise_floor(records)
+
+
+def _clearly(finer: Fit, left: float, fit: Fit, floors: float) -> bool:
+    """Whether `finer`, which leaves `left` floors, is clearly better than `fit`."""
+    return finer.cost <= (1 - TOLD) * fit.cost or (finer.cost < fit.cost and left <= (1 - _SHARE) * floors)
 
 
 def _shapes(kind: Kind, effects: Sequence[str]) -> list[str]:

@@ -59,19 +59,26 @@ def learned(kind: Kind, effect: str | None, seed: int, out: Path) -> Path:
     folder = out / f"{kind}_{effect}_{seed}"
     if not (folder / "model.toml").exists():
         make_series(kind, effect, seed, folder)
-        records = [str(folder / f"{name}.csv.gz") for name in TRAIN]
-        words = ["--rig", str(folder / "rig.toml"), "--out", str(folder), "--holdout", str(folder / "holdout.csv.gz"), "--json"]
-        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as said:
-            status = capsule(["close-loop", *records, *words])
-        if status != 0:
-            raise RuntimeError(f"close-loop refused {folder}: {said.getvalue()}")
+    close_series(folder, folder)
     return folder
+
+
+def close_series(folder: Path, out: Path) -> None:
+    """`capsule close-loop` on the series in `folder`, where `out` does not hold a model yet."""
+    if (out / "model.toml").exists():
+        return
+    records = [str(folder / f"{name}.csv.gz") for name in TRAIN]
+    words = ["--rig", str(folder / "rig.toml"), "--out", str(out), "--holdout", str(folder / "holdout.csv.gz"), "--json"]
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as said:
+        status = capsule(["close-loop", *records, *words])
+    if status != 0:
+        raise RuntimeError(f"close-loop refused {folder}: {said.getvalue()}")
 
 
 def run(kind: Kind, effect: str | None, seed: int, out: Path) -> dict[str, Any]:
     """One series made, closed and judged."""
     folder = learned(kind, effect, seed, out)
-    model_kind, _, holdout, theta = _read(folder)
+    model_kind, _, holdout, theta = read_series(folder, folder)
     report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
     allowed = {e["id"]: [e["id"], *e["equivalent"]] for e in report["effects"]}
     first = next(iter(allowed.values()), [])
@@ -89,8 +96,8 @@ def run(kind: Kind, effect: str | None, seed: int, out: Path) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _read(folder: Path) -> tuple[GutKind, list[Record], list[Record], dict[str, float]]:
-    """Of a closed series: the kind, the training and the held-out records, and the model found."""
+def read_series(folder: Path, out: Path) -> tuple[GutKind, list[Record], list[Record], dict[str, float]]:
+    """Of a series in `folder` closed into `out`: the kind, the training and the held-out records, and the model found."""
     rig = read_rig(folder / "rig.toml")
     train = [read_record(folder / f"{name}.csv.gz", rig) for name in TRAIN]
     kind = kind_for(rig, train)
@@ -99,7 +106,7 @@ def _read(folder: Path) -> tuple[GutKind, list[Record], list[Record], dict[str, 
         kind,
         train,
         [read_record(folder / "holdout.csv.gz", rig)],
-        read_model(folder / "model.toml", kind.name).stages["augmented"],
+        read_model(out / "model.toml", kind.name).stages["augmented"],
     )
 
 
@@ -151,7 +158,8 @@ def main() -> None:
 
 
 def _from_the_truth(row: dict[str, Any], out: Path) -> str:
-    kind, train, holdout, found = _read(out / f"{row['kind']}_{row['effect']}_{row['seed']}")
+    folder = out / f"{row['kind']}_{row['effect']}_{row['seed']}"
+    kind, train, holdout, found = read_series(folder, folder)
     start = found | {name: value for name, value in row["truth"].items() if name in found}
     near = narrowing(kind, train, active_effects(found), start, middle_stage(kind), (*NARROW, *FINE))
     end = narrowing(kind, train, active_effects(found), near.theta, kind.final, (*NARROW, *FINE))

@@ -11,18 +11,27 @@ import pytest
 from models.effects.peristaltic_wave import PeristalticWave
 from models.identification.finishing import finished
 from models.identification.fit import Fit
+from models.identification.judging import TOLD
 from models.identification.kind import Array, OneByOne
 from models.identification.refining import refined_at_last
 from models.parameter import Parameter
 from models.record import Record
 
-SAMPLES = 4000
-NOISE, SHAPE, LEVEL, STRANGE = np.random.default_rng(3).standard_normal((4, SAMPLES))
+SAMPLES, SLOW = 4000, 40
+_RNG = np.random.default_rng(3)
+NOISE = _RNG.standard_normal(SAMPLES)
+SHAPE, LEVEL, STRANGE = np.repeat(_RNG.standard_normal((3, SAMPLES // SLOW)), SLOW, axis=1)
 RECORDS = [Record("r", "magnetic", {"t_s": np.linspace(0.0, 40.0, SAMPLES)})]
 
 
+def _slow(signal: Array) -> float:
+    """Rms of what is slow in a signal."""
+    return float(np.sqrt(np.mean(signal.reshape(-1, SLOW).mean(axis=1) ** 2)))
+
+
 class _Seen(OneByOne):
-    """A linear world: noise, a shape that the last stage alone shows, the base's own number, and something that nothing explains."""
+    """A linear world, of which what is slow is reported: noise, a shape that the last stage alone shows, the base's own number, and
+    something that nothing explains."""
 
     name, stages, final, judges = "magnetic", 2, 2, (1,)
     base = (Parameter("level", 1.0, "1", 0.0, 2.0, "test", fit=True),)
@@ -35,6 +44,15 @@ class _Seen(OneByOne):
         shown = self.shape - 5 * theta.get("wave_harmonics.fifth_sin", 0.0)
         seen = NOISE + (stage == self.final) * (shown * SHAPE + self.strange * STRANGE) + (theta.get("level", 1.0) - 1.0) * LEVEL
         return np.asarray(seen)
+
+    def predict(self, record: Record, theta: Mapping[str, float]) -> Array:
+        return self.residual(record, theta, self.final)
+
+    def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
+        return _slow(predictions[0])
+
+    def noise_floor(self, records: Sequence[Record]) -> float:
+        return _slow(NOISE)
 
 
 def _begun(kind: _Seen, level: float) -> Fit:
@@ -51,6 +69,13 @@ def test_a_shape_that_only_the_final_stage_shows_is_taken() -> None:
     added, chi2 = _taken(_Seen(shape=0.4, strange=0.0), level=1.0)
     assert added == ["wave_harmonics"]
     assert chi2 == pytest.approx(1.0, abs=0.03)
+
+
+def test_a_shape_that_the_reported_error_alone_tells_is_taken() -> None:
+    kind = _Seen(shape=0.15, strange=0.0)
+    added, chi2 = _taken(kind, level=1.0)
+    assert _begun(kind, 1.0).chi2 < chi2 / (1 - TOLD)
+    assert added == ["wave_harmonics"]
 
 
 def test_a_fit_at_the_noise_is_left_alone() -> None:

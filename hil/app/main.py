@@ -18,10 +18,10 @@ from threadpoolctl import threadpool_limits
 from typer.core import TyperCommand
 
 from hil.app.console import InterruptionError, output_to_notes, print_json, summary
+from hil.app.start import INTERRUPTED, INTERRUPTION
 from models.parameter import nearest
 
-BAD_INPUT, INTERRUPTED = 2, 130
-INTERRUPTION = "interrupted: no result was written"
+BAD_INPUT = 2
 
 app = typer.Typer(
     name="capsule",
@@ -304,12 +304,3 @@ def _usage(error: typer.TyperException, args: Sequence[str]) -> str:
 def _said(sentence: str, status: int) -> int:
     print("capsule:", " ".join(sentence.split()), file=sys.stderr)
     return status
-
-
-def main() -> None:
-    """Entry point of the program."""
-    sys.exit(run(sys.argv[1:]))
-
-
-if __name__ == "__main__":
-    main()

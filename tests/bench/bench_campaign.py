@@ -40,7 +40,7 @@ def started(path: Path, out: Path, workers: int) -> subprocess.Popen[bytes]:
     command = [
         sys.executable,
         "-m",
-        "hil.app.main",
+        "hil.app.start",
         "campaign",
         str(path),
         "--out",

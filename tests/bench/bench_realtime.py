@@ -230,7 +230,7 @@ def lead_figures(seconds: float, priority: int, load: bool, controller: str) -> 
         burner = subprocess.Popen([sys.executable, "-c", LOAD]) if load else None
         assert plant.stdout is not None
         plant.stdout.readline()
-        command = [sys.executable, "-m", "hil.app.main", "run", str(folder / "rig.toml"), "--log", str(log), "--json"]
+        command = [sys.executable, "-m", "hil.app.start", "run", str(folder / "rig.toml"), "--log", str(log), "--json"]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         plant.terminate()
         truth = json.loads(plant.communicate()[0])
@@ -238,7 +238,7 @@ def lead_figures(seconds: float, priority: int, load: bool, controller: str) -> 
             burner.kill()
             burner.wait()
         replayed = subprocess.run(
-            [sys.executable, "-m", "hil.app.main", "replay", str(log)], capture_output=True, text=True, check=False
+            [sys.executable, "-m", "hil.app.start", "replay", str(log)], capture_output=True, text=True, check=False
         )
         says = dict(json.loads(done.stdout))
         print(

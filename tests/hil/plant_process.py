@@ -12,7 +12,7 @@ from typing import Any
 
 from tests.hil.deployments import PLANT
 
-CAPSULE = (sys.executable, "-m", "hil.app.main")
+CAPSULE = (sys.executable, "-m", "hil.app.start")
 REAL_TIME = "duration_s = 1.5\npriority = 20"
 """With SCHED_FIFO where the system allows it: these tests run beside others."""
 

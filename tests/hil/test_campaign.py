@@ -70,7 +70,7 @@ def untimed(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def started(campaign: Path, out: Path, heard: int = subprocess.DEVNULL) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "hil.app.main", "campaign", str(campaign), "--out", str(out), "--workers", "1"]
+    command = [sys.executable, "-m", "hil.app.start", "campaign", str(campaign), "--out", str(out), "--workers", "1"]
     return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=heard, text=True, start_new_session=True)
 
 

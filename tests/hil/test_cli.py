@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ import pytest
 import hil.app.close_loop as close_loop_module
 import hil.app.model_file as model_file
 import hil.app.write as write_module
+from hil.app import start
 from hil.app.main import run, spread_option
 from hil.app.write import write_files, write_table
 from models.record import Record, read_record
@@ -111,6 +113,20 @@ def test_json_stands_alone_on_standard_output(tmp_path: Path, rig: str, record: 
     assert run(["predict", record, "--rig", rig, "--model", str(model), "--out", str(tmp_path / "p.csv"), "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert (document["rows"], document["stage"], document["rms"]) == (200, "augmented", {"force_N": pytest.approx(0.05)})
+
+
+def test_an_interruption_while_loading_ends_with_a_sentence(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class _Interrupted(ModuleType):
+        def __getattr__(self, name: str) -> None:
+            raise KeyboardInterrupt
+
+    monkeypatch.setitem(sys.modules, "hil.app.main", _Interrupted("hil.app.main"))
+    with pytest.raises(SystemExit) as end:
+        start.main()
+    assert end.value.code == 130
+    assert capsys.readouterr().err == "capsule: interrupted: no result was written\n"
 
 
 @pytest.mark.usefixtures("faked")

@@ -7,7 +7,6 @@ from collections.abc import MutableMapping, Sequence
 import numpy as np
 
 from models.effects import BY_ID, REFINEMENTS
-from models.identification.finishing import finished
 from models.identification.fit import FINE, NARROW, Fit, evaluate_all, narrowing
 from models.identification.judging import NEAR_NOISE, TOLD, Split, block_costs, fewest, training_cost
 from models.identification.kind import Kind
@@ -65,8 +64,7 @@ def refined_at_last(
         model = [*effects, *taken, *added, curve]
         starts = [{**fit.theta, **_begin(curve)}, *known.get(tuple(model), ())]
         costs = [float(r @ r) for r in evaluate_all(kind, records, starts, kind.final)]
-        begun = narrowing(kind, records, model, starts[int(np.argmin(costs))], kind.final, NARROW)
-        finer = finished(kind, records, model, begun)
+        finer = narrowing(kind, records, model, starts[int(np.argmin(costs))], kind.final, (NARROW[0], *FINE))
         left = _floors(kind, records, finer)
         if finer.chi2 < NEAR_NOISE and _clearly(finer, left, fit, floors):
             again = narrowing(kind, records, model[:-1], without(finer.theta, curve), kind.final, FINE)

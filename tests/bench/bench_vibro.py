@@ -152,7 +152,7 @@ def _finite(value: float) -> float | None:
 def main() -> None:
     """Run everything, print and write it."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("bench_vibro"))
+    parser.add_argument("--out", type=Path, default=Path("out/bench_vibro"))
     parser.add_argument("--plants", type=int, default=8)
     given = parser.parse_args()
     drive = designed(gut_model())

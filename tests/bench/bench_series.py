@@ -13,7 +13,7 @@ import tomllib
 from dataclasses import replace
 from pathlib import Path
 
-from models.identification.fit import FINE, NARROW, narrowing
+from models.identification.finishing import whole
 from models.identification.kinds.running import active_effects
 from tests.bench.bench_tracing import close_series, read_series
 
@@ -30,8 +30,7 @@ def line(folder: Path, out: Path) -> str:
     base = tuple(replace(p, value=told[p.name], fit=False) if p.name in told else p for p in kind.base)
     held = replace(kind, base=base)
     effects = active_effects(found)
-    near = narrowing(held, train, effects, found, held.stages - 1, (*NARROW, *FINE))
-    true = {**found, **told, **narrowing(held, train, effects, near.theta, held.final, FINE).theta}
+    true = {**found, **told, **whole(held, train, effects, {**found, **told}).theta}
     left = kind.error(holdout, [kind.predict(record, true) for record in holdout])
     within = all(low <= value <= high for name, value in told.items() for low, high in [report["calibration"][name]["ci95"]])
     errors = report["error"]["holdout"]

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Final
 
-import numpy as np
-
 from plant.compiling import compiled
 from plant.hidden.registry import ROWS
 from plant.tables import Floats
@@ -18,7 +16,10 @@ _STRING: Final = ROWS["string_compliance"]
 
 @compiled
 def _any(h: Floats, rows: tuple[int, int]) -> bool:
-    return bool(np.any(h[rows[0] : rows[1], 0] != 0.0))
+    found = False
+    for row in range(rows[0], rows[1]):
+        found |= h[row, 0] != 0.0
+    return found
 
 
 @compiled

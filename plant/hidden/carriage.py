@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Final
 
-import numpy as np
-
 from plant.compiling import compiled
 from plant.hidden.registry import LAG_SHARES, ROWS
 from plant.tables import Floats
@@ -16,27 +14,23 @@ CARRIAGE_NUMBERS: Final = 2 + len(LAG_SHARES)
 
 
 @compiled
-def _lags(values: Floats, dt: float, time: float, memory: Floats) -> Floats:
-    out = np.empty_like(values)
+def _lags(values: Floats, dt: float, time: float, memory: Floats) -> None:
     for k in range(values.shape[0]):
         value = values[k]
         for i in range(len(LAG_SHARES)):
             memory[2 + i] += dt / (LAG_SHARES[i] * time + dt) * (value - memory[2 + i])
             value = memory[2 + i]
-        out[k] = value
-    return out
+        values[k] = value
 
 
 @compiled
-def _rounded_play(values: Floats, width: float, memory: Floats) -> Floats:
-    out = np.empty_like(values)
+def _rounded_play(values: Floats, width: float, memory: Floats) -> None:
     for k in range(values.shape[0]):
         change = values[k] - memory[1]
         memory[1] = values[k]
         ahead = (values[k] - memory[0]) / width if change > 0 else (memory[0] - values[k]) / width
         memory[0] += change * min(max(0.5 + ahead, 0.0), 1.0) ** 3
-        out[k] = memory[0]
-    return out
+        values[k] = memory[0]
 
 
 def real_drive(values: Floats, dt: float, h: Floats, memory: Floats) -> Floats:
@@ -45,8 +39,9 @@ def real_drive(values: Floats, dt: float, h: Floats, memory: Floats) -> Floats:
     In the play the carriage follows with the third power of the distance to its end. `memory` (`CARRIAGE_NUMBERS`, the first
     values at rest) carries over from call to call and is changed in place.
     """
+    arrived = values.copy()
     if h[LAG, 0] != 0.0:
-        values = _lags(values, dt, h[LAG, 0], memory)
+        _lags(arrived, dt, h[LAG, 0], memory)
     if h[BACKLASH, 0] != 0.0:
-        values = _rounded_play(values, h[BACKLASH, 0], memory)
-    return values
+        _rounded_play(arrived, h[BACKLASH, 0], memory)
+    return arrived

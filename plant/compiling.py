@@ -6,10 +6,11 @@ import hashlib
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from numba import njit
 
+_OPTIONS: Final[dict[str, Any]] = {"cache": True, "nogil": True, "error_model": "numpy", "forceinline": True, "_nrt": False}
 F = TypeVar("F", bound=Callable[..., Any])
 
 
@@ -31,7 +32,7 @@ def compiled(function: F) -> F:
     Without numba's memory manager (`_nrt`) no array can be made inside, nor are references counted at each call: that took three
     quarters of a step's time.
     """
-    dispatcher: Any = njit(cache=True, nogil=True, error_model="numpy", forceinline=True, _nrt=False)(function)
+    dispatcher: Any = njit(**_OPTIONS)(function)
     stored = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
     if stored is not None and hasattr(stored, "_source_stamp"):
         stored._source_stamp = source_digest()

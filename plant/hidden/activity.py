@@ -18,7 +18,7 @@ _STRING: Final = ROWS["string_compliance"]
 def _any(h: Floats, rows: tuple[int, int]) -> bool:
     found = False
     for row in range(rows[0], rows[1]):
-        found |= h[row, 0] != 0.0
+        found = found or h[row, 0] != 0.0
     return found
 
 

@@ -63,19 +63,17 @@ def _put_right(
     """`trial` as its own declared companions in the catalogue would leave it, where it is `mendable` and that is better: of two candidates
     of which neither is quite right, the one that can be put right. One without companions is looked for from more places where it
     leaves more than the noise."""
-    model = [*effects, trial.effect]
     known = {effect.id for effect in kind.effects}
     companions = [name for name in BY_ID[trial.effect].refined_by if name in known] if mendable else []
-    if companions:
-        model += companions
-        fits = [refit(kind, part, model, theta) for (part, _), theta in zip(splits, trial.thetas, strict=True)]
-        mended = _against(before, trial.effect, tuple(fits), block_costs(kind, splits, fits))
-        trial = replace(trial, companions={tuple(model): fits})
-        return replace(trial, gain=mended.gain, drop=mended.drop, blocks=mended.blocks) if mended.gain > trial.gain else trial
-    if not kind.free_only:
+    if not companions and not kind.free_only:
         return trial
+    model = [*effects, trial.effect, *companions]
     fits = [refit(kind, part, model, theta) for (part, _), theta in zip(splits, trial.thetas, strict=True)]
-    return _against(before, trial.effect, tuple(fits), block_costs(kind, splits, fits))
+    again = _against(before, trial.effect, tuple(fits), block_costs(kind, splits, fits))
+    if not companions:
+        return again
+    trial = replace(trial, companions={tuple(model): fits})
+    return replace(trial, gain=again.gain, drop=again.drop, blocks=again.blocks) if again.gain > trial.gain else trial
 
 
 def _entry(

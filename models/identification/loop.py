@@ -14,7 +14,7 @@ from models.identification.horizon import predictable, restlessness
 from models.identification.judging import APART, NEAR_NOISE, Split, ahead, block_costs, judged_cost
 from models.identification.kind import Kind
 from models.identification.refining import Known, refined, refined_at_last
-from models.identification.screen import Screened, chance, screen
+from models.identification.screen import Screened, chance, for_chance, screen
 from models.identification.tournament import Trial, fair, refit, step_on, tournament, without
 from models.record import Record
 
@@ -112,7 +112,7 @@ def _named(
 ) -> list[dict[str, float]]:
     """Effects added to `found` one at a time while validation records gain beyond what chance gives; the fits on the splits' parts."""
     progress("what chance looks like", 0.15)
-    found.threshold, found.detectable, found.chance_cost = chance(kind, splits[0][0][:1], parts[0], rng)
+    found.threshold, found.detectable, found.chance_cost = chance(kind, for_chance(kind, splits[0][0]), parts[0], rng)
     found.threshold = max(found.threshold, kind.least_gain)
     clock.note("chance", found)
     found.before = found.after = _cost(kind, splits, parts)

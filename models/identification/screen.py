@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from models.columns import TIME
 from models.effects.effect import Effect
 from models.identification.fit import FINE, Problem, axes, descend, evaluate_all, narrowing
 from models.identification.judging import NEAR_NOISE, judged_cost, middle_stage
@@ -18,6 +19,7 @@ from models.record import Record
 Array = NDArray[np.float64]
 _PLACES = 24
 _FEW = 2
+_IMITATED_S = 5.0
 _IMITATIONS = 2
 _SECANT = 0.1
 
@@ -137,6 +139,15 @@ def screen(
 def _joined(a: Screened, b: Screened) -> Screened:
     better = a if a.share >= b.share else b
     return replace(better, starts=(*a.starts, *b.starts))
+
+
+def for_chance(kind: Kind, part: Sequence[Record]) -> list[Record]:
+    """Which records of `part` are imitated: time series that are judged through observers take long, so the first ones that make a few
+    seconds; of all else every one, for each alone tells little."""
+    if kind.stages == 1 or any(TIME not in record.columns for record in part):
+        return list(part)
+    ends = np.cumsum([np.ptp(record[TIME]) for record in part])
+    return list(part[: 1 + int(np.searchsorted(ends, _IMITATED_S))])
 
 
 def chance(

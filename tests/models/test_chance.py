@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 
 from models.identification.judging import judged_cost
+from models.identification.kinds.axis import AxisKind
 from models.identification.kinds.gut import GutKind
-from models.identification.screen import chance
+from models.identification.screen import chance, for_chance
 from models.record import Record, read_record
 from models.rig import read_rig
 from plant.series import make_series
@@ -34,3 +35,15 @@ def test_a_tooth_that_the_model_itself_misses_does_not_count_as_chance(tmp_path:
     truth = {p.name: float(answer[p.name]) for p in kind.base if p.fit}
     assert judged_cost(kind, [kind.imitate(records[0], truth, np.random.default_rng(0))], truth) > 2.0
     assert chance(kind, records, truth, np.random.default_rng(0))[2] < 1.2
+
+
+def test_chance_is_told_from_enough_of_the_records() -> None:
+    """A piece of a stage's motion goes one way only, in which an asymmetry is an offset; a second of a gut record is as little."""
+    t = np.arange(0, 12.0, 1e-3)
+    still = Record("made", "axis", {"t_s": t, "position_m": 0.05 * np.cos(2 * np.pi * t / 3), "force_N": np.sin(t)})
+    part = AxisKind.around(force_std_N=1.0).folds([still])[0][0]
+    assert for_chance(AxisKind.around(), part) == part
+    seconds = [still.rows(slice(0, 1000 * n)) for n in (2, 3, 4, 5)]
+    assert len(for_chance(replace(AxisKind.around(), stages=2), seconds)) == 3
+    assert len(for_chance(replace(AxisKind.around(), stages=2), seconds[::-1])) == 2
+    assert len(for_chance(replace(AxisKind.around(), stages=2), seconds[:1])) == 1

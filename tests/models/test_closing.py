@@ -78,6 +78,9 @@ def test_the_measured_axis_lacks_asymmetry(shared: Path) -> None:
     assert "stribeck" not in [effect.id for effect in finding.effects]
     assert finding.error["train"]["calibrated"] == pytest.approx(4.04, abs=0.1)
     assert finding.error["holdout"]["calibrated"] == pytest.approx(5.95, abs=0.1)
+    assert "sensor_delay" in [effect.id for effect in finding.effects]
+    assert finding.error["holdout"]["augmented"] < 4.2
+    assert finding.smallest_detectable["directional_asymmetry"] < 0.01  # it is 0.17
     assert finding.error["holdout"]["augmented"] < 5.4
 
 

@@ -13,6 +13,7 @@ from models.effects.tissue_drying import TissueDrying
 from models.parameter import Parameter
 
 _SOURCE = "no law: a drift settles as it likes"
+_MINUTE_S = 60.0
 
 
 def _term(name: str) -> Parameter:
@@ -21,7 +22,7 @@ def _term(name: str) -> Parameter:
 
 @dataclass(frozen=True)
 class DryingShape(Effect):
-    """Level `1 + d u^3 + e u^4 + f u^5`, `u = s/t_s` the share of its settling that the drying's time s has gone; never below 0.05."""
+    """Level `1 + d u^3 + e u^4 + f u^5`, `u = s/s(60 s)` the drying's own time s in what a minute makes of it; never below 0.05."""
 
     id = "drying_shape"
     summary = "the finer shape of a drift of the resistance"
@@ -37,5 +38,5 @@ class DryingShape(Effect):
     fifth: Parameter = _term("fifth")
 
     def level(self, s: Signals, p: Values, z: Values) -> Any:
-        u = settling_time(s.t, p) / p["settling_s"]
+        u = settling_time(s.t, p) / settling_time(_MINUTE_S, p)
         return np.maximum(1 + (p["third"] + (p["fourth"] + p["fifth"] * u) * u) * u**3, 0.05)

@@ -11,8 +11,9 @@ from models.effects import BY_ID
 from models.identification.checks import residual_checks
 from models.identification.intervals import intervals
 from models.identification.judging import NEAR_NOISE
+from models.identification.kind import EXPLAINED
 from models.identification.kinds import AnyKind, kind_for, ready
-from models.identification.loop import CLEAN, EXPLAINED, Search, search
+from models.identification.loop import CLEAN, Search, search
 from models.identification.model import Model
 from models.identification.result import STAGES, CandidateRow, Estimate, Finding, FoundEffect, Trace
 from models.identification.telling import check_parts, check_records
@@ -36,7 +37,8 @@ def close(
     found = search(kind, train, progress, np.random.default_rng(seed))
     thetas = _stage_values(kind, found)
     progress("held-out records", 0.95)
-    verdict = verdict_of(found)
+    checks = residual_checks(kind, train, found.augmented, found.chance_cost)
+    verdict = verdict_of(found, EXPLAINED if checks[0].ok else kind.named_share)
     errors = {
         part: {stage: kind.error(records, [kind.predict(r, thetas[stage]) for r in records]) for stage in STAGES}
         if records
@@ -56,7 +58,7 @@ def close(
         nominal=thetas["nominal"],
         error=errors,
         noise_floor=kind.noise_floor(holdout or train),
-        checks=residual_checks(kind, train, found.augmented, found.chance_cost),
+        checks=checks,
         candidates=tuple(_rows(found)),
         smallest_detectable=found.detectable,
         next_experiment=kind.next_experiment(thetas["augmented"], train),
@@ -80,13 +82,13 @@ def _stage_values(kind: AnyKind, found: Search) -> dict[str, dict[str, float]]:
     }
 
 
-def verdict_of(found: Search) -> str:
-    """`named` where the effects explain what was left; without any, `none` where no more is left than chance and about the noise leave;
-    else `unknown`."""
+def verdict_of(found: Search, share: float) -> str:
+    """`named` where the effects explain what was left, or a `share` of it; without any, `none` where no more is left than chance and about
+    the noise leave; else `unknown`."""
     if not found.effects:
         return "none" if found.after < CLEAN * min(found.chance_cost, NEAR_NOISE) else "unknown"
     clean = found.after < CLEAN * max(found.chance_cost, found.restless)
-    return "named" if clean or found.explained >= EXPLAINED else "unknown"
+    return "named" if clean or found.explained >= share else "unknown"
 
 
 def _effect(name: str, found: Search, spread: Mapping[str, Estimate]) -> FoundEffect:

@@ -16,6 +16,9 @@ Array = NDArray[np.float64]
 Theta = Mapping[str, float]
 """Values of the base parameters by name and of effect parameters by `effect_id.name`; an effect with no entry is absent."""
 
+EXPLAINED = 0.6
+"""Share of the misfit beyond chance that effects take away where they count as what was missing."""
+
 
 class Kind(Protocol):
     """One kind of rig with the experimenter's beliefs: free-running prediction, criterion, reported error.
@@ -78,6 +81,12 @@ class Kind(Protocol):
     def next_share(self) -> float:
         """Share of the first effect's gain that a further effect must bring: small where a law can be exact, larger where a form that
         fits badly would call for others to mend it."""
+        ...
+
+    @property
+    def named_share(self) -> float:
+        """Share of the misfit that the effects must take away for a verdict where clearly more is left than the model would leave of itself:
+        large where the base's laws are exact, `EXPLAINED` where they are not all known."""
         ...
 
     @property

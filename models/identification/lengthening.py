@@ -102,9 +102,9 @@ def lengthening(
 
 
 def race(records: Sequence[Record], climbs: Mapping[str, Climb], counting: int, behind: float) -> dict[str, Fit]:
-    """Fits on the whole records of those `climbs` that stay in reach of the first `counting` and leave at most `behind` times what the
-    first one does; the rest end on their way: on short beginnings only where the first one leaves about the noise and they `behind` times
-    as much again."""
+    """Fits on the whole records of those `climbs` that stay in reach of the first `counting`, or are declared look-alikes of the first one,
+    and leave at most `behind` times what the first one does; the rest end on their way: on short beginnings only where the first one
+    leaves about the noise and they `behind` times as much again."""
     running = dict(climbs)
     for number, length, parts in _lengths(records):
         for climb in running.values():
@@ -112,12 +112,15 @@ def race(records: Sequence[Record], climbs: Mapping[str, Climb], counting: int, 
         costs = {name: climb.fits[0].chi2 for name, climb in running.items()}
         if length >= _TELLING_S:
             ranked = sorted(costs.values())
-            limit = min(_IN_REACH * ranked[min(counting, len(costs)) - 1], behind * ranked[0])
+            reach, limit = _IN_REACH * ranked[min(counting, len(costs)) - 1], behind * ranked[0]
         elif number and min(costs.values()) < NEAR_NOISE:
-            limit = behind**2 * min(costs.values())
+            reach = limit = behind**2 * min(costs.values())
         else:
-            limit = np.inf
-        running = {name: climb for name, climb in running.items() if costs[name] <= limit}
+            reach = limit = np.inf
+        alike = BY_ID[min(costs, key=lambda name: costs[name])].look_alikes
+        running = {
+            name: climb for name, climb in running.items() if costs[name] <= limit and (costs[name] <= reach or name in alike)
+        }
     return {name: climb.fits[0] for name, climb in running.items()}
 
 

@@ -12,7 +12,7 @@ from models.identification.finishing import finished, whole
 from models.identification.fit import FINE, Fit, narrowing
 from models.identification.horizon import predictable, restlessness
 from models.identification.judging import APART, NEAR_NOISE, Split, ahead, block_costs, judged_cost
-from models.identification.kind import Kind
+from models.identification.kind import EXPLAINED, Kind
 from models.identification.refining import Known, refined, refined_at_last
 from models.identification.screen import Screened, chance, for_chance, screen
 from models.identification.tournament import Trial, fair, refit, step_on, tournament, without
@@ -22,7 +22,6 @@ Progress = Callable[[str, float], None]
 
 MOST_EFFECTS = 4
 LEAST_DROP = 0.1
-EXPLAINED = 0.6
 CLEAN = 1.5
 _AS_BEFORE = 1.2  # times what the fit on a part leaves there; free curves take long
 

@@ -43,13 +43,19 @@ def tournament(
     thetas: Sequence[Mapping[str, float]],
     screened: Sequence[Screened],
 ) -> list[Trial]:
-    """Joint fits of `effects` and one more, from short ones of every candidate to full ones of the best three; best gain first."""
+    """Joint fits of `effects` and one more, from short ones of every candidate to full ones of the best three and of the declared
+    look-alikes of the best; best gain first."""
     part = splits[0][0]
     entries = {row.effect: _entry(kind, part, effects, thetas[0], row) for row in screened}
     entered = sorted(entries, key=lambda name: entries[name][0])
     fitted = _heats(kind, part, effects, {name: entries[name][1] for name in _with_look_alikes(kind, entered)})
     ranking = sorted(fitted, key=lambda name: fitted[name].cost)
-    finalists = [name for name in ranking[:FINAL] if fitted[name].cost <= BEHIND * fitted[ranking[0]].cost]
+    alike = BY_ID[ranking[0]].look_alikes
+    finalists = [
+        name
+        for k, name in enumerate(ranking)
+        if fitted[name].cost <= BEHIND * fitted[ranking[0]].cost and (k < FINAL or name in alike)
+    ]
     before = block_costs(kind, splits, thetas)
     trials = [_judge(kind, splits, effects, thetas, name, fitted[name].theta, before) for name in finalists]
     mendable = min((trial.blocks.mean() for trial in trials), default=0.0) > NEAR_NOISE

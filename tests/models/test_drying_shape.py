@@ -23,9 +23,9 @@ def level(values: Array) -> Array:
     return np.asarray(Active((TissueDrying, DryingShape), p, {}).product("level", Signals(t=TIME)))
 
 
-def left(count: int) -> float:
-    """Largest difference from `1 + a (1 - exp(-t/T))` of the best level with the first `count` parameters."""
-    drying = 1 + EXCESS * (1 - np.exp(-TIME / SETTLES_S))
+def left(count: int, power: float = 1.0) -> float:
+    """Largest difference from `1 + a (1 - exp(-(t/T)^power))` of the best level with the first `count` parameters."""
+    drying = 1 + EXCESS * (1 - np.exp(-((TIME / SETTLES_S) ** power)))
     start = np.array([0.02, 0.0, 30.0, 0.0, 0.0, 0.0])[:count]
     scale = np.array([1e-3, 1e-4, 10.0, 0.01, 0.01, 0.01])[:count]
     fit = least_squares(lambda x: level(x) - drying, start, x_scale=scale, bounds=([-1, -1, 5, -1, -1, -1][:count], np.inf))
@@ -38,3 +38,7 @@ def test_it_begins_with_nothing() -> None:
 
 def test_with_it_an_exponential_drift_is_met_to_a_tenth_of_what_the_drift_alone_leaves() -> None:
     assert left(6) < 0.1 * left(3)
+
+
+def test_with_it_a_drift_that_begins_slowly_and_does_not_settle_as_the_drying_alone_would_is_met_as_well() -> None:
+    assert left(6, 1.7) < 0.1 * left(3, 1.7)

@@ -20,4 +20,13 @@ def test_nothing_is_missing_only_where_chance_and_about_the_noise_explain_what_i
     after: float, chance: float, said: str
 ) -> None:
     """A model whose own predictions its fits miss by far leaves that much with and without an effect."""
-    assert verdict_of(Search(FIT, FIT, after=after, chance_cost=chance)) == said
+    assert verdict_of(Search(FIT, FIT, after=after, chance_cost=chance), 0.9) == said
+
+
+@pytest.mark.parametrize(
+    ("after", "share", "said"), [(1.4, 0.9, "named"), (5.0, 0.9, "unknown"), (5.0, 0.6, "named"), (2.5, 0.9, "named")]
+)
+def test_an_effect_that_leaves_clearly_more_than_the_noise_is_named_by_its_share(after: float, share: float, said: str) -> None:
+    """Another effect with a like shape takes most of the misfit away too, but not what is its own."""
+    found = Search(FIT, FIT, effects=["stress_relaxation"], before=28.0, after=after)
+    assert verdict_of(found, share) == said

@@ -59,6 +59,7 @@ class GutKind:
     effects: tuple[type[Effect], ...] = ()
     slow_view: bool = True
     next_share: float = 0.6
+    named_share: float = 0.9
     least_gain: float = 0.4
     equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
     measure: str = "rms of the free-running prediction, low-passed at 2 Hz"

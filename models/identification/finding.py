@@ -20,6 +20,8 @@ from models.identification.telling import check_parts, check_records
 from models.record import Record
 from models.rig import Rig
 
+_AS_LIKELY_AS_NOT = 0.5  # that an effect which explains but a part is there: what is unknown may look like it
+
 
 def close(
     rig: Rig, train: Sequence[Record], holdout: Sequence[Record], progress: Callable[[str, float], None], seed: int = 0
@@ -53,7 +55,7 @@ def close(
         unit=kind.unit,
         measure=kind.measure,
         verdict=verdict,
-        effects=tuple(_effect(name, found, spread) for name in found.effects),
+        effects=tuple(_effect(name, found, spread, verdict) for name in found.effects),
         calibration={name: estimate for name, estimate in spread.items() if "." not in name},
         nominal=thetas["nominal"],
         error=errors,
@@ -91,9 +93,10 @@ def verdict_of(found: Search, share: float) -> str:
     return "named" if clean or found.explained >= share else "unknown"
 
 
-def _effect(name: str, found: Search, spread: Mapping[str, Estimate]) -> FoundEffect:
+def _effect(name: str, found: Search, spread: Mapping[str, Estimate], verdict: str) -> FoundEffect:
     parameters = {key.split(".", 1)[1]: value for key, value in spread.items() if key.startswith(name + ".")}
-    return FoundEffect(name, found.equivalent[name], parameters, found.gains[name], found.confidence[name])
+    sure = found.confidence[name] if verdict == "named" else min(found.confidence[name], _AS_LIKELY_AS_NOT)
+    return FoundEffect(name, found.equivalent[name], parameters, found.gains[name], sure)
 
 
 def _rows(found: Search) -> list[CandidateRow]:

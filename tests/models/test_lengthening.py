@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from models.identification.fit import evaluate
+from models.identification.fit import Fit, evaluate
 from models.identification.judging import middle_stage
 from models.identification.kinds.gut import GutKind
 from models.identification.lengthening import QUICK, Climb, lengthening, race
-from models.record import read_record
-from models.rig import read_rig
+from models.record import Record, read_record
+from models.rig import parse_rig, read_rig
 from plant.series import make_series
+from tests.rig_texts import GUT
+
+MAGNETIC = f"""{GUT}
+[rig]
+kind = "magnetic"
+magnet_stiffness_N_per_m = 25.0
+magnet_range_m = 0.02
+"""
 
 
 def test_a_base_and_a_force_far_off_are_found(tmp_path: Path) -> None:
@@ -60,3 +70,32 @@ def test_a_candidate_that_leaves_far_more_than_the_first_ends_on_its_way(tmp_pat
     everyone, whole = ended(np.inf)
     assert everyone == {"incline_gravity", "actuator_lag"}
     assert ended(2.0)[1] < 0.4 * whole, "lost where the first one is at the noise: no further than five of sixteen seconds"
+
+
+@dataclass
+class Told(Climb):
+    """Leaves what it is told, at every length."""
+
+    leaves: float = 1.0
+
+    def on(self, number: int, length: float, records: Sequence[Record]) -> None:
+        """Looks for nothing."""
+        self.fits = [Fit({}, self.leaves, 1, np.zeros((1, 0)), np.ones(1))]
+
+
+def test_declared_look_alikes_of_the_first_stay_where_rivals_that_leave_less_would_put_them_out() -> None:
+    """Behind a magnet a force, a bias and an asymmetry leave much the same: only the last fit tells, if any."""
+    t = np.arange(0, 16.0, 0.002)
+    record = Record("made", "magnetic", {"t_s": t, "carriage_position_m": 0 * t, "position_m": 0 * t})
+    kind = GutKind.from_rig(parse_rig(tomllib.loads(MAGNETIC)), [record])
+    leaves = {
+        "incline_gravity": 3.4,
+        "peristaltic_wave": 4.3,
+        "sensor_bias": 4.7,
+        "directional_asymmetry": 6.4,
+        "respiration": 6.5,
+    }
+    climbs = {name: Told(kind, [name], [{}], 0, QUICK, leaves=cost) for name, cost in leaves.items()}
+    assert set(race([record], climbs, 3, 6.0)) == set(leaves) - {"respiration"}
+    climbs["directional_asymmetry"].leaves = 21.0
+    assert "directional_asymmetry" not in race([record], climbs, 3, 6.0)

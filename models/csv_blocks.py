@@ -162,6 +162,7 @@ class _Parser:
                 got = " ".join(str(error).split())
                 raise ValueError(f"{self.where}, lines {numbers[0]} to {numbers[-1]}: rows must be numbers; got: {got}") from None
         if values.shape != (len(lines), len(self.header)):
+            self._inspect(numbers, lines)
             raise ValueError(
                 f"{self.where}, lines {numbers[0]} to {numbers[-1]}: rows must be plain numbers; got an unbalanced quote"
             )

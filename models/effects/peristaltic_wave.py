@@ -16,7 +16,8 @@ _SPEED = "contractions that travel at 5 to 20 mm/s, 8.6 to 12.5 a minute"
 
 @dataclass(frozen=True)
 class PeristalticWave(ForceInTime):
-    """Force `A sin(2 pi (f t - k x) + phi)` along +x; it travels at `f/k`, along +x where both have one sign.
+    """Force `A (sin q + o)` and harmonics of q along +x, `q = 2 pi (f t - k x) + phi`; it travels at `f/k`, along +x where both have one
+    sign.
 
     The wave number, unlike the speed, passes smoothly through the wave that stands everywhere at once (k = 0) to one that comes back.
     """

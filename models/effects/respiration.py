@@ -10,7 +10,7 @@ from models.effects.force_in_time import ForceInTime, frequencies
 
 @dataclass(frozen=True)
 class Respiration(ForceInTime):
-    """Force `A sin(2 pi f t + phi)` along +x."""
+    """Force `A (sin q + o)` and harmonics of q along +x, `q = 2 pi f t + phi`."""
 
     id = "respiration"
     summary = "a force periodic in time, the same everywhere"

@@ -101,7 +101,10 @@ def test_further_columns_are_kept_where_they_hold_numbers(tmp_path: Path) -> Non
         (HEADER + ROWS.replace("0.0015,", ","), "line 17: position_m must be a finite number; got ''"),
         (HEADER + ROWS.replace("0.0015,", "inf,"), "line 17: position_m must be a finite number; got inf"),
         (HEADER + ROWS.replace("0.0015,", ""), "line 17: row must have 3 values as the header has; got 2"),
-        (HEADER + "".join(",".join(["1.0"] * 300) + "\n" for _ in range(3)), "line 2: row must have 3 values as the header has; got 300"),
+        (
+            HEADER + "".join(",".join(["1.0"] * 300) + "\n" for _ in range(3)),
+            "line 2: row must have 3 values as the header has; got 300",
+        ),
         ("\n" + HEADER + "\n" + ROWS.replace("0.0015,", "x,"), "line 19: position_m"),
         ((HEADER + ROWS).encode("utf-16"), "UTF-16"),
         (b"\0" * 3_000_000, "line 1: line must be shorter"),

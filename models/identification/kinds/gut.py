@@ -30,7 +30,7 @@ LOW_PASS_HZ = 2.0
 _PER_PERIOD = 10  # samples that the slow view keeps of a period of its cut-off
 _FORESIGHTS = (
     (0.03, "one step ahead of an observer that forgets within 0.03 s"),
-    (0.5, "ahead of one that forgets within half a second"),
+    (0.5, "ahead of an observer that forgets within half a second"),
     (None, "in a free run"),
 )
 _TAIL = 8.0  # standard deviations beyond which a difference counts ever less: samples at a jump of the speed
@@ -205,9 +205,10 @@ class GutKind:
         return out | {"gap_m": record[self.drive.commanded] - x}
 
     def statements(self, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:
-        """Sentences for the report: about the sensor, and the error over short, middle and unlimited foresight."""
+        """Sentences for the report: about the sensor, and the error over short, middle and unlimited foresight. Short ones tell nothing of a
+        kind with `free_only`: an observer that follows the noise of a position is thrown out of step by it."""
         said = statements_of(self.drive, self.noise_std, self.unit)
-        for memory, words in _FORESIGHTS:
+        for memory, words in _FORESIGHTS[1:] if self.free_only else _FORESIGHTS:
             rms = (f"{self._rms(records, theta, memory):.3g} {self.unit} {stage}" for stage, theta in theta_by_stage.items())
             said.append(f"Rms on the training records, {words}: {', '.join(rms)}.")
         return said

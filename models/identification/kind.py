@@ -149,6 +149,7 @@ class OneByOne:
 
     lanes: ClassVar[int] = 1
     free_only: ClassVar[bool] = False
+    named_share: ClassVar[float] = EXPLAINED
 
     def residuals(self: _Residual, record: Record, thetas: Sequence[Theta], stage: int = 0) -> list[Array]:
         """`residual` at several points."""

@@ -17,14 +17,6 @@ from models.identification.lengthening import QUICK, Climb, lengthening, race
 from models.record import Record, read_record
 from models.rig import parse_rig, read_rig
 from plant.series import make_series
-from tests.rig_texts import GUT
-
-MAGNETIC = f"""{GUT}
-[rig]
-kind = "magnetic"
-magnet_stiffness_N_per_m = 25.0
-magnet_range_m = 0.02
-"""
 
 
 def test_a_base_and_a_force_far_off_are_found(tmp_path: Path) -> None:
@@ -83,11 +75,13 @@ class Told(Climb):
         self.fits = [Fit({}, self.leaves, 1, np.zeros((1, 0)), np.ones(1))]
 
 
-def test_declared_look_alikes_of_the_first_stay_where_rivals_that_leave_less_would_put_them_out() -> None:
+def test_declared_look_alikes_of_the_first_stay_where_rivals_that_leave_less_would_put_them_out(
+    rig_text: str,
+) -> None:
     """Behind a magnet a force, a bias and an asymmetry leave much the same: only the last fit tells, if any."""
     t = np.arange(0, 16.0, 0.002)
     record = Record("made", "magnetic", {"t_s": t, "carriage_position_m": 0 * t, "position_m": 0 * t})
-    kind = GutKind.from_rig(parse_rig(tomllib.loads(MAGNETIC)), [record])
+    kind = GutKind.from_rig(parse_rig(tomllib.loads(rig_text)), [record])
     leaves = {
         "incline_gravity": 3.4,
         "peristaltic_wave": 4.3,

@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from models.effects.effect import Effect, Signals
-from models.identification.kind import EXPLAINED, Array, OneByOne, Theta
+from models.identification.kind import Array, OneByOne, Theta
 from models.identification.kinds.axis_effects import EFFECTS
 from models.identification.kinds.axis_words import equations, next_experiment, statements
 from models.identification.kinds.present import present
@@ -55,7 +55,6 @@ class AxisKind(OneByOne):
     judges: tuple[int, ...] = (0,)
     slow_view: bool = False
     next_share: float = 0.04
-    named_share: float = EXPLAINED
     least_gain: float = 0.05
     equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
     quantity: str = "force_N"

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from models.effects.broad_relaxation import BroadRelaxation
 from models.effects.effect import Effect
-from models.identification.kind import EXPLAINED, Array, OneByOne, Theta
+from models.identification.kind import Array, OneByOne, Theta
 from models.identification.kinds.dma_words import equations, next_experiment, statements
 from models.identification.kinds.present import present
 from models.laws.dynamic_modulus import angular_frequency, five_element_modulus
@@ -44,7 +44,6 @@ class DmaKind(OneByOne):
     judges: tuple[int, ...] = (1,)
     slow_view: bool = False
     next_share: float = 0.3
-    named_share: float = EXPLAINED
     least_gain: float = 0.05
     equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
     quantity: str = "storage_modulus_Pa and loss_modulus_Pa"

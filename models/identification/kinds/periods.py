@@ -12,7 +12,7 @@ import numpy as np
 
 from models.effects.effect import Effect, Signals
 from models.effects.small_strain_stiffening import SmallStrainStiffening
-from models.identification.kind import EXPLAINED, Array, OneByOne, Theta
+from models.identification.kind import Array, OneByOne, Theta
 from models.identification.kinds.periods_words import equations, next_experiment, statements
 from models.identification.kinds.present import present
 from models.laws.geometry import GRAVITY, Capsule, Tissue, stretched_length, wall_section
@@ -77,7 +77,6 @@ class PeriodsKind(OneByOne):
     judges: tuple[int, ...] = (0,)
     slow_view: bool = False
     next_share: float = 0.3
-    named_share: float = EXPLAINED
     least_gain: float = 0.05
     quantity: str = "period_s, valley_N and peak_N"
     unit: str = "s, N, N"

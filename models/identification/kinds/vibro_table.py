@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from models.drives.vibro_speed import STEP_S, mean_velocities
 from models.effects.effect import Effect
-from models.identification.kind import EXPLAINED, Array, OneByOne, Theta
+from models.identification.kind import Array, OneByOne, Theta
 from models.identification.kinds.vibro_theta import EFFECTS, vibro_cycle
 from models.identification.kinds.vibro_words import equations, next_experiment, statements
 from models.parameter import Parameter
@@ -50,7 +50,6 @@ class VibroTableKind(OneByOne):
     judges: tuple[int, ...] = (0,)
     slow_view: bool = False
     next_share: float = 0.05
-    named_share: float = EXPLAINED
     least_gain: float = 0.05
     equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
     name: str = "vibro_table"

@@ -45,6 +45,11 @@ class Record:
         """The same record with only the rows of `index`."""
         return Record(self.name, self.kind, {key: column[index] for key, column in self.columns.items()})
 
+    def beginning(self, length: float) -> Record:
+        """The same record's first `length` s."""
+        t = self["t_s"]
+        return self.rows(slice(0, int(np.searchsorted(t, t[0] + length))))
+
 
 @contextmanager
 def named(record: Record) -> Iterator[None]:

@@ -135,6 +135,10 @@ class Kind(Protocol):
         """A record like `record` but measured on the model at `theta` with the noise believed: what chance alone looks like."""
         ...
 
+    def telling(self, records: Sequence[Record]) -> list[Record]:
+        """What of `records` a search looks at: all of them, or their beginnings where a run takes long and a short one tells as much."""
+        ...
+
     def folds(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
         """Splits into (training, validation) parts for cross-validation: by record, by condition, by sample; never within one."""
         ...
@@ -154,3 +158,7 @@ class OneByOne:
     def residuals(self: _Residual, record: Record, thetas: Sequence[Theta], stage: int = 0) -> list[Array]:
         """`residual` at several points."""
         return [self.residual(record, theta, stage) for theta in thetas]
+
+    def telling(self, records: Sequence[Record]) -> list[Record]:
+        """All of them."""
+        return list(records)

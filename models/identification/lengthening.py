@@ -134,7 +134,7 @@ def _lengths(records: Sequence[Record]) -> Iterator[tuple[int, float, list[Recor
 
 def beginnings(records: Sequence[Record], length: float) -> list[Record]:
     """The first `length` s of each record."""
-    return [record.rows(slice(0, int(np.searchsorted(record["t_s"], record["t_s"][0] + length)))) for record in records]
+    return [record.beginning(length) for record in records]
 
 
 def _place(axis: Axis, start: Mapping[str, float], share: float, fresh: str) -> float:

@@ -65,9 +65,10 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
     """Calibrate on `train`, then add effects one at a time while validation records gain beyond what chance gives."""
     clock = _Clock()
     progress("calibrating", 0.02)
-    splits = kind.folds(train)
+    told = kind.telling(train)
+    splits = kind.folds(told)
     nominal = {p.name: p.value for p in kind.base}
-    base = narrowing(kind, train, [], refit(kind, train, [], nominal), kind.stages - 1, FINE)
+    base = narrowing(kind, told, [], refit(kind, told, [], nominal), kind.stages - 1, FINE)
     parts = [
         (step_on(kind, part, [], base.theta).theta if kind.free_only else refit(kind, part, [], base.theta)) for part, _ in splits
     ]
@@ -96,6 +97,8 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
         found.restless = restlessness(kind, splits, found.augmented.theta, rng)
     if not found.effects:
         found.calibrated = found.augmented
+    elif sum(map(len, told)) < sum(map(len, train)):
+        found.calibrated = step_on(kind, train, [], base.theta)
     clock.note("final fit", found)
     return found
 

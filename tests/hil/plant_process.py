@@ -10,14 +10,29 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from hil.nodes.drive_stage import HEARTBEAT_LOST, TIME_TO_LIVE
 from tests.hil.deployments import PLANT
 
 CAPSULE = (sys.executable, "-m", "hil.app.start")
-REAL_TIME = "duration_s = 1.5\npriority = 20"
+RUN_S = 1.5
+REAL_TIME = f"duration_s = {RUN_S}\npriority = 20"
 """With SCHED_FIFO where the system allows it: these tests run beside others."""
 
-TRIES = 6
+TRIES = 20
 """A machine that holds a process up for longer than a command lives ends a run; that is right, and the run is done again."""
+
+HELD_UP = (
+    "controller paused",
+    "clock jumped",
+    "feedback lost",
+    "drive heartbeat lost",
+    f"drive fault {TIME_TO_LIVE}",
+    f"drive fault {HEARTBEAT_LOST}",
+    "drive left operation",
+    "localisation lost",
+    "drive not enabled",
+)
+"""How a run may end on such a machine."""
 
 
 @contextmanager

@@ -10,7 +10,7 @@ import pytest
 
 from hil.nodes.wiring import STANDBY
 from tests.hil.deployments import deployment, rig_file
-from tests.hil.plant_process import CAPSULE, REAL_TIME, TRIES, plant_on, truth_of
+from tests.hil.plant_process import CAPSULE, REAL_TIME, RUN_S, TRIES, plant_on, truth_of
 
 
 def test_the_same_controller_leads_it_in_real_time(tmp_path: Path, channel: str) -> None:
@@ -29,7 +29,7 @@ def test_the_same_controller_leads_it_in_real_time(tmp_path: Path, channel: str)
             break
     assert (found["ended"], done.returncode) == ("time is up", 0)
     assert found["refused"] == found["unsent"] == 0
-    assert truth["moved_m"] == pytest.approx(2e-3 * 1.5, abs=1.5e-3)
+    assert truth["moved_m"] == pytest.approx(2e-3 * RUN_S, abs=RUN_S * 1e-3)
     assert truth["state"] == STANDBY
     replayed = subprocess.run([*CAPSULE, "replay", str(log)], capture_output=True, text=True, check=False)
     assert replayed.returncode == 0, replayed.stdout

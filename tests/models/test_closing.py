@@ -30,7 +30,7 @@ def closed(folder: Path) -> tuple[Finding, dict[str, object]]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["pull_none", "pull_folds", "pull_wall_viscosity", "magnetic_none"])
+@pytest.mark.parametrize("name", ["pull_none", "pull_wall_viscosity", "magnetic_none"])
 def test_another_simulators_series(shared: Path, name: str) -> None:
     finding, answer = closed(shared / "reference" / "series" / name)
     effect = str(answer["effect"]).split(",")[0]
@@ -81,7 +81,6 @@ def test_the_measured_axis_lacks_asymmetry(shared: Path) -> None:
     assert "sensor_delay" in [effect.id for effect in finding.effects]
     assert finding.error["holdout"]["augmented"] < 4.2
     assert finding.smallest_detectable["directional_asymmetry"] < 0.01  # it is 0.17
-    assert finding.error["holdout"]["augmented"] < 5.4
 
 
 def short_pull(noise: float = 1e-3, hoop: float = 1.1, mu: float = 0.075, seed: int = 3) -> tuple[Rig, list[Record]]:

@@ -54,6 +54,7 @@ class AxisKind(OneByOne):
     final: int = 0
     judges: tuple[int, ...] = (0,)
     slow_view: bool = False
+    lanes: ClassVar[int] = 2
     next_share: float = 0.04
     least_gain: float = 0.05
     equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
@@ -105,10 +106,10 @@ class AxisKind(OneByOne):
 
     def predict(self, record: Record, theta: Theta) -> Array:
         """Force in N that the measured motion needs, one value a row."""
-        even = evened(record, ("position_m",))
-        if even is not record:
-            return np.interp(record["t_s"], even["t_s"], self.predict(even, theta))
         m = self._motion(record)
+        if not m.even:
+            even = evened(record, ("position_m",))
+            return np.interp(record["t_s"], even["t_s"], self.predict(even, theta))
         s = Signals(t=m.t, x=m.x, v=m.v, direction=np.sign(m.v))
         acting = present(self.effects, theta)
         friction = theta["viscous_friction_N_s_per_m"] * m.v + theta["coulomb_friction_N"] * s.direction
@@ -124,14 +125,18 @@ class AxisKind(OneByOne):
 
     def residual(self, record: Record, theta: Theta, stage: int = 0) -> Array:
         """Filtered force error in units of its noise, 100 a second."""
-        rate = sampling_rate(record["t_s"])
+        return self.residuals(record, [theta], stage)[0]
+
+    def residuals(self, record: Record, thetas: Sequence[Theta], stage: int = 0) -> list[Array]:
+        """`residual` at several points; the filter takes them together."""
         force = record[self.quantity]
         known = self._noise.get(id(force))
         if known is None or known[0] is not force:
             if len(self._noise) > 64:
                 self._noise.clear()
             known = self._noise[id(force)] = (force, self.noise_std(record))
-        return decimate(force - self.predict(record, theta), rate) / known[1]
+        errors = np.stack([force - self.predict(record, theta) for theta in thetas])
+        return list(decimate(errors, self._motion(record).rate) / known[1])
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
         """The authors' relative force error in %, pooled."""

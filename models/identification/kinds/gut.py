@@ -34,6 +34,8 @@ _FORESIGHTS = (
     (None, "in a free run"),
 )
 _TAIL = 8.0  # standard deviations beyond which a difference counts ever less: samples at a jump of the speed
+SHAKEN_S = 12.0
+"""Length in s of what a search looks at of a body that its drive shakes to and fro."""
 _DIVERGED = 1e6  # standard deviations, beyond which a prediction is no longer one
 _WALL_HOOKS = ("stiffening", "wall_force", "recovery")
 
@@ -185,6 +187,10 @@ class GutKind:
 
     def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
         return record.with_column(self.quantity, self.predict(record, theta) + self.noise_std * rng.standard_normal(len(record)))
+
+    def telling(self, records: Sequence[Record]) -> list[Record]:
+        """Of a shaken body, which strikes in every period of its drive, the beginnings; of others all."""
+        return [record.beginning(SHAKEN_S) if self.drive.held else record for record in records]
 
     def folds(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
         """The last record validates the others; a single record is cut in its middle."""

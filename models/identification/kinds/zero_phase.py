@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,16 @@ class Motion:
     v: Array
     a: Array
 
+    @cached_property
+    def rate(self) -> float:
+        """Samples per second."""
+        return sampling_rate(self.t)
+
+    @cached_property
+    def even(self) -> bool:
+        """Whether its steps in time are even within 5 %."""
+        return _unevenness(self.t)[1] <= _EVEN
+
 
 @cache
 def _low_pass(factor: int) -> tuple[Array, Array]:
@@ -45,11 +55,11 @@ def evened(record: Record, columns: Sequence[str]) -> Record:
     Raises ValueError where steps are so uneven that speed and acceleration would be guessed.
     """
     t = record["t_s"]
+    worst, share = _unevenness(t)
+    if share <= _EVEN:
+        return record
     steps = np.diff(t)
     usual = float(np.median(steps))
-    worst = int(np.argmax(np.abs(steps - usual)))
-    if abs(steps[worst] - usual) <= _EVEN * usual:
-        return record
     if steps[worst] > _LONGEST * usual:
         raise ValueError(
             f"t_s must be evenly spaced to be differentiated, no step above {_LONGEST:g} times the usual one; "
@@ -58,6 +68,14 @@ def evened(record: Record, columns: Sequence[str]) -> Record:
     even = np.linspace(t[0], t[-1], len(t))
     there = {name: np.interp(even, t, record[name]) for name in columns if name in record.columns}
     return Record(record.name, record.kind, {"t_s": even, **there})
+
+
+def _unevenness(t: Array) -> tuple[int, float]:
+    """Which step is the furthest from the usual one, and by what share of it."""
+    steps = np.diff(t)
+    usual = float(np.median(steps))
+    worst = int(np.argmax(np.abs(steps - usual)))
+    return worst, abs(float(steps[worst]) - usual) / usual
 
 
 def motion(t: Array, position: Array) -> Motion:
@@ -75,17 +93,17 @@ def reduction(rate: float) -> int:
 
 
 def decimate(signal: Array, rate: float) -> Array:
-    """The authors' parallel filter: cut the borders, low-pass (Chebyshev I, order 8, 0.05 dB, both ways), down-sample."""
+    """The authors' parallel filter, along the last axis: cut the borders, low-pass (Chebyshev I, order 8, 0.05 dB, both ways), down-sample."""
     factor = reduction(rate)
     border = round(BORDER_S * rate)
-    if len(signal) < 2 * border + 3 * factor:
+    if signal.shape[-1] < 2 * border + 3 * factor:
         least = (2 * border + 3 * factor) / rate
-        raise ValueError(f"an axis record must last at least {least:g} s to be filtered; got {len(signal) / rate:g} s")
-    inner = signal[border:-border] if border else signal
+        raise ValueError(f"an axis record must last at least {least:g} s to be filtered; got {signal.shape[-1] / rate:g} s")
+    inner = signal[..., border:-border] if border else signal
     if factor == 1:
         return inner
     b, a = _low_pass(factor)
-    return np.asarray(filtfilt(b, a, inner, padlen=min(24, len(inner) - 1))[::factor])
+    return np.asarray(filtfilt(b, a, inner, padlen=min(24, inner.shape[-1] - 1))[..., ::factor])
 
 
 def passed(rate: float) -> float:

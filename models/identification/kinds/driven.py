@@ -22,7 +22,9 @@ _LINKED_STEP = 5e-4  # s, the same for one behind an elastic link, which is solv
 _FINE_LINKED_STEP = 2e-4  # s, the same where it counts: half of 1e-4's time, predictions 0.2 mN rms apart
 _DRIFTING_STEP = 2e-4  # s, the same where no magnet holds its place: what a step does wrong stays
 _SHAKEN_STEP = 1e-4  # s, the same for a body that its drive shakes to and fro
-_FINE_SHAKEN_STEP = 5e-5  # s, the same where it counts: the true numbers leave 1.0 to 1.7 times the noise over 12 s, at the coarse one up to 4
+_FINE_SHAKEN_STEP = (
+    5e-5  # s, the same where it counts: true numbers leave up to 1.7 times the noise over 12 s, at the coarse one 4
+)
 _UNEVEN = 0.05  # share of the sampling interval by which times may be off before samples count as uneven
 _AT_AN_END = 0.01  # share of a switch's range within which a sample counts as fully on or off
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from models.record import Record
 Array = NDArray[np.float64]
 BAND_HZ = 20.0  # closed-loop bandwidth that the authors' cut-offs are multiples of
 BORDER_S = 0.05  # cut at the ends, where a zero-phase filter has only one side
+_SHORT = 2000  # samples that are filtered by a matrix
 _EVEN, _LONGEST = 0.05, 5.0  # share by which steps may differ, and the longest in usual ones that is bridged
 
 
@@ -102,8 +103,18 @@ def decimate(signal: Array, rate: float) -> Array:
     inner = signal[..., border:-border] if border else signal
     if factor == 1:
         return inner
+    return inner @ _operator(inner.shape[-1], factor) if inner.shape[-1] <= _SHORT else _passed_down(inner, factor)
+
+
+def _passed_down(inner: Array, factor: int) -> Array:
     b, a = _low_pass(factor)
     return np.asarray(filtfilt(b, a, inner, padlen=min(24, inner.shape[-1] - 1))[..., ::factor])
+
+
+@lru_cache(maxsize=16)
+def _operator(count: int, factor: int) -> Array:
+    """The filter of `count` samples as a matrix: a search filters the same short pieces again and again."""
+    return np.ascontiguousarray(_passed_down(np.eye(count), factor))
 
 
 def passed(rate: float) -> float:

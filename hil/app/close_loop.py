@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import signal
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,19 +27,30 @@ REPORT, NUMBERS, MODEL = "report.html", "report.json", "model.toml"
 def close_loop(
     records: Sequence[Path], rig: Path, out: Path, holdout: Sequence[Path] = (), *, json_output: bool = False, seed: int = 0
 ) -> Finding:
-    """Find what the model lacks and write `report.html`, `report.json` and `model.toml` to the folder `out`, all or none."""
+    """Find what the model lacks and write `report.html`, `report.json` and `model.toml` to the folder `out`, all or none. SIGTERM ends it
+    as Ctrl-C does."""
     check_folder(out, "--out")
     check_targets([out / name for name in (REPORT, NUMBERS, MODEL)], "--out", [*records, *holdout, rig])
     belief = read_deployed_rig(rig)
     train, held = read_series(records, holdout, belief)
     for record, role in [(r, "training") for r in train] + [(r, "held out") for r in held]:
         notes().print(f"{record.name}: {len(record)} rows, {role}", markup=False)
-    finding = find_and_write(belief, train, held, out, "close-loop", seed)
+    with _termination_interrupts():
+        finding = find_and_write(belief, train, held, out, "close-loop", seed)
     if json_output:
         print_json({**report_json(finding), "files": [str(out / name) for name in (REPORT, NUMBERS, MODEL)]})
     else:
         print_summary(finding, out)
     return finding
+
+
+@contextmanager
+def _termination_interrupts() -> Iterator[None]:
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def read_series(records: Sequence[Path], holdout: Sequence[Path], rig: Rig) -> tuple[list[Record], list[Record]]:

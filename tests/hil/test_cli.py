@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -130,16 +131,27 @@ def test_an_interruption_while_loading_ends_with_a_sentence(
 
 
 @pytest.mark.usefixtures("faked")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_interruption_leaves_nothing_behind(
-    tmp_path: Path, rig: str, record: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    number: signal.Signals,
+    tmp_path: Path,
+    rig: str,
+    record: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     def interrupted(*_: object, **__: object) -> None:
-        raise KeyboardInterrupt
+        signal.raise_signal(number)
 
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     monkeypatch.setattr(close_loop_module, "close", interrupted)
-    assert run(["close-loop", record, "--rig", rig, "--out", str(tmp_path / "o")]) == 130
+    try:
+        assert run(["close-loop", record, "--rig", rig, "--out", str(tmp_path / "o")]) == 130
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert list((tmp_path / "o").iterdir()) == []
     assert "interrupted" in capsys.readouterr().err
+    assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
 
 
 BAD = [

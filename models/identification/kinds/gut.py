@@ -81,7 +81,7 @@ class GutKind:
     @classmethod
     def build(cls, surface: Surface, drive: Drive, noise_std: float, records: Sequence[Record] = ()) -> GutKind:
         """The kind for a surface and a drive; `records` tell how a switch was logged."""
-        memories = (0.03, 0.2, 1.0, 4.0) if drive.imposed else (1.0, 5.0) if drifts(drive) else (0.2,)
+        memories = (0.03, 0.2, 1.0, 4.0) if drive.imposed else (1.0,) if drive.held else (1.0, 5.0) if drifts(drive) else (0.2,)
         own = surface.parameters() if isinstance(surface, Plate) else base_parameters(surface.tissue)
         base = own + drive.parameters() + switch_delay(drive, records)
         effects = tuple(e for e in effects_for(drive.name) if not isinstance(surface, Plate) or not _acts_on_the_wall(e))
@@ -115,7 +115,7 @@ class GutKind:
 
     @property
     def free_only(self) -> bool:
-        """See `Kind.free_only`: a rig with one observer, of a capsule that its drive holds by a spring."""
+        """See `Kind.free_only`: a rig with one observer, of a capsule that its drive holds by a spring or shakes."""
         return len(self.memories) == 1
 
     def nominal(self) -> dict[str, float]:

@@ -13,9 +13,10 @@ from hil.app.run_clock import Clock, ClockedBus
 from hil.app.run_file import BusTable, Deployment, load_deployment
 from hil.app.run_loop import Outcome, Signals, lead, prepare_process
 from hil.app.run_recorder import Recorder, log_record
+from hil.app.write import check_file, check_targets
 from hil.bus.catalogue import load_catalogue
 from hil.bus.local import LocalBus
-from hil.bus.log import FrameLog, keep_older
+from hil.bus.log import FrameLog, keep_older, record_path
 from hil.nodes.cia402_bus import Cia402Bus
 from hil.nodes.cia402_setup import set_up
 from hil.nodes.controller import ControllerNode
@@ -36,6 +37,9 @@ def run(path: Path, action: str = "lead", *, dry_run: bool = False, log: Path | 
     if action not in ACTIONS:
         raise ValueError(f"action must be one of {', '.join(ACTIONS)}; got {action!r}; {nearest(action, ACTIONS)}")
     deployment, catalogue = load_deployment(path), load_catalogue()
+    log = log or Path(f"{deployment.name}.blf")
+    if action != "check":
+        check_targets([check_file(log, "--log", (".blf",)), record_path(log)], "--log", [path])
     verdict = deployment.verdict
     if action != "check" and verdict is not None and not verdict.passed and not dry_run:
         raise ValueError(f"{path}: model must pass the gate before it leads; got: {verdict.sentence}")
@@ -49,9 +53,7 @@ def run(path: Path, action: str = "lead", *, dry_run: bool = False, log: Path | 
             if action == "check":
                 points = check(deployment, task, bus, catalogue)
             else:
-                outcome, node, frames_log = _lead(
-                    deployment, bus, dry_run, log or Path(f"{deployment.name}.blf"), reset=action == "reset"
-                )
+                outcome, node, frames_log = _lead(deployment, bus, dry_run, log, reset=action == "reset")
         finally:
             bus.shutdown()
     if action == "check":

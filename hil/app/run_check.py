@@ -59,10 +59,13 @@ def _listen(deployment: Deployment, bus: ClockedBus, catalogue: Catalogue) -> li
     got = {r.frame.name: r.statistics for r in ears.reception.receivers.values()}
     good, refused = sum(s.accepted for s in got.values()), sum(s.refused.total() for s in got.values())
     others = ears.reception.unknown.total()
-    heard = Point("bus", good > 0 and not refused, f"{good} good frames, {refused} refused, {others} of others in {LISTEN_S:g} s")
+    words = f"{good} good frames, {refused} refused, {others} of others in {LISTEN_S:g} s"
+    words += f", {ears.errors} error frames: bit rate, wiring, termination" if ears.errors else ""
+    heard = Point("bus", good > 0 and not refused and not ears.errors, words)
     doubt = ears.doubt(clock.now())
     wiring, state = wiring_of(deployment.rig.kind), ears.state
     fed = got[wiring.feedback].accepted > 0
+    doubt = doubt or ("" if ears.beating or not fed else "no heartbeat as capsule.dbc has it")
     words = doubt or (f"{_STATES[state]}, {ears.temperature_C:g} degC" if fed else "nothing heard")
     drive = Point(f"drive {wiring.node}", not doubt and fed and state != FAULT, words)
     age = ears.evidence(clock.now()).localisation_s

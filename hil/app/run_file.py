@@ -19,7 +19,8 @@ from hil.app.track_reference import read_reference
 from hil.bus.catalogue import load_catalogue
 from hil.nodes.cia402 import Cia402Table
 from hil.nodes.controller import Task
-from hil.nodes.wiring import WIRINGS
+from hil.nodes.guard import FEEDBACK_S
+from hil.nodes.wiring import WIRINGS, wiring_of
 from models.identification.result import STAGES
 from models.parameter import nearest
 from models.rig import LARGEST_FILE, TABLES, Rig, parse_rig
@@ -139,6 +140,9 @@ def parse_deployment(text: str, values: Mapping[str, float], name: str = "rig", 
     control = from_table(ControlTable, raw.get("control", {}), "control")
     if rig.kind in WIRINGS and rig.kind not in leads(control.controller):
         raise ValueError(f"control.controller must be one that leads a {rig.kind} rig; got {control.controller!r}")
+    limits = from_table(Limits, raw.get("limits", {}), "limits")
+    if rig.kind in WIRINGS:
+        check_tick(control.tick_s, rig.kind, limits)
     return Deployment(
         name,
         text,
@@ -146,11 +150,20 @@ def parse_deployment(text: str, values: Mapping[str, float], name: str = "rig", 
         from_table(BusTable, raw.get("bus", {}), "bus"),
         control,
         read_reference(raw.get("reference", {}), control.duration_s),
-        from_table(Limits, raw.get("limits", {}), "limits"),
+        limits,
         values,
         verdict,
         _drive(raw, rig.kind),
     )
+
+
+def check_tick(tick_s: float, kind: str, limits: Limits) -> None:
+    """A tick must be shorter than a command lives and than the guard waits for feedback, or the drive is never led."""
+    longest = min(1e-3 * wiring_of(kind).life_ms(limits.carriage_speed_m_s if kind == "magnetic" else 0.0), FEEDBACK_S[kind])
+    if tick_s > longest + 1e-9:
+        raise ValueError(
+            f"control.tick_s must be at most {longest:g} s for a {kind} rig on the bus, else commands die between ticks; got {tick_s:g}"
+        )
 
 
 def _drive(raw: Mapping[str, Any], kind: str) -> Cia402Table | None:

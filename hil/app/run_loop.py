@@ -90,7 +90,10 @@ def lead(
         while node.state == RUNNING and now - origin < duration_s and not signals.wanted:
             now = _tick(node, outcome, recorder)
     outcome.reason = node.reason if node.state == FAULTY else ""
-    missing = _doubt(node, now, reset) or "no feedback of the drive"
+    fed = node.ears.evidence(now).feedback_s < HEARTBEAT_LOST_S
+    silent = "no heartbeat of the drive as capsule.dbc has it" if fed else "no feedback of the drive"
+    missing = _doubt(node, now, reset) or silent
+    missing += f", {node.ears.errors} error frames: bit rate, wiring, termination" if node.ears.errors else ""
     missing += "; 'capsule run RIG.toml reset' acknowledges it" if missing.startswith("drive fault") else ""
     outcome.ended = outcome.reason or signals.wanted or ("time is up" if outcome.led else f"nothing to lead: {missing}")
     _come_to_rest(node, outcome, recorder, now)
@@ -105,7 +108,7 @@ def _doubt(node: ControllerNode, now: float, reset: bool) -> str:
 
 def _heard(node: ControllerNode, now: float, reset: bool) -> bool:
     """Whether there is a drive to lead."""
-    return not _doubt(node, now, reset) and node.ears.evidence(now).feedback_s < HEARTBEAT_LOST_S
+    return not _doubt(node, now, reset) and node.ears.beating and node.ears.evidence(now).feedback_s < HEARTBEAT_LOST_S
 
 
 def _come_to_rest(node: ControllerNode, outcome: Outcome, recorder: Recorder, now: float) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
+from hil.app.run_file import check_tick
 from hil.app.toml_file import read_toml
 from hil.app.track_scenario import TABLES, TrackScenario, parse_track_scenario
 from hil.nodes.fault import Fault, read_faults
@@ -63,6 +64,7 @@ def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
     slots = loop.control.tick_s / SLOT_S
     if round(slots) < 1 or abs(slots - round(slots)) > 1e-6:
         raise ValueError(f"control.tick_s must be a multiple of {SLOT_S:g} s on the bus; got {loop.control.tick_s:g}")
+    check_tick(loop.control.tick_s, loop.kind, loop.limits)
     bus = raw.get("bus", {})
     if not isinstance(bus, Mapping):
         raise ValueError(f"bus must be a table; got {bus!r}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from plant import layout as at
 
 Array = NDArray[np.float64]
 POINTS = 4000
-_COLOURS = (*QUANTITY_COLOURS, "#c2703d", "#4f9d69")
+_COLOURS = (*QUANTITY_COLOURS, "#c2703d", "#4f9d69", "#b03a2e", "#7d8ca3")
 _UNITS = {"magnetic": ("carriage, mm", 1e3), "coil": ("coil voltage, V", 1.0), "vibro": ("drive on", 1.0)}
 
 
@@ -104,7 +105,7 @@ def _paths(scenario: TrackScenario, runs: Sequence[tuple[dict[str, Any], Trace]]
     t = runs[0][1].rows[:, at.O_T]
     target = scenario.reference.position(t)
     figure.add_trace(_line(t, 1e3 * target, "reference", MUTED, width=3.0), row=1, col=1)
-    for (found, trace), colour in zip(runs, _COLOURS, strict=False):
+    for (found, trace), colour in zip(runs, cycle(_COLOURS), strict=False):
         x = trace.rows[:, at.O_X]
         figure.add_trace(_line(t, 1e3 * x, found["controller"], colour), row=1, col=1)
         figure.add_trace(_line(t, 1e3 * (x - target), found["controller"], colour, showlegend=False), row=2, col=1)
@@ -117,7 +118,7 @@ def _paths(scenario: TrackScenario, runs: Sequence[tuple[dict[str, Any], Trace]]
 def _inside(scenario: TrackScenario, runs: Sequence[tuple[dict[str, Any], Trace]]) -> go.Figure:
     figure = make_subplots(rows=3, cols=1, shared_xaxes=True, vertical_spacing=0.05)
     unit, scale = _UNITS[scenario.kind]
-    for (found, trace), colour in zip(runs, _COLOURS, strict=False):
+    for (found, trace), colour in zip(runs, cycle(_COLOURS), strict=False):
         t, rows = trace.time_s, trace.rows
         truth = np.interp(t, rows[:, at.O_T], rows[:, at.O_X])
         figure.add_trace(_line(t, scale * trace.command, found["controller"], colour), row=1, col=1)

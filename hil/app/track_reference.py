@@ -86,7 +86,7 @@ class Waypoints:
         times, places = np.array([0.0, *self.times_s]), MM * np.array([0.0, *self.positions_mm])
         if len(self.times_s) != len(self.positions_mm) or not self.times_s or np.any(np.diff(times) < STEP_S):
             raise ValueError(
-                f"reference.times_s must be above 0, increase and be as many as positions_mm; got {list(self.times_s)[:8]} "
+                f"reference.times_s must be as many as positions_mm, {STEP_S:g} s or more apart and after 0; got {list(self.times_s)[:8]} "
                 f"and {len(self.positions_mm)} positions"
             )
         if times[-1] > duration_s + STEP_S:
@@ -118,7 +118,7 @@ def read_reference(table: Mapping[str, Any], duration_s: float, limits: Limits |
             raise ValueError(f"reference.start_s must lie from 0 on and within the run of {duration_s:g} s; got {value:g}")
     trajectory: Trajectory = shape.trajectory(duration_s)
     if limits is not None:
-        _within(trajectory, limits)
+        _within(trajectory, duration_s, limits)
     return trajectory
 
 
@@ -132,13 +132,13 @@ def _in_time(positions_mm: tuple[float, ...], speed_mm_s: float, start_s: float,
         raise ValueError(f"reference must arrive within the run of {duration_s:g} s; got {arrives:g} s until it does")
 
 
-def _within(trajectory: Trajectory, limits: Limits) -> None:
-    """Refuse what no rig within `limits` can follow."""
+def _within(trajectory: Trajectory, duration_s: float, limits: Limits) -> None:
+    """Refuse what no rig within `limits` can follow within the run."""
     speed = float(np.max(np.abs(np.diff(trajectory.places)))) / STEP_S
-    farthest = float(np.max(np.abs(trajectory.places)))
+    farthest = float(np.max(np.abs(trajectory.places[: round(duration_s / STEP_S) + 1])))
     if speed > limits.speed_m_s * (1 + 1e-9):
         raise ValueError(
             f"reference must be no faster than limits.speed_m_s, {limits.speed_m_s / MM:g} mm/s; got {speed / MM:.4g} mm/s"
         )
     if farthest > limits.travel_m:
-        raise ValueError(f"reference must stay within limits.travel_m, {limits.travel_m / MM:g} mm; got {farthest / MM:.4g} mm")
+        raise ValueError(f"reference must stay within limits.travel_m, {limits.travel_m / MM:g} mm; got {farthest / MM:.6g} mm")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import struct
 import warnings
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
@@ -66,6 +67,8 @@ def _frames(reader: Any, path: Path) -> Iterator[Logged]:
                 message = next(messages)
         except StopIteration:
             return
+        except zlib.error as error:
+            raise ValueError(f"{path}: log must be undamaged; got after {count} frames: {_words(error)}") from None
         except (*_BAD, can.io.blf.BLFParseError) as error:
             if count and path.suffix.lower() == ".blf":
                 return

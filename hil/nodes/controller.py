@@ -208,7 +208,7 @@ class ControllerNode:
             return OFF
         if self._led:
             return ENABLE
-        if evidence.feedback_s > self.guard.fence.feedback_s or evidence.state in (BOOT, SELF_TEST):
+        if not self.ears.beating or evidence.feedback_s > self.guard.fence.feedback_s or evidence.state in (BOOT, SELF_TEST):
             return OFF
         if evidence.state == STANDBY:
             return READY

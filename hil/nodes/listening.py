@@ -34,7 +34,7 @@ class Ears:
         self.reception = Reception({catalogue[name].id: Receiver(catalogue[name]) for name in names})
         self.wiring, self.tick_s = wiring, tick_s
         self.state, self.report, self.temperature_C, self.fault = BOOT, 0.0, 20.0, 0
-        self.deaf, self.feedbacks = False, 0
+        self.deaf, self.feedbacks, self.errors = False, 0, 0
         self._fingerprint, self._other = catalogue.fingerprint, False
         self._bus, self._observer = bus, observer
         self._place_at = self._fed_at = -math.inf
@@ -61,11 +61,17 @@ class Ears:
             if self._observer is not None:
                 self._observer(message)
             if message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd:
+                self.errors += message.is_error_frame
                 continue
             values = self.reception.accept(message.arbitration_id, message.data, message.timestamp)
             if not isinstance(values, Refusal):
                 self._take(self._names[message.arbitration_id], values, message.timestamp, now, found)
         return found
+
+    @property
+    def beating(self) -> bool:
+        """Whether a heartbeat of the drive has ever been heard: without one nobody knows which catalogue it has."""
+        return not math.isnan(self._beat_at)
 
     def evidence(self, now: float) -> Evidence:
         """Ages of localisation and feedback at `now`, and the drive's state."""

@@ -45,6 +45,22 @@ def test_ears_take_good_frames_and_their_age() -> None:
     assert ears.evidence(0.02).localisation_s == pytest.approx(0.028, abs=5e-4)
 
 
+def test_error_frames_are_counted_and_only_a_heartbeat_says_that_a_drive_is_known() -> None:
+    medium = Medium()
+    own, other = SimulatedBus(medium, "Controller"), SimulatedBus(medium, "Other")
+    ears = Ears(own, frames(), wiring_of("magnetic"), TICK)
+    ears.listen(0.0)
+    assert (ears.beating, ears.errors) == (False, 0)
+    beat = frames()["CarriageHeartbeat"]
+    data = bytearray(Sender(beat).frame({field.name: 0 for field in beat.fields}))
+    for first, known in ((data[0] ^ 0x5A, False), (data[0], True)):
+        data[0] = first
+        other.send(can.Message(arbitration_id=beat.id, is_extended_id=False, data=bytes(data)))
+        medium.advance(0.01 if known else 0.005)
+        ears.listen(0.01)
+        assert ears.beating is known
+
+
 def test_doubts() -> None:
     doubts = Doubts(1e-3)
     for value in (0.1, 0.2, 0.2, 0.3, 0.3, 0.3):

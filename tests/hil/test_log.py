@@ -123,6 +123,21 @@ def test_a_file_that_ends_in_the_middle_gives_what_is_whole(tmp_path: Path, shar
     assert len(numbers) >= 1000 * share - 200
 
 
+def test_a_damaged_file_is_one_sentence(tmp_path: Path) -> None:
+    path = tmp_path / "a.blf"
+    file = BlfFile(path)
+    for k in range(1000):
+        file.write(Logged(k, k % 0x7FF, k.to_bytes(8, "little"), SENT))
+        if k % 100 == 99:
+            file.flush()
+    file.stop()
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    path.write_bytes(data)
+    with pytest.raises(ValueError, match=r"a\.blf: log must be undamaged; got after \d+ frames"):
+        list(read_frames(path))
+
+
 def test_a_dead_writer_does_not_disturb_the_node(tmp_path: Path) -> None:
     log = FrameLog(tmp_path / "a.blf", {})
     log._writer.kill()

@@ -75,6 +75,17 @@ def test_check_says_what_is_missing(tmp_path: Path, channel: str, capsys: pytest
     assert "p99" in found["time"]["words"]
 
 
+def test_a_log_never_takes_the_name_of_another_file(tmp_path: Path, channel: str, capsys: pytest.CaptureFixture[str]) -> None:
+    rig = rig_file(tmp_path, deployment(channel))
+    named = tmp_path / "rig.blf"
+    named.write_text(Path(rig).read_text())
+    assert run(["run", rig, "--dry-run", "--log", rig]) == 2
+    assert "--log must be a file name that ends in .blf" in capsys.readouterr().err
+    assert run(["run", str(named), "--dry-run", "--log", str(named)]) == 2
+    assert "--log must not be a file that is read" in capsys.readouterr().err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["rig.blf", "rig.toml"]
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
@@ -84,6 +95,7 @@ def test_check_says_what_is_missing(tmp_path: Path, channel: str, capsys: pytest
         (deployment(channel="y" * 150), "bus must be one that opens"),
         (deployment(interface="pcan"), "bus must be one that opens; got pcan"),
         (deployment(control="tick_s = 0.5"), "control.tick_s must lie in"),
+        (deployment(control="tick_s = 0.01"), "control.tick_s must be at most 0.008 s for a magnetic rig on the bus"),
         (deployment(control="core = -2"), "control.core must be a core's number"),
         (deployment(more="[limits]\ncarriage_speed_m_s = 0.5\n"), "carriage_speed_m_s must be at most 0.4"),
         (deployment(control="duratoin_s = 1"), "did you mean"),

@@ -82,10 +82,16 @@ def test_summary_names_the_fault(short: Path, capsys: pytest.CaptureFixture[str]
         ('kind = "ramp"', "reference.kind must be one of"),
         ("[control]", "tables must be among"),
         ('kind = "magnetic"', "to be controlled; got 'pull'"),
+        ("[control]\n", "control.tick_s must be at most 0.008 s for a magnetic rig on the bus"),
     ],
 )
 def test_bad_scenarios_end_with_one_sentence(short: Path, capsys: pytest.CaptureFixture[str], change: str, words: str) -> None:
-    other = {'kind = "killed"': 'kind = "kiled"', 'kind = "ramp"': 'kind = "rump"', "[control]": "[contrl]"}
+    other = {
+        'kind = "killed"': 'kind = "kiled"',
+        'kind = "ramp"': 'kind = "rump"',
+        "[control]": "[contrl]",
+        "[control]\n": "[control]\ntick_s = 0.02\n",
+    }
     short.write_text(SHORT.replace(change, other.get(change, 'kind = "pull"')), encoding="utf-8")
     assert capsule(["sil", str(short)]) == 2
     said = capsys.readouterr().err

@@ -16,7 +16,7 @@ from models.identification.judging import NEAR_NOISE, judged
 from models.identification.kinds import kind_for
 from models.identification.kinds.gut import GutKind
 from models.identification.screen import screen
-from models.identification.tournament import down_the_stages
+from models.identification.tournament import refit
 from models.record import Record, read_record
 from models.rig import Rig, read_rig
 from plant.series import make_series
@@ -59,12 +59,12 @@ def test_hidden_damping_of_the_spring_stands_out_in_the_gut(tmp_path: Path) -> N
     full = kind_for(rig, records)
     assert isinstance(full, GutKind)
     kind, part = replace(full, effects=tuple(BY_ID[name] for name in CANDIDATES)), records[:1]
-    base = down_the_stages(kind, part, [], kind.nominal())
+    base = refit(kind, part, [], kind.nominal())
     left = float(judged(kind, part, base).mean())
     assert left > NEAR_NOISE
     screened = screen(kind, part, [], base)
     assert screened[0].effect == "spring_damping"
-    fitted = down_the_stages(kind, part, ["spring_damping"], {**kind.nominal(), **screened[0].starts[0]})
+    fitted = refit(kind, part, ["spring_damping"], {**kind.nominal(), **screened[0].starts[0]})
     assert float(judged(kind, part, fitted).mean()) < 1 + 0.2 * (left - 1)  # 1 is the noise
     assert fitted["spring_damping.damping_N_s_per_m"] > 0.1
 
@@ -72,7 +72,7 @@ def test_hidden_damping_of_the_spring_stands_out_in_the_gut(tmp_path: Path) -> N
 def test_a_calibration_is_enough_in_the_gut_where_nothing_hides(tmp_path: Path) -> None:
     rig, records, answer = read_series(make_series("vibro", None, 3, tmp_path, 3.0))
     kind = kind_for(rig, records)
-    base = down_the_stages(kind, records, [], kind.nominal())
+    base = refit(kind, records, [], kind.nominal())
     assert float(judged(kind, records, base).mean()) < 1.3
     for name in ("force_N", "spring_stiffness_N_per_m"):
         assert base[name] == pytest.approx(answer[name], rel=0.02)

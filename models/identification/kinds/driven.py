@@ -21,10 +21,7 @@ _FINE_STEP = 1e-4  # s, the same where it counts which of two teeth slips
 _LINKED_STEP = 5e-4  # s, the same for one behind an elastic link, which is solved implicitly
 _FINE_LINKED_STEP = 2e-4  # s, the same where it counts: half of 1e-4's time, predictions 0.2 mN rms apart
 _DRIFTING_STEP = 2e-4  # s, the same where no magnet holds its place: what a step does wrong stays
-_SHAKEN_STEP = 1e-4  # s, the same for a body that its drive shakes to and fro
-_FINE_SHAKEN_STEP = (
-    5e-5  # s, the same where it counts: true numbers leave up to 1.7 times the noise over 12 s, at the coarse one 4
-)
+_SHAKEN_STEP = 5e-5  # s, the same for a body that its drive shakes to and fro
 _UNEVEN = 0.05  # share of the sampling interval by which times may be off before samples count as uneven
 _AT_AN_END = 0.01  # share of a switch's range within which a sample counts as fully on or off
 
@@ -100,7 +97,7 @@ def feed(drive: Drive, record: Record, rigid: bool, delay: float, fine: bool = T
     command, dt = record[drive.commanded], interval(record)
     if not drive.held:
         return Feed(command, dt, 1 if rigid else max(1, round(dt / _step(drive, fine))))
-    pieces = max(1, round(dt / (_FINE_SHAKEN_STEP if fine else _SHAKEN_STEP)))
+    pieces = max(1, round(dt / _SHAKEN_STEP))
     mean = held(command, dt, pieces, delay if logged_whole(command) else 0.0)
     return Feed(np.concatenate([[0.0], mean, mean[-1:]]), dt / pieces, 1, 1, pieces)
 

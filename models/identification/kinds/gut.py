@@ -34,7 +34,7 @@ _FORESIGHTS = (
     (None, "in a free run"),
 )
 _TAIL = 8.0  # standard deviations beyond which a difference counts ever less: samples at a jump of the speed
-SHAKEN_S = 12.0
+SHAKEN_S = 6.0
 """Length in s of what a search looks at of a body that its drive shakes to and fro."""
 _DIVERGED = 1e6  # standard deviations, beyond which a prediction is no longer one
 _WALL_HOOKS = ("stiffening", "wall_force", "recovery")

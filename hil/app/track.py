@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from controller.choices import CONTROLLERS, leads
-from hil.app.console import json_text, output_to_notes, print_json, progress_bar
+from controller.estimator.noise import noise_of
+from hil.app.console import json_text, notes, output_to_notes, print_json, progress_bar
 from hil.app.track_asked import Asked
 from hil.app.track_loop import Trace, believed_model, run_loop
 from hil.app.track_page import page_html
@@ -34,6 +35,11 @@ def track(path: Path, asked: Asked, compare: bool = False) -> int:
     runs: list[tuple[dict[str, Any], Trace]] = []
     with output_to_notes():
         believed = believed_model(scenario, values)
+        late, latest = scenario.instruments.localisation.latency_s, noise_of(scenario.kind).latest_s
+        if late >= latest:
+            notes().print(
+                f"localisation comes {late:g} s late and is not used: the filter goes back {latest:g} s at most", markup=False
+            )
         with progress_bar(scenario.name) as report:
             for name in names:
                 trace = run_loop(scenario, believed, name, number, report)

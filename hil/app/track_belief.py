@@ -37,6 +37,8 @@ def read_belief(table: Table, kind: str, surface: str) -> Rig:
             raise ValueError(f"tables of [belief] must be those of a rig file; got {name!r}; {nearest(name, RIG_TABLES)}")
         if not isinstance(content, Mapping):
             raise ValueError(f"belief.{name} must be a table; got {content!r}")
+    if "noise" in table:
+        raise ValueError("belief must have no table [belief.noise]: the filter has the noise it counts on from its drive")
     capsule = dict(_CAPSULE)
     if kind == "vibro":
         capsule["mass_kg"] = _PLATE_BODY_KG

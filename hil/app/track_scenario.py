@@ -88,6 +88,9 @@ def parse_track_scenario(raw: Table) -> TrackScenario:
     run, kind, truth = parse_truth({name: table for name, table in raw.items() if name in TRUTH_TABLES})
     if kind not in DRIVEN:
         raise ValueError(f"rig.kind must be one of {', '.join(DRIVEN)} to be controlled; got {kind!r}")
+    surface = raw.get("surface", {}).get("kind", "gut")
+    if kind != "vibro" and surface != "gut":
+        raise ValueError(f"surface.kind must be 'gut' for a {kind} rig to be controlled; got {surface!r}")
     if run.seed < 0:
         raise ValueError(f"scenario.seed must be zero or more; got {run.seed}")
     _buildable(truth, raw)
@@ -105,7 +108,7 @@ def parse_track_scenario(raw: Table) -> TrackScenario:
         kind=kind,
         truth=truth,
         instruments=instruments,
-        belief=read_belief(raw.get("belief", {}), kind, raw.get("surface", {}).get("kind", "gut")),
+        belief=read_belief(raw.get("belief", {}), kind, surface),
         reference=reference,
         limits=limits,
         control=control,

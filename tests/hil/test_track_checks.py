@@ -119,13 +119,17 @@ def test_a_failed_check_is_status_1_and_stands_everywhere(
     assert "Largest use of each limit" in page
 
 
-def test_comparing_judges_each_controller_by_its_own_table(short: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_comparing_judges_each_controller_by_its_own_table_and_draws_all(
+    short: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """One controller's failed check is enough for status 1."""
     text = SHORT.replace("duration_s = 2.0", "duration_s = 0.8") + "[checks]\nhard_violations = 0\n[checks.lqr]\nrmse_mm = 0\n"
     short.write_text(text, encoding="utf-8")
-    assert run(["track", str(short), "--compare", "--json"]) == 1
+    assert run(["track", str(short), "--compare", "--json", "--out", str(tmp_path / "out")]) == 1
     found = {one["controller"]: one["checks"] for one in json.loads(capsys.readouterr().out)["runs"]}
     assert len(found) == 7
+    page = (tmp_path / "out" / "track.html").read_text(encoding="utf-8")
+    assert {page.count(f'"name":"{name}"') for name in found} == {5}
     assert {name for name, checks in found.items() if not all(one["passed"] for one in checks)} == {"lqr"}
 
 
@@ -136,7 +140,9 @@ def test_a_lost_estimate_is_told(short: Path, capsys: pytest.CaptureFixture[str]
     found = json.loads(capsys.readouterr().out)
     assert found["ticks"]["lost"] == 2000
     assert run(["track", str(short)]) == 1
-    assert "lost 2000" in capsys.readouterr().out
+    said = capsys.readouterr()
+    assert "lost 2000" in said.out
+    assert "localisation comes 1 s late and is not used" in said.err
 
 
 @pytest.mark.parametrize(

@@ -46,6 +46,12 @@ def test_checks_that_cannot_be_judged_are_refused(
         ("[reference]", "[effects.stenosis]\nexces = 1.0\n[reference]", "numbers of stenosis must be among"),
         ("[reference]", "[capsule]\nradius_m = -1.0\n[reference]", "capsule.radius_m must be positive"),
         ("[reference]", "[control]\ncontroller = 'vibro'\n[reference]", "control.controller must be one of pid,"),
+        (
+            "[reference]",
+            "[surface]\nkind = 'plate'\n[reference]",
+            "surface.kind must be 'gut' for a magnetic rig to be controlled",
+        ),
+        ("[reference]", "[belief.noise]\nposition_std_m = 2e-3\n[reference]", "belief must have no table [belief.noise]"),
         ("[reference]", "[localisation]\ngaps_s = [-3.0, -1.0]\n[reference]", "localisation.gaps_s must be pairs"),
         ("[reference]", "[localisation]\nrate_Hz = 1e-9\n[reference]", "localisation.rate_Hz must lie in [0.5, 5000]"),
         ("speed_mm_s = 2.0", "speed_mm_s = 1e9", "reference.speed_mm_s must lie within"),

@@ -15,7 +15,7 @@ from plotly.subplots import make_subplots
 import hil.app.report
 from controller.design.loop import Loop
 from controller.design.study import Study
-from hil.app.report.theme import INK, LINE_COLOURS, MUTED, QUANTITY_COLOURS, figure_html, styled
+from hil.app.report.theme import INK, MUTED, QUANTITY_COLOURS, figure_html, line_colour, styled
 
 STYLE = Path(hil.app.report.__file__).with_name("style.css")
 
@@ -53,7 +53,7 @@ def page_html(head: str, figures: Mapping[str, go.Figure]) -> str:
 def _look(loops: Sequence[Loop], loop: Loop) -> dict[str, object]:
     names = list(dict.fromkeys(item.name for item in loops))
     dash = "solid" if loop.phase == "stick" else "dash"
-    return {"color": LINE_COLOURS[names.index(loop.name) % len(LINE_COLOURS)], "dash": dash}
+    return {"color": line_colour(names.index(loop.name)), "dash": dash}
 
 
 def bode_figure(loops: Sequence[Loop]) -> go.Figure:

@@ -16,7 +16,7 @@ from controller.vibro.design import designed, rough_map
 from controller.vibro.study import VibroStudy, vibro_study
 from hil.app.console import summary
 from hil.app.design_page import loop_figures, page_html
-from hil.app.report.theme import LINE_COLOURS, styled
+from hil.app.report.theme import line_colour, styled
 
 
 def study_of(model: VibroModel, delay_s: float, optimise: bool = True) -> VibroStudy:
@@ -140,7 +140,7 @@ def period_figure(found: VibroStudy) -> go.Figure:
     for k, amplitude in enumerate(table.amplitude):
         speed = table.speed[:, :, k]
         best = np.take_along_axis(speed, np.abs(speed).argmax(axis=1)[:, None], axis=1)[:, 0]
-        line = {"color": LINE_COLOURS[k % len(LINE_COLOURS)]}
+        line = {"color": line_colour(k)}
         figure.add_scatter(x=1 / table.period_s, y=1e3 * best, mode="lines+markers", name=f"amplitude {amplitude:g}", line=line)
     figure.add_vline(x=found.resonance.held_Hz, line={"dash": "dot", "width": 1})
     styled(figure, 420)
@@ -154,7 +154,7 @@ def gear_figure(found: VibroStudy) -> go.Figure:
     for k, gear in enumerate(found.drive.gears):
         wave = gear.waveform(gear.home_m_s)
         t = 1e3 * wave.period_s * np.asarray(wave.edges)
-        line = {"shape": "hv", "color": LINE_COLOURS[k % len(LINE_COLOURS)]}
+        line = {"shape": "hv", "color": line_colour(k)}
         name = f"{1e3 * gear.home_m_s:.3g} mm/s, impact {gear.impact}"
         figure.add_scatter(x=t, y=[*wave.levels, wave.levels[-1]], mode="lines", name=name, line=line)
     styled(figure, 360)

@@ -59,8 +59,7 @@ def _listen(deployment: Deployment, bus: ClockedBus, catalogue: Catalogue) -> li
     got = {r.frame.name: r.statistics for r in ears.reception.receivers.values()}
     good, refused = sum(s.accepted for s in got.values()), sum(s.refused.total() for s in got.values())
     others = ears.reception.unknown.total()
-    words = f"{good} good frames, {refused} refused, {others} of others in {LISTEN_S:g} s"
-    words += f", {ears.errors} error frames: bit rate, wiring, termination" if ears.errors else ""
+    words = f"{good} good frames, {refused} refused, {others} of others in {LISTEN_S:g} s{ears.error_words}"
     heard = Point("bus", good > 0 and not refused and not ears.errors, words)
     doubt = ears.doubt(clock.now())
     wiring, state = wiring_of(deployment.rig.kind), ears.state

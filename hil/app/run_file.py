@@ -159,7 +159,7 @@ def parse_deployment(text: str, values: Mapping[str, float], name: str = "rig", 
 
 def check_tick(tick_s: float, kind: str, limits: Limits) -> None:
     """A tick must be shorter than a command lives and than the guard waits for feedback, or the drive is never led."""
-    longest = min(1e-3 * wiring_of(kind).life_ms(limits.carriage_speed_m_s if kind == "magnetic" else 0.0), FEEDBACK_S[kind])
+    longest = min(1e-3 * wiring_of(kind).life_ms(limits.carriage_speed_m_s), FEEDBACK_S[kind])
     if tick_s > longest + 1e-9:
         raise ValueError(
             f"control.tick_s must be at most {longest:g} s for a {kind} rig on the bus, else commands die between ticks; got {tick_s:g}"

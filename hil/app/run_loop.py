@@ -92,8 +92,7 @@ def lead(
     outcome.reason = node.reason if node.state == FAULTY else ""
     fed = node.ears.evidence(now).feedback_s < HEARTBEAT_LOST_S
     silent = "no heartbeat of the drive as capsule.dbc has it" if fed else "no feedback of the drive"
-    missing = _doubt(node, now, reset) or silent
-    missing += f", {node.ears.errors} error frames: bit rate, wiring, termination" if node.ears.errors else ""
+    missing = (_doubt(node, now, reset) or silent) + node.ears.error_words
     missing += "; 'capsule run RIG.toml reset' acknowledges it" if missing.startswith("drive fault") else ""
     outcome.ended = outcome.reason or signals.wanted or ("time is up" if outcome.led else f"nothing to lead: {missing}")
     _come_to_rest(node, outcome, recorder, now)

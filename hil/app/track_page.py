@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
-from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from plotly.subplots import make_subplots
 
 from hil.app.report.page import STYLE
 from hil.app.report.panels import thinned
-from hil.app.report.theme import LINE_COLOURS, MUTED, figure_html, styled
+from hil.app.report.theme import MUTED, figure_html, line_colour, styled
 from hil.app.track_loop import Trace
 from hil.app.track_say import not_ok, times, verdict
 from hil.app.track_scenario import TrackScenario
@@ -104,7 +103,8 @@ def _paths(scenario: TrackScenario, runs: Sequence[tuple[dict[str, Any], Trace]]
     t = runs[0][1].rows[:, at.O_T]
     target = scenario.reference.position(t)
     figure.add_trace(_line(t, 1e3 * target, "reference", MUTED, width=3.0), row=1, col=1)
-    for (found, trace), colour in zip(runs, cycle(LINE_COLOURS), strict=False):
+    for k, (found, trace) in enumerate(runs):
+        colour = line_colour(k)
         x = trace.rows[:, at.O_X]
         figure.add_trace(_line(t, 1e3 * x, found["controller"], colour), row=1, col=1)
         figure.add_trace(_line(t, 1e3 * (x - target), found["controller"], colour, showlegend=False), row=2, col=1)
@@ -117,7 +117,8 @@ def _paths(scenario: TrackScenario, runs: Sequence[tuple[dict[str, Any], Trace]]
 def _inside(scenario: TrackScenario, runs: Sequence[tuple[dict[str, Any], Trace]]) -> go.Figure:
     figure = make_subplots(rows=3, cols=1, shared_xaxes=True, vertical_spacing=0.05)
     unit, scale = _UNITS[scenario.kind]
-    for (found, trace), colour in zip(runs, cycle(LINE_COLOURS), strict=False):
+    for k, (found, trace) in enumerate(runs):
+        colour = line_colour(k)
         t, rows = trace.time_s, trace.rows
         truth = np.interp(t, rows[:, at.O_T], rows[:, at.O_X])
         figure.add_trace(_line(t, scale * trace.command, found["controller"], colour), row=1, col=1)

@@ -73,6 +73,11 @@ class Ears:
         """Whether a heartbeat of the drive has ever been heard: without one nobody knows which catalogue it has."""
         return not math.isnan(self._beat_at)
 
+    @property
+    def error_words(self) -> str:
+        """How many error frames there were and where they come from; nothing where there were none."""
+        return f", {self.errors} error frames: bit rate, wiring, termination" if self.errors else ""
+
     def evidence(self, now: float) -> Evidence:
         """Ages of localisation and feedback at `now`, and the drive's state."""
         return Evidence(now - self._place_at, now - self._fed_at, self.state)

@@ -108,15 +108,20 @@ def test_a_killed_writer_leaves_all_but_the_last_second(tmp_path: Path) -> None:
     assert len(numbers) >= said - rate > 500
 
 
-@pytest.mark.parametrize("share", [0.3, 0.6, 0.99])
-def test_a_file_that_ends_in_the_middle_gives_what_is_whole(tmp_path: Path, share: float) -> None:
-    path = tmp_path / "a.blf"
+def thousand(path: Path) -> Path:
+    """A log of a thousand numbered frames, flushed after every hundred."""
     file = BlfFile(path)
     for k in range(1000):
         file.write(Logged(k, k % 0x7FF, k.to_bytes(8, "little"), SENT))
         if k % 100 == 99:
             file.flush()
     file.stop()
+    return path
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.99])
+def test_a_file_that_ends_in_the_middle_gives_what_is_whole(tmp_path: Path, share: float) -> None:
+    path = thousand(tmp_path / "a.blf")
     path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
     numbers = [int.from_bytes(frame.data, "little") for frame in read_frames(path)]
     assert numbers == list(range(len(numbers)))
@@ -124,13 +129,7 @@ def test_a_file_that_ends_in_the_middle_gives_what_is_whole(tmp_path: Path, shar
 
 
 def test_a_damaged_file_is_one_sentence(tmp_path: Path) -> None:
-    path = tmp_path / "a.blf"
-    file = BlfFile(path)
-    for k in range(1000):
-        file.write(Logged(k, k % 0x7FF, k.to_bytes(8, "little"), SENT))
-        if k % 100 == 99:
-            file.flush()
-    file.stop()
+    path = thousand(tmp_path / "a.blf")
     data = bytearray(path.read_bytes())
     data[len(data) // 2] ^= 0xFF
     path.write_bytes(data)

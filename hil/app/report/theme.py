@@ -11,9 +11,13 @@ import plotly.io as pio
 INK, MUTED, GRID, FLOOR = "#1d2733", "#66727f", "#e6eaee", "#8792a0"
 STAGE_COLOURS = MappingProxyType({"nominal": "#a9b4c2", "calibrated": "#e0913a", "augmented": "#0b7a84"})
 QUANTITY_COLOURS = ("#0b7a84", "#b5527a", "#6a7fc1", "#8a8f3c")
-LINE_COLOURS = (*QUANTITY_COLOURS, "#c2703d", "#4f9d69", "#b03a2e", "#7d8ca3")
-"""For many lines of one kind."""
+_LINE_COLOURS = (*QUANTITY_COLOURS, "#c2703d", "#4f9d69", "#b03a2e", "#7d8ca3")
 FONT = "Inter, 'Segoe UI', system-ui, -apple-system, 'Helvetica Neue', Arial, sans-serif"
+
+
+def line_colour(number: int) -> str:
+    """The colour of line `number` of many of one kind; they come again."""
+    return _LINE_COLOURS[number % len(_LINE_COLOURS)]
 
 
 def styled(figure: go.Figure, height: int, **layout: Any) -> go.Figure:

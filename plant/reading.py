@@ -38,7 +38,8 @@ def from_table(cls: type[R], table: Table, where: str, skip: tuple[str, ...] = (
 def converted(value: Any, hint: Any, where: str) -> Any:
     """`value` as the type `hint` (a number, text, truth value, list of numbers, or coil table), else `ValueError`."""
     if typing.get_origin(hint) is types.UnionType:
-        hint = next(part for part in typing.get_args(hint) if part is not type(None))
+        parts = [part for part in typing.get_args(hint) if part is not type(None)]
+        hint = next((part for part in parts if type(value) is part), parts[0])
     if typing.get_origin(hint) is tuple:
         if not isinstance(value, list):
             raise ValueError(f"{where} must be a list of numbers; got {value!r}")

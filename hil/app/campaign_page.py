@@ -63,9 +63,10 @@ def page_html(name: str, metric: str, rows: Sequence[Row], draws: Sequence[str],
     """One self-contained page; `repeat` is the command that repeats a run but for its number."""
     parted = groups(rows, draws)
     unit, scale = _unit(metric)
-    words = metric.replace("_", " ")
-    figures = [("How it is spread", _spread(parted, metric, f"{words}, {unit}", scale))]
-    figures += [(f"Over {key}", _over(parted, metric, key, f"{words}, {unit}", scale)) for key in draws if _numeric(rows, key)]
+    words = _words(metric)
+    label = f"{words}, {unit}" if unit else words
+    figures = [("How it is spread", _spread(parted, metric, label, scale))]
+    figures += [(f"Over {key}", _over(parted, metric, key, label, scale)) for key in draws if _numeric(rows, key)]
     body = _summary_table(parted, metric, unit, scale) + _worst_table(rows, metric, unit, scale, repeat)
     body += "".join(
         f'<section><h2>{escape(title)}</h2><div class="figure">{figure_html(figure, f"figure-{k}")}</div></section>'
@@ -80,8 +81,16 @@ def page_html(name: str, metric: str, rows: Sequence[Row], draws: Sequence[str],
     )
 
 
+def _ending(metric: str) -> str:
+    return next((end for end in sorted(_MILLI, key=len, reverse=True) if metric.endswith(end)), "")
+
+
+def _words(metric: str) -> str:
+    return metric.removesuffix(_ending(metric)).replace("_", " ")
+
+
 def _unit(metric: str) -> tuple[str, float]:
-    ending = next((end for end in sorted(_MILLI, key=len, reverse=True) if metric.endswith(end)), "")
+    ending = _ending(metric)
     return (_MILLI[ending], 1e3) if ending else ("", 1.0)
 
 

@@ -18,6 +18,7 @@ from models.identification.result import STAGES, Finding
 
 SIGNALS: Final = ("x_m", "v_m_s")
 POINTS: Final = 3000
+HEADROOM: Final = 1.15
 
 
 def improvement_figure(loops: Sequence[tuple[Story, Told]]) -> go.Figure:
@@ -41,7 +42,9 @@ def improvement_figure(loops: Sequence[tuple[Story, Told]]) -> go.Figure:
                 row=1,
                 col=column,
             )
-    return styled(figure, 320, bargap=0.35).update_yaxes(rangemode="tozero")
+        figure.update_yaxes(range=[0, HEADROOM * max(tracked.values(), default=1.0)], row=1, col=2 + 2 * place)
+        figure.update_yaxes(range=[0, HEADROOM * max(predictions.values(), default=1.0)], row=1, col=1 + 2 * place)
+    return styled(figure, 340, bargap=0.35).update_xaxes(automargin=True, tickangle=-30)
 
 
 def _units(told: Told) -> tuple[tuple[str, str], tuple[str, str]]:

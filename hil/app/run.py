@@ -48,7 +48,10 @@ def run(path: Path, action: str = "lead", *, dry_run: bool = False, log: Path | 
         raise ValueError(f"{path}: {limits.words}")
     with output_to_notes():
         task = deployment.task()
-        bus = ClockedBus(_drives_bus(deployment, listen_only=dry_run or action == "check"), Clock())
+        try:
+            bus = ClockedBus(_drives_bus(deployment, listen_only=dry_run or action == "check"), Clock())
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
         try:
             if action == "check":
                 points = check(deployment, task, bus, catalogue)
@@ -67,7 +70,7 @@ def run(path: Path, action: str = "lead", *, dry_run: bool = False, log: Path | 
         print_json(found)
     else:
         _say(found)
-    return 0 if outcome.well or dry_run else 1
+    return 0 if outcome.well or (dry_run and outcome.led) else 1
 
 
 def open_bus(table: BusTable) -> can.BusABC:
@@ -80,11 +83,11 @@ def open_bus(table: BusTable) -> can.BusABC:
             f"bus.interface must be one of {', '.join(known)}; got {table.interface!r}; {nearest(table.interface, known)}"
         )
     try:
-        return can.Bus(interface=table.interface, channel=table.channel or None, bitrate=table.bitrate)
+        return can.Bus(interface=table.interface, channel=None if table.channel == "" else table.channel, bitrate=table.bitrate)
     except Exception as error:  # noqa: BLE001 - drivers of many makers raise whatever they like
         words = " ".join(str(error).split())[:200] or type(error).__name__
         up = f"; 'ip link set {table.channel} up type can bitrate {table.bitrate}' brings it up, in a kernel that knows CAN"
-        remedy = up if table.interface == "socketcan" and table.channel else ""
+        remedy = up if table.interface == "socketcan" and table.channel != "" else ""
         raise ValueError(f"bus must be one that opens; got {table.interface} {table.channel!r}: {words}{remedy}") from None
 
 

@@ -34,7 +34,7 @@ class BusTable:
     """`[bus]`: a python-can interface, its channel and the bit rate, which must be the catalogue's."""
 
     interface: str
-    channel: str = ""
+    channel: str | int = ""
     bitrate: int = 1_000_000
 
     def __post_init__(self) -> None:

@@ -125,5 +125,11 @@ def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:
     trace.rows = np.concatenate(bench.plant.session.rows)
     trace.events, trace.counts = list(bench.node.supervisor.events), bench.node.estimator.counts
     trace.frames, trace.load, trace.rejected = bench.frames, bench.medium.load, bench.rejected
-    trace.stopped_because = bench.node.reason
+    trace.stopped_because = bench.node.reason or ("" if led else _never_led(bench, trace))
     trace.solve_s = trace.solve_s[led] if led else np.zeros(1)
+
+
+def _never_led(bench: Bench, trace: SilTrace) -> str:
+    """Why the drive was not led at all."""
+    doubt = bench.node.ears.doubt(bench.time_s) or ("estimate lost" if trace.lost[-1] else "it did not get ready in time")
+    return f"the drive was never led: {doubt}"

@@ -5,18 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from hil.app.run_file import check_tick
 from hil.app.toml_file import read_toml
-from hil.app.track_scenario import TABLES, TrackScenario, parse_track_scenario
+from hil.app.track_scenario import BUS_TABLES, TABLES, TrackScenario, parse_track_scenario
 from hil.nodes.fault import Fault, read_faults
 from hil.nodes.plant import SLOT_S
 from hil.nodes.wiring import frames, wiring_of
 from models.parameter import nearest
 from plant.reading import from_table
-
-OWN_TABLES: Final = ("bus", "faults")
 
 
 @dataclass(frozen=True)
@@ -53,11 +51,11 @@ def load_sil_scenario(path: Path) -> tuple[SilScenario, str]:
 
 def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
     """A loop over the bus from parsed TOML. Errors as `load_sil_scenario`."""
-    known = (*TABLES, *OWN_TABLES)
+    known = (*TABLES, *BUS_TABLES)
     for name in raw:
         if name not in known:
             raise ValueError(f"tables must be among {', '.join(known)}; got [{name}]; {nearest(name, known)}")
-    loop = parse_track_scenario({name: table for name, table in raw.items() if name not in OWN_TABLES})
+    loop = parse_track_scenario({name: table for name, table in raw.items() if name not in BUS_TABLES})
     if "tick_s" not in raw.get("control", {}):
         cycle = frames()[wiring_of(loop.kind).command].cycle_s
         loop = replace(loop, control=replace(loop.control, tick_s=cycle))

@@ -27,6 +27,8 @@ Table = Mapping[str, Any]
 TRUTH_TABLES: Final = ("scenario", "capsule", "tissue", "rig", "drive", "surface", "anatomy", "effects")
 OWN_TABLES: Final = ("reference", "belief", "control", "limits", "localisation", "feedback", "checks")
 TABLES: Final = TRUTH_TABLES + OWN_TABLES
+BUS_TABLES: Final = ("bus", "faults")
+"""Tables that a scenario on the bus may have beside these."""
 SAMPLE_STEPS: Final = 10
 """Steps of the plant between samples of the truth (`plant.session`)."""
 DRIVEN: Final[Mapping[str, str]] = {"magnetic": "", "coil": "coil_voltage_V", "vibro": ""}
@@ -78,6 +80,8 @@ def load_track_scenario(path: Path) -> TrackScenario:
 def parse_track_scenario(raw: Table) -> TrackScenario:
     """A closed loop from parsed TOML. Errors as `load_track_scenario`."""
     for name, table in raw.items():
+        if name in BUS_TABLES:
+            raise ValueError(f"tables must be those of a loop without a bus; got [{name}], which `capsule sil` reads")
         if name not in TABLES:
             raise ValueError(f"tables must be among {', '.join(TABLES)}; got [{name}]; {nearest(name, TABLES)}")
         if not isinstance(table, Mapping):

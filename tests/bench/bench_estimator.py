@@ -10,7 +10,7 @@ import numpy as np
 from controller.estimator.belief import Process
 from controller.estimator.estimator import Estimator
 from controller.estimator.noise import Noise
-from controller.estimator.reference_ukf import ReferenceFilter
+from controller.estimator.reference import ReferenceFilter
 from controller.signals import Measurement
 from tests.controller.loops import model_of
 

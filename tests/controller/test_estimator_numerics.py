@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from controller.estimator.belief import Process
 from controller.estimator.moments import fuse, root
 from controller.estimator.noise import Noise
-from controller.estimator.reference_ekf import ReferenceExtended
-from controller.estimator.reference_ukf import ReferenceFilter, safe_root
+from controller.estimator.reference import ReferenceExtended, ReferenceFilter, safe_root
 from tests.controller.loops import model_of
 
 MODEL = model_of().sharp

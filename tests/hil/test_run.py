@@ -19,10 +19,10 @@ from tests.conftest import RIG
 from tests.hil.deployments import deployment, rig_file
 
 
-def test_a_dry_run_sends_nothing(tmp_path: Path, channel: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_dry_run_sends_nothing_and_says_that_it_heard_nothing(tmp_path: Path, channel: str, capsys: pytest.CaptureFixture[str]) -> None:
     with LocalBus(channel) as ears:
         log = tmp_path / "dry.blf"
-        assert run(["run", rig_file(tmp_path, deployment(channel)), "--dry-run", "--log", str(log), "--json"]) == 0
+        assert run(["run", rig_file(tmp_path, deployment(channel)), "--dry-run", "--log", str(log), "--json"]) == 1
         found = json.loads(capsys.readouterr().out)
         assert found["ended"] == "nothing to lead: no feedback of the drive"
         assert ears.recv(0) is None
@@ -90,10 +90,11 @@ def test_a_log_never_takes_the_name_of_another_file(tmp_path: Path, channel: str
     ("text", "sentence"),
     [
         (deployment(interface="socketcn"), "bus.interface must be one of"),
-        (deployment(interface="socketcan", channel="nocan9"), "bus must be one that opens; got socketcan 'nocan9'"),
+        (deployment(interface="socketcan", channel="nocan9"), "rig.toml: bus must be one that opens; got socketcan 'nocan9'"),
         (deployment(interface="socketcan", channel="nocan9"), "brings it up, in a kernel that knows CAN"),
         (deployment(channel="y" * 150), "bus must be one that opens"),
         (deployment(interface="pcan"), "bus must be one that opens; got pcan"),
+        (deployment(interface="pcan").replace('channel = "', 'channel = 0 # "'), "bus must be one that opens; got pcan 0"),
         (deployment(control="tick_s = 0.5"), "control.tick_s must lie in"),
         (deployment(control="tick_s = 0.01"), "control.tick_s must be at most 0.008 s for a magnetic rig on the bus"),
         (deployment(control="core = -2"), "control.core must be a core's number"),

@@ -75,6 +75,13 @@ def test_summary_names_the_fault(short: Path, capsys: pytest.CaptureFixture[str]
     assert "UNSAFE" not in out
 
 
+def test_a_drive_that_was_never_led_is_told(short: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = SHORT.replace("at_s = 0.5", "at_s = 0.0").replace('kind = "killed"', 'kind = "lost"\nduration_s = 5.0')
+    short.write_text(text, encoding="utf-8")
+    assert capsule(["sil", str(short)]) == 0
+    assert "stopped: the drive was never led: estimate lost" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

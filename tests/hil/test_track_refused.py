@@ -43,6 +43,7 @@ def test_checks_that_cannot_be_judged_are_refused(
         ("[reference]", "[anatomy]\nseed = -3\n[reference]", "anatomy.seed must be zero or more"),
         ("[reference]", "magnet_stiffness_N_per_m = -3.0\n[reference]", "rig.magnet_stiffness_N_per_m must be zero or more"),
         ("[reference]", "[tissue]\nfriction_coefficient = -1.0\n[reference]", "tissue.friction_coefficient must be zero or more"),
+        ("[reference]", "[bus]\n[reference]", "got [bus], which `capsule sil` reads"),
         ("[reference]", "[effects.stenosis]\nexces = 1.0\n[reference]", "numbers of stenosis must be among"),
         ("[reference]", "[capsule]\nradius_m = -1.0\n[reference]", "capsule.radius_m must be positive"),
         ("[reference]", "[control]\ncontroller = 'vibro'\n[reference]", "control.controller must be one of pid,"),

@@ -1,14 +1,14 @@
-"""filterpy's unscented filter on the same process: what the fast filter is tested against, and where its numerics are tamed."""
+"""filterpy's filters on the same process: what the fast filters are tested against, and where filterpy's numerics are tamed."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
-from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
+from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
 from numpy.typing import NDArray
 
-from controller.estimator.belief import Belief, Process
+from controller.estimator.belief import NARROW, Belief, Process
 from controller.estimator.moments import root
 
 Array = NDArray[np.float64]
@@ -71,3 +71,30 @@ class ReferenceFilter(Reference):
         ukf.sigmas_f = ukf.points_fn.sigma_points(ukf.x, ukf.P)
         ukf.update(np.array([value]))
         ukf.P = 0.5 * (ukf.P + ukf.P.T)
+
+
+class ReferenceExtended(Reference):
+    """`ExtendedKalmanFilter` with the slopes of `Process`: central differences over `NARROW` standard deviations along the axes of P."""
+
+    def __init__(self, process: Process, start: Belief) -> None:
+        super().__init__(process, start, ExtendedKalmanFilter(process.size, 1))
+
+    def predict(self, command: float) -> None:
+        """Move a tick on, to the end of which `command` leads."""
+        process, ekf = self._process, self._own
+        middle = process.middle(self._command, command)
+
+        def moved(z: Array) -> Array:
+            return process.move(z, self._modes, middle, self._time)[0]
+
+        axes = safe_root(ekf.P)
+        slopes = [(moved(ekf.x + NARROW * axis) - moved(ekf.x - NARROW * axis)) / (2 * NARROW) for axis in axes]
+        after, modes = process.move(ekf.x, self._modes, middle, self._time)
+        ekf.F = np.linalg.solve(axes, np.array(slopes)).T
+        ekf.predict()
+        ekf.x = after
+        self._modes, self._command, self._time = modes, command, self._time + process.model.tick_s
+
+    def see_position(self, value: float) -> None:
+        """Take in a localisation."""
+        self._own.update(np.array([value]), lambda z: np.eye(1, z.size), lambda z: z[:1])

@@ -19,7 +19,9 @@ from tests.conftest import RIG
 from tests.hil.deployments import deployment, rig_file
 
 
-def test_a_dry_run_sends_nothing_and_says_that_it_heard_nothing(tmp_path: Path, channel: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_dry_run_sends_nothing_and_says_that_it_heard_nothing(
+    tmp_path: Path, channel: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     with LocalBus(channel) as ears:
         log = tmp_path / "dry.blf"
         assert run(["run", rig_file(tmp_path, deployment(channel)), "--dry-run", "--log", str(log), "--json"]) == 1

@@ -80,12 +80,21 @@ class Supervisor:
         self._begin(self._chain, number(now))
 
     def offer(self, chain: Sequence[Controller], verdict: Verdict) -> bool:
-        """Take over `chain`, controllers of a new model, at the next rest, if its `verdict` passed; whether it will be."""
+        """Keep `chain`, controllers of a new model, for `take_offered`, if its `verdict` passed; whether it did."""
         if verdict.passed and chain:
             self._offered = tuple(chain)
             return True
         self._note("offer", f"refused: {verdict.sentence}")
         return False
+
+    def take_offered(self) -> bool:
+        """Take the offered chain over if capsule and reference have been at rest long enough; whether that was so."""
+        if self._offered is None or not self._elapsed - self._rest_since >= self.rules.rest_s:
+            return False
+        chain, self._offered = self._offered, None
+        self._begin(chain, self._now)
+        self._reason = "new model"
+        return True
 
     def act(self, now: float, estimate: Estimate, reference: Reference) -> Action:
         """The command for the tick that begins at `now` in s, within the limits; status and path are those of whoever gave it."""
@@ -94,7 +103,7 @@ class Supervisor:
         tick = min(max(dt, 0.0), self.envelope.limits.longest_tick_s) if math.isfinite(dt) else 0.0
         self._elapsed, self._tick = self._elapsed + tick, tick
         seen = self._seen(now, estimate)
-        self._take_offered(seen, reference)
+        self._watch_rest(seen, reference)
         action, status = self._decide(seen, now, estimate, reference)
         self.issued, broken = limited(action.command, self.issued, seen, tick, self.envelope)
         self._watch_limits(broken)
@@ -185,19 +194,11 @@ class Supervisor:
         self._ladder.failed(self._active, self._elapsed)
         self._limited_since, self._unfollowed_s = math.inf, 0.0
 
-    def _take_offered(self, seen: Seen, reference: Reference) -> None:
-        """Take the offered chain once capsule and reference have been at rest long enough."""
-        if self._offered is None:
-            return
+    def _watch_rest(self, seen: Seen, reference: Reference) -> None:
+        """Since when capsule and reference have been at rest."""
         slow = self.rules.rest_speed_m_s
-        if not (abs(seen.speed_m_s) <= slow and not seen.lost and _speed(reference, self._now) <= slow):
-            self._rest_since = math.inf
-            return
-        self._rest_since = min(self._rest_since, self._elapsed)
-        if self._elapsed - self._rest_since >= self.rules.rest_s:
-            chain, self._offered = self._offered, None
-            self._begin(chain, self._now)
-            self._reason = "new model"
+        resting = abs(seen.speed_m_s) <= slow and not seen.lost and _speed(reference, self._now) <= slow
+        self._rest_since = min(self._rest_since, self._elapsed) if resting else math.inf
 
     def _seen(self, now: float, estimate: Estimate) -> Seen:
         """What the estimate says of the capsule; lost where it cannot be read."""

@@ -145,7 +145,10 @@ def load_campaign(path: Path) -> Campaign:
         combinations = [_combined(choice) for choice in itertools.product(*axes)]
         campaign = Campaign(path.stem, head, scenario, draws, combinations, values)
         for which in range(min(len(combinations), 256)):
-            ENGINES[head.engine](campaign.job(which).raw)
+            tables = campaign.job(which).raw
+            if "offer" in tables:
+                raise ValueError("scenario of a campaign must have no [offer]; campaign.model is what its controllers know")
+            ENGINES[head.engine](tables)
     except ValueError as error:
         said = str(error).startswith((f"{path}:", f"{path.parent}/"))
         raise ValueError(str(error) if said else f"{path}: {error}") from None

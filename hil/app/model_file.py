@@ -1,8 +1,10 @@
-"""Reads a file that close-loop wrote as model.toml."""
+"""Reads the files that close-loop wrote, model.toml and report.json."""
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from typing import Any
 
 from models.identification import Model
 
@@ -26,3 +28,12 @@ def read_model(path: Path, kind: str, *others: str) -> Model:
     if model.kind not in (kind, *others):
         raise ValueError(f"{path}: model must be one of a {' or '.join((kind, *others))} rig; got one of a {model.kind} rig")
     return model
+
+
+def read_report(path: Path) -> dict[str, Any]:
+    """The object of a report.json; empty where it is another JSON value. Raises ValueError of one sentence."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{path}: report must be the JSON that close-loop wrote; got: {error}") from None
+    return found if isinstance(found, dict) else {}

@@ -12,8 +12,9 @@ from typing import Any, Final
 
 import can
 
-from controller.prediction import control_model
+from controller.prediction import ControlModel, control_model
 from hil.app.console import output_to_notes, print_json, summary
+from hil.app.offer import Offered, offer_of
 from hil.app.run_file import parse_deployment
 from hil.app.run_recorder import EXACT, LATE, START, STOP, UNSOLVED, code_version
 from hil.app.sil_scenario import parse_sil_scenario
@@ -148,13 +149,19 @@ def task_of(record: Mapping[str, Any], where: str) -> Task:
     if not isinstance(values, dict) or not isinstance(name, str) or not ({"deployment", "scenario"} & set(record)):
         raise ValueError(f"{where}: record must have controller, values and a deployment or a scenario; got {', '.join(record)}")
     try:
+        offered = None if record.get("offered") is None else Offered.of(record["offered"])
         if "deployment" in record:
-            return replace(parse_deployment(str(record["deployment"]), values).task(), controller=name)
+            deployment = replace(parse_deployment(str(record["deployment"]), values), offered=offered)
+            return replace(deployment.task(), controller=name)
         scenario = parse_sil_scenario(tomllib.loads(str(record["scenario"]))).loop
     except ValueError as error:
         raise ValueError(f"{where}: record must describe a task; got: {error}") from None
-    model = control_model(scenario.belief, values, scenario.control.tick_s)
-    return Task(model, name, scenario.reference, scenario.limits, scenario.instruments.localisation.std)
+
+    def believed(values: Mapping[str, float]) -> ControlModel:
+        return control_model(scenario.belief, values, scenario.control.tick_s)
+
+    noise = scenario.instruments.localisation.std
+    return Task(believed(values), name, scenario.reference, scenario.limits, noise, offer=offer_of(offered, believed))
 
 
 def replayed(frames: Iterable[Logged], task: Task, catalogue: Catalogue, dry_run: bool = False) -> Replay:

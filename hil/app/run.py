@@ -8,6 +8,7 @@ from pathlib import Path
 import can
 
 from hil.app.console import notes, output_to_notes, print_json, summary
+from hil.app.offer import offer_words, told
 from hil.app.run_check import check, limits_point, rehearse
 from hil.app.run_clock import Clock, ClockedBus
 from hil.app.run_file import BusTable, Deployment, load_deployment
@@ -66,6 +67,7 @@ def run(path: Path, action: str = "lead", *, dry_run: bool = False, log: Path | 
             summary().print(f"{'ok ' if point.good else 'BAD'} {point.what}: {point.words}", markup=False, soft_wrap=True)
         return 0 if all(p.good for p in points) else 1
     found = _document(path, outcome, node, frames_log, dry_run) | {"overruns": _overruns(bus)}
+    found |= told(deployment.offered, node.estimator.taken_at)
     if json_output:
         print_json(found)
     else:
@@ -118,6 +120,7 @@ def _lead(
         catalogue,
         dry_run=dry_run,
         bus=vars(deployment.bus),
+        offered=deployment.offered and deployment.offered.document(),
         clock_origin_ns=bus.clock.origin_ns,
     )
     rehearse(task, catalogue)
@@ -175,4 +178,6 @@ def _say(found: dict[str, object]) -> None:
         console.print(
             f"ticks {words} ms: median {times['median']:.3f}, p99 {times['p99']:.3f}, max {times['max']:.3f}", markup=False
         )
+    if sentence := offer_words(found):
+        console.print(sentence, markup=False)
     console.print(f"log: {found['log']}", markup=False, soft_wrap=True)

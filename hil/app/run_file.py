@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import json
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 from controller.choices import CONTROLLERS, leads
 from controller.gate import Gate, Verdict
 from controller.limits import Limits
-from controller.prediction import control_model
+from controller.prediction import ControlModel, control_model
 from controller.trajectory import Trajectory
-from hil.app.model_file import read_model
+from hil.app.model_file import read_model, read_report
+from hil.app.offer import Offered, offer_of, read_offer, read_offer_table
 from hil.app.track_reference import read_reference
 from hil.bus.catalogue import load_catalogue
 from hil.nodes.cia402 import Cia402Table
@@ -26,7 +26,7 @@ from models.parameter import nearest
 from models.rig import LARGEST_FILE, TABLES, Rig, parse_rig
 from plant.reading import from_table
 
-OWN_TABLES: Final = ("bus", "cia402", "control", "reference", "limits", "model")
+OWN_TABLES: Final = ("bus", "cia402", "control", "reference", "limits", "model", "offer")
 
 
 @dataclass(frozen=True)
@@ -98,11 +98,16 @@ class Deployment:
     values: Mapping[str, float]
     verdict: Verdict | None = None
     cia402: Cia402Table | None = None
+    offered: Offered | None = None
 
     def task(self) -> Task:
         """What the controller node is built from. Raises ValueError for a rig that cannot be controlled."""
-        model = control_model(self.rig, self.values, self.control.tick_s)
-        return Task(model, self.control.controller, self.reference, self.limits, self.control.seen_noise_m)
+
+        def believed(values: Mapping[str, float]) -> ControlModel:
+            return control_model(self.rig, values, self.control.tick_s)
+
+        control, offer = self.control, offer_of(self.offered, believed)
+        return Task(believed(self.values), control.controller, self.reference, self.limits, control.seen_noise_m, offer=offer)
 
 
 def load_deployment(path: Path) -> Deployment:
@@ -111,7 +116,8 @@ def load_deployment(path: Path) -> Deployment:
     try:
         raw = tomllib.loads(text)
         values, verdict = _learned(raw, path.parent)
-        return parse_deployment(text, values, path.stem, verdict)
+        deployment = parse_deployment(text, values, path.stem, verdict)
+        return replace(deployment, offered=read_offer(read_offer_table(raw), path.parent, deployment.rig, values))
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise ValueError(f"{path}: rig file must be TOML; got: {' '.join(str(error).split())[:200]}") from None
     except ValueError as error:
@@ -185,12 +191,7 @@ def _learned(raw: Mapping[str, Any], folder: Path) -> tuple[dict[str, float], Ve
         return {}, None
     table, rig = from_table(ModelTable, raw["model"], "model"), _rig(raw)
     model = read_model(folder / table.file, rig.kind)
-    report = folder / table.report
-    try:
-        numbers = json.loads(report.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ValueError(f"{report}: report must be the JSON that close-loop wrote; got: {error}") from None
-    verdict = Gate().judge(numbers if isinstance(numbers, dict) else {}, model, rig, stage=table.stage)
+    verdict = Gate().judge(read_report(folder / table.report), model, rig, stage=table.stage)
     return dict(model.stages[table.stage]), verdict
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from controller.prediction import ControlModel
 from hil.app.console import json_text, output_to_notes, print_json, progress_bar, summary
+from hil.app.offer import Offered, offer_of, offer_words, read_offer, told
 from hil.app.run_recorder import Recorder, log_record
 from hil.app.sil_bench import believed_on_bus
 from hil.app.sil_faults import outcomes
@@ -33,9 +34,12 @@ def sil(path: Path, asked: Asked) -> None:
         check_folder(out, "--out")
     with output_to_notes():
         believed = believed_on_bus(scenario, values)
-        with progress_bar(scenario.loop.name) as report, _log(out, scenario, text, name, values, number) as log:
+        offered = read_offer(scenario.loop.offer, path.parent, scenario.loop.belief, values)
+        offer = offer_of(offered, lambda new: believed_on_bus(scenario, new))
+        with progress_bar(scenario.loop.name) as report, _log(out, scenario, text, name, values, number, offered) as log:
             recorder = None if log is None else Recorder(log)
-            found, trace = judged(scenario, believed, name, number, used, report, recorder=recorder)
+            found, trace = judged(scenario, believed, name, number, used, report, offer=offer, recorder=recorder)
+            found |= told(offered, trace.taken_at)
         if log is not None and out is not None:
             found["log"] = str(log.path)
             write_files({out / "sil.json": json_text(found)})
@@ -46,12 +50,14 @@ def sil(path: Path, asked: Asked) -> None:
 
 
 def _log(
-    out: Path | None, scenario: SilScenario, text: str, name: str, values: Mapping[str, float], seed: int
+    out: Path | None, scenario: SilScenario, text: str, name: str, values: Mapping[str, float], seed: int, offered: Offered | None
 ) -> AbstractContextManager[LockstepLog | None]:
     """The log `frames.blf` in the folder `out`, with what `capsule replay` needs beside it."""
     if out is None:
         return nullcontext()
-    record = log_record({"scenario": text}, name, values, scenario.loop.limits, frames(), seed=seed)
+    record = log_record(
+        {"scenario": text}, name, values, scenario.loop.limits, frames(), seed=seed, offered=offered and offered.document()
+    )
     return LockstepLog(out / "frames.blf", record)
 
 
@@ -85,5 +91,7 @@ def _say(scenario: SilScenario, found: dict[str, Any], trace: SilTrace) -> None:
         after = fault["safe_after_ms"]
         came = "rode through" if after is None else f"safe after {after:.1f} ms"
         say(f"fault {fault['fault']} at {fault['at_s']:g} s: {came}{', UNSAFE' if fault['unsafe'] else ''}")
+    if sentence := offer_words(found):
+        say(sentence)
     if trace.stopped_because:
         say(f"stopped: {trace.stopped_because}")

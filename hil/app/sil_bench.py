@@ -9,6 +9,7 @@ from dataclasses import replace
 import can
 
 from controller.prediction import ControlModel, control_model
+from controller.succession import Offer
 from hil.app.run_recorder import Recorder
 from hil.app.sil_scenario import SilScenario
 from hil.bus.sim import BUS_OFF, Medium, SimulatedBus
@@ -43,6 +44,7 @@ class Bench:
         controller: str,
         seed: int,
         *,
+        offer: Offer | None = None,
         recorder: Recorder | None = None,
     ) -> None:
         """`recorder` writes the log of the controller node. Raises ValueError for a controller that cannot lead this rig."""
@@ -53,7 +55,7 @@ class Bench:
         self.ports = {name: SimulatedBus(self.medium, name) for name in ("controller", "drive", "localiser")}
         self._babbler = SimulatedBus(self.medium, "babbler") if any(f.kind == "babbling" for f in scenario.faults) else None
         self.links: dict[str, Link] = {}
-        task = Task(model, controller, loop.reference, loop.limits, loop.instruments.localisation.std)
+        task = Task(model, controller, loop.reference, loop.limits, loop.instruments.localisation.std, offer=offer)
         self.node = ControllerNode(task, self._bus("controller", seed), observer=recorder)
         session = Session(loop.truth, replace(loop.instruments, feedback=None), seed, 0.0)
         self.plant = PlantNode(

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.prediction import ControlModel
+from controller.succession import Offer
 from hil.app.run_recorder import Recorder
 from hil.app.sil_bench import Bench
 from hil.app.sil_patience import at_most
@@ -63,6 +64,7 @@ def run_sil(
     seed: int,
     report: Progress | None = None,
     *,
+    offer: Offer | None = None,
     recorder: Recorder | None = None,
     digest: bool = False,
 ) -> SilTrace:
@@ -71,7 +73,7 @@ def run_sil(
     Raises ValueError for a controller that cannot lead this rig, and for a run that takes longer by the wall clock than `[bus]` allows:
     between two ticks, or, in the main thread, within one.
     """
-    loop, bench = scenario.loop, Bench(scenario, model, controller, seed, recorder=recorder)
+    loop, bench = scenario.loop, Bench(scenario, model, controller, seed, offer=offer, recorder=recorder)
     ticks = round(loop.duration_s / bench.tick_s)
     trace, tap = _empty(ticks, bench.slots), _Tap(bench) if digest else None
     longest_s = max(LEAST_S, scenario.bus.longest_s_per_s * loop.duration_s)
@@ -123,7 +125,8 @@ def _empty(ticks: int, slots: int) -> SilTrace:
 def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:
     """What the bench knows at the end; step times count while the controller leads the drive."""
     trace.rows = np.concatenate(bench.plant.session.rows)
-    trace.events, trace.counts = list(bench.node.supervisor.events), bench.node.estimator.counts
+    trace.events = list(bench.node.supervisor.events)
+    trace.counts, trace.taken_at = bench.node.estimator.counts, bench.node.estimator.taken_at
     trace.frames, trace.load, trace.rejected = bench.frames, bench.medium.load, bench.rejected
     trace.stopped_because = bench.node.reason or ("" if led else _never_led(bench, trace))
     trace.solve_s = trace.solve_s[led] if led else np.zeros(1)

@@ -8,6 +8,7 @@ from typing import Any
 from controller.choices import CONTROLLERS, leads
 from controller.estimator.noise import noise_of
 from hil.app.console import json_text, notes, output_to_notes, print_json, progress_bar
+from hil.app.offer import offer_of, read_offer, told
 from hil.app.track_asked import Asked
 from hil.app.track_loop import Trace, believed_model, run_loop
 from hil.app.track_page import page_html
@@ -35,6 +36,8 @@ def track(path: Path, asked: Asked, compare: bool = False) -> int:
     runs: list[tuple[dict[str, Any], Trace]] = []
     with output_to_notes():
         believed = believed_model(scenario, values)
+        offered = read_offer(scenario.offer, path.parent, scenario.belief, values)
+        offer = offer_of(offered, lambda new: believed_model(scenario, new))
         late, latest = scenario.instruments.localisation.latency_s, noise_of(scenario.kind).latest_s
         if late >= latest:
             notes().print(
@@ -42,10 +45,11 @@ def track(path: Path, asked: Asked, compare: bool = False) -> int:
             )
         with progress_bar(scenario.name) as report:
             for name in names:
-                trace = run_loop(scenario, believed, name, number, report)
+                trace = run_loop(scenario, believed, name, number, report, offer=offer)
                 log = None if out is None else str(out / "track.json")
                 worth = score(scenario, trace)
                 found = document(scenario, scenario.name, name, number, used, worth, log)
+                found |= told(offered, trace.taken_at)
                 found["checks"] = [one.document() for one in verdicts(scenario, name, trace, worth)]
                 runs.append((found, trace))
         documents: Any = [found for found, _ in runs] if compare else runs[0][0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -9,12 +10,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.choices import build, estimator_for
+from controller.choices import build
 from controller.envelope import envelope_of
 from controller.estimator.watch import Counts
 from controller.prediction import ControlModel, control_model
 from controller.rules import Event
 from controller.signals import Action, Estimate, Measurement
+from controller.succession import Offer, Succession
 from controller.supervisor import Supervisor
 from controller.vibro.table_values import in_time
 from hil.app.track_scenario import DRIVEN, TrackScenario
@@ -44,6 +46,7 @@ class Trace:
     rows: Array = field(default_factory=lambda: np.zeros((0, 9)))
     measured: Array = field(default_factory=lambda: np.zeros((0, 2)))
     wall_clock_s: float = 0.0
+    taken_at: float = math.nan
 
     @classmethod
     def empty(cls, ticks: int) -> Trace:
@@ -69,15 +72,25 @@ def believed_model(scenario: TrackScenario, values: Mapping[str, float]) -> Cont
     return control_model(belief, numbers, scenario.control.tick_s, driven=DRIVEN[scenario.kind])
 
 
-def run_loop(scenario: TrackScenario, model: ControlModel, controller: str, seed: int, report: Progress | None = None) -> Trace:
+def run_loop(
+    scenario: TrackScenario,
+    model: ControlModel,
+    controller: str,
+    seed: int,
+    report: Progress | None = None,
+    *,
+    offer: Offer | None = None,
+) -> Trace:
     """Run `scenario` under the named controller. The controller sees stamped measurements alone, never the truth.
 
     Each tick: estimate from what has arrived, command through the supervisor and the limits, plant until the next tick.
+    Where a model is on `offer`, it takes over at a rest.
     Raises ValueError for a controller that cannot lead this rig.
     """
     envelope = envelope_of(model.drive, scenario.limits)
     supervisor = Supervisor(build(controller, model, envelope), envelope)
-    estimator = estimator_for(controller, model)
+    estimator = Succession(supervisor, controller, model, offer)
+    estimator.begin(0.0)
     session = Session(scenario.truth, scenario.instruments, seed, supervisor.issued.command)
     tick_s, ticks = scenario.control.tick_s, round(scenario.duration_s / scenario.control.tick_s)
     trace = Trace.empty(ticks)
@@ -100,5 +113,6 @@ def run_loop(scenario: TrackScenario, model: ControlModel, controller: str, seed
             report(controller, k / ticks)
     trace.wall_clock_s = time.perf_counter() - began
     trace.rows, trace.measured = np.concatenate(session.rows), np.array(places).reshape(-1, 2)
-    trace.events, trace.counts = list(supervisor.events), estimator.counts
+    trace.events = list(supervisor.events)
+    trace.counts, trace.taken_at = estimator.counts, estimator.taken_at
     return trace

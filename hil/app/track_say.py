@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from hil.app.console import summary
+from hil.app.offer import offer_words
 from hil.app.track_scenario import TrackScenario
 from hil.app.track_score import HARD
 
@@ -33,6 +34,11 @@ def say(scenario: TrackScenario, found: Sequence[Found], out: Path | None) -> No
     ]
     if checks:
         _print(console, ("check", "value", "at most", "verdict"), checks)
+    for one in found:
+        for event in one["events"]:
+            console.print(f"{one['controller']}: {_change(event)}", markup=False)
+        if sentence := offer_words(one):
+            console.print(f"{one['controller']}: {sentence}", markup=False)
     if out is not None:
         console.print(f"report: {out / 'track.html'}", markup=False, soft_wrap=True)
 
@@ -56,6 +62,10 @@ def times(found: Found) -> list[str]:
 def verdict(check: Mapping[str, Any]) -> str:
     """The verdict in a word."""
     return "passed" if check["passed"] else "FAILED"
+
+
+def _change(event: Mapping[str, Any]) -> str:
+    return f"from {event['time_s']:.3f} s on {event['after']} in place of {event['before']}: {event['reason']}"
 
 
 def _tracking(one: Found) -> list[str]:

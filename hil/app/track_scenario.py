@@ -10,6 +10,7 @@ from typing import Any, Final
 from controller.choices import CONTROLLERS, leads
 from controller.limits import Limits
 from controller.trajectory import Trajectory
+from hil.app.offer import OfferTable, read_offer_table
 from hil.app.toml_file import read_toml
 from hil.app.track_belief import read_belief
 from hil.app.track_checks import CheckTable, read_checks
@@ -25,7 +26,7 @@ from plant.session import FEEDBACK, LOCALISATION, Instruments
 
 Table = Mapping[str, Any]
 TRUTH_TABLES: Final = ("scenario", "capsule", "tissue", "rig", "drive", "surface", "anatomy", "effects")
-OWN_TABLES: Final = ("reference", "belief", "control", "limits", "localisation", "feedback", "checks")
+OWN_TABLES: Final = ("reference", "belief", "control", "limits", "localisation", "feedback", "checks", "offer")
 TABLES: Final = TRUTH_TABLES + OWN_TABLES
 BUS_TABLES: Final = ("bus", "faults")
 """Tables that a scenario on the bus may have beside these."""
@@ -66,6 +67,7 @@ class TrackScenario:
     limits: Limits
     control: Control
     checks: CheckTable = CheckTable()
+    offer: OfferTable | None = None
 
 
 def load_track_scenario(path: Path) -> TrackScenario:
@@ -117,6 +119,7 @@ def parse_track_scenario(raw: Table) -> TrackScenario:
         limits=limits,
         control=control,
         checks=read_checks(raw.get("checks", {}), kind, reference, instruments, control.judged_from_s, run.duration_s),
+        offer=read_offer_table(raw),
     )
 
 

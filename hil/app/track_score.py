@@ -26,7 +26,7 @@ HARD: Final = ("speed", "force", "gap", "current")
 class Score:
     """SI. `effort` is the rms of the drive's force in N; `hard_violations` counts ticks in which the truth broke a limit, `limit_use` is
     the largest share of each that was used. `ticks` counts ticks by status, `estimator` what became of the measurements; `solve_ms` is
-    the controller's time for a tick, `estimate_ms` the estimator's."""
+    the controller's time for a tick, `estimate_ms` the estimator's; `events` are the last change-overs between controllers."""
 
     tracking_rmse_m: float
     tracking_max_m: float
@@ -42,6 +42,7 @@ class Score:
     solve_ms: dict[str, float]
     estimate_ms: dict[str, float]
     real_time_factor: float
+    events: list[dict[str, Any]]
 
 
 def score(scenario: TrackScenario, trace: Trace) -> Score:
@@ -68,6 +69,7 @@ def score(scenario: TrackScenario, trace: Trace) -> Score:
         {**_times(trace.solve_s), "failed": sum(statuses[one] for one in ("failed", "late", "stopped"))},
         _times(trace.estimate_s),
         scenario.duration_s / trace.wall_clock_s if trace.wall_clock_s > 0 else math.inf,
+        [asdict(event) for event in trace.events],
     )
 
 

@@ -9,11 +9,12 @@ from typing import Final
 
 import can
 
-from controller.choices import build, estimator_for
+from controller.choices import build
 from controller.envelope import envelope_of
 from controller.limits import Envelope
 from controller.rules import Rules
 from controller.signals import Action, Estimate, Measurement, Reference
+from controller.succession import Succession
 from controller.supervisor import Supervisor
 from hil.bus.catalogue import Catalogue
 from hil.nodes.doubts import Doubts
@@ -77,7 +78,7 @@ class ControllerNode:
         self.task, self.wiring = task, wiring_of(task.model.drive.name)
         self.envelope: Envelope = envelope_of(task.model.drive, task.limits)
         self.supervisor = Supervisor(build(task.controller, task.model, self.envelope, task.deadline_s), self.envelope, rules)
-        self.estimator = estimator_for(task.controller, task.model)
+        self.estimator = Succession(self.supervisor, task.controller, task.model, task.offer, task.deadline_s)
         self.tick_s = task.model.tick_s
         self.ears = Ears(bus, catalogue, self.wiring, self.tick_s, observer)
         self.guard = Guard(bus, catalogue, self.wiring, Fence.of(self.envelope, self.tick_s), dry=dry_run, observe=observer)
@@ -94,7 +95,9 @@ class ControllerNode:
 
     def start(self, now: float, origin_s: float | None = None) -> None:
         """The operator's word to run; the reference begins at `origin_s`, `now` where None. Ends a latched stop."""
-        self._reference = Shifted(self.task.reference, now if origin_s is None else origin_s)
+        origin_s = now if origin_s is None else origin_s
+        self._reference = Shifted(self.task.reference, origin_s)
+        self.estimator.begin(origin_s)
         self.state, self.reason, self._led = RUNNING, "", False
         self._acknowledge = 2 if self.ears.fault else 0
         self._doubts.settle(self.estimator.counts.restarts)

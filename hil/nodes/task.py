@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from controller.limits import Limits
 from controller.prediction import ControlModel
 from controller.signals import Action, Array, Estimate, Reference
+from controller.succession import Offer
 from hil.nodes.guard import Passed
 
 
@@ -15,7 +16,8 @@ from hil.nodes.guard import Passed
 class Task:
     """What a controller node is built from: the control model (its tick is the bus's), the name of a controller in
     `controller.choices`, where to go, and the limits. `seen_noise_m` is the noise the localisation is believed to have. `deadline_s`
-    is when the MPC begins no further iteration in a tick (inf, as lockstep needs it, where no clock decides)."""
+    is when the MPC begins no further iteration in a tick (inf, as lockstep needs it, where no clock decides). `offer` is a model that
+    is to take over at a rest."""
 
     model: ControlModel
     controller: str
@@ -23,6 +25,7 @@ class Task:
     limits: Limits
     seen_noise_m: float = 5e-4
     deadline_s: float = math.inf
+    offer: Offer | None = None
 
 
 @dataclass(frozen=True, slots=True)

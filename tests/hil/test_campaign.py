@@ -282,6 +282,9 @@ def test_a_scenario_that_cannot_be_used_is_one_sentence(campaign: Path, capsys: 
     (campaign.parent / "scenario.toml").write_text("rig = 3\n")
     assert run(["campaign", str(campaign), "--out", str(campaign.parent / "out")]) == 2
     assert capsys.readouterr().err == f"capsule: {campaign}: rig must be a table; got 3\n"
+    (campaign.parent / "scenario.toml").write_text("[offer]\n")
+    assert run(["campaign", str(campaign), "--out", str(campaign.parent / "out")]) == 2
+    assert "scenario of a campaign must have no [offer]" in capsys.readouterr().err
 
 
 def test_a_campaign_that_is_not_there_is_named_once(

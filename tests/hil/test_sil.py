@@ -45,7 +45,7 @@ def test_json_has_the_keys_that_others_rely_on(short: Path, tmp_path: Path, caps
     assert list(found) == [
         *("scenario", "controller", "seed", "model", "tracking_rmse_m", "tracking_max_m", "final_error_m", "mean_speed_m_s"),
         *("reference_mean_speed_m_s", "wall_force_max_N", "effort", "hard_violations", "limit_use", "ticks", "estimator"),
-        *("solve_ms", "estimate_ms", "real_time_factor", "log", "bus", "faults"),
+        *("solve_ms", "estimate_ms", "real_time_factor", "events", "log", "bus", "faults"),
     ]
     assert (found["scenario"], found["controller"], found["seed"], found["model"]) == ("short", "feedforward", 3, "nominal")
     assert list(found["bus"]) == ["frames", "load", "rejected"]

@@ -35,6 +35,7 @@ KEYS = {
     "solve_ms": dict,
     "estimate_ms": dict,
     "real_time_factor": float,
+    "events": list,
 }
 
 

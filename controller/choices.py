@@ -63,6 +63,14 @@ def _vibro(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
     return (vibro_controller(model),)
 
 
+def _vibro_square(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
+    return (vibro_controller(model, optimise=False),)
+
+
+def _vibro_map(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
+    return (vibro_controller(model, feedback=False),)
+
+
 CONTROLLERS: Mapping[str, Builder] = MappingProxyType(
     {
         "pid": _pid,
@@ -73,16 +81,20 @@ CONTROLLERS: Mapping[str, Builder] = MappingProxyType(
         "feedforward": _feedforward,
         "mpc": _mpc,
         "vibro": _vibro,
+        "vibro_square": _vibro_square,
+        "vibro_map": _vibro_map,
     }
 )
 """`pid` and `pid_friction` see the localisation through a kinematic filter, as a laboratory without a friction model has it; all
-others, the two PIDs called estimated among them, what the friction-aware estimator believes."""
+others, the two PIDs called estimated among them, what the friction-aware estimator believes. `vibro_square` is `vibro` with square waves
+alone, `vibro_map` without its slow loop."""
 _BODY = ("magnetic", "coil")
+_INNER_MASS = ("vibro", "vibro_square", "vibro_map")
 
 
 def leads(name: str) -> tuple[str, ...]:
     """The kinds of drive that the controller `name` can lead."""
-    return ("vibro",) if name == "vibro" else _BODY
+    return ("vibro",) if name in _INNER_MASS else _BODY
 
 
 def estimator_for(name: str, model: ControlModel) -> Observer:

@@ -18,6 +18,7 @@ from controller.signals import Adapted
 Array = NDArray[np.float64]
 NARROW: Final = 0.1  # share of a standard deviation over which an extended filter differentiates; a narrower one sees a jump as a slope without bound
 _SURPRISE: Final = 0.7  # of the mean normalised difference, three standard deviations of its noise, beyond which something pushes
+_ASTRAY: Final = 1.5  # of the same, more than six: the model goes another way than the capsule
 _RECENT: Final = 0.1  # share of the newest position in that mean
 LEVELS: Final = ("hoop_stress_factor", "friction_coefficient")
 _START_STD: Final = {"v": 1e-3, "u": 1e-4, "current_A": 0.1, "stretch_m": 1e-4, "rate_m_s": 1e-2}
@@ -65,6 +66,8 @@ class Process:
         self.wander = np.array(walks) ** 2 * model.tick_s
         self._pushed = self.wander.copy()
         self._pushed[-2] = self.noise.push_wander_N**2 * model.tick_s
+        self._slipped = self._pushed.copy()
+        self._slipped[0] = self.noise.slip_wander_m**2 * model.tick_s
         self._scale = math.sqrt(n) if self.unscented else NARROW
         self._states, self._d, self._level = np.zeros((2 * n + 1, len(model.states))), np.zeros(2 * n + 1), np.zeros(2 * n + 1)
         names = [p.name for p in model.symbols.parameters]
@@ -99,7 +102,8 @@ class Process:
         place_points(b.z, b.P, b.modes, self.where, self._scale, self._bounds, self._L, *self._points)
         k = self._kernels
         k.run_each(self._states, self.middle(b.command, command), self._d, b.time_s, k.tick_s, k.substeps, self._parameters)
-        wander = self._pushed if abs(b.surprise) > _SURPRISE else self.wander
+        surprise = abs(b.surprise)
+        wander = self._slipped if surprise > _ASTRAY else self._pushed if surprise > _SURPRISE else self.wander
         take_moments(self._states, self._d, self._level, self.where, self._scale, self.unscented, wander, b.z, b.P, b.modes)
         b.time_s += k.tick_s
         b.command = command

@@ -12,6 +12,7 @@ from controller.prediction import control_model
 from controller.vibro import leading
 from controller.vibro.cycles import VibroModel
 from controller.vibro.gears import DriveMap
+from controller.vibro.vibro import VibroController
 from models.identification.model import Model
 from models.rig import parse_rig
 
@@ -42,8 +43,22 @@ def test_the_values_of_an_identified_model_reach_the_map(monkeypatch: pytest.Mon
     assert {e.id for e in seen[0].effects} == {"spring_damping", "coil_lag"}
 
 
+def test_the_baselines_go_without_the_least_energy_cycles_and_without_the_loop(monkeypatch: pytest.MonkeyPatch) -> None:
+    optimised: list[bool] = []
+
+    def remembered(model: VibroModel, optimise: bool) -> DriveMap:
+        optimised.append(optimise)
+        return DriveMap((), 0.1)
+
+    monkeypatch.setattr(leading, "designed", remembered)
+    model = control_model(parse_rig(TABLES), {}, 2e-3)
+    chains = [build(name, model, envelope_of(model.drive)) for name in ("vibro", "vibro_square", "vibro_map")]
+    assert optimised == [True, False, True]
+    assert [c[0].tuning.feedback for c in chains if isinstance(c[0], VibroController)] == [True, True, False]
+
+
 def test_each_controller_leads_its_own_drives() -> None:
     model = control_model(parse_rig(TABLES), {}, 1e-3)
-    assert leads("vibro") == ("vibro",)
+    assert leads("vibro") == leads("vibro_square") == leads("vibro_map") == ("vibro",)
     with pytest.raises(ValueError, match="rig must be magnetic or coil for the controller 'pid'; got 'vibro'"):
         build("pid", model, envelope_of(model.drive))

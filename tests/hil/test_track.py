@@ -12,6 +12,7 @@ from hil.app.track_asked import Asked
 from hil.app.track_loop import believed_model, run_loop
 from hil.app.track_scenario import load_track_scenario, parse_track_scenario
 from hil.app.track_score import score
+from hil.app.track_verdicts import verdicts
 from tests.hil.track_texts import SHORT
 
 CAPSUBOT = Path(__file__).parents[1] / "controller" / "capsubot_model.toml"
@@ -164,3 +165,12 @@ def test_a_model_of_a_table_of_runs_leads_the_drive_in_time(tmp_path: Path) -> N
     assert named["spring_damping.damping_N_s_per_m"] == 2.349
     with pytest.raises(ValueError, match="model must be one of a magnetic rig; got one of a vibro_table rig"):
         Asked(model=path).values("magnetic")
+
+
+def test_the_capsubot_as_measured_is_led_and_never_lost() -> None:
+    """By the measured model, whose strokes carry further or less far than the plant's."""
+    scenario = load_track_scenario(next(p for p in SCENARIOS if p.stem == "track_vibro_capsubot"))
+    values, _ = Asked(model=CAPSUBOT).values("vibro")
+    trace = run_loop(scenario, believed_model(scenario, values), "vibro", 0)
+    assert "lost" not in trace.status[200:]
+    assert [v.check for v in verdicts(scenario, "vibro", trace, score(scenario, trace)) if not v.passed] == []

@@ -59,18 +59,19 @@ def _mpc(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
     return (mpc, Feedforward(model, envelope), PID(model, envelope))
 
 
-def _vibro(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
-    return (vibro_controller(model),)
+def _inner_mass(optimise: bool = True, feedback: bool = True) -> Builder:
+    def chain(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
+        return (vibro_controller(model, optimise, feedback),)
+
+    return chain
 
 
-def _vibro_square(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
-    return (vibro_controller(model, optimise=False),)
-
-
-def _vibro_map(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
-    return (vibro_controller(model, feedback=False),)
-
-
+_BODY = ("magnetic", "coil")
+_INNER_MASS: Mapping[str, Builder] = {
+    "vibro": _inner_mass(),
+    "vibro_square": _inner_mass(optimise=False),
+    "vibro_map": _inner_mass(feedback=False),
+}
 CONTROLLERS: Mapping[str, Builder] = MappingProxyType(
     {
         "pid": _pid,
@@ -80,16 +81,12 @@ CONTROLLERS: Mapping[str, Builder] = MappingProxyType(
         "lqr": _lqr,
         "feedforward": _feedforward,
         "mpc": _mpc,
-        "vibro": _vibro,
-        "vibro_square": _vibro_square,
-        "vibro_map": _vibro_map,
+        **_INNER_MASS,
     }
 )
 """`pid` and `pid_friction` see the localisation through a kinematic filter, as a laboratory without a friction model has it; all
 others, the two PIDs called estimated among them, what the friction-aware estimator believes. `vibro_square` is `vibro` with square waves
 alone, `vibro_map` without its slow loop."""
-_BODY = ("magnetic", "coil")
-_INNER_MASS = ("vibro", "vibro_square", "vibro_map")
 
 
 def leads(name: str) -> tuple[str, ...]:

@@ -20,8 +20,8 @@ class Noise:
 
     The friction level is a share of the wall's pressure (of the friction coefficient on a plate), the force what no friction explains;
     `level_std` and `force_std_N` are how far they may be off at the start. The force wanders by `push_wander_N` instead while positions
-    come out on one side of what was expected: something pushes. The position wanders by `slip_wander_m` besides while they are far off on one side:
-    strokes carry the capsule further, or less far, than believed.
+    come out on one side of what was expected: something pushes. While they are far off on one side the position wanders by
+    `slip_wander_m` instead, too: strokes carry the capsule further, or less far, than believed.
 
     A measurement further than `gate` standard deviations from what was expected is an outlier; `patience` of them in a row mean
     that the belief is wrong, not they. The estimate is lost without an accepted position for `age_s`, above `lost_std_m`, and until
@@ -74,9 +74,9 @@ NOISES: Mapping[str, Noise] = MappingProxyType(
     {"magnetic": _LOCKED, "coil": Noise(level_std=1e-3, level_wander=1e-3), "vibro": Noise(slip_wander_m=4e-3)}
 )
 """By drive where the default does not serve. A magnet's stiffness ties the capsule's jumps to the friction, so a filter that trusts its model
-locks on to them. Without a spring to the capsule, level and force are told apart too late to help. What a
-stroke of an inner mass carries hangs on every parameter: believed four times too far, a filter with the position's common wander ran ahead until it
-was lost, eight times in 16 s; of 1 to 8 mm those from 2 on did alike."""
+locks on to them. Without a spring to the capsule, level and force are told apart too late to help. How far a stroke
+of an inner mass carries hangs on every parameter: with the position's common wander a filter that believed four times too far ran ahead until it was
+lost, eight times in 16 s; of 1 to 8 mm those from 2 on did alike."""
 EXTENDED = ("magnetic",)
 """Drives whose filter differentiates at the mean, which then sticks and slips as the capsule does, instead of averaging over points."""
 

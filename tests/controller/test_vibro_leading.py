@@ -25,35 +25,35 @@ TABLES = {
 IDENTIFIED = Path(__file__).with_name("capsubot_model.toml")
 
 
-def test_the_values_of_an_identified_model_reach_the_map(monkeypatch: pytest.MonkeyPatch) -> None:
-    seen: list[VibroModel] = []
+@pytest.fixture
+def designs(monkeypatch: pytest.MonkeyPatch) -> list[tuple[VibroModel, bool]]:
+    """What drive maps are designed on, and whether with least-energy cycles; none is made."""
+    asked: list[tuple[VibroModel, bool]] = []
 
     def remembered(model: VibroModel, optimise: bool) -> DriveMap:
-        seen.append(model)
+        asked.append((model, optimise))
         return DriveMap((), 0.1)
 
     monkeypatch.setattr(leading, "designed", remembered)
+    return asked
+
+
+def test_the_values_of_an_identified_model_reach_the_map(designs: list[tuple[VibroModel, bool]]) -> None:
     stages = Model.from_toml(IDENTIFIED.read_text(encoding="utf-8")).stages
     values = {k: v for k, v in stages["augmented"].items() if k not in ("mirror", "body_mass_kg", "inner_mass_kg")}
     model = control_model(parse_rig(TABLES), values, 2e-3)
     chain = build("vibro", model, envelope_of(model.drive))
     assert [c.name for c in chain] == ["vibro"]
-    assert seen[0].force_N == 3.16
-    assert seen[0].values["spring_damping.damping_N_s_per_m"] == 2.349
-    assert {e.id for e in seen[0].effects} == {"spring_damping", "coil_lag"}
+    seen = designs[0][0]
+    assert seen.force_N == 3.16
+    assert seen.values["spring_damping.damping_N_s_per_m"] == 2.349
+    assert {e.id for e in seen.effects} == {"spring_damping", "coil_lag"}
 
 
-def test_the_baselines_go_without_the_least_energy_cycles_and_without_the_loop(monkeypatch: pytest.MonkeyPatch) -> None:
-    optimised: list[bool] = []
-
-    def remembered(model: VibroModel, optimise: bool) -> DriveMap:
-        optimised.append(optimise)
-        return DriveMap((), 0.1)
-
-    monkeypatch.setattr(leading, "designed", remembered)
+def test_the_baselines_go_without_the_least_energy_cycles_and_without_the_loop(designs: list[tuple[VibroModel, bool]]) -> None:
     model = control_model(parse_rig(TABLES), {}, 2e-3)
     chains = [build(name, model, envelope_of(model.drive)) for name in ("vibro", "vibro_square", "vibro_map")]
-    assert optimised == [True, False, True]
+    assert [optimise for _, optimise in designs] == [True, False, True]
     assert [c[0].tuning.feedback for c in chains if isinstance(c[0], VibroController)] == [True, True, False]
 
 

@@ -54,11 +54,13 @@ class Active:
             speed = e().recovery(s, self._own(e, self.p), self._own(e, self.z), speed, onset)
         return speed
 
-    def onset(self, s: Signals, level: Any) -> Any:
-        """The factor on the slip limit."""
+    def at_onset(self, s: Signals, level: Any) -> tuple[Any, Any]:
+        """The factors on the weight's share of the slip limit and on that of what the wall presses."""
+        weight = pressed = level
         for e in self.effects:
-            level = e().onset(s, self._own(e, self.p), self._own(e, self.z), level)
-        return level
+            p, z = self._own(e, self.p), self._own(e, self.z)
+            weight, pressed = e().onset(s, p, z, weight), e().pressed(s, p, z, pressed)
+        return weight, pressed
 
     def advance(self, s: Signals, h: Any) -> Active:
         """The same effects with their hidden states a step `h` later, each under the command that the one before lets through."""

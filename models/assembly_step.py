@@ -77,7 +77,7 @@ class Stepper:
         mu, load = p["friction_coefficient"], self.drive.carried_kg * GRAVITY
         if isinstance(self.surface, Plate):
             return Grip(mu * (self.mass_kg * GRAVITY + load) * level, level)
-        friction, onset = self.surface.grip(np.abs(s.v), p["hoop_stress_factor"], mu, level, self.active.onset(s, level))
+        friction, onset = self.surface.grip(np.abs(s.v), p["hoop_stress_factor"], mu, level, self.active.at_onset(s, level))
         if load:
             onset = onset + mu * load
         u_c = self.slipping_drag(self.surface, onset, s)

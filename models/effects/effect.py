@@ -85,6 +85,10 @@ class Effect:
         """Factor on the weight's share of the slip limit, `mu m g`, given the one that `level` would give it."""
         return level
 
+    def pressed(self, s: Signals, p: Values, z: Values, level: Any) -> Any:
+        """Factor on the rest of the slip limit, `mu N_p`, given the one that `level` would give it."""
+        return level
+
     def force(self, s: Signals, p: Values, z: Values) -> Any:
         """Extra force on the capsule along +x in N; a resistance has the sign of -v."""
         return 0.0

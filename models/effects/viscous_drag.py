@@ -29,7 +29,7 @@ class ViscousDrag(Effect):
     refined_by = ("level_over_speed",)
 
     coefficient_N: Parameter = Parameter(
-        "coefficient_N", 0.0, "N at 10 mm/s", -0.1, 0.3, "Tribol. Lett. 51:377; shear-thinning mucus n 0.3 to 0.6", fit=True
+        "coefficient_N", 0.0, "N at 10 mm/s", 0.0, 0.3, "Tribol. Lett. 51:377; shear-thinning mucus n 0.3 to 0.6", fit=True
     )
     exponent: Parameter = Parameter(
         "exponent", 1.0, "1", 0.4, 2.0, "Tribol. Lett. 51:377; shear-thinning mucus n 0.3 to 0.6", fit=True

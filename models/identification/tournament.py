@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -59,22 +60,38 @@ def tournament(
     before = block_costs(kind, splits, thetas)
     trials = [_judge(kind, splits, effects, thetas, name, fitted[name].theta, before) for name in finalists]
     mendable = min((trial.blocks.mean() for trial in trials), default=0.0) > NEAR_NOISE
-    trials = [_put_right(kind, splits, effects, trial, before, mendable) for trial in trials]
+    trials = [
+        _put_right(kind, splits, effects, trial, before, fitted[trial.effect].theta if mendable else None) for trial in trials
+    ]
     return sorted(trials, key=lambda trial: -trial.gain)
 
 
-def _put_right(
-    kind: Kind, splits: Sequence[Split], effects: Sequence[str], trial: Trial, before: np.ndarray, mendable: bool
-) -> Trial:
-    """`trial` as its own declared companions in the catalogue would leave it, where it is `mendable` and that is better: of two candidates
-    of which neither is quite right, the one that can be put right. One without companions is looked for from more places where it
-    leaves more than the noise."""
+def _companions(kind: Kind, name: str) -> list[str]:
+    """What may have to stand beside a candidate before it can be told: of what refines it, what is in the catalogue itself and what says how
+    much of a changed resistance the slip limit feels."""
     known = {effect.id for effect in kind.effects}
-    companions = [name for name in BY_ID[trial.effect].refined_by if name in known] if mendable else []
+    return [c for c in BY_ID[name].refined_by if c in known or (BY_ID[c].answers("onset") and kind.name in BY_ID[c].kinds)]
+
+
+def _put_right(
+    kind: Kind,
+    splits: Sequence[Split],
+    effects: Sequence[str],
+    trial: Trial,
+    before: np.ndarray,
+    sought: Mapping[str, float] | None,
+) -> Trial:
+    """`trial` as its companions would leave it, also from where its heat `sought` it, where that is better: of two candidates of which
+    neither is quite right, the one that can be put right. One without companions is looked for from more places where it leaves more than
+    the noise."""
+    companions = _companions(kind, trial.effect) if sought else []
     if not companions and not kind.free_only:
         return trial
     model = [*effects, trial.effect, *companions]
-    fits = [refit(kind, part, model, theta) for (part, _), theta in zip(splits, trial.thetas, strict=True)]
+    fits = []
+    for (part, _), theta in zip(splits, trial.thetas, strict=True):
+        starts = [theta, dict(sought)] if sought and companions else [theta]
+        fits.append(refit(kind, part, model, min(starts, key=lambda start: judged_cost(kind, part, start))))
     again = _against(before, trial.effect, tuple(fits), block_costs(kind, splits, fits))
     if not companions:
         return again
@@ -107,12 +124,27 @@ def _first(row: tuple[float, dict[str, float]]) -> float:
 def _heats(
     kind: Kind, part: Sequence[Record], effects: Sequence[str], starts: Mapping[str, Sequence[dict[str, float]]]
 ) -> dict[str, Fit]:
-    """Fits of `effects` and each candidate good enough to rank by; without those that fell behind on the way."""
+    """Fits of `effects` and each candidate good enough to rank by; without those that fell behind on the way. One that changes the
+    resistance is looked for from where the slip limit follows it, and from where it does not."""
     stage = middle_stage(kind)
+    beside = {name: [c for c in _companions(kind, name) if BY_ID[c] in REFINEMENTS] for name in starts}
+    models = {name: [*effects, name, *beside[name]] for name in starts}
     if kind.free_only:
-        climbs = {name: Climb(kind, [*effects, name], own, stage, QUICK, name) for name, own in starts.items()}
+        every = {name: [place for start in own for place in _with_each(start, beside[name])] for name, own in starts.items()}
+        climbs = {name: Climb(kind, models[name], every[name], stage, QUICK, name) for name in starts}
         return race(part, climbs, FINAL, BEHIND)
-    return {name: narrowing(kind, part, [*effects, name], own[0], stage, NARROW, 8) for name, own in starts.items()}
+    fits = {}
+    for name, own in starts.items():
+        places = _with_each(own[0], beside[name])
+        costs = [float(r @ r) for r in evaluate_all(kind, part, places, stage)] if len(places) > 1 else [0.0]
+        fits[name] = narrowing(kind, part, models[name], places[int(np.argmin(costs))], stage, NARROW, 8)
+    return fits
+
+
+def _with_each(start: dict[str, float], companions: Sequence[str]) -> list[dict[str, float]]:
+    """`start`, and with each shape on the companions' grids."""
+    grid = {f"{c}.{name}": values for c in companions for name, values in BY_ID[c].grid.items()}
+    return [start, *({**start, **dict(zip(grid, row, strict=True))} for row in itertools.product(*grid.values()) if row)]
 
 
 def _begins(kind: Kind, theta: Mapping[str, float]) -> list[dict[str, float]]:

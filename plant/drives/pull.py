@@ -6,7 +6,7 @@ from plant.anatomy import profile_level
 from plant.compiling import compiled
 from plant.hidden.activity import has_force, has_level
 from plant.hidden.forces import hidden_force, inertia, remember_stress
-from plant.hidden.resistance import remember_motion, resistance_level
+from plant.hidden.resistance import remember_motion, resistance_at_nose, resistance_level
 from plant.layout import (
     O_DRIVE,
     O_FORCE,
@@ -50,7 +50,10 @@ def advance_pull(
             came = s[S_V]
             seen = hoop * resistance_level(x, came, t, s, h) if leveled else hoop
             force = inertia(p, h) * (v - came) / dt
-            force += s[S_DIRECTION] * sliding_limit(came, seen, p, tab) + wall_force(came, seen, s, p, h, tab)
+            limit = sliding_limit(came, seen, p, tab)
+            if leveled:
+                limit = resistance_at_nose(limit, came, h)
+            force += s[S_DIRECTION] * limit + wall_force(came, seen, s, p, h, tab)
             out[rows, O_T] = t
             out[rows, O_X] = x
             out[rows, O_V] = came

@@ -32,13 +32,19 @@ class Shape:
 
 @dataclass(frozen=True)
 class Hidden:
-    """An effect: `numbers[0]` is its amplitude, zero switches it off."""
+    """An effect: `numbers[0]` is its amplitude, zero switches it off. `called` is what the field calls it, where that is not its `id`."""
 
     id: str
     form: str
     numbers: tuple[Shape, ...]
     drives: tuple[str, ...]
     published: bool = True
+    called: str = ""
+
+    @property
+    def answer(self) -> str:
+        """What a search should name."""
+        return self.called or self.id
 
 
 GUT_DRIVES: Final = ("pull", "magnetic", "coil", "vibro", "force")
@@ -89,6 +95,20 @@ HIDDEN: Final[tuple[Hidden, ...]] = (
         "level (1 + a b (1 - s/d)^2), b' = (1 - b)^2/t_a at rest, s the path since",
         (Shape("excess", 0.6, 1.2), Shape("time_s", 0.4, 1.2), Shape("path_m", 0.6e-3, 1.5e-3)),
         RESTING,
+    ),
+    Hidden(
+        "nose_asymmetry",
+        "resistance (1 + a v/sqrt(v^2 + v_0^2)), the slip limit as it was",
+        (Shape("excess", 0.12, 0.3, True), Shape("speed_m_s", 1e-5, 1e-4)),
+        RESTING,
+        called="directional_asymmetry",
+    ),
+    Hidden(
+        "film_weakening",
+        "resistance + a/(1 + |v|/v_s), the slip limit as it was",
+        (Shape("force_N", 12e-3, 24e-3), Shape("speed_m_s", 1.5e-3, 4e-3)),
+        RESTING,
+        called="stribeck",
     ),
     Hidden(
         "travel_step",

@@ -1,4 +1,4 @@
-"""Hidden effects on the level of resistance: a factor on the hoop stress, so on F_e and on what presses on the wall."""
+"""Hidden effects on resistance: a factor on the hoop stress, so on F_e and on what presses on the wall, or a change of F_e alone."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ STENOSIS: Final = ROWS["stenosis"]
 DRYING: Final = ROWS["tissue_drying"]
 PRECONDITIONING: Final = ROWS["preconditioning"]
 ADHESION: Final = ROWS["dwell_adhesion"]
+NOSE: Final = ROWS["nose_asymmetry"]
+FILM: Final = ROWS["film_weakening"]
 STEP: Final = ROWS["travel_step"]
 WOBBLE: Final = ROWS["rolling_wobble"]
 
@@ -66,6 +68,16 @@ def resistance_level(x: float, v: float, t: float, s: Floats, h: Floats) -> floa
     if h[ASYMMETRY, 0] != 0.0:
         level *= 1 + h[ASYMMETRY, 0] * v / math.sqrt(v * v + h[ASYMMETRY, 1] ** 2)
     return max(level, 0.0)
+
+
+@compiled
+def resistance_at_nose(resistance: float, v: float, h: Floats) -> float:
+    """Resistance in N at speed `v` in m/s as effects leave it that the slip limit does not feel. Not negative."""
+    if h[NOSE, 0] != 0.0:
+        resistance *= 1 + h[NOSE, 0] * v / math.sqrt(v * v + h[NOSE, 1] ** 2)
+    if h[FILM, 0] != 0.0:
+        resistance += h[FILM, 0] / (1 + abs(v) / h[FILM, 1])
+    return max(resistance, 0.0)
 
 
 @compiled

@@ -1,0 +1,42 @@
+"""A change of F_e that the slip limit does not feel: who is named for it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from models.effects import BY_ID
+from models.identification.judging import APART, ahead
+from models.identification.kinds import kind_for
+from models.identification.kinds.gut import GutKind
+from models.identification.screen import screen
+from models.identification.tournament import refit, tournament
+from models.record import read_record
+from models.rig import read_rig
+from plant.hidden.registry import hidden
+from plant.series import make_series
+
+RIVALS = {
+    "nose_asymmetry": ("directional_asymmetry", "incline_gravity", "sensor_bias"),
+    "film_weakening": ("stribeck", "viscous_drag", "stress_relaxation"),
+}
+
+
+@pytest.mark.parametrize("name", sorted(RIVALS))
+def test_what_changes_the_nose_alone_is_called_by_its_name(name: str, tmp_path: Path) -> None:
+    """A law whose slip limit followed would leave more than its look-alikes do, and they would be named."""
+    folder = make_series("pull", name, 5, tmp_path, 15.0)
+    rig = read_rig(folder / "rig.toml")
+    records = [read_record(folder / f"train_{k}.csv.gz", rig) for k in (1, 2)]
+    full = kind_for(rig, records)
+    assert isinstance(full, GutKind)
+    kind = replace(full, effects=tuple(BY_ID[effect] for effect in RIVALS[name]))
+    splits = [(records[:1], records[1:])]
+    base = refit(kind, records[:1], [], kind.nominal())
+    trials = tournament(kind, splits, [], [base], screen(kind, records[:1], [], base))
+    assert trials[0].effect == hidden(name).answer
+    assert all(ahead(trials[0].blocks, trial.blocks) > APART for trial in trials[1:])
+    model = (trials[0].effect, "level_at_onset")
+    assert trials[0].companions[model][0]["level_at_onset.spared"] == pytest.approx(1.0, abs=0.15)

@@ -9,6 +9,7 @@ from uuid import uuid4
 import pytest
 
 from hil.bus.local import channel_folder
+from tests.hil.campaigns import campaign_files
 from tests.hil.track_texts import SHORT
 
 
@@ -29,3 +30,8 @@ def short(tmp_path: Path) -> Path:
     path = tmp_path / "short.toml"
     path.write_text(SHORT, encoding="utf-8")
     return path
+
+
+@pytest.fixture
+def campaign(tmp_path: Path) -> Path:
+    return campaign_files(tmp_path)

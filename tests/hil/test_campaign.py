@@ -1,4 +1,4 @@
-"""Campaigns: every run once, whatever is killed in between; each repeated by one command; sentences for files that cannot be used."""
+"""Campaigns: every run once, whatever is killed in between; each repeated by one command."""
 
 from __future__ import annotations
 
@@ -23,50 +23,7 @@ from hil.app.campaign_page import summary_of, worst_of
 from hil.app.campaign_results import Results, chunks
 from hil.app.campaign_work import TRIES, pooled, run_job
 from hil.app.main import run
-from tests.hil.deployments import TRUTH
-
-SCENARIO = f"[scenario]\nduration_s = 0.7\n{TRUTH}"
-CAMPAIGN = """
-[campaign]
-scenario = "scenario.toml"
-cases = 6
-seed = 3
-chunk = 2
-[draw."tissue.friction_coefficient"]
-uniform = [0.06, 0.1]
-[draw."anatomy.seed"]
-integer = [0, 1000]
-[grid]
-"control.controller" = ["pid", "pid_friction"]
-[[variants.hidden]]
-name = "none"
-[[variants.hidden]]
-name = "folds"
-set.effects.fold_periodic = { excess = 0.3, wavelength_m = 0.0073 }
-"""
-RUNS = 24
-TIMES = ("solve_ms", "estimate_ms", "real_time_factor")
-
-
-def campaign_files(folder: Path) -> Path:
-    (folder / "scenario.toml").write_text(SCENARIO)
-    path = folder / "campaign.toml"
-    path.write_text(CAMPAIGN)
-    return path
-
-
-@pytest.fixture
-def campaign(tmp_path: Path) -> Path:
-    return campaign_files(tmp_path)
-
-
-def rows_of(folder: Path) -> list[dict[str, Any]]:
-    return [json.loads(line) for line in (folder / "results.jsonl").read_text().splitlines()[1:]]
-
-
-def untimed(row: dict[str, Any]) -> dict[str, Any]:
-    result = {key: value for key, value in row["result"].items() if key not in TIMES}
-    return {**row, "result": result, "seconds": 0}
+from tests.hil.campaigns import CAMPAIGN, RUNS, rows_of, untimed
 
 
 def started(campaign: Path, out: Path, heard: int = subprocess.DEVNULL) -> subprocess.Popen[str]:
@@ -238,72 +195,6 @@ def test_the_bus_is_another_engine(campaign: Path) -> None:
     row = run_job(load_campaign(campaign).job(0))
     assert row["result"]["faults"][0]["unsafe"] is False
     assert row["result"]["bus"]["frames"] > 100
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "sentence"),
-    [
-        ("[grid]", "[gird]", "did you mean 'grid'"),
-        ("cases = 6", "cases = 0", "campaign.cases must lie in"),
-        ("cases = 6", "cases = 600000", "at most 1000000 runs"),
-        ("uniform = [0.06, 0.1]", "unifrom = [0.06, 0.1]", "did you mean 'uniform'"),
-        ("uniform = [0.06, 0.1]", "uniform = [0.1, 0.06]", "[lower, upper]"),
-        ('["pid", "pid_friction"]', '"pid"', "must be a list of values"),
-        ("tissue.friction_coefficient", "tissue.friction", "friction_coefficient"),
-        ("scenario.toml", "none.toml", "scenario must be a file that can be read"),
-        ("set.effects", "put.effects", "variants.hidden must have"),
-        ('name = "none"', "", "with a name"),
-        ('name = "none"', 'name = "folds"', "a name of its own"),
-        ("[[variants.hidden]]", "[[variants.case]]", "none be 'case'; got 'case' twice"),
-        ("control.controller", "anatomy.seed", "got 'anatomy.seed' twice"),
-        ('["pid", "pid_friction"]', '["pid", "pid"]', "values that differ"),
-        ('"control.controller" =', "control.controller =", 'in quotes, as "control.controller"'),
-        ('[draw."anatomy.seed"]', "[draw.anatomy.seed]", 'in quotes, as [draw."anatomy.seed"]'),
-        ("[0, 1000]", "[0.2, 0.7]", "integers of at most"),
-        ("[0, 1000]", "[0, 1000000000000000000000]", "integers of at most"),
-        ("[0.06, 0.1]", "[-1.7e308, 1.7e308]", "finite numbers"),
-        ("chunk = 2", 'metric = "tracking_rmse"', "campaign.metric must be one of tracking_rmse_m"),
-        ("[grid]", "[grid]\n" + "".join(f'"a.k{k}" = {list(range(20))}\n' for k in range(9)), "at most 1000000 runs"),
-        ("chunk = 2", 'engine = "trak"', "did you mean 'track'"),
-    ],
-)
-def test_what_cannot_be_used_is_one_sentence(
-    campaign: Path, old: str, new: str, sentence: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert old in CAMPAIGN
-    campaign.write_text(CAMPAIGN.replace(old, new))
-    assert run(["campaign", str(campaign), "--out", str(campaign.parent / "out")]) == 2
-    said = capsys.readouterr().err
-    assert sentence in said
-    assert said.count("\n") == 1
-
-
-def test_a_scenario_that_cannot_be_used_is_one_sentence(campaign: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (campaign.parent / "scenario.toml").write_text("rig = 3\n")
-    assert run(["campaign", str(campaign), "--out", str(campaign.parent / "out")]) == 2
-    assert capsys.readouterr().err == f"capsule: {campaign}: rig must be a table; got 3\n"
-    (campaign.parent / "scenario.toml").write_text("[offer]\n")
-    assert run(["campaign", str(campaign), "--out", str(campaign.parent / "out")]) == 2
-    assert "scenario of a campaign must have no [offer]" in capsys.readouterr().err
-
-
-def test_a_campaign_that_is_not_there_is_named_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert run(["campaign", "none.toml"]) == 2
-    assert capsys.readouterr().err.startswith("capsule: none.toml: campaign must be a file")
-
-
-def test_options_that_cannot_be_are_one_sentence(campaign: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for options in (
-        ["--run", "24"],
-        ["--workers", "0"],
-        ["--scheduler", "nowhere:1"],
-        ["--scheduler", "nowhere:1", "--workers", "2"],
-    ):
-        assert run(["campaign", str(campaign), "--out", str(campaign.parent / "out"), *options]) == 2
-        assert options[0] in capsys.readouterr().err
 
 
 @given(st.recursive(st.integers(), lambda inner: st.dictionaries(st.sampled_from("abc"), inner, max_size=3), max_leaves=8))

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from hil.app.main import run
-from tests.hil.test_campaign import campaign_files, rows_of, untimed
+from tests.hil.campaigns import campaign_files, rows_of, untimed
 
 pytestmark = pytest.mark.skipif(find_spec("distributed") is None, reason="needs Dask: the extra 'dask' is not installed")
 ROOT = Path(__file__).parents[2]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from models.effects.effect import Effect, Signals
+from models.effects.effect import Effect, Shares, Signals
 from models.effects.inner_mass import InnerMassEffect
 
 
@@ -54,13 +54,13 @@ class Active:
             speed = e().recovery(s, self._own(e, self.p), self._own(e, self.z), speed, onset)
         return speed
 
-    def at_onset(self, s: Signals, level: Any) -> tuple[Any, Any]:
-        """The factors on the weight's share of the slip limit and on that of what the wall presses."""
-        weight = pressed = level
+    def levels(self, s: Signals) -> Shares:
+        """The factors on F_e and on the two parts of the slip limit, the weight's and what the wall presses."""
+        level = self.product("level", s)
+        factors = (level, level, level)
         for e in self.effects:
-            p, z = self._own(e, self.p), self._own(e, self.z)
-            weight, pressed = e().onset(s, p, z, weight), e().pressed(s, p, z, pressed)
-        return weight, pressed
+            factors = e().shared(self._own(e, self.p), factors)
+        return factors
 
     def advance(self, s: Signals, h: Any) -> Active:
         """The same effects with their hidden states a step `h` later, each under the command that the one before lets through."""

@@ -73,16 +73,16 @@ class Stepper:
 
     def grip(self, s: Signals) -> Grip:
         """Friction and slip limit at `s`, with what effects make of them."""
-        p, level = self.active.p, self.active.product("level", s)
+        p, levels = self.active.p, self.active.levels(s)
         mu, load = p["friction_coefficient"], self.drive.carried_kg * GRAVITY
         if isinstance(self.surface, Plate):
-            return Grip(mu * (self.mass_kg * GRAVITY + load) * level, level)
-        friction, onset = self.surface.grip(np.abs(s.v), p["hoop_stress_factor"], mu, level, self.active.at_onset(s, level))
+            return Grip(mu * (self.mass_kg * GRAVITY + load) * levels[0], levels[0])
+        friction, onset = self.surface.grip(np.abs(s.v), p["hoop_stress_factor"], mu, levels)
         if load:
             onset = onset + mu * load
         u_c = self.slipping_drag(self.surface, onset, s)
         recovery = self.active.recovery(s, u_c / self.surface.tissue.recovery_time_s, u_c)
-        return Grip(friction, level, onset, recovery)
+        return Grip(friction, levels[0], onset, recovery)
 
     def slipping_drag(self, wall: Wall, onset: Any, s: Signals) -> Any:
         """`u_c` in m with `T(u_c)`, as stiff as effects make it there, equal to `onset` in N; Steffensen's steps."""
@@ -180,7 +180,7 @@ class Stepper:
             return found
         mean = found[1]
         facing = np.where(np.abs(mean) > _REST, np.sign(mean), s.direction)
-        change = grip.friction * (self.active.product("level", replace(s, v=mean, direction=facing)) / grip.level - 1)
+        change = grip.friction * (self.active.levels(replace(s, v=mean, direction=facing))[0] / grip.level - 1)
         far = np.abs(mean - s.v) > _STRAIGHT
         turn = np.where(far, (at(grip.friction + change)[1] - mean) / np.where(far, mean - s.v, 1.0), 0.0)
         return at(grip.friction + change / (1 - np.minimum(turn, _MOST_TURN)))

@@ -70,16 +70,16 @@ class Wall:
         """`I2` in N at `speed` >= 0 in m/s."""
         return _polynomial(np.log1p(np.minimum(speed, FASTEST) / _KNEE), self.cylinder_coefficients)
 
-    def grip(self, speed: Any, hoop: Any, mu: Any, level: Any = 1.0, at_onset: tuple[Any, Any] | None = None) -> tuple[Any, Any]:
+    def grip(self, speed: Any, hoop: Any, mu: Any, levels: tuple[Any, Any, Any] = (1.0, 1.0, 1.0)) -> tuple[Any, Any]:
         """Environmental resistance `F_e = sin(theta) c I1` and slip limit `f_c = mu (m g + c (cos(theta) I1 + I2))` in N.
 
-        `hoop` is the rig's factor c on the hoop stress, `level` what effects make of both forces, `at_onset` of the weight's share of the
-        second one and of the rest where they differ; paper V Eq. 8, 11, 12.
+        `hoop` is the rig's factor c on the hoop stress, `levels` what effects make of F_e, of the weight's part of the slip limit and of
+        the rest of it; paper V Eq. 8, 11, 12.
         """
+        on_nose, on_weight, on_pressed = levels
         nose, cylinder = hoop * self.nose(speed), hoop * self.cylinder(speed)
-        on_weight, on_pressed = (level, level) if at_onset is None else at_onset
         load = on_weight * self.capsule.mass_kg * GRAVITY + on_pressed * (math.cos(self.tissue.theta) * nose + cylinder)
-        return level * math.sin(self.tissue.theta) * nose, mu * load
+        return on_nose * math.sin(self.tissue.theta) * nose, mu * load
 
     def tension(self, u: Any) -> Any:
         """`T(u)` in N of the wall dragged by `u` in m (paper A Eq. 12), a polynomial within 1e-7 of the law up to 3 mm of drag."""

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 from models.parameter import Parameter
 
 Values = Mapping[str, Any]
+Shares = tuple[Any, Any, Any]
 
 
 @dataclass(frozen=True)
@@ -81,13 +82,9 @@ class Effect:
         """Factor on the wall's grip, that is on F_e and f_c (on the Coulomb friction of a plate or an axis)."""
         return 1.0
 
-    def onset(self, s: Signals, p: Values, z: Values, level: Any) -> Any:
-        """Factor on the weight's share of the slip limit, `mu m g`, given the one that `level` would give it."""
-        return level
-
-    def pressed(self, s: Signals, p: Values, z: Values, level: Any) -> Any:
-        """Factor on the rest of the slip limit, `mu N_p`, given the one that `level` would give it."""
-        return level
+    def shared(self, p: Values, factors: Shares) -> Shares:
+        """Factors on F_e, `mu m g` and `mu N_p`, of which the last two make the slip limit, given those that `level` would give them."""
+        return factors
 
     def force(self, s: Signals, p: Values, z: Values) -> Any:
         """Extra force on the capsule along +x in N; a resistance has the sign of -v."""

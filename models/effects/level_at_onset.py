@@ -1,4 +1,4 @@
-"""How much of a changed resistance the slip limit feels. Refines an effect, never named itself."""
+"""Whether the nose or the slip limit feels a changed resistance. Refines an effect, never named itself."""
 
 from __future__ import annotations
 
@@ -6,33 +6,38 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
-from models.effects.effect import Effect, Signals, Values
+import numpy as np
+
+from models.effects.effect import Effect, Shares, Values
 from models.parameter import Parameter
 
-_SOURCE = "paper V Eq. 11: of the normal load only what the wall presses follows the hoop stress, not the weight"
-_APART = "paper V Eq. 8 and 11: F_e is the wall's resistance at the nose, f_c what it takes to slip along the whole capsule"
+_WEIGHT = "paper V Eq. 11: of the normal load only what the wall presses follows the hoop stress, not the weight"
+_SIDES = "paper V Eq. 8 and 11: F_e is the wall's resistance at the nose, f_c what it takes to slip along the whole capsule"
 
 
 @dataclass(frozen=True)
 class LevelAtOnset(Effect):
-    """Where effects make F_e `l` times as large, the slip limit is `f_c = mu (m g (1 + (1 - k)(l - 1)) + N_p (1 + (1 - q)(l - 1)))`, N_p
-    what the wall presses: k and q are the shares of either friction that stay as they are. Both 0: all of f_c follows; k = 1: only what
-    the wall presses does; both 1: the change is one of F_e alone."""
+    """Where effects change resistance to `l` times what it was, `F_e (1 + (1 - max(-q, 0))(l - 1))` and the slip limit
+    `f_c = mu (m g (1 + (1 - k)(l - 1)) + N_p (1 + (1 - max(q, 0))(l - 1)))`, N_p what the wall presses: k is the share of the weight's
+    friction that stays as it is. q = 0: all but that follows; q = 1: F_e alone and not N_p; q = -1: the slip limit alone and not F_e."""
 
     id = "level_at_onset"
-    summary = "a share of the slip limit that a changed resistance leaves as it is"
-    source = _SOURCE
+    summary = "a share of F_e or of the slip limit that a changed resistance leaves as it is"
+    source = _SIDES
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
-    grid = MappingProxyType({"kept": (1.0,), "spared": (0.0, 1.0)})
+    grid = MappingProxyType({"kept": (1.0,), "spared": (0.0, 1.0, -1.0)})
     probe = 0.1
     look_alikes = ("level_over_speed",)
     separated_by = "runs at one speed over places, times or directions that differ"
 
-    kept: Parameter = Parameter("kept", 0.0, "1", -0.5, 1.5, _SOURCE, fit=True, spread=1.0)
-    spared: Parameter = Parameter("spared", 0.0, "1", -0.5, 1.5, _APART, fit=True, spread=1.0)
+    kept: Parameter = Parameter("kept", 0.0, "1", -0.5, 1.5, _WEIGHT, fit=True, spread=1.0)
+    spared: Parameter = Parameter("spared", 0.0, "1", -1.5, 1.5, _SIDES, fit=True, spread=1.0)
 
-    def onset(self, s: Signals, p: Values, z: Values, level: Any) -> Any:
-        return level - p["kept"] * (level - 1)
+    def shared(self, p: Values, factors: Shares) -> Shares:
+        nose, weight, pressed = factors
+        q = p["spared"]
+        return _less(nose, np.maximum(-q, 0.0)), _less(weight, p["kept"]), _less(pressed, np.maximum(q, 0.0))
 
-    def pressed(self, s: Signals, p: Values, z: Values, level: Any) -> Any:
-        return level - p["spared"] * (level - 1)
+
+def _less(level: Any, share: Any) -> Any:
+    return level - share * (level - 1)

@@ -47,7 +47,7 @@ def close(
         else {}
         for part, records in (("train", train), ("holdout", holdout))
     }
-    spread = intervals(kind, found.augmented, found.model)
+    spread = intervals(kind, found.augmented, found.model, found.parts)
     model = Model(kind.name, thetas, verdict, {"records": ", ".join(r.name for r in train), "seed": str(seed)})
     finding = Finding(
         kind=kind.name,

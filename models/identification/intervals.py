@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -18,10 +18,14 @@ _BLOCKS = 60
 _AT_BOUND = 1e-3
 
 
-def intervals(kind: Kind, fit: Fit, effects: Sequence[str]) -> dict[str, Estimate]:
-    """95 % intervals from the Jacobian: the wider of least squares' own, widened for what is left beyond chance and for residuals that are
-    not independent, and of the sandwich with the scores' scatter from block to block, which holds for a model that is not quite
-    right; never beyond the bounds."""
+Part = tuple[float, Mapping[str, float]]
+"""Share of the records' rows that a fit was made on, and its values."""
+
+
+def intervals(kind: Kind, fit: Fit, effects: Sequence[str], parts: Sequence[Part] = ()) -> dict[str, Estimate]:
+    """95 % intervals: the widest of least squares' own from the Jacobian, widened for what is left beyond chance and for residuals that are
+    not independent, of the sandwich with the scores' scatter from block to block, which holds for a model that is not quite right, and of
+    the jackknife, by which the fits on `parts` of the records differ from the one on all; never beyond the bounds."""
     fitted = axes(kind, effects)
     if not fitted:
         return {}
@@ -37,11 +41,21 @@ def intervals(kind: Kind, fit: Fit, effects: Sequence[str]) -> dict[str, Estimat
     out = {}
     for axis, deviation in zip(fitted, np.sqrt(variance) * scale, strict=True):
         value = fit.theta[axis.name]
-        half = float(np.hypot(_T95 * deviation, ACCURACY * abs(value)))
         p = axis.parameter
+        moved = jackknife(value, [(share, theta[axis.name]) for share, theta in parts if axis.name in theta], p.unit)
+        half = float(np.hypot(_T95 * max(deviation, moved), ACCURACY * abs(value)))
         told = half < 0.5 * max(abs(value), axis.scale) + axis.scale and _inside(value, p)
         out[axis.name] = Estimate(value, (max(value - half, p.lower), min(value + half, p.upper)), p.unit, told)
     return out
+
+
+def jackknife(value: float, parts: Sequence[tuple[float, float]], unit: str = "1") -> float:
+    """Standard deviation of `value`, found on all rows, from those found on shares s of them: `(mean of d^2 s/(1 - s))^(1/2)`, d how far
+    off a part's value is, angles the shorter way round. With one group left out in turn this is the delete-a-group jackknife."""
+    away = [(share, part - value) for share, part in parts if share < 1]
+    if unit == "rad":
+        away = [(share, (d + np.pi) % (2 * np.pi) - np.pi) for share, d in away]
+    return float(np.sqrt(np.mean([d * d * share / (1 - share) for share, d in away]))) if away else 0.0
 
 
 def _inside(value: float, p: Parameter) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 from models.identification.finishing import finished, whole
 from models.identification.fit import FINE, Fit, narrowing
 from models.identification.horizon import predictable, restlessness
+from models.identification.intervals import Part
 from models.identification.judging import APART, NEAR_NOISE, Split, ahead, block_costs, judged_cost
 from models.identification.kind import EXPLAINED, Kind
 from models.identification.refining import Known, refined, refined_at_last
@@ -48,6 +49,7 @@ class Search:
     restless: float = 0.0
     horizon_s: float = np.inf
     known: Known = field(default_factory=dict)
+    parts: list[Part] = field(default_factory=list)
 
     @property
     def model(self) -> list[str]:
@@ -93,6 +95,8 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
         found.refinements += added
     else:
         found.augmented = finished(kind, train, [], base)
+    rows = sum(map(len, train))
+    found.parts = [(sum(map(len, part)) / rows, theta) for (part, _), theta in zip(splits, thetas, strict=True)]
     if found.effects and kind.stages > 1:
         found.restless = restlessness(kind, splits, found.augmented.theta, rng)
     if not found.effects:

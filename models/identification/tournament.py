@@ -70,7 +70,7 @@ def _companions(kind: Kind, name: str) -> list[str]:
     """What may have to stand beside a candidate before it can be told: of what refines it, what is in the catalogue itself and what says how
     much of a changed resistance the slip limit feels."""
     known = {effect.id for effect in kind.effects}
-    return [c for c in BY_ID[name].refined_by if c in known or (BY_ID[c].answers("onset") and kind.name in BY_ID[c].kinds)]
+    return [c for c in BY_ID[name].refined_by if c in known or (BY_ID[c].answers("shared") and kind.name in BY_ID[c].kinds)]
 
 
 def _put_right(

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from models.assembly import assemble
-from models.assembly_effects import Active
 from models.drives.magnetic import Magnetic
 from models.effects import BY_ID
 from models.effects.directional_asymmetry import DirectionalAsymmetry
@@ -40,15 +39,18 @@ def test_an_effect_says_whether_its_level_goes_by_the_speed(effect: type[Effect]
     assert (float(np.ptp(np.array(levels, dtype=float))) > 0) == effect.by_speed
 
 
-@pytest.mark.parametrize(("kept", "spared"), [(0.0, 0.0), (0.4, 0.0), (1.0, 0.0), (1.0, 0.3), (1.0, 1.0)])
-def test_a_changed_resistance_leaves_the_shares_of_the_slip_limit_that_it_keeps(kept: float, spared: float) -> None:
-    """Paper V Eq. 11: `f_c = mu (m g + N_p)`; a level l makes it `mu (m g (1 + (1 - k)(l - 1)) + N_p (1 + (1 - q)(l - 1)))`."""
+@pytest.mark.parametrize(("kept", "spared"), [(0.0, 0.0), (0.4, 0.0), (1.0, 0.3), (1.0, 1.0), (0.2, -0.3), (0.0, -1.0)])
+def test_a_changed_resistance_leaves_the_shares_that_it_spares(kept: float, spared: float) -> None:
+    """Paper V Eq. 8 and 11: `F_e` and `f_c = mu (m g + N_p)`, each with its own share of a level l."""
     mu, level = Tissue().friction_coefficient, 1.7
-    active = Active((LevelAtOnset,), {"level_at_onset.kept": kept, "level_at_onset.spared": spared}, {})
-    resistance, limit = WALL.grip(5e-3, 1.1, mu, level, active.at_onset(Signals(), level))
+    own = LevelAtOnset().shared({"kept": kept, "spared": spared}, (level, level, level))
+    resistance, limit = WALL.grip(5e-3, 1.1, mu, own)
     plain_resistance, plain = WALL.grip(5e-3, 1.1, mu)
     weight = mu * Capsule().mass_kg * GRAVITY
-    assert resistance == pytest.approx(level * plain_resistance)
-    assert limit == pytest.approx(weight * (1 + (1 - kept) * (level - 1)) + (plain - weight) * (1 + (1 - spared) * (level - 1)))
+    nose, pressed = (1 + (1 - max(-spared, 0)) * 0.7), (1 + (1 - max(spared, 0)) * 0.7)
+    assert resistance == pytest.approx(nose * plain_resistance)
+    assert limit == pytest.approx(weight * (1 + (1 - kept) * 0.7) + (plain - weight) * pressed)
     if kept == spared == 1.0:
         assert limit == pytest.approx(plain)
+    if spared == -1.0:
+        assert resistance == pytest.approx(plain_resistance)

@@ -9,7 +9,7 @@ from plant.compiling import compiled
 from plant.hidden.activity import has_drive, has_force, has_level
 from plant.hidden.actuation import coupling, delivered, effective_current, hidden_emf, link_force, remember_drive, sideways_load
 from plant.hidden.forces import hidden_force, inertia, remember_stress
-from plant.hidden.resistance import remember_motion, resistance_at_nose, resistance_level
+from plant.hidden.resistance import hoop_at_slip, remember_motion, resistance_at_nose, resistance_level
 from plant.layout import (
     P_COIL_EMF,
     P_COIL_GAIN,
@@ -126,6 +126,7 @@ def advance_body(
         limit = sliding_limit(v, hoop, p, tab)
         if leveled:
             limit = resistance_at_nose(limit, v, h)
+            hoop = hoop_at_slip(hoop, x, h)
         net = force - wall_force(v, hoop, s, p, h, tab)
         if kind == MAGNET:
             limit += sideways_load(drive[k] - x, h)

@@ -6,7 +6,7 @@ from plant.anatomy import profile_level
 from plant.compiling import compiled
 from plant.hidden.activity import has_force, has_level
 from plant.hidden.forces import hidden_force, inertia, remember_stress
-from plant.hidden.resistance import remember_motion, resistance_at_nose, resistance_level
+from plant.hidden.resistance import hoop_at_slip, remember_motion, resistance_at_nose, resistance_level
 from plant.layout import (
     O_DRIVE,
     O_FORCE,
@@ -53,6 +53,7 @@ def advance_pull(
             limit = sliding_limit(came, seen, p, tab)
             if leveled:
                 limit = resistance_at_nose(limit, came, h)
+                seen = hoop_at_slip(seen, x, h)
             force += s[S_DIRECTION] * limit + wall_force(came, seen, s, p, h, tab)
             out[rows, O_T] = t
             out[rows, O_X] = x
@@ -65,7 +66,7 @@ def advance_pull(
         if v != 0.0:
             s[S_DIRECTION] = 1.0 if v > 0 else -1.0
         if leveled:
-            hoop *= resistance_level(x, v, t, s, h)
+            hoop = hoop_at_slip(hoop * resistance_level(x, v, t, s, h), x, h)
         s[S_V] = v
         s[S_X] = drive[k + 1]
         move_wall(v, dt, hoop, s, p, h, tab)

@@ -111,6 +111,13 @@ HIDDEN: Final[tuple[Hidden, ...]] = (
         called="stribeck",
     ),
     Hidden(
+        "slip_folds",
+        "slip limit's hoop stress (1 + a sin q (1 + 0.5 cos q)), q = 2 pi x/l, resistance as it was",
+        (Shape("excess", 0.2, 0.4), Shape("wavelength_m", 5e-3, 10e-3)),
+        RESTING,
+        called="fold_periodic",
+    ),
+    Hidden(
         "travel_step",
         "level (1 + a) once a path d is done, over 1 mm",
         (Shape("excess", 0.25, 0.5, True), Shape("path_m", 40e-3, 80e-3)),

@@ -1,4 +1,5 @@
-"""Hidden effects on resistance: a factor on the hoop stress, so on F_e and on what presses on the wall, or a change of F_e alone."""
+"""Hidden effects on resistance: a factor on the hoop stress, so on F_e and on what presses on the wall, or a change of F_e or of the
+slip limit alone."""
 
 from __future__ import annotations
 
@@ -20,6 +21,7 @@ PRECONDITIONING: Final = ROWS["preconditioning"]
 ADHESION: Final = ROWS["dwell_adhesion"]
 NOSE: Final = ROWS["nose_asymmetry"]
 FILM: Final = ROWS["film_weakening"]
+SLIP: Final = ROWS["slip_folds"]
 STEP: Final = ROWS["travel_step"]
 WOBBLE: Final = ROWS["rolling_wobble"]
 
@@ -78,6 +80,15 @@ def resistance_at_nose(resistance: float, v: float, h: Floats) -> float:
     if h[FILM, 0] != 0.0:
         resistance += h[FILM, 0] / (1 + abs(v) / h[FILM, 1])
     return max(resistance, 0.0)
+
+
+@compiled
+def hoop_at_slip(hoop: float, x: float, h: Floats) -> float:
+    """Factor on the hoop stress that the slip limit feels at place `x` in m, given the one at the nose."""
+    if h[SLIP, 0] != 0.0:
+        q = 2 * math.pi * x / h[SLIP, 1]
+        hoop *= 1 + h[SLIP, 0] * math.sin(q) * (1 + 0.5 * math.cos(q))
+    return hoop
 
 
 @compiled

@@ -36,11 +36,11 @@ TRAIN: Final = ("train_1", "train_2", "train_3")
 EFFECTS: Final[dict[Kind, tuple[str, ...]]] = {
     "pull": (
         "stribeck", "viscous_drag", "directional_asymmetry", "fold_periodic", "lumen_taper", "stenosis", "peristaltic_wave",
-        "stress_relaxation", "tissue_drying", "string_compliance", "wall_viscosity", "carriage_backlash", "nose_asymmetry", "film_weakening",
+        "stress_relaxation", "tissue_drying", "string_compliance", "wall_viscosity", "carriage_backlash", "nose_asymmetry", "film_weakening", "slip_folds",
     ),
     "magnetic": (
         "stribeck", "directional_asymmetry", "fold_periodic", "lumen_taper", "stenosis", "peristaltic_wave", "tissue_drying",
-        "incline_gravity", "coupling_fade", "actuator_lag", "carriage_backlash", "viscous_drag", "nose_asymmetry", "film_weakening",
+        "incline_gravity", "coupling_fade", "actuator_lag", "carriage_backlash", "viscous_drag", "nose_asymmetry", "film_weakening", "slip_folds",
     ),
     "coil": (
         "stribeck", "directional_asymmetry", "fold_periodic", "lumen_taper", "stenosis", "tissue_drying", "incline_gravity",

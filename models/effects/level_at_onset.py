@@ -22,7 +22,7 @@ class LevelAtOnset(Effect):
     friction that stays as it is. q = 0: all but that follows; q = 1: F_e alone and not N_p; q = -1: the slip limit alone and not F_e."""
 
     id = "level_at_onset"
-    summary = "a share of F_e or of the slip limit that a changed resistance leaves as it is"
+    summary = "a nose or a slip limit that a changed resistance leaves as it is"
     source = _SIDES
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     grid = MappingProxyType({"kept": (1.0,), "spared": (0.0, 1.0, -1.0)})

@@ -7,12 +7,15 @@ from pathlib import Path
 
 import pytest
 
+from models.drives.pull import Pull
 from models.effects import BY_ID
 from models.identification.judging import APART, ahead
 from models.identification.kinds import kind_for
 from models.identification.kinds.gut import GutKind
+from models.identification.kinds.gut_words import equations_of, statements_of
 from models.identification.screen import screen
 from models.identification.tournament import refit, tournament
+from models.plate import Plate
 from models.record import read_record
 from models.rig import read_rig
 from plant.hidden.registry import hidden
@@ -44,3 +47,12 @@ def test_what_changes_one_side_alone_is_called_by_its_name(name: str, tmp_path: 
     assert all(ahead(trials[0].blocks, trial.blocks) > APART for trial in trials[1:])
     model = (trials[0].effect, "level_at_onset")
     assert trials[0].companions[model][0]["level_at_onset.spared"] == pytest.approx(SPARED[name], abs=0.15)
+
+
+def test_a_report_says_which_side_feels_it_in_whole_sentences() -> None:
+    theta = {"level_at_onset.spared": -0.97, "level_at_onset.kept": 0.2}
+    said = " ".join(statements_of(Pull(), 1e-3, "N", theta))
+    assert "the nose feels 3 % (F_e), what the wall presses on the slip limit 100 % (f_c)" in said
+    law = equations_of(Plate(0.1), Pull(), {"friction_coefficient": 0.3, **theta}, ["level_at_onset"])[-1]
+    assert law.startswith("level_at_onset: Where effects change resistance")
+    assert law.endswith("friction that stays as it is (spared = -0.97, kept = 0.2)")

@@ -213,7 +213,7 @@ class GutKind:
     def statements(self, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:
         """Sentences for the report: about the sensor, and the error over short, middle and unlimited foresight. Short ones tell nothing of a
         kind with `free_only`: an observer that follows the noise of a position is thrown out of step by it."""
-        said = statements_of(self.drive, self.noise_std, self.unit)
+        said = statements_of(self.drive, self.noise_std, self.unit, theta_by_stage["augmented"])
         for memory, words in _FORESIGHTS[1:] if self.free_only else _FORESIGHTS:
             rms = (f"{self._rms(records, theta, memory):.3g} {self.unit} {stage}" for stage, theta in theta_by_stage.items())
             said.append(f"Rms on the training records, {words}: {', '.join(rms)}.")

@@ -10,9 +10,11 @@ from models.drives.drive import Drive
 from models.drives.magnetic import Magnetic
 from models.drives.vibro import Vibro, VoltageVibro
 from models.effects import BY_ID
+from models.effects.level_at_onset import LevelAtOnset
 from models.identification.kind import Theta
 from models.plate import Plate
 
+_SPARED = f"{LevelAtOnset.id}.spared"
 _GUT = "m a = F_act - F_e(|v|) Sgn(v) - F_v(w) - T(u)"
 
 
@@ -21,7 +23,8 @@ def equations_of(surface: Surface, drive: Drive, p: Theta, effects: Sequence[str
     lines = [*_surface_lines(surface, p), *_drive_lines(drive, p)]
     for name in effects:
         values = ", ".join(f"{k.split('.')[1]} = {v:.4g}" for k, v in p.items() if k.startswith(name + "."))
-        lines.append(f"{name}: {(BY_ID[name].__doc__ or '').splitlines()[0]} ({values})")
+        law, *_ = " ".join((BY_ID[name].__doc__ or "").split()).split(". ")
+        lines.append(f"{name}: {law.rstrip('.')} ({values})")
     return lines
 
 
@@ -58,9 +61,14 @@ def _current_line(p: Theta, speed: str) -> tuple[str]:
     return (f"L i' = U - {p['coil_resistance_ohm']:.4g} i - {p['back_emf_V_s_per_m']:.4g} {speed}",)
 
 
-def statements_of(drive: Drive, noise_std: float, unit: str) -> list[str]:
-    """Sentences for the report."""
+def statements_of(drive: Drive, noise_std: float, unit: str, theta: Theta) -> list[str]:
+    """Sentences for the report on the model at `theta`."""
     said = [f"Noise of the sensor: {noise_std:.3g} {unit}."]
+    if _SPARED in theta:
+        nose, pressed = (f"{100 * min(max(1 + side * theta[_SPARED], 0.0), 1.0):.0f} %" for side in (1, -1))
+        said.append(
+            f"Of the changed resistance the nose feels {nose} (F_e), what the wall presses on the slip limit {pressed} (f_c)."
+        )
     if isinstance(drive, Magnetic):
         said.append(
             "Only the ratios of hoop stress, friction and magnet stiffness show well in a position: the three may move together."

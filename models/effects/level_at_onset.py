@@ -30,8 +30,8 @@ class LevelAtOnset(Effect):
     look_alikes = ("level_over_speed",)
     separated_by = "runs at one speed over places, times or directions that differ"
 
-    kept: Parameter = Parameter("kept", 0.0, "1", -0.5, 1.5, _WEIGHT, fit=True, spread=1.0)
-    spared: Parameter = Parameter("spared", 0.0, "1", -1.5, 1.5, _SIDES, fit=True, spread=1.0)
+    kept: Parameter = Parameter("kept", 0.0, "1", 0.0, 1.0, _WEIGHT, fit=True, spread=1.0)
+    spared: Parameter = Parameter("spared", 0.0, "1", -1.0, 1.0, _SIDES, fit=True, spread=1.0)
 
     def shared(self, p: Values, factors: Shares) -> Shares:
         nose, weight, pressed = factors

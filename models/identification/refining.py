@@ -52,18 +52,20 @@ def refined_at_last(
     """The refinements beyond `taken` that `fit`, made at the kind's final stage, still wants, and the best fit: the coarser steps on which
     shapes are compared may hide one. Looked for from `fit` on, or from a `known` fit on a part where that is better, as long as the
     reported error is not about the noise's. It must take a clear share of the training cost or of the reported error there, also of what
-    is left without it from its own base, and leave about the noise; a fit that leaves `BEHIND` times the noise lacks more than a shape,
-    and a kind with one stage has hidden none."""
+    is left without it from its own base, and leave about the noise; where `fit` and what is known both leave `BEHIND` times the noise, more
+    than a shape is lacking, and a kind with one stage has hidden none."""
     added: list[str] = []
     if kind.stages == 1:
         return added, fit
     floors = _floors(kind, records, fit)
     for curve in (name for name in _shapes(kind, effects) if name not in taken):
-        if floors < _CLOSE or fit.chi2 > BEHIND:
+        if floors < _CLOSE:
             break
         model = [*effects, *taken, *added, curve]
         starts = [{**fit.theta, **_begin(curve)}, *known.get(tuple(model), ())]
         costs = [float(r @ r) for r in evaluate_all(kind, records, starts, kind.final)]
+        if min(fit.cost, *costs) > BEHIND * fit.count:
+            break
         finer = narrowing(kind, records, model, starts[int(np.argmin(costs))], kind.final, (NARROW[0], *FINE))
         left = _floors(kind, records, finer)
         if finer.chi2 < NEAR_NOISE and _clearly(finer, left, fit, floors):

@@ -90,8 +90,8 @@ def _put_right(
     model = [*effects, trial.effect, *companions]
     fits = []
     for (part, _), theta in zip(splits, trial.thetas, strict=True):
-        starts = [theta, dict(sought)] if sought and companions else [theta]
-        fits.append(refit(kind, part, model, min(starts, key=lambda start: judged_cost(kind, part, start))))
+        ends = [refit(kind, part, model, start) for start in (theta, *([dict(sought)] if sought and companions else []))]
+        fits.append(min(ends, key=lambda end: judged_cost(kind, part, end)))
     again = _against(before, trial.effect, tuple(fits), block_costs(kind, splits, fits))
     if not companions:
         return again

@@ -19,7 +19,8 @@ _SIDES = "paper V Eq. 8 and 11: F_e is the wall's resistance at the nose, f_c wh
 class LevelAtOnset(Effect):
     """Where effects change resistance to `l` times what it was, `F_e (1 + (1 - max(-q, 0))(l - 1))` and the slip limit
     `f_c = mu (m g (1 + (1 - k)(l - 1)) + N_p (1 + (1 - max(q, 0))(l - 1)))`, N_p what the wall presses: k is the share of the weight's
-    friction that stays as it is. q = 0: all but that follows; q = 1: F_e alone and not N_p; q = -1: the slip limit alone and not F_e."""
+    friction that stays as it is. q = 0: all but that follows; q = 1: F_e alone and not N_p; q = -1: the slip limit alone and not F_e.
+    Both may go half beyond, for a search on a base that is still wrong takes that way."""
 
     id = "level_at_onset"
     summary = "a nose or a slip limit that a changed resistance leaves as it is"
@@ -30,8 +31,8 @@ class LevelAtOnset(Effect):
     look_alikes = ("level_over_speed",)
     separated_by = "runs at one speed over places, times or directions that differ"
 
-    kept: Parameter = Parameter("kept", 0.0, "1", 0.0, 1.0, _WEIGHT, fit=True, spread=1.0)
-    spared: Parameter = Parameter("spared", 0.0, "1", -1.0, 1.0, _SIDES, fit=True, spread=1.0)
+    kept: Parameter = Parameter("kept", 0.0, "1", -0.5, 1.5, _WEIGHT, fit=True, spread=1.0)
+    spared: Parameter = Parameter("spared", 0.0, "1", -1.5, 1.5, _SIDES, fit=True, spread=1.0)
 
     def shared(self, p: Values, factors: Shares) -> Shares:
         nose, weight, pressed = factors

@@ -95,6 +95,11 @@ def evaluate_all(kind: Kind, records: Sequence[Record], thetas: Sequence[Mapping
     return rows
 
 
+def costs_of(kind: Kind, records: Sequence[Record], thetas: Sequence[Mapping[str, float]], stage: int) -> list[float]:
+    """Sum of squares of the residuals at each of `thetas`."""
+    return [float(r @ r) for r in evaluate_all(kind, records, thetas, stage)]
+
+
 @dataclass(frozen=True)
 class Problem:
     kind: Kind

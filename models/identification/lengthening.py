@@ -10,7 +10,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from models.effects import BY_ID
-from models.identification.fit import NARROW, Axis, Fit, axes, evaluate_all, narrowing
+from models.identification.fit import NARROW, Axis, Fit, axes, costs_of, narrowing
 from models.identification.judging import NEAR_NOISE
 from models.identification.kind import Kind
 from models.record import Record
@@ -59,7 +59,7 @@ class Climb:
             points = found + places + self._redrawn(found[:_BASES])
         else:
             points = places + self._scattered()
-        costs = [float(r @ r) for r in evaluate_all(self.kind, records, points, self.stage)]
+        costs = costs_of(self.kind, records, points, self.stage)
         best = [points[i] for i in np.argsort(costs, kind="stable")[: self.effort.kept[number]]]
         widths = NARROW if length >= _TELLING_S else NARROW[-1:]
         fits = [narrowing(self.kind, records, self.effects, point, self.stage, widths, _ROUNDS) for point in best]

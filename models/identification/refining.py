@@ -7,7 +7,7 @@ from collections.abc import MutableMapping, Sequence
 import numpy as np
 
 from models.effects import BY_ID, REFINEMENTS
-from models.identification.fit import FINE, NARROW, Fit, evaluate_all, narrowing
+from models.identification.fit import FINE, NARROW, Fit, costs_of, narrowing
 from models.identification.judging import NEAR_NOISE, TOLD, Split, block_costs, fewest, training_cost
 from models.identification.kind import Kind
 from models.identification.tournament import BEHIND, better_without, mend, refit, without
@@ -63,7 +63,7 @@ def refined_at_last(
             break
         model = [*effects, *taken, *added, curve]
         starts = [{**fit.theta, **_begin(curve)}, *known.get(tuple(model), ())]
-        costs = [float(r @ r) for r in evaluate_all(kind, records, starts, kind.final)]
+        costs = costs_of(kind, records, starts, kind.final)
         if min(fit.cost, *costs) > BEHIND * fit.count:
             break
         finer = narrowing(kind, records, model, starts[int(np.argmin(costs))], kind.final, (NARROW[0], *FINE))

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from models.effects import BY_ID, REFINEMENTS
-from models.identification.fit import FINE, NARROW, WIDE, Fit, descend, evaluate_all, narrowing
+from models.identification.fit import FINE, NARROW, WIDE, Fit, costs_of, descend, narrowing
 from models.identification.judging import NEAR_NOISE, SHAPED, Split, block_costs, judged, judged_cost, middle_stage, training_cost
 from models.identification.kind import Kind
 from models.identification.lengthening import BEGINNINGS_S, QUICK, Climb, beginnings, lengthening, race
@@ -61,7 +61,7 @@ def tournament(
     trials = [_judge(kind, splits, effects, thetas, name, fitted[name].theta, before) for name in finalists]
     mendable = min((trial.blocks.mean() for trial in trials), default=0.0) > NEAR_NOISE
     trials = [
-        _put_right(kind, splits, effects, trial, before, fitted[trial.effect].theta if mendable else None) for trial in trials
+        _put_right(kind, splits, effects, trial, before, fitted[trial.effect].theta if mendable else {}) for trial in trials
     ]
     return sorted(trials, key=lambda trial: -trial.gain)
 
@@ -79,18 +79,18 @@ def _put_right(
     effects: Sequence[str],
     trial: Trial,
     before: np.ndarray,
-    sought: Mapping[str, float] | None,
+    sought: Mapping[str, float],
 ) -> Trial:
     """`trial` as its companions would leave it, also from where its heat `sought` it, where that is better: of two candidates of which
-    neither is quite right, the one that can be put right. One without companions is looked for from more places where it leaves more than
-    the noise."""
+    neither is quite right, the one that can be put right. It has none where `sought` is empty. One without companions is looked for from
+    more places where it leaves more than the noise."""
     companions = _companions(kind, trial.effect) if sought else []
     if not companions and not kind.free_only:
         return trial
     model = [*effects, trial.effect, *companions]
     fits = []
     for (part, _), theta in zip(splits, trial.thetas, strict=True):
-        ends = [refit(kind, part, model, start) for start in (theta, *([dict(sought)] if sought and companions else []))]
+        ends = [refit(kind, part, model, start) for start in (theta, *([dict(sought)] if companions else []))]
         fits.append(min(ends, key=lambda end: judged_cost(kind, part, end)))
     again = _against(before, trial.effect, tuple(fits), block_costs(kind, splits, fits))
     if not companions:
@@ -136,7 +136,7 @@ def _heats(
     fits = {}
     for name, own in starts.items():
         places = _with_each(own[0], beside[name])
-        costs = [float(r @ r) for r in evaluate_all(kind, part, places, stage)] if len(places) > 1 else [0.0]
+        costs = costs_of(kind, part, places, stage) if len(places) > 1 else [0.0]
         fits[name] = narrowing(kind, part, models[name], places[int(np.argmin(costs))], stage, NARROW, 8)
     return fits
 
@@ -163,7 +163,7 @@ def _opening(
     wanted = [start[key], *(sign * effect.probe * k for k in _MULTIPLES for sign in (1.0, -1.0))]
     values = sorted({v for v in wanted if amplitude.lower <= v <= amplitude.upper and v != 0.0})
     points = [{**base, **start, key: value} for base in bases for value in values]
-    costs = [float(r @ r) for r in evaluate_all(kind, part, points, middle_stage(kind))]
+    costs = costs_of(kind, part, points, middle_stage(kind))
     return min(zip(costs, points, strict=True), key=_first)
 
 

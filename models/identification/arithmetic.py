@@ -2,7 +2,8 @@
 
 Exponential, logarithm, power, sine and cosine after fdlibm (Sun Microsystems 1993): argument reduction, then a polynomial; within 2 units
 in the last place over the ranges stated. A call into the C library would keep a loop over parameter sets from being vectorised, which
-costs a factor of four. A product and a sum may become one operation with one rounding, where the processor has it.
+costs a factor of four. A product and a sum may become one operation with one rounding, where the processor has it; a division by a
+constant, or by what stays the same throughout a loop, may become a product with its reciprocal, for divisions are the slowest of all.
 """
 
 from __future__ import annotations
@@ -60,8 +61,8 @@ class Number:
     def _raw(self, x: Number | float) -> Any:
         return x.value if isinstance(x, Number) else ir.Constant(_REAL, x)
 
-    def _two(self, write: str, a: Number | float, b: Number | float) -> Number:
-        return Number(self.builder, getattr(self.builder, write)(self._raw(a), self._raw(b), flags=("contract",)))
+    def _two(self, write: str, a: Number | float, b: Number | float, *flags: str) -> Number:
+        return Number(self.builder, getattr(self.builder, write)(self._raw(a), self._raw(b), flags=("contract", *flags)))
 
     def __add__(self, other: Number | float) -> Number:
         return self._two("fadd", self, other)
@@ -73,13 +74,13 @@ class Number:
         return self._two("fmul", self, other)
 
     def __truediv__(self, other: Number | float) -> Number:
-        return self._two("fdiv", self, other)
+        return self._two("fdiv", self, other, "arcp")
 
     def __rsub__(self, other: float) -> Number:
         return self._two("fsub", other, self)
 
     def __rtruediv__(self, other: float) -> Number:
-        return self._two("fdiv", other, self)
+        return self._two("fdiv", other, self, "arcp")
 
     def __neg__(self) -> Number:
         return Number(self.builder, self.builder.fneg(self.value))

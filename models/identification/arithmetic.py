@@ -61,8 +61,8 @@ class Number:
     def _raw(self, x: Number | float) -> Any:
         return x.value if isinstance(x, Number) else ir.Constant(_REAL, x)
 
-    def _two(self, write: str, a: Number | float, b: Number | float, *flags: str) -> Number:
-        return Number(self.builder, getattr(self.builder, write)(self._raw(a), self._raw(b), flags=("contract", *flags)))
+    def _two(self, write: str, a: Number | float, b: Number | float) -> Number:
+        return Number(self.builder, getattr(self.builder, write)(self._raw(a), self._raw(b), flags=("contract", "arcp")))
 
     def __add__(self, other: Number | float) -> Number:
         return self._two("fadd", self, other)
@@ -74,13 +74,13 @@ class Number:
         return self._two("fmul", self, other)
 
     def __truediv__(self, other: Number | float) -> Number:
-        return self._two("fdiv", self, other, "arcp")
+        return self._two("fdiv", self, other)
 
     def __rsub__(self, other: float) -> Number:
         return self._two("fsub", other, self)
 
     def __rtruediv__(self, other: float) -> Number:
-        return self._two("fdiv", other, self, "arcp")
+        return self._two("fdiv", other, self)
 
     def __neg__(self) -> Number:
         return Number(self.builder, self.builder.fneg(self.value))

@@ -54,7 +54,8 @@ def test_an_observer_leaves_no_more_than_the_free_run_at_the_truth(name: str, tm
 
 
 def test_hidden_damping_of_the_spring_stands_out_in_the_gut(tmp_path: Path) -> None:
-    """The loop's own parts on one short record: a calibration is not enough, damping explains most of what it leaves, and fits."""
+    """The loop's own parts on one short record: a calibration is not enough; of all candidates damping, fitted jointly with the base,
+    leaves the least, and little: the screen alone sees it from a base that is bent to make up for it, and where that ends hangs on rounding."""
     rig, records, _ = read_series(make_series("vibro", "spring_damping", 3, tmp_path, 2.0))
     full = kind_for(rig, records)
     assert isinstance(full, GutKind)
@@ -62,11 +63,13 @@ def test_hidden_damping_of_the_spring_stands_out_in_the_gut(tmp_path: Path) -> N
     base = refit(kind, part, [], kind.nominal())
     left = float(judged(kind, part, base).mean())
     assert left > NEAR_NOISE
-    screened = screen(kind, part, [], base)
-    assert screened[0].effect == "spring_damping"
-    fitted = refit(kind, part, ["spring_damping"], {**kind.nominal(), **screened[0].starts[0]})
-    assert float(judged(kind, part, fitted).mean()) < 1 + 0.2 * (left - 1)  # 1 is the noise
-    assert fitted["spring_damping.damping_N_s_per_m"] > 0.1
+    fits = {
+        row.effect: refit(kind, part, [row.effect], {**kind.nominal(), **row.starts[0]}) for row in screen(kind, part, [], base)
+    }
+    costs = {name: float(judged(kind, part, fit).mean()) for name, fit in fits.items()}
+    assert min(costs, key=lambda name: costs[name]) == "spring_damping"
+    assert costs["spring_damping"] < 1 + 0.2 * (left - 1)  # 1 is the noise
+    assert fits["spring_damping"]["spring_damping.damping_N_s_per_m"] > 0.1
 
 
 def test_a_calibration_is_enough_in_the_gut_where_nothing_hides(tmp_path: Path) -> None:

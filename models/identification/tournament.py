@@ -10,7 +10,18 @@ import numpy as np
 
 from models.effects import BY_ID, REFINEMENTS
 from models.identification.fit import FINE, NARROW, WIDE, Fit, costs_of, descend, narrowing
-from models.identification.judging import NEAR_NOISE, SHAPED, Split, block_costs, judged, judged_cost, middle_stage, training_cost
+from models.identification.judging import (
+    APART,
+    NEAR_NOISE,
+    SHAPED,
+    Split,
+    ahead,
+    block_costs,
+    judged,
+    judged_cost,
+    middle_stage,
+    training_cost,
+)
 from models.identification.kind import Kind
 from models.identification.lengthening import BEGINNINGS_S, QUICK, Climb, beginnings, lengthening, race
 from models.identification.screen import Screened
@@ -60,9 +71,10 @@ def tournament(
     before = block_costs(kind, splits, thetas)
     trials = [_judge(kind, splits, effects, thetas, name, fitted[name].theta, before) for name in finalists]
     mendable = min((trial.blocks.mean() for trial in trials), default=0.0) > NEAR_NOISE
-    trials = [
+    helped = [
         _put_right(kind, splits, effects, trial, before, fitted[trial.effect].theta if mendable else {}) for trial in trials
     ]
+    trials = from_the_best(kind, splits, effects, trials, helped, before) if kind.free_only else helped
     return sorted(trials, key=lambda trial: -trial.gain)
 
 
@@ -84,7 +96,7 @@ def _put_right(
     """`trial` as its companions would leave it, also from where its heat `sought` it, where that is better: of two candidates of which
     neither is quite right, the one that can be put right. It has none where `sought` is empty. One without companions is looked for from
     more places where it leaves more than the noise."""
-    companions = _companions(kind, trial.effect) if sought else []
+    companions = [c for c in _companions(kind, trial.effect) if c not in effects] if sought else []
     if not companions and not kind.free_only:
         return trial
     model = [*effects, trial.effect, *companions]
@@ -92,11 +104,49 @@ def _put_right(
     for (part, _), theta in zip(splits, trial.thetas, strict=True):
         ends = [refit(kind, part, model, start) for start in (theta, *([dict(sought)] if companions else []))]
         fits.append(min(ends, key=lambda end: judged_cost(kind, part, end)))
-    again = _against(before, trial.effect, tuple(fits), block_costs(kind, splits, fits))
+    again = against(before, trial.effect, tuple(fits), block_costs(kind, splits, fits))
     if not companions:
         return again
     trial = replace(trial, companions={tuple(model): fits})
     return replace(trial, gain=again.gain, drop=again.drop, blocks=again.blocks) if again.gain > trial.gain else trial
+
+
+def from_the_best(
+    kind: Kind,
+    splits: Sequence[Split],
+    effects: Sequence[str],
+    alone: Sequence[Trial],
+    helped: Sequence[Trial],
+    before: np.ndarray,
+) -> list[Trial]:
+    """The `helped` trials, the look-alikes of the best one and its companions from the catalogue also fitted from where it has its base: none
+    may win by a luckier search. Where such a companion does about as well without the best one, that is judged as it is `alone`."""
+    rows = {trial.effect: trial for trial in helped}
+    if not rows:
+        return []
+    best = max(helped, key=lambda trial: trial.gain)
+    both = next(iter(best.companions.values()), None)
+    beside = [c for c in _companions(kind, best.effect) if BY_ID[c] not in REFINEMENTS] if both else []
+    alike = [name for name in rows if name in BY_ID[best.effect].look_alikes or best.effect in BY_ID[name].look_alikes]
+    for name in dict.fromkeys((*beside, *alike)):
+        owns = both if both and name in beside else rows[name].thetas
+        starts = [{**_only(base, effects), **_numbers(own, name)} for base, own in zip(both or best.thetas, owns, strict=True)]
+        fits = tuple(step_on(kind, part, [*effects, name], s).theta for (part, _), s in zip(splits, starts, strict=True))
+        again = against(before, name, fits, block_costs(kind, splits, fits))
+        if name not in rows or again.gain > rows[name].gain:
+            rows[name] = again
+        if name in beside and (rows[name].gain > best.gain - SHAPED or ahead(best.blocks, rows[name].blocks) < APART):
+            rows[best.effect] = next(trial for trial in alone if trial.effect == best.effect)
+    return list(rows.values())
+
+
+def _only(theta: Mapping[str, float], effects: Sequence[str]) -> dict[str, float]:
+    """The base of `theta` and the numbers of `effects`."""
+    return {name: value for name, value in theta.items() if "." not in name or name.split(".")[0] in effects}
+
+
+def _numbers(theta: Mapping[str, float], effect: str) -> dict[str, float]:
+    return {name: value for name, value in theta.items() if name.startswith(f"{effect}.")}
 
 
 def _entry(
@@ -185,7 +235,7 @@ def _judge(
     start: Mapping[str, float],
     before: np.ndarray,
 ) -> Trial:
-    own = {key: value for key, value in start.items() if key.startswith(name + ".")}
+    own = _numbers(start, name)
     starts = [
         min(({**theta, **own}, dict(start)), key=lambda point: float(judged(kind, part, point).sum())) if i else dict(start)
         for i, ((part, _), theta) in enumerate(zip(splits, thetas, strict=True))
@@ -195,10 +245,10 @@ def _judge(
         step_on(kind, part, model, s).theta if kind.free_only else refit(kind, part, model, s)
         for (part, _), s in zip(splits, starts, strict=True)
     )
-    return _against(before, name, fits, block_costs(kind, splits, fits))
+    return against(before, name, fits, block_costs(kind, splits, fits))
 
 
-def _against(before: np.ndarray, name: str, fits: tuple[dict[str, float], ...], after: np.ndarray) -> Trial:
+def against(before: np.ndarray, name: str, fits: tuple[dict[str, float], ...], after: np.ndarray) -> Trial:
     gain = float(np.log(before.sum() / max(after.sum(), 1e-300)))
     return Trial(name, fits, gain, float(before.mean() - after.mean()), after)
 
@@ -296,5 +346,5 @@ def fair(
     for trial in trials[:2]:
         best = better_without(kind, splits, effects, best, trial.effect, trial.thetas)
     costs = block_costs(kind, splits, best)
-    again_judged = [replace(_against(costs, t.effect, t.thetas, t.blocks), companions=t.companions) for t in trials]
+    again_judged = [replace(against(costs, t.effect, t.thetas, t.blocks), companions=t.companions) for t in trials]
     return sorted(again_judged, key=lambda trial: -trial.gain), best

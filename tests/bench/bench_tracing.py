@@ -40,7 +40,8 @@ EFFECTS: Final[dict[Kind, tuple[str, ...]]] = {
     ),
     "magnetic": (
         "stribeck", "directional_asymmetry", "fold_periodic", "lumen_taper", "stenosis", "peristaltic_wave", "tissue_drying",
-        "incline_gravity", "coupling_fade", "actuator_lag", "carriage_backlash", "viscous_drag", "nose_asymmetry", "film_weakening", "slip_folds",
+        "incline_gravity", "coupling_fade", "actuator_lag", "carriage_backlash", "viscous_drag", "sensor_delay", "nose_asymmetry", "film_weakening",
+        "slip_folds",
     ),
     "coil": (
         "stribeck", "directional_asymmetry", "fold_periodic", "lumen_taper", "stenosis", "tissue_drying", "incline_gravity",

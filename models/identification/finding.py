@@ -40,7 +40,8 @@ def close(
     thetas = _stage_values(kind, found)
     progress("held-out records", 0.95)
     checks = residual_checks(kind, train, found.augmented, found.chance_cost)
-    verdict = verdict_of(found, EXPLAINED if checks[0].ok else kind.named_share)
+    fits = checks[0].ok
+    verdict = verdict_of(found, EXPLAINED if fits else kind.named_share, fits)
     errors = {
         part: {stage: kind.error(records, [kind.predict(r, thetas[stage]) for r in records]) for stage in STAGES}
         if records
@@ -84,12 +85,12 @@ def _stage_values(kind: AnyKind, found: Search) -> dict[str, dict[str, float]]:
     }
 
 
-def verdict_of(found: Search, share: float) -> str:
+def verdict_of(found: Search, share: float, fits: bool) -> str:
     """`named` where the effects explain what was left, or a `share` of it; without any, `none` where no more is left than chance and about
-    the noise leave; else `unknown`."""
+    the noise leave; else `unknown`. That the motion is restless excuses what is left only where the model `fits`, as the residual's size says."""
     if not found.effects:
         return "none" if found.after < CLEAN * min(found.chance_cost, NEAR_NOISE) else "unknown"
-    clean = found.after < CLEAN * max(found.chance_cost, found.restless)
+    clean = found.after < CLEAN * max(found.chance_cost, found.restless if fits else 0.0)
     return "named" if clean or found.explained >= share else "unknown"
 
 

@@ -20,7 +20,7 @@ def test_nothing_is_missing_only_where_chance_and_about_the_noise_explain_what_i
     after: float, chance: float, said: str
 ) -> None:
     """A model whose own predictions its fits miss by far leaves that much with and without an effect."""
-    assert verdict_of(Search(FIT, FIT, after=after, chance_cost=chance), 0.9) == said
+    assert verdict_of(Search(FIT, FIT, after=after, chance_cost=chance), 0.9, fits=True) == said
 
 
 @pytest.mark.parametrize(
@@ -29,4 +29,10 @@ def test_nothing_is_missing_only_where_chance_and_about_the_noise_explain_what_i
 def test_an_effect_that_leaves_clearly_more_than_the_noise_is_named_by_its_share(after: float, share: float, said: str) -> None:
     """Another effect with a like shape takes most of the misfit away too, but not what is its own."""
     found = Search(FIT, FIT, effects=["stress_relaxation"], before=28.0, after=after)
-    assert verdict_of(found, share) == said
+    assert verdict_of(found, share, fits=share < 0.9) == said
+
+
+@pytest.mark.parametrize(("fits", "said"), [(True, "named"), (False, "unknown")])
+def test_restless_motion_excuses_what_is_left_only_of_a_model_that_fits(fits: bool, said: str) -> None:
+    found = Search(FIT, FIT, effects=["stribeck"], before=57.0, after=12.2, restless=8.5)
+    assert verdict_of(found, 0.9, fits) == said

@@ -65,7 +65,7 @@ def close(
         candidates=tuple(_rows(found)),
         smallest_detectable=found.detectable,
         next_experiment=kind.next_experiment(thetas["augmented"], train),
-        statements=tuple(_statements(found, verdict) + kind.statements(thetas, train)),
+        statements=tuple(_statements(found, verdict) + held_out(found, errors["holdout"]) + kind.statements(thetas, train)),
         equations=tuple(kind.equations(thetas["augmented"])),
         traces=tuple(_trace(kind, r, "train", thetas) for r in train)
         + tuple(_trace(kind, r, "holdout", thetas) for r in holdout),
@@ -142,6 +142,15 @@ def _statements(found: Search, verdict: str) -> list[str]:
             else "Fits leave as much of the model's own predictions: an effect that is smaller than that cannot be seen."
         )
     return said
+
+
+def held_out(found: Search, error: Mapping[str, float]) -> list[str]:
+    """What the held-out records say against the effects, if anything; they decide nothing."""
+    if not found.effects or not error or error["augmented"] < error["calibrated"]:
+        return []
+    return [
+        "On the held-out records the augmented model errs no less than the calibrated one; no controller takes it over that one."
+    ]
 
 
 def _trace(kind: AnyKind, record: Record, role: str, thetas: Mapping[str, Mapping[str, float]]) -> Trace:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.identification.finding import verdict_of
+from models.identification.finding import held_out, verdict_of
 from models.identification.fit import Fit
 from models.identification.loop import Search
 
@@ -36,3 +36,11 @@ def test_an_effect_that_leaves_clearly_more_than_the_noise_is_named_by_its_share
 def test_restless_motion_excuses_what_is_left_only_of_a_model_that_fits(fits: bool, said: str) -> None:
     found = Search(FIT, FIT, effects=["stribeck"], before=57.0, after=12.2, restless=8.5)
     assert verdict_of(found, 0.9, fits) == said
+
+
+def test_a_report_says_where_held_out_records_speak_against_what_was_named() -> None:
+    found = Search(FIT, FIT, effects=["stribeck"])
+    assert held_out(found, {"nominal": 1.6, "calibrated": 0.46, "augmented": 0.67})
+    assert not held_out(found, {"nominal": 1.6, "calibrated": 0.46, "augmented": 0.1})
+    assert not held_out(found, {})
+    assert not held_out(Search(FIT, FIT), {"nominal": 1.6, "calibrated": 0.46, "augmented": 0.46})

@@ -26,3 +26,4 @@ class FurtherRelaxation(StressRelaxation):
     stiffness_N_per_m: Parameter = Parameter("stiffness_N_per_m", 0.0, "N/m", -100.0, 300.0, _SOURCE, fit=True)
     time_s: Parameter = Parameter("time_s", 0.3, "s", 0.02, 20.0, _SOURCE, fit=True)
     slip_per_m: Parameter = Parameter("slip_per_m", 100.0, "1/m", 0.0, 2000.0, _SOURCE, fit=True)
+    thinning_s_per_m: Parameter = Parameter("thinning_s_per_m", 0.0, "s/m", 0.0, 5000.0, _SOURCE)

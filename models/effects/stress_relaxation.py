@@ -14,7 +14,8 @@ from models.parameter import Parameter
 
 @dataclass(frozen=True)
 class StressRelaxation(Effect):
-    """Maxwell branch that slips, force `-k q`, `q' = v - q/tau - c |v| q`: it relaxes with time and on the way; c = 0 never slips."""
+    """Maxwell branch that slips, force `-k q`, `q' = v/(1 + b |v|) - q/tau - c |v| q`: it relaxes with time and on the way, c = 0 never slips,
+    and b > 0 is drawn less and less as speed grows, as a material that thins."""
 
     id = "stress_relaxation"
     summary = "a force that builds up while moving and relaxes"
@@ -34,10 +35,15 @@ class StressRelaxation(Effect):
 
     slip_per_m: Parameter = Parameter("slip_per_m", 0.0, "1/m", 0.0, 2000.0, "as a bristle's: LuGre, Canudas 1995", fit=True)
 
+    thinning_s_per_m: Parameter = Parameter(
+        "thinning_s_per_m", 0.0, "s/m", 0.0, 5000.0, "shear thinning: Cross, J. Colloid Sci. 20 (1965) 417", fit=True
+    )
+
     def force(self, s: Signals, p: Values, z: Values) -> Any:
         return -p["stiffness_N_per_m"] * z["stretch_m"]
 
     def advance(self, s: Signals, p: Values, z: Values, h: Any) -> dict[str, Any]:
         fading = 1 / p["time_s"] + np.abs(s.v) * p["slip_per_m"]
         decay = np.exp(-h * fading)
-        return {"stretch_m": z["stretch_m"] * decay + s.v / fading * (1 - decay)}
+        drawn = s.v / (1 + np.abs(s.v) * p["thinning_s_per_m"])
+        return {"stretch_m": z["stretch_m"] * decay + drawn / fading * (1 - decay)}

@@ -24,14 +24,15 @@ _LOOSE: Final = 2.0
 class Loop:
     """How errors are taken back: the speed asked for is `r' + pace_1_s (r - x)` with these bounds.
 
-    While the reference moves the correction leaves at least `least` of its speed, so that noise does not turn friction round, and adds at
-    most `most_m_s`. At rest errors up to `slack_m` are left alone, which is what keeps a held capsule from hunting; beyond it the
-    capsule is brought back to half of that. `reach_s` is the time within which the inverse gets to the speed; a coil's must leave its
-    current some ticks, and a lagging drive gets a third of its time constant at least.
+    While the reference moves, the correction of a capsule ahead by less than `noise_m` leaves at least `least` of the speed, so that
+    noise does not turn friction round; none exceeds `most_m_s`. At rest errors up to `slack_m` are left alone, which is what keeps a
+    held capsule from hunting; beyond it the capsule is brought back to half of that. `reach_s` is the time within which the inverse
+    gets to the speed; a coil's must leave its current some ticks, and a lagging drive gets a third of its time constant at least.
     """
 
-    pace_1_s: float = 10.0
+    pace_1_s: float = 20.0
     least: float = 0.2
+    noise_m: float = 1.6e-3
     most_m_s: float = 10e-3
     slack_m: float = 0.4e-3
     rest_m_s: float = 2e-5
@@ -43,7 +44,7 @@ class Loop:
                 raise ValueError(f"loop {name} must be zero or more; got {getattr(self, name)!r}")
 
 
-LOOPS = {"magnetic": Loop(), "coil": Loop(reach_s=4e-3)}
+LOOPS = {"magnetic": Loop(), "coil": Loop(pace_1_s=40.0, noise_m=0.4e-3, most_m_s=20e-3, reach_s=4e-3)}
 
 
 class Feedforward(Controller):
@@ -100,7 +101,7 @@ class Feedforward(Controller):
         wanted = min(max(loop.pace_1_s * error, -loop.most_m_s), loop.most_m_s)
         if abs(speed) > loop.rest_m_s:
             self._returning = False
-            against = wanted * speed < 0 and abs(error) < 4 * loop.slack_m
+            against = wanted * speed < 0 and abs(error) < loop.noise_m
             return math.copysign(min(abs(wanted), (1 - loop.least) * abs(speed)), wanted) if against else wanted
         self._returning = abs(error) > (0.5 if self._returning else 1.0) * loop.slack_m
         return wanted if self._returning else 0.0

@@ -67,6 +67,7 @@ class Process:
         self._pushed = self.wander.copy()
         self._pushed[-2] = self.noise.push_wander_N**2 * model.tick_s
         self._slipped = self._pushed.copy()
+        self._slipped[-2] = self.noise.astray_wander_N**2 * model.tick_s
         self._slipped[0] = self.noise.slip_wander_m**2 * model.tick_s
         self._scale = math.sqrt(n) if self.unscented else NARROW
         self._states, self._d, self._level = np.zeros((2 * n + 1, len(model.states))), np.zeros(2 * n + 1), np.zeros(2 * n + 1)

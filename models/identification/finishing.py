@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from models.identification.fit import FINE, NARROW, WIDE, Fit, narrowing
 from models.identification.judging import NEAR_NOISE
 from models.identification.kind import Kind
-from models.identification.tournament import refit
+from models.identification.refitting import refit
 from models.record import Record
 
 _WAYS_DOWN = 3

@@ -15,8 +15,9 @@ from models.identification.intervals import Part
 from models.identification.judging import APART, NEAR_NOISE, Split, ahead, block_costs, judged_cost
 from models.identification.kind import EXPLAINED, Kind
 from models.identification.refining import Known, refined, refined_at_last
+from models.identification.refitting import refit, step_on
 from models.identification.screen import Screened, chance, for_chance, screen
-from models.identification.tournament import Trial, fair, refit, step_on, tournament, without
+from models.identification.tournament import Trial, fair, tournament, without
 from models.record import Record
 
 Progress = Callable[[str, float], None]

@@ -10,7 +10,8 @@ from models.effects import BY_ID, REFINEMENTS
 from models.identification.fit import FINE, NARROW, Fit, costs_of, narrowing
 from models.identification.judging import NEAR_NOISE, TOLD, Split, block_costs, fewest, training_cost
 from models.identification.kind import Kind
-from models.identification.tournament import BEHIND, better_without, mend, refit, without
+from models.identification.refitting import mend, refit
+from models.identification.tournament import BEHIND, better_without, without
 from models.record import Record
 
 _CLOSE = 1.25  # floors on the training records, up to which nothing is wanted

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from models.effects import BY_ID, REFINEMENTS
-from models.identification.fit import FINE, NARROW, WIDE, Fit, costs_of, descend, narrowing
+from models.identification.fit import NARROW, WIDE, Fit, costs_of, descend, narrowing
 from models.identification.judging import (
     APART,
     NEAR_NOISE,
@@ -23,7 +23,8 @@ from models.identification.judging import (
     training_cost,
 )
 from models.identification.kind import Kind
-from models.identification.lengthening import BEGINNINGS_S, QUICK, Climb, beginnings, lengthening, race
+from models.identification.lengthening import BEGINNINGS_S, QUICK, Climb, beginnings, race
+from models.identification.refitting import begins, refit, step_on
 from models.identification.screen import Screened
 from models.record import Record
 
@@ -155,7 +156,7 @@ def _entry(
     """Where the heat of a candidate may start, best first, and what that point costs: after a short fit from each opening, to an observer
     that forgets fast. Where no such observer is to be had (a kind with `free_only`: a strong effect that the free run follows throws its observer out
     of step) from the best opening at either base, to the free run of the first record's longest beginning, with wide secants."""
-    bases = _begins(kind, theta)
+    bases = begins(kind, theta)
     if kind.free_only:
         part = beginnings(part[:1], BEGINNINGS_S[-1])
         openings = [min((_opening(kind, part, (base,), row.effect, start) for start in row.starts), key=_first) for base in bases]
@@ -195,11 +196,6 @@ def _with_each(start: dict[str, float], companions: Sequence[str]) -> list[dict[
     """`start`, and with each shape on the companions' grids."""
     grid = {f"{c}.{name}": values for c in companions for name, values in BY_ID[c].grid.items()}
     return [start, *({**start, **dict(zip(grid, row, strict=True))} for row in itertools.product(*grid.values()) if row)]
-
-
-def _begins(kind: Kind, theta: Mapping[str, float]) -> list[dict[str, float]]:
-    """`theta`, and the same at the nominal base: one fitted without an effect may be bent to make up for it."""
-    return [dict(theta), {**theta, **{p.name: p.value for p in kind.base if p.fit}}]
 
 
 def _opening(
@@ -251,70 +247,6 @@ def _judge(
 def against(before: np.ndarray, name: str, fits: tuple[dict[str, float], ...], after: np.ndarray) -> Trial:
     gain = float(np.log(before.sum() / max(after.sum(), 1e-300)))
     return Trial(name, fits, gain, float(before.mean() - after.mean()), after)
-
-
-def refit(
-    kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float], enough: float = NEAR_NOISE
-) -> dict[str, float]:
-    """The best of several ways to a fit on `records`, as judged: stepped on from where it is; down the stages where the kind has
-    observers that can be trusted; and, where these leave more than `enough` (about the noise), from where it is and from the nominal
-    base with wide secants or, where only the free run judges, on ever longer beginnings, there
-    also with the newest effect as it is declared."""
-    stage = middle_stage(kind)
-    if kind.stages == 1:
-        return narrowing(kind, records, effects, start, stage).theta
-    fits = [step_on(kind, records, effects, start).theta]
-    if not kind.free_only:
-        fits.append(down_the_stages(kind, records, effects, start))
-    costs = [judged_cost(kind, records, theta) for theta in fits]
-    if min(costs) > enough:
-        if kind.free_only:
-            fits.append(_lengthened(kind, records, effects, start))
-        else:
-            fits += [narrowing(kind, records, effects, begin, stage, WIDE).theta for begin in _begins(kind, start)]
-        costs = [judged_cost(kind, records, theta) for theta in fits]
-    return fits[int(np.argmin(costs))]
-
-
-def _lengthened(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> dict[str, float]:
-    """A fit on ever longer beginnings from `start`, at the nominal base too, and there also with the newest effect as it is declared."""
-    begins = _begins(kind, start)
-    newest = next((name for name in reversed(effects) if BY_ID[name] not in REFINEMENTS), "")
-    if newest:
-        begins.append({**begins[-1], **BY_ID[newest].start()})
-    return lengthening(kind, records, effects, begins, middle_stage(kind), fresh=newest).theta
-
-
-def down_the_stages(
-    kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]
-) -> dict[str, float]:
-    """Least squares at every stage in turn, from the one that forgets fast to the free run, first with wide secants."""
-    theta = dict(start)
-    for stage in range(kind.stages):
-        for secant in (0.3, 0.1) if stage == 0 else (0.1,):
-            theta = descend(kind, records, effects, theta, stage, secant, 12).theta
-    return theta
-
-
-def mend(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> dict[str, float]:
-    """The best fit with one more free curve: from close by; where only the free run judges and that leaves more than the noise to a hundredth,
-    on ever longer beginnings too; and from more places where these leave `NEAR_NOISE`."""
-    if not kind.free_only:
-        return down_the_stages(kind, records, effects, start)
-    fits = [step_on(kind, records, effects, start).theta]
-    costs = [judged_cost(kind, records, fits[0])]
-    if costs[0] > 1 + SHAPED:
-        fits.append(lengthening(kind, records, effects, _begins(kind, start), middle_stage(kind), QUICK).theta)
-        costs.append(judged_cost(kind, records, fits[-1]))
-    if min(costs) > NEAR_NOISE:
-        fits.append(_lengthened(kind, records, effects, start))
-        costs.append(judged_cost(kind, records, fits[-1]))
-    return fits[int(np.argmin(costs))]
-
-
-def step_on(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> Fit:
-    """A fit at the middle stage from where the start is."""
-    return narrowing(kind, records, effects, start, middle_stage(kind), (NARROW[0], *FINE) if kind.free_only else FINE, 10)
 
 
 def better_without(

@@ -10,7 +10,8 @@ import pytest
 from models.identification.judging import Split, block_costs
 from models.identification.kind import Kind
 from models.identification.kinds import kind_for
-from models.identification.tournament import Trial, against, from_the_best, step_on
+from models.identification.refitting import step_on
+from models.identification.tournament import Trial, against, from_the_best
 from models.record import read_record
 from models.rig import read_rig
 from plant.series import make_series

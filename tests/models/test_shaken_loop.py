@@ -15,8 +15,8 @@ from models.effects.end_stop_impact import EndStopImpact
 from models.identification.judging import NEAR_NOISE, judged
 from models.identification.kinds import kind_for
 from models.identification.kinds.gut import GutKind
+from models.identification.refitting import refit
 from models.identification.screen import screen
-from models.identification.tournament import refit
 from models.record import Record, read_record
 from models.rig import Rig, read_rig
 from plant.series import make_series

@@ -13,8 +13,9 @@ from models.identification.judging import APART, ahead
 from models.identification.kinds import kind_for
 from models.identification.kinds.gut import GutKind
 from models.identification.kinds.gut_words import equations_of, statements_of
+from models.identification.refitting import refit
 from models.identification.screen import screen
-from models.identification.tournament import refit, tournament
+from models.identification.tournament import tournament
 from models.plate import Plate
 from models.record import read_record
 from models.rig import read_rig

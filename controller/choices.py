@@ -11,6 +11,8 @@ from controller.baselines.lqr import LQR
 from controller.baselines.pid import PID, mean_friction
 from controller.estimator.estimator import Estimator
 from controller.estimator.kinematic import KinematicFilter, Kinematics
+from controller.estimator.particle_estimator import ParticleEstimator
+from controller.estimator.receiver import Receiver
 from controller.feedforward import Feedforward
 from controller.limits import Envelope
 from controller.mpc.mpc import MPC
@@ -27,7 +29,7 @@ HOLD_S = 0.01
 seeds from 100 on; a plan for each tick takes three times as long."""
 Chain = tuple[Controller, ...]
 Builder = Callable[[ControlModel, Envelope, float], Chain]
-Observer = Estimator | KinematicFilter
+Observer = Receiver | KinematicFilter
 
 
 def _pid(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
@@ -97,7 +99,7 @@ def leads(name: str) -> tuple[str, ...]:
 def estimator_for(name: str, model: ControlModel) -> Observer:
     """What the controller `name` sees the measurements through."""
     if name not in ("pid", "pid_friction"):
-        return Estimator(model.sharp)
+        return ParticleEstimator(model.sharp) if model.drive.name in _BODY else Estimator(model.sharp)
     return KinematicFilter(model, Kinematics(JERKINESS[name][model.drive.name]))
 
 

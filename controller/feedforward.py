@@ -24,14 +24,13 @@ _LOOSE: Final = 2.0
 class Loop:
     """How errors are taken back: the speed asked for is `r' + pace_1_s (r - x)` with these bounds.
 
-    While the reference moves, the correction of a capsule ahead by less than `noise_m` leaves at least `least` of the speed, so that
-    noise does not turn friction round; none exceeds `most_m_s`. At rest errors up to `slack_m` are left alone, which is what keeps a
+    While the reference moves, a capsule ahead by less than `noise_m` waits for it at the most, so that noise does not turn friction round; no
+    correction exceeds `most_m_s`. At rest errors up to `slack_m` are left alone, which is what keeps a
     held capsule from hunting; beyond it the capsule is brought back to half of that. `reach_s` is the time within which the inverse
     gets to the speed; a coil's must leave its current some ticks, and a lagging drive gets a third of its time constant at least.
     """
 
     pace_1_s: float = 20.0
-    least: float = 0.2
     noise_m: float = 1.6e-3
     most_m_s: float = 10e-3
     slack_m: float = 0.4e-3
@@ -102,6 +101,6 @@ class Feedforward(Controller):
         if abs(speed) > loop.rest_m_s:
             self._returning = False
             against = wanted * speed < 0 and abs(error) < loop.noise_m
-            return math.copysign(min(abs(wanted), (1 - loop.least) * abs(speed)), wanted) if against else wanted
+            return math.copysign(min(abs(wanted), abs(speed)), wanted) if against else wanted
         self._returning = abs(error) > (0.5 if self._returning else 1.0) * loop.slack_m
         return wanted if self._returning else 0.0

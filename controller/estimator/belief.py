@@ -10,18 +10,14 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.estimator.level import Level
 from controller.estimator.moments import fuse, place_points, take_moments, take_spread
-from controller.estimator.noise import Noise
+from controller.estimator.noise import START_STD, Noise
 from controller.prediction import ControlModel
 from controller.signals import Adapted
 
 Array = NDArray[np.float64]
-NARROW: Final = 0.1  # share of a standard deviation over which an extended filter differentiates; a narrower one sees a jump as a slope without bound
-_SURPRISE: Final = 0.7  # of the mean normalised difference, three standard deviations of its noise, beyond which something pushes
-_ASTRAY: Final = 1.5  # of the same, more than six: the model goes another way than the capsule
-_RECENT: Final = 0.1  # share of the newest position in that mean
-LEVELS: Final = ("hoop_stress_factor", "friction_coefficient")
-_START_STD: Final = {"v": 1e-3, "u": 1e-4, "current_A": 0.1, "stretch_m": 1e-4, "rate_m_s": 1e-2}
+_START_STD: Final = {**START_STD, "current_A": 0.1, "stretch_m": 1e-4, "rate_m_s": 1e-2}
 
 
 @dataclass(slots=True)
@@ -47,13 +43,12 @@ class Belief:
 class Process:
     """The control model as a filter's process: `z+ = f(z, command) + w`.
 
-    `unscented` False differentiates instead (extended). `measured` of the model is linear in `x` alone unless effects of the
+    `measured` of the model is linear in `x` alone unless effects of the
     sensor say otherwise; then its slopes come from CasADi.
     """
 
     model: ControlModel
     noise: Noise
-    unscented: bool = True
     where: NDArray[np.int64] = field(init=False)
     wander: Array = field(init=False)
 
@@ -64,22 +59,15 @@ class Process:
         n = len(self.names)
         walks = [self.noise.wander(name) for name in self.names[:-2]] + [self.noise.force_wander_N, self.noise.level_wander]
         self.wander = np.array(walks) ** 2 * model.tick_s
-        self._pushed = self.wander.copy()
-        self._pushed[-2] = self.noise.push_wander_N**2 * model.tick_s
-        self._slipped = self._pushed.copy()
-        self._slipped[-2] = self.noise.astray_wander_N**2 * model.tick_s
-        self._slipped[0] = self.noise.slip_wander_m**2 * model.tick_s
-        self._scale = math.sqrt(n) if self.unscented else NARROW
+        self._walk = self.wander.copy()
+        self._scale = math.sqrt(n)
         self._states, self._d, self._level = np.zeros((2 * n + 1, len(model.states))), np.zeros(2 * n + 1), np.zeros(2 * n + 1)
-        names = [p.name for p in model.symbols.parameters]
-        self.learned = next(names.index(name) for name in LEVELS if name in names)
-        middle = float(model.values[self.learned])
-        self._bounds = np.array([*(bound / middle - 1 for bound in _bounds(model, self.learned)), middle])
+        self.level = Level(model)
+        self._bounds = np.array([self.level.low, self.level.high, self.level.middle])
         self._parameters = np.tile(model.values, (2 * n + 1, 1))
-        self._points = (self._states, self._d, self._level, self._parameters[:, self.learned])
+        self._points = (self._states, self._d, self._level, self._parameters[:, self.level.index])
         self._L, self._K, self._H = np.zeros((n, n)), np.zeros(n), np.zeros(n)
         self._kernels = model.kernels
-        self._path, self._held, self._slopes = (np.zeros(s) for s in ((1, len(model.states)), (1,), (1, len(model.states))))
         x, t = ca.SX.sym("x", len(model.states)), ca.SX.sym("t")
         shown = model.measured(x, t)
         self._plain = bool(ca.is_equal(ca.simplify(shown), x[0], 2))
@@ -103,9 +91,9 @@ class Process:
         place_points(b.z, b.P, b.modes, self.where, self._scale, self._bounds, self._L, *self._points)
         k = self._kernels
         k.run_each(self._states, self.middle(b.command, command), self._d, b.time_s, k.tick_s, k.substeps, self._parameters)
-        surprise = abs(b.surprise)
-        wander = self._slipped if surprise > _ASTRAY else self._pushed if surprise > _SURPRISE else self.wander
-        take_moments(self._states, self._d, self._level, self.where, self._scale, self.unscented, wander, b.z, b.P, b.modes)
+        force, place = self.noise.walks(b.surprise)
+        self._walk[-2], self._walk[0] = force**2 * k.tick_s, place**2 * k.tick_s
+        take_moments(self._states, self._d, self._level, self.where, self._scale, self._walk, b.z, b.P, b.modes)
         b.time_s += k.tick_s
         b.command = command
 
@@ -117,8 +105,7 @@ class Process:
         """One point `z` (n,) with the switches `modes` (model states,) a tick on under the mean `command`: both anew."""
         state = modes.copy()
         state[self.where] = z[:-2]
-        numbers = self.model.values.copy()
-        numbers[self.learned] *= 1 + min(max(z[-1], self._bounds[0]), self._bounds[1])
+        numbers = self.level.numbers(z[-1])
         k = self._kernels
         states = state.reshape(1, -1)
         k.run_each(states, command, np.array([z[-2]]), t, k.tick_s, k.substeps, numbers.reshape(1, -1))
@@ -136,7 +123,7 @@ class Process:
             self._H[:-2] = np.asarray(slopes).ravel()[self.where]
         size = float(fuse(b.z, b.P, self._H, value - expected, self.noise.position_std_m**2, self.noise.gate, self._K))
         if size <= self.noise.gate:
-            b.surprise += _RECENT * (math.copysign(size, value - expected) - b.surprise)
+            b.surprise = self.noise.surprised(b.surprise, math.copysign(size, value - expected))
         return size
 
     def see_state(self, b: Belief, name: str, value: float) -> float:
@@ -152,27 +139,12 @@ class Process:
         state[self.where] = b.z[:-2]
         return state
 
-    def adapted(self, b: Belief) -> Adapted:
-        """The model's parameters with the level of `b`, and the force that is left."""
-        numbers = self.model.values.copy()
-        numbers[self.learned] *= 1 + min(max(b.z[-1], self._bounds[0]), self._bounds[1])
-        return Adapted(numbers, float(b.z[-2]))
-
-    def lacking(self, b: Belief, numbers: Array) -> float:
-        """Force in N along +x that the model's own parameters lack against `numbers` in the present motion."""
-        self._path[0] = self.state(b)
-        return self._wall(b.time_s, self._kernels.parameters) - self._wall(b.time_s, numbers)
-
-    def _wall(self, t: float, numbers: Array) -> float:
-        self._kernels.holds(self._path, self._held, self._slopes, t, self._kernels.tick_s, numbers)
-        return float(self._held[0])
+    def adapted(self, b: Belief) -> tuple[float, Adapted]:
+        """The force that the model's own parameters lack, and those with the level of `b` (`Level.adapted`)."""
+        return self.level.adapted(self.state(b), b.time_s, float(b.z[-1]), float(b.z[-2]))
 
     def spread(self, b: Belief) -> tuple[Array, bool]:
         """Standard deviations (n,) in the model's order, 0 for switches; whether `b` is made of numbers."""
         std = np.zeros(len(self.model.states))
         return std, take_spread(b.z, b.P, self.where, std)
 
-
-def _bounds(model: ControlModel, index: int) -> tuple[float, float]:
-    parameter = model.symbols.parameters[index]
-    return parameter.lower, parameter.upper

@@ -90,21 +90,12 @@ def take_spread(z: Array, P: Array, where: Indices, std: Array) -> bool:
 
 @njit(cache=True)
 def take_moments(
-    states: Array,
-    d: Array,
-    level: Array,
-    where: Indices,
-    scale: float,
-    averaged: bool,
-    Q: Array,
-    z: Array,
-    P: Array,
-    modes: Array,
+    states: Array, d: Array, level: Array, where: Indices, scale: float, Q: Array, z: Array, P: Array, modes: Array
 ) -> None:
     """The belief after the points moved: `z` (n,), `P` (n, n) with the noise `Q` (n,) of the step, `modes` of the middle point.
 
-    `averaged`: unscented, `z` the mean of the outer points, `P = sum (p - z)(p - z)' / (2 scale^2)`: weights of cubature, all
-    positive, so that `P` cannot lose its sign. Else the middle point and central differences: an extended filter.
+    `z` is the mean of the outer points, `P = sum (p - z)(p - z)' / (2 scale^2)`: weights of cubature, all positive, so that `P` cannot
+    lose its sign.
     """
     n = z.shape[0]
     points = np.empty((2 * n + 1, n))
@@ -113,22 +104,16 @@ def take_moments(
             points[m, i] = states[m, where[i]]
         points[m, n - 2], points[m, n - 1] = d[m], level[m]
     for i in range(n):
-        z[i] = points[0, i]
-        if averaged:
-            total = 0.0
-            for m in range(1, 2 * n + 1):
-                total += points[m, i]
-            z[i] = total / (2 * n)
+        total = 0.0
+        for m in range(1, 2 * n + 1):
+            total += points[m, i]
+        z[i] = total / (2 * n)
     modes[:] = states[0]
     for i in range(n):
         for j in range(i + 1):
             total = 0.0
-            for m in range(1, 2 * n + 1, 2):
-                if averaged:
-                    total += (points[m, i] - z[i]) * (points[m, j] - z[j])
-                    total += (points[m + 1, i] - z[i]) * (points[m + 1, j] - z[j])
-                else:
-                    total += 0.5 * (points[m, i] - points[m + 1, i]) * (points[m, j] - points[m + 1, j])
+            for m in range(1, 2 * n + 1):
+                total += (points[m, i] - z[i]) * (points[m, j] - z[j])
             P[i, j] = total / (2 * scale * scale)
             P[j, i] = P[i, j]
     for i in range(n):

@@ -6,11 +6,16 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from types import MappingProxyType
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+_SURPRISE: Final = 0.7  # of the mean normalised difference, three standard deviations of its noise, beyond which something pushes
+_ASTRAY: Final = 1.5  # of the same, more than six: the model goes another way than the capsule
+_RECENT: Final = 0.1  # share of the newest position in that mean
+START_STD: Final[Mapping[str, float]] = {"v": 1e-3, "u": 1e-4}
 _DRIVE_SPREADS: Mapping[str, float] = {"current_A": 0.2, "stretch_m": 1e-4, "rate_m_s": 1e-2}
 
 
@@ -19,9 +24,10 @@ class Noise:
     """Standard deviations, SI. `*_wander` are random walks, a second's worth; what is not named here wanders by `other_wander` of 1.
 
     The friction level is a share of the wall's pressure (of the friction coefficient on a plate), the force what no friction explains;
-    `level_std` and `force_std_N` are how far they may be off at the start. The force wanders by `push_wander_N` instead while positions
-    come out on one side of what was expected: something pushes. While they are far off on one side the position wanders by
-    `slip_wander_m` instead, too: strokes carry the capsule further, or less far, than believed.
+    `level_std` and `force_std_N` are how far they may be off at the start. Half of the particles hold that the level wanders by `level_wander`, as in a
+    tube, half by `brisk_level_wander`, as along a gut that changes. The force wanders by `push_wander_N` instead while positions
+    come out on one side of what was expected: something pushes. While they are far off on one side the force wanders by `astray_wander_N` and the
+    position by `slip_wander_m` instead: strokes carry the capsule further, or less far, than believed.
 
     A measurement further than `gate` standard deviations from what was expected is an outlier; `patience` of them in a row mean
     that the belief is wrong, not they. The estimate is lost without an accepted position for `age_s`, above `lost_std_m`, and until
@@ -40,6 +46,7 @@ class Noise:
     astray_wander_N: float = 2e-3
     force_std_N: float = 3e-3
     level_wander: float = 0.01
+    brisk_level_wander: float = 0.06
     level_std: float = 0.05
     other_wander: float = 1e-3
     gate: float = 5.0
@@ -55,37 +62,34 @@ class Noise:
             if not 0 < getattr(self, name) < math.inf:
                 raise ValueError(f"noise {name} must be a positive number; got {getattr(self, name)!r}")
 
+    def surprised(self, before: float, size: float) -> float:
+        """By how many standard deviations recent positions were off on average, one more of them by `size`."""
+        return before + _RECENT * (size - before)
+
+    def walks(self, surprise: float) -> tuple[float, float]:
+        """How force and position wander after positions that were off by `surprise` on average."""
+        if abs(surprise) > _ASTRAY:
+            return self.astray_wander_N, self.slip_wander_m
+        return self.push_wander_N if abs(surprise) > _SURPRISE else self.force_wander_N, self.position_wander_m
+
     def wander(self, state: str) -> float:
         """Standard deviation of the random walk of the model's `state` over a second."""
         own = {"x": self.position_wander_m, "v": self.speed_wander_m_s, "u": self.wall_wander_m}
         return own.get(state, self.drive_wander.get(state.rpartition(".")[2], self.other_wander))
 
 
-_LOCKED = Noise(
-    position_wander_m=3e-5,
-    slip_wander_m=3e-5,
-    speed_wander_m_s=3e-3,
-    wall_wander_m=2e-5,
-    force_wander_N=2e-3,
-    push_wander_N=30e-3,
-    astray_wander_N=30e-3,
-    level_wander=0.02,
-    level_std=0.1,
-)
+_PARTICLES: Mapping[str, float] = {"position_wander_m": 3e-5, "force_wander_N": 3e-4, "level_std": 0.15}
 NOISES: Mapping[str, Noise] = MappingProxyType(
     {
-        "magnetic": _LOCKED,
-        "coil": Noise(level_std=1e-3, level_wander=1e-3, push_wander_N=20e-3, astray_wander_N=60e-3),
+        "magnetic": Noise(slip_wander_m=3e-5, push_wander_N=30e-3, astray_wander_N=30e-3, **_PARTICLES),
+        "coil": Noise(push_wander_N=20e-3, astray_wander_N=60e-3, **_PARTICLES),
         "vibro": Noise(slip_wander_m=4e-3),
     }
 )
-"""By drive where the default does not serve. A magnet's stiffness ties the capsule's jumps to the friction, so a filter that trusts its model
-locks on to them. Without a spring to the capsule, level and force are told apart too late to help, and nothing but friction holds up a push:
-the estimate was 2.6 mm behind one of 90 mN while the force wandered at one pace. How far a stroke of an inner mass carries hangs on every
+"""By drive where the default does not serve. Nothing but friction holds up a push against a coil: the estimate was 2.6 mm behind one of 90 mN while
+the force wandered at one pace. How far a stroke of an inner mass carries hangs on every
 parameter: with the position's common wander a filter that believed four times too far ran ahead until it was
 lost, eight times in 16 s; of 1 to 8 mm those from 2 on did alike."""
-EXTENDED = ("magnetic",)
-"""Drives whose filter differentiates at the mean, which then sticks and slips as the capsule does, instead of averaging over points."""
 
 
 def noise_of(drive: str) -> Noise:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
+from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 from numpy.typing import NDArray
 
-from controller.estimator.belief import NARROW, Belief, Process
+from controller.estimator.belief import Belief, Process
 from controller.estimator.moments import root
 
 Array = NDArray[np.float64]
@@ -24,14 +24,18 @@ def safe_root(P: Array) -> Array:
     return L.T.copy()
 
 
-class Reference:
-    """`own`, one of filterpy's filters, begun at `start` with the noises of `process`."""
+class ReferenceFilter:
+    """`UnscentedKalmanFilter` begun at `start`, with the points and weights of `Process`: 2 n points at `sqrt(n)` standard deviations, all
+    of one weight."""
 
-    def __init__(self, process: Process, start: Belief, own: Any) -> None:
+    def __init__(self, process: Process, start: Belief) -> None:
+        n = process.size
         self._process, self._modes = process, start.modes.copy()
-        self._command, self._time, self._own = start.command, start.time_s, own
-        own.x, own.P = start.z.copy(), start.P.copy()
-        own.Q, own.R = np.diag(process.wander), np.array([[process.noise.position_std_m**2]])
+        self._command, self._time = start.command, start.time_s
+        points = MerweScaledSigmaPoints(n, alpha=1.0, beta=0.0, kappa=0.0, sqrt_method=safe_root)
+        self._own: Any = UnscentedKalmanFilter(n, 1, process.model.tick_s, lambda z: z[:1], self._move, points)
+        self._own.x, self._own.P = start.z.copy(), start.P.copy()
+        self._own.Q, self._own.R = np.diag(process.wander), np.array([[process.noise.position_std_m**2]])
 
     @property
     def z(self) -> Array:
@@ -42,15 +46,6 @@ class Reference:
     def P(self) -> Array:
         """The covariance (n, n)."""
         return np.asarray(self._own.P)
-
-
-class ReferenceFilter(Reference):
-    """`UnscentedKalmanFilter` with the points and weights of `Process`: 2 n points at `sqrt(n)` standard deviations, all of one weight."""
-
-    def __init__(self, process: Process, start: Belief) -> None:
-        n = process.size
-        points = MerweScaledSigmaPoints(n, alpha=1.0, beta=0.0, kappa=0.0, sqrt_method=safe_root)
-        super().__init__(process, start, UnscentedKalmanFilter(n, 1, process.model.tick_s, lambda z: z[:1], self._move, points))
 
     def _move(self, z: Array, dt: float) -> Array:
         new, _ = self._process.move(z, self._modes, self._middle, self._time)
@@ -71,30 +66,3 @@ class ReferenceFilter(Reference):
         ukf.sigmas_f = ukf.points_fn.sigma_points(ukf.x, ukf.P)
         ukf.update(np.array([value]))
         ukf.P = 0.5 * (ukf.P + ukf.P.T)
-
-
-class ReferenceExtended(Reference):
-    """`ExtendedKalmanFilter` with the slopes of `Process`: central differences over `NARROW` standard deviations along the axes of P."""
-
-    def __init__(self, process: Process, start: Belief) -> None:
-        super().__init__(process, start, ExtendedKalmanFilter(process.size, 1))
-
-    def predict(self, command: float) -> None:
-        """Move a tick on, to the end of which `command` leads."""
-        process, ekf = self._process, self._own
-        middle = process.middle(self._command, command)
-
-        def moved(z: Array) -> Array:
-            return process.move(z, self._modes, middle, self._time)[0]
-
-        axes = safe_root(ekf.P)
-        slopes = [(moved(ekf.x + NARROW * axis) - moved(ekf.x - NARROW * axis)) / (2 * NARROW) for axis in axes]
-        after, modes = process.move(ekf.x, self._modes, middle, self._time)
-        ekf.F = np.linalg.solve(axes, np.array(slopes)).T
-        ekf.predict()
-        ekf.x = after
-        self._modes, self._command, self._time = modes, command, self._time + process.model.tick_s
-
-    def see_position(self, value: float) -> None:
-        """Take in a localisation."""
-        self._own.update(np.array([value]), lambda z: np.eye(1, z.size), lambda z: z[:1])

@@ -1,0 +1,149 @@
+"""A cloud of capsules, each with a wall, a friction level and a force of its own, that all could be the true one."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Final
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.estimator.level import Level
+from controller.estimator.noise import START_STD, Noise
+from controller.estimator.particles import central, draw, expected, gather, gather_columns, moments, scatter, weigh
+from controller.prediction import ControlModel
+
+Array = NDArray[np.float64]
+_RENEWED: Final = 0.5  # share of the particles below which the weights are worth so few that all are drawn anew
+_LEADS: Final = 1.5  # standard deviations of position and level beyond which a leader no longer stands for the rest
+_WALL_LEADS: Final = 2.5  # the same of the wall
+
+
+@dataclass
+class Cloud:
+    """`count` particles of the control `model` with the walks of `noise`: `states` (P, n) in the model's order, `level`, `force_N`, whether the
+    level is `brisk` (P,) and `weights` (P,). Nothing but position, level and force walks: whatever else the model has follows from its past.
+
+    `past` (kept, P) holds what the sensor would have shown of each particle in the ticks before, so that a late position weighs
+    each by where it was then and nothing is computed again. Particles of little weight give way to copies of heavier ones. The draws follow
+    from `draws` alone: the same measurements, the same estimate.
+    """
+
+    model: ControlModel
+    noise: Noise
+    kept: int
+    count: int = 300
+    scatter_s: float = 0.01
+    redrawn_1_s: float = 0.3
+    draws: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
+
+    def __post_init__(self) -> None:
+        model, P = self.model, self.count
+        self.where = Level(model)
+        self.states, self._spare = np.zeros((P, len(model.states))), np.zeros((P, len(model.states)))
+        self.level, self.force_N, self.brisk, self.weights, self._one = (np.zeros(P) for _ in range(5))
+        self.past, self._numbers = np.zeros((self.kept, P)), np.tile(model.values, (P, 1))
+        self._chosen, self._normals, self._chances = np.zeros(P, dtype=np.int64), np.zeros((3, P)), np.zeros(P)
+        self._every = max(1, round(self.scatter_s / model.tick_s))
+        self._bounds = np.array([self.where.low, self.where.high])
+        self.mean, self.std = np.zeros(len(model.states)), np.zeros(len(model.states))
+        self._modes = [model.index(name) for name in model.modes]
+        self._wall = model.states.index("u") if "u" in model.states else 0
+        self._sensor = self._shown()
+        self.newest, self.surprise, self.leader, self.time_s, self.command = 0, 0.0, -1, 0.0, 0.0
+
+    def _shown(self) -> ca.Function | None:
+        """What the sensor shows of every particle; None where that is the position."""
+        x, t = ca.SX.sym("x", len(self.model.states)), ca.SX.sym("t")
+        shown = self.model.measured(x, t)
+        plain = bool(ca.is_equal(ca.simplify(shown), x[0], 2))
+        return None if plain else ca.Function("shown", [x, t], [shown]).map(self.count)
+
+    def begin(self, position_m: float, command: float, now: float) -> None:
+        """At rest about `position_m`, with `command` in force for long."""
+        model, draws, P = self.model, self.draws, self.count
+        self.states[:] = model.initial(position_m, command)
+        for k, name in enumerate(model.states):
+            if name in START_STD:
+                self.states[:, k] += START_STD[name] * draws.standard_normal(P)
+        self.states[:, 0] += self.noise.position_std_m * draws.standard_normal(P)
+        self.level[:] = np.clip(self.noise.level_std * draws.standard_normal(P), *self._bounds)
+        self.force_N[:] = self.noise.force_std_N * draws.standard_normal(P)
+        self.brisk[:] = draws.random(P) < 0.5
+        self.weights[:] = 1 / P
+        self.newest, self.surprise, self.leader, self.time_s, self.command = 0, 0.0, -1, now, command
+        self._remember()
+
+    def move(self, command: float, now: float) -> None:
+        """A tick on, to `now`, to the end of which `command` leads; a carriage goes there in a straight line."""
+        k, model = self.model.kernels, self.model
+        middle = 0.5 * (self.command + command) if model.drive.name == "magnetic" else command
+        self._numbers[:, self.where.index] = self.where.middle * (1 + self.level)
+        k.run_each(self.states, middle, self.force_N, self.time_s, k.tick_s, k.substeps, self._numbers)
+        self.newest, self.time_s, self.command = self.newest + 1, now, command
+        if self.newest % self._every == 0:
+            self._scatter()
+        self._remember()
+
+    def _scatter(self) -> None:
+        noise, passed = self.noise, self._every * self.model.tick_s
+        force, place = noise.walks(self.surprise)
+        walks = np.array([place, noise.level_wander, noise.brisk_level_wander, force]) * math.sqrt(passed)
+        self.draws.standard_normal(out=self._normals)
+        self.draws.random(out=self._chances)
+        walks = np.append(walks, self.redrawn_1_s * passed)
+        scatter(
+            self.states[:, 0], self.level, self.force_N, self.brisk, walks, self._bounds, self._normals, self._chances
+        )
+
+    def _remember(self) -> None:
+        shown = self.states[:, 0]
+        if self._sensor is not None:
+            shown = np.asarray(self._sensor(self.states.T, self.time_s)).ravel()
+        self.past[self.newest % self.kept] = shown
+
+    def see_position(self, back: int, value: float) -> float:
+        """Take in a localisation that was true `back` ticks ago; returns its normalised difference, beyond the gate where it was
+        refused. NaN where the cloud is no longer made of numbers."""
+        then, variance = self.past[(self.newest - back) % self.kept], self.noise.position_std_m**2
+        mean, square = expected(self.weights, then)
+        size = abs(value - mean) / math.sqrt(square + variance)
+        if size <= self.noise.gate:
+            self.surprise = self.noise.surprised(self.surprise, math.copysign(size, value - mean))
+            if weigh(self.weights, then, value, variance) < _RENEWED * self.count:
+                self._renew()
+        return size
+
+    def _renew(self) -> None:
+        chosen = self._chosen
+        draw(self.weights, self.draws.random(), chosen)
+        gather(self.states, chosen, self._spare)
+        gather_columns(self.past, chosen, self._one)
+        for row in (self.level, self.force_N, self.brisk):
+            gather(row, chosen, self._one)
+        self.weights[:] = 1 / self.count
+        copies = np.flatnonzero(chosen == self.leader)
+        self.leader = int(copies[0]) if copies.size else -1
+
+    def take_moments(self) -> tuple[float, float, bool]:
+        """Fill `mean` and `std` (n,); the mean level and force, and whether all is made of numbers."""
+        moments(self.weights, self.states, self.mean, self.std)
+        self.std[self._modes] = 0.0
+        level, force = expected(self.weights, self.level)[0], expected(self.weights, self.force_N)[0]
+        return level, force, math.isfinite(self.mean.sum() + self.std.sum() + level + force)
+
+    def lead(self) -> Array:
+        """The state (n,) of one particle that stands for all, at the mean position: it sticks and slips as a capsule does, which no mean does.
+        It leads until it is given up, or is far off the mean; then the one nearest to the mean takes over."""
+        traits = np.stack([self.states[:, 0], self.level, self.states[:, self._wall]])
+        for row, far in zip(traits, (_LEADS, _LEADS, _WALL_LEADS), strict=True):
+            mean, square = expected(self.weights, row)
+            if self.leader >= 0 and not abs(row[self.leader] - mean) <= far * math.sqrt(square):
+                self.leader = -1
+        if self.leader < 0:
+            self.leader = int(central(self.weights, traits))
+        state = self.states[self.leader].copy()
+        state[0] = self.mean[0]
+        return state

@@ -147,4 +147,3 @@ class Process:
         """Standard deviations (n,) in the model's order, 0 for switches; whether `b` is made of numbers."""
         std = np.zeros(len(self.model.states))
         return std, take_spread(b.z, b.P, self.where, std)
-

@@ -94,9 +94,7 @@ class Cloud:
         self.draws.standard_normal(out=self._normals)
         self.draws.random(out=self._chances)
         walks = np.append(walks, self.redrawn_1_s * passed)
-        scatter(
-            self.states[:, 0], self.level, self.force_N, self.brisk, walks, self._bounds, self._normals, self._chances
-        )
+        scatter(self.states[:, 0], self.level, self.force_N, self.brisk, walks, self._bounds, self._normals, self._chances)
 
     def _remember(self) -> None:
         shown = self.states[:, 0]
@@ -144,6 +142,6 @@ class Cloud:
                 self.leader = -1
         if self.leader < 0:
             self.leader = int(central(self.weights, traits))
-        state = self.states[self.leader].copy()
+        state: Array = self.states[self.leader].copy()
         state[0] = self.mean[0]
         return state

@@ -59,7 +59,9 @@ def draw(weights: Array, share: float, chosen: Indices) -> None:
 
 
 @njit(cache=True)
-def scatter(x: Array, level: Array, force: Array, brisk: Array, walks: Array, bounds: Array, normals: Array, chances: Array) -> None:
+def scatter(
+    x: Array, level: Array, force: Array, brisk: Array, walks: Array, bounds: Array, normals: Array, chances: Array
+) -> None:
     """Let position, level and force of each particle (P,) walk, in place: `walks` are the standard deviations of position, calm level,
     brisk level and force, then how likely a particle draws anew whether its level is `brisk` (1 or 0). `normals` (3, P), `chances`
     (P,) even in [0, 1); the level stays within `bounds`."""

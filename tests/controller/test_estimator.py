@@ -1,4 +1,4 @@
-"""The estimator against the plant: position within its noise, late and wild measurements, drop-outs, NaN, and its own doubt."""
+"""Both estimators against the plant: position within its noise, late and wild measurements, drop-outs, NaN, and its own doubt."""
 
 import math
 
@@ -7,6 +7,8 @@ import pytest
 
 from controller.estimator.estimator import Estimator
 from controller.estimator.noise import Noise
+from controller.estimator.particle_estimator import ParticleEstimator
+from controller.estimator.receiver import Receiver
 from controller.signals import Array, Measurement
 from plant import layout as at
 from plant.instruments import Instrument
@@ -15,10 +17,11 @@ from plant.session import Instruments, Session
 from tests.controller.loops import model_of
 
 MODEL = model_of().sharp
+both = pytest.mark.parametrize("kind", [Estimator, ParticleEstimator])
 
 
 def follow(
-    estimator: Estimator, duration_s: float, place: Instrument | None = None, truth: Rig | None = None, seed: int = 0
+    estimator: Receiver, duration_s: float, place: Instrument | None = None, truth: Rig | None = None, seed: int = 0
 ) -> tuple[Array, Array, Array]:
     """Estimated less true position, whether lost, and what the newest position alone would be off by, a row a tick."""
     session = Session(truth or Rig(Magnet()), Instruments(localisation=place or Instrument()), seed)
@@ -35,47 +38,51 @@ def follow(
     return np.array(off), np.array(lost), np.array(raw)
 
 
-@pytest.mark.parametrize("unscented", [True, False])
-def test_position_is_known_better_than_measured(unscented: bool) -> None:
+@both
+def test_position_is_known_better_than_measured(kind: type[Receiver]) -> None:
     """Half of the sensor's noise or less, although tissue and magnet are off, and never lost once begun."""
-    estimator = Estimator(MODEL, unscented=unscented)
+    estimator = kind(MODEL)
     off, lost, raw = follow(estimator, 6.0, truth=Rig(Magnet(24.0), hoop_factor=1.1))
     assert np.sqrt(np.mean(off[1000:] ** 2)) < 0.5 * np.sqrt(np.mean(raw[1000:] ** 2))
     assert not lost[200:].any()
     assert estimator.counts.outliers <= 2
 
 
-def test_latency_is_undone() -> None:
-    """Without noise, positions that are 40 ms late leave no trace of that lateness."""
-    late = Instrument(std=0.0, latency_s=0.04)
-    estimator = Estimator(MODEL)
-    off, _, raw = follow(estimator, 4.0, late)
-    assert abs(np.mean(off[2000:])) < 0.3 * abs(np.mean(raw[2000:]))
+@both
+def test_latency_is_undone(kind: type[Receiver]) -> None:
+    """Without noise, positions that are 40 ms late are as good as prompt ones."""
+    estimator = kind(MODEL)
+    off, _, raw = follow(estimator, 4.0, Instrument(std=0.0, latency_s=0.04))
+    prompt, _, _ = follow(kind(MODEL), 4.0, Instrument(std=0.0, latency_s=0.0))
+    assert abs(np.mean(off[2000:]) - np.mean(prompt[2000:])) < 0.3 * abs(np.mean(raw[2000:]))
     assert estimator.counts.accepted > 380
     assert np.mean(raw[2000:]) < -30e-6
 
 
-def test_outliers_are_refused() -> None:
+@both
+def test_outliers_are_refused(kind: type[Receiver]) -> None:
     """A twentieth of the readings anywhere within 30 mm: refused, and the estimate stays."""
-    estimator = Estimator(MODEL)
+    estimator = kind(MODEL)
     off, lost, _ = follow(estimator, 5.0, Instrument(outlier_share=0.05, outlier_size=30e-3))
     assert estimator.counts.outliers > 10
     assert np.sqrt(np.mean(off[1000:] ** 2)) < 0.3e-3
     assert not lost[1000:].any()
 
 
-def test_a_gap_is_bridged_and_said() -> None:
+@both
+def test_a_gap_is_bridged_and_said(kind: type[Receiver]) -> None:
     """Lost 150 ms after the last position, the path predicted meanwhile, found again with the first readings."""
-    off, lost, _ = follow(Estimator(MODEL), 5.0, Instrument(gaps_s=(3.0, 1.0)))
+    off, lost, _ = follow(kind(MODEL), 5.0, Instrument(gaps_s=(3.0, 1.0)))
     assert not lost[2000:3140].any()
     assert lost[3200:3990].all()
     assert not lost[4030:].any()
     assert np.abs(off[3000:4000]).max() < 0.6e-3
 
 
-def test_nan_and_unknown_channels_change_nothing() -> None:
+@both
+def test_nan_and_unknown_channels_change_nothing(kind: type[Receiver]) -> None:
     """NaN, infinity, far future, far past and unknown channels are counted, not used."""
-    estimator = Estimator(MODEL)
+    estimator = kind(MODEL)
     estimator.observe(0.0, 0.0, [Measurement("position_m", 0.0, 0.0)])
     before = estimator.observe(1e-3, 0.0)
     bad = [
@@ -91,9 +98,10 @@ def test_nan_and_unknown_channels_change_nothing() -> None:
     assert after.state == pytest.approx(before.state, abs=1e-6)
 
 
-def test_moved_by_hand_it_begins_anew() -> None:
+@both
+def test_moved_by_hand_it_begins_anew(kind: type[Receiver]) -> None:
     """Readings that stay elsewhere win after `patience`; until they are proven the estimate counts as lost."""
-    estimator = Estimator(MODEL)
+    estimator = kind(MODEL)
     lost, places = [], []
     for k in range(1, 1001):
         t, x = k * 1e-3, 0.0 if k < 500 else 0.05
@@ -107,11 +115,12 @@ def test_moved_by_hand_it_begins_anew() -> None:
     assert places[-1] == pytest.approx(0.05, abs=0.3e-3)
 
 
-def test_a_carriage_that_lags_behind_is_believed() -> None:
+@both
+def test_a_carriage_that_lags_behind_is_believed(kind: type[Receiver]) -> None:
     """Where the drive's own encoder says that the carriage is 1 mm short, the estimate goes by the encoder."""
     found = []
     for report in (False, True):
-        estimator = Estimator(MODEL)
+        estimator = kind(MODEL)
         for k in range(1, 1501):
             t = k * 1e-3
             seen = [Measurement("position_m", 0.0, t)] if k == 1 else []
@@ -121,10 +130,11 @@ def test_a_carriage_that_lags_behind_is_believed() -> None:
     assert found[0] - found[1] == pytest.approx(1e-3, abs=0.4e-3)
 
 
-def test_a_coil_is_followed_too() -> None:
+@both
+def test_a_coil_is_followed_too(kind: type[Receiver]) -> None:
     """Voltage in, position and current out: the current near its feedback, the position better than measured."""
     model = model_of("coil").sharp
-    estimator = Estimator(model)
+    estimator = kind(model)
     session = Session(Rig(Coil()), seed=1)
     off = []
     for k in range(1, 3001):

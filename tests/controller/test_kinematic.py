@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from controller.choices import estimator_for
-from controller.estimator.estimator import Estimator
+from controller.estimator.receiver import Receiver
 from controller.estimator.kinematic import KinematicFilter, Kinematics
 from controller.signals import Measurement
 from tests.controller.loops import model_of
@@ -60,4 +60,4 @@ def test_only_the_classical_controllers_get_it() -> None:
     assert isinstance(estimator_for("pid", MODEL), KinematicFilter)
     assert isinstance(estimator_for("pid_friction", MODEL), KinematicFilter)
     for name in ("pid_estimated", "lqr", "feedforward", "mpc"):
-        assert isinstance(estimator_for(name, MODEL), Estimator)
+        assert isinstance(estimator_for(name, MODEL), Receiver)

@@ -72,6 +72,12 @@ class ControlModel:
         return tuple(name for name in self.states if name in ("slip", "direction"))
 
     @property
+    def fitted(self) -> bool:
+        """Whether its numbers are another's than the experimenter's: a fit has moved them."""
+        nominal = {p.name: p.value for p in self.symbols.parameters}
+        return bool(np.any(self.values != np.array(list(nominal.values()))))
+
+    @property
     def command_name(self) -> str:
         """The driven column that the command is."""
         return self.drive.commanded

@@ -69,7 +69,8 @@ class Cloud:
             if name in START_STD:
                 self.states[:, k] += START_STD[name] * draws.standard_normal(P)
         self.states[:, 0] += self.noise.position_std_m * draws.standard_normal(P)
-        self.level[:] = np.clip(self.noise.level_std * draws.standard_normal(P), *self._bounds)
+        level_std = self.noise.fitted_level_std if model.fitted else self.noise.level_std
+        self.level[:] = np.clip(level_std * draws.standard_normal(P), *self._bounds)
         self.force_N[:] = self.noise.force_std_N * draws.standard_normal(P)
         self.brisk[:] = draws.random(P) < 0.5
         self.weights[:] = 1 / P

@@ -40,7 +40,8 @@ __all__ = ["FAULTY", "HALTING", "IDLE", "RUNNING", "ControllerNode", "Task", "Ti
 IDLE, RUNNING, HALTING, FAULTY = 1, 2, 3, 4
 """States of the node, in the numbers of its heartbeat."""
 HEARTBEAT_S: Final = 0.02
-_FOLLOW: Final = {"magnetic": 1e-3, "coil": 0.15, "vibro": math.inf}
+_FOLLOW: Final = {"magnetic": 2e-3, "coil": 0.15, "vibro": math.inf}
+"""In the command's unit; of a carriage what 8 ms of delay, which a drive rides through, make of its full rate."""
 _NOISE_M: Final = 2e-5
 _ROUNDING_S: Final = 1e-6
 GRID_SLACK: Final = 1e-3

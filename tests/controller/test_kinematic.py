@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from controller.choices import estimator_for
-from controller.estimator.receiver import Receiver
 from controller.estimator.kinematic import KinematicFilter, Kinematics
+from controller.estimator.receiver import Receiver
 from controller.signals import Measurement
 from tests.controller.loops import model_of
 

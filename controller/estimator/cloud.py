@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from controller.estimator.level import Level
 from controller.estimator.noise import START_STD, Noise
-from controller.estimator.particles import central, draw, expected, gather, gather_columns, moments, scatter, weigh
+from controller.estimator.particles import draw, expected, gather, gather_columns, led, scatter, survey, weigh
 from controller.prediction import ControlModel
 
 Array = NDArray[np.float64]
 _RENEWED: Final = 0.5  # share of the particles below which the weights are worth so few that all are drawn anew
-_LEADS: Final = 1.5  # standard deviations of position and level beyond which a leader no longer stands for the rest
-_WALL_LEADS: Final = 2.5  # the same of the wall
+_LEADS: Final = np.array(
+    [1.5, 1.5, 2.5]
+)  # standard deviations of place, level and wall beyond which a leader no longer stands for the rest
 
 
 @dataclass
@@ -34,7 +35,7 @@ class Cloud:
     model: ControlModel
     noise: Noise
     kept: int
-    count: int = 300
+    count: int = 150
     scatter_s: float = 0.01
     redrawn_1_s: float = 0.3
     draws: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
@@ -60,6 +61,15 @@ class Cloud:
         shown = self.model.measured(x, t)
         plain = bool(ca.is_equal(ca.simplify(shown), x[0], 2))
         return None if plain else ca.Function("shown", [x, t], [shown]).map(self.count)
+
+    def compile(self) -> None:
+        """Do everything once, so that machine code is there before the first tick; what is believed is lost."""
+        self.begin(0.0, 0.0, 0.0)
+        for k in range(self._every):
+            self.move(0.0, k * self.model.tick_s)
+        self.see_position(0, 0.0)
+        self._renew()
+        self.survey()
 
     def begin(self, position_m: float, command: float, now: float) -> None:
         """At rest about `position_m`, with `command` in force for long."""
@@ -126,23 +136,18 @@ class Cloud:
         copies = np.flatnonzero(chosen == self.leader)
         self.leader = int(copies[0]) if copies.size else -1
 
-    def take_moments(self) -> tuple[float, float, bool]:
-        """Fill `mean` and `std` (n,); the mean level and force, and whether all is made of numbers."""
-        moments(self.weights, self.states, self.mean, self.std)
-        self.std[self._modes] = 0.0
-        level, force = expected(self.weights, self.level)[0], expected(self.weights, self.force_N)[0]
-        return level, force, math.isfinite(self.mean.sum() + self.std.sum() + level + force)
+    def survey(self) -> tuple[Array, float, float] | None:
+        """The state (n,) of one particle that stands for all, at the mean position, the mean level and the mean force; fills `mean` and
+        `std` (n,). None where the cloud is no longer made of numbers.
 
-    def lead(self) -> Array:
-        """The state (n,) of one particle that stands for all, at the mean position: it sticks and slips as a capsule does, which no mean does.
-        It leads until it is given up, or is far off the mean; then the one nearest to the mean takes over."""
-        traits = np.stack([self.states[:, 0], self.level, self.states[:, self._wall]])
-        for row, far in zip(traits, (_LEADS, _LEADS, _WALL_LEADS), strict=True):
-            mean, square = expected(self.weights, row)
-            if self.leader >= 0 and not abs(row[self.leader] - mean) <= far * math.sqrt(square):
-                self.leader = -1
-        if self.leader < 0:
-            self.leader = int(central(self.weights, traits))
+        One particle sticks and slips as a capsule does, which no mean does. It leads until it is given up, or is far off the mean; then
+        the one nearest to the mean takes over.
+        """
+        level, force = survey(self.weights, self.states, self.level, self.force_N, self.mean, self.std)
+        if not math.isfinite(self.mean.sum() + self.std.sum() + level + force):
+            return None
+        self.leader = led(self.weights, self.states, self.level, self._wall, self.mean, self.std, level, _LEADS, self.leader)
         state: Array = self.states[self.leader].copy()
         state[0] = self.mean[0]
-        return state
+        self.std[self._modes] = 0.0
+        return state, level, force

@@ -24,7 +24,8 @@ class Noise:
     """Standard deviations, SI. `*_wander` are random walks, a second's worth; what is not named here wanders by `other_wander` of 1.
 
     The friction level is a share of the wall's pressure (of the friction coefficient on a plate), the force what no friction explains;
-    `level_std` (`fitted_level_std` of a model that a fit has moved) and `force_std_N` are how far they may be off at the start. Half of the particles hold that the level wanders by `level_wander`, as in a
+    `level_std` (`fitted_level_std` of a model that a fit has moved) and `force_std_N` are how far they may be off at the start.
+    Half of the particles hold that the level wanders by `level_wander`, as in a
     tube, half by `brisk_level_wander`, as along a gut that changes. The force wanders by `push_wander_N` instead while positions
     come out on one side of what was expected: something pushes. While they are far off on one side the force wanders by `astray_wander_N` and the
     position by `slip_wander_m` instead: strokes carry the capsule further, or less far, than believed.

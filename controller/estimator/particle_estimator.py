@@ -19,11 +19,11 @@ class ParticleEstimator(Receiver):
     reading moves every particle by what it differs from their mean, as it was when it was read.
     """
 
-    def __init__(self, model: ControlModel, noise: Noise | None = None, *, count: int = 300) -> None:
+    def __init__(self, model: ControlModel, noise: Noise | None = None, *, count: int = 150) -> None:
         super().__init__(model, noise)
-        self._count_of_particles = count
         self._cloud = Cloud(model, self.noise, self._kept, count)
         self._commands, self._currents = np.zeros(self._kept), np.zeros(self._kept)
+        self._cloud.compile()
         self.reset(0.0, 0.0)
 
     def reset(self, now: float, command: float) -> None:
@@ -58,9 +58,9 @@ class ParticleEstimator(Receiver):
 
     def _estimate(self, now: float) -> Estimate | None:
         cloud = self._cloud
-        level, force, sound = cloud.take_moments()
-        if not sound:
+        found = cloud.survey()
+        if found is None:
             return None
-        state, std = cloud.lead(), cloud.std.copy()
+        state, level, force = found
         lacking, adapted = cloud.where.adapted(state, cloud.time_s, level, force)
-        return Estimate(now, state, std, lacking, self._watch.lost(now, float(std[0])), adapted)
+        return Estimate(now, state, cloud.std.copy(), lacking, self._watch.lost(now, float(cloud.std[0])), adapted)

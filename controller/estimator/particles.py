@@ -92,23 +92,45 @@ def gather_columns(table: Array, chosen: Indices, spare: Array) -> None:
 
 
 @njit(cache=True)
-def moments(weights: Array, states: Array, mean: Array, std: Array) -> None:
-    """Fill `mean` and `std` (n,) with those of `states` (P, n)."""
+def survey(weights: Array, states: Array, level: Array, force: Array, mean: Array, std: Array) -> tuple[float, float]:
+    """Fill `mean` and `std` (n,) with those of `states` (P, n); the means of `level` and `force` (P,)."""
+    mean[:], std[:] = 0.0, 0.0
+    levels, forces = 0.0, 0.0
+    for k in range(weights.size):
+        w = weights[k]
+        if w > 0:
+            levels, forces = levels + w * level[k], forces + w * force[k]
+            for i in range(mean.size):
+                mean[i] += w * states[k, i]
+    for k in range(weights.size):
+        if weights[k] > 0:
+            for i in range(mean.size):
+                std[i] += weights[k] * (states[k, i] - mean[i]) ** 2
     for i in range(mean.size):
-        mean[i], variance = expected(weights, states[:, i])
-        std[i] = math.sqrt(variance)
+        std[i] = math.sqrt(std[i])
+    return levels, forces
 
 
 @njit(cache=True)
-def central(weights: Array, traits: Array) -> int:
-    """The particle nearest to the mean of all in `traits` (t, P), each measured in its standard deviation."""
-    best, found = math.inf, 0
-    far = np.zeros(weights.size)
-    for i in range(traits.shape[0]):
-        mean, variance = expected(weights, traits[i])
-        for k in range(weights.size):
-            far[k] += (traits[i, k] - mean) ** 2 / (variance + 1e-300)
+def led(
+    weights: Array, states: Array, level: Array, wall: int, mean: Array, std: Array, mean_level: float, far: Array, leader: int
+) -> int:
+    """Who leads: `leader` (-1: nobody) as long as its place, level and wall (the state `wall`) are no more than `far` (3,) standard
+    deviations off the mean of all, else the particle that is nearest to it in these."""
+    spread = 0.0
     for k in range(weights.size):
-        if weights[k] > 0 and far[k] < best:
-            best, found = far[k], k
+        if weights[k] > 0:
+            spread += weights[k] * (level[k] - mean_level) ** 2
+    if leader >= 0:
+        near = (
+            abs(states[leader, 0] - mean[0]) <= far[0] * std[0] and abs(states[leader, wall] - mean[wall]) <= far[2] * std[wall]
+        )
+        if near and (level[leader] - mean_level) ** 2 <= far[1] ** 2 * spread:
+            return leader
+    best, found = math.inf, 0
+    for k in range(weights.size):
+        off = (states[k, 0] - mean[0]) ** 2 / (std[0] ** 2 + 1e-300) + (level[k] - mean_level) ** 2 / (spread + 1e-300)
+        off += (states[k, wall] - mean[wall]) ** 2 / (std[wall] ** 2 + 1e-300)
+        if weights[k] > 0 and off < best:
+            best, found = off, k
     return found

@@ -1,4 +1,4 @@
-"""A million ticks of the estimator without divergence, and what a tick costs beside filterpy's. `python -m tests.bench.bench_estimator`."""
+"""A million ticks of each estimator without divergence, and what a tick costs beside filterpy's. `python -m tests.bench.bench_estimator`."""
 
 from __future__ import annotations
 
@@ -10,15 +10,17 @@ import numpy as np
 from controller.estimator.belief import Process
 from controller.estimator.estimator import Estimator
 from controller.estimator.noise import Noise
+from controller.estimator.particle_estimator import ParticleEstimator
+from controller.estimator.receiver import Receiver
 from controller.estimator.reference import ReferenceFilter
 from controller.signals import Measurement
 from tests.controller.loops import model_of
 
 
-def endure(steps: int) -> None:
+def endure(kind: type[Receiver], steps: int) -> None:
     """Carriage to and fro under slow changes, noisy positions each tenth tick, one in a hundred wild."""
     model = model_of().sharp
-    estimator, rng = Estimator(model), np.random.default_rng(0)
+    estimator, rng = kind(model), np.random.default_rng(0)
     truth, command, worst, began = model.initial(), 0.0, 0.0, time.perf_counter()
     lost = 0
     for k in range(1, steps + 1):
@@ -32,14 +34,14 @@ def endure(steps: int) -> None:
         if k > 1000:
             worst, lost = max(worst, abs(estimate.state[0] - truth[0])), lost + estimate.lost
     print(
-        f"{steps} ticks in {time.perf_counter() - began:.0f} s: worst error {1e3 * worst:.3f} mm, lost {lost}, {estimator.counts}"
+        f"{kind.__name__}, {steps} ticks in {time.perf_counter() - began:.0f} s: worst error {1e3 * worst:.3f} mm, lost {lost}, {estimator.counts}"
     )
 
 
-def cost(ticks: int) -> None:
+def cost(kind: type[Receiver], ticks: int) -> None:
     """us a tick: prediction alone, a position 8 ms late, and filterpy's prediction, interleaved in one run."""
     model = model_of().sharp
-    estimator, process = Estimator(model), Process(model, Noise())
+    estimator, process = kind(model), Process(model, Noise())
     slow = ReferenceFilter(process, process.start(0.0, 5e-4, 0.0, 0.0))
     plain, late, reference = [], [], []
     estimator.observe(0.0, 0.0, [Measurement("position_m", 0.0, 0.0)])
@@ -53,7 +55,7 @@ def cost(ticks: int) -> None:
         reference.append(time.perf_counter() - middle)
         (late if seen else plain).append(middle - start)
     for name, times in (("tick", plain), ("tick with a position 8 ms late", late), ("filterpy, prediction alone", reference)):
-        print(f"{name}: median {1e6 * np.median(times):.1f} us, p99 {1e6 * np.percentile(times, 99):.1f} us")
+        print(f"{kind.__name__}, {name}: median {1e6 * np.median(times):.1f} us, p99 {1e6 * np.percentile(times, 99):.1f} us")
 
 
 if __name__ == "__main__":
@@ -61,5 +63,6 @@ if __name__ == "__main__":
     options.add_argument("--steps", type=int, default=1_000_000)
     options.add_argument("--ticks", type=int, default=5000)
     chosen = options.parse_args()
-    cost(chosen.ticks)
-    endure(chosen.steps)
+    for kind in (ParticleEstimator, Estimator):
+        cost(kind, chosen.ticks)
+        endure(kind, chosen.steps)

@@ -35,7 +35,7 @@ class Cloud:
     model: ControlModel
     noise: Noise
     kept: int
-    count: int = 150
+    count: int = 300
     scatter_s: float = 0.01
     redrawn_1_s: float = 0.3
     draws: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))

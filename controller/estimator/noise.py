@@ -27,8 +27,8 @@ class Noise:
     `level_std` (`fitted_level_std` of a model that a fit has moved) and `force_std_N` are how far they may be off at the start.
     Half of the particles hold that the level wanders by `level_wander`, as in a
     tube, half by `brisk_level_wander`, as along a gut that changes. The force wanders by `push_wander_N` instead while positions
-    come out on one side of what was expected: something pushes. While they are far off on one side the force wanders by `astray_wander_N` and the
-    position by `slip_wander_m` instead: strokes carry the capsule further, or less far, than believed.
+    come out on one side of what was expected: something pushes. While they are far off on one side the
+    position wanders by `slip_wander_m`, too: strokes carry the capsule further, or less far, than believed.
 
     A measurement further than `gate` standard deviations from what was expected is an outlier; `patience` of them in a row mean
     that the belief is wrong, not they. The estimate is lost without an accepted position for `age_s`, above `lost_std_m`, and until
@@ -44,7 +44,6 @@ class Noise:
     wall_wander_m: float = 5e-5
     force_wander_N: float = 2e-3
     push_wander_N: float = 2e-3
-    astray_wander_N: float = 2e-3
     force_std_N: float = 3e-3
     level_wander: float = 0.01
     brisk_level_wander: float = 0.06
@@ -70,9 +69,8 @@ class Noise:
 
     def walks(self, surprise: float) -> tuple[float, float]:
         """How force and position wander after positions that were off by `surprise` on average."""
-        if abs(surprise) > _ASTRAY:
-            return self.astray_wander_N, self.slip_wander_m
-        return self.push_wander_N if abs(surprise) > _SURPRISE else self.force_wander_N, self.position_wander_m
+        force = self.push_wander_N if abs(surprise) > _SURPRISE else self.force_wander_N
+        return force, self.slip_wander_m if abs(surprise) > _ASTRAY else self.position_wander_m
 
     def wander(self, state: str) -> float:
         """Standard deviation of the random walk of the model's `state` over a second."""
@@ -85,11 +83,10 @@ _BODY = Noise(
     slip_wander_m=1e-3,
     force_wander_N=3e-4,
     push_wander_N=60e-3,
-    astray_wander_N=0.2,
     level_std=0.15,
 )
 NOISES: Mapping[str, Noise] = MappingProxyType({"magnetic": _BODY, "coil": _BODY, "vibro": Noise(slip_wander_m=4e-3)})
-"""By drive where the default does not serve. Of a body's, `push_wander_N` (20, 40, 60 and 100 mN), `astray_wander_N` (60 to 200 mN) and
+"""By drive where the default does not serve. Of a body's, `push_wander_N` (20, 40, 60 and 100 mN) and
 `slip_wander_m` (0.03, 0.1, 1 and 3 mm) erred least over pushes, folds and a narrow place, three seeds from 100 on; straight traverses lose a little by
 it, 0.01 mm where a coil's is slow. How far a stroke of an inner mass carries hangs on every
 parameter: with the position's common wander a filter that believed four times too far ran ahead until it was

@@ -16,10 +16,11 @@ class ParticleEstimator(Receiver):
     """A particle filter with the control model as its process (`Cloud`).
 
     The position is the mean of all, wall, slip and drive are those of one particle that leads. A coil's current is the same for all: its
-    reading moves every particle by what it differs from their mean, as it was when it was read.
+    reading moves every particle by what it differs from their mean, as it was when it was read. `count`: with 150 a coil's capsule was lost for a
+    moment over folds in two of eight runs, with 300 in none; behind a magnet 100 do as well.
     """
 
-    def __init__(self, model: ControlModel, noise: Noise | None = None, *, count: int = 150) -> None:
+    def __init__(self, model: ControlModel, noise: Noise | None = None, *, count: int = 300) -> None:
         super().__init__(model, noise)
         self._cloud = Cloud(model, self.noise, self._kept, count)
         self._commands, self._currents = np.zeros(self._kept), np.zeros(self._kept)

@@ -18,6 +18,7 @@ from models.drives.from_rig import drive_of, surface_of
 from models.effects import BY_ID, REFINEMENTS
 from models.effects.effect import Effect
 from models.identification.kinds.driven import SWITCH_DELAY
+from models.identification.model import HELD_OUT
 from models.parameter import nearest
 from models.rig import Rig
 
@@ -44,7 +45,8 @@ class ControlModel:
     `step(x, command, disturbance_N, t) -> x_next` goes one tick of `tick_s` with the command held; `jacobians`, same arguments, gives
     `(x_next, A (n, n), B (n, 1), E (n, 1))` with respect to x, command and disturbance. `kernels` has the same step compiled, many
     times faster (`kernels.step`). `measured(x, t) -> m` is what the position sensor shows of `x`, late by `delay_s`;
-    the drive follows its command with the time constant `response_s`;
+    the drive follows its command with the time constant `response_s`; `held_out_error` is by how much the model missed records that no
+    fit has seen, in the measured column's unit (None: not known);
     `wall_force(x, t) -> N` what the wall holds against +x. `gap_limit_m` is where a magnet's force is largest (None: no magnet).
 
     Friction is smoothed over `smoothing` m/s and solved within the step, so the step is stable at any length; a resting capsule creeps by
@@ -60,6 +62,7 @@ class ControlModel:
     smoothing: float
     delay_s: float
     response_s: float = 0.0
+    held_out_error: float | None = None
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -158,7 +161,8 @@ class ControlModel:
         by 0.04 mm.
         """
         values = dict(zip((p.name for p in self.symbols.parameters), self.values.tolist(), strict=True))
-        return control_model(self.rig, values, self.tick_s, min(SHARP_M_S, self.smoothing), self.command_name)
+        sharp = control_model(self.rig, values, self.tick_s, min(SHARP_M_S, self.smoothing), self.command_name)
+        return replace(sharp, held_out_error=self.held_out_error)
 
     def with_tick(self, tick_s: float) -> ControlModel:
         """The same model with another tick."""
@@ -191,9 +195,9 @@ def control_model(
     """The model of `rig` with `values`, one stage of a model file: base parameters by name, effects' as `effect_id.name`.
 
     `tick_s` in s is the controller's, `smoothing` in m/s what friction is rounded over. `driven` chooses the column that is commanded
-    where the rig has several (`coil_voltage_V`). What `values` lacks keeps the rig file's number; an effect with the amplitude 0 is
-    left out, and so are how late a record's switch was logged and a free curve over speed. Raises ValueError for a rig without a
-    free capsule, an unknown name, a value that is no finite number.
+    where the rig has several (`coil_voltage_V`). `values` may hold the stage's `HELD_OUT` error. What they lack keeps the rig file's
+    number; an effect with the amplitude 0 is left out, and so are how late a record's switch was logged and a free curve over speed.
+    Raises ValueError for a rig without a free capsule, an unknown name, a value that is no finite number.
     """
     drive = drive_of(rig, driven)
     if drive.imposed:
@@ -206,7 +210,9 @@ def control_model(
     symbols = assembled(surface_of(rig), drive, effects, smoothing)
     numbers = {p.name: p.value for p in symbols.parameters}
     for name, value in values.items():
-        if name == SWITCH_DELAY or (name.split(".")[0] in BY_ID and name.split(".")[0] not in {e.id for e in effects}):
+        if name in (SWITCH_DELAY, HELD_OUT) or (
+            name.split(".")[0] in BY_ID and name.split(".")[0] not in {e.id for e in effects}
+        ):
             continue
         if name not in numbers:
             raise ValueError(f"values must name the model's parameters; got {name!r}; {nearest(name, dict(numbers))}")
@@ -217,7 +223,8 @@ def control_model(
     delay = sum(float(effect.delay(its)) for effect, its in own)
     response = sum(float(effect.response(its)) for effect, its in own)
     vector = np.array(list(numbers.values()))
-    return ControlModel(rig, drive, symbols, vector, checked_tick(tick_s), float(smoothing), delay, response)
+    error = values.get(HELD_OUT)
+    return ControlModel(rig, drive, symbols, vector, checked_tick(tick_s), float(smoothing), delay, response, error)
 
 
 def _effects(kind: str, values: Mapping[str, float]) -> tuple[type[Effect], ...]:

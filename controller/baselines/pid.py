@@ -12,10 +12,7 @@ from controller.limits import Envelope, number
 from controller.prediction import ControlModel
 from controller.signals import Action, Controller, Estimate, Reference
 from models.drives.coil import Coil, VoltageCoil
-from models.drives.from_rig import surface_of
 from models.drives.magnetic import Magnetic
-from models.laws.geometry import GRAVITY
-from models.plate import Plate
 
 
 @dataclass(frozen=True)
@@ -104,13 +101,3 @@ class PID(Controller):
 
     def _held(self, value: float) -> float:
         return min(max(value, -self.gains.windup_N), self.gains.windup_N)
-
-
-def mean_friction(model: ControlModel, speed_m_s: float = 1e-3) -> float:
-    """What a tanh feedforward takes friction to be, in N: `F_e + f_c/2` at `speed_m_s`, the mean of the saw; on a plate Coulomb's."""
-    p = dict(zip((p.name for p in model.symbols.parameters), model.values.tolist(), strict=True))
-    surface = surface_of(model.rig)
-    if isinstance(surface, Plate):
-        return float(p["friction_coefficient"] * (surface.mass_kg + model.drive.carried_kg) * GRAVITY)
-    friction, onset = surface.grip(speed_m_s, p["hoop_stress_factor"], p["friction_coefficient"])
-    return float(friction + 0.5 * onset)

@@ -6,7 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
-from controller.estimator.noise import Noise, noise_of
+from controller.estimator.noise import Noise, trusting
 from controller.estimator.watch import Counts, Watch
 from controller.prediction import ControlModel
 from controller.signals import Estimate, Measurement
@@ -28,7 +28,7 @@ class Receiver(ABC):
 
     def __init__(self, model: ControlModel, noise: Noise | None = None) -> None:
         self.model = model
-        self.noise = noise_of(model.drive.name) if noise is None else noise
+        self.noise = trusting(model) if noise is None else noise
         self._watch = Watch(self.noise)
         self._kept = math.ceil((self.noise.latest_s + model.delay_s) / model.tick_s) + 2
         self._current = next((k for k, n in enumerate(model.states) if n.rpartition(".")[2] == "current_A"), None)

@@ -134,7 +134,7 @@ def load_campaign(path: Path) -> Campaign:
         head = from_table(Head, _table(raw, "campaign"), "campaign")
         scenario, _ = read_toml(path.parent / head.scenario, "scenario")
         kind = str(_table(scenario, "rig").get("kind", ""))
-        values = dict(read_model(path.parent / head.model, kind).stages[head.stage]) if head.model else {}
+        values = read_model(path.parent / head.model, kind).believed(head.stage) if head.model else {}
         draws = {key: distribution(key, value) for key, value in _table(raw, "draw").items()}
         grid, variants = _table(raw, "grid"), _table(raw, "variants")
         _check_names(["case", *draws, *grid, *variants])

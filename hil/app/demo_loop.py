@@ -82,7 +82,7 @@ class LoopStory:
         let_in = ["nominal", *(stage for stage, verdict in gate.items() if verdict.passed)]
         for number, stage in enumerate(let_in):
             report(f"driving again, {stage} model", _FOUND + (1 - _FOUND) * number / len(let_in))
-            missions[stage] = _drive(folder, MISSION, runs[MISSION], model.stages[stage], stage, f"{MISSION}_{stage}")[0]
+            missions[stage] = _drive(folder, MISSION, runs[MISSION], model.believed(stage), stage, f"{MISSION}_{stage}")[0]
         report("done", 1.0)
         return Told(finding, gate, missions, tuple(runs[MISSION].get("effects", {})))
 

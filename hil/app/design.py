@@ -91,7 +91,7 @@ def _hand_over(page: Path | None, html: Callable[[], str], json_output: bool, nu
 def _values(belief: Rig, model: Path | None, stage: str) -> dict[str, float]:
     if stage not in STAGES:
         raise ValueError(f"--stage must be one of {', '.join(STAGES)}; got {stage!r}; {nearest(stage, STAGES)}")
-    return {} if model is None else read_model(model, belief.kind).stages[stage]
+    return {} if model is None else read_model(model, belief.kind).believed(stage)
 
 
 def design_json(found: Study, unit: str) -> dict[str, Any]:

@@ -70,11 +70,11 @@ def read_offer(table: OfferTable | None, folder: Path, rig: Rig, values: Mapping
     if table is None:
         return None
     model, report = read_model(folder / table.file, rig.kind), read_report(folder / table.report)
-    used = next((stage for stage in STAGES if dict(model.stages[stage]) == dict(values)), "" if values else STAGES[0])
+    used = next((stage for stage in STAGES if model.believed(stage) == dict(values)), "" if values else STAGES[0])
     verdict = Gate().judge(report, model, rig, stage=table.stage, current=used or math.nan)
     if not verdict.passed:
         raise ValueError(f"{folder / table.file}: offered model must pass the gate; got: {verdict.sentence}")
-    return Offered(dict(model.stages[table.stage]), table.at_s)
+    return Offered(model.believed(table.stage), table.at_s)
 
 
 def offer_of(offered: Offered | None, believed: Callable[[Mapping[str, float]], ControlModel]) -> Offer | None:

@@ -192,7 +192,7 @@ def _learned(raw: Mapping[str, Any], folder: Path) -> tuple[dict[str, float], Ve
     table, rig = from_table(ModelTable, raw["model"], "model"), _rig(raw)
     model = read_model(folder / table.file, rig.kind)
     verdict = Gate().judge(read_report(folder / table.report), model, rig, stage=table.stage)
-    return dict(model.stages[table.stage]), verdict
+    return model.believed(table.stage), verdict
 
 
 def _text(path: Path) -> str:

@@ -40,4 +40,4 @@ class Asked:
                 raise ValueError(f"--stage must stand with --model unless it is nominal; got {self.stage!r} alone")
             return {}, "nominal"
         stage = self.stage or "augmented"
-        return read_model(self.model, *_MODELS.get(kind, (kind,))).stages[stage], stage
+        return read_model(self.model, *_MODELS.get(kind, (kind,))).believed(stage), stage

@@ -49,7 +49,8 @@ def close(
         for part, records in (("train", train), ("holdout", holdout))
     }
     spread = intervals(kind, found.augmented, found.model, found.parts)
-    model = Model(kind.name, thetas, verdict, {"records": ", ".join(r.name for r in train), "seed": str(seed)})
+    told = {"records": ", ".join(r.name for r in train), "seed": str(seed)}
+    model = Model(kind.name, thetas, verdict, told, {stage: float(e) for stage, e in errors["holdout"].items() if np.isfinite(e)})
     finding = Finding(
         kind=kind.name,
         quantity=kind.quantity,

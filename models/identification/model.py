@@ -22,22 +22,33 @@ from models.record import Record, named
 from models.rig import Rig
 
 FORMAT = 1
+HELD_OUT = "held_out_error"
+"""The name, among the values that a controller is given, of how far off the model was on records that no fit has seen."""
 
 
 @dataclass(frozen=True)
 class Model:
-    """`stages` maps nominal, calibrated and augmented to values: base parameters by name, effects' as `effect_id.name`."""
+    """`stages` maps nominal, calibrated and augmented to values: base parameters by name, effects' as `effect_id.name`. `held_out` maps
+    them to the error of the free-running prediction of held-out records, in the measured column's unit; empty where none were held out.
+    """
 
     kind: str
     stages: dict[str, dict[str, float]]
     verdict: str = ""
     provenance: dict[str, str] = field(default_factory=dict)
+    held_out: dict[str, float] = field(default_factory=dict)
+
+    def believed(self, stage: str) -> dict[str, float]:
+        """The values of `stage` for a controller, with its held-out error as `HELD_OUT` where that is known."""
+        return self.stages[stage] | ({HELD_OUT: self.held_out[stage]} if stage in self.held_out else {})
 
     def to_toml(self) -> str:
         """The model as a file; `from_toml` reads it back exactly."""
         lines = [f"format = {FORMAT}", f"kind = {json.dumps(self.kind)}", f"verdict = {json.dumps(self.verdict)}", ""]
         if self.provenance:
             lines += ["[provenance]", *(f"{key} = {json.dumps(value)}" for key, value in self.provenance.items()), ""]
+        if self.held_out:
+            lines += ["[held_out]", *(f"{stage} = {error!r}" for stage, error in self.held_out.items()), ""]
         for stage in STAGES:
             lines += [f"[{stage}]", *(f"{json.dumps(name)} = {value!r}" for name, value in self.stages[stage].items()), ""]
         return "\n".join(lines)
@@ -55,7 +66,8 @@ class Model:
         provenance = raw.get("provenance", {})
         if not isinstance(provenance, dict):
             raise ValueError(f"model must have a table [provenance]; got {provenance!r}")
-        return cls(raw["kind"], stages, str(raw.get("verdict", "")), {str(k): str(v) for k, v in provenance.items()})
+        told = {str(k): str(v) for k, v in provenance.items()}
+        return cls(raw["kind"], stages, str(raw.get("verdict", "")), told, _errors(raw.get("held_out", {})))
 
     def predict(self, rig: Rig, record: Record, stage: str = "augmented") -> dict[str, NDArray[np.float64]]:
         """The measured columns as this model predicts them from the driven columns of `record` alone."""
@@ -101,6 +113,15 @@ def _check_values(stage: str, values: Mapping[str, float], declared: Sequence[tu
             continue
         if not p.holds(values[p.name]):
             raise ValueError(f"model [{stage}] {p.name} must lie in [{p.lower:g}, {p.upper:g}] {p.unit}; got {values[p.name]:g}")
+
+
+def _errors(raw: object) -> dict[str, float]:
+    if not isinstance(raw, Mapping) or not all(stage in STAGES for stage in raw):
+        raise ValueError(f"model must have a table [held_out] with keys among {', '.join(STAGES)}, or none; got {raw!r}"[:200])
+    for stage, error in raw.items():
+        if isinstance(error, bool) or not isinstance(error, int | float) or not 0 <= error < np.inf:
+            raise ValueError(f"model [held_out] {stage} must be a finite number, zero or more; got {error!r}")
+    return {str(stage): float(error) for stage, error in raw.items()}
 
 
 def _values(raw: object, stage: str) -> dict[str, float]:

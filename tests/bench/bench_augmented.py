@@ -55,7 +55,7 @@ def rows(effect: str, seed: int, folder: Path, controllers: list[str], done: set
     report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
     found = [e["id"] for e in report["effects"]]
     for stage in STAGES:
-        believed = believed_model(here, model.stages[stage])
+        believed = believed_model(here, model.believed(stage))
         for controller in controllers:
             for noise in NOISES:
                 if (effect, seed, stage, controller, noise) not in done:

@@ -12,8 +12,9 @@ from unittest.mock import patch
 
 import numpy as np
 
-from controller.baselines.pid import PID, PidGains, mean_friction
+from controller.baselines.pid import PID, PidGains
 from controller.estimator.kinematic import KinematicFilter, Kinematics
+from controller.friction import mean_friction
 from controller.limits import Envelope
 from controller.prediction import ControlModel
 from hil.app import track_loop

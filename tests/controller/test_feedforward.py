@@ -5,10 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from controller.baselines.pid import PID, PidGains, mean_friction
+from controller.baselines.pid import PID, PidGains
 from controller.choices import CONTROLLERS, build, leads
 from controller.envelope import envelope_of
 from controller.estimator.estimator import Estimator
+from controller.friction import mean_friction
 from controller.inversion import Inverse
 from controller.prediction import control_model
 from controller.signals import Array, Estimate

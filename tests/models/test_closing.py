@@ -10,6 +10,7 @@ import pytest
 
 from models.effects import BY_ID
 from models.identification import Model, close
+from models.identification.model import HELD_OUT
 from models.identification.result import Finding
 from models.laws.geometry import Capsule, Tissue
 from models.record import Record, read_record
@@ -123,6 +124,13 @@ def test_a_right_model_lacks_nothing_and_finds_its_numbers_again() -> None:
     assert again.error == finding.error
 
 
+def test_a_model_tells_its_held_out_error_where_records_were_held_out() -> None:
+    _, records = short_pull()
+    finding, model = close(parse_rig(PULL), records[:1], records[1:], quiet)
+    assert model.held_out == finding.error["holdout"]
+    assert close(parse_rig(PULL), records, [], quiet)[1].held_out == {}
+
+
 def test_a_prediction_never_sees_the_measurement() -> None:
     _, records = short_pull()
     values = {"hoop_stress_factor": 1.0, "friction_coefficient": 0.08}
@@ -134,8 +142,21 @@ def test_a_prediction_never_sees_the_measurement() -> None:
 
 def test_a_model_survives_its_file() -> None:
     stage = {"hoop_stress_factor": 1.0 / 3, "stribeck.excess": 0.1, "stribeck.speed_m_s": 1e-3}
-    model = Model("pull", {"nominal": {}, "calibrated": {}, "augmented": stage}, "named", {"records": 'a "b"'})
-    assert Model.from_toml(model.to_toml()) == model
+    stages, told = {"nominal": {}, "calibrated": {}, "augmented": stage}, {"records": 'a "b"'}
+    for held_out in ({}, {"nominal": 1e-3, "augmented": 1e-6 / 3}):
+        model = Model("pull", stages, "named", told, held_out)
+        assert Model.from_toml(model.to_toml()) == model
+        assert model.believed("augmented") == stage | {HELD_OUT: held_out["augmented"]} if held_out else stage
+
+
+@pytest.mark.parametrize(
+    "errors", ["augmentd = 1.0", "augmented = -1.0", "augmented = nan", "augmented = 'a'", "augmented = true"]
+)
+def test_a_held_out_error_is_a_number_of_a_stage(errors: str) -> None:
+    text = Model("pull", {"nominal": {}, "calibrated": {}, "augmented": {}}).to_toml()
+    with pytest.raises(ValueError, match=r"model.*\[held_out\]") as caught:
+        Model.from_toml(f"{text}[held_out]\n{errors}\n")
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(

@@ -62,13 +62,17 @@ class Feedforward(Controller):
         self._reach_s = max(self.loop.reach_s, _RESPONDING * model.response_s)
         self._inverse = Inverse(model, envelope, self._reach_s)
         self._envelope = envelope
-        self._returning = False
+        self._returning, self._command = False, math.nan
         self._size = len(model.states)
         self._effects = any("." in p.name for p in model.symbols.parameters)
 
     def reset(self, now: float, estimate: Estimate, command: float) -> None:
-        """Begin anew; the answer depends on the estimate alone, so whoever changes over blends."""
-        self._returning = False
+        """Begin anew; but for what play remembers of `command` the answer depends on the estimate alone, so whoever changes over blends."""
+        self._returning, self._command = False, command
+
+    def follow(self, command: float, rate: float) -> None:
+        """Hear the command in force."""
+        self._command = command
 
     def act(self, now: float, estimate: Estimate, reference: Reference) -> Action:
         """The command for the tick that begins at `now` in s; `failed` where estimate or reference is no number."""
@@ -91,8 +95,8 @@ class Feedforward(Controller):
     def _turned_round(self, state: Array, speed_m_s: float, now: float, estimate: Estimate) -> float:
         """The model's inverse from `state` with what the estimator has learned."""
         learned = estimate.adapted
-        force = number(estimate.disturbance_N if learned is None else learned.disturbance_N)
-        return self._inverse.command(state, force, speed_m_s, now, None if learned is None else learned.parameters)
+        force, numbers = (estimate.disturbance_N, None) if learned is None else (learned.disturbance_N, learned.parameters)
+        return self._inverse.command(state, number(force), speed_m_s, now, numbers, self._command)
 
     def _correction(self, error: float, speed: float) -> float:
         """Speed in m/s beyond the reference's that takes `error` in m back."""

@@ -14,6 +14,8 @@ from controller.prediction import ControlModel
 Array = NDArray[np.float64]
 _EVALUATIONS: Final = 30
 _SHARE: Final = 1e-4  # of the commands that come into question, to which one is found
+_JUMP_S: Final = 1e-7
+_JUMP_STEPS: Final = 4
 
 
 class Inverse:
@@ -21,7 +23,8 @@ class Inverse:
 
     The model's own step is inverted, so whatever it holds is: friction in stick and in slip, inertia, the magnet on the stable branch of its
     force (gap up to that of the greatest one), a coil's resistance, inductance and back-EMF, and what effects put between command and
-    force (lag, play, dead zone, saturation, gravity). The speed grows with the command there, so a bracket closes on it (regula
+    force (lag, play, dead zone, saturation, gravity). What remembers where a carriage came from, as play does, is first taken along from
+    the command in force to the one that is tried, at once. The speed grows with the command there, so a bracket closes on it (regula
     falsi, Illinois): at most `_EVALUATIONS` steps of the model. `sense` -1 is a drive whose command pushes backwards.
     """
 
@@ -31,12 +34,23 @@ class Inverse:
         self._parameters = self._kernels.parameters
         self._state = np.zeros((1, len(model.states)))
         self._d = np.zeros(1)
+        self._remembers = envelope.kind == "magnetic" and any("." in name for name in model.states)
+        self._before = math.nan
 
-    def command(self, x: Array, disturbance_N: float, speed_m_s: float, t: float, parameters: Array | None = None) -> float:
+    def command(
+        self,
+        x: Array,
+        disturbance_N: float,
+        speed_m_s: float,
+        t: float,
+        parameters: Array | None = None,
+        before: float = math.nan,
+    ) -> float:
         """The command in the drive's unit, at the end of its range where none is enough; NaN where something is no number.
 
-        `parameters` (p,) stand in for the model's own.
+        `parameters` (p,) stand in for the model's own; `before` is the command in force (NaN: the one that is tried, for long).
         """
+        self._before = before if self._remembers else math.nan
         self._parameters = self._kernels.parameters if parameters is None else parameters
         low, high = self._bracket(x)
         if not (math.isfinite(low + high + disturbance_N + speed_m_s) and np.isfinite(x).all()):
@@ -69,5 +83,7 @@ class Inverse:
         """Speed in m/s after `reach_s` under `command`."""
         self._state[0], self._d[0] = x, d
         k = self._kernels
-        k.run(self._state, command, self._d, t, k.tick_s, k.substeps, self._parameters)
+        if not math.isnan(self._before):
+            k.run(self._state, self._before, command, self._d, t, _JUMP_S, _JUMP_STEPS, self._parameters)
+        k.run(self._state, command, command, self._d, t, k.tick_s, k.substeps, self._parameters)
         return float(self._state[0, 1])

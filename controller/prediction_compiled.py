@@ -55,19 +55,21 @@ def hold(state, t, parameters, slope):
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
-def run(states, command, d, t, tick, substeps, parameters):
-    h = tick / substeps
+def run(states, command, after, d, t, tick, substeps, parameters):
+    h, rise = tick / substeps, (after - command) / substeps
     for k in range(states.shape[0]):
         for j in range(substeps):
-            substep(states[k], command, command, d[k], t + j * h, h, parameters)
+            c0 = command + j * rise
+            substep(states[k], c0, c0 + rise, d[k], t + j * h, h, parameters)
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
-def run_each(states, command, d, t, tick, substeps, parameters):
-    h = tick / substeps
+def run_each(states, command, after, d, t, tick, substeps, parameters):
+    h, rise = tick / substeps, (after - command) / substeps
     for k in range(states.shape[0]):
         for j in range(substeps):
-            substep(states[k], command, command, d[k], t + j * h, h, parameters[k])
+            c0 = command + j * rise
+            substep(states[k], c0, c0 + rise, d[k], t + j * h, h, parameters[k])
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
@@ -141,7 +143,8 @@ class Kernels:
 
     - `step(x (n,), command, disturbance_N, t) -> (n,)`: one tick, a new array.
     - `steps(states (m, n), command, disturbance_N (m,), t)`: one tick of m states at once, in place (a filter's sigma points).
-    - `run_each(states (m, n), command, disturbance_N (m,), t, tick_s, substeps, parameters (m, p))`: the same, each state with its own.
+    - `run(states (m, n), command, after, disturbance_N (m,), t, tick_s, substeps, parameters)`: the same in a time of its own, in which the
+      command goes in a straight line from `command` to `after`; `run_each(..., parameters (m, p))`: each state with parameters of its own.
     - `roll(path (N + 1, n), commands (N + 1,), disturbance_N, t, stage_s, substeps, parameters)`: from `path[0]` N stages of `stage_s`
       in which the command goes in a straight line from one of `commands` to the next; fills `path[1:]`.
     - `linearise(path, A (N, n, n), B (N, n, 2), commands, ...)`: the same with `dx_next = A dx + B (dc0, dc1)`.
@@ -164,12 +167,12 @@ class Kernels:
     def step(self, x: Array, command: float, disturbance_N: float, t: float) -> Array:
         """The state (n,) a tick later."""
         states = np.array(x, dtype=float).reshape(1, -1)
-        self.run(states, command, np.array([disturbance_N]), t, self.tick_s, self.substeps, self.parameters)
+        self.run(states, command, command, np.array([disturbance_N]), t, self.tick_s, self.substeps, self.parameters)
         return np.asarray(states[0])
 
     def steps(self, states: Array, command: float, disturbance_N: Array, t: float) -> None:
         """Move `states` (m, n), each under its own disturbance (m,), a tick on, in place."""
-        self.run(states, command, disturbance_N, t, self.tick_s, self.substeps, self.parameters)
+        self.run(states, command, command, disturbance_N, t, self.tick_s, self.substeps, self.parameters)
 
 
 def compile_kernels(symbols: Symbols, values: Array, tick_s: float, substeps: int) -> Kernels:

@@ -16,21 +16,18 @@ static void move(double *x, double c0, double c1, double d, double t, double h, 
   copy(x, after, STATES);
 }
 
-void run(double *states, whole count, double c, const double *d, double t, double tick, whole substeps, const double *p) {
-  double h = tick / substeps;
-  for (whole k = 0; k < count; ++k)
-    for (whole j = 0; j < substeps; ++j) move(states + k * STATES, c, c, d[k], t + j * h, h, p);
-}
-
-void run_each(double *states, whole count, double c, const double *d, double t, double tick, whole substeps, const double *p) {
-  double h = tick / substeps;
-  for (whole k = 0; k < count; ++k)
-    for (whole j = 0; j < substeps; ++j) move(states + k * STATES, c, c, d[k], t + j * h, h, p + k * PARAMETERS);
-}
-
 static void stage_on(double *x, double c, double next, double d, double t, double h, whole substeps, const double *p) {
   double rise = (next - c) / substeps;
   for (whole j = 0; j < substeps; ++j) move(x, c + j * rise, c + (j + 1) * rise, d, t + j * h, h, p);
+}
+
+void run(double *states, whole count, double c, double next, const double *d, double t, double tick, whole substeps, const double *p) {
+  for (whole k = 0; k < count; ++k) stage_on(states + k * STATES, c, next, d[k], t, tick / substeps, substeps, p);
+}
+
+void run_each(double *states, whole count, double c, double next, const double *d, double t, double tick, whole substeps,
+              const double *p) {
+  for (whole k = 0; k < count; ++k) stage_on(states + k * STATES, c, next, d[k], t, tick / substeps, substeps, p + k * PARAMETERS);
 }
 
 void roll(double *path, const double *c, whole stages, double d, double t, double stage, whole substeps, const double *p) {

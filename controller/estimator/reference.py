@@ -48,14 +48,14 @@ class ReferenceFilter:
         return np.asarray(self._own.P)
 
     def _move(self, z: Array, dt: float) -> Array:
-        new, _ = self._process.move(z, self._modes, self._middle, self._time)
+        new, _ = self._process.move(z, self._modes, *self._commands, self._time)
         return new
 
     def predict(self, command: float) -> None:
         """Move a tick on, to the end of which `command` leads."""
         process = self._process
-        self._middle = process.middle(self._command, command)
-        _, modes = process.move(self._own.x, self._modes, self._middle, self._time)
+        self._commands = (self._command, command)
+        _, modes = process.move(self._own.x, self._modes, *self._commands, self._time)
         self._own.predict()
         self._own.P = 0.5 * (self._own.P + self._own.P.T)
         self._modes, self._command, self._time = modes, command, self._time + process.model.tick_s

@@ -15,8 +15,9 @@ from controller.prediction_compiled import Kernels, compile_kernels
 from controller.prediction_symbols import Symbols, assembled
 from models.drives.drive import Drive
 from models.drives.from_rig import drive_of, surface_of
-from models.effects import BY_ID, REFINEMENTS
+from models.effects import BY_ID
 from models.effects.effect import Effect
+from models.effects.level_over_speed import LevelOverSpeed
 from models.identification.kinds.driven import SWITCH_DELAY
 from models.identification.model import HELD_OUT
 from models.parameter import nearest
@@ -46,7 +47,7 @@ class ControlModel:
     `(x_next, A (n, n), B (n, 1), E (n, 1))` with respect to x, command and disturbance. `kernels` has the same step compiled, many
     times faster (`kernels.step`). `measured(x, t) -> m` is what the position sensor shows of `x`, late by `delay_s`;
     the drive follows its command with the time constant `response_s`; `held_out_error` is by how much the model missed records that no
-    fit has seen, in the measured column's unit (None: not known);
+    fit has seen, in the measured column's unit (None: not known, or not of this model, as a part is left out);
     `wall_force(x, t) -> N` what the wall holds against +x. `gap_limit_m` is where a magnet's force is largest (None: no magnet).
 
     Friction is smoothed over `smoothing` m/s and solved within the step, so the step is stable at any length; a resting capsule creeps by
@@ -223,17 +224,18 @@ def control_model(
     delay = sum(float(effect.delay(its)) for effect, its in own)
     response = sum(float(effect.response(its)) for effect, its in own)
     vector = np.array(list(numbers.values()))
-    error = values.get(HELD_OUT)
+    mended = any(value != 0 for name, value in values.items() if name.split(".")[0] == LevelOverSpeed.id)
+    error = None if mended else values.get(HELD_OUT)
     return ControlModel(rig, drive, symbols, vector, checked_tick(tick_s), float(smoothing), delay, response, error)
 
 
 def _effects(kind: str, values: Mapping[str, float]) -> tuple[type[Effect], ...]:
-    """The effects that `values` gives an amplitude to, but for refinements that go by the speed: they mend a prediction, but their slopes
-    over the speed would make an inverse of friction that falls where the tissue's does not."""
+    """The effects that `values` gives an amplitude to, but for a free curve over speed: it mends a prediction, but its slopes from knot to
+    knot would make an inverse of friction that falls where the tissue's does not."""
     ids = sorted({name.split(".")[0] for name in values if "." in name})
     for name in ids:
         if name not in BY_ID or kind not in BY_ID[name].kinds:
             known = [e for e, effect in BY_ID.items() if kind in effect.kinds]
             raise ValueError(f"values must name effects of a {kind} rig; got {name!r}; {nearest(name, known)}")
-    left = [BY_ID[name] for name in ids if not (BY_ID[name] in REFINEMENTS and BY_ID[name].by_speed)]
+    left = [BY_ID[name] for name in ids if name != LevelOverSpeed.id]
     return tuple(effect for effect in left if values.get(f"{effect.id}.{effect.amplitude().name}", 0.0) != 0)

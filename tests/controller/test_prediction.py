@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from controller.prediction import ControlModel, control_model
 from controller.prediction_native import native_functions
 from models.assembly import assemble
 from models.drives.from_rig import drive_of, surface_of
+from models.identification.model import HELD_OUT
 from models.rig import Rig, parse_rig
 from tests.conftest import RIG
 from tests.models.running import Array, run
@@ -213,13 +215,29 @@ def test_values_that_do_not_fit_are_refused(values: dict[str, float], said: str)
         control_model(rig_of("magnetic"), values, TICK_S)
 
 
-def test_what_mends_a_prediction_over_speed_is_left_out() -> None:
-    """A free curve zigzags from knot to knot, friction in creep may fall with speed, and an inverse would follow it."""
-    named = {"directional_asymmetry.asymmetry": 0.2}
+def test_a_free_curve_over_speed_is_left_out_and_with_it_what_its_model_proved() -> None:
+    """It zigzags from knot to knot, and an inverse would follow it."""
+    named = {"directional_asymmetry.asymmetry": 0.2, "level_at_creep.odd": 0.2, "level_at_creep.even": 0.1, HELD_OUT: 1e-5}
     curve = {f"level_over_speed.{side}_{k}": 0.08 * (-1) ** k for side in ("even", "odd") for k in range(1, 9)}
-    curve |= {"level_at_creep.odd": 0.2, "level_at_creep.even": 0.1}
-    models = [control_model(rig_of("magnetic"), values, TICK_S) for values in (named | curve, named)]
-    assert [p.name for p in models[0].symbols.parameters] == [p.name for p in models[1].symbols.parameters]
+    mended, plain = (control_model(rig_of("magnetic"), values, TICK_S) for values in (named | curve, named))
+    assert [p.name for p in mended.symbols.parameters] == [p.name for p in plain.symbols.parameters]
+    assert plain.held_out_error == 1e-5
+    assert mended.held_out_error is None
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_a_carriage_takes_its_play_along(monkeypatch: pytest.MonkeyPatch, compiled: bool) -> None:
+    """A soft seat follows as the carriage goes: in one tick or two, in a straight line or by a jump, as far."""
+    monkeypatch.setenv("CAPSULE_COMPILER", "" if compiled else "none")
+    model = control_model(rig_of("magnetic"), {"carriage_backlash.play_m": 2e-3, "carriage_backlash.sharpness": 1.0}, TICK_S)
+    seat, ways = model.index("carriage_backlash.position_m"), []
+    for commands, seconds in (((0.0, 0.8e-3), 2e-3), ((0.0, 0.4e-3, 0.8e-3), 1e-3), ((0.0, 0.8e-3), 1e-7)):
+        states = model.initial().reshape(1, -1)
+        for before, after in itertools.pairwise(commands):
+            model.kernels.run(states, before, after, np.zeros(1), 0.0, seconds, 8, model.values)
+        ways.append(states[0, seat])
+    assert 0.2e-3 < ways[0] < 0.8e-3
+    assert ways == pytest.approx([ways[0]] * 3, rel=0.02)
 
 
 def test_a_pull_cannot_be_controlled() -> None:

@@ -137,6 +137,21 @@ def test_belief_is_not_the_truth() -> None:
     assert scenario.truth.tissue.friction_coefficient == 0.1
 
 
+def test_play_that_the_model_knows_is_crossed_without_hunting() -> None:
+    """A seat that gives way gradually, in the plant in a form of its own; two strokes, three noises."""
+    raw = {
+        "scenario": {"name": "play", "duration_s": 9.0, "seed": 1},
+        "rig": {"kind": "magnetic"},
+        "effects": {"carriage_backlash": {"width_m": 2.4e-3}},
+        "reference": {"kind": "sine", "amplitude_mm": 6.0, "frequency_Hz": 0.125},
+    }
+    known = {"carriage_backlash.play_m": 2.4e-3, "carriage_backlash.sharpness": 1.1, "carriage_backlash.order": 1.9}
+    scenario = parse_track_scenario(raw)
+    model = believed_model(scenario, known)
+    errors = [score(scenario, run_loop(scenario, model, "feedforward", noise)).tracking_rmse_m for noise in (4, 5, 6)]
+    assert max(errors) < 0.09e-3
+
+
 def test_a_nan_sensor_stops_the_drive_and_nothing_breaks(short: Path) -> None:
     """NaN from 1 s on: statuses say lost, commands stay finite and at rest, no limit is broken."""
     short.write_text(SHORT + "[localisation]\nnan_s = [1.0, 1.0]\noutlier_share = 0.02\n", encoding="utf-8")

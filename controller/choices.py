@@ -14,7 +14,7 @@ from controller.estimator.kinematic import KinematicFilter, Kinematics
 from controller.estimator.particle_estimator import ParticleEstimator
 from controller.estimator.receiver import Receiver
 from controller.feedforward import Feedforward
-from controller.friction import mean_friction, proved_off
+from controller.friction import AT_FIRST, level_off, mean_friction
 from controller.limits import Envelope
 from controller.mpc.mpc import MPC
 from controller.mpc.settings import Bounds, Horizon
@@ -65,8 +65,8 @@ def _mpc(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
 
 
 def _late_slip(model: ControlModel) -> float:
-    off = proved_off(model)
-    return LATE_SLIP if off is None else min(LATE_SLIP, _LEAST_LATE + 5 * off / mean_friction(model))
+    off = level_off(model)
+    return LATE_SLIP if off is None else min(LATE_SLIP, _LEAST_LATE + AT_FIRST * off)
 
 
 def _inner_mass(optimise: bool = True, feedback: bool = True) -> Builder:

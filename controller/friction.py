@@ -8,6 +8,7 @@ from models.laws.geometry import GRAVITY
 from models.plate import Plate
 
 LEAST_OFF_N = 1e-4  # however good a model proved
+AT_FIRST = 5.0  # times what it proved off that it may be off at the start
 
 
 def mean_friction(model: ControlModel, speed_m_s: float = 1e-3) -> float:
@@ -29,3 +30,9 @@ def proved_off(model: ControlModel) -> float | None:
     if model.held_out_error is None or model.gap_limit_m is None:
         return None
     return max(model.held_out_error * model.force_per_command, LEAST_OFF_N)
+
+
+def level_off(model: ControlModel) -> float | None:
+    """The same as a share of the mean friction."""
+    off = proved_off(model)
+    return None if off is None else off / mean_friction(model)

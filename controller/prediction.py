@@ -106,6 +106,10 @@ class ControlModel:
         )
         return max(abs(float(slope)) / float(p.get("coil_resistance_ohm", 1.0)), 1e-6)
 
+    def left(self, before: float, command: float) -> float:
+        """From where the command goes in a tick that `command` ends: a carriage from the one `before`, all others are held."""
+        return before if self.drive.name == "magnetic" else command
+
     def index(self, name: str) -> int:
         """Where the state `name` stands; ValueError for a state that the model does not have."""
         if name not in self.states:

@@ -55,21 +55,23 @@ def hold(state, t, parameters, slope):
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
+def stage_on(state, command, after, d, t, h, substeps, parameters):
+    rise = (after - command) / substeps
+    for j in range(substeps):
+        c0 = command + j * rise
+        substep(state, c0, c0 + rise, d, t + j * h, h, parameters)
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
 def run(states, command, after, d, t, tick, substeps, parameters):
-    h, rise = tick / substeps, (after - command) / substeps
     for k in range(states.shape[0]):
-        for j in range(substeps):
-            c0 = command + j * rise
-            substep(states[k], c0, c0 + rise, d[k], t + j * h, h, parameters)
+        stage_on(states[k], command, after, d[k], t, tick / substeps, substeps, parameters)
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
 def run_each(states, command, after, d, t, tick, substeps, parameters):
-    h, rise = tick / substeps, (after - command) / substeps
     for k in range(states.shape[0]):
-        for j in range(substeps):
-            c0 = command + j * rise
-            substep(states[k], c0, c0 + rise, d[k], t + j * h, h, parameters[k])
+        stage_on(states[k], command, after, d[k], t, tick / substeps, substeps, parameters[k])
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
@@ -77,10 +79,7 @@ def roll(path, commands, d, t, stage, substeps, parameters):
     h = stage / substeps
     for k in range(commands.shape[0] - 1):
         path[k + 1] = path[k]
-        rise = (commands[k + 1] - commands[k]) / substeps
-        for j in range(substeps):
-            c0 = commands[k] + j * rise
-            substep(path[k + 1], c0, c0 + rise, d, t + k * stage + j * h, h, parameters)
+        stage_on(path[k + 1], commands[k], commands[k + 1], d, t + k * stage, h, substeps, parameters)
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
@@ -92,10 +91,7 @@ def pursue(path, commands, position, speed, catch, rate, low, high, d, t, stage,
         c = min(max(c, commands[k] - rate * stage), commands[k] + rate * stage)
         commands[k + 1] = min(max(c, low), high)
         path[k + 1] = path[k]
-        rise = (commands[k + 1] - commands[k]) / substeps
-        for j in range(substeps):
-            c0 = commands[k] + j * rise
-            substep(path[k + 1], c0, c0 + rise, d, t + k * stage + j * h, h, parameters)
+        stage_on(path[k + 1], commands[k], commands[k + 1], d, t + k * stage, h, substeps, parameters)
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")

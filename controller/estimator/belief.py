@@ -72,7 +72,6 @@ class Process:
         shown = model.measured(x, t)
         self._plain = bool(ca.is_equal(ca.simplify(shown), x[0], 2))
         self._seen = ca.Function("seen", [x, t], [shown, ca.gradient(shown, x)])
-        self._moves = model.drive.name == "magnetic"
 
     @property
     def size(self) -> int:
@@ -90,18 +89,13 @@ class Process:
         """Move `b` a tick on in place, to the end of which `command` leads; a carriage goes there in a straight line."""
         place_points(b.z, b.P, b.modes, self.where, self._scale, self._bounds, self._L, *self._points)
         k = self._kernels
-        k.run_each(
-            self._states, self.left(b.command, command), command, self._d, b.time_s, k.tick_s, k.substeps, self._parameters
-        )
+        before = self.model.left(b.command, command)
+        k.run_each(self._states, before, command, self._d, b.time_s, k.tick_s, k.substeps, self._parameters)
         force, place = self.noise.walks(b.surprise)
         self._walk[-2], self._walk[0] = force**2 * k.tick_s, place**2 * k.tick_s
         take_moments(self._states, self._d, self._level, self.where, self._scale, self._walk, b.z, b.P, b.modes)
         b.time_s += k.tick_s
         b.command = command
-
-    def left(self, before: float, command: float) -> float:
-        """From where a tick goes that `command` ends: a carriage from the one before, a held command does not move."""
-        return before if self._moves else command
 
     def move(self, z: Array, modes: Array, before: float, command: float, t: float) -> tuple[Array, Array]:
         """One point `z` (n,) with the switches `modes` (model states,) a tick on that `command` ends: both anew."""
@@ -110,9 +104,8 @@ class Process:
         numbers = self.level.numbers(z[-1])
         k = self._kernels
         states = state.reshape(1, -1)
-        k.run_each(
-            states, self.left(before, command), command, np.array([z[-2]]), t, k.tick_s, k.substeps, numbers.reshape(1, -1)
-        )
+        before = self.model.left(before, command)
+        k.run_each(states, before, command, np.array([z[-2]]), t, k.tick_s, k.substeps, numbers.reshape(1, -1))
         return np.append(states[0, self.where], z[-2:]), states[0]
 
     def see_position(self, b: Belief, value: float) -> float:

@@ -89,8 +89,7 @@ class Cloud:
 
     def move(self, command: float, now: float) -> None:
         """A tick on, to `now`, to the end of which `command` leads; a carriage goes there in a straight line."""
-        k, model = self.model.kernels, self.model
-        before = self.command if model.drive.name == "magnetic" else command
+        k, before = self.model.kernels, self.model.left(self.command, command)
         self._numbers[:, self.where.index] = self.where.middle * (1 + self.level)
         k.run_each(self.states, before, command, self.force_N, self.time_s, k.tick_s, k.substeps, self._numbers)
         self.newest, self.time_s, self.command = self.newest + 1, now, command

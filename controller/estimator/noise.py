@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.friction import mean_friction, proved_off
+from controller.friction import AT_FIRST, level_off, proved_off
 from controller.prediction import ControlModel
 
 Array = NDArray[np.float64]
@@ -96,9 +96,6 @@ parameter: with the position's common wander a filter that believed four times t
 lost, eight times in 16 s; of 1 to 8 mm those from 2 on did alike."""
 
 
-_AT_FIRST: Final = 5.0  # times what a model is off a second later that it may be off at the start
-
-
 def noise_of(drive: str) -> Noise:
     """What the filter assumes for a drive of this name."""
     return NOISES.get(drive, Noise())
@@ -108,18 +105,17 @@ def trusting(model: ControlModel) -> Noise:
     """The same for `model`, which is trusted as far as it predicted records that it had not seen.
 
     Where its forces proved to be off by f (`proved_off`), the force wanders by no more than f a root second and the level by no more
-    than f over the mean friction, and both may be five times as far off at the start.
+    than f over the mean friction, and both may be `AT_FIRST` times as far off at the start.
     """
-    noise, force = noise_of(model.drive.name), proved_off(model)
-    if force is None:
+    noise, force, level = noise_of(model.drive.name), proved_off(model), level_off(model)
+    if force is None or level is None:
         return noise
-    level = force / mean_friction(model)
     return replace(
         noise,
         force_wander_N=min(noise.force_wander_N, force),
-        force_std_N=min(noise.force_std_N, _AT_FIRST * force),
+        force_std_N=min(noise.force_std_N, AT_FIRST * force),
         level_wander=min(noise.level_wander, level),
         brisk_level_wander=min(noise.brisk_level_wander, level),
-        level_std=min(noise.level_std, _AT_FIRST * level),
-        fitted_level_std=min(noise.fitted_level_std, _AT_FIRST * level),
+        level_std=min(noise.level_std, AT_FIRST * level),
+        fitted_level_std=min(noise.fitted_level_std, AT_FIRST * level),
     )

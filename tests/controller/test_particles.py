@@ -11,6 +11,7 @@ from controller.estimator.estimator import Estimator
 from controller.estimator.particle_estimator import ParticleEstimator
 from controller.estimator.particles import draw, led, scatter, survey, weigh
 from controller.estimator.receiver import Receiver
+from controller.prediction import ControlModel
 from controller.signals import Array, Measurement
 from plant import layout as at
 from plant.anatomy import random_anatomy
@@ -21,9 +22,9 @@ from tests.controller.loops import model_of
 MODEL = model_of().sharp
 
 
-def errors(kind: type[Receiver], truth: Rig, seed: int, seconds: float = 8.0) -> Array:
+def errors(kind: type[Receiver], truth: Rig, seed: int, seconds: float = 8.0, model: ControlModel = MODEL) -> Array:
     """Estimated less true position in m, a tick each, behind a carriage that goes on at 1 mm/s."""
-    estimator, session, off = kind(MODEL), Session(truth, seed=seed), []
+    estimator, session, off = kind(model), Session(truth, seed=seed), []
     for k in range(1, round(seconds * 1e3) + 1):
         t = k * 1e-3
         readings = session.advance(1e-3 * t + 3e-3 * min(t, 1.0), t)

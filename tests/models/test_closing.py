@@ -146,7 +146,7 @@ def test_a_model_survives_its_file() -> None:
     for held_out in ({}, {"nominal": 1e-3, "augmented": 1e-6 / 3}):
         model = Model("pull", stages, "named", told, held_out)
         assert Model.from_toml(model.to_toml()) == model
-        assert model.believed("augmented") == stage | {HELD_OUT: held_out["augmented"]} if held_out else stage
+        assert model.believed("augmented") == stage | ({HELD_OUT: held_out["augmented"]} if held_out else {})
 
 
 @pytest.mark.parametrize(

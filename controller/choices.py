@@ -30,6 +30,9 @@ that close-loop augmented (fading grip, drag, drying)."""
 HOLD_S = 0.01
 """A period of the localisation. Of 0, 10 and 20 ms the latter two tracked alike, and no worse than 0, on ramp, sine, folds and a coil's steps,
 seeds from 100 on; a plan for each tick takes three times as long."""
+ITERATIONS = 2
+"""SQP steps of a plan. Two tracked as well as three in guts, on ramp, sine, folds and under pushes, seeds from 100 on, and take two thirds of the longest
+plan's time."""
 Chain = tuple[Controller, ...]
 Builder = Callable[[ControlModel, Envelope, float], Chain]
 Observer = Receiver | KinematicFilter
@@ -60,7 +63,8 @@ def _lqr(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
 
 
 def _mpc(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
-    mpc = MPC(model, Bounds.of(envelope), horizon=Horizon(deadline_s=deadline_s, late_slip=_late_slip(model), hold_s=HOLD_S))
+    horizon = Horizon(iterations=ITERATIONS, deadline_s=deadline_s, late_slip=_late_slip(model), hold_s=HOLD_S)
+    mpc = MPC(model, Bounds.of(envelope), horizon=horizon)
     return (mpc, Feedforward(model, envelope), PID(model, envelope))
 
 

@@ -69,9 +69,11 @@ def run(states, command, after, d, t, tick, substeps, parameters):
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
-def run_each(states, command, after, d, t, tick, substeps, parameters):
+def run_each(states, command, after, d, t, tick, substeps, parameters, which, values):
+    own = parameters.copy()
     for k in range(states.shape[0]):
-        stage_on(states[k], command, after, d[k], t, tick / substeps, substeps, parameters[k])
+        own[which] = values[k]
+        stage_on(states[k], command, after, d[k], t, tick / substeps, substeps, own)
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
@@ -140,7 +142,8 @@ class Kernels:
     - `step(x (n,), command, disturbance_N, t) -> (n,)`: one tick, a new array.
     - `steps(states (m, n), command, disturbance_N (m,), t)`: one tick of m states at once, in place (a filter's sigma points).
     - `run(states (m, n), command, after, disturbance_N (m,), t, tick_s, substeps, parameters)`: the same in a time of its own, in which the
-      command goes in a straight line from `command` to `after`; `run_each(..., parameters (m, p))`: each state with parameters of its own.
+      command goes in a straight line from `command` to `after`; `run_each(..., parameters, which, values (m,))`: with
+      the parameter at `which` each state's own.
     - `roll(path (N + 1, n), commands (N + 1,), disturbance_N, t, stage_s, substeps, parameters)`: from `path[0]` N stages of `stage_s`
       in which the command goes in a straight line from one of `commands` to the next; fills `path[1:]`.
     - `linearise(path, A (N, n, n), B (N, n, 2), commands, ...)`: the same with `dx_next = A dx + B (dc0, dc1)`.

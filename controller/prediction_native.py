@@ -83,7 +83,8 @@ def _called(library: Any) -> dict[str, Callable[..., None]]:
     array, real, whole = ctypes.c_void_p, ctypes.c_double, ctypes.c_longlong
     run_c, roll_c, linearise_c, run_each_c = library.run, library.roll, library.linearise, library.run_each
     pursue_c, holds_c = library.pursue, library.holds
-    run_c.argtypes = run_each_c.argtypes = [array, whole, real, real, array, real, real, whole, array]
+    run_c.argtypes = [array, whole, real, real, array, real, real, whole, array]
+    run_each_c.argtypes = [*run_c.argtypes, whole, array]
     roll_c.argtypes = [array, array, whole, real, real, real, whole, array]
     linearise_c.argtypes = [array, array, array, array, whole, real, real, real, whole, array]
     pursue_c.argtypes = [array, array, array, array, whole, *[real] * 7, whole, array]
@@ -94,8 +95,9 @@ def _called(library: Any) -> dict[str, Callable[..., None]]:
     def run(states: Array, command: float, after: float, d: Array, t: float, tick: float, substeps: int, p: Array) -> None:
         run_c(_at(states), len(states), command, after, _at(d), t, tick, substeps, _at(p))
 
-    def run_each(states: Array, command: float, after: float, d: Array, t: float, tick: float, substeps: int, p: Array) -> None:
-        run_each_c(_at(states), len(states), command, after, _at(d), t, tick, substeps, _at(p))
+    def run_each(states: Array, command: float, after: float, d: Array, t: float, tick: float, substeps: int, *own: Any) -> None:
+        p, which, values = own
+        run_each_c(_at(states), len(states), command, after, _at(d), t, tick, substeps, _at(p), which, _at(values))
 
     def roll(path: Array, commands: Array, d: float, t: float, stage: float, substeps: int, p: Array) -> None:
         roll_c(_at(path), _at(commands), len(commands) - 1, d, t, stage, substeps, _at(p))

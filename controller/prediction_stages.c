@@ -26,8 +26,13 @@ void run(double *states, whole count, double c, double next, const double *d, do
 }
 
 void run_each(double *states, whole count, double c, double next, const double *d, double t, double tick, whole substeps,
-              const double *p) {
-  for (whole k = 0; k < count; ++k) stage_on(states + k * STATES, c, next, d[k], t, tick / substeps, substeps, p + k * PARAMETERS);
+              const double *p, whole which, const double *values) {
+  double own[PARAMETERS];
+  copy(own, p, PARAMETERS);
+  for (whole k = 0; k < count; ++k) {
+    own[which] = values[k];
+    stage_on(states + k * STATES, c, next, d[k], t, tick / substeps, substeps, own);
+  }
 }
 
 void roll(double *path, const double *c, whole stages, double d, double t, double stage, whole substeps, const double *p) {

@@ -59,12 +59,13 @@ class Reference(Protocol):
 @dataclass(frozen=True, slots=True)
 class Action:
     """A controller's answer for one tick: `command` in the drive's unit, how it came about, the path it expects ((k,) positions in m or
-    None) and how long each phase took in s."""
+    None) and how long each phase took in s; `cut_after` says after how many steps the clock cut a plan short (None: it did not)."""
 
     command: float
     status: Status = "ok"
     predicted: Array | None = None
     timings: Mapping[str, float] = field(default_factory=dict)
+    cut_after: int | None = None
 
 
 class Controller(Protocol):
@@ -79,6 +80,10 @@ class Controller(Protocol):
     def follow(self, command: float, rate: float) -> None:
         """Hear the command in force and its `rate` a second, before each `act`: what limits left of the last answer, for those who go
         on from their own commands. The others need not listen."""
+        return
+
+    def allow(self, steps: int | None) -> None:
+        """Cut the next plan after so many steps, as the clock did once, for those who plan by a deadline; None: the clock decides."""
         return
 
     def act(self, now: float, estimate: Estimate, reference: Reference) -> Action:

@@ -64,6 +64,7 @@ class Supervisor:
         self._chain, self._now, self._elapsed, self._tick = chain, now, 0.0, 0.0
         self._active = -1
         self._late = 0
+        self._cut_after: int | None = None
         self._reason = "start"
         self._bad_until, self._rest_since, self._limited_since = -math.inf, math.inf, math.inf
         self._unfollowed_s = 0.0
@@ -96,20 +97,25 @@ class Supervisor:
         self._reason = "new model"
         return True
 
+    def allow(self, steps: int | None) -> None:
+        """Pass on to all controllers what the clock once allowed."""
+        for controller in self._chain:
+            controller.allow(steps)
+
     def act(self, now: float, estimate: Estimate, reference: Reference) -> Action:
         """The command for the tick that begins at `now` in s, within the limits; status and path are those of whoever gave it."""
         dt = number(now) - self._now
         self._now = number(now) if math.isfinite(number(now)) else self._now
         tick = min(max(dt, 0.0), self.envelope.limits.longest_tick_s) if math.isfinite(dt) else 0.0
         self._elapsed, self._tick = self._elapsed + tick, tick
-        seen = self._seen(now, estimate)
+        seen, self._cut_after = self._seen(now, estimate), None
         self._watch_rest(seen, reference)
         action, status = self._decide(seen, now, estimate, reference)
         self.issued, broken = limited(action.command, self.issued, seen, tick, self.envelope)
         self._watch_limits(broken)
         if broken and status == "ok":
             status = "limited"
-        return Action(self.issued.command, status, action.predicted, action.timings)
+        return Action(self.issued.command, status, action.predicted, action.timings, self._cut_after)
 
     def _decide(self, seen: Seen, now: float, estimate: Estimate, reference: Reference) -> tuple[Action, Status]:
         blind = seen.lost or not (seen.age_s <= self.envelope.limits.age_s and math.isfinite(seen.position_m + seen.speed_m_s))
@@ -143,6 +149,7 @@ class Supervisor:
             return _NO_ACTION, f"raised {type(error).__name__}"
         if not math.isfinite(command) or status not in ("ok", "late", "limited"):
             return _NO_ACTION, f"answered {status}" if math.isfinite(command) else "answered no number"
+        self._cut_after = action.cut_after if self._cut_after is None else self._cut_after
         late = status == "late" or self._clock() - began > self.rules.deadline_s
         self._late = self._late + 1 if late and not changed else int(late)
         if self._late > self.rules.late_allowed:

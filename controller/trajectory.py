@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,16 +31,19 @@ class Trajectory:
 
     def position(self, t: Array) -> Array:
         """Position in m at the times `t` in s, same shape."""
-        at = np.clip(np.asarray(t, dtype=float) / STEP_S, 0.0, self.places.size - 1.0)
-        low = np.minimum(at.astype(np.int64), self.places.size - 2)
-        return np.asarray(self.places[low] + (at - low) * (self.places[low + 1] - self.places[low]))
+        at = np.minimum(np.maximum(np.asarray(t, dtype=float) / STEP_S, 0.0), self.places.size - 1.0)
+        low = at.astype(np.int64)
+        return np.asarray(self.places[low] + (at - low) * self._steps[low + 1])
 
     def speed(self, t: Array) -> Array:
         """Speed in m/s at the times `t` in s, same shape."""
-        at = np.asarray(t, dtype=float) / STEP_S
-        low = np.clip(np.floor(at + 1e-9), 0, self.places.size - 2).astype(np.int64)
-        inside = (at >= 0) & (at < self.places.size - 1)
-        return np.where(inside, (self.places[low + 1] - self.places[low]) / STEP_S, 0.0)
+        at = np.minimum(np.maximum(np.asarray(t, dtype=float) / STEP_S + (1 + 1e-9), 0.0), float(self.places.size))
+        return np.asarray(self._steps[at.astype(np.int64)] / STEP_S)
+
+    @cached_property
+    def _steps(self) -> Array:
+        """From each position to the next (n + 1,), with the rest before the first and after the last."""
+        return np.concatenate([[0.0], np.diff(self.places), [0.0]])
 
 
 def by_speeds(

@@ -64,8 +64,8 @@ class Process:
         self._states, self._d, self._level = np.zeros((2 * n + 1, len(model.states))), np.zeros(2 * n + 1), np.zeros(2 * n + 1)
         self.level = Level(model)
         self._bounds = np.array([self.level.low, self.level.high, self.level.middle])
-        self._parameters = np.tile(model.values, (2 * n + 1, 1))
-        self._points = (self._states, self._d, self._level, self._parameters[:, self.level.index])
+        self._values = np.zeros(2 * n + 1)
+        self._points = (self._states, self._d, self._level, self._values)
         self._L, self._K, self._H = np.zeros((n, n)), np.zeros(n), np.zeros(n)
         self._kernels = model.kernels
         x, t = ca.SX.sym("x", len(model.states)), ca.SX.sym("t")
@@ -90,7 +90,8 @@ class Process:
         place_points(b.z, b.P, b.modes, self.where, self._scale, self._bounds, self._L, *self._points)
         k = self._kernels
         before = self.model.left(b.command, command)
-        k.run_each(self._states, before, command, self._d, b.time_s, k.tick_s, k.substeps, self._parameters)
+        own = (k.parameters, self.level.index, self._values)
+        k.run_each(self._states, before, command, self._d, b.time_s, k.tick_s, k.substeps, *own)
         force, place = self.noise.walks(b.surprise)
         self._walk[-2], self._walk[0] = force**2 * k.tick_s, place**2 * k.tick_s
         take_moments(self._states, self._d, self._level, self.where, self._scale, self._walk, b.z, b.P, b.modes)
@@ -105,7 +106,7 @@ class Process:
         k = self._kernels
         states = state.reshape(1, -1)
         before = self.model.left(before, command)
-        k.run_each(states, before, command, np.array([z[-2]]), t, k.tick_s, k.substeps, numbers.reshape(1, -1))
+        k.run(states, before, command, np.array([z[-2]]), t, k.tick_s, k.substeps, numbers)
         return np.append(states[0, self.where], z[-2:]), states[0]
 
     def see_position(self, b: Belief, value: float) -> float:

@@ -45,7 +45,7 @@ class Cloud:
         self.where = Level(model)
         self.states, self._spare = np.zeros((P, len(model.states))), np.zeros((P, len(model.states)))
         self.level, self.force_N, self.brisk, self.weights, self._one = (np.zeros(P) for _ in range(5))
-        self.past, self._numbers = np.zeros((self.kept, P)), np.tile(model.values, (P, 1))
+        self.past, self._values = np.zeros((self.kept, P)), np.zeros(P)
         self._chosen, self._normals, self._chances = np.zeros(P, dtype=np.int64), np.zeros((3, P)), np.zeros(P)
         self._every = max(1, round(self.scatter_s / model.tick_s))
         self._bounds = np.array([self.where.low, self.where.high])
@@ -90,10 +90,11 @@ class Cloud:
     def move(self, command: float, now: float) -> None:
         """A tick on, to `now`, to the end of which `command` leads; a carriage goes there in a straight line."""
         k, before = self.model.kernels, self.model.left(self.command, command)
-        self._numbers[:, self.where.index] = self.where.middle * (1 + self.level)
-        k.run_each(self.states, before, command, self.force_N, self.time_s, k.tick_s, k.substeps, self._numbers)
+        self._values[:] = self.where.middle * (1 + self.level)
+        own = (k.parameters, self.where.index, self._values)
+        k.run_each(self.states, before, command, self.force_N, self.time_s, k.tick_s, k.substeps, *own)
         self.newest, self.time_s, self.command = self.newest + 1, now, command
-        if self.newest % self._every == 0:
+        if self.newest % self._every == self._every // 2:
             self._scatter()
         self._remember()
 

@@ -31,8 +31,9 @@ class MPC(Controller):
     """Tracks a reference by planning over a horizon with the control model, offset-free through the estimate's disturbance.
 
     `act` gives the command at the end of the tick, the path expected (N + 1 positions) and the s that each phase took. Status: "ok";
-    "late" where the deadline cut the steps short (the plan still holds the hard bounds); "lost" where the estimate is lost, "failed"
-    where something was not finite or unsolvable: then the last command is kept. Bounded by `horizon.iterations` and
+    "late" where the deadline left no time for a step (the plan still holds the hard bounds); "lost" where the estimate is lost, "failed"
+    where something was not finite or unsolvable: then the last command is kept. A plan that still gained by its last step, or was cut
+    after it, goes on in the next tick. Bounded by `horizon.iterations` and
     `horizon.deadline_s`; never raises. Raises ValueError on making, for a drive that it cannot lead (an inner mass).
     """
 
@@ -81,6 +82,10 @@ class MPC(Controller):
         if abs(command - self._command) > self._same:
             self._command, self._rate, self._followable = command, rate, False
 
+    def allow(self, steps: int | None) -> None:
+        """Cut the next plan after `steps`, whatever the clock says; None: the deadline decides."""
+        self.planner.allowed = steps
+
     def act(self, now: float, estimate: Estimate, reference: Reference) -> Action:
         """The command for the tick that begins at `now` in s."""
         begin = self.clock()
@@ -98,18 +103,20 @@ class MPC(Controller):
         if self._rests(state, number(estimate.std[0]) if np.size(estimate.std) else 0.0, targets):
             self._halt()
             return Action(self._command, "ok", np.full(self._grid.size, state[0]), {"total": self.clock() - begin})
-        state[self._modes] = np.round(np.clip(state[self._modes], -1, 1))
+        for k in self._modes:
+            state[k] = round(min(max(state[k], -1.0), 1.0))
         guess, (force, parameters) = self._shifted(now, targets), self._learned(estimate)
         plan = self.planner.plan(now, state, force, targets, guess, self._rate, parameters)
         self.last = plan
         if plan.failed:
             return self._kept("failed", begin)
-        self._followable = not plan.cut and self._calm(plan.commands)
+        self._followable = plan.settled and self._calm(plan.commands)
         self._rate = float(plan.commands[1] - plan.commands[0]) / self.horizon.stage_s
         self._plan, self._time = plan.commands, now
         self._command = _along(plan.commands, self.model.tick_s / self.horizon.stage_s)
         timings = plan.timings | {"total": self.clock() - begin}
-        return Action(self._command, "late" if plan.cut else "ok", plan.path[:, 0].copy(), timings)
+        late, cut_after = plan.cut and not plan.iterations, plan.iterations if plan.cut else None
+        return Action(self._command, "late" if late else "ok", plan.path[:, 0].copy(), timings, cut_after)
 
     def _foreseen(self, now: float, state: Array) -> float | None:
         """The last plan's command for this tick; None where a new plan is due (`Horizon`) or the state is no number."""
@@ -167,9 +174,10 @@ class MPC(Controller):
     def _rests(self, state: Array, std_m: float, targets: Array) -> bool:
         """Whether the capsule is to be left alone where it stands: as near as the estimate, sure to `std_m`, can tell."""
         band = max(self.horizon.rest_m, min(REST_STDS * std_m, _WIDEST * self.horizon.rest_m))
-        still = not np.any(targets[1]) and np.ptp(targets[0]) == 0 and abs(self._rate) * self.model.tick_s < self.horizon.rest_m
         near = abs(state[0] - targets[0, 0]) < (2 if self._resting else 1) * band
-        self._resting = bool(still and near and (self._resting or abs(state[1]) < self.horizon.rest_m / REST_S))
+        slow = targets[1, 0] == 0 and abs(self._rate) * self.model.tick_s < self.horizon.rest_m
+        still = near and slow and not targets[1].any() and bool((targets[0] == targets[0, 0]).all())
+        self._resting = bool(still and (self._resting or abs(state[1]) < self.horizon.rest_m / REST_S))
         return self._resting
 
     def _halt(self) -> None:

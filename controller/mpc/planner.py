@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -27,13 +28,15 @@ CATCH_S = 0.03
 @dataclass
 class Plan:
     """Commands (N + 1,) and the path (N + 1, n) that the model makes of them, with its cost; `iterations` done, whether the deadline
-    `cut` them short, `failed` where nothing finite came out, and the s that each phase took."""
+    `cut` them short, whether the last one was of little use (`settled`), `failed` where nothing finite came out, and the s that each
+    phase took."""
 
     commands: Array
     path: Array
     cost: float
     iterations: int = 0
     cut: bool = False
+    settled: bool = False
     failed: bool = False
     timings: dict[str, float] = field(default_factory=dict)
 
@@ -67,6 +70,7 @@ class Planner:
         self.A, self.B, self.Z = np.zeros((N, n, n)), np.zeros((N, n, 2)), np.zeros((N + 1, n, N))
         self.forces, self.slopes = np.zeros(N + 1), np.zeros((N + 1, n))
         self.parameters, self.pressed = model.kernels.parameters, False
+        self.allowed: int | None = None
 
     def plan(
         self,
@@ -85,13 +89,13 @@ class Planner:
         self.parameters = self.model.kernels.parameters if parameters is None else parameters
         self.pressed = self.soft[2] < FREE
         warm, ahead = self.candidates(now, state, disturbance, reference, guess, last_rate)
-        best = ahead if ahead.cost < warm.cost or not np.isfinite(warm.cost) else warm
+        best = ahead if ahead.cost < warm.cost or not math.isfinite(warm.cost) else warm
         took = dict.fromkeys(("candidates", "linearise", "condense", "solve", "search"), 0.0)
         moment = self.clock()
         took["candidates"], longest = moment - begin, 0.0
-        best.failed = not np.isfinite(best.cost)
+        best.failed = not math.isfinite(best.cost)
         while not best.failed and best.iterations < self.horizon.iterations:
-            if moment - begin + longest > self.horizon.deadline_s:
+            if self._over(moment - begin + longest, best.iterations):
                 best.cut = True
                 break
             start = moment
@@ -99,10 +103,15 @@ class Planner:
             moment = self.clock()
             longest = max(longest, moment - start)
             if not better:
+                best.settled = True
                 break
         took["total"] = moment - begin
         best.timings = took
         return best
+
+    def _over(self, elapsed_s: float, steps: int) -> bool:
+        """Whether another step would end too late."""
+        return elapsed_s > self.horizon.deadline_s if self.allowed is None else steps >= self.allowed
 
     def _rolled(self, now: float, plan: Plan, d: float, reference: Array, last_rate: float) -> None:
         """Fill in the path and the cost of a plan's commands."""

@@ -21,9 +21,10 @@ class Horizon:
     that comes a little later than foreseen leaves the capsule stuck at the threshold, where nothing but noisy positions tells; one that
     keeps pulling until the estimate slips loses a few milliseconds.
 
-    A plan is followed for up to `hold_s` (0: each tick makes its own) while the estimate stays within `hold_m` of the path that it foresaw, if
-    none of its rates until then differs from the one before by more than a tick's acceleration allows. Between two readings of the
-    localisation there is little more to know, and a plan for each tick reacts to the noise of one reading several times.
+    A plan that its last step no longer improved is followed for up to `hold_s` (0: each tick makes its own) while the estimate stays
+    within `hold_m` of the path that it foresaw, if none of its rates until then differs from the one before by more than a tick's
+    acceleration allows. Between two readings of the localisation there is little more to know, and a plan for each tick reacts to the
+    noise of one reading several times.
     """
 
     stages: int = 30

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 import tomllib
 from collections import deque
@@ -16,7 +17,7 @@ from controller.prediction import ControlModel, control_model
 from hil.app.console import output_to_notes, print_json, summary
 from hil.app.offer import Offered, offer_of
 from hil.app.run_file import parse_deployment
-from hil.app.run_recorder import EXACT, LATE, START, STOP, UNSOLVED, code_version
+from hil.app.run_recorder import CUT, EXACT, START, STOP, UNSOLVED, code_version
 from hil.app.sil_scenario import parse_sil_scenario
 from hil.bus.catalogue import Catalogue, load_catalogue
 from hil.bus.log import FORMAT, record_path
@@ -45,12 +46,13 @@ class Tape(can.BusABC):
 
 @dataclass
 class TickOfLog:
-    """One tick as the log has it: when, what came in, what went out, and whether a solution was there."""
+    """One tick as the log has it: when, what came in, what went out, whether a solution was there, after how many steps the clock cut it."""
 
     time_s: float
     sent: list[tuple[int, bytes]] = field(default_factory=list)
     heard: list[can.Message] = field(default_factory=list)
     solved: bool = True
+    cut_after: int | None = None
 
 
 @dataclass(frozen=True)
@@ -89,11 +91,11 @@ class Difference:
 
 @dataclass(frozen=True)
 class Replay:
-    """What a replay found. `late` ticks were decided by the clock of the time, which no replay repeats."""
+    """What a replay found. Plans of `cut` ticks were cut short by the clock of the time, and were again where it did."""
 
     ticks: int
     frames: int
-    late: int
+    cut: int
     differences: tuple[Difference, ...]
 
     @property
@@ -117,7 +119,7 @@ def replay(path: Path, *, json_output: bool = False) -> int:
         counts = {
             "ticks": found.ticks,
             "frames": found.frames,
-            "late_ticks": found.late,
+            "cut_ticks": found.cut,
             "different_ticks": len(found.differences),
         }
         print_json(
@@ -129,8 +131,6 @@ def replay(path: Path, *, json_output: bool = False) -> int:
     console.print(f"{found.ticks} ticks, {found.frames} frames: {verdict}", markup=False)
     for line in lines:
         console.print(line, markup=False, soft_wrap=True)
-    if not found.identical and found.late:
-        console.print(f"{found.late} ticks were late by the clock, which a replay cannot repeat", markup=False)
     if not found.identical and code != code_version():
         console.print(f"code: log {code}, now {code_version()}", markup=False)
     return 0 if found.identical else 1
@@ -152,7 +152,7 @@ def task_of(record: Mapping[str, Any], where: str) -> Task:
         offered = None if record.get("offered") is None else Offered.of(record["offered"])
         if "deployment" in record:
             deployment = replace(parse_deployment(str(record["deployment"]), values), offered=offered)
-            return replace(deployment.task(), controller=name)
+            return replace(deployment.task(), controller=name, deadline_s=math.inf)
         scenario = parse_sil_scenario(tomllib.loads(str(record["scenario"]))).loop
     except ValueError as error:
         raise ValueError(f"{where}: record must describe a task; got: {error}") from None
@@ -181,12 +181,11 @@ def replayed(frames: Iterable[Logged], task: Task, catalogue: Catalogue, dry_run
 def _compared(node: ControllerNode, tape: Tape, events: list[TickOfLog | Word]) -> Replay:
     """The node's frames beside those of the log, tick by tick."""
     sent = tape.sent
-    ticks = count = late = 0
+    ticks = count = cut = 0
     differences: list[Difference] = []
     last = next((k for k in range(len(events) - 1, -1, -1) if isinstance(events[k], TickOfLog)), -1)
     for k, event in enumerate(events):
         if isinstance(event, Word):
-            late += event.code == LATE
             if event.code == START:
                 node.start(event.time_s, event.value)
             elif event.code == STOP:
@@ -194,13 +193,14 @@ def _compared(node: ControllerNode, tape: Tape, events: list[TickOfLog | Word]) 
             continue
         sent.clear()
         tape.inbox.extend(event.heard)
+        node.supervisor.allow(event.cut_after)
         node.tick(event.time_s, event.solved)
         tape.inbox.clear()
-        ticks, count = ticks + 1, count + len(sent)
+        ticks, count, cut = ticks + 1, count + len(sent), cut + (event.cut_after is not None)
         computed = sent[: len(event.sent)] if k == last else sent
         if computed != event.sent:
             differences.append(Difference(ticks, event.time_s, tuple(event.sent), tuple(sent)))
-    return Replay(ticks, count, late, tuple(differences))
+    return Replay(ticks, count, cut, tuple(differences))
 
 
 def ticks_of(frames: Iterable[Logged], sync: int) -> Iterator[TickOfLog | Word]:
@@ -215,6 +215,9 @@ def ticks_of(frames: Iterable[Logged], sync: int) -> Iterator[TickOfLog | Word]:
                 exact = value
             elif logged.id == UNSOLVED:
                 solved = False
+            elif logged.id == CUT:
+                if tick is not None and math.isfinite(value):
+                    tick.cut_after = int(value)
             else:
                 if tick is not None:
                     yield tick

@@ -26,6 +26,8 @@ from models.parameter import nearest
 from models.rig import LARGEST_FILE, TABLES, Rig, parse_rig
 from plant.reading import from_table
 
+PLANNING: Final = 0.4
+"""Share of a tick within which a plan has to be made. At 1 kHz listening, estimate, limits and sending take a quarter of it."""
 OWN_TABLES: Final = ("bus", "cia402", "control", "reference", "limits", "model", "offer")
 
 
@@ -107,7 +109,8 @@ class Deployment:
             return control_model(self.rig, values, self.control.tick_s)
 
         control, offer = self.control, offer_of(self.offered, believed)
-        return Task(believed(self.values), control.controller, self.reference, self.limits, control.seen_noise_m, offer=offer)
+        told = (self.reference, self.limits, control.seen_noise_m, PLANNING * control.tick_s)
+        return Task(believed(self.values), control.controller, *told, offer=offer)
 
 
 def load_deployment(path: Path) -> Deployment:

@@ -123,9 +123,7 @@ def _come_to_rest(node: ControllerNode, outcome: Outcome, recorder: Recorder, no
 
 def _tick(node: ControllerNode, outcome: Outcome, recorder: Recorder) -> float:
     now = outcome.grid.wait()
-    done = node.tick(now)
-    if done.action.status == "late":
-        recorder.late(now)
+    recorder.ticked(now, node.tick(now).action)
     outcome.busy.add(outcome.grid.clock.now() - now)
     return now
 

@@ -12,12 +12,13 @@ from typing import Any, Final
 import can
 
 from controller.limits import Limits
+from controller.signals import Action
 from hil.bus.catalogue import Catalogue
 from hil.bus.log import FrameLog, LockstepLog
 
-START, STOP, UNSOLVED, LATE, EXACT = range(1, 6)
-"""Notes in a log: the operator's start (value: origin of the reference in s) and stop, a tick that is computed without a solution, one
-whose controller took too long; the time of the next frame where it is no whole number of ns."""
+START, STOP, UNSOLVED, CUT, EXACT = range(1, 6)
+"""Notes in a log: the operator's start (value: origin of the reference in s) and stop, a tick that is computed without a solution, after
+how many steps the clock cut the plan of the tick before short, the time of the next frame where it is no whole number of ns."""
 _GIT_S: Final = 5
 
 
@@ -49,9 +50,10 @@ class Recorder:
         """Just before `ControllerNode.tick(now, solved=False)`."""
         self.log.noted(now, UNSOLVED)
 
-    def late(self, now: float) -> None:
-        """After a tick whose controller took too long by the clock, which no replay can repeat."""
-        self.log.noted(now, LATE)
+    def ticked(self, now: float, action: Action) -> None:
+        """After a tick at `now`, whose plan the clock may have cut short: a replay cuts it there again."""
+        if action.cut_after is not None:
+            self.log.noted(now, CUT, action.cut_after)
 
 
 def log_record(

@@ -102,7 +102,10 @@ class Bench:
         solved = "late_solve" not in kinds
         if self._recorder is not None and not solved:
             self._recorder.unsolved(now + jump)
-        return self.node.tick(now + jump, solved)
+        tick = self.node.tick(now + jump, solved)
+        if self._recorder is not None:
+            self._recorder.ticked(now + jump, tick.action)
+        return tick
 
     def slot(self, number: int) -> float:
         """The plant's part of a tick's slot `number`; the time at its begin."""

@@ -16,7 +16,7 @@ from hil.nodes.guard import Passed
 class Task:
     """What a controller node is built from: the control model (its tick is the bus's), the name of a controller in
     `controller.choices`, where to go, and the limits. `seen_noise_m` is the noise the localisation is believed to have. `deadline_s`
-    is when the MPC begins no further iteration in a tick (inf, as lockstep needs it, where no clock decides). `offer` is a model that
+    is what the MPC's plan may take of a tick (inf, as lockstep needs it, where no clock decides). `offer` is a model that
     is to take over at a rest."""
 
     model: ControlModel

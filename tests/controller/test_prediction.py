@@ -160,7 +160,7 @@ def test_numba_and_the_c_compiler_make_the_same(monkeypatch: pytest.MonkeyPatch)
         line = np.linspace(0.0, 1e-3, count + 1)
         kernels.pursue(chased, led, line, 0 * line + 0.02, 0.03, 0.25, -1.0, 1.0, 0.0, 0.0, 5e-3, 2, p)
         each = np.array(path[:3])
-        kernels.run_each(each, 5e-3, 5.1e-3, np.zeros(3), 0.0, TICK_S, 1, np.tile(p, (3, 1)))
+        kernels.run_each(each, 5e-3, 5.1e-3, np.zeros(3), 0.0, TICK_S, 1, p, 0, p[0] * np.array([0.9, 1.0, 1.1]))
         results.append([path, A, B, forces, slopes, chased, led, each])
     for native, jitted in zip(*results, strict=True):
         assert native == pytest.approx(jitted, rel=1e-6, abs=1e-9)

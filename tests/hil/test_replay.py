@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import tomllib
+from functools import partial
 from pathlib import Path
 
 import can
 import numpy as np
 import pytest
 
+from hil.app import sil_bench
 from hil.app.can_record import log_record
 from hil.app.main import run
 from hil.app.replay import Word, ticks_of
@@ -149,3 +151,14 @@ def test_logs_without_a_task_are_one_sentence(tmp_path: Path, capsys: pytest.Cap
         assert sentence in said
         assert "a.json" in said or "a.blf" in said
         assert said.count("\n") == 1
+
+
+def test_a_plan_that_the_clock_cut_short_is_cut_there_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """No plan has the time for all its steps, some have it for none; the replay, which no clock presses, comes to the same."""
+    monkeypatch.setattr(sil_bench, "Task", partial(sil_bench.Task, deadline_s=1e-4))
+    log = logged(tmp_path, SHORT, "--controller", "mpc")
+    capsys.readouterr()
+    assert run(["replay", str(log), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["cut_ticks"] > 10

@@ -21,13 +21,14 @@ _REGEAR = 0.2  # share by which the wanted speed must change for the choice of t
 @dataclass(frozen=True)
 class Tuning:
     """`tick_s` of the loop; `position_index` of x in the estimate's state; readings are taken `sample_s` apart. Progress that
-    was missed is caught up at most `catch_up` of the speed faster or slower; `blind_s` after the last good estimate the drive rests.
+    was missed is caught up at most `catch_up` of the speed faster or slower, by `catch_up_stopped` where a stop cost more than `near_m`; `blind_s` after the last good estimate the drive rests.
     `feedback` False leaves the feedforward alone."""
 
     tick_s: float = 1e-3
     position_index: int = 0
     sample_s: float = 9.5e-3
     catch_up: float = 0.03
+    catch_up_stopped: float = 0.08
     catch_up_s: float = 0.7
     near_m: float = 0.4e-3
     blind_s: float = 1.0
@@ -56,6 +57,7 @@ class VibroController(Controller):
         self._cycle = Choice(REST, None, 0.0, True)
         self._cycle_start, self._seen, self._stamp, self._planned = now - REST.period_s, now, -math.inf, 0.0
         self._geared_for = 0.0
+        self._behind: bool | None = None
         self._status: Status = "ok"
         self._solve_s = 0.0
 
@@ -151,7 +153,9 @@ class VibroController(Controller):
         missing = float(places[0]) - float(f.z[0])
         if abs(wanted) < 1e-6 and abs(missing) < t.near_m:
             return 0.0
-        most = t.catch_up_s * max(t.catch_up * abs(wanted), 0.5e-3 if abs(wanted) < 1e-6 else 0.0)
+        self._behind = abs(missing) > t.near_m and self._behind is not False
+        share = t.catch_up_stopped if self._behind else t.catch_up
+        most = t.catch_up_s * max(share * abs(wanted), 0.5e-3 if abs(wanted) < 1e-6 else 0.0)
         shift = missing - min(max(missing, -most), most)
         low, high = self.drive.reach()
         low, high = (0.0, high) if wanted > 0 else (low, 0.0) if wanted < 0 else (low, high)

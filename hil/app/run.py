@@ -150,6 +150,7 @@ def _document(path: Path, outcome: Outcome, node: ControllerNode, frames_log: Fr
         "led": outcome.led,
         "ticks": grid.ticks,
         "missed_ticks": grid.missed,
+        "cut_ticks": outcome.cut,
         "late_ms": grid.late.document(),
         "tick_ms": outcome.busy.document(),
         "rejected": node.ears.rejected,
@@ -178,6 +179,8 @@ def _say(found: dict[str, object]) -> None:
         console.print(
             f"ticks {words} ms: median {times['median']:.3f}, p99 {times['p99']:.3f}, max {times['max']:.3f}", markup=False
         )
+    if found["cut_ticks"]:
+        console.print(f"{found['cut_ticks']} plans were cut short by the clock", markup=False)
     if sentence := offer_words(found):
         console.print(sentence, markup=False)
     console.print(f"log: {found['log']}", markup=False, soft_wrap=True)

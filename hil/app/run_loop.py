@@ -53,10 +53,11 @@ class Signals:
 
 @dataclass
 class Outcome:
-    """How a run ended: `ended` in words, `reason` where the node stopped by itself; pacing and time that ticks took."""
+    """How a run ended: `ended` in words, `reason` where the node stopped by itself; pacing, time that ticks took, plans that it `cut`."""
 
     grid: Grid
     busy: Histogram = field(default_factory=Histogram)
+    cut: int = 0
     ended: str = ""
     reason: str = ""
     led: bool = False
@@ -123,7 +124,9 @@ def _come_to_rest(node: ControllerNode, outcome: Outcome, recorder: Recorder, no
 
 def _tick(node: ControllerNode, outcome: Outcome, recorder: Recorder) -> float:
     now = outcome.grid.wait()
-    recorder.ticked(now, node.tick(now).action)
+    action = node.tick(now).action
+    recorder.ticked(now, action)
+    outcome.cut += action.cut_after is not None
     outcome.busy.add(outcome.grid.clock.now() - now)
     return now
 

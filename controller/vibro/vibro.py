@@ -21,8 +21,8 @@ _REGEAR = 0.2  # share by which the wanted speed must change for the choice of t
 @dataclass(frozen=True)
 class Tuning:
     """`tick_s` of the loop; `position_index` of x in the estimate's state; readings are taken `sample_s` apart. Progress that
-    was missed is caught up at most `catch_up` of the speed faster or slower, by `catch_up_stopped` where a stop cost more than `near_m`; `blind_s` after the last good estimate the drive rests.
-    `feedback` False leaves the feedforward alone."""
+    was missed is caught up at most `catch_up` of the speed faster or slower, `catch_up_stopped` where a stop cost more than `near_m`;
+    `blind_s` after the last good estimate the drive rests. `feedback` False leaves the feedforward alone."""
 
     tick_s: float = 1e-3
     position_index: int = 0

@@ -31,8 +31,8 @@ HOLD_S = 0.01
 """A period of the localisation. Of 0, 10 and 20 ms the latter two tracked alike, and no worse than 0, on ramp, sine, folds and a coil's steps,
 seeds from 100 on; a plan for each tick takes three times as long."""
 ITERATIONS = 2
-"""SQP steps of a plan. Two tracked as well as three in guts, on ramp, sine, folds and under pushes, seeds from 100 on, and take two thirds of the longest
-plan's time."""
+"""SQP steps of a plan, which goes on in the next tick where it still gains. So two tracked as well as three in guts, on ramp and steps, over folds and
+under pushes, seeds from 100 on, and the longest plan takes two thirds of the time."""
 Chain = tuple[Controller, ...]
 Builder = Callable[[ControlModel, Envelope, float], Chain]
 Observer = Receiver | KinematicFilter

@@ -82,8 +82,8 @@ class Controller(Protocol):
         on from their own commands. The others need not listen."""
         return
 
-    def allow(self, steps: int | None) -> None:
-        """Cut the next plan after so many steps, as the clock did once, for those who plan by a deadline; None: the clock decides."""
+    def allow(self, steps: int) -> None:
+        """Cut the next plan after so many steps, as the clock did once, for those who plan by a deadline."""
         return
 
     def act(self, now: float, estimate: Estimate, reference: Reference) -> Action:

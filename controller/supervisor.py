@@ -56,6 +56,7 @@ class Supervisor:
         self._place, self._pace, self._clock = place, pace, clock
         self._braking_m = 0.5 * envelope.rate**2 / envelope.acceleration if math.isfinite(envelope.acceleration) else math.inf
         self._offered: tuple[Controller, ...] | None = None
+        self._allowed: int | None = None
         self._begin(tuple(chain), 0.0)
 
     def _begin(self, chain: tuple[Controller, ...], now: float) -> None:
@@ -98,9 +99,8 @@ class Supervisor:
         return True
 
     def allow(self, steps: int | None) -> None:
-        """Pass on to all controllers what the clock once allowed."""
-        for controller in self._chain:
-            controller.allow(steps)
+        """Pass on in the next tick, to whoever is asked, what the clock once allowed."""
+        self._allowed = steps
 
     def act(self, now: float, estimate: Estimate, reference: Reference) -> Action:
         """The command for the tick that begins at `now` in s, within the limits; status and path are those of whoever gave it."""
@@ -113,6 +113,7 @@ class Supervisor:
         action, status = self._decide(seen, now, estimate, reference)
         self.issued, broken = limited(action.command, self.issued, seen, tick, self.envelope)
         self._watch_limits(broken)
+        self._allowed = None
         if broken and status == "ok":
             status = "limited"
         return Action(self.issued.command, status, action.predicted, action.timings, self._cut_after)
@@ -142,6 +143,8 @@ class Supervisor:
         try:
             if changed:
                 controller.reset(now, estimate, self.issued.command)
+            if self._allowed is not None:
+                controller.allow(self._allowed)
             controller.follow(self.issued.command - (0.0 if changed else self._blend.left), self.issued.rate)
             action = controller.act(now, estimate, reference)
             command, status = number(action.command), action.status

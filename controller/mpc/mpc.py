@@ -82,8 +82,8 @@ class MPC(Controller):
         if abs(command - self._command) > self._same:
             self._command, self._rate, self._followable = command, rate, False
 
-    def allow(self, steps: int | None) -> None:
-        """Cut the next plan after `steps`, whatever the clock says; None: the deadline decides."""
+    def allow(self, steps: int) -> None:
+        """Cut the next plan after `steps`, whatever the clock says."""
         self.planner.allowed = steps
 
     def act(self, now: float, estimate: Estimate, reference: Reference) -> Action:

@@ -106,7 +106,7 @@ class Planner:
                 best.settled = True
                 break
         took["total"] = moment - begin
-        best.timings = took
+        best.timings, self.allowed = took, None
         return best
 
     def _over(self, elapsed_s: float, steps: int) -> bool:

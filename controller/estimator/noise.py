@@ -88,14 +88,10 @@ _BODY = Noise(
     push_wander_N=60e-3,
     level_std=0.15,
 )
-NOISES: Mapping[str, Noise] = MappingProxyType(
-    {"magnetic": replace(_BODY, push_wander_N=40e-3), "coil": _BODY, "vibro": Noise(slip_wander_m=4e-3)}
-)
+NOISES: Mapping[str, Noise] = MappingProxyType({"magnetic": _BODY, "coil": _BODY, "vibro": Noise(slip_wander_m=4e-3)})
 """By drive where the default does not serve. Of a body's, `push_wander_N` (20, 40, 60 and 100 mN) and
 `slip_wander_m` (0.03, 0.1, 1 and 3 mm) erred least over pushes, folds and a narrow place, three seeds from 100 on; straight traverses lose a little by
-it, 0.01 mm where a coil's is slow. Behind a magnet 60 mN is a little better under pushes; but with a lag of 0.1 to 0.15 s that no model is told of an
-MPC that believes in such pushes answers them by its own and hunts by 2 mm, in five of eight runs, with 40 mN in one, with 30 in none. How far a
-stroke of an inner mass carries hangs on every
+it, 0.01 mm where a coil's is slow. How far a stroke of an inner mass carries hangs on every
 parameter: with the position's common wander a filter that believed four times too far ran ahead until it was
 lost, eight times in 16 s; of 1 to 8 mm those from 2 on did alike."""
 

@@ -36,9 +36,9 @@ ITERATIONS = 2
 """SQP steps of a plan, which goes on in the next tick where it still gains. So two tracked as well as three in guts, on ramp and steps, over folds and
 under pushes, seeds from 100 on, and the longest plan takes two thirds of the time."""
 MPC_PUSH_N = 40e-3
-"""How strongly the estimator in front of a magnet's MPC believes that something may push, in N a root second, for the 60 mN of others. With a lag of 0.1 to
-0.15 s that no model is told of, an MPC that believes in pushes answers those that it makes itself and hunts by 2 mm: in five of eight runs, with 40 mN in
-one, with 30 in none, which costs it more under true pushes; seeds from 100 on."""
+"""How strongly the estimator in front of a magnet's MPC believes that something may push, in N a root second, for the 60 mN of others. With a lag
+of 0.1 to 0.15 s that no model is told of, an MPC that believes in pushes answers those that it makes itself and hunts by 2 mm: in five of eight
+runs, with 40 mN in one, with 30 in none, which costs it more under true pushes; seeds from 100 on."""
 Chain = tuple[Controller, ...]
 Builder = Callable[[ControlModel, Envelope, float], Chain]
 Observer = Receiver | KinematicFilter

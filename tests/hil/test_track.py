@@ -165,6 +165,15 @@ def test_a_drive_that_the_model_knows_is_led_without_hunting(
     assert max(errors) < 1e-3 * limit_mm
 
 
+def test_an_mpc_does_not_answer_pushes_of_its_own() -> None:
+    """A lag of 0.1 s, of which no model is told, makes the capsule move against what was expected, as a push would; it hunted by 2 mm."""
+    scenario = load_track_scenario(next(path for path in SCENARIOS if path.stem == "track_magnetic_sine"))
+    truth = replace(scenario.truth, hidden={"actuator_lag": {"time_s": 0.1}})
+    scenario = replace(scenario, truth=truth, duration_s=8.0)
+    found = score(scenario, run_loop(scenario, believed_model(scenario, {}), "mpc", 101))
+    assert found.tracking_rmse_m < 0.5e-3
+
+
 def test_a_nan_sensor_stops_the_drive_and_nothing_breaks(short: Path) -> None:
     """NaN from 1 s on: statuses say lost, commands stay finite and at rest, no limit is broken."""
     short.write_text(SHORT + "[localisation]\nnan_s = [1.0, 1.0]\noutlier_share = 0.02\n", encoding="utf-8")

@@ -155,6 +155,7 @@ def test_a_lost_estimate_is_told(short: Path, capsys: pytest.CaptureFixture[str]
         ("magnetic_nan", "feedforward"),
         ("magnetic_nan", "mpc"),
         ("magnetic_dropout", "mpc"),
+        ("vibro_dropout", "vibro"),
     ],
 )
 def test_quick_scenarios_keep_their_checks(name: str, controller: str) -> None:

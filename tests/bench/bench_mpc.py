@@ -44,7 +44,7 @@ def row(name: str, o: Outcome, base: Outcome, peer: Outcome) -> str:
 def main(seconds: float) -> None:
     """Print a table for each mismatch of the plant."""
     makers = {"IPOPT, converged": converged, "do-mpc, collocation": do_mpc}
-    makers |= {f"MPC, {n} SQP steps, C": lambda n=n: product(n) for n in (1, 3, 30)}
+    makers |= {f"MPC, {n} SQP steps, C": lambda n=n: product(n) for n in (1, 2, 3, 30)}
     makers["MPC, 3 SQP steps, numba"] = lambda: product(3, "none")
     for mismatch in MISMATCHES:
         print(

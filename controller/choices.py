@@ -124,10 +124,9 @@ def estimator_for(name: str, model: ControlModel) -> Observer:
 def _estimator(name: str, model: ControlModel) -> Observer:
     if model.drive.name not in _BODY:
         return Estimator(model)
-    noise = trusting(model)
-    return ParticleEstimator(
-        model, replace(noise, push_wander_N=MPC_PUSH_N) if (name, model.drive.name) == ("mpc", "magnetic") else noise
-    )
+    if (name, model.drive.name) == ("mpc", "magnetic"):
+        return ParticleEstimator(model, replace(trusting(model), push_wander_N=MPC_PUSH_N))
+    return ParticleEstimator(model)
 
 
 def build(name: str, model: ControlModel, envelope: Envelope, deadline_s: float = math.inf) -> Chain:

@@ -11,7 +11,7 @@ from controller.limits import Envelope
 @dataclass(frozen=True)
 class Horizon:
     """`stages` of `stage_s` each, integrated in `substeps`; at most `iterations` SQP steps, none begun that would end later than
-    `deadline_s` after the tick's begin (to be set where ticks are paced; inf lets a simulation be the same on every machine).
+    `deadline_s` after the plan's begin (to be set where ticks are paced; inf lets a simulation be the same on every machine).
 
     A capsule within `rest_m` of a reference that stands still all along the horizon, or within three standard deviations of the estimate
     up to three times that, is left alone until it is twice as far: smooth friction creeps where the real one holds, and a controller

@@ -14,9 +14,10 @@ from models.drives.vibro import Vibro
 def envelope_of(drive: Drive, limits: Limits | None = None) -> Envelope:
     """`limits` (the default ones where None) in the unit of `drive`'s command.
 
-    Carriage: position within `travel_m`, and the gap at which the magnet pulls `force_N`, at most `gap_share r/sqrt(3)`. Coil: current
-    within `current_A` and `force_N/k`, or the voltage that holds it. Inner mass: a switch from 0 to the rated command; what it puts on
-    the tissue is the body's friction, which `force_N` does not reach. Raises ValueError for a drive without a command to limit.
+    Carriage: position within `travel_m`, and the gap at which the magnet pulls `force_N`, at most `gap_share
+    r/sqrt(3)`. Coil: current within `current_A` and `force_N/k`, or the voltage that holds it. Inner mass: a switch
+    from 0 to the rated command; what it puts on the tissue is the body's friction, which `force_N` does not reach.
+    Raises ValueError for a drive without a command to limit.
     """
     limits = Limits() if limits is None else limits
     if isinstance(drive, Magnetic):

@@ -17,21 +17,33 @@ def _limit(value: float, unit: str, source: str) -> Any:
 
 @dataclass(frozen=True)
 class Limits:
-    """What no command may exceed, SI. Every field carries its unit and source, which `sources()` lists. Not clinical advice."""
+    """What no command may exceed, SI. Every field carries its unit and source, which `sources()` lists. Not clinical
+    advice.
+    """
 
-    force_N: float = _limit(0.5, "N", "choice: half of the 0.9 N/cm that contractions press with at least (Terry 2012, live pig)")
-    speed_m_s: float = _limit(0.3, "m/s", "end of the range over which the resistance law was integrated (models.wall.FASTEST)")
+    force_N: float = _limit(
+        0.5, "N", "choice: half of the 0.9 N/cm that contractions press with at least (Terry 2012, live pig)"
+    )
+    speed_m_s: float = _limit(
+        0.3, "m/s", "end of the range over which the resistance law was integrated (models.surfaces.gut.FASTEST)"
+    )
     carriage_speed_m_s: float = _limit(0.25, "m/s", "reduced speed beside a person, ISO 10218-1 (from memory)")
     carriage_acceleration_m_s2: float = _limit(10.0, "m/s2", "choice: from full carriage speed to rest within 25 ms")
     travel_m: float = _limit(1.0, "m", "choice: the carriage stays within this distance of its zero")
-    gap_share: float = _limit(0.95, "1", "choice: share of the gap of greatest pull r/sqrt(3), beyond which the magnet lets go")
-    gap_stds: float = _limit(3.0, "1", "choice: standard deviations of the estimated position by which the gap is held smaller")
+    gap_share: float = _limit(
+        0.95, "1", "choice: share of the gap of greatest pull r/sqrt(3), beyond which the magnet lets go"
+    )
+    gap_stds: float = _limit(
+        3.0, "1", "choice: standard deviations of the estimated position by which the gap is held smaller"
+    )
     current_A: float = _limit(1.0, "A", "choice: 0.5 N at the default coil's 0.5 N/A")
     current_rate_A_s: float = _limit(1200.0, "A/s", "12 V (PWM capsubot's supply) across the default coil's 10 mH")
     temperature_C: float = _limit(43.0, "degC", "applied part in contact for 10 min or more, IEC 60601-1 (from memory)")
     derate_C: float = _limit(41.0, "degC", "choice: the drive begins to fade 2 K below its temperature limit")
     age_s: float = _limit(0.15, "s", "choice: localisation lost for 150 ms stops the drive")
-    longest_tick_s: float = _limit(0.02, "s", "choice: after a longer pause the command moves as if only this had passed")
+    longest_tick_s: float = _limit(
+        0.02, "s", "choice: after a longer pause the command moves as if only this had passed"
+    )
 
     def __post_init__(self) -> None:
         for name in (f.name for f in fields(self)):
@@ -41,7 +53,9 @@ class Limits:
         if self.gap_share > 1:
             raise ValueError(f"limit gap_share must be at most 1; got {self.gap_share:g}")
         if self.derate_C >= self.temperature_C:
-            raise ValueError(f"limit derate_C must be below temperature_C = {self.temperature_C:g}; got {self.derate_C:g}")
+            raise ValueError(
+                f"limit derate_C must be below temperature_C = {self.temperature_C:g}; got {self.derate_C:g}"
+            )
 
     @classmethod
     def sources(cls) -> dict[str, tuple[str, str]]:
@@ -51,9 +65,10 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class Envelope:
-    """`Limits` as one drive's command knows them (`controller.envelope`): range [`low`, `high`], `rate` a second, `acceleration` a
-    second squared, largest `gap_m` between carriage and capsule, each inf where it does not apply; `sense` is the sign of the force
-    of a positive command. `kind`: magnetic, coil or vibro."""
+    """`Limits` as one drive's command knows them (`controller.envelope`): range [`low`, `high`], `rate` a second,
+    `acceleration` a second squared, largest `gap_m` between carriage and capsule, each inf where it does not apply;
+    `sense` is the sign of the force of a positive command. `kind`: magnetic, coil or vibro.
+    """
 
     kind: str
     low: float
@@ -65,7 +80,9 @@ class Envelope:
     limits: Limits
 
     def neutral(self, position_m: float) -> float:
-        """The command without force: the carriage above the capsule (at mid-travel where `position_m` is not finite), else 0."""
+        """The command without force: the carriage above the capsule (at mid-travel where `position_m` is not finite),
+        else 0.
+        """
         if self.kind != "magnetic":
             return 0.0
         return _within(position_m, self.low, self.high) if math.isfinite(position_m) else 0.5 * (self.low + self.high)
@@ -82,8 +99,9 @@ class Issued:
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What is believed when a command is limited, SI: `age_s` is how old that belief is, `lost` whether it is none, `std_m` the standard
-    deviation of the position."""
+    """What is believed when a command is limited, SI: `age_s` is how old that belief is, `lost` whether it is none,
+    `std_m` the standard deviation of the position.
+    """
 
     position_m: float
     speed_m_s: float
@@ -93,32 +111,44 @@ class Seen:
     std_m: float = 0.0
 
 
-def limited(wanted: object, previous: Issued, seen: Seen, dt: float, envelope: Envelope) -> tuple[Issued, tuple[str, ...]]:
-    """The command nearest to `wanted` that breaks no limit, `dt` s after `previous`, and the names of the limits it ran into.
+def limited(
+    wanted: object, previous: Issued, seen: Seen, dt: float, envelope: Envelope
+) -> tuple[Issued, tuple[str, ...]]:
+    """The command nearest to `wanted` that breaks no limit, `dt` s after `previous`, and the names of the limits it ran
+    into.
 
-    Whatever comes in, out comes a finite command in [`low`, `high`], at most `rate dt` from `previous`, whose rate differs by at
-    most `acceleration dt` from its rate, and from which it can still come to rest within the range; `dt` counts as 0 below 1 us or
-    where it is no number, and as `longest_tick_s` beyond that. A `wanted` that is no finite number asks for the safe state: zero
-    current, inner mass off, carriage at rest. So does a lost, stale or impossible belief, and the temperature limit. Above
-    `derate_C` a current's range (the carriage's rate) shrinks in proportion. A capsule faster than `speed_m_s` is not pushed on and
-    the carriage does not leave the gap in which the magnet holds, less
-    `gap_stds` of the position: it brakes ahead of the gap's end as of the range's, and only a capsule that jumps or is not where it is
-    believed gets further. A `previous` that is not
-    finite or out of range counts as the nearest one that is neither, at rest. Never raises.
+    Whatever comes in, out comes a finite command in [`low`, `high`], at most `rate dt` from `previous`, whose rate
+    differs by at most `acceleration dt` from its rate, and from which it can still come to rest within the range; `dt`
+    counts as 0 below 1 us or where it is no number, and as `longest_tick_s` beyond that. A `wanted` that is no finite
+    number asks for the safe state: zero current, inner mass off, carriage at rest. So does a lost, stale or impossible
+    belief, and the temperature limit. Above `derate_C` a current's range (the carriage's rate) shrinks in proportion. A
+    capsule faster than `speed_m_s` is not pushed on and the carriage does not leave the gap in which the magnet holds,
+    less `gap_stds` of the position: it brakes ahead of the gap's end as of the range's, and only a capsule that jumps
+    or is not where it is believed gets further. A `previous` that is not finite or out of range counts as the nearest
+    one that is neither, at rest. Never raises.
     """
     limits, broken = envelope.limits, list[str]()
     aim, before, rate, dt = number(wanted), number(previous.command), number(previous.rate), number(dt)
     x, v, warm = number(seen.position_m), number(seen.speed_m_s), number(seen.temperature_C)
     if not (envelope.low <= before <= envelope.high and abs(rate) <= envelope.rate):
         broken.append("previous")
-        before, rate = _within(before if math.isfinite(before) else envelope.neutral(x), envelope.low, envelope.high), 0.0
+        before, rate = (
+            _within(before if math.isfinite(before) else envelope.neutral(x), envelope.low, envelope.high),
+            0.0,
+        )
     dt = min(dt, limits.longest_tick_s) if dt >= _SHORTEST_TICK else 0.0
-    share = _within((limits.temperature_C - warm) / (limits.temperature_C - limits.derate_C), 0.0, 1.0) if warm == warm else 0.0
+    share = (
+        _within((limits.temperature_C - warm) / (limits.temperature_C - limits.derate_C), 0.0, 1.0)
+        if warm == warm
+        else 0.0
+    )
     if share < 1:
         broken.append("temperature")
     if not math.isfinite(aim):
         broken.append("command")
-    blind = bool(seen.lost) or not (0 <= number(seen.age_s) <= limits.age_s and math.isfinite(v) and _possible(x, envelope))
+    blind = bool(seen.lost) or not (
+        0 <= number(seen.age_s) <= limits.age_s and math.isfinite(v) and _possible(x, envelope)
+    )
     if blind:
         broken.append("estimate")
     if blind or not math.isfinite(aim):
@@ -148,7 +178,9 @@ def _within(value: float, low: float, high: float) -> float:
 
 
 def _possible(x: float, envelope: Envelope) -> bool:
-    """Whether the capsule can be at `x`: anywhere but, for a carriage, out of the magnet's reach from every place on its travel."""
+    """Whether the capsule can be at `x`: anywhere but, for a carriage, out of the magnet's reach from every place on
+    its travel.
+    """
     return math.isfinite(x) and (
         envelope.kind != "magnetic" or envelope.low - envelope.gap_m <= x <= envelope.high + envelope.gap_m
     )
@@ -164,7 +196,9 @@ def _in_range(aim: float, share: float, envelope: Envelope, broken: list[str]) -
 
 
 def _room(x: float, std: float, envelope: Envelope) -> tuple[float, float]:
-    """Where a carriage holds a capsule at `x` in m, known to `std` in m (to nothing where that is no number); the range of other drives."""
+    """Where a carriage holds a capsule at `x` in m, known to `std` in m (to nothing where that is no number); the range
+    of other drives.
+    """
     low, high = envelope.low, envelope.high
     if envelope.kind != "magnetic":
         return low, high
@@ -173,7 +207,9 @@ def _room(x: float, std: float, envelope: Envelope) -> tuple[float, float]:
     return _within(x - gap, low, high), _within(x + gap, low, high)
 
 
-def _held(aim: float, before: float, v: float, room: tuple[float, float], envelope: Envelope, broken: list[str]) -> float:
+def _held(
+    aim: float, before: float, v: float, room: tuple[float, float], envelope: Envelope, broken: list[str]
+) -> float:
     """`aim` that neither pushes on a capsule that is too fast nor lets the magnet lose it."""
     held = aim
     if envelope.kind == "magnetic":
@@ -200,9 +236,11 @@ def _reached(
     envelope: Envelope,
     broken: list[str],
 ) -> Issued:
-    """What of `aim` can be reached within `dt` under rate and acceleration, so that it comes to rest within `room` and the range.
+    """What of `aim` can be reached within `dt` under rate and acceleration, so that it comes to rest within `room` and
+    the range.
 
-    The carriage runs with its aim (its rate since `last_aim`) and makes up for a distance as fast as it can still brake.
+    The carriage runs with its aim (its rate since `last_aim`) and makes up for a distance as fast as it can still
+    brake.
     """
     if dt == 0 or math.isinf(envelope.rate):
         command, new_rate = (before, rate) if dt == 0 else (aim, 0.0)
@@ -223,5 +261,7 @@ def _reached(
 
 
 def _braking(room: float, dt: float, a: float) -> float:
-    """Greatest rate w for the next `dt` after which deceleration `a` still ends within `room`: `w dt + w^2/(2 a) = room`."""
+    """Greatest rate w for the next `dt` after which deceleration `a` still ends within `room`: `w dt + w^2/(2 a) =
+    room`.
+    """
     return a * dt * (math.sqrt(1 + 2 * max(room, 0.0) / (a * dt * dt)) - 1)

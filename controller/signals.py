@@ -15,7 +15,9 @@ Status = Literal["ok", "late", "failed", "lost", "limited", "stopped"]
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """One reading: `channel` is a column name of records (`position_m`, `carriage_position_m`, ...), SI; `stamp_s` is when it was true."""
+    """One reading: `channel` is a column name of records (`position_m`, `carriage_position_m`, ...), SI; `stamp_s` is
+    when it was true.
+    """
 
     channel: str
     value: float
@@ -24,7 +26,9 @@ class Measurement:
 
 @dataclass(frozen=True, slots=True)
 class Adapted:
-    """The model's parameters (p,) in its own order as the estimator has come to believe them, and the force along +x that is left."""
+    """The model's parameters (p,) in its own order as the estimator has come to believe them, and the force along +x
+    that is left.
+    """
 
     parameters: Array
     disturbance_N: float
@@ -32,9 +36,11 @@ class Adapted:
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """What the estimator believes at `time_s`: `state` (n,) in the control model's order, its standard deviations `std` (n,), a slowly
-    varying `disturbance_N` along +x that the model lacks; `lost` when it should not be acted on. `adapted`, where the estimator learns,
-    says the same with other parameters: `disturbance_N` is what the model's own ones lack in the present motion."""
+    """What the estimator believes at `time_s`: `state` (n,) in the control model's order, its standard deviations `std`
+    (n,), a slowly varying `disturbance_N` along +x that the model lacks; `lost` when it should not be acted on.
+    `adapted`, where the estimator learns, says the same with other parameters: `disturbance_N` is what the model's own
+    ones lack in the present motion.
+    """
 
     time_s: float
     state: Array
@@ -58,8 +64,10 @@ class Reference(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """A controller's answer for one tick: `command` in the drive's unit, how it came about, the path it expects ((k,) positions in m or
-    None) and how long each phase took in s; `cut_after` says after how many steps the clock cut a plan short (None: it did not)."""
+    """A controller's answer for one tick: `command` in the drive's unit, how it came about, the path it expects ((k,)
+    positions in m or None) and how long each phase took in s; `cut_after` says after how many steps the clock cut a
+    plan short (None: it did not).
+    """
 
     command: float
     status: Status = "ok"
@@ -78,8 +86,9 @@ class Controller(Protocol):
         ...
 
     def follow(self, command: float, rate: float) -> None:
-        """Hear the command in force and its `rate` a second, before each `act`: what limits left of the last answer, for those who go
-        on from their own commands. The others need not listen."""
+        """Hear the command in force and its `rate` a second, before each `act`: what limits left of the last answer,
+        for those who go on from their own commands. The others need not listen.
+        """
         return
 
     def allow(self, steps: int) -> None:

@@ -16,7 +16,9 @@ LONGEST_S = 3600.0
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Positions `places` in m at multiples of `STEP_S` from 0, linear between, at rest after the end; speeds are their slopes."""
+    """Positions `places` in m at multiples of `STEP_S` from 0, linear between, at rest after the end; speeds are their
+    slopes.
+    """
 
     places: Array
 
@@ -49,20 +51,30 @@ class Trajectory:
 def by_speeds(
     speeds_m_s: Sequence[float], durations_s: Sequence[float], ramp_s: float = 0.05, start_m: float = 0.0
 ) -> Trajectory:
-    """Runs at constant speeds one after the other; changes of speed take `ramp_s`. Raises ValueError for lists that do not match."""
+    """Runs at constant speeds one after the other; changes of speed take `ramp_s`. Raises ValueError for lists that do
+    not match.
+    """
     if len(speeds_m_s) != len(durations_s) or not speeds_m_s:
         raise ValueError(f"durations must be as many as speeds, {len(speeds_m_s)}; got {len(durations_s)}")
     if not all(d > 0 for d in durations_s) or not sum(durations_s) <= LONGEST_S:
-        raise ValueError(f"durations must be positive and at most {LONGEST_S:g} s together; got {list(durations_s)[:8]}")
-    speed = np.concatenate([np.full(max(1, round(d / STEP_S)), v) for v, d in zip(speeds_m_s, durations_s, strict=True)])
+        raise ValueError(
+            f"durations must be positive and at most {LONGEST_S:g} s together; got {list(durations_s)[:8]}"
+        )
+    speed = np.concatenate(
+        [np.full(max(1, round(d / STEP_S)), v) for v, d in zip(speeds_m_s, durations_s, strict=True)]
+    )
     width = max(1, round(ramp_s / STEP_S))
     sums = np.cumsum(np.concatenate([np.zeros(width), speed, np.zeros(width)]))
     smooth = (sums[width:] - sums[:-width]) / width
     return Trajectory(start_m + np.concatenate([[0.0], np.cumsum(smooth) * STEP_S]))
 
 
-def through(places_m: Sequence[float], speed_m_s: float, dwell_s: float, start_s: float, ramp_s: float = 0.05) -> Trajectory:
-    """From 0 to one place after the other at `speed_m_s`, a rest of `dwell_s` at each; the first move begins at `start_s`."""
+def through(
+    places_m: Sequence[float], speed_m_s: float, dwell_s: float, start_s: float, ramp_s: float = 0.05
+) -> Trajectory:
+    """From 0 to one place after the other at `speed_m_s`, a rest of `dwell_s` at each; the first move begins at
+    `start_s`.
+    """
     if not speed_m_s > 0 or not dwell_s >= 0:
         raise ValueError(f"speed must be positive and dwell zero or more; got {speed_m_s:g} and {dwell_s:g}")
     speeds, durations, here = [0.0], [max(start_s, STEP_S)], 0.0

@@ -1,4 +1,6 @@
-"""What we believe about the capsule and the gut: laws, drives, effects, and how they are identified. Imports nothing of ours."""
+"""What we believe about the capsule and the gut: laws, drives, effects, and how they are identified. Imports nothing of
+ours.
+"""
 
 import casadi as _ca
 

@@ -17,8 +17,10 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number: `value` in `unit`, believed to lie in [`lower`, `upper`], taken from `source`; `fit` lets calibration change it,
-    which `spread` (a standard deviation, beside data in units of their noise) holds to `value` where the data say little."""
+    """One number: `value` in `unit`, believed to lie in [`lower`, `upper`], taken from `source`; `fit` lets calibration
+    change it, which `spread` (a standard deviation, beside data in units of their noise) holds to `value` where the
+    data say little.
+    """
 
     name: str
     value: float
@@ -31,7 +33,9 @@ class Parameter:
 
     def __post_init__(self) -> None:
         if not self.lower <= self.value <= self.upper:
-            raise ValueError(f"{self.name} must lie in [{self.lower:g}, {self.upper:g}] {self.unit}; got {self.value:g}")
+            raise ValueError(
+                f"{self.name} must lie in [{self.lower:g}, {self.upper:g}] {self.unit}; got {self.value:g}"
+            )
 
     def at(self, value: float) -> Parameter:
         """The same parameter at another value."""

@@ -14,7 +14,9 @@ from plant.tables import Floats
 
 @dataclass(frozen=True)
 class Anatomy:
-    """A factor on the hoop stress over the place, `level[k]` at `start_m + k step_m`, linear between and constant outside."""
+    """A factor on the hoop stress over the place, `level[k]` at `start_m + k step_m`, linear between and constant
+    outside.
+    """
 
     level: tuple[float, ...] = (1.0,)
     start_m: float = 0.0
@@ -42,7 +44,8 @@ def along(places_m: Sequence[float], levels: Sequence[float], step_m: float = 2.
     """A profile through the given points, linear between them; places must increase."""
     if len(places_m) != len(levels) or len(places_m) < 2 or np.any(np.diff(places_m) <= 0):
         raise ValueError(
-            f"anatomy places_m must increase and match level, two points or more; got {list(places_m)} and {list(levels)}"
+            f"anatomy places_m must increase and match level, two points or more; got {list(places_m)} and"
+            f" {list(levels)}"
         )
     x = np.arange(places_m[0], places_m[-1] + step_m, step_m)
     return Anatomy(tuple(np.interp(x, places_m, levels)), float(places_m[0]), step_m)
@@ -51,8 +54,8 @@ def along(places_m: Sequence[float], levels: Sequence[float], step_m: float = 2.
 def random_anatomy(
     seed: int, start_m: float = -0.1, end_m: float = 0.3, spread: float = 0.15, correlation_m: float = 12e-3
 ) -> Anatomy:
-    """A gut drawn by `seed`: a log-normal level field of standard deviation `spread` and correlation length `correlation_m`, with
-    folds of 5 to 10 mm, a slow taper and at times a stenosis. Same seed, same gut.
+    """A gut drawn by `seed`: a log-normal level field of standard deviation `spread` and correlation length
+    `correlation_m`, with folds of 5 to 10 mm, a slow taper and at times a stenosis. Same seed, same gut.
     """
     if not 0 <= spread <= 0.5:
         raise ValueError(f"spread must lie in [0, 0.5]; got {spread:g}")

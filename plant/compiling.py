@@ -1,4 +1,6 @@
-"""The one way in which the plant is compiled: numba, no Python object inside, cached until any file of the plant changes."""
+"""The one way in which the plant is compiled: numba, no Python object inside, cached until any file of the plant
+changes.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,13 @@ from typing import Any, Final, TypeVar
 
 from numba import njit
 
-_OPTIONS: Final[dict[str, Any]] = {"cache": True, "nogil": True, "error_model": "numpy", "forceinline": True, "_nrt": False}
+_OPTIONS: Final[dict[str, Any]] = {
+    "cache": True,
+    "nogil": True,
+    "error_model": "numpy",
+    "forceinline": True,
+    "_nrt": False,
+}
 F = TypeVar("F", bound=Callable[..., Any])
 
 
@@ -26,11 +34,12 @@ def source_digest() -> str:
 def compiled(function: F) -> F:
     """Compile `function` on first use and keep the machine code beside the source.
 
-    numba renews a cached function when its own file changes but not when a function that it calls does, in another file: a
-    step would go on with the old friction law. So the stamp that numba compares is the hash of all the plant's files here.
+    numba renews a cached function when its own file changes but not when a function that it calls does, in another
+    file: a step would go on with the old friction law. So the stamp that numba compares is the hash of all the plant's
+    files here.
 
-    Without numba's memory manager (`_nrt`) no array can be made inside, nor are references counted at each call: that took three
-    quarters of a step's time.
+    Without numba's memory manager (`_nrt`) no array can be made inside, nor are references counted at each call: that
+    took three quarters of a step's time.
     """
     dispatcher: Any = njit(**_OPTIONS)(function)
     stored = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)

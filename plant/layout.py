@@ -1,4 +1,6 @@
-"""Where numbers stand in the arrays that the compiled steps work on: parameters, state, recorded columns, law tables."""
+"""Where numbers stand in the arrays that the compiled steps work on: parameters, state, recorded columns, law
+tables.
+"""
 
 from __future__ import annotations
 
@@ -59,7 +61,7 @@ PLATE: Final = 1.0
 S_COUNT: Final = 16
 
 # recorded columns
-(O_T, O_X, O_V, O_U, O_FORCE, O_DRIVE, O_CURRENT, O_INNER_X, O_INNER_V) = range(9)
+O_T, O_X, O_V, O_U, O_FORCE, O_DRIVE, O_CURRENT, O_INNER_X, O_INNER_V = range(9)
 O_COUNT: Final = 9
 COLUMNS: Final = (
     "t_s",

@@ -58,8 +58,8 @@ class Force:
 class Vibro:
     """Inner mass on a spring with damping and stops; driven by force, or by voltage when `coil` is given.
 
-    `reaction_on_body`: the actuator sits on board and pushes back on the body; else a field from outside acts on the inner
-    mass alone.
+    `reaction_on_body`: the actuator sits on board and pushes back on the body; else a field from outside acts on the
+    inner mass alone.
     """
 
     inner_mass_kg: float = 0.074
@@ -87,7 +87,9 @@ class Plate:
 
 @dataclass(frozen=True)
 class Rig:
-    """All that is true of a simulated rig. `surface` None is the gut of `tissue`; `hoop_factor` scales the hoop stress."""
+    """All that is true of a simulated rig. `surface` None is the gut of `tissue`; `hoop_factor` scales the hoop
+    stress.
+    """
 
     drive: Drive
     capsule: Capsule = Capsule()
@@ -124,11 +126,12 @@ class Plant:
         return float(self.state[at.S_STEP] * self.rig.step_s)
 
     def advance(self, drive: Floats, every: int = 1) -> Floats:
-        """Do `len(drive) - 1` steps with the drive's values at each step's start (the last one only gives the last rate).
+        """Do `len(drive) - 1` steps with the drive's values at each step's start (the last one only gives the last
+        rate).
 
-        A pull takes positions in m, a magnet carriage positions in m, a coil voltages in V, a vibro drive forces in N or,
-        with a coil, voltages in V, each step's mean. Returns a row each `every` steps. Raises `ValueError` for fewer than
-        two values or values that are not finite.
+        A pull takes positions in m, a magnet carriage positions in m, a coil voltages in V, a vibro drive forces in N
+        or, with a coil, voltages in V, each step's mean. Returns a row each `every` steps. Raises `ValueError` for
+        fewer than two values or values that are not finite.
         """
         values = np.ascontiguousarray(drive, dtype=float)
         if values.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
@@ -169,11 +172,18 @@ def _check(record: object, where: str) -> None:
         if not isinstance(value, float | int) or isinstance(value, bool):
             continue
         if not (value > 0 if name in _POSITIVE else value >= 0 or name.startswith(("gain", "force", "back_emf"))):
-            raise ValueError(f"{where}.{name} must be {'positive' if name in _POSITIVE else 'zero or more'}; got {value:g}")
+            raise ValueError(
+                f"{where}.{name} must be {'positive' if name in _POSITIVE else 'zero or more'}; got {value:g}"
+            )
 
 
 def _parameters(rig: Rig) -> Floats:
-    for record, where in ((rig.capsule, "capsule"), (rig.tissue, "tissue"), (rig.drive, "drive"), (rig.surface, "surface")):
+    for record, where in (
+        (rig.capsule, "capsule"),
+        (rig.tissue, "tissue"),
+        (rig.drive, "drive"),
+        (rig.surface, "surface"),
+    ):
         if record is not None:
             _check(record, where)
     p = np.zeros(at.P_COUNT)
@@ -190,7 +200,9 @@ def _parameters(rig: Rig) -> Floats:
         p[at.P_SURFACE], p[at.P_MU] = at.PLATE, rig.surface.friction_coefficient
         p[at.P_MU_STATIC] = p[at.P_MU] if static is None else static
         if p[at.P_MU_STATIC] < p[at.P_MU]:
-            raise ValueError(f"static_friction_coefficient must be at least friction_coefficient {p[at.P_MU]:g}; got {static:g}")
+            raise ValueError(
+                f"static_friction_coefficient must be at least friction_coefficient {p[at.P_MU]:g}; got {static:g}"
+            )
     _drive_parameters(rig.drive, p)
     return p
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from plant import layout as at
 from plant.hidden.table import effect_table
-from plant.instruments import Instrument, Reading, Stream
 from plant.rig import Coil, Magnet, Plant, Rig, Vibro
+from plant.sensing.instruments import Instrument, Reading, Stream
 from plant.tables import Floats
 
 _EVERY: Final = 10  # steps between rows of the truth
@@ -20,23 +20,28 @@ FEEDBACK: Final = Instrument(rate_Hz=500.0, std=0.0, latency_s=0.0)
 
 @dataclass(frozen=True)
 class Instruments:
-    """What is measured in the loop: where the capsule is, and what the drive does (carriage in m, current in A; None: it says nothing)."""
+    """What is measured in the loop: where the capsule is, and what the drive does (carriage in m, current in A; None:
+    it says nothing).
+    """
 
     localisation: Instrument = LOCALISATION
     feedback: Instrument | None = FEEDBACK
 
 
 class Session:
-    """A rig that is commanded step by step. `rows` keeps the truth for whoever judges the run; no controller may see it.
+    """A rig that is commanded step by step. `rows` keeps the truth for whoever judges the run; no controller may see
+    it.
 
-    A magnet's carriage goes in a straight line to each command, a carriage position in m; a coil holds the commanded voltage in V, an
-    inner mass without a coil the commanded share 0..1 of its force. Feedback of a carriage is its own encoder's, which neither lag
-    nor play behind it reaches. The same rig, instruments and seed under the same commands give the same numbers, whatever
-    the ticks; so does `Plant.advance` in one go.
+    A magnet's carriage goes in a straight line to each command, a carriage position in m; a coil holds the commanded
+    voltage in V, an inner mass without a coil the commanded share 0..1 of its force. Feedback of a carriage is its own
+    encoder's, which neither lag nor play behind it reaches. The same rig, instruments and seed under the same commands
+    give the same numbers, whatever the ticks; so does `Plant.advance` in one go.
     """
 
     def __init__(self, rig: Rig, instruments: Instruments | None = None, seed: int = 0, command: float = 0.0) -> None:
-        """At rest at 0 with `command` in force. Raises ValueError for a rig whose capsule is not free, or numbers that cannot be."""
+        """At rest at 0 with `command` in force. Raises ValueError for a rig whose capsule is not free, or numbers that
+        cannot be.
+        """
         if not isinstance(rig.drive, Magnet | Coil | Vibro):
             raise ValueError(f"rig must have a free capsule (magnetic, coil, vibro); got {type(rig.drive).__name__}")
         instruments = instruments or Instruments()
@@ -49,7 +54,9 @@ class Session:
         self._place = Stream("position_m", instruments.localisation, np.random.default_rng(seeds[0]), rate, hidden)
         self._drive: Stream | None = None
         if instruments.feedback is not None and self.feedback_channel:
-            self._drive = Stream(self.feedback_channel, instruments.feedback, np.random.default_rng(seeds[1]), rate, None)
+            self._drive = Stream(
+                self.feedback_channel, instruments.feedback, np.random.default_rng(seeds[1]), rate, None
+            )
         self._waiting: list[Reading] = []
         self._shares = np.arange(2.0)
 
@@ -67,7 +74,8 @@ class Session:
         return "coil_current_A" if isinstance(drive, Coil) or (isinstance(drive, Vibro) and drive.coil) else ""
 
     def advance(self, command: float, until_s: float) -> tuple[Reading, ...]:
-        """Go on under `command` to the plant's step nearest to `until_s`; the readings that are at hand then and were not before.
+        """Go on under `command` to the plant's step nearest to `until_s`; the readings that are at hand then and were
+        not before.
 
         Raises ValueError for a command that is not finite or a time that is not at least a step ahead.
         """

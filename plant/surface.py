@@ -9,7 +9,9 @@ from plant.tables import Floats, resistance
 
 @compiled
 def sliding_limit(v: float, hoop: float, p: Floats, tab: Floats) -> float:
-    """`F_e(|v|)` of the gut or `mu m g` of a plate in N, times the level `hoop`; a plate at `v = 0` has its static one."""
+    """`F_e(|v|)` of the gut or `mu m g` of a plate in N, times the level `hoop`; a plate at `v = 0` has its static
+    one.
+    """
     if p[P_SURFACE] == GUT:
         return hoop * resistance(tab, v)
     return float(hoop * (p[P_MU_STATIC] if v == 0.0 else p[P_MU]) * p[P_WEIGHT])
@@ -17,7 +19,9 @@ def sliding_limit(v: float, hoop: float, p: Floats, tab: Floats) -> float:
 
 @compiled
 def kinetic_limit(v: float, limit: float, p: Floats) -> float:
-    """What resists in N once a body at speed `v` under the limit `limit` slides on: less than the limit where a plate lets go."""
+    """What resists in N once a body at speed `v` under the limit `limit` slides on: less than the limit where a plate
+    lets go.
+    """
     if p[P_SURFACE] != GUT and v == 0.0:
         return float(limit * p[P_MU] / p[P_MU_STATIC])
     return limit
@@ -25,8 +29,8 @@ def kinetic_limit(v: float, limit: float, p: Floats) -> float:
 
 @compiled
 def clipped_speed(v: float, force: float, limit: float, kinetic: float, mass: float, dt: float) -> float:
-    """Speed after a step under `force` and a friction that may be anything within `limit` to stop the body, `kinetic` once
-    it slides.
+    """Speed after a step under `force` and a friction that may be anything within `limit` to stop the body, `kinetic`
+    once it slides.
 
     `m (v+ - v) = (F - r) dt`, `r` in `limit Sgn(v+)`. A body at rest under less than `limit` stays at exactly zero. The
     impulse is clipped, nothing is smoothed (Moreau's time stepping).

@@ -50,7 +50,9 @@ def tabulate(capsule: Capsule, tissue: Tissue, regime: Regime = "low", wall: Wal
     rows[L_MUCUS, 0] = 0.0
     rows[L_MUCUS, 1:] = mucus_drag(slip[1:], tissue.mucus_thickness_m)
     drag = np.linspace(0.0, DRAG_SPAN, NODES)
-    pull = wall_tension(drag, wall or WallConstants.from_set(), wall_section(capsule, tissue), stretched_length(capsule))
+    pull = wall_tension(
+        drag, wall or WallConstants.from_set(), wall_section(capsule, tissue), stretched_length(capsule)
+    )
     if not np.all(np.diff(pull) > 0):
         raise ValueError(f"wall tension must grow with the drag up to {DRAG_SPAN:g} m; got a law that does not")
     rows[L_TENSION] = pull

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+from tests.places import SHARED
 from tests.rig_texts import GUT
 
 settings.register_profile(
@@ -24,10 +25,9 @@ settings.load_profile(os.environ.get("CAPSULE_EXAMPLES", "same"))
 @pytest.fixture(scope="session")
 def shared() -> Path:
     """The folder `shared` beside the checkout (or `CAPSULE_SHARED`): reference trajectories and measured data."""
-    folder = Path(os.environ.get("CAPSULE_SHARED", Path(__file__).parents[2] / "shared"))
-    if not (folder / "reference").is_dir():
-        pytest.skip(f"needs the shared reference data: no folder {folder}; set CAPSULE_SHARED to where it is")
-    return folder
+    if not (SHARED / "reference").is_dir():
+        pytest.skip(f"needs the shared reference data: no folder {SHARED}; set CAPSULE_SHARED to where it is")
+    return SHARED
 
 
 RIG = f"""{GUT}

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models import plate
-from models.assembly import assemble
+from models.assembly.model import assemble
 from models.drives.coil import VoltageCoil, Winding
 from models.drives.magnetic import Magnetic
 from models.drives.vibro import Stop, Vibro, VoltageVibro
 from models.laws.geometry import Capsule, Tissue
-from models.wall import Wall
+from models.surfaces import plate
+from models.surfaces.gut import Wall
 from plant import layout as at
 from plant.rig import Coil, Magnet, Plant, Plate, Rig
 from plant.rig import Vibro as PlantVibro
@@ -28,10 +28,11 @@ def plant_path(rig: Rig, drive: Array) -> Array:
 
 @pytest.mark.parametrize("speed_m_s", [4e-3, 8e-3])
 def test_the_smooth_model_converges_to_the_plant_with_order_one(speed_m_s: float) -> None:
-    """Carriage at constant speed, fine steps: halving the smoothing halves the distance (measured order 0.76 rising to 0.95).
+    """Carriage at constant speed, fine steps: halving the smoothing halves the distance (measured order 0.76 rising to
+    0.95).
 
-    It stays a little below one because creep towards break-away adds a logarithm, and beyond a few teeth the error of a slip's
-    instant adds up, so smoothing helps less in long runs and around reversals (order about a half there).
+    It stays a little below one because creep towards break-away adds a logarithm, and beyond a few teeth the error of a
+    slip's instant adds up, so smoothing helps less in long runs and around reversals (order about a half there).
     """
     h = 5e-6
     carriage = speed_m_s * np.arange(0.0, 1.5, h)
@@ -51,9 +52,13 @@ def test_the_smooth_model_converges_to_the_plant_with_order_one(speed_m_s: float
 @pytest.mark.parametrize("reaction", [False, True])
 def test_vibro_on_a_plate_moves_like_the_plant(reaction: bool, stops: bool) -> None:
     on, gaps = pulses(0.05, 0.4, 40, STEP_S), (2e-3, 3000.0, 1.5e-3, 3000.0) if stops else ()
-    exact = plant_path(Rig(PlantVibro(0.01, 150.0, 0.05, 0.5, reaction, *gaps), capsule=BODY, surface=Plate(0.29)), 0.5 * on)
+    exact = plant_path(
+        Rig(PlantVibro(0.01, 150.0, 0.05, 0.5, reaction, *gaps), capsule=BODY, surface=Plate(0.29)), 0.5 * on
+    )
     walls = (Stop(2e-3, 3000.0), Stop(1.5e-3, 3000.0)) if stops else (None, None)
-    x = run(assemble(plate.Plate(0.02, 0.29), Vibro(0.01, 150.0, 0.05, 0.5, reaction, *walls)), on, STEP_S)[: exact.size]
+    x = run(assemble(plate.Plate(0.02, 0.29), Vibro(0.01, 150.0, 0.05, 0.5, reaction, *walls)), on, STEP_S)[
+        : exact.size
+    ]
     assert np.max(np.abs(x - exact)) < 5e-3 * np.ptp(exact)
 
 

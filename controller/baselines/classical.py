@@ -1,8 +1,8 @@
 """Gains of the PIDs that see the localisation through a kinematic filter, and how quick that filter is.
 
-Coordinate search over k_p, k_i, k_d and the filter together for the least tracking error of a ramp at 1 mm/s, a sine and steps with rests on a
-nominal plant, 8 s each, seed 7, noise as everywhere: `python -m tests.bench.bench_classical magnetic`. The filter of the
-coil's PID with friction was not searched but taken over from the coil's PID.
+Coordinate search over k_p, k_i, k_d and the filter together for the least tracking error of a ramp at 1 mm/s, a sine
+and steps with rests on a nominal plant, 8 s each, seed 7, noise as everywhere: `python -m tests.bench.bench_classical
+magnetic`. The filter of the coil's PID with friction was not searched but taken over from the coil's PID.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""LQR with integral action (python-control): a classical baseline that knows the linearised plant but no stick and slip."""
+"""LQR with integral action (python-control): a classical baseline that knows the linearised plant but no stick and
+slip.
+"""
 
 from __future__ import annotations
 
@@ -7,16 +9,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.design.linear import Array, Linear, linearise
 from controller.limits import Envelope, number
-from controller.prediction import ControlModel
+from controller.model.control_model import ControlModel
+from controller.model.linear import Array, Linear, linearise
 from controller.signals import Action, Controller, Estimate, Reference
 
 
 @dataclass(frozen=True)
 class Weights:
-    """What the LQR calls large (Bryson): errors of position, speed and of the integral of position, and the command beyond the
-    reference's own (a gap in m, a current in A), each weighed by its inverse square."""
+    """What the LQR calls large (Bryson): errors of position, speed and of the integral of position, and the command
+    beyond the reference's own (a gap in m, a current in A), each weighed by its inverse square.
+    """
 
     command: float
     position_m: float = 2e-4
@@ -37,7 +40,9 @@ class Weights:
 
 @dataclass(frozen=True)
 class Gains:
-    """`u = N_u r - K (z - N_z r) - K_i i`, `i+ = i + tick (x - r)`: K (n,) on the deviation from the states that belong to a rest at r."""
+    """`u = N_u r - K (z - N_z r) - K_i i`, `i+ = i + tick (x - r)`: K (n,) on the deviation from the states that belong
+    to a rest at r.
+    """
 
     states: tuple[str, ...]
     tick_s: float
@@ -60,19 +65,25 @@ def augmented(plant: Linear) -> tuple[Array, Array]:
 
 
 def lqr_gains(plant: Linear, weights: Weights | None = None) -> Gains:
-    """The gains that minimise `sum (x/position_m)^2 + (v/speed_m_s)^2 + (i/integral_m_s)^2 + (u/command)^2` on `plant`."""
+    """The gains that minimise `sum (x/position_m)^2 + (v/speed_m_s)^2 + (i/integral_m_s)^2 + (u/command)^2` on
+    `plant`.
+    """
     import control  # draws matplotlib in, a second that other controllers need not wait
 
     weights = Weights.suited(plant) if weights is None else weights
     A, B = augmented(plant)
-    Q = np.diag([weights.position_m**-2, weights.speed_m_s**-2, *[0.0] * (len(plant.states) - 2), weights.integral_m_s**-2])
+    Q = np.diag(
+        [weights.position_m**-2, weights.speed_m_s**-2, *[0.0] * (len(plant.states) - 2), weights.integral_m_s**-2]
+    )
     gain = np.asarray(control.dlqr(A, B, Q, [[weights.command**-2]])[0], dtype=float).ravel()
     N_z, N_u = plant.holding()
     return Gains(plant.states, plant.tick_s, gain[:-1], float(gain[-1]), N_z, N_u)
 
 
 class LQR(Controller):
-    """State feedback on the estimate with an integral of the position error that stops where the command would leave its range."""
+    """State feedback on the estimate with an integral of the position error that stops where the command would leave
+    its range.
+    """
 
     name = "lqr"
 

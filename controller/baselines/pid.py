@@ -1,4 +1,6 @@
-"""PID on the position, and PID with a friction feedforward `F tanh(v_r/v_s)`: the baselines that know little of the wall."""
+"""PID on the position, and PID with a friction feedforward `F tanh(v_r/v_s)`: the baselines that know little of the
+wall.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,7 @@ import numpy as np
 
 from controller.envelope import gap_of_force
 from controller.limits import Envelope, number
-from controller.prediction import ControlModel
+from controller.model.control_model import ControlModel
 from controller.signals import Action, Controller, Estimate, Reference
 from models.drives.coil import Coil, VoltageCoil
 from models.drives.magnetic import Magnetic
@@ -17,7 +19,9 @@ from models.drives.magnetic import Magnetic
 
 @dataclass(frozen=True)
 class PidGains:
-    """`F = k_p (r - x) + k_i int (r - x) dt + k_d (r' - v)` in N/m, N/(m s), N s/m; the integral is held within `windup_N`."""
+    """`F = k_p (r - x) + k_i int (r - x) dt + k_d (r' - v)` in N/m, N/(m s), N s/m; the integral is held within
+    `windup_N`.
+    """
 
     k_p: float
     k_i: float
@@ -31,21 +35,29 @@ class PidGains:
 
 
 TUNED = {"magnetic": PidGains(200.0, 1200.0, 2.0), "coil": PidGains(200.0, 400.0, 4.0)}
-"""Least tracking error of a small grid (k_p 25 to 200, k_i 60 to 1500, k_d 0 to 4) on the shipped ramp and sine, the shipped steps for the
-coil, with a nominal wall, 8 to 10 s, seed 7, on the same estimates that the other controllers get. No benchmark judges on that seed."""
+"""Least tracking error of a small grid (k_p 25 to 200, k_i 60 to 1500, k_d 0 to 4) on the shipped ramp and sine, the
+shipped steps for the coil, with a nominal wall, 8 to 10 s, seed 7, on the same estimates that the other controllers
+get. No benchmark judges on that seed.
+"""
 
 
 class Actuator:
-    """The static inverse of a drive: the command that pushes with a force in N at a place and speed, within the range."""
+    """The static inverse of a drive: the command that pushes with a force in N at a place and speed, within the
+    range.
+    """
 
     def __init__(self, model: ControlModel, envelope: Envelope) -> None:
         self._drive, self._envelope = model.drive, envelope
-        self._values: dict[str, float] = dict(zip((p.name for p in model.symbols.parameters), model.values.tolist(), strict=True))
+        self._values: dict[str, float] = dict(
+            zip((p.name for p in model.symbols.parameters), model.values.tolist(), strict=True)
+        )
         if not isinstance(self._drive, Magnetic | Coil):
             raise ValueError(f"drive must be magnetic or coil for a PID on the force; got {self._drive.name!r}")
 
     def command(self, force: float, x: float, v: float) -> float:
-        """Carriage position in m on the stable branch of the magnet, current in A, or voltage in V with the back-EMF."""
+        """Carriage position in m on the stable branch of the magnet, current in A, or voltage in V with the
+        back-EMF.
+        """
         drive, p = self._drive, self._values
         if isinstance(drive, Magnetic):
             now = Magnetic(p["magnet_stiffness_N_per_m"], drive.range_m)
@@ -64,7 +76,9 @@ class Actuator:
 
 
 class PID(Controller):
-    """The loop: force from the error, command from the force by the drive's static inverse. `friction_N` 0: no feedforward."""
+    """The loop: force from the error, command from the force by the drive's static inverse. `friction_N` 0: no
+    feedforward.
+    """
 
     def __init__(
         self,

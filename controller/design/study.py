@@ -1,26 +1,28 @@
-"""One rig's design: the plant stuck and slipping, a tuned PID and a tuned LQR on it, their margins, and whether they hunt: by simulation and
-by harmonic balance."""
+"""One rig's design: the plant stuck and slipping, a tuned PID and a tuned LQR on it, their margins, and whether they
+hunt: by simulation and by harmonic balance.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from controller.baselines.lqr import LQR, Gains
-from controller.design.cycle import Cycle, Law, Run, exactly, lqr_law, pid_law, simulate
-from controller.design.describing import Balance, Describing, balances, compliance, describe, without_wall
-from controller.design.linear import PHASES, Linear, linearise
-from controller.design.loop import Complex, Loop
+from controller.design.describing_function import Balance, Describing, balances, compliance, describe, without_wall
+from controller.design.limit_cycle import Cycle, Law, Run, exactly, lqr_law, pid_law, simulate
+from controller.design.margins import Complex, Loop
 from controller.design.tuning import PEAK, Pid, pid_loop, state_loop, tuned_lqr, tuned_pid
 from controller.envelope import envelope_of
-from controller.prediction import ControlModel
+from controller.model.control_model import ControlModel
+from controller.model.linear import PHASES, Linear, linearise
 
 RAMP_S, HOLD_S = 5.0, 4.0
 
 
 @dataclass(frozen=True)
 class Study:
-    """What was designed for `speed_m_s` with measurements `delay_s` old: `runs` and `cycles` by controller and by "ramp" and "hold", the
-    `wall`'s describing function with the plant `free` of the wall that stands across from it."""
+    """What was designed for `speed_m_s` with measurements `delay_s` old: `runs` and `cycles` by controller and by
+    "ramp" and "hold", the `wall`'s describing function with the plant `free` of the wall that stands across from it.
+    """
 
     speed_m_s: float
     delay_s: float
@@ -50,8 +52,9 @@ class Study:
 
 
 def study(model: ControlModel, speed_m_s: float = 1e-3, delay_s: float = 0.015, peak: float = PEAK) -> Study:
-    """Design for `model`. Raises ValueError for an inner-mass drive, a speed or delay that is no positive number, and where no
-    controller keeps the sensitivity `peak`."""
+    """Design for `model`. Raises ValueError for an inner-mass drive, a speed or delay that is no positive number, and
+    where no controller keeps the sensitivity `peak`.
+    """
     if not 1e-5 <= abs(speed_m_s) <= 0.1:
         raise ValueError(f"speed must lie in [1e-5, 0.1] m/s; got {speed_m_s:g}")
     if not 0 <= delay_s <= 0.2:
@@ -60,7 +63,9 @@ def study(model: ControlModel, speed_m_s: float = 1e-3, delay_s: float = 0.015, 
         raise ValueError(f"sensitivity peak must lie in (1, 10]; got {peak:g}")
     plants = tuple(linearise(model, phase, speed_m_s) for phase in PHASES)
     pid, gains = tuned_pid(plants, delay_s, peak), tuned_lqr(plants, plants[-1], delay_s, peak)
-    loops = tuple(loop for plant in plants for loop in (pid_loop(plant, pid, delay_s), state_loop(plant, gains, delay_s)))
+    loops = tuple(
+        loop for plant in plants for loop in (pid_loop(plant, pid, delay_s), state_loop(plant, gains, delay_s))
+    )
     exact = exactly(model)
     runs = {
         name: {

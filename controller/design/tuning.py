@@ -1,4 +1,6 @@
-"""Fair baselines: the PID and the LQR with the strongest integral that the plant bears, stuck and slipping, at the delay there is."""
+"""Fair baselines: the PID and the LQR with the strongest integral that the plant bears, stuck and slipping, at the
+delay there is.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +13,8 @@ import control
 import numpy as np
 
 from controller.baselines.lqr import Gains, Weights, augmented, lqr_gains
-from controller.design.linear import Array, Linear
-from controller.design.loop import Complex, Loop, closed_loop
+from controller.design.margins import Complex, Loop, closed_loop
+from controller.model.linear import Array, Linear
 
 FILTER_S = 5e-3
 PEAK = 1.6
@@ -22,8 +24,9 @@ _TIMES = 6
 
 @dataclass(frozen=True)
 class Pid:
-    """`u = K_p e + K_i sum e dt + K_d (e - w)/filter_s` on the error e in m with w the error behind a first-order lag `filter_s`;
-    u in the command's unit. A magnet's carriage moves with the reference beside it."""
+    """`u = K_p e + K_i sum e dt + K_d (e - w)/filter_s` on the error e in m with w the error behind a first-order lag
+    `filter_s`; u in the command's unit. A magnet's carriage moves with the reference beside it.
+    """
 
     K_p: float
     K_i: float
@@ -57,8 +60,9 @@ def state_loop(plant: Linear, gains: Gains, delay_s: float) -> Loop:
 def tuned_pid(plants: Sequence[Linear], delay_s: float, peak: float = PEAK) -> Pid:
     """The PID with the largest `K_i` whose sensitivity peak is at most `peak` on every one of `plants`.
 
-    The integral is what overcomes friction that the controller does not know, so its gain is what counts (Astrom and Hagglund's
-    M-constrained integral gain optimisation, here on a grid). Raises ValueError for a peak of 1 or less, or where none of the grid fits.
+    The integral is what overcomes friction that the controller does not know, so its gain is what counts (Astrom and
+    Hagglund's M-constrained integral gain optimisation, here on a grid). Raises ValueError for a peak of 1 or less, or
+    where none of the grid fits.
     """
     grid = _Grid.of(plants, delay_s)
     scale = 1 / max(float(np.interp(20.0, grid.omega, np.abs(X[0]))) for X in grid.states)
@@ -74,7 +78,8 @@ def tuned_pid(plants: Sequence[Linear], delay_s: float, peak: float = PEAK) -> P
 
 
 def tuned_lqr(plants: Sequence[Linear], design: Linear, delay_s: float, peak: float = PEAK) -> Gains:
-    """The LQR for `design` with the largest `K_i` whose sensitivity peak is at most `peak` on every one of `plants`; see `tuned_pid`.
+    """The LQR for `design` with the largest `K_i` whose sensitivity peak is at most `peak` on every one of `plants`;
+    see `tuned_pid`.
 
     Weights of command and integral vary, the position's is 0.2 mm, the speed's 20 mm/s.
     """
@@ -91,7 +96,9 @@ def tuned_lqr(plants: Sequence[Linear], design: Linear, delay_s: float, peak: fl
 
 @dataclass(frozen=True)
 class _Grid:
-    """Frequencies `omega` in 1/s, `z` on the unit circle, the delay's factor `late`, and each plant's states (n, k) for its command."""
+    """Frequencies `omega` in 1/s, `z` on the unit circle, the delay's factor `late`, and each plant's states (n, k) for
+    its command.
+    """
 
     tick_s: float
     omega: Array
@@ -108,7 +115,9 @@ class _Grid:
         return cls(tick, omega, z, np.exp(-1j * omega * delay_s), tuple(plant.response(z) for plant in plants))
 
     def peak(self, loops: Iterable[Complex]) -> float:
-        """The highest sensitivity of the loops, each with the delay; inf where one crosses |L| = 1 more than once or too late."""
+        """The highest sensitivity of the loops, each with the delay; inf where one crosses |L| = 1 more than once or
+        too late.
+        """
         return max(self._one_peak(L * self.late) for L in loops)
 
     def _one_peak(self, L: Complex) -> float:
@@ -120,6 +129,8 @@ class _Grid:
 
 
 def _turns(L: Complex) -> float:
-    """What to take off an unwrapped phase so that it starts between -270 and 90 degrees, where loops with integrals start."""
+    """What to take off an unwrapped phase so that it starts between -270 and 90 degrees, where loops with integrals
+    start.
+    """
     start = float(np.angle(L[0]))
     return 2 * math.pi if start > 0.5 * math.pi else 0.0

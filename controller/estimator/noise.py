@@ -11,11 +11,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.friction import AT_FIRST, level_off, proved_off
-from controller.prediction import ControlModel
+from controller.model.control_model import ControlModel
+from controller.model.friction import AT_FIRST, level_off, proved_off
 
 Array = NDArray[np.float64]
-_SURPRISE: Final = 0.7  # of the mean normalised difference, three standard deviations of its noise, beyond which something pushes
+_SURPRISE: Final = (
+    0.7  # of the mean normalised difference, three standard deviations of its noise, beyond which something pushes
+)
 _ASTRAY: Final = 1.5  # of the same, more than six: the model goes another way than the capsule
 _RECENT: Final = 0.1  # share of the newest position in that mean
 START_STD: Final[Mapping[str, float]] = {"v": 1e-3, "u": 1e-4}
@@ -24,18 +26,20 @@ _DRIVE_SPREADS: Mapping[str, float] = {"current_A": 0.2, "stretch_m": 1e-4, "rat
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations, SI. `*_wander` are random walks, a second's worth; what is not named here wanders by `other_wander` of 1.
+    """Standard deviations, SI. `*_wander` are random walks, a second's worth; what is not named here wanders by
+    `other_wander` of 1.
 
-    The friction level is a share of the wall's pressure (of the friction coefficient on a plate), the force what no friction explains;
-    `level_std` (`fitted_level_std` of a model that a fit has moved) and `force_std_N` are how far they may be off at the start.
-    Half of the particles hold that the level wanders by `level_wander`, as in a
-    tube, half by `brisk_level_wander`, as along a gut that changes. The force wanders by `push_wander_N` instead while positions
-    come out on one side of what was expected: something pushes. While they are far off on one side the
+    The friction level is a share of the wall's pressure (of the friction coefficient on a plate), the force what no
+    friction explains; `level_std` (`fitted_level_std` of a model that a fit has moved) and `force_std_N` are how far
+    they may be off at the start. Half of the particles hold that the level wanders by `level_wander`, as in a tube,
+    half by `brisk_level_wander`, as along a gut that changes. The force wanders by `push_wander_N` instead while
+    positions come out on one side of what was expected: something pushes. While they are far off on one side the
     position wanders by `slip_wander_m`, too: strokes carry the capsule further, or less far, than believed.
 
-    A measurement further than `gate` standard deviations from what was expected is an outlier; `patience` of them in a row mean
-    that the belief is wrong, not they. The estimate is lost without an accepted position for `age_s`, above `lost_std_m`, and until
-    `proof` positions in a row were accepted after a new start. A reading later than `latest_s` is not used.
+    A measurement further than `gate` standard deviations from what was expected is an outlier; `patience` of them in a
+    row mean that the belief is wrong, not they. The estimate is lost without an accepted position for `age_s`, above
+    `lost_std_m`, and until `proof` positions in a row were accepted after a new start. A reading later than `latest_s`
+    is not used.
     """
 
     position_std_m: float = 0.5e-3
@@ -89,11 +93,12 @@ _BODY = Noise(
     level_std=0.15,
 )
 NOISES: Mapping[str, Noise] = MappingProxyType({"magnetic": _BODY, "coil": _BODY, "vibro": Noise(slip_wander_m=4e-3)})
-"""By drive where the default does not serve. Of a body's, `push_wander_N` (20, 40, 60 and 100 mN) and
-`slip_wander_m` (0.03, 0.1, 1 and 3 mm) erred least over pushes, folds and a narrow place, three seeds from 100 on; straight traverses lose a little by
-it, 0.01 mm where a coil's is slow. How far a stroke of an inner mass carries hangs on every
-parameter: with the position's common wander a filter that believed four times too far ran ahead until it was
-lost, eight times in 16 s; of 1 to 8 mm those from 2 on did alike."""
+"""By drive where the default does not serve. Of a body's, `push_wander_N` (20, 40, 60 and 100 mN) and `slip_wander_m`
+(0.03, 0.1, 1 and 3 mm) erred least over pushes, folds and a narrow place, three seeds from 100 on; straight traverses
+lose a little by it, 0.01 mm where a coil's is slow. How far a stroke of an inner mass carries hangs on every parameter:
+with the position's common wander a filter that believed four times too far ran ahead until it was lost, eight times in
+16 s; of 1 to 8 mm those from 2 on did alike.
+"""
 
 
 def noise_of(drive: str) -> Noise:
@@ -104,8 +109,8 @@ def noise_of(drive: str) -> Noise:
 def trusting(model: ControlModel) -> Noise:
     """The same for `model`, which is trusted as far as it predicted records that it had not seen.
 
-    Where its forces proved to be off by f (`proved_off`), the force wanders by no more than f a root second and the level by no more
-    than f over the mean friction, and both may be `AT_FIRST` times as far off at the start.
+    Where its forces proved to be off by f (`proved_off`), the force wanders by no more than f a root second and the
+    level by no more than f over the mean friction, and both may be `AT_FIRST` times as far off at the start.
     """
     noise, force, level = noise_of(model.drive.name), proved_off(model), level_off(model)
     if force is None or level is None:

@@ -17,17 +17,20 @@ EXCESS = 10.0
 
 def compiled(function: F) -> F:
     """`function` as machine code, kept on disk."""
-    dispatcher: Any = numba.njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})(function)
+    dispatcher: Any = numba.njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})(
+        function
+    )
     result: F = dispatcher
     return result
 
 
 @compiled
 def keep_feasible(commands: Array, last_rate: float, stage: float, first: float, bounds: Array) -> None:
-    """Move `commands` (N + 1,), in place, to where the hard bounds (low, high, rate, acceleration) hold; the first one stays.
+    """Move `commands` (N + 1,), in place, to where the hard bounds (low, high, rate, acceleration) hold; the first one
+    stays.
 
-    `first` in s is the time within which the rate may change from `last_rate` to the first one. The rate stays low enough to stop
-    within the range.
+    `first` in s is the time within which the rate may change from `last_rate` to the first one. The rate stays low
+    enough to stop within the range.
     """
     low, high, most, bend = bounds[0], bounds[1], bounds[2], bounds[3]
     rate = min(max(last_rate, -most), most)
@@ -65,7 +68,9 @@ def cost(
     soft: Array,
     penalty: Array,
 ) -> float:
-    """The plan's cost; `reference` (3, N + 1) holds position, speed and command rate, `scales` position, speed, rate, jump, final."""
+    """The plan's cost; `reference` (3, N + 1) holds position, speed and command rate, `scales` position, speed, rate,
+    jump, final.
+    """
     worst = np.zeros(3)
     excesses(path, commands, forces, soft, worst)
     total = 0.0
@@ -84,7 +89,9 @@ def cost(
 
 @compiled
 def sensitivities(A: Array, B: Array, step: float, Z: Array) -> None:
-    """Fill `Z` (N + 1, n, N) with the states' derivatives by the command's rates, each rate scaled so that it moves the command by `step`."""
+    """Fill `Z` (N + 1, n, N) with the states' derivatives by the command's rates, each rate scaled so that it moves the
+    command by `step`.
+    """
     n = Z.shape[1]
     Z[0] = 0.0
     for k in range(A.shape[0]):
@@ -114,8 +121,9 @@ def quadratic(
     H: Array,
     f: Array,
 ) -> None:
-    """Gauss-Newton Hessian `H` and gradient `f` of the cost by the rates in multiples of `unit`, soft bounds aside; fills the leading
-    (N, N) and (N,) of them."""
+    """Gauss-Newton Hessian `H` and gradient `f` of the cost by the rates in multiples of `unit`, soft bounds aside;
+    fills the leading (N, N) and (N,) of them.
+    """
     n = commands.shape[0] - 1
     H[:n, :n] = 0.0
     f[:n] = 0.0

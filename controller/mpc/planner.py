@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.model.control_model import ControlModel
 from controller.mpc.condense import cost, keep_feasible, quadratic, sensitivities
-from controller.mpc.quadratic_program import Program
+from controller.mpc.qp import Program
 from controller.mpc.rows import FREE
 from controller.mpc.settings import Bounds, Horizon, Weights
-from controller.prediction import ControlModel
 
 Array = NDArray[np.float64]
 
@@ -27,9 +27,10 @@ CATCH_S = 0.03
 
 @dataclass
 class Plan:
-    """Commands (N + 1,) and the path (N + 1, n) that the model makes of them, with its cost; `iterations` done, whether the deadline
-    `cut` them short, whether the last one was of little use (`settled`), `failed` where nothing finite came out, and the s that each
-    phase took."""
+    """Commands (N + 1,) and the path (N + 1, n) that the model makes of them, with its cost; `iterations` done, whether
+    the deadline `cut` them short, whether the last one was of little use (`settled`), `failed` where nothing finite
+    came out, and the s that each phase took.
+    """
 
     commands: Array
     path: Array
@@ -44,8 +45,8 @@ class Plan:
 class Planner:
     """Plans over a horizon of one model; all arrays of the size of the horizon are made here, once.
 
-    `force_per_command` in N per unit of command turns the weights' N/s into the command's rate; `follows` is 1 where a command in
-    step with the reference costs nothing (a carriage), else 0.
+    `force_per_command` in N per unit of command turns the weights' N/s into the command's rate; `follows` is 1 where a
+    command in step with the reference costs nothing (a carriage), else 0.
     """
 
     def __init__(
@@ -82,9 +83,10 @@ class Planner:
         last_rate: float,
         parameters: Array | None = None,
     ) -> Plan:
-        """The plan from `state` (n,) at `now` in s; `guess` (N + 1,) are commands whose first is the one in force, changing at
-        `last_rate`; `reference` (3, N + 1) position, speed, command rate; `parameters` (p,) in the model's order where they are
-        not the model's own. Never raises; bounded by `horizon.iterations`."""
+        """The plan from `state` (n,) at `now` in s; `guess` (N + 1,) are commands whose first is the one in force,
+        changing at `last_rate`; `reference` (3, N + 1) position, speed, command rate; `parameters` (p,) in the model's
+        order where they are not the model's own. Never raises; bounded by `horizon.iterations`.
+        """
         begin = self.clock()
         self.parameters = self.model.kernels.parameters if parameters is None else parameters
         self.pressed = self.soft[2] < FREE
@@ -125,7 +127,17 @@ class Planner:
             k = self.model.kernels
             k.holds(plan.path, self.forces, self.slopes, now, h.stage_s, self.parameters)
         plan.cost = float(
-            cost(plan.path, plan.commands, self.forces, reference, last_rate, h.stage_s, self.scales, self.soft, self.penalty)
+            cost(
+                plan.path,
+                plan.commands,
+                self.forces,
+                reference,
+                last_rate,
+                h.stage_s,
+                self.scales,
+                self.soft,
+                self.penalty,
+            )
         )
 
     def candidates(
@@ -142,7 +154,9 @@ class Planner:
             self._rolled(now, plan, d, reference, last_rate)
         return warm, ahead
 
-    def _iterate(self, now: float, best: Plan, d: float, reference: Array, last_rate: float, took: dict[str, float]) -> bool:
+    def _iterate(
+        self, now: float, best: Plan, d: float, reference: Array, last_rate: float, took: dict[str, float]
+    ) -> bool:
         """One SQP step from `best`, which it changes; False where it is not worth another."""
         k, h, t0 = self.model.kernels, self.horizon, self.clock()
         k.linearise(best.path, self.A, self.B, best.commands, d, now, h.stage_s, h.substeps, self.parameters)
@@ -153,7 +167,16 @@ class Planner:
         unit = self.program.unit
         sensitivities(self.A, self.B, unit * h.stage_s, self.Z)
         quadratic(
-            best.path, best.commands, self.Z, reference, last_rate, h.stage_s, self.scales, unit, self.program.H, self.program.f
+            best.path,
+            best.commands,
+            self.Z,
+            reference,
+            last_rate,
+            h.stage_s,
+            self.scales,
+            unit,
+            self.program.H,
+            self.program.f,
         )
         t2 = self.clock()
         change = self.program.solve(best.path, best.commands, self.forces, self.slopes, self.Z, last_rate)

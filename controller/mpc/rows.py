@@ -15,9 +15,19 @@ _NEAR = 0.6  # share of a bound from which on it gets rows
 
 @compiled
 def soft_rows(
-    path: Array, commands: Array, forces: Array, slopes: Array, Z: Array, step: float, soft: Array, rows: Array, upper: Array
+    path: Array,
+    commands: Array,
+    forces: Array,
+    slopes: Array,
+    Z: Array,
+    step: float,
+    soft: Array,
+    rows: Array,
+    upper: Array,
 ) -> int:
-    """Rows `rows` (m, N + 3) and right sides `upper` (m,) of `|value|/bound - slack <= 1` for stages near a soft bound; returns m."""
+    """Rows `rows` (m, N + 3) and right sides `upper` (m,) of `|value|/bound - slack <= 1` for stages near a soft bound;
+    returns m.
+    """
     n, count = commands.shape[0] - 1, 0
     for kind in range(3):
         near = False
@@ -58,10 +68,11 @@ def hard_rows(
     simple: int,
     count: int,
 ) -> int:
-    """Fill in the hard bounds (low, high, rate, acceleration) of changes y of the rates in multiples of `unit`; returns the rows in use.
+    """Fill in the hard bounds (low, high, rate, acceleration) of changes y of the rates in multiples of `unit`; returns
+    the rows in use.
 
-    The rates' own bounds are the first N entries of `upper` and `lower`, row k's are at `simple + k`; `count` rows are in use already.
-    Rows of the acceleration and of the command's range are there only while the plan comes near them.
+    The rates' own bounds are the first N entries of `upper` and `lower`, row k's are at `simple + k`; `count` rows are
+    in use already. Rows of the acceleration and of the command's range are there only while the plan comes near them.
     """
     n = commands.shape[0] - 1
     low, high, most, bend = bounds[0], bounds[1], bounds[2], bounds[3]

@@ -1,10 +1,13 @@
-"""The control model of a vibro rig run through many cycles of a waveform: mean speed, energy, travel of the inner mass."""
+"""The control model of a vibro rig run through many cycles of a waveform: mean speed, energy, travel of the inner
+mass.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import casadi as ca
 import numpy as np
@@ -12,17 +15,17 @@ from numpy.typing import NDArray
 
 from controller.vibro.table_values import unloaded
 from controller.vibro.waveform import Waveform
-from models.assembly import Assembly, assemble
-from models.assembly_step import Surface
+from models.assembly.model import Assembly, assemble
+from models.assembly.step import Surface
+from models.compiled.kernel import Kernel, lower
 from models.drives.coil import Winding
 from models.drives.from_rig import drive_of, surface_of
 from models.drives.vibro import Vibro
 from models.effects import BY_ID
 from models.effects.effect import Effect
-from models.identification.lower import Kernel, lower
+from models.files.rig import Rig
 from models.parameter import nearest
-from models.plate import Plate
-from models.rig import Rig
+from models.surfaces.plate import Plate
 
 Array = NDArray[np.float64]
 STEP_S = 6e-5
@@ -34,8 +37,10 @@ _ELSEWHERE = ("body_mass_kg", "inner_mass_kg", "mirror")
 
 @dataclass(frozen=True)
 class Pace:
-    """What a waveform does in the long run: mean `speed_m_s` and the body's highest `peak_m_s`, the coil's heat `copper_W = F^2 R/k^2`,
-    its mechanical `work_W`, and how far the inner mass swings to the `front_m` and to the `rear_m` of its rest."""
+    """What a waveform does in the long run: mean `speed_m_s` and the body's highest `peak_m_s`, the coil's heat
+    `copper_W = F^2 R/k^2`, its mechanical `work_W`, and how far the inner mass swings to the `front_m` and to the
+    `rear_m` of its rest.
+    """
 
     speed_m_s: float
     copper_W: float
@@ -57,7 +62,8 @@ class Pace:
 
 @dataclass(frozen=True)
 class VibroModel:
-    """Body with inner mass on `surface` under `drive` with `effects`; `values` are those of one stage of a model, by full name.
+    """Body with inner mass on `surface` under `drive` with `effects`; `values` are those of one stage of a model, by
+    full name.
 
     `mirror` -1 turns speeds round, as a `vibro_table` record may count them.
     """
@@ -71,7 +77,8 @@ class VibroModel:
 
     @classmethod
     def from_rig(cls, rig: Rig, values: Mapping[str, float] | None = None) -> VibroModel:
-        """The model of a rig file (kind `vibro` or `vibro_table`) at the `values` of a stage, as `close-loop` writes them.
+        """The model of a rig file (kind `vibro` or `vibro_table`) at the `values` of a stage, as `close-loop` writes
+        them.
 
         Raises ValueError for another kind of rig and for values that belong to no effect or parameter of it.
         """
@@ -171,7 +178,9 @@ class Cycles:
         return np.array(rows)
 
     def _run(self, state: Array, levels: Array, cycles: int, period: float) -> Array:
-        """Steps through `cycles`, changing `state`; the path begins after one step more, which the compiled loop does first."""
+        """Steps through `cycles`, changing `state`; the path begins after one step more, which the compiled loop does
+        first.
+        """
         command = np.concatenate((np.tile(levels, cycles), levels[:1]))
         output = np.zeros(command.size)
         self._kernel.one(state, command, output, 0.0, self._parameters, 1, period / levels.size, output)
@@ -179,7 +188,9 @@ class Cycles:
 
 
 def _metered(assembly: Assembly, on_board: bool) -> Kernel:
-    """The step with four more states: work of the coil on the inner mass in J, integral of the squared command, furthest swings in m."""
+    """The step with four more states: work of the coil on the inner mass in J, integral of the squared command,
+    furthest swings in m.
+    """
     state, c0, c1, t, h, q = assembly.step.sx_in()
     meter = ca.SX.sym("meter", 4)
     new, _ = assembly.step(state, c0, c1, t, h, q)
@@ -196,3 +207,14 @@ def _metered(assembly: Assembly, on_board: bool) -> Kernel:
     step = ca.Function("step", [whole, c0, c1, t, h, q], [ca.vertcat(new, after), new[x]])
     error, gain = ca.SX.sym("error"), ca.SX.sym("gain")
     return lower(step, ca.Function("correct", [whole, error, gain], [whole]))
+
+
+Impact = Literal["none", "front", "rear", "both"]
+IMPACTS: tuple[Impact, ...] = ("none", "front", "rear", "both")
+
+
+def impact_of(model: VibroModel, pace: Pace) -> Impact:
+    """The stops of `model` that lie within the swings of `pace`."""
+    front = model.drive.front is not None and pace.front_m > model.drive.front.gap_m
+    rear = model.drive.rear is not None and pace.rear_m > model.drive.rear.gap_m
+    return IMPACTS[front + 2 * rear]

@@ -1,4 +1,6 @@
-"""Families of waveforms, each a path along which the mean speed only grows: from a commanded mean speed to a waveform."""
+"""Families of waveforms, each a path along which the mean speed only grows: from a commanded mean speed to a
+waveform.
+"""
 
 from __future__ import annotations
 
@@ -9,8 +11,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from controller.limits import Limits
-from controller.vibro.cycles import Cycles
-from controller.vibro.impact import Impact, impact_of
+from controller.vibro.cycles import Cycles, Impact, impact_of
 from controller.vibro.waveform import REST, Waveform, blend
 
 _STANDS = 0.15e-3  # m/s, mean speeds below it count as standing
@@ -20,9 +21,10 @@ STRENGTHS = tuple(1.08**i for i in range(-22, 20))
 
 @dataclass(frozen=True)
 class Gear:
-    """`waveforms` along a path whose mean `speeds_m_s`, all of one sign, grow in size; in between levels and period are blended.
-    `home_m_s` is the speed that its shape was found for, `impact` the stop that it strikes there. Raises ValueError for speeds that do not
-    grow or change their sign."""
+    """`waveforms` along a path whose mean `speeds_m_s`, all of one sign, grow in size; in between levels and period are
+    blended. `home_m_s` is the speed that its shape was found for, `impact` the stop that it strikes there. Raises
+    ValueError for speeds that do not grow or change their sign.
+    """
 
     waveforms: tuple[Waveform, ...]
     speeds_m_s: tuple[float, ...]
@@ -51,8 +53,9 @@ class Gear:
         return speed_m_s * self.fastest_m_s > 0 and abs(speed_m_s) <= abs(self.fastest_m_s)
 
     def waveform(self, speed_m_s: float) -> Waveform:
-        """The waveform for `speed_m_s`; beyond the path the fastest, and below it the slowest at down to half its strength: there the
-        model stands, but a rig with less friction than believed goes on and needs the room."""
+        """The waveform for `speed_m_s`; beyond the path the fastest, and below it the slowest at down to half its
+        strength: there the model stands, but a rig with less friction than believed goes on and needs the room.
+        """
         size = abs(speed_m_s)
         slowest = abs(self.slowest_m_s)
         if size < slowest:
@@ -67,8 +70,9 @@ class Gear:
 
 
 def gear_of(cycles: Cycles, shape: Waveform, home_m_s: float) -> Gear | None:
-    """The gear of `shape` at weaker and stronger levels; strengths at which the model's speed does not grow, or its body comes close to the
-    speed limit within a cycle, are left out. None where less than two of them go in the direction of `home_m_s`.
+    """The gear of `shape` at weaker and stronger levels; strengths at which the model's speed does not grow, or its
+    body comes close to the speed limit within a cycle, are left out. None where less than two of them go in the
+    direction of `home_m_s`.
     """
     direction = 1 if home_m_s > 0 else -1
     path: list[Waveform] = []
@@ -98,8 +102,9 @@ def _longest_rise(values: Sequence[float]) -> list[int]:
 
 @dataclass(frozen=True)
 class Choice:
-    """A waveform for a commanded mean speed: which gear (None at rest), the `speed_m_s` it has on the model, and whether that is
-    what was commanded (`reachable`)."""
+    """A waveform for a commanded mean speed: which gear (None at rest), the `speed_m_s` it has on the model, and
+    whether that is what was commanded (`reachable`).
+    """
 
     waveform: Waveform
     gear: int | None
@@ -127,7 +132,8 @@ class DriveMap:
     def choose(self, speed_m_s: float, gear: int | None = None) -> Choice:
         """The waveform for `speed_m_s`: in the given `gear` as long as that reaches it, else in the nearest that does.
 
-        A speed beyond reach gives that direction's fastest waveform and is marked as not reachable, as is one that is no number.
+        A speed beyond reach gives that direction's fastest waveform and is marked as not reachable, as is one that is
+        no number.
         """
         if not math.isfinite(speed_m_s) or abs(speed_m_s) < 1e-6:
             return Choice(REST, None, 0.0, math.isfinite(speed_m_s))

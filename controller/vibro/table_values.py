@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from models.rig import Rig
+from models.files.rig import Rig
 
 LOADED = ("force_N", "friction_coefficient")
 
@@ -13,13 +13,17 @@ LOADED = ("force_N", "friction_coefficient")
 def in_time(rig: Rig, values: Mapping[str, float]) -> tuple[Rig, dict[str, float]]:
     """The `vibro` rig with the table's masses in kg, and the values that its control model takes.
 
-    `load_scale` multiplies force and friction alike. `mirror` says how the record counted speeds and is left to whoever compares
-    with that record; here +x is where the drive's force pushes the inner mass. Raises ValueError for a rig without an inner mass,
-    or masses that are not positive.
+    `load_scale` multiplies force and friction alike. `mirror` says how the record counted speeds and is left to whoever
+    compares with that record; here +x is where the drive's force pushes the inner mass. Raises ValueError for a rig
+    without an inner mass, or masses that are not positive.
     """
     if rig.drive is None:
         raise ValueError(f"rig must have an inner mass for the values of a vibro_table; got a {rig.kind} rig")
-    left = {name: value for name, value in unloaded(values).items() if name not in ("mirror", "body_mass_kg", "inner_mass_kg")}
+    left = {
+        name: value
+        for name, value in unloaded(values).items()
+        if name not in ("mirror", "body_mass_kg", "inner_mass_kg")
+    }
     body = values.get("body_mass_kg", rig.capsule.mass_kg)
     inner = values.get("inner_mass_kg", rig.drive.inner_mass_kg)
     if not (body > 0 and inner > 0):

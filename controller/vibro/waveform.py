@@ -15,10 +15,11 @@ _TINY = 1e-12
 
 @dataclass(frozen=True)
 class Waveform:
-    """The command `levels[i]` (0 to 1, share of the full force) from the turn `edges[i]` to `edges[i + 1]` of each `period_s`.
+    """The command `levels[i]` (0 to 1, share of the full force) from the turn `edges[i]` to `edges[i + 1]` of each
+    `period_s`.
 
-    `edges` (n + 1,) rise from 0 to 1, `levels` (n,). Raises ValueError for a period not above 0, edges that do not rise from
-    0 to 1 or levels outside [0, 1].
+    `edges` (n + 1,) rise from 0 to 1, `levels` (n,). Raises ValueError for a period not above 0, edges that do not rise
+    from 0 to 1 or levels outside [0, 1].
     """
 
     period_s: float
@@ -52,7 +53,9 @@ class Waveform:
         return cls(period_s, (*(i / inside.size for i in range(inside.size)), 1.0), tuple(inside.tolist()))
 
     def mean(self, start: float, end: float) -> float:
-        """Mean level between the turns `start` < `end` within one cycle, so that an edge inside a tick keeps its impulse."""
+        """Mean level between the turns `start` < `end` within one cycle, so that an edge inside a tick keeps its
+        impulse.
+        """
         if end - start < _TINY:
             return self.levels[min(int(np.searchsorted(self.edges, start, side="right")) - 1, len(self.levels) - 1)]
         total = 0.0
@@ -85,7 +88,9 @@ def blend(a: Waveform, b: Waveform, share: float, parts: int = 48) -> Waveform:
         return b
     period = a.period_s ** (1 - share) * b.period_s**share
     if a.edges == b.edges:
-        return Waveform(period, a.edges, tuple((1 - share) * p + share * q for p, q in zip(a.levels, b.levels, strict=True)))
+        return Waveform(
+            period, a.edges, tuple((1 - share) * p + share * q for p, q in zip(a.levels, b.levels, strict=True))
+        )
     return Waveform.even(period, (1 - share) * a.sampled(parts) + share * b.sampled(parts))
 
 

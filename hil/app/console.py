@@ -1,4 +1,6 @@
-"""What a command says: a summary on standard output, notes and progress on standard error, and with `--json` one object alone."""
+"""What a command says: a summary on standard output, notes and progress on standard error, and with `--json` one object
+alone.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,9 @@ def json_text(document: Any) -> str:
 
 
 def plain(value: Any) -> Any:
-    """A value of dicts, sequences, NumPy numbers and arrays as JSON knows them; numbers that are not finite become None."""
+    """A value of dicts, sequences, NumPy numbers and arrays as JSON knows them; numbers that are not finite become
+    None.
+    """
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, dict):
@@ -61,7 +65,9 @@ def output_to_notes() -> Iterator[None]:
 
 @contextlib.contextmanager
 def progress_bar(title: str) -> Iterator[Callable[[str, float], None]]:
-    """Show progress on standard error: a bar on a terminal, else a line for each new stage. Yields `report(stage, fraction)`."""
+    """Show progress on standard error: a bar on a terminal, else a line for each new stage. Yields `report(stage,
+    fraction)`.
+    """
     console = notes()
     if not console.is_terminal:
         yield _stage_lines(console, title)

@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 from typer.core import TyperCommand
 
 from hil.app.console import InterruptionError, output_to_notes, print_json, summary
-from hil.app.start import INTERRUPTED, INTERRUPTION
+from hil.app.interruption import INTERRUPTED, INTERRUPTION
 from models.parameter import nearest
 
 BAD_INPUT = 2
@@ -31,16 +31,22 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else there.")]
-RigFile = Annotated[Path, typer.Option("--rig", metavar="RIG.toml", help="What the experimenter believes about the rig.")]
+RigFile = Annotated[
+    Path, typer.Option("--rig", metavar="RIG.toml", help="What the experimenter believes about the rig.")
+]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Sets every random number.")]
 ControllerName = Annotated[str | None, typer.Option("--controller", metavar="NAME", help="Which controller.")]
-LearnedModel = Annotated[Path | None, typer.Option("--model", metavar="MODEL.toml", help="A model that close-loop wrote.")]
+LearnedModel = Annotated[
+    Path | None, typer.Option("--model", metavar="MODEL.toml", help="A model that close-loop wrote.")
+]
 ModelStage = Annotated[str | None, typer.Option("--stage", metavar="nominal/calibrated/augmented", help="Which model.")]
 RunSeed = Annotated[int | None, typer.Option("--seed", min=0, help="Sets every random number; else the scenario's.")]
 
 
 class ManyHoldouts(TyperCommand):
-    """A command whose `--holdout` takes every word up to the next option, so that none of them becomes a training record."""
+    """A command whose `--holdout` takes every word up to the next option, so that none of them becomes a training
+    record.
+    """
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Repeat `--holdout` before each of its words, then parse as ever."""
@@ -80,7 +86,9 @@ def _show_version(wanted: bool) -> None:
 
 @app.callback()
 def _options(
-    show: Annotated[bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version.")] = False,
+    show: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version.")
+    ] = False,
 ) -> None:
     pass
 
@@ -88,10 +96,12 @@ def _options(
 @app.command("seeds")
 def _seeds(
     json_output: Json = False,
-    plot: Annotated[Path | None, typer.Option("--plot", metavar="DIR", help="Draw the papers' figures into this folder.")] = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", metavar="DIR", help="Draw the papers' figures into this folder.")
+    ] = None,
 ) -> None:
     """The seed papers' numbers: what each paper states, what its equations give here, what was measured."""
-    from hil.app.seeds import seeds
+    from hil.app.papers import seeds
 
     seeds(json_output=json_output, plot=plot)
 
@@ -100,7 +110,9 @@ def _seeds(
 def _close_loop(
     records: Annotated[list[Path], typer.Argument(metavar="RECORD...", help="Training records, .csv or .csv.gz.")],
     rig: RigFile,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for report.html, report.json and model.toml.")],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder for report.html, report.json and model.toml.")
+    ],
     holdout: Annotated[
         list[Path] | None,
         typer.Option("--holdout", metavar="RECORD...", help="Records that no fit, search or threshold may touch."),
@@ -109,7 +121,7 @@ def _close_loop(
     seed: Seed = 0,
 ) -> None:
     """Measured data -> residual -> missing effect -> better model."""
-    from hil.app.close_loop import close_loop
+    from hil.app.identify.close_loop import close_loop
 
     close_loop(records, rig, out, holdout or [], json_output=json_output, seed=seed)
 
@@ -120,11 +132,13 @@ def _predict(
     rig: RigFile,
     model: Annotated[Path, typer.Option("--model", metavar="MODEL.toml", help="A model that close-loop wrote.")],
     out: Annotated[Path, typer.Option("--out", metavar="PRED.csv", help="Where the prediction goes.")],
-    stage: Annotated[str, typer.Option("--stage", metavar="nominal/calibrated/augmented", help="Which model.")] = "augmented",
+    stage: Annotated[
+        str, typer.Option("--stage", metavar="nominal/calibrated/augmented", help="Which model.")
+    ] = "augmented",
     json_output: Json = False,
 ) -> None:
     """Free-running prediction of the measured column from the driven column alone."""
-    from hil.app.predict import predict
+    from hil.app.identify.predict import predict
 
     predict(record, rig, model, out, stage=stage, json_output=json_output)
 
@@ -150,7 +164,9 @@ def _simulate(
 def _design(
     rig: Annotated[Path, typer.Argument(metavar="RIG.toml", help="A rig of kind magnetic, coil or vibro.")],
     model: LearnedModel = None,
-    stage: Annotated[str, typer.Option("--stage", metavar="nominal/calibrated/augmented", help="Which model.")] = "augmented",
+    stage: Annotated[
+        str, typer.Option("--stage", metavar="nominal/calibrated/augmented", help="Which model.")
+    ] = "augmented",
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Draw the plots into this folder.")] = None,
     speed: Annotated[float, typer.Option("--speed", metavar="MM_S", help="Speed in mm/s to linearise at.")] = 1.0,
     delay: Annotated[
@@ -158,26 +174,34 @@ def _design(
     ] = 15.0,
     json_output: Json = False,
 ) -> None:
-    """Linear design: gains, margins with delay, bandwidth, stick-slip cycles; for vibro resonance, gears and slow loop."""
-    from hil.app.design import design
+    """Linear design: gains, margins with delay, bandwidth, stick-slip cycles; for vibro resonance, gears and slow
+    loop.
+    """
+    from hil.app.design.command import design
 
     design(rig, model, out, stage=stage, speed_mm_s=speed, delay_ms=delay, json_output=json_output)
 
 
 @app.command("track")
 def _track(
-    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.toml", help="Rig, reference, instruments and what is believed.")],
+    scenario: Annotated[
+        Path, typer.Argument(metavar="SCENARIO.toml", help="Rig, reference, instruments and what is believed.")
+    ],
     controller: ControllerName = None,
     model: LearnedModel = None,
     stage: ModelStage = None,
     seed: RunSeed = None,
     compare: Annotated[bool, typer.Option("--compare", help="Run every controller.")] = False,
-    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for track.html and track.json.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder for track.html and track.json.")
+    ] = None,
     json_output: Json = False,
 ) -> int:
-    """Closed loop in simulation, no bus: reference tracking with a named controller; status 1 where a check of the scenario fails."""
-    from hil.app.track import track
-    from hil.app.track_asked import Asked
+    """Closed loop in simulation, no bus: reference tracking with a named controller; status 1 where a check of the
+    scenario fails.
+    """
+    from hil.app.scenario.options import Asked
+    from hil.app.track.command import track
 
     return track(scenario, Asked(controller, model, stage, seed, out, json_output), compare)
 
@@ -189,28 +213,37 @@ def _sil(
     model: LearnedModel = None,
     stage: ModelStage = None,
     seed: RunSeed = None,
-    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for sil.json and the log frames.blf.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder for sil.json and the log frames.blf.")
+    ] = None,
     json_output: Json = False,
 ) -> None:
     """Closed loop over the CAN bus in simulated time, plant as a bus node, with faults."""
-    from hil.app.sil import sil
-    from hil.app.track_asked import Asked
+    from hil.app.scenario.options import Asked
+    from hil.app.sil.command import sil
 
     sil(scenario, Asked(controller, model, stage, seed, out, json_output))
 
 
 @app.command("run")
 def _run(
-    rig: Annotated[Path, typer.Argument(metavar="RIG.toml", help="A rig file with [bus], [control], [reference] and [limits].")],
+    rig: Annotated[
+        Path, typer.Argument(metavar="RIG.toml", help="A rig file with [bus], [control], [reference] and [limits].")
+    ],
     action: Annotated[
-        str, typer.Argument(metavar="check|reset", help="check: look at all, send nothing; reset: lead out of a latched fault.")
+        str,
+        typer.Argument(
+            metavar="check|reset", help="check: look at all, send nothing; reset: lead out of a latched fault."
+        ),
     ] = "lead",
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Listen and compute, send nothing.")] = False,
-    log: Annotated[Path | None, typer.Option("--log", metavar="LOG.blf", help="Where the log goes; else beside you.")] = None,
+    log: Annotated[
+        Path | None, typer.Option("--log", metavar="LOG.blf", help="Where the log goes; else beside you.")
+    ] = None,
     json_output: Json = False,
 ) -> int:
     """The controller alone, on a real actuator bus."""
-    from hil.app.run import run
+    from hil.app.run.command import run
 
     return run(rig, action, dry_run=dry_run, log=log, json_output=json_output)
 
@@ -221,7 +254,7 @@ def _replay(
     json_output: Json = False,
 ) -> int:
     """The controller again on a log: its frames compared bit by bit."""
-    from hil.app.replay import replay
+    from hil.app.run.replay import replay
 
     return replay(log, json_output=json_output)
 
@@ -233,12 +266,14 @@ def _campaign(
         Path, typer.Option("--out", metavar="DIR", help="Folder for results and report; resumed where it has some.")
     ] = Path("out/campaign"),
     workers: Annotated[int | None, typer.Option("--workers", metavar="N", help="Processes; else one a core.")] = None,
-    scheduler: Annotated[str | None, typer.Option("--scheduler", metavar="ADDRESS", help="A Dask scheduler to run on.")] = None,
+    scheduler: Annotated[
+        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="A Dask scheduler to run on.")
+    ] = None,
     number: Annotated[int | None, typer.Option("--run", metavar="N", help="Do run N alone and print it.")] = None,
     json_output: Json = False,
 ) -> int:
     """Thousands of closed loops: distributions and worst cases."""
-    from hil.app.campaign import campaign
+    from hil.app.campaign.command import campaign
 
     return campaign(path, out, workers=workers, scheduler=scheduler, run=number, json_output=json_output)
 
@@ -250,14 +285,15 @@ def _demo(
     seed: Seed = 0,
 ) -> None:
     """The whole story in one go: drive, record, find what the model lacks, redeploy, compare."""
-    from hil.app.demo import demo
+    from hil.app.demo.command import demo
 
     demo(out, json_output=json_output, seed=seed)
 
 
 def _one_thread() -> None:
-    """Small matrices on one thread, here and in processes started from here: others would wait for a processor that the compiled loops of
-    a search or other workers have, or that a control loop has at a higher priority."""
+    """Small matrices on one thread, here and in processes started from here: others would wait for a processor that the
+    compiled loops of a search or other workers have, or that a control loop has at a higher priority.
+    """
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     threadpool_limits(1)
@@ -281,7 +317,8 @@ def run(args: Sequence[str]) -> int:
         return 1
     except OSError as error:
         return _said(
-            f"{error.filename or 'file'} must be one that can be read or written; got: {error.strerror or error}", BAD_INPUT
+            f"{error.filename or 'file'} must be one that can be read or written; got: {error.strerror or error}",
+            BAD_INPUT,
         )
     except ValueError as error:
         if os.environ.get("CAPSULE_TRACEBACK"):

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from hil.app.write import check_targets
-from plant.recording import record_scenario
-from plant.scenario import load_scenario
-from plant.series import write_record
+from plant.experiments.recording import record_scenario
+from plant.experiments.scenario import load_scenario
+from plant.experiments.series import write_record
 
 
 def simulate(scenario: Path, out: Path) -> None:

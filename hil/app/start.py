@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import sys
 
-INTERRUPTED = 130
-INTERRUPTION = "interrupted: no result was written"
+from hil.app.interruption import INTERRUPTED, INTERRUPTION
 
 
 def main() -> None:

@@ -29,7 +29,9 @@ def write_files(contents: Mapping[Path, str | bytes]) -> None:
 def write_table(path: Path, columns: Mapping[str, NDArray[np.float64]]) -> None:
     """Write columns of one length as CSV, gzipped where the name ends in `.gz`."""
     text = io.StringIO()
-    np.savetxt(text, np.column_stack(list(columns.values())), delimiter=",", fmt="%.10g", header=",".join(columns), comments="")
+    np.savetxt(
+        text, np.column_stack(list(columns.values())), delimiter=",", fmt="%.10g", header=",".join(columns), comments=""
+    )
     data = text.getvalue().encode()
     write_files({path: gzip.compress(data, mtime=0) if path.name.endswith(".gz") else data})
 
@@ -46,7 +48,9 @@ def check_folder(path: Path, option: str) -> Path:
         with tempfile.TemporaryFile(dir=path):
             pass
     except OSError as error:
-        raise ValueError(f"{option} must be a folder that can be written to; got {path}: {error.strerror or error}") from None
+        raise ValueError(
+            f"{option} must be a folder that can be written to; got {path}: {error.strerror or error}"
+        ) from None
     return path
 
 

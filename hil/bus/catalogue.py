@@ -26,8 +26,10 @@ _LARGEST_DBC = 1 << 22
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """One signal: `length` bits from bit `start` (little endian), value = raw `scale` + `offset` within [`lower`, `upper`], which is
-    [`raw_lower`, `raw_upper`] as raw numbers; `names` says what its numbers stand for, where they do."""
+    """One signal: `length` bits from bit `start` (little endian), value = raw `scale` + `offset` within [`lower`,
+    `upper`], which is [`raw_lower`, `raw_upper`] as raw numbers; `names` says what its numbers stand for, where they
+    do.
+    """
 
     name: str
     start: int
@@ -48,13 +50,16 @@ class Field:
         for raw, known in self.names.items():
             if known == name:
                 return raw
-        raise ValueError(f"{self.name} must be one of its names; got {name!r}; {nearest(name, list(self.names.values()))}")
+        raise ValueError(
+            f"{self.name} must be one of its names; got {name!r}; {nearest(name, list(self.names.values()))}"
+        )
 
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """One message: identifier, sender, cycle in s, how it is `sent` (one of SEND_TYPES), the `data_id` of its protection, and its signals but CRC
-    and counter, which stand in byte 0 and in the low half of byte 1."""
+    """One message: identifier, sender, cycle in s, how it is `sent` (one of SEND_TYPES), the `data_id` of its
+    protection, and its signals but CRC and counter, which stand in byte 0 and in the low half of byte 1.
+    """
 
     name: str
     id: int
@@ -72,7 +77,9 @@ class Frame:
         for one in self.fields:
             if one.name == name:
                 return one
-        raise ValueError(f"signal must be one of {self.name}; got {name!r}; {nearest(name, [f.name for f in self.fields])}")
+        raise ValueError(
+            f"signal must be one of {self.name}; got {name!r}; {nearest(name, [f.name for f in self.fields])}"
+        )
 
 
 @dataclass(frozen=True)
@@ -98,8 +105,10 @@ class Catalogue:
 
 @cache
 def load_catalogue(path: Path = DBC) -> Catalogue:
-    """Read a DBC file. Raises ValueError of one sentence for what cannot be read, or where a frame is not one that is protected:
-    11-bit identifier, little endian, no multiplexing, 8-bit CRC first, then a 4-bit counter, and a data id of its own."""
+    """Read a DBC file. Raises ValueError of one sentence for what cannot be read, or where a frame is not one that is
+    protected: 11-bit identifier, little endian, no multiplexing, 8-bit CRC first, then a 4-bit counter, and a data id
+    of its own.
+    """
     try:
         if path.stat().st_size > _LARGEST_DBC:
             raise ValueError(f"{path}: DBC must be smaller than {_LARGEST_DBC} bytes; got {path.stat().st_size}")
@@ -110,7 +119,9 @@ def load_catalogue(path: Path = DBC) -> Catalogue:
     except UnicodeDecodeError as error:
         raise ValueError(f"{path}: DBC must be UTF-8 text; got another byte at {error.start}") from None
     except cantools.Error as error:
-        raise ValueError(f"{path}: DBC must be one that cantools reads; got: {' '.join(str(error).split())[:200]}") from None
+        raise ValueError(
+            f"{path}: DBC must be one that cantools reads; got: {' '.join(str(error).split())[:200]}"
+        ) from None
     if not isinstance(database, Database):
         raise ValueError(f"{path}: DBC must describe CAN messages; got a {type(database).__name__}")
     frames = {message.name: _frame(message, str(path)) for message in database.messages}
@@ -118,14 +129,18 @@ def load_catalogue(path: Path = DBC) -> Catalogue:
     attributes: Any = database.dbc.attributes if database.dbc else {}
     rate = int(attributes["Baudrate"].value) if "Baudrate" in attributes else 0
     if not 10_000 <= rate <= 1_000_000:
-        raise ValueError(f"{path}: attribute Baudrate must be a rate of classic CAN, 10000 to 1000000 bit/s; got {rate}")
+        raise ValueError(
+            f"{path}: attribute Baudrate must be a rate of classic CAN, 10000 to 1000000 bit/s; got {rate}"
+        )
     return Catalogue(MappingProxyType(frames), rate, zlib.crc32(text.encode()) & 0xFFFF, str(path))
 
 
 def _frame(message: Any, where: str) -> Frame:
     what = f"{where}: frame {message.name}"
     if message.is_extended_frame or message.is_fd or message.is_multiplexed():
-        raise ValueError(f"{what} must be a plain frame with an 11-bit identifier; got an extended, FD or multiplexed one")
+        raise ValueError(
+            f"{what} must be a plain frame with an 11-bit identifier; got an extended, FD or multiplexed one"
+        )
     signals = {signal.name: signal for signal in message.signals}
     for name, start, length in ((CRC, 0, 8), (COUNTER, 8, 4)):
         signal = signals.pop(name, None)
@@ -137,7 +152,9 @@ def _frame(message: Any, where: str) -> Frame:
         raise ValueError(f"{what} must have an attribute DataId from 1 to 255; got {data_id}")
     sent = SEND_TYPES[int(attributes["GenMsgSendType"].value)] if "GenMsgSendType" in attributes else "Cyclic"
     if (sent == "Event") == bool(message.cycle_time):
-        raise ValueError(f"{what} must have a cycle time, unless it is sent on an event; got {message.cycle_time} ms and {sent}")
+        raise ValueError(
+            f"{what} must have a cycle time, unless it is sent on an event; got {message.cycle_time} ms and {sent}"
+        )
     return Frame(
         message.name,
         message.frame_id,
@@ -164,7 +181,9 @@ def _field(signal: Any, what: str) -> Field:
     raw_lower = math.ceil((lower - offset) / scale - _ROUNDING)
     raw_upper = math.floor((upper - offset) / scale + _ROUNDING)
     if not least <= raw_lower <= raw_upper <= most:
-        raise ValueError(f"{what}: range of {signal.name} must fit its {signal.length} bits; got [{lower:g}, {upper:g}]")
+        raise ValueError(
+            f"{what}: range of {signal.name} must fit its {signal.length} bits; got [{lower:g}, {upper:g}]"
+        )
     names = MappingProxyType({int(raw): str(name) for raw, name in (signal.choices or {}).items()})
     numbers = (signal.start, signal.length, signal.is_signed, scale, offset, lower, upper, raw_lower, raw_upper)
     return Field(signal.name, *numbers, signal.unit or "", signal.comment or "", names)

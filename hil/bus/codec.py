@@ -27,7 +27,8 @@ class Refusal:
 
 
 class Codec:
-    """One frame's codec. `encode` refuses what is out of range, `decode` what came out of range; neither sets nor checks the protection.
+    """One frame's codec. `encode` refuses what is out of range, `decode` what came out of range; neither sets nor
+    checks the protection.
 
     A value goes on the wire as `round((value - offset)/scale)`, ties to even. Bits that no signal owns are 0.
     """

@@ -1,4 +1,6 @@
-"""A bus between processes of one machine that loses nothing on the way: SEQPACKET sockets, offered as a python-can interface."""
+"""A bus between processes of one machine that loses nothing on the way: SEQPACKET sockets, offered as a python-can
+interface.
+"""
 
 from __future__ import annotations
 
@@ -25,12 +27,14 @@ _BUFFER: Final = 1 << 20
 
 
 class LocalBus(can.BusABC):
-    """A node on the local bus `channel`. Every node is connected to every other one; there is no hub whose death would end the bus.
+    """A node on the local bus `channel`. Every node is connected to every other one; there is no hub whose death would
+    end the bus.
 
-    A frame is in the receivers' queues when `send` returns, in the order in which this node sent. A receiver that does not read
-    fills its own queue only; what no longer fits is lost to it and counted in `overruns`, as in a CAN controller. Nodes come and go at
-    any time, also by SIGKILL. Not modelled: arbitration, bit time, errors, acknowledgement (a lonely sender hears no complaint).
-    Times of frames are the sender's `time.time()`. Classic data frames with 11-bit identifiers alone.
+    A frame is in the receivers' queues when `send` returns, in the order in which this node sent. A receiver that does
+    not read fills its own queue only; what no longer fits is lost to it and counted in `overruns`, as in a CAN
+    controller. Nodes come and go at any time, also by SIGKILL. Not modelled: arbitration, bit time, errors,
+    acknowledgement (a lonely sender hears no complaint). Times of frames are the sender's `time.time()`. Classic data
+    frames with 11-bit identifiers alone.
     """
 
     def __init__(self, channel: str = "capsule", receive_own_messages: bool = False, **kwargs: Any) -> None:
@@ -93,7 +97,9 @@ class LocalBus(can.BusABC):
             peer.close()
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Hand a frame to every other node; never waits. Raises ValueError for anything but a classic data frame of 11 bits."""
+        """Hand a frame to every other node; never waits. Raises ValueError for anything but a classic data frame of 11
+        bits.
+        """
         if msg.is_extended_id or msg.is_remote_frame or msg.is_fd or msg.is_error_frame or len(msg.data) > 8:
             raise ValueError(f"message must be a classic data frame with an 11-bit identifier; got {msg}")
         self._greet()
@@ -167,7 +173,8 @@ class LocalBus(can.BusABC):
 
 
 def channel_folder(channel: str) -> Path:
-    """The folder in which the nodes of `channel` have their places; made where it is missing. A channel with a `/` is the folder itself.
+    """The folder in which the nodes of `channel` have their places; made where it is missing. A channel with a `/` is
+    the folder itself.
 
     Raises OSError where it cannot be made, or its path is too long for a socket.
     """

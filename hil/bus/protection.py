@@ -1,4 +1,6 @@
-"""Counter, CRC and age as in AUTOSAR E2E profile 2: a bad frame changes nothing and is counted; age makes data invalid."""
+"""Counter, CRC and age as in AUTOSAR E2E profile 2: a bad frame changes nothing and is counted; age makes data
+invalid.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,36 @@ from dataclasses import dataclass, field
 
 from hil.bus.catalogue import Frame
 from hil.bus.codec import Codec, Reason, Refusal
-from hil.bus.crc import crc8
+
+POLYNOMIAL = 0x2F
+_START = _END = 0xFF
+
+
+def crc_table(polynomial: int) -> bytes:
+    """Remainder of every byte: `x^8 b mod (x^8 + polynomial)`."""
+    table = bytearray()
+    for byte in range(256):
+        rest = byte
+        for _ in range(8):
+            rest = ((rest << 1) ^ polynomial) & 0xFF if rest & 0x80 else rest << 1
+        table.append(rest)
+    return bytes(table)
+
+
+_TABLE = crc_table(POLYNOMIAL)
+
+
+def crc8(data: bytes | bytearray | memoryview, data_id: int) -> int:
+    """CRC of `data` followed by the byte `data_id`: start 0xFF, result inverted.
+
+    On a frame of 8 bytes, one of them the CRC itself, it misses no error of one, two or three bits (Hamming distance
+    4).
+    """
+    table, rest = _TABLE, _START
+    for byte in data:
+        rest = table[rest ^ byte]
+    return table[rest ^ data_id] ^ _END
+
 
 COUNTS = 16
 MOST_LOST = 4
@@ -44,20 +75,35 @@ class Statistics:
 
 
 class Receiver:
-    """Checks the frames of one kind: length, CRC, counter, range, in this order; keeps the last good values and when they came.
+    """Checks the frames of one kind: length, CRC, counter, range, in this order; keeps the last good values and when
+    they came.
 
-    The counter of a cyclic frame may skip as many frames as there was time for, at most `MOST_LOST`; a repeated one is refused. After
-    the data have become stale, `RESYNC` good frames in a row that count on from each other begin anew (a sender that has restarted);
-    while they are fresh no other sequence is let in, so a replay beside the true sender is not, unless it is 15 frames old to the
-    frame, where the counter has come round. A replay of a whole recording after the sender fell silent cannot be told from its
-    restart by counters of 4 bits: heartbeats and the time to live bound what it can do. Frames that are not cyclic (safe stop, fault,
-    reset) come after silences of any length: every counter but the last one is let in at once, none of them can start anything.
+    The counter of a cyclic frame may skip as many frames as there was time for, at most `MOST_LOST`; a repeated one is
+    refused. After the data have become stale, `RESYNC` good frames in a row that count on from each other begin anew (a
+    sender that has restarted); while they are fresh no other sequence is let in, so a replay beside the true sender is
+    not, unless it is 15 frames old to the frame, where the counter has come round. A replay of a whole recording after
+    the sender fell silent cannot be told from its restart by counters of 4 bits: heartbeats and the time to live bound
+    what it can do. Frames that are not cyclic (safe stop, fault, reset) come after silences of any length: every
+    counter but the last one is let in at once, none of them can start anything.
     """
 
-    __slots__ = ("_candidate", "_codec", "_counter", "_data_id", "_row", "frame", "longest_s", "stamp_s", "statistics", "values")
+    __slots__ = (
+        "_candidate",
+        "_codec",
+        "_counter",
+        "_data_id",
+        "_row",
+        "frame",
+        "longest_s",
+        "stamp_s",
+        "statistics",
+        "values",
+    )
 
     def __init__(self, frame: Frame, longest_s: float | None = None) -> None:
-        """`longest_s` is the age in s at which data become invalid: `CYCLES` cycles where None, inf for a frame sent on events."""
+        """`longest_s` is the age in s at which data become invalid: `CYCLES` cycles where None, inf for a frame sent on
+        events.
+        """
         self.frame = frame
         self.longest_s = (CYCLES * frame.cycle_s or math.inf) if longest_s is None else longest_s
         self.statistics = Statistics()
@@ -129,7 +175,9 @@ class Reception:
     unknown: Counter[int] = field(default_factory=Counter)
 
     def accept(self, identifier: int, data: bytes | bytearray, now: float) -> dict[str, float] | Refusal:
-        """Hand a frame to its receiver. Never raises; identifiers nobody knows are counted, at most 2048 different ones."""
+        """Hand a frame to its receiver. Never raises; identifiers nobody knows are counted, at most 2048 different
+        ones.
+        """
         receiver = self.receivers.get(identifier)
         if receiver is None:
             if len(self.unknown) < 2048 or identifier in self.unknown:

@@ -16,7 +16,9 @@ _SHARE = 0.3
 
 @dataclass(frozen=True)
 class Coil(Drive):
-    """Coil current i in A; force `k i` on the capsule in a uniform field, `k i/(1 + ((x - x_c)/r)^2)^2` where the field has a range r."""
+    """Coil current i in A; force `k i` on the capsule in a uniform field, `k i/(1 + ((x - x_c)/r)^2)^2` where the field
+    has a range r.
+    """
 
     name: ClassVar[str] = "coil"
     commanded: ClassVar[str] = "coil_current_A"
@@ -45,7 +47,9 @@ class Winding:
     back_emf_V_s_per_m: float = 0.0
 
     def parameters(self) -> tuple[Parameter, ...]:
-        """Resistance and back-EMF; of the resistance and the force constant a record of positions shows the ratio alone."""
+        """Resistance and back-EMF; of the resistance and the force constant a record of positions shows the ratio
+        alone.
+        """
         r, e = self.resistance_ohm, self.back_emf_V_s_per_m
         spread = max(abs(e), 0.1)
         return (
@@ -54,7 +58,8 @@ class Winding:
         )
 
     def current(self, start: Any, voltage: Any, speed: Any, h: Any, p: Mapping[str, Any]) -> tuple[Any, Any]:
-        """Mean current over a step `h` in s and current at its end, in A; exact at a constant `voltage` in V and `speed` in m/s.
+        """Mean current over a step `h` in s and current at its end, in A; exact at a constant `voltage` in V and
+        `speed` in m/s.
 
         `start` is the current at the step's beginning. Without inductance the current follows at once.
         """

@@ -25,9 +25,11 @@ def _no_states(*_: Any) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Actuation:
-    """What a drive acts on within one step of `h` s: the body's place `x` in m and speed `v` in m/s at mid-step, its speed `start`
-    before, the `command` at mid-step, the parameters `p` and the drive's own states `z` by name, and what effects make of it: the
-    factor `gain` on the force, `suspension(stretch, rate)` in N beside an inner mass's spring, `reach(stretch)` on its coil's force."""
+    """What a drive acts on within one step of `h` s: the body's place `x` in m and speed `v` in m/s at mid-step, its
+    speed `start` before, the `command` at mid-step, the parameters `p` and the drive's own states `z` by name, and what
+    effects make of it: the factor `gain` on the force, `suspension(stretch, rate)` in N beside an inner mass's spring,
+    `reach(stretch)` on its coil's force.
+    """
 
     x: Any
     v: Any
@@ -43,8 +45,10 @@ class Actuation:
 
 @dataclass(frozen=True)
 class Push:
-    """What a drive does to the body in one step: its mean `force` in N, the `inertia` in kg that the body feels beside its own
-    (a mass on a spring, solved implicitly), and the drive's states `after(speed at the step's end, mean speed)` of the body."""
+    """What a drive does to the body in one step: its mean `force` in N, the `inertia` in kg that the body feels beside
+    its own (a mass on a spring, solved implicitly), and the drive's states `after(speed at the step's end, mean speed)`
+    of the body.
+    """
 
     force: Any
     inertia: Any = 0.0
@@ -53,13 +57,14 @@ class Push:
 
 @dataclass(frozen=True)
 class Drive:
-    """A drive's beliefs. `imposed`: the command is the capsule's position, and the force on it is measured. `anchored`: the command
-    holds a place, so that being off it tells of the wall; else a position is only known from where it started.
+    """A drive's beliefs. `imposed`: the command is the capsule's position, and the force on it is measured. `anchored`:
+    the command holds a place, so that being off it tells of the wall; else a position is only known from where it
+    started.
 
-    `states` are the drive's own, all 0 at the start; `command_unit` is what a command of 1 is in the driven column's unit;
-    `carried_kg` rides on the body and presses it down. `turning` places the moment at which the body turns or stops within the
-    step, for drives that shake it to and fro in every cycle. `held`: the command is a switch, which over a step stays what it was
-    at the step's beginning; else it goes in a straight line.
+    `states` are the drive's own, all 0 at the start; `command_unit` is what a command of 1 is in the driven column's
+    unit; `carried_kg` rides on the body and presses it down. `turning` places the moment at which the body turns or
+    stops within the step, for drives that shake it to and fro in every cycle. `held`: the command is a switch, which
+    over a step stays what it was at the step's beginning; else it goes in a straight line.
     """
 
     name: ClassVar[str] = ""

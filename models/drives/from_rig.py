@@ -1,4 +1,4 @@
-"""From a rig file to the surface and the drive that `models.assembly.assemble` takes."""
+"""From a rig file to the surface and the drive that `models.assembly.model.assemble` takes."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from models.drives.drive import Drive
 from models.drives.magnetic import Magnetic
 from models.drives.pull import Pull
 from models.drives.vibro import RatedVibro, Stop, Vibro, VoltageVibro
-from models.plate import Plate
-from models.rig import Rig
-from models.wall import Wall
+from models.files.rig import Rig
+from models.surfaces.gut import Wall
+from models.surfaces.plate import Plate
 
 KINDS = ("pull", "magnetic", "coil", "vibro")
 
@@ -22,9 +22,11 @@ def surface_of(rig: Rig) -> Wall | Plate:
 
 
 def drive_of(rig: Rig, driven: str = "") -> Drive:
-    """The drive of a time-series rig; `driven` is the record's driven column, which for coil and vibro may be `coil_voltage_V`.
+    """The drive of a time-series rig; `driven` is the record's driven column, which for coil and vibro may be
+    `coil_voltage_V`.
 
-    Raises ValueError for another kind of rig, and for a voltage where the rig file lacks what it takes to turn it into a force.
+    Raises ValueError for another kind of rig, and for a voltage where the rig file lacks what it takes to turn it into
+    a force.
     """
     by_voltage = driven == "coil_voltage_V"
     if rig.kind == "pull":
@@ -35,7 +37,9 @@ def drive_of(rig: Rig, driven: str = "") -> Drive:
         return _coil(rig, by_voltage)
     if rig.kind == "vibro" and rig.drive is not None:
         return _vibro(rig, by_voltage)
-    raise ValueError(f"rig must be of a kind that gives time series of a capsule; got {rig.kind!r}; known: {', '.join(KINDS)}")
+    raise ValueError(
+        f"rig must be of a kind that gives time series of a capsule; got {rig.kind!r}; known: {', '.join(KINDS)}"
+    )
 
 
 def _coil(rig: Rig, by_voltage: bool) -> Coil:
@@ -44,7 +48,9 @@ def _coil(rig: Rig, by_voltage: bool) -> Coil:
     if not by_voltage:
         return Coil(c.force_constant_N_per_A, c.coil_position_m, c.coil_range_m)
     if c.coil_resistance_Ohm is None:
-        raise ValueError("[rig] must have the key 'coil_resistance_Ohm' where the coil is driven by a voltage; it is missing")
+        raise ValueError(
+            "[rig] must have the key 'coil_resistance_Ohm' where the coil is driven by a voltage; it is missing"
+        )
     winding = _winding(c.coil_resistance_Ohm, c.coil_inductance_H, c.current_limit_A, c.force_constant_N_per_A)
     return VoltageCoil(c.force_constant_N_per_A, c.coil_position_m, c.coil_range_m, winding)
 
@@ -58,7 +64,9 @@ def _vibro(rig: Rig, by_voltage: bool) -> Vibro:
     d = rig.drive
     assert d is not None
     stiff = d.stop_stiffness_N_per_m
-    front, rear = (None if gap is None or stiff is None else Stop(gap, stiff) for gap in (d.front_stop_gap_m, d.rear_stop_gap_m))
+    front, rear = (
+        None if gap is None or stiff is None else Stop(gap, stiff) for gap in (d.front_stop_gap_m, d.rear_stop_gap_m)
+    )
     numbers = (
         d.inner_mass_kg,
         d.spring_stiffness_N_per_m,
@@ -74,8 +82,8 @@ def _vibro(rig: Rig, by_voltage: bool) -> Vibro:
         return RatedVibro(*numbers, d.rated_voltage_V)
     if d.coil_resistance_Ohm is None or d.force_constant_N_per_A is None:
         raise ValueError(
-            "[drive] must have the key 'rated_voltage_V', or 'force_constant_N_per_A' and 'coil_resistance_Ohm', where the coil is "
-            "driven by a voltage; they are missing"
+            "[drive] must have the key 'rated_voltage_V', or 'force_constant_N_per_A' and 'coil_resistance_Ohm', where"
+            " the coil is driven by a voltage; they are missing"
         )
     winding = _winding(d.coil_resistance_Ohm, d.coil_inductance_H, d.current_limit_A, d.force_constant_N_per_A)
     return VoltageVibro(*numbers, d.force_constant_N_per_A, winding)

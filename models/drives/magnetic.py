@@ -12,7 +12,9 @@ from models.parameter import Parameter
 
 @dataclass(frozen=True)
 class Magnetic(Drive):
-    """Imposed carriage position in m; force `k g/(1 + (g/r)^2)^2` on the gap `g = carriage - capsule`, largest at `g = r/sqrt(3)`."""
+    """Imposed carriage position in m; force `k g/(1 + (g/r)^2)^2` on the gap `g = carriage - capsule`, largest at `g =
+    r/sqrt(3)`.
+    """
 
     name: ClassVar[str] = "magnetic"
     commanded: ClassVar[str] = "carriage_position_m"
@@ -23,7 +25,11 @@ class Magnetic(Drive):
 
     def parameters(self) -> tuple[Parameter, ...]:
         k = self.stiffness_N_per_m
-        return (Parameter("magnet_stiffness_N_per_m", k, "N/m", 0.85 * k, 1.15 * k, "rig file; several percent off", fit=True),)
+        return (
+            Parameter(
+                "magnet_stiffness_N_per_m", k, "N/m", 0.85 * k, 1.15 * k, "rig file; several percent off", fit=True
+            ),
+        )
 
     def force(self, x: Any, v: Any, command: Any, p: Mapping[str, Any]) -> Any:
         gap = command - x

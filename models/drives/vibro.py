@@ -1,4 +1,6 @@
-"""An inner mass on a spring between stops, pushed by a coil: the vibro-impact drive (capsubot) in the gut or on a plate."""
+"""An inner mass on a spring between stops, pushed by a coil: the vibro-impact drive (capsubot) in the gut or on a
+plate.
+"""
 
 from __future__ import annotations
 
@@ -29,10 +31,10 @@ class Stop:
 class Vibro(Drive):
     """Command `on` from 0 to 1: force `F on` on the inner mass, `m w' = F - S(r, r')`, on the body `S - a F`.
 
-    `S = k r + c r' + front stop - rear stop` on the displacement r = inner mass - body; a = 1 where the coil sits on board
-    (`reaction_on_body`), 0 where an external field acts on the magnet alone. The step is implicit in the suspension
-    (trapezoidal, linearised at its predicted middle), so stiff stops and long steps stay stable, and the body's set-valued
-    friction is solved with the inner mass's share of inertia.
+    `S = k r + c r' + front stop - rear stop` on the displacement r = inner mass - body; a = 1 where the coil sits on
+    board (`reaction_on_body`), 0 where an external field acts on the magnet alone. The step is implicit in the
+    suspension (trapezoidal, linearised at its predicted middle), so stiff stops and long steps stay stable, and the
+    body's set-valued friction is solved with the inner mass's share of inertia.
     """
 
     name: ClassVar[str] = "vibro"
@@ -110,7 +112,9 @@ class RatedVibro(Vibro):
 
 @dataclass(frozen=True)
 class VoltageVibro(Vibro):
-    """The same drive commanded by its coil's voltage: force `K i` with the current behind R, L, back-EMF of the relative speed."""
+    """The same drive commanded by its coil's voltage: force `K i` with the current behind R, L, back-EMF of the
+    relative speed.
+    """
 
     commanded: ClassVar[str] = "coil_voltage_V"
     states: ClassVar[tuple[str, ...]] = ("stretch_m", "rate_m_s", "current_A")

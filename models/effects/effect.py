@@ -17,10 +17,10 @@ Shares = tuple[Any, Any, Any]
 class Signals:
     """What an effect may look at within one step; numbers, arrays or CasADi symbols alike, SI units.
 
-    `t` time, `x` position along the lumen, `v` speed, `direction` smooth sign of the motion (the last one while at rest),
-    `command` the drive's command (carriage position, coil current, drive on), `rate` its rate of change, `travelled` path length so
-    far, `tension` the wall's quasi-static tension, `drag` the wall's displacement u, `drag_rate` its rate, `dwell` time at rest.
-    A rig kind that has no such signal leaves it at 0.
+    `t` time, `x` position along the lumen, `v` speed, `direction` smooth sign of the motion (the last one while at
+    rest), `command` the drive's command (carriage position, coil current, drive on), `rate` its rate of change,
+    `travelled` path length so far, `tension` the wall's quasi-static tension, `drag` the wall's displacement u,
+    `drag_rate` its rate, `dwell` time at rest. A rig kind that has no such signal leaves it at 0.
     """
 
     t: Any = 0.0
@@ -40,9 +40,10 @@ class Signals:
 class Effect:
     """An effect beyond the base model. Every hook's default is "no effect".
 
-    Subclasses declare their parameters as `Parameter` fields; the first one is the amplitude, and at the amplitude's value 0 the effect
-    is absent. Hooks get the signals `s`, the parameters' values `p` by field name and the hidden states `z` by name. `by_speed` says that
-    the level changes with the speed and not only with its direction. A refinement `of` one effect gets that effect's values too.
+    Subclasses declare their parameters as `Parameter` fields; the first one is the amplitude, and at the amplitude's
+    value 0 the effect is absent. Hooks get the signals `s`, the parameters' values `p` by field name and the hidden
+    states `z` by name. `by_speed` says that the level changes with the speed and not only with its direction. A
+    refinement `of` one effect gets that effect's values too.
     """
 
     id: ClassVar[str] = ""
@@ -83,7 +84,9 @@ class Effect:
         return 1.0
 
     def shared(self, p: Values, factors: Shares) -> Shares:
-        """Factors on F_e, `mu m g` and `mu N_p`, of which the last two make the slip limit, given those that `level` would give them."""
+        """Factors on F_e, `mu m g` and `mu N_p`, of which the last two make the slip limit, given those that `level`
+        would give them.
+        """
         return factors
 
     def force(self, s: Signals, p: Values, z: Values) -> Any:
@@ -99,7 +102,9 @@ class Effect:
         return 0.0
 
     def recovery(self, s: Signals, p: Values, z: Values, speed: Any, onset: Any) -> Any:
-        """Speed in m/s at which a slipping wall draws back, given the base model's `speed` and the drag `onset` u_c at which it slips."""
+        """Speed in m/s at which a slipping wall draws back, given the base model's `speed` and the drag `onset` u_c at
+        which it slips.
+        """
         return speed
 
     def command(self, s: Signals, p: Values, z: Values) -> Any:
@@ -129,3 +134,18 @@ class Effect:
     def advance(self, s: Signals, p: Values, z: Values, h: Any) -> dict[str, Any]:
         """The hidden states after a step `h` in s, unconditionally stable."""
         return {}
+
+
+@dataclass(frozen=True)
+class InnerMassEffect(Effect):
+    """An effect of the vibro drive's suspension or coil; its hooks see how far (m) and how fast (m/s) the inner mass
+    moves against the body.
+    """
+
+    def suspension(self, stretch: Any, rate: Any, p: Values) -> Any:
+        """Extra force in N that pulls the inner mass back to the body (and the body after it)."""
+        return 0.0
+
+    def reach(self, stretch: Any, p: Values) -> Any:
+        """Factor on the coil's force."""
+        return 1.0

@@ -9,12 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.effects.effect import Effect
+from models.files.record import Record
 from models.parameter import Parameter
-from models.record import Record
 
 Array = NDArray[np.float64]
 Theta = Mapping[str, float]
-"""Values of the base parameters by name and of effect parameters by `effect_id.name`; an effect with no entry is absent."""
+"""Values of the base parameters by name and of effect parameters by `effect_id.name`; an effect with no entry is
+absent.
+"""
 
 EXPLAINED = 0.6
 """Share of the misfit beyond chance that effects take away where they count as what was missing."""
@@ -23,7 +25,8 @@ EXPLAINED = 0.6
 class Kind(Protocol):
     """One kind of rig with the experimenter's beliefs: free-running prediction, criterion, reported error.
 
-    `base` holds the parameters that calibration may fit, at their nominal values; `effects` the candidates that can act here.
+    `base` holds the parameters that calibration may fit, at their nominal values; `effects` the candidates that can act
+    here.
     """
 
     @property
@@ -53,18 +56,23 @@ class Kind(Protocol):
 
     @property
     def final(self) -> int:
-        """The stage at which the fit of the model that is reported ends: the last one, or the same computed more exactly."""
+        """The stage at which the fit of the model that is reported ends: the last one, or the same computed more
+        exactly.
+        """
         ...
 
     @property
     def judges(self) -> tuple[int, ...]:
-        """Stages that judge a model, block by block the one under which it fits better: an observer may lose a step that the free run
-        keeps, and the free run one that the observer keeps."""
+        """Stages that judge a model, block by block the one under which it fits better: an observer may lose a step
+        that the free run keeps, and the free run one that the observer keeps.
+        """
         ...
 
     @property
     def free_only(self) -> bool:
-        """Whether the free run alone is to be trusted: a strong effect that it follows throws the kind's observers out of step."""
+        """Whether the free run alone is to be trusted: a strong effect that it follows throws the kind's observers out
+        of step.
+        """
         ...
 
     @property
@@ -74,19 +82,23 @@ class Kind(Protocol):
 
     @property
     def least_gain(self) -> float:
-        """Gain below which nothing is named: what two searches of the same criterion may differ by; large where it is jagged."""
+        """Gain below which nothing is named: what two searches of the same criterion may differ by; large where it is
+        jagged.
+        """
         ...
 
     @property
     def next_share(self) -> float:
-        """Share of the first effect's gain that a further effect must bring: small where a law can be exact, larger where a form that
-        fits badly would call for others to mend it."""
+        """Share of the first effect's gain that a further effect must bring: small where a law can be exact, larger
+        where a form that fits badly would call for others to mend it.
+        """
         ...
 
     @property
     def named_share(self) -> float:
-        """Share of the misfit that the effects must take away for a verdict where clearly more is left than the model would leave of itself:
-        large where the base's laws are exact, `EXPLAINED` where they are not all known."""
+        """Share of the misfit that the effects must take away for a verdict where clearly more is left than the model
+        would leave of itself: large where the base's laws are exact, `EXPLAINED` where they are not all known.
+        """
         ...
 
     @property
@@ -109,9 +121,11 @@ class Kind(Protocol):
         ...
 
     def residual(self, record: Record, theta: Theta, stage: int = 0) -> Array:
-        """What a fit minimises: differences in units of their standard deviation, fixed length for a record, about unit variance
-        and independent of each other where the model is right. `stage` counts up to `stages` - 1, from a criterion that is smooth
-        but forgets (an observer keeps the model in step) to the one that is meant; most kinds have one stage."""
+        """What a fit minimises: differences in units of their standard deviation, fixed length for a record, about unit
+        variance and independent of each other where the model is right. `stage` counts up to `stages` - 1, from a
+        criterion that is smooth but forgets (an observer keeps the model in step) to the one that is meant; most kinds
+        have one stage.
+        """
         ...
 
     @property
@@ -128,19 +142,27 @@ class Kind(Protocol):
         ...
 
     def noise_floor(self, records: Sequence[Record]) -> float:
-        """What a perfect model would leave of `error`: the sensors' noise (repeats' scatter) through the same measure."""
+        """What a perfect model would leave of `error`: the sensors' noise (repeats' scatter) through the same
+        measure.
+        """
         ...
 
     def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
-        """A record like `record` but measured on the model at `theta` with the noise believed: what chance alone looks like."""
+        """A record like `record` but measured on the model at `theta` with the noise believed: what chance alone looks
+        like.
+        """
         ...
 
     def telling(self, records: Sequence[Record]) -> list[Record]:
-        """What of `records` a search looks at: all of them, or their beginnings where a run takes long and a short one tells as much."""
+        """What of `records` a search looks at: all of them, or their beginnings where a run takes long and a short one
+        tells as much.
+        """
         ...
 
     def folds(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
-        """Splits into (training, validation) parts for cross-validation: by record, by condition, by sample; never within one."""
+        """Splits into (training, validation) parts for cross-validation: by record, by condition, by sample; never
+        within one.
+        """
         ...
 
 
@@ -162,3 +184,14 @@ class OneByOne:
     def telling(self, records: Sequence[Record]) -> list[Record]:
         """All of them."""
         return list(records)
+
+
+def parameters_of(effect: type[Effect], theta: Theta) -> dict[str, float] | None:
+    """An effect's parameters in `theta`, at their defaults where left out; None where the effect is absent."""
+    given = {p.name: theta[f"{effect.id}.{p.name}"] for p in effect.parameters() if f"{effect.id}.{p.name}" in theta}
+    return {p.name: given.get(p.name, p.value) for p in effect.parameters()} if given else None
+
+
+def present(effects: Sequence[type[Effect]], theta: Theta) -> list[tuple[Effect, dict[str, float]]]:
+    """The effects in `theta`, each with its parameters."""
+    return [(effect(), values) for effect in effects if (values := parameters_of(effect, theta)) is not None]

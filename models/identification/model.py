@@ -6,30 +6,67 @@ import json
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from models.assembly import effect_parameters
-from models.columns import COLUMNS
+from models.assembly.model import effect_parameters
 from models.effects import BY_ID, REFINEMENTS
+from models.files.columns import COLUMNS
+from models.files.record import Record, named
+from models.files.rig import Rig
+from models.identification.finding import STAGES
 from models.identification.kinds import kind_for
-from models.identification.kinds.driven import SWITCH_DELAY
-from models.identification.result import STAGES
-from models.identification.telling import check_demand
+from models.identification.kinds.series.drive_input import SWITCH_DELAY
+from models.identification.record_checks import check_demand
 from models.parameter import Parameter, nearest
-from models.record import Record, named
-from models.rig import Rig
+
+LARGEST_MODEL = 1 << 22
+
+
+def read_model(path: Path, kind: str, *others: str) -> Model:
+    """The model of a file, for rigs of `kind` or one of the `others`; a ValueError of one sentence where it is none."""
+    try:
+        if path.stat().st_size > LARGEST_MODEL:
+            raise ValueError(f"{path}: model must be smaller than {LARGEST_MODEL} bytes; got {path.stat().st_size}")
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise ValueError(f"{path}: model must be a file that can be read; got: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path}: model must be UTF-8 text; got another byte at {error.start}") from None
+    try:
+        model = Model.from_toml(text)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    if model.kind not in (kind, *others):
+        raise ValueError(
+            f"{path}: model must be one of a {' or '.join((kind, *others))} rig; got one of a {model.kind} rig"
+        )
+    return model
+
+
+def read_report(path: Path) -> dict[str, Any]:
+    """The object of a report.json; empty where it is another JSON value. Raises ValueError of one sentence."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{path}: report must be the JSON that close-loop wrote; got: {error}") from None
+    return found if isinstance(found, dict) else {}
+
 
 FORMAT = 1
 HELD_OUT = "held_out_error"
-"""The name, among the values that a controller is given, of how far off the model was on records that no fit has seen."""
+"""The name, among the values that a controller is given, of how far off the model was on records that no fit has seen.
+"""
 
 
 @dataclass(frozen=True)
 class Model:
-    """`stages` maps nominal, calibrated and augmented to values: base parameters by name, effects' as `effect_id.name`. `held_out` maps
-    them to the error of the free-running prediction of held-out records, in the measured column's unit; empty where none were held out.
+    """`stages` maps nominal, calibrated and augmented to values: base parameters by name, effects' as `effect_id.name`.
+    `held_out` maps them to the error of the free-running prediction of held-out records, in the measured column's unit;
+    empty where none were held out.
     """
 
     kind: str
@@ -50,7 +87,11 @@ class Model:
         if self.held_out:
             lines += ["[held_out]", *(f"{stage} = {error!r}" for stage, error in self.held_out.items()), ""]
         for stage in STAGES:
-            lines += [f"[{stage}]", *(f"{json.dumps(name)} = {value!r}" for name, value in self.stages[stage].items()), ""]
+            lines += [
+                f"[{stage}]",
+                *(f"{json.dumps(name)} = {value!r}" for name, value in self.stages[stage].items()),
+                "",
+            ]
         return "\n".join(lines)
 
     @classmethod
@@ -61,7 +102,9 @@ class Model:
         except (tomllib.TOMLDecodeError, RecursionError) as error:
             raise ValueError(f"model must be TOML; got: {' '.join(str(error).split())[:200]}") from None
         if raw.get("format") != FORMAT or not isinstance(raw.get("kind"), str):
-            raise ValueError(f"model must have 'format' = {FORMAT} and a 'kind', as close-loop writes it; got {sorted(raw)[:6]}")
+            raise ValueError(
+                f"model must have 'format' = {FORMAT} and a 'kind', as close-loop writes it; got {sorted(raw)[:6]}"
+            )
         stages = {stage: _values(raw.get(stage), stage) for stage in STAGES}
         provenance = raw.get("provenance", {})
         if not isinstance(provenance, dict):
@@ -80,8 +123,10 @@ class Model:
             return kind.columns(driven, kind.predict(driven, self.stages[stage]))
 
     def check(self, rig: Rig, record: Record) -> None:
-        """Refuse values that are not those of `rig` driven as in `record`: every stage must have the base's parameters, no other, and
-        those of effects that can act on it, all within their bounds. Raises ValueError of one sentence."""
+        """Refuse values that are not those of `rig` driven as in `record`: every stage must have the base's parameters,
+        no other, and those of effects that can act on it, all within their bounds. Raises ValueError of one
+        sentence.
+        """
         kind = kind_for(rig, [record.without(COLUMNS[rig.kind].measured)])
         base = tuple(
             replace(p, upper=np.inf) if p.name == SWITCH_DELAY else p for p in kind.base
@@ -93,7 +138,8 @@ class Model:
             if strange is not None:
                 hint = nearest(strange, list(effects))
                 raise ValueError(
-                    f"model [{stage}] must have effects that can act on a rig of kind {kind.name}; got {strange!r}; {hint}"
+                    f"model [{stage}] must have effects that can act on a rig of kind {kind.name}; got {strange!r};"
+                    f" {hint}"
                 )
             own = [(p, p.fit) for p in effect_parameters([effects[name] for name in present])]
             _check_values(stage, values, [*((p, True) for p in base), *own])
@@ -112,12 +158,16 @@ def _check_values(stage: str, values: Mapping[str, float], declared: Sequence[tu
                 raise ValueError(f"model [{stage}] must have the key {p.name!r}; it is missing")
             continue
         if not p.holds(values[p.name]):
-            raise ValueError(f"model [{stage}] {p.name} must lie in [{p.lower:g}, {p.upper:g}] {p.unit}; got {values[p.name]:g}")
+            raise ValueError(
+                f"model [{stage}] {p.name} must lie in [{p.lower:g}, {p.upper:g}] {p.unit}; got {values[p.name]:g}"
+            )
 
 
 def _errors(raw: object) -> dict[str, float]:
     if not isinstance(raw, Mapping) or not all(stage in STAGES for stage in raw):
-        raise ValueError(f"model must have a table [held_out] with keys among {', '.join(STAGES)}, or none; got {raw!r}"[:200])
+        raise ValueError(
+            f"model must have a table [held_out] with keys among {', '.join(STAGES)}, or none; got {raw!r}"[:200]
+        )
     for stage, error in raw.items():
         if isinstance(error, bool) or not isinstance(error, int | float) or not 0 <= error < np.inf:
             raise ValueError(f"model [held_out] {stage} must be a finite number, zero or more; got {error!r}")
@@ -132,7 +182,9 @@ def _values(raw: object, stage: str) -> dict[str, float]:
         if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
             raise ValueError(f"model [{stage}] {name} must be a finite number; got {value!r}")
         if "." in name and name.split(".")[0] not in BY_ID:
-            raise ValueError(f"model [{stage}] must name known effects; got {name!r}; {nearest(name.split('.')[0], list(BY_ID))}")
+            raise ValueError(
+                f"model [{stage}] must name known effects; got {name!r}; {nearest(name.split('.')[0], list(BY_ID))}"
+            )
         if "." in name:
             effect, own = name.split(".", 1)
             known = [p.name for p in BY_ID[effect].parameters()]

@@ -18,7 +18,9 @@ def elastic_pressure(diameter_m: Any, capsule: Capsule, tissue: Tissue, wall: Wa
 
 def _nose_load(capsule: Capsule, tissue: Tissue, wall: WallConstants) -> float:
     def density(x: Any, _speed: Any) -> Any:
-        return 2 * math.pi * capsule.radius_m * elastic_pressure(wall_diameter(x, capsule, tissue), capsule, tissue, wall)
+        return (
+            2 * math.pi * capsule.radius_m * elastic_pressure(wall_diameter(x, capsule, tissue), capsule, tissue, wall)
+        )
 
     return float(integrate_along(density, 0.0, 0.0, shoulder_position(capsule, tissue)))
 

@@ -14,7 +14,9 @@ from models.parameter import load_set
 
 @dataclass(frozen=True)
 class FlatCar:
-    """Contact area and angles of the model: radius R, length L, contact angle alpha, force angle theta (rad), car speed v_c."""
+    """Contact area and angles of the model: radius R, length L, contact angle alpha, force angle theta (rad), car speed
+    v_c.
+    """
 
     radius_m: float
     length_m: float

@@ -1,4 +1,6 @@
-"""Force against speed: environmental resistance, mucus drag and Coulomb part of a steadily sliding capsule (paper V Eq. 1)."""
+"""Force against speed: environmental resistance, mucus drag and Coulomb part of a steadily sliding capsule (paper V Eq.
+1).
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ from models.laws.resistance import Regime, pressure_integrals
 
 @dataclass(frozen=True)
 class Resistance:
-    """The three parts of the force on a sliding capsule in N, each a number, an array over speed or a CasADi expression."""
+    """The three parts of the force on a sliding capsule in N, each a number, an array over speed or a CasADi
+    expression.
+    """
 
     environmental: Any
     viscous: Any
@@ -26,11 +30,12 @@ class Resistance:
 
 
 def sliding_resistance(speed: Any, capsule: Capsule, tissue: Tissue, regime: Regime = "low") -> Resistance:
-    """`F(v) = F_e(v) + F_v(v) + F_c(v)`, `F_e = sin(theta) I1`, `F_c = mu (m g + cos(theta) I1 + I2)`, `F_v` the mucus drag.
+    """`F(v) = F_e(v) + F_v(v) + F_c(v)`, `F_e = sin(theta) I1`, `F_c = mu (m g + cos(theta) I1 + I2)`, `F_v` the mucus
+    drag.
 
-    `speed` v > 0 in m/s, any shape; forces in N. At 10 mm/s the paper's 50.1 g capsule gives 66.37 + 2.55 + 78.78 = 147.7 mN.
-    `regime` "blend" passes smoothly from the low-speed to the high-speed moduli about 20 mm/s, where the paper's Fig. 7 jumps.
-    Source: paper V Eq. 1, 8, 9, 11, 12.
+    `speed` v > 0 in m/s, any shape; forces in N. At 10 mm/s the paper's 50.1 g capsule gives 66.37 + 2.55 + 78.78 =
+    147.7 mN. `regime` "blend" passes smoothly from the low-speed to the high-speed moduli about 20 mm/s, where the
+    paper's Fig. 7 jumps. Source: paper V Eq. 1, 8, 9, 11, 12.
     """
     nose, cylinder = pressure_integrals(speed, capsule, tissue, regime)
     load = capsule.mass_kg * GRAVITY + math.cos(tissue.theta) * nose + cylinder

@@ -22,7 +22,9 @@ class Capsule:
 
 @dataclass(frozen=True)
 class Tissue:
-    """The gut around the capsule: wall thickness d = l_m, contact angle alpha, nose angle theta, friction, mucus, recovery."""
+    """The gut around the capsule: wall thickness d = l_m, contact angle alpha, nose angle theta, friction, mucus,
+    recovery.
+    """
 
     wall_thickness_m: float = 2.5e-3
     contact_angle_deg: float = 60.0
@@ -48,14 +50,17 @@ def relaxed_diameter(capsule: Capsule, tissue: Tissue) -> float:
 
 
 def shoulder_position(capsule: Capsule, tissue: Tissue) -> float:
-    """`x_s = R sin(alpha)` in m: where the nose passes into the cylinder, counted from the first contact of wall and nose."""
+    """`x_s = R sin(alpha)` in m: where the nose passes into the cylinder, counted from the first contact of wall and
+    nose.
+    """
     return capsule.radius_m * math.sin(tissue.alpha)
 
 
 def wall_diameter(distance_m: Any, capsule: Capsule, tissue: Tissue) -> Any:
     """`D(x) = 2 sqrt(R^2 - (x_s - x)^2)` up to the shoulder, `2 R` along the cylinder, in m (papers A and V, Fig. 1).
 
-    `distance_m` x from the first contact in m, any shape; `D(0) = D0`. The wall takes the capsule's shape (assumption 3 of both).
+    `distance_m` x from the first contact in m, any shape; `D(0) = D0`. The wall takes the capsule's shape (assumption 3
+    of both).
     """
     ahead = np.maximum(shoulder_position(capsule, tissue) - distance_m, 0)
     return 2 * np.sqrt(capsule.radius_m**2 - ahead**2)

@@ -1,4 +1,6 @@
-"""Hoop stress of the viscoelastic wall around a moving capsule: five elements, two sets (paper V Eq. 3-7, 13, Table 3)."""
+"""Hoop stress of the viscoelastic wall around a moving capsule: five elements, two sets (paper V Eq. 3-7, 13, Table
+3).
+"""
 
 from __future__ import annotations
 
@@ -42,11 +44,15 @@ def high_speed_moduli() -> Moduli:
 
 
 def blend_weight(speed: Any, centre_m_s: float = 0.020, width_m_s: float = 0.002) -> Any:
-    """Share of the high-speed set, 0 below and 1 above `centre`, a smooth step over about `width` (paper V jumps at 20 mm/s)."""
+    """Share of the high-speed set, 0 below and 1 above `centre`, a smooth step over about `width` (paper V jumps at 20
+    mm/s).
+    """
     s = np.clip((speed - centre_m_s) / width_m_s + 0.5, 0.0, 1.0)
     return s * s * (3 - 2 * s)
 
 
 def hoop_stress(strain: Any, distance_m: Any, speed_m_s: Any, moduli: Moduli) -> Any:
-    """`tau = e (E1 exp(-E1 x/(eta1 v)) + E2 exp(-E2 x/(eta2 v)) + E3)` in Pa: the wall met the nose `x/v` ago (paper V Eq. 4)."""
+    """`tau = e (E1 exp(-E1 x/(eta1 v)) + E2 exp(-E2 x/(eta2 v)) + E3)` in Pa: the wall met the nose `x/v` ago (paper V
+    Eq. 4).
+    """
     return strain * moduli.relaxation(distance_m / speed_m_s)

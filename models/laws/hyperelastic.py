@@ -47,8 +47,8 @@ def longitudinal_stress(stretch: Any, wall: WallConstants) -> Any:
 
     `H_l(l) = c1 (1 - l^-4) + (3 l^4 - 1)/(2 l^4) k1 (I - 1) exp(k2 (I - 1)^2) + kLM1 (l^2 - 1) exp(kLM2 (l^2 - 1)^2)`.
 
-    `stretch` l is dimensionless, any shape; the stress is in Pa, same shape. Valid for stretches of about 1 to 1.6, the range of
-    Ciarletta's tests. Source: paper A Eq. 1 and 3 (Eq. 18-20 of A do *not* follow from it).
+    `stretch` l is dimensionless, any shape; the stress is in Pa, same shape. Valid for stretches of about 1 to 1.6, the
+    range of Ciarletta's tests. Source: paper A Eq. 1 and 3 (Eq. 18-20 of A do *not* follow from it).
     """
     invariant = (3 * stretch**4 + 1) / (4 * stretch**2)
     collagen = _collagen((3 * stretch**4 - 1) / (2 * stretch**4), invariant, wall)

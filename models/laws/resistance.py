@@ -45,9 +45,9 @@ def integrate_along(density: Callable[[Any, Any], Any], speed: Any, start_m: flo
 def pressure_integrals(speed: Any, capsule: Capsule, tissue: Tissue, regime: Regime = "low") -> tuple[Any, Any]:
     """`I1` (nose) and `I2` (cylinder) of `2 pi R P dx` in N at `speed` in m/s, any shape, number or CasADi symbol.
 
-    The nose runs over 0..x_s, x_s = R sin(alpha), the cylinder over x_s..x_s + L. `regime` takes the low-speed or the high-speed
-    moduli or blends the two results about 20 mm/s. The quadrature's relative error is below 1e-6 at any speed of the low-speed
-    moduli, below 1e-9 from 0.5 mm/s on. Source: paper V Eq. 7, 8, 12.
+    The nose runs over 0..x_s, x_s = R sin(alpha), the cylinder over x_s..x_s + L. `regime` takes the low-speed or the
+    high-speed moduli or blends the two results about 20 mm/s. The quadrature's relative error is below 1e-6 at any
+    speed of the low-speed moduli, below 1e-9 from 0.5 mm/s on. Source: paper V Eq. 7, 8, 12.
     """
     if regime == "blend":
         share = blend_weight(np.abs(speed))
@@ -66,12 +66,16 @@ def pressure_integrals(speed: Any, capsule: Capsule, tissue: Tissue, regime: Reg
 
 
 def environmental_resistance(speed: Any, capsule: Capsule, tissue: Tissue, regime: Regime = "low") -> Any:
-    """`F_e(v) = sin(theta) I1` in N: what the stretched wall in front of the nose resists; `speed` v in m/s (paper V Eq. 8)."""
+    """`F_e(v) = sin(theta) I1` in N: what the stretched wall in front of the nose resists; `speed` v in m/s (paper V
+    Eq. 8).
+    """
     return math.sin(tissue.theta) * pressure_integrals(speed, capsule, tissue, regime)[0]
 
 
 def normal_load(speed: Any, capsule: Capsule, tissue: Tissue, regime: Regime = "low") -> Any:
-    """`N(v) = m g + cos(theta) I1 + I2` in N: weight, nose and cylinder press on the wall; `speed` v in m/s (paper V Eq. 12)."""
+    """`N(v) = m g + cos(theta) I1 + I2` in N: weight, nose and cylinder press on the wall; `speed` v in m/s (paper V
+    Eq. 12).
+    """
     nose, cylinder = pressure_integrals(speed, capsule, tissue, regime)
     return capsule.mass_kg * GRAVITY + math.cos(tissue.theta) * nose + cylinder
 

@@ -1,4 +1,6 @@
-"""Stick-slip at constant speed as paper A draws it: the wall sticks and is stretched, slips and draws back (Eq. 10-20)."""
+"""Stick-slip at constant speed as paper A draws it: the wall sticks and is stretched, slips and draws back (Eq.
+10-20).
+"""
 
 from __future__ import annotations
 
@@ -41,8 +43,8 @@ def printed_force(stretch: Any) -> Any:
 
     `F = 264.1 (m - 1) exp(0.84 (m - 1)^2) - 192.2/m^2 + 1339 m^2 (3 m^2 - 1) J exp(12.01 J^2) + 215.5` mN.
 
-    `stretch` dimensionless, any shape; returned in N, same shape. Eq. 1 and 3 of the same paper divide by powers of the stretch
-    where the third term and J multiply, and Table 1 has 12.1 for 12.01. Source: paper A Eq. 18, 20.
+    `stretch` dimensionless, any shape; returned in N, same shape. Eq. 1 and 3 of the same paper divide by powers of the
+    stretch where the third term and J multiply, and Table 1 has 12.1 for 12.01. Source: paper A Eq. 18, 20.
     """
     c = load_set("zhang2016_printed_curve")
     m = stretch**2
@@ -53,7 +55,8 @@ def printed_force(stretch: Any) -> Any:
 
 
 def printed_tension(stretched_length_m: float) -> Tension:
-    """Tension of the printed curve, `T(u) = F(1 + u/L_s) - F(1)` in N with `F` of `printed_force`, stretched length L_s in m.
+    """Tension of the printed curve, `T(u) = F(1 + u/L_s) - F(1)` in N with `F` of `printed_force`, stretched length L_s
+    in m.
 
     The printed rates 0.01887 and 0.04151 per second are `v_c/L_s` and `(v_c + v_i)/L_s` with L_s = L + R = 26.5 mm.
     """
@@ -63,7 +66,8 @@ def printed_tension(stretched_length_m: float) -> Tension:
 def stick_slip_tooth(tension: Tension, amplitude_N: float, capsule_speed: float, recoil_speed: float) -> Tooth:
     """Rise `u_c/v_c` and fall `u_c/(v_c + v_i)` where `T(u_c) = f_c`, the amplitude (paper A Eq. 11, 12, 14, 16).
 
-    Speeds in m/s, the capsule's `v_c` and the wall's average recoil `v_i`; `ValueError` unless all three numbers are positive.
+    Speeds in m/s, the capsule's `v_c` and the wall's average recoil `v_i`; `ValueError` unless all three numbers are
+    positive.
     """
     for name, value in (("amplitude_N", amplitude_N), ("capsule_speed", capsule_speed), ("recoil_speed", recoil_speed)):
         if not value > 0:
@@ -78,10 +82,12 @@ def stick_slip_tooth(tension: Tension, amplitude_N: float, capsule_speed: float,
 def friction_curve(time: Any, tension: Tension, tooth: Tooth, initial_N: float) -> Any:
     """Friction in N at `time` in s (any shape): `F_initial + T(v_c t)` rising, `F_critical - T((v_c + v_i) t)` falling.
 
-    `F_critical = F_initial + T(u_c)`; period `tooth.period_s`. Eq. 19 prints the fall without its constant and would start
-    at 192.2 mN; the constant is restored here. Source: paper A Eq. 13, 15, 16 without the mucus drag, Fig. 4, 7.
+    `F_critical = F_initial + T(u_c)`; period `tooth.period_s`. Eq. 19 prints the fall without its constant and would
+    start at 192.2 mN; the constant is restored here. Source: paper A Eq. 13, 15, 16 without the mucus drag, Fig. 4, 7.
     """
     phase = time - tooth.period_s * np.floor(time / tooth.period_s)
     rising = initial_N + tension(tooth.drag_m * np.minimum(phase / tooth.rise_s, 1.0))
-    falling = initial_N + tension(tooth.drag_m) - tension(tooth.drag_m * np.maximum(phase - tooth.rise_s, 0.0) / tooth.fall_s)
+    falling = (
+        initial_N + tension(tooth.drag_m) - tension(tooth.drag_m * np.maximum(phase - tooth.rise_s, 0.0) / tooth.fall_s)
+    )
     return np.where(phase < tooth.rise_s, rising, falling)

@@ -21,7 +21,9 @@ MEASURED = Path(__file__).parent / "measured"
 
 @dataclass(frozen=True)
 class Measurement:
-    """One printed table: its columns (float arrays in the unit of `units`, or text), where it comes from, and what it is not."""
+    """One printed table: its columns (float arrays in the unit of `units`, or text), where it comes from, and what it
+    is not.
+    """
 
     name: str
     title: str
@@ -51,13 +53,17 @@ def measured_path(name: str) -> Path:
     """The CSV file of a measured table; a miss names the nearest one (`ValueError`)."""
     path = MEASURED / f"{name}.csv"
     if not path.is_file():
-        raise ValueError(f"measurement must be one that exists; got {name!r}; {nearest(name, available_measurements())}")
+        raise ValueError(
+            f"measurement must be one that exists; got {name!r}; {nearest(name, available_measurements())}"
+        )
     return path
 
 
 @cache
 def load_measurement(name: str) -> Measurement:
-    """Read `measured/NAME.csv` and its entry in `measured.toml`; `ValueError` if there is none or the columns differ."""
+    """Read `measured/NAME.csv` and its entry in `measured.toml`; `ValueError` if there is none or the columns
+    differ.
+    """
     path = measured_path(name)
     head = tomllib.loads((MEASURED / "measured.toml").read_text(encoding="utf-8"))[name]
     with path.open(encoding="utf-8", newline="") as file:
@@ -66,4 +72,6 @@ def load_measurement(name: str) -> Measurement:
     if list(units) != list(rows[0]):
         raise ValueError(f"columns of {path.name} must be {list(units)}; got {list(rows[0])}")
     columns = {c: np.array([row[c] if unit == "text" else float(row[c]) for row in rows]) for c, unit in units.items()}
-    return Measurement(name, head["title"], head["source"], head["caution"], MappingProxyType(units), MappingProxyType(columns))
+    return Measurement(
+        name, head["title"], head["source"], head["caution"], MappingProxyType(units), MappingProxyType(columns)
+    )

@@ -6,10 +6,18 @@ from typing import Final
 
 from plant.anatomy import profile_level
 from plant.compiling import compiled
-from plant.hidden.activity import has_drive, has_force, has_level
-from plant.hidden.actuation import coupling, delivered, effective_current, hidden_emf, link_force, remember_drive, sideways_load
+from plant.hidden.actuation import (
+    coupling,
+    delivered,
+    effective_current,
+    hidden_emf,
+    link_force,
+    remember_drive,
+    sideways_load,
+)
 from plant.hidden.forces import hidden_force, inertia, remember_stress
 from plant.hidden.resistance import hoop_at_slip, remember_motion, resistance_at_nose, resistance_level
+from plant.hidden.table import has_drive, has_force, has_level
 from plant.layout import (
     P_COIL_EMF,
     P_COIL_GAIN,
@@ -28,10 +36,10 @@ from plant.layout import (
     S_V,
     S_X,
 )
-from plant.membrane import move_wall, wall_force
 from plant.rows import write_row
 from plant.surface import clipped_speed, kinetic_limit, sliding_limit
 from plant.tables import Floats
+from plant.wall import move_wall, wall_force
 
 MAGNET: Final = 0
 COIL: Final = 1
@@ -41,7 +49,9 @@ LINK: Final = 3
 
 @compiled
 def coil_current(voltage: float, emf: float, dt: float, current: float, p: Floats) -> float:
-    """Current in A after a step of `L i' = U - R i - e`, backward Euler, held within the limit; `L = 0` follows at once."""
+    """Current in A after a step of `L i' = U - R i - e`, backward Euler, held within the limit; `L = 0` follows at
+    once.
+    """
     if p[P_COIL_L] > 0.0:
         lag = dt / p[P_COIL_L]
         current = (current + lag * (voltage - emf)) / (1 + lag * p[P_COIL_R])
@@ -71,7 +81,9 @@ def _drive_force(kind: int, value: float, rate: float, dt: float, s: Floats, p: 
 
 
 @compiled
-def _hidden_drive_force(kind: int, value: float, rate: float, t: float, dt: float, s: Floats, p: Floats, h: Floats) -> float:
+def _hidden_drive_force(
+    kind: int, value: float, rate: float, t: float, dt: float, s: Floats, p: Floats, h: Floats
+) -> float:
     """The same with what is hidden between drive and body."""
     x, v = s[S_X], s[S_V]
     if kind == MAGNET:
@@ -88,15 +100,25 @@ def _hidden_drive_force(kind: int, value: float, rate: float, t: float, dt: floa
 
 @compiled
 def advance_body(
-    kind: int, s: Floats, p: Floats, h: Floats, tab: Floats, profile: Floats, drive: Floats, dt: float, every: int, out: Floats
+    kind: int,
+    s: Floats,
+    p: Floats,
+    h: Floats,
+    tab: Floats,
+    profile: Floats,
+    drive: Floats,
+    dt: float,
+    every: int,
+    out: Floats,
 ) -> int:
-    """Drive one body with `drive[0], drive[1], ...`, one value a step of `dt`; fill `out` with a row each `every` steps.
+    """Drive one body with `drive[0], drive[1], ...`, one value a step of `dt`; fill `out` with a row each `every`
+    steps.
 
-    `m a = F_act - R Sgn(v) - F_v(w) - T(u) + F_hidden`, R set-valued: the impulse that would stop the body is clipped to
-    what R can give. `drive` is a carriage position in m (MAGNET: `k g/(1 + (g/r)^2)^2`), a voltage in V (COIL: `F = K i`, `L
-    i' = U - R i - e`), a force in N (FORCE) or an imposed position in m (LINK), one more value than steps done. State `s` is
-    changed in place; returns the rows written. First order in `dt`. Steps that cannot change anything (a resting body under the
-    same drive as before) are passed over.
+    `m a = F_act - R Sgn(v) - F_v(w) - T(u) + F_hidden`, R set-valued: the impulse that would stop the body is clipped
+    to what R can give. `drive` is a carriage position in m (MAGNET: `k g/(1 + (g/r)^2)^2`), a voltage in V (COIL: `F =
+    K i`, `L i' = U - R i - e`), a force in N (FORCE) or an imposed position in m (LINK), one more value than steps
+    done. State `s` is changed in place; returns the rows written. First order in `dt`. Steps that cannot change
+    anything (a resting body under the same drive as before) are passed over.
     """
     rows = 0
     step = int(s[S_STEP])

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from plant.anatomy import profile_level
 from plant.compiling import compiled
-from plant.hidden.activity import has_force, has_level
 from plant.hidden.forces import hidden_force, inertia, remember_stress
 from plant.hidden.resistance import hoop_at_slip, remember_motion, resistance_at_nose, resistance_level
+from plant.hidden.table import has_force, has_level
 from plant.layout import (
     O_DRIVE,
     O_FORCE,
@@ -21,16 +21,17 @@ from plant.layout import (
     S_V,
     S_X,
 )
-from plant.membrane import move_wall, wall_force
 from plant.surface import sliding_limit
 from plant.tables import Floats
+from plant.wall import move_wall, wall_force
 
 
 @compiled
 def advance_pull(
     s: Floats, p: Floats, h: Floats, tab: Floats, profile: Floats, drive: Floats, dt: float, every: int, out: Floats
 ) -> int:
-    """Impose positions `drive[0], drive[1], ...` in m at steps of `dt` from now on; fill `out` with a row each `every` steps.
+    """Impose positions `drive[0], drive[1], ...` in m at steps of `dt` from now on; fill `out` with a row each `every`
+    steps.
 
     `F = m a + R(|v|) Sgn(v) + F_v(w) + T(u) - F_hidden`; at rest the last direction's R is kept. `drive` holds one more
     value than steps done. A row has the rate of `x` at which the capsule came to where it is. State `s` is changed in

@@ -7,10 +7,9 @@ from typing import Final
 from plant.anatomy import profile_level
 from plant.compiling import compiled
 from plant.drives.body import coil_current
-from plant.hidden.activity import has_force, has_level
-from plant.hidden.forces import hidden_force, inertia, remember_stress
+from plant.hidden.forces import hidden_force, inertia, remember_stress, suspension_force
 from plant.hidden.resistance import remember_motion, resistance_level
-from plant.hidden.suspension import suspension_force
+from plant.hidden.table import has_force, has_level
 from plant.layout import (
     P_COIL_EMF,
     P_COIL_GAIN,
@@ -31,10 +30,10 @@ from plant.layout import (
     S_V,
     S_X,
 )
-from plant.membrane import move_wall, wall_force
 from plant.rows import write_row
 from plant.surface import clipped_speed, kinetic_limit, sliding_limit
 from plant.tables import Floats
+from plant.wall import move_wall, wall_force
 
 BY_FORCE: Final = 0
 BY_VOLTAGE: Final = 1
@@ -53,14 +52,24 @@ def spring_force(r: float, rate: float, p: Floats) -> float:
 
 @compiled
 def advance_vibro(
-    kind: int, s: Floats, p: Floats, h: Floats, tab: Floats, profile: Floats, drive: Floats, dt: float, every: int, out: Floats
+    kind: int,
+    s: Floats,
+    p: Floats,
+    h: Floats,
+    tab: Floats,
+    profile: Floats,
+    drive: Floats,
+    dt: float,
+    every: int,
+    out: Floats,
 ) -> int:
-    """Drive the inner mass with `drive[k]`, the mean force in N (BY_FORCE) or voltage in V (BY_VOLTAGE) of step `k` of `dt`.
+    """Drive the inner mass with `drive[k]`, the mean force in N (BY_FORCE) or voltage in V (BY_VOLTAGE) of step `k` of
+    `dt`.
 
-    `M_m X_m'' = -F_i + F`, `M X'' = F_i - a F - R Sgn(X') - F_v - T + F_hidden`; a = 1 with the reaction on the body, 0 for
-    a field from outside. Forces at the positions of mid-step (second order while nothing sticks or hits), R set-valued by
-    clipping. A step's mean force keeps the impulse of a PWM edge inside a step exact. `drive` holds one more value than
-    steps done. Returns the rows written.
+    `M_m X_m'' = -F_i + F`, `M X'' = F_i - a F - R Sgn(X') - F_v - T + F_hidden`; a = 1 with the reaction on the body, 0
+    for a field from outside. Forces at the positions of mid-step (second order while nothing sticks or hits), R
+    set-valued by clipping. A step's mean force keeps the impulse of a PWM edge inside a step exact. `drive` holds one
+    more value than steps done. Returns the rows written.
     """
     rows = 0
     step = int(s[S_STEP])

@@ -1,5 +1,5 @@
-"""Hidden effects between the drive and the body: grip that fades, saturates or remembers, a dead zone, a load that pulls
-sideways.
+"""Hidden effects between the drive and the body: grip that fades, saturates or remembers, a dead zone, a load that
+pulls sideways.
 """
 
 from __future__ import annotations

@@ -10,6 +10,27 @@ from plant.hidden.registry import ROWS
 from plant.layout import P_MASS, P_WEIGHT, S_RELAX
 from plant.tables import Floats
 
+DAMPING: Final = ROWS["spring_damping"]
+STOPS: Final = ROWS["end_stop_impact"]
+_LOSS = 1.5  # s/m, Hunt-Crossley damping of the hidden stops
+
+
+@compiled
+def suspension_force(r: float, rate: float, h: Floats) -> float:
+    """Force in N that the hidden suspension puts on the inner mass against its offset `r` in m and `r'` in m/s,
+    positive inwards.
+    """
+    force = 0.0
+    if h[DAMPING, 0] != 0.0:
+        force += h[DAMPING, 0] * rate * (1 + 2.0 * abs(rate))
+    if h[STOPS, 0] != 0.0:
+        if r > h[STOPS, 0]:
+            force += max(h[STOPS, 1] * (r - h[STOPS, 0]) * (1 + _LOSS * rate), 0.0)
+        elif r < -h[STOPS, 0]:
+            force += min(h[STOPS, 1] * (r + h[STOPS, 0]) * (1 - _LOSS * rate), 0.0)
+    return force
+
+
 VISCOUS: Final = ROWS["viscous_drag"]
 PERISTALSIS: Final = ROWS["peristaltic_wave"]
 RESPIRATION: Final = ROWS["respiration"]
@@ -20,7 +41,9 @@ ADDED_MASS: Final = ROWS["added_mass"]
 
 @compiled
 def hidden_force(x: float, v: float, t: float, s: Floats, p: Floats, h: Floats) -> float:
-    """Sum of the hidden forces in N at place `x` in m, speed `v` in m/s, time `t` in s; the forms stand in the registry."""
+    """Sum of the hidden forces in N at place `x` in m, speed `v` in m/s, time `t` in s; the forms stand in the
+    registry.
+    """
     force = 0.0
     if h[VISCOUS, 0] != 0.0 and v != 0.0:
         force -= math.copysign(h[VISCOUS, 0] * (abs(v) * 100.0) ** 0.85, v)

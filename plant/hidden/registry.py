@@ -32,7 +32,9 @@ class Shape:
 
 @dataclass(frozen=True)
 class Hidden:
-    """An effect: `numbers[0]` is its amplitude, zero switches it off. `called` is what the field calls it, where that is not its `id`."""
+    """An effect: `numbers[0]` is its amplitude, zero switches it off. `called` is what the field calls it, where that
+    is not its `id`.
+    """
 
     id: str
     form: str
@@ -55,7 +57,10 @@ IN_A_ROW: Final = "three first-order lags in a row, a/2, a/3 and a/6"
 
 HIDDEN: Final[tuple[Hidden, ...]] = (
     Hidden(
-        "stribeck", "level (1 + a/(1 + (v/v_s)^2))", (Shape("excess", 0.35, 0.8), Shape("speed_m_s", 1.5e-3, 4e-3)), GUT_DRIVES
+        "stribeck",
+        "level (1 + a/(1 + (v/v_s)^2))",
+        (Shape("excess", 0.35, 0.8), Shape("speed_m_s", 1.5e-3, 4e-3)),
+        GUT_DRIVES,
     ),
     Hidden(
         "directional_asymmetry",
@@ -82,7 +87,10 @@ HIDDEN: Final[tuple[Hidden, ...]] = (
         GUT_DRIVES,
     ),
     Hidden(
-        "tissue_drying", "level (1 + a (1 - exp(-t/t_d)))", (Shape("excess", 0.25, 0.5), Shape("time_s", 18.0, 40.0)), GUT_DRIVES
+        "tissue_drying",
+        "level (1 + a (1 - exp(-t/t_d)))",
+        (Shape("excess", 0.25, 0.5), Shape("time_s", 18.0, 40.0)),
+        GUT_DRIVES,
     ),
     Hidden(
         "preconditioning",
@@ -146,7 +154,10 @@ HIDDEN: Final[tuple[Hidden, ...]] = (
         GUT_DRIVES,
     ),
     Hidden(
-        "respiration", "a (2 |cos(pi t/T)|^3 - 0.85)", (Shape("force_N", 8e-3, 18e-3), Shape("period_s", 3.0, 5.0)), GUT_DRIVES
+        "respiration",
+        "a (2 |cos(pi t/T)|^3 - 0.85)",
+        (Shape("force_N", 8e-3, 18e-3), Shape("period_s", 3.0, 5.0)),
+        GUT_DRIVES,
     ),
     Hidden("incline_gravity", "-m g sin(angle)", (Shape("angle_rad", 0.25, 0.6, True),), GUT_DRIVES),
     Hidden(
@@ -157,7 +168,9 @@ HIDDEN: Final[tuple[Hidden, ...]] = (
     ),
     Hidden("added_mass", "(m + a) v'", (Shape("mass_kg", 0.1, 0.3),), GUT_DRIVES),
     Hidden("wall_viscosity", "T + a sgn(u') (|u'|/10 mm/s)^0.9", (Shape("force_N", 10e-3, 25e-3),), GUT_DRIVES),
-    Hidden("exponential_recovery", "in slip u' = -a u_c (0.15 + (|u|/u_c)^0.8)/t_r", (Shape("rate", 1.5, 2.5),), GUT_DRIVES),
+    Hidden(
+        "exponential_recovery", "in slip u' = -a u_c (0.15 + (|u|/u_c)^0.8)/t_r", (Shape("rate", 1.5, 2.5),), GUT_DRIVES
+    ),
     Hidden(
         "small_strain_stiffening",
         "T (1 + a/(1 + (|u|/u_0)^1.2))",
@@ -211,7 +224,10 @@ HIDDEN: Final[tuple[Hidden, ...]] = (
     Hidden("sensor_delay", "y(t - a)", (Shape("time_s", 0.04, 0.12),), GUT_DRIVES),
     Hidden("sensor_lowpass", IN_A_ROW, (Shape("time_s", 0.06, 0.16),), GUT_DRIVES),
     Hidden(
-        "mains_hum", "a (sin 2 pi 50 t + 0.3 sin 2 pi 150 t), in spans of the sensor", (Shape("span", 0.02, 0.05),), GUT_DRIVES
+        "mains_hum",
+        "a (sin 2 pi 50 t + 0.3 sin 2 pi 150 t), in spans of the sensor",
+        (Shape("span", 0.02, 0.05),),
+        GUT_DRIVES,
     ),
 )
 ROWS: Final = {effect.id: row for row, effect in enumerate(HIDDEN)}

@@ -1,5 +1,6 @@
-"""Hidden effects on resistance: a factor on the hoop stress, so on F_e and on what presses on the wall, or a change of F_e or of the
-slip limit alone."""
+"""Hidden effects on resistance: a factor on the hoop stress, so on F_e and on what presses on the wall, or a change of
+F_e or of the slip limit alone.
+"""
 
 from __future__ import annotations
 

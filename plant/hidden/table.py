@@ -8,13 +8,48 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.parameter import nearest
+from plant.compiling import compiled
 from plant.hidden.registry import HIDDEN, ROWS, hidden
+from plant.tables import Floats
+
+_LEVEL: Final = (ROWS["stribeck"], ROWS["rolling_wobble"] + 1)
+_FORCE: Final = (ROWS["viscous_drag"], ROWS["stress_relaxation"] + 1)
+_DRIVE: Final = (ROWS["coupling_decay"], ROWS["back_emf"] + 1)
+_STRING: Final = ROWS["string_compliance"]
+
+
+@compiled
+def _any(h: Floats, rows: tuple[int, int]) -> bool:
+    found = False
+    for row in range(rows[0], rows[1]):
+        found = found or h[row, 0] != 0.0
+    return found
+
+
+@compiled
+def has_level(h: Floats) -> bool:
+    """Whether the table `h` holds an effect on the level of resistance."""
+    return _any(h, _LEVEL)
+
+
+@compiled
+def has_force(h: Floats) -> bool:
+    """Whether it holds a hidden force on the body."""
+    return _any(h, _FORCE)
+
+
+@compiled
+def has_drive(h: Floats) -> bool:
+    """Whether it holds an effect between drive and body."""
+    return _any(h, _DRIVE) or h[_STRING, 0] != 0.0
+
 
 SLOTS: Final = 4
 
 
 def effect_table(chosen: dict[str, dict[str, float]]) -> NDArray[np.float64]:
-    """`h[row, slot]` for the compiled steps: chosen effects with their numbers, a missing one at its middle, all others off.
+    """`h[row, slot]` for the compiled steps: chosen effects with their numbers, a missing one at its middle, all others
+    off.
 
     Raises `ValueError` for an unknown effect or number, naming the nearest, and for an impossible number.
     """
@@ -27,14 +62,18 @@ def effect_table(chosen: dict[str, dict[str, float]]) -> NDArray[np.float64]:
         names = [shape.name for shape in effect.numbers]
         for key in numbers:
             if key not in names:
-                raise ValueError(f"numbers of {name} must be among {', '.join(names)}; got {key!r}; {nearest(key, names)}")
+                raise ValueError(
+                    f"numbers of {name} must be among {', '.join(names)}; got {key!r}; {nearest(key, names)}"
+                )
         for slot, shape in enumerate(effect.numbers):
             table[ROWS[name], slot] = _possible(numbers.get(shape.name, shape.middle), shape.name, slot == 0, name)
     return table
 
 
 def _possible(value: float, number: str, amplitude: bool, effect: str) -> float:
-    """The number itself: lengths, times, compliances are not negative, a shape's numbers positive but for places and phases."""
+    """The number itself: lengths, times, compliances are not negative, a shape's numbers positive but for places and
+    phases.
+    """
     shape = not amplitude and number not in ("phase_rad", "centre_m")
     size = amplitude and number.endswith(("_s", "_m", "_per_N"))
     if (shape and not value > 0) or (size and not value >= 0):

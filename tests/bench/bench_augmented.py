@@ -1,8 +1,10 @@
-"""Does a model that close-loop improved control better? Per hidden effect, same truth, same controller, three stages of one model file.
+"""Does a model that close-loop improved control better? Per hidden effect, same truth, same controller, three stages of
+one model file.
 
-`python -m tests.bench.bench_augmented --out DIR [--effects a b] [--seeds 2] [--controllers feedforward mpc]` makes a series of a magnetic
-rig with the hidden effect, runs `capsule close-loop` on it, then tracks a slow sine on the same rig with the nominal, the calibrated and
-the augmented model. One JSON line a run in DIR/runs.jsonl; finished ones are not repeated.
+`python -m tests.bench.bench_augmented --out DIR [--effects a b] [--seeds 2] [--controllers feedforward mpc]` makes a
+series of a magnetic rig with the hidden effect, runs `capsule close-loop` on it, then tracks a slow sine on the same
+rig with the nominal, the calibrated and the augmented model. One JSON line a run in DIR/runs.jsonl; finished ones are
+not repeated.
 """
 
 from __future__ import annotations
@@ -17,14 +19,14 @@ from typing import Any, Final
 import numpy as np
 
 from controller.limits import Limits
-from hil.app.model_file import read_model
-from hil.app.track_loop import believed_model, run_loop
-from hil.app.track_reference import Sine
-from hil.app.track_scenario import Control, TrackScenario
-from hil.app.track_score import score
-from models.identification.result import STAGES
+from hil.app.scenario.reference import Sine
+from hil.app.scenario.scenario import Control, TrackScenario
+from hil.app.track.loop import believed_model, run_loop
+from hil.app.track.score import score
+from models.files.rig import read_rig
+from models.identification.finding import STAGES
+from models.identification.model import read_model
 from models.laws.geometry import Tissue
-from models.rig import read_rig
 from plant.rig import Magnet, Rig
 from plant.session import Instruments
 from tests.bench.bench_tracing import EFFECTS, learned
@@ -68,13 +70,21 @@ def rows(effect: str, seed: int, folder: Path, controllers: list[str], done: set
 
 
 def table(found: list[Row]) -> None:
-    """A line an effect and controller: median RMSE by stage, and how many times the augmented model's is lower than the calibrated one's."""
-    print(f"{'effect':22s} {'seed':4s} {'controller':12s} {'nominal':>8s} {'calibr.':>8s} {'augm. mm':>8s} {'ratio':>6s}  named")
+    """A line an effect and controller: median RMSE by stage, and how many times the augmented model's is lower than the
+    calibrated one's.
+    """
+    print(
+        f"{'effect':22s} {'seed':4s} {'controller':12s} {'nominal':>8s} {'calibr.':>8s} {'augm. mm':>8s} {'ratio':>6s} "
+        " named"
+    )
     for effect, seed, controller in dict.fromkeys((r["effect"], r["seed"], r["controller"]) for r in found):
         runs = [r for r in found if (r["effect"], r["seed"], r["controller"]) == (effect, seed, controller)]
         rmse = [float(np.median([r["rmse_mm"] for r in runs if r["stage"] == stage] or [np.nan])) for stage in STAGES]
         numbers = " ".join(f"{value:8.3f}" for value in rmse)
-        print(f"{effect:22s} {seed:4d} {controller:12s} {numbers} {rmse[1] / rmse[2]:6.2f}  {', '.join(runs[0]['found']) or '-'}")
+        print(
+            f"{effect:22s} {seed:4d} {controller:12s} {numbers} {rmse[1] / rmse[2]:6.2f} "
+            f" {', '.join(runs[0]['found']) or '-'}"
+        )
 
 
 def main() -> None:

@@ -1,10 +1,11 @@
 """How well anyone could follow a capsule through a gut that nobody knows, with the localisation that controllers have.
 
-`python -m tests.bench.bench_bound [--guts 800] [--speed_mm_s 1]` pulls a capsule stiffly along a ramp through random guts, turns the force of
-each, without its teeth, into the gap at which the ramp's magnet gives it, and prints how much of that gap the best linear filter leaves unknown
-that knows these guts' statistics, the magnet and everything else, but not which gut it is: with the localisation's rate and noise. The
-statistics are those of one half of the guts, the error is that in the other half. A capsule cannot be held closer to its path
-than it is known to be; what its teeth tell beyond that no linear filter sees.
+`python -m tests.bench.bench_bound [--guts 800] [--speed_mm_s 1]` pulls a capsule stiffly along a ramp through random
+guts, turns the force of each, without its teeth, into the gap at which the ramp's magnet gives it, and prints how much
+of that gap the best linear filter leaves unknown that knows these guts' statistics, the magnet and everything else, but
+not which gut it is: with the localisation's rate and noise. The statistics are those of one half of the guts, the error
+is that in the other half. A capsule cannot be held closer to its path than it is known to be; what its teeth tell
+beyond that no linear filter sees.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
-from hil.app.track_scenario import load_track_scenario
+from hil.app.scenario.scenario import load_track_scenario
 from plant import layout as at
 from plant.anatomy import random_anatomy
 from plant.rig import STEP_S, Magnet, Plant, Pull, Rig
@@ -79,7 +80,8 @@ def main() -> None:
     unknown = 1e3 * left(found, scenario.instruments)
     print(f"gap of the magnet in {chosen.guts} guts: {1e3 * found.mean():.2f} mm, spread {1e3 * found.std():.3f} mm")
     print(
-        f"the best linear filter leaves {np.median(unknown):.3f} mm of it unknown in the median, at most {unknown.max():.3f} mm"
+        f"the best linear filter leaves {np.median(unknown):.3f} mm of it unknown in the median, at most"
+        f" {unknown.max():.3f} mm"
     )
 
 

@@ -1,4 +1,5 @@
-"""The bus's figures: a million fuzzed frames, what codec and protection cost beside cantools, load, and the simulated bus's pace.
+"""The bus's figures: a million fuzzed frames, what codec and protection cost beside cantools, load, and the simulated
+bus's pace.
 
 `python -m tests.bench.bench_bus [FRAMES]`
 """
@@ -16,10 +17,9 @@ import cantools
 
 from hil.bus.catalogue import DBC, Frame, load_catalogue
 from hil.bus.codec import Codec, Refusal
-from hil.bus.crc import crc8
 from hil.bus.load import bus_load
-from hil.bus.protection import Receiver, Sender
-from hil.bus.sim import Medium, SimulatedBus
+from hil.bus.protection import Receiver, Sender, crc8
+from hil.bus.simulated import Medium, SimulatedBus
 
 CATALOGUE = load_catalogue()
 FRAMES = 1_000_000
@@ -28,7 +28,9 @@ TICK = 0.002
 
 def values(frame: Frame, rng: random.Random) -> dict[str, float]:
     """Something in range for every signal."""
-    return {f.name: float(rng.choice(sorted(f.names))) if f.names else rng.uniform(f.lower, f.upper) for f in frame.fields}
+    return {
+        f.name: float(rng.choice(sorted(f.names))) if f.names else rng.uniform(f.lower, f.upper) for f in frame.fields
+    }
 
 
 def flipped(data: bytes, rng: random.Random) -> bytes:
@@ -50,7 +52,9 @@ def forged(frame: Frame, counter: int, rng: random.Random) -> bytes:
 
 
 def fuzz(count: int, seed: int = 0) -> tuple[Counter[str], Counter[str]]:
-    """Bad frames between good ones: how many of each kind came, and how many were acted on; the good ones must all get in."""
+    """Bad frames between good ones: how many of each kind came, and how many were acted on; the good ones must all get
+    in.
+    """
     rng = random.Random(seed)
     senders = {f.name: Sender(f) for f in CATALOGUE.frames.values()}
     receivers = {f.name: Receiver(f) for f in CATALOGUE.frames.values()}
@@ -115,7 +119,10 @@ def codec_times() -> None:
     plain = {**some, "CRC": 0, "Counter": 0}
     one = sender.frame(some)
     theirs = microseconds(lambda: peer.encode(plain), 5000), microseconds(lambda: peer.decode(one), 5000)
-    print(f"encode and protect {ours[0]:.1f} us, check and decode {ours[1]:.1f} us; cantools {theirs[0]:.1f}, {theirs[1]:.1f} us")
+    print(
+        f"encode and protect {ours[0]:.1f} us, check and decode {ours[1]:.1f} us; cantools {theirs[0]:.1f},"
+        f" {theirs[1]:.1f} us"
+    )
 
 
 def pace(seconds: float = 5.0) -> None:
@@ -139,7 +146,8 @@ def pace(seconds: float = 5.0) -> None:
             buses[name].inbox.clear()
     wall, used = time.perf_counter() - began, time.process_time() - busy
     print(
-        f"simulated bus: {seconds / wall:.1f} x real time ({seconds / used:.1f} x by processor time), {medium.load:.1%} load, ",
+        f"simulated bus: {seconds / wall:.1f} x real time ({seconds / used:.1f} x by processor time), {medium.load:.1%}"
+        " load, ",
         end="",
     )
     print(f"{count / seconds:.0f} frames/s to the controller")
@@ -153,11 +161,14 @@ def main() -> None:
     print(f"load with every stuff bit: {sum(s.load for s in shares):.1%} of 1 Mbit/s")
     for share in shares:
         print(
-            f"  {share.id:#05x} {share.name:22s} {share.rate_Hz:5.0f} Hz {share.load:6.2%}  at most {1e3 * share.delay_s:.2f} ms"
+            f"  {share.id:#05x} {share.name:22s} {share.rate_Hz:5.0f} Hz {share.load:6.2%}  at most"
+            f" {1e3 * share.delay_s:.2f} ms"
         )
     began = time.perf_counter()
     came, acted = fuzz(int(sys.argv[1]) if len(sys.argv) > 1 else FRAMES)
-    print(f"bad frames: {came.total()} ({dict(came)}), acted on: {dict(acted) or 0}, {time.perf_counter() - began:.0f} s")
+    print(
+        f"bad frames: {came.total()} ({dict(came)}), acted on: {dict(acted) or 0}, {time.perf_counter() - began:.0f} s"
+    )
     sys.exit(1 if acted else 0)
 
 

@@ -1,9 +1,10 @@
 """A campaign over the bus, killed in the middle and resumed: what it takes, and that no run is lost or done twice.
 
-`python -m tests.bench.bench_campaign [--cases 8] [--workers 2]`: each case is five runs of ten simulated seconds under the MPC
-(`hil/scenarios/campaign_sil_faults.toml`: no fault, commands dropped, localisation lost, controller killed, a babbling node). `--cases 200`
-are the thousand of the project's figure. The kill is SIGKILL to all its processes once a third of the runs is on file. What is timed is
-what follows, by the wall clock and by the processor's; a kill may cost each worker one chunk.
+`python -m tests.bench.bench_campaign [--cases 8] [--workers 2]`: each case is five runs of ten simulated seconds under
+the MPC (`hil/scenarios/campaign_sil_faults.toml`: no fault, commands dropped, localisation lost, controller killed, a
+babbling node). `--cases 200` are the thousand of the project's figure. The kill is SIGKILL to all its processes once a
+third of the runs is on file. What is timed is what follows, by the wall clock and by the processor's; a kill may cost
+each worker one chunk.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from hil.app.campaign_file import load_campaign
+from hil.app.campaign.file import load_campaign
 
 SCENARIOS = Path(__file__).parents[2] / "hil" / "scenarios"
 RESULTS = "results.jsonl"
@@ -28,7 +29,9 @@ RESULTS = "results.jsonl"
 
 def campaign_of(folder: Path, cases: int) -> Path:
     """The shipped campaign with so many cases."""
-    text = (SCENARIOS / "campaign_sil_faults.toml").read_text(encoding="utf-8").replace("cases = 200", f"cases = {cases}")
+    text = (
+        (SCENARIOS / "campaign_sil_faults.toml").read_text(encoding="utf-8").replace("cases = 200", f"cases = {cases}")
+    )
     text = text.replace('"track_magnetic_ramp.toml"', json.dumps(str(SCENARIOS / "track_magnetic_ramp.toml")))
     path = folder / "campaign.toml"
     path.write_text(text, encoding="utf-8")

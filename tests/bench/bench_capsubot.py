@@ -1,9 +1,11 @@
-"""How a closed loop on the measured capsubot generalises: random thirds of its conditions held out, the loop's own search on the rest.
+"""How a closed loop on the measured capsubot generalises: random thirds of its conditions held out, the loop's own
+search on the rest.
 
-`python -m tests.bench.bench_capsubot [--draws 12] [--nested 2] [--seed 0] [--out FILE]` closes the loop on all conditions once, then
-holds out thirds of the conditions: for the effects that the whole table names, the held-out error of models with the first one, two,
-... of them (their fits start from the whole table's values; random starts end there too); with `--nested` also the search done anew on
-the two thirds, so that the choice of effects is not made on what is held out.
+`python -m tests.bench.bench_capsubot [--draws 12] [--nested 2] [--seed 0] [--out FILE]` closes the loop on all
+conditions once, then holds out thirds of the conditions: for the effects that the whole table names, the held-out error
+of models with the first one, two, ... of them (their fits start from the whole table's values; random starts end there
+too); with `--nested` also the search done anew on the two thirds, so that the choice of effects is not made on what is
+held out.
 """
 
 from __future__ import annotations
@@ -17,11 +19,11 @@ from pathlib import Path
 
 import numpy as np
 
+from models.files.record import Record, read_record
+from models.files.rig import Rig, parse_rig
 from models.identification import close
-from models.identification.fit import descend
-from models.identification.kinds.vibro_table import VibroTableKind
-from models.record import Record, read_record
-from models.rig import Rig, parse_rig
+from models.identification.fitting.fit import descend
+from models.identification.kinds.vibro_table.kind import VibroTableKind
 
 SHARED = Path(os.environ.get("CAPSULE_SHARED", Path(__file__).parents[3] / "shared"))
 RIG = {
@@ -39,7 +41,9 @@ def third(record: Record, draw: int) -> tuple[Record, Record]:
     return record.rows(~held), record.rows(held)
 
 
-def ladder(kind: VibroTableKind, theta: dict[str, float], effects: Sequence[str], rest: Record, held: Record) -> list[float]:
+def ladder(
+    kind: VibroTableKind, theta: dict[str, float], effects: Sequence[str], rest: Record, held: Record
+) -> list[float]:
     """Held-out rms in mm/s of fits to `rest` with none, the first, the first two ... of `effects`."""
     out = []
     for count in range(len(effects) + 1):
@@ -56,12 +60,17 @@ def closed(rig: Rig, rest: Record, held: Sequence[Record], seed: int) -> tuple[d
     began, cpu = time.monotonic(), time.process_time()
     finding, model = close(rig, [rest], held, lambda *_: None, seed=seed)
     numbers = {
-        "verdict": finding.verdict, "effects": [e.id for e in finding.effects],
-        "equivalent": {e.id: list(e.equivalent) for e in finding.effects}, "gains": [round(e.evidence, 3) for e in finding.effects],
-        "error_mm_s": {part: {k: round(1e3 * v, 2) for k, v in errors.items()} for part, errors in finding.error.items()},
+        "verdict": finding.verdict,
+        "effects": [e.id for e in finding.effects],
+        "equivalent": {e.id: list(e.equivalent) for e in finding.effects},
+        "gains": [round(e.evidence, 3) for e in finding.effects],
+        "error_mm_s": {
+            part: {k: round(1e3 * v, 2) for k, v in errors.items()} for part, errors in finding.error.items()
+        },
         "said": [s for s in finding.statements if s.startswith(("Cross-validated", "The augmented"))],
-        "seconds": round(time.monotonic() - began, 1), "processor_seconds": round(time.process_time() - cpu, 1),
-    }  # fmt: skip
+        "seconds": round(time.monotonic() - began, 1),
+        "processor_seconds": round(time.process_time() - cpu, 1),
+    }
     return numbers, model.stages["augmented"]
 
 
@@ -83,7 +92,8 @@ def main() -> None:
     for count, column in enumerate(rows.T):
         q = np.percentile(column, [0, 25, 50, 75, 100])
         print(
-            f"{count} effects: held-out rms mm/s mean {column.mean():.2f}, quartiles " + " ".join(f"{v:.2f}" for v in q),
+            f"{count} effects: held-out rms mm/s mean {column.mean():.2f}, quartiles "
+            + " ".join(f"{v:.2f}" for v in q),
             flush=True,
         )
     again = []

@@ -1,7 +1,8 @@
-"""How the classical PIDs were tuned: coordinate search on a nominal plant. `python -m tests.bench.bench_classical KIND [--friction]`
+"""How the classical PIDs were tuned: coordinate search on a nominal plant. `python -m tests.bench.bench_classical KIND
+[--friction]`
 
-Three runs a trial, 8 s each, seed 7: a ramp at 1 mm/s, a sine, and steps with rests; what counts is the rms of their errors. Filter and gains
-vary together. Nothing that the benchmarks judge on takes part.
+Three runs a trial, 8 s each, seed 7: a ramp at 1 mm/s, a sine, and steps with rests; what counts is the rms of their
+errors. Filter and gains vary together. Nothing that the benchmarks judge on takes part.
 """
 
 from __future__ import annotations
@@ -13,13 +14,13 @@ from unittest.mock import patch
 import numpy as np
 
 from controller.baselines.pid import PID, PidGains
-from controller.estimator.kinematic import KinematicFilter, Kinematics
-from controller.friction import mean_friction
+from controller.estimator.kinematic_filter import KinematicFilter, Kinematics
 from controller.limits import Envelope
-from controller.prediction import ControlModel
-from hil.app import track_loop
-from hil.app.track_scenario import TrackScenario, parse_track_scenario
-from hil.app.track_score import score
+from controller.model.control_model import ControlModel
+from controller.model.friction import mean_friction
+from hil.app.scenario.scenario import TrackScenario, parse_track_scenario
+from hil.app.track import loop as track_loop
+from hil.app.track.score import score
 
 REFERENCES: tuple[dict[str, Any], ...] = (
     {"kind": "ramp", "speed_mm_s": 1.0},
@@ -73,7 +74,8 @@ def main() -> None:
                 key = tuple({**here, name: value}.values())
                 if key not in known:
                     known[key] = tried({**here, name: value}, chosen.friction, runs)
-            here[name] = min(values, key=lambda value, name=name: known[tuple({**here, name: value}.values())])  # type: ignore[misc]
+            # type: ignore[misc]
+            here[name] = min(values, key=lambda value, name=name: known[tuple({**here, name: value}.values())])
         print(f"{here}: {known[tuple(here.values())]:.3f} mm after {len(known)} trials", flush=True)
         if here == before:
             break

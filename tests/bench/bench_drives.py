@@ -1,8 +1,10 @@
-"""The loop on coil and vibro time series, with a hidden effect and without: what is named, errors against the floor, seconds.
+"""The loop on coil and vibro time series, with a hidden effect and without: what is named, errors against the floor,
+seconds.
 
-`python -m tests.bench.bench_drives [--rig coil vibro_plate vibro_gut] [--effect none spring_damping] [--seed 1] [--seconds 12]` makes
-three training records and one held out of a rig whose numbers are off by up to 15 %, closes the loop and prints a line a series. `--truth`
-prints instead what the model leaves at the plant's own numbers, for finer and finer steps of the plant.
+`python -m tests.bench.bench_drives [--rig coil vibro_plate vibro_gut] [--effect none spring_damping] [--seed 1]
+[--seconds 12]` makes three training records and one held out of a rig whose numbers are off by up to 15 %, closes the
+loop and prints a line a series. `--truth` prints instead what the model leaves at the plant's own numbers, for finer
+and finer steps of the plant.
 """
 
 from __future__ import annotations
@@ -13,19 +15,19 @@ from dataclasses import replace
 
 import numpy as np
 
+from models.files.record import Record
+from models.files.rig import Rig as Belief
+from models.files.rig import parse_rig
 from models.identification import close
 from models.identification.kinds import kind_for
-from models.identification.kinds.driven import SWITCH_DELAY
+from models.identification.kinds.series.drive_input import SWITCH_DELAY
 from models.laws.geometry import Capsule, Tissue
-from models.record import Record
-from models.rig import Rig as Belief
-from models.rig import parse_rig
+from plant.experiments.profile import RandomPulses, RandomVoltage
+from plant.experiments.recording import record_scenario
+from plant.experiments.scenario import Run, Scenario
 from plant.hidden.table import draw
-from plant.profile import RandomPulses, RandomVoltage
-from plant.recording import record_scenario
 from plant.rig import Coil, Plate, Rig, Vibro
-from plant.scenario import Run, Scenario
-from plant.sensors import Sensor
+from plant.sensing.sensors import Sensor
 
 RIGS = ("coil", "vibro_plate", "vibro_gut")
 NOISE_M = 5e-5
@@ -35,15 +37,23 @@ def believed(name: str) -> dict[str, dict[str, object]]:
     """The nominal rig file."""
     tissue = {f: getattr(Tissue(), f) for f in Tissue.__dataclass_fields__}
     gut: dict[str, object] = {"preset": "jejunum", **tissue}
-    body: dict[str, object] = {"radius_m": 6.5e-3, "cylinder_length_m": 20e-3, "mass_kg": 4e-3 if name == "coil" else 0.02}
+    body: dict[str, object] = {
+        "radius_m": 6.5e-3,
+        "cylinder_length_m": 20e-3,
+        "mass_kg": 4e-3 if name == "coil" else 0.02,
+    }
     noise: dict[str, object] = {"position_std_m": NOISE_M}
     if name == "coil":
         head = {"kind": "coil", "force_constant_N_per_A": 0.5, "coil_resistance_Ohm": 10.0, "coil_inductance_H": 0.01}
         return {"capsule": body, "tissue": gut, "rig": head, "noise": noise}
     inner, k, c, force = (0.074, 256.23, 0.3, 1.25) if name == "vibro_plate" else (0.01, 150.0, 0.3, 0.3)
     drive: dict[str, object] = {
-        "inner_mass_kg": inner, "spring_stiffness_N_per_m": k, "spring_damping_N_s_per_m": c, "force_N": force, "reaction_on_body": True,
-    }  # fmt: skip
+        "inner_mass_kg": inner,
+        "spring_stiffness_N_per_m": k,
+        "spring_damping_N_s_per_m": c,
+        "force_N": force,
+        "reaction_on_body": True,
+    }
     both: dict[str, dict[str, object]] = {"drive": drive, "rig": {"kind": "vibro"}, "noise": noise}
     if name == "vibro_plate":
         return both | {"capsule": {"mass_kg": 0.193}, "surface": {"kind": "plate", "friction_coefficient": 0.29}}
@@ -51,7 +61,13 @@ def believed(name: str) -> dict[str, dict[str, object]]:
 
 
 def series(
-    name: str, effect: str | None, seed: int, seconds: float, count: int = 4, step_s: float = 2e-5, by_voltage: bool = False
+    name: str,
+    effect: str | None,
+    seed: int,
+    seconds: float,
+    count: int = 4,
+    step_s: float = 2e-5,
+    by_voltage: bool = False,
 ) -> tuple[Belief, list[Record], dict[str, float]]:
     """Rig file, records and the true base parameters. `by_voltage`: the coil's current is not logged."""
     rng = np.random.default_rng(seed)
@@ -68,21 +84,27 @@ def series(
     common = {"hidden": hidden, "step_s": step_s}
     if belief.drive is None:
         drive = Coil(0.5 * off["f"], 10.0, 0.01, 1.0, 0.0)
-        rig = Rig(drive, tissue=Tissue(friction_coefficient=mu), hoop_factor=off["hoop"], **common)  # type: ignore[arg-type]
+        # type: ignore[arg-type]
+        rig = Rig(drive, tissue=Tissue(friction_coefficient=mu), hoop_factor=off["hoop"], **common)
         truth |= {"hoop_stress_factor": off["hoop"], "coil_force_N_per_A": drive.gain_N_per_A}
     else:
         d = belief.drive
-        vibro = Vibro(d.inner_mass_kg, d.spring_stiffness_N_per_m * off["k"], d.spring_damping_N_s_per_m, d.force_N * off["f"])
+        vibro = Vibro(
+            d.inner_mass_kg, d.spring_stiffness_N_per_m * off["k"], d.spring_damping_N_s_per_m, d.force_N * off["f"]
+        )
         truth |= {"force_N": vibro.force_N, "spring_stiffness_N_per_m": vibro.spring_stiffness_N_per_m}
         if name == "vibro_plate":
             rig = Rig(vibro, Capsule(mass_kg=0.193), surface=Plate(mu), **common)  # type: ignore[arg-type]
         else:
-            rig = Rig(vibro, Capsule(mass_kg=0.02), Tissue(friction_coefficient=mu), hoop_factor=off["hoop"], **common)  # type: ignore[arg-type]
+            # type: ignore[arg-type]
+            rig = Rig(vibro, Capsule(mass_kg=0.02), Tissue(friction_coefficient=mu), hoop_factor=off["hoop"], **common)
             truth |= {"hoop_stress_factor": off["hoop"]}
     profile = RandomVoltage() if name == "coil" else RandomPulses(0.08 if name == "vibro_plate" else 0.055)
     records = []
     for i in range(count):
-        columns = record_scenario(Scenario(Run("", seconds, 1000 * seed + i), belief.kind, rig, profile, Sensor(500.0, NOISE_M)))
+        columns = record_scenario(
+            Scenario(Run("", seconds, 1000 * seed + i), belief.kind, rig, profile, Sensor(500.0, NOISE_M))
+        )
         if by_voltage:
             del columns["coil_current_A"]
         records.append(Record(f"{name}_{i + 1}", belief.kind, columns))
@@ -115,11 +137,14 @@ def run(name: str, effect: str | None, seed: int, seconds: float, by_voltage: bo
     errors = finding.error["holdout"]
     predicted = model.predict(rig, records[3])[finding.quantity]
     again = float(np.sqrt(np.mean((predicted - records[3][finding.quantity]) ** 2)))
-    named = {e.id: [f"{k} {v.value:.3g}" for k, v in e.parameters.items()] + list(e.equivalent) for e in finding.effects}
+    named = {
+        e.id: [f"{k} {v.value:.3g}" for k, v in e.parameters.items()] + list(e.equivalent) for e in finding.effects
+    }
     print(
-        f"{name:12} {effect!s:20} seed {seed} {finding.verdict:8} {named} held out {errors['nominal']:.3g} -> "
-        f"{errors['calibrated']:.3g} -> {errors['augmented']:.3g} m (floor {finding.noise_floor:.2g}), model file's rms {again:.3g} m, "
-        f"{finding.seconds:.0f} s; {finding.statements[0]} {[(c.id, c.gain) for c in finding.candidates if c.gain is not None]}",
+        f"{name:12} {effect!s:20} seed {seed} {finding.verdict:8} {named} held out {errors['nominal']:.3g} ->"
+        f" {errors['calibrated']:.3g} -> {errors['augmented']:.3g} m (floor {finding.noise_floor:.2g}), model file's"
+        f" rms {again:.3g} m, {finding.seconds:.0f} s; {finding.statements[0]}"
+        f" {[(c.id, c.gain) for c in finding.candidates if c.gain is not None]}",
         flush=True,
     )
 

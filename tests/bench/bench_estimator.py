@@ -1,4 +1,6 @@
-"""A million ticks of each estimator without divergence, and what a tick costs beside filterpy's. `python -m tests.bench.bench_estimator`."""
+"""A million ticks of each estimator without divergence, and what a tick costs beside filterpy's. `python -m
+tests.bench.bench_estimator`.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +9,11 @@ import time
 
 import numpy as np
 
-from controller.estimator.belief import Process
-from controller.estimator.estimator import Estimator
+from controller.estimator.base import Receiver
+from controller.estimator.cubature_filter import Estimator, Process
+from controller.estimator.filterpy_reference import ReferenceFilter
 from controller.estimator.noise import Noise
-from controller.estimator.particle_estimator import ParticleEstimator
-from controller.estimator.receiver import Receiver
-from controller.estimator.reference import ReferenceFilter
+from controller.estimator.particle_filter import ParticleEstimator
 from controller.signals import Measurement
 from tests.controller.loops import model_of
 
@@ -34,7 +35,8 @@ def endure(kind: type[Receiver], steps: int) -> None:
         if k > 1000:
             worst, lost = max(worst, abs(estimate.state[0] - truth[0])), lost + estimate.lost
     print(
-        f"{kind.__name__}, {steps} ticks in {time.perf_counter() - began:.0f} s: worst error {1e3 * worst:.3f} mm, lost {lost}, {estimator.counts}"
+        f"{kind.__name__}, {steps} ticks in {time.perf_counter() - began:.0f} s: worst error {1e3 * worst:.3f} mm, lost"
+        f" {lost}, {estimator.counts}"
     )
 
 
@@ -54,8 +56,15 @@ def cost(kind: type[Receiver], ticks: int) -> None:
         slow.predict(command)
         reference.append(time.perf_counter() - middle)
         (late if seen else plain).append(middle - start)
-    for name, times in (("tick", plain), ("tick with a position 8 ms late", late), ("filterpy, prediction alone", reference)):
-        print(f"{kind.__name__}, {name}: median {1e6 * np.median(times):.1f} us, p99 {1e6 * np.percentile(times, 99):.1f} us")
+    for name, times in (
+        ("tick", plain),
+        ("tick with a position 8 ms late", late),
+        ("filterpy, prediction alone", reference),
+    ):
+        print(
+            f"{kind.__name__}, {name}: median {1e6 * np.median(times):.1f} us, p99"
+            f" {1e6 * np.percentile(times, 99):.1f} us"
+        )
 
 
 if __name__ == "__main__":

@@ -1,6 +1,8 @@
-"""Every fault in every state of every kind of drive, at several phases of the tick: the worst time to the safe state, and what was unsafe.
+"""Every fault in every state of every kind of drive, at several phases of the tick: the worst time to the safe state,
+and what was unsafe.
 
-`python -m tests.bench.bench_faults [magnetic coil vibro] [--phases N]`; a line a fault, the worst over states that move and phases.
+`python -m tests.bench.bench_faults [magnetic coil vibro] [--phases N]`; a line a fault, the worst over states that move
+and phases.
 """
 
 from __future__ import annotations
@@ -14,8 +16,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from hil.nodes.fault import KINDS
-from tests.hil.sil_runs import RIGS, run
+from hil.nodes.faults.table import KINDS
+from tests.hil.app.sil.sil_runs import RIGS, run
 
 LENGTH_S: Final = 0.2
 STATES: Final[Mapping[str, tuple[float, tuple[Mapping[str, Any], ...]]]] = {
@@ -33,8 +35,9 @@ STATES: Final[Mapping[str, tuple[float, tuple[Mapping[str, Any], ...]]]] = {
 
 @dataclass
 class Worst:
-    """The worst of one fault on one kind of drive, in s; which state it was in; runs, those that rode through, unsafe ones, and those
-    in which the drive moved again after it had been safe."""
+    """The worst of one fault on one kind of drive, in s; which state it was in; runs, those that rode through, unsafe
+    ones, and those in which the drive moved again after it had been safe.
+    """
 
     after_s: float = 0.0
     since_good_s: float = 0.0
@@ -53,7 +56,8 @@ def main() -> int:
     options = parser.parse_args()
     unsafe = runs = 0
     print(
-        f"{'drive':9s} {'fault':24s} {'worst ms':>9s} {'since good':>11s}  {'worst in':18s} {'runs':>5s} {'rode':>5s} {'unsafe':>7s}"
+        f"{'drive':9s} {'fault':24s} {'worst ms':>9s} {'since good':>11s}  {'worst in':18s} {'runs':>5s} {'rode':>5s}"
+        f" {'unsafe':>7s}"
     )
     for rig in options.kinds:
         for kind, target in ((k, t) for k, known in KINDS.items() for t in known.targets):
@@ -62,8 +66,9 @@ def main() -> int:
                 judge(worst, rig, state, {"kind": kind, "at_s": at_s, "duration_s": LENGTH_S, "target": target}, before)
             unsafe, runs = unsafe + worst.unsafe, runs + worst.runs
             print(
-                f"{rig:9s} {f'{kind} {target}':24s} {1e3 * worst.after_s:9.1f} {1e3 * worst.since_good_s:11.1f}  {worst.state:18s} "
-                f"{worst.runs:5d} {worst.rode:5d} {worst.unsafe:7d} {'moved again: ' + ', '.join(worst.again) if worst.again else ''}",
+                f"{rig:9s} {f'{kind} {target}':24s} {1e3 * worst.after_s:9.1f} {1e3 * worst.since_good_s:11.1f} "
+                f" {worst.state:18s} {worst.runs:5d} {worst.rode:5d} {worst.unsafe:7d}"
+                f" {'moved again: ' + ', '.join(worst.again) if worst.again else ''}",
                 flush=True,
             )
     print(f"{runs} runs, {unsafe} unsafe")
@@ -78,7 +83,9 @@ def cases(phases: int) -> Iterator[tuple[str, float, tuple[Mapping[str, Any], ..
 
 
 def judge(worst: Worst, rig: str, state: str, fault: Mapping[str, Any], before: tuple[Mapping[str, Any], ...]) -> None:
-    """One run into `worst`. A drive that did not move when the fault came counts for safety alone, unless it moves while it lasts."""
+    """One run into `worst`. A drive that did not move when the fault came counts for safety alone, unless it moves
+    while it lasts.
+    """
     at_s = float(fault["at_s"])
     trace, found = run(rig, at_s + LENGTH_S + 0.05, *before, fault)
     outcome = next(o for o in found if o.fault.kind == fault["kind"] and o.fault.at_s == at_s)

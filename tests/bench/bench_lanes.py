@@ -1,7 +1,7 @@
 """What parameter sets side by side save: processor time of a predicted record, eight at once against one at a time.
 
-`python -m tests.bench.bench_lanes` runs the magnetic and the pulled model over 45 s at 500 Hz, both ways in turn, and prints the ratio and
-what compiling took.
+`python -m tests.bench.bench_lanes` runs the magnetic and the pulled model over 45 s at 500 Hz, both ways in turn, and
+prints the ratio and what compiling took.
 """
 
 from __future__ import annotations
@@ -10,13 +10,13 @@ import time
 
 import numpy as np
 
-from models.assembly import assemble
+from models.assembly.model import assemble
+from models.compiled.kernel import LANES, lower
 from models.drives.magnetic import Magnetic
 from models.drives.pull import Pull
 from models.effects import BY_ID
-from models.identification.lower import LANES, lower
 from models.laws.geometry import Capsule, Tissue
-from models.wall import Wall
+from models.surfaces.gut import Wall
 
 SAMPLES, DT_S = 22_500, 2e-3
 ROUNDS = 5

@@ -1,7 +1,8 @@
-"""How fast a closed loop over the simulated bus runs in lockstep: `python -m tests.bench.bench_lockstep [SECONDS] [SCENARIO.toml]`.
+"""How fast a closed loop over the simulated bus runs in lockstep: `python -m tests.bench.bench_lockstep [SECONDS]
+[SCENARIO.toml]`.
 
-Simulated seconds a second of processor time and of the wall clock, a line a controller, all nodes and the wire in one process at 500 Hz. What
-else the machine does slows the processor too, so compare numbers of one run.
+Simulated seconds a second of processor time and of the wall clock, a line a controller, all nodes and the wire in one
+process at 500 Hz. What else the machine does slows the processor too, so compare numbers of one run.
 """
 
 from __future__ import annotations
@@ -11,10 +12,10 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-from controller.choices import leads
-from hil.app.sil_bench import believed_on_bus
-from hil.app.sil_loop import run_sil
-from hil.app.sil_scenario import load_sil_scenario
+from controller.registry import leads
+from hil.app.scenario.bus_scenario import load_sil_scenario
+from hil.app.sil.loop import run_sil
+from hil.app.sil.testbed import believed_on_bus
 
 SHIPPED = Path(__file__).parents[2] / "hil" / "scenarios" / "track_magnetic_ramp.toml"
 CONTROLLERS = ("pid_friction", "feedforward", "mpc", "vibro")
@@ -32,7 +33,8 @@ def main(seconds: float, path: Path) -> None:
         trace = run_sil(scenario, model, controller, 1)
         used, wall = time.process_time() - used, time.perf_counter() - began
         print(
-            f"{controller:15s} {seconds / used:22.1f} {seconds / wall:6.1f} {trace.frames / seconds:10.0f} {trace.load:6.3f}",
+            f"{controller:15s} {seconds / used:22.1f} {seconds / wall:6.1f} {trace.frames / seconds:10.0f}"
+            f" {trace.load:6.3f}",
             flush=True,
         )
 

@@ -1,7 +1,8 @@
-"""The MPC beside do-mpc and beside the converged solution, same problem, same run: `python -m tests.bench.bench_mpc [SECONDS]`.
+"""The MPC beside do-mpc and beside the converged solution, same problem, same run: `python -m tests.bench.bench_mpc
+[SECONDS]`.
 
-Wall-clock ms suffer from whatever else the machine does, ms of the thread's own time do not: both are printed, and ratios of one run.
-Needs the extra `bench` (do-mpc).
+Wall-clock ms suffer from whatever else the machine does, ms of the thread's own time do not: both are printed, and
+ratios of one run. Needs the extra `bench` (do-mpc).
 """
 
 from __future__ import annotations
@@ -15,7 +16,19 @@ import numpy as np
 
 from controller.mpc.mpc import MPC
 from tests.bench.mpc_peers import converged, do_mpc
-from tests.bench.mpc_problem import BOUNDS, HORIZON, TICK_S, WEIGHTS, Act, Array, Outcome, Strides, estimate, loop, problem_model
+from tests.bench.mpc_problem import (
+    BOUNDS,
+    HORIZON,
+    TICK_S,
+    WEIGHTS,
+    Act,
+    Array,
+    Outcome,
+    Strides,
+    estimate,
+    loop,
+    problem_model,
+)
 
 MISMATCHES = (1.0, 1.15, 0.85)
 
@@ -38,7 +51,10 @@ def row(name: str, o: Outcome, base: Outcome, peer: Outcome) -> str:
     """One line of the table: times of both clocks, cost against the converged one, speed against the peer."""
     clocks = "  ".join(f"{np.median(a):7.3f} {np.percentile(a, 99):7.3f} {a.max():7.2f}" for a in (o.wall_ms, o.own_ms))
     faster = np.median(peer.wall_ms) / np.median(o.wall_ms)
-    return f"{name:24s} {clocks}  {o.cost:8.3f} {o.cost / base.cost:6.3f} {1e3 * o.rmse_m:8.4f} {faster:7.1f} {o.failed:4d}"
+    return (
+        f"{name:24s} {clocks}  {o.cost:8.3f} {o.cost / base.cost:6.3f} {1e3 * o.rmse_m:8.4f} {faster:7.1f}"
+        f" {o.failed:4d}"
+    )
 
 
 def main(seconds: float) -> None:
@@ -48,10 +64,12 @@ def main(seconds: float) -> None:
     makers["MPC, 3 SQP steps, numba"] = lambda: product(3, "none")
     for mismatch in MISMATCHES:
         print(
-            f"load {os.getloadavg()[0]:.1f}; plant's friction and wall {mismatch:g} times the model's; noise; {round(seconds / TICK_S)} ticks"
+            f"load {os.getloadavg()[0]:.1f}; plant's friction and wall {mismatch:g} times the model's; noise;"
+            f" {round(seconds / TICK_S)} ticks"
         )
         print(
-            f"{'':24s} {'wall ms: median, p99, max':24s} {'own ms: median, p99, max':26s} {'cost':8s} {'/conv':6s} rmse mm  /do-mpc fail"
+            f"{'':24s} {'wall ms: median, p99, max':24s} {'own ms: median, p99, max':26s} {'cost':8s} {'/conv':6s} rmse"
+            " mm  /do-mpc fail"
         )
         outcomes = {}
         for name, make in makers.items():

@@ -1,7 +1,9 @@
-"""Mutation testing of the guard: every small change to its functions must make a test of `tests/hil/test_guard*.py` fail.
+"""Mutation testing of the guard: every small change to its functions must make a test of `tests/hil/test_guard*.py`
+fail.
 
-`python -m tests.bench.bench_mutation [FILE.py TEST.py...]` with the package mutmut (3.8 was used); it works on a copy, prints each survivor's
-change and how many there were, and ends with 1 where one is not among the `EQUIVALENT` ones, which no test can tell from the original.
+`python -m tests.bench.bench_mutation [FILE.py TEST.py...]` with the package mutmut (3.8 was used); it works on a copy,
+prints each survivor's change and how many there were, and ends with 1 where one is not among the `EQUIVALENT` ones,
+which no test can tell from the original.
 """
 
 from __future__ import annotations
@@ -19,8 +21,8 @@ from typing import Final
 
 ROOT: Final = Path(__file__).parents[2]
 PACKAGES: Final = ("models", "controller", "plant", "hil", "tests")
-GUARD = "hil/nodes/guard.py"
-TESTS: Final = ("tests/hil/test_guard.py", "tests/hil/test_guard_passed.py")
+GUARD = "hil/nodes/controller/guard.py"
+TESTS: Final = ("tests/hil/nodes/controller/test_guard.py", "tests/hil/nodes/controller/test_guard_passed.py")
 SETTINGS: Final = """[tool.mutmut]
 source_paths = ["hil"]
 only_mutate = ["{source}"]
@@ -38,7 +40,9 @@ EQUIVALENT: Final[Mapping[str, str]] = {
     '+    why = "late" if missed else "" if abs(held - aim) < 1e-9 * (fence.high - fence.low) else "limit"': (
         "differs where a command misses its aim by exactly 1e-9 of the range, and in the word alone, not in what leaves"
     ),
-    "+        self._stopped_at = +math.inf": "the age of a stop is -inf instead of inf: neither lies within the period, so it is told",
+    "+        self._stopped_at = +math.inf": (
+        "the age of a stop is -inf instead of inf: neither lies within the period, so it is told"
+    ),
 }
 """The line of a survivor that does not matter, and why."""
 

@@ -1,8 +1,10 @@
-"""A paced loop over python-can's virtual bus: estimator, MPC under the supervisor, protected frames, plant, 5,000 ticks of 1 ms.
+"""A paced loop over python-can's virtual bus: estimator, MPC under the supervisor, protected frames, plant, 5,000 ticks
+of 1 ms.
 
-`python -m tests.bench.bench_paced [--ticks 5000] [--tick_ms 1] [--compiler none]`. From the begin of a tick by the clock: frames received and
-checked, estimate, plan, command sent; what is left of the tick is the plant's. A tick is missed where its command goes out after the tick's
-end. Times by the wall clock suffer from whatever else the machine does, the thread's own processor time hardly: both are printed.
+`python -m tests.bench.bench_paced [--ticks 5000] [--tick_ms 1] [--compiler none]`. From the begin of a tick by the
+clock: frames received and checked, estimate, plan, command sent; what is left of the tick is the plant's. A tick is
+missed where its command goes out after the tick's end. Times by the wall clock suffer from whatever else the machine
+does, the thread's own processor time hardly: both are printed.
 """
 
 from __future__ import annotations
@@ -16,13 +18,13 @@ from dataclasses import dataclass, field
 import can
 import numpy as np
 
-from controller.choices import build, estimator_for
 from controller.envelope import envelope_of
-from controller.prediction import control_model
+from controller.model.control_model import control_model
+from controller.registry import build, estimator_for
 from controller.signals import Measurement
-from controller.supervisor import Supervisor
+from controller.supervision.supervisor import Supervisor
 from controller.trajectory import by_speeds
-from hil.app.run_file import PLANNING
+from hil.app.scenario.deployment import PLANNING
 from hil.bus.catalogue import load_catalogue
 from hil.bus.codec import Refusal
 from hil.bus.protection import Receiver, Sender
@@ -88,12 +90,18 @@ class Peer:
 
 def measured(frames: list[tuple[str, dict[str, float]]], now: float) -> list[Measurement]:
     """What frames say, stamped."""
-    places = [Measurement("position_m", v["Position_m"], now - v["Age_s"]) for n, v in frames if n == "CapsuleLocalisation"]
-    return places + [Measurement("carriage_position_m", v["Position_m"], now) for n, v in frames if n == "CarriageFeedback"]
+    places = [
+        Measurement("position_m", v["Position_m"], now - v["Age_s"]) for n, v in frames if n == "CapsuleLocalisation"
+    ]
+    return places + [
+        Measurement("carriage_position_m", v["Position_m"], now) for n, v in frames if n == "CarriageFeedback"
+    ]
 
 
 def paced(ticks: int, tick_s: float) -> dict[str, np.ndarray]:
-    """Run the loop; (ticks,) of tick to sent and the thread's own time in ms, error in mm, whether the plan was cut or failed."""
+    """Run the loop; (ticks,) of tick to sent and the thread's own time in ms, error in mm, whether the plan was cut or
+    failed.
+    """
     model = control_model(believed(), {}, tick_s)
     envelope, reference = envelope_of(model.drive), by_speeds([0.0, 1e-3], [0.3, ticks * tick_s])
     chain = build("mpc", model, envelope, PLANNING * tick_s)
@@ -114,7 +122,8 @@ def paced(ticks: int, tick_s: float) -> dict[str, np.ndarray]:
         action = supervisor.act(now, estimator.observe(now, supervisor.issued.command, arrived), reference)
         speed = min(max(supervisor.issued.rate, -0.4), 0.4)
         port.send(
-            "CarriageCommand", {"Position_m": action.command, "Velocity_m_s": speed, "TimeToLive_ms": 10, "Mode": MODE_ENABLE}
+            "CarriageCommand",
+            {"Position_m": action.command, "Velocity_m_s": speed, "TimeToLive_ms": 10, "Mode": MODE_ENABLE},
         )
         sent[k], own[k] = 1e3 * (time.perf_counter() - due), 1e3 * (time.thread_time() - mine)
         odd[k] = action.status != "ok" or action.cut_after is not None
@@ -135,12 +144,16 @@ def main() -> None:
     chosen = options.parse_args()
     os.environ["CAPSULE_COMPILER"] = chosen.compiler
     found = paced(chosen.ticks + WARM, 1e-3 * chosen.tick_ms)
-    print(f"{chosen.ticks} ticks of {chosen.tick_ms:g} ms, compiler {chosen.compiler or 'found'}, load {os.getloadavg()[0]:.1f}")
+    print(
+        f"{chosen.ticks} ticks of {chosen.tick_ms:g} ms, compiler {chosen.compiler or 'found'}, load"
+        f" {os.getloadavg()[0]:.1f}"
+    )
     for name, times in (("tick to sent, wall ms", found["sent"]), ("the same, own ms", found["own"])):
         print(f"{name:24s} median {np.median(times):.3f}  p99 {np.percentile(times, 99):.3f}  max {times.max():.3f}")
     late = [int(np.sum(times > chosen.tick_ms)) for times in (found["sent"], found["own"])]
     print(
-        f"commands after the tick's end {late[0]} by the wall, {late[1]} by own time; plans cut or not ok {int(found['odd'].sum())}"
+        f"commands after the tick's end {late[0]} by the wall, {late[1]} by own time; plans cut or not ok"
+        f" {int(found['odd'].sum())}"
     )
     print(f"tracking rmse {np.sqrt(np.mean(found['error'] ** 2)):.3f} mm")
 

@@ -1,4 +1,6 @@
-"""How much faster than real time the plant runs at its 20 us step; off by default, `pytest -s tests/bench/bench_plant.py`."""
+"""How much faster than real time the plant runs at its 20 us step; off by default, `pytest -s
+tests/bench/bench_plant.py`.
+"""
 
 import time
 
@@ -6,7 +8,7 @@ import numpy as np
 import pytest
 
 from models.laws.geometry import Capsule
-from plant.excitation import pulse_width, random_runs, random_wander
+from plant.experiments.excitation import pulse_width, random_runs, random_wander
 from plant.rig import STEP_S, Coil, Magnet, Plant, Plate, Pull, Rig, Vibro
 from plant.tables import Floats
 

@@ -1,12 +1,14 @@
-"""Real time between processes: what a bus loses in a burst, its round trip, and a controller that leads a plant at 500 Hz under load.
+"""Real time between processes: what a bus loses in a burst, its round trip, and a controller that leads a plant at 500
+Hz under load.
 
 python -m tests.bench.bench_realtime                     # buses, then 10 minutes
 python -m tests.bench.bench_realtime --seconds 20        # shorter
 python -m tests.bench.bench_realtime --buses             # buses alone; udp_multicast needs the package msgpack
 
-A machine that is away for longer than a command lives ends a run, as it must. The time is then led on in a further run, as an operator
-would start it, up to `--runs` of them. On each core a witness that only sleeps tells when the machine was away (`tests.bench.witness`);
-commands that were missed, and ends, with no witness away at that time are the program's own and counted apart.
+A machine that is away for longer than a command lives ends a run, as it must. The time is then led on in a further run,
+as an operator would start it, up to `--runs` of them. On each core a witness that only sleeps tells when the machine
+was away (`tests.bench.witness`); commands that were missed, and ends, with no witness away at that time are the
+program's own and counted apart.
 """
 
 from __future__ import annotations
@@ -28,18 +30,20 @@ import can
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.app.run_recorder import START, STOP
 from hil.bus.catalogue import load_catalogue
-from hil.bus.log_file import NOTED
-from hil.bus.log_reading import read_frames, read_log_record
+from hil.log.blf_file import NOTED
+from hil.log.reader import read_frames, read_log_record
+from hil.log.recorder import START, STOP
 from tests.bench.witness import witnesses
-from tests.hil.deployments import PLANT, deployment
+from tests.hil.app.run.deployments import PLANT, deployment
 
 TICK_NS, SLACK_NS = 2_000_000, 200_000
 BEFORE_END_NS = 50_000_000  # twice what a carriage's node waits at most before it stops
 BURST, PAUSED_S, TRIPS, FIRST_TRIPS, ANSWER_S = 2000, 0.3, 2000, 10, 0.2
 NEEDS = {
-    "udp_multicast": "; needs the package msgpack and a route, as by ip link set lo multicast on; ip route add 239.0.0.0/8 dev lo"
+    "udp_multicast": (
+        "; needs the package msgpack and a route, as by ip link set lo multicast on; ip route add 239.0.0.0/8 dev lo"
+    )
 }
 FAR = """
 import sys, time, can
@@ -72,8 +76,10 @@ while os.getppid() == parent:
 
 
 def bus_figures(interface: str, channel: str) -> dict[str, float]:
-    """Of `BURST` frames sent at once or 4 a millisecond to a reader that reads or pauses for a moment: how many are lost in percent, and how
-    many of them `send` tells of; and the round trip of single frames in ms. Raises ValueError where no frame reaches another process."""
+    """Of `BURST` frames sent at once or 4 a millisecond to a reader that reads or pauses for a moment: how many are
+    lost in percent, and how many of them `send` tells of; and the round trip of single frames in ms. Raises ValueError
+    where no frame reaches another process.
+    """
     with _far(interface, channel, 0.0) as (_, bus):
         if all(math.isinf(_trip(bus)) for _ in range(FIRST_TRIPS)):
             raise ValueError("must carry frames to another process and back; none came")
@@ -94,7 +100,9 @@ def bus_figures(interface: str, channel: str) -> dict[str, float]:
 
 
 def _burst(bus: can.BusABC, together: int) -> int:
-    """Send `BURST` frames, `together` of them and then nothing for 1 ms; how many the sender heard that they were not taken."""
+    """Send `BURST` frames, `together` of them and then nothing for 1 ms; how many the sender heard that they were not
+    taken.
+    """
     before, refused = getattr(bus, "overruns", 0), 0
     for k in range(BURST):
         try:
@@ -120,7 +128,9 @@ def _trip(bus: can.BusABC) -> float:
 @contextmanager
 def _far(interface: str, channel: str, pause: float) -> Iterator[tuple[subprocess.Popen[str], can.BusABC]]:
     with can.Bus(interface=interface, channel=channel or None) as bus:
-        far = subprocess.Popen([sys.executable, "-c", FAR, interface, channel, str(pause)], stdout=subprocess.PIPE, text=True)
+        far = subprocess.Popen(
+            [sys.executable, "-c", FAR, interface, channel, str(pause)], stdout=subprocess.PIPE, text=True
+        )
         try:
             if far.stdout is None or far.stdout.readline() != "ready\n":
                 raise ValueError("must open in another process; it did not")
@@ -131,19 +141,25 @@ def _far(interface: str, channel: str, pause: float) -> Iterator[tuple[subproces
 
 
 def bare_figures(seconds: float, priority: int) -> dict[str, float]:
-    """How late a process that does nothing but sleep to the next 2 ms wakes up here, in ms: what no program can better."""
+    """How late a process that does nothing but sleep to the next 2 ms wakes up here, in ms: what no program can
+    better.
+    """
     code = (
-        "import json, sys\nfrom hil.app.run_clock import Clock, Grid\nfrom hil.app.run_loop import prepare_process\n"
+        "import json, sys\nfrom hil.app.run.clock import Clock, Grid\nfrom hil.app.run.loop import prepare_process\n"
         "prepare_process(int(sys.argv[2]), -1)\ngrid = Grid(Clock(), 0.002)\n"
         "while grid.ticks < float(sys.argv[1]) / 0.002:\n    grid.wait()\n"
         "print(json.dumps({**grid.late.document(), 'missed': grid.missed}))"
     )
-    done = subprocess.run([sys.executable, "-c", code, str(seconds), str(priority)], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(seconds), str(priority)], capture_output=True, text=True, check=True
+    )
     return dict(json.loads(done.stdout))
 
 
 def long_figures(seconds: float, runs: int, priority: int, load: bool, controller: str) -> dict[str, object]:
-    """`seconds` of leading in as few runs as the machine allows, at most `runs`, and what of the misses the witnesses explain."""
+    """`seconds` of leading in as few runs as the machine allows, at most `runs`, and what of the misses the witnesses
+    explain.
+    """
     found: list[Run] = []
     with witnesses() as seen:
         while len(found) < runs and (left := seconds - sum(run.led_s for run in found)) > 0.1:
@@ -190,9 +206,11 @@ def long_figures(seconds: float, runs: int, priority: int, load: bool, controlle
 
 @dataclass(frozen=True)
 class Run:
-    """One `capsule run`: what it `says`, when its commands went out, when the drive was last heard before it stopped and when it stopped
-    (ns of the machine's monotonic clock), the round trips in ms from SYNC to the drive's feedback that follows (the drive's firmware runs
-    every 1 ms by its own clock, so 1 ms of it is the drive's), and whether its replay was `alike`."""
+    """One `capsule run`: what it `says`, when its commands went out, when the drive was last heard before it stopped
+    and when it stopped (ns of the machine's monotonic clock), the round trips in ms from SYNC to the drive's feedback
+    that follows (the drive's firmware runs every 1 ms by its own clock, so 1 ms of it is the drive's), and whether its
+    replay was `alike`.
+    """
 
     says: dict[str, Any]
     sent_ns: NDArray[np.int64]
@@ -207,7 +225,9 @@ class Run:
         return float(np.ptp(self.sent_ns)) / 1e9 if self.sent_ns.size else 0.0
 
     def gaps(self) -> list[tuple[int, int]]:
-        """Where a command or more is missing: no command began in a whole period of the grid that the first one began."""
+        """Where a command or more is missing: no command began in a whole period of the grid that the first one
+        began.
+        """
         period = (self.sent_ns - self.sent_ns[:1] + SLACK_NS) // TICK_NS
         far = np.flatnonzero(np.diff(period) > 1)
         return [(int(self.sent_ns[k]), int(self.sent_ns[k + 1])) for k in far]
@@ -225,7 +245,9 @@ def lead_figures(seconds: float, priority: int, load: bool, controller: str) -> 
         log = folder / "run.blf"
         arguments = ["capsule_local", channel, str(seconds + 60), str(priority)]
         plant = subprocess.Popen(
-            [sys.executable, "-m", "hil.app.run_plant", str(folder / "plant.toml"), *arguments], stdout=subprocess.PIPE, text=True
+            [sys.executable, "-m", "hil.app.run.simulated_plant", str(folder / "plant.toml"), *arguments],
+            stdout=subprocess.PIPE,
+            text=True,
         )
         burner = subprocess.Popen([sys.executable, "-c", LOAD]) if load else None
         assert plant.stdout is not None
@@ -242,7 +264,8 @@ def lead_figures(seconds: float, priority: int, load: bool, controller: str) -> 
         )
         says = dict(json.loads(done.stdout))
         print(
-            f"run of {says['ticks'] * TICK_NS / 1e9:.1f} s: {says['ended']}; plant late ms {truth['late_ms']}; {replayed.stdout.strip()}",
+            f"run of {says['ticks'] * TICK_NS / 1e9:.1f} s: {says['ended']}; plant late ms {truth['late_ms']};"
+            f" {replayed.stdout.strip()}",
             flush=True,
         )
         sent, heard, ended, trips = _frames_of(log)
@@ -254,7 +277,9 @@ SINE = 'kind = "sine"\namplitude_mm = 5.0\nfrequency_Hz = 0.125'
 
 
 def _frames_of(log: Path) -> tuple[NDArray[np.int64], int, int, NDArray[np.float64]]:
-    """When the commands went out between the operator's start and the stop, the last feedback before that and the stop, ns; round trips in ms."""
+    """When the commands went out between the operator's start and the stop, the last feedback before that and the stop,
+    ns; round trips in ms.
+    """
     catalogue = load_catalogue()
     asking, answering, command = (catalogue[name].id for name in ("Sync", "CarriageFeedback", "CarriageCommand"))
     asked, answered, sent = list[int](), list[int](), list[int]()

@@ -1,8 +1,9 @@
 """Another simulator's series: what the loop finds in them, what it leaves, how long it takes.
 
-`python -m tests.bench.bench_series FOLDER --out DIR [--names a b]` runs `capsule close-loop` on every series in FOLDER (training records, a
-hold-out, a rig file and `answer.toml` each), keeps what is done and prints a line a series. "True base" is the held-out error of the same
-model with its base numbers as the answer tells them and the effect's own fitted to the training records.
+`python -m tests.bench.bench_series FOLDER --out DIR [--names a b]` runs `capsule close-loop` on every series in FOLDER
+(training records, a hold-out, a rig file and `answer.toml` each), keeps what is done and prints a line a series. "True
+base" is the held-out error of the same model with its base numbers as the answer tells them and the effect's own fitted
+to the training records.
 """
 
 from __future__ import annotations
@@ -13,11 +14,13 @@ import tomllib
 from dataclasses import replace
 from pathlib import Path
 
-from models.identification.finishing import whole
-from models.identification.kinds.running import active_effects
+from models.identification.kinds.series.simulation import active_effects
+from models.identification.search.refit import whole
 from tests.bench.bench_tracing import close_series, read_series
 
-_HEADER = "series | told | verdict | named | nominal | calibrated | augmented | floor | true base | base within intervals | s"
+_HEADER = (
+    "series | told | verdict | named | nominal | calibrated | augmented | floor | true base | base within intervals | s"
+)
 
 
 def line(folder: Path, out: Path) -> str:
@@ -33,11 +36,20 @@ def line(folder: Path, out: Path) -> str:
     start = {**found, **told}
     true = {**start, **whole(held, train, effects, start).theta}
     left = kind.error(holdout, [kind.predict(record, true) for record in holdout])
-    within = all(low <= value <= high for name, value in told.items() for low, high in [report["calibration"][name]["ci95"]])
+    within = all(
+        low <= value <= high for name, value in told.items() for low, high in [report["calibration"][name]["ci95"]]
+    )
     errors = report["error"]["holdout"]
     named = ", ".join(" or ".join([e["id"], *e["equivalent"]]) for e in report["effects"]) or "-"
     numbers = [errors["nominal"], errors["calibrated"], errors["augmented"], report["error"]["noise_floor"], left]
-    cells = [answer["effect"], report["verdict"], named, *(f"{n:.3g}" for n in numbers), within, f"{report['seconds']:.0f}"]
+    cells = [
+        answer["effect"],
+        report["verdict"],
+        named,
+        *(f"{n:.3g}" for n in numbers),
+        within,
+        f"{report['seconds']:.0f}",
+    ]
     return " | ".join(str(cell) for cell in [folder.name, *cells])
 
 

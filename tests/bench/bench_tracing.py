@@ -1,10 +1,11 @@
 """How often the loop names the hidden effect: simulated series with one effect nobody declared, and series without any.
 
-`python -m tests.bench.bench_tracing --out DIR [--kind pull] [--effects a b] [--seeds 1 2] [--none 5]` runs `capsule close-loop` on the
-plant's series, keeps one JSON line a series (finished ones are not repeated) and prints the table that README quotes; `bench_augmented`
-with the same DIR takes the models from there. "a thousandth" is what the model found leaves of its own held-out prediction, without noise,
-where its base numbers are 0.1 % off: what a fit that good would leave. With `--truth` every series in DIR is fitted once more, with the model
-that was found but from the plant's own base numbers on: what more luck in the search could gain.
+`python -m tests.bench.bench_tracing --out DIR [--kind pull] [--effects a b] [--seeds 1 2] [--none 5]` runs `capsule
+close-loop` on the plant's series, keeps one JSON line a series (finished ones are not repeated) and prints the table
+that README quotes; `bench_augmented` with the same DIR takes the models from there. "a thousandth" is what the model
+found leaves of its own held-out prediction, without noise, where its base numbers are 0.1 % off: what a fit that good
+would leave. With `--truth` every series in DIR is fitted once more, with the model that was found but from the plant's
+own base numbers on: what more luck in the search could gain.
 """
 
 from __future__ import annotations
@@ -21,38 +22,88 @@ from typing import Any, Final
 import numpy as np
 
 from hil.app.main import run as capsule
-from hil.app.model_file import read_model
-from models.identification.fit import FINE, NARROW, narrowing
-from models.identification.judging import middle_stage
+from models.files.record import Record, read_record
+from models.files.rig import read_rig
+from models.identification.fitting.fit import FINE, NARROW, narrowing
 from models.identification.kinds import kind_for
-from models.identification.kinds.gut import GutKind
-from models.identification.kinds.running import active_effects
-from models.record import Record, read_record
-from models.rig import read_rig
+from models.identification.kinds.series.kind import GutKind
+from models.identification.kinds.series.simulation import active_effects
+from models.identification.model import read_model
+from models.identification.search.validation import middle_stage
+from plant.experiments.series import Kind, make_series
 from plant.hidden.registry import hidden
-from plant.series import Kind, make_series
 
 TRAIN: Final = ("train_1", "train_2", "train_3")
 EFFECTS: Final[dict[Kind, tuple[str, ...]]] = {
     "pull": (
-        "stribeck", "viscous_drag", "directional_asymmetry", "fold_periodic", "lumen_taper", "stenosis", "peristaltic_wave",
-        "stress_relaxation", "tissue_drying", "string_compliance", "wall_viscosity", "carriage_backlash", "nose_asymmetry", "film_weakening", "slip_folds",
+        "stribeck",
+        "viscous_drag",
+        "directional_asymmetry",
+        "fold_periodic",
+        "lumen_taper",
+        "stenosis",
+        "peristaltic_wave",
+        "stress_relaxation",
+        "tissue_drying",
+        "string_compliance",
+        "wall_viscosity",
+        "carriage_backlash",
+        "nose_asymmetry",
+        "film_weakening",
+        "slip_folds",
     ),
     "magnetic": (
-        "stribeck", "directional_asymmetry", "fold_periodic", "lumen_taper", "stenosis", "peristaltic_wave", "tissue_drying",
-        "incline_gravity", "coupling_fade", "actuator_lag", "carriage_backlash", "viscous_drag", "sensor_delay", "nose_asymmetry", "film_weakening",
+        "stribeck",
+        "directional_asymmetry",
+        "fold_periodic",
+        "lumen_taper",
+        "stenosis",
+        "peristaltic_wave",
+        "tissue_drying",
+        "incline_gravity",
+        "coupling_fade",
+        "actuator_lag",
+        "carriage_backlash",
+        "viscous_drag",
+        "sensor_delay",
+        "nose_asymmetry",
+        "film_weakening",
         "slip_folds",
     ),
     "coil": (
-        "stribeck", "directional_asymmetry", "fold_periodic", "lumen_taper", "stenosis", "tissue_drying", "incline_gravity",
-        "coupling_fade", "actuator_lag", "actuator_dead_zone", "actuator_saturation", "viscous_drag",
+        "stribeck",
+        "directional_asymmetry",
+        "fold_periodic",
+        "lumen_taper",
+        "stenosis",
+        "tissue_drying",
+        "incline_gravity",
+        "coupling_fade",
+        "actuator_lag",
+        "actuator_dead_zone",
+        "actuator_saturation",
+        "viscous_drag",
     ),
     "vibro": (
-        "spring_damping", "end_stop_impact", "stribeck", "directional_asymmetry", "fold_periodic", "lumen_taper", "incline_gravity",
-        "tissue_drying", "viscous_drag",
+        "spring_damping",
+        "end_stop_impact",
+        "stribeck",
+        "directional_asymmetry",
+        "fold_periodic",
+        "lumen_taper",
+        "incline_gravity",
+        "tissue_drying",
+        "viscous_drag",
     ),
-    "vibro_plate": ("spring_damping", "end_stop_impact", "stribeck", "directional_asymmetry", "fold_periodic", "incline_gravity"),
-}  # fmt: skip
+    "vibro_plate": (
+        "spring_damping",
+        "end_stop_impact",
+        "stribeck",
+        "directional_asymmetry",
+        "fold_periodic",
+        "incline_gravity",
+    ),
+}
 
 
 def learned(kind: Kind, effect: str | None, seed: int, out: Path) -> Path:
@@ -69,7 +120,15 @@ def close_series(folder: Path, out: Path) -> None:
     if (out / "model.toml").exists():
         return
     records = [str(folder / f"{name}.csv.gz") for name in TRAIN]
-    words = ["--rig", str(folder / "rig.toml"), "--out", str(out), "--holdout", str(folder / "holdout.csv.gz"), "--json"]
+    words = [
+        "--rig",
+        str(folder / "rig.toml"),
+        "--out",
+        str(out),
+        "--holdout",
+        str(folder / "holdout.csv.gz"),
+        "--json",
+    ]
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as said:
         status = capsule(["close-loop", *records, *words])
     if status != 0:
@@ -90,15 +149,24 @@ def run(kind: Kind, effect: str | None, seed: int, out: Path) -> dict[str, Any]:
     else:  # nothing in the catalogue is it
         right = report["verdict"] == "unknown"
     return {
-        "kind": kind, "effect": effect, "seed": seed, "verdict": report["verdict"], "classes": allowed, "right": right,
-        "holdout": report["error"]["holdout"], "floor": report["error"]["noise_floor"], "seconds": round(report["seconds"], 1),
+        "kind": kind,
+        "effect": effect,
+        "seed": seed,
+        "verdict": report["verdict"],
+        "classes": allowed,
+        "right": right,
+        "holdout": report["error"]["holdout"],
+        "floor": report["error"]["noise_floor"],
+        "seconds": round(report["seconds"], 1),
         "thousandth": _a_thousandth_off(model_kind, theta, holdout),
         "truth": tomllib.loads((folder / "answer.toml").read_text(encoding="utf-8")),
-    }  # fmt: skip
+    }
 
 
 def read_series(folder: Path, out: Path) -> tuple[GutKind, list[Record], list[Record], dict[str, float]]:
-    """Of a series in `folder` closed into `out`: the kind, the training and the held-out records, and the model found."""
+    """Of a series in `folder` closed into `out`: the kind, the training and the held-out records, and the model
+    found.
+    """
     rig = read_rig(folder / "rig.toml")
     train = [read_record(folder / f"{name}.csv.gz", rig) for name in TRAIN]
     kind = kind_for(rig, train)
@@ -117,7 +185,11 @@ def _a_thousandth_off(kind: GutKind, theta: dict[str, float], records: list[Reco
     fitted = [p.name for p in kind.base if p.fit]
     errors = [
         kind.error(
-            made, [kind.predict(r, {**theta, **{n: theta[n] * f for n, f in zip(fitted, factors, strict=True)}}) for r in made]
+            made,
+            [
+                kind.predict(r, {**theta, **{n: theta[n] * f for n, f in zip(fitted, factors, strict=True)}})
+                for r in made
+            ],
         )
         for factors in itertools.product((0.999, 1.001), repeat=len(fitted))
     ]
@@ -141,7 +213,9 @@ def main() -> None:
     wanted: list[tuple[Kind, str | None, int]] = []
     for kind in arguments.kind or list(EFFECTS):
         wanted += [
-            (kind, e, s) for s in arguments.seeds for e in (arguments.effects if arguments.effects is not None else EFFECTS[kind])
+            (kind, e, s)
+            for s in arguments.seeds
+            for e in (arguments.effects if arguments.effects is not None else EFFECTS[kind])
         ]
         wanted += [(kind, None, 100 + s) for s in range(arguments.none)]
     for task in wanted:
@@ -155,7 +229,10 @@ def main() -> None:
     _summary(rows)
     if arguments.truth:
         for row in rows:
-            print(f"{row['kind']:9} {row['effect']!s:22} seed {row['seed']:<4} {_from_the_truth(row, arguments.out)}", flush=True)
+            print(
+                f"{row['kind']:9} {row['effect']!s:22} seed {row['seed']:<4} {_from_the_truth(row, arguments.out)}",
+                flush=True,
+            )
 
 
 def _from_the_truth(row: dict[str, Any], out: Path) -> str:
@@ -165,7 +242,8 @@ def _from_the_truth(row: dict[str, Any], out: Path) -> str:
     near = narrowing(kind, train, active_effects(found), start, middle_stage(kind), (*NARROW, *FINE))
     end = narrowing(kind, train, active_effects(found), near.theta, kind.final, (*NARROW, *FINE))
     floors = [
-        kind.error(holdout, [kind.predict(r, theta) for r in holdout]) / row["floor"] for theta in (found, found | end.theta)
+        kind.error(holdout, [kind.predict(r, theta) for r in holdout]) / row["floor"]
+        for theta in (found, found | end.theta)
     ]
     return f"found {floors[0]:.2f} floors, from the true base numbers {floors[1]:.2f}"
 
@@ -174,9 +252,9 @@ def _line(row: dict[str, Any]) -> str:
     errors = row["holdout"]
     ratio = errors["augmented"] / row["floor"]
     return (
-        f"{row['kind']:9} {row['effect']!s:22} seed {row['seed']:<4} {'right' if row['right'] else 'WRONG':6} {row['verdict']:8} "
-        f"{row['classes']} {errors['nominal']:.3g} -> {errors['calibrated']:.3g} -> {errors['augmented']:.3g} "
-        f"({ratio:.2f} x floor; a thousandth {row['thousandth']:.3g}) {row['seconds']} s"
+        f"{row['kind']:9} {row['effect']!s:22} seed {row['seed']:<4} {'right' if row['right'] else 'WRONG':6}"
+        f" {row['verdict']:8} {row['classes']} {errors['nominal']:.3g} -> {errors['calibrated']:.3g} ->"
+        f" {errors['augmented']:.3g} ({ratio:.2f} x floor; a thousandth {row['thousandth']:.3g}) {row['seconds']} s"
     )
 
 
@@ -185,8 +263,11 @@ def _summary(rows: list[dict[str, Any]]) -> None:
         print(_line(row))
     acted = [r for r in rows if r["effect"] is not None]
     free = [r for r in rows if r["effect"] is None]
-    print(f"named right: {sum(bool(r['right']) for r in acted)} of {len(acted)}; nothing named where nothing is: "
-          f"{sum(bool(r['right']) for r in free)} of {len(free)}; median seconds {np.median([r['seconds'] for r in rows]):.0f}")  # fmt: skip
+    print(
+        f"named right: {sum(bool(r['right']) for r in acted)} of {len(acted)}; nothing named where nothing is: "
+        f"{sum(bool(r['right']) for r in free)} of {len(free)}; median seconds"
+        f" {np.median([r['seconds'] for r in rows]):.0f}"
+    )
 
 
 if __name__ == "__main__":

@@ -1,9 +1,10 @@
-"""Every controller on the same seeds and random anatomies: tracking error, wall force, violations, step times, and the figures to reach.
+"""Every controller on the same seeds and random anatomies: tracking error, wall force, violations, step times, and the
+figures to reach.
 
-`python -m tests.bench.bench_tracking --anatomies 20` is the whole table: all controllers of a body drive on the slow traverses of magnet
-and coil, each gut with a seed of its own. Without `--anatomies` the scenario's own gut, over `--seeds`.
-`[--seeds 3] [--first 0] [--duration S] [--scenarios NAME... or all] [--controllers NAME...]`
-Judged are the seeds from 0 on; tune on others (`--first 100`).
+`python -m tests.bench.bench_tracking --anatomies 20` is the whole table: all controllers of a body drive on the slow
+traverses of magnet and coil, each gut with a seed of its own. Without `--anatomies` the scenario's own gut, over
+`--seeds`. `[--seeds 3] [--first 0] [--duration S] [--scenarios NAME... or all] [--controllers NAME...]` Judged are the
+seeds from 0 on; tune on others (`--first 100`).
 """
 
 from __future__ import annotations
@@ -16,11 +17,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.choices import CONTROLLERS, leads
-from controller.prediction import ControlModel
-from hil.app.track_loop import believed_model, run_loop
-from hil.app.track_scenario import TrackScenario, load_track_scenario
-from hil.app.track_score import Score, score, wall_force
+from controller.model.control_model import ControlModel
+from controller.registry import CONTROLLERS, leads
+from hil.app.scenario.scenario import TrackScenario, load_track_scenario
+from hil.app.track.loop import believed_model, run_loop
+from hil.app.track.score import Score, score, wall_force
 from plant import layout as at
 from plant.anatomy import random_anatomy
 
@@ -35,7 +36,9 @@ FIGURES = (("feedforward", "pid", 4.0), ("mpc", "pid_friction", 2.0))
 
 @dataclass(frozen=True)
 class Runs:
-    """What one controller made of the same runs as the others: its scores, mean forces on the wall in N and drifts in m."""
+    """What one controller made of the same runs as the others: its scores, mean forces on the wall in N and drifts in
+    m.
+    """
 
     found: list[Score]
     mean_N: list[float]
@@ -56,7 +59,9 @@ def variants(scenario: TrackScenario, seeds: range, anatomies: range) -> list[tu
     """The scenario under each seed; with `anatomies`, each in another random gut."""
     if not anatomies:
         return [(scenario, seed) for seed in seeds]
-    return [(replace(scenario, truth=replace(scenario.truth, anatomy=random_anatomy(seed))), seed) for seed in anatomies]
+    return [
+        (replace(scenario, truth=replace(scenario.truth, anatomy=random_anatomy(seed))), seed) for seed in anatomies
+    ]
 
 
 def runs_of(controller: str, runs: list[tuple[TrackScenario, int]], model: ControlModel) -> Runs:
@@ -76,18 +81,23 @@ def runs_of(controller: str, runs: list[tuple[TrackScenario, int]], model: Contr
 def line(controller: str, runs: Runs) -> str:
     """One row of the table: medians over the runs, the worst, and step times of all."""
     solve, estimate = ([getattr(one, name) for one in runs.found] for name in ("solve_ms", "estimate_ms"))
-    times = [f"{np.median([t['median'] for t in each]):.3f}/{max(t['p99'] for t in each):.3f}" for each in (solve, estimate)]
+    times = [
+        f"{np.median([t['median'] for t in each]):.3f}/{max(t['p99'] for t in each):.3f}" for each in (solve, estimate)
+    ]
     drift = f"{1e3 * max(runs.drift_m):.3f}" if runs.drift_m else "-"
     return (
-        f"{controller:24s}{np.median(runs.rmse_mm):10.3f} ({runs.rmse_mm.max():.3f})"
-        f"{np.median(runs.most_mN):15.1f}{1e3 * np.median(runs.mean_N):6.1f}"
-        f"{sum(one.hard_violations for one in runs.found):12d}{sum(one.ticks['lost'] for one in runs.found):6d}{drift:>10s}"
+        f"{controller:24s}{np.median(runs.rmse_mm):10.3f}"
+        f" ({runs.rmse_mm.max():.3f}){np.median(runs.most_mN):15.1f}{1e3 * np.median(runs.mean_N):6.1f}"
+        f"{sum(one.hard_violations for one in runs.found):12d}{sum(one.ticks['lost'] for one in runs.found):6d}"
+        f"{drift:>10s}"
         f"  {times[0]}/{max(t['max'] for t in solve):.1f}  {times[1]}"
     )
 
 
 def figures(found: Mapping[str, Runs]) -> list[str]:
-    """How many times lower one's error is than another's, in the median and paired run by run, and the force on the wall beside it."""
+    """How many times lower one's error is than another's, in the median and paired run by run, and the force on the
+    wall beside it.
+    """
     said = []
     for better, worse, times in FIGURES:
         if better not in found or worse not in found:
@@ -95,10 +105,10 @@ def figures(found: Mapping[str, Runs]) -> list[str]:
         one, other = found[better], found[worse]
         each = other.rmse_mm / one.rmse_mm
         said.append(
-            f"{better} against {worse}: rmse {np.median(other.rmse_mm) / np.median(one.rmse_mm):.2f} times lower in the median, "
-            f"{each.min():.2f} to {each.max():.2f} run by run (to reach: {times:g}); force on the wall "
-            f"{100 * (np.median(one.mean_N) / np.median(other.mean_N) - 1):+.0f} % in the mean, "
-            f"{100 * (np.median(one.most_mN) / np.median(other.most_mN) - 1):+.0f} % at its largest"
+            f"{better} against {worse}: rmse {np.median(other.rmse_mm) / np.median(one.rmse_mm):.2f} times lower in the"
+            f" median, {each.min():.2f} to {each.max():.2f} run by run (to reach: {times:g}); force on the wall"
+            f" {100 * (np.median(one.mean_N) / np.median(other.mean_N) - 1):+.0f} % in the mean,"
+            f" {100 * (np.median(one.most_mN) / np.median(other.most_mN) - 1):+.0f} % at its largest"
         )
     total = sum(one.hard_violations for runs in found.values() for one in runs.found)
     return [*said, f"hard violations over all runs: {total} (to reach: 0)"]
@@ -129,7 +139,9 @@ def main() -> None:
     options.add_argument("--anatomies", type=int, default=0)
     options.add_argument("--duration", type=float, default=None)
     options.add_argument("--scenarios", nargs="*", default=list(SLOW), choices=[*every, "all"], metavar="NAME")
-    options.add_argument("--controllers", nargs="*", default=list(CONTROLLERS), choices=list(CONTROLLERS), metavar="NAME")
+    options.add_argument(
+        "--controllers", nargs="*", default=list(CONTROLLERS), choices=list(CONTROLLERS), metavar="NAME"
+    )
     options.add_argument("--first", type=int, default=0)
     chosen = options.parse_args()
     seeds, guts = (range(chosen.first, chosen.first + n) for n in (chosen.seeds, chosen.anatomies))

@@ -1,4 +1,5 @@
-"""Vibro drive: what it reaches, how soon the mean speed is right, and energy for a way of square, four-phase and optimal cycles.
+"""Vibro drive: what it reaches, how soon the mean speed is right, and energy for a way of square, four-phase and
+optimal cycles.
 
 `python -m tests.bench.bench_vibro [--out DIR] [--plants N]` prints the tables and writes them to DIR/vibro.json.
 """
@@ -14,32 +15,42 @@ from typing import Any
 
 import numpy as np
 
-from controller.vibro.alternatives import cheapest, optima, squares
-from controller.vibro.cycles import Cycles, Pace, VibroModel
-from controller.vibro.design import design, designed
-from controller.vibro.four_phase import best_four_phase
+from controller.vibro.controller import Tuning, VibroController
+from controller.vibro.cycles import Cycles, Pace, VibroModel, impact_of
+from controller.vibro.design.cost_by_impact import cheapest, optima, squares
+from controller.vibro.design.drive_map import design, designed
+from controller.vibro.design.four_phase import best_four_phase
+from controller.vibro.design.speed_map import best_square, speed_map
 from controller.vibro.gears import DriveMap
-from controller.vibro.impact import impact_of
-from controller.vibro.speed_map import best_square, speed_map
-from controller.vibro.vibro import Tuning, VibroController
 from controller.vibro.waveform import Waveform
 from models.identification.model import Model
 from models.laws.geometry import Capsule, Tissue
-from models.wall import Wall
+from models.surfaces.gut import Wall
 from plant.rig import Rig
 from plant.rig import Vibro as TrueVibro
-from tests.controller.vibro_runs import Steady, believed, drive_plant, gut_model, gut_plant, plate_model, plate_plant
+from tests.controller.vibro.vibro_runs import (
+    Steady,
+    believed,
+    drive_plant,
+    gut_model,
+    gut_plant,
+    plate_model,
+    plate_plant,
+)
+from tests.places import CAPSUBOT_MODEL
 
 SPEEDS_M_S = tuple(sign * v for sign in (1, -1) for v in (2e-3, 5e-3, 10e-3, 20e-3))
 SECONDS = 9.0
 WRONG = 0.15
-IDENTIFIED = Path(__file__).parents[1] / "controller" / "capsubot_model.toml"
+IDENTIFIED = CAPSUBOT_MODEL
 Row = dict[str, Any]
 
 
 def energies() -> list[Row]:
-    """J/m = mJ/mm on the gut at each speed: electrical with the motor constant of `cycles`, and the coil's mechanical work; square and
-    optimal cycles by the stop that they strike, `chosen` the cheapest of all and its share of the best fixed square wave's energy."""
+    """J/m = mJ/mm on the gut at each speed: electrical with the motor constant of `cycles`, and the coil's mechanical
+    work; square and optimal cycles by the stop that they strike, `chosen` the cheapest of all and its share of the best
+    fixed square wave's energy.
+    """
     cycles = Cycles(gut_model())
     table = speed_map(cycles)
     phases = best_four_phase(cycles, SPEEDS_M_S)
@@ -52,7 +63,10 @@ def energies() -> list[Row]:
         row: Row = {"speed_mm_s": 1e3 * v}
         for one in plain + better:
             row[f"{one.shape}, impact {one.impact}"] = _said(one.waveform, one.pace)
-        for name, found in (("square, full force", best_square(cycles, table, v, full_force=True)), ("four-phase", phases[v])):
+        for name, found in (
+            ("square, full force", best_square(cycles, table, v, full_force=True)),
+            ("four-phase", phases[v]),
+        ):
             if found is not None:
                 row[name] = _said(*found) | {"impact": impact_of(cycles.model, found[1])}
         chosen, square = cheapest(plain + better), cheapest(plain)
@@ -74,7 +88,9 @@ def _said(wave: Waveform, pace: Pace) -> Row:
 
 
 def loop(drive: DriveMap, plants: Mapping[str, Rig], feedback: bool = True, mirror: float = 1.0) -> list[Row]:
-    """A run for each speed and plant: mean speed after 3 s against the commanded one, and when it had come within 10 % for good."""
+    """A run for each speed and plant: mean speed after 3 s against the commanded one, and when it had come within 10 %
+    for good.
+    """
     rows = []
     for v in SPEEDS_M_S:
         for seed, (name, rig) in enumerate(plants.items()):
@@ -89,7 +105,10 @@ def loop(drive: DriveMap, plants: Mapping[str, Rig], feedback: bool = True, mirr
 def wrong_plants(n: int) -> dict[str, Rig]:
     """The nominal plant and `n` with spring, force, hoop stress and friction off by up to 15 % each, drawn once."""
     rng = np.random.default_rng(7)
-    drawn = [dict(zip(("spring", "force", "hoop", "mu"), rng.uniform(1 - WRONG, 1 + WRONG, 4), strict=True)) for _ in range(n)]
+    drawn = [
+        dict(zip(("spring", "force", "hoop", "mu"), rng.uniform(1 - WRONG, 1 + WRONG, 4), strict=True))
+        for _ in range(n)
+    ]
     return {"nominal": gut_plant()} | {f"plant {k}": gut_plant(**off) for k, off in enumerate(drawn)}
 
 
@@ -101,7 +120,9 @@ def reaches() -> dict[str, Row]:
         "default drive (74 g, 1.25 N) in the gut": believed(TrueVibro(), wall),
     }
     for force in (0.06, 0.12, 0.25, 0.5):
-        rigs[f"1.8 g in 1.67 g, 62 N/m, {1e3 * force:.0f} mN, gut"] = believed(TrueVibro(1.8e-3, 62.0, 0.0156, force), light)
+        rigs[f"1.8 g in 1.67 g, 62 N/m, {1e3 * force:.0f} mN, gut"] = believed(
+            TrueVibro(1.8e-3, 62.0, 0.0156, force), light
+        )
     rigs["capsubot on its plate"] = plate_model()
     rigs["capsubot identified"] = plate_model(_identified())
     found = {}
@@ -117,9 +138,14 @@ def _identified() -> dict[str, float]:
 
 
 def capsubot() -> dict[str, list[Row]]:
-    """A plant like the identified capsubot, whose damping has the plant's own form, under the nominal and the identified model."""
+    """A plant like the identified capsubot, whose damping has the plant's own form, under the nominal and the
+    identified model.
+    """
     rig = plate_plant(286.5 / 256.23, 3.16 / 1.25, 0.6647 / 0.29, {"spring_damping": {"damping_N_s_per_m": 2.349}})
-    maps = {"nominal model": designed(plate_model(), False), "identified model": designed(plate_model(_identified()), False)}
+    maps = {
+        "nominal model": designed(plate_model(), False),
+        "identified model": designed(plate_model(_identified()), False),
+    }
     return {name: loop(drive, {"capsubot": rig}) for name, drive in maps.items()}
 
 

@@ -1,4 +1,5 @@
-"""Draws README's picture of tracking with and without the friction model: `python -m tests.bench.draw_tracking docs/tracking.png`.
+"""Draws README's picture of tracking with and without the friction model: `python -m tests.bench.draw_tracking
+docs/tracking.png`.
 
 Needs matplotlib, which nothing else here does (`.venv/bin/pip install matplotlib`). The shipped slow traverse, seed 1.
 """
@@ -10,9 +11,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
-from hil.app.track_loop import believed_model, run_loop
-from hil.app.track_scenario import load_track_scenario
-from hil.app.track_score import score
+from hil.app.scenario.scenario import load_track_scenario
+from hil.app.track.loop import believed_model, run_loop
+from hil.app.track.score import score
 from plant import layout as at
 
 SCENARIO: Final = Path(__file__).parents[2] / "hil" / "scenarios" / "track_magnetic_ramp.toml"

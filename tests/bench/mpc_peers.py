@@ -1,4 +1,6 @@
-"""Peers of the MPC on the same problem: do-mpc (collocation, IPOPT) and the same discretised problem solved by IPOPT to the end."""
+"""Peers of the MPC on the same problem: do-mpc (collocation, IPOPT) and the same discretised problem solved by IPOPT to
+the end.
+"""
 
 from __future__ import annotations
 
@@ -89,8 +91,9 @@ def do_mpc(elements: int = 1) -> Act:
 
 
 def converged() -> Act:
-    """The MPC's own discretised problem by multiple shooting, IPOPT to its tolerance, from the shifted last solution and from the plan
-    that follows the reference by inverting the model; the cheaper of the two solutions is taken."""
+    """The MPC's own discretised problem by multiple shooting, IPOPT to its tolerance, from the shifted last solution
+    and from the plan that follows the reference by inverting the model; the cheaper of the two solutions is taken.
+    """
     N, n = HORIZON.stages, 4
     opti = ca.Opti()
     X, W = opti.variable(n, N + 1), opti.variable(N)
@@ -116,7 +119,8 @@ def converged() -> Act:
         at = X[:, k + 1] * scale
         weight = WEIGHTS.final if k + 1 == N else 1.0
         total += (
-            0.5 * weight * ((at[0] - r[k + 1]) / WEIGHTS.position_m) ** 2 + 0.5 * ((at[1] - s[k + 1]) / WEIGHTS.speed_m_s) ** 2
+            0.5 * weight * ((at[0] - r[k + 1]) / WEIGHTS.position_m) ** 2
+            + 0.5 * ((at[1] - s[k + 1]) / WEIGHTS.speed_m_s) ** 2
         )
         total += 0.5 * (W[k] / WEIGHTS.rate_N_s) ** 2 + 0.5 * ((W[k] - before) / WEIGHTS.jump_N_s) ** 2
         command, before = after, W[k]

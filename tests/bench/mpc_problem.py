@@ -1,4 +1,6 @@
-"""The problem on which MPCs are compared: position, speed, wall, drive force; a mismatched plant, noise, one loop for all."""
+"""The problem on which MPCs are compared: position, speed, wall, drive force; a mismatched plant, noise, one loop for
+all.
+"""
 
 from __future__ import annotations
 
@@ -12,13 +14,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.model.control_model import ControlModel, control_model
+from controller.model.symbols import PURSUIT_S, Symbols
 from controller.mpc.settings import Bounds, Horizon, Weights
-from controller.prediction import ControlModel, control_model
-from controller.prediction_symbols import PURSUIT_S, Symbols
 from controller.signals import Estimate
+from models.files.rig import parse_rig
 from models.parameter import Parameter
-from models.rig import parse_rig
-from models.wall import settle
+from models.surfaces.gut import settle
 
 Array = NDArray[np.float64]
 
@@ -120,7 +122,9 @@ _TABLES: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class Strides:
-    """Forward and back by `stride_m` in `move_s` with rests of `rest_s`: a quintic each, so position, speed and acceleration are smooth."""
+    """Forward and back by `stride_m` in `move_s` with rests of `rest_s`: a quintic each, so position, speed and
+    acceleration are smooth.
+    """
 
     stride_m: float = 4e-3
     move_s: float = 0.5
@@ -156,8 +160,10 @@ Act = Callable[[float, Array, float, float, float], float]
 
 
 def loop(act: Act, seconds: float, seed: int, mismatch: float = 1.15, skip: int = 10) -> Outcome:
-    """`act(now, state, disturbance, command, last rate) -> command` against a plant whose friction, wall and drive are `mismatch` times
-    the model's (drive divided), seen with noise; a fixed-gain observer takes up the rest. The plant steps 50 us, the command ramps."""
+    """`act(now, state, disturbance, command, last rate) -> command` against a plant whose friction, wall and drive are
+    `mismatch` times the model's (drive divided), seen with noise; a fixed-gain observer takes up the rest. The plant
+    steps 50 us, the command ramps.
+    """
     rng = np.random.default_rng(seed)
     truth = {k: float(v) for k, v in PARAMETERS.items()}
     for name, factor in (("friction_N", mismatch), ("wall_N_per_m", mismatch), ("coil_force_N_per_A", 1 / mismatch)):
@@ -184,7 +190,9 @@ def loop(act: Act, seconds: float, seed: int, mismatch: float = 1.15, skip: int 
         at = np.array(now + TICK_S)
         errors[k] = x[0] - float(reference.position(at))
         scale = WEIGHTS
-        cost += 0.5 * ((errors[k] / scale.position_m) ** 2 + ((x[1] - float(reference.speed(at))) / scale.speed_m_s) ** 2)
+        cost += 0.5 * (
+            (errors[k] / scale.position_m) ** 2 + ((x[1] - float(reference.speed(at))) / scale.speed_m_s) ** 2
+        )
         cost += 0.5 * ((rate / scale.rate_N_s) ** 2 + ((rate - before) / scale.jump_N_s) ** 2)
     return Outcome(cost / n, float(np.sqrt(np.mean(errors**2))), 1e3 * wall[skip:], 1e3 * own[skip:], failed)
 
@@ -194,7 +202,9 @@ def _stepper(p: dict[str, float], substeps: int) -> Callable[[Array, float, floa
     h = TICK_S / substeps
     share = ca.SX.sym("share", 2)
     one = ca.Function(
-        "one", [x, share, c0, c1, d], [ca.vertcat(*advance(x, c0 + share[0] * (c1 - c0), c0 + share[1] * (c1 - c0), d, h, p))]
+        "one",
+        [x, share, c0, c1, d],
+        [ca.vertcat(*advance(x, c0 + share[0] * (c1 - c0), c0 + share[1] * (c1 - c0), d, h, p))],
     )
     chain = one.mapaccum(substeps)
     ends = np.linspace(0, 1, substeps + 1)

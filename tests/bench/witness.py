@@ -1,5 +1,6 @@
-"""When this machine was away: a process on each core that only sleeps, and before everything else, so that what makes it late lies below
-the machine (or in a kernel that does not let it in)."""
+"""When this machine was away: a process on each core that only sleeps, and before everything else, so that what makes
+it late lies below the machine (or in a kernel that does not let it in).
+"""
 
 from __future__ import annotations
 
@@ -40,7 +41,9 @@ while os.getppid() == parent:
 
 
 class Away(NamedTuple):
-    """A time in which a core did not let its witness wake: from the last time it was seen to the next, ns of the monotonic clock."""
+    """A time in which a core did not let its witness wake: from the last time it was seen to the next, ns of the
+    monotonic clock.
+    """
 
     begin_ns: int
     end_ns: int
@@ -52,8 +55,9 @@ class Away(NamedTuple):
 
 
 class Witnesses:
-    """What the cores' witnesses have seen; complete once their block has ended. `first` says whether the system let them go first: else
-    they may have waited for this machine's own work."""
+    """What the cores' witnesses have seen; complete once their block has ended. `first` says whether the system let
+    them go first: else they may have waited for this machine's own work.
+    """
 
     def __init__(self) -> None:
         self.first = True

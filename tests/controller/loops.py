@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from controller.envelope import envelope_of
-from controller.estimator.estimator import Estimator
-from controller.prediction import ControlModel, control_model
+from controller.estimator.cubature_filter import Estimator
+from controller.model.control_model import ControlModel, control_model
 from controller.signals import Array, Controller, Measurement, Reference
-from controller.supervisor import Supervisor
-from hil.app.track_scenario import DRIVEN, parse_track_scenario
-from models.rig import Rig
+from controller.supervision.supervisor import Supervisor
+from hil.app.scenario.scenario import DRIVEN, parse_track_scenario
+from models.files.rig import Rig
 from plant.rig import Rig as Truth
 from plant.session import Instruments, Session
 
@@ -50,5 +50,7 @@ def closed_loop(
         commands.append(action.command)
         statuses.append(action.status)
         places.append(estimate.state[0])
-        arrived = [Measurement(r.channel, r.value, r.stamp_s) for r in session.advance(action.command, now + model.tick_s)]
+        arrived = [
+            Measurement(r.channel, r.value, r.stamp_s) for r in session.advance(action.command, now + model.tick_s)
+        ]
     return np.concatenate(session.rows), np.array(commands), statuses, np.array(places)

@@ -1,4 +1,6 @@
-"""Inverting the model: the inverse's command does what was asked for, on the stable branch; and the compensator in the loop."""
+"""Inverting the model: the inverse's command does what was asked for, on the stable branch; and the compensator in the
+loop.
+"""
 
 import math
 
@@ -6,17 +8,17 @@ import numpy as np
 import pytest
 
 from controller.baselines.pid import PID, PidGains
-from controller.choices import CONTROLLERS, build, leads
 from controller.envelope import envelope_of
-from controller.estimator.estimator import Estimator
-from controller.friction import mean_friction
-from controller.inversion import Inverse
-from controller.prediction import control_model
+from controller.estimator.cubature_filter import Estimator
+from controller.model.control_model import control_model
+from controller.model.friction import mean_friction
+from controller.model.inverse import Inverse
+from controller.registry import CONTROLLERS, build, leads
 from controller.signals import Array, Estimate
 from controller.trajectory import STEP_S, Trajectory, by_speeds, through
 from plant import layout as at
-from plant.instruments import Instrument
 from plant.rig import Magnet, Rig
+from plant.sensing.instruments import Instrument
 from plant.session import Instruments
 from tests.controller.loops import believed, closed_loop, model_of
 
@@ -64,7 +66,9 @@ def tracked(
 
 
 def test_feedforward_tracks_a_slow_traverse() -> None:
-    """At 1 mm/s, deep in stick and slip, within 0.2 mm rms; the sensor's noise is 0.5 mm and a tooth of the wall 0.35 mm."""
+    """At 1 mm/s, deep in stick and slip, within 0.2 mm rms; the sensor's noise is 0.5 mm and a tooth of the wall 0.35
+    mm.
+    """
     reference = by_speeds([0.0, 1e-3], [0.5, 6.0])
     rows, _, _ = tracked("feedforward", reference, 6.0)
     judged = rows[:, at.O_T] > 1.0
@@ -143,8 +147,12 @@ def test_a_trajectory_is_its_speeds_summed() -> None:
 
 
 def test_friction_that_falls_with_speed_is_broken_loose_from() -> None:
-    """Resting friction three quarters above the one in motion, believed a tenth too low: what keeps up the motion would never begin it."""
-    model = control_model(believed(), {"stribeck.excess": 0.7, "stribeck.speed_m_s": 2.5e-3, "friction_coefficient": 0.074}, 1e-3)
+    """Resting friction three quarters above the one in motion, believed a tenth too low: what keeps up the motion would
+    never begin it.
+    """
+    model = control_model(
+        believed(), {"stribeck.excess": 0.7, "stribeck.speed_m_s": 2.5e-3, "friction_coefficient": 0.074}, 1e-3
+    )
     truth = Rig(Magnet(), hidden={"stribeck": {"excess": 0.75, "speed_m_s": 2e-3}})
     reference = by_speeds([0.0, 2e-3], [0.5, 5.0])
     chain = build("feedforward", model, envelope_of(model.drive))[:1]

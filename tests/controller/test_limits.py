@@ -41,7 +41,13 @@ anything = st.one_of(
 )
 seens = st.builds(Seen, floats, floats, floats, st.booleans(), floats, floats)
 likely = st.builds(
-    Seen, st.floats(-1, 1), st.floats(-0.5, 0.5), st.floats(0, 0.2), st.just(False), st.floats(20, 45), st.floats(0, 2e-3)
+    Seen,
+    st.floats(-1, 1),
+    st.floats(-0.5, 0.5),
+    st.floats(0, 0.2),
+    st.just(False),
+    st.floats(20, 45),
+    st.floats(0, 2e-3),
 )
 ticks = st.one_of(floats, st.floats(1e-6, 0.03))
 steps = st.lists(st.tuples(anything, st.one_of(seens, likely), ticks), min_size=1, max_size=12)
@@ -65,7 +71,9 @@ def check(now: Issued, before: Issued, dt: float, envelope: Envelope) -> None:
 
 @given(envelope=st.sampled_from(ENVELOPES), start=floats, inputs=steps)
 @example(envelope=ENVELOPES[0], start=0.999, inputs=[(1.8e308, Seen(0.99, 0.0), 0.002)] * 12)
-def test_no_input_gets_past_the_limits(envelope: Envelope, start: float, inputs: list[tuple[object, Seen, float]]) -> None:
+def test_no_input_gets_past_the_limits(
+    envelope: Envelope, start: float, inputs: list[tuple[object, Seen, float]]
+) -> None:
     previous, _ = limited(math.nan, Issued(start), Seen(math.nan, 0.0), 0.0, envelope)
     assert envelope.low <= previous.command <= envelope.high
     for wanted, seen, dt in inputs:
@@ -74,7 +82,9 @@ def test_no_input_gets_past_the_limits(envelope: Envelope, start: float, inputs:
         previous = now
 
 
-@given(envelope=st.sampled_from(ENVELOPES), command=floats, rate=floats, aim=floats, wanted=anything, seen=seens, dt=floats)
+@given(
+    envelope=st.sampled_from(ENVELOPES), command=floats, rate=floats, aim=floats, wanted=anything, seen=seens, dt=floats
+)
 def test_any_previous_command_leads_into_the_range(
     envelope: Envelope, command: float, rate: float, aim: float, wanted: object, seen: Seen, dt: float
 ) -> None:
@@ -174,7 +184,9 @@ def test_a_capsule_that_cannot_be_there_is_not_followed(place: float) -> None:
 @pytest.mark.parametrize("sign", [1, -1])
 def test_a_carriage_at_its_end_goes_no_further_however_fast_it_was(sign: int) -> None:
     envelope = ENVELOPES[0]
-    issued, _ = limited(sign * 2.0, Issued(sign * envelope.high, sign * envelope.rate), Seen(sign * 1.0, 0.0), 0.002, envelope)
+    issued, _ = limited(
+        sign * 2.0, Issued(sign * envelope.high, sign * envelope.rate), Seen(sign * 1.0, 0.0), 0.002, envelope
+    )
     assert issued.command == sign * envelope.high
     assert issued.rate == 0.0
 
@@ -207,7 +219,8 @@ def test_a_capsule_that_is_too_fast_is_braked_but_not_pushed_on(gain: float, spe
 def test_current_falls_off_with_heat() -> None:
     envelope = ENVELOPES[2]
     found = [
-        limited(1.0, Issued(1.0), Seen(0.0, 0.0, temperature_C=t), 0.02, envelope)[0].command for t in (20.0, 41.0, 42.0, 43.0)
+        limited(1.0, Issued(1.0), Seen(0.0, 0.0, temperature_C=t), 0.02, envelope)[0].command
+        for t in (20.0, 41.0, 42.0, 43.0)
     ]
     assert found == pytest.approx([1.0, 1.0, 0.5, 0.0])
 

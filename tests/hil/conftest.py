@@ -9,8 +9,8 @@ from uuid import uuid4
 import pytest
 
 from hil.bus.local import channel_folder
-from tests.hil.campaigns import campaign_files
-from tests.hil.track_texts import SHORT
+from tests.hil.app.campaign.campaigns import campaign_files
+from tests.hil.app.track.track_texts import SHORT
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.identification.result import CandidateRow, Check, Estimate, Finding, FoundEffect, Trace
+from models.identification.finding import CandidateRow, Check, Estimate, Finding, FoundEffect, Trace
 
 
 def trace(name: str, role: str, seed: int, seconds: float = 40.0) -> Trace:
@@ -15,7 +15,11 @@ def trace(name: str, role: str, seed: int, seconds: float = 40.0) -> Trace:
     x = np.cumsum(v) * 0.002
     saw = 0.035 * ((np.cumsum(np.abs(v)) * 0.002 / 0.00027) % 1.0)
     right = (0.055 + saw) * (1 + 0.2 * np.sin(2 * np.pi * x / 0.0073)) * np.sign(v)
-    predicted = {"nominal": 1.15 * (0.055 + saw) * np.sign(v), "calibrated": (0.055 + saw) * np.sign(v), "augmented": right}
+    predicted = {
+        "nominal": 1.15 * (0.055 + saw) * np.sign(v),
+        "calibrated": (0.055 + saw) * np.sign(v),
+        "augmented": right,
+    }
     signals = {"t_s": t, "x_m": x, "v_m_s": v + 1e-4 * rng.standard_normal(len(t)), "force_N": right}
     return Trace(name, role, "t_s", t, right + 1e-3 * rng.standard_normal(len(t)), predicted, signals)
 
@@ -33,7 +37,15 @@ def pull_finding(verdict: str = "named", seconds: float = 40.0) -> Finding:
         41.2,
         0.993,
     )
-    names = ("fold_periodic", "peristaltic_wave", "lumen_taper", "stenosis", "stribeck", "viscous_drag", "tissue_drying")
+    names = (
+        "fold_periodic",
+        "peristaltic_wave",
+        "lumen_taper",
+        "stenosis",
+        "stribeck",
+        "viscous_drag",
+        "tissue_drying",
+    )
     candidates = [
         CandidateRow(
             name,
@@ -45,7 +57,9 @@ def pull_finding(verdict: str = "named", seconds: float = 40.0) -> Finding:
         for i, name in enumerate(names)
     ]
     candidates += [
-        CandidateRow(name, 2, 0.03 / i, 0.4 if i < 3 else None, "below the threshold") for i, name in enumerate(names) if i
+        CandidateRow(name, 2, 0.03 / i, 0.4 if i < 3 else None, "below the threshold")
+        for i, name in enumerate(names)
+        if i
     ]
     return Finding(
         kind="pull",
@@ -83,7 +97,10 @@ def pull_finding(verdict: str = "named", seconds: float = 40.0) -> Finding:
             "v_i = u_c/t_r, T(u) = sgn(u) H_l(1 + |u|/L_s) s exp(-(v/0.003)^2)",
             "  with x read 3 ms late",
         ),
-        traces=(*(trace(f"train_{i}", "train", i, seconds) for i in (1, 2, 3)), trace("holdout", "holdout", 4, seconds)),
+        traces=(
+            *(trace(f"train_{i}", "train", i, seconds) for i in (1, 2, 3)),
+            trace("holdout", "holdout", 4, seconds),
+        ),
         seconds=74.2,
         timings={"calibration": 21.0, "screening": 14.1, "fitting candidates": 33.0, "intervals": 6.1},
     )
@@ -92,7 +109,9 @@ def pull_finding(verdict: str = "named", seconds: float = 40.0) -> Finding:
 def table_finding() -> Finding:
     """Mean speeds over period and duty."""
     rng = np.random.default_rng(3)
-    period, duty = (np.repeat(values.ravel(), 3) for values in np.meshgrid(np.linspace(0.03, 0.12, 9), (0.1, 0.2, 0.3, 0.5, 0.7)))
+    period, duty = (
+        np.repeat(values.ravel(), 3) for values in np.meshgrid(np.linspace(0.03, 0.12, 9), (0.1, 0.2, 0.3, 0.5, 0.7))
+    )
     speed = 0.04 * np.sin((period - 0.03) / 0.03) * (0.5 - duty)
     predicted = {"nominal": -0.6 * speed + 0.004, "calibrated": 0.7 * speed, "augmented": speed}
     measured = speed + 1e-3 * rng.standard_normal(len(speed))

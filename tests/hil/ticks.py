@@ -1,4 +1,6 @@
-"""The times that tests of nodes on a bus are in, in s: a controller's tick, and the slot in which a drive's firmware runs once."""
+"""The times that tests of nodes on a bus are in, in s: a controller's tick, and the slot in which a drive's firmware
+runs once.
+"""
 
 from typing import Final
 

@@ -1,4 +1,6 @@
-"""Runs an assembled model through a command at the speed of compiled code; any state may be watched beside the output."""
+"""Runs an assembled model through a command at the speed of compiled code; any state may be watched beside the
+output.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +10,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from models.assembly import Assembly
-from models.identification.lower import lower
+from models.assembly.model import Assembly
+from models.compiled.kernel import lower
 
 Array = NDArray[np.float64]
 
@@ -30,7 +32,9 @@ def run(
     watch: str = "",
     **start: float,
 ) -> Array:
-    """The output, one value a sample of `command` (linear in between, `dt` s apart), or the state `watch` in its place."""
+    """The output, one value a sample of `command` (linear in between, `dt` s apart), or the state `watch` in its
+    place.
+    """
     kernel = lower(watching(assembly, watch) if watch else assembly.step, assembly.correct)
     output = np.zeros(command.size)
     state = assembly.start(**start)
@@ -44,12 +48,16 @@ def stepped(assembly: Assembly, command: Array, dt: float, values: Mapping[str, 
     n = command.size
     chain = assembly.step.mapaccum(n)
     times = dt * np.arange(-1.0, n - 1)
-    _, output = chain(assembly.start(), before, command, times, dt, np.tile(assembly.vector(values or {})[:, None], (1, n)))
+    _, output = chain(
+        assembly.start(), before, command, times, dt, np.tile(assembly.vector(values or {})[:, None], (1, n))
+    )
     return np.array(output).ravel()
 
 
 def pulses(period_s: float, duty: float, periods: int, dt: float) -> Array:
-    """On (1) for `duty` of each period, then off (0): each sample's mean over the step after it, so that on-times are exact."""
+    """On (1) for `duty` of each period, then off (0): each sample's mean over the step after it, so that on-times are
+    exact.
+    """
     turns = np.arange(round(periods * period_s / dt) + 2) * (dt / period_s)
     on = np.floor(turns) * duty + np.minimum(turns - np.floor(turns), duty)
     return np.asarray(np.diff(on) * (period_s / dt))

@@ -8,7 +8,7 @@ from models.laws.hyperelastic import WallConstants
 from models.laws.resistance import environmental_resistance
 from models.laws.tension import wall_tension
 from plant import layout as at
-from plant.excitation import pulse_width
+from plant.experiments.excitation import pulse_width
 from plant.rig import STEP_S, Coil, Force, Magnet, Plant, Plate, Pull, Rig, Vibro
 from plant.tables import Floats
 
@@ -21,7 +21,9 @@ def steady_speed(rig: Rig, period_s: float, duty: float, settle: int = 100, cycl
     plant = Plant(rig)
     drive = rig.drive.force_N * pulse_width(period_s, duty, (settle + cycles) * period_s, STEP_S)
     rows = plant.advance(drive)
-    ends = np.interp([settle * period_s - STEP_S, (settle + cycles) * period_s - STEP_S], rows[:, at.O_T], rows[:, at.O_X])
+    ends = np.interp(
+        [settle * period_s - STEP_S, (settle + cycles) * period_s - STEP_S], rows[:, at.O_T], rows[:, at.O_X]
+    )
     return float(np.diff(ends)[0] / (cycles * period_s))
 
 
@@ -46,7 +48,9 @@ def test_half_duty_goes_nowhere(period_s: float) -> None:
 @pytest.mark.parametrize(("step_s", "tolerance"), [(1e-3, 2e-3), (1e-4, 2e-4), (STEP_S, 4e-5)])
 def test_belt_stick_slip_has_its_closed_form_period(step_s: float, tolerance: float) -> None:
     """`T = 2 a/v_b + (2/w)(pi - atan(a w/v_b))`, a = (F_s - F_k)/k, for m = k = 1, v_b = 0.2, F_s = 1, F_k = 0.5."""
-    rig = Rig(Magnet(1.0, 1e9), capsule=Capsule(mass_kg=1.0), surface=Plate(0.5 / GRAVITY, 1.0 / GRAVITY), step_s=step_s)
+    rig = Rig(
+        Magnet(1.0, 1e9), capsule=Capsule(mass_kg=1.0), surface=Plate(0.5 / GRAVITY, 1.0 / GRAVITY), step_s=step_s
+    )
     rows = Plant(rig).advance(0.2 * np.arange(0.0, 40.0, step_s))
     moving = rows[:, at.O_V] != 0.0
     starts = rows[1:, at.O_T][moving[1:] & ~moving[:-1]]
@@ -105,7 +109,9 @@ def test_energy_of_the_capsubot_balances() -> None:
 
 
 def test_energy_of_a_pull_through_a_link_goes_into_wall_and_resistance() -> None:
-    """While the wall sticks: work at the link = kinetic + wall + F_e path (the wall's energy is lost only when it slips)."""
+    """While the wall sticks: work at the link = kinetic + wall + F_e path (the wall's energy is lost only when it
+    slips).
+    """
     plant = Plant(Rig(Force()))
     rows = plant.advance(np.full(2000, 0.060))
     assert np.all(plant.state[at.S_SLIP] == 0.0)
@@ -120,7 +126,9 @@ def test_energy_of_a_pull_through_a_link_goes_into_wall_and_resistance() -> None
 
 def _tension(u: Floats) -> Floats:
     capsule = Capsule()
-    return np.asarray(wall_tension(u, WallConstants.from_set(), wall_section(capsule, Tissue()), stretched_length(capsule)))
+    return np.asarray(
+        wall_tension(u, WallConstants.from_set(), wall_section(capsule, Tissue()), stretched_length(capsule))
+    )
 
 
 def _resistance(v: Floats) -> Floats:

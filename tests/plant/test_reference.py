@@ -8,7 +8,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import butter, filtfilt
 
 from plant import layout as at
-from plant.profile import ConstantSpeed
+from plant.experiments.profile import ConstantSpeed
 from plant.rig import STEP_S, Magnet, Plant, Pull, Rig
 from plant.tables import Floats
 from tests.plant.conftest import read_columns
@@ -24,7 +24,9 @@ def low_passed(y: Floats, rate_Hz: float = 1000.0) -> Floats:
 def test_pull_force_follows_the_reference(shared: Path) -> None:
     reference = read_columns(shared / "reference" / "pull.csv")
     t = STEP_S * np.arange(EVERY * (reference["t_s"].size - 1) + 2)
-    x = np.interp(t, reference["t_s"], reference["position_m"])  # the reference moved in straight lines between its samples
+    x = np.interp(
+        t, reference["t_s"], reference["position_m"]
+    )  # the reference moved in straight lines between its samples
     rows = Plant(Rig(Pull())).advance(np.append(x[1:], x[-1]), EVERY)  # its force belongs to the speed it goes on with
     error = rows[:, at.O_FORCE] - reference["force_N"]
     assert np.max(np.abs(low_passed(error))) < 0.5e-3

@@ -1,4 +1,6 @@
-"""The plant step by step is the plant in one go; its instruments keep their rate, latency and noise, and their faults."""
+"""The plant step by step is the plant in one go; its instruments keep their rate, latency and noise, and their
+faults.
+"""
 
 import math
 
@@ -6,14 +8,15 @@ import numpy as np
 import pytest
 
 from plant import layout as at
-from plant.instruments import Instrument, Reading
 from plant.rig import Coil, Magnet, Plant, Pull, Rig, Vibro
+from plant.sensing.instruments import Instrument, Reading
 from plant.session import Instruments, Session
 
 RIGS = {
     "magnetic": Rig(Magnet()),
     "magnetic behind lag and play": Rig(
-        Magnet(), hidden={"actuator_lag": {"time_s": 0.1}, "carriage_backlash": {"width_m": 2e-3}, "stribeck": {"excess": 0.5}}
+        Magnet(),
+        hidden={"actuator_lag": {"time_s": 0.1}, "carriage_backlash": {"width_m": 2e-3}, "stribeck": {"excess": 0.5}},
     ),
     "coil": Rig(Coil()),
     "vibro": Rig(Vibro()),
@@ -24,8 +27,10 @@ def commands(kind: str, count: int) -> list[float]:
     """A command a tick: a rising wave, a switch for an inner mass."""
     k = np.arange(count)
     if kind == "vibro":
-        return [float(on) for on in (k % 8 < 4)]
-    return [float(c) for c in 8e-3 * (1 + 0.1 * np.sin(0.3 * k)) * np.minimum(k / 50, 1.0) * (400 if kind == "coil" else 1)]
+        return [float(on) for on in k % 8 < 4]
+    return [
+        float(c) for c in 8e-3 * (1 + 0.1 * np.sin(0.3 * k)) * np.minimum(k / 50, 1.0) * (400 if kind == "coil" else 1)
+    ]
 
 
 def run(session: Session, ticks: list[float], tick_s: float = 2e-3) -> list[Reading]:
@@ -87,7 +92,8 @@ def test_hidden_sensor_effects_reach_the_readings() -> None:
     quiet = Instruments(localisation=Instrument(std=0.0))
     hidden = {"sensor_delay": {"time_s": 0.05}, "sensor_scale": {"excess": 0.1}}
     sound, slow = (
-        [r.value for r in run(Session(Rig(Magnet(), hidden=h), quiet), ticks) if r.channel == "position_m"] for h in ({}, hidden)
+        [r.value for r in run(Session(Rig(Magnet(), hidden=h), quiet), ticks) if r.channel == "position_m"]
+        for h in ({}, hidden)
     )
     assert np.asarray(slow[5:]) == pytest.approx(1.1 * np.asarray(sound[:-5]), abs=1e-9)
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.app import vibro_sweep as sweep
+from hil.app.design import vibro_sweep as sweep
 from plant.rig import Pull, Rig
 
 

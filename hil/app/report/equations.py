@@ -76,7 +76,9 @@ def _greek(name: str) -> str | None:
 
 
 def _exponent(text: str, start: int) -> tuple[str, int]:
-    """What stands after `^`: a group in brackets or braces without them, else a signed number or a word; and where it ends."""
+    """What stands after `^`: a group in brackets or braces without them, else a signed number or a word; and where it
+    ends.
+    """
     pairs = {"(": ")", "{": "}"}
     if start < len(text) and text[start] in pairs:
         depth = 0

@@ -14,13 +14,17 @@ from hil.app.report.words import scale
 
 
 def speed_map(drawn: Sequence[Panel], last: str) -> go.Figure | None:
-    """One map each for the measurement, the nominal model and the stage `last`: a dot a condition, coloured by its mean speed."""
+    """One map each for the measurement, the nominal model and the stage `last`: a dot a condition, coloured by its mean
+    speed.
+    """
     drawn = [panel for panel in drawn if {"period_s", "duty"} <= set(panel.signals)]
     if not drawn:
         return None
     period, duty = (np.concatenate([panel.signals[name] for panel in drawn]) for name in ("period_s", "duty"))
     columns = {"measured": np.concatenate([panel.measured for panel in drawn])}
-    columns |= {stage: np.concatenate([panel.predicted[stage] for panel in drawn]) for stage in dict.fromkeys(("nominal", last))}
+    columns |= {
+        stage: np.concatenate([panel.predicted[stage] for panel in drawn]) for stage in dict.fromkeys(("nominal", last))
+    }
     conditions, means = _by_condition(np.column_stack((period, duty)), columns)
     factor, unit = scale(columns["measured"], drawn[0].unit)
     limit = factor * float(np.nanmax(np.abs(means["measured"])))
@@ -31,7 +35,12 @@ def speed_map(drawn: Sequence[Panel], last: str) -> go.Figure | None:
             x=1e3 * conditions[:, 0],
             y=conditions[:, 1],
             mode="markers",
-            marker={"color": factor * values, "coloraxis": "coloraxis", "size": 11, "line": {"color": INK, "width": 0.7}},
+            marker={
+                "color": factor * values,
+                "coloraxis": "coloraxis",
+                "size": 11,
+                "line": {"color": INK, "width": 0.7},
+            },
             hovertemplate=f"T %{{x:.3g}} ms, duty %{{y:.2f}}: %{{marker.color:.3g}} {unit}<extra></extra>",
             showlegend=False,
             row=1,
@@ -40,7 +49,9 @@ def speed_map(drawn: Sequence[Panel], last: str) -> go.Figure | None:
         figure.update_xaxes(title="drive period in ms", row=1, col=column)
     figure.update_yaxes(title="duty", row=1, col=1)
     bar = {"title": {"text": f"speed in {unit}", "side": "right"}, "thickness": 14, "outlinewidth": 0}
-    return styled(figure, 400, coloraxis={"colorscale": "RdBu", "cmin": -limit, "cmax": limit, "colorbar": bar}, margin={"r": 90})
+    return styled(
+        figure, 400, coloraxis={"colorscale": "RdBu", "cmin": -limit, "cmax": limit, "colorbar": bar}, margin={"r": 90}
+    )
 
 
 def agreement_figure(drawn: Sequence[Panel], last: str) -> go.Figure:
@@ -50,7 +61,12 @@ def agreement_figure(drawn: Sequence[Panel], last: str) -> go.Figure:
     figure = go.Figure()
     ends = factor * np.array([measured.min(), measured.max()])
     figure.add_scatter(
-        x=ends, y=ends, mode="lines", line={"color": MUTED, "dash": "dash", "width": 1}, showlegend=False, hoverinfo="skip"
+        x=ends,
+        y=ends,
+        mode="lines",
+        line={"color": MUTED, "dash": "dash", "width": 1},
+        showlegend=False,
+        hoverinfo="skip",
     )
     for stage in dict.fromkeys(("nominal", last)):
         for role, symbol in (("train", "circle"), ("holdout", "diamond-open")):

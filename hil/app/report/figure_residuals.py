@@ -18,7 +18,8 @@ SPEED = "v_m_s"
 
 
 def residual_figure(drawn: Sequence[Panel], before: str, after: str) -> go.Figure | None:
-    """Measured minus predicted over every signal: left with the stage `before`, right with `after`; lines are local means.
+    """Measured minus predicted over every signal: left with the stage `before`, right with `after`; lines are local
+    means.
 
     Several measured quantities are drawn together as per cent of their mean size.
     """
@@ -28,7 +29,9 @@ def residual_figure(drawn: Sequence[Panel], before: str, after: str) -> go.Figur
         return None
     rests = {stage: {q: _rest(drawn, q, stage, len(quantities) > 1) for q in quantities} for stage in (before, after)}
     everything = np.concatenate([values for by_quantity in rests.values() for values in by_quantity.values()])
-    factor, unit = (1.0, "%") if len(quantities) > 1 else scale([float(np.nanquantile(np.abs(everything), 0.99))], drawn[0].unit)
+    factor, unit = (
+        (1.0, "%") if len(quantities) > 1 else scale([float(np.nanquantile(np.abs(everything), 0.99))], drawn[0].unit)
+    )
     limit = 1.15 * factor * float(np.nanquantile(np.abs(everything), 0.995))
     figure = make_subplots(
         rows=len(names),
@@ -42,7 +45,9 @@ def residual_figure(drawn: Sequence[Panel], before: str, after: str) -> go.Figur
         words, signal_unit = column_words(name)
         for column, stage in enumerate((before, after), start=1):
             for number, quantity in enumerate(quantities):
-                colour = STAGE_COLOURS[stage] if len(quantities) == 1 else QUANTITY_COLOURS[number % len(QUANTITY_COLOURS)]
+                colour = (
+                    STAGE_COLOURS[stage] if len(quantities) == 1 else QUANTITY_COLOURS[number % len(QUANTITY_COLOURS)]
+                )
                 signal = np.concatenate([panel.signals[name] for panel in drawn if panel.quantity == quantity])
                 _cloud(figure, signal, factor * rests[stage][quantity], quantity, colour, (row, column))
                 for way, dash in _ways(drawn, quantity, name):
@@ -93,7 +98,9 @@ def _cloud(figure: go.Figure, signal: Array, rest: Array, name: str, colour: str
 
 
 def _ways(drawn: Sequence[Panel], quantity: str, name: str) -> list[tuple[NDArray[np.bool_], str]]:
-    """The samples that share a local mean, with the line's dash: forward and backward motion apart where the record tells."""
+    """The samples that share a local mean, with the line's dash: forward and backward motion apart where the record
+    tells.
+    """
     some = [panel for panel in drawn if panel.quantity == quantity]
     size = sum(len(panel.measured) for panel in some)
     if SPEED not in some[0].signals or name in (SPEED, "t_s"):
@@ -104,10 +111,20 @@ def _ways(drawn: Sequence[Panel], quantity: str, name: str) -> list[tuple[NDArra
     return [(way, dash) for way, dash in ways if np.count_nonzero(way) > 50] or [(np.ones(size, dtype=bool), "solid")]
 
 
-def _means(figure: go.Figure, centres: Array, means: Array, name: str, line: dict[str, object], place: tuple[int, int]) -> None:
+def _means(
+    figure: go.Figure, centres: Array, means: Array, name: str, line: dict[str, object], place: tuple[int, int]
+) -> None:
     row, col = place
     figure.add_scatter(
-        x=centres, y=means, mode="lines+markers", line=line, marker={"size": 4}, name=name, showlegend=False, row=row, col=col
+        x=centres,
+        y=means,
+        mode="lines+markers",
+        line=line,
+        marker={"size": 4},
+        name=name,
+        showlegend=False,
+        row=row,
+        col=col,
     )
 
 

@@ -9,7 +9,7 @@ from plotly.subplots import make_subplots
 
 from hil.app.report.theme import FLOOR, MUTED, STAGE_COLOURS, styled
 from hil.app.report.words import STAGE_WORDS, effect_words, error_scale, number
-from models.identification.result import STAGES, CandidateRow, Finding
+from models.identification.finding import STAGES, CandidateRow, Finding
 
 PARTS = {"train": "training", "holdout": "held out"}
 MOST_ROUNDS, MOST_CANDIDATES = 4, 14

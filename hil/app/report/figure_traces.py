@@ -15,7 +15,11 @@ def trace_figure(panel: Panel, points: int, residual: bool = True) -> go.Figure:
     """Measured and predicted over the record's abscissa; below, what the models after the nominal one leave."""
     factor, unit = scale([*panel.measured, *(v for values in panel.predicted.values() for v in values)], panel.unit)
     figure = make_subplots(
-        rows=2 if residual else 1, cols=1, shared_xaxes=True, vertical_spacing=0.06, row_heights=[0.68, 0.32][: 1 + residual]
+        rows=2 if residual else 1,
+        cols=1,
+        shared_xaxes=True,
+        vertical_spacing=0.06,
+        row_heights=[0.68, 0.32][: 1 + residual],
     )
     if panel.dense:
         lines = [(STAGE_WORDS[stage], STAGE_COLOURS[stage], values) for stage, values in panel.predicted.items()]
@@ -53,9 +57,13 @@ def _markers(figure: go.Figure, panel: Panel, factor: float) -> None:
             "size": 9,
             "line": {"color": colour, "width": 2 if stage == "nominal" else 0},
         }
-        figure.add_scatter(x=x, y=factor * values[order], name=STAGE_WORDS[stage], mode="markers", marker=marker, row=1, col=1)
+        figure.add_scatter(
+            x=x, y=factor * values[order], name=STAGE_WORDS[stage], mode="markers", marker=marker, row=1, col=1
+        )
     marker = {"color": "white", "size": 9, "line": {"color": INK, "width": 2}}
-    figure.add_scatter(x=x, y=factor * panel.measured[order], name="measured", mode="markers", marker=marker, row=1, col=1)
+    figure.add_scatter(
+        x=x, y=factor * panel.measured[order], name="measured", mode="markers", marker=marker, row=1, col=1
+    )
 
 
 def _rest(figure: go.Figure, panel: Panel, stage: str, values: Array, points: int) -> None:

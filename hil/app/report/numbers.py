@@ -7,7 +7,7 @@ from typing import Any
 
 from hil.app.console import plain
 from hil.app.report.words import error_unit
-from models.identification.result import STAGES, Estimate, Finding, FoundEffect
+from models.identification.finding import STAGES, Estimate, Finding, FoundEffect
 
 
 def report_json(finding: Finding) -> dict[str, Any]:
@@ -28,7 +28,8 @@ def report_json(finding: Finding) -> dict[str, Any]:
         "seconds": finding.seconds,
         "kind": finding.kind,
         "calibration": {
-            name: {"nominal": finding.nominal.get(name), **_estimate(estimate)} for name, estimate in finding.calibration.items()
+            name: {"nominal": finding.nominal.get(name), **_estimate(estimate)}
+            for name, estimate in finding.calibration.items()
         },
         "nominal": finding.nominal,
         "checks": [asdict(check) for check in finding.checks],

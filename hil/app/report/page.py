@@ -25,7 +25,7 @@ from hil.app.report.tables import (
 )
 from hil.app.report.theme import figure_html
 from hil.app.report.words import effect_summary, effect_words, error_story, headline, listed, number, quantities_words
-from models.identification.result import Finding, FoundEffect
+from models.identification.finding import Finding, FoundEffect
 
 STYLE = Path(__file__).with_name("style.css")
 POINTS, MOST_PANELS = 50_000, 12
@@ -53,11 +53,15 @@ class _Page:
 
 
 def report_html(finding: Finding) -> str:
-    """The page: verdict first, then the error, the records, the residual, the candidates, the new model and how sure it is."""
+    """The page: verdict first, then the error, the records, the residual, the candidates, the new model and how sure it
+    is.
+    """
     page = _Page()
     drawn = [panel for trace in finding.traces for panel in panels(finding, trace)]
     page.add("error", "Error before and after", _errors(page, finding))
-    page.add("effect", "The effect" if len(finding.effects) == 1 else "The effects", "".join(map(_effect, finding.effects)))
+    page.add(
+        "effect", "The effect" if len(finding.effects) == 1 else "The effects", "".join(map(_effect, finding.effects))
+    )
     page.add("records", "What was measured, what the model said", _records(page, finding, drawn))
     page.add("residual", "What is left over, and what it depends on", _residuals(page, finding, drawn))
     page.add("candidates", "Candidates and their evidence", _candidates(page, finding))
@@ -97,9 +101,9 @@ def _last(finding: Finding) -> str:
 
 def _errors(page: _Page, finding: Finding) -> str:
     words = (
-        f"<p>Measure: {escape(finding.measure)}, of {escape(quantities_words(finding))}. “Nominal” is what the rig file says, "
-        "“calibrated” the same model with its numbers fitted, “augmented” the model with what was found. Held-out records touch "
-        "no fit, search or threshold.</p>"
+        f"<p>Measure: {escape(finding.measure)}, of {escape(quantities_words(finding))}. “Nominal” is what the rig file"
+        " says, “calibrated” the same model with its numbers fitted, “augmented” the model with what was found."
+        " Held-out records touch no fit, search or threshold.</p>"
     )
     return words + page.figure(error_figure(finding)) + error_table(finding)
 
@@ -154,9 +158,9 @@ def _residuals(page: _Page, finding: Finding, drawn: list[Panel]) -> str:
         checks = ""
     else:
         checks = (
-            "<p>Measured minus predicted over whatever it may depend on. Dots are samples, the line is their local mean, "
-            "dotted for backward motion: where it leaves zero, the model lacks something that goes with this signal.</p>"
-            + page.figure(figure)
+            "<p>Measured minus predicted over whatever it may depend on. Dots are samples, the line is their local"
+            " mean, dotted for backward motion: where it leaves zero, the model lacks something that goes with this"
+            " signal.</p>" + page.figure(figure)
         )
     return checks + (f"<h3>Checks against chance</h3>{check_table(finding)}" if finding.checks else "")
 
@@ -166,8 +170,8 @@ def _candidates(page: _Page, finding: Finding) -> str:
     if figure is None:
         return ""
     words = (
-        "<p>Every effect of the catalogue that can act on such a rig was held against the residual (left); the best were fitted "
-        "together with the base and judged on data left out (right).</p>"
+        "<p>Every effect of the catalogue that can act on such a rig was held against the residual (left); the best"
+        " were fitted together with the base and judged on data left out (right).</p>"
     )
     return f"{words}{page.figure(figure)}<details><summary>All candidates</summary>{candidate_table(finding)}</details>"
 
@@ -189,5 +193,7 @@ def _sure(finding: Finding) -> str:
     if finding.next_experiment:
         out += f'<div class="next"><h3>Next experiment</h3><p>{escape(finding.next_experiment)}</p></div>'
     if finding.smallest_detectable:
-        out += f"<details><summary>How small an effect would have been seen</summary>{smallest_table(finding)}</details>"
+        out += (
+            f"<details><summary>How small an effect would have been seen</summary>{smallest_table(finding)}</details>"
+        )
     return out

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.app.report.words import column_words, quantity_columns
-from models.identification.result import STAGES, Finding, Trace
+from models.identification.finding import STAGES, Finding, Trace
 
 Array = NDArray[np.float64]
 
@@ -47,7 +47,8 @@ def panels(finding: Finding, trace: Trace) -> list[Panel]:
     if len(names) < measured.shape[1]:
         names = [(f"{finding.quantity} {i + 1}", finding.unit) for i in range(measured.shape[1])]
     predicted = {
-        stage: np.asarray(trace.predicted[stage], dtype=float).reshape(measured.shape) for stage in stages(finding, trace)
+        stage: np.asarray(trace.predicted[stage], dtype=float).reshape(measured.shape)
+        for stage in stages(finding, trace)
     }
     return [
         Panel(
@@ -78,7 +79,9 @@ def closer(panel: Panel, share: float = 0.06) -> Panel:
     part = slice(start, start + size)
     predicted = {stage: values[part] for stage, values in panel.predicted.items()}
     signals = {name: values[part] for name, values in panel.signals.items()}
-    return replace(panel, abscissa=panel.abscissa[part], measured=panel.measured[part], predicted=predicted, signals=signals)
+    return replace(
+        panel, abscissa=panel.abscissa[part], measured=panel.measured[part], predicted=predicted, signals=signals
+    )
 
 
 def thinned(abscissa: Array, values: Array, points: int) -> tuple[Array, Array]:
@@ -95,7 +98,9 @@ def thinned(abscissa: Array, values: Array, points: int) -> tuple[Array, Array]:
 
 
 def binned(signal: Array, values: Array, bins: int = 72) -> tuple[Array, Array]:
-    """Mean of `values` over stretches of `signal` with equally many samples (each value of it, where few); NaN in gaps."""
+    """Mean of `values` over stretches of `signal` with equally many samples (each value of it, where few); NaN in
+    gaps.
+    """
     good = np.isfinite(signal) & np.isfinite(values)
     signal, values = signal[good], values[good]
     levels = np.unique(signal)

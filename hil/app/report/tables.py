@@ -1,4 +1,6 @@
-"""Tables of the report: errors, parameters with their intervals, checks with their limits, candidates, records, times."""
+"""Tables of the report: errors, parameters with their intervals, checks with their limits, candidates, records,
+times.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,7 @@ from html import escape
 import numpy as np
 
 from hil.app.report.words import DASH, STAGE_WORDS, effect_words, error_scale, number, scaled
-from models.identification.result import STAGES, Estimate, Finding
+from models.identification.finding import STAGES, Estimate, Finding
 
 PARTS = {"train": "training", "holdout": "held out"}
 
@@ -19,7 +21,8 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> 
     classes = ["word" if column < left else "" for column in range(len(head))]
     header = "".join(f'<th class="{c}">{h}</th>' for c, h in zip(classes, head, strict=True))
     body = "".join(
-        "<tr>" + "".join(f'<td class="{c}">{cell}</td>' for c, cell in zip(classes, row, strict=True)) + "</tr>" for row in rows
+        "<tr>" + "".join(f'<td class="{c}">{cell}</td>' for c, cell in zip(classes, row, strict=True)) + "</tr>"
+        for row in rows
     )
     return f'<div class="scroll"><table><thead><tr>{header}</tr></thead><tbody>{body}</tbody></table></div>'
 
@@ -48,8 +51,12 @@ def parameter_table(estimates: dict[str, Estimate], nominal: dict[str, float] | 
             else '<span class="untold">the data cannot tell</span>'
         )
         unit = "" if estimate.unit == "1" else escape(estimate.unit)
-        believed = [] if nominal is None else [number(nominal.get(name)), _interval_drawing(nominal.get(name), estimate)]
-        rows.append([f"<code>{escape(name)}</code>", unit, *believed[:1], number(estimate.value), interval, *believed[1:]])
+        believed = (
+            [] if nominal is None else [number(nominal.get(name)), _interval_drawing(nominal.get(name), estimate)]
+        )
+        rows.append(
+            [f"<code>{escape(name)}</code>", unit, *believed[:1], number(estimate.value), interval, *believed[1:]]
+        )
     if nominal is None:
         return table(["parameter", "unit", "value", "95 % interval"], rows, left=2)
     return table(["parameter", "unit", "nominal", "calibrated", "95 % interval", "change from nominal"], rows, left=2)
@@ -88,7 +95,9 @@ def record_table(finding: Finding) -> str:
     for trace in finding.traces:
         x = np.asarray(trace.abscissa, dtype=float)
         span = f"{number(float(x[-1] - x[0]), 3)} s" if trace.axis == "t_s" and len(x) else DASH
-        rows.append([escape(trace.name), "held out" if trace.role == "holdout" else "training", f"{len(trace.measured)}", span])
+        rows.append(
+            [escape(trace.name), "held out" if trace.role == "holdout" else "training", f"{len(trace.measured)}", span]
+        )
     return table(["record", "role", "rows", "length"], rows, left=2)
 
 
@@ -111,12 +120,13 @@ def _interval_drawing(nominal: float | None, estimate: Estimate) -> str:
     change, low, high = (100 * (v / nominal - 1) for v in (estimate.value, *estimate.ci95))
     low, high = min(low, high), max(low, high)
     x, a, b = (
-        70 + 1.3 * min(max(v, -50.0), 50.0) if math.isfinite(v) else (5.0 if v < 0 else 135.0) for v in (change, low, high)
+        70 + 1.3 * min(max(v, -50.0), 50.0) if math.isfinite(v) else (5.0 if v < 0 else 135.0)
+        for v in (change, low, high)
     )
     colour = "#0b7a84" if estimate.told else "#b9c2cc"
     drawing = (
-        f'<svg width="140" height="16" viewBox="0 0 140 16"><line x1="5" x2="135" y1="8" y2="8" stroke="#e6eaee"/>'
-        f'<line x1="70" x2="70" y1="1" y2="15" stroke="#8792a0"/>'
+        '<svg width="140" height="16" viewBox="0 0 140 16"><line x1="5" x2="135" y1="8" y2="8" stroke="#e6eaee"/>'
+        '<line x1="70" x2="70" y1="1" y2="15" stroke="#8792a0"/>'
         f'<line x1="{a:.1f}" x2="{b:.1f}" y1="8" y2="8" stroke="{colour}" stroke-width="3"/>'
         f'<circle cx="{x:.1f}" cy="8" r="4" fill="{colour}"/></svg>'
     )
@@ -129,7 +139,7 @@ def _bar(value: float, limit: float) -> str:
         return ""
     width, colour = 60 * min(share, 2.0), "#b4492e" if share > 1 else "#0b7a84"
     return (
-        f'<svg width="124" height="12"><rect width="124" height="12" rx="3" fill="#eef1f4"/>'
+        '<svg width="124" height="12"><rect width="124" height="12" rx="3" fill="#eef1f4"/>'
         f'<rect width="{width:.1f}" height="12" rx="3" fill="{colour}"/>'
         '<line x1="60" x2="60" y1="0" y2="12" stroke="#1d2733"/></svg>'
     )

@@ -1,4 +1,6 @@
-"""Words and numbers as a reader wants them: names of stages, columns and effects, values with unit and prefix, the verdict."""
+"""Words and numbers as a reader wants them: names of stages, columns and effects, values with unit and prefix, the
+verdict.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,7 @@ from collections.abc import Iterable
 from types import MappingProxyType
 
 from models.effects import EFFECTS
-from models.identification.result import Finding
+from models.identification.finding import Finding
 
 STAGE_WORDS = MappingProxyType({"nominal": "nominal", "calibrated": "calibrated", "augmented": "augmented"})
 DASH = "–"

@@ -2,22 +2,61 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, Protocol
 
-from models.identification.kinds.axis import AxisKind
-from models.identification.kinds.dma import DmaKind
-from models.identification.kinds.gut import GutKind
-from models.identification.kinds.periods import PeriodsKind
-from models.identification.kinds.vibro_table import VibroTableKind
-from models.identification.kinds.zero_phase import evened
-from models.record import Record, named
-from models.rig import Rig
+from models.files.record import Record, named
+from models.files.rig import Rig
+from models.identification.kind import Theta
+from models.identification.kinds.axis import report as axis_report
+from models.identification.kinds.axis.kind import AxisKind
+from models.identification.kinds.axis.zero_phase import evened
+from models.identification.kinds.dma import report as dma_report
+from models.identification.kinds.dma.kind import DmaKind
+from models.identification.kinds.periods import report as periods_report
+from models.identification.kinds.periods.kind import PeriodsKind
+from models.identification.kinds.series import report as series_report
+from models.identification.kinds.series.kind import GutKind
+from models.identification.kinds.vibro_table import report as vibro_table_report
+from models.identification.kinds.vibro_table.kind import VibroTableKind
 
 AnyKind = AxisKind | DmaKind | GutKind | PeriodsKind | VibroTableKind
 
 
+class Report(Protocol):
+    """What a kind's `report` module says of a model of that kind, in words."""
+
+    def equations(self, kind: Any, theta: Theta) -> list[str]:
+        """The model's equations with their numbers, a line each."""
+        ...
+
+    def statements(self, kind: Any, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:
+        """What these data cannot tell, and what the residual depends on."""
+        ...
+
+    def next_experiment(self, kind: Any, theta: Theta, records: Sequence[Record]) -> str | None:
+        """What to measure to tell confounded effects apart; None where there is nothing to tell."""
+        ...
+
+
+_REPORTS: Final[Mapping[type, Report]] = {
+    AxisKind: axis_report,
+    DmaKind: dma_report,
+    PeriodsKind: periods_report,
+    VibroTableKind: vibro_table_report,
+    GutKind: series_report,
+}
+
+
+def report_of(kind: AnyKind) -> Report:
+    """The words for models of `kind`."""
+    return _REPORTS[type(kind)]
+
+
 def kind_for(rig: Rig, records: Sequence[Record]) -> AnyKind:
-    """The kind that a rig file describes; `records` settle what only data can (noise, the sign of a table's velocities)."""
+    """The kind that a rig file describes; `records` settle what only data can (noise, the sign of a table's
+    velocities).
+    """
     if rig.kind == "axis":
         return AxisKind.from_rig(rig)
     if rig.kind == "dma":

@@ -1,0 +1,190 @@
+"""How far may the loop be pushed, and does it hunt? Harmonic balance: its answer to a force against the first harmonic
+of stick and slip.
+
+Where the balance has an unstable cycle of amplitude A, the loop comes to rest in stiction from less and goes off from
+more: the friction, whose describing function falls as 1/A, no longer damps it. A stable cycle is hunting.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import RegularGridInterpolator
+from scipy.optimize import root
+
+from controller.baselines.lqr import Gains
+from controller.design.margins import Complex
+from controller.design.tuning import Pid
+from controller.model.control_model import ControlModel
+from controller.model.linear import Array, Linear, linearise
+from controller.model.symbols import assembled
+from models.assembly.model import assemble
+from models.compiled.kernel import lower
+from models.drives.from_rig import surface_of
+from models.drives.pull import Pull
+from models.effects import BY_ID
+from models.laws.geometry import GRAVITY
+from models.surfaces.plate import Plate
+
+AMPLITUDES_M = np.geomspace(1e-5, 3e-3, 24)
+FREQUENCIES_HZ = np.geomspace(0.1, 40.0, 20)
+_SETTLE, _MEASURE = 2, 4  # cycles
+_STEPS, _LONGEST_STEP_S = 1024, 2e-3
+_FINE = 4
+
+
+@dataclass(frozen=True)
+class Describing:
+    """The wall under an imposed `x = A sin(omega t)`: the first harmonic of its resistance is `N(A, omega) x`, `N` (a,
+    w) in N/m complex over `amplitude_m` (a,) and `omega` (w,) in 1/s. The real part is spring, the imaginary one
+    friction.
+    """
+
+    amplitude_m: Array
+    omega: Array
+    N: Complex
+
+    def force(self) -> RegularGridInterpolator:
+        """`A N` in N over (log A, log omega), linear between the grid's points: of one size where N spans decades."""
+        grid = (np.log(self.amplitude_m), np.log(self.omega))
+        return RegularGridInterpolator(grid, self.amplitude_m[:, None] * self.N, bounds_error=False, fill_value=None)
+
+    def at(self, amplitude_m: float, frequency_Hz: float) -> complex:
+        """N in N/m between the grid's points."""
+        return complex(self.force()((math.log(amplitude_m), math.log(2 * math.pi * frequency_Hz)))) / amplitude_m
+
+
+@dataclass(frozen=True)
+class Balance:
+    """A cycle that the harmonic balance predicts: `x = A sin`, and whether it comes back after a small disturbance
+    (`stable`).
+    """
+
+    amplitude_m: float
+    frequency_Hz: float
+    stable: bool
+
+
+def describe(
+    model: ControlModel, amplitude_m: Array = AMPLITUDES_M, frequency_Hz: Array = FREQUENCIES_HZ
+) -> Describing:
+    """The describing function of `model`'s surface and of those effects that a pull feels too, with set-valued
+    friction, by running it.
+
+    On a plate in closed form: `A N = j 4 mu m g/pi`.
+    """
+    omega = 2 * math.pi * np.asarray(frequency_Hz, dtype=np.float64)
+    surface, known = surface_of(model.rig), _known(model)
+    if isinstance(surface, Plate):
+        force = known["friction_coefficient"] * (surface.mass_kg + model.drive.carried_kg) * GRAVITY
+        return Describing(amplitude_m, omega, np.outer(1j * 4 * force / (math.pi * amplitude_m), np.ones_like(omega)))
+    ids = dict.fromkeys(name.split(".")[0] for name in known if "." in name)
+    pulled = assemble(surface, Pull(), tuple(BY_ID[name] for name in ids if "pull" in BY_ID[name].kinds))
+    kernel, p = lower(pulled.step, pulled.correct), pulled.vector(known)
+    N = np.zeros((len(amplitude_m), len(omega)), dtype=np.complex128)
+    for j, w in enumerate(omega):
+        period = 2 * math.pi / w
+        n = max(_STEPS, math.ceil(period / _LONGEST_STEP_S))
+        phase = 2 * math.pi / n * np.arange((_SETTLE + _MEASURE) * n + 1)
+        for i, A in enumerate(amplitude_m):
+            pull = np.zeros(phase.size)
+            kernel.one(pulled.start(), A * np.sin(phase), pull, 0.0, p, 1, period / n, pull)
+            last = slice(_SETTLE * n + 1, None)
+            N[i, j] = 2j / (_MEASURE * n * A) * np.dot(pull[last], np.exp(-1j * phase[last]))
+    return Describing(np.asarray(amplitude_m, dtype=np.float64), omega, N)
+
+
+def without_wall(model: ControlModel) -> Linear:
+    """The linear plant about rest with the wall taken away: mass and drive alone, which is what stands across from the
+    wall.
+    """
+    known, surface = _known(model), surface_of(model.rig)
+    mass = surface.mass_kg if isinstance(surface, Plate) else surface.capsule.mass_kg
+    ids = dict.fromkeys(name.split(".")[0] for name in known if "." in name)
+    symbols = assembled(Plate(mass, 0.0), model.drive, tuple(BY_ID[name] for name in ids), model.smoothing)
+    values = [0.0 if p.name == "friction_coefficient" else known[p.name] for p in symbols.parameters]
+    return linearise(replace(model, symbols=symbols, values=np.array(values)), "slip", 0.0)
+
+
+def _known(model: ControlModel) -> dict[str, float]:
+    return {p.name: float(v) for p, v in zip(model.symbols.parameters, model.values, strict=True)}
+
+
+def feedback(plant: Linear, law: Pid | Gains, z: Complex) -> Complex:
+    """What the controller makes of each state, (n, k) at the points `z`: the command is minus their sum, delay
+    aside.
+    """
+    n, first = len(plant.states), np.eye(len(plant.states))[:, :1]
+    if isinstance(law, Pid):
+        return np.asarray(first * law.response(z, plant.tick_s))
+    return np.asarray(law.K.reshape(n, 1) + first * law.K_i * plant.tick_s / (z - 1))
+
+
+def compliance(plant: Linear, law: Pid | Gains, omega: Array, delay_s: float) -> Complex:
+    """`G(j omega)` in m/N, (k,): how far a force on the capsule moves it in closed loop with `law`, measurements
+    `delay_s` late.
+    """
+    z = np.exp(1j * omega * plant.tick_s)
+    late = np.exp(-1j * omega * delay_s)
+    n = len(plant.states)
+    pushed = np.linalg.solve(z[:, None, None] * np.eye(n) - plant.A, np.broadcast_to(plant.E, (len(z), n, 1)))[..., 0].T
+    C, led = feedback(plant, law, z), plant.response(z)
+    command = -late * np.sum(C * pushed, axis=0) / (1 + late * np.sum(C * led, axis=0))
+    return np.asarray(pushed[0] + led[0] * command)
+
+
+@dataclass(frozen=True)
+class _Harmonic:
+    """`F = 1 + N G` of one loop over (log A, log omega)."""
+
+    force: RegularGridInterpolator
+    plant: Linear
+    law: Pid | Gains
+    delay_s: float
+
+    def __call__(self, at: Array) -> Complex:
+        """F (k,) at the points `at` (k, 2)."""
+        G = compliance(self.plant, self.law, np.exp(at[:, 1]), self.delay_s)
+        return np.asarray(1 + self.force(at) / np.exp(at[:, 0]) * G)
+
+    def parts(self, at: Array) -> Array:
+        """Real and imaginary part at one point (2,)."""
+        F = self(at[None, :])[0]
+        return np.array([F.real, F.imag])
+
+    def settles(self, at: Array, step: float = 1e-3) -> bool:
+        """Whether a cycle at `at` comes back: with s = sigma + j omega, F = 0 along a disturbance gives sigma = omega
+        Im(F_A/F_w) dA.
+        """
+        F = self(at + step * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]]))
+        return bool(((F[0] - F[1]) / (F[2] - F[3])).imag < 0)
+
+
+def balances(wall: Describing, plant: Linear, law: Pid | Gains, delay_s: float) -> list[Balance]:
+    """All (A, omega) within the grid of `wall` at which `1 + N(A, omega) G(j omega) = 0`, smallest first; `plant` is
+    the one without wall. First harmonic only: what it neglects is what G lets through at 3 omega.
+    """
+    F = _Harmonic(wall.force(), plant, law, delay_s)
+    a, w = (
+        np.linspace(np.log(axis[0]), np.log(axis[-1]), _FINE * len(axis)) for axis in (wall.amplitude_m, wall.omega)
+    )
+    size = np.array([a[1] - a[0], w[1] - w[0]])
+    values = F(np.stack(np.meshgrid(a, w, indexing="ij"), axis=-1).reshape(-1, 2)).reshape(len(a), len(w))
+    found: list[Array] = []
+    for i, j in np.argwhere(_mixed(values.real) & _mixed(values.imag)):
+        middle = np.array([a[i], w[j]]) + 0.5 * size
+        answer = root(F.parts, middle)
+        new = all(np.any(np.abs(one - answer.x) > 0.5 * size) for one in found)
+        if answer.success and new and np.all(np.abs(answer.x - middle) < size):
+            found.append(answer.x)
+    cycles = [Balance(math.exp(at[0]), math.exp(at[1]) / (2 * math.pi), F.settles(at)) for at in found]
+    return sorted(cycles, key=lambda one: one.amplitude_m)
+
+
+def _mixed(values: Array) -> NDArray[np.bool_]:
+    """Cells (a - 1, w - 1) at whose corners the sign of `values` (a, w) differs."""
+    corners = np.stack([values[:-1, :-1], values[1:, :-1], values[:-1, 1:], values[1:, 1:]])
+    return np.asarray((corners.min(axis=0) <= 0) & (corners.max(axis=0) >= 0))

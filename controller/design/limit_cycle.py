@@ -1,0 +1,144 @@
+"""Does the loop hunt? The loop simulated on the model with set-valued friction, without noise: slow motion, then a
+hold.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller.baselines.lqr import LQR
+from controller.design.tuning import Pid
+from controller.model.control_model import ControlModel
+from controller.model.linear import Array
+from controller.signals import Estimate
+from models.assembly.model import Assembly, assemble
+from models.drives.from_rig import surface_of
+from models.effects import BY_ID
+
+STILL = 1e-6
+_LONGEST_STEP_S = 1e-3
+
+Law = Callable[[float, Array, float, float], float]
+"""Command of a controller for the tick at t in s from the state (n,) as it is seen, the reference's position in m and
+speed in m/s.
+"""
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """What the position error does in the last half of a run: `peak_to_peak_m`, `period_s` (NaN without a repetition),
+    `rms_m`.
+    """
+
+    peak_to_peak_m: float
+    period_s: float
+    rms_m: float
+
+    @property
+    def hunts(self) -> bool:
+        """Whether it goes to and fro by more than a micrometre; one that still settles does not."""
+        return self.peak_to_peak_m > STILL and math.isfinite(self.period_s)
+
+
+@dataclass(frozen=True)
+class Run:
+    """A simulated run: times (k,) in s, reference and position (k,) in m, command (k,)."""
+
+    t: Array
+    reference: Array
+    position: Array
+    command: Array
+
+    def cycle(self) -> Cycle:
+        """How the error of the last half of the run repeats."""
+        half = len(self.t) // 2
+        error = (self.position - self.reference)[half:]
+        swing = error - np.linspace(error[:50].mean(), error[-50:].mean(), len(error))
+        rises = np.flatnonzero((swing[1:] > 0) & (swing[:-1] <= 0))
+        tick = float(self.t[1] - self.t[0])
+        period = float(np.mean(np.diff(rises))) * tick if len(rises) > 2 and float(np.ptp(error)) > STILL else math.nan
+        return Cycle(float(np.ptp(error)), period, float(np.sqrt(np.mean(error**2))))
+
+
+def pid_law(pid: Pid, tick_s: float, moves_along: bool) -> Law:
+    """The PID as it runs; `moves_along`: the command starts from the reference's position (a carriage)."""
+    system = pid.system(tick_s)
+    memory = np.zeros((2, 1))
+
+    def law(t: float, state: Array, r: float, speed: float) -> float:
+        nonlocal memory
+        error = r - state[0]
+        command = float(np.squeeze(system.C @ memory + system.D * error)) + (r if moves_along else 0.0)
+        memory = system.A @ memory + system.B * error
+        return command
+
+    return law
+
+
+def lqr_law(lqr: LQR) -> Law:
+    """The LQR as it runs, on states that are seen late."""
+
+    @dataclass
+    class Point:
+        r: float
+        speed_m_s: float
+
+        def position(self, t: Array) -> Array:
+            return np.full_like(t, self.r)
+
+        def speed(self, t: Array) -> Array:
+            return np.full_like(t, self.speed_m_s)
+
+    def law(t: float, state: Array, r: float, speed: float) -> float:
+        return lqr.act(t, Estimate(t, state, np.zeros_like(state)), Point(r, speed)).command
+
+    return law
+
+
+def simulate(
+    model: ControlModel,
+    law: Law,
+    speed_m_s: float,
+    seconds: float,
+    hold_s: float,
+    delay_s: float,
+    exact: Assembly | None = None,
+) -> Run:
+    """Run `law` on `model` with friction that holds a resting capsule: `seconds` at `speed_m_s`, then a hold of
+    `hold_s`; what the law sees is `delay_s` late. Returns the whole run, one sample a tick. `exact` is what
+    `exactly(model)` gives, built here where None.
+    """
+    exact = exactly(model) if exact is None else exact
+    p, state, tick = _values(model, exact), exact.start(), model.tick_s
+    seen = np.array([exact.states.index(name) for name in model.states])
+    steps = max(1, math.ceil(tick / _LONGEST_STEP_S - 1e-9))
+    count = int((seconds + hold_s) / tick)
+    late: deque[Array] = deque(
+        [state[seen]] * (math.ceil(delay_s / tick - 1e-9) + 1), maxlen=math.ceil(delay_s / tick - 1e-9) + 1
+    )
+    t = np.arange(count, dtype=np.float64) * tick
+    reference: Array = np.asarray(speed_m_s * np.minimum(t, seconds), dtype=np.float64)
+    position, commands = np.zeros(count), np.zeros(count)
+    for k in range(count):
+        late.append(state[seen])
+        command = law(float(t[k]), late[0], float(reference[k]), speed_m_s if t[k] < seconds else 0.0)
+        position[k], commands[k] = state[0], command
+        for i in range(steps):
+            state = np.asarray(exact.step(state, command, command, t[k] + i * tick / steps, tick / steps, p)[0]).ravel()
+    return Run(t, reference, position, commands)
+
+
+def exactly(model: ControlModel) -> Assembly:
+    """The same parts with set-valued friction."""
+    ids = dict.fromkeys(p.name.split(".")[0] for p in model.symbols.parameters if "." in p.name)
+    return assemble(surface_of(model.rig), model.drive, tuple(BY_ID[name] for name in ids))
+
+
+def _values(model: ControlModel, exact: Assembly) -> Array:
+    known = {p.name: float(value) for p, value in zip(model.symbols.parameters, model.values, strict=True)}
+    return exact.vector(known)

@@ -1,0 +1,158 @@
+"""What every estimator of a friction model does with what comes in: late, wrong, or said by the drive."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from controller.estimator.noise import Noise, trusting
+from controller.model.control_model import ControlModel
+from controller.signals import Estimate, Measurement
+
+
+@dataclass(slots=True)
+class Counts:
+    """What became of the measurements."""
+
+    accepted: int = 0
+    outliers: int = 0
+    unusable: int = 0
+    restarts: int = 0
+
+
+@dataclass(slots=True)
+class Watch:
+    """Counts positions taken and refused. Many refused in a row mean that the belief is wrong, not they."""
+
+    noise: Noise
+    counts: Counts = field(default_factory=Counts)
+    accepted_at: float = -math.inf
+    refused: int = 0
+    proven: int = 0
+
+    def begin(self, now: float) -> None:
+        """A new belief, still to be proven."""
+        self.refused, self.proven, self.accepted_at = 0, 0, now
+
+    def accept(self, now: float) -> None:
+        """A position that fits."""
+        self.counts.accepted += 1
+        self.refused, self.accepted_at = 0, now
+        self.proven += 1
+
+    def refuse(self) -> bool:
+        """A position that does not; whether a new belief should begin with it."""
+        self.counts.outliers += 1
+        self.refused += 1
+        wrong = self.refused >= self.noise.patience
+        self.counts.restarts += wrong
+        return wrong
+
+    def lost(self, now: float, std_m: float) -> bool:
+        """Too long without a position, too uncertain, or not proven yet."""
+        n = self.noise
+        return bool(now - self.accepted_at > n.age_s or not std_m <= n.lost_std_m or self.proven < n.proof)
+
+
+CURRENT = "coil_current_A"
+_MOST_A_TICK = 8
+_FOLLOWS = 3.0
+
+
+class Receiver(ABC):
+    """Position, speed, wall, drive and what friction the model lacks, from localisation (`position_m`) and drive
+    feedback.
+
+    A coil's current is a measurement of its state. What a carriage reports replaces what it was told: where they
+    differ, the commands since count as off by the same.
+
+    `observe` is called once a tick of the model. A measurement stamped up to `latest_s` ago is taken in at the tick of
+    its stamp; the time that this takes is bounded. Never raises.
+    """
+
+    def __init__(self, model: ControlModel, noise: Noise | None = None) -> None:
+        self.model = model
+        self.noise = trusting(model) if noise is None else noise
+        self._watch = Watch(self.noise)
+        self._kept = math.ceil((self.noise.latest_s + model.delay_s) / model.tick_s) + 2
+        self._current = next((k for k, n in enumerate(model.states) if n.rpartition(".")[2] == "current_A"), None)
+
+    @property
+    def counts(self) -> Counts:
+        """What became of the measurements so far."""
+        return self._watch.counts
+
+    def reset(self, now: float, command: float) -> None:
+        """Know nothing but the `command` in force at `now`; the first position begins a belief."""
+        self._count = 0
+        self._command = command
+        self._watch = Watch(self.noise, self.counts)
+        self._offset = 0.0
+
+    def observe(self, now: float, command: float, measurements: Sequence[Measurement] = ()) -> Estimate:
+        """The estimate at `now`, a tick after the last call; `command` was in force since, `measurements` came in
+        since.
+        """
+        if not math.isfinite(command):
+            command = self._command
+        if self._count:
+            self._go_on(now, command)
+            self._count = min(self._count + 1, self._kept)
+        self._command = command
+        for m in sorted(measurements[-_MOST_A_TICK:], key=lambda m: m.stamp_s if m.stamp_s == m.stamp_s else math.inf):
+            self._take(m, now)
+        estimate = self._estimate(now) if self._count else None
+        if estimate is None:
+            self.counts.restarts += self._count > 0
+            self._count = 0
+            nothing = self.model.initial() * math.nan
+            return Estimate(now, nothing, nothing, 0.0, True)
+        return estimate
+
+    def _take(self, m: Measurement, now: float) -> None:
+        position = m.channel == "position_m"
+        followed = position or (m.channel == CURRENT and self._current is not None)
+        if not math.isfinite(m.value + m.stamp_s) or not (followed or m.channel == self.model.command_name):
+            self.counts.unusable += 1
+            return
+        if position and not self._count:
+            self._start(m.value, now)
+            return
+        back = round((now - m.stamp_s + (self.model.delay_s if position else 0.0)) / self.model.tick_s)
+        if not 0 <= back < self._count:
+            self.counts.unusable += 1
+        elif not followed:
+            off = m.value - self._told(back)
+            self._offset = off if abs(off) > _FOLLOWS * self.noise.carriage_std_m else 0.0
+        elif self._fuse(back, m):
+            if position:
+                self._watch.accept(now)
+        elif position and self._watch.refuse():
+            self._start(m.value, now)
+
+    def _start(self, position_m: float, now: float) -> None:
+        self._begin(position_m, now)
+        self._count = 1
+        self._watch.begin(now)
+
+    @abstractmethod
+    def _begin(self, position_m: float, now: float) -> None:
+        """A new belief: at rest at `position_m` under the command in force."""
+
+    @abstractmethod
+    def _go_on(self, now: float, command: float) -> None:
+        """A tick on, to `now`; the drive was told `command`, which counts as off by `_offset`."""
+
+    @abstractmethod
+    def _told(self, back: int) -> float:
+        """What the drive was told `back` ticks ago."""
+
+    @abstractmethod
+    def _fuse(self, back: int, m: Measurement) -> bool:
+        """Take in `m`, true `back` ticks ago; False where it is an outlier, which changes nothing."""
+
+    @abstractmethod
+    def _estimate(self, now: float) -> Estimate | None:
+        """What is believed; None where it is no longer made of numbers."""

@@ -1,0 +1,150 @@
+"""The arithmetic of a cloud of particles as machine code: weights, moments, renewal. Nothing here can fail."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+@njit(cache=True)
+def expected(weights: Array, values: Array) -> tuple[float, float]:
+    """Mean and variance of `values` (P,) under `weights` (P,); those of no weight are not looked at."""
+    mean, square = 0.0, 0.0
+    for k in range(weights.size):
+        if weights[k] > 0:
+            mean += weights[k] * values[k]
+    for k in range(weights.size):
+        if weights[k] > 0:
+            square += weights[k] * (values[k] - mean) ** 2
+    return mean, square
+
+
+@njit(cache=True)
+def weigh(weights: Array, values: Array, measured: float, variance: float) -> float:
+    """Multiply `weights` (P,), in place, by the likelihood of `measured` where `values` (P,) were expected, noise of
+    `variance`; returns how many particles the weights are worth, `1/sum w^2`. A particle that is no number loses its
+    weight.
+    """
+    least = math.inf
+    for k in range(weights.size):
+        off = (measured - values[k]) ** 2
+        if weights[k] > 0 and off < least:
+            least = off
+    total = 0.0
+    for k in range(weights.size):
+        off = (measured - values[k]) ** 2
+        weights[k] = weights[k] * math.exp(0.5 * (least - off) / variance) if weights[k] > 0 and off < math.inf else 0.0
+        total += weights[k]
+    square = 0.0
+    for k in range(weights.size):
+        weights[k] = weights[k] / total if total > 0 else 1.0 / weights.size
+        square += weights[k] * weights[k]
+    return 1.0 / square
+
+
+@njit(cache=True)
+def draw(weights: Array, share: float, chosen: Indices) -> None:
+    """Systematic resampling: fill `chosen` (P,) with who goes on, each about as often as P times its weight says;
+    `share` in [0, 1) is where the first of P even steps begins.
+    """
+    n, k, total = weights.size, 0, weights[0]
+    for i in range(n):
+        while (i + share) / n > total and k < n - 1:
+            k += 1
+            total += weights[k]
+        chosen[i] = k
+
+
+@njit(cache=True)
+def scatter(
+    x: Array, level: Array, force: Array, brisk: Array, walks: Array, bounds: Array, normals: Array, chances: Array
+) -> None:
+    """Let position, level and force of each particle (P,) walk, in place: `walks` are the standard deviations of
+    position, calm level, brisk level and force, then how likely a particle draws anew whether its level is `brisk` (1
+    or 0). `normals` (3, P), `chances` (P,) even in [0, 1); the level stays within `bounds`.
+    """
+    for k in range(x.size):
+        if chances[k] < walks[4]:
+            brisk[k] = 1.0 if chances[k] < 0.5 * walks[4] else 0.0
+        x[k] += walks[0] * normals[0, k]
+        step = walks[2] if brisk[k] > 0 else walks[1]
+        level[k] = min(max(level[k] + step * normals[1, k], bounds[0]), bounds[1])
+        force[k] += walks[3] * normals[2, k]
+
+
+@njit(cache=True)
+def gather(rows: Array, chosen: Indices, spare: Array) -> None:
+    """Put `rows[chosen]` in the place of `rows`; `spare` is of the same shape."""
+    spare[:] = rows
+    for k in range(chosen.size):
+        rows[k] = spare[chosen[k]]
+
+
+@njit(cache=True)
+def gather_columns(table: Array, chosen: Indices, spare: Array) -> None:
+    """Put `table[:, chosen]` in the place of `table`."""
+    for i in range(table.shape[0]):
+        spare[:] = table[i]
+        for k in range(chosen.size):
+            table[i, k] = spare[chosen[k]]
+
+
+@njit(cache=True)
+def survey(weights: Array, states: Array, level: Array, force: Array, mean: Array, std: Array) -> tuple[float, float]:
+    """Fill `mean` and `std` (n,) with those of `states` (P, n); the means of `level` and `force` (P,)."""
+    mean[:], std[:] = 0.0, 0.0
+    levels, forces = 0.0, 0.0
+    for k in range(weights.size):
+        w = weights[k]
+        if w > 0:
+            levels, forces = levels + w * level[k], forces + w * force[k]
+            for i in range(mean.size):
+                mean[i] += w * states[k, i]
+    for k in range(weights.size):
+        if weights[k] > 0:
+            for i in range(mean.size):
+                std[i] += weights[k] * (states[k, i] - mean[i]) ** 2
+    for i in range(mean.size):
+        std[i] = math.sqrt(std[i])
+    return levels, forces
+
+
+@njit(cache=True)
+def led(
+    weights: Array,
+    states: Array,
+    level: Array,
+    wall: int,
+    mean: Array,
+    std: Array,
+    mean_level: float,
+    far: Array,
+    leader: int,
+) -> int:
+    """Who leads: `leader` (-1: nobody) as long as its place, level and wall (the state `wall`) are no more than `far`
+    (3,) standard deviations off the mean of all, else the particle that is nearest to it in these.
+    """
+    spread = 0.0
+    for k in range(weights.size):
+        if weights[k] > 0:
+            spread += weights[k] * (level[k] - mean_level) ** 2
+    if leader >= 0:
+        near = (
+            abs(states[leader, 0] - mean[0]) <= far[0] * std[0]
+            and abs(states[leader, wall] - mean[wall]) <= far[2] * std[wall]
+        )
+        if near and (level[leader] - mean_level) ** 2 <= far[1] ** 2 * spread:
+            return leader
+    best, found = math.inf, 0
+    for k in range(weights.size):
+        off = (states[k, 0] - mean[0]) ** 2 / (std[0] ** 2 + 1e-300) + (level[k] - mean_level) ** 2 / (spread + 1e-300)
+        off += (states[k, wall] - mean[wall]) ** 2 / (std[wall] ** 2 + 1e-300)
+        if weights[k] > 0 and off < best:
+            best, found = off, k
+    return found

@@ -1,0 +1,259 @@
+"""The model that estimator, feedforward and MPC predict with: surface, drive and effects of one stage of a model file,
+smoothed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.model.kernels import Kernels, compile_kernels
+from controller.model.symbols import Symbols, assembled
+from models.drives.drive import Drive
+from models.drives.from_rig import drive_of, surface_of
+from models.effects import BY_ID
+from models.effects.effect import Effect
+from models.effects.refinements.level_over_speed import LevelOverSpeed
+from models.files.rig import Rig
+from models.identification.kinds.series.drive_input import SWITCH_DELAY
+from models.identification.model import HELD_OUT
+from models.parameter import nearest
+
+Array = NDArray[np.float64]
+
+SMOOTHING, SHARP_M_S = 2e-5, 1e-6
+LONGEST_STEP_S = 1e-3
+_LONGEST_VIBRO_S = 3e-4
+_FOLLOWS_COMMAND = (".position_m", ".command")
+_FOLLOWS_POSITION = (".smooth",)
+
+
+@dataclass(frozen=True)
+class ControlModel:
+    """One tick of the rig, differentiable. All SI; x has shape (n,) in the order of `states`.
+
+    - `states`: `x` position in m and `v` speed in m/s of the capsule, `u` wall displacement in m, `slip` of the wall (0
+      sticks, else its direction), then, only where the model has them, `direction` of the last motion, `travelled` path
+      in m, the drive's states (`coil.current_A`, `vibro.stretch_m`, `vibro.rate_m_s`) and the effects'
+      (`effect_id.name`). A plate has no `u`, `slip`.
+    - `modes`: those that only take the values -1, 0, 1; a filter must neither average nor perturb them.
+    - command: `command_name` (`carriage_position_m` in m, `coil_current_A` in A, `coil_voltage_V` in V, `drive_on`
+      0..1).
+    - disturbance: a force along +x on the capsule in N that the model lacks.
+
+    `step(x, command, disturbance_N, t) -> x_next` goes one tick of `tick_s` with the command held; `jacobians`, same
+    arguments, gives `(x_next, A (n, n), B (n, 1), E (n, 1))` with respect to x, command and disturbance. `kernels` has
+    the same step compiled, many times faster (`kernels.step`). `measured(x, t) -> m` is what the position sensor shows
+    of `x`, late by `delay_s`; the drive follows its command with the time constant `response_s`; `held_out_error` is by
+    how much the model missed records that no fit has seen, in the measured column's unit (None: not known, or not of
+    this model, as a part is left out); `wall_force(x, t) -> N` what the wall holds against +x. `gap_limit_m` is where a
+    magnet's force is largest (None: no magnet).
+
+    Friction is smoothed over `smoothing` m/s and solved within the step, so the step is stable at any length; a resting
+    capsule creeps by up to that speed. Sub-steps are at most 1 ms (0.3 ms with an inner mass). First order: a tick of 1
+    ms follows the exact stick and slip to a few percent of a tooth.
+    """
+
+    rig: Rig
+    drive: Drive
+    symbols: Symbols
+    values: Array
+    tick_s: float
+    smoothing: float
+    delay_s: float
+    response_s: float = 0.0
+    held_out_error: float | None = None
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states in order."""
+        return self.symbols.states
+
+    @property
+    def modes(self) -> tuple[str, ...]:
+        """Names of the states that are switches."""
+        return tuple(name for name in self.states if name in ("slip", "direction"))
+
+    @property
+    def fitted(self) -> bool:
+        """Whether its numbers are another's than the experimenter's: a fit has moved them."""
+        nominal = {p.name: p.value for p in self.symbols.parameters}
+        return bool(np.any(self.values != np.array(list(nominal.values()))))
+
+    @property
+    def command_name(self) -> str:
+        """The driven column that the command is."""
+        return self.drive.commanded
+
+    @property
+    def substeps(self) -> int:
+        """Steps of the integrator within a tick."""
+        longest = _LONGEST_VIBRO_S if self.drive.name == "vibro" else LONGEST_STEP_S
+        return max(1, math.ceil(self.tick_s / longest - 1e-9))
+
+    @property
+    def gap_limit_m(self) -> float | None:
+        """Largest useful gap of carriage and capsule, `r/sqrt(3)`; beyond it the magnet's force falls."""
+        return None if self.rig.magnet is None else self.rig.magnet.magnet_range_m / math.sqrt(3)
+
+    @property
+    def force_per_command(self) -> float:
+        """Slope of the drive's force at rest in N per unit of command, always positive."""
+        p = {q.name: v for q, v in zip(self.symbols.parameters, self.values, strict=True)}
+        slope = (
+            p["magnet_stiffness_N_per_m"]
+            if self.gap_limit_m is not None
+            else p.get("coil_force_N_per_A", p.get("force_N", 1.0))
+        )
+        return max(abs(float(slope)) / float(p.get("coil_resistance_ohm", 1.0)), 1e-6)
+
+    def left(self, before: float, command: float) -> float:
+        """From where the command goes in a tick that `command` ends: a carriage from the one `before`, all others are
+        held.
+        """
+        return before if self.drive.name == "magnetic" else command
+
+    def index(self, name: str) -> int:
+        """Where the state `name` stands; ValueError for a state that the model does not have."""
+        if name not in self.states:
+            raise ValueError(f"state must be one of the model's; got {name!r}; {nearest(name, self.states)}")
+        return self.states.index(name)
+
+    def initial(self, position_m: float = 0.0, command: float = 0.0) -> Array:
+        """State (n,) at rest at `position_m` with `command` in force for long."""
+        x = np.zeros(len(self.states))
+        for k, name in enumerate(self.states):
+            if name == "x" or name.endswith(_FOLLOWS_POSITION):
+                x[k] = position_m
+            elif name == "direction":
+                x[k] = 1.0
+            elif name.endswith(_FOLLOWS_COMMAND):
+                x[k] = command
+        return x
+
+    @cached_property
+    def step(self) -> ca.Function:
+        """One tick, `(x, command, disturbance_N, t) -> x_next`."""
+        x, c, d, t = self._arguments()
+        return ca.Function("step", [x, c, d, t], [self._tick(x, c, d, t)])
+
+    @cached_property
+    def jacobians(self) -> ca.Function:
+        """One tick with its derivatives, `(x, command, disturbance_N, t) -> (x_next, A, B, E)`."""
+        x, c, d, t = self._arguments()
+        new = self._tick(x, c, d, t)
+        return ca.Function(
+            "jacobians", [x, c, d, t], ca.cse([ca.densify(e) for e in (new, *(ca.jacobian(new, w) for w in (x, c, d)))])
+        )
+
+    @cached_property
+    def measured(self) -> ca.Function:
+        """What the position sensor shows, `(x, t) -> m`, without its delay."""
+        return self._bound(self.symbols.measured, "measured")
+
+    @cached_property
+    def wall_force(self) -> ca.Function:
+        """Force of the wall against +x, `(x, t) -> N`: environmental resistance, mucus and tension."""
+        return self._bound(self.symbols.wall_force, "wall_force")
+
+    @cached_property
+    def kernels(self) -> Kernels:
+        """The step compiled to machine code, by a C compiler or by numba; kept on disk, so only the first use of a kind
+        of model waits.
+        """
+        return compile_kernels(self.symbols, self.values, self.tick_s, self.substeps)
+
+    @cached_property
+    def sharp(self) -> ControlModel:
+        """This model with friction as sharp as it is: for estimating and inverting, which need no derivatives of it.
+
+        Rounded over 50 um/s, friction at 1 mm/s is 5 % too low, and the path runs 0.5 mm ahead of the exact stick and
+        slip; over 1 um/s by 0.04 mm.
+        """
+        values = dict(zip((p.name for p in self.symbols.parameters), self.values.tolist(), strict=True))
+        sharp = control_model(self.rig, values, self.tick_s, min(SHARP_M_S, self.smoothing), self.command_name)
+        return replace(sharp, held_out_error=self.held_out_error)
+
+    def with_tick(self, tick_s: float) -> ControlModel:
+        """The same model with another tick."""
+        return replace(self, tick_s=checked_tick(tick_s))
+
+    def _arguments(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+        return ca.SX.sym("x", len(self.states)), ca.SX.sym("command"), ca.SX.sym("disturbance_N"), ca.SX.sym("t")
+
+    def _tick(self, x: ca.SX, c: ca.SX, d: ca.SX, t: ca.SX) -> ca.SX:
+        h = self.tick_s / self.substeps
+        for k in range(self.substeps):
+            x = self.symbols.substep(x, c, c, d, t + k * h, h, self.values)
+        return x
+
+    def _bound(self, function: ca.Function, name: str) -> ca.Function:
+        x, t = ca.SX.sym("x", len(self.states)), ca.SX.sym("t")
+        return ca.Function(name, [x, t], [function(x, t, self.values)])
+
+
+def checked_tick(tick_s: float) -> float:
+    """`tick_s`, or a ValueError where it is no time."""
+    if not 1e-5 <= tick_s <= 1.0:
+        raise ValueError(f"tick_s must lie in [1e-5, 1] s; got {tick_s:g}")
+    return float(tick_s)
+
+
+def control_model(
+    rig: Rig, values: Mapping[str, float], tick_s: float, smoothing: float = SMOOTHING, driven: str = ""
+) -> ControlModel:
+    """The model of `rig` with `values`, one stage of a model file: base parameters by name, effects' as
+    `effect_id.name`.
+
+    `tick_s` in s is the controller's, `smoothing` in m/s what friction is rounded over. `driven` chooses the column
+    that is commanded where the rig has several (`coil_voltage_V`). `values` may hold the stage's `HELD_OUT` error. What
+    they lack keeps the rig file's number; an effect with the amplitude 0 is left out, and so are how late a record's
+    switch was logged and a free curve over speed. Raises ValueError for a rig without a free capsule, an unknown name,
+    a value that is no finite number.
+    """
+    drive = drive_of(rig, driven)
+    if drive.imposed:
+        raise ValueError(
+            f"rig must be of a kind whose capsule is free (magnetic, coil, vibro) to be controlled; got {rig.kind!r}"
+        )
+    if not 1e-7 <= smoothing <= 1e-2:
+        raise ValueError(f"smoothing must lie in [1e-7, 1e-2] m/s; got {smoothing:g}")
+    effects = _effects(rig.kind, values)
+    symbols = assembled(surface_of(rig), drive, effects, smoothing)
+    numbers = {p.name: p.value for p in symbols.parameters}
+    for name, value in values.items():
+        if name in (SWITCH_DELAY, HELD_OUT) or (
+            name.split(".")[0] in BY_ID and name.split(".")[0] not in {e.id for e in effects}
+        ):
+            continue
+        if name not in numbers:
+            raise ValueError(f"values must name the model's parameters; got {name!r}; {nearest(name, dict(numbers))}")
+        if not math.isfinite(value):
+            raise ValueError(f"values must be finite numbers; got {name} = {value}")
+        numbers[name] = float(value)
+    own = [(e(), {p.name: numbers[f"{e.id}.{p.name}"] for p in e.parameters()}) for e in effects]
+    delay = sum(float(effect.delay(its)) for effect, its in own)
+    response = sum(float(effect.response(its)) for effect, its in own)
+    vector = np.array(list(numbers.values()))
+    mended = any(value != 0 for name, value in values.items() if name.split(".")[0] == LevelOverSpeed.id)
+    error = None if mended else values.get(HELD_OUT)
+    return ControlModel(rig, drive, symbols, vector, checked_tick(tick_s), float(smoothing), delay, response, error)
+
+
+def _effects(kind: str, values: Mapping[str, float]) -> tuple[type[Effect], ...]:
+    """The effects that `values` gives an amplitude to, but for a free curve over speed: it mends a prediction, but its
+    slopes from knot to knot would make an inverse of friction that falls where the tissue's does not.
+    """
+    ids = sorted({name.split(".")[0] for name in values if "." in name})
+    for name in ids:
+        if name not in BY_ID or kind not in BY_ID[name].kinds:
+            known = [e for e, effect in BY_ID.items() if kind in effect.kinds]
+            raise ValueError(f"values must name effects of a {kind} rig; got {name!r}; {nearest(name, known)}")
+    left = [BY_ID[name] for name in ids if name != LevelOverSpeed.id]
+    return tuple(effect for effect in left if values.get(f"{effect.id}.{effect.amplitude().name}", 0.0) != 0)

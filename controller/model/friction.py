@@ -1,0 +1,41 @@
+"""What friction a control model has on average, and how far off its forces proved to be."""
+
+from __future__ import annotations
+
+from controller.model.control_model import ControlModel
+from models.drives.from_rig import surface_of
+from models.laws.geometry import GRAVITY
+from models.surfaces.plate import Plate
+
+LEAST_OFF_N = 1e-4  # however good a model proved
+AT_FIRST = 5.0  # times what it proved off that it may be off at the start
+
+
+def mean_friction(model: ControlModel, speed_m_s: float = 1e-3) -> float:
+    """What a tanh feedforward takes friction to be, in N: `F_e + f_c/2` at `speed_m_s`, the mean of the saw; on a plate
+    Coulomb's.
+    """
+    p = dict(zip((p.name for p in model.symbols.parameters), model.values.tolist(), strict=True))
+    surface = surface_of(model.rig)
+    if isinstance(surface, Plate):
+        return float(p["friction_coefficient"] * (surface.mass_kg + model.drive.carried_kg) * GRAVITY)
+    friction, onset = surface.grip(speed_m_s, p["hoop_stress_factor"], p["friction_coefficient"])
+    return float(friction + 0.5 * onset)
+
+
+def proved_off(model: ControlModel) -> float | None:
+    """By how much in N the forces of `model` were off on records that it had not seen, at least `LEAST_OFF_N`; None
+    where that is not known.
+
+    Behind a magnet a force that is off by f shows as a position that is off by f over its stiffness. Other drives show
+    it in ways that hang on the motion.
+    """
+    if model.held_out_error is None or model.gap_limit_m is None:
+        return None
+    return max(model.held_out_error * model.force_per_command, LEAST_OFF_N)
+
+
+def level_off(model: ControlModel) -> float | None:
+    """The same as a share of the mean friction."""
+    off = proved_off(model)
+    return None if off is None else off / mean_friction(model)

@@ -1,0 +1,167 @@
+"""The control model linearised while the capsule slides: once with the wall stuck to it, once with the wall
+slipping.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from controller.model.control_model import ControlModel
+
+if TYPE_CHECKING:
+    import control
+
+Array = NDArray[np.float64]
+Phase = Literal["stick", "slip", "averaged"]
+PHASES: tuple[Phase, ...] = ("stick", "slip")
+_MEMORIES = ("direction", "travelled", "slip")
+_WIDEST = 1e3
+
+
+@dataclass(frozen=True)
+class Linear:
+    """Deviations from sliding at `speed_m_s` under `command` with the wall in `phase`: `z+ = A z + B u + E d`, one tick
+    of `tick_s`.
+
+    `states` are the model's without its memories and without the wall: a stuck wall moves with the capsule, so its pull
+    stands in A's column of x; a slipping one draws back by itself. A (n, n), B (n, 1), E (n, 1) for the disturbance
+    force in N; x and v come first.
+    """
+
+    phase: Phase
+    speed_m_s: float
+    command: float
+    tick_s: float
+    states: tuple[str, ...]
+    A: Array
+    B: Array
+    E: Array
+
+    def system(self, output: str = "x", source: Literal["command", "disturbance"] = "command") -> control.StateSpace:
+        """From `command` (or `disturbance`, N) to the state `output`, discrete in time."""
+        import control  # draws matplotlib in, a second that a controller on its way to a drive need not wait
+
+        C = np.zeros((1, len(self.states)))
+        C[0, self.states.index(output)] = 1.0
+        return control.ss(self.A, self.B if source == "command" else self.E, C, 0.0, self.tick_s)
+
+    def response(self, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """States (n, k) for a command of 1 at the points `z` (k,): `(z I - A)^-1 B`."""
+        n = len(self.states)
+        found = np.linalg.solve(z[:, None, None] * np.eye(n) - self.A, np.broadcast_to(self.B, (len(z), n, 1)))
+        return np.asarray(found[..., 0].T, dtype=np.complex128)
+
+    def rates(self) -> Array:
+        """Poles as continuous rates in 1/s, `log(eigenvalue)/tick`, slowest first; a pole at 0 of the discrete system
+        is left out.
+        """
+        poles = np.linalg.eigvals(self.A)
+        rates = np.log(poles[np.abs(poles) > 1e-12].astype(complex)) / self.tick_s
+        return np.asarray(rates[np.argsort(np.abs(rates))])
+
+    def holding(self) -> tuple[Array, float]:
+        """States (n,) and command that belong to a rest at x = 1 m: `(A - I) z + B u = 0`, smallest solution."""
+        n = len(self.states)
+        left = np.block([[self.A - np.eye(n), self.B], [np.eye(1, n), np.zeros((1, 1))]])
+        found = np.linalg.lstsq(left, np.r_[np.zeros(n), 1.0], rcond=None)[0]
+        return found[:n], float(found[n])
+
+
+def linearise(model: ControlModel, phase: Phase, speed_m_s: float = 1e-3) -> Linear:
+    """Linearise one tick of `model` while the capsule slides at `speed_m_s` with the wall's pull at half its slip
+    limit.
+
+    The command is the one that keeps that speed. Friction that is set-valued at rest has no slope there: at rest
+    nothing small moves the capsule, so only sliding is linear. Raises ValueError for an inner-mass drive, whose body
+    turns in every cycle, and where no command within 1000 of the command's units keeps the speed.
+    """
+    if model.drive.name == "vibro":
+        raise ValueError(
+            "drive must move the capsule steadily to be linearised; got 'vibro', whose body turns in every cycle"
+        )
+    state = _sliding(model, phase, speed_m_s)
+    command = _balancing(model, state)
+    _follow(model, state, command)
+    _, *slopes = model.jacobians(state, command, 0.0, 0.0)
+    A, B, E = (np.array(s, dtype=float) for s in slopes)
+    if "u" in model.states and phase == "stick":
+        A[:, model.index("x")] += A[:, model.index("u")]
+    kept = [
+        k for k, name in enumerate(model.states) if name not in (*_MEMORIES, "u") and not name.endswith(".travelled")
+    ]
+    names = tuple(model.states[k] for k in kept)
+    return Linear(phase, speed_m_s, command, model.tick_s, names, A[np.ix_(kept, kept)], B[kept], E[kept])
+
+
+def _sliding(model: ControlModel, phase: Phase, speed_m_s: float) -> Array:
+    state = model.initial()
+    state[model.index("v")] = speed_m_s
+    if "direction" in model.states:
+        state[model.index("direction")] = np.sign(speed_m_s) or 1.0
+    if "u" in model.states:
+        stretch = _slip_drag(model, state)
+        state[model.index("u")] = 0.5 * stretch * (np.sign(speed_m_s) or 1.0)
+        state[model.index("slip")] = 0.0 if phase == "stick" else np.sign(speed_m_s) or 1.0
+    return state
+
+
+def _slip_drag(model: ControlModel, state: Array) -> float:
+    """Wall drag in m at which the wall begins to slip: where one tick of pure dragging leaves the stuck mode."""
+    reach = np.linspace(1e-5, 2e-3, 200)
+    for u in reach:
+        trial = state.copy()
+        trial[model.index("u")] = u
+        if float(model.step(trial, 0.0, 0.0, 0.0)[model.index("slip")]) != 0:
+            return float(u)
+    return float(reach[-1])
+
+
+def _balancing(model: ControlModel, state: Array) -> float:
+    """The command in force under which the capsule keeps its speed for a tick; drive states follow it."""
+    v = model.index("v")
+
+    def gained(command: float) -> float:
+        trial = state.copy()
+        _follow(model, trial, command)
+        return float(model.step(trial, command, 0.0, 0.0)[v]) - float(state[v])
+
+    most = model.gap_limit_m if model.gap_limit_m is not None else _first_strong(gained)
+    if gained(-most) * gained(most) > 0:
+        raise ValueError(
+            f"drive must be able to keep the capsule at {state[v]:g} m/s; got a resistance beyond its greatest force"
+        )
+    return float(brentq(gained, -most, most, xtol=1e-12))
+
+
+def _follow(model: ControlModel, state: Array, command: float) -> None:
+    """Set the drive's own states to what they are after `command` was in force for long."""
+    for k, name in enumerate(model.states):
+        if name.endswith((".position_m", ".command")):
+            state[k] = command
+        elif name.endswith(".current_A"):
+            state[k] = _settled(model, state, k, command)
+
+
+def _first_strong(gained: Callable[[float], float]) -> float:
+    """The smallest power of 2 of the command at which the capsule gains and loses speed."""
+    most = 1e-3
+    while most < _WIDEST and gained(-most) * gained(most) > 0:
+        most *= 2
+    return most
+
+
+def _settled(model: ControlModel, state: Array, k: int, command: float) -> float:
+    """The drive's own state `k` after 0.2 s of `command`."""
+    trial = state.copy()
+    for _ in range(max(1, int(0.2 / model.tick_s))):
+        after = float(model.step(trial, command, 0.0, 0.0)[k])
+        if abs(after - trial[k]) <= 1e-12 * max(abs(after), 1.0):
+            break
+        trial[k] = after
+    return float(trial[k])

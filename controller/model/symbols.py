@@ -1,0 +1,196 @@
+"""One sub-step of the smoothed model in CasADi symbols, on the states that matter alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import casadi as ca
+import numpy as np
+
+from models.assembly.effects import Active
+from models.assembly.model import effect_parameters
+from models.assembly.step import Stepper, Surface
+from models.drives.coil import Coil, VoltageCoil
+from models.drives.drive import Drive
+from models.drives.magnetic import Magnetic
+from models.effects.effect import Effect, Signals
+from models.parameter import Parameter
+from models.surfaces.gut import Drag, base_parameters, drag_rate
+from models.surfaces.plate import Plate
+
+_BASE = ("x", "v", "u", "slip", "direction", "travelled", "dwell")
+PURSUIT_S = 0.02
+
+
+@dataclass(frozen=True)
+class Unmodelled(Effect):
+    """A force along +x that the model lacks: what an observer's disturbance acts through."""
+
+    id: ClassVar[str] = "unmodelled"
+    force_N: Parameter = Parameter("force_N", 0.0, "N", source="estimated while running")
+
+    def force(self, s: Signals, p: Mapping[str, Any], z: Mapping[str, Any]) -> Any:
+        return p["force_N"]
+
+
+@dataclass(frozen=True)
+class Symbols:
+    """A model's functions of states `x` (n,), commands at a sub-step's ends `c0`, `c1`, disturbance `d` in N, time `t`
+    and step `h` in s, parameters `q` in the order of `parameters`: `substep(x, c0, c1, d, t, h, q) -> x_next`,
+    `slopes(...) -> (x_next, J (n, n + 3))` with the derivatives by x, c0, c1, d, `measured(x, t, q) -> m`,
+    `wall_force(x, t, q) -> N`, `wall_slopes(...) -> (N, dN/dx (1, n))`, `pursuit(x, speed, d, t, q) -> command` that
+    would bring the capsule to `speed` in m/s within `PURSUIT_S`, the drive at once.
+    """
+
+    states: tuple[str, ...]
+    parameters: tuple[Parameter, ...]
+    substep: ca.Function
+    slopes: ca.Function
+    measured: ca.Function
+    wall_force: ca.Function
+    wall_slopes: ca.Function
+    pursuit: ca.Function
+
+
+@dataclass(frozen=True)
+class _Model:
+    """The parts with their symbols; `now` holds a symbol a state."""
+
+    surface: Surface
+    drive: Drive
+    effects: tuple[type[Effect], ...]
+    smoothing: float
+    p: Mapping[str, Any]
+    d: Any
+    now: Mapping[str, Any]
+
+    def stepper(self) -> Stepper:
+        """The assembled model's step with the disturbance among its effects."""
+        hidden = {name: value for name, value in self.now.items() if name.split(".")[0] in {e.id for e in self.effects}}
+        p = dict(self.p) | {"unmodelled.force_N": self.d}
+        return Stepper(self.surface, self.drive, Active((*self.effects, Unmodelled), p, hidden), None, self.smoothing)
+
+    def signals(self, stepper: Stepper, t: Any) -> Signals:
+        """What effects see of the state as it stands."""
+        n = self.now
+        s = Signals(
+            t,
+            n["x"],
+            n["v"],
+            n["direction"],
+            0.0,
+            0.0,
+            n["travelled"],
+            stepper.tension(n["u"]),
+            n["u"],
+            0.0,
+            n["dwell"],
+        )
+        rate = 0.0 if isinstance(self.surface, Plate) else drag_rate(self.drag(), n["v"], stepper.grip(s).recovery)
+        return Signals(**{**vars(s), "drag_rate": rate})
+
+    def drag(self) -> Drag:
+        """The wall as it stands."""
+        return Drag(self.now["u"], self.now["slip"])
+
+    def advance(self, c0: Any, c1: Any, t: Any, h: Any) -> dict[str, Any]:
+        """The states a sub-step later; unlike the assembled model's they hold no rates, which follow from the rest."""
+        stepper = self.stepper()
+        rate = self.signals(stepper, t).drag_rate
+        new, _ = stepper.advance({**self.now, "a": 0.0, "u_rate": rate}, c0, c1, t, h)
+        return new
+
+    def measured(self, t: Any) -> Any:
+        """What the sensor shows of the position."""
+        stepper = self.stepper()
+        return stepper.active.measured(self.signals(stepper, t), self.now["x"])
+
+    def wall_force(self, t: Any) -> Any:
+        """`F_e v/(|v| + eps) + T(u) + F_v(w)` in N, on a plate Coulomb friction alone."""
+        stepper = self.stepper()
+        s = self.signals(stepper, t)
+        grip = stepper.grip(s)
+        tension, mucus = stepper.held(s, self.drag(), s.tension)
+        return grip.friction * s.v / (np.abs(s.v) + self.smoothing) + tension + mucus
+
+    def pursuit(self, speed: Any, t: Any) -> Any:
+        """Command whose force moves the capsule at `speed` against the wall as it stands, speed error and other forces
+        included.
+        """
+        v = self.now["v"]
+        moving = replace(self, now={**self.now, "v": speed, "direction": np.sign(speed)})
+        stepper = moving.stepper()
+        s = moving.signals(stepper, t)
+        force = moving.wall_force(t) - stepper.active.total("force", s) + stepper.mass_kg * (speed - v) / PURSUIT_S
+        force = force / stepper.active.product("gain", s)
+        if isinstance(self.drive, Magnetic):
+            return self.now["x"] + _gap(force / self.p["magnet_stiffness_N_per_m"], self.drive.range_m)
+        if not isinstance(self.drive, Coil):
+            return ca.SX(0.0)
+        current = force / self.drive.force(self.now["x"], v, 1.0, self.p)
+        if not isinstance(self.drive, VoltageCoil):
+            return current
+        return self.p["coil_resistance_ohm"] * current + self.p["back_emf_V_s_per_m"] * v
+
+
+def _gap(ratio: Any, reach: float) -> Any:
+    """The gap g in m with `g/(1 + (g/r)^2)^2` = `ratio`, held within 0.95 of the one of greatest force; three Newton
+    steps.
+    """
+    most = 0.95 * reach / np.sqrt(3)
+    g = np.clip(ratio, -most, most)
+    for _ in range(3):
+        q = (g / reach) ** 2
+        g = np.clip(g - (g / (1 + q) ** 2 - ratio) * (1 + q) ** 3 / (1 - 3 * q), -most, most)
+    return g
+
+
+def assembled(surface: Surface, drive: Drive, effects: Sequence[type[Effect]], smoothing: float) -> Symbols:
+    """The functions of a body on `surface` under `drive` with `effects`, its states cut down to those that anything
+    depends on.
+    """
+    own = surface.parameters() if isinstance(surface, Plate) else base_parameters(surface.tissue)
+    parameters = own + drive.parameters() + effect_parameters(effects)
+    q = ca.SX.sym("q", len(parameters))
+    c0, c1, d, t, h = (ca.SX.sym(name) for name in ("c0", "c1", "d", "t", "h"))
+    hidden = tuple(f"{e.id}.{name}" for e in effects for name in e.states)
+    names = _BASE + tuple(f"{drive.name}.{name}" for name in drive.states) + hidden
+    now = {name: ca.SX.sym(name) for name in names}
+    p = {item.name: q[i] for i, item in enumerate(parameters)}
+    model = _Model(surface, drive, tuple(effects), smoothing, p, d, now)
+    unit = drive.command_unit
+    last = c0 if drive.held else c1
+    new = model.advance(c0 / unit, last / unit, t, h)
+    reading, wall = (ca.densify(ca.SX(e)) for e in (model.measured(t), model.wall_force(t)))
+    kept = _needed(names, now, new, ca.vertcat(reading, wall))
+    x = ca.vertcat(*(now[name] for name in kept))
+    after = ca.densify(ca.cse(ca.vertcat(*(new[name] for name in kept))))
+    arguments = [x, c0, c1, d, t, h, q]
+    speed = ca.SX.sym("speed")
+    pursuit = ca.densify(ca.SX(model.pursuit(speed, t)) * unit)
+    jacobian = ca.densify(ca.jacobian(after, ca.vertcat(x, c0, c1, d)))
+    return Symbols(
+        kept,
+        parameters,
+        ca.Function("substep", arguments, [after]),
+        ca.Function("slopes", arguments, ca.cse([after, jacobian])),
+        ca.Function("measured", [x, t, q], [reading]),
+        ca.Function("wall_force", [x, t, q], [ca.cse(wall)]),
+        ca.Function("wall_slopes", [x, t, q], ca.cse([wall, ca.densify(ca.jacobian(wall, x))])),
+        ca.Function("pursuit", [x, speed, d, t, q], [ca.cse(pursuit)]),
+    )
+
+
+def _needed(
+    names: tuple[str, ...], now: Mapping[str, ca.SX], new: Mapping[str, Any], outputs: ca.SX
+) -> tuple[str, ...]:
+    """Position, speed, what the outputs show, and every state that one of these depends on."""
+    kept = {"x", "v"} | {name for name in names if ca.depends_on(outputs, now[name])}
+    while True:
+        rest = ca.vertcat(*(new[name] for name in kept))
+        more = {name for name in names if name not in kept and ca.depends_on(rest, now[name])}
+        if not more:
+            return tuple(name for name in names if name in kept)
+        kept |= more

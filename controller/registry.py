@@ -1,0 +1,152 @@
+"""The controllers by name: each name's chain for the supervisor, best first."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from types import MappingProxyType
+
+from controller.baselines.classical import CLASSICAL, CLASSICAL_FRICTION, JERKINESS
+from controller.baselines.lqr import LQR
+from controller.baselines.pid import PID
+from controller.estimator.base import Receiver
+from controller.estimator.cubature_filter import Estimator
+from controller.estimator.kinematic_filter import KinematicFilter, Kinematics
+from controller.estimator.noise import trusting
+from controller.estimator.particle_filter import ParticleEstimator
+from controller.feedforward import Feedforward
+from controller.limits import Envelope
+from controller.model.control_model import ControlModel
+from controller.model.friction import AT_FIRST, level_off, mean_friction
+from controller.mpc.mpc import MPC
+from controller.mpc.settings import Bounds, Horizon
+from controller.signals import Controller
+from controller.vibro.controller import vibro_controller
+from models.parameter import nearest
+
+LATE_SLIP, _LEAST_LATE = 0.25, 0.05
+"""By how much of its limit slip may come later than the model says; the lesser share where the model proved right. Of
+0, 0.05, 0.15, 0.3 and 0.5, those from 0.15 to 0.3 tracked best on ramp and sine in a straight tube and in random guts,
+seeds from 100 on; of 0.05, 0.15 and 0.25 the first behind models that close-loop augmented (fading grip, drag,
+drying).
+"""
+HOLD_S = 0.01
+"""A period of the localisation. Of 0, 10 and 20 ms the latter two tracked alike, and no worse than 0, on ramp, sine,
+folds and a coil's steps, seeds from 100 on; a plan for each tick takes three times as long.
+"""
+ITERATIONS = 2
+"""SQP steps of a plan, which goes on in the next tick where it still gains. So two tracked as well as three in guts, on
+ramp and steps, over folds and under pushes, seeds from 100 on, and the longest plan takes two thirds of the time.
+"""
+MPC_PUSH_N = 40e-3
+"""How strongly the estimator in front of a magnet's MPC believes that something may push, in N a root second, for the
+60 mN of others. With a lag of 0.1 to 0.15 s that no model is told of, an MPC that believes in pushes answers those that
+it makes itself and hunts by 2 mm: in five of eight runs, with 40 mN in one, with 30 in none, which costs it more under
+true pushes; seeds from 100 on.
+"""
+Chain = tuple[Controller, ...]
+Builder = Callable[[ControlModel, Envelope, float], Chain]
+Observer = Receiver | KinematicFilter
+
+
+def _pid(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
+    return (PID(model, envelope, CLASSICAL[envelope.kind]),)
+
+
+def _pid_friction(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
+    return (PID(model, envelope, CLASSICAL_FRICTION[envelope.kind], mean_friction(model)),)
+
+
+def _pid_estimated(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
+    return (PID(model, envelope),)
+
+
+def _pid_friction_estimated(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
+    return (PID(model, envelope, friction_N=mean_friction(model)),)
+
+
+def _feedforward(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
+    return (Feedforward(model, envelope), PID(model, envelope))
+
+
+def _lqr(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
+    return (LQR(model, envelope), PID(model, envelope))
+
+
+def _mpc(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
+    horizon = Horizon(iterations=ITERATIONS, deadline_s=deadline_s, late_slip=_late_slip(model), hold_s=HOLD_S)
+    mpc = MPC(model, Bounds.of(envelope), horizon=horizon)
+    return (mpc, Feedforward(model, envelope), PID(model, envelope))
+
+
+def _late_slip(model: ControlModel) -> float:
+    off = level_off(model)
+    return LATE_SLIP if off is None else min(LATE_SLIP, _LEAST_LATE + AT_FIRST * off)
+
+
+def _inner_mass(optimise: bool = True, feedback: bool = True) -> Builder:
+    def chain(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
+        return (vibro_controller(model, optimise, feedback),)
+
+    return chain
+
+
+_BODY = ("magnetic", "coil")
+_INNER_MASS: Mapping[str, Builder] = {
+    "vibro": _inner_mass(),
+    "vibro_square": _inner_mass(optimise=False),
+    "vibro_map": _inner_mass(feedback=False),
+}
+CONTROLLERS: Mapping[str, Builder] = MappingProxyType(
+    {
+        "pid": _pid,
+        "pid_friction": _pid_friction,
+        "pid_estimated": _pid_estimated,
+        "pid_friction_estimated": _pid_friction_estimated,
+        "lqr": _lqr,
+        "feedforward": _feedforward,
+        "mpc": _mpc,
+        **_INNER_MASS,
+    }
+)
+"""`pid` and `pid_friction` see the localisation through a kinematic filter, as a laboratory without a friction model
+has it; all others, the two PIDs called estimated among them, what the friction-aware estimator believes. `vibro_square`
+is `vibro` with square waves alone, `vibro_map` without its slow loop.
+"""
+
+
+def leads(name: str) -> tuple[str, ...]:
+    """The kinds of drive that the controller `name` can lead."""
+    return ("vibro",) if name in _INNER_MASS else _BODY
+
+
+def estimator_for(name: str, model: ControlModel) -> Observer:
+    """What the controller `name` sees the measurements through."""
+    if name not in ("pid", "pid_friction"):
+        return _estimator(name, model.sharp)
+    return KinematicFilter(model, Kinematics(JERKINESS[name][model.drive.name]))
+
+
+def _estimator(name: str, model: ControlModel) -> Observer:
+    if model.drive.name not in _BODY:
+        return Estimator(model)
+    if (name, model.drive.name) == ("mpc", "magnetic"):
+        return ParticleEstimator(model, replace(trusting(model), push_wander_N=MPC_PUSH_N))
+    return ParticleEstimator(model)
+
+
+def build(name: str, model: ControlModel, envelope: Envelope, deadline_s: float = math.inf) -> Chain:
+    """The controller `name` for `model` within `envelope`, with those that step in for it; `deadline_s` is the MPC's.
+
+    Raises ValueError for an unknown name, naming the nearest, and for a drive that these controllers cannot lead.
+    """
+    if name not in CONTROLLERS:
+        raise ValueError(
+            f"controller must be one of {', '.join(CONTROLLERS)}; got {name!r}; {nearest(name, CONTROLLERS)}"
+        )
+    if model.drive.name not in leads(name):
+        raise ValueError(
+            f"rig must be {' or '.join(leads(name))} for the controller {name!r}; got {model.drive.name!r}"
+        )
+    return CONTROLLERS[name](model, envelope, deadline_s)

@@ -1,0 +1,107 @@
+"""Changing over between controllers: which of them may be asked, and a step between their commands that fades."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+
+
+@dataclass(frozen=True)
+class Rules:
+    """When the supervisor changes over, all in s but `late_allowed` (late answers in a row that are still used) and
+    `rest_speed_m_s`.
+
+    An answer later than `deadline_s` by the clock is late. A controller that failed is tried again after `retry_s`,
+    twice as long after each further failure up to `retry_longest_s`, and forgiven after `forgive_s` of good work.
+    Serious limits in force for `limit_s` on end count as a failure, so does turning about far from the aim for
+    `limit_s` (a second of following takes 0.5 s off). After a lost estimate control resumes once it was good for
+    `settle_s`. A change-over is blended over `blend_s`, a stop takes the current to 0 within `stop_s`. At rest: capsule
+    and reference slower than `rest_speed_m_s` for `rest_s`.
+    """
+
+    late_allowed: int = 2
+    deadline_s: float = math.inf
+    retry_s: float = 0.25
+    retry_longest_s: float = 4.0
+    forgive_s: float = 2.0
+    limit_s: float = 0.5
+    settle_s: float = 0.05
+    blend_s: float = 0.1
+    stop_s: float = 0.1
+    rest_speed_m_s: float = 2e-4
+    rest_s: float = 0.2
+
+    def __post_init__(self) -> None:
+        for name in (f.name for f in fields(self)):
+            if not getattr(self, name) >= 0:
+                raise ValueError(f"rule {name} must be zero or more; got {getattr(self, name)!r}")
+
+
+@dataclass(frozen=True)
+class Event:
+    """A change-over at `time_s`: from one controller to another, and why."""
+
+    time_s: float
+    before: str
+    after: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Rungs:
+    """`count` controllers, best first; a failed one waits `retry_s`, twice as long each time up to `longest_s`, all in
+    s, and starts anew after `forgive_s` of good work.
+    """
+
+    count: int
+    retry_s: float
+    longest_s: float
+    forgive_s: float
+
+
+class Ladder:
+    """Which controllers are suspended, and until when."""
+
+    def __init__(self, rungs: Rungs) -> None:
+        self._rungs = rungs
+        self._closed_until = [-math.inf] * rungs.count
+        self._wait = [rungs.retry_s] * rungs.count
+        self._good_since = [math.inf] * rungs.count
+
+    def open(self, now: float) -> Iterator[int]:
+        """The controllers that may be asked at `now`, best first."""
+        for rung, until in enumerate(self._closed_until):
+            if now >= until:
+                yield rung
+
+    def failed(self, rung: int, now: float) -> None:
+        """Suspend a controller."""
+        self._closed_until[rung] = now + self._wait[rung]
+        self._wait[rung] = min(2 * self._wait[rung], max(self._rungs.longest_s, self._rungs.retry_s))
+        self._good_since[rung] = math.inf
+
+    def worked(self, rung: int, now: float) -> None:
+        """A controller gave a usable answer."""
+        self._good_since[rung] = min(self._good_since[rung], now)
+        if now - self._good_since[rung] >= self._rungs.forgive_s:
+            self._wait[rung] = self._rungs.retry_s
+
+
+class Blend:
+    """A step that fades linearly to 0 within `time_s`."""
+
+    def __init__(self, time_s: float) -> None:
+        self._time = time_s
+        self._step, self._since = 0.0, -math.inf
+        self.left = 0.0
+
+    def begin(self, step: float, now: float) -> None:
+        """Hide `step` = old command - new command from `now` on."""
+        self._step, self._since = step, now
+
+    def smooth(self, command: float, now: float) -> float:
+        """`command` with what is `left` of the step."""
+        share = max(0.0, 1 - max(now - self._since, 0.0) / self._time) if self._time > 0 else 0.0
+        self.left = self._step * share
+        return command + self.left

@@ -1,0 +1,252 @@
+"""The supervisor: the best controller that works, else the next one, else a controlled stop; every command passes the
+limits last.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+
+import numpy as np
+
+from controller.limits import Envelope, Issued, Seen, limited, number
+from controller.signals import Action, Controller, Estimate, Reference, Status
+from controller.supervision.acceptance import Verdict
+from controller.supervision.fallback import Blend, Event, Ladder, Rules, Rungs
+
+SERIOUS = frozenset({"range", "gap", "speed", "temperature"})
+_EVENTS = 256
+_FORGOTTEN = 0.5  # s of turning about far from the aim that a second of following it makes up for
+_FULL = 0.99  # share of the full rate from which on a carriage counts as running at it
+_NO_ACTION = Action(math.nan, "failed")
+
+
+class Supervisor:
+    """A controller made of a `chain` of controllers, best first, and a controlled stop below them.
+
+    Each tick the best one that is not suspended is asked. One that raises, answers with a command that is no finite
+    number, with `failed`, `lost` or `stopped`, or `late` more than `late_allowed` times in a row, is suspended and the
+    next one is asked in the same tick. With nobody left, or while the estimate is lost, the drive stops: carriage at
+    rest where it is (it is not drawn back unasked), current and inner mass to 0. Whoever takes over is reset to the
+    command in force and what is left of a step between them fades. Nothing here raises; a controller that never returns
+    cannot be stopped from inside, the drive's time to live does that.
+
+    `place` and `pace` are the indices of position and speed in the estimate's state. `temperature_C` is what the drive
+    last said.
+    """
+
+    name = "supervised"
+
+    def __init__(
+        self,
+        chain: Sequence[Controller],
+        envelope: Envelope,
+        rules: Rules | None = None,
+        *,
+        place: int = 0,
+        pace: int = 1,
+        clock: Callable[[], float] = time.perf_counter,
+    ) -> None:
+        if not chain:
+            raise ValueError("chain must have one controller or more; got none")
+        self.envelope = envelope
+        self.rules = Rules() if rules is None else rules
+        self.temperature_C = 20.0
+        self.events: deque[Event] = deque(maxlen=_EVENTS)
+        self.issued = Issued(envelope.neutral(math.nan))
+        self._place, self._pace, self._clock = place, pace, clock
+        self._braking_m = (
+            0.5 * envelope.rate**2 / envelope.acceleration if math.isfinite(envelope.acceleration) else math.inf
+        )
+        self._offered: tuple[Controller, ...] | None = None
+        self._allowed: int | None = None
+        self._begin(tuple(chain), 0.0)
+
+    def _begin(self, chain: tuple[Controller, ...], now: float) -> None:
+        self._ladder = Ladder(Rungs(len(chain), self.rules.retry_s, self.rules.retry_longest_s, self.rules.forgive_s))
+        self._blend = Blend(self.rules.blend_s)
+        self._chain, self._now, self._elapsed, self._tick = chain, now, 0.0, 0.0
+        self._active = -1
+        self._late = 0
+        self._cut_after: int | None = None
+        self._reason = "start"
+        self._bad_until, self._rest_since, self._limited_since = -math.inf, math.inf, math.inf
+        self._unfollowed_s = 0.0
+        self._stopped_at, self._stop_from = math.inf, 0.0
+
+    @property
+    def active(self) -> str:
+        """Name of the controller in charge; "stop" while none is."""
+        return self._chain[self._active].name if 0 <= self._active < len(self._chain) else "stop"
+
+    def reset(self, now: float, estimate: Estimate, command: float) -> None:
+        """Begin at `now` with `command` in force; a command out of the limits counts as the nearest one within."""
+        self.issued, _ = limited(math.nan, Issued(number(command)), self._seen(now, estimate), 0.0, self.envelope)
+        self._begin(self._chain, number(now))
+
+    def offer(self, chain: Sequence[Controller], verdict: Verdict) -> bool:
+        """Keep `chain`, controllers of a new model, for `take_offered`, if its `verdict` passed; whether it did."""
+        if verdict.passed and chain:
+            self._offered = tuple(chain)
+            return True
+        self._note("offer", f"refused: {verdict.sentence}")
+        return False
+
+    def take_offered(self) -> bool:
+        """Take the offered chain over if capsule and reference have been at rest long enough; whether that was so."""
+        if self._offered is None or not self._elapsed - self._rest_since >= self.rules.rest_s:
+            return False
+        chain, self._offered = self._offered, None
+        self._begin(chain, self._now)
+        self._reason = "new model"
+        return True
+
+    def allow(self, steps: int | None) -> None:
+        """Pass on in the next tick, to whoever is asked, what the clock once allowed."""
+        self._allowed = steps
+
+    def act(self, now: float, estimate: Estimate, reference: Reference) -> Action:
+        """The command for the tick that begins at `now` in s, within the limits; status and path are those of whoever
+        gave it.
+        """
+        dt = number(now) - self._now
+        self._now = number(now) if math.isfinite(number(now)) else self._now
+        tick = min(max(dt, 0.0), self.envelope.limits.longest_tick_s) if math.isfinite(dt) else 0.0
+        self._elapsed, self._tick = self._elapsed + tick, tick
+        seen, self._cut_after = self._seen(now, estimate), None
+        self._watch_rest(seen, reference)
+        action, status = self._decide(seen, now, estimate, reference)
+        self.issued, broken = limited(action.command, self.issued, seen, tick, self.envelope)
+        self._watch_limits(broken)
+        self._allowed = None
+        if broken and status == "ok":
+            status = "limited"
+        return Action(self.issued.command, status, action.predicted, action.timings, self._cut_after)
+
+    def _decide(self, seen: Seen, now: float, estimate: Estimate, reference: Reference) -> tuple[Action, Status]:
+        blind = seen.lost or not (
+            seen.age_s <= self.envelope.limits.age_s and math.isfinite(seen.position_m + seen.speed_m_s)
+        )
+        if blind:
+            self._bad_until = self._elapsed + self.rules.settle_s
+        if blind or self._elapsed < self._bad_until:
+            return self._stop("estimate lost"), "lost"
+        worst: Status = "ok"
+        for rung in self._ladder.open(self._elapsed):
+            action, fault = self._asked(rung, now, estimate, reference)
+            if fault is None:
+                self._ladder.worked(rung, self._elapsed)
+                command = self._blend.smooth(action.command, self._elapsed)
+                return Action(
+                    command, action.status, action.predicted, action.timings
+                ), action.status if worst == "ok" else worst
+            worst = "late" if fault == "late" else "failed"
+            self._reason = f"{self._chain[rung].name} {fault}"
+            self._ladder.failed(rung, self._elapsed)
+        return self._stop(self._reason), "stopped"
+
+    def _asked(self, rung: int, now: float, estimate: Estimate, reference: Reference) -> tuple[Action, str | None]:
+        """The answer of one controller of the chain, and what is wrong with it."""
+        controller, changed = self._chain[rung], rung != self._active
+        began = self._clock()
+        try:
+            if changed:
+                controller.reset(now, estimate, self.issued.command)
+            if self._allowed is not None:
+                controller.allow(self._allowed)
+            controller.follow(self.issued.command - (0.0 if changed else self._blend.left), self.issued.rate)
+            action = controller.act(now, estimate, reference)
+            command, status = number(action.command), action.status
+        except Exception as error:  # noqa: BLE001 - whatever a controller does, the drive gets a safe command
+            return _NO_ACTION, f"raised {type(error).__name__}"
+        if not math.isfinite(command) or status not in ("ok", "late", "limited"):
+            return _NO_ACTION, f"answered {status}" if math.isfinite(command) else "answered no number"
+        self._cut_after = action.cut_after if self._cut_after is None else self._cut_after
+        late = status == "late" or self._clock() - began > self.rules.deadline_s
+        self._late = self._late + 1 if late and not changed else int(late)
+        if self._late > self.rules.late_allowed:
+            return _NO_ACTION, "late"
+        if changed:
+            self._hand_over(rung, command)
+        return Action(command, "late" if late else status, action.predicted, action.timings), None
+
+    def _hand_over(self, rung: int, command: float) -> None:
+        self._note(self._chain[rung].name, "tried again" if 0 <= rung < self._active else self._reason)
+        self._active, self._stopped_at = rung, math.inf
+        if self.envelope.kind != "vibro":
+            running = self.issued.rate * self._tick if self.envelope.kind == "magnetic" else 0.0
+            self._blend.begin(self.issued.command + running - command, self._elapsed)
+
+    def _stop(self, reason: str) -> Action:
+        """The safe state of the drive; a current is ramped down from what it was when the stop began."""
+        if self._stopped_at == math.inf:
+            self._note("stop", reason)
+            self._reason = "recovered"
+            self._active, self._late, self._stopped_at, self._stop_from = -1, 0, self._elapsed, self.issued.command
+        if self.envelope.kind == "magnetic":
+            return Action(self.issued.command, "stopped")
+        since = self._elapsed - self._stopped_at
+        left = (
+            max(0.0, 1 - since / self.rules.stop_s) if self.envelope.kind == "coil" and self.rules.stop_s > 0 else 0.0
+        )
+        return Action(left * self._stop_from, "stopped")
+
+    def _watch_limits(self, broken: Sequence[str]) -> None:
+        """Serious limits in force too long count as a failure of whoever is in charge; so do commands that no carriage
+        can follow.
+        """
+        if self._active < 0 or not SERIOUS.intersection(broken):
+            self._limited_since = math.inf
+        elif self._limited_since == math.inf:
+            self._limited_since = self._elapsed
+        elif self._elapsed - self._limited_since >= self.rules.limit_s:
+            self._too_long(SERIOUS.intersection(broken))
+        self._unfollowed_s = 0.0 if self._active < 0 else max(0.0, self._unfollowed_s + self._unfollowed() * self._tick)
+        if self._unfollowed_s >= self.rules.limit_s:
+            self._too_long({"rate"})
+
+    def _unfollowed(self) -> float:
+        """1 while the carriage is further from its aim than it takes to stop from full rate, and yet turns or brakes; 0
+        while it goes there at full rate, which is a normal move; `-_FORGOTTEN` while it follows.
+        """
+        if not abs(self.issued.aim - self.issued.command) > self._braking_m:
+            return -_FORGOTTEN
+        return float(abs(self.issued.rate) < _FULL * self.envelope.rate)
+
+    def _too_long(self, names: Iterable[str]) -> None:
+        self._reason = f"{self.active} held by limits: {', '.join(sorted(names))}"
+        self._ladder.failed(self._active, self._elapsed)
+        self._limited_since, self._unfollowed_s = math.inf, 0.0
+
+    def _watch_rest(self, seen: Seen, reference: Reference) -> None:
+        """Since when capsule and reference have been at rest."""
+        slow = self.rules.rest_speed_m_s
+        resting = abs(seen.speed_m_s) <= slow and not seen.lost and _speed(reference, self._now) <= slow
+        self._rest_since = min(self._rest_since, self._elapsed) if resting else math.inf
+
+    def _seen(self, now: float, estimate: Estimate) -> Seen:
+        """What the estimate says of the capsule; lost where it cannot be read."""
+        try:
+            x, v = number(estimate.state[self._place]), number(estimate.state[self._pace])
+            age, lost, std = (
+                number(now) - number(estimate.time_s),
+                bool(estimate.lost),
+                number(estimate.std[self._place]),
+            )
+        except Exception:  # noqa: BLE001 - an estimate that cannot be read is a lost one
+            return Seen(math.nan, math.nan, math.inf, True, self.temperature_C)
+        early = -self.envelope.limits.longest_tick_s
+        return Seen(x, v, max(age, 0.0) if age >= early else math.inf, lost, self.temperature_C, std)
+
+    def _note(self, after: str, reason: str) -> None:
+        self.events.append(Event(self._now, self.active, after, reason))
+
+
+def _speed(reference: Reference, now: float) -> float:
+    """Size of the reference's speed in m/s; inf where it cannot be told."""
+    try:
+        return abs(number(np.ravel(reference.speed(np.array([now])))[0]))
+    except Exception:  # noqa: BLE001 - a reference that cannot be read is not at rest
+        return math.inf

@@ -1,0 +1,197 @@
+"""The vibro drive's controller: a waveform for the commanded mean speed, changed at the ends of cycles only, and a slow
+loop about it.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.model.control_model import ControlModel
+from controller.signals import Action, Controller, Estimate, Reference, Status
+from controller.vibro.cycles import VibroModel
+from controller.vibro.design.drive_map import designed
+from controller.vibro.gears import Choice, DriveMap
+from controller.vibro.slow_loop import AveragedMpc, ProgressFilter, Weights
+from controller.vibro.waveform import REST, Waveform
+
+_FAR = 1e3  # m or m/s, beyond it a number is none
+_REGEAR = 0.2  # share by which the wanted speed must change for the choice of the gear to be thought over
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """`tick_s` of the loop; `position_index` of x in the estimate's state; readings are taken `sample_s` apart.
+    Progress that was missed is caught up at most `catch_up` of the speed faster or slower, `catch_up_stopped` where a
+    stop cost more than `near_m`; `blind_s` after the last good estimate the drive rests. `feedback` False leaves the
+    feedforward alone.
+    """
+
+    tick_s: float = 1e-3
+    position_index: int = 0
+    sample_s: float = 9.5e-3
+    catch_up: float = 0.03
+    catch_up_stopped: float = 0.08
+    catch_up_s: float = 0.7
+    near_m: float = 0.4e-3
+    blind_s: float = 1.0
+    feedback: bool = True
+
+
+class VibroController(Controller):
+    """`act` gives the level (0 to 1 of the coil's force) of the tick from the phase of the present cycle.
+
+    At a cycle's end: the filter's state of the averaged motion, a plan of mean speeds from the MPC, its first one
+    through the map to the next cycle's waveform. Where the map has two gears or directions, each keeps the bias that
+    was learnt in it. The status is `limited` while the map's reach holds the command back.
+    """
+
+    name = "vibro"
+
+    def __init__(self, drive: DriveMap, tuning: Tuning | None = None, weights: Weights | None = None) -> None:
+        self.drive, self.tuning = drive, tuning or Tuning()
+        self.filter = ProgressFilter(drive.lag_s)
+        self.mpc = AveragedMpc(drive.lag_s, weights=weights)
+        self._biases: dict[int, float] = {}
+        self._begin(0.0, 0.0)
+
+    def _begin(self, now: float, position: float) -> None:
+        self.filter.start(now, position)
+        self._cycle = Choice(REST, None, 0.0, True)
+        self._cycle_start, self._seen, self._stamp, self._planned = now - REST.period_s, now, -math.inf, 0.0
+        self._geared_for = 0.0
+        self._behind: bool | None = None
+        self._status: Status = "ok"
+        self._solve_s = 0.0
+
+    def reset(self, now: float, estimate: Estimate, command: float) -> None:
+        """Begin at `now` in s at rest where `estimate` says, with what was learnt before; the first cycle begins with
+        the next tick.
+        """
+        position = self._position(estimate)
+        self._begin(now, 0.0 if position is None else position)
+
+    @property
+    def waveform(self) -> Waveform:
+        """The waveform of the present cycle."""
+        return self._cycle.waveform
+
+    @property
+    def bias_m_s(self) -> float:
+        """What the map is believed to be wrong by in the present gear, m/s."""
+        return float(self.filter.z[2])
+
+    def act(self, now: float, estimate: Estimate, reference: Reference) -> Action:
+        """The level for the tick that begins at `now` in s."""
+        started = time.perf_counter()
+        self._look(now, estimate)
+        level = self._level(now, reference)
+        timings = {"total": time.perf_counter() - started, "plan": self._solve_s}
+        self._solve_s = 0.0
+        return Action(level, self._status, None, timings)
+
+    def _position(self, estimate: Estimate) -> float | None:
+        index = self.tuning.position_index
+        if estimate.lost or estimate.state.size <= index:
+            return None
+        value = float(estimate.state[index])
+        return value if abs(value) < _FAR else None
+
+    def _look(self, now: float, estimate: Estimate) -> None:
+        """Take a new estimate in, at the pace of the localisation."""
+        position = self._position(estimate)
+        if position is None or not self._stamp + self.tuning.sample_s <= estimate.time_s <= now + self.tuning.tick_s:
+            return
+        self._stamp, self._seen = estimate.time_s, now
+        self.filter.predict(min(estimate.time_s, now), self._cycle.speed_m_s)
+        self.filter.correct(position)
+
+    def _level(self, now: float, reference: Reference) -> float:
+        """Mean level over the tick; a cycle that ends within it hands over to the next."""
+        tick, total, at = self.tuning.tick_s, 0.0, now
+        end = now + tick
+        for _ in range(4):
+            period = self._cycle.waveform.period_s
+            stop = self._cycle_start + period
+            if at >= stop - 1e-9:
+                self._cycle_start = stop if at - stop < tick else at
+                self._next(now, reference)
+                continue
+            until = min(end, stop)
+            a, b = (at - self._cycle_start) / period, (until - self._cycle_start) / period
+            total += self._cycle.waveform.mean(max(a, 0.0), min(b, 1.0)) * (until - at)
+            at = until
+            if at >= end - 1e-12:
+                break
+        return min(max(total / tick, 0.0), 1.0)
+
+    def _next(self, now: float, reference: Reference) -> None:
+        """Choose the next cycle's waveform."""
+        started = time.perf_counter()
+        ahead = np.asarray(now + self.mpc.step_s * np.arange(self.mpc.horizon + 1), dtype=np.float64)
+        places, speeds = reference.position(ahead), reference.speed(ahead)
+        if not ((abs(places) < _FAR).all() and (abs(speeds) < _FAR).all()):
+            self._take(Choice(REST, None, 0.0, True), "failed")
+        elif now - self._seen > self.tuning.blind_s and self.tuning.feedback:
+            self._take(Choice(REST, None, 0.0, True), "lost")
+        else:
+            self._planned = self._plan(now, places, speeds)
+            choice = self.drive.choose(self._planned, self._gear_for(float(speeds[0])))
+            low, high = self.drive.reach()
+            self._take(choice, "ok" if choice.reachable and low < self._planned < high else "limited")
+        self._solve_s = time.perf_counter() - started
+
+    def _gear_for(self, wanted: float) -> int | None:
+        """The gear to stay in while `wanted` in m/s stays about what it was: the one that is made for it, or what came
+        of it.
+        """
+        if abs(wanted - self._geared_for) > _REGEAR * abs(self._geared_for):
+            self._geared_for = wanted
+            return self.drive.nearest(wanted)
+        return self._cycle.gear
+
+    def _plan(self, now: float, places: NDArray[np.float64], speeds: NDArray[np.float64]) -> float:
+        """The mean speed to command now."""
+        wanted = float(speeds[0])
+        if not self.tuning.feedback:
+            return wanted
+        t, f = self.tuning, self.filter
+        f.predict(now, self._cycle.speed_m_s)
+        missing = float(places[0]) - float(f.z[0])
+        if abs(wanted) < 1e-6 and abs(missing) < t.near_m:
+            return 0.0
+        self._behind = abs(missing) > t.near_m and self._behind is not False
+        share = t.catch_up_stopped if self._behind else t.catch_up
+        most = t.catch_up_s * max(share * abs(wanted), 0.5e-3 if abs(wanted) < 1e-6 else 0.0)
+        shift = missing - min(max(missing, -most), most)
+        low, high = self.drive.reach()
+        low, high = (0.0, high) if wanted > 0 else (low, 0.0) if wanted < 0 else (low, high)
+        return float(self.mpc.plan(f.z, self._planned, places[1:] - shift, speeds[1:], low, high)[0])
+
+    def _take(self, choice: Choice, status: Status) -> None:
+        """Go over to `choice`; another gear brings its own bias."""
+        before, after = self._cycle.gear, choice.gear
+        if before != after:
+            if before is not None:
+                self._biases[before] = float(self.filter.z[2])
+            if after is not None:
+                self.filter.doubt_bias(self._biases.get(after, 0.0), choice.speed_m_s)
+            else:
+                self.filter.doubt_bias(0.0, 0.0)
+        self._cycle, self._status = choice, status
+
+
+def vibro_controller(model: ControlModel, optimise: bool = True, feedback: bool = True) -> VibroController:
+    """The controller that moves `model`'s capsule by its inner mass, with the drive map designed on that model (kept on
+    disk).
+
+    `optimise` False keeps to square waves, `feedback` False to the map alone. Raises ValueError for a rig without an
+    inner mass on a spring.
+    """
+    values = {p.name: float(v) for p, v in zip(model.symbols.parameters, model.values, strict=True)}
+    drive = designed(VibroModel.from_rig(model.rig, values), optimise)
+    return VibroController(drive, Tuning(tick_s=model.tick_s, feedback=feedback))

@@ -1,0 +1,169 @@
+"""The drive map of a model: seeds from its speed map, checked against wrong parameters, made cheap by the optimiser,
+put in gears.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import tempfile
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+
+from controller.vibro.cycles import IMPACTS, Cycles, VibroModel
+from controller.vibro.design.cost_by_impact import squares
+from controller.vibro.design.optimal_cycle import optimal_cycle
+from controller.vibro.design.speed_map import SpeedMap, speed_map
+from controller.vibro.gears import DriveMap, Gear, gear_of
+from controller.vibro.waveform import Waveform
+
+SEEDS_M_S = (14e-3, 4e-3)
+"""Mean speeds for which a direction's shapes are found, one gear each; a gear's other speeds come from its strength."""
+_ROUNDS, _CLOSE = 5, 0.15
+_WRONG = 0.15
+_LEAST = 0.2  # of the seed's speed that a seed must keep with wrong parameters
+_RATIOS = (0.6, 0.7, 0.8, 0.9, 1.0, 1.05, 1.1, 1.3, 1.5, 1.7, 1.9, 2.1)
+_DUTIES = (0.15, 0.2, 0.25, 0.3, 0.4, 0.6, 0.7, 0.75, 0.8, 0.85)
+_AMPLITUDES = (0.15, 0.2, 0.25, 0.35, 0.5, 0.7, 1.0)
+_TRIED = 12
+_FURTHER = 1.2  # how much further the plain square must reach for a gear of its own
+_LAG_S = (0.03, 0.5)
+_FORMAT = 11
+
+
+def rough_map(cycles: Cycles) -> SpeedMap:
+    """The speed map on the grid that seeds are looked for on."""
+    return speed_map(cycles, _RATIOS, _DUTIES, _AMPLITUDES)
+
+
+def wrong_models(model: VibroModel, share: float = _WRONG) -> list[VibroModel]:
+    """The model with its parameters off by `share`: spring alone either way, then drive against friction either way."""
+    known = {p.name for p in model.assembly().parameters}
+    more, less = 1 + share, 1 - share
+    corners = [{"spring_stiffness_N_per_m": less}, {"spring_stiffness_N_per_m": more}]
+    for drive, friction in ((less, more), (more, less)):
+        corners.append({"force_N": drive, "hoop_stress_factor": friction, "friction_coefficient": friction})
+    return [model.at(**{name: factor for name, factor in corner.items() if name in known}) for corner in corners]
+
+
+def seed_square(nominal: Cycles, wrong: list[Cycles], table: SpeedMap, speed_m_s: float) -> Waveform | None:
+    """The cheapest square wave within 0.6 to 1.5 of `speed_m_s` that keeps its direction with wrong parameters, else
+    the one of the cheapest that keeps most of its speed; None where the map has no such speed.
+    """
+    low, high = sorted((0.6 * speed_m_s, 1.5 * speed_m_s))
+    best: tuple[float, Waveform] | None = None
+    for wave in table.squares(low, high)[:_TRIED]:
+        kept = _kept(wrong, wave, speed_m_s)
+        if kept >= _LEAST:
+            return wave
+        if best is None or kept > best[0]:
+            best = (kept, wave)
+    return None if best is None else best[1]
+
+
+def shape_at(
+    nominal: Cycles, wrong: list[Cycles], speed_m_s: float, seed: Waveform, guesses: list[Waveform]
+) -> Waveform:
+    """The cheapest least-energy cycle at `speed_m_s` found from `guesses` that keeps its direction with wrong
+    parameters; the square `seed` where there is none.
+    """
+    best: tuple[float, Waveform] | None = None
+    for guess in guesses:
+        optimum = optimal_cycle(nominal, speed_m_s, guess, _ROUNDS, _CLOSE)
+        if not optimum.found or (best is not None and optimum.pace.energy_J_per_m >= best[0]):
+            continue
+        if _kept(wrong, optimum.waveform, speed_m_s) >= _LEAST:
+            best = (optimum.pace.energy_J_per_m, optimum.waveform)
+    return seed if best is None else best[1]
+
+
+def _kept(wrong: list[Cycles], wave: Waveform, speed: float) -> float:
+    """The least share of `speed` that `wave` keeps with wrong parameters."""
+    return min(c.pace(wave).speed_m_s / speed for c in wrong)
+
+
+def lag(cycles: Cycles, waveform: Waveform) -> float:
+    """How long in s the mean speed takes to come up from rest: `t - x(t)/v` once it is steady (area method)."""
+    pace = cycles.pace(waveform)
+    n = max(math.ceil(1.0 / waveform.period_s), 4)
+    path = cycles.path(waveform, n)
+    if pace.speed_m_s == 0:
+        return _LAG_S[1]
+    return float(np.clip(n * waveform.period_s - path[-1] / pace.speed_m_s, *_LAG_S))
+
+
+def design(model: VibroModel, optimise: bool = True, table: SpeedMap | None = None) -> DriveMap:
+    """The drive map of `model`; `optimise` False keeps to scaled square waves (seconds instead of a minute). `table` is
+    its speed map where there is one already.
+
+    A direction that the model does not reach has no gear. Every kind of impact that a square wave has at a gear's speed
+    is among the guesses from which its cycle is optimised, so which stop it strikes, if any, is a matter of energy.
+    """
+    cycles = Cycles(model)
+    wrong = [Cycles(m) for m in wrong_models(model)]
+    table = table or rough_map(cycles)
+    gears: list[Gear] = []
+    found: list[Waveform] = []
+    for speed in (sign * size for sign in (1, -1) for size in SEEDS_M_S):
+        seed = seed_square(cycles, wrong, table, speed)
+        if seed is None:
+            continue
+        other = squares(cycles, table, speed) if optimise else []
+        guesses = [seed, seed.flipped(), *(w.flipped() for w in found), *(one.waveform for one in other)]
+        shape = shape_at(cycles, wrong, speed, seed, guesses) if optimise else seed
+        found.append(shape)
+        own = gear_of(cycles, shape, speed)
+        plain = gear_of(cycles, seed, speed) if optimise else None
+        gears += [] if own is None else [own]
+        if plain is not None and (own is None or abs(plain.fastest_m_s) > _FURTHER * abs(own.fastest_m_s)):
+            gears.append(replace(plain, home_m_s=plain.fastest_m_s))
+    lags = [lag(cycles, g.waveforms[len(g.waveforms) // 2]) for g in gears]
+    return DriveMap(tuple(gears), float(np.median(lags)) if lags else _LAG_S[1])
+
+
+def designed(model: VibroModel, optimise: bool = True) -> DriveMap:
+    """The same as `design`, kept on disk for the next time under what it was made from."""
+    made_from = repr((_FORMAT, model, [(p.name, p.value) for p in model.assembly().parameters], optimise))
+    file = _folder() / f"vibro_{hashlib.sha256(made_from.encode()).hexdigest()[:20]}.json"
+    try:
+        return from_json(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError, KeyError, TypeError):
+        found = design(model, optimise)
+    draft = file.with_suffix(f".{os.getpid()}")
+    draft.write_text(to_json(found), encoding="utf-8")
+    os.replace(draft, file)
+    return found
+
+
+def to_json(drive: DriveMap) -> str:
+    """The map as text; `from_json` reads it back exactly."""
+    return json.dumps(asdict(drive), indent=1)
+
+
+def from_json(text: str) -> DriveMap:
+    """A map from text. Raises ValueError, KeyError or TypeError where it is none."""
+    raw = json.loads(text)
+    gears = []
+    for gear in raw["gears"]:
+        waves = tuple(Waveform(w["period_s"], tuple(w["edges"]), tuple(w["levels"])) for w in gear["waveforms"])
+        gears.append(
+            Gear(waves, tuple(gear["speeds_m_s"]), float(gear["home_m_s"]), IMPACTS[IMPACTS.index(gear["impact"])])
+        )
+    return DriveMap(tuple(gears), float(raw["lag_s"]))
+
+
+def _folder() -> Path:
+    root = os.environ.get("CAPSULE_CACHE") or os.path.join(
+        os.environ.get("XDG_CACHE_HOME", os.path.expanduser("~/.cache")), "capsule"
+    )
+    try:
+        Path(root).mkdir(parents=True, exist_ok=True)
+        if os.access(root, os.W_OK):
+            return Path(root)
+    except OSError:
+        pass
+    return Path(tempfile.gettempdir())

@@ -1,0 +1,193 @@
+"""The periodic drive that moves the capsule at a mean speed for the least energy: multiple shooting over one cycle,
+solved by IPOPT.
+
+Over levels c_0..c_{N-1} in [0, 1], the period T and the nodes z_k = (x, v, r, r', u) and what lags in the drive:
+
+    minimise    sum c_k^2 F^2 R/k^2 T/N + sum c_k F (r_{k+1} - r_k)      over the way  |v| T
+    subject to  z_{k+1} = advance(z_k, c_k),  z_N = z_0 but for  x_N - x_0 = v T,
+                |T(u)| <= f_c where the wall sticks, s u >= 0 where it slips (softly),
+
+with the smooth model. Where the wall sticks and slips is taken from the exact model under the last solution and
+refreshed in each round: a switching model has no derivatives there, a known sequence of modes has. The speed that the
+next round aims at is corrected by what the exact model made of the last one, and only what the exact model says is
+reported.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.vibro.cycles import Cycles, Pace, VibroModel
+from controller.vibro.design.smooth_cycle import SCALE, Part, smooth_part
+from controller.vibro.waveform import Waveform
+
+Array = NDArray[np.float64]
+PARTS, STEPS = 32, 6
+SHORTEST_S, LONGEST_S = 0.008, 0.25
+ROUNDS = 6
+CLOSE = 0.05
+"""Share of the speed within which the exact model must agree for a solution to count."""
+_SMOOTHING = (3e-3, 1e-3)
+_TIME = 0.01  # s, size of 1 of the scaled period
+_STRETCH = 1.3  # factor by which a round may change the period
+_ROUGH, _SLACK_SQUARE, _SLACK = 1e-3, 1.0, 0.3
+_REPEATS = 0.02  # share of its swing within which a state returns
+_CAUGHT = 6e-5  # m, wall displacement below which a slip ended because the wall was back, not because it was overtaken
+_OPTIONS: dict[str, Any] = {
+    "print_time": False,
+    "show_eval_warnings": False,
+    "ipopt": {
+        "print_level": 0,
+        "sb": "yes",
+        "max_iter": 120,
+        "tol": 1e-4,
+        "acceptable_tol": 1e-2,
+        "acceptable_iter": 5,
+        "mu_init": 1e-2,
+    },
+}
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """The best cycle found and its `pace` on the exact model; `found` is False, with a sentence in `reason`, where none
+    came near the speed, and the cycle is then the nearest.
+    """
+
+    waveform: Waveform
+    pace: Pace
+    found: bool
+    reason: str
+
+
+def optimal_cycle(
+    cycles: Cycles, speed_m_s: float, guess: Waveform, rounds: int = ROUNDS, close: float = CLOSE, parts: int = PARTS
+) -> Optimum:
+    """The least-energy cycle at the mean `speed_m_s`, not 0, found from `guess`; the exact model's may be off by
+    the share `close`.
+
+    Local: it keeps to the order of events that `guess` begins with. Raises ValueError for a speed of 0.
+    """
+    if speed_m_s == 0 or not np.isfinite(speed_m_s):
+        raise ValueError(f"speed_m_s must be a finite speed that is not 0; got {speed_m_s:g}")
+    lags = _lags(cycles, guess, parts)
+    programs = [smooth_part(cycles.model, eps, STEPS, lags) for eps in _SMOOTHING]
+    best, nearest = None, (abs(cycles.pace(guess).speed_m_s - speed_m_s), guess, cycles.pace(guess))
+    waveform, aim = guess, speed_m_s * cycles.model.mirror
+    for k in range(rounds):
+        solution = _solve(cycles, programs[min(k, len(programs) - 1)], waveform, aim, parts)
+        if solution is None:
+            break
+        waveform = solution
+        pace = cycles.pace(waveform)
+        off = abs(pace.speed_m_s - speed_m_s)
+        if off < nearest[0]:
+            nearest = (off, waveform, pace)
+        if off <= close * abs(speed_m_s) and (best is None or pace.energy_J_per_m < best[1].energy_J_per_m):
+            best = (waveform, pace)
+        ratio = pace.speed_m_s / speed_m_s
+        aim *= float(np.clip(1 / ratio, 0.75, 1.35)) if ratio > 0 else 1.35
+    if best is not None:
+        return Optimum(best[0], best[1], True, "")
+    _, waveform, pace = nearest
+    return Optimum(
+        waveform,
+        pace,
+        False,
+        f"no cycle came within {close:.0%} of the speed; the nearest goes {pace.speed_m_s:.3g} m/s",
+    )
+
+
+def _lags(cycles: Cycles, waveform: Waveform, parts: int) -> dict[str, float]:
+    """The effects' states that swing with the cycle, each with the size that it swings by."""
+    states = cycles.last_cycle(waveform, parts)
+    ids = {effect.id for effect in cycles.model.effects}
+    found = {}
+    for column, name in enumerate(cycles.states):
+        path = states[:, column]
+        swing = float(np.ptp(path))
+        if name.split(".")[0] in ids and swing > 0 and abs(path[-1] - path[0]) < _REPEATS * swing:
+            found[name] = swing
+    return found
+
+
+def _solve(cycles: Cycles, part: Part, waveform: Waveform, aim: float, parts: int) -> Waveform | None:
+    """One round from `waveform`, or None where IPOPT gave nothing finite."""
+    states = cycles.last_cycle(waveform, 2 * parts)
+    columns = [cycles.states.index(name) for name in part.names]
+    start = states[::2, columns] / part.scale
+    start[:, 0] -= start[0, 0]
+    slip = np.round(states[1::2, cycles.states.index("slip")])
+    program = _Program(cycles.model, part, aim, parts)
+    solver, low, high = program.solver(slip, start)
+    nodes = len(part.names) * (parts + 1)
+    period = waveform.period_s
+    x0 = np.concatenate((start.ravel(), waveform.sampled(parts), [period / _TIME], np.zeros(parts + 1)))
+    shortest, longest = max(SHORTEST_S, period / _STRETCH) / _TIME, min(LONGEST_S, period * _STRETCH) / _TIME
+    free, none, ones = np.full(nodes, np.inf), np.zeros(parts), np.ones(parts)
+    lower = np.concatenate((-free, none, [shortest], np.zeros(parts + 1)))
+    upper = np.concatenate((free, ones, [longest], np.full(parts + 1, 5.0)))
+    answer = np.array(solver(x0=x0, lbx=lower, ubx=upper, lbg=low, ubg=high)["x"]).ravel()
+    if not np.isfinite(answer).all():
+        return None
+    return Waveform.even(float(answer[nodes + parts]) * _TIME, answer[nodes : nodes + parts])
+
+
+class _Program:
+    """The nonlinear program of one round in CasADi's symbols: nodes Z (n, N + 1), levels C, period T, slacks E."""
+
+    def __init__(self, model: VibroModel, part: Part, aim: float, parts: int) -> None:
+        self.model, self.part, self.aim, self.n = model, part, aim, parts
+        self.Z, self.C = ca.MX.sym("Z", len(part.names), parts + 1), ca.MX.sym("C", parts)
+        self.T, self.E = ca.MX.sym("T"), ca.MX.sym("E", parts + 1)
+
+    def cost(self) -> Any:
+        """Energy for the way in units of 10 J/m, with a little against rough levels and the slacks' price."""
+        force, time = self.model.force_N, self.T * _TIME
+        copper = ca.sumsqr(self.C) * time / self.n * force * force / self.model.copper_N2_per_W
+        moved = self.Z[2, 1:] - self.Z[2, :-1]
+        if not self.model.drive.reaction_on_body:
+            moved = moved + self.Z[0, 1:] - self.Z[0, :-1]
+        work = ca.dot(self.C, moved.T) * force * SCALE[2]
+        rough = ca.sumsqr(self.C[1:] - self.C[:-1])
+        slack = _SLACK_SQUARE * ca.sumsqr(self.E) + _SLACK * ca.sum1(self.E)
+        return (copper + work) / (10 * abs(self.aim) * time) + _ROUGH * rough + slack
+
+    def solver(self, slip: Array, start: Array) -> tuple[ca.Function, Array, Array]:
+        """The solver with the bounds of its constraints."""
+        h = self.T * (_TIME / (self.n * self.part.steps))
+        ends = self.part.advance.map(self.n)(self.Z[:, :-1], self.C.T, h, ca.DM(slip).T)
+        way = self.aim * self.T * _TIME / SCALE[0]
+        rows = [ca.vec(ends - self.Z[:, 1:]), self.Z[1:, -1] - self.Z[1:, 0], self.Z[0, 0], self.Z[0, -1] - way]
+        equal = np.zeros(len(self.part.names) * (self.n + 1) + 1)
+        more, low, high = self._wall(slip, start)
+        unknown = ca.vertcat(ca.vec(self.Z), self.C, self.T, self.E)
+        program = {"x": unknown, "f": self.cost(), "g": ca.vertcat(*rows, *more)}
+        return (
+            ca.nlpsol("cycle", "ipopt", program, _OPTIONS),
+            np.concatenate((equal, low)),
+            np.concatenate((equal, high)),
+        )
+
+    def _wall(self, slip: Array, start: Array) -> tuple[list[Any], Array, Array]:
+        """What keeps the wall's modes true: rows with lower and upper bounds."""
+        if self.part.strain is None:
+            return [], np.zeros(0), np.zeros(0)
+        strain = self.part.strain.map(self.n + 1)(self.Z)
+        rows: list[tuple[Any, float, float]] = []
+        for k in range(self.n):
+            s, after, slack = slip[k], slip[(k + 1) % self.n], self.E[k + 1]
+            if s == 0:
+                rows += [(strain[k + 1] - slack, -np.inf, 1.0), (strain[k + 1] + slack, -1.0, np.inf)]
+                if after != 0:
+                    rows.append((after * strain[k + 1] + slack, 0.9, np.inf))
+            else:
+                rows.append((s * self.Z[4, k + 1] + slack, -0.05, np.inf))
+                if after == 0 and abs(start[k + 1, 4]) * SCALE[4] < _CAUGHT:
+                    rows.append((s * self.Z[4, k + 1] - slack, -np.inf, 0.3))
+        return [row[0] for row in rows], np.array([row[1] for row in rows]), np.array([row[2] for row in rows])

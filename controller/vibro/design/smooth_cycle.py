@@ -1,0 +1,84 @@
+"""One part of a cycle of the smooth model as a CasADi function, with the wall's stick and slip given: what the
+optimiser shoots through.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.vibro.cycles import VibroModel
+from models.assembly.effects import Active
+from models.assembly.step import Grip, Stepper
+from models.effects.effect import Signals
+from models.laws.geometry import GRAVITY
+from models.surfaces.gut import Drag
+from models.surfaces.plate import Plate
+
+Array = NDArray[np.float64]
+NODES = ("x", "v", "vibro.stretch_m", "vibro.rate_m_s", "u")
+SCALE = np.array([1e-3, 0.1, 1e-3, 0.1, 1e-4])
+"""What every node holds (m, m/s, m, m/s, m) and the size of 1 in it."""
+
+
+@dataclass(frozen=True)
+class KnownSlip(Stepper):
+    """A step whose wall keeps the slip that it is told: `u' = v` while it sticks, `-s v_i` while it slips, nothing
+    switches.
+    """
+
+    def drag(self, s: Signals, drag: Drag, v: Any, h: Any, grip: Grip) -> Drag:
+        if isinstance(self.surface, Plate):
+            return drag
+        return Drag(drag.u + h * ((1 - drag.slip * drag.slip) * v - drag.slip * grip.recovery), drag.slip)
+
+
+@dataclass(frozen=True)
+class Part:
+    """`advance(z, c, h, slip) -> z` over `steps` steps of h in s from the scaled node z (n,), the level c held;
+    `strain(z)` = T(u)/f_c of the wall, None on a plate. A node holds the states `names` in units of `scale`.
+    """
+
+    names: tuple[str, ...]
+    scale: Array
+    steps: int
+    advance: ca.Function
+    strain: ca.Function | None
+
+
+def smooth_part(model: VibroModel, smoothing: float, steps: int, lags: Mapping[str, float]) -> Part:
+    """A part of the cycle of `model` with friction smoothed over `smoothing` in m/s. Nodes hold `NODES` and the
+    effects' states in `lags`, each with its size; other states of effects stay as they are at the start.
+    """
+    assembly = model.assembly(smoothing)
+    vector = assembly.vector(model.values)
+    p = {parameter.name: float(vector[i]) for i, parameter in enumerate(assembly.parameters)}
+    ids = {effect.id for effect in model.effects}
+    names, scale = (*NODES, *lags), np.concatenate((SCALE, list(lags.values())))
+    z, c, h, slip = ca.SX.sym("z", len(names)), ca.SX.sym("c"), ca.SX.sym("h"), ca.SX.sym("slip")
+    now: dict[str, Any] = {name: ca.SX(assembly.initial[name]) for name in assembly.states}
+    now |= {name: z[i] * scale[i] for i, name in enumerate(names)} | {"slip": slip}
+    hidden = [name for name in assembly.states if name.split(".")[0] in ids]
+
+    def stepper() -> KnownSlip:
+        active = Active(model.effects, p, {name: now[name] for name in hidden})
+        return KnownSlip(model.surface, model.drive, active, None, smoothing)
+
+    for _ in range(steps):
+        now, _output = stepper().advance(now, c, c, 0.0, h)
+    end = ca.vertcat(*(now[name] / scale[i] for i, name in enumerate(names)))
+    advance = ca.Function("advance", [z, c, h, slip], [end])
+    if isinstance(model.surface, Plate):
+        return Part(names, scale, steps, advance, None)
+    u, v = z[4] * SCALE[4], z[1] * SCALE[1]
+    mu = p["friction_coefficient"]
+    _, onset = model.surface.grip(np.sqrt(v * v + smoothing**2), p["hoop_stress_factor"], mu)
+    onset = onset + mu * model.drive.carried_kg * GRAVITY
+    own = stepper()
+    strain = ca.Function("strain", [z], [own.tension(u) * own.stiffening(Signals(), u) / onset])
+    return Part(names, scale, steps, advance, strain)

@@ -1,0 +1,111 @@
+"""Mean speed and energy of square waves over period, duty and amplitude, and the cheapest one for a speed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.vibro.cycles import IMPACTS, Cycles, Impact, Pace, VibroModel, impact_of
+from controller.vibro.waveform import Waveform
+
+Array = NDArray[np.float64]
+PERIOD_RATIOS = (0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.35, 1.5, 1.7, 1.9, 2.1, 2.4)
+DUTIES = (0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9)
+AMPLITUDES = (0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.8, 1.0)
+_TRIED = 8  # cheapest squares of the map that are brought to the exact speed
+_EXACT = 0.02
+
+
+def free_period(model: VibroModel) -> float:
+    """Period in s of the inner mass on its spring with the body held."""
+    stiffness = float(model.values.get("spring_stiffness_N_per_m", model.drive.spring_stiffness_N_per_m))
+    if not stiffness > 0:
+        raise ValueError(f"spring_stiffness_N_per_m must be above 0 for a resonant drive; got {stiffness:g}")
+    return 2 * math.pi * math.sqrt(model.drive.inner_mass_kg / stiffness)
+
+
+@dataclass(frozen=True)
+class SpeedMap:
+    """`speed` in m/s, `energy` and `work` in J/m (= mJ/mm), each (P, D, A), over `period_s` (P,), `duty` (D,),
+    `amplitude` (A,); `impact` (P, D, A) holds the place in `IMPACTS` of the stop that is hit.
+    """
+
+    period_s: Array
+    duty: Array
+    amplitude: Array
+    speed: Array
+    energy: Array
+    work: Array
+    impact: NDArray[np.int8]
+
+    def squares(self, low_m_s: float, high_m_s: float, impact: Impact | None = None) -> list[Waveform]:
+        """The square waves whose speed lies in [`low_m_s`, `high_m_s`], the cheapest first; of those that hit `impact`
+        alone where given.
+        """
+        fits = (self.speed >= low_m_s) & (self.speed <= high_m_s)
+        inside = np.argwhere(fits if impact is None else fits & (self.impact == IMPACTS.index(impact)))
+        inside = inside[np.argsort(self.energy[tuple(inside.T)], kind="stable")] if len(inside) else inside
+        return [
+            Waveform.square(float(self.period_s[i]), float(self.duty[j]), float(self.amplitude[k]))
+            for i, j, k in inside
+        ]
+
+
+def speed_map(
+    cycles: Cycles,
+    ratios: tuple[float, ...] = PERIOD_RATIOS,
+    duties: tuple[float, ...] = DUTIES,
+    amplitudes: tuple[float, ...] = AMPLITUDES,
+) -> SpeedMap:
+    """The map of a model, periods as multiples of the inner mass's free period."""
+    periods = np.asarray(ratios) * free_period(cycles.model)
+    shape = (len(ratios), len(duties), len(amplitudes))
+    found, impact = np.zeros((3, *shape)), np.zeros(shape, dtype=np.int8)
+    for i, j, k in np.ndindex(*shape):
+        pace = cycles.pace(Waveform.square(float(periods[i]), duties[j], amplitudes[k]))
+        found[:, i, j, k] = pace.speed_m_s, pace.energy_J_per_m, pace.work_J_per_m
+        impact[i, j, k] = IMPACTS.index(impact_of(cycles.model, pace))
+    speed, energy, work = found
+    return SpeedMap(periods, np.asarray(duties), np.asarray(amplitudes), speed, energy, work, impact)
+
+
+def best_square(
+    cycles: Cycles, table: SpeedMap, speed_m_s: float, full_force: bool = False, impact: Impact | None = None
+) -> tuple[Waveform, Pace] | None:
+    """The cheapest square wave at `speed_m_s`: those of the map within a quarter of it, brought there by their
+    amplitude.
+
+    `full_force`: amplitude 1 alone, as a coil that is switched on and off has it; then the duty brings it there.
+    `impact`: those that hit these stops alone. None where the map has nothing that comes within 2 %.
+    """
+    ends = sorted((0.75 * speed_m_s, 1.25 * speed_m_s))
+    best: tuple[Waveform, Pace] | None = None
+    candidates = [w for w in table.squares(ends[0], ends[1], impact) if not full_force or max(w.levels) == 1]
+    for candidate in candidates[:_TRIED]:
+        wave, pace = _brought_to(cycles, candidate, speed_m_s, full_force)
+        fits = abs(pace.speed_m_s / speed_m_s - 1) < _EXACT and impact in (None, impact_of(cycles.model, pace))
+        if fits and (best is None or pace.energy_J_per_m < best[1].energy_J_per_m):
+            best = (wave, pace)
+    return best
+
+
+def _brought_to(cycles: Cycles, wave: Waveform, speed: float, by_duty: bool) -> tuple[Waveform, Pace]:
+    """The square wave near `wave` at `speed`, by a few steps on amplitude or duty."""
+    level, duty, pace = max(wave.levels), wave.edges[1], cycles.pace(wave)
+    flip = duty > 0.5
+    for _ in range(6):
+        ratio = pace.speed_m_s / speed
+        if not ratio > 0 or abs(ratio - 1) < 0.5 * _EXACT:
+            break
+        factor = min(max(ratio**-0.6, 0.8), 1.25)
+        if by_duty:
+            short = (1 - duty if flip else duty) * factor
+            duty = min(max(1 - short if flip else short, 0.01), 0.99)
+        else:
+            level = min(level * factor, 1.0)
+        wave = Waveform.square(wave.period_s, duty, level)
+        pace = cycles.pace(wave)
+    return wave, pace

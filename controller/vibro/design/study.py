@@ -1,0 +1,165 @@
+"""What a vibro rig's drive map and slow loop are worth on paper: resonances, gears, cost by impact, the averaged loop's
+poles and margins.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import control
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_are
+
+from controller.design.margins import Loop, closed_loop
+from controller.model.linear import Linear
+from controller.vibro.controller import Tuning
+from controller.vibro.cycles import Cycles, VibroModel
+from controller.vibro.design.cost_by_impact import Alternative, from_map, squares
+from controller.vibro.design.drive_map import wrong_models
+from controller.vibro.design.speed_map import SpeedMap, free_period
+from controller.vibro.gears import DriveMap
+from controller.vibro.slow_loop import AveragedMpc, ProgressFilter, transition
+
+Array = NDArray[np.float64]
+SPEEDS_M_S = tuple(sign * v for sign in (1, -1) for v in (2e-3, 5e-3, 10e-3, 20e-3))
+_ABOUT = 0.2  # share of the speed over which the map's slope is taken
+_BOUNDLESS = 1e6  # m/s
+
+
+@dataclass(frozen=True)
+class Resonance:
+    """Of the inner mass on its spring: `held_Hz` with the body held, `free_Hz` with it free, `damping` as a share of
+    the critical one, and `contact_s`, how long a touch of the front stop lasts with the body free (NaN without that
+    stop).
+    """
+
+    held_Hz: float
+    free_Hz: float
+    damping: float
+    contact_s: float
+
+
+@dataclass(frozen=True)
+class SlowLoop:
+    """The loop of filter and plan about the averaged motion at `speed_m_s`, updated once a cycle: `loop` with its
+    margins, and by how much the true mean speed answers a change of the commanded one, over the wrong models
+    (`slope_low` to `slope_high`; the map has 1).
+    """
+
+    speed_m_s: float
+    loop: Loop
+    slope_low: float
+    slope_high: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether more command means more speed on all wrong models, and the loop bears the steepest of them."""
+        return self.loop.stable() and self.slope_low > 0 and self.slope_high < self.loop.margins().gain
+
+
+@dataclass(frozen=True)
+class VibroStudy:
+    """What `capsule design` says of a vibro rig; `alternatives` by speed, `table` the speed map of square waves."""
+
+    resonance: Resonance
+    drive: DriveMap
+    table: SpeedMap
+    alternatives: dict[float, list[Alternative]]
+    slow: tuple[SlowLoop, ...]
+    delay_s: float
+
+    @property
+    def loops(self) -> tuple[Loop, ...]:
+        """The slow loops' frequency responses."""
+        return tuple(one.loop for one in self.slow)
+
+
+def vibro_study(
+    model: VibroModel,
+    drive: DriveMap,
+    table: SpeedMap,
+    delay_s: float = 0.015,
+    speeds_m_s: Sequence[float] = SPEEDS_M_S,
+) -> VibroStudy:
+    """Study `model` under its `drive` map; speeds that it does not reach are left out. Raises ValueError for a delay
+    outside [0, 0.2] s.
+    """
+    if not 0 <= delay_s <= 0.2:
+        raise ValueError(f"delay must lie in [0, 0.2] s; got {delay_s:g}")
+    cycles, wrong = Cycles(model), [Cycles(m) for m in wrong_models(model)]
+    reached = [v for v in speeds_m_s if drive.nearest(v) is not None]
+    found = {v: squares(cycles, table, v) + [from_map(cycles, drive, v)] * (v in reached) for v in speeds_m_s}
+    slow = tuple(slow_loop(drive, wrong, v, delay_s) for v in reached)
+    return VibroStudy(resonance(model), drive, table, found, slow, delay_s)
+
+
+def resonance(model: VibroModel) -> Resonance:
+    """The inner mass's own swing, from masses, spring, damping and front stop."""
+    m, M, drive = model.drive.inner_mass_kg, model.body_kg, model.drive
+    held = 2 * math.pi / free_period(model)
+    share = math.sqrt(1 + m / M)
+    damping = float(model.values.get("spring_damping_N_s_per_m", drive.spring_damping_N_s_per_m))
+    damping += float(model.values.get("spring_damping.damping_N_s_per_m", 0.0))
+    stiff = math.nan if drive.front is None else drive.front.stiffness_N_per_m
+    contact = math.pi * math.sqrt(m * M / (m + M) / stiff) if stiff > 0 else math.nan
+    return Resonance(held / (2 * math.pi), share * held / (2 * math.pi), damping / (2 * m * held), contact)
+
+
+def slow_loop(drive: DriveMap, wrong: Sequence[Cycles], speed_m_s: float, delay_s: float) -> SlowLoop:
+    """The averaged loop at `speed_m_s`, linear as long as neither reach nor catching up bounds it."""
+    choice = drive.choose(speed_m_s)
+    period, name = choice.waveform.period_s, f"slow loop, {1e3 * speed_m_s:g} mm/s"
+    F, g = transition(period, drive.lag_s)
+    plant = Linear("averaged", speed_m_s, speed_m_s, period, ("x", "s"), F[:2, :2], g[:2, None], F[:2, 2:])
+    back = feedback(drive.lag_s, period, speed_m_s)
+    loop = closed_loop(name, plant, control.series(plant.system(), back), delay_s)
+    near = [drive.choose(f * speed_m_s, choice.gear).waveform for f in (1 - _ABOUT, 1 + _ABOUT)]
+    slopes = [float(np.diff([c.pace(wave).speed_m_s for wave in near])[0]) / (2 * _ABOUT * speed_m_s) for c in wrong]
+    return SlowLoop(speed_m_s, loop, min(slopes, default=1.0), max(slopes, default=1.0))
+
+
+def feedback(lag_s: float, period_s: float, speed_m_s: float) -> control.StateSpace:
+    """From progress to minus the commanded mean speed: the filter at its steady gain and the unbounded plan, once a
+    period.
+
+    With the filter's z = (p, s, b), `z = (I - K c)(F z_- + g u_-) + K y`, `u = k_z z + k_u u_-`; readings within a
+    period count as one of as much less variance.
+    """
+    F, g = transition(period_s, lag_s)
+    K = _steady_gain(ProgressFilter(lag_s), F, period_s, speed_m_s)
+    k_z, k_u = _plan_gains(lag_s)
+    keep = np.eye(3)
+    keep[:, 0] -= K
+    A = np.zeros((4, 4))
+    A[:3, :3], A[:3, 3] = keep @ F, keep @ g
+    B = np.append(K, 0.0)[:, None]
+    A[3] = k_z @ A[:3]
+    A[3, 3] += k_u
+    B[3] = k_z @ K
+    return control.ss(A, B, -A[3:], -B[3:], period_s)
+
+
+def _steady_gain(f: ProgressFilter, F: Array, period_s: float, speed_m_s: float) -> Array:
+    """The Kalman gain (3,) that the filter settles at; the known s has none."""
+    q, h = (f.wander + f.wander_share * abs(speed_m_s)) ** 2, period_s
+    Q = q * np.array([[h**3 / 3, h * h / 2], [h * h / 2, h]])
+    R = (f.reading_std_m**2 + f.ripple_m**2) * min(Tuning().sample_s / period_s, 1.0)
+    kept = np.ix_([0, 2], [0, 2])
+    c = np.array([[1.0, 0.0]])
+    P = solve_discrete_are(F[kept].T, c.T, Q, np.array([[R]]))
+    gain = P[:, 0] / (P[0, 0] + R)
+    return np.array([gain[0], 0.0, gain[1]])
+
+
+def _plan_gains(lag_s: float) -> tuple[Array, float]:
+    """The first command's derivatives by the state (3,) and by the last command."""
+    mpc, none = AveragedMpc(lag_s), np.zeros(3)
+    flat = np.zeros(mpc.horizon)
+
+    def first(z: Array, last: float) -> float:
+        return float(mpc.plan(z, last, flat, flat, -_BOUNDLESS, _BOUNDLESS)[0])
+
+    return np.array([first(row, 0.0) for row in np.eye(3)]), first(none, 1.0)

@@ -1,0 +1,168 @@
+"""The slow loop's two halves on the averaged motion: what the mean speed lacks (Kalman filter), what to command for it
+(MPC).
+
+Averaged over the cycles, with progress p, the speed s that the map promises, its lag tau, and what it is wrong by, b:
+
+    p' = s + b,    s' = (u - s)/tau,    b' = white noise.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+_LONGEST_STEP_S = 1.0
+_ENOUGH = 1e-6  # m/s, change of the commands below which a plan is done
+_GATE = 6.0  # standard deviations beyond which a reading is put down to an outlier
+
+
+@dataclass
+class ProgressFilter:
+    """Kalman filter on (p in m, s in m/s, b in m/s); its readings are late and noisy positions.
+
+    `wander` in m/s per root second and `wander_share` of the commanded speed say how fast b may change by itself,
+    `slope_doubt` by which share of a change of command; `ripple_m` is what a cycle moves the body to and fro.
+    """
+
+    lag_s: float
+    reading_std_m: float = 0.5e-3
+    ripple_m: float = 0.5e-3
+    wander: float = 0.06e-3
+    wander_share: float = 0.012
+    slope_doubt: float = 0.5
+    doubt: float = 1.5e-3
+    doubt_share: float = 0.3
+
+    def __post_init__(self) -> None:
+        self.start(0.0, 0.0)
+
+    def start(self, time_s: float, position_m: float) -> None:
+        """At rest at `position_m`; nothing known of b."""
+        self.time_s, self.missed, self.learnt_at = time_s, 0, 0.0
+        self.z = np.array([position_m, 0.0, 0.0])
+        self.P = np.diag([self.reading_std_m**2, 0.0, self.doubt**2])
+
+    def doubt_bias(self, bias_m_s: float, speed_m_s: float) -> None:
+        """Begin anew with b = `bias_m_s`, which may be wrong by a share of `speed_m_s`."""
+        self.z[2], self.learnt_at = bias_m_s, speed_m_s
+        self.P[2, :] = self.P[:, 2] = 0.0
+        self.P[2, 2] = (self.doubt + self.doubt_share * abs(speed_m_s)) ** 2
+
+    def predict(self, time_s: float, command_m_s: float) -> None:
+        """Go on to `time_s` under the map's speed `command_m_s`."""
+        h = min(max(time_s - self.time_s, 0.0), _LONGEST_STEP_S)
+        self.time_s = max(time_s, self.time_s)
+        if h == 0:
+            return
+        apart = abs(command_m_s - self.learnt_at)
+        if apart > 0.3e-3 + 0.1 * abs(self.learnt_at):
+            self.P[2, 2] += (self.slope_doubt * apart) ** 2
+            self.learnt_at = command_m_s
+        F, shift = transition(h, self.lag_s)
+        self.z = F @ self.z + shift * command_m_s
+        q = (self.wander + self.wander_share * abs(command_m_s)) ** 2
+        noise = q * np.array([[h**3 / 3, 0.0, h * h / 2], [0.0, 0.0, 0.0], [h * h / 2, 0.0, h]])
+        self.P = F @ self.P @ F.T + noise
+
+    def correct(self, position_m: float) -> None:
+        """Take a reading in, unless it lies further off than noise can be; after ten such in a row it is believed."""
+        S = self.P[0, 0] + self.reading_std_m**2 + self.ripple_m**2
+        error = position_m - self.z[0]
+        if error * error > _GATE**2 * S and self.missed < 10:
+            self.missed += 1
+            return
+        if self.missed >= 10:
+            self.P[0, 0] += error * error
+            S += error * error
+        self.missed = 0
+        gain = self.P[:, 0] / S
+        self.z = self.z + gain * error
+        rest = np.eye(3)
+        rest[:, 0] -= gain
+        self.P = rest @ self.P @ rest.T + np.outer(gain, gain) * (self.reading_std_m**2 + self.ripple_m**2)
+
+
+def transition(h: float, lag_s: float) -> tuple[Array, Array]:
+    """The averaged motion over `h` in s, exactly: `z+ = F z + g u` for z = (p, s, b) and u held."""
+    keep = math.exp(-h / lag_s)
+    glide = lag_s * (1 - keep)
+    return np.array([[1.0, glide, h], [0.0, keep, 0.0], [0.0, 0.0, 1.0]]), np.array([h - glide, 1 - keep, 0.0])
+
+
+@dataclass(frozen=True)
+class Weights:
+    """What counts as 1 in the cost: progress off in m, mean speed off in m/s, change of the command per step in m/s."""
+
+    progress_m: float = 1.0e-3
+    speed_m_s: float = 2.0e-3
+    change_m_s: float = 4.0e-3
+
+
+class AveragedMpc:
+    """Over `horizon` steps of `step_s`: least squares of progress, speed and change of command, the command within
+    bounds.
+
+    Condensed once; a step is one matrix product and, where the bounds bind, a fixed number of sweeps over the commands.
+    """
+
+    def __init__(self, lag_s: float, step_s: float = 0.1, horizon: int = 12, weights: Weights | None = None) -> None:
+        w = weights or Weights()
+        self.step_s, self.horizon = step_s, horizon
+        F, g = transition(step_s, lag_s)
+        self._free = np.zeros((2 * horizon, 3))
+        self._forced = np.zeros((2 * horizon, horizon))
+        power, columns = np.eye(3), [g]
+        for k in range(horizon):
+            power = F @ power
+            for j in range(k + 1):
+                response = columns[k - j]
+                self._forced[k, j] = response[0] / w.progress_m
+                self._forced[horizon + k, j] = (response[1] + response[2]) / w.speed_m_s
+            self._free[k] = power[0] / w.progress_m
+            self._free[horizon + k] = (power[1] + power[2]) / w.speed_m_s
+            columns.append(F @ columns[-1])
+        self._scale = np.concatenate((np.full(horizon, 1 / w.progress_m), np.full(horizon, 1 / w.speed_m_s)))
+        change = (np.eye(horizon) - np.eye(horizon, k=-1)) / w.change_m_s
+        self._first = np.zeros(horizon)
+        self._first[0] = 1 / w.change_m_s
+        self._hessian = self._forced.T @ self._forced + change.T @ change
+        self._inverse = np.linalg.inv(self._hessian)
+        self._diagonal = np.diag(self._hessian).tolist()
+        self._change = change
+
+    def plan(
+        self,
+        z: Array,
+        last_m_s: float,
+        places_m: Array,
+        speeds_m_s: Array,
+        low_m_s: float,
+        high_m_s: float,
+        sweeps: int = 20,
+    ) -> Array:
+        """Commands (horizon,) in m/s from the state `z` = (p, s, b), for progress and speed wanted at the steps'
+        ends.
+        """
+        wanted = np.concatenate((places_m, speeds_m_s)) * self._scale - self._free @ z
+        gradient = self._forced.T @ wanted + self._change.T @ (self._first * last_m_s)
+        u = self._inverse @ gradient
+        if u.min() >= low_m_s and u.max() <= high_m_s:
+            return np.asarray(u)
+        u = np.clip(u, low_m_s, high_m_s)
+        slope = gradient - self._hessian @ u
+        for _ in range(sweeps):
+            largest = 0.0
+            for j in range(self.horizon):
+                to = min(max(float(u[j]) + float(slope[j]) / self._diagonal[j], low_m_s), high_m_s)
+                step = to - float(u[j])
+                if step != 0.0:
+                    u[j] = to
+                    slope -= self._hessian[j] * step
+                    largest = max(largest, abs(step))
+            if largest < _ENOUGH:
+                break
+        return np.asarray(u)

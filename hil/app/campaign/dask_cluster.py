@@ -1,0 +1,141 @@
+"""The same runs on a Dask cluster: an optional extra."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import pickle
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import CancelledError
+from threading import Lock
+from typing import Any, Final
+
+from hil.app.campaign.file import Job
+from hil.app.campaign.worker import Row, lost, run_jobs
+
+ANSWER_S: Final = 10.0
+LOOK_S: Final = 1.0
+PATIENCE_S: Final = 60.0
+RETRIES: Final = 3
+AHEAD: Final = 4
+_ONE: Final = Lock()
+_KEPT: Final = "what has ended is on file, and the same command goes on from there"
+Part = tuple[tuple[Job, ...], bool]
+
+
+def scheduled(parts: Sequence[Sequence[Job]], address: str, patience_s: float = PATIENCE_S) -> Iterator[list[Row]]:
+    """The rows of each chunk as it ends, computed by workers of the scheduler at `address`, which need this program
+    installed.
+
+    A chunk whose worker dies goes to another one. One that has cost as many workers as the scheduler allows is done
+    last, run by run and one at a time; a run that still kills its workers becomes a row with `error`. Raises ValueError
+    where Dask, the scheduler, this program on a worker, or for `patience_s` every worker is missing.
+    """
+    client = _connected(address)
+    from distributed import wait
+
+    waiting: list[Part] = [(tuple(part), False) for part in reversed(parts)]
+    flying: dict[Any, Part] = {}
+    seen = time.monotonic()
+    with client:
+        while waiting or flying:
+            workers = _workers(client)
+            seen = time.monotonic() if workers else seen
+            if time.monotonic() - seen > patience_s:
+                raise ValueError(
+                    f"--scheduler must have workers; {address} has named none for {patience_s:g} s; {_KEPT}"
+                )
+            while waiting and len(flying) < AHEAD * max(workers, 1) and not (flying and _suspect(waiting[-1], flying)):
+                part = waiting.pop()
+                flying[client.submit(_packed(part[0]), retries=RETRIES, pure=False)] = part
+            try:
+                for future in wait(list(flying), timeout=LOOK_S, return_when="FIRST_COMPLETED").done:
+                    rows, again = _outcome(future, *flying[future])
+                    del flying[future]
+                    waiting[:0] = again
+                    yield rows
+            except TimeoutError:
+                continue
+            except CancelledError:
+                raise ValueError(f"--scheduler must stay until the last run; {address} has gone; {_KEPT}") from None
+
+
+def run_alone(jobs: Sequence[Job]) -> list[Row]:
+    """A chunk on a worker of any number of threads: standard output and the compiled model belong to the process, so
+    one at a time.
+    """
+    with _ONE:
+        return run_jobs(jobs)
+
+
+def _packed(jobs: tuple[Job, ...]) -> Callable[[], list[Row]]:
+    """A chunk as a function that travels by value and is opened on the worker alone, so the scheduler need not have
+    this program.
+    """
+    packed = pickle.dumps((jobs, run_alone))
+
+    def work() -> list[Row]:
+        opened, run = pickle.loads(packed)
+        return list(run(opened))
+
+    return work
+
+
+def _connected(address: str) -> Any:
+    try:
+        from distributed import Client
+    except ImportError:
+        raise ValueError(
+            "--scheduler must stand where Dask is installed; it is not: install the extra 'dask'"
+        ) from None
+    try:
+        kind = asyncio.run(asyncio.wait_for(_kind(address), ANSWER_S))
+    # What an address that is none, or another program there, leads to is of many kinds.
+    except Exception as error:  # noqa: BLE001
+        kind = str(error) or f"no answer in {ANSWER_S:g} s"
+    if kind != "Scheduler":
+        raise ValueError(
+            f"--scheduler must be the address of a Dask scheduler, as tcp://HOST:8786; got {address}: {kind}"
+        )
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    return Client(address, timeout=ANSWER_S)
+
+
+async def _kind(address: str) -> str:
+    """What answers there; asked before `Client` does, which would wait for ever for one that says nothing."""
+    from distributed import Security, rpc
+
+    async with rpc(address, timeout=ANSWER_S, connection_args=Security().get_connection_args("client")) as peer:
+        return str((await peer.identity()).get("type", "no Dask"))
+
+
+def _workers(client: Any) -> int:
+    """How many there are; 0 too where the scheduler does not say."""
+    try:
+        return len(client.sync(client.scheduler.ncores, callback_timeout=ANSWER_S))
+    except (OSError, TimeoutError):
+        return 0
+
+
+def _suspect(next_one: Part, flying: Mapping[Any, Part]) -> bool:
+    return next_one[1] or any(alone for _, alone in flying.values())
+
+
+def _outcome(future: Any, jobs: tuple[Job, ...], alone: bool) -> tuple[list[Row], list[Part]]:
+    """The rows of a chunk that has ended, and what of it is to be done again. TimeoutError where its worker died with
+    the rows.
+    """
+    from distributed import KilledWorker
+
+    try:
+        return future.result(timeout=ANSWER_S), []
+    except (TimeoutError, CancelledError):
+        raise
+    except KilledWorker as error:
+        return ([lost(jobs[0], error.allowed_failures + 1)], []) if alone else ([], [((job,), True) for job in jobs])
+    # A run's own error is a row; what comes here is a worker that cannot run any.
+    except Exception as error:  # noqa: BLE001
+        got = f"{type(error).__name__}: {error}"
+        raise ValueError(f"--scheduler must have workers with this program installed; one answers {got}") from None

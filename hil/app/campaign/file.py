@@ -1,0 +1,287 @@
+"""CAMPAIGN.toml: a closed loop run many times, over drawn anatomies and rigs, hidden effects, faults and controllers.
+
+[campaign]
+engine = "track"                                # or "sil": over the bus
+scenario = "track_magnetic_ramp.toml"           # beside this file
+cases = 100                                     # each with a seed and draws of its own
+[draw."tissue.friction_coefficient"]            # a key of the scenario
+uniform = [0.06, 0.11]                          # or log_uniform, choice, integer
+[grid]                                          # every case under every combination
+"control.controller" = ["pid", "mpc"]
+[[variants.hidden]]                             # more of the grid: tables that are laid over the scenario
+name = "folds"
+set.effects.fold_periodic = { excess = 0.3, wavelength_m = 0.0073 }
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from hil.app.scenario.bus_scenario import parse_sil_scenario
+from hil.app.scenario.scenario import parse_track_scenario
+from hil.app.track.score import Score
+from models.files.tables import from_table
+from models.files.toml import read_toml
+from models.identification.finding import STAGES
+from models.identification.model import read_model
+from models.parameter import nearest
+
+Distribution = tuple[str, tuple[Any, ...]]
+
+
+def distribution(key: str, table: Any) -> Distribution:
+    """The kind and the numbers of `[draw."KEY"]`. Raises ValueError of one sentence."""
+    if isinstance(table, dict) and any(isinstance(value, dict) for value in table.values()):
+        raise ValueError(f'draw must have its keys in quotes, as [draw."{key}.{next(iter(table))}"]; got them without')
+    if not isinstance(table, dict) or len(table) != 1:
+        raise ValueError(f'draw."{key}" must have one of {", ".join(_DRAWS)}; got {table!r}')
+    kind, numbers = next(iter(table.items()))
+    if kind not in _DRAWS:
+        raise ValueError(
+            f'draw."{key}" must have one of {", ".join(_DRAWS)}; got {kind!r}; {nearest(kind, list(_DRAWS))}'
+        )
+    if not isinstance(numbers, list) or not numbers:
+        raise ValueError(f'draw."{key}" {kind} must be a list; got {numbers!r}')
+    if kind != "choice" and not _are_bounds(kind, numbers):
+        what = {"integer": "integers of at most 15 digits", "log_uniform": "positive numbers"}.get(
+            kind, "finite numbers"
+        )
+        raise ValueError(f'draw."{key}" {kind} must be [lower, upper], {what}; got {numbers!r}')
+    return kind, tuple(numbers)
+
+
+def drawn(rng: np.random.Generator, kind: str, numbers: tuple[Any, ...]) -> Any:
+    """One value."""
+    return _DRAWS[kind](rng, numbers)
+
+
+def _are_bounds(kind: str, numbers: list[Any]) -> bool:
+    known = int if kind == "integer" else int | float
+    if len(numbers) != 2 or not all(isinstance(n, known) and not isinstance(n, bool) for n in numbers):
+        return False
+    lower, upper = numbers
+    most = _MOST_INTEGER if kind == "integer" else _MOST
+    return bool(-most < lower <= upper < most and (kind != "log_uniform" or lower > 0))
+
+
+_MOST: Final = 1e300
+_MOST_INTEGER: Final = 10**15
+_DRAWS: Final[Mapping[str, Callable[[np.random.Generator, tuple[Any, ...]], Any]]] = {
+    "uniform": lambda rng, n: float(rng.uniform(n[0], n[1])),
+    "log_uniform": lambda rng, n: float(math.exp(rng.uniform(math.log(n[0]), math.log(n[1])))),
+    "integer": lambda rng, n: int(rng.integers(n[0], n[1] + 1)),
+    "choice": lambda rng, n: n[int(rng.integers(len(n)))],
+}
+
+
+Table = Mapping[str, Any]
+TABLES: Final = ("campaign", "draw", "grid", "variants")
+MOST_RUNS: Final = 1_000_000
+METRICS: Final = tuple(field.name for field in fields(Score) if field.type in ("float", "int"))
+ENGINES: Final[Mapping[str, Callable[[Table], Any]]] = {"track": parse_track_scenario, "sil": parse_sil_scenario}
+
+
+@dataclass(frozen=True)
+class Head:
+    """`[campaign]`. `chunk` runs go to a worker at once; `metric` is what the report is about, a number that `track`
+    prints.
+    """
+
+    scenario: str
+    engine: str = "track"
+    cases: int = 1
+    seed: int = 0
+    chunk: int = 4
+    metric: str = "tracking_rmse_m"
+    model: str = ""
+    stage: str = "augmented"
+
+    def __post_init__(self) -> None:
+        for name, choices in (("engine", tuple(ENGINES)), ("stage", STAGES), ("metric", METRICS)):
+            if getattr(self, name) not in choices:
+                got = getattr(self, name)
+                raise ValueError(
+                    f"campaign.{name} must be one of {', '.join(choices)}; got {got!r}; {nearest(got, choices)}"
+                )
+        for name, most in (("cases", MOST_RUNS), ("chunk", 1000)):
+            if not 1 <= getattr(self, name) <= most:
+                raise ValueError(f"campaign.{name} must lie in [1, {most}]; got {getattr(self, name)}")
+        if self.seed < 0:
+            raise ValueError(f"campaign.seed must be zero or more; got {self.seed}")
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run: its number, the scenario as tables, its seed, and what sets it apart (`point`)."""
+
+    number: int
+    engine: str
+    raw: Table
+    seed: int
+    point: Table
+    values: Mapping[str, float]
+    stage: str
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """All runs, computed when asked for. Runs of one case follow each other; they share seed and draws, so controllers
+    can be compared.
+    """
+
+    name: str
+    head: Head
+    raw: Table
+    draws: Mapping[str, Distribution]
+    combinations: Sequence[tuple[Table, Table]]
+    values: Mapping[str, float]
+
+    def __len__(self) -> int:
+        return self.head.cases * len(self.combinations)
+
+    def job(self, number: int) -> Job:
+        """Run `number`, from 0 on; the same whatever ran before it."""
+        case, which = divmod(number, len(self.combinations))
+        rng = np.random.default_rng(np.random.SeedSequence(self.head.seed, spawn_key=(case,)))
+        seed = int(rng.integers(1 << 31))
+        draws = {key: drawn(rng, kind, numbers) for key, (kind, numbers) in self.draws.items()}
+        over, point = self.combinations[which]
+        raw = laid_over(self.raw, over)
+        for key, value in draws.items():
+            raw = laid_over(raw, nested(key, value))
+        stage = self.head.stage if self.values else "nominal"
+        return Job(number, self.head.engine, raw, seed, {"case": case, **point, **draws}, self.values, stage)
+
+    @property
+    def fingerprint(self) -> str:
+        """What tells this campaign from another one: all that its runs depend on but the program."""
+        told = [
+            self.head.engine,
+            self.head.cases,
+            self.head.seed,
+            self.head.stage,
+            self.raw,
+            self.draws,
+            self.combinations,
+            self.values,
+        ]
+        return hashlib.sha256(json.dumps(told, sort_keys=True, default=dict).encode()).hexdigest()[:16]
+
+
+def load_campaign(path: Path) -> Campaign:
+    """Read and check a campaign file and its scenario; a ValueError of one sentence says what is wrong."""
+    try:
+        raw, _ = read_toml(path, "campaign")
+        for table in raw:
+            if table not in TABLES:
+                raise ValueError(
+                    f"{path}: tables must be among {', '.join(TABLES)}; got [{table}]; {nearest(table, TABLES)}"
+                )
+        head = from_table(Head, _table(raw, "campaign"), "campaign")
+        scenario, _ = read_toml(path.parent / head.scenario, "scenario")
+        kind = str(_table(scenario, "rig").get("kind", ""))
+        values = read_model(path.parent / head.model, kind).believed(head.stage) if head.model else {}
+        draws = {key: distribution(key, value) for key, value in _table(raw, "draw").items()}
+        grid, variants = _table(raw, "grid"), _table(raw, "variants")
+        _check_names(["case", *draws, *grid, *variants])
+        axes = [*_grid(grid), *_variants(variants)]
+        runs = head.cases * math.prod(len(axis) for axis in axes)
+        if runs > MOST_RUNS:
+            raise ValueError(f"campaign must have at most {MOST_RUNS} runs; got {runs}")
+        combinations = [_combined(choice) for choice in itertools.product(*axes)]
+        campaign = Campaign(path.stem, head, scenario, draws, combinations, values)
+        for which in range(min(len(combinations), 256)):
+            tables = campaign.job(which).raw
+            if "offer" in tables:
+                raise ValueError(
+                    "scenario of a campaign must have no [offer]; campaign.model is what its controllers know"
+                )
+            ENGINES[head.engine](tables)
+    except ValueError as error:
+        said = str(error).startswith((f"{path}:", f"{path.parent}/"))
+        raise ValueError(str(error) if said else f"{path}: {error}") from None
+    return campaign
+
+
+def nested(key: str, value: Any) -> dict[str, Any]:
+    """`a.b.c` and a value as tables within tables."""
+    for part in reversed(key.split(".")):
+        value = {part: value}
+    return dict(value)
+
+
+def laid_over(below: Table, above: Table) -> dict[str, Any]:
+    """Tables merged key by key; anything else of `above` replaces what is `below`."""
+    merged = dict(below)
+    for key, value in above.items():
+        before = merged.get(key)
+        merged[key] = laid_over(before, value) if isinstance(before, Mapping) and isinstance(value, Mapping) else value
+    return merged
+
+
+def _check_names(names: Sequence[str]) -> None:
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(f"names in draw, grid and variants must differ, and none be 'case'; got {name!r} twice")
+
+
+def _grid(table: Table) -> list[list[tuple[Table, Table]]]:
+    for key, choices in table.items():
+        if isinstance(choices, dict):
+            raise ValueError(
+                f'grid must have its keys in quotes, as "{key}.{next(iter(choices), "")}" = [...]; got them without'
+            )
+        if not isinstance(choices, list) or not choices or any(choices.count(one) > 1 for one in choices):
+            raise ValueError(f"grid.{key} must be a list of values that differ; got {choices!r}"[:200])
+    axes: list[list[tuple[Table, Table]]] = [
+        [(nested(key, v), {key: v}) for v in choices] for key, choices in table.items()
+    ]
+    return axes
+
+
+def _variants(table: Table) -> list[list[tuple[Table, Table]]]:
+    axes: list[list[tuple[Table, Table]]] = []
+    for axis, choices in table.items():
+        names = [one.get("name") for one in choices if isinstance(one, dict)] if isinstance(choices, list) else []
+        if (
+            not names
+            or len(names) != len(choices)
+            or not all(isinstance(n, str) and names.count(n) == 1 for n in names)
+        ):
+            raise ValueError(
+                f"variants.{axis} must be tables [[variants.{axis}]], each with a name of its own; got {choices!r}"[
+                    :200
+                ]
+            )
+        for one in choices:
+            unknown = [key for key in one if key not in ("name", "set")]
+            if unknown or not isinstance(one.get("set", {}), dict):
+                raise ValueError(
+                    f"variants.{axis} must have a name and tables under set; got {(unknown or ['set'])[0]!r}"
+                )
+        axes.append([(one.get("set", {}), {axis: one["name"]}) for one in choices])
+    return axes
+
+
+def _combined(choice: Sequence[tuple[Table, Table]]) -> tuple[Table, Table]:
+    over: dict[str, Any] = {}
+    point: dict[str, Any] = {}
+    for tables, names in choice:
+        over, point = laid_over(over, tables), {**point, **names}
+    return over, point
+
+
+def _table(raw: Table, name: str) -> Table:
+    table = raw.get(name, {})
+    if not isinstance(table, dict):
+        raise ValueError(f"{name} must be a table; got {table!r}")
+    return table

@@ -1,0 +1,130 @@
+"""`capsule demo`: the loop on printed measurements, and on two rigs that are driven over the bus, recorded, learnt from
+and driven again.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Final
+
+from rich.table import Table
+
+from hil.app.console import json_text, print_json, summary
+from hil.app.demo.loop import LOOPS, LoopStory
+from hil.app.demo.page import demo_html
+from hil.app.demo.story import PRINTED, Story, Told
+from hil.app.demo.worker import story_bars, told
+from hil.app.identify.close_loop import NUMBERS, REPORT
+from hil.app.report import headline, report_json
+from hil.app.report.words import DASH, STAGE_WORDS, effect_words, error_scale, listed, number, scaled, tested_part
+from hil.app.write import check_folder, write_files
+from models.identification.finding import STAGES
+
+PAGE, PAGE_NUMBERS = "demo.html", "demo.json"
+STORIES: Final[tuple[Story, ...]] = (*PRINTED, *LOOPS)
+
+
+def demo(out: Path, *, json_output: bool = False, seed: int = 0, stories: Sequence[Story] = STORIES) -> None:
+    """Tell every story, print the errors before and after, and leave the reports: `out`/demo.html and demo.json, and a
+    folder for each story with its own. All of it takes its place at the end or not at all. Raises ValueError of one
+    sentence.
+    """
+    began = time.monotonic()
+    check_folder(out, "--out")
+    with TemporaryDirectory(dir=out, prefix=".demo-") as hidden:
+        work = Path(hidden)
+        longest_first = sorted(
+            stories, key=lambda story: (not isinstance(story, LoopStory), story.name != LOOPS[-1].name)
+        )
+        with story_bars([story.name for story in stories]) as report:
+            found = told(longest_first, work, seed, report)
+        lines = [(story, found[story.name]) for story in stories]
+        seconds = time.monotonic() - began
+        document = {
+            "stories": [_numbers(story, one, out / story.name) for story, one in lines],
+            "report": str(out / PAGE),
+            "seed": seed,
+            "seconds": seconds,
+        }
+        write_files({work / PAGE: demo_html(lines, seconds), work / PAGE_NUMBERS: json_text(document)})
+        _put(work, out)
+    if json_output:
+        print_json(document)
+    else:
+        _say(lines, out, seconds)
+
+
+def _put(work: Path, out: Path) -> None:
+    """Move all files into place."""
+    for file in sorted(path for path in work.rglob("*") if path.is_file()):
+        target = out / file.relative_to(work)
+        check_folder(target.parent, "--out")
+        file.replace(target)
+
+
+def _numbers(story: Story, one: Told, folder: Path) -> dict[str, Any]:
+    """A story as JSON: the numbers of its report, and of a driven one what the gate said and how well each model
+    tracked.
+    """
+    document: dict[str, Any] = {
+        "story": story.name,
+        "title": story.title,
+        "report": str(folder / REPORT),
+        "numbers": str(folder / NUMBERS),
+        "hidden": ", ".join(one.hidden) or None,
+        **report_json(one.finding),
+    }
+    if one.gate:
+        document["gate"] = {
+            stage: {"passed": verdict.passed, "reasons": list(verdict.reasons)} for stage, verdict in one.gate.items()
+        }
+        document["tracking"] = {
+            stage: {**mission.numbers, "log": str(folder / mission.numbers["log"])}
+            for stage, mission in one.missions.items()
+        }
+    return document
+
+
+def _say(lines: Sequence[tuple[Story, Told]], out: Path, seconds: float) -> None:
+    console = summary()
+    table = Table(title="Before and after", title_justify="left", show_lines=True)
+    table.add_column("story")
+    table.add_column("error of")
+    for column in (*(STAGE_WORDS[stage] for stage in STAGES), "noise floor"):
+        table.add_column(column, justify="right")
+    table.add_column("verdict")
+    for story, one in lines:
+        table.add_row(story.title, *_predicted(one), headline(one.finding))
+        if one.missions:
+            table.add_row("  the same run driven again", "tracking", *_tracked(one), "", _gate_words(one))
+    console.print(table)
+    for story, one in lines:
+        console.print(f"{story.name}: {out / story.name / REPORT}", markup=False, soft_wrap=True)
+        if one.hidden:
+            words = listed(effect_words(name) for name in one.hidden)
+            console.print(f"  what the simulated rig kept to itself: {words}", markup=False)
+    console.print(f"all: {out / PAGE}", markup=False, soft_wrap=True)
+    console.print(f"{seconds:.0f} s", markup=False)
+
+
+def _predicted(one: Told) -> list[str]:
+    finding, part = one.finding, tested_part(one.finding)
+    factor, unit = error_scale(finding)
+    where = "prediction, held out" if part == "holdout" else "prediction, training"
+    values = [finding.error[part].get(stage) for stage in STAGES]
+    return [where, *(f"{number(scaled(value, factor), 3)} {unit}" for value in (*values, finding.noise_floor))]
+
+
+def _tracked(one: Told) -> list[str]:
+    return [_rmse(one.missions[stage].numbers) if stage in one.missions else DASH for stage in STAGES]
+
+
+def _rmse(numbers: Mapping[str, Any]) -> str:
+    return f"{number(1e3 * numbers['tracking_rmse_m'], 3)} mm"
+
+
+def _gate_words(one: Told) -> str:
+    return "; ".join(f"gate, {stage}: {verdict.sentence}" for stage, verdict in one.gate.items())

@@ -1,0 +1,158 @@
+"""A loop of the demo: drive over the bus, log, find what the model lacks, pass the gate, drive again with the better
+model.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from controller.supervision.acceptance import Gate, Verdict
+from hil.app.demo.story import RIG, Mission, Progress, Told, found_in
+from hil.app.report import report_json
+from hil.app.scenario.bus_scenario import SilScenario, parse_sil_scenario
+from hil.app.sil.command import judged
+from hil.app.sil.testbed import believed_on_bus
+from hil.app.write import write_files
+from hil.log.log import LockstepLog
+from hil.log.recorder import Recorder, log_record
+from hil.nodes.frame_map import frames
+from models.files.rig import Rig, read_rig
+from models.files.toml import toml_text
+from models.identification import Model
+from models.identification.finding import STAGES, Finding
+from plant import layout as at
+
+SCENARIOS: Final = Path(__file__).parents[1] / "scenarios"
+MISSION, HOLDOUT = "mission", "holdout"
+_DRIVEN, _FOUND = 0.12, 0.75
+_SEEDS = 1000
+Tables = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """A run that is there to be learnt from: the table `[reference]` and how long it takes."""
+
+    reference: Mapping[str, Any]
+    duration_s: float
+
+
+@dataclass(frozen=True)
+class LoopStory:
+    """A rig on the simulated bus. `scenario` is a file as `capsule sil` reads it, with all of [belief]: its run is the
+    mission, driven with the nominal model and with each that passes the gate, under one seed. `training` and `holdout`
+    are driven before, with the nominal model, under seeds of their own.
+    """
+
+    name: str
+    title: str
+    scenario: Path
+    training: tuple[Excitation, ...]
+    holdout: Excitation
+
+    def runs(self, seed: int) -> dict[str, Tables]:
+        """The scenario's tables by name of the run."""
+        mission: Tables = tomllib.loads(self.scenario.read_text(encoding="utf-8"))
+        first = mission["scenario"].get("seed", 0) + _SEEDS * seed
+        driven = {**{f"train_{k}": one for k, one in enumerate(self.training, start=1)}, HOLDOUT: self.holdout}
+        runs = {MISSION: {**mission, "scenario": {**mission["scenario"], "seed": first}}}
+        for number, (name, one) in enumerate(driven.items(), start=1):
+            run = {"name": f"{self.name} {name}", "duration_s": one.duration_s, "seed": first + number}
+            runs[name] = {**mission, "scenario": run, "reference": dict(one.reference)}
+        return runs
+
+    def tell(self, folder: Path, seed: int, report: Progress) -> Told:
+        """The whole loop; `folder` gets each run's scenario and log, the rig file and what close-loop writes."""
+        runs = self.runs(seed)
+        belief = toml_text(runs[MISSION]["belief"])
+        write_files(
+            {folder / f"{name}.toml": toml_text(tables) for name, tables in runs.items()} | {folder / RIG: belief}
+        )
+        logs = {}
+        for number, name in enumerate(name for name in runs if name != MISSION):
+            report(f"driving {name}", _DRIVEN * number / len(runs))
+            logs[name] = _drive(folder, name, runs[name], {}, "nominal", name)[1]
+        rig, held = read_rig(folder / RIG), logs.pop(HOLDOUT)
+
+        def searching(stage: str, share: float) -> None:
+            report(stage, _DRIVEN + (_FOUND - _DRIVEN) * share)
+
+        finding, model = found_in([logs[name] for name in sorted(logs)], [held], rig, folder, seed, searching)
+        gate = dict(admitted(finding, model, rig))
+        missions = {}
+        let_in = ["nominal", *(stage for stage, verdict in gate.items() if verdict.passed)]
+        for number, stage in enumerate(let_in):
+            report(f"driving again, {stage} model", _FOUND + (1 - _FOUND) * number / len(let_in))
+            missions[stage] = _drive(
+                folder, MISSION, runs[MISSION], model.believed(stage), stage, f"{MISSION}_{stage}"
+            )[0]
+        report("done", 1.0)
+        return Told(finding, gate, missions, tuple(runs[MISSION].get("effects", {})))
+
+
+def admitted(finding: Finding, model: Model, rig: Rig) -> Iterator[tuple[str, Verdict]]:
+    """The gate's verdict on each stage in turn, against the last that it let in; at first the nominal model is in
+    use.
+    """
+    current = STAGES[0]
+    for stage in STAGES[1:]:
+        verdict = Gate().judge(report_json(finding), model, rig, stage=stage, current=current)
+        current = stage if verdict.passed else current
+        yield stage, verdict
+
+
+def _drive(
+    folder: Path, name: str, tables: Tables, values: Mapping[str, float], stage: str, log_name: str
+) -> tuple[Mission, Path]:
+    """A run of the scenario `name` over the bus under the model `values`, logged."""
+    scenario = parse_sil_scenario(tables)
+    seed, log_path = scenario.loop.seed, folder / f"{log_name}.blf"
+    text = (folder / f"{name}.toml").read_text(encoding="utf-8")
+    record = log_record(
+        {"scenario": text}, scenario.loop.control.controller, values, scenario.loop.limits, frames(), seed=seed
+    )
+    with LockstepLog(log_path, record) as log:
+        model = believed_on_bus(scenario, values)
+        numbers, trace = judged(scenario, model, None, seed, stage, recorder=Recorder(log))
+    return (
+        _mission(scenario, numbers | {"log": log_path.name, "stopped_because": trace.stopped_because}, trace.rows),
+        log_path,
+    )
+
+
+def _mission(scenario: SilScenario, numbers: Mapping[str, Any], rows: Any) -> Mission:
+    every = max(1, len(rows) // 4000)
+    t = rows[::every, at.O_T]
+    return Mission(numbers, t, rows[::every, at.O_X], scenario.loop.reference.position(t))
+
+
+def _waypoints(times_s: list[float], positions_mm: list[float]) -> dict[str, Any]:
+    return {"kind": "waypoints", "times_s": times_s, "positions_mm": positions_mm}
+
+
+LOOPS = (
+    LoopStory(
+        "magnetic",
+        "simulated magnetic rig over the bus",
+        SCENARIOS / "demo_magnetic.toml",
+        (
+            Excitation(_waypoints([0.5, 6.0, 7.0, 12.0, 13.0], [0.0, 9.0, 9.0, 22.0, 16.0]), 13.0),
+            Excitation(_waypoints([0.5, 4.0, 8.0, 12.0, 13.0], [0.0, 16.0, 6.0, 18.0, 18.0]), 13.0),
+        ),
+        Excitation({"kind": "sine", "amplitude_mm": 18.0, "frequency_Hz": 0.09}, 12.0),
+    ),
+    LoopStory(
+        "vibro",
+        "simulated vibro rig over the bus",
+        SCENARIOS / "demo_vibro.toml",
+        (
+            Excitation(_waypoints([0.2, 1.6, 3.0, 4.4, 5.8, 7.8], [0.0, 18.0, -2.0, 4.0, -5.0, 1.0]), 8.0),
+            Excitation(_waypoints([0.2, 1.6, 3.0, 4.4, 5.8, 7.8], [0.0, -16.0, 2.0, -3.0, 8.0, -8.0]), 8.0),
+        ),
+        Excitation(_waypoints([0.2, 1.4, 3.2, 5.9], [0.0, -9.0, 8.0, 0.0]), 6.0),
+    ),
+)

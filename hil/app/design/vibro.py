@@ -1,0 +1,180 @@
+"""`capsule design` for an inner-mass drive: resonances, gears, what a speed costs by impact, the slow loop's
+margins.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+from rich.table import Table
+
+from controller.vibro.cycles import Cycles, VibroModel
+from controller.vibro.design.drive_map import designed, rough_map
+from controller.vibro.design.study import VibroStudy, vibro_study
+from hil.app.console import summary
+from hil.app.design.page import loop_figures, page_html
+from hil.app.report.theme import line_colour, styled
+
+
+def study_of(model: VibroModel, delay_s: float, optimise: bool = True) -> VibroStudy:
+    """The study with the drive map that the controller runs on, designed once for a model and kept; `optimise` False:
+    square waves alone.
+    """
+    if not 0 <= delay_s <= 0.2:
+        raise ValueError(f"delay must lie in [0, 0.2] s; got {delay_s:g}")
+    return vibro_study(model, designed(model, optimise), rough_map(Cycles(model)), delay_s)
+
+
+def vibro_json(found: VibroStudy) -> dict[str, Any]:
+    """What the study found, SI."""
+    low, high = found.drive.reach()
+    return {
+        "delay_s": found.delay_s,
+        "resonance": asdict(found.resonance),
+        "reach_m_s": [low, high],
+        "lag_s": found.drive.lag_s,
+        "gears": [
+            {
+                "home_m_s": gear.home_m_s,
+                "slowest_m_s": gear.slowest_m_s,
+                "fastest_m_s": gear.fastest_m_s,
+                "impact": gear.impact,
+                "period_s": gear.waveform(gear.home_m_s).period_s,
+            }
+            for gear in found.drive.gears
+        ],
+        "ways": [
+            {
+                "commanded_m_s": speed,
+                "shape": one.shape,
+                "impact": one.impact,
+                "speed_m_s": one.pace.speed_m_s,
+                "period_s": one.waveform.period_s,
+                "amplitude": max(one.waveform.levels),
+                "energy_J_per_m": one.pace.energy_J_per_m,
+            }
+            for speed, ways in found.alternatives.items()
+            for one in ways
+        ],
+        "slow_loops": [
+            {
+                "speed_m_s": one.speed_m_s,
+                **asdict(one.loop.margins()),
+                "slope_low": one.slope_low,
+                "slope_high": one.slope_high,
+                "holds": one.holds,
+            }
+            for one in found.slow
+        ],
+    }
+
+
+def print_vibro(found: VibroStudy, page: Path | None) -> None:
+    """Resonance, gears, costs and margins as tables."""
+    console, own = summary(), found.resonance
+    contact = f", a touch of the front stop {1e3 * own.contact_s:.3g} ms" if math.isfinite(own.contact_s) else ""
+    console.print(
+        f"inner mass: {own.held_Hz:.4g} Hz with the body held, {own.free_Hz:.4g} Hz with it free, damping"
+        f" {own.damping:.3g} of the critical one{contact}",
+        markup=False,
+    )
+    low, high = found.drive.reach()
+    console.print(f"reach {1e3 * low:.3g} to {1e3 * high:.3g} mm/s, lag {1e3 * found.drive.lag_s:.3g} ms", markup=False)
+    for gear in found.drive.gears:
+        console.print(
+            f"gear for {1e3 * gear.home_m_s:.3g} mm/s: {1e3 * gear.slowest_m_s:.3g} to {1e3 * gear.fastest_m_s:.3g}"
+            f" mm/s, period {1e3 * gear.waveform(gear.home_m_s).period_s:.3g} ms, impact {gear.impact}",
+            markup=False,
+        )
+    console.print(_cost_table(found))
+    console.print(_loop_table(found))
+    if page is not None:
+        console.print(f"plots: {page}", markup=False, soft_wrap=True)
+
+
+def _cost_table(found: VibroStudy) -> Table:
+    table = Table(title="cheapest square wave by impact, and what the drive map does", title_justify="left")
+    for column in ("mm/s", "", "impact", "mJ/mm", "period in ms", "duty", "amplitude", "goes at mm/s"):
+        table.add_column(column, justify="left" if column in ("", "impact") else "right")
+    for speed, ways in found.alternatives.items():
+        for one in ways:
+            wave, pace = one.waveform, one.pace
+            duty = f"{wave.edges[1]:.3g}" if one.shape == "square" else ""
+            numbers = (f"{x:.3g}" for x in (pace.energy_J_per_m, 1e3 * wave.period_s))
+            table.add_row(
+                f"{1e3 * speed:g}",
+                one.shape,
+                one.impact,
+                *numbers,
+                duty,
+                f"{max(wave.levels):.3g}",
+                f"{1e3 * pace.speed_m_s:.3g}",
+            )
+        if not ways:
+            table.add_row(f"{1e3 * speed:g}", "out of reach", *[""] * 6)
+    return table
+
+
+def _loop_table(found: VibroStudy) -> Table:
+    title = f"slow loop with {1e3 * found.delay_s:g} ms of delay; slope of the true speed with parameters 15 % off"
+    table = Table(title=title, title_justify="left")
+    for column in (
+        "mm/s",
+        "gain",
+        "phase in deg",
+        "more delay in ms",
+        "sensitivity",
+        "bandwidth in Hz",
+        "slope",
+        "holds",
+    ):
+        table.add_column(column, justify="right")
+    for one in found.slow:
+        m = one.loop.margins()
+        numbers = (m.gain, m.phase_deg, 1e3 * m.delay_s, m.sensitivity_peak, m.bandwidth_Hz)
+        slopes = f"{one.slope_low:.2f} to {one.slope_high:.2f}"
+        table.add_row(f"{1e3 * one.speed_m_s:g}", *(f"{x:.3g}" for x in numbers), slopes, "yes" if one.holds else "NO")
+    return table
+
+
+def vibro_html(found: VibroStudy, title: str) -> str:
+    """The page, complete in itself."""
+    own = {"Square waves over their frequency": period_figure(found), "Gears": gear_figure(found)}
+    return page_html(
+        f"Design for {title}: inner mass, {1e3 * found.delay_s:g} ms of delay", own | loop_figures(found.loops)
+    )
+
+
+def period_figure(found: VibroStudy) -> go.Figure:
+    """Mean speed of square waves over frequency at every amplitude of the map, at the duty that goes furthest."""
+    figure, table = go.Figure(), found.table
+    for k, amplitude in enumerate(table.amplitude):
+        speed = table.speed[:, :, k]
+        best = np.take_along_axis(speed, np.abs(speed).argmax(axis=1)[:, None], axis=1)[:, 0]
+        line = {"color": line_colour(k)}
+        figure.add_scatter(
+            x=1 / table.period_s, y=1e3 * best, mode="lines+markers", name=f"amplitude {amplitude:g}", line=line
+        )
+    figure.add_vline(x=found.resonance.held_Hz, line={"dash": "dot", "width": 1})
+    styled(figure, 420)
+    figure.update_xaxes(title="frequency in Hz")
+    return figure.update_yaxes(title="mean speed in mm/s")
+
+
+def gear_figure(found: VibroStudy) -> go.Figure:
+    """The waveform of every gear at the speed that it is made for."""
+    figure = go.Figure()
+    for k, gear in enumerate(found.drive.gears):
+        wave = gear.waveform(gear.home_m_s)
+        t = 1e3 * wave.period_s * np.asarray(wave.edges)
+        line = {"shape": "hv", "color": line_colour(k)}
+        name = f"{1e3 * gear.home_m_s:.3g} mm/s, impact {gear.impact}"
+        figure.add_scatter(x=t, y=[*wave.levels, wave.levels[-1]], mode="lines", name=name, line=line)
+    styled(figure, 360)
+    figure.update_xaxes(title="t in ms")
+    return figure.update_yaxes(title="share of the coil's force")

@@ -1,0 +1,118 @@
+"""`capsule close-loop`: measured records in; report, numbers and the better model out."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+from rich.table import Table
+
+from hil.app.console import json_text, notes, output_to_notes, print_json, progress_bar, summary
+from hil.app.report import headline, report_html, report_json
+from hil.app.report.words import STAGE_WORDS, error_unit, number
+from hil.app.scenario.deployment import read_deployed_rig
+from hil.app.write import check_folder, check_targets, write_files
+from hil.log.record import read_rig_record
+from models.files.record import Record
+from models.files.rig import Rig
+from models.identification import Model, close
+from models.identification.finding import STAGES, Finding
+
+REPORT, NUMBERS, MODEL = "report.html", "report.json", "model.toml"
+
+
+def close_loop(
+    records: Sequence[Path],
+    rig: Path,
+    out: Path,
+    holdout: Sequence[Path] = (),
+    *,
+    json_output: bool = False,
+    seed: int = 0,
+) -> Finding:
+    """Find what the model lacks and write `report.html`, `report.json` and `model.toml` to the folder `out`, all or
+    none. SIGTERM ends it as Ctrl-C does.
+    """
+    check_folder(out, "--out")
+    check_targets([out / name for name in (REPORT, NUMBERS, MODEL)], "--out", [*records, *holdout, rig])
+    belief = read_deployed_rig(rig)
+    train, held = read_series(records, holdout, belief)
+    for record, role in [(r, "training") for r in train] + [(r, "held out") for r in held]:
+        notes().print(f"{record.name}: {len(record)} rows, {role}", markup=False)
+    with _termination_interrupts():
+        finding = find_and_write(belief, train, held, out, "close-loop", seed)
+    if json_output:
+        print_json({**report_json(finding), "files": [str(out / name) for name in (REPORT, NUMBERS, MODEL)]})
+    else:
+        print_summary(finding, out)
+    return finding
+
+
+@contextmanager
+def _termination_interrupts() -> Iterator[None]:
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def read_series(records: Sequence[Path], holdout: Sequence[Path], rig: Rig) -> tuple[list[Record], list[Record]]:
+    """Training and held-out records with names of their own; a file that is given twice is refused."""
+    seen: set[Path] = set()
+    for path in (*records, *holdout):
+        if path.resolve() in seen:
+            raise ValueError(f"records must be different files, for training or held out; got {path} twice")
+        seen.add(path.resolve())
+    read = [read_rig_record(path, rig) for path in (*records, *holdout)]
+    names = [record.name for record in read]
+    paths = (*records, *holdout)
+    distinct = [
+        replace(
+            record, name=f"{path.resolve().parent.name}/{record.name}" if names.count(record.name) > 1 else record.name
+        )
+        for record, path in zip(read, paths, strict=True)
+    ]
+    return distinct[: len(records)], distinct[len(records) :]
+
+
+def find_and_write(rig: Rig, train: list[Record], held: list[Record], out: Path, title: str, seed: int) -> Finding:
+    """Close the loop with progress on standard error and write the three files to `out`."""
+    with progress_bar(title) as progress, output_to_notes():
+        finding, model = close(rig, train, held, progress, seed=seed)
+        files = result_files(finding, model)
+    write_files({out / name: content for name, content in files.items()})
+    return finding
+
+
+def result_files(finding: Finding, model: Model) -> dict[str, str]:
+    """The three files' contents by name."""
+    return {REPORT: report_html(finding), NUMBERS: json_text(report_json(finding)), MODEL: model.to_toml()}
+
+
+def print_summary(finding: Finding, out: Path) -> None:
+    """The verdict, the error before and after, and where the report is."""
+    console = summary()
+    console.print(f"[bold]{finding.verdict}[/bold]: ", end="")
+    console.print(headline(finding), markup=False)
+    console.print(
+        error_table({"training": finding.error["train"], "held out": finding.error.get("holdout", {})}, finding)
+    )
+    console.print(f"report: {out / REPORT}", markup=False, soft_wrap=True)
+    console.print(f"model:  {out / MODEL}", markup=False, soft_wrap=True)
+
+
+def error_table(rows: dict[str, dict[str, float]], finding: Finding) -> Table:
+    """Error by stage, one row a part of the data."""
+    unit = error_unit(finding)
+    table = Table(
+        title=f"error in {unit}: {finding.measure}" if unit else f"error: {finding.measure}", title_justify="left"
+    )
+    for column in ("", *(STAGE_WORDS[stage] for stage in STAGES), "noise floor"):
+        table.add_column(column, justify="left" if not column else "right")
+    for name, errors in rows.items():
+        table.add_row(name, *(number(errors.get(stage)) for stage in STAGES), number(finding.noise_floor))
+    return table

@@ -1,0 +1,68 @@
+"""`capsule predict`: the measured column as a model that close-loop wrote predicts it from the driven column alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.app.console import output_to_notes, print_json, summary
+from hil.app.scenario.deployment import read_deployed_rig
+from hil.app.write import check_file, check_targets, write_table
+from hil.log.record import read_rig_record
+from models.files.columns import COLUMNS
+from models.files.record import Record
+from models.identification.finding import STAGES
+from models.identification.model import read_model
+from models.parameter import nearest
+
+
+def predict(
+    record: Path, rig: Path, model: Path, out: Path, *, stage: str = "augmented", json_output: bool = False
+) -> None:
+    """Write the free-running prediction of `record` to `out`, one row a sample (a condition, for a table of runs)."""
+    if stage not in STAGES:
+        raise ValueError(f"--stage must be one of {', '.join(STAGES)}; got {stage!r}; {nearest(stage, STAGES)}")
+    check_file(out, "--out", (".csv", ".csv.gz"))
+    check_targets([out], "--out", [record, rig, model])
+    belief = read_deployed_rig(rig)
+    learned = read_model(model, belief.kind)
+    driven = read_rig_record(record, belief, driven_only=True)
+    try:
+        learned.check(belief, driven)
+    except ValueError as error:
+        raise ValueError(f"{model}: {error}") from None
+    with output_to_notes():
+        columns = learned.predict(belief, driven, stage)
+    write_table(out, columns)
+    differences = compare(driven, columns)
+    rows = len(next(iter(columns.values())))
+    if json_output:
+        print_json(
+            {
+                "record": str(record),
+                "stage": stage,
+                "prediction": str(out),
+                "columns": list(columns),
+                "rows": rows,
+                "rms": differences,
+            }
+        )
+        return
+    console = summary()
+    console.print(f"{stage} model, {rows} rows: {out}", markup=False, soft_wrap=True)
+    for name, value in differences.items():
+        console.print(f"rms of {name}, measured minus predicted: {value:.4g}", markup=False)
+
+
+def compare(record: Record, columns: dict[str, NDArray[np.float64]]) -> dict[str, Any]:
+    """Root mean square of measured minus predicted for each measured column that the record has, where the rows are the
+    same.
+    """
+    return {
+        name: float(np.sqrt(np.mean((record[name] - columns[name]) ** 2)))
+        for name in COLUMNS[record.kind].measured
+        if name in record.columns and name in columns and len(record) == len(columns[name])
+    }

@@ -1,0 +1,138 @@
+"""Paper V's Fig. 5, 7 and 9, force against speed, and its dynamic moduli."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+
+from hil.app.papers.dma import DmaTable, best_scale
+from hil.app.papers.drawing import DERIVED, FOURTH, MEASURED, PRINTED, THIRD, Drawing, axes, line, points
+from hil.app.papers.refit import FIVE_ELEMENTS, SPRINGPOT, Complex, fit_spectrum
+from hil.app.papers.viscoelastic import BAND_SPEED, HIGH_SPEEDS, measured_band, viscoelastic_rig
+from models.laws.dynamic_modulus import angular_frequency, five_element_modulus
+from models.laws.force_speed import sliding_resistance
+from models.laws.hoop import high_speed_moduli
+from models.laws.resistance import PureRegime
+from models.parameter import load_set
+
+_MN = 1e3
+_REGIMES: tuple[PureRegime, ...] = ("low", "high")
+_TOP, _JUMP = HIGH_SPEEDS[-1], HIGH_SPEEDS[0]
+
+
+def viscoelastic_drawings() -> Iterator[Drawing]:
+    """Fig. 5, 7, 9 and Table 2."""
+    yield _components()
+    yield _updated()
+    yield _validation()
+    yield _moduli()
+
+
+def _band(figure: Any) -> None:
+    valley, peak = (f * _MN for f in measured_band())
+    half = (peak - valley) / 2
+    name = f"measured at 10 mm/s: {valley:.0f} to {peak:.0f} mN (A Section 5.1)"
+    marker = {"color": MEASURED, "size": 9}
+    spread = {"type": "data", "array": [half], "thickness": 2, "width": 8, "color": MEASURED}
+    place = {"x": [BAND_SPEED * 1e3], "y": [valley + half]}
+    figure.add_trace(go.Scatter(**place, error_y=spread, mode="markers", marker=marker, name=name))
+
+
+def _components() -> Drawing:
+    capsule, tissue = viscoelastic_rig()
+    v = np.linspace(0.2e-3, _TOP, 240)
+    force = sliding_resistance(v, capsule, tissue, "low")
+    figure = axes("speed, mm/s", "force, mN", yaxis_rangemode="tozero")
+    parts = [
+        (force.total, "total F", PRINTED),
+        (force.environmental, "environmental resistance F_e", DERIVED),
+        (force.coulomb, "Coulomb friction F_c", THIRD),
+        (force.viscous, "viscous resistance F_v", FOURTH),
+    ]
+    for values, name, colour in parts:
+        line(figure, v * 1e3, values * _MN, name, colour)
+    _band(figure)
+    coulomb = load_set("zhang2014_viscoelastic_rig")["mean_coulomb_force_N"] * _MN
+    points(figure, [0.5], [coulomb], "measured: weight alone, lumen held open (40.07 mN)", "diamond")
+    caption = (
+        "Low-speed moduli (stress relaxation, Eq. 13) at all speeds; capsule of 50.1 g. The paper's own measured curve"
+        " is not printed as numbers; the points are those that the papers quote. The diamond is the weight's share of"
+        " F_c only."
+    )
+    return Drawing("V, Fig. 5: force against speed and its components", caption, figure)
+
+
+def _updated() -> Drawing:
+    capsule, tissue = viscoelastic_rig()
+    slow, fast, all_speeds = (
+        np.linspace(0.2e-3, _JUMP, 100),
+        np.linspace(_JUMP, _TOP, 120),
+        np.linspace(0.2e-3, _TOP, 480),
+    )
+    figure = axes("speed, mm/s", "force, mN")
+    line(
+        figure,
+        slow * 1e3,
+        sliding_resistance(slow, capsule, tissue, "low").total * _MN,
+        "low-speed moduli (Eq. 13)",
+        PRINTED,
+    )
+    line(
+        figure,
+        fast * 1e3,
+        sliding_resistance(fast, capsule, tissue, "high").total * _MN,
+        "high-speed moduli (Table 3)",
+        DERIVED,
+    )
+    blend = sliding_resistance(all_speeds, capsule, tissue, "blend").total
+    line(figure, all_speeds * 1e3, blend * _MN, "blend over 2 mm/s", THIRD, "dot")
+    _band(figure)
+    low, high = (float(sliding_resistance(_JUMP, capsule, tissue, regime).total) for regime in _REGIMES)
+    caption = (
+        "The paper changes moduli at 20 mm/s and calls what follows an inflection point; with its numbers the force"
+        f" drops there by {(low - high) * _MN:.1f} mN."
+    )
+    return Drawing("V, Fig. 7: updated force against speed", caption, figure)
+
+
+def _validation() -> Drawing:
+    capsule, tissue = viscoelastic_rig()
+    v = np.linspace(0.2e-3, _TOP, 480)
+    force = sliding_resistance(v, capsule, tissue, "blend")
+    figure = axes("speed, mm/s", "force, mN", yaxis_rangemode="tozero")
+    line(figure, v * 1e3, force.total * _MN, "theory (blend of both sets)", PRINTED)
+    line(figure, v * 1e3, (force.environmental + force.viscous) * _MN, "without the Coulomb part", PRINTED, "dot")
+    _band(figure)
+    caption = (
+        "The paper compares this curve with two samples of jejunum and states R^2 of 0.9928 and 0.9901 above 20 mm/s;"
+        " the measured points are not printed, so that cannot be reproduced. The band at 10 mm/s is what paper A"
+        " quotes."
+    )
+    return Drawing("V, Fig. 9: theory and experiment", caption, figure)
+
+
+def _moduli() -> Drawing:
+    table = DmaTable.load()
+    figure = axes("frequency, Hz", "modulus, kPa", height=500)
+    for name, symbol, part in (("storage", "circle", np.real), ("loss", "diamond-open", np.imag)):
+        points(figure, table.frequency, part(table.modulus) / 1e3, f"measured {name} modulus, three samples", symbol)
+    f = np.linspace(18, 62, 120)
+    omega = np.asarray(angular_frequency(f))
+    measured_omega = np.asarray(angular_frequency(table.frequency))
+    curves: dict[str, tuple[Complex, str]] = {}
+    for law, colour in ((FIVE_ELEMENTS, PRINTED), (SPRINGPOT, THIRD)):
+        curves[f"{law.name}, refitted"] = (fit_spectrum(law, measured_omega, table.modulus)(omega), colour)
+    y = five_element_modulus(omega, high_speed_moduli())
+    scale = best_scale(table.table3("hertz"), table.modulus)
+    curves[f"Table 3 times {scale:.0f}"] = (np.asarray(scale * (y.storage + 1j * y.loss), dtype=np.complex128), DERIVED)
+    for name, (values, colour) in curves.items():
+        line(figure, f, values.real / 1e3, f"{name}: storage", colour)
+        line(figure, f, values.imag / 1e3, f"{name}: loss", colour, "dash")
+    caption = (
+        "Table 3 is said to be fitted to these data and misses them by two orders of magnitude. After a refit most of"
+        " what is left is the dip of the storage modulus at 40 Hz, alike in all samples: no relaxation law explains it."
+    )
+    return Drawing("V, Table 2: dynamic moduli, and what the relaxation laws make of them", caption, figure)

@@ -1,0 +1,63 @@
+"""Paper C: the flat-car model's amplitude and period, which its own equations do not give."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from hil.app.papers.row import Row, Verdict, row
+from models.laws.flat_car import FlatCar
+from models.parameter import load_set
+from models.sets import load_measurement
+
+SOURCE = "constant_velocity_section_2.3"
+
+
+def measured_teeth(quantity: str) -> list[float]:
+    """The three samples' `period` in s or `peak_to_peak_force` in N."""
+    return [
+        float(v)
+        for v in load_measurement("constant_velocity_summary").select(source=SOURCE, quantity=quantity)["value"]
+    ]
+
+
+def flat_car_rows() -> Iterator[Row]:
+    """Every line about paper C."""
+    car, s = FlatCar.from_set(), load_set("zhang2014_constant_velocity")
+    none: Verdict = "not reproducible"
+    period, amplitude = (float(np.mean(measured_teeth(q))) for q in ("period", "peak_to_peak_force"))
+    note = "Eq. 4-9 with Table 1: the stated amplitude is reached in a fraction of the stated period"
+    yield row("c_time_to_amplitude", "C: time to the stated 56 mN", "s", car.time_to(s["amplitude_N"]), none, note)
+    note = "stated 0.986 s; by Eq. 4-9 the car goes out to 56 mN and back at v_c in twice the time above"
+    computed = 2 * car.time_to(s["amplitude_N"])
+    yield row("c_period", "C: period at 10 mm/s", "s", computed, none, note, paper=s["period_s"], measured=period)
+    note = "Eq. 4-7: what the spring carries after half the stated period"
+    force = float(car.spring_force(s["period_s"] / 2))
+    yield row(
+        "c_amplitude", "C: amplitude at 10 mm/s", "mN", force, none, note, paper=s["amplitude_N"], measured=amplitude
+    )
+    note = "hoop stress at the stated peak condition, stretch 1/cos(60 deg) = 2: never met"
+    yield row("c_limiting_hoop_stress", "C: sigma_c at stretch 2", "MPa", car.limiting_hoop_stress(), none, note)
+    note = (
+        "Eq. 8, 9: the hoop stress that goes with 56 mN, tens of thousands of times less than the peak condition"
+        " asks for"
+    )
+    yield row(
+        "c_hoop_stress_at_amplitude", "C: sigma_c at 56 mN", "Pa", car.hoop_stress_for(s["amplitude_N"]), none, note
+    )
+    needed = car.limiting_hoop_stress() * car.contact_area * math.tan(car.theta)
+    yield row(
+        "c_force_at_limit",
+        "C: spring force at the peak condition",
+        "N",
+        needed,
+        none,
+        "Eq. 8, 9",
+        paper=s["amplitude_N"],
+    )
+    note = "speed times the median measured period, about 11 mm: what the measurement shows is a period in space"
+    spatial = float(np.median(measured_teeth("period"))) * s["capsule_speed_m_s"]
+    stated, mean = (t * s["capsule_speed_m_s"] for t in (s["period_s"], period))
+    yield row("c_spatial_period", "C: spatial period", "mm", spatial, "finding", note, paper=stated, measured=mean)

@@ -1,0 +1,142 @@
+"""What `capsule run RIG.toml check` looks at before anything moves: bus, drive, limits, model, time."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import can
+
+from controller.limits import Limits
+from hil.app.run.clock import ClockedBus, Histogram
+from hil.app.run.replay import Tape
+from hil.app.scenario.deployment import Deployment
+from hil.bus.catalogue import Catalogue
+from hil.bus.protection import Sender
+from hil.nodes.controller.node import ControllerNode, Task
+from hil.nodes.controller.receive import Ears
+from hil.nodes.frame_map import ENABLE, ENABLED, FAULT, WAITING, wiring_of
+
+LISTEN_S: Final = 0.5
+REHEARSED: Final = 400
+SHARE: Final = 0.5
+_STATES: Final = ("boot", "self test", "standby", "ready", "enabled", "derated", "quick stop", "fault")
+_SIGNALS: Final = {
+    "magnetic": (("Position_m", "travel_m"), ("Velocity_m_s", "carriage_speed_m_s")),
+    "coil": (("Current_A", "current_A"),),
+    "vibro": (),
+}
+
+
+@dataclass(frozen=True)
+class Point:
+    """One thing that was looked at."""
+
+    what: str
+    good: bool
+    words: str
+
+
+def check(deployment: Deployment, task: Task, bus: ClockedBus, catalogue: Catalogue) -> list[Point]:
+    """All points. Nothing is sent: sensors that sample at SYNC alone are heard only while something else sends it."""
+    return [
+        *_listen(deployment, bus, catalogue),
+        limits_point(deployment.limits, deployment.rig.kind, catalogue),
+        _model(deployment),
+        _time(task, catalogue),
+    ]
+
+
+def _listen(deployment: Deployment, bus: ClockedBus, catalogue: Catalogue) -> list[Point]:
+    clock, began = bus.clock, bus.clock.now()
+    ears = Ears(bus, catalogue, wiring_of(deployment.rig.kind), deployment.control.tick_s)
+    while clock.now() - began < LISTEN_S:
+        ears.listen(clock.now())
+        time.sleep(0.002)
+    got = {r.frame.name: r.statistics for r in ears.reception.receivers.values()}
+    good, refused = sum(s.accepted for s in got.values()), sum(s.refused.total() for s in got.values())
+    others = ears.reception.unknown.total()
+    words = f"{good} good frames, {refused} refused, {others} of others in {LISTEN_S:g} s{ears.error_words}"
+    heard = Point("bus", good > 0 and not refused and not ears.errors, words)
+    doubt = ears.doubt(clock.now())
+    wiring, state = wiring_of(deployment.rig.kind), ears.state
+    fed = got[wiring.feedback].accepted > 0
+    doubt = doubt or ("" if ears.beating or not fed else "no heartbeat as capsule.dbc has it")
+    words = doubt or (f"{_STATES[state]}, {ears.temperature_C:g} degC" if fed else "nothing heard")
+    drive = Point(f"drive {wiring.node}", not doubt and fed and state != FAULT, words)
+    age = ears.evidence(clock.now()).localisation_s
+    seen = f"newest {1e3 * age:.0f} ms old" if math.isfinite(age) else "nothing heard"
+    return [heard, drive, Point("localisation", age <= deployment.limits.age_s, seen)]
+
+
+def limits_point(limits: Limits, kind: str, catalogue: Catalogue) -> Point:
+    """Every limit must fit into its signal: beyond it the codec would refuse the command."""
+    frame = catalogue[wiring_of(kind).command]
+    for signal, name in _SIGNALS[kind]:
+        field, most = frame.field(signal), float(getattr(limits, name))
+        if most > field.upper:
+            return Point(
+                "limits", False, f"{name} must be at most {field.upper:g} of {frame.name} {signal}; got {most:g}"
+            )
+    return Point("limits", True, f"within {frame.name}")
+
+
+def _model(deployment: Deployment) -> Point:
+    if deployment.verdict is None:
+        return Point("model", True, "nominal values of the rig file")
+    return Point("model", deployment.verdict.passed, deployment.verdict.sentence)
+
+
+def _time(task: Task, catalogue: Catalogue) -> Point:
+    took = rehearse(task, catalogue)
+    p99 = took.quantile(0.99)
+    words = f"p99 {1e3 * p99:.2f} ms, max {1e3 * took.longest_s:.2f} ms of a tick of {1e3 * task.model.tick_s:g} ms"
+    return Point("time", p99 <= SHARE * task.model.tick_s, words)
+
+
+def rehearse(task: Task, catalogue: Catalogue, ticks: int = REHEARSED) -> Histogram:
+    """How long a tick takes, measured on a drive that is made up and does what it is told; the first half only warms
+    up.
+    """
+    took = Histogram()
+    with Tape() as tape:
+        node = ControllerNode(task, tape, catalogue=catalogue, dry_run=True)
+        speak = _made_up(node, tape, catalogue)
+        tick_s = task.model.tick_s
+        for k in range(ticks):
+            now = round(k * tick_s, 9)
+            speak(k, now)
+            if k == ticks // 8:
+                node.start(now)
+            began = time.perf_counter()
+            node.tick(now)
+            if k >= ticks // 2:
+                took.add(time.perf_counter() - began)
+    return took
+
+
+def _made_up(node: ControllerNode, tape: Tape, catalogue: Catalogue) -> Callable[[int, float], None]:
+    """Frames of a drive that follows at once and of a localisation every 10 ms around 0."""
+    wiring = node.wiring
+    names = (wiring.feedback, wiring.heartbeat, "CapsuleLocalisation")
+    senders = {name: Sender(catalogue[name]) for name in names}
+    rest = {field.name: 0.0 for field in catalogue[wiring.feedback].fields}
+
+    def say(name: str, values: dict[str, float], now: float) -> None:
+        tape.inbox.append(can.Message(now, catalogue[name].id, False, data=senders[name].frame(values), is_rx=True))
+
+    def speak(k: int, now: float) -> None:
+        state = ENABLED if node.guard.sent.mode == ENABLE else WAITING
+        moved = {} if wiring.kind == "vibro" else {wiring.signal: node.guard.sent.value}
+        say(wiring.feedback, rest | moved | {"State": state, "Temperature_degC": 25.0}, now)
+        every = max(round(0.01 / node.tick_s), 1)
+        if k % every == 0:
+            place = 1e-5 * ((k // every) % 3 - 1)
+            say("CapsuleLocalisation", {"Position_m": place, "Quality": 1.0, "Age_s": 0.002, "Valid": 1}, now)
+        if k % max(round(0.02 / node.tick_s), 1) == 0:
+            say(wiring.heartbeat, {"State": 2, "Uptime_s": now, "Catalogue": catalogue.fingerprint}, now)
+
+    return speak

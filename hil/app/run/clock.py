@@ -1,0 +1,134 @@
+"""The node's clock, a bus that stamps with it, a grid of ticks, and how late things were."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import can
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.nodes.controller.node import GRID_SLACK
+
+OLDEST_S: Final = 0.1
+_BINS: Final = 20_000
+_BIN_S: Final = 1e-6
+
+
+class Clock:
+    """Monotonic time in s since the node began, whole ns: a log keeps it to the last bit."""
+
+    def __init__(self) -> None:
+        self.origin_ns = time.monotonic_ns()
+
+    def now(self) -> float:
+        """Seconds since the clock was made."""
+        return (time.monotonic_ns() - self.origin_ns) / 1e9
+
+
+class ClockedBus(can.BusABC):
+    """Another bus whose received frames carry times of `clock`: the driver's stamp where it is at most 0.1 s old by the
+    calendar, else the moment of reading. So a step of the calendar's clock never reaches the node. What is received
+    counts as received: SocketCAN marks frames of another process on the same machine as this machine's own.
+    """
+
+    def __init__(self, inner: can.BusABC, clock: Clock) -> None:
+        super().__init__(channel=inner.channel_info)
+        self.inner, self.clock, self.unstamped = inner, clock, 0
+        self.channel_info = inner.channel_info
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """As the inner bus."""
+        self.inner.send(msg, timeout)
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """As the inner bus, with the stamp of `clock`."""
+        message = self.inner.recv(timeout)
+        if message is not None:
+            age, now = time.time() - message.timestamp, self.clock.now()
+            if not 0 <= age <= OLDEST_S:
+                age, self.unstamped = 0.0, self.unstamped + 1
+            message.timestamp = max(round((now - age) * 1e9), 0) / 1e9
+            message.is_rx = True
+        return message
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        return self.recv(timeout), True
+
+    def fileno(self) -> int:
+        """As the inner bus."""
+        return self.inner.fileno()
+
+    def send_periodic(self, *_: Any, **__: Any) -> Any:
+        """Refused: the kernel would go on sending for a dead process."""
+        raise NotImplementedError("commands are sent one by one")
+
+    def shutdown(self) -> None:
+        """Close both."""
+        super().shutdown()
+        self.inner.shutdown()
+
+
+@dataclass
+class Histogram:
+    """Times in s, counted to 1 us up to 20 ms, in fixed memory."""
+
+    counts: NDArray[np.int64] = field(default_factory=lambda: np.zeros(_BINS + 1, dtype=np.int64))
+    longest_s: float = 0.0
+
+    def add(self, seconds: float) -> None:
+        """Count one."""
+        self.counts[min(max(int(seconds / _BIN_S), 0), _BINS)] += 1
+        self.longest_s = max(self.longest_s, seconds)
+
+    def quantile(self, share: float) -> float:
+        """The time that `share` of all did not exceed, rounded up to 1 us; 0 where nothing was counted."""
+        total = int(self.counts.sum())
+        if not total:
+            return 0.0
+        k = int(np.searchsorted(np.cumsum(self.counts), share * total))
+        return self.longest_s if k >= _BINS else min((k + 1) * _BIN_S, self.longest_s)
+
+    def document(self) -> dict[str, float]:
+        """Median, p99 and greatest in ms."""
+        return {
+            "median": 1e3 * self.quantile(0.5),
+            "p99": 1e3 * self.quantile(0.99),
+            "max": 1e3 * self.longest_s,
+        }
+
+
+@dataclass
+class Grid:
+    """Ticks every `tick_s` from the first `wait` on. A tick that begins a whole period late or more skips the points in
+    between: they are `missed`, never made up for. `late` says how late each one began.
+    """
+
+    clock: Clock
+    tick_s: float
+    ticks: int = 0
+    missed: int = 0
+    late: Histogram = field(default_factory=Histogram)
+    _due: float = -1.0
+
+    def wait(self) -> float:
+        """Sleep until the next point; the time then."""
+        if self._due < 0:
+            self._due = self.clock.now()
+            self.ticks = 1
+            self.late.add(0.0)
+            return self._due
+        self._due += self.tick_s
+        left = self._due - self.clock.now()
+        if left > 0:
+            time.sleep(left)
+        now = self.clock.now()
+        self.late.add(max(now - self._due, 0.0))
+        behind = int((now - self._due) / self.tick_s + GRID_SLACK)
+        if behind > 0:
+            self.missed += behind
+            self._due += behind * self.tick_s
+        self.ticks += 1
+        return now

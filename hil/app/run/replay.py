@@ -1,0 +1,262 @@
+"""`capsule replay`: the controller once more on what a log says it heard, its frames compared bit by bit with those it
+sent.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+import tomllib
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final
+
+import can
+
+from controller.model.control_model import ControlModel, control_model
+from hil.app.console import output_to_notes, print_json, summary
+from hil.app.scenario.bus_scenario import parse_sil_scenario
+from hil.app.scenario.deployment import parse_deployment
+from hil.app.scenario.model_offer import Offered, offer_of
+from hil.bus.catalogue import Catalogue, load_catalogue
+from hil.log.blf_file import NOTED, RECEIVED, Logged
+from hil.log.log import FORMAT, record_path
+from hil.log.reader import read_frames, read_log_record
+from hil.log.recorder import CUT, EXACT, START, STOP, UNSOLVED, code_version
+from hil.nodes.controller.node import ControllerNode, Task
+
+_SHOWN: Final = 5
+
+
+class Tape(can.BusABC):
+    """A bus that gives what a log holds, at the times that the log holds, and keeps what is sent."""
+
+    def __init__(self) -> None:
+        super().__init__(channel="tape")
+        self.inbox: deque[can.Message] = deque()
+        self.sent: list[tuple[int, bytes]] = []
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Keep a frame."""
+        self.sent.append((msg.arbitration_id, bytes(msg.data)))
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        return (self.inbox.popleft() if self.inbox else None), True
+
+
+@dataclass
+class TickOfLog:
+    """One tick as the log has it: when, what came in, what went out, whether a solution was there, after how many steps
+    the clock cut it.
+    """
+
+    time_s: float
+    sent: list[tuple[int, bytes]] = field(default_factory=list)
+    heard: list[can.Message] = field(default_factory=list)
+    solved: bool = True
+    cut_after: int | None = None
+
+
+@dataclass(frozen=True)
+class Word:
+    """An operator's word between ticks."""
+
+    code: int
+    time_s: float
+    value: float
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A tick whose frames are not those of the log: (identifier, data) as logged and as computed."""
+
+    tick: int
+    time_s: float
+    logged: tuple[tuple[int, bytes], ...]
+    computed: tuple[tuple[int, bytes], ...]
+
+    def words(self, catalogue: Catalogue) -> str:
+        """Where they part."""
+        names = catalogue.by_id()
+
+        def shown(frames: tuple[tuple[int, bytes], ...], k: int) -> str:
+            if k >= len(frames):
+                return "nothing"
+            number, data = frames[k]
+            return f"{names[number].name if number in names else hex(number)} {data.hex()}"
+
+        k = next(
+            k
+            for k in range(max(len(self.logged), len(self.computed)))
+            if self.logged[k : k + 1] != self.computed[k : k + 1]
+        )
+        return (
+            f"tick {self.tick} at {self.time_s:.6f} s: logged {shown(self.logged, k)}, computed"
+            f" {shown(self.computed, k)}"
+        )
+
+
+@dataclass(frozen=True)
+class Replay:
+    """What a replay found. Plans of `cut` ticks were cut short by the clock of the time, and were again where it
+    did.
+    """
+
+    ticks: int
+    frames: int
+    cut: int
+    differences: tuple[Difference, ...]
+
+    @property
+    def identical(self) -> bool:
+        """Whether every frame is the log's, bit by bit."""
+        return not self.differences
+
+
+def replay(path: Path, *, json_output: bool = False) -> int:
+    """Run the controller of the log `path` again; 0 where all its frames are the same, else 1. Raises ValueError of one
+    sentence.
+    """
+    record, catalogue = read_log_record(path), load_catalogue()
+    _fits(record, catalogue, record_path(path))
+    try:
+        with output_to_notes():
+            found = replayed(read_frames(path), task_of(record, str(path)), catalogue, bool(record.get("dry_run")))
+    except ValueError as error:
+        raise ValueError(str(error) if str(error).startswith(str(path)) else f"{record_path(path)}: {error}") from None
+    code = str(record.get("code", "unknown"))
+    lines = [difference.words(catalogue) for difference in found.differences[:_SHOWN]]
+    if json_output:
+        counts = {
+            "ticks": found.ticks,
+            "frames": found.frames,
+            "cut_ticks": found.cut,
+            "different_ticks": len(found.differences),
+        }
+        print_json(
+            {
+                "log": str(path),
+                "identical": found.identical,
+                **counts,
+                "differences": lines,
+                "code": [code, code_version()],
+            }
+        )
+        return 0 if found.identical else 1
+    console = summary()
+    verdict = "identical" if found.identical else f"{len(found.differences)} ticks differ"
+    console.print(f"{found.ticks} ticks, {found.frames} frames: {verdict}", markup=False)
+    for line in lines:
+        console.print(line, markup=False, soft_wrap=True)
+    if not found.identical and code != code_version():
+        console.print(f"code: log {code}, now {code_version()}", markup=False)
+    return 0 if found.identical else 1
+
+
+def _fits(record: Mapping[str, Any], catalogue: Catalogue, where: Path) -> None:
+    """Raises ValueError for a record of another format, and for frames of another DBC."""
+    for key, own in (("format", FORMAT), ("catalogue", catalogue.fingerprint)):
+        if record.get(key) != own:
+            raise ValueError(f"{where}: {key} must be {own}, as this program has it; got {record.get(key)!r}")
+
+
+def task_of(record: Mapping[str, Any], where: str) -> Task:
+    """The controller's task that a log's record describes. Raises ValueError where it does not."""
+    values, name = record.get("values", {}), record.get("controller")
+    if not isinstance(values, dict) or not isinstance(name, str) or not ({"deployment", "scenario"} & set(record)):
+        raise ValueError(
+            f"{where}: record must have controller, values and a deployment or a scenario; got {', '.join(record)}"
+        )
+    try:
+        offered = None if record.get("offered") is None else Offered.of(record["offered"])
+        if "deployment" in record:
+            deployment = replace(parse_deployment(str(record["deployment"]), values), offered=offered)
+            return replace(deployment.task(), controller=name, deadline_s=math.inf)
+        scenario = parse_sil_scenario(tomllib.loads(str(record["scenario"]))).loop
+    except ValueError as error:
+        raise ValueError(f"{where}: record must describe a task; got: {error}") from None
+
+    def believed(values: Mapping[str, float]) -> ControlModel:
+        return control_model(scenario.belief, values, scenario.control.tick_s)
+
+    noise = scenario.instruments.localisation.std
+    return Task(believed(values), name, scenario.reference, scenario.limits, noise, offer=offer_of(offered, believed))
+
+
+def replayed(frames: Iterable[Logged], task: Task, catalogue: Catalogue, dry_run: bool = False) -> Replay:
+    """The controller of `task` on the `frames` of a log. A log that was cut off may end within a tick: of that the
+    begin is compared.
+    """
+    tape = Tape()
+    sent: list[tuple[int, bytes]] = tape.sent
+
+    def keep(message: can.Message) -> None:
+        if dry_run and not message.is_rx:
+            sent.append((message.arbitration_id, bytes(message.data)))
+
+    with tape:
+        node = ControllerNode(task, tape, catalogue=catalogue, observer=keep, dry_run=dry_run)
+        return _compared(node, tape, list(ticks_of(frames, catalogue["Sync"].id)))
+
+
+def _compared(node: ControllerNode, tape: Tape, events: list[TickOfLog | Word]) -> Replay:
+    """The node's frames beside those of the log, tick by tick."""
+    sent = tape.sent
+    ticks = count = cut = 0
+    differences: list[Difference] = []
+    last = next((k for k in range(len(events) - 1, -1, -1) if isinstance(events[k], TickOfLog)), -1)
+    for k, event in enumerate(events):
+        if isinstance(event, Word):
+            if event.code == START:
+                node.start(event.time_s, event.value)
+            elif event.code == STOP:
+                node.stop()
+            continue
+        sent.clear()
+        tape.inbox.extend(event.heard)
+        node.supervisor.allow(event.cut_after)
+        node.tick(event.time_s, event.solved)
+        tape.inbox.clear()
+        ticks, count, cut = ticks + 1, count + len(sent), cut + (event.cut_after is not None)
+        computed = sent[: len(event.sent)] if k == last else sent
+        if computed != event.sent:
+            differences.append(Difference(ticks, event.time_s, tuple(event.sent), tuple(sent)))
+    return Replay(ticks, count, cut, tuple(differences))
+
+
+def ticks_of(frames: Iterable[Logged], sync: int) -> Iterator[TickOfLog | Word]:
+    """The ticks and the operator's words of a log, in order; a tick begins with the SYNC that the node sends."""
+    tick: TickOfLog | None = None
+    exact: float | None = None
+    solved = True
+    for logged in frames:
+        if logged.way == NOTED:
+            value = struct.unpack("<d", logged.data)[0]
+            if logged.id == EXACT:
+                exact = value
+            elif logged.id == UNSOLVED:
+                solved = False
+            elif logged.id == CUT:
+                if tick is not None and math.isfinite(value):
+                    tick.cut_after = int(value)
+            else:
+                if tick is not None:
+                    yield tick
+                tick = None
+                yield Word(logged.id, logged.time_s, value)
+            continue
+        time_s, exact = logged.time_s if exact is None else exact, None
+        if logged.way != RECEIVED and logged.id == sync:
+            if tick is not None:
+                yield tick
+            tick, solved = TickOfLog(time_s, solved=solved), True
+        if tick is None:
+            continue
+        if logged.way == RECEIVED:
+            tick.heard.append(can.Message(time_s, logged.id, False, data=logged.data, is_rx=True))
+        else:
+            tick.sent.append((logged.id, logged.data))
+    if tick is not None:
+        yield tick

@@ -1,0 +1,74 @@
+"""SCENARIO.toml on the bus: a closed loop as `capsule track` reads it, with the tables `[bus]` and `[[faults]]`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from hil.app.scenario.deployment import check_tick
+from hil.app.scenario.scenario import BUS_TABLES, TABLES, TrackScenario, parse_track_scenario
+from hil.nodes.faults.table import Fault, read_faults
+from hil.nodes.frame_map import frames, wiring_of
+from hil.nodes.plant_node import SLOT_S
+from models.files.tables import from_table
+from models.files.toml import read_toml
+from models.parameter import nearest
+
+
+@dataclass(frozen=True)
+class BusTable:
+    """Table `[bus]`: whether the force sensor speaks too, and how many s of wall clock a simulated s may take before
+    the run is failed; a run has at least 60 s.
+    """
+
+    force_sensor: bool = False
+    longest_s_per_s: float = 60.0
+
+    def __post_init__(self) -> None:
+        if not self.longest_s_per_s > 0:
+            raise ValueError(f"bus.longest_s_per_s must be positive; got {self.longest_s_per_s:g}")
+
+
+@dataclass(frozen=True)
+class SilScenario:
+    """A closed `loop` over the bus and what goes wrong in it. Its tick is the cycle of the drive's command frame where
+    the file names none.
+    """
+
+    loop: TrackScenario
+    bus: BusTable = BusTable()
+    faults: tuple[Fault, ...] = ()
+
+
+def load_sil_scenario(path: Path) -> tuple[SilScenario, str]:
+    """Read and check a scenario file; with its text. A ValueError of one sentence says which key, what it must be and
+    what it is.
+    """
+    raw, text = read_toml(path, "scenario")
+    try:
+        return parse_sil_scenario(raw), text
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
+    """A loop over the bus from parsed TOML. Errors as `load_sil_scenario`."""
+    known = (*TABLES, *BUS_TABLES)
+    for name in raw:
+        if name not in known:
+            raise ValueError(f"tables must be among {', '.join(known)}; got [{name}]; {nearest(name, known)}")
+    loop = parse_track_scenario({name: table for name, table in raw.items() if name not in BUS_TABLES})
+    if "tick_s" not in raw.get("control", {}):
+        cycle = frames()[wiring_of(loop.kind).command].cycle_s
+        loop = replace(loop, control=replace(loop.control, tick_s=cycle))
+    slots = loop.control.tick_s / SLOT_S
+    if round(slots) < 1 or abs(slots - round(slots)) > 1e-6:
+        raise ValueError(f"control.tick_s must be a multiple of {SLOT_S:g} s on the bus; got {loop.control.tick_s:g}")
+    check_tick(loop.control.tick_s, loop.kind, loop.limits)
+    bus = raw.get("bus", {})
+    if not isinstance(bus, Mapping):
+        raise ValueError(f"bus must be a table; got {bus!r}")
+    faults = read_faults(raw.get("faults", []), loop.duration_s)
+    return SilScenario(loop, from_table(BusTable, bus, "bus"), faults)

@@ -1,0 +1,157 @@
+"""The table `[checks]`: what a closed-loop run is held to, for all controllers or, as `[checks.mpc]`, for one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from itertools import pairwise
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.registry import CONTROLLERS, leads
+from controller.trajectory import STEP_S, Trajectory
+from models.files.tables import from_table
+from models.parameter import nearest
+from plant.session import Instruments
+
+Table = Mapping[str, Any]
+Span = tuple[float, float]
+_AT_REST: Final = 1e-7  # m/s
+
+
+@dataclass(frozen=True)
+class Checks:
+    """Upper limits on what `capsule track` finds, None: not judged. Errors are those of the true position, judged as
+    `[control]` says.
+
+    `drift_mm` is the way between the outermost positions from `drift_from_s` on (else from `judged_from_s`).
+    `recovered_within_s` after the last drop-out or NaN the error must have come below `recovered_mm` and stay there for
+    a second, `settled_within_s` after each arrival of the reference below `settled_mm` and stay there.
+    `speed_error_percent` is how far the mean speed is off from `speed_after_s` after each change of the reference's
+    speed on. `failed_ticks` are those late, failed or stopped, `lost_ticks` those without an estimate.
+    """
+
+    rmse_mm: float | None = None
+    worst_mm: float | None = None
+    final_mm: float | None = None
+    wall_force_mN: float | None = None
+    hard_violations: float | None = None
+    lost_ticks: float | None = None
+    failed_ticks: float | None = None
+    drift_mm: float | None = None
+    recovered_within_s: float | None = None
+    settled_within_s: float | None = None
+    speed_error_percent: float | None = None
+    drift_from_s: float | None = None
+    recovered_mm: float | None = None
+    settled_mm: float | None = None
+    speed_after_s: float = 3.0
+
+
+@dataclass(frozen=True)
+class CheckTable:
+    """`common` holds for every controller without a table of its `own`, which has the common limits in it where it
+    names no others.
+    """
+
+    common: Checks = Checks()
+    own: Mapping[str, Checks] = field(default_factory=dict)
+
+    def of(self, controller: str) -> Checks:
+        """What the named controller is held to."""
+        return self.own.get(controller, self.common)
+
+
+def read_checks(
+    table: Table, kind: str, reference: Trajectory, instruments: Instruments, judged_from_s: float, duration_s: float
+) -> CheckTable:
+    """`[checks]` of a scenario. Raises ValueError for an unknown key or controller, and for a check that the run has
+    nothing to judge by.
+    """
+    able = [name for name in CONTROLLERS if kind in leads(name)]
+    shared = {key: value for key, value in table.items() if not isinstance(value, Mapping)}
+    tables = {key: value for key, value in table.items() if isinstance(value, Mapping)}
+    for name in tables:
+        if name not in able:
+            raise ValueError(
+                f"tables of [checks] must be controllers of a {kind} rig; got {name!r}; {nearest(name, able)}"
+            )
+
+    def read(numbers: Table, where: str) -> Checks:
+        checks = from_table(Checks, numbers, where)
+        _judgeable(checks, where, reference, last_fault_s(instruments), judged_from_s, duration_s)
+        return checks
+
+    own = {name: read({**shared, **numbers}, f"checks.{name}") for name, numbers in tables.items()}
+    return CheckTable(read(shared, "checks"), own)
+
+
+def last_fault_s(instruments: Instruments) -> float | None:
+    """When the last drop-out or NaN of an instrument ends; None where there is none."""
+    sources = [one for one in (instruments.localisation, instruments.feedback) if one is not None]
+    spans = [(spans[::2], spans[1::2]) for one in sources for spans in (one.gaps_s, one.nan_s)]
+    ends = [start + length for starts, lengths in spans for start, length in zip(starts, lengths, strict=True)]
+    return max(ends, default=None)
+
+
+def rests(reference: Trajectory, duration_s: float) -> list[Span]:
+    """From when to when in s the reference rests after it moved."""
+    still = np.abs(_speeds(reference, duration_s)) < _AT_REST
+    return [span for span, rest in _stretches(still) if rest and span[0] > 0]
+
+
+def legs(reference: Trajectory, duration_s: float) -> list[tuple[Span, float]]:
+    """From when to when in s the reference moves at one speed, and this in m/s."""
+    speed = _speeds(reference, duration_s)
+    even = np.append(np.abs(np.diff(speed)) < _AT_REST, True)
+    return [
+        (span, float(speed[round(span[0] / STEP_S)]))
+        for span, steady in _stretches(even)
+        if steady and abs(speed[round(span[0] / STEP_S)]) > _AT_REST
+    ]
+
+
+def _speeds(reference: Trajectory, duration_s: float) -> NDArray[np.float64]:
+    return reference.speed(np.asarray(STEP_S * (np.arange(round(duration_s / STEP_S)) + 0.5), dtype=np.float64))
+
+
+def _stretches(flags: NDArray[np.bool_]) -> list[tuple[Span, bool]]:
+    edges = [0, *(np.flatnonzero(np.diff(flags)) + 1).tolist(), flags.size]
+    return [((a * STEP_S, b * STEP_S), bool(flags[a])) for a, b in pairwise(edges) if b > a]
+
+
+def _judgeable(
+    checks: Checks, where: str, reference: Trajectory, fault_s: float | None, judged_from_s: float, duration_s: float
+) -> None:
+    for name in (f.name for f in fields(Checks)):
+        value = getattr(checks, name)
+        if value is not None and value < 0:
+            raise ValueError(f"{where}.{name} must be zero or more; got {value:g}")
+    for within, size in (("recovered_within_s", "recovered_mm"), ("settled_within_s", "settled_mm")):
+        if (getattr(checks, within) is None) != (getattr(checks, size) is None):
+            raise ValueError(f"{where}.{within} must stand with {size}, and the other way round; got one of them")
+    if checks.recovered_within_s is not None and not (
+        fault_s is not None and fault_s + checks.recovered_within_s < duration_s
+    ):
+        got = "none" if fault_s is None else f"{fault_s:g} s"
+        raise ValueError(
+            f"{where}.recovered_within_s must have the end of a drop-out or NaN early enough in the run; got {got}"
+        )
+    if checks.settled_within_s is not None and not rests(reference, duration_s):
+        raise ValueError(f"{where}.settled_within_s must have a reference that comes to rest; got one that does not")
+    if checks.drift_mm is not None:
+        begin = judged_from_s if checks.drift_from_s is None else checks.drift_from_s
+        still = np.abs(_speeds(reference, duration_s))[round(begin / STEP_S) :] < _AT_REST
+        if not still.size or not still.all():
+            raise ValueError(
+                f"{where}.drift_mm must have a reference at rest from {begin:g} s to the end; got one that moves"
+            )
+    if checks.speed_error_percent is not None and not [
+        leg for (begin, end), leg in legs(reference, duration_s) if end - begin > checks.speed_after_s
+    ]:
+        raise ValueError(
+            f"{where}.speed_error_percent must have a reference at one speed for over {checks.speed_after_s:g} s; got"
+            " none"
+        )

@@ -1,0 +1,223 @@
+"""RIG.toml of a deployment: the rig file's tables, and those that say which bus, which controller, where to go and
+within what limits.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+from controller.limits import Limits
+from controller.model.control_model import ControlModel, control_model
+from controller.registry import CONTROLLERS, leads
+from controller.supervision.acceptance import Gate, Verdict
+from controller.trajectory import Trajectory
+from hil.app.scenario.model_offer import Offered, offer_of, read_offer, read_offer_table
+from hil.app.scenario.reference import read_reference
+from hil.bus.catalogue import load_catalogue
+from hil.nodes.cia402.states import Cia402Table
+from hil.nodes.controller.guard import FEEDBACK_S
+from hil.nodes.controller.node import Task
+from hil.nodes.frame_map import WIRINGS, wiring_of
+from models.files.rig import LARGEST_FILE, TABLES, Rig, parse_rig
+from models.files.tables import from_table
+from models.identification.finding import STAGES
+from models.identification.model import read_model, read_report
+from models.parameter import nearest
+
+PLANNING: Final = 0.4
+"""Share of a tick within which a plan has to be made. At 1 kHz listening, estimate, limits and sending take a quarter
+of it.
+"""
+OWN_TABLES: Final = ("bus", "cia402", "control", "reference", "limits", "model", "offer")
+
+
+@dataclass(frozen=True)
+class BusTable:
+    """`[bus]`: a python-can interface, its channel and the bit rate, which must be the catalogue's."""
+
+    interface: str
+    channel: str | int = ""
+    bitrate: int = 1_000_000
+
+    def __post_init__(self) -> None:
+        rate = load_catalogue().bit_rate
+        if self.bitrate != rate:
+            raise ValueError(f"bus.bitrate must be {rate}, as capsule.dbc has it; got {self.bitrate}")
+
+
+@dataclass(frozen=True)
+class ControlTable:
+    """`[control]`: which controller at which tick, the noise of the localisation, how long; `priority` 1 to 99 asks for
+    SCHED_FIFO, `core` from 0 on for one core alone.
+    """
+
+    controller: str = "feedforward"
+    tick_s: float = 2e-3
+    seen_noise_m: float = 5e-4
+    duration_s: float = 10.0
+    priority: int = 0
+    core: int = -1
+
+    def __post_init__(self) -> None:
+        for name, lower, upper in (("tick_s", 5e-4, 0.02), ("seen_noise_m", 0.0, 0.01), ("duration_s", 0.01, 86400.0)):
+            if not lower <= getattr(self, name) <= upper:
+                raise ValueError(f"control.{name} must lie in [{lower:g}, {upper:g}]; got {getattr(self, name):g}")
+        if not 0 <= self.priority <= 99:
+            raise ValueError(f"control.priority must lie in [0, 99]; got {self.priority}")
+        if self.core < -1:
+            raise ValueError(f"control.core must be a core's number, or -1 for any; got {self.core}")
+        if self.controller not in CONTROLLERS:
+            choices = f"one of {', '.join(CONTROLLERS)}"
+            raise ValueError(
+                f"control.controller must be {choices}; got {self.controller!r};"
+                f" {nearest(self.controller, CONTROLLERS)}"
+            )
+
+
+@dataclass(frozen=True)
+class ModelTable:
+    """`[model]`: a file that close-loop wrote and its report.json, paths relative to the rig file."""
+
+    file: str
+    report: str
+    stage: str = "augmented"
+
+    def __post_init__(self) -> None:
+        if self.stage not in STAGES:
+            raise ValueError(
+                f"model.stage must be one of {', '.join(STAGES)}; got {self.stage!r}; {nearest(self.stage, STAGES)}"
+            )
+
+
+@dataclass(frozen=True)
+class Deployment:
+    """A controller to run on a bus. `values` are the learned model's parameters, none where nominal; `verdict` the
+    gate's, where asked; `cia402` the carriage's settings where it is a CANopen drive.
+    """
+
+    name: str
+    text: str
+    rig: Rig
+    bus: BusTable
+    control: ControlTable
+    reference: Trajectory
+    limits: Limits
+    values: Mapping[str, float]
+    verdict: Verdict | None = None
+    cia402: Cia402Table | None = None
+    offered: Offered | None = None
+
+    def task(self) -> Task:
+        """What the controller node is built from. Raises ValueError for a rig that cannot be controlled."""
+
+        def believed(values: Mapping[str, float]) -> ControlModel:
+            return control_model(self.rig, values, self.control.tick_s)
+
+        control, offer = self.control, offer_of(self.offered, believed)
+        told = (self.reference, self.limits, control.seen_noise_m, PLANNING * control.tick_s)
+        return Task(believed(self.values), control.controller, *told, offer=offer)
+
+
+def load_deployment(path: Path) -> Deployment:
+    """Read and check a deployment file; anything wrong is a ValueError of one sentence."""
+    text = _text(path)
+    try:
+        raw = tomllib.loads(text)
+        values, verdict = _learned(raw, path.parent)
+        deployment = parse_deployment(text, values, path.stem, verdict)
+        return replace(deployment, offered=read_offer(read_offer_table(raw), path.parent, deployment.rig, values))
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise ValueError(f"{path}: rig file must be TOML; got: {' '.join(str(error).split())[:200]}") from None
+    except ValueError as error:
+        raise ValueError(str(error) if str(error).startswith(str(path.parent)) else f"{path}: {error}") from None
+
+
+def read_deployed_rig(path: Path) -> Rig:
+    """The rig of a rig file or of a deployment file, whose own tables are left out. Raises ValueError of one
+    sentence.
+    """
+    try:
+        raw = tomllib.loads(_text(path))
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise ValueError(f"{path}: rig file must be TOML; got: {' '.join(str(error).split())[:200]}") from None
+    return _rig(raw, str(path))
+
+
+def parse_deployment(
+    text: str, values: Mapping[str, float], name: str = "rig", verdict: Verdict | None = None
+) -> Deployment:
+    """A deployment from TOML text and the learned `values`. Errors as `load_deployment`."""
+    raw = tomllib.loads(text)
+    known = (*TABLES, *OWN_TABLES)
+    for table, content in raw.items():
+        if table not in known:
+            raise ValueError(f"tables must be among {', '.join(known)}; got [{table}]; {nearest(table, known)}")
+        if not isinstance(content, dict):
+            raise ValueError(f"{table} must be a table; got {content!r}")
+    rig = _rig(raw)
+    control = from_table(ControlTable, raw.get("control", {}), "control")
+    if rig.kind in WIRINGS and rig.kind not in leads(control.controller):
+        raise ValueError(f"control.controller must be one that leads a {rig.kind} rig; got {control.controller!r}")
+    limits = from_table(Limits, raw.get("limits", {}), "limits")
+    if rig.kind in WIRINGS:
+        check_tick(control.tick_s, rig.kind, limits)
+    return Deployment(
+        name,
+        text,
+        rig,
+        from_table(BusTable, raw.get("bus", {}), "bus"),
+        control,
+        read_reference(raw.get("reference", {}), control.duration_s),
+        limits,
+        values,
+        verdict,
+        _drive(raw, rig.kind),
+    )
+
+
+def check_tick(tick_s: float, kind: str, limits: Limits) -> None:
+    """A tick must be shorter than a command lives and than the guard waits for feedback, or the drive is never led."""
+    longest = min(1e-3 * wiring_of(kind).life_ms(limits.carriage_speed_m_s), FEEDBACK_S[kind])
+    if tick_s > longest + 1e-9:
+        raise ValueError(
+            f"control.tick_s must be at most {longest:g} s for a {kind} rig on the bus, else commands die between"
+            f" ticks; got {tick_s:g}"
+        )
+
+
+def _drive(raw: Mapping[str, Any], kind: str) -> Cia402Table | None:
+    """The CANopen drive that the file names."""
+    if "cia402" not in raw:
+        return None
+    if kind != "magnetic":
+        raise ValueError(f"cia402 must stand with rig.kind magnetic, whose carriage it is; got {kind!r}")
+    return from_table(Cia402Table, raw["cia402"], "cia402")
+
+
+def _rig(raw: Mapping[str, Any], where: str = "rig file") -> Rig:
+    return parse_rig({name: table for name, table in raw.items() if name not in OWN_TABLES}, where)
+
+
+def _learned(raw: Mapping[str, Any], folder: Path) -> tuple[dict[str, float], Verdict | None]:
+    """Values of the model that the file names and what the gate says of them."""
+    if not isinstance(raw.get("model"), dict):
+        return {}, None
+    table, rig = from_table(ModelTable, raw["model"], "model"), _rig(raw)
+    model = read_model(folder / table.file, rig.kind)
+    verdict = Gate().judge(read_report(folder / table.report), model, rig, stage=table.stage)
+    return model.believed(table.stage), verdict
+
+
+def _text(path: Path) -> str:
+    try:
+        if path.stat().st_size > LARGEST_FILE:
+            raise ValueError(f"{path}: rig file must be smaller than {LARGEST_FILE} bytes; got {path.stat().st_size}")
+        return path.read_bytes().decode("utf-8-sig")
+    except OSError as error:
+        raise ValueError(f"{path}: rig file must be a file that can be read; got: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path}: rig file must be UTF-8 text; got another byte at {error.start}") from None

@@ -1,0 +1,107 @@
+"""The table `[offer]` of a scenario or a rig file: a model that close-loop wrote and that is to take over while a
+controller leads.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from controller.model.control_model import ControlModel
+from controller.supervision.acceptance import Gate, Verdict
+from controller.supervision.model_switch import Offer
+from models.files.rig import Rig
+from models.files.tables import from_table
+from models.identification.finding import STAGES
+from models.identification.model import read_model, read_report
+from models.parameter import nearest
+
+
+@dataclass(frozen=True)
+class OfferTable:
+    """`[offer]`: the model file and its report.json, paths relative to the file that names them; which stage, and from
+    when on.
+    """
+
+    file: str
+    report: str
+    stage: str = "augmented"
+    at_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.stage not in STAGES:
+            raise ValueError(
+                f"offer.stage must be one of {', '.join(STAGES)}; got {self.stage!r}; {nearest(self.stage, STAGES)}"
+            )
+        if not self.at_s >= 0:
+            raise ValueError(f"offer.at_s must be zero or more; got {self.at_s:g}")
+
+
+@dataclass(frozen=True)
+class Offered:
+    """An offer that passed the gate: the `values` of its model's parameters, and from when on."""
+
+    values: Mapping[str, float]
+    at_s: float
+
+    @classmethod
+    def of(cls, document: Mapping[str, Any]) -> Offered:
+        """From the record beside a log."""
+        return cls({str(name): float(value) for name, value in document["values"].items()}, float(document["at_s"]))
+
+    def document(self) -> dict[str, Any]:
+        """For the record beside a log."""
+        return {"values": dict(self.values), "at_s": self.at_s}
+
+
+def read_offer_table(raw: Mapping[str, Any]) -> OfferTable | None:
+    """The table of a file's tables. Raises ValueError of one sentence."""
+    if "offer" not in raw:
+        return None
+    table = raw["offer"]
+    if not isinstance(table, Mapping):
+        raise ValueError(f"offer must be a table; got {table!r}")
+    return from_table(OfferTable, table, "offer")
+
+
+def read_offer(table: OfferTable | None, folder: Path, rig: Rig, values: Mapping[str, float]) -> Offered | None:
+    """The offered model, which must pass the gate against the one in use, whose parameters are `values` (none:
+    nominal).
+
+    The held-out error of the model in use must be known on the offered one's records: it must be a stage of the same
+    file. Raises ValueError of one sentence.
+    """
+    if table is None:
+        return None
+    model, report = read_model(folder / table.file, rig.kind), read_report(folder / table.report)
+    used = next((stage for stage in STAGES if model.believed(stage) == dict(values)), "" if values else STAGES[0])
+    verdict = Gate().judge(report, model, rig, stage=table.stage, current=used or math.nan)
+    if not verdict.passed:
+        raise ValueError(f"{folder / table.file}: offered model must pass the gate; got: {verdict.sentence}")
+    return Offered(model.believed(table.stage), table.at_s)
+
+
+def offer_of(offered: Offered | None, believed: Callable[[Mapping[str, float]], ControlModel]) -> Offer | None:
+    """For a controller, whose models `believed` makes from values."""
+    return None if offered is None else Offer(believed(offered.values), Verdict(), offered.at_s)
+
+
+def told(offered: Offered | None, taken_at_s: float) -> dict[str, Any]:
+    """What a run's JSON object says of an offer: when it was taken, in s of the reference's time; nothing where there
+    was none.
+    """
+    if offered is None:
+        return {}
+    return {"offer": {"at_s": offered.at_s, "taken_at_s": None if math.isnan(taken_at_s) else taken_at_s}}
+
+
+def offer_words(found: Mapping[str, Any]) -> str:
+    """The same in words, "" where there was no offer."""
+    offer = found.get("offer")
+    if offer is None:
+        return ""
+    taken = offer["taken_at_s"]
+    return f"offered model: {'not taken, there was no rest' if taken is None else f'taken at {taken:.3f} s'}"

@@ -1,0 +1,46 @@
+"""What a command line asks of a closed-loop run, in the loop alone (`track`) or over the bus (`sil`)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from hil.app.scenario.scenario import TrackScenario
+from models.identification.finding import STAGES
+from models.identification.model import read_model
+from models.parameter import nearest
+
+_MODELS = {"vibro": ("vibro", "vibro_table")}
+"""Kinds of model files that a rig of a kind can be controlled with, where there are several."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """`controller` and `seed` are the scenario's where None. `model` is a file that close-loop wrote, of which `stage`
+    is used; without it the controller knows nominal values. `out` is a folder for what is written.
+    """
+
+    controller: str | None = None
+    model: Path | None = None
+    stage: str | None = None
+    seed: int | None = None
+    out: Path | None = None
+    json_output: bool = False
+
+    def of(self, scenario: TrackScenario) -> tuple[str, int]:
+        """The controller's name and the seed for `scenario`."""
+        name = scenario.control.controller if self.controller is None else self.controller
+        return name, scenario.seed if self.seed is None else self.seed
+
+    def values(self, kind: str) -> tuple[dict[str, float], str]:
+        """Parameters that a rig of `kind` is believed to have, and the name of their stage. Raises ValueError."""
+        if self.stage is not None and self.stage not in STAGES:
+            raise ValueError(
+                f"--stage must be one of {', '.join(STAGES)}; got {self.stage!r}; {nearest(self.stage, STAGES)}"
+            )
+        if self.model is None:
+            if self.stage not in (None, "nominal"):
+                raise ValueError(f"--stage must stand with --model unless it is nominal; got {self.stage!r} alone")
+            return {}, "nominal"
+        stage = self.stage or "augmented"
+        return read_model(self.model, *_MODELS.get(kind, (kind,))).believed(stage), stage

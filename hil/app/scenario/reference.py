@@ -1,0 +1,154 @@
+"""The table `[reference]`: where the capsule shall go, in mm and mm/s."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from controller.limits import Limits
+from controller.trajectory import LONGEST_S, STEP_S, Trajectory, by_speeds, through
+from models.files.tables import choice, from_table
+
+MM: Final = 1e-3
+FARTHEST: Final = 1e6
+"""Largest number in mm and mm/s that is read at all, so that nothing overflows; what a rig can do are its limits."""
+FASTEST_HZ: Final = 0.1 / STEP_S
+
+
+@dataclass(frozen=True)
+class Ramp:
+    """From `start_s` on at `speed_mm_s`."""
+
+    speed_mm_s: float
+    start_s: float = 0.5
+
+    def trajectory(self, duration_s: float) -> Trajectory:
+        return by_speeds([0.0, self.speed_mm_s * MM], [max(self.start_s, STEP_S), duration_s])
+
+
+@dataclass(frozen=True)
+class Sine:
+    """`amplitude (1 - cos(2 pi f t))/2` from `start_s` on: out and back, at rest at both ends."""
+
+    amplitude_mm: float
+    frequency_Hz: float
+    start_s: float = 0.5
+
+    def trajectory(self, duration_s: float) -> Trajectory:
+        if not 0 < self.frequency_Hz <= FASTEST_HZ:
+            raise ValueError(
+                f"reference.frequency_Hz must be positive and at most {FASTEST_HZ:g}; got {self.frequency_Hz:g}"
+            )
+        t = np.maximum(STEP_S * np.arange(round(duration_s / STEP_S) + 2) - self.start_s, 0.0)
+        return Trajectory(0.5 * self.amplitude_mm * MM * (1 - np.cos(2 * np.pi * self.frequency_Hz * t)))
+
+
+@dataclass(frozen=True)
+class Steps:
+    """To one of `positions_mm` after the other at `speed_mm_s`, a rest of `dwell_s` at each."""
+
+    positions_mm: tuple[float, ...]
+    speed_mm_s: float
+    dwell_s: float = 1.0
+    start_s: float = 0.5
+
+    def trajectory(self, duration_s: float) -> Trajectory:
+        if not self.positions_mm:
+            raise ValueError("reference.positions_mm must be one position or more; got none")
+        if not self.dwell_s >= 0:
+            raise ValueError(f"reference.dwell_s must be zero or more; got {self.dwell_s:g}")
+        _in_time(self.positions_mm, self.speed_mm_s, self.start_s, self.dwell_s, duration_s)
+        return through([MM * p for p in self.positions_mm], MM * self.speed_mm_s, self.dwell_s, self.start_s)
+
+
+@dataclass(frozen=True)
+class Hold:
+    """To `position_mm` at `speed_mm_s`, then stay there."""
+
+    position_mm: float = 0.0
+    speed_mm_s: float = 2.0
+    start_s: float = 0.5
+
+    def trajectory(self, duration_s: float) -> Trajectory:
+        _in_time((self.position_mm,), self.speed_mm_s, self.start_s, 0.0, duration_s)
+        return through([MM * self.position_mm], MM * self.speed_mm_s, 0.0, self.start_s)
+
+
+@dataclass(frozen=True)
+class Waypoints:
+    """`positions_mm` at `times_s`, straight lines between; corners are rounded over 50 ms."""
+
+    times_s: tuple[float, ...]
+    positions_mm: tuple[float, ...]
+
+    def trajectory(self, duration_s: float) -> Trajectory:
+        times, places = np.array([0.0, *self.times_s]), MM * np.array([0.0, *self.positions_mm])
+        if len(self.times_s) != len(self.positions_mm) or not self.times_s or np.any(np.diff(times) < STEP_S):
+            raise ValueError(
+                f"reference.times_s must be as many as positions_mm, {STEP_S:g} s or more apart and after 0; got"
+                f" {list(self.times_s)[:8]} and {len(self.positions_mm)} positions"
+            )
+        if times[-1] > duration_s + STEP_S:
+            raise ValueError(f"reference.times_s must end within the run of {duration_s:g} s; got {times[-1]:g}")
+        spans = np.maximum(np.round(np.diff(times) / STEP_S), 1.0) * STEP_S
+        return by_speeds((np.diff(places) / spans).tolist(), spans.tolist())
+
+
+REFERENCES: Final[Mapping[str, Callable[..., Any]]] = {
+    "ramp": Ramp,
+    "sine": Sine,
+    "steps": Steps,
+    "hold": Hold,
+    "waypoints": Waypoints,
+}
+
+
+def read_reference(table: Mapping[str, Any], duration_s: float, limits: Limits | None = None) -> Trajectory:
+    """The reference that a scenario's table asks for, over `duration_s`; within the travel and speed of `limits` where
+    there are some.
+
+    Raises ValueError as `models.files.tables.from_table`.
+    """
+    kind = choice(table, "reference.kind", tuple(REFERENCES))
+    shape = from_table(REFERENCES[kind], table, "reference", skip=("kind",))  # type: ignore[arg-type]
+    for name, value in vars(shape).items():
+        if "_mm" in name and not np.all(np.abs(value) <= FARTHEST):
+            raise ValueError(f"reference.{name} must lie within {FARTHEST:g} either way; got {value}")
+        if name == "start_s" and not 0 <= value < duration_s:
+            raise ValueError(
+                f"reference.start_s must lie from 0 on and within the run of {duration_s:g} s; got {value:g}"
+            )
+    trajectory: Trajectory = shape.trajectory(duration_s)
+    if limits is not None:
+        _within(trajectory, duration_s, limits)
+    return trajectory
+
+
+def _in_time(
+    positions_mm: tuple[float, ...], speed_mm_s: float, start_s: float, dwell_s: float, duration_s: float
+) -> None:
+    """Refuse moves of which the last does not arrive within the run."""
+    if not speed_mm_s > 0:
+        raise ValueError(f"reference.speed_mm_s must be positive; got {speed_mm_s:g}")
+    way = float(np.sum(np.abs(np.diff([0.0, *positions_mm]))))
+    arrives = start_s + way / speed_mm_s + dwell_s * (len(positions_mm) - 1) if way else 0.0
+    if arrives > min(duration_s, LONGEST_S) + STEP_S:
+        raise ValueError(f"reference must arrive within the run of {duration_s:g} s; got {arrives:g} s until it does")
+
+
+def _within(trajectory: Trajectory, duration_s: float, limits: Limits) -> None:
+    """Refuse what no rig within `limits` can follow within the run."""
+    speed = float(np.max(np.abs(np.diff(trajectory.places)))) / STEP_S
+    farthest = float(np.max(np.abs(trajectory.places[: round(duration_s / STEP_S) + 1])))
+    if speed > limits.speed_m_s * (1 + 1e-9):
+        raise ValueError(
+            f"reference must be no faster than limits.speed_m_s, {limits.speed_m_s / MM:g} mm/s; got {speed / MM:.4g}"
+            " mm/s"
+        )
+    if farthest > limits.travel_m:
+        raise ValueError(
+            f"reference must stay within limits.travel_m, {limits.travel_m / MM:g} mm; got {farthest / MM:.6g} mm"
+        )

@@ -1,0 +1,194 @@
+"""SCENARIO.toml of a closed loop: the truth of the plant, its instruments, where to go, and what the controller
+believes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, Final
+
+from controller.limits import Limits
+from controller.registry import CONTROLLERS, leads
+from controller.trajectory import Trajectory
+from hil.app.scenario.checks import CheckTable, read_checks
+from hil.app.scenario.model_offer import OfferTable, read_offer_table
+from hil.app.scenario.nominal_rig import read_belief
+from hil.app.scenario.reference import read_reference
+from models.files.rig import Rig
+from models.files.tables import converted, from_table
+from models.files.toml import read_toml
+from models.parameter import nearest
+from plant.experiments.scenario import parse_truth
+from plant.rig import STEP_S, Plant
+from plant.rig import Rig as Truth
+from plant.sensing.instruments import Instrument
+from plant.session import FEEDBACK, LOCALISATION, Instruments
+
+Table = Mapping[str, Any]
+TRUTH_TABLES: Final = ("scenario", "capsule", "tissue", "rig", "drive", "surface", "anatomy", "effects")
+OWN_TABLES: Final = ("reference", "belief", "control", "limits", "localisation", "feedback", "checks", "offer")
+TABLES: Final = TRUTH_TABLES + OWN_TABLES
+BUS_TABLES: Final = ("bus", "faults")
+"""Tables that a scenario on the bus may have beside these."""
+SAMPLE_STEPS: Final = 10
+"""Steps of the plant between samples of the truth (`plant.session`)."""
+DRIVEN: Final[Mapping[str, str]] = {"magnetic": "", "coil": "coil_voltage_V", "vibro": ""}
+_LEADING: Final[Mapping[str, str]] = {"magnetic": "feedforward", "coil": "feedforward", "vibro": "vibro"}
+
+
+@dataclass(frozen=True)
+class Control:
+    """Table `[control]`: the tick, which controller runs where the command line names none (a vibro rig's own for that
+    kind), and from when on tracking is judged.
+    """
+
+    tick_s: float = 1e-3
+    controller: str = "feedforward"
+    judged_from_s: float = 0.5
+
+    def __post_init__(self) -> None:
+        if not 1e-4 <= self.tick_s <= 0.02:
+            raise ValueError(f"control.tick_s must lie in [1e-4, 0.02] s; got {self.tick_s:g}")
+        if not self.judged_from_s >= 0:
+            raise ValueError(f"control.judged_from_s must be zero or more; got {self.judged_from_s:g}")
+
+
+@dataclass(frozen=True)
+class TrackScenario:
+    """A closed loop to run. `truth` and `instruments` are the plant's; `belief` is all that the controller is told of
+    the rig.
+    """
+
+    name: str
+    duration_s: float
+    seed: int
+    kind: str
+    truth: Truth
+    instruments: Instruments
+    belief: Rig
+    reference: Trajectory
+    limits: Limits
+    control: Control
+    checks: CheckTable = CheckTable()
+    offer: OfferTable | None = None
+
+
+def load_track_scenario(path: Path) -> TrackScenario:
+    """Read and check a scenario file; a ValueError of one sentence says which key, what it must be and what it is."""
+    raw, _ = read_toml(path, "scenario")
+    try:
+        return parse_track_scenario(raw)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def parse_track_scenario(raw: Table) -> TrackScenario:
+    """A closed loop from parsed TOML. Errors as `load_track_scenario`."""
+    for name, table in raw.items():
+        if name in BUS_TABLES:
+            raise ValueError(f"tables must be those of a loop without a bus; got [{name}], which `capsule sil` reads")
+        if name not in TABLES:
+            raise ValueError(f"tables must be among {', '.join(TABLES)}; got [{name}]; {nearest(name, TABLES)}")
+        if not isinstance(table, Mapping):
+            raise ValueError(f"{name} must be a table; got {table!r}")
+    seed = raw.get("anatomy", {}).get("seed", 0)
+    if converted(seed, int, "anatomy.seed") < 0:
+        raise ValueError(f"anatomy.seed must be zero or more; got {seed}")
+    run, kind, truth = parse_truth({name: table for name, table in raw.items() if name in TRUTH_TABLES})
+    if kind not in DRIVEN:
+        raise ValueError(f"rig.kind must be one of {', '.join(DRIVEN)} to be controlled; got {kind!r}")
+    surface = raw.get("surface", {}).get("kind", "gut")
+    if kind != "vibro" and surface != "gut":
+        raise ValueError(f"surface.kind must be 'gut' for a {kind} rig to be controlled; got {surface!r}")
+    if run.seed < 0:
+        raise ValueError(f"scenario.seed must be zero or more; got {run.seed}")
+    _buildable(truth, raw)
+    control = _control(raw.get("control", {}), kind, run.duration_s, run.step_s)
+    limits = from_table(Limits, raw.get("limits", {}), "limits")
+    instruments = Instruments(
+        _instrument(raw.get("localisation", {}), "localisation", LOCALISATION, run.duration_s),
+        _instrument(raw.get("feedback", {}), "feedback", FEEDBACK, run.duration_s),
+    )
+    reference = read_reference(raw.get("reference", {}), run.duration_s, limits)
+    return TrackScenario(
+        name=run.name or "unnamed",
+        duration_s=run.duration_s,
+        seed=run.seed,
+        kind=kind,
+        truth=truth,
+        instruments=instruments,
+        belief=read_belief(raw.get("belief", {}), kind, surface),
+        reference=reference,
+        limits=limits,
+        control=control,
+        checks=read_checks(raw.get("checks", {}), kind, reference, instruments, control.judged_from_s, run.duration_s),
+        offer=read_offer_table(raw),
+    )
+
+
+def _buildable(truth: Truth, raw: Table) -> None:
+    """Build the plant once, so that what it refuses is said of the file, under the table in which the number stands."""
+    for where, record in (("capsule", truth.capsule), ("tissue", truth.tissue)):
+        for name, value in vars(record).items():
+            may_be_zero = name in ("friction_coefficient", "nose_force_angle_deg")
+            if not (value > 0 or (may_be_zero and value == 0)):
+                raise ValueError(
+                    f"{where}.{name} must be {'zero or more' if may_be_zero else 'positive'}; got {value:g}"
+                )
+    try:
+        Plant(truth)
+    except ValueError as error:
+        table, _, rest = str(error).partition(".")
+        key = rest.split(" ")[0]
+        elsewhere = table == "drive" and key not in raw.get("drive", {}) and key in raw.get("rig", {})
+        raise ValueError(f"rig.{rest}" if elsewhere else str(error)) from None
+
+
+def _control(table: Table, kind: str, duration_s: float, step_s: float) -> Control:
+    control = from_table(Control, {"controller": _LEADING[kind], **table}, "control")
+    name, able = control.controller, [name for name in CONTROLLERS if kind in leads(name)]
+    if name not in able:
+        raise ValueError(
+            f"control.controller must be one of {', '.join(able)} for a {kind} rig; got {name!r}; {nearest(name, able)}"
+        )
+    ratio, ticks = control.tick_s / step_s, round(duration_s / control.tick_s)
+    if abs(ratio - round(ratio)) > 1e-6:
+        raise ValueError(
+            f"control.tick_s must be a multiple of the plant's step of {step_s:g} s; got {control.tick_s:g}"
+        )
+    if ticks < 1:
+        raise ValueError(f"scenario.duration_s must be a tick of {control.tick_s:g} s or more; got {duration_s:g}")
+    latest = ticks * control.tick_s - 2 * SAMPLE_STEPS * step_s
+    if control.judged_from_s > latest + 1e-9:
+        raise ValueError(
+            f"control.judged_from_s must leave two samples of the truth to judge, so be at most {latest:g} s in a run"
+            f" of {duration_s:g} s; got {control.judged_from_s:g}"
+        )
+    return control
+
+
+def _instrument(table: Table, where: str, nominal: Instrument, duration_s: float) -> Instrument:
+    given = {f.name: _plain(getattr(nominal, f.name)) for f in fields(Instrument)} | dict(table)
+    try:
+        instrument = from_table(Instrument, given, where)
+    except ValueError as error:
+        raise ValueError(str(error).replace("instrument ", f"{where}.", 1)) from None
+    fastest = 1 / (SAMPLE_STEPS * STEP_S)
+    if "rate_Hz" in table and not 1 / duration_s <= instrument.rate_Hz <= fastest:
+        raise ValueError(
+            f"{where}.rate_Hz must lie in [{1 / duration_s:g}, {fastest:g}], two readings within the run or more and no"
+            f" more than there are samples of the truth; got {instrument.rate_Hz:g}"
+        )
+    for name in ("gaps_s", "nan_s"):
+        spans = getattr(instrument, name)
+        if any(start < 0 for start in spans[::2]) or any(not length > 0 for length in spans[1::2]):
+            raise ValueError(
+                f"{where}.{name} must be pairs of a start from 0 on and a positive length; got {list(spans)[:8]}"
+            )
+    return instrument
+
+
+def _plain(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value

@@ -1,0 +1,118 @@
+"""`capsule sil`: a closed loop over the simulated CAN bus, controller and plant as nodes, in lockstep."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import Any
+
+from controller.model.control_model import ControlModel
+from hil.app.console import json_text, output_to_notes, print_json, progress_bar, summary
+from hil.app.scenario.bus_scenario import SilScenario, load_sil_scenario
+from hil.app.scenario.model_offer import Offered, offer_of, offer_words, read_offer, told
+from hil.app.scenario.options import Asked
+from hil.app.sil.fault_outcomes import outcomes
+from hil.app.sil.loop import SilTrace, run_sil
+from hil.app.sil.testbed import believed_on_bus
+from hil.app.track.score import document, score
+from hil.app.write import check_folder, write_files
+from hil.log.log import LockstepLog
+from hil.log.recorder import Recorder, log_record
+from hil.nodes.frame_map import frames
+
+
+def sil(path: Path, asked: Asked) -> None:
+    """Run the scenario file `path` over the bus and say how well it was tracked and what came of its faults.
+
+    Raises ValueError, one sentence, for anything that cannot be used.
+    """
+    scenario, text = load_sil_scenario(path)
+    values, used = asked.values(scenario.loop.kind)
+    (name, number), out = asked.of(scenario.loop), asked.out
+    if out is not None:
+        check_folder(out, "--out")
+    with output_to_notes():
+        believed = believed_on_bus(scenario, values)
+        offered = read_offer(scenario.loop.offer, path.parent, scenario.loop.belief, values)
+        offer = offer_of(offered, lambda new: believed_on_bus(scenario, new))
+        with (
+            progress_bar(scenario.loop.name) as report,
+            _log(out, scenario, text, name, values, number, offered) as log,
+        ):
+            recorder = None if log is None else Recorder(log)
+            found, trace = judged(scenario, believed, name, number, used, report, offer=offer, recorder=recorder)
+            found |= told(offered, trace.taken_at)
+        if log is not None and out is not None:
+            found["log"] = str(log.path)
+            write_files({out / "sil.json": json_text(found)})
+    if asked.json_output:
+        print_json(found)
+    else:
+        _say(scenario, found, trace)
+
+
+def _log(
+    out: Path | None,
+    scenario: SilScenario,
+    text: str,
+    name: str,
+    values: Mapping[str, float],
+    seed: int,
+    offered: Offered | None,
+) -> AbstractContextManager[LockstepLog | None]:
+    """The log `frames.blf` in the folder `out`, with what `capsule replay` needs beside it."""
+    if out is None:
+        return nullcontext()
+    record = log_record(
+        {"scenario": text},
+        name,
+        values,
+        scenario.loop.limits,
+        frames(),
+        seed=seed,
+        offered=offered and offered.document(),
+    )
+    return LockstepLog(out / "frames.blf", record)
+
+
+def judged(
+    scenario: SilScenario,
+    model: ControlModel,
+    controller: str | None,
+    seed: int,
+    used: str,
+    report: Any = None,
+    **more: Any,
+) -> tuple[dict[str, Any], SilTrace]:
+    """One run and its JSON object, in the keys of interfaces.md; `more` goes to `run_sil`."""
+    name = controller or scenario.loop.control.controller
+    trace = run_sil(scenario, model, name, seed, report, **more)
+    found = document(scenario.loop, scenario.loop.name, name, seed, used, score(scenario.loop, trace), None)
+    found["bus"] = {"frames": trace.frames, "load": trace.load, "rejected": trace.rejected}
+    found["faults"] = [outcome.document() for outcome in outcomes(scenario, trace)]
+    return found, trace
+
+
+def _say(scenario: SilScenario, found: dict[str, Any], trace: SilTrace) -> None:
+    console = summary()
+
+    def say(text: str) -> None:
+        console.print(text, markup=False, soft_wrap=True)
+
+    loop, bus, solve = scenario.loop, found["bus"], found["solve_ms"]
+    say(f"{loop.name}: {loop.kind} rig on the bus, {loop.duration_s:g} s, seed {found['seed']}, {found['model']} model")
+    say(
+        f"{found['controller']}: rmse {1e3 * found['tracking_rmse_m']:.3f} mm, max {1e3 * found['tracking_max_m']:.3f}"
+        f" mm, {found['hard_violations']} violations, solve {solve['median']:.3f} ms (p99 {solve['p99']:.3f}),"
+        f" {found['real_time_factor']:.1f} x real time"
+    )
+    say(f"bus: {bus['frames']} frames, load {100 * bus['load']:.1f} %, {bus['rejected']} rejected")
+    for fault in found["faults"]:
+        after = fault["safe_after_ms"]
+        came = "rode through" if after is None else f"safe after {after:.1f} ms"
+        say(f"fault {fault['fault']} at {fault['at_s']:g} s: {came}{', UNSAFE' if fault['unsafe'] else ''}")
+    if sentence := offer_words(found):
+        say(sentence)
+    if trace.stopped_because:
+        say(f"stopped: {trace.stopped_because}")

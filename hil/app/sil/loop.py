@@ -1,0 +1,145 @@
+"""One closed loop over the simulated bus: what it leaves to be judged."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.model.control_model import ControlModel
+from controller.supervision.model_switch import Offer
+from hil.app.scenario.bus_scenario import SilScenario
+from hil.app.sil.testbed import Bench
+from hil.app.sil.timeout import at_most
+from hil.app.track.loop import Array, Progress, Trace
+from hil.bus.simulated import SimulatedBus
+from hil.log.recorder import Recorder
+from hil.nodes.frame_map import ENABLE
+from hil.nodes.plant_node import SLOT_S
+
+_REPORTS: Final = 50
+LEAST_S: Final = 60.0
+"""A run may take so long by the wall clock however short it is: compilers and busy machines."""
+
+
+@dataclass
+class SilTrace(Trace):
+    """What a run over the bus leaves beside `Trace`: `slots` (n, 3) are the end of each of the drive's slots in s,
+    whether it was in its safe state, and when the last good command had come; `digest` is the hash of all frames with
+    their times where asked for.
+    """
+
+    slots: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    frames: int = 0
+    load: float = 0.0
+    rejected: int = 0
+    stopped_because: str = ""
+    digest: str = ""
+
+
+class _Tap:
+    """Hashes all that is on the wire."""
+
+    def __init__(self, bench: Bench) -> None:
+        self._port = SimulatedBus(bench.medium, "tap")
+        self._hash = hashlib.sha256()
+
+    def drain(self) -> None:
+        while (message := self._port.recv(0)) is not None:
+            stamp = np.float64(message.timestamp).tobytes()
+            self._hash.update(stamp + message.arbitration_id.to_bytes(2, "little") + bytes(message.data))
+
+    def hexdigest(self) -> str:
+        return self._hash.hexdigest()
+
+
+def run_sil(
+    scenario: SilScenario,
+    model: ControlModel,
+    controller: str,
+    seed: int,
+    report: Progress | None = None,
+    *,
+    offer: Offer | None = None,
+    recorder: Recorder | None = None,
+    digest: bool = False,
+) -> SilTrace:
+    """Run `scenario` over the simulated bus under the named controller. `recorder` writes the controller node's log.
+
+    Raises ValueError for a controller that cannot lead this rig, and for a run that takes longer by the wall clock than
+    `[bus]` allows: between two ticks, or, in the main thread, within one.
+    """
+    loop, bench = scenario.loop, Bench(scenario, model, controller, seed, offer=offer, recorder=recorder)
+    ticks = round(loop.duration_s / bench.tick_s)
+    trace, tap = _empty(ticks, bench.slots), _Tap(bench) if digest else None
+    longest_s = max(LEAST_S, scenario.bus.longest_s_per_s * loop.duration_s)
+    sentence = (
+        f"run must take at most {longest_s:g} s by the wall clock (bus.longest_s_per_s, and at least {LEAST_S:g} s); it"
+        " took longer"
+    )
+    began = time.perf_counter()
+    with at_most(longest_s, sentence) as look:
+        led = _ticks(trace, bench, controller, tap, report, look)
+    trace.wall_clock_s = time.perf_counter() - began
+    _finish(trace, bench, led)
+    trace.digest = "" if tap is None else tap.hexdigest()
+    return trace
+
+
+def _ticks(
+    trace: SilTrace, bench: Bench, controller: str, tap: _Tap | None, report: Progress | None, look: Callable[[], None]
+) -> list[int]:
+    """Fill `trace`, `look` after every tick; the ticks in which the controller led the drive."""
+    states = bench.node.task.model.states
+    wall = bench.node.task.model.index("u") if "u" in states else None
+    ticks, led = len(trace.slots) // bench.slots, []
+    bench.start()
+    for k in range(ticks):
+        tick = bench.begin_tick()
+        if tick is not None:
+            trace.note(k, tick.time_s, tick.estimate, tick.action, wall, tick.seconds)
+            trace.active.append(tick.active)
+            if tick.passed.mode == ENABLE:
+                led.append(k)
+            else:
+                trace.status.pop()
+        for number in range(bench.slots):
+            at = bench.slot(number)
+            trace.slots[k * bench.slots + number] = at + SLOT_S, bench.plant.drive.safe, bench.plant.drive.good_at
+        bench.end_tick()
+        if tap is not None:
+            tap.drain()
+        if report is not None and k % max(1, ticks // _REPORTS) == 0:
+            report(controller, k / ticks)
+        look()
+    return led
+
+
+def _empty(ticks: int, slots: int) -> SilTrace:
+    nothing: list[NDArray[np.float64]] = [np.full(ticks, math.nan) for _ in range(7)]
+    a, b, c, d, e, f, g = nothing
+    return SilTrace(a, b, c, d, e, np.zeros(ticks, dtype=bool), [], f, g, slots=np.zeros((ticks * slots, 3)))
+
+
+def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:
+    """What the bench knows at the end; step times count while the controller leads the drive."""
+    trace.rows = np.concatenate(bench.plant.session.rows)
+    trace.events = list(bench.node.supervisor.events)
+    trace.counts, trace.taken_at = bench.node.estimator.counts, bench.node.estimator.taken_at
+    trace.frames, trace.load, trace.rejected = bench.frames, bench.medium.load, bench.rejected
+    trace.stopped_because = bench.node.reason or ("" if led else _never_led(bench, trace))
+    trace.solve_s = trace.solve_s[led] if led else np.zeros(1)
+
+
+def _never_led(bench: Bench, trace: SilTrace) -> str:
+    """Why the drive was not led at all."""
+    doubt = bench.node.ears.doubt(bench.time_s) or (
+        "estimate lost" if trace.lost[-1] else "it did not get ready in time"
+    )
+    return f"the drive was never led: {doubt}"

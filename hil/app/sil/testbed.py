@@ -1,0 +1,230 @@
+"""Controller and plant as nodes on one simulated bus, in lockstep: time moves only when everybody has done the present
+slot.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import can
+
+from controller.model.control_model import ControlModel, control_model
+from controller.supervision.model_switch import Offer
+from hil.app.scenario.bus_scenario import SilScenario
+from hil.bus.simulated import BUS_OFF, Medium, SimulatedBus
+from hil.log.recorder import Recorder
+from hil.nodes.controller.node import ControllerNode, Task, Tick
+from hil.nodes.faults.injection import TAMPERING, Link
+from hil.nodes.faults.table import Fault
+from hil.nodes.frame_map import frames, wiring_of
+from hil.nodes.plant_node import SLOT_S, PlantNode
+from plant.sensing.instruments import Reading
+from plant.session import Session
+
+PHASE_S = 0.2e-3
+"""The drives' firmware runs this long after the tick's begin: SYNC has arrived by then, the tick's own command has not.
+"""
+_BABBLE = 0
+
+
+def believed_on_bus(scenario: SilScenario, values: Mapping[str, float]) -> ControlModel:
+    """The control model of what the scenario's controller believes; on the bus a coil is commanded by its current."""
+    return control_model(scenario.loop.belief, values, scenario.loop.control.tick_s)
+
+
+class Bench:
+    """All nodes of a scenario and the wire between them. `step` does a tick; faults that are due begin and end within
+    it.
+
+    Nothing waits for a frame: a node that says nothing leaves the others their timeouts, in simulated time.
+    """
+
+    def __init__(
+        self,
+        scenario: SilScenario,
+        model: ControlModel,
+        controller: str,
+        seed: int,
+        *,
+        offer: Offer | None = None,
+        recorder: Recorder | None = None,
+    ) -> None:
+        """`recorder` writes the log of the controller node. Raises ValueError for a controller that cannot lead this
+        rig.
+        """
+        self._recorder = recorder
+        loop, self.scenario = scenario.loop, scenario
+        self.tick_s, self.wiring = loop.control.tick_s, wiring_of(loop.kind)
+        self.medium = Medium(frames().bit_rate)
+        self.ports = {name: SimulatedBus(self.medium, name) for name in ("controller", "drive", "localiser")}
+        self._babbler = (
+            SimulatedBus(self.medium, "babbler") if any(f.kind == "babbling" for f in scenario.faults) else None
+        )
+        self.links: dict[str, Link] = {}
+        task = Task(model, controller, loop.reference, loop.limits, loop.instruments.localisation.std, offer=offer)
+        self.node = ControllerNode(task, self._bus("controller", seed), observer=recorder)
+        session = Session(loop.truth, replace(loop.instruments, feedback=None), seed, 0.0)
+        self.plant = PlantNode(
+            session,
+            loop.limits,
+            self.tick_s,
+            self._bus("drive", seed + 1),
+            self.ports["localiser"],
+            force_seed=seed if scenario.bus.force_sensor else None,
+        )
+        self.ticks = 0
+        self._active: list[Fault] = []
+        self._due = list(scenario.faults)
+
+    @property
+    def time_s(self) -> float:
+        """Begin of the next tick."""
+        return self.ticks * self.tick_s
+
+    @property
+    def frames(self) -> int:
+        """Frames on the wire so far."""
+        return sum(port.counters.sent for port in self.medium.ports)
+
+    @property
+    def rejected(self) -> int:
+        """Frames that controller and drive refused so far."""
+        return self.node.ears.rejected + self.plant.drive.rejected
+
+    def start(self) -> None:
+        """The operator's word, with the reference beginning at 0."""
+        if self._recorder is not None:
+            self._recorder.start(self.time_s, 0.0)
+        self.node.start(self.time_s, 0.0)
+
+    def begin_tick(self) -> Tick | None:
+        """The controller's part of a tick; None where it is killed or frozen."""
+        now = self.time_s
+        self._change(now)
+        kinds = {fault.kind for fault in self._active}
+        if kinds & {"killed", "frozen"}:
+            return None
+        jump = sum(f.amount for f in self._active if f.kind == "clock_jump")
+        solved = "late_solve" not in kinds
+        if self._recorder is not None and not solved:
+            self._recorder.unsolved(now + jump)
+        tick = self.node.tick(now + jump, solved)
+        if self._recorder is not None:
+            self._recorder.ticked(now + jump, tick.action)
+        return tick
+
+    def slot(self, number: int) -> float:
+        """The plant's part of a tick's slot `number`; the time at its begin."""
+        at = self.time_s + PHASE_S + number * SLOT_S
+        self._change(at)
+        if self._babbler is not None and any(f.kind == "babbling" for f in self._active):
+            self._babble(self._babbler)
+        self.medium.advance(at)
+        self.plant.tick(at)
+        return at
+
+    def end_tick(self) -> None:
+        """Let the wire run until the next tick."""
+        self.ticks += 1
+        self.medium.advance(self.time_s)
+
+    @property
+    def slots(self) -> int:
+        """Slots in a tick."""
+        return self.plant.slots
+
+    def _bus(self, name: str, seed: int) -> can.BusABC:
+        """The port of a node, behind a link where a fault of the scenario tampers with what it receives."""
+        if not any(f.kind in TAMPERING for f in self.scenario.faults):
+            return self.ports[name]
+        self.links[name] = Link(self.ports[name], lambda: self.medium.now_s, seed)
+        return self.links[name]
+
+    def _change(self, now: float) -> None:
+        """Begin and end faults."""
+        for fault in [f for f in self._active if f.end_s <= now + 1e-9 and f.kind != "killed"]:
+            self._active.remove(fault)
+            self._set(fault, False)
+        while self._due and self._due[0].at_s <= now + 1e-9:
+            self._active.append(self._due[0])
+            self._set(self._due.pop(0), True)
+
+    def _set(self, fault: Fault, on: bool) -> None:
+        drive = self.plant.drive
+        if fault.kind in TAMPERING:
+            for link, entry in self._hit(fault):
+                link.faults = [*link.faults, entry] if on else [e for e in link.faults if e[0] is not fault]
+        elif fault.kind == "bus_off":
+            self._off_bus(self.ports[fault.target], on)
+        elif fault.kind in ("stuck", "biased", "nan", "lost"):
+            if fault.target == "feedback":
+                drive.misread = _Misread(fault) if on else None
+            else:
+                self.plant.tamper = _Broken(fault) if on else None
+        elif fault.kind == "over_temperature":
+            drive.heated_to_C = fault.amount if on else -math.inf
+        elif fault.kind == "drive_reset" and on:
+            drive.boot(self.medium.now_s)
+
+    def _hit(self, fault: Fault) -> list[tuple[Link, tuple[Fault, frozenset[int]]]]:
+        """The links that a fault tampers with, and the identifiers there."""
+        known, own = frames(), self.wiring
+        to_drive = {
+            "commands": (own.command,),
+            "all": ("Sync", "SafeStop", "DriveReset", "ControllerHeartbeat", own.command),
+        }
+        back = (own.feedback, own.fault, own.heartbeat)
+        to_controller = {
+            "feedback": back,
+            "localisation": ("CapsuleLocalisation",),
+            "all": (*back, "CapsuleLocalisation"),
+        }
+        hit = []
+        for node, names in (("drive", to_drive), ("controller", to_controller)):
+            if fault.target in names:
+                hit.append((self.links[node], (fault, frozenset(known[n].id for n in names[fault.target]))))
+        return hit
+
+    def _off_bus(self, port: SimulatedBus, off: bool) -> None:
+        if off:
+            port.counters.transmit = BUS_OFF
+            port.flush_tx_buffer()
+        else:
+            port.recover()
+
+    def _babble(self, port: SimulatedBus) -> None:
+        while len(port.waiting) < 16:
+            port.send(can.Message(arbitration_id=_BABBLE, is_extended_id=False, data=bytes(8), is_rx=False))
+
+
+class _Broken:
+    """What a broken localiser makes of a reading."""
+
+    def __init__(self, fault: Fault) -> None:
+        self._fault, self._held = fault, math.nan
+
+    def __call__(self, reading: Reading) -> Reading | None:
+        kind = self._fault.kind
+        if kind == "lost":
+            return None
+        if kind == "stuck":
+            self._held = reading.value if math.isnan(self._held) else self._held
+            value = self._held
+        else:
+            value = math.nan if kind == "nan" else reading.value + self._fault.amount
+        return Reading(reading.channel, value, reading.stamp_s, reading.arrives_s)
+
+
+class _Misread:
+    """What a drive with a broken sensor reports."""
+
+    def __init__(self, fault: Fault) -> None:
+        self._fault, self._held = fault, math.nan
+
+    def __call__(self, value: float) -> float:
+        if self._fault.kind == "biased":
+            return value + self._fault.amount
+        self._held = value if math.isnan(self._held) else self._held
+        return self._held

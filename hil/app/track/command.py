@@ -1,0 +1,67 @@
+"""`capsule track`: a closed loop in simulation, without a bus."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from controller.estimator.noise import noise_of
+from controller.registry import CONTROLLERS, leads
+from hil.app.console import json_text, notes, output_to_notes, print_json, progress_bar
+from hil.app.scenario.model_offer import offer_of, read_offer, told
+from hil.app.scenario.options import Asked
+from hil.app.scenario.scenario import load_track_scenario
+from hil.app.track.loop import Trace, believed_model, run_loop
+from hil.app.track.page import page_html
+from hil.app.track.score import document, score
+from hil.app.track.summary import say
+from hil.app.track.verdicts import verdicts
+from hil.app.write import check_folder, write_files
+
+
+def track(path: Path, asked: Asked, compare: bool = False) -> int:
+    """Run the scenario file `path` in closed loop and say how well it was tracked; with `compare` under every
+    controller.
+
+    The exit status is 1 where a run fails one of the scenario's checks. Raises ValueError, one sentence, for anything
+    that cannot be used.
+    """
+    scenario = load_track_scenario(path)
+    values, used = asked.values(scenario.kind)
+    name, number = asked.of(scenario)
+    names = [one for one in CONTROLLERS if scenario.kind in leads(one)] if compare else [name]
+    if compare and asked.controller is not None:
+        raise ValueError(
+            f"--compare must stand without --controller, as it runs them all; got --controller {asked.controller}"
+        )
+    out = asked.out
+    if out is not None:
+        check_folder(out, "--out")
+    runs: list[tuple[dict[str, Any], Trace]] = []
+    with output_to_notes():
+        believed = believed_model(scenario, values)
+        offered = read_offer(scenario.offer, path.parent, scenario.belief, values)
+        offer = offer_of(offered, lambda new: believed_model(scenario, new))
+        late, latest = scenario.instruments.localisation.latency_s, noise_of(scenario.kind).latest_s
+        if late >= latest:
+            notes().print(
+                f"localisation comes {late:g} s late and is not used: the filter goes back {latest:g} s at most",
+                markup=False,
+            )
+        with progress_bar(scenario.name) as report:
+            for name in names:
+                trace = run_loop(scenario, believed, name, number, report, offer=offer)
+                log = None if out is None else str(out / "track.json")
+                worth = score(scenario, trace)
+                found = document(scenario, scenario.name, name, number, used, worth, log)
+                found |= told(offered, trace.taken_at)
+                found["checks"] = [one.document() for one in verdicts(scenario, name, trace, worth)]
+                runs.append((found, trace))
+        documents: Any = [found for found, _ in runs] if compare else runs[0][0]
+        if out is not None:
+            write_files({out / "track.html": page_html(scenario, runs), out / "track.json": json_text(documents)})
+    if asked.json_output:
+        print_json({"runs": documents} if compare else documents)
+    else:
+        say(scenario, [found for found, _ in runs], out)
+    return int(any(not check["passed"] for found, _ in runs for check in found["checks"]))

@@ -1,0 +1,123 @@
+"""One closed loop in simulated time: plant session, estimator, supervised controller, tick by tick."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.envelope import envelope_of
+from controller.estimator.base import Counts
+from controller.model.control_model import ControlModel, control_model
+from controller.registry import build
+from controller.signals import Action, Estimate, Measurement
+from controller.supervision.fallback import Event
+from controller.supervision.model_switch import Offer, Succession
+from controller.supervision.supervisor import Supervisor
+from controller.vibro.table_values import in_time
+from hil.app.scenario.scenario import DRIVEN, TrackScenario
+from plant.session import Session
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+_REPORTS = 50
+
+
+@dataclass
+class Trace:
+    """What a run leaves, an entry a tick: what the controller believed and answered; `rows` is the truth
+    (`plant.layout`).
+    """
+
+    time_s: Array
+    command: Array
+    position_m: Array
+    wall_m: Array
+    disturbance_N: Array
+    lost: NDArray[np.bool_]
+    status: list[str]
+    solve_s: Array
+    estimate_s: Array
+    active: list[str] = field(default_factory=list)
+    events: list[Event] = field(default_factory=list)
+    counts: Counts = field(default_factory=Counts)
+    rows: Array = field(default_factory=lambda: np.zeros((0, 9)))
+    measured: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    wall_clock_s: float = 0.0
+    taken_at: float = math.nan
+
+    @classmethod
+    def empty(cls, ticks: int) -> Trace:
+        """Room for `ticks` entries."""
+        a, b, c, d, e, f, g = (np.full(ticks, np.nan) for _ in range(7))
+        return cls(a, b, c, d, e, np.zeros(ticks, dtype=bool), [], f, g)
+
+    def note(
+        self, k: int, now: float, estimate: Estimate, action: Action, wall: int | None, times: tuple[float, float]
+    ) -> None:
+        """Fill in tick `k`."""
+        self.time_s[k], self.command[k] = now, action.command
+        self.position_m[k], self.disturbance_N[k] = estimate.state[0], estimate.disturbance_N
+        if wall is not None:
+            self.wall_m[k] = estimate.state[wall]
+        self.lost[k] = estimate.lost
+        self.status.append(action.status)
+        self.estimate_s[k], self.solve_s[k] = times
+
+
+def believed_model(scenario: TrackScenario, values: Mapping[str, float]) -> ControlModel:
+    """The control model of what the scenario's controller believes, with the `values` of one stage of a model file;
+    those of a `vibro_table` are turned into a drive's in time.
+    """
+    belief, numbers = in_time(scenario.belief, values) if scenario.kind == "vibro" else (scenario.belief, values)
+    return control_model(belief, numbers, scenario.control.tick_s, driven=DRIVEN[scenario.kind])
+
+
+def run_loop(
+    scenario: TrackScenario,
+    model: ControlModel,
+    controller: str,
+    seed: int,
+    report: Progress | None = None,
+    *,
+    offer: Offer | None = None,
+) -> Trace:
+    """Run `scenario` under the named controller. The controller sees stamped measurements alone, never the truth.
+
+    Each tick: estimate from what has arrived, command through the supervisor and the limits, plant until the next tick.
+    Where a model is on `offer`, it takes over at a rest.
+    Raises ValueError for a controller that cannot lead this rig.
+    """
+    envelope = envelope_of(model.drive, scenario.limits)
+    supervisor = Supervisor(build(controller, model, envelope), envelope)
+    estimator = Succession(supervisor, controller, model, offer)
+    estimator.begin(0.0)
+    session = Session(scenario.truth, scenario.instruments, seed, supervisor.issued.command)
+    tick_s, ticks = scenario.control.tick_s, round(scenario.duration_s / scenario.control.tick_s)
+    trace = Trace.empty(ticks)
+    wall = model.index("u") if "u" in model.states else None
+    arrived: list[Measurement] = []
+    places: list[tuple[float, float]] = []
+    began = time.perf_counter()
+    for k in range(ticks):
+        now, start = k * tick_s, time.perf_counter()
+        estimate = estimator.observe(now, supervisor.issued.command, arrived)
+        middle = time.perf_counter()
+        action = supervisor.act(now, estimate, scenario.reference)
+        end = time.perf_counter()
+        trace.note(k, now, estimate, action, wall, (middle - start, end - middle))
+        trace.active.append(supervisor.active)
+        readings = session.advance(action.command, now + tick_s)
+        arrived = [Measurement(r.channel, r.value, r.stamp_s) for r in readings]
+        places += [(r.stamp_s, r.value) for r in readings if r.channel == "position_m"]
+        if report is not None and k % max(1, ticks // _REPORTS) == 0:
+            report(controller, k / ticks)
+    trace.wall_clock_s = time.perf_counter() - began
+    trace.rows, trace.measured = np.concatenate(session.rows), np.array(places).reshape(-1, 2)
+    trace.events = list(supervisor.events)
+    trace.counts, trace.taken_at = estimator.counts, estimator.taken_at
+    return trace

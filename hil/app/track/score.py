@@ -1,0 +1,149 @@
+"""What a closed-loop run is worth: tracking, effort, force on the wall, use of limits, step times; judged on the truth
+of the plant.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import asdict, dataclass
+from typing import Any, Final, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.limits import Limits
+from controller.signals import Status
+from hil.app.scenario.scenario import TrackScenario
+from hil.app.track.loop import Trace
+from plant import layout as at
+from plant.rig import Coil, Magnet, Rig, Vibro
+
+Array = NDArray[np.float64]
+HARD: Final = ("speed", "force", "gap", "current")
+"""Limits of the true state, those of `shares`; the others are the command's, which the last step before the drive
+holds.
+"""
+
+
+@dataclass(frozen=True)
+class Score:
+    """SI. `effort` is the rms of the drive's force in N; `hard_violations` counts ticks in which the truth broke a
+    limit, `limit_use` is the largest share of each that was used. `ticks` counts ticks by status, `estimator` what
+    became of the measurements; `solve_ms` is the controller's time for a tick, `estimate_ms` the estimator's; `events`
+    are the last change-overs between controllers.
+    """
+
+    tracking_rmse_m: float
+    tracking_max_m: float
+    final_error_m: float
+    mean_speed_m_s: float
+    reference_mean_speed_m_s: float
+    wall_force_max_N: float
+    effort: float
+    hard_violations: int
+    limit_use: dict[str, float]
+    ticks: dict[str, int]
+    estimator: dict[str, int]
+    solve_ms: dict[str, float]
+    estimate_ms: dict[str, float]
+    real_time_factor: float
+    events: list[dict[str, Any]]
+
+
+def score(scenario: TrackScenario, trace: Trace) -> Score:
+    """The numbers of `trace`; errors are those of the true position from `[control] judged_from_s` on."""
+    rows = trace.rows
+    t, x = rows[:, at.O_T], rows[:, at.O_X]
+    judged = t >= scenario.control.judged_from_s
+    target = scenario.reference.position(t)
+    error = (x - target)[judged]
+    span = t[judged][-1] - t[judged][0]
+    statuses = Counter(trace.status)
+    return Score(
+        float(np.sqrt(np.mean(error**2))),
+        float(np.max(np.abs(error))),
+        float(error[-1]),
+        float((x[judged][-1] - x[judged][0]) / span),
+        float((target[judged][-1] - target[judged][0]) / span),
+        float(np.max(np.abs(wall_force(scenario.truth, rows)))),
+        float(np.sqrt(np.mean(rows[judged, at.O_FORCE] ** 2))),
+        violations(scenario.truth, scenario.limits, rows, scenario.control.tick_s),
+        limit_use(scenario, trace),
+        {status: statuses[status] for status in get_args(Status)},
+        asdict(trace.counts),
+        {**_times(trace.solve_s), "failed": sum(statuses[one] for one in ("failed", "late", "stopped"))},
+        _times(trace.estimate_s),
+        scenario.duration_s / trace.wall_clock_s if trace.wall_clock_s > 0 else math.inf,
+        [asdict(event) for event in trace.events],
+    )
+
+
+def wall_force(truth: Rig, rows: Array) -> Array:
+    """Force in N with which the capsule presses on along the lumen: the drive's less what accelerates the masses; (rows
+    - 1,).
+    """
+    dt = np.diff(rows[:, at.O_T])
+    pushed = rows[:-1, at.O_FORCE] - truth.capsule.mass_kg * np.diff(rows[:, at.O_V]) / dt
+    if isinstance(truth.drive, Vibro):
+        inner = truth.drive.inner_mass_kg * np.diff(rows[:, at.O_INNER_V]) / dt
+        pushed = pushed - inner - (rows[:-1, at.O_FORCE] if truth.drive.reaction_on_body else 0.0)
+    return np.asarray(pushed)
+
+
+def violations(truth: Rig, limits: Limits, rows: Array, tick_s: float) -> int:
+    """Ticks in which the true state broke a limit, those of `shares`."""
+    broken = np.zeros(rows.shape[0], dtype=bool)
+    for share in shares(truth, limits, rows).values():
+        broken[: share.size] |= share > 1 + 1e-9
+    return int(np.unique(np.floor(rows[broken, at.O_T] / tick_s + 1e-6)).size)
+
+
+def shares(truth: Rig, limits: Limits, rows: Array) -> dict[str, Array]:
+    """The true state as a share of each limit that it has: speed, force on the tissue, current, and the magnet's gap,
+    of the one beyond which it lets go. One for each row, for the force one less.
+    """
+    found = {"speed": np.abs(rows[:, at.O_V]) / limits.speed_m_s}
+    if not isinstance(truth.drive, Vibro):
+        found["force"] = np.abs(wall_force(truth, rows)) / limits.force_N
+    if isinstance(truth.drive, Magnet):
+        found["gap"] = np.abs(rows[:, at.O_DRIVE] - rows[:, at.O_X]) * math.sqrt(3) / truth.drive.magnet_range_m
+    if isinstance(truth.drive, Coil):
+        found["current"] = np.abs(rows[:, at.O_CURRENT]) / limits.current_A
+    return found
+
+
+def limit_use(scenario: TrackScenario, trace: Trace) -> dict[str, float]:
+    """The largest of `shares`; a carriage's speed, acceleration and travel beside them, as commanded."""
+    limits, tick = scenario.limits, scenario.control.tick_s
+    used = {name: float(np.max(share)) for name, share in shares(scenario.truth, limits, trace.rows).items()}
+    if isinstance(scenario.truth.drive, Magnet):
+        command = trace.command[np.isfinite(trace.command)]
+        speed = np.abs(np.diff(command)) / tick / limits.carriage_speed_m_s
+        acceleration = np.abs(np.diff(command, 2)) / tick**2 / limits.carriage_acceleration_m_s2
+        travel = np.abs(command) / limits.travel_m
+        each = {"carriage_speed": speed, "carriage_acceleration": acceleration, "travel": travel}
+        used |= {name: float(np.max(share, initial=0.0)) for name, share in each.items()}
+    return used
+
+
+def _times(seconds: Array) -> dict[str, float]:
+    """Median, 99th percentile and maximum in ms; of those that were measured."""
+    ms = 1e3 * seconds[np.isfinite(seconds)]
+    if not ms.size:
+        return dict.fromkeys(("median", "p99", "max"), math.nan)
+    return {"median": float(np.median(ms)), "p99": float(np.percentile(ms, 99)), "max": float(np.max(ms))}
+
+
+def document(
+    scenario: TrackScenario, name: str, controller: str, seed: int, model: str, result: Score, log: str | None
+) -> dict[str, Any]:
+    """The JSON object of `capsule track`, in the keys of interfaces.md."""
+    return {
+        "scenario": name,
+        "controller": controller,
+        "seed": seed,
+        "model": model,
+        **{key: getattr(result, key) for key in Score.__dataclass_fields__},
+        "log": log,
+    }

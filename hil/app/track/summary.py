@@ -1,0 +1,93 @@
+"""What `capsule track` prints: how well each controller tracked, what it took of limits and time, and the verdicts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from hil.app.console import summary
+from hil.app.scenario.model_offer import offer_words
+from hil.app.scenario.scenario import TrackScenario
+from hil.app.track.score import HARD
+
+Found = Mapping[str, Any]
+
+
+def say(scenario: TrackScenario, found: Sequence[Found], out: Path | None) -> None:
+    """Print the JSON objects of a scenario's runs as tables, and where the report is."""
+    console = summary()
+    seconds = f"{scenario.duration_s:g} s, seed {found[0]['seed']}"
+    console.print(f"{scenario.name}: {scenario.kind} rig, {seconds}, {found[0]['model']} model", markup=False)
+    heads = ("rmse mm", "max mm", "final mm", "mean mm/s", "wall mN", "effort mN", "violations")
+    _print(console, heads, [[one["controller"], *_tracking(one)] for one in found])
+    _print(
+        console,
+        ("ticks not ok", "most of a hard limit"),
+        [[one["controller"], not_ok(one), most_used(one)] for one in found],
+    )
+    steps = ("solve ms: median", "p99", "max", "estimate ms: median", "p99", "max")
+    _print(console, steps, [[one["controller"], *times(one)] for one in found])
+    checks = [
+        [one["controller"], check["check"], f"{check['value']:.4g}", f"{check['limit']:g}", verdict(check)]
+        for one in found
+        for check in one["checks"]
+    ]
+    if checks:
+        _print(console, ("check", "value", "at most", "verdict"), checks)
+    for one in found:
+        for event in one["events"]:
+            console.print(f"{one['controller']}: {_change(event)}", markup=False)
+        if sentence := offer_words(one):
+            console.print(f"{one['controller']}: {sentence}", markup=False)
+    if out is not None:
+        console.print(f"report: {out / 'track.html'}", markup=False, soft_wrap=True)
+
+
+def not_ok(found: Found) -> str:
+    """Ticks by status, those that went well aside: "lost 5000, limited 12"."""
+    return ", ".join(f"{name} {n}" for name, n in found["ticks"].items() if n and name != "ok") or "none"
+
+
+def most_used(found: Found) -> str:
+    """The limit of the true state of which the largest share was used: "gap 83 %"."""
+    name, share = max(
+        ((name, share) for name, share in found["limit_use"].items() if name in HARD), key=lambda item: item[1]
+    )
+    return f"{name} {100 * share:.0f} %"
+
+
+def times(found: Found) -> list[str]:
+    """Median, 99th percentile and maximum of the controller's and the estimator's time for a tick, in ms."""
+    return [f"{found[what][key]:.3f}" for what in ("solve_ms", "estimate_ms") for key in ("median", "p99", "max")]
+
+
+def verdict(check: Mapping[str, Any]) -> str:
+    """The verdict in a word."""
+    return "passed" if check["passed"] else "FAILED"
+
+
+def _change(event: Mapping[str, Any]) -> str:
+    return f"from {event['time_s']:.3f} s on {event['after']} in place of {event['before']}: {event['reason']}"
+
+
+def _tracking(one: Found) -> list[str]:
+    lengths = [
+        f"{1e3 * one[key]:.3f}" for key in ("tracking_rmse_m", "tracking_max_m", "final_error_m", "mean_speed_m_s")
+    ]
+    return [*lengths, *(f"{1e3 * one[key]:.1f}" for key in ("wall_force_max_N", "effort")), str(one["hard_violations"])]
+
+
+def _print(console: Console, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    table = Table(box=None, pad_edge=False)
+    for title in ("controller", *heads):
+        table.add_column(
+            title,
+            justify="left" if title in ("controller", "check", "ticks not ok", "most of a hard limit") else "right",
+        )
+    for row in rows:
+        table.add_row(*row)
+    console.print(table)

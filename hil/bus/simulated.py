@@ -1,0 +1,269 @@
+"""A CAN bus in simulated time: arbitration, true frame lengths, error counters, bus-off. Deterministic; time moves only
+when told.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import can
+
+from hil.bus.load import frame_bits
+
+PASSIVE, BUS_OFF = 128, 256
+ERROR_BITS = 23
+SUSPENDED_BITS = 8
+RECOVERY_BITS = 128 * 11
+SPACE_BITS = 3
+QUEUE = 64
+"""Error counts at which a node becomes passive and leaves the bus; bits of an error signalling (two flags of 6,
+delimiter 8, space 3), of a passive node's pause, of the idle bus that ends a bus-off; the space between frames; frames
+that wait in one node.
+"""
+
+Disturb = Callable[[float, str, can.Message], bool]
+"""`(start in s, sender, message) -> True` where a bit error hits the frame on the wire."""
+
+
+@dataclass(slots=True)
+class Counters:
+    """A node's error counters and what went through it; `longest_s` is the longest time from being queued to the end of
+    the frame.
+    """
+
+    transmit: int = 0
+    receive: int = 0
+    sent: int = 0
+    received: int = 0
+    errors: int = 0
+    longest_s: float = 0.0
+
+
+class _Waiting(NamedTuple):
+    """A frame in a node's queue, in order of priority; no two have the same `number`."""
+
+    id: int
+    number: int
+    queued: int
+    message: can.Message
+
+
+class Medium:
+    """The wire. `advance` moves the time; frames sent by the nodes before that take part in it from then on.
+
+    Modelled: arbitration by identifier, every frame's own length with stuff bits, error signalling with retransmission,
+    error counters (+8 and -1 for the sender, +1 and -1 for receivers), passive nodes' pause, bus-off without automatic
+    return, a collision of two senders of one identifier, a sender without anybody to acknowledge. Not modelled:
+    propagation, sampling, overload frames, remote frames, different views of one error. Only 11-bit data frames.
+    """
+
+    def __init__(self, bit_rate: int = 1_000_000, disturb: Disturb | None = None) -> None:
+        if not 10_000 <= bit_rate <= 1_000_000:
+            raise ValueError(f"bit_rate must lie in [10000, 1000000] bit/s; got {bit_rate}")
+        self.bit_rate, self.disturb = bit_rate, disturb
+        self.ports: list[SimulatedBus] = []
+        self.busy_bits = 0
+        self._now = self._free = 0
+        self._number = 0
+        self._flying: tuple[int, SimulatedBus, _Waiting] | None = None
+
+    @property
+    def now_s(self) -> float:
+        """Simulated time."""
+        return self._now / self.bit_rate
+
+    @property
+    def load(self) -> float:
+        """Share of the time so far that the bus was not idle."""
+        return self.busy_bits / max(self._now, self._free, 1)
+
+    def advance(self, until_s: float) -> None:
+        """Let the bus run until `until_s`; frames that end by then are in the receivers' inboxes. Time never goes
+        back.
+        """
+        end = max(round(until_s * self.bit_rate), self._now)
+        while self._land(end):
+            start, ready = self._contenders(end)
+            if not ready:
+                break
+            self._transmit(start, ready)
+        self._now = end
+
+    def queue(self, port: SimulatedBus, message: can.Message) -> None:
+        """Put a node's frame into its queue."""
+        self._number += 1
+        heapq.heappush(port.waiting, _Waiting(message.arbitration_id, self._number, self._now, message))
+
+    def recover(self, port: SimulatedBus) -> None:
+        """Let a node that is off return after 128 times 11 bits."""
+        port.offline_until = self._now + RECOVERY_BITS
+        port.counters.transmit = port.counters.receive = 0
+
+    def online(self, port: SimulatedBus) -> bool:
+        """Whether a node takes part."""
+        return port.counters.transmit < BUS_OFF and self._now >= port.offline_until
+
+    def _land(self, end: int) -> bool:
+        """Deliver the frame that is on the wire if it ends by `end`; whether the wire is free to go on."""
+        if self._flying is None:
+            return True
+        last, sender, waiting = self._flying
+        if last > end:
+            return False
+        self._flying, self._now = None, max(self._now, last)
+        sender.counters.sent += 1
+        sender.counters.transmit = max(sender.counters.transmit - 1, 0)
+        sender.counters.longest_s = max(sender.counters.longest_s, (last - waiting.queued) / self.bit_rate)
+        sent = waiting.message
+        got = can.Message(
+            last / self.bit_rate, sent.arbitration_id, False, data=sent.data, is_rx=True, channel=sender.name
+        )
+        for port in self.ports:
+            counters = port.counters
+            if port is not sender and counters.transmit < BUS_OFF and self._now >= port.offline_until:
+                if counters.receive:
+                    counters.receive = min(counters.receive - 1, PASSIVE - 1)
+                counters.received += 1
+                port.inbox.append(got)
+        return True
+
+    def _contenders(self, end: int) -> tuple[int, list[SimulatedBus]]:
+        """The first bit before `end` at which a frame can begin, and the nodes that want to begin one there."""
+        start, ready = end, list[SimulatedBus]()
+        for port in self.ports:
+            if port.waiting:
+                at = max(self._free, port.waiting[0].queued, port.silent_until)
+                if at < start:
+                    start, ready = at, [port]
+                elif at == start < end:
+                    ready.append(port)
+        return start, ready
+
+    def _transmit(self, start: int, ready: list[SimulatedBus]) -> None:
+        """Arbitration at `start` between the nodes that are `ready`, and what becomes of the winner."""
+        self._now = max(self._now, start)
+        winner = min(ready, key=_first) if len(ready) > 1 else ready[0]
+        waiting = _first(winner)
+        rivals = [p for p in ready if p is not winner and _first(p).id == waiting.id] if len(ready) > 1 else []
+        if any(_first(p).message.data != waiting.message.data for p in rivals):
+            self._fail(start, [winner, *rivals], waiting)
+        elif not any(p is not winner and self.online(p) for p in self.ports):
+            self._fail(start, [winner], waiting, acknowledged=False)
+        elif self.disturb is not None and self.disturb(start / self.bit_rate, winner.name, waiting.message):
+            self._fail(start, [winner], waiting)
+        else:
+            length = frame_bits(waiting.id, waiting.message.data)
+            self._occupy(start, length)
+            self._flying = (start + length - SPACE_BITS, winner, heapq.heappop(winner.waiting))
+            for rival in rivals:
+                heapq.heappop(rival.waiting)
+                rival.counters.sent += 1
+            if winner.counters.transmit >= PASSIVE:
+                winner.suspended_until = self._free + SUSPENDED_BITS
+
+    def _fail(self, start: int, senders: list[SimulatedBus], waiting: _Waiting, acknowledged: bool = True) -> None:
+        """An error frame: counters move, the frame stays in the queue for another try unless its sender has left the
+        bus.
+        """
+        self._occupy(start, frame_bits(waiting.id, waiting.message.data) // 2 + ERROR_BITS)
+        for port in self.ports:
+            if port in senders:
+                if acknowledged or port.counters.transmit < PASSIVE:
+                    port.counters.transmit += 8
+                port.counters.errors += 1
+                if port.counters.transmit >= PASSIVE:
+                    port.suspended_until = self._free + SUSPENDED_BITS
+                if port.counters.transmit >= BUS_OFF:
+                    port.waiting.clear()
+            elif self.online(port):
+                port.counters.receive = min(port.counters.receive + 1, PASSIVE)
+
+    def _occupy(self, start: int, bits: int) -> None:
+        self._free = start + bits
+        self.busy_bits += bits
+
+
+def _first(port: SimulatedBus) -> _Waiting:
+    return port.waiting[0]
+
+
+class SimulatedBus(can.BusABC):
+    """A node on a `Medium`, a python-can bus. `recv` gives what has come in by the medium's time and never waits,
+    whatever its timeout; `send` queues at the medium's time. Both refuse a node that is off the bus with
+    CanOperationError.
+    """
+
+    def __init__(self, medium: Medium, name: str) -> None:
+        super().__init__(channel=name)
+        self.medium, self.name = medium, name
+        self.channel_info = f"simulated bus, node {name}"
+        self.waiting: list[_Waiting] = []
+        self.inbox: deque[can.Message] = deque()
+        self.counters = Counters()
+        self.suspended_until = self.offline_until = 0
+        medium.ports.append(self)
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Queue a frame; raises CanOperationError with 64 frames waiting or off the bus, ValueError for anything but a
+        data frame of 11 bits.
+        """
+        if msg.is_extended_id or msg.is_remote_frame or msg.is_fd or msg.is_error_frame or len(msg.data) > 8:
+            raise ValueError(f"message must be a classic data frame with an 11-bit identifier; got {msg}")
+        if not self.medium.online(self):
+            raise can.CanOperationError(f"node {self.name} is off the bus")
+        if len(self.waiting) >= QUEUE:
+            raise can.CanOperationError(f"node {self.name} has {QUEUE} frames waiting")
+        self.medium.queue(self, msg)
+
+    @property
+    def silent_until(self) -> int:
+        """The bit from which on it may begin a frame."""
+        return max(self.suspended_until, self.offline_until)
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """The oldest frame that has come in, or None at once."""
+        while self.inbox:
+            message = self.inbox.popleft()
+            if self._matches_filters(message):
+                return message
+        return None
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        return (self.inbox.popleft() if self.inbox else None), False
+
+    def flush_tx_buffer(self) -> None:
+        """Forget what waits to be sent."""
+        self.waiting.clear()
+
+    @property
+    def state(self) -> can.BusState:
+        """ACTIVE, PASSIVE from 128 errors on, ERROR off the bus."""
+        if not self.medium.online(self):
+            return can.BusState.ERROR
+        worst = max(self.counters.transmit, self.counters.receive)
+        return can.BusState.PASSIVE if worst >= PASSIVE else can.BusState.ACTIVE
+
+    @state.setter
+    def state(self, new_state: can.BusState) -> None:
+        raise NotImplementedError("the state of a simulated node is what its error counters say")
+
+    def send_periodic(self, *_: Any, **__: Any) -> Any:
+        """Refused: a dead process's frames would go on."""
+        raise NotImplementedError("frames of a simulated node are sent one by one")
+
+    def recover(self) -> None:
+        """Ask to return to the bus; nothing else brings a node back."""
+        self.medium.recover(self)
+
+    def __del__(self) -> None:
+        """Nothing to release, so nothing to warn of."""
+
+    def shutdown(self) -> None:
+        """Leave the medium."""
+        super().shutdown()
+        if self in self.medium.ports:
+            self.medium.ports.remove(self)

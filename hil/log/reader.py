@@ -1,0 +1,106 @@
+"""Reads CAN logs of any format that python-can reads, and the record beside a log of ours."""
+
+from __future__ import annotations
+
+import json
+import struct
+import warnings
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import can
+
+from hil.log.blf_file import Logged, way_of
+from hil.log.log import record_path
+
+ENDINGS: Final = (".blf", ".asc", ".mf4", ".trc", ".log")
+"""Vector's BLF and ASC, ASAM MF4 (with the package asammdf), PEAK's TRC, candump's log."""
+LARGEST_FILE: Final = 1 << 31
+_BAD: Final = (
+    can.CanError,
+    ValueError,
+    KeyError,
+    IndexError,
+    TypeError,
+    struct.error,
+    EOFError,
+    AttributeError,
+    AssertionError,
+)
+
+
+def is_log(path: Path) -> bool:
+    """Whether the file's name is that of a CAN log."""
+    return path.suffix.lower() in ENDINGS
+
+
+def read_frames(path: Path) -> Iterator[Logged]:
+    """The classic data frames with 11-bit identifiers of the log `path`, in its order; others are left out.
+
+    A file that ends in the middle gives what is whole. Raises ValueError of one sentence for what is no log.
+    """
+    try:
+        if path.stat().st_size > LARGEST_FILE:
+            raise ValueError(f"{path}: log must be smaller than {LARGEST_FILE} bytes; got {path.stat().st_size}")
+        if path.stat().st_size == 0:
+            raise ValueError(f"{path}: log must hold frames; got an empty file")
+        if path.suffix.lower() == ".blf" and _first_bytes(path) != b"LOGG":
+            raise ValueError(f"{path}: log must be one in the format that its name ends in; got another content")
+        reader: Any = can.LogReader(path)
+    except OSError as error:
+        raise ValueError(f"{path}: log must be a file that can be read; got: {error.strerror or error}") from None
+    except (NotImplementedError, ImportError):
+        raise ValueError(
+            f"{path}: log must be BLF, ASC, TRC or candump's where the package asammdf is missing; got MF4"
+        ) from None
+    except _BAD as error:
+        if str(error).startswith(str(path)):
+            raise
+        raise ValueError(f"{path}: log must be one in the format that its name ends in; got: {_words(error)}") from None
+    with reader:
+        yield from _frames(reader, path)
+
+
+def _first_bytes(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(4)
+
+
+def _frames(reader: Any, path: Path) -> Iterator[Logged]:
+    messages, count = iter(reader), 0
+    while True:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                message = next(messages)
+        except StopIteration:
+            return
+        except zlib.error as error:
+            raise ValueError(f"{path}: log must be undamaged; got after {count} frames: {_words(error)}") from None
+        except (*_BAD, can.io.blf.BLFParseError) as error:
+            if count and path.suffix.lower() == ".blf":
+                return
+            raise ValueError(f"{path}: log must be whole; got after {count} frames: {_words(error)}") from None
+        count += 1
+        if not (message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd):
+            yield Logged(round(message.timestamp * 1e9), message.arbitration_id, bytes(message.data), way_of(message))
+
+
+def read_log_record(path: Path) -> dict[str, Any]:
+    """The record beside the log `path`. Raises ValueError of one sentence where there is none."""
+    beside = record_path(path)
+    try:
+        found = json.loads(beside.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ValueError(f"{beside}: record of the log must be there; got: {error.strerror or error}") from None
+    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise ValueError(f"{beside}: record of the log must be JSON; got: {_words(error)}") from None
+    if not isinstance(found, dict):
+        raise ValueError(f"{beside}: record of the log must be a JSON object; got a {type(found).__name__}")
+    return found
+
+
+def _words(error: BaseException) -> str:
+    return " ".join(str(error).split())[:160] or type(error).__name__

@@ -1,0 +1,225 @@
+"""A CAN log as a record: the rig's driven and measured columns on one time base, decoded with the catalogue."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.bus.catalogue import Catalogue, load_catalogue
+from hil.bus.codec import Refusal
+from hil.bus.protection import Receiver
+from hil.log.blf_file import RECEIVED, SENT, Logged
+from hil.log.reader import is_log, read_frames
+from models.files.columns import COLUMNS, RANGES, TIME, first_wrong
+from models.files.record import Record, read_record
+from models.files.rig import Rig
+
+Array = NDArray[np.float64]
+_CALENDAR_S: Final = 1e6
+_ENABLE, _ENABLED, _DERATED = 2, 4, 5
+_HEARTBEAT: Final = "Heartbeat"
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a column of a record stands on the bus."""
+
+    column: str
+    frame: str
+    signal: str
+
+
+@dataclass(frozen=True)
+class Sources:
+    """A kind of rig's driven and measured column; `held` drives hold between commands, others go straight between
+    feedbacks.
+    """
+
+    driven: Source
+    measured: Source
+    held: bool = False
+
+
+_CARRIAGE, _PLACE = ("CarriageFeedback", "Position_m"), Source("position_m", "CapsuleLocalisation", "Position_m")
+_PULL: Final = Sources(Source("position_m", *_CARRIAGE), Source("force_N", "ForceReading", "Force_N"))
+SOURCES: Final[Mapping[str, Sources]] = MappingProxyType(
+    {
+        "pull": _PULL,
+        "axis": _PULL,
+        "magnetic": Sources(Source("carriage_position_m", *_CARRIAGE), _PLACE),
+        "coil": Sources(Source("coil_current_A", "CoilFeedback", "Current_A"), _PLACE),
+        "vibro": Sources(Source("drive_on", "InnerMassCommand", "Level"), _PLACE, held=True),
+    }
+)
+
+
+def read_rig_record(path: Path, rig: Rig, *, driven_only: bool = False) -> Record:
+    """A record of `rig` from a CSV file or a CAN log. Raises ValueError of one sentence."""
+    if not is_log(path):
+        return read_record(path, rig, driven_only=driven_only)
+    return log_record(path, rig, driven_only=driven_only)
+
+
+def log_record(path: Path, rig: Rig, *, driven_only: bool = False, catalogue: Catalogue | None = None) -> Record:
+    """The record that the log `path` holds of `rig`.
+
+    Rows are the measured values' own times, arrival less the age that the frame states. A position or current that was
+    fed back is taken straight between its frames; a held drive is the mean of what was commanded since the row before,
+    as records of a switched drive have it. Frames that protection refuses and values that the sensor does not vouch for
+    are left out. With `driven_only` the measured frames may be missing: rows are then the drive's. Raises ValueError of
+    one sentence.
+    """
+    if rig.kind not in SOURCES:
+        raise ValueError(
+            f"{path}: CAN log must be of a rig of kind {', '.join(SOURCES)}; got kind {rig.kind!r}: give a CSV"
+        )
+    sources, reading = SOURCES[rig.kind], _Reading(str(path), catalogue or load_catalogue())
+    reading.take(read_frames(path))
+    columns = _columns(reading, sources, driven_only)
+    kind = COLUMNS[rig.kind]
+    least, rows = 2 if driven_only else kind.minimum, len(columns[TIME])
+    if not least <= rows <= kind.limit:
+        raise ValueError(
+            f"{path}: record of kind {rig.kind} must have {least} to {kind.limit} rows; the log gives {rows}"
+        )
+    for name, values in columns.items():
+        row = first_wrong(name, values)
+        if row is not None:
+            raise ValueError(
+                f"{path}: {name} must be {RANGES[name][2]}; got {values[row]:g} at {columns[TIME][row]:g} s"
+            )
+    return Record(path.stem, rig.kind, columns)
+
+
+@dataclass
+class _Reading:
+    """The good frames of a log by name: arrival in s and values."""
+
+    where: str
+    catalogue: Catalogue
+    good: dict[str, list[tuple[float, dict[str, float]]]] = field(default_factory=dict)
+    receivers: dict[int, Receiver] = field(default_factory=dict)
+
+    def take(self, frames: Iterable[Logged]) -> None:
+        """Check and decode all frames; times from calendars become times since the first frame."""
+        names = {number: frame.name for number, frame in self.catalogue.by_id().items()}
+        self.receivers = {frame.id: Receiver(frame) for frame in self.catalogue.frames.values()}
+        start: float | None = None
+        for logged in frames:
+            if start is None:
+                start = logged.time_s if logged.time_s > _CALENDAR_S else 0.0
+            receiver = self.receivers.get(logged.id)
+            if receiver is None or logged.way not in (RECEIVED, SENT):
+                continue
+            now = logged.time_s - start
+            values = receiver.accept(logged.data, now)
+            if not isinstance(values, Refusal):
+                name = names[logged.id]
+                self._check_catalogue(name, values)
+                self.good.setdefault(name, []).append((now, values))
+
+    def _check_catalogue(self, name: str, values: Mapping[str, float]) -> None:
+        known = self.catalogue.fingerprint
+        if name.endswith(_HEARTBEAT) and values["Catalogue"] != known:
+            raise ValueError(
+                f"{self.where}: log must be one of {Path(self.catalogue.source).name} with fingerprint {known:#06x}; "
+                f"got {int(values['Catalogue']):#06x} in {name}"
+            )
+
+    def has(self, name: str) -> bool:
+        """Whether good frames of this name came."""
+        return bool(self.good.get(name))
+
+    def frames(self, name: str) -> list[tuple[float, dict[str, float]]]:
+        """The good frames of a name, or the sentence that says what came instead."""
+        if self.has(name):
+            return self.good[name]
+        frame = self.catalogue[name]
+        refused = self.receivers[frame.id].statistics.refused
+        source = Path(self.catalogue.source).name
+        if refused:
+            why = ", ".join(f"{count} for {reason}" for reason, count in refused.items())
+            raise ValueError(f"{self.where}: {name} frames must be as {source} describes them; all were refused: {why}")
+        there = ", ".join(sorted(n for n in self.good if not n.endswith(_HEARTBEAT))) or "no frame of the catalogue"
+        raise ValueError(f"{self.where}: log must hold {name} frames ({frame.id:#x} of {source}); got {there}")
+
+
+def _columns(reading: _Reading, sources: Sources, driven_only: bool) -> dict[str, Array]:
+    driven = reading.frames(sources.driven.frame)
+    if driven_only and not reading.has(sources.measured.frame):
+        times = _increasing(np.array([t for t, _ in driven]))
+        rows, values = times[0], {}
+    else:
+        rows, measured = _measured(reading.frames(sources.measured.frame), sources.measured)
+        if not rows.size:
+            raise ValueError(
+                f"{reading.where}: {sources.measured.frame} must hold values that the sensor vouches for; got none"
+            )
+        values = {sources.measured.column: measured}
+    if sources.held:
+        commanded = _commanded(reading, driven)
+        inside = rows > driven[0][0]
+        wanted = _mean_before(rows[inside], *commanded)
+    else:
+        t = np.array([t for t, _ in driven])
+        inside = (rows >= t[0]) & (rows <= t[-1])
+        wanted = np.interp(rows[inside], t, np.array([v[sources.driven.signal] for _, v in driven]))
+    return {
+        TIME: rows[inside],
+        sources.driven.column: wanted,
+        **{name: column[inside] for name, column in values.items()},
+    }
+
+
+def _measured(frames: list[tuple[float, dict[str, float]]], source: Source) -> tuple[Array, Array]:
+    """Times at which the values were true, increasing, and the values."""
+    found = [(t - v["Age_s"], v[source.signal]) for t, v in frames if v["Valid"]]
+    times, kept = _increasing(np.array([t for t, _ in found]))
+    return times, np.array([value for _, value in found])[kept]
+
+
+def _increasing(times: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """The times that are later than all before them, and which these are."""
+    kept = np.ones(times.shape, dtype=bool)
+    kept[1:] = times[1:] > np.maximum.accumulate(times)[:-1]
+    return times[kept], kept
+
+
+def _commanded(reading: _Reading, frames: list[tuple[float, dict[str, float]]]) -> tuple[Array, Array]:
+    """When the drive's level changed and to what: that of the newest command while it lives and the drive is
+    enabled.
+    """
+    states = reading.good.get("InnerMassFeedback", [(0.0, {"State": float(_ENABLED)})])
+    at = np.searchsorted(np.array([t for t, _ in states]), np.array([t for t, _ in frames]), "right") - 1
+    runs = [states[max(k, 0)][1]["State"] in (_ENABLED, _DERATED) for k in at.tolist()]
+    times, levels = list[float](), list[float]()
+    for (t, v), on, later in zip(frames, runs, [*(t for t, _ in frames[1:]), np.inf], strict=True):
+        if v["Period_s"]:
+            raise ValueError(
+                f"{reading.where}: InnerMassCommand must hold a level (Period_s 0) in a record; got {v['Period_s']:g} s"
+            )
+        if v["Level"] < 0:
+            raise ValueError(f"{reading.where}: Level must lie in [0, 1] in a record; got {v['Level']:g} at {t:g} s")
+        times.append(t)
+        levels.append(v["Level"] if v["Mode"] == _ENABLE and on else 0.0)
+        if later > t + v["TimeToLive_ms"] * 1e-3:
+            times.append(t + v["TimeToLive_ms"] * 1e-3)
+            levels.append(0.0)
+    return np.array(times), np.array(levels)
+
+
+def _mean_before(rows: Array, times: Array, levels: Array) -> Array:
+    """Mean of the held `levels` from each row's predecessor to the row; the first row's interval is as long as the
+    second's.
+    """
+    area = np.concatenate([[0.0], np.cumsum(levels[:-1] * np.diff(times))])
+    last = np.array([rows[0] - (rows[1] - rows[0]), *rows[:-1]]) if len(rows) > 1 else rows - 1e-3
+    upto = np.interp(rows, times, area) + np.maximum(rows - times[-1], 0.0) * levels[-1]
+    before = np.interp(last, times, area) + np.maximum(last - times[-1], 0.0) * levels[-1]
+    return np.asarray(np.clip((upto - before) / (rows - last), 0.0, 1.0))

@@ -1,0 +1,117 @@
+"""Sets a CiA 402 drive up over SDO before anything moves: what it maps, how long a command lives, how it stops. Needs
+the package canopen.
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from typing import Final
+
+import can
+
+from controller.limits import Limits
+from hil.nodes.cia402.states import CYCLIC_SYNCHRONOUS_POSITION, MASTER_NODE, SYNC_ID, Cia402Table
+from hil.nodes.frame_map import QUICK_STOP_M_S2
+
+HEARTBEAT_MS: Final = 20
+HEARTBEAT_LOST_MS: Final = 60
+PROFILE: Final = 0x192
+_INVALID: Final = 1 << 31
+_SYNCHRONOUS: Final = 1
+_MAPPED: Final = {0x1600: (0x60400010, 0x607A0020), 0x1A00: (0x60410010, 0x60640020), 0x1A01: (0x606C0020, 0x603F0010)}
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One object of the dictionary: `index`, `sub`, its `size` in bytes, and its `value`."""
+
+    index: int
+    sub: int
+    size: int
+    value: int
+
+    @property
+    def data(self) -> bytes:
+        """The value on the wire."""
+        return self.value.to_bytes(self.size, "little", signed=self.value < 0)
+
+
+def entries(table: Cia402Table, limits: Limits, tick_s: float, time_to_live_ms: int) -> tuple[Entry, ...]:
+    """All that the drive is told, in order.
+
+    RPDO 1 acts at SYNC and has a deadline of `time_to_live_ms`, whose expiry is a fault (0x6007: 1) that brakes
+    (0x605E: 2), as does the loss of the controller's heartbeat; quick stop brakes and ends disabled (0x605A: 2).
+    """
+    node, counts = table.node_id, table.counts_per_m
+    travel, speed = round(limits.travel_m * counts), round(limits.carriage_speed_m_s * counts)
+    return (
+        Entry(0x1005, 0, 4, SYNC_ID),
+        Entry(0x1016, 1, 4, MASTER_NODE << 16 | HEARTBEAT_LOST_MS),
+        Entry(0x1017, 0, 2, HEARTBEAT_MS),
+        *_mapping(0x1400, 0x1600, 0x200 + node, Entry(0x1400, 5, 2, time_to_live_ms)),
+        *_mapping(0x1800, 0x1A00, 0x180 + node),
+        *_mapping(0x1801, 0x1A01, 0x280 + node),
+        Entry(0x6007, 0, 2, 1),
+        Entry(0x605A, 0, 2, 2),
+        Entry(0x605E, 0, 2, 2),
+        Entry(0x607D, 1, 4, -travel),
+        Entry(0x607D, 2, 4, travel),
+        Entry(0x607F, 0, 4, speed),
+        Entry(0x6085, 0, 4, round(QUICK_STOP_M_S2 * counts)),
+        Entry(0x60C2, 1, 1, round(1e4 * tick_s)),
+        Entry(0x60C2, 2, 1, -4),
+        Entry(0x6060, 0, 1, CYCLIC_SYNCHRONOUS_POSITION),
+    )
+
+
+def _mapping(parameters: int, mapping: int, identifier: int, *more: Entry) -> tuple[Entry, ...]:
+    """A process data object: off, its contents, on."""
+    objects = _MAPPED[mapping]
+    return (
+        Entry(parameters, 1, 4, _INVALID | identifier),
+        Entry(parameters, 2, 1, _SYNCHRONOUS),
+        *more,
+        Entry(mapping, 0, 1, 0),
+        *(Entry(mapping, k, 4, value) for k, value in enumerate(objects, 1)),
+        Entry(mapping, 0, 1, len(objects)),
+        Entry(parameters, 1, 4, identifier),
+    )
+
+
+def set_up(bus: can.BusABC, table: Cia402Table, limits: Limits, tick_s: float, time_to_live_ms: int) -> None:
+    """Set the drive up, read back what it has taken, and start its PDOs; it stays disabled. Blocks, at most some
+    seconds.
+
+    Raises ValueError of one sentence where canopen is missing, no drive answers, or it does not take what it must.
+    """
+    try:
+        import canopen
+    except ImportError:
+        raise ValueError(
+            "cia402 must have the package canopen; install the extra: pip install 'capsule-control[canopen]'"
+        ) from None
+    logging.getLogger("canopen").setLevel(logging.CRITICAL)
+    network = canopen.Network(bus)
+    network.connect()
+    try:
+        node = network.add_node(canopen.RemoteNode(table.node_id, canopen.ObjectDictionary()))
+        node.sdo.RESPONSE_TIMEOUT = table.answers_s
+        node.nmt.state = "PRE-OPERATIONAL"
+        kind = int.from_bytes(node.sdo.upload(0x1000, 0), "little") & 0xFFFF
+        if kind != PROFILE:
+            raise ValueError(f"cia402: node {table.node_id} must be a drive of profile 402; got profile {kind}")
+        for entry in entries(table, limits, tick_s, time_to_live_ms):
+            node.sdo.download(entry.index, entry.sub, entry.data)
+            held = node.sdo.upload(entry.index, entry.sub)
+            if held != entry.data:
+                where = f"0x{entry.index:04X}:{entry.sub:02X}"
+                raise ValueError(
+                    f"cia402: node {table.node_id} must take {entry.value} at {where}; it holds {held.hex()}"
+                )
+        node.nmt.state = "OPERATIONAL"
+    except (canopen.SdoCommunicationError, canopen.SdoAbortedError, can.CanError, OSError) as error:
+        raise ValueError(f"cia402: node {table.node_id} must answer and take its settings; got: {error}") from None
+    finally:
+        if network.notifier is not None:
+            network.notifier.stop(2 * network.NOTIFIER_CYCLE)

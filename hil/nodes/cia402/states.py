@@ -1,0 +1,154 @@
+"""CiA 402 for the carriage: the drive's states, which words lead through them, and what is on the wire. Standard: IEC
+61800-7-201.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+from hil.nodes.drive.state_machine import HEARTBEAT_LOST, OVER_CURRENT, OVER_TEMPERATURE, TIME_TO_LIVE
+from hil.nodes.frame_map import BOOT, DERATED, ENABLE, ENABLED, FAULT, OFF, QUICK_STOP, STANDBY, STOPPING, WAITING
+
+DISABLED, READY_TO_SWITCH_ON, SWITCHED_ON, OPERATION, QUICK_STOPPING, REACTING, FAULTED = range(1, 8)
+"""States of the power drive system; 0 is "not ready to switch on"."""
+NOT_READY: Final = 0
+_WORDS: Final[Mapping[int, tuple[int, int]]] = MappingProxyType(
+    {
+        NOT_READY: (0x4F, 0x00),
+        DISABLED: (0x4F, 0x40),
+        READY_TO_SWITCH_ON: (0x6F, 0x21),
+        SWITCHED_ON: (0x6F, 0x23),
+        OPERATION: (0x6F, 0x27),
+        QUICK_STOPPING: (0x6F, 0x07),
+        REACTING: (0x4F, 0x0F),
+        FAULTED: (0x4F, 0x08),
+    }
+)
+"""Mask and value of the statusword's bits that tell the state."""
+WARNING: Final = 0x80
+"""Bit of the statusword: the drive does not do all it is asked for."""
+DISABLE_VOLTAGE, SHUTDOWN, SWITCH_ON, ENABLE_OPERATION, HALT_QUICKLY, RESET_FAULT = 0x00, 0x06, 0x07, 0x0F, 0x02, 0x80
+"""Controlwords."""
+SYNC_ID: Final = 0x6A0
+"""CANopen's SYNC goes by a free identifier: by its usual one 0x80 the catalogue's own Sync goes."""
+MASTER_NODE: Final = 127
+OPERATIONAL: Final = 5
+CYCLIC_SYNCHRONOUS_POSITION: Final = 8
+RPDO: Final = struct.Struct("<Hi")
+"""Controlword 0x6040, target position 0x607A."""
+TPDO_STATE: Final = struct.Struct("<Hi")
+"""Statusword 0x6041, actual position 0x6064."""
+TPDO_MORE: Final = struct.Struct("<iH")
+"""Actual velocity 0x606C, error code 0x603F."""
+INTERNAL: Final = 11
+_ERRORS: Final[Mapping[int, int]] = MappingProxyType(
+    {0x2300: OVER_CURRENT, 0x4300: OVER_TEMPERATURE, 0x8250: TIME_TO_LIVE, 0x8130: HEARTBEAT_LOST}
+)
+_STATES: Final[Mapping[int, int]] = MappingProxyType(
+    {NOT_READY: BOOT, DISABLED: STANDBY, READY_TO_SWITCH_ON: WAITING, SWITCHED_ON: WAITING, OPERATION: ENABLED}
+    | {QUICK_STOPPING: STOPPING, REACTING: FAULT, FAULTED: FAULT}
+)
+
+
+@dataclass(frozen=True)
+class Cia402Table:
+    """`[cia402]`: the carriage is a CANopen drive of this `node_id`, whose position counts `counts_per_m`; `answers_s`
+    is how long it may take to be found.
+    """
+
+    node_id: int = 1
+    counts_per_m: float = 1e6
+    answers_s: float = 2.0
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.node_id <= 15:
+            raise ValueError(
+                f"cia402.node_id must lie in [1, 15], clear of the catalogue's identifiers; got {self.node_id}"
+            )
+        if not 1e3 <= self.counts_per_m <= 1e9:
+            raise ValueError(f"cia402.counts_per_m must lie in [1e3, 1e9]; got {self.counts_per_m:g}")
+        if not 0.1 <= self.answers_s <= 60.0:
+            raise ValueError(f"cia402.answers_s must lie in [0.1, 60]; got {self.answers_s:g}")
+
+
+def state_of(statusword: int) -> int:
+    """The state that a statusword shows; "not ready" for one that shows none."""
+    return next((state for state, (mask, word) in _WORDS.items() if statusword & mask == word), NOT_READY)
+
+
+def statusword_of(state: int, *, warning: bool = False) -> int:
+    """The statusword of a state."""
+    return _WORDS[state][1] | (WARNING if warning else 0)
+
+
+def shown(statusword: int) -> int:
+    """A drive's state in the catalogue's numbers; enabled with a warning is derated."""
+    state = _STATES[state_of(statusword)]
+    return DERATED if state == ENABLED and statusword & WARNING else state
+
+
+def fault_of(error: int) -> int:
+    """An error code 0x603F as the catalogue's code of a fault: the same, else its group's, else "internal"."""
+    return _ERRORS.get(error, _ERRORS.get(error & 0xFF00, INTERNAL))
+
+
+def controlword(mode: int, state: int, *, reset: bool = False) -> int:
+    """What to tell a drive in `state` for a `mode` of the catalogue's command.
+
+    One step up at a time, never from a state below "ready to switch on" by `ENABLE`, and never up with a `reset`: after
+    it the drive stands disabled until off, ready and enable are asked for in turn. Whatever stops a moving drive brakes
+    it; its voltage goes later.
+    """
+    if state == FAULTED:
+        return RESET_FAULT if reset else DISABLE_VOLTAGE
+    if state == OPERATION:
+        return ENABLE_OPERATION if mode == ENABLE else HALT_QUICKLY
+    if state == QUICK_STOPPING:
+        return HALT_QUICKLY
+    if mode in (OFF, QUICK_STOP) or state in (NOT_READY, REACTING):
+        return DISABLE_VOLTAGE
+    if state == DISABLED:
+        return DISABLE_VOLTAGE if mode == ENABLE else SHUTDOWN
+    if mode == ENABLE:
+        return SWITCH_ON if state == READY_TO_SWITCH_ON else ENABLE_OPERATION
+    return SHUTDOWN
+
+
+def next_state(state: int, word: int, before: int, *, cause: bool, at_rest: bool) -> int:
+    """The drive's state after controlword `word` came where `before` was the last one; `cause` is a present reason for
+    a fault.
+
+    Quick stop option 2: brake, then disabled. A fault ends by the rising edge of bit 7 once its cause is gone, in
+    "disabled".
+    """
+    if cause and state not in (REACTING, FAULTED):
+        return REACTING
+    if state == REACTING:
+        return FAULTED if at_rest else REACTING
+    if state == FAULTED:
+        edge = word & RESET_FAULT and not before & RESET_FAULT
+        return DISABLED if edge and not cause else FAULTED
+    if state == NOT_READY:
+        return DISABLED
+    if state == QUICK_STOPPING:
+        return DISABLED if at_rest else QUICK_STOPPING
+    return _commanded(state, word)
+
+
+def _commanded(state: int, word: int) -> int:
+    """Where a controlword leads from disabled, ready, switched on and operation."""
+    if not word & 0x02:
+        return DISABLED
+    if not word & 0x04:
+        return QUICK_STOPPING if state == OPERATION else DISABLED
+    if word & 0x07 == SHUTDOWN:
+        return READY_TO_SWITCH_ON
+    if state == DISABLED:
+        return DISABLED
+    if state == READY_TO_SWITCH_ON:
+        return SWITCHED_ON
+    return OPERATION if word & 0x0F == ENABLE_OPERATION else SWITCHED_ON

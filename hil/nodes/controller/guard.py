@@ -1,0 +1,191 @@
+"""The guard between controller and bus: what leaves is allowed, finite, within range and slew, fresh and in time,
+whatever is asked for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+import can
+
+from controller.limits import Envelope, number
+from hil.bus.catalogue import Catalogue
+from hil.bus.protection import Sender
+from hil.nodes.frame_map import ENABLE, MOVING, QUICK_STOP, WAITING, WIRINGS, Observer, Wiring
+
+STOP_PERIOD_S: Final = 0.02
+FEEDBACK_S: Final[Mapping[str, float]] = MappingProxyType({"magnetic": 0.0215, "coil": 0.0045, "vibro": 0.0065})
+"""How old the feedback of a drive at rest may be: what is left of 25 ms (carriage) and 10 ms (coil, inner mass) from
+the last good frame to the safe state, once a tick until the guard sees it, the way of the stop to the drive and, of a
+coil, the decay of its current are taken off.
+"""
+GUARD_REASON: Final = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Fence:
+    """What a command is held to: range [`low`, `high`] and `rate` a second in the drive's unit. `rests`: the safe
+    command is to stay (carriage), else it is 0. Feedback older than `feedback_s` less the time to brake at `braking` a
+    second squared, or localisation older than `stop_s` stop the drive; localisation older than `derate_s` halves range
+    or rate. One missing command is held, from the second on it fades, the `late_stop`-th stops.
+    """
+
+    low: float
+    high: float
+    rate: float
+    rests: bool
+    tick_s: float
+    feedback_s: float
+    braking: float = math.inf
+    derate_s: float = 0.05
+    stop_s: float = 0.15
+    late_stop: int = 3
+
+    @classmethod
+    def of(cls, envelope: Envelope, tick_s: float) -> Fence:
+        """The fence that a drive's limits set."""
+        rests = envelope.kind == "magnetic"
+        patience, braking = FEEDBACK_S[envelope.kind], WIRINGS[envelope.kind].braking_m_s2
+        return cls(
+            envelope.low, envelope.high, envelope.rate, rests, tick_s, patience, braking, stop_s=envelope.limits.age_s
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """How old in s the newest good localisation and drive feedback are (inf: none), and the `state` the drive
+    reports.
+    """
+
+    localisation_s: float
+    feedback_s: float
+    state: int
+
+
+@dataclass(frozen=True, slots=True)
+class Passed:
+    """What the guard lets out: a command, its change a second, a mode; commands missing in a row; why it is not what
+    was asked for.
+    """
+
+    value: float
+    rate: float
+    mode: int
+    missed: int = 0
+    reason: str = ""
+
+
+def passed(wanted: object, mode: int, evidence: Evidence, before: Passed, dt: float, fence: Fence) -> Passed:
+    """The command that may leave `dt` s after `before`, when `wanted` is asked for in `mode`. Never raises.
+
+    Any mode but `ENABLE` moves nothing and passes. A stop holds until another mode than `ENABLE` has been asked for. A
+    `wanted` that is no finite number is a missing command.
+    """
+    aim = number(wanted)
+    here = _within(aim, fence.low, fence.high) if fence.rests and math.isfinite(aim) else _rest(before.value, fence)
+    if mode != ENABLE:
+        return Passed(here, 0.0, mode)
+    missed = 0 if math.isfinite(aim) else before.missed + 1
+    reason = before.reason if before.mode == QUICK_STOP else _stopping(evidence, missed, before.rate, fence)
+    if reason:
+        return Passed(_rest(before.value, fence), 0.0, QUICK_STOP, missed, reason)
+    if missed:
+        aim = before.value if missed == 1 or fence.rests else 0.5 * before.value
+    share = 1.0 if evidence.localisation_s <= fence.derate_s else 0.5
+    reach = share if not fence.rests else 1.0
+    held = _within(aim, reach * fence.low, reach * fence.high)
+    dt = min(dt, 2 * fence.tick_s) if dt > 0 else 0.0
+    if math.isfinite(fence.rate):
+        most = fence.rate * (share if fence.rests else 1.0) * dt
+        held = _within(held, before.value - most, before.value + most)
+    rate = (held - before.value) / dt if dt > 0 else 0.0
+    why = "late" if missed else "" if abs(held - aim) <= 1e-9 * (fence.high - fence.low) else "limit"
+    return Passed(held, rate, ENABLE, missed, why)
+
+
+def _stopping(evidence: Evidence, missed: int, rate: float, fence: Fence) -> str:
+    """Why a drive that moves by `rate` a second must stop, "" where it need not."""
+    if missed >= fence.late_stop:
+        return "controller late"
+    if not -fence.tick_s <= evidence.feedback_s <= fence.feedback_s - abs(rate) / fence.braking:
+        return "feedback lost"
+    if evidence.state != WAITING and evidence.state not in MOVING:
+        return "drive not enabled"
+    if not -fence.tick_s <= evidence.localisation_s <= fence.stop_s:
+        return "localisation lost"
+    return ""
+
+
+def _rest(value: float, fence: Fence) -> float:
+    return value if fence.rests else 0.0
+
+
+def _within(value: float, low: float, high: float) -> float:
+    return min(max(value, low), high)
+
+
+class Guard:
+    """The only one who sends for the controller: frames of the whitelist, each through its codec; the drive's command
+    through `passed`.
+
+    `refused` counts what was not allowed or did not fit, `unsent` what the bus did not take. Where `dry` nothing is
+    sent. `observe` sees each frame that was sent, or would have been where `dry`. No method raises.
+    """
+
+    def __init__(
+        self,
+        bus: can.BusABC,
+        catalogue: Catalogue,
+        wiring: Wiring,
+        fence: Fence,
+        *,
+        dry: bool = False,
+        observe: Observer | None = None,
+    ) -> None:
+        self.fence, self.wiring, self.dry = fence, wiring, dry
+        self.refused: Counter[str] = Counter()
+        self.unsent = 0
+        self.sent = Passed(0.0, 0.0, 0)
+        self._bus, self._observe = bus, observe
+        allowed = ("SafeStop", "DriveReset", "Sync", "ControllerHeartbeat", wiring.command)
+        self._senders = {name: (catalogue[name].id, Sender(catalogue[name])) for name in allowed}
+        self._time = self._stopped_at = -math.inf
+
+    def command(self, now: float, wanted: object, mode: int, evidence: Evidence) -> Passed:
+        """Send the drive's command for `wanted`, and a safe stop beside one that the guard had to make of it."""
+        out = passed(wanted, mode, evidence, self.sent, now - self._time, self.fence)
+        self._time, self.sent = now, out
+        self.send(self.wiring.command, self.wiring.values(out.value, out.rate, out.mode), now)
+        if out.mode != QUICK_STOP:
+            self._stopped_at = -math.inf
+        elif not 0 <= now - self._stopped_at < STOP_PERIOD_S - 0.5 * self.fence.tick_s:
+            self._stopped_at = now
+            self.send("SafeStop", {"Target": self.wiring.target, "Reason": GUARD_REASON}, now)
+        return out
+
+    def send(self, name: str, values: Mapping[str, float], now: float) -> bool:
+        """Send one frame of the whitelist; whether it went out."""
+        if name not in self._senders:
+            self.refused[name] += 1
+            return False
+        identifier, sender = self._senders[name]
+        try:
+            data = sender.frame(values)
+        except ValueError:
+            self.refused[name] += 1
+            return False
+        message = can.Message(timestamp=now, arbitration_id=identifier, is_extended_id=False, data=data, is_rx=False)
+        if not self.dry:
+            try:
+                self._bus.send(message, timeout=0)
+            except (can.CanError, OSError):
+                self.unsent += 1
+                return False
+        if self._observe is not None:
+            self._observe(message)
+        return not self.dry

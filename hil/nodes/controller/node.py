@@ -1,0 +1,302 @@
+"""The controller as a node on the bus: protected fresh frames in, estimate, supervised controller, guard, frames
+out.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import can
+
+from controller.envelope import envelope_of
+from controller.limits import Envelope, Limits
+from controller.model.control_model import ControlModel
+from controller.registry import build
+from controller.signals import Action, Array, Estimate, Measurement, Reference
+from controller.supervision.fallback import Rules
+from controller.supervision.model_switch import Offer, Succession
+from controller.supervision.supervisor import Supervisor
+from hil.bus.catalogue import Catalogue
+from hil.nodes.controller.guard import Evidence, Fence, Guard, Passed
+from hil.nodes.controller.plausibility import Doubts
+from hil.nodes.controller.receive import Ears
+from hil.nodes.frame_map import (
+    BOOT,
+    ENABLE,
+    MOVING,
+    OFF,
+    QUICK_STOP,
+    READY,
+    SELF_TEST,
+    STANDBY,
+    WAITING,
+    Observer,
+    frames,
+    wiring_of,
+)
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a controller node is built from: the control model (its tick is the bus's), the name of a controller in
+    `controller.registry`, where to go, and the limits. `seen_noise_m` is the noise the localisation is believed to
+    have. `deadline_s` is what the MPC's plan may take of a tick (inf, as lockstep needs it, where no clock decides).
+    `offer` is a model that is to take over at a rest.
+    """
+
+    model: ControlModel
+    controller: str
+    reference: Reference
+    limits: Limits
+    seen_noise_m: float = 5e-4
+    deadline_s: float = math.inf
+    offer: Offer | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """What one tick came to: `time_s` it was computed for, what was believed and wanted, what the guard let out, and
+    the time in s that estimate and controller took.
+    """
+
+    time_s: float
+    estimate: Estimate
+    action: Action
+    passed: Passed
+    state: int
+    active: str
+    seconds: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Shifted:
+    """A reference that begins at `origin_s` of the node's clock."""
+
+    path: Reference
+    origin_s: float
+
+    def position(self, t: Array) -> Array:
+        return self.path.position(t - self.origin_s)
+
+    def speed(self, t: Array) -> Array:
+        return self.path.speed(t - self.origin_s)
+
+
+__all__ = ["FAULTY", "HALTING", "IDLE", "RUNNING", "ControllerNode", "Task", "Tick"]
+IDLE, RUNNING, HALTING, FAULTY = 1, 2, 3, 4
+"""States of the node, in the numbers of its heartbeat."""
+HEARTBEAT_S: Final = 0.02
+_FOLLOW: Final = {"magnetic": 2e-3, "coil": 0.15, "vibro": math.inf}
+"""In the command's unit; of a carriage what 8 ms of delay, which a drive rides through, make of its full rate."""
+_NOISE_M: Final = 2e-5
+_ROUNDING_S: Final = 1e-6
+GRID_SLACK: Final = 1e-3
+"""Share of a tick by which a time may lie before its point of the grid, by rounding."""
+
+
+class ControllerNode:
+    """`tick(now)` once a tick of the model: sends SYNC, takes in what has come, and computes the command for the tick
+    that begins with the *next* SYNC, at which the drive takes it over; so the whole tick is there to compute in and the
+    delay is known to the model.
+
+    `now` is in s of the clock that stamps received messages (`can.Message.timestamp`). The node begins idle: it
+    listens, estimates and commands mode "off". `start` leads the drive through ready to enabled, `stop` back. Whatever
+    makes it stop by itself is latched with its `reason`, and the drive stays off until `start` is called again; that
+    acknowledges a latched fault of the drive first (DriveReset), which then passes through off, ready and enable as at
+    the beginning.
+
+    Ticks that did not take place are caught up with while the last command lives, by the node's clock; whether it does
+    by the drive's, the drive says. After a longer step of the clock the node stops: "controller paused" where the
+    drive's feedback filled the time (a report for each two ticks at least), "clock jumped" where it did not. `tick`
+    never raises, never sleeps and takes bounded time. `observer` sees every frame in and out, `clock` times estimate
+    and solve alone.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        bus: can.BusABC,
+        *,
+        catalogue: Catalogue | None = None,
+        rules: Rules | None = None,
+        observer: Observer | None = None,
+        dry_run: bool = False,
+        clock: Callable[[], float] = time.perf_counter,
+    ) -> None:
+        """Raises ValueError for a rig that has no drive on the bus and a controller that cannot lead it."""
+        catalogue = catalogue or frames()
+        self.task, self.wiring = task, wiring_of(task.model.drive.name)
+        self.envelope: Envelope = envelope_of(task.model.drive, task.limits)
+        self.supervisor = Supervisor(
+            build(task.controller, task.model, self.envelope, task.deadline_s), self.envelope, rules
+        )
+        self.estimator = Succession(self.supervisor, task.controller, task.model, task.offer, task.deadline_s)
+        self.tick_s = task.model.tick_s
+        self.ears = Ears(bus, catalogue, self.wiring, self.tick_s, observer)
+        self.guard = Guard(
+            bus, catalogue, self.wiring, Fence.of(self.envelope, self.tick_s), dry=dry_run, observe=observer
+        )
+        self.state, self.reason = IDLE, ""
+        self._doubts = Doubts(_FOLLOW[self.wiring.kind], task.seen_noise_m > _NOISE_M)
+        self._reference: Reference = task.reference
+        self._bus, self._catalogue, self._clock = bus, catalogue, clock
+        self._began = self._last = self._beat_at = -math.inf
+        self._origin, self._index = 0.0, 0
+        self._number = 0
+        self._led = False
+        self._acknowledge = 0
+        self._before = Passed(0.0, 0.0, OFF)
+
+    def start(self, now: float, origin_s: float | None = None) -> None:
+        """The operator's word to run; the reference begins at `origin_s`, `now` where None. Ends a latched stop."""
+        origin_s = now if origin_s is None else origin_s
+        self._reference = Shifted(self.task.reference, origin_s)
+        self.estimator.begin(origin_s)
+        self.state, self.reason, self._led = RUNNING, "", False
+        self._acknowledge = 2 if self.ears.fault else 0
+        self._doubts.settle(self.estimator.counts.restarts)
+
+    def stop(self, reason: str = "operator") -> None:
+        """A controlled stop: the drive to its safe state and off, until `start`."""
+        if self.state == RUNNING:
+            self.state, self.reason = HALTING, reason
+
+    def tick(self, now: float, solved: bool = True) -> Tick:
+        """One tick at `now` in s. `solved` False is a tick whose solution did not come in time. A clock that shows no
+        number counts as one that jumped.
+        """
+        began = self._clock()
+        if not math.isfinite(now):
+            now = self._last + self.tick_s if math.isfinite(self._last) else 0.0
+            self._fail("clock jumped")
+        missed = self._missed(now)
+        self._speak(now)
+        arrived = self.ears.listen(now)
+        estimate = self._estimated(now, arrived, missed)
+        middle = self._clock()
+        self._judge(now)
+        evidence = self.ears.evidence(now)
+        mode = self._mode(evidence, estimate)
+        action = self._act(now, mode, estimate) if solved else Action(math.nan, "late")
+        end = self._clock()
+        self._before = self.guard.sent
+        out = self.guard.command(now, action.command, mode, evidence)
+        if out.mode == QUICK_STOP:
+            self._fail(out.reason)
+        self._last = now
+        return Tick(
+            now + self.tick_s, estimate, action, out, self.state, self.supervisor.active, (middle - began, end - middle)
+        )
+
+    def _speak(self, now: float) -> None:
+        """SYNC, heartbeat, and the acknowledgement of a fault where `start` asked for one."""
+        if self._began == -math.inf:
+            self._began = now
+        self.guard.send("Sync", {"Tick": self._number % (1 << 32), "Period_s": self.tick_s}, now)
+        if not 0 <= now - self._beat_at < HEARTBEAT_S - 0.5 * self.tick_s:
+            self._beat_at = now
+            up = min(max(now - self._began, 0.0), 167772.0)
+            beat = {"State": self.state, "Uptime_s": up, "Catalogue": self._catalogue.fingerprint}
+            self.guard.send("ControllerHeartbeat", beat, now)
+        if self._acknowledge:
+            self._acknowledge -= 1
+            self.guard.send("DriveReset", {"Target": self.wiring.target, "Code": self.ears.fault}, now)
+            if not self._acknowledge:
+                self.ears.fault = 0
+
+    def _estimated(self, now: float, arrived: list[Measurement], missed: int) -> Estimate:
+        """The estimate for the begin of the next tick, from what is in force until then, after `missed` ticks."""
+        for m in arrived:
+            if m.channel == "position_m":
+                self._doubts.saw(m.value)
+            elif self._moved:
+                self._doubts.reported(m.value, self._before.value)
+        if missed < 0:
+            self.estimator.reset(now, self._in_force)
+            filled = 2 * self.ears.feedbacks >= (now - self._last) / self.tick_s - 1 > 0
+            self._fail("controller paused" if filled else "clock jumped")
+        for k in range(missed, 0, -1):
+            then = now + (1 - k) * self.tick_s
+            self.estimator.observe(then, self._in_force, [m for m in arrived if m.stamp_s <= then])
+            arrived = [m for m in arrived if m.stamp_s > then]
+        return self.estimator.observe(now + self.tick_s, self._in_force, arrived)
+
+    def _missed(self, now: float) -> int:
+        """How many ticks of the grid that began with the first one did not take place before this one; -1, and a new
+        grid from here, after a step of the clock backwards or beyond the life of the last command. A tick that is late
+        by less than a period is none the less its own, and the next one may follow it soon. The number that SYNC tells
+        goes on with the time, never back.
+        """
+        if not math.isfinite(self._last):
+            self._origin, self._index = now, 0
+            return 0
+        index, before = math.floor((now - self._origin) / self.tick_s + GRID_SLACK), self._index
+        if index > before and now - self._last <= 1e-3 * self.wiring.life_ms(self.guard.sent.rate) + _ROUNDING_S:
+            self._index = index
+            self._number += index - before
+            return index - before - 1
+        self._number += max(math.ceil((now - self._last) / self.tick_s - GRID_SLACK), 1)
+        self._origin, self._index = now, 0
+        return -1
+
+    @property
+    def _moved(self) -> bool:
+        """Whether the drive is enabled and was asked to move the tick before."""
+        return self.ears.state in MOVING and self.guard.sent.mode == self._before.mode == ENABLE
+
+    @property
+    def _in_force(self) -> float:
+        """The command that the drive takes over with this tick's SYNC; where it is, while it is not enabled."""
+        return self.guard.sent.value if self.guard.sent.mode == ENABLE else self.ears.report
+
+    def _judge(self, now: float) -> None:
+        """Stop for good where there is a reason to."""
+        if not self._led:
+            return
+        reason = self.ears.doubt(now) or self._doubts.reason(self.estimator.counts.restarts)
+        if self.ears.state not in (WAITING, *MOVING):
+            reason = reason or "drive left operation"
+        if reason:
+            self._fail(reason)
+
+    def _fail(self, reason: str) -> None:
+        """A latched stop."""
+        if self.state == RUNNING:
+            self.state, self.reason = FAULTY, reason
+
+    def _mode(self, evidence: Evidence, estimate: Estimate) -> int:
+        """What the drive is asked for: up through its states one by one while running, off else (quick stop while it
+        still moves).
+        """
+        if self.state != RUNNING or self._acknowledge:
+            return OFF
+        if self._led:
+            return ENABLE
+        if (
+            not self.ears.beating
+            or evidence.feedback_s > self.guard.fence.feedback_s
+            or evidence.state in (BOOT, SELF_TEST)
+        ):
+            return OFF
+        if evidence.state == STANDBY:
+            return READY
+        if evidence.state == WAITING:
+            return READY if estimate.lost else ENABLE
+        return OFF
+
+    def _act(self, now: float, mode: int, estimate: Estimate) -> Action:
+        """The command for the next tick: the supervised controller's once the drive is being enabled, else where the
+        drive is.
+        """
+        if mode != ENABLE:
+            return Action(self.ears.report, "stopped")
+        if not self._led:
+            self._led = True
+            self._doubts.settle(self.estimator.counts.restarts)
+            self.supervisor.reset(now, estimate, self.ears.report)
+        self.supervisor.temperature_C = self.ears.temperature_C
+        return self.supervisor.act(now + self.tick_s, estimate, self._reference)

@@ -1,0 +1,113 @@
+"""What the controller node hears: protected frames, their age, and the measurements in them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+import can
+
+from controller.signals import Measurement
+from hil.bus.catalogue import Catalogue
+from hil.bus.codec import Refusal
+from hil.bus.protection import Receiver, Reception
+from hil.nodes.controller.guard import Evidence
+from hil.nodes.frame_map import BOOT, Observer, Wiring
+
+MOST: Final = 256
+HEARTBEAT_LOST_S: Final = 0.06
+
+
+class Ears:
+    """Reads a bus: `listen` empties it (at most 256 frames a tick) and gives the measurements of good frames.
+
+    `state`, `report` (position in m, current in A, level) and `temperature_C` are the drive's last good feedback;
+    `fault` the code that it has latched. `report` is 0 before the first one. `feedbacks` is how many the last `listen`
+    took in.
+    """
+
+    def __init__(
+        self, bus: can.BusABC, catalogue: Catalogue, wiring: Wiring, tick_s: float, observer: Observer | None = None
+    ) -> None:
+        sensors = ("CapsuleLocalisation", "LocaliserHeartbeat", "ForceReading", "ForceSensorHeartbeat")
+        names = (wiring.feedback, wiring.fault, wiring.heartbeat, *sensors)
+        self._names = {catalogue[name].id: name for name in names}
+        self.reception = Reception({catalogue[name].id: Receiver(catalogue[name]) for name in names})
+        self.wiring, self.tick_s = wiring, tick_s
+        self.state, self.report, self.temperature_C, self.fault = BOOT, 0.0, 20.0, 0
+        self.deaf, self.feedbacks, self.errors = False, 0, 0
+        self._fingerprint, self._other = catalogue.fingerprint, False
+        self._bus, self._observer = bus, observer
+        self._place_at = self._fed_at = -math.inf
+        self._beat_at = math.nan
+
+    @property
+    def rejected(self) -> int:
+        """Frames refused so far, unknown ones included."""
+        refused = sum(r.statistics.refused.total() for r in self.reception.receivers.values())
+        return refused + self.reception.unknown.total()
+
+    def listen(self, now: float) -> list[Measurement]:
+        """The measurements that came in. Never raises; a bus that cannot be read counts as silent."""
+        found: list[Measurement] = []
+        self.feedbacks = 0
+        for _ in range(MOST):
+            try:
+                message = self._bus.recv(0)
+            except (can.CanError, OSError):
+                self.deaf = True
+                break
+            if message is None:
+                break
+            if self._observer is not None:
+                self._observer(message)
+            if message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd:
+                self.errors += message.is_error_frame
+                continue
+            values = self.reception.accept(message.arbitration_id, message.data, message.timestamp)
+            if not isinstance(values, Refusal):
+                self._take(self._names[message.arbitration_id], values, message.timestamp, now, found)
+        return found
+
+    @property
+    def beating(self) -> bool:
+        """Whether a heartbeat of the drive has ever been heard: without one nobody knows which catalogue it has."""
+        return not math.isnan(self._beat_at)
+
+    @property
+    def error_words(self) -> str:
+        """How many error frames there were and where they come from; nothing where there were none."""
+        return f", {self.errors} error frames: bit rate, wiring, termination" if self.errors else ""
+
+    def evidence(self, now: float) -> Evidence:
+        """Ages of localisation and feedback at `now`, and the drive's state."""
+        return Evidence(now - self._place_at, now - self._fed_at, self.state)
+
+    def doubt(self, now: float) -> str:
+        """Why the drive cannot be trusted any more, "" where it can."""
+        if self._other:
+            return "drive knows another DBC"
+        if self.fault:
+            return f"drive fault {self.fault}"
+        if now - self._beat_at > HEARTBEAT_LOST_S:
+            return "drive heartbeat lost"
+        return ""
+
+    def _take(self, name: str, values: dict[str, Any], stamp: float, now: float, found: list[Measurement]) -> None:
+        if name == "CapsuleLocalisation":
+            if values["Valid"]:
+                self._place_at = stamp - values["Age_s"]
+                found.append(Measurement("position_m", values["Position_m"], self._place_at))
+        elif name == self.wiring.feedback:
+            self.feedbacks += 1
+            self._fed_at, self.state, self.temperature_C = stamp, int(values["State"]), values["Temperature_degC"]
+            if self.wiring.kind != "vibro":
+                self.report = values[self.wiring.signal]
+                since = max(now - stamp, 0.0)
+                begin = now - self.tick_s * math.ceil(since / self.tick_s - 1e-6)
+                found.append(Measurement(self.wiring.channel, self.report, begin))
+        elif name == self.wiring.fault:
+            self.fault = int(values["Code"])
+        elif name == self.wiring.heartbeat:
+            self._beat_at = stamp
+            self._other = values["Catalogue"] != self._fingerprint

@@ -1,0 +1,211 @@
+"""A drive on the bus: what it hears, its state machine, its temperature, and what it reports."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Final
+
+import can
+
+from controller.limits import Limits
+from hil.bus.catalogue import Catalogue
+from hil.bus.codec import Refusal
+from hil.bus.protection import Receiver, Reception
+from hil.nodes.drive.power_stage import CarriagePower, CoilPower, InnerMassPower, Power
+from hil.nodes.drive.state_machine import (
+    BUS_OFF,
+    HEARTBEAT_LOST,
+    NO_FAULT,
+    OVER_CURRENT,
+    OVER_TEMPERATURE,
+    Stage,
+    Told,
+    may_move,
+    next_stage,
+)
+from hil.nodes.drive.sync_clock import Metronome
+from hil.nodes.frame_map import BOOT, DERATED, FAULT, OFF, SELF_TEST, STANDBY, STOPPING, WAITING, Wiring
+from hil.nodes.transmit import Mouth
+
+HEARTBEAT_S: Final = 0.06
+SAFE_STOP_S: Final = 0.06
+HOT_S: Final = 0.2
+_MOST: Final = 256
+_AMBIENT_C: Final = 25.0
+_WARMING_S: Final = 60.0
+_WARMTH_C: Final = 8.0
+_NODE_STATE: Final = {BOOT: 0, SELF_TEST: 0, STANDBY: 1, WAITING: 1, STOPPING: 3, FAULT: 4}
+
+
+class DriveNode:
+    """Listens, steps its state machine each time its firmware runs, and moves its power stage only while enabled and
+    its command lives.
+
+    A command counts from its arrival for its time to live, as long as which the next one may count on from it, but from
+    no more than a tick after the begin of its own tick: one that comes late lives shorter, one that comes too late is
+    refused as `stale`. It is taken over with the next SYNC, without one at the drive's own pace. A temperature above
+    `derate_C` halves the limits, above `temperature_C` for `HOT_S` is a fault; so is a controller without heartbeat for
+    60 ms, and to be off the bus. A fault is latched: after a reset the drive stands by and is enabled step by step
+    only. A controller that has begun anew (its uptime has fallen) is told of it again.
+    """
+
+    def __init__(
+        self,
+        bus: can.BusABC,
+        catalogue: Catalogue,
+        wiring: Wiring,
+        power: Power,
+        limits: Limits,
+        tick_s: float,
+        now: float = 0.0,
+    ) -> None:
+        self.bus, self.wiring, self.power, self.limits, self.tick_s = bus, wiring, power, limits, tick_s
+        self.catalogue = catalogue
+        self.temperature_C = _AMBIENT_C
+        self.heated_to_C = -math.inf
+        self.misread: Callable[[float], float] | None = None
+        self._names = {
+            catalogue[n].id: n for n in (wiring.command, "Sync", "SafeStop", "DriveReset", "ControllerHeartbeat")
+        }
+        self.boot(now)
+
+    def boot(self, now: float) -> None:
+        """Begin anew, as after a loss of supply: nothing is remembered, counters start at 0."""
+        self.reception = Reception({i: Receiver(self.catalogue[n]) for i, n in self._names.items()})
+        for name in (self.wiring.command, "Sync"):
+            receiver = self.reception.receivers[self.catalogue[name].id]
+            receiver.longest_s = max(receiver.longest_s, 1e-3 * self.wiring.still_ms)
+        self.mouth = Mouth(self.bus, self.catalogue, (self.wiring.feedback, self.wiring.fault, self.wiring.heartbeat))
+        self.stage = Stage(BOOT, now)
+        self.good_at, self.stale = -math.inf, 0
+        self._metronome = Metronome()
+        self._began, self._last = now, now
+        self._mode, self._setpoint, self._taken, self._waiting = OFF, 0.0, OFF, False
+        self._dies_at = self._stop_until = self._heard_at = self._beat_at = -math.inf
+        self._reset, self._hot_since, self._phase, self._tell = NO_FAULT, math.inf, 0, 0
+        self._stranger, self._uptime_s = False, math.inf
+
+    @property
+    def rejected(self) -> int:
+        """Frames refused so far."""
+        return self.stale + sum(r.statistics.refused.total() for r in self.reception.receivers.values())
+
+    @property
+    def safe(self) -> bool:
+        """Whether the drive follows no command and is in its safe state."""
+        return not may_move(self.stage) and self.power.at_rest
+
+    def listen(self, now: float, slots: int) -> None:
+        """One run of the firmware at `now`, `slots` of which make a tick: take frames in, step the state machine,
+        report.
+        """
+        synced = self._hear(now)
+        self._phase = 0 if synced else (self._phase + 1) % slots
+        if self._phase == 0 and not synced:
+            self._take_over()
+        cause = self._cause(now)
+        alive, stopped = now <= self._dies_at, now < self._stop_until
+        hot = self.temperature_C > self.limits.derate_C
+        told = Told(self._mode, alive, stopped, self._reset, cause, hot, self.power.at_rest)
+        before, self.stage, self._reset = self.stage, next_stage(self.stage, told, now), NO_FAULT
+        if self.stage.fault and not before.fault:
+            self._tell = 2
+        self._report(now, self._phase == 0)
+
+    def output(self, dt: float, sensed: float) -> float:
+        """The plant's command for the next `dt` s."""
+        share = 0.0 if not may_move(self.stage) else 0.5 if self.stage.state == DERATED else 1.0
+        load = (self.power.output / self.limits.current_A) ** 2 if self.wiring.kind == "coil" else 0.0
+        self.temperature_C += dt / _WARMING_S * (_AMBIENT_C + _WARMTH_C * load - self.temperature_C)
+        self.temperature_C = max(self.temperature_C, self.heated_to_C)
+        return self.power.step(dt, share, sensed)
+
+    def _hear(self, now: float) -> bool:
+        """Take in what has come; whether SYNC was among it."""
+        synced = False
+        for _ in range(_MOST):
+            message = self.bus.recv(0)
+            if message is None:
+                break
+            values = self.reception.accept(message.arbitration_id, message.data, message.timestamp)
+            if isinstance(values, Refusal):
+                continue
+            name, stamp = self._names[message.arbitration_id], message.timestamp
+            counter = self.reception.receivers[message.arbitration_id].counter
+            if name == "Sync":
+                self._metronome.sync(counter, int(values["Tick"]), values["Period_s"], stamp)
+                self._take_over()
+                synced = True
+            elif name == self.wiring.command:
+                self._follow(values, stamp, self._metronome.begin(counter, stamp))
+            else:
+                self._obey(name, values, stamp)
+        return synced
+
+    def _follow(self, values: dict[str, float], stamp: float, begin: float) -> None:
+        """Take a command in that came at `stamp`, of the tick that began at `begin`."""
+        dies_at = min(stamp, begin + self.tick_s) + 1e-3 * values["TimeToLive_ms"]
+        if dies_at <= stamp:
+            self.stale += 1
+            return
+        self._mode, self._setpoint, self._waiting = int(values["Mode"]), values[self.wiring.signal], True
+        self._dies_at, self.good_at = dies_at, stamp
+
+    def _obey(self, name: str, values: dict[str, float], stamp: float) -> None:
+        mine = values.get("Target", 0) in (0, self.wiring.target)
+        if name == "SafeStop" and mine:
+            self._stop_until = stamp + SAFE_STOP_S
+        elif name == "DriveReset" and mine:
+            self._reset, self._metronome = int(values["Code"]), Metronome()
+        elif name == "ControllerHeartbeat":
+            if values["Uptime_s"] < self._uptime_s and self.stage.fault:
+                self._tell = 2
+            self._uptime_s = values["Uptime_s"]
+            self._heard_at, self._stranger = stamp, values["Catalogue"] != self.catalogue.fingerprint
+
+    def _take_over(self) -> None:
+        if self._waiting:
+            self._waiting = False
+            self.power.aim(self._setpoint, self.tick_s)
+
+    def _cause(self, now: float) -> int:
+        """What is wrong at this moment."""
+        if self.bus.state == can.BusState.ERROR:
+            return BUS_OFF
+        self._hot_since = min(self._hot_since, now) if self.temperature_C > self.limits.temperature_C else math.inf
+        if now - self._hot_since >= HOT_S:
+            return OVER_TEMPERATURE
+        if self.power.overload:
+            return OVER_CURRENT
+        moving = may_move(self.stage) or self.stage.state == WAITING
+        if moving and (self._stranger or now - self._heard_at > HEARTBEAT_S):
+            return HEARTBEAT_LOST
+        return NO_FAULT
+
+    def _report(self, now: float, due: bool) -> None:
+        if self._tell:
+            self._tell -= 1
+            self.mouth.say(self.wiring.fault, {"Code": self.stage.fault, "Detail": 0})
+        if due and self.stage.state != BOOT:
+            self.mouth.say(self.wiring.feedback, self._feedback())
+        if now - self._beat_at >= 0.02 - 0.1 * self.tick_s and self.stage.state != BOOT:
+            self._beat_at = now
+            up = min(now - self._began, 167772.0)
+            beat = {
+                "State": _NODE_STATE.get(self.stage.state, 2),
+                "Uptime_s": up,
+                "Catalogue": self.catalogue.fingerprint,
+            }
+            self.mouth.say(self.wiring.heartbeat, beat)
+
+    def _feedback(self) -> dict[str, float]:
+        warm = min(max(self.temperature_C, -40.0), 150.0)
+        power, common = self.power, {"State": float(self.stage.state), "Temperature_degC": warm}
+        shown = power.output if self.misread is None else self.misread(power.output)
+        if isinstance(power, CarriagePower):
+            return {"Position_m": shown, "Velocity_m_s": min(max(power.rate, -0.4), 0.4), **common}
+        if isinstance(power, CoilPower):
+            return {"Current_A": min(max(shown, -2.6), 2.6), "Voltage_V": power.voltage_V, **common}
+        assert isinstance(power, InnerMassPower)
+        return {"Stretch_m": min(max(power.stretch_m, -0.016), 0.016), "Current_A": shown, **common}

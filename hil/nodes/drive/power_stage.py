@@ -1,0 +1,147 @@
+"""The power stage of each kind of drive: how it follows its setpoint and how it gets to its safe state."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+from hil.nodes.frame_map import QUICK_STOP_M_S2
+
+
+class Power(Protocol):
+    """Turns a setpoint into what the plant gets. `output` is what the drive measures of itself, in the command's
+    unit.
+    """
+
+    output: float
+    overload: bool
+
+    def aim(self, setpoint: float, over_s: float) -> None:
+        """Take over a new setpoint, to be reached `over_s` from now."""
+        ...
+
+    def step(self, dt: float, share: float, sensed: float) -> float:
+        """The plant's command for the next `dt` s; `share` of the limits may be used, 0 leads to the safe state.
+        `sensed` is what the drive's own sensor shows.
+        """
+        ...
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether this is the safe state."""
+        ...
+
+
+@dataclass
+class CarriagePower:
+    """A linear axis: in a straight line to each setpoint within speed and travel. Safe state: at rest where it is,
+    reached by braking; it is not drawn back, for the magnet's pull on a resting capsule is bounded and a carriage that
+    moves by itself is not.
+    """
+
+    speed_m_s: float
+    travel_m: float
+    output: float = 0.0
+    rate: float = 0.0
+    overload: bool = False
+    _target: float = 0.0
+    _left_s: float = 0.0
+
+    def aim(self, setpoint: float, over_s: float) -> None:
+        self._target, self._left_s = min(max(setpoint, -self.travel_m), self.travel_m), over_s
+
+    def step(self, dt: float, share: float, sensed: float) -> float:
+        if share > 0:
+            most = share * self.speed_m_s
+            rate = (self._target - self.output) / max(self._left_s, dt)
+            self.rate = min(max(rate, -most), most)
+            self._left_s = max(self._left_s - dt, 0.0)
+            self.output += self.rate * dt
+        else:
+            before, brake = self.rate, QUICK_STOP_M_S2 * dt
+            self.rate = math.copysign(max(abs(before) - brake, 0.0), before)
+            self.output += 0.5 * (before + self.rate) * dt
+            self._target, self._left_s = self.output, 0.0
+        self.output = min(max(self.output, -self.travel_m), self.travel_m)
+        return self.output
+
+    @property
+    def at_rest(self) -> bool:
+        return self.rate == 0.0
+
+
+@dataclass
+class CoilPower:
+    """A current source: `U = R (i* + s) + K (i* - i)` within the supply, K bringing a coil of the rated R and L to i*
+    in one step and s summing what the steps missed. Safe state: no current, driven to zero and then short-circuited; a
+    coil without current leaves the capsule to the wall's friction, which holds it.
+    """
+
+    current_A: float
+    resistance_ohm: float
+    inductance_H: float
+    supply_V: float = 24.0
+    output: float = 0.0
+    voltage_V: float = 0.0
+    overload: bool = False
+    _begin: float = 0.0
+    _target: float = 0.0
+    _over_s: float = 0.0
+    _left_s: float = 0.0
+    _sum: float = 0.0
+    _wanted: float = 0.0
+
+    def aim(self, setpoint: float, over_s: float) -> None:
+        self._begin, self._target = self.setpoint, setpoint
+        self._over_s = self._left_s = over_s
+
+    @property
+    def setpoint(self) -> float:
+        """The current in A that is wanted at this moment, on the way from the last setpoint to the newest."""
+        done = 1 - self._left_s / self._over_s if self._over_s > 0 else 1.0
+        return self._begin + done * (self._target - self._begin)
+
+    def step(self, dt: float, share: float, sensed: float) -> float:
+        self.output, self.overload = sensed, abs(sensed) > 1.3 * self.current_A
+        self._left_s = max(self._left_s - dt, 0.0)
+        if share <= 0 and self.setpoint != 0.0:
+            self._begin = self._target = self._sum = 0.0
+        wanted = min(max(self.setpoint, -share * self.current_A), share * self.current_A)
+        missing, failed, self._wanted = wanted - sensed, self._wanted - sensed, wanted
+        self._sum = min(max(self._sum + failed, -0.2 * self.current_A), 0.2 * self.current_A)
+        turns = dt * self.resistance_ohm / self.inductance_H if self.inductance_H > 0 else math.inf
+        gain = self.resistance_ohm * math.exp(-turns) / (1 - math.exp(-turns))
+        volts = self.resistance_ohm * (wanted + self._sum) + gain * missing
+        self.voltage_V = min(max(volts, -self.supply_V), self.supply_V)
+        return self.voltage_V
+
+    @property
+    def at_rest(self) -> bool:
+        return abs(self.output) <= 0.01 * self.current_A and self.setpoint == 0.0
+
+
+@dataclass
+class InnerMassPower:
+    """A switched coil on board, which senses the inner mass's stretch, at a share of its rated force. Safe state: off;
+    the mass swings out on its spring within what friction and damping leave it.
+    """
+
+    output: float = 0.0
+    stretch_m: float = 0.0
+    overload: bool = False
+    _level: float = 0.0
+
+    def aim(self, setpoint: float, over_s: float) -> None:
+        self._level = setpoint
+
+    def step(self, dt: float, share: float, sensed: float) -> float:
+        self.stretch_m = sensed
+        if share <= 0:
+            self._level = 0.0
+        self.output = min(max(self._level, 0.0), share)
+        return self.output
+
+    @property
+    def at_rest(self) -> bool:
+        return self.output == 0.0

@@ -1,0 +1,101 @@
+"""A drive's state machine: boot, self-test, standby, ready, enabled, derated, quick stop, fault; one pure step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+from hil.nodes.frame_map import (
+    BOOT,
+    DERATED,
+    ENABLE,
+    ENABLED,
+    FAULT,
+    MOVING,
+    OFF,
+    READY,
+    SELF_TEST,
+    STANDBY,
+    STOPPING,
+    WAITING,
+)
+
+BOOT_S: Final = 0.02
+SELF_TEST_S: Final = 0.03
+NO_FAULT, OVER_CURRENT, OVER_TEMPERATURE, _, TIME_TO_LIVE, HEARTBEAT_LOST = range(6)
+BUS_OFF: Final = 8
+"""Codes of latched faults, in the numbers of the fault frames."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """Where a drive stands since `since_s`: `state`, the `fault` it has latched, and whether it is `armed`: has been
+    told "off" in standby, without which it does not become ready.
+    """
+
+    state: int = BOOT
+    since_s: float = 0.0
+    fault: int = NO_FAULT
+    armed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What a drive knows in one step: the newest command's `mode`, whether that command is still `alive` (time to
+    live), `safe_stop` while one is in force, the code of a `reset` (0: none), a present `cause` for a fault (0: none),
+    `hot` from its derating temperature on, and whether it is `at_rest` in its safe state.
+    """
+
+    mode: int = OFF
+    alive: bool = False
+    safe_stop: bool = False
+    reset: int = NO_FAULT
+    cause: int = NO_FAULT
+    hot: bool = False
+    at_rest: bool = True
+
+
+def next_stage(stage: Stage, told: Told, now: float) -> Stage:
+    """The stage after one step at `now` in s.
+
+    A cause for a fault latches it from everywhere. A fault ends by a reset that names it, once its cause is gone, in
+    standby and never beyond; from there on "off", "ready" and "enable" lead up one by one, each while its command
+    lives.
+    """
+    if told.cause and not stage.fault:
+        return Stage(FAULT, now, told.cause)
+    if stage.state == FAULT:
+        return Stage(STANDBY, now) if told.reset == stage.fault and not told.cause and told.at_rest else stage
+    state = _next_state(stage, told, now)
+    if state == FAULT:
+        return Stage(FAULT, now, TIME_TO_LIVE)
+    if state == STANDBY:
+        off = told.alive and told.mode == OFF
+        return replace(stage, armed=stage.armed or off) if stage.state == STANDBY else Stage(STANDBY, now)
+    return stage if state == stage.state else Stage(state, now)
+
+
+def _next_state(stage: Stage, told: Told, now: float) -> int:
+    if stage.state == BOOT:
+        return SELF_TEST if now - stage.since_s >= BOOT_S else BOOT
+    if stage.state == SELF_TEST:
+        return STANDBY if now - stage.since_s >= SELF_TEST_S else SELF_TEST
+    if stage.state == STANDBY:
+        wanted = stage.armed and told.alive and told.mode == READY and not told.safe_stop
+        return WAITING if wanted else STANDBY
+    if stage.state == STOPPING:
+        return STANDBY if told.at_rest else STOPPING
+    if stage.state == WAITING:
+        if not told.alive or told.safe_stop or told.mode not in (READY, ENABLE):
+            return STANDBY
+        return WAITING if told.mode == READY else ENABLED
+    if not told.alive:
+        return FAULT
+    if told.safe_stop or told.mode != ENABLE:
+        return STOPPING
+    return DERATED if told.hot else ENABLED
+
+
+def may_move(stage: Stage) -> bool:
+    """Whether the drive follows its commands."""
+    return stage.state in MOVING

@@ -1,0 +1,46 @@
+"""When the controller's ticks begin by a drive's own clock, so that a command that comes late is known to be old."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from hil.bus.protection import COUNTS
+
+DRIFT: Final = 5e-4
+"""Share by which two clocks may go apart; what comes later by less than that each second is not told from them."""
+SILENCE_S: Final = 0.06
+"""A controller without SYNC for so long counts as another one."""
+
+
+class Metronome:
+    """Tick n of period T begins at o + n T, where o is the least of `stamp - n T` over the SYNC frames so far: those
+    that took the shortest way. It grows by `DRIFT` a second, and begins anew where ticks count back or SYNC has been
+    silent (a drive also begins anew with a reset).
+
+    A command belongs to the SYNC with its own counter: both count on once a tick, from 0 when the controller begins.
+    Counters have 4 bits, so commands that come 16 ticks after SYNC from the beginning on are not told from fresh ones.
+    """
+
+    def __init__(self) -> None:
+        self._offset = math.inf
+        self._stamp = -math.inf
+        self._tick, self._counter, self._period_s = -1, 0, 0.0
+
+    def sync(self, counter: int, tick: int, period_s: float, stamp: float) -> None:
+        """SYNC number `tick` came at `stamp`."""
+        if tick <= self._tick or stamp - self._stamp > SILENCE_S:
+            self._offset = math.inf
+        self._offset = min(self._offset + DRIFT * (stamp - self._stamp), stamp - tick * period_s)
+        self._tick, self._counter, self._period_s, self._stamp = tick, counter, period_s, stamp
+
+    def begin(self, counter: int, stamp: float) -> float:
+        """When the tick began whose command, with this `counter`, came at `stamp`: the newest one of which SYNC may be
+        missing, else one before. `stamp` where there was no SYNC yet.
+        """
+        if self._tick < 0:
+            return stamp
+        ahead = (counter - self._counter) % COUNTS
+        room = (stamp - self._stamp) / self._period_s + 0.5
+        ticks = ahead + COUNTS * math.floor((room - ahead) / COUNTS)
+        return self._offset + (self._tick + ticks) * self._period_s

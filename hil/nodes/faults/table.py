@@ -1,0 +1,123 @@
+"""The table `[[faults]]`: what shall go wrong, when, for how long, and where."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, Final
+
+from models.files.tables import from_table
+from models.parameter import nearest
+
+LINKS: Final = ("commands", "feedback", "localisation", "all")
+SENSORS: Final = ("localisation", "feedback")
+NODES: Final = ("controller", "drive", "localiser")
+_SHARE: Final = (1e-6, 1.0)
+
+
+@dataclass(frozen=True)
+class FaultKind:
+    """What a kind of fault does, the targets it may have (the first one where none is named), what its `value` means,
+    and the least and the most that makes sense.
+    """
+
+    summary: str
+    targets: tuple[str, ...] = ("",)
+    value: float = math.nan
+    meaning: str = ""
+    range: tuple[float, float] = (-math.inf, math.inf)
+
+
+KINDS: Mapping[str, FaultKind] = MappingProxyType(
+    {
+        "drop": FaultKind("frames are lost on their way", LINKS, 1.0, "share of the frames", _SHARE),
+        "delay": FaultKind("frames come late", LINKS, 0.03, "s", (1e-4, 10.0)),
+        "duplicate": FaultKind("frames come twice", LINKS),
+        "reorder": FaultKind("each two frames change places", LINKS),
+        "corrupt": FaultKind(
+            "bits of frames are flipped behind the bus's own check", LINKS, 1.0, "share of the frames", _SHARE
+        ),
+        "replay": FaultKind("old frames come again between the true ones", LINKS, 20.0, "frames ago", (1, 32)),
+        "babbling": FaultKind("a node sends identifier 0, which goes before all others, without pause"),
+        "bus_off": FaultKind("a node leaves the bus by its error counters", NODES),
+        "stuck": FaultKind("the sensor repeats its last value", SENSORS),
+        "biased": FaultKind("the sensor is off", SENSORS, 0.01, "m or A", (-1.0, 1.0)),
+        "nan": FaultKind("the sensor has no number", SENSORS[:1]),
+        "lost": FaultKind("the localisation says nothing", SENSORS[:1]),
+        "over_temperature": FaultKind("the drive gets hot", value=60.0, meaning="degC", range=(-40.0, 150.0)),
+        "drive_reset": FaultKind("the drive boots anew"),
+        "killed": FaultKind("the controller's process is gone"),
+        "frozen": FaultKind("the controller's process stands still"),
+        "late_solve": FaultKind("the controller's solutions come too late"),
+        "clock_jump": FaultKind("the controller's clock jumps", value=0.5, meaning="s", range=(-1000.0, 1000.0)),
+    }
+)
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One fault of kind `kind` from `at_s` on for `duration_s`; `target` and `value` as `KINDS` says."""
+
+    kind: str
+    at_s: float
+    duration_s: float = 0.2
+    target: str = ""
+    value: float = math.nan
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise ValueError(
+                f"faults.kind must be one of {', '.join(KINDS)}; got {self.kind!r}; {nearest(self.kind, KINDS)}"
+            )
+        known = KINDS[self.kind]
+        if self.target and self.target not in known.targets:
+            choices = ", ".join(t for t in known.targets if t)
+            raise ValueError(
+                f"faults.target of {self.kind} must be {f'one of {choices}' if choices else 'left out'}; got"
+                f" {self.target!r}"
+            )
+        if not 0 <= self.at_s < math.inf:
+            raise ValueError(f"faults.at_s must be zero or more; got {self.at_s:g}")
+        if not self.duration_s > 0:
+            raise ValueError(f"faults.duration_s must be positive; got {self.duration_s:g}")
+        if not math.isnan(self.value) and not (known.meaning and math.isfinite(self.value)):
+            raise ValueError(
+                f"faults.value of {self.kind} must be {f'a number ({known.meaning})' if known.meaning else 'left out'};"
+                f" got {self.value:g}"
+            )
+        least, most = known.range
+        if known.meaning and not least <= self.amount <= most:
+            raise ValueError(
+                f"faults.value of {self.kind} must lie in [{least:g}, {most:g}] ({known.meaning}); got {self.value:g}"
+            )
+        if self.kind == "replay" and self.amount != int(self.amount):
+            raise ValueError(f"faults.value of replay must be a whole number of frames; got {self.value:g}")
+        object.__setattr__(self, "target", self.target or known.targets[0])
+
+    @property
+    def amount(self) -> float:
+        """The `value`, or the kind's own where none is given."""
+        return KINDS[self.kind].value if math.isnan(self.value) else self.value
+
+    @property
+    def end_s(self) -> float:
+        """When it is over."""
+        return self.at_s + self.duration_s
+
+    @property
+    def name(self) -> str:
+        """Kind and target."""
+        return f"{self.kind} {self.target}".strip()
+
+
+def read_faults(tables: Any, duration_s: float) -> tuple[Fault, ...]:
+    """The faults of a scenario in order of time. Raises ValueError, one sentence, that names the key."""
+    if not isinstance(tables, Sequence) or isinstance(tables, str) or not all(isinstance(t, Mapping) for t in tables):
+        raise ValueError(f"faults must be tables [[faults]]; got {tables!r}")
+    found = sorted((from_table(Fault, t, "faults") for t in tables), key=lambda f: f.at_s)
+    for fault in found:
+        if fault.at_s >= duration_s:
+            raise ValueError(f"faults.at_s must lie within the run of {duration_s:g} s; got {fault.at_s:g}")
+    return tuple(found)

@@ -1,0 +1,103 @@
+"""Which frames and signals belong to which kind of rig, and what its drive's numbers mean."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from types import MappingProxyType
+from typing import Final
+
+import can
+
+from hil.bus.catalogue import Catalogue, load_catalogue
+from models.parameter import nearest
+
+Observer = Callable[[can.Message], object]
+"""Sees every frame of a node, with its timestamp."""
+OFF, READY, ENABLE, QUICK_STOP = range(4)
+"""Modes of a command."""
+BOOT, SELF_TEST, STANDBY, WAITING, ENABLED, DERATED, STOPPING, FAULT = range(8)
+"""States of a drive, in the numbers of its feedback; `WAITING` is "ready", `STOPPING` "quick_stop"."""
+MOVING: Final = (ENABLED, DERATED)
+FASTEST_M_S: Final = 0.4
+QUICK_STOP_M_S2: Final = 25.0
+"""Braking of the carriage without a command: from its 0.25 m/s to rest in 10 ms."""
+
+
+@dataclass(frozen=True)
+class Wiring:
+    """One drive on the bus. `node` is its name there, `channel` the column of records that its `signal` is, `target`
+    its number in SafeStop and DriveReset. A command is worth something for `life_ms`: the drive's safe state (carriage
+    at rest, no current, inner mass off) follows the last one within 10 ms for the coil and inner mass, within 20 ms for
+    the carriage, the time to brake included. For as long a controller that did not get the processor may be silent and
+    go on.
+    """
+
+    kind: str
+    node: str
+    signal: str
+    channel: str
+    target: int
+    still_ms: int
+    braking_m_s2: float = math.inf
+
+    @property
+    def command(self) -> str:
+        """Name of the command frame."""
+        return f"{self.node}Command"
+
+    @property
+    def feedback(self) -> str:
+        """Name of the feedback frame."""
+        return f"{self.node}Feedback"
+
+    @property
+    def fault(self) -> str:
+        """Name of the fault frame."""
+        return f"{self.node}Fault"
+
+    @property
+    def heartbeat(self) -> str:
+        """Name of the drive's heartbeat frame."""
+        return f"{self.node}Heartbeat"
+
+    def life_ms(self, rate: float) -> int:
+        """Time to live in ms of a command that changes by `rate` a second: `still_ms` less the time to brake from
+        there, at least 6.
+        """
+        return max(int(self.still_ms - 1e3 * abs(rate) / self.braking_m_s2), 6)
+
+    def values(self, command: float, rate: float, mode: int) -> dict[str, float]:
+        """The signals of a command frame for `command` in the drive's unit that changes by `rate` a second."""
+        values = {self.signal: command, "TimeToLive_ms": self.life_ms(rate), "Mode": mode}
+        if self.kind == "magnetic":
+            values["Velocity_m_s"] = min(max(rate, -FASTEST_M_S), FASTEST_M_S)
+        elif self.kind == "vibro":
+            values |= {"Period_s": 0.0, "Duty": 0.0}
+        return values
+
+
+WIRINGS: Mapping[str, Wiring] = MappingProxyType(
+    {
+        "magnetic": Wiring("magnetic", "Carriage", "Position_m", "carriage_position_m", 1, 18, QUICK_STOP_M_S2),
+        "coil": Wiring("coil", "Coil", "Current_A", "coil_current_A", 2, 6),
+        "vibro": Wiring("vibro", "InnerMass", "Level", "drive_on", 3, 6),
+    }
+)
+
+
+def wiring_of(kind: str) -> Wiring:
+    """The wiring of a kind of rig. Raises ValueError for one without a drive on the bus."""
+    if kind not in WIRINGS:
+        raise ValueError(
+            f"rig.kind must be one of {', '.join(WIRINGS)} on the bus; got {kind!r}; {nearest(kind, WIRINGS)}"
+        )
+    return WIRINGS[kind]
+
+
+@cache
+def frames() -> Catalogue:
+    """The project's own catalogue, read once."""
+    return load_catalogue()

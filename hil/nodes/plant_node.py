@@ -1,0 +1,184 @@
+"""The plant as nodes on the bus: the true capsule behind its drive, the localisation, and, where wanted, the force
+sensor.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final
+
+import can
+import numpy as np
+
+from controller.limits import Limits
+from hil.bus.catalogue import Catalogue
+from hil.nodes.drive.node import DriveNode
+from hil.nodes.drive.power_stage import CarriagePower, CoilPower, InnerMassPower, Power
+from hil.nodes.frame_map import frames, wiring_of
+from hil.nodes.transmit import Mouth
+from plant import layout as at
+from plant.rig import Coil, Magnet, Vibro
+from plant.sensing.instruments import Reading
+from plant.session import Session
+
+if TYPE_CHECKING:
+    from hil.nodes.cia402.drive import Cia402Drive
+
+SLOT_S: Final = 1e-3
+"""The drives' firmware runs this often."""
+_COIL_PARTS: Final = 2
+_FORCE_STD_N: Final = 1e-3
+Tamper = Callable[[Reading], Reading | None]
+
+
+def power_of(session: Session, limits: Limits) -> tuple[str, Power]:
+    """Kind and power stage of the session's drive. Raises ValueError for one that no frame describes."""
+    drive = session.plant.rig.drive
+    if isinstance(drive, Magnet):
+        return "magnetic", CarriagePower(limits.carriage_speed_m_s, limits.travel_m, session.command)
+    if isinstance(drive, Coil):
+        return "coil", CoilPower(limits.current_A, drive.resistance_ohm, drive.inductance_H)
+    if isinstance(drive, Vibro) and drive.coil is None:
+        return "vibro", InnerMassPower()
+    raise ValueError(
+        "rig.kind on the bus must be magnetic, coil or vibro driven by a level; got a vibro drive with a coil"
+    )
+
+
+class PlantNode:
+    """`tick(now)` once a firmware slot of `SLOT_S`: the drive listens and acts, sensors speak, the truth goes on to the
+    next slot.
+
+    The coil's current loop runs twice a slot. A reading goes out in the first slot after it is at hand, with its age;
+    where none comes for one and a half cycles the localiser says so (Valid 0). `tamper`, where set, is what a broken
+    localiser makes of a reading.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        limits: Limits,
+        tick_s: float,
+        drive_bus: can.BusABC,
+        sensor_bus: can.BusABC,
+        *,
+        force_seed: int | None = None,
+        catalogue: Catalogue | None = None,
+        drive: Cia402Drive | None = None,
+    ) -> None:
+        """`force_seed` None: without a force sensor. `drive`: another one than the catalogue's. Raises ValueError for a
+        drive that is not on the bus, or a tick that is no multiple of a slot.
+        """
+        self.slots = round(tick_s / SLOT_S)
+        if self.slots < 1 or abs(self.slots * SLOT_S - tick_s) > 1e-9:
+            raise ValueError(f"tick_s must be a multiple of the drives' {SLOT_S:g} s; got {tick_s:g}")
+        catalogue = catalogue or frames()
+        kind, power = power_of(session, limits)
+        self.session, self.tamper = session, None
+        self.drive: DriveNode | Cia402Drive = drive or DriveNode(
+            drive_bus, catalogue, wiring_of(kind), power, limits, tick_s
+        )
+        self._parts = _COIL_PARTS if kind == "coil" else 1
+        self._localiser = _Localiser(sensor_bus, catalogue)
+        self._force = None if force_seed is None else _ForceSensor(sensor_bus, catalogue, force_seed)
+        self._readings: list[Reading] = []
+
+    tamper: Tamper | None
+
+    def tick(self, now: float) -> None:
+        """Go on from `now` by a slot."""
+        if isinstance(self.drive.power, CoilPower):
+            self.drive.power.output = self._sensed()
+        self.drive.listen(now, self.slots)
+        self._localiser.speak(now, self._seen())
+        if self._force is not None:
+            self._force.speak(now, self._newest(at.O_FORCE))
+        begin, span = self.session.time, now + SLOT_S - self.session.time
+        for part in range(self._parts):
+            command = self.drive.output(span / self._parts, self._sensed())
+            found = self.session.advance(command, begin + span * (part + 1) / self._parts)
+            self._readings += [r for r in found if r.channel == "position_m"]
+
+    def _seen(self) -> list[Reading]:
+        readings, self._readings = self._readings, []
+        if self.tamper is None:
+            return readings
+        return [r for r in map(self.tamper, readings) if r is not None]
+
+    def _sensed(self) -> float:
+        """What the drive's own sensor shows its power stage."""
+        if isinstance(self.drive.power, CoilPower):
+            return float(self.session.plant.state[at.S_CURRENT])
+        if isinstance(self.drive.power, InnerMassPower):
+            return self._newest(at.O_INNER_X) - self._newest(at.O_X)
+        return self.drive.power.output
+
+    def _newest(self, column: int) -> float:
+        rows = next((rows for rows in reversed(self.session.rows[-3:]) if len(rows)), None)
+        return 0.0 if rows is None else float(rows[-1, column])
+
+
+class _Localiser:
+    """Tells where the capsule is, each reading once; says so where there is none."""
+
+    def __init__(self, bus: can.BusABC, catalogue: Catalogue) -> None:
+        self._mouth = Mouth(bus, catalogue, ("CapsuleLocalisation", "LocaliserHeartbeat"))
+        self._beat = _Beat(catalogue.fingerprint)
+        self._silence_s = 1.5 * catalogue["CapsuleLocalisation"].cycle_s
+        self._said_at = 0.0
+
+    def speak(self, now: float, readings: list[Reading]) -> None:
+        for reading in readings:
+            self._say(now, reading.value, now - reading.stamp_s)
+        if not readings and now - self._said_at >= self._silence_s:
+            self._say(now, math.nan, 0.0)
+        if self._beat.due(now):
+            self._mouth.say("LocaliserHeartbeat", self._beat.values(now))
+
+    def _say(self, now: float, value: float, age: float) -> None:
+        good = abs(value) <= 1.1 and 0 <= age <= 0.4
+        self._said_at = now
+        values = {
+            "Position_m": value if good else 0.0,
+            "Quality": float(good),
+            "Age_s": age if good else 0.0,
+            "Valid": float(good),
+        }
+        self._mouth.say("CapsuleLocalisation", values)
+
+
+class _ForceSensor:
+    """The force between rig and capsule, with white noise of 1 mN."""
+
+    def __init__(self, bus: can.BusABC, catalogue: Catalogue, seed: int) -> None:
+        self._mouth = Mouth(bus, catalogue, ("ForceReading", "ForceSensorHeartbeat"))
+        self._beat = _Beat(catalogue.fingerprint)
+        self._cycle_s = catalogue["ForceReading"].cycle_s
+        self._rng = np.random.default_rng(seed)
+        self._said_at = -math.inf
+
+    def speak(self, now: float, force: float) -> None:
+        if now - self._said_at >= self._cycle_s - 0.5 * SLOT_S:
+            self._said_at = now
+            value = force + _FORCE_STD_N * self._rng.standard_normal()
+            good = abs(value) <= 5.0
+            self._mouth.say("ForceReading", {"Force_N": value if good else 0.0, "Age_s": 0.0, "Valid": float(good)})
+        if self._beat.due(now):
+            self._mouth.say("ForceSensorHeartbeat", self._beat.values(now))
+
+
+class _Beat:
+    """When a sensor's heartbeat is due, and what is in it."""
+
+    def __init__(self, fingerprint: int) -> None:
+        self._fingerprint, self._at = fingerprint, -math.inf
+
+    def due(self, now: float) -> bool:
+        if now - self._at < 0.02 - 0.5 * SLOT_S:
+            return False
+        self._at = now
+        return True
+
+    def values(self, now: float) -> dict[str, float]:
+        return {"State": 2, "Uptime_s": min(max(now, 0.0), 167772.0), "Catalogue": self._fingerprint}

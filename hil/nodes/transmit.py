@@ -1,0 +1,31 @@
+"""What a node says: its own frames, protected; a bus that does not take them is counted, never raised."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import can
+
+from hil.bus.catalogue import Catalogue
+from hil.bus.protection import Sender
+
+
+class Mouth:
+    """Senders of the frames `names` on a bus. `unsent` counts what did not go out: off the bus, queue full, or out of
+    range.
+    """
+
+    def __init__(self, bus: can.BusABC, catalogue: Catalogue, names: Iterable[str]) -> None:
+        self._bus, self._senders = bus, {name: (catalogue[name].id, Sender(catalogue[name])) for name in names}
+        self.unsent = 0
+
+    def say(self, name: str, values: Mapping[str, float]) -> None:
+        """Send one frame."""
+        identifier, sender = self._senders[name]
+        try:
+            message = can.Message(
+                arbitration_id=identifier, is_extended_id=False, data=sender.frame(values), is_rx=False
+            )
+            self._bus.send(message, timeout=0)
+        except (ValueError, can.CanError, OSError):
+            self.unsent += 1

@@ -1,0 +1,103 @@
+"""The chosen effects of an assembled model, asked together: each one's parameters and states under its own names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from models.effects.effect import Effect, InnerMassEffect, Shares, Signals
+
+
+@dataclass(frozen=True)
+class Active:
+    """The chosen effects with their parameters `p` and hidden states `z` under full names, asked together."""
+
+    effects: tuple[type[Effect], ...]
+    p: Mapping[str, Any]
+    z: Mapping[str, Any]
+
+    def _own(self, effect: type[Effect], table: Mapping[str, Any]) -> dict[str, Any]:
+        rows = ((*key.partition("."), value) for key, value in table.items())
+        return {name: value for owner, _, name, value in rows if owner in (effect.id, effect.of)}
+
+    def product(self, hook: str, s: Signals) -> Any:
+        """Product of the factors that the effects give under `hook`."""
+        total: Any = 1.0
+        for e in self.effects:
+            total = total * getattr(e(), hook)(s, self._own(e, self.p), self._own(e, self.z))
+        return total
+
+    def total(self, hook: str, s: Signals) -> Any:
+        """Sum of what the effects add under `hook`."""
+        total: Any = 0.0
+        for e in self.effects:
+            total = total + getattr(e(), hook)(s, self._own(e, self.p), self._own(e, self.z))
+        return total
+
+    def command(self, s: Signals) -> Any:
+        """The command after one effect after the other."""
+        for e in self.effects:
+            s = replace(s, command=e().command(s, self._own(e, self.p), self._own(e, self.z)))
+        return s.command
+
+    def measured(self, s: Signals, y: Any) -> Any:
+        """What the sensor shows of `y`, one effect after the other."""
+        for e in self.effects:
+            y = e().measured(s, self._own(e, self.p), self._own(e, self.z), y)
+        return y
+
+    def recovery(self, s: Signals, speed: Any, onset: Any) -> Any:
+        """The speed at which a slipping wall draws back."""
+        for e in self.effects:
+            speed = e().recovery(s, self._own(e, self.p), self._own(e, self.z), speed, onset)
+        return speed
+
+    def levels(self, s: Signals) -> Shares:
+        """The factors on F_e and on the two parts of the slip limit, the weight's and what the wall presses."""
+        level = self.product("level", s)
+        factors = (level, level, level)
+        for e in self.effects:
+            factors = e().shared(self._own(e, self.p), factors)
+        return factors
+
+    def advance(self, s: Signals, h: Any) -> Active:
+        """The same effects with their hidden states a step `h` later, each under the command that the one before lets
+        through.
+        """
+        z = dict(self.z)
+        for e in self.effects:
+            p, before = self._own(e, self.p), self._own(e, z)
+            for name, value in e().advance(s, p, before, h).items():
+                z[f"{e.id}.{name}"] = value
+            if e.answers("command"):
+                start = e().command(replace(s, command=s.command - s.rate * h), p, before)
+                end = e().command(s, p, self._own(e, z))
+                s = replace(s, command=end, rate=(end - start) / h)
+        return replace(self, z=z)
+
+    def suspension(self, stretch: Any, rate: Any) -> Any:
+        """Force in N beside the inner mass's spring."""
+        total: Any = 0.0
+        for e in self.effects:
+            if issubclass(e, InnerMassEffect):
+                total = total + e().suspension(stretch, rate, self._own(e, self.p))
+        return total
+
+    def reach(self, stretch: Any) -> Any:
+        """Factor on the force of the inner mass's coil."""
+        product: Any = 1.0
+        for e in self.effects:
+            if issubclass(e, InnerMassEffect):
+                product = product * e().reach(stretch, self._own(e, self.p))
+        return product
+
+    def follow(self, s: Signals, y: Any, h: Any) -> dict[str, Any]:
+        """The hidden states after the sensor saw `y` for a step `h`, each behind what the one before makes of it."""
+        z = dict(self.z)
+        for e in self.effects:
+            p = self._own(e, self.p)
+            for name, value in e().follow(s, p, self._own(e, z), y, h).items():
+                z[f"{e.id}.{name}"] = value
+            y = e().measured(s, p, self._own(e, z), y)
+        return z

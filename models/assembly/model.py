@@ -1,0 +1,101 @@
+"""Base + drive + effects -> one CasADi model: states, parameters with bounds, step and output; what everything else
+reads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from models.assembly.effects import Active
+from models.assembly.step import Stepper, Surface
+from models.drives.drive import Drive
+from models.drives.elastic_link import Link
+from models.effects.effect import Effect
+from models.parameter import Parameter
+from models.surfaces.gut import LONGEST, Wall, base_parameters
+from models.surfaces.plate import Plate
+
+BASE_STATES = ("x", "v", "a", "u", "slip", "u_rate", "direction", "travelled", "dwell")
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """A model ready to run: `step(state, c0, c1, t, h, parameters) -> (state, output)` with named states and
+    parameters.
+
+    `correct(state, error, gain)` shifts the hidden wall (and the capsule) towards a measurement: a fixed-gain observer
+    that keeps the teeth of the stick-slip saw in step with measured ones. `c0`, `c1` are the command at the step's
+    ends; the output belongs to the step's end. All entries SI.
+    """
+
+    states: tuple[str, ...]
+    initial: dict[str, float]
+    parameters: tuple[Parameter, ...]
+    step: ca.Function
+    correct: ca.Function
+
+    def vector(self, values: Mapping[str, float]) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """The parameter vector: `values` by name, the declared value where there is none."""
+        return np.array([float(values.get(p.name, p.value)) for p in self.parameters])
+
+    def start(self, **values: float) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """The initial state: at rest at 0 but for `values` of the base states."""
+        return np.array([values.get(name, self.initial[name]) for name in self.states])
+
+
+def effect_parameters(effects: Sequence[type[Effect]]) -> tuple[Parameter, ...]:
+    """The effects' parameters under their full names `effect_id.name`."""
+    return tuple(replace(p, name=f"{e.id}.{p.name}") for e in effects for p in e.parameters())
+
+
+def assemble_gut(wall: Wall, drive: Drive, effects: Sequence[type[Effect]] = (), smoothing: float = 0.0) -> Assembly:
+    """The capsule in the gut under `drive`: the base model of stick and slip plus `effects`; see `assemble`."""
+    return assemble(wall, drive, effects, smoothing)
+
+
+def assemble(surface: Surface, drive: Drive, effects: Sequence[type[Effect]] = (), smoothing: float = 0.0) -> Assembly:
+    """The body on `surface` (the gut's `Wall` or a `Plate`) under `drive`, with `effects`.
+
+    In the gut `m a = F_act - F_e(|v|) Sgn(v) - F_v(w) - T(u)`, on a plate `m a = F_act - mu N Sgn(v)`; set-valued
+    friction is solved within the step (`models.surfaces.gut.settle`), with `smoothing` in m/s for controllers that need
+    derivatives: a resting body then creeps at a speed of that order. For an imposed motion the output is the pull that
+    it takes, else the body's position. Raises ValueError for an imposed motion on a plate.
+    """
+    if drive.imposed and isinstance(surface, Plate):
+        raise ValueError(f"drive must leave the body free on a plate; got {drive.name!r}, which imposes its position")
+    own = surface.parameters() if isinstance(surface, Plate) else base_parameters(surface.tissue)
+    parameters = own + drive.parameters() + effect_parameters(effects)
+    hidden = tuple(f"{e.id}.{name}" for e in effects for name in e.states)
+    names = BASE_STATES + tuple(f"{drive.name}.{name}" for name in drive.states) + hidden
+    state = ca.SX.sym("state", len(names))
+    c0, c1, t, h = (ca.SX.sym(n) for n in ("c0", "c1", "t", "h"))
+    q = ca.SX.sym("p", len(parameters))
+    p = {item.name: q[i] for i, item in enumerate(parameters)}
+    now: dict[str, Any] = {name: state[i] for i, name in enumerate(names)}
+    active = Active(tuple(effects), p, {name: now[name] for name in hidden})
+    stepper = Stepper(surface, drive, active, Link.of(p), smoothing)
+    unit, last = drive.command_unit, c0 if drive.held else c1
+    first, last = (c0, last) if unit == 1 else (c0 / unit, last / unit)
+    new, output = stepper.advance(now, first, last, t, h)
+    function = ca.Function("step", [state, c0, c1, t, h, q], [ca.vertcat(*(new[name] for name in names)), output])
+    initial = dict.fromkeys(names, 0.0) | {"direction": 1.0}
+    return Assembly(names, initial, parameters, function, _correction(surface, drive, names))
+
+
+def _correction(surface: Surface, drive: Drive, names: tuple[str, ...]) -> ca.Function:
+    state, error, gain = ca.SX.sym("state", len(names)), ca.SX.sym("error"), ca.SX.sym("gain")
+    now: dict[str, Any] = {name: state[i] for i, name in enumerate(names)}
+    shift = gain * error
+    if isinstance(surface, Plate) or not drive.anchored:
+        new = now | {"x": now["x"] + shift}
+    elif drive.imposed:
+        shift = gain * error / surface.stiffness()
+        new = now | {"u": np.clip(now["u"] + shift, -LONGEST, LONGEST)}
+    else:
+        new = now | {"x": now["x"] + shift, "u": np.clip(now["u"] + shift, -LONGEST / 4, LONGEST / 4)}
+    return ca.Function("correct", [state, error, gain], [ca.vertcat(*(new[name] for name in names))])

@@ -1,0 +1,29 @@
+"""Saturation of the drive."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from models.effects.effect import Effect, Signals, Values
+from models.parameter import Parameter
+
+
+@dataclass(frozen=True)
+class ActuatorSaturation(Effect):
+    """Gain `1/(1 + a u^2)`, cubic loss at small drive."""
+
+    id = "actuator_saturation"
+    summary = "saturation of the drive"
+    source = "tracing catalogue 19"
+    kinds = frozenset({"coil"})
+    probe = 0.05
+    look_alikes = ("actuator_dead_zone",)
+    separated_by = "amplitude staircase"
+
+    inverse_square: Parameter = Parameter(
+        "inverse_square", 0.0, "1/command^2", 0.0, 100.0, "tracing catalogue 19", fit=True
+    )
+
+    def gain(self, s: Signals, p: Values, z: Values) -> Any:
+        return 1 / (1 + p["inverse_square"] * s.command**2)

@@ -1,0 +1,31 @@
+"""Back-EMF of the drive's coil."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from models.effects.effect import Effect, Signals, Values
+from models.parameter import Parameter
+
+
+@dataclass(frozen=True)
+class BackEmf(Effect):
+    """Command `u - K v`: a coil driven by a voltage loses K volt for each m/s (one whose asked-for current is logged,
+    K/R ampere).
+    """
+
+    id = "back_emf"
+    summary = "the moving magnet takes voltage from the coil that drives it"
+    source = "tracing catalogue 21: i = (u - K v)/R"
+    kinds = frozenset({"coil"})
+    probe = 0.5
+    look_alikes = ("viscous_drag", "actuator_lag")
+    separated_by = "a measured current in place of the voltage: back-EMF goes, drag of the tissue stays"
+
+    loss_s_per_m: Parameter = Parameter(
+        "loss_s_per_m", 0.0, "of the command's unit a m/s", 0.0, 60.0, "tracing catalogue 21; 0 to 60 V s/m", fit=True
+    )
+
+    def command(self, s: Signals, p: Values, z: Values) -> Any:
+        return s.command - p["loss_s_per_m"] * s.v

@@ -1,0 +1,45 @@
+"""Play in the drive."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from models.effects.effect import Effect, Signals, Values
+from models.parameter import Parameter
+
+
+@dataclass(frozen=True)
+class CarriageBacklash(Effect):
+    """Backlash as a Duhem operator: of a change `dc` of the command the carriage follows `dc (e^(k q^n) - 1)/(e^k -
+    1)`, `q` from 0 to 1 how far it is through the play `b` in the direction of `dc`. A large `k` is the loose nut,
+    which does not move before `q = 1`; a small one an elastic seat that gives way gradually, from its begin on (`n =
+    1`) or late.
+    """
+
+    id = "carriage_backlash"
+    summary = "play in the drive"
+    source = "tracing catalogue 18; backlash-like hysteresis, Su et al., IEEE TAC 45 (2000) 2427"
+    kinds = frozenset({"pull", "magnetic"})
+    states = ("position_m",)
+    grid = MappingProxyType({"sharpness": (3.0, 30.0), "order": (1.2,)})
+    probe = 0.0003
+    look_alikes = ("directional_asymmetry", "actuator_lag", "sensor_delay")
+    separated_by = "reversals at several amplitudes"
+
+    play_m: Parameter = Parameter("play_m", 0.0, "m", 0.0, 0.008, "tracing catalogue 18", fit=True)
+    sharpness: Parameter = Parameter("sharpness", 10.0, "1", 0.5, 60.0, "from an elastic seat to a loose nut", fit=True)
+    order: Parameter = Parameter("order", 1.0, "1", 1.0, 4.0, "a seat that stiffens", fit=True, spread=1.0)
+
+    def command(self, s: Signals, p: Values, z: Values) -> Any:
+        return z["position_m"]
+
+    def advance(self, s: Signals, p: Values, z: Values, h: Any) -> dict[str, Any]:
+        half, change, k = p["play_m"] / 2, s.rate * h, p["sharpness"]
+        ahead = (s.command - 0.5 * change - z["position_m"]) * np.sign(change)
+        through = np.clip(0.5 + 0.5 * ahead / np.maximum(half, 1e-9), 0.0, 1.0)
+        share = (np.exp(k * through ** p["order"]) - 1) / (np.exp(k) - 1)
+        return {"position_m": np.clip(z["position_m"] + change * share, s.command - half, s.command + half)}

@@ -1,0 +1,36 @@
+"""The coil's force changes with the inner mass's place in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from models.effects.effect import InnerMassEffect, Values
+from models.parameter import Parameter
+
+TRAVEL_M = 0.03
+
+
+@dataclass(frozen=True)
+class CoilReach(InnerMassEffect):
+    """Force `F exp(g xi)`, as of a coil whose inductance falls exponentially along it, `F = i^2/2 |dL/dxi|`, within 30
+    mm.
+
+    It acts only while the coil is on, so forward and backward differ; `g < 0` where the push carries the mass out of
+    the field.
+    """
+
+    id = "coil_reach"
+    summary = "the coil's force changes with the inner mass's displacement"
+    source = "reluctance coil, literature 1.2"
+    kinds = frozenset({"vibro", "vibro_table"})
+    probe = 10.0
+    look_alikes = ("coil_lag", "directional_asymmetry")
+    separated_by = "the static force of the coil over displacement"
+
+    gain_per_m: Parameter = Parameter("gain_per_m", 0.0, "1/m", -60.0, 60.0, "a factor of e over 16 mm", fit=True)
+
+    def reach(self, stretch: Any, p: Values) -> Any:
+        return np.exp(p["gain_per_m"] * np.clip(stretch, -TRAVEL_M, TRAVEL_M))

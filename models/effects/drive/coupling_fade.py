@@ -1,0 +1,24 @@
+"""The magnet's (or coil's) grip changes with time (heating)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from models.effects.effect import Signals, Values
+from models.effects.in_time import DriftInTime
+
+
+@dataclass(frozen=True)
+class CouplingFade(DriftInTime):
+    """Drive gain `1 + b s + c s^2` in a time s that settles."""
+
+    id = "coupling_fade"
+    summary = "the drive's grip changes with time"
+    source = "tracing catalogue 20"
+    kinds = frozenset({"magnetic", "coil", "vibro"})
+    look_alikes = ("tissue_drying",)
+    separated_by = "an idle pause; logged current"
+
+    def gain(self, s: Signals, p: Values, z: Values) -> Any:
+        return self.factor(s.t, p)

@@ -1,0 +1,31 @@
+"""An elastic link between rig and capsule."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from models.effects.effect import Effect
+from models.parameter import Parameter
+
+
+@dataclass(frozen=True)
+class StringCompliance(Effect):
+    """The rig pulls through `models.drives.elastic_link.Link`; the model makes the capsule a free mass behind it."""
+
+    id = "string_compliance"
+    summary = "an elastic link between rig and capsule"
+    source = "tracing catalogue 29"
+    kinds = frozenset({"pull"})
+    probe = 0.001
+    look_alikes = ("carriage_backlash", "small_strain_stiffening")
+    separated_by = "change the length of the string"
+
+    compliance_m_per_N: Parameter = Parameter(
+        "compliance_m_per_N", 0.0, "m/N", 0.0, 0.02, "tracing catalogue 29", fit=True
+    )
+    hardening_per_m: Parameter = Parameter(
+        "hardening_per_m", 100.0, "1/m", 0.0, 2000.0, "threads stiffen as they stretch", fit=True
+    )
+    damping_N_s_per_m: Parameter = Parameter(
+        "damping_N_s_per_m", 0.02, "N s/m", 0.0, 0.3, "loss within the thread", fit=True
+    )

@@ -1,0 +1,21 @@
+"""A force periodic in time, the same everywhere."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from models.effects.in_time import ForceInTime, frequencies
+
+
+@dataclass(frozen=True)
+class Respiration(ForceInTime):
+    """Force `A (sin q + o)` and harmonics of q along +x, `q = 2 pi f t + phi`."""
+
+    id = "respiration"
+    summary = "a force periodic in time, the same everywhere"
+    source = "tracing catalogue 15: 0.2 to 0.3 Hz"
+    kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
+    grid = MappingProxyType({"frequency_Hz": frequencies(0.04, 0.82)})
+    look_alikes = ("peristaltic_wave", "mains_hum")
+    separated_by = "a second position; a pause of the ventilator"

@@ -1,0 +1,30 @@
+"""Resistance that differs between forward and backward."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from models.effects.effect import Effect, Signals, Values
+from models.parameter import Parameter
+
+
+@dataclass(frozen=True)
+class DirectionalAsymmetry(Effect):
+    """Level `1 + a sgn(v)`: constant while sliding, of either sign."""
+
+    id = "directional_asymmetry"
+    summary = "resistance differs between forward and backward"
+    source = "tracing catalogue 14; EMPS, Janot et al. 2019"
+    kinds = frozenset({"pull", "magnetic", "coil", "vibro", "vibro_table", "axis"})
+    probe = 0.05
+    look_alikes = ("incline_gravity", "sensor_bias")
+    separated_by = "records at rest, where a constant force stays and an asymmetry does not"
+    refined_by = ("level_at_onset", "level_at_creep", "level_over_speed")
+
+    asymmetry: Parameter = Parameter(
+        "asymmetry", 0.0, "1", -0.9, 0.9, "tracing catalogue 14; EMPS, Janot et al. 2019", fit=True
+    )
+
+    def level(self, s: Signals, p: Values, z: Values) -> Any:
+        return 1 + p["asymmetry"] * s.direction

@@ -1,0 +1,25 @@
+"""Resistance that drifts with time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from models.effects.effect import Signals, Values
+from models.effects.in_time import DriftInTime
+
+
+@dataclass(frozen=True)
+class TissueDrying(DriftInTime):
+    """Level `1 + b s + c s^2` in a clock time s that settles, also at rest."""
+
+    id = "tissue_drying"
+    summary = "resistance drifts with time"
+    source = "paper C Section 2.2 (drying in air)"
+    kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
+    look_alikes = ("preconditioning", "coupling_fade", "lumen_taper")
+    separated_by = "wait without moving"
+    refined_by = ("level_at_onset", "drying_shape")
+
+    def level(self, s: Signals, p: Values, z: Values) -> Any:
+        return self.factor(s.t, p)

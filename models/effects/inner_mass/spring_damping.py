@@ -1,0 +1,30 @@
+"""Damping of the inner mass's suspension."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from models.effects.effect import InnerMassEffect, Values
+from models.parameter import Parameter
+
+
+@dataclass(frozen=True)
+class SpringDamping(InnerMassEffect):
+    """Force `c xi'` against the relative motion; linear, so equal losses forward and backward."""
+
+    id = "spring_damping"
+    summary = "damping of the inner mass's suspension"
+    source = "literature 1.1, F_i = k1 r + c r'"
+    kinds = frozenset({"vibro", "vibro_table"})
+    probe = 0.5
+    look_alikes = ("guide_friction", "viscous_drag")
+    separated_by = "ring-down of the inner mass with the body held: exponential for damping, straight for dry friction"
+    refined_by = ("damping_over_speed",)
+
+    damping_N_s_per_m: Parameter = Parameter(
+        "damping_N_s_per_m", 0.0, "N s/m", 0.0, 5.0, "up to about half of critical", fit=True
+    )
+
+    def suspension(self, stretch: Any, rate: Any, p: Values) -> Any:
+        return p["damping_N_s_per_m"] * rate

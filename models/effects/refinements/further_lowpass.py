@@ -1,0 +1,25 @@
+"""A second smoothing in a row with the first: what a named one leaves of its own order. Refines an effect, never named
+itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from models.effects.sensor.sensor_lowpass import SensorLowpass
+from models.parameter import Parameter
+
+_SOURCE = "an amplifier's filter before a digital one: smoothing is of second order or more"
+
+
+@dataclass(frozen=True)
+class FurtherLowpass(SensorLowpass):
+    """`tau_2 y'' + y' = x'` of the reading `x'` that the first low-pass lets through."""
+
+    id = "further_lowpass"
+    summary = "a second smoothing of the measurement"
+    source = _SOURCE
+    look_alikes = ("sensor_lowpass", "sensor_delay")
+    refined_by = ()
+
+    time_s: Parameter = Parameter("time_s", 0.0, "s", 0.0, 0.3, _SOURCE, fit=True)

@@ -1,0 +1,216 @@
+"""Numbers out of a CSV file of any size, read in blocks: one too large or broken is refused and never fills the
+memory.
+"""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import io
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+BLOCK_CHARACTERS = 1 << 22
+LONGEST_LINE = 1 << 20
+MOST_COLUMNS = 256
+_UNREADABLE = "\ufffd"
+
+
+@dataclass(frozen=True)
+class Block:
+    """Rows of a table with the file's line number of each."""
+
+    values: NDArray[np.float64]
+    lines: NDArray[np.int64]
+
+
+def read_blocks(path: Path, check: Callable[[list[str]], Sequence[str]]) -> Iterator[tuple[list[str], Block]]:
+    """Yield the header with each block of rows; `check` gets the header and returns the names of the columns that must
+    be finite.
+
+    Separators are comma, semicolon (then a decimal comma is accepted) or tab; a byte-order mark and gzip are
+    recognised. Cells of other columns that are not numbers come out as NaN.
+    """
+    with _opened(path) as file:
+        text = io.TextIOWrapper(file, encoding="utf-8-sig", errors="replace", newline=None)
+        lines = _lines(path, text)
+        try:
+            _, first = next(lines)
+            separator = ";" if ";" in first else "\t" if "\t" in first and "," not in first else ","
+            header = _header(path, first, separator)
+            parser = _Parser(str(path), header, separator, frozenset(_checked(header, check)))
+            yield header, parser.parse([])
+            block: list[tuple[int, str]] = []
+            size = 0
+            for number, line in lines:
+                block.append((number, line))
+                size += len(line)
+                if size > BLOCK_CHARACTERS:
+                    yield header, parser.parse(block)
+                    block, size = [], 0
+            yield header, parser.parse(block)
+        except StopIteration:
+            raise ValueError(f"{path}: record must have a header row and samples; got an empty file") from None
+        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+            raise ValueError(
+                f"{path}: file must be complete gzip data; got a truncated or damaged one ({error})"
+            ) from None
+        except OSError as error:
+            raise ValueError(
+                f"{path}: record must be a file that can be read; got: {error.strerror or error}"
+            ) from None
+
+
+def _checked(header: list[str], check: Callable[[list[str]], Sequence[str]]) -> Sequence[str]:
+    try:
+        return check(header)
+    except ValueError as error:
+        if not any(_UNREADABLE in name for name in header):
+            raise
+        raise ValueError(f"{error}; the header is not UTF-8 text (Latin-1?): save it as 'CSV UTF-8'") from None
+
+
+def _opened(path: Path) -> BinaryIO:
+    if not path.name.lower().endswith((".csv", ".csv.gz")):
+        raise ValueError(f"{path}: record must be a .csv or .csv.gz file; got {path.name!r}")
+    if path.is_dir():
+        raise ValueError(f"{path}: record must be a file; got a directory")
+    try:
+        with path.open("rb") as probe:
+            start = probe.read(2)
+        if start in (b"\xff\xfe", b"\xfe\xff"):
+            raise ValueError(f"{path}: file must be UTF-8 text; got UTF-16: save it as 'CSV UTF-8'")
+        return gzip.open(path, "rb") if start == b"\x1f\x8b" else path.open("rb")  # type: ignore[return-value]
+    except OSError as error:
+        raise ValueError(f"{path}: record must be a file that can be read; got: {error.strerror or error}") from None
+
+
+def _lines(path: Path, text: io.TextIOWrapper) -> Iterator[tuple[int, str]]:
+    """Non-blank lines with their numbers, counted from 1."""
+    number, rest = 0, ""
+    while piece := text.read(BLOCK_CHARACTERS // 4):
+        *complete, rest = (rest + piece).split("\n")
+        for line in complete:
+            number += 1
+            _refuse_long(path, number, line)
+            if line and not line.isspace():
+                yield number, line
+        _refuse_long(path, number + 1, rest)
+    if rest and not rest.isspace():
+        yield number + 1, rest
+
+
+def _refuse_long(path: Path, number: int, line: str) -> None:
+    if len(line) > LONGEST_LINE:
+        raise ValueError(
+            f"{path}, line {number}: line must be shorter than {LONGEST_LINE} characters; got a longer one: is this a"
+            " CSV file?"
+        )
+
+
+def _header(path: Path, line: str, separator: str) -> list[str]:
+    header = [name.strip().strip('"').strip() for name in _split(f"{path}, header", line, separator)]
+    if len(header) > MOST_COLUMNS:
+        raise ValueError(f"{path}: header must have at most {MOST_COLUMNS} columns; got {len(header)}")
+    named = [name for name in header if name]
+    if all(not np.isnan(_number(name.replace(",", "."))) for name in named):
+        raise ValueError(f"{path}: first row must name the columns; got {line[:60].strip()!r}")
+    twice = [name for name in named if named.count(name) > 1]
+    if twice:
+        raise ValueError(f"{path}: header must name each column once; got {twice[0]!r} twice")
+    return header
+
+
+def _split(where: str, line: str, separator: str) -> list[str]:
+    try:
+        return next(csv.reader([line], delimiter=separator), [])
+    except csv.Error as error:
+        raise ValueError(f"{where}: row must be plain CSV; got: {error}") from None
+
+
+def _number(cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        return float("nan")
+
+
+@dataclass
+class _Parser:
+    """Turns lines into rows: fast while every cell is a number, cell by cell to find the one that is not."""
+
+    where: str
+    header: list[str]
+    separator: str
+    needed: frozenset[str]
+
+    def __post_init__(self) -> None:
+        self.loose: set[int] = {i for i, name in enumerate(self.header) if not name}
+
+    def parse(self, block: list[tuple[int, str]]) -> Block:
+        numbers = np.array([number for number, _ in block], dtype=np.int64)
+        if not block:
+            return Block(np.empty((0, len(self.header))), numbers)
+        lines = [line for _, line in block]
+        if self.separator == ";":
+            lines = [line.replace(",", ".") for line in lines]
+        try:
+            values = self._load(lines)
+        except ValueError:
+            self._inspect(numbers, lines)
+            try:
+                values = self._load(lines)
+            except ValueError as error:
+                got = " ".join(str(error).split())
+                raise ValueError(
+                    f"{self.where}, lines {numbers[0]} to {numbers[-1]}: rows must be numbers; got: {got}"
+                ) from None
+        if values.shape != (len(lines), len(self.header)):
+            self._inspect(numbers, lines)
+            raise ValueError(
+                f"{self.where}, lines {numbers[0]} to {numbers[-1]}: rows must be plain numbers; got an unbalanced"
+                " quote"
+            )
+        self._refuse_not_finite(values, numbers)
+        return Block(values, numbers)
+
+    def _load(self, lines: list[str]) -> NDArray[np.float64]:
+        converters: dict[int | str, Callable[[str], float]] = dict.fromkeys(self.loose, _number)
+        return np.loadtxt(
+            lines, delimiter=self.separator, comments=None, ndmin=2, quotechar='"', converters=converters or None
+        )
+
+    def _inspect(self, numbers: NDArray[np.int64], lines: list[str]) -> None:
+        """Raise at the first cell that must be a number and is not; remember the further columns that hold something
+        else.
+        """
+        for number, line in zip(numbers, lines, strict=True):
+            cells = _split(f"{self.where}, line {number}", line, self.separator)
+            if len(cells) != len(self.header):
+                raise ValueError(
+                    f"{self.where}, line {number}: row must have {len(self.header)} values as the header has; got"
+                    f" {len(cells)}"
+                )
+            for column, cell in enumerate(cells):
+                if column in self.loose or not np.isnan(_number(cell)):
+                    continue
+                name = self.header[column]
+                if name in self.needed:
+                    raise ValueError(
+                        f"{self.where}, line {number}: {name} must be a finite number; got {cell.strip()[:40]!r}"
+                    )
+                self.loose.add(column)
+
+    def _refuse_not_finite(self, values: NDArray[np.float64], numbers: NDArray[np.int64]) -> None:
+        for column, name in enumerate(self.header):
+            if name in self.needed and not np.isfinite(values[:, column]).all():
+                row = int(np.argmin(np.isfinite(values[:, column])))
+                raise ValueError(
+                    f"{self.where}, line {numbers[row]}: {name} must be a finite number; got {values[row, column]}"
+                )

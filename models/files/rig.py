@@ -1,0 +1,241 @@
+"""What the experimenter believes about a rig: read from a TOML file, checked, and handed on as plain records."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from models.files.columns import COLUMNS
+from models.files.rig_tables import (
+    Axis,
+    BodyTable,
+    CapsuleTable,
+    Coil,
+    Drive,
+    Magnet,
+    Noise,
+    PaperCapsuleTable,
+    PaperTissueTable,
+    Surface,
+    Table,
+    TissueTable,
+)
+from models.laws.geometry import Capsule, Tissue
+from models.parameter import nearest
+
+TABLES = ("capsule", "tissue", "rig", "noise", "drive", "surface", "axis")
+LARGEST_FILE = 1 << 20
+T = TypeVar("T", bound=Table)
+
+
+@dataclass(frozen=True)
+class Rig:
+    """A rig of one kind with its nominal values; a part that this kind does not have is None or the default capsule and
+    gut.
+    """
+
+    kind: str
+    capsule: Capsule = field(default_factory=Capsule)
+    tissue: Tissue = field(default_factory=Tissue)
+    noise: Noise = field(default_factory=Noise)
+    magnet: Magnet | None = None
+    coil: Coil | None = None
+    drive: Drive | None = None
+    surface: Surface | None = None
+    axis: Axis = field(default_factory=Axis)
+    velocity_m_s: float | None = None
+    name: str = ""
+
+
+class _Head(Table):
+    """`[rig]` of a kind that needs nothing else there."""
+
+    kind: str
+    name: str = ""
+
+
+class _MagneticHead(_Head, Magnet):
+    pass
+
+
+class _CoilHead(_Head, Coil):
+    pass
+
+
+class _PeriodsHead(_Head):
+    velocity_m_s: float | None = None
+
+
+_HEADS: Mapping[str, type[_Head]] = {"magnetic": _MagneticHead, "coil": _CoilHead, "periods": _PeriodsHead}
+_IN_THE_GUT = ("pull", "magnetic", "coil")
+
+
+def read_rig(path: Path) -> Rig:
+    """Read a rig file; anything wrong with it is a ValueError of one sentence with file, table and key."""
+    path = Path(path)
+    try:
+        if path.stat().st_size > LARGEST_FILE:
+            raise ValueError(f"{path}: rig file must be smaller than {LARGEST_FILE} bytes; got {path.stat().st_size}")
+        raw = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+    except OSError as error:
+        raise ValueError(f"{path}: rig file must be a file that can be read; got: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path}: rig file must be UTF-8 text; got another byte at {error.start}") from None
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise ValueError(f"{path}: rig file must be TOML; got: {' '.join(str(error).split())[:200]}") from None
+    return parse_rig(raw, str(path))
+
+
+def parse_rig(raw: Mapping[str, Any], where: str = "rig") -> Rig:
+    """The rig that the tables of a rig file describe."""
+    unknown = next((key for key in raw if key not in TABLES), None)
+    if unknown is not None:
+        raise ValueError(f"{where}: table must be one of a rig file; got {unknown!r}; {nearest(unknown, TABLES)}")
+    for table, content in raw.items():
+        if not isinstance(content, dict):
+            raise ValueError(f"{where}: [{table}] must be a table; got {content!r}")
+    kind = _kind(raw, where)
+    file = _File(raw, where, kind)
+    head = file.read("rig", _HEADS.get(kind, _Head))
+    rig = _parts(file, kind, head)
+    file.refuse_rest()
+    return rig
+
+
+def _kind(raw: Mapping[str, Any], where: str) -> str:
+    if "rig" not in raw:
+        got = ", ".join(f"[{table}]" for table in raw) or "an empty file"
+        raise ValueError(f"{where}: table [rig] must be there with a key 'kind'; got {got}")
+    head = raw["rig"]
+    if "kind" not in head:
+        close = next((key for key in head if nearest("kind", [key]).startswith("did")), None)
+        raise ValueError(
+            f"{where}: [rig] must have the key 'kind'; "
+            + (f"got {close!r}" if close else "it is missing")
+            + f"; kinds: {', '.join(COLUMNS)}"
+        )
+    kind = head["kind"]
+    if not isinstance(kind, str) or kind not in COLUMNS:
+        hint = nearest(kind, dict(COLUMNS)) if isinstance(kind, str) else "known: " + ", ".join(COLUMNS)
+        raise ValueError(f"{where}: [rig] kind must be a known kind of rig; got {kind!r}; {hint}")
+    return kind
+
+
+def _parts(file: _File, kind: str, head: _Head) -> Rig:
+    noise = file.read("noise", Noise, optional=True)
+    if kind in _IN_THE_GUT:
+        return Rig(kind, *file.gut(), noise, magnet=_part(head, Magnet), coil=_part(head, Coil), name=head.name)
+    if kind in ("vibro", "vibro_table"):
+        drive, surface = file.read("drive", Drive), file.read("surface", Surface)
+        if surface.kind == "gut":
+            return Rig(kind, *file.gut(), noise, drive=drive, surface=surface, name=head.name)
+        if surface.friction_coefficient is None:
+            raise ValueError(
+                f"{file.where}: [surface] must have the key 'friction_coefficient' where its kind is 'plate'; it is"
+                " missing"
+            )
+        capsule = file.read("capsule", BodyTable).capsule()
+        return Rig(kind, capsule, file.paper_tissue(), noise, drive=drive, surface=surface, name=head.name)
+    if kind == "periods":
+        capsule = file.read("capsule", PaperCapsuleTable, optional=True).capsule()
+        return Rig(
+            kind, capsule, file.paper_tissue(), noise, velocity_m_s=_pull_speed(file.where, head), name=head.name
+        )
+    capsule = file.read("capsule", PaperCapsuleTable, optional=True).capsule()
+    axis = file.read("axis", Axis, optional=True) if kind == "axis" else Axis()
+    return Rig(kind, capsule, file.paper_tissue(), noise, axis=axis, name=head.name)
+
+
+def _part(head: _Head, table: type[T]) -> T | None:
+    return table(**{key: getattr(head, key) for key in table.model_fields}) if isinstance(head, table) else None
+
+
+def _pull_speed(where: str, head: _Head) -> float | None:
+    speed = head.velocity_m_s if isinstance(head, _PeriodsHead) else None
+    if speed is not None and not 0 < abs(speed) <= 1:
+        raise ValueError(
+            f"{where}: [rig] velocity_m_s must be the speed of the pull in m/s, not 0 and at most 1; got {speed:g}"
+        )
+    return speed
+
+
+@dataclass
+class _File:
+    """The tables of one rig file; remembers which were used, so that the rest is refused."""
+
+    raw: Mapping[str, Any]
+    where: str
+    kind: str
+
+    def __post_init__(self) -> None:
+        self.used = {"rig"}
+
+    def gut(self) -> tuple[Capsule, Tissue]:
+        """Capsule and gut of a rig that has both."""
+        return self.read("capsule", CapsuleTable).capsule(), self.read("tissue", TissueTable).tissue()
+
+    def paper_tissue(self) -> Tissue:
+        """The gut where it matters little: paper A's but for what is given."""
+        return self.read("tissue", PaperTissueTable, optional=True).tissue()
+
+    def read(self, table: str, model: type[T], optional: bool = False) -> T:
+        """One table, checked."""
+        if table not in self.raw and not optional:
+            raise ValueError(
+                f"{self.where}: table [{table}] must be there for a rig of kind {self.kind!r}; it is missing"
+            )
+        self.used.add(table)
+        try:
+            return model.model_validate(dict(self.raw.get(table, {})))
+        except ValidationError as error:
+            errors = sorted(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")
+            raise ValueError(f"{self.where}: {self._sentence(table, model, errors[0])}") from None
+
+    def refuse_rest(self) -> None:
+        """Refuse tables that this kind of rig does not have."""
+        for table in self.raw:
+            if table not in self.used:
+                raise ValueError(
+                    f"{self.where}: table [{table}] must not be there for kind {self.kind!r}; it takes"
+                    f" {_listed(self.used)}"
+                )
+
+    def _sentence(self, table: str, model: type[Table], error: ErrorDetails) -> str:
+        key = str(error["loc"][0]) if error["loc"] else ""
+        if error["type"] == "extra_forbidden":
+            owner = next(
+                (
+                    f"{key!r}, which belongs to kind {kind!r}"
+                    for kind, head in _HEADS.items()
+                    if table == "rig" and key in head.model_fields
+                ),
+                None,
+            )
+            missing = [name for name in model.model_fields if name not in self.raw.get(table, {})] or list(
+                model.model_fields
+            )
+            return f"[{table}] key must be a known one; got {owner or f'{key!r}; {nearest(key, missing)}'}"
+        if error["type"] == "missing":
+            return f"[{table}] must have the key {key!r}; it is missing"
+        return f"[{table}] {key} must be {_expected(error)}; got {str(error['input'])[:60]!r}"
+
+
+def _expected(error: ErrorDetails) -> str:
+    limits = error.get("ctx", {})
+    if error["type"] == "literal_error":
+        return f"one of {limits['expected']}"
+    words = {"gt": "more than", "ge": "at least", "lt": "less than", "le": "at most"}
+    for name, limit in limits.items():
+        if name in words:
+            return f"{words[name]} {limit:g} (SI units)"
+    return {"bool_type": "true or false", "string_type": "text"}.get(error["type"], "a finite number")
+
+
+def _listed(tables: set[str]) -> str:
+    return ", ".join(f"[{table}]" for table in TABLES if table in tables)

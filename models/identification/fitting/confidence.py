@@ -1,0 +1,89 @@
+"""How sure a fitted parameter is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from models.identification.finding import Estimate
+from models.identification.fitting.fit import Fit, axes
+from models.identification.kind import Kind
+from models.parameter import Parameter
+
+ACCURACY = 0.01
+"""Relative accuracy of the models' own numerics and of a minimum on a jagged criterion: the least width of an interval
+on either side.
+"""
+_T95 = 1.96
+_BLOCKS = 60
+_AT_BOUND = 1e-3
+
+
+Part = tuple[float, Mapping[str, float]]
+"""Share of the records' rows that a fit was made on, and its values."""
+
+
+def intervals(kind: Kind, fit: Fit, effects: Sequence[str], parts: Sequence[Part] = ()) -> dict[str, Estimate]:
+    """95 % intervals: the widest of least squares' own from the Jacobian, widened for what is left beyond chance and
+    for residuals that are not independent, of the sandwich with the scores' scatter from block to block, which holds
+    for a model that is not quite right, and of the jackknife, by which the fits on `parts` of the records differ from
+    the one on all; never beyond the bounds.
+    """
+    fitted = axes(kind, effects)
+    if not fitted:
+        return {}
+    J = fit.jacobian
+    scale = np.array([a.scale for a in fitted])
+    curvature = (J * scale).T @ (J * scale)
+    values, vectors = np.linalg.eigh(curvature)
+    widened = max(fit.chi2, 1.0) * _memory(fit.residual)
+    inverse = (vectors / np.maximum(values, 1e-12 * max(values[-1], 1e-300))) @ vectors.T
+    scores = np.array([part.T @ r for part, r in zip(_blocks(J * scale), _blocks(fit.residual), strict=True)])
+    scatter = len(scores) / max(len(scores) - len(fitted), 1) * scores.T @ scores
+    variance = np.maximum(np.diag(inverse) * widened, np.diag(inverse @ scatter @ inverse))
+    out = {}
+    for axis, deviation in zip(fitted, np.sqrt(variance) * scale, strict=True):
+        value = fit.theta[axis.name]
+        p = axis.parameter
+        moved = jackknife(value, [(share, theta[axis.name]) for share, theta in parts if axis.name in theta], p.unit)
+        half = float(np.hypot(_T95 * max(deviation, moved), ACCURACY * abs(value)))
+        told = half < 0.5 * max(abs(value), axis.scale) + axis.scale and _inside(value, p)
+        out[axis.name] = Estimate(value, (max(value - half, p.lower), min(value + half, p.upper)), p.unit, told)
+    return out
+
+
+def jackknife(value: float, parts: Sequence[tuple[float, float]], unit: str = "1") -> float:
+    """Standard deviation of `value`, found on all rows, from those found on shares s of them: `(mean of d^2 s/(1 -
+    s))^(1/2)`, d how far off a part's value is, angles the shorter way round. With one group left out in turn this is
+    the delete-a-group jackknife.
+    """
+    away = [(share, part - value) for share, part in parts if share < 1]
+    if unit == "rad":
+        away = [(share, (d + np.pi) % (2 * np.pi) - np.pi) for share, d in away]
+    return float(np.sqrt(np.mean([d * d * share / (1 - share) for share, d in away]))) if away else 0.0
+
+
+def _inside(value: float, p: Parameter) -> bool:
+    margin = _AT_BOUND * (p.upper - p.lower) if np.isfinite(p.upper - p.lower) else 0.0
+    return p.lower + margin < value < p.upper - margin
+
+
+def _blocks(values: np.ndarray) -> list[np.ndarray]:
+    return np.array_split(values, min(_BLOCKS, len(values)))
+
+
+def _memory(residual: np.ndarray) -> float:
+    """Samples that count as one: 1 + 2 sum of the autocorrelation until it first dies out, at most 200 lags."""
+    r = residual - residual.mean()
+    n = len(r)
+    power = float(r @ r)
+    if n < 20 or power == 0:
+        return 1.0
+    total = 1.0
+    for lag in range(1, min(200, n // 4)):
+        rho = float(r[:-lag] @ r[lag:]) / power
+        if rho < 0.02:
+            break
+        total += 2 * rho
+    return total

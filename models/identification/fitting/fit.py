@@ -1,0 +1,198 @@
+"""Fitting a kind's parameters: least squares with ever narrower secants, for stick-slip makes the criterion jagged."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.effects import REFINEMENTS
+from models.effects.effect import Effect
+from models.files.record import Record
+from models.identification.fitting.gauss_newton import Valley
+from models.identification.kind import Kind
+from models.parameter import Parameter
+
+_T = TypeVar("_T")
+_R = TypeVar("_R")
+Array = NDArray[np.float64]
+_POOL = ThreadPoolExecutor(os.cpu_count() or 1)
+WIDE = (1.0, 0.3, 0.1)
+NARROW = (0.3, 0.1)
+FINE = (0.1, 0.03)
+"""Widths of secants, one descent after the other."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One fitted parameter: full name, declaration, and the scale on which the criterion is looked at."""
+
+    name: str
+    parameter: Parameter
+    scale: float
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted point: values, cost (sum of squares), number of residuals, Jacobian in the axes' order."""
+
+    theta: dict[str, float]
+    cost: float
+    count: int
+    jacobian: Array
+    residual: Array
+
+    @property
+    def chi2(self) -> float:
+        """Cost for each residual, about 1 where the model is right."""
+        return self.cost / self.count
+
+
+def axes(kind: Kind, effects: Sequence[str]) -> list[Axis]:
+    """What a fit of `kind` with `effects` may move. A tenth of a value is its scale; an amplitude's is the effect's
+    probe.
+    """
+    result = [Axis(p.name, p, _scale(p)) for p in kind.base if p.fit]
+    known = {effect.id: effect for effect in _declared(kind)}
+    for effect in (known[name] for name in effects):
+        name = effect.id
+        for p in (q for q in effect.parameters() if q.fit):
+            scale = effect.probe if p.name == effect.amplitude().name else _scale(p)
+            result.append(Axis(f"{name}.{p.name}", p, scale))
+    return result
+
+
+def _declared(kind: Kind) -> tuple[type[Effect], ...]:
+    """Every effect that a fit of `kind` may be asked for: its candidates and the free curves."""
+    return (*kind.effects, *REFINEMENTS)
+
+
+def _scale(p: Parameter) -> float:
+    return 0.1 * abs(p.value) if p.value else (p.upper - p.lower) / 600
+
+
+def parallel(function: Callable[[_T], _R], items: Sequence[_T]) -> list[_R]:
+    """`function` of every item on all processors; the compiled loops release the interpreter."""
+    return list(_POOL.map(function, items)) if len(items) > 1 else [function(item) for item in items]
+
+
+def evaluate(kind: Kind, records: Sequence[Record], theta: Mapping[str, float], stage: int) -> Array:
+    """The residuals of all records at `theta`, one after the other."""
+    return evaluate_all(kind, records, [theta], stage)[0]
+
+
+def evaluate_all(
+    kind: Kind, records: Sequence[Record], thetas: Sequence[Mapping[str, float]], stage: int
+) -> list[Array]:
+    """`evaluate` at each of `thetas`, on all processors and in all their lanes."""
+    groups = [thetas[i : i + kind.lanes] for i in range(0, len(thetas), kind.lanes)]
+    tasks = [(record, group) for group in groups for record in records]
+    parts = iter(parallel(lambda task: kind.residuals(*task, stage), tasks))
+    rows: list[Array] = []
+    for _ in groups:
+        rows += [np.concatenate(row) for row in zip(*(next(parts) for _ in records), strict=True)]
+    return rows
+
+
+def costs_of(kind: Kind, records: Sequence[Record], thetas: Sequence[Mapping[str, float]], stage: int) -> list[float]:
+    """Sum of squares of the residuals at each of `thetas`."""
+    return [float(r @ r) for r in evaluate_all(kind, records, thetas, stage)]
+
+
+@dataclass(frozen=True)
+class Problem:
+    kind: Kind
+    records: Sequence[Record]
+    axes: list[Axis]
+    stage: int
+
+    @property
+    def lower(self) -> Array:
+        return np.array([a.parameter.lower for a in self.axes])
+
+    @property
+    def upper(self) -> Array:
+        return np.array([a.parameter.upper for a in self.axes])
+
+    @property
+    def scale(self) -> Array:
+        return np.array([a.scale for a in self.axes])
+
+    @property
+    def valley(self) -> Valley:
+        return Valley(self.all_at, self.lower, self.upper, self.scale, max(4, 2 * self.kind.lanes))
+
+    def theta(self, x: Array) -> dict[str, float]:
+        return {a.name: float(v) for a, v in zip(self.axes, x, strict=True)}
+
+    def start(self, theta: Mapping[str, float]) -> Array:
+        return self.valley.clip(np.array([theta.get(a.name, a.parameter.value) for a in self.axes]))
+
+    def at(self, x: Array) -> Array:
+        return self.all_at([x])[0]
+
+    def all_at(self, points: Sequence[Array]) -> list[Array]:
+        """Residuals at each point: of the records, and of fitted parameters from what is believed of them."""
+        rows = evaluate_all(self.kind, self.records, [self.theta(x) for x in points], self.stage)
+        believed = [(i, a.parameter) for i, a in enumerate(self.axes) if np.isfinite(a.parameter.spread)]
+        if not believed:
+            return rows
+        held = [[(x[i] - p.value) / p.spread for i, p in believed] for x in points]
+        return [np.concatenate(pair) for pair in zip(rows, held, strict=True)]
+
+    def jacobian(self, x: Array, secant: float) -> Array:
+        points = []
+        for i, step in enumerate(secant * self.scale):
+            for sign in (1.0, -1.0):
+                y = x.copy()
+                y[i] = np.clip(x[i] + sign * step, self.lower[i], self.upper[i])
+                points.append(y)
+        values = self.all_at(points)
+        columns = [
+            (values[2 * i] - values[2 * i + 1]) / max(points[2 * i][i] - points[2 * i + 1][i], 1e-300)
+            for i in range(len(x))
+        ]
+        return np.array(columns).T
+
+
+def descend(
+    kind: Kind,
+    records: Sequence[Record],
+    effects: Sequence[str],
+    start: Mapping[str, float],
+    stage: int,
+    secant: float,
+    steps: int,
+) -> Fit:
+    """Least squares within bounds at one stage in at most `steps` rounds, derivatives as secants `secant` wide that
+    look across the jags.
+    """
+    problem = Problem(kind, records, axes(kind, effects), stage)
+    x0 = problem.start(start)
+    if not len(x0):
+        r = problem.at(x0)
+        return Fit({}, float(r @ r), len(r), np.zeros((len(r), 0)), r)
+    end = problem.valley.descend(x0, secant, steps)
+    return Fit(problem.theta(end.x), end.cost, len(end.residual), end.jacobian, end.residual)
+
+
+def narrowing(
+    kind: Kind,
+    records: Sequence[Record],
+    effects: Sequence[str],
+    start: Mapping[str, float],
+    stage: int,
+    widths: Sequence[float] = NARROW,
+    steps: int = 12,
+) -> Fit:
+    """Descents at one stage, one after the other, with secants of `widths`."""
+    theta = dict(start)
+    for width in widths:
+        fit = descend(kind, records, effects, theta, stage, width, steps)
+        theta = fit.theta
+    return fit

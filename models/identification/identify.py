@@ -1,0 +1,181 @@
+"""From a finished search to the answer that is reported: verdict, intervals, checks, errors before and after on
+held-out data.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from models.effects import BY_ID
+from models.files.record import Record
+from models.files.rig import Rig
+from models.identification.finding import STAGES, CandidateRow, Estimate, Finding, FoundEffect, Trace
+from models.identification.fitting.confidence import intervals
+from models.identification.kind import EXPLAINED
+from models.identification.kinds import AnyKind, kind_for, ready, report_of
+from models.identification.model import Model
+from models.identification.record_checks import check_parts, check_records
+from models.identification.residual_tests import residual_checks
+from models.identification.search.forward_selection import CLEAN, Search, search
+from models.identification.search.validation import NEAR_NOISE
+
+_AS_LIKELY_AS_NOT = 0.5  # that an effect which explains but a part is there: what is unknown may look like it
+
+
+def close(
+    rig: Rig, train: Sequence[Record], holdout: Sequence[Record], progress: Callable[[str, float], None], seed: int = 0
+) -> tuple[Finding, Model]:
+    """Calibrate the rig's model on `train`, find what it lacks, and report the errors before and after; `holdout` is
+    looked through for what makes it unusable, then not opened until the end.
+
+    The same records and `seed` give the same numbers. Raises ValueError for records that cannot tell anything.
+    """
+    began = time.monotonic()
+    check_records(train, holdout)
+    train, holdout = [ready(r) for r in train], [ready(r) for r in holdout]
+    kind = kind_for(rig, train)
+    words = report_of(kind)
+    check_parts(kind, train, holdout)
+    found = search(kind, train, progress, np.random.default_rng(seed))
+    thetas = _stage_values(kind, found)
+    progress("held-out records", 0.95)
+    checks = residual_checks(kind, train, found.augmented, found.chance_cost)
+    fits = checks[0].ok
+    verdict = verdict_of(found, EXPLAINED if fits else kind.named_share, fits)
+    errors = {
+        part: (
+            {stage: kind.error(records, [kind.predict(r, thetas[stage]) for r in records]) for stage in STAGES}
+            if records
+            else {}
+        )
+        for part, records in (("train", train), ("holdout", holdout))
+    }
+    spread = intervals(kind, found.augmented, found.model, found.parts)
+    told = {"records": ", ".join(r.name for r in train), "seed": str(seed)}
+    model = Model(
+        kind.name, thetas, verdict, told, {stage: float(e) for stage, e in errors["holdout"].items() if np.isfinite(e)}
+    )
+    finding = Finding(
+        kind=kind.name,
+        quantity=kind.quantity,
+        unit=kind.unit,
+        measure=kind.measure,
+        verdict=verdict,
+        effects=tuple(_effect(name, found, spread, verdict) for name in found.effects),
+        calibration={name: estimate for name, estimate in spread.items() if "." not in name},
+        nominal=thetas["nominal"],
+        error=errors,
+        noise_floor=kind.noise_floor(holdout or train),
+        checks=checks,
+        candidates=tuple(_rows(found)),
+        smallest_detectable=found.detectable,
+        next_experiment=words.next_experiment(kind, thetas["augmented"], train),
+        statements=tuple(
+            _statements(found, verdict) + held_out(found, errors["holdout"]) + words.statements(kind, thetas, train)
+        ),
+        equations=tuple(words.equations(kind, thetas["augmented"])),
+        traces=tuple(_trace(kind, r, "train", thetas) for r in train)
+        + tuple(_trace(kind, r, "holdout", thetas) for r in holdout),
+        seconds=time.monotonic() - began,
+        timings=found.timings,
+    )
+    progress("done", 1.0)
+    return finding, model
+
+
+def _stage_values(kind: AnyKind, found: Search) -> dict[str, dict[str, float]]:
+    nominal = dict(kind.nominal())
+    return {
+        "nominal": nominal,
+        "calibrated": {**nominal, **found.calibrated.theta},
+        "augmented": {**nominal, **found.augmented.theta},
+    }
+
+
+def verdict_of(found: Search, share: float, fits: bool) -> str:
+    """`named` where the effects explain what was left, or a `share` of it; without any, `none` where no more is left
+    than chance and about the noise leave; else `unknown`. That the motion is restless excuses what is left only where
+    the model `fits`, as the residual's size says.
+    """
+    if not found.effects:
+        return "none" if found.after < CLEAN * min(found.chance_cost, NEAR_NOISE) else "unknown"
+    clean = found.after < CLEAN * max(found.chance_cost, found.restless if fits else 0.0)
+    return "named" if clean or found.explained >= share else "unknown"
+
+
+def _effect(name: str, found: Search, spread: Mapping[str, Estimate], verdict: str) -> FoundEffect:
+    parameters = {key.split(".", 1)[1]: value for key, value in spread.items() if key.startswith(name + ".")}
+    sure = found.confidence[name] if verdict == "named" else min(found.confidence[name], _AS_LIKELY_AS_NOT)
+    return FoundEffect(name, found.equivalent[name], parameters, found.gains[name], sure)
+
+
+def _rows(found: Search) -> list[CandidateRow]:
+    rows = []
+    for number, screened, trials in found.rounds:
+        gains = {trial.effect: trial.gain for trial in trials}
+        added = found.effects[number - 1] if len(found.effects) >= number else ""
+        for row in screened:
+            note = "added" if row.effect == added else "fitted" if row.effect in gains else "screened only"
+            if added and row.effect in found.equivalent[added]:
+                note = f"cannot be told from {added}"
+            rows.append(CandidateRow(row.effect, number, row.share, gains.get(row.effect), note))
+    return rows
+
+
+def _statements(found: Search, verdict: str) -> list[str]:
+    said = [
+        f"Validation cost for each residual: {found.before:.3g} calibrated, {found.after:.3g} with what was added; "
+        f"chance alone leaves {found.chance_cost:.3g}."
+    ]
+    if found.effects:
+        said.append(
+            f"The effects take away {100 * min(found.explained, 1.0):.0f} % of the misfit beyond chance on records not"
+            " used to fit them."
+        )
+    if found.horizon_s < np.inf:
+        said.append(
+            f"The motion is restless: only over the first {found.horizon_s:g} s of the records does the model predict"
+            " itself when its base numbers are a thousandth off; effects are judged on these."
+        )
+    elif found.restless > CLEAN * found.chance_cost:
+        said.append(
+            f"The motion is restless: the model leaves {found.restless:.3g} of itself when its base numbers are a"
+            " thousandth off."
+        )
+    said += [
+        f"{BY_ID[name].summary.capitalize()} ({name}) mends the shape of"
+        f" {', '.join(e for e in found.effects if name in BY_ID[e].refined_by)}."
+        for name in found.refinements
+    ]
+    if verdict == "unknown":
+        said.append(
+            "What is left is structured and no candidate explains it."
+            if found.after >= CLEAN * found.chance_cost
+            else (
+                "Fits leave as much of the model's own predictions: an effect that is smaller than that cannot be seen."
+            )
+        )
+    return said
+
+
+def held_out(found: Search, error: Mapping[str, float]) -> list[str]:
+    """What the held-out records say against the effects, if anything; they decide nothing."""
+    if not found.effects or not error or error["augmented"] < error["calibrated"]:
+        return []
+    return [
+        "On the held-out records the augmented model errs no less than the calibrated one; no controller takes it over"
+        " that one."
+    ]
+
+
+def _trace(kind: AnyKind, record: Record, role: str, thetas: Mapping[str, Mapping[str, float]]) -> Trace:
+    measured = np.asarray(kind.measured(record))
+    predicted = {stage: np.asarray(kind.predict(record, thetas[stage])) for stage in STAGES}
+    signals = kind.signals(record)
+    axis = next(
+        (name for name in ("t_s", "frequency_Hz", "period_s") if name in record.columns), next(iter(record.columns))
+    )
+    return Trace(record.name, role, axis, record[axis], measured, predicted, signals)

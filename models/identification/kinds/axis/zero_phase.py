@@ -1,0 +1,163 @@
+"""Speed, acceleration and low-passed force of a sampled axis without delay, as the EMPS authors filter (Janot et al.
+2019).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property, lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, cheby1, filtfilt, freqz
+
+from models.files.record import Record
+
+Array = NDArray[np.float64]
+BAND_HZ = 20.0  # closed-loop bandwidth that the authors' cut-offs are multiples of
+BORDER_S = 0.05  # cut at the ends, where a zero-phase filter has only one side
+_SHORT = 2000  # samples that are filtered by a matrix
+_EVEN, _LONGEST = 0.05, 5.0  # share by which steps may differ, and the longest in usual ones that is bridged
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Time in s, position in m, speed in m/s and acceleration in m/s^2 of one record, all of its length."""
+
+    t: Array
+    x: Array
+    v: Array
+    a: Array
+
+    @cached_property
+    def rate(self) -> float:
+        """Samples per second."""
+        return sampling_rate(self.t)
+
+    @cached_property
+    def even(self) -> bool:
+        """Whether its steps in time are even within 5 %."""
+        return _unevenness(self.t)[1] <= _EVEN
+
+
+@cache
+def _low_pass(factor: int) -> tuple[Array, Array]:
+    b, a = cheby1(8, 0.05, 0.8 / factor)
+    return np.asarray(b), np.asarray(a)
+
+
+def sampling_rate(t: Array) -> float:
+    """Samples per second of evenly spaced times."""
+    return 1 / float(np.median(np.diff(t)))
+
+
+def evened(record: Record, columns: Sequence[str]) -> Record:
+    """`record` itself where its steps in time are even within 5 %, else its `columns` straight between samples at as
+    many even times.
+
+    Raises ValueError where steps are so uneven that speed and acceleration would be guessed.
+    """
+    t = record["t_s"]
+    worst, share = _unevenness(t)
+    if share <= _EVEN:
+        return record
+    steps = np.diff(t)
+    usual = float(np.median(steps))
+    if steps[worst] > _LONGEST * usual:
+        raise ValueError(
+            f"t_s must be evenly spaced to be differentiated, no step above {_LONGEST:g} times the usual one; "
+            f"got a step of {steps[worst]:g} s at {t[worst]:.12g} s among {usual:g} s"
+        )
+    even = np.linspace(t[0], t[-1], len(t))
+    there = {name: np.interp(even, t, record[name]) for name in columns if name in record.columns}
+    return Record(record.name, record.kind, {"t_s": even, **there})
+
+
+def _unevenness(t: Array) -> tuple[int, float]:
+    """Which step is the furthest from the usual one, and by what share of it."""
+    steps = np.diff(t)
+    usual = float(np.median(steps))
+    worst = int(np.argmax(np.abs(steps - usual)))
+    return worst, abs(float(steps[worst]) - usual) / usual
+
+
+def motion(t: Array, position: Array) -> Motion:
+    """Differentiate a measured position: Butterworth of order 4 forward and backward at 100 Hz, then central
+    differences.
+    """
+    rate = sampling_rate(t)
+    b, a = butter(4, min(5 * BAND_HZ / (rate / 2), 0.8))
+    x = filtfilt(b, a, position, padlen=min(12, len(position) - 1))
+    v = np.gradient(x, 1 / rate)
+    return Motion(t, np.asarray(x), v, np.gradient(v, 1 / rate))
+
+
+def reduction(rate: float) -> int:
+    """Factor of the down-sampling, so that 40 Hz is 0.8 of the Nyquist frequency that is left."""
+    return max(1, round(0.8 * (rate / 2) / (2 * BAND_HZ)))
+
+
+def decimate(signal: Array, rate: float) -> Array:
+    """The authors' parallel filter, along the last axis: cut the borders, low-pass (Chebyshev I, order 8, 0.05 dB, both
+    ways), down-sample.
+    """
+    factor = reduction(rate)
+    border = round(BORDER_S * rate)
+    if signal.shape[-1] < 2 * border + 3 * factor:
+        least = (2 * border + 3 * factor) / rate
+        raise ValueError(
+            f"an axis record must last at least {least:g} s to be filtered; got {signal.shape[-1] / rate:g} s"
+        )
+    inner = signal[..., border:-border] if border else signal
+    if factor == 1:
+        return inner
+    return inner @ _operator(inner.shape[-1], factor) if inner.shape[-1] <= _SHORT else _passed_down(inner, factor)
+
+
+def _passed_down(inner: Array, factor: int) -> Array:
+    b, a = _low_pass(factor)
+    return np.asarray(filtfilt(b, a, inner, padlen=min(24, inner.shape[-1] - 1))[..., ::factor])
+
+
+@lru_cache(maxsize=16)
+def _operator(count: int, factor: int) -> Array:
+    """The filter of `count` samples as a matrix: a search filters the same short pieces again and again."""
+    return np.ascontiguousarray(_passed_down(np.eye(count), factor))
+
+
+def passed(rate: float) -> float:
+    """Standard deviation that `decimate` leaves of white noise of standard deviation 1."""
+    factor = reduction(rate)
+    if factor == 1:
+        return 1.0
+    _, gain = freqz(*_low_pass(factor), 4096)
+    return float(np.sqrt(np.mean(np.abs(gain) ** 4)))
+
+
+def quiet_roughness(signal: Array, window: int = 25) -> float:
+    """Standard deviation of a signal's noise from its second differences, in the quietest tenth of its windows."""
+    bends = np.diff(signal, 2) / np.sqrt(6)
+    parts = bends[: len(bends) // window * window].reshape(-1, window) if len(bends) >= window else bends[None, :]
+    return float(np.percentile(np.sqrt(np.mean(parts**2, axis=1)), 10))
+
+
+def repeat_lag(position: Array, rate: float, shortest_s: float = 1.0) -> int | None:
+    """Samples after which the motion repeats to 1e-4 of its range over at least a third of the record; None where it
+    does not.
+    """
+    n = len(position)
+    limit = 1e-4 * float(np.ptp(position))
+
+    def mismatch(lag: int, stride: int) -> float:
+        return float(np.sqrt(np.mean((position[lag::stride] - position[: n - lag : stride]) ** 2)))
+
+    coarse = range(round(shortest_s * rate), 2 * n // 3, max(1, round(0.01 * rate)))
+    scores = [mismatch(lag, 8) for lag in coarse]
+    for i in range(1, len(scores) - 1):
+        if scores[i] <= min(scores[i - 1], scores[i + 1]) and scores[i] < 100 * limit:
+            fine = range(coarse[i - 1], coarse[i + 1] + 1)
+            best = min(fine, key=lambda lag: mismatch(lag, 4))
+            if mismatch(best, 1) < limit:
+                return best
+    return None

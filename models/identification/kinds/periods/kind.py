@@ -1,0 +1,252 @@
+"""Stick-slip of a capsule pulled at constant speed: period, valley and peak from the wall's tension (paper A)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import ClassVar
+
+import numpy as np
+
+from models.effects.effect import Effect, Signals
+from models.effects.wall.small_strain_stiffening import SmallStrainStiffening
+from models.files.record import Record
+from models.files.rig import Rig
+from models.identification.kind import Array, OneByOne, Theta, present
+from models.laws.geometry import GRAVITY, Capsule, Tissue, stretched_length, wall_section
+from models.laws.hyperelastic import WallConstants
+from models.laws.resistance import pressure_integrals
+from models.laws.stick_slip import Tooth, stick_slip_tooth
+from models.laws.tension import wall_tension
+from models.parameter import Parameter
+
+COLUMNS = ("period_s", "valley_N", "peak_N")
+SCATTER = (0.25, 0.12, 0.07)
+"""Relative standard deviation of one period, valley and peak: paper A Table 2."""
+SPEED, RETURN_SPEED = 0.5e-3, 0.6e-3
+"""Pull and average speed at which the wall draws back in m/s: paper A Table 1."""
+EQUIVALENTS = MappingProxyType({"small_strain_stiffening": ("wall_viscosity",)})
+"""Effects that give the same period, valley and peak at one speed, whatever is measured."""
+_HELD = "held: one speed cannot tell it"
+
+
+@dataclass(frozen=True)
+class SingleSpeedStiffening(SmallStrainStiffening):
+    """`small_strain_stiffening` of which one speed tells the size alone, not the drag over which it fades."""
+
+    grid = MappingProxyType({})
+
+    scale_m: Parameter = replace(SmallStrainStiffening.scale_m, source=_HELD, fit=False)
+    tail: Parameter = replace(SmallStrainStiffening.tail, source=_HELD, fit=False)
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """One stick-slip cycle: its tooth, valley and peak of the force in N."""
+
+    tooth: Tooth
+    valley: float
+    peak: float
+
+
+@dataclass(frozen=True)
+class PeriodsKind(OneByOne):
+    """Saw-tooth between `F_e` and `F_e + f_c`: the wall sticks until `T(u_c) = f_c`, then draws back at `v + v_i` to
+    the capsule.
+
+    `F_e = q sin(theta) I1`, `f_c = mu (m g + q (cos(theta) I1 + I2))` with the hoop factor q; period `u_c/v + u_c/(v +
+    v_i)`. Valley and peak identify q and mu; the period then follows from the wall's law and tests it.
+    `return_speed_m_s` None takes the base model's recovery instead, `v_i = u_c/t_r` and a slip of `t_r`.
+    """
+
+    capsule: Capsule
+    tissue: Tissue
+    velocity_m_s: float
+    base: tuple[Parameter, ...]
+    length_m: float
+    return_speed_m_s: float | None = RETURN_SPEED
+    scatter: tuple[float, float, float] = SCATTER
+    period_std_s: float | None = None
+    effects: tuple[type[Effect], ...] = (SingleSpeedStiffening,)
+    name: str = "periods"
+    stages: int = 1
+    final: int = 0
+    judges: tuple[int, ...] = (0,)
+    slow_view: bool = False
+    next_share: float = 0.3
+    least_gain: float = 0.05
+    quantity: str = "period_s, valley_N and peak_N"
+    unit: str = "s, N, N"
+    equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = EQUIVALENTS
+    measure: str = "rms over period, valley and peak of the relative error of their means in %"
+
+    @classmethod
+    def from_rig(cls, rig: Rig) -> PeriodsKind:
+        """The pull that a rig file describes."""
+        speed = SPEED if rig.velocity_m_s is None else rig.velocity_m_s
+        return cls.around(rig.capsule, rig.tissue, speed, period_std_s=rig.noise.period_std_s)
+
+    @classmethod
+    def around(
+        cls,
+        capsule: Capsule = Capsule(),  # noqa: B008
+        tissue: Tissue = Tissue(),  # noqa: B008
+        velocity_m_s: float = SPEED,
+        length_m: float | None = None,
+        return_speed_m_s: float | None = RETURN_SPEED,
+        period_std_s: float | None = None,
+    ) -> PeriodsKind:
+        """A pull of this capsule; `length_m` is the stretched length L_s, by default `L + R`."""
+        mu = tissue.friction_coefficient
+        base = (
+            Parameter(
+                "hoop_factor",
+                1.0,
+                "1",
+                0.02,
+                50.0,
+                "common factor on the hoop stress, differs from rig to rig",
+                fit=True,
+            ),
+            Parameter("friction_coefficient", mu, "1", min(1e-3, mu), max(1.0, mu), "rig file", fit=True),
+        )
+        length = stretched_length(capsule) if length_m is None else length_m
+        return cls(capsule, tissue, abs(velocity_m_s), base, length, return_speed_m_s, period_std_s=period_std_s)
+
+    def nominal(self) -> dict[str, float]:
+        """The base parameters as believed."""
+        return {p.name: p.value for p in self.base}
+
+    def measured(self, record: Record) -> Array:
+        """Period in s, valley and peak in N, one row a period."""
+        return np.column_stack([record[c] for c in COLUMNS])
+
+    def predict(self, record: Record, theta: Theta) -> Array:
+        """Period in s, valley and peak in N, one row a period."""
+        speeds = self._speeds(record)
+        cycles = {v: self.cycle(float(v), theta) for v in np.unique(speeds)}
+        return np.array([[cycles[v].tooth.period_s, cycles[v].valley, cycles[v].peak] for v in speeds])
+
+    def cycle(self, speed: float, theta: Theta) -> Cycle:
+        """The steady cycle at a pull of `speed` in m/s."""
+        resistance, limit = self.levels(speed, theta)
+        tooth = self.tooth(limit, speed, theta)
+        low, high = self._viscous_ends(tooth, speed, theta)
+        return Cycle(tooth, resistance + low, resistance + limit + high)
+
+    def levels(self, speed: float, theta: Theta) -> tuple[float, float]:
+        """Environmental resistance `F_e` and Coulomb limit `f_c` in N."""
+        q, mu = theta["hoop_factor"], theta["friction_coefficient"]
+        nose, cylinder = (q * float(i) for i in pressure_integrals(speed, self.capsule, self.tissue))
+        load = self.capsule.mass_kg * GRAVITY + math.cos(self.tissue.theta) * nose + cylinder
+        return math.sin(self.tissue.theta) * nose, mu * load
+
+    def tension(self, drag: float, theta: Theta) -> float:
+        """Elastic wall tension in N at a drag in m, with the effects in `theta`; the wall slips by it."""
+        out = float(wall_tension(drag, _WALL, wall_section(self.capsule, self.tissue), self.length_m))
+        s = Signals(drag=drag, drag_rate=self.velocity_m_s, v=self.velocity_m_s, direction=1.0)
+        return out * math.prod(float(effect.stiffening(s, p, {})) for effect, p in present(self.effects, theta))
+
+    def viscous(self, drag: float, rate: float, theta: Theta) -> float:
+        """Force in N with which the wall resists a drag in m that grows at `rate` in m/s, beyond its tension."""
+        s = Signals(drag=drag, drag_rate=rate, v=self.velocity_m_s, direction=1.0)
+        return sum(float(effect.wall_force(s, p, {})) for effect, p in present(self.effects, theta))
+
+    def tooth(self, limit: float, speed: float, theta: Theta) -> Tooth:
+        """Rise and fall between slip at the tension `limit` in N and the relaxed wall. Raises ValueError where no drag
+        gives it.
+        """
+        recoil = self.return_speed_m_s
+        try:
+            tooth = stick_slip_tooth(lambda u: self.tension(u, theta), limit, speed, recoil or 1.0)
+        except ValueError:
+            raise ValueError(
+                "force must rise from valley to peak by what the wall's tension can reach at the pull's speed; got"
+                f" {limit:g} N at {speed:g} m/s"
+            ) from None
+        return tooth if recoil is not None else Tooth(tooth.drag_m, tooth.rise_s, self.tissue.recovery_time_s)
+
+    def residual(self, record: Record, theta: Theta, stage: int = 0) -> Array:
+        """Errors of period, valley and peak in units of one period's scatter, three a row.
+
+        The period is held against what the wall's law gives at the *measured* height of the teeth: valley and peak
+        identify q and mu, the period tests the law. Held against the fitted height, a wrong law would hide in wrong
+        forces.
+        """
+        measured, predicted = self.measured(record), self.predict(record, theta)
+        speeds = self._speeds(record)
+        for v in np.unique(speeds):
+            rows = speeds == v
+            height = float(np.mean(measured[rows, 2] - measured[rows, 1]))
+            predicted[rows, 0] = self.tooth(self._limit(height, float(v), theta), float(v), theta).period_s
+        return ((measured - predicted) / self._std(record)).ravel()
+
+    def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
+        """Rms over period, valley and peak of the relative error of the mean, in %."""
+        off = relative_errors(np.concatenate([self.measured(r) for r in records]), np.concatenate(list(predictions)))
+        return 100 * float(np.sqrt(np.mean(off**2)))
+
+    def noise_floor(self, records: Sequence[Record]) -> float:
+        """Standard error of the means through the same measure."""
+        measured = np.concatenate([self.measured(r) for r in records])
+        n = len(measured)
+        scatter = measured.std(0, ddof=1) / measured.mean(0) if n > 2 else np.array(self.scatter)
+        return 100 * float(np.sqrt(np.mean(scatter**2) / n))
+
+    def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
+        """As many periods of the model, scattered as the measured ones."""
+        made = self.predict(record, theta) + self._std(record) * rng.standard_normal((len(record), 3))
+        for i, column in enumerate(COLUMNS):
+            record = record.with_column(column, made[:, i])
+        return record
+
+    def folds(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
+        """Periods left out in turn, a quarter at a time, neighbours in different parts."""
+        out = []
+        for k in range(4):
+            parts = [(r.rows(np.arange(len(r)) % 4 != k), r.rows(np.arange(len(r)) % 4 == k)) for r in records]
+            out.append(([a for a, _ in parts if len(a)], [b for _, b in parts if len(b)]))
+        return [(a, b) for a, b in out if a and b]
+
+    def signals(self, record: Record) -> dict[str, Array]:
+        """What the residual is drawn against."""
+        period, valley, peak = self.measured(record).T
+        return {
+            "period_index": np.arange(1.0, len(record) + 1),
+            "valley_N": valley,
+            "rise_N": peak - valley,
+            "period_s": period,
+        }
+
+    def columns(self, record: Record, predicted: Array) -> dict[str, Array]:
+        """The prediction as the columns of a file."""
+        speed = {"velocity_m_s": record["velocity_m_s"]} if "velocity_m_s" in record.columns else {}
+        return speed | dict(zip(COLUMNS, predicted.T, strict=True))
+
+    def _speeds(self, record: Record) -> Array:
+        return np.abs(record.columns.get("velocity_m_s", np.full(len(record), self.velocity_m_s)))
+
+    def _viscous_ends(self, tooth: Tooth, speed: float, theta: Theta) -> tuple[float, float]:
+        """What the wall's viscosity adds to valley and peak in N."""
+        recoil = tooth.drag_m / tooth.fall_s if self.return_speed_m_s is None else self.return_speed_m_s
+        low = min(self.viscous(0.0, speed, theta), self.viscous(0.0, -recoil, theta))
+        return low, self.viscous(tooth.drag_m, speed, theta)
+
+    def _limit(self, height: float, speed: float, theta: Theta) -> float:
+        """Coulomb limit in N of teeth of a measured height in N."""
+        low, high = self._viscous_ends(self.tooth(height, speed, theta), speed, theta)
+        return max(height - high + low, 1e-3 * height)
+
+    def _std(self, record: Record) -> Array:
+        std = np.array(self.scatter) * np.abs(self.measured(record).mean(0))
+        return std if self.period_std_s is None else np.array([self.period_std_s, *std[1:]])
+
+
+def relative_errors(measured: Array, predicted: Array) -> Array:
+    """Relative errors of the mean period, valley and peak, shape (3,)."""
+    return np.asarray(predicted.mean(0) / measured.mean(0) - 1)
+
+
+_WALL = WallConstants.from_set()

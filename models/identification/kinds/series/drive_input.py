@@ -1,0 +1,161 @@
+"""What a record commands, cut into the steps of a model: straight lines between samples, or a switch that holds between
+its edges.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.drives.drive import Drive
+from models.files.columns import COLUMNS
+from models.files.record import Record
+from models.parameter import Parameter
+
+Array = NDArray[np.float64]
+
+SWITCH_DELAY = "switch_delay_s"
+_STEP = 2.5e-4  # s, internal step of a free capsule while a fit looks for it
+_FINE_STEP = 1e-4  # s, the same where it counts which of two teeth slips
+_LINKED_STEP = 5e-4  # s, the same for one behind an elastic link, which is solved implicitly
+_FINE_LINKED_STEP = 2e-4  # s, the same where it counts: half of 1e-4's time, predictions 0.2 mN rms apart
+_DRIFTING_STEP = 2e-4  # s, the same where no magnet holds its place: what a step does wrong stays
+_SHAKEN_STEP = 5e-5  # s, the same for a body that its drive shakes to and fro
+_UNEVEN = 0.05  # share of the sampling interval by which times may be off before samples count as uneven
+_AT_AN_END = 0.01  # share of a switch's range within which a sample counts as fully on or off
+
+
+def driven_column(kind: str, records: Sequence[Record]) -> str:
+    """The column that drives `records`, of a kind's alternatives the first that all of them have.
+
+    Raises ValueError where no alternative stands in every record: a series is driven in one way.
+    """
+    alternatives = COLUMNS[kind].driven[0]
+    for name in alternatives:
+        if all(name in record.columns for record in records):
+            return name
+    got = ", ".join(f"{r.name}: {next((n for n in alternatives if n in r.columns), 'neither')}" for r in records)
+    raise ValueError(
+        f"records of one series must have one driven column, {' or '.join(alternatives)}, in common; got {got}"
+    )
+
+
+def drifts(drive: Drive) -> bool:
+    """Whether a drive pushes without a place of its own, so that a position is only known from where it started."""
+    return not drive.anchored
+
+
+def interval(record: Record) -> float:
+    """Mean time between samples in s."""
+    t = record["t_s"]
+    return float(t[-1] - t[0]) / (len(t) - 1)
+
+
+def evenly(record: Record, columns: Sequence[str]) -> Record:
+    """`record` itself where its samples are even in time, else its `columns` straight between samples at as many even
+    times.
+    """
+    t = record["t_s"]
+    even = np.linspace(t[0], t[-1], len(t))
+    if np.max(np.abs(t - even)) < _UNEVEN * interval(record):
+        return record
+    there = {name: np.interp(even, t, record[name]) for name in columns if name in record.columns}
+    return Record(record.name, record.kind, {"t_s": even, **there})
+
+
+@dataclass(frozen=True)
+class Feed:
+    """Input of a compiled model's loop: `commands` at intervals of `dt` s with `substeps` steps each; of the loop's
+    output every `every`-th value from `first` on belongs to a sample of the record.
+    """
+
+    commands: Array
+    dt: float
+    substeps: int
+    first: int = 0
+    every: int = 1
+
+    def spread(self, samples: Array) -> Array:
+        """A measured column at the loop's own intervals, straight between samples."""
+        if self.every == 1 and not self.first:
+            return samples
+        at = (np.arange(len(self.commands)) - self.first) / self.every
+        return np.asarray(np.interp(at, np.arange(len(samples)), samples))
+
+    def samples(self, output: Array) -> Array:
+        """The loop's output at the record's samples."""
+        return output[self.first :: self.every]
+
+
+def _step(drive: Drive, fine: bool) -> float:
+    if drifts(drive):
+        return _DRIFTING_STEP
+    if drive.imposed:
+        return _FINE_LINKED_STEP if fine else _LINKED_STEP
+    return _FINE_STEP if fine else _STEP
+
+
+def feed(drive: Drive, record: Record, rigid: bool, delay: float, fine: bool = True) -> Feed:
+    """The loop's input for `record`. `rigid`: an imposed motion that needs no steps within a sample; `delay` in s of a
+    switch that is logged as on or off alone; `fine` steps take longer and lose fewer teeth.
+    """
+    command, dt = record[drive.commanded], interval(record)
+    if not drive.held:
+        return Feed(command, dt, 1 if rigid else max(1, round(dt / _step(drive, fine))))
+    pieces = max(1, round(dt / _SHAKEN_STEP))
+    mean = held(command, dt, pieces, delay if logged_whole(command) else 0.0)
+    return Feed(np.concatenate([[0.0], mean, mean[-1:]]), dt / pieces, 1, 1, pieces)
+
+
+def _ends(command: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Where a switch's column is fully off, and where fully on."""
+    low, high = float(command.min()), float(command.max())
+    margin = _AT_AN_END * (high - low)
+    return command <= low + margin, command >= high - margin
+
+
+def logged_whole(command: Array) -> bool:
+    """Whether a switch's column knows only two values: it says at which sample, not when between two, the switch
+    went.
+    """
+    off, on = _ends(command)
+    return bool(np.all(off | on))
+
+
+def held(command: Array, dt: float, pieces: int, delay: float) -> Array:
+    """Mean of a switched command over each of `pieces` equal parts of every sampling interval `dt` in s, shape ((n - 1)
+    pieces,).
+
+    A sample is the command's mean over the interval before it. Where a neighbour is fully on or off, an edge is placed
+    inside the interval so that the mean is right; elsewhere the mean holds throughout. All of it comes `delay` s later.
+    """
+    off, on = (np.append(where, False) for where in _ends(command))
+    partial = ~(off | on)[1:-1]
+    up, down = off[:-2] | on[2:], on[:-2] | off[2:]
+    rises, falls = partial & up & ~down, partial & down & ~up
+    share, low, high = command[1:], float(command.min()), float(command.max())
+    first = np.where(rises, low, np.where(falls, high, share))
+    then = np.where(rises, high, np.where(falls, low, share))
+    turn = np.where(rises | falls, (then - share) / np.where(first == then, 1.0, then - first), 1.0)
+    starts = np.arange(len(share))
+    knots = np.append(np.stack([starts, starts + turn], axis=1).ravel(), float(len(share)))
+    area = np.stack([turn * first, (1 - turn) * then], axis=1).ravel()
+    total = np.concatenate([[0.0], np.cumsum(area)])
+    at = np.arange(len(share) * pieces + 1) / pieces - delay / dt
+    reached = np.interp(at, knots, total) + np.minimum(at, 0.0) * command[0]
+    return np.asarray(np.diff(reached) * pieces)
+
+
+def switch_delay(drive: Drive, records: Sequence[Record]) -> tuple[Parameter, ...]:
+    """The one number that a switch logged as on or off leaves open: where in the sampling interval it acts; to be
+    fitted then.
+    """
+    if not drive.held:
+        return ()
+    dt = max((interval(record) for record in records), default=1.0)
+    whole = bool(records) and all(logged_whole(record[drive.commanded]) for record in records)
+    why = "a sample of a switch tells the interval before it (0), or the one after it (one sampling interval)"
+    return (Parameter(SWITCH_DELAY, 0.5 * dt, "s", 0.0, dt, why, fit=whole),)

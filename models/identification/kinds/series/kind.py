@@ -1,0 +1,242 @@
+"""Time series of a capsule in the gut or on a plate, under any drive, predicted by the assembled model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import ClassVar
+
+import numpy as np
+from scipy.signal import butter, sosfiltfilt
+
+from models.assembly.step import Surface
+from models.compiled.kernel import LANES
+from models.drives.drive import Drive
+from models.drives.from_rig import drive_of, surface_of
+from models.effects import effects_for
+from models.effects.effect import Effect
+from models.files.record import Record
+from models.files.rig import Rig
+from models.identification.kind import Array, Theta
+from models.identification.kinds.series.drive_input import drifts, driven_column, interval, switch_delay
+from models.identification.kinds.series.simulation import START_S, Runner
+from models.parameter import Parameter
+from models.surfaces.gut import base_parameters
+from models.surfaces.plate import Plate
+
+LOW_PASS_HZ = 2.0
+_PER_PERIOD = 10  # samples that the slow view keeps of a period of its cut-off
+_TAIL = 8.0  # standard deviations beyond which a difference counts ever less: samples at a jump of the speed
+SHAKEN_S = 6.0
+"""Length in s of what a search looks at of a body that its drive shakes to and fro."""
+_DIVERGED = 1e6  # standard deviations, beyond which a prediction is no longer one
+_WALL_HOOKS = ("stiffening", "wall_force", "recovery")
+
+
+def low_passed(signal: Array, dt: float) -> Array:
+    """`signal` without what is faster than 2 Hz: Butterworth, second order, forward and back, so without phase."""
+    if len(signal) < 16 or LOW_PASS_HZ * 2 * dt >= 1:
+        return signal
+    return np.asarray(sosfiltfilt(butter(2, LOW_PASS_HZ * 2 * dt, output="sos"), signal))
+
+
+@dataclass(frozen=True)
+class GutKind:
+    """A rig whose records are time series of a capsule. `noise_std` of the sensor; `memories` in s are the observer's
+    time constants of the fit's stages.
+    """
+
+    name: str
+    surface: Surface
+    drive: Drive
+    noise_std: float
+    memories: tuple[float, ...]
+    base: tuple[Parameter, ...] = ()
+    effects: tuple[type[Effect], ...] = ()
+    slow_view: bool = True
+    next_share: float = 0.6
+    named_share: float = 0.9
+    least_gain: float = 0.4
+    equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
+    measure: str = "rms of the free-running prediction, low-passed at 2 Hz"
+    unit: str = "N"
+    quantity: str = field(default="force_N")
+
+    @classmethod
+    def from_rig(cls, rig: Rig, records: Sequence[Record]) -> GutKind:
+        """The kind that a rig file describes under the drive of `records`; the noise is estimated where not given.
+
+        Raises ValueError for another kind of rig, and for records that are driven in different ways.
+        """
+        drive = drive_of(rig, driven_column(rig.kind, records))
+        noise = rig.noise.force_std_N if drive.imposed else rig.noise.position_std_m
+        return cls.build(surface_of(rig), drive, noise or estimated_noise(records, drive.measured), records)
+
+    @classmethod
+    def build(cls, surface: Surface, drive: Drive, noise_std: float, records: Sequence[Record] = ()) -> GutKind:
+        """The kind for a surface and a drive; `records` tell how a switch was logged."""
+        memories = (
+            (0.03, 0.2, 1.0, 4.0)
+            if drive.imposed
+            else (1.0,)
+            if drive.held
+            else (1.0, 5.0)
+            if drifts(drive)
+            else (0.2,)
+        )
+        own = surface.parameters() if isinstance(surface, Plate) else base_parameters(surface.tissue)
+        base = own + drive.parameters() + switch_delay(drive, records)
+        effects = tuple(
+            e for e in effects_for(drive.name) if not isinstance(surface, Plate) or not _acts_on_the_wall(e)
+        )
+        unit = "N" if drive.imposed else "m"
+        return cls(
+            drive.name,
+            surface,
+            drive,
+            noise_std,
+            memories,
+            base,
+            effects,
+            unit=unit,
+            quantity=drive.measured,
+        )
+
+    @property
+    def stages(self) -> int:
+        """One with each of the observer's memories, and the free run."""
+        return len(self.memories) + 1
+
+    @property
+    def final(self) -> int:
+        """The free run at fine steps."""
+        return self.stages + 1
+
+    @property
+    def judges(self) -> tuple[int, ...]:
+        """The observer that forgives teeth out of step but little else, and the free run."""
+        return (min(1, self.stages - 2), self.stages - 1)
+
+    @property
+    def free_only(self) -> bool:
+        """See `Kind.free_only`: a rig with one observer, of a capsule that its drive holds by a spring or shakes."""
+        return len(self.memories) == 1
+
+    def nominal(self) -> dict[str, float]:
+        """The base parameters as believed."""
+        return {p.name: p.value for p in self.base}
+
+    def measured(self, record: Record) -> Array:
+        """The measured column."""
+        return record[self.quantity]
+
+    @property
+    def lanes(self) -> int:
+        """As many as the compiled loop runs side by side."""
+        return LANES
+
+    def _run(
+        self, record: Record, theta: Theta, memory: float | None, measured: Array | None, fine: bool = True
+    ) -> Array:
+        return self._runs(record, [theta], memory, measured, fine)[0]
+
+    def _runs(
+        self, record: Record, thetas: Sequence[Theta], memory: float | None, measured: Array | None, fine: bool = True
+    ) -> list[Array]:
+        return Runner(self.surface, self.drive, self.quantity).runs(record, thetas, memory, measured, fine)
+
+    def _from_the_start(self, record: Record, output: Array) -> Array:
+        """`output` moved to where the record starts: one sample's noise in the starting place would stay to the end."""
+        if not drifts(self.drive) or self.quantity not in record.columns:
+            return output
+        first = slice(0, max(1, round(START_S / interval(record))))
+        return output + float(np.mean(record[self.quantity][first] - output[first]))
+
+    def predict(self, record: Record, theta: Theta) -> Array:
+        """The free run from the driven column alone; a magnetic capsule starts at rest below its magnet, one under a
+        coil or an inner mass at rest where the record starts (at 0 where it does not say).
+        """
+        seen = record.columns.get(self.quantity) if drifts(self.drive) else None
+        return self._from_the_start(record, self._run(record, theta, None, seen))
+
+    def residual(self, record: Record, theta: Theta, stage: int = 0) -> Array:
+        """Differences in units of the noise, those in a tooth's jump counting less; see `Kind.residual`."""
+        return self.residuals(record, [theta], stage)[0]
+
+    def residuals(self, record: Record, thetas: Sequence[Theta], stage: int = 0) -> list[Array]:
+        """`residual` at several points."""
+        memory = self.memories[stage] if stage < len(self.memories) else None
+        outputs = self._runs(record, thetas, memory, record[self.quantity], stage == self.final)
+        if not memory:
+            outputs = [self._from_the_start(record, output) for output in outputs]
+        return [self._weighed(record, output, stage) for output in outputs]
+
+    def _weighed(self, record: Record, output: Array, stage: int) -> Array:
+        with np.errstate(over="ignore", invalid="ignore"):  # of a model that ran away
+            r = (record[self.quantity] - output) / self.noise_std
+        r = np.clip(np.where(np.isfinite(r), r, _DIVERGED), -_DIVERGED, _DIVERGED)
+        if stage == self.stages:
+            dt = interval(record)
+            return np.asarray(low_passed(r, dt)[:: max(1, round(1 / (_PER_PERIOD * LOW_PASS_HZ * dt)))])
+        return np.asarray(np.sign(r) * _TAIL * np.sqrt(2 * (np.sqrt(1 + (r / _TAIL) ** 2) - 1)))
+
+    def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
+        parts = []
+        for record, predicted in zip(records, predictions, strict=True):
+            parts.append(low_passed(record[self.quantity] - predicted, interval(record)))
+        return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
+
+    def noise_floor(self, records: Sequence[Record]) -> float:
+        """White noise of `noise_std` through the same low-pass."""
+        rng = np.random.default_rng(0)
+        made = [(r, r[self.quantity] + self.noise_std * rng.standard_normal(len(r))) for r in records]
+        return self.error([r for r, _ in made], [p for _, p in made])
+
+    def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
+        return record.with_column(
+            self.quantity, self.predict(record, theta) + self.noise_std * rng.standard_normal(len(record))
+        )
+
+    def telling(self, records: Sequence[Record]) -> list[Record]:
+        """Of a shaken body, which strikes in every period of its drive, the beginnings; of others all."""
+        return [record.beginning(SHAKEN_S) if self.drive.held else record for record in records]
+
+    def folds(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
+        """The last record validates the others; a single record is cut in its middle."""
+        if len(records) > 1:
+            return [(list(records[:-1]), [records[-1]])]
+        half = len(records[0]) // 2
+        return [([records[0].rows(slice(0, half))], [records[0].rows(slice(half, None))])]
+
+    def signals(self, record: Record) -> dict[str, Array]:
+        """What the residual is drawn against."""
+        t, x = record["t_s"], record[self.drive.commanded if self.drive.imposed else self.quantity]
+        step = interval(record)
+        out = {"t_s": t, "x_m": x, "v_m_s": np.gradient(low_passed(x, step), step)}
+        if self.drive.imposed:
+            return out | {"force_N": record[self.quantity]}
+        if drifts(self.drive):
+            return out | {self.drive.commanded: record[self.drive.commanded]}
+        return out | {"gap_m": record[self.drive.commanded] - x}
+
+    def foresight_rms(self, records: Sequence[Record], theta: Theta, memory: float | None) -> float:
+        """Rms error of `records` under an observer with the time constant `memory` in s; None: free-running."""
+        errors = [record[self.quantity] - self._run(record, theta, memory, record[self.quantity]) for record in records]
+        return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+
+    def columns(self, record: Record, predicted: Array) -> dict[str, Array]:
+        """The prediction as the columns of a file."""
+        return {"t_s": record["t_s"], self.quantity: predicted}
+
+
+def _acts_on_the_wall(effect: type[Effect]) -> bool:
+    return any(effect.answers(hook) for hook in _WALL_HOOKS)
+
+
+def estimated_noise(records: Sequence[Record], column: str) -> float:
+    """Standard deviation of white noise on `column`, from its second differences' median, which motion hardly touches.
+
+    The least number that counts as noise where no record has the column."""
+    second = [np.diff(record[column], 2) for record in records if column in record.columns]
+    return max(float(np.median(np.abs(np.concatenate(second)))) / 0.6745 / np.sqrt(6), 1e-12) if second else 1e-12

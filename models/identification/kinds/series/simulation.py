@@ -1,0 +1,118 @@
+"""A model run over a record: compiled once, eight sets of numbers side by side, free or kept in step by an observer."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from models.assembly.model import Assembly, assemble
+from models.assembly.step import Surface
+from models.compiled.kernel import LANES, NEVER_S, SLOW_S, Kernel, lower
+from models.drives.drive import Drive
+from models.effects import BY_ID
+from models.files.record import Record
+from models.identification.kind import Array, Theta
+from models.identification.kinds.series.drive_input import SWITCH_DELAY, Feed, drifts, evenly, feed, interval
+
+START_S = 0.5  # s, over which a record's start is compared with a prediction's where the drive does not tell the place
+
+
+@cache
+def _model(surface: Surface, drive: Drive, names: tuple[str, ...]) -> tuple[Assembly, Kernel]:
+    assembly = assemble(surface, drive, [BY_ID[name] for name in names])
+    return assembly, lower(assembly.step, assembly.correct, NEVER_S if drifts(drive) else SLOW_S)
+
+
+def active_effects(theta: Theta) -> tuple[str, ...]:
+    """Ids of the effects that have an entry in `theta`, sorted."""
+    return tuple(sorted({name.split(".")[0] for name in theta if "." in name}))
+
+
+def _each_lane(values: Array) -> Array:
+    return np.repeat(values[:, None], LANES, axis=1)
+
+
+def _late(theta: Theta) -> float:
+    """Time in s by which the effects in `theta` make the measurement late."""
+    own = (
+        (BY_ID[e](), {k.split(".")[1]: v for k, v in theta.items() if k.startswith(e + ".")})
+        for e in active_effects(theta)
+    )
+    return sum(float(effect.delay(values)) for effect, values in own)
+
+
+@dataclass(frozen=True)
+class Runner:
+    """The models of one surface and drive; `quantity` is the measured column."""
+
+    surface: Surface
+    drive: Drive
+    quantity: str
+
+    def runs(
+        self, record: Record, thetas: Sequence[Theta], memory: float | None, measured: Array | None, fine: bool = True
+    ) -> list[Array]:
+        """The output at each of `thetas`, those side by side that have the same effects and switch at the same time."""
+        alike: dict[tuple[tuple[str, ...], float], list[int]] = {}
+        for i, theta in enumerate(thetas):
+            alike.setdefault((active_effects(theta), theta.get(SWITCH_DELAY, 0.0)), []).append(i)
+        outputs: dict[int, Array] = {}
+        for (active, delay), members in alike.items():
+            for k in range(0, len(members), LANES):
+                some = members[k : k + LANES]
+                shown = self._side_by_side(record, [thetas[i] for i in some], active, delay, memory, measured, fine)
+                outputs.update(zip(some, shown, strict=True))
+        return [outputs[i] for i in range(len(thetas))]
+
+    def _side_by_side(
+        self,
+        record: Record,
+        thetas: Sequence[Theta],
+        active: tuple[str, ...],
+        delay: float,
+        memory: float | None,
+        measured: Array | None,
+        fine: bool,
+    ) -> list[Array]:
+        assembly, kernel = _model(self.surface, self.drive, active)
+        rigid = self.drive.imposed and "string_compliance" not in active
+        even = evenly(record, (self.drive.commanded, self.quantity))
+        measured = None if measured is None else even[self.quantity]
+        fed = feed(self.drive, even, rigid, delay, fine)
+        shown = np.empty((len(fed.commands), LANES))
+        filled = [*thetas, *[thetas[-1]] * (LANES - len(thetas))]
+        parameters = np.array([assembly.vector(theta) for theta in filled]).T.copy()
+        states = _each_lane(self._start(assembly, even, measured))
+        seen = shown
+        if measured is not None and memory:
+            spread = fed.spread(measured)
+            at, late = np.arange(len(spread)), [_late(theta) / fed.dt for theta in filled]
+            seen = np.stack([np.interp(at + n, at, spread) for n in late], axis=1) if any(late) else _each_lane(spread)
+        if drifts(self.drive) and measured is not None and memory:
+            n = 1 + max(1, round(START_S / fed.dt))
+            kernel.many(states.copy(), fed.commands[:n], seen, 0.0, parameters, fed.substeps, fed.dt, shown)
+            states[0] += np.mean(seen[:n] - shown[:n], axis=0)  # one sample's noise in the place would last
+        gain = fed.dt / memory if memory else 0.0
+        kernel.many(states, fed.commands, seen, gain, parameters, fed.substeps, fed.dt, shown)
+        return [self._at_samples(record, even, fed, shown[:, b], theta) for b, theta in enumerate(thetas)]
+
+    def _at_samples(self, record: Record, even: Record, fed: Feed, shown: Array, theta: Theta) -> Array:
+        output = fed.samples(shown)
+        delay = _late(theta)
+        return np.interp(record["t_s"] - delay, even["t_s"], output) if delay or even is not record else output.copy()
+
+    def _start(self, assembly: Assembly, record: Record, measured: Array | None) -> Array:
+        state = assembly.start()
+        first = record[self.drive.commanded][0]
+        if not drifts(self.drive):
+            seen = None if measured is None else measured[: max(1, round(0.02 / interval(record)))]
+            state[0] = first if self.drive.imposed or seen is None else float(np.mean(seen))
+        elif measured is not None:
+            state[0] = measured[0]
+        for k, name in enumerate(assembly.states):
+            if name.endswith((".position_m", ".command")):
+                state[k] = first
+        return state

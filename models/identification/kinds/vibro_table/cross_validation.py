@@ -1,0 +1,61 @@
+"""Cross-validation of a table of mean speeds over whole conditions: what each effect is worth on runs that no fit
+saw.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from models.files.record import Record
+from models.identification.fitting.fit import descend
+from models.identification.kind import Theta
+from models.identification.kinds.vibro_table.kind import VibroTableKind
+
+_FEWEST = 24
+_STEPS = 4
+
+
+def effects_in(theta: Theta) -> list[str]:
+    """Ids of the effects that have entries in `theta`, in their order there."""
+    return list(dict.fromkeys(name.split(".")[0] for name in theta if "." in name))
+
+
+def cross_validated(kind: VibroTableKind, theta: Theta, records: Sequence[Record]) -> dict[str, float]:
+    """Rms error in m/s over conditions, each predicted by a fit to the parts (`kind.folds`) that do not hold it.
+
+    Keys: "" for the model with every effect of `theta`, and each effect's id for the model refitted without it. Every
+    fit starts from `theta`; which effects there are is not chosen anew in each part. Empty where there are fewer than
+    24 conditions.
+    """
+    splits = kind.folds(records)
+    if sum(len(_pairs(held)) for _, held in splits) < _FEWEST:
+        return {}
+    names = effects_in(theta)
+    out = {}
+    for left_out in ("", *names):
+        kept = [name for name in names if name != left_out]
+        start = {k: v for k, v in theta.items() if "." not in k or k.split(".")[0] in kept}
+        secants = (0.3, 0.1) if left_out else (0.1,)
+        squares = [_squared(kind, held, _fitted(kind, training, kept, start, secants)) for training, held in splits]
+        out[left_out] = float(np.sqrt(np.mean(np.concatenate(squares))))
+    return out
+
+
+def _fitted(
+    kind: VibroTableKind, records: Sequence[Record], effects: Sequence[str], start: Theta, secants: Sequence[float]
+) -> dict[str, float]:
+    theta: Mapping[str, float] = start
+    for secant in secants:
+        theta = descend(kind, records, effects, theta, 0, secant, _STEPS).theta
+    return dict(theta)
+
+
+def _pairs(records: Sequence[Record]) -> set[tuple[float, float]]:
+    return {(float(p), float(d)) for r in records for p, d in zip(r["period_s"], r["duty"], strict=True)}
+
+
+def _squared(kind: VibroTableKind, held: Sequence[Record], theta: Theta) -> np.ndarray:
+    """Squared errors of the conditions of `held`."""
+    return np.concatenate([kind.errors(r, kind.predict(r, theta)) ** 2 for r in held])

@@ -1,0 +1,127 @@
+"""From the parameters of a fit to the numbers of the compiled vibro drive: base values and effects onto its fields."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from models.effects.drive.actuator_lag import ActuatorLag
+from models.effects.drive.coil_lag import CoilLag
+from models.effects.drive.coil_reach import CoilReach
+from models.effects.effect import Effect
+from models.effects.force.incline_gravity import InclineGravity
+from models.effects.force.viscous_drag import ViscousDrag
+from models.effects.friction.directional_asymmetry import DirectionalAsymmetry
+from models.effects.friction.stribeck import Stribeck
+from models.effects.inner_mass.end_stop_impact import EndStopImpact
+from models.effects.inner_mass.guide_friction import GuideFriction
+from models.effects.inner_mass.spring_damping import SpringDamping
+from models.effects.inner_mass.spring_hardening import SpringHardening
+from models.identification.kind import Theta
+from models.identification.kinds.vibro_table.numbers import GRAVITY, VibroCycle
+from models.parameter import Parameter
+
+_LEVEL = "directional friction of dry contacts: tens of percent"
+
+
+@dataclass(frozen=True)
+class SwitchLag(ActuatorLag):
+    """`actuator_lag` of a coil that is switched on and off, milliseconds."""
+
+    kinds = frozenset({"vibro_table"})
+    probe = 0.002
+    look_alikes = ("coil_lag", "coil_reach", "incline_gravity")
+    time_s: Parameter = Parameter("time_s", 0.0, "s", 0.0, 0.015, ActuatorLag.source, fit=True)
+
+
+@dataclass(frozen=True)
+class SoftStop(EndStopImpact):
+    """`end_stop_impact` of elastic rubber: mean speeds tell little of a short impact."""
+
+    grid = MappingProxyType({"gap_m": (0.005, 0.01, 0.015)})
+    stiffness_N_per_m: Parameter = Parameter("stiffness_N_per_m", 0.0, "N/m", 0.0, 3000.0, "rubber stops", fit=True)
+    gap_m: Parameter = Parameter("gap_m", 0.01, "m", 0.003, 0.03, "travel of the inner mass", fit=True)
+    loss_s: Parameter = Parameter("loss_s", 0.0, "s", 0.0, 5e-3, EndStopImpact.source)
+
+
+@dataclass(frozen=True)
+class PlateDrag(ViscousDrag):
+    """`viscous_drag` of a plate, which never pushes: a body would run away."""
+
+    coefficient_N: Parameter = Parameter("coefficient_N", 0.0, "N at 10 mm/s", 0.0, 0.3, ViscousDrag.source, fit=True)
+
+
+@dataclass(frozen=True)
+class PlateStribeck(Stribeck):
+    """`stribeck` of a dry plate: it fades over speeds of the body's own swing, up to 0.15 m/s."""
+
+    grid = MappingProxyType({"speed_m_s": (0.01, 0.03, 0.08)})
+    excess: Parameter = Parameter("excess", 0.0, "1", 0.0, 2.0, Stribeck.source, fit=True)
+    speed_m_s: Parameter = Parameter("speed_m_s", 0.03, "m/s", 0.002, 0.15, Stribeck.source, fit=True)
+    exponent: Parameter = Parameter("exponent", 2.0, "1", 0.5, 4.0, Stribeck.source, fit=False)
+
+
+@dataclass(frozen=True)
+class PlateAsymmetry(DirectionalAsymmetry):
+    """`directional_asymmetry` of a plate."""
+
+    asymmetry: Parameter = Parameter("asymmetry", 0.0, "1", -0.4, 0.4, _LEVEL, fit=True)
+
+
+EFFECTS: tuple[type[Effect], ...] = (
+    SpringDamping,
+    GuideFriction,
+    CoilLag,
+    SwitchLag,
+    CoilReach,
+    SpringHardening,
+    SoftStop,
+    PlateStribeck,
+    PlateDrag,
+    PlateAsymmetry,
+    InclineGravity,
+)
+
+FIELDS = MappingProxyType(
+    {
+        "spring_damping.damping_N_s_per_m": "damping",
+        "guide_friction.friction_N": "dry_N",
+        "coil_lag.time_s": "current_lag_s",
+        "actuator_lag.time_s": "force_lag_s",
+        "coil_reach.gain_per_m": "reach_per_m",
+        "spring_hardening.cubic_N_per_m3": "cubic",
+        "end_stop_impact.stiffness_N_per_m": "stop_stiffness",
+        "end_stop_impact.gap_m": "stop_gap_m",
+        "end_stop_impact.loss_s": "stop_loss_s",
+        "stribeck.excess": "stribeck",
+        "stribeck.speed_m_s": "stribeck_speed",
+        "stribeck.exponent": "stribeck_power",
+        "viscous_drag.coefficient_N": "drag_N",
+        "viscous_drag.exponent": "drag_power",
+        "directional_asymmetry.asymmetry": "asymmetry",
+        "incline_gravity.force_N": "incline_N",
+    }
+)
+"""Field of `VibroCycle` that carries an effect's parameter."""
+
+
+def vibro_cycle(theta: Theta, reaction_on_body: bool = True) -> VibroCycle:
+    """The drive at `theta`: base values `body_mass_kg`, `inner_mass_kg`, `spring_stiffness_N_per_m`, `force_N`,
+    `friction_coefficient`, `load_scale` (of force and friction alike), and whatever effects have entries. Raises
+    ValueError for an entry that belongs to neither.
+    """
+    body, inner = theta["body_mass_kg"], theta["inner_mass_kg"]
+    extra: dict[str, float] = {"reaction": 1.0 if reaction_on_body else 0.0}
+    for name, value in theta.items():
+        if "." in name:
+            if name not in FIELDS:
+                raise ValueError(
+                    f"effect must be one that acts on a body with an inner mass; got {name!r}; known:"
+                    f" {', '.join(FIELDS)}"
+                )
+            extra[FIELDS[name]] = float(value)
+    scale = theta.get("load_scale", 1.0)
+    coulomb = theta["friction_coefficient"] * (body + inner) * GRAVITY
+    return VibroCycle(
+        body, inner, theta["spring_stiffness_N_per_m"], scale * theta["force_N"], scale * coulomb, **extra
+    )

@@ -1,0 +1,232 @@
+"""A table of mean speeds of a body with an inner mass on a plate, one row a run at (period, duty): prediction and
+criterion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from types import MappingProxyType
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.effects.effect import Effect
+from models.files.record import Record
+from models.files.rig import Rig
+from models.identification.kind import Array, OneByOne, Theta
+from models.identification.kinds.vibro_table.effects import EFFECTS, vibro_cycle
+from models.identification.kinds.vibro_table.mean_speed import STEP_S, mean_velocities
+from models.parameter import Parameter
+
+READING_M = 1.0e-3
+"""Resolution of the displacement that the source reads off, in m."""
+FOLDS = 8
+OUTLYING = 2.0
+"""Standard deviations from which on an error counts linearly: runs may settle on another of coexisting motions."""
+_BELIEF = "rig file"
+_SCALE = (
+    "common factor of force and friction: it scales every speed, as a wrong force, masses or a wrong scale of the"
+    " displacement do"
+)
+
+
+@dataclass(frozen=True)
+class VibroTableKind(OneByOne):
+    """Mean speed over `cycles` periods from rest, `M v' = S - F - mu (M + m) g Sgn(v)`, `m (v' + xi'') = F - S`, `S = k
+    xi`.
+
+    One residual a condition (period, duty, cycles): the mean of its repeats against the model, in units of `sqrt(s^2/n
+    + model_error_m_s^2)`, with the repeats' scatter s, and softened where it is outlying. The mirror is +1 or -1: which
+    way round the record counts velocities; `settled` chooses it from records, once.
+    """
+
+    base: tuple[Parameter, ...]
+    reaction_on_body: bool = True
+    model_error_m_s: float = 2.0e-3
+    effects: tuple[type[Effect], ...] = EFFECTS
+    step_s: float = STEP_S
+    stages: int = 1
+    final: int = 0
+    judges: tuple[int, ...] = (0,)
+    slow_view: bool = False
+    next_share: float = 0.05
+    least_gain: float = 0.05
+    equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
+    name: str = "vibro_table"
+    quantity: str = "mean_velocity_m_s"
+    unit: str = "m/s"
+    measure: str = "rms error of the mean velocity over the conditions, each the mean of its repeats"
+
+    @classmethod
+    def from_rig(cls, rig: Rig) -> VibroTableKind:
+        """The kind that a rig file with [capsule], [drive] and a plate describes; ValueError where it is another
+        rig.
+        """
+        drive, surface = rig.drive, rig.surface
+        if drive is None or surface is None or surface.kind != "plate" or surface.friction_coefficient is None:
+            raise ValueError(
+                f"rig must have a drive and a plate for kind 'vibro_table'; got kind {rig.kind!r} without them"
+            )
+        return cls.around(
+            rig.capsule.mass_kg,
+            drive.inner_mass_kg,
+            drive.spring_stiffness_N_per_m,
+            drive.force_N,
+            surface.friction_coefficient,
+            drive.reaction_on_body,
+        )
+
+    @classmethod
+    def around(
+        cls,
+        body_mass_kg: float = 0.193,
+        inner_mass_kg: float = 0.074,
+        spring_stiffness_N_per_m: float = 256.23,
+        force_N: float = 1.25,
+        friction_coefficient: float = 0.29,
+        reaction_on_body: bool = True,
+        mirror: float = 1.0,
+    ) -> VibroTableKind:
+        """A rig with these nominal numbers; masses are weighed and stay, stiffness may be off by 20 %."""
+
+        def number(name: str, value: float, unit: str, low: float, high: float) -> Parameter:
+            ends = sorted((low * value, high * value))
+            return Parameter(name, value, unit, ends[0], ends[1], _BELIEF, fit=low < high)
+
+        return cls(
+            (
+                number("spring_stiffness_N_per_m", spring_stiffness_N_per_m, "N/m", 0.8, 1.2),
+                Parameter("load_scale", 1.0, "1", 0.25, 4.0, _SCALE, fit=True),
+                number("friction_coefficient", friction_coefficient, "1", 0.5, 1.7),
+                number("force_N", force_N, "N", 1.0, 1.0),
+                number("body_mass_kg", body_mass_kg, "kg", 1.0, 1.0),
+                number("inner_mass_kg", inner_mass_kg, "kg", 1.0, 1.0),
+                Parameter("mirror", mirror, "1", -1.0, 1.0, "settled once from the records"),
+            ),
+            reaction_on_body,
+        )
+
+    def nominal(self) -> dict[str, float]:
+        """The base parameters as believed."""
+        return {p.name: p.value for p in self.base}
+
+    def measured(self, record: Record) -> Array:
+        """The measured column."""
+        return record[self.quantity]
+
+    def settled(self, records: Sequence[Record]) -> VibroTableKind:
+        """The same kind with the mirror under which models with some damping of the spring come nearest to the
+        records.
+        """
+        ratios = (0.02, 0.05, 0.1, 0.2)
+        scale = 2 * float(np.sqrt(self.nominal()["spring_stiffness_N_per_m"] * self.nominal()["inner_mass_kg"]))
+        lost = {}
+        for mirror in (1.0, -1.0):
+            trials = [{"mirror": mirror, "spring_damping.damping_N_s_per_m": ratio * scale} for ratio in ratios]
+            lost[mirror] = min(
+                self.error(records, [self.predict(r, {**self.nominal(), **t}) for r in records]) for t in trials
+            )
+        best = min(lost, key=lambda mirror: lost[mirror])
+        return replace(self, base=tuple(p.at(best) if p.name == "mirror" else p for p in self.base))
+
+    def predict(self, record: Record, theta: Theta) -> Array:
+        """Mean velocity in m/s, one a row, from `period_s`, `duty` and `cycles`."""
+        values = {**self.nominal(), **theta}
+        mirror = values.pop("mirror")
+        runs, index = _conditions(record)
+        speeds = mean_velocities(
+            runs[:, 0], runs[:, 1], runs[:, 2], vibro_cycle(values, self.reaction_on_body), step=self.step_s
+        )
+        return np.asarray(mirror * speeds[index], dtype=float)
+
+    def residual(self, record: Record, theta: Theta, stage: int = 0) -> Array:
+        """Difference of each condition's mean from the model in units of its standard deviation; there is one stage."""
+        difference = _means(record, record[self.quantity] - self.predict(record, theta))
+        _, index = _conditions(record)
+        scatter = _means(record, self.scatter(record) ** 2) / np.bincount(index)
+        return _softened(difference / np.sqrt(scatter + self.model_error_m_s**2))
+
+    def scatter(self, record: Record) -> Array:
+        """Standard deviation in m/s of a single run, one a row: reading of the displacement plus a common share of the
+        speed that the repeats within conditions show.
+        """
+        _, index = _conditions(record)
+        mean = _means(record, record[self.quantity])[index]
+        counts = np.bincount(index)
+        reading = READING_M / np.sqrt(12) / (record["cycles"] * record["period_s"])
+        spread = np.sum((record[self.quantity] - mean) ** 2) - np.sum(reading**2 * (1 - 1 / counts[index]))
+        share = max(float(spread) / max(float(np.sum(mean**2 * (1 - 1 / counts[index]))), 1e-12), 0.0)
+        return np.asarray(np.sqrt(reading**2 + share * mean**2), dtype=float)
+
+    def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
+        """Rms over conditions in m/s, pooled over the records."""
+        wrong = [self.errors(r, p) for r, p in zip(records, predictions, strict=True)]
+        return float(np.sqrt(np.mean(np.concatenate(wrong) ** 2)))
+
+    def errors(self, record: Record, predicted: Array) -> Array:
+        """Measured minus predicted speed in m/s, one a condition."""
+        return _means(record, record[self.quantity] - predicted)
+
+    def noise_floor(self, records: Sequence[Record]) -> float:
+        """What the scatter of the repeats leaves of the error, in m/s."""
+        parts = [_means(r, self.scatter(r) ** 2) / np.bincount(_conditions(r)[1]) for r in records]
+        return float(np.sqrt(np.mean(np.concatenate(parts))))
+
+    def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
+        """The same runs on the model: scatter for each run, and what differs between set-ups once for each
+        condition.
+        """
+        runs, index = _conditions(record)
+        setup = self.model_error_m_s * rng.standard_normal(len(runs))[index]
+        scatter = self.scatter(record) * rng.standard_normal(len(record))
+        return record.with_column(self.quantity, self.predict(record, theta) + setup + scatter)
+
+    def folds(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
+        """Eight parts by whole (period, duty), drawn once and for all, never by repeats."""
+        keys = [np.column_stack((r["period_s"], r["duty"])) for r in records]
+        conditions, index = np.unique(np.concatenate(keys), axis=0, return_inverse=True)
+        part = np.random.default_rng(0).permutation(len(conditions)) % min(FOLDS, len(conditions))
+        belongs = np.split(part[index.ravel()], np.cumsum([len(k) for k in keys])[:-1])
+        out = []
+        for fold in range(int(part.max()) + 1):
+            training = [r.rows(b != fold) for r, b in zip(records, belongs, strict=True) if np.any(b != fold)]
+            out.append(
+                (training, [r.rows(b == fold) for r, b in zip(records, belongs, strict=True) if np.any(b == fold)])
+            )
+        return out
+
+    def signals(self, record: Record) -> dict[str, Array]:
+        """What the residual is drawn against."""
+        return {"period_s": record["period_s"], "duty": record["duty"]}
+
+    def columns(self, record: Record, predicted: Array) -> dict[str, Array]:
+        """The prediction as the columns of a file, one row a condition."""
+        runs, _ = _conditions(record)
+        return {"period_s": runs[:, 0], "duty": runs[:, 1], self.quantity: _means(record, predicted)}
+
+
+def _softened(r: Array) -> Array:
+    """`r` whose square grows as `|r|` beyond `OUTLYING`: `r^2 -> 2 d^2 (sqrt(1 + (r/d)^2) - 1)`."""
+    return np.asarray(np.sign(r) * OUTLYING * np.sqrt(2 * (np.sqrt(1 + (r / OUTLYING) ** 2) - 1)), dtype=float)
+
+
+def _conditions(record: Record) -> tuple[Array, NDArray[np.intp]]:
+    """The different (period, duty, cycles) of a record, and for each row which one it is."""
+    return _different(np.column_stack((record["period_s"], record["duty"], record["cycles"])).tobytes())
+
+
+@lru_cache(maxsize=64)
+def _different(rows: bytes) -> tuple[Array, NDArray[np.intp]]:
+    runs, index = np.unique(np.frombuffer(rows).reshape(-1, 3), axis=0, return_inverse=True)
+    index = index.ravel()
+    runs.flags.writeable = index.flags.writeable = False
+    return runs, index
+
+
+def _means(record: Record, values: Array) -> Array:
+    """Means of `values` over the rows of each condition."""
+    _, index = _conditions(record)
+    return np.asarray(np.bincount(index, values) / np.bincount(index), dtype=float)

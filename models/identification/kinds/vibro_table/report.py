@@ -1,0 +1,189 @@
+"""What the report says about a table of mean speeds: its equations, what the data cannot tell, what to measure next."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from models.files.record import Record
+from models.identification.kind import Array, Theta
+from models.identification.kinds.vibro_table.cross_validation import cross_validated
+from models.identification.kinds.vibro_table.kind import VibroTableKind
+from models.identification.kinds.vibro_table.numbers import GRAVITY
+
+_DUTIES = (0.3, 0.7)
+
+
+def equations(kind: VibroTableKind, theta: Theta) -> list[str]:
+    """The model in words and numbers, SI units; `xi` is the inner mass's displacement against the body."""
+    theta = {**kind.nominal(), **theta}
+    has = theta.get
+    body, inner = theta["body_mass_kg"], theta["inner_mass_kg"]
+    spring = f"S = {theta['spring_stiffness_N_per_m']:.4g} xi"
+    spring += f" {has('spring_hardening.cubic_N_per_m3'):+.3g} xi^3" if has("spring_hardening.cubic_N_per_m3") else ""
+    spring += f" {has('spring_damping.damping_N_s_per_m'):+.4g} xi'" if has("spring_damping.damping_N_s_per_m") else ""
+    spring += f" {has('guide_friction.friction_N'):+.3g} sgn(xi')" if has("guide_friction.friction_N") else ""
+    if has("end_stop_impact.stiffness_N_per_m"):
+        gap = theta["end_stop_impact.gap_m"]
+        spring += f" + {theta['end_stop_impact.stiffness_N_per_m']:.3g} sgn(xi) max(|xi| - {gap:.3g}, 0)"
+    force, grip = (theta.get("load_scale", 1.0) * theta[name] for name in ("force_N", "friction_coefficient"))
+    drive = f"F = {force:.4g} on(t)"
+    if has("coil_lag.time_s"):
+        drive = f"F = {force:.4g} i^2, {theta['coil_lag.time_s']:.3g} i' = on(t) - i"
+    if has("actuator_lag.time_s"):
+        drive += f", lagged by {theta['actuator_lag.time_s']:.3g} s"
+    if has("coil_reach.gain_per_m"):
+        drive += f", times exp({theta['coil_reach.gain_per_m']:+.3g} xi)"
+    return [
+        f"{body:.4g} v' = S - F - R(v){_on_body(theta)}",
+        f"{inner:.4g} (v' + xi'') = F - S",
+        spring,
+        drive,
+        f"R(v) = {grip * (body + inner) * GRAVITY:.4g} {_level(theta)}Sgn(v), Sgn(0) = [-1, 1]",
+        f"mean velocity in the record = {theta['mirror']:+.0f} x mean of v over the run, from rest",
+    ]
+
+
+def _on_body(theta: Theta) -> str:
+    incline, drag = theta.get("incline_gravity.force_N"), theta.get("viscous_drag.coefficient_N")
+    text = f" {incline:+.3g}" if incline else ""
+    return text + (f" {-drag:+.3g} sgn(v) (|v|/0.01)^{theta['viscous_drag.exponent']:.3g}" if drag else "")
+
+
+def _level(theta: Theta) -> str:
+    asymmetry, excess = theta.get("directional_asymmetry.asymmetry"), theta.get("stribeck.excess")
+    text = f"(1 {asymmetry:+.3g} sgn(v)) " if asymmetry else ""
+    return text + (f"(1 {excess:+.3g} exp(-(v/{theta['stribeck.speed_m_s']:.3g})^2)) " if excess else "")
+
+
+def reversal(kind: VibroTableKind, theta: Theta, duty: float = 0.3) -> float | None:
+    """The period in s, between 0.05 and 0.1, at which the mean velocity at `duty` changes sign; None where it does
+    not.
+    """
+    periods = np.arange(0.05, 0.1001, 0.0005)
+    speeds = kind.predict(_runs(periods, duty), theta)
+    at = np.flatnonzero(speeds[:-1] * speeds[1:] < 0)
+    if len(at) == 0:
+        return None
+    i = int(at[-1])
+    return float(periods[i] + 0.0005 * speeds[i] / (speeds[i] - speeds[i + 1]))
+
+
+def _runs(periods: Array, duty: float) -> Record:
+    columns = {"period_s": periods, "duty": np.full(len(periods), duty), "cycles": np.full(len(periods), 50.0)}
+    return Record("runs", "vibro_table", columns)
+
+
+def statements(kind: VibroTableKind, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:
+    """Sentences on what was found, what these data cannot tell, and what remains."""
+    theta = theta_by_stage.get("augmented") or theta_by_stage["calibrated"]
+    nominal = kind.nominal()
+    out = [
+        (
+            f"The record counts velocities {'along' if nominal['mirror'] > 0 else 'against'} the coil's push on the"
+            " inner mass."
+        ),
+        *(_turn(kind, stage, values) for stage, values in theta_by_stage.items()),
+    ]
+    scale = theta.get("load_scale", 1.0)
+    force, friction = (scale * theta[k] / nominal[k] for k in ("force_N", "friction_coefficient"))
+    if min(force, friction) > 1.2 or max(force, friction) < 1 / 1.2:
+        out.append(
+            f"Force and friction come out at {force:.2f} and {friction:.2f} times nominal. A common factor on both,"
+            " load_scale, scales every speed by it and little else, so these data hardly tell it from a scale error of"
+            " the displacement; the ratio of force to friction is what they fix."
+        )
+    if "coil_reach.gain_per_m" in theta:
+        at = [scale * theta["force_N"] * np.exp(theta["coil_reach.gain_per_m"] * xi) for xi in (0.0, 0.01, 0.02)]
+        out.append(
+            f"The coil pushes with {at[0]:.2f} N on the inner mass at rest, with {at[1]:.2f} N at 10 mm and {at[2]:.2f}"
+            f" N at 20 mm; the nominal {nominal['force_N']:.3g} N must not be compared with the first of these alone."
+        )
+    if "coil_lag.time_s" in theta or "actuator_lag.time_s" in theta:
+        out.append(
+            "The measured speeds at duty D and 1 - D are not mirrored: the drive acts for less time than it is switched"
+            " on. A lagging current whose square makes the force does this; a lagging force by itself does not."
+        )
+    return [
+        *out,
+        *_at_bounds(kind, theta),
+        *_validation(kind, theta, records),
+        _worst(kind, theta, records),
+        _sessions(records),
+    ]
+
+
+def _at_bounds(kind: VibroTableKind, theta: Theta) -> list[str]:
+    """Which fitted base values lie at the end of what was believed: the predictions may hold, the values must not be
+    taken as measured.
+    """
+    ends = [
+        f"{p.name} = {theta[p.name]:.3g}"
+        for p in kind.base
+        if p.fit
+        and p.name in theta
+        and min(theta[p.name] - p.lower, p.upper - theta[p.name]) < 1e-3 * (p.upper - p.lower)
+    ]
+    return [f"At the end of their believed range, so not measured by these data: {', '.join(ends)}."] if ends else []
+
+
+def _validation(kind: VibroTableKind, theta: Theta, records: Sequence[Record]) -> list[str]:
+    errors = cross_validated(kind, theta, records)
+    if not errors:
+        return []
+    said = (
+        "Cross-validated by whole conditions (eight parts, repeats of a condition never split) the model is off by "
+        f"{1e3 * errors.pop(''):.2f} mm/s rms"
+    )
+    without = ", ".join(f"{1e3 * error:.2f} without {name}" for name, error in errors.items())
+    return [f"{said}; refitted with one effect less: {without} (mm/s)." if without else f"{said}."]
+
+
+def _turn(kind: VibroTableKind, stage: str, theta: Theta) -> str:
+    turns = [reversal(kind, theta, duty) for duty in _DUTIES]
+    said = ", ".join(
+        f"{1e3 * t:.1f} ms at duty {d:g}" if t else f"never at duty {d:g}" for t, d in zip(turns, _DUTIES, strict=True)
+    )
+    return f"The {stage} model reverses direction between 50 and 100 ms: {said}."
+
+
+def _worst(kind: VibroTableKind, theta: Theta, records: Sequence[Record]) -> str:
+    rows = [
+        (abs(e), r["period_s"][i], r["duty"][i], e)
+        for r in records
+        for i, e in enumerate(kind.predict(r, theta) - r[kind.quantity])
+    ]
+    _, period, duty, error = max(rows)
+    return (
+        f"The largest error of a single run is {1e3 * error:+.1f} mm/s, at a period of {1e3 * period:.0f} ms and duty"
+        f" {duty:g}."
+    )
+
+
+def _sessions(records: Sequence[Record]) -> str:
+    spread = []
+    for r in records:
+        _, index = np.unique(np.column_stack((r["period_s"], r["duty"])), axis=0, return_inverse=True)
+        spread += [float(np.ptp(r["mean_velocity_m_s"][index.ravel() == i])) for i in range(int(index.max()) + 1)]
+    return (
+        f"Repeats of one condition differ by up to {1e3 * max(spread):.1f} mm/s, so more than that is not the model's"
+        " to explain."
+    )
+
+
+def next_experiment(kind: VibroTableKind, theta: Theta, records: Sequence[Record]) -> str | None:
+    """What to measure to tell equivalents apart."""
+    wishes = []
+    if "spring_damping.damping_N_s_per_m" in theta or "guide_friction.friction_N" in theta:
+        wishes.append(
+            "ring-down of the inner mass with the body held: exponential for damping, straight for dry friction of its"
+            " guide"
+        )
+    if "coil_lag.time_s" in theta or "actuator_lag.time_s" in theta or "coil_reach.gain_per_m" in theta:
+        wishes.append("the coil's current on an oscilloscope and its static force over the inner mass's displacement")
+    if wishes:
+        wishes.append(
+            "a pull with a spring balance for the friction, which with the force fixes the scale of all speeds"
+        )
+    return "; ".join(wishes) or None

@@ -1,0 +1,128 @@
+"""What records must hold before anything is fitted to them: motion, parts to fit on and to judge by, no more than can
+be computed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import MappingProxyType
+
+import numpy as np
+
+from models.files.columns import COLUMNS, TIME
+from models.files.record import Record, named
+from models.identification.kind import Kind
+
+MOST_SECONDS = MappingProxyType(
+    {"pull": 3600.0, "magnetic": 3600.0, "coil": 3600.0, "vibro": 600.0, "vibro_table": 1e5}
+)
+"""Longest motion that one record may ask to be computed, by kind of rig."""
+_STEPS_S = (1e-6, 1.0)
+_GAP = 1000.0
+_PARTS = MappingProxyType(
+    {
+        "axis": "more records, or one of at least four stretches of motion that last more than 0.4 s each",
+        "vibro_table": "runs at more pairs of period_s and duty",
+        "dma": "more samples or frequencies",
+        "periods": "more periods",
+    }
+)
+
+
+def check_demand(record: Record) -> None:
+    """Refuse a record whose prediction would take too long or whose clock is too fine to be one, whatever it
+    measures.
+    """
+    if record.kind == "vibro_table":
+        runs = np.unique(np.column_stack([record[name] for name in ("period_s", "cycles")]), axis=0)
+        what, asked = "period_s times cycles, summed over the runs,", float(np.sum(np.prod(runs, axis=1)))
+    elif COLUMNS[record.kind].time:
+        steps = np.diff(record[TIME])
+        if np.median(steps) < _STEPS_S[0]:
+            raise ValueError(
+                f"{record.name}: t_s must step by at least {_STEPS_S[0]:g} s; got steps of {np.median(steps):g} s"
+            )
+        what, asked = "t_s", float(np.sum(steps))
+    else:
+        return
+    most = MOST_SECONDS.get(record.kind, np.inf)
+    if asked > most:
+        raise ValueError(f"{record.name}: {what} must span at most {most:g} s for kind {record.kind}; got {asked:g} s")
+
+
+def check_records(train: Sequence[Record], holdout: Sequence[Record]) -> None:
+    """Refuse records that cannot tell anything: still, stopped for long, or more than can be computed. Raises
+    ValueError.
+    """
+    for record in (*train, *holdout):
+        if COLUMNS[record.kind].time:
+            _check_clock(record)
+        check_demand(record)
+    _check_change(train, (*COLUMNS[train[0].kind].driven, COLUMNS[train[0].kind].measured))
+    if holdout:
+        _check_change(holdout, (COLUMNS[train[0].kind].measured,))
+
+
+def check_parts(kind: Kind, train: Sequence[Record], holdout: Sequence[Record]) -> None:
+    """Refuse records without two parts to fit on and to judge by, or with fewer numbers than are fitted. Raises
+    ValueError.
+    """
+    names, nominal = ", ".join(r.name for r in train), {p.name: p.value for p in kind.base}
+    for record in (*train, *holdout):
+        with named(record):
+            kind.residual(record, nominal)
+    splits = kind.folds(train)
+    if not splits or not all(part and held for part, held in splits):
+        raise ValueError(
+            f"{names}: records must hold at least two parts to fit on and to judge by; wanted are {_parts(kind)}"
+        )
+    fitted = sum(p.fit for p in kind.base)
+    for part, _ in splits:
+        told = sum(len(kind.residual(record, nominal)) for record in part)
+        if told <= fitted:
+            raise ValueError(
+                f"{names}: records must hold more numbers than the {fitted} that are fitted, also with a part left out"
+                f" to judge by; got {told}; wanted are {_parts(kind)}"
+            )
+
+
+def _parts(kind: Kind) -> str:
+    return _PARTS.get(kind.name, "more records, or a longer one")
+
+
+def _check_clock(record: Record) -> None:
+    t = record[TIME]
+    steps = np.diff(t)
+    usual = float(np.median(steps))
+    if usual > _STEPS_S[1]:
+        raise ValueError(
+            f"{record.name}: t_s must step by at most {_STEPS_S[1]:g} s; got steps of {usual:g} s: is it in s?"
+        )
+    worst = int(np.argmax(steps))
+    if steps[worst] > _GAP * usual:
+        raise ValueError(
+            f"{record.name}: t_s must go on without a gap; got none between {t[worst]:.12g} s and {t[worst + 1]:.12g} s"
+            f" where steps are {usual:g} s: cut the record there"
+        )
+
+
+def _check_change(records: Sequence[Record], groups: Sequence[Sequence[str]]) -> None:
+    """At least one of the columns of each group must change within or between records; for a table of runs, not all be
+    0.
+    """
+    names, kind = ", ".join(r.name for r in records), COLUMNS[records[0].kind]
+    for group in groups:
+        there = [name for name in group if all(name in r.columns for r in records)]
+        values = [np.concatenate([r[name] for r in records]) for name in there]
+        if kind.time and there and all(len(np.unique(v)) == 1 for v in values):
+            raise ValueError(
+                f"{names}: {' and '.join(there)} must change to tell anything; got {values[0][0]:g} throughout"
+            )
+        if not kind.time and set(group) == set(kind.measured):
+            if any(not v.any() for v in values):
+                still = next(name for name, v in zip(there, values, strict=True) if not v.any())
+                raise ValueError(f"{names}: {still} must differ from 0 in some rows to tell anything; got 0 throughout")
+            if records[0].kind == "periods" and all(len(np.unique(v)) == 1 for v in values):
+                raise ValueError(
+                    f"{names}: periods must scatter as measured ones do; got {len(values[0])} times the same row"
+                )

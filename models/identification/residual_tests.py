@@ -1,0 +1,50 @@
+"""Residual checks of a fitted model against what the same checks give on records without anything missing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from models.files.record import Record
+from models.identification.finding import Check
+from models.identification.fitting.fit import Fit, evaluate
+from models.identification.kind import Kind
+from models.identification.search.validation import middle_stage
+
+_LAGS = 40
+_RUNS = 5
+_WIDER = 1.3
+
+
+def residual_checks(
+    kind: Kind, records: Sequence[Record], fit: Fit, chance_cost: float, seed: int = 0
+) -> tuple[Check, ...]:
+    """Size and whiteness of what is left, with limits from records imitated on the fitted model."""
+    stage = middle_stage(kind)
+    rng = np.random.default_rng(seed)
+    actual = _numbers(evaluate(kind, records, fit.theta, stage))
+    imitated = [
+        _numbers(evaluate(kind, [kind.imitate(record, fit.theta, rng) for record in records], fit.theta, stage))
+        for _ in range(_RUNS)
+    ]
+    limits = _WIDER * np.max(imitated, axis=0)
+    words = (
+        ("size of what is left", "mean square of the residuals in units of the noise; 1 for a right model"),
+        (
+            "whiteness",
+            f"mean of the first {_LAGS} squared autocorrelations of the residuals, times their number (Ljung-Box)",
+        ),
+    )
+    return tuple(
+        Check(name, float(value), float(limit), bool(value <= limit), meaning)
+        for (name, meaning), value, limit in zip(words, actual, limits, strict=True)
+    )
+
+
+def _numbers(residual: np.ndarray) -> np.ndarray:
+    r = residual - residual.mean()
+    power = max(float(r @ r), 1e-300)
+    lags = range(1, min(_LAGS, len(r) // 2) + 1)
+    rho = np.array([float(r[:-lag] @ r[lag:]) / power for lag in lags])
+    return np.array([float(residual @ residual) / len(residual), len(r) * float(np.mean(rho**2)) if len(rho) else 0.0])

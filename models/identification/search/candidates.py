@@ -1,0 +1,319 @@
+"""Which candidate it is: joint fits in heats, the better ones going on to the next, the last ones judged on validation
+records.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from models.effects import BY_ID, REFINEMENTS
+from models.files.record import Record
+from models.identification.fitting.fit import NARROW, WIDE, Fit, costs_of, descend, narrowing
+from models.identification.kind import Kind
+from models.identification.search.growing_horizon import BEGINNINGS_S, QUICK, Climb, beginnings, race
+from models.identification.search.refit import begins, refit, step_on
+from models.identification.search.screening import Screened
+from models.identification.search.validation import (
+    APART,
+    NEAR_NOISE,
+    SHAPED,
+    Split,
+    ahead,
+    block_costs,
+    judged,
+    judged_cost,
+    middle_stage,
+    training_cost,
+)
+
+POOL = 6
+ALIKE = 2
+FINAL = 3
+BEHIND = 6.0
+_MULTIPLES = tuple(2.0**k for k in range(6))
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A model with one more effect: what it adds on validation records, `gain` = ln(cost without/cost with), and its
+    drop for each residual; `thetas` are the fits, one a split, `blocks` the validation cost by block for comparing
+    trials, and `companions` the fits of the models with the effect's own companions that were made on the way.
+    """
+
+    effect: str
+    thetas: tuple[dict[str, float], ...]
+    gain: float
+    drop: float
+    blocks: np.ndarray
+    companions: Mapping[tuple[str, ...], list[dict[str, float]]] = field(default_factory=dict)
+
+
+def tournament(
+    kind: Kind,
+    splits: Sequence[Split],
+    effects: Sequence[str],
+    thetas: Sequence[Mapping[str, float]],
+    screened: Sequence[Screened],
+) -> list[Trial]:
+    """Joint fits of `effects` and one more, from short ones of every candidate to full ones of the best three and of
+    the declared look-alikes of the best; best gain first.
+    """
+    part = splits[0][0]
+    entries = {row.effect: _entry(kind, part, effects, thetas[0], row) for row in screened}
+    entered = sorted(entries, key=lambda name: entries[name][0])
+    fitted = _heats(kind, part, effects, {name: entries[name][1] for name in _with_look_alikes(kind, entered)})
+    ranking = sorted(fitted, key=lambda name: fitted[name].cost)
+    alike = BY_ID[ranking[0]].look_alikes
+    finalists = [
+        name
+        for k, name in enumerate(ranking)
+        if fitted[name].cost <= BEHIND * fitted[ranking[0]].cost and (k < FINAL or name in alike)
+    ]
+    before = block_costs(kind, splits, thetas)
+    trials = [_judge(kind, splits, effects, thetas, name, fitted[name].theta, before) for name in finalists]
+    mendable = min((trial.blocks.mean() for trial in trials), default=0.0) > NEAR_NOISE
+    helped = [
+        _put_right(kind, splits, effects, trial, before, fitted[trial.effect].theta if mendable else {})
+        for trial in trials
+    ]
+    trials = from_the_best(kind, splits, effects, trials, helped, before) if kind.free_only else helped
+    return sorted(trials, key=lambda trial: -trial.gain)
+
+
+def _companions(kind: Kind, name: str) -> list[str]:
+    """What may have to stand beside a candidate before it can be told: of what refines it, what is in the catalogue
+    itself and what says how much of a changed resistance the slip limit feels.
+    """
+    known = {effect.id for effect in kind.effects}
+    return [
+        c for c in BY_ID[name].refined_by if c in known or (BY_ID[c].answers("shared") and kind.name in BY_ID[c].kinds)
+    ]
+
+
+def _put_right(
+    kind: Kind,
+    splits: Sequence[Split],
+    effects: Sequence[str],
+    trial: Trial,
+    before: np.ndarray,
+    sought: Mapping[str, float],
+) -> Trial:
+    """`trial` as its companions would leave it, also from where its heat `sought` it, where that is better: of two
+    candidates of which neither is quite right, the one that can be put right. It has none where `sought` is empty. One
+    without companions is looked for from more places where it leaves more than the noise.
+    """
+    companions = [c for c in _companions(kind, trial.effect) if c not in effects] if sought else []
+    if not companions and not kind.free_only:
+        return trial
+    model = [*effects, trial.effect, *companions]
+    fits = []
+    for (part, _), theta in zip(splits, trial.thetas, strict=True):
+        ends = [refit(kind, part, model, start) for start in (theta, *([dict(sought)] if companions else []))]
+        fits.append(min(ends, key=lambda end: judged_cost(kind, part, end)))
+    again = against(before, trial.effect, tuple(fits), block_costs(kind, splits, fits))
+    if not companions:
+        return again
+    trial = replace(trial, companions={tuple(model): fits})
+    return replace(trial, gain=again.gain, drop=again.drop, blocks=again.blocks) if again.gain > trial.gain else trial
+
+
+def from_the_best(
+    kind: Kind,
+    splits: Sequence[Split],
+    effects: Sequence[str],
+    alone: Sequence[Trial],
+    helped: Sequence[Trial],
+    before: np.ndarray,
+) -> list[Trial]:
+    """The `helped` trials, the look-alikes of the best one and its companions from the catalogue also fitted from where
+    it has its base: none may win by a luckier search. Where such a companion does about as well without the best one,
+    that is judged as it is `alone`.
+    """
+    rows = {trial.effect: trial for trial in helped}
+    if not rows:
+        return []
+    best = max(helped, key=lambda trial: trial.gain)
+    both = next(iter(best.companions.values()), None)
+    beside = [c for c in _companions(kind, best.effect) if BY_ID[c] not in REFINEMENTS] if both else []
+    alike = [name for name in rows if name in BY_ID[best.effect].look_alikes or best.effect in BY_ID[name].look_alikes]
+    for name in dict.fromkeys((*beside, *alike)):
+        owns = both if both and name in beside else rows[name].thetas
+        starts = [
+            {**_only(base, effects), **_numbers(own, name)} for base, own in zip(both or best.thetas, owns, strict=True)
+        ]
+        fits = tuple(
+            step_on(kind, part, [*effects, name], s).theta for (part, _), s in zip(splits, starts, strict=True)
+        )
+        again = against(before, name, fits, block_costs(kind, splits, fits))
+        if name not in rows or again.gain > rows[name].gain:
+            rows[name] = again
+        if name in beside and (rows[name].gain > best.gain - SHAPED or ahead(best.blocks, rows[name].blocks) < APART):
+            rows[best.effect] = next(trial for trial in alone if trial.effect == best.effect)
+    return list(rows.values())
+
+
+def _only(theta: Mapping[str, float], effects: Sequence[str]) -> dict[str, float]:
+    """The base of `theta` and the numbers of `effects`."""
+    return {name: value for name, value in theta.items() if "." not in name or name.split(".")[0] in effects}
+
+
+def _numbers(theta: Mapping[str, float], effect: str) -> dict[str, float]:
+    return {name: value for name, value in theta.items() if name.startswith(f"{effect}.")}
+
+
+def _entry(
+    kind: Kind, part: Sequence[Record], effects: Sequence[str], theta: Mapping[str, float], row: Screened
+) -> tuple[float, list[dict[str, float]]]:
+    """Where the heat of a candidate may start, best first, and what that point costs: after a short fit from each
+    opening, to an observer that forgets fast. Where no such observer is to be had (a kind with `free_only`: a strong
+    effect that the free run follows throws its observer out of step) from the best opening at either base, to the free
+    run of the first record's longest beginning, with wide secants.
+    """
+    bases = begins(kind, theta)
+    if kind.free_only:
+        part = beginnings(part[:1], BEGINNINGS_S[-1])
+        openings = [
+            min((_opening(kind, part, (base,), row.effect, start) for start in row.starts), key=_first)
+            for base in bases
+        ]
+    else:
+        openings = [_opening(kind, part, bases, row.effect, start) for start in row.starts]
+    stage, width = (middle_stage(kind), WIDE[0]) if kind.free_only else (0, NARROW[0])
+    fits = [descend(kind, part, [*effects, row.effect], point, stage, width, 3) for _, point in openings]
+    fits.sort(key=lambda fit: fit.cost)
+    return fits[0].cost, [fit.theta for fit in fits]
+
+
+def _first(row: tuple[float, dict[str, float]]) -> float:
+    return row[0]
+
+
+def _heats(
+    kind: Kind, part: Sequence[Record], effects: Sequence[str], starts: Mapping[str, Sequence[dict[str, float]]]
+) -> dict[str, Fit]:
+    """Fits of `effects` and each candidate good enough to rank by; without those that fell behind on the way. One that
+    changes the resistance is looked for from where the slip limit follows it, and from where it does not.
+    """
+    stage = middle_stage(kind)
+    beside = {name: [c for c in _companions(kind, name) if BY_ID[c] in REFINEMENTS] for name in starts}
+    models = {name: [*effects, name, *beside[name]] for name in starts}
+    if kind.free_only:
+        every = {
+            name: [place for start in own for place in _with_each(start, beside[name])] for name, own in starts.items()
+        }
+        climbs = {name: Climb(kind, models[name], every[name], stage, QUICK, name) for name in starts}
+        return race(part, climbs, FINAL, BEHIND)
+    fits = {}
+    for name, own in starts.items():
+        places = _with_each(own[0], beside[name])
+        costs = costs_of(kind, part, places, stage) if len(places) > 1 else [0.0]
+        fits[name] = narrowing(kind, part, models[name], places[int(np.argmin(costs))], stage, NARROW, 8)
+    return fits
+
+
+def _with_each(start: dict[str, float], companions: Sequence[str]) -> list[dict[str, float]]:
+    """`start`, and with each shape on the companions' grids."""
+    grid = {f"{c}.{name}": values for c in companions for name, values in BY_ID[c].grid.items()}
+    return [
+        start,
+        *({**start, **dict(zip(grid, row, strict=True))} for row in itertools.product(*grid.values()) if row),
+    ]
+
+
+def _opening(
+    kind: Kind, part: Sequence[Record], bases: Sequence[Mapping[str, float]], name: str, start: Mapping[str, float]
+) -> tuple[float, dict[str, float]]:
+    """Cost and place of the best amplitude of the effect `name` in the shape `start` at the best of `bases` (a
+    calibration may have bent the base to make up for what was missing).
+    """
+    effect = next(e for e in kind.effects if e.id == name)
+    amplitude = effect.amplitude()
+    key = f"{effect.id}.{amplitude.name}"
+    wanted = [start[key], *(sign * effect.probe * k for k in _MULTIPLES for sign in (1.0, -1.0))]
+    values = sorted({v for v in wanted if amplitude.lower <= v <= amplitude.upper and v != 0.0})
+    points = [{**base, **start, key: value} for base in bases for value in values]
+    costs = costs_of(kind, part, points, middle_stage(kind))
+    return min(zip(costs, points, strict=True), key=_first)
+
+
+def _with_look_alikes(kind: Kind, entered: Sequence[str]) -> list[str]:
+    """The best entries and the declared look-alikes of the first few: they share a residual and only a full fit tells
+    them apart.
+    """
+    declared = {effect.id: effect for effect in kind.effects}
+    wanted = list(entered[:POOL])
+    for name in entered[:ALIKE]:
+        wanted += [other for other in declared[name].look_alikes if other in entered and other not in wanted]
+    return wanted
+
+
+def _judge(
+    kind: Kind,
+    splits: Sequence[Split],
+    effects: Sequence[str],
+    thetas: Sequence[Mapping[str, float]],
+    name: str,
+    start: Mapping[str, float],
+    before: np.ndarray,
+) -> Trial:
+    own = _numbers(start, name)
+    starts = [
+        min(({**theta, **own}, dict(start)), key=lambda point: float(judged(kind, part, point).sum()))
+        if i
+        else dict(start)
+        for i, ((part, _), theta) in enumerate(zip(splits, thetas, strict=True))
+    ]
+    model = [*effects, name]
+    fits = tuple(
+        step_on(kind, part, model, s).theta if kind.free_only else refit(kind, part, model, s)
+        for (part, _), s in zip(splits, starts, strict=True)
+    )
+    return against(before, name, fits, block_costs(kind, splits, fits))
+
+
+def against(before: np.ndarray, name: str, fits: tuple[dict[str, float], ...], after: np.ndarray) -> Trial:
+    gain = float(np.log(before.sum() / max(after.sum(), 1e-300)))
+    return Trial(name, fits, gain, float(before.mean() - after.mean()), after)
+
+
+def better_without(
+    kind: Kind,
+    splits: Sequence[Split],
+    effects: Sequence[str],
+    thetas: list[dict[str, float]],
+    further: str,
+    others: Sequence[Mapping[str, float]],
+) -> list[dict[str, float]]:
+    """The better on the training records of `thetas`, fits with `effects`, and of those begun where `others`, fits with
+    one `further` effect, have their base and the effects.
+    """
+    starts = [without(theta, further) for theta in others]
+    again = [step_on(kind, part, effects, start).theta for (part, _), start in zip(splits, starts, strict=True)]
+    return min(thetas, again, key=lambda choice: training_cost(kind, splits, choice))
+
+
+def without(theta: Mapping[str, float], effect: str) -> dict[str, float]:
+    """`theta` without the numbers of one effect."""
+    return {name: value for name, value in theta.items() if not name.startswith(f"{effect}.")}
+
+
+def fair(
+    kind: Kind,
+    splits: Sequence[Split],
+    effects: Sequence[str],
+    thetas: Sequence[dict[str, float]],
+    trials: Sequence[Trial],
+) -> tuple[list[Trial], list[dict[str, float]]]:
+    """The trials judged again against the best fit *without* a further effect, looked for from the trials' own base
+    values too: a trial must not win because its search was luckier with the base.
+    """
+    best = list(thetas)
+    for trial in trials[:2]:
+        best = better_without(kind, splits, effects, best, trial.effect, trial.thetas)
+    costs = block_costs(kind, splits, best)
+    again_judged = [replace(against(costs, t.effect, t.thetas, t.blocks), companions=t.companions) for t in trials]
+    return sorted(again_judged, key=lambda trial: -trial.gain), best

@@ -1,0 +1,216 @@
+"""Closing the loop: calibrate, screen what may be missing, fit the best jointly, add one at a time while it pays, and
+say how sure.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from models.files.record import Record
+from models.identification.fitting.confidence import Part
+from models.identification.fitting.fit import FINE, Fit, narrowing
+from models.identification.kind import EXPLAINED, Kind
+from models.identification.search.candidates import Trial, fair, tournament, without
+from models.identification.search.predictability import predictable, restlessness
+from models.identification.search.refinement import Known, refined, refined_at_last
+from models.identification.search.refit import finished, refit, step_on, whole
+from models.identification.search.screening import Screened, chance, for_chance, screen
+from models.identification.search.validation import APART, NEAR_NOISE, Split, ahead, block_costs, judged_cost
+
+Progress = Callable[[str, float], None]
+
+MOST_EFFECTS = 4
+LEAST_DROP = 0.1
+CLEAN = 1.5
+_AS_BEFORE = 1.2  # times what the fit on a part leaves there; free curves take long
+
+
+@dataclass
+class Search:
+    """Everything the search learned, for the report."""
+
+    calibrated: Fit
+    augmented: Fit
+    effects: list[str] = field(default_factory=list)
+    dropped: list[str] = field(default_factory=list)
+    refinements: list[str] = field(default_factory=list)
+    gains: dict[str, float] = field(default_factory=dict)
+    equivalent: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    confidence: dict[str, float] = field(default_factory=dict)
+    rounds: list[tuple[int, list[Screened], list[Trial]]] = field(default_factory=list)
+    threshold: float = 0.0
+    detectable: dict[str, float] = field(default_factory=dict)
+    timings: dict[str, float] = field(default_factory=dict)
+    before: float = 0.0
+    after: float = 0.0
+    chance_cost: float = 1.0
+    restless: float = 0.0
+    horizon_s: float = np.inf
+    known: Known = field(default_factory=dict)
+    parts: list[Part] = field(default_factory=list)
+
+    @property
+    def model(self) -> list[str]:
+        """Everything beyond the base: the effects named and the free curves that mend their shapes."""
+        return [*self.effects, *self.refinements]
+
+    @property
+    def explained(self) -> float:
+        """Share of the misfit beyond chance that the effects took away, on validation records."""
+        excess = self.before - self.chance_cost
+        return 1.0 if excess <= 0 else (self.before - self.after) / excess
+
+
+def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.random.Generator) -> Search:
+    """Calibrate on `train`, then add effects one at a time while validation records gain beyond what chance gives."""
+    clock = _Clock()
+    progress("calibrating", 0.02)
+    told = kind.telling(train)
+    splits = kind.folds(told)
+    nominal = {p.name: p.value for p in kind.base}
+    base = narrowing(kind, told, [], refit(kind, told, [], nominal), kind.stages - 1, FINE)
+    parts = [
+        (step_on(kind, part, [], base.theta).theta if kind.free_only else refit(kind, part, [], base.theta))
+        for part, _ in splits
+    ]
+    found = Search(base, base)
+    clock.note("calibration", found)
+    thetas = _named(kind, splits, parts, found, progress, clock, rng)
+    if kind.free_only and not found.effects and found.after > CLEAN:
+        trials = found.rounds[0][2] if found.rounds else []
+        likeliest = trials[0].thetas[0] if trials else parts[0]
+        found.horizon_s, splits = predictable(kind, splits, likeliest, CLEAN, rng)
+        if found.horizon_s < np.inf:
+            parts = [refit(kind, part, [], base.theta) for part, _ in splits]
+            thetas = _named(kind, splits, parts, found, progress, clock, rng)
+    progress("fitting the model on all records", 0.85)
+    if found.effects:
+        found.refinements, thetas = refined(kind, splits, found.effects, thetas, found.known)
+        found.after = _cost(kind, splits, thetas)
+        reached = _AS_BEFORE * judged_cost(kind, splits[0][0], thetas[0]) if found.refinements else 0.0
+        start = {**base.theta, **thetas[0]}
+        found.augmented = whole(kind, train, found.model, start, max(NEAR_NOISE, reached))
+        added, found.augmented = refined_at_last(
+            kind, train, found.effects, found.refinements, found.augmented, found.known
+        )
+        found.refinements += added
+    else:
+        found.augmented = finished(kind, train, [], base)
+    rows = sum(map(len, train))
+    found.parts = [(sum(map(len, part)) / rows, theta) for (part, _), theta in zip(splits, thetas, strict=True)]
+    if found.effects and kind.stages > 1:
+        found.restless = restlessness(kind, splits, found.augmented.theta, rng)
+    if not found.effects:
+        found.calibrated = found.augmented
+    elif sum(map(len, told)) < sum(map(len, train)):
+        found.calibrated = step_on(kind, train, [], base.theta)
+    clock.note("final fit", found)
+    return found
+
+
+def _named(
+    kind: Kind,
+    splits: Sequence[Split],
+    parts: list[dict[str, float]],
+    found: Search,
+    progress: Progress,
+    clock: _Clock,
+    rng: np.random.Generator,
+) -> list[dict[str, float]]:
+    """Effects added to `found` one at a time while validation records gain beyond what chance gives; the fits on the
+    splits' parts.
+    """
+    progress("what chance looks like", 0.15)
+    found.threshold, found.detectable, found.chance_cost = chance(kind, for_chance(kind, splits[0][0]), parts[0], rng)
+    found.threshold = max(found.threshold, kind.least_gain)
+    clock.note("chance", found)
+    found.before = found.after = _cost(kind, splits, parts)
+    found.rounds = []
+    thetas = parts
+    for number in range(1, MOST_EFFECTS + 1):
+        if found.after < max(found.chance_cost + LEAST_DROP, found.chance_cost * np.exp(kind.least_gain)) or (
+            found.effects and found.explained > max(EXPLAINED, 1 - kind.next_share)
+        ):
+            break
+        progress(f"screening, round {number}", 0.2 + 0.15 * (number - 1))
+        screened = screen(kind, splits[0][0], [*found.effects], thetas[0], found.dropped)
+        clock.note("screening", found)
+        progress(f"fitting candidates, round {number}", 0.3 + 0.15 * (number - 1))
+        trials = tournament(kind, splits, found.effects, thetas, screened)
+        trials, thetas = fair(kind, splits, found.effects, thetas, trials)
+        found.after = _cost(kind, splits, thetas)
+        if not found.effects:
+            found.before = found.after
+        found.rounds.append((number, screened, trials))
+        clock.note("fitting candidates", found)
+        if not trials or not _accept(kind, found, trials[0]):
+            break
+        _add(kind, found, trials)
+        thetas = list(trials[0].thetas)
+        found.after = float(trials[0].blocks.mean())
+        thetas = _test_again(kind, splits, thetas, found)
+        clock.note("testing again", found)
+    return thetas
+
+
+def _test_again(
+    kind: Kind, splits: Sequence[Split], thetas: list[dict[str, float]], found: Search
+) -> list[dict[str, float]]:
+    """Drops every earlier effect that the later ones made needless: without it the validation records lose no more than
+    chance gives.
+    """
+    for effect in found.effects[:-1]:
+        rest = [name for name in found.effects if name != effect]
+        shorter = [
+            refit(kind, part, rest, without(theta, effect)) for (part, _), theta in zip(splits, thetas, strict=True)
+        ]
+        cost = _cost(kind, splits, shorter)
+        if np.log(cost / found.after) < found.threshold:
+            found.effects.remove(effect)
+            found.dropped.append(effect)
+            found.after, thetas = cost, shorter
+    return thetas
+
+
+def _cost(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[str, float]]) -> float:
+    """Mean square of the validation residuals over the splits."""
+    return float(block_costs(kind, splits, thetas).mean())
+
+
+def _accept(kind: Kind, found: Search, trial: Trial) -> bool:
+    first = next(iter(found.gains.values()), None)
+    enough = found.threshold if first is None else max(found.threshold, kind.next_share * first)
+    return trial.gain > enough and trial.drop > LEAST_DROP
+
+
+def _add(kind: Kind, found: Search, trials: Sequence[Trial]) -> None:
+    best = trials[0]
+    rivals = {t.effect: ahead(best.blocks, t.blocks) for t in trials[1:]}
+    close = tuple(name for name, z in rivals.items() if z < APART and _gain_of(trials, name) > 0.7 * best.gain)
+    apart = [z for name, z in rivals.items() if name not in close]
+    found.effects.append(best.effect)
+    found.gains[best.effect] = best.gain
+    found.known.update(best.companions)
+    found.equivalent[best.effect] = tuple(dict.fromkeys((*close, *kind.equivalents.get(best.effect, ()))))
+    z = min(apart, default=6.0)
+    found.confidence[best.effect] = float(np.clip(1 - 0.5 * np.exp(-0.5 * z**2), 0.5, 0.999))
+
+
+def _gain_of(trials: Sequence[Trial], name: str) -> float:
+    return next(t.gain for t in trials if t.effect == name)
+
+
+class _Clock:
+    """Seconds since the last note, by name."""
+
+    def __init__(self) -> None:
+        self.last = time.monotonic()
+
+    def note(self, name: str, found: Search) -> None:
+        now = time.monotonic()
+        found.timings[name] = found.timings.get(name, 0.0) + now - self.last
+        self.last = now

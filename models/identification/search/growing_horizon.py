@@ -1,0 +1,167 @@
+"""Fits on ever longer beginnings of the records, from many places: over a few teeth of stick and slip a wrong base is a
+little late, over many it is out of step, and least squares sees no way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.stats import qmc
+
+from models.effects import BY_ID
+from models.files.record import Record
+from models.identification.fitting.fit import NARROW, Axis, Fit, axes, costs_of, narrowing
+from models.identification.kind import Kind
+from models.identification.search.validation import NEAR_NOISE
+
+BEGINNINGS_S = (2.0, 5.0, 12.0, 28.0)
+_TELLING_S = 12.0  # a beginning worth wide secants, and that may put a model out of the race
+_ROUNDS = 6
+_OFF = 0.2  # of a nominal value, what a base may be off by
+_DOUBLINGS = 5.5  # of an amplitude's probe
+_NEAR = 3.0  # scales around a start
+_BASES = 2  # on which effects are drawn anew
+_IN_REACH = 1.3  # times what the last of those that count leaves
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How many places to look at, and how many of them to go down from at each length, the whole records last."""
+
+    places: int
+    kept: tuple[int, ...]
+
+
+THOROUGH = Effort(512, (16, 6, 3, 2, 1))
+QUICK = Effort(256, (8, 4, 2, 1, 1))
+
+
+@dataclass
+class Climb:
+    """One model on its way from the first teeth to whole records. At every length the starts, and the effects drawn
+    anew on the bases found so far, stand beside what the shorter ones led to, for what a short one does not show it
+    cannot tell. Of the effect `fresh` not even the size is known. `fits` are those of the last length, the best
+    first.
+    """
+
+    kind: Kind
+    effects: Sequence[str]
+    starts: Sequence[Mapping[str, float]]
+    stage: int
+    effort: Effort
+    fresh: str = ""
+    fits: list[Fit] = field(default_factory=list)
+
+    def on(self, number: int, length: float, records: Sequence[Record]) -> None:
+        """To the next `length` in s, `records` being the beginnings number `number`."""
+        places = [dict(start) for start in self.starts]
+        if self.fits:
+            found = [fit.theta for fit in self.fits]
+            points = found + places + self._redrawn(found[:_BASES])
+        else:
+            points = places + self._scattered()
+        costs = costs_of(self.kind, records, points, self.stage)
+        best = [points[i] for i in np.argsort(costs, kind="stable")[: self.effort.kept[number]]]
+        widths = NARROW if length >= _TELLING_S else NARROW[-1:]
+        fits = [narrowing(self.kind, records, self.effects, point, self.stage, widths, _ROUNDS) for point in best]
+        self.fits = sorted(fits, key=lambda fit: fit.cost)
+
+    def _scattered(self) -> list[dict[str, float]]:
+        """Places around the nominal base and close to the starts' effects, with amplitudes of every size of the one
+        that is fresh.
+        """
+        return self._drawn(self.starts, axes(self.kind, self.effects), self.effort.places, seed=0)
+
+    def _redrawn(self, found: Sequence[Mapping[str, float]]) -> list[dict[str, float]]:
+        """Each base of `found` with effects from around their declared values: a drift does not show in the first few
+        teeth.
+        """
+        moved = [axis for axis in axes(self.kind, self.effects) if "." in axis.name]
+        bases = [{name: value for name, value in theta.items() if "." not in name} for theta in found]
+        return self._drawn(bases, moved, self.effort.places // 2, seed=1)
+
+    def _drawn(
+        self, starts: Sequence[Mapping[str, float]], moved: Sequence[Axis], count: int, seed: int
+    ) -> list[dict[str, float]]:
+        shares = qmc.Sobol(len(moved), seed=seed).random(count) if moved else np.zeros((0, 0))
+        return [
+            {
+                **start,
+                **{axis.name: _place(axis, start, share, self.fresh) for axis, share in zip(moved, row, strict=True)},
+            }
+            for start, row in ((starts[i % len(starts)], row) for i, row in enumerate(shares))
+        ]
+
+
+def lengthening(
+    kind: Kind,
+    records: Sequence[Record],
+    effects: Sequence[str],
+    starts: Sequence[Mapping[str, float]],
+    stage: int,
+    effort: Effort = THOROUGH,
+    fresh: str = "",
+) -> Fit:
+    """The best fit on the whole records."""
+    climb = Climb(kind, effects, starts, stage, effort, fresh)
+    for number, length, parts in _lengths(records):
+        climb.on(number, length, parts)
+    return climb.fits[0]
+
+
+def race(records: Sequence[Record], climbs: Mapping[str, Climb], counting: int, behind: float) -> dict[str, Fit]:
+    """Fits on the whole records of those `climbs` that stay in reach of the first `counting`, or are declared
+    look-alikes of the first one, and leave at most `behind` times what the first one does; the rest end on their way:
+    on short beginnings only where the first one leaves about the noise and they `behind` times as much again.
+    """
+    running = dict(climbs)
+    for number, length, parts in _lengths(records):
+        for climb in running.values():
+            climb.on(number, length, parts)
+        costs = {name: climb.fits[0].chi2 for name, climb in running.items()}
+        if length >= _TELLING_S:
+            ranked = sorted(costs.values())
+            reach, limit = _IN_REACH * ranked[min(counting, len(costs)) - 1], behind * ranked[0]
+        elif number and min(costs.values()) < NEAR_NOISE:
+            reach = limit = behind**2 * min(costs.values())
+        else:
+            reach = limit = np.inf
+        alike = BY_ID[min(costs, key=lambda name: costs[name])].look_alikes
+        running = {
+            name: climb
+            for name, climb in running.items()
+            if costs[name] <= limit and (costs[name] <= reach or name in alike)
+        }
+    return {name: climb.fits[0] for name, climb in running.items()}
+
+
+def _lengths(records: Sequence[Record]) -> Iterator[tuple[int, float, list[Record]]]:
+    """Number, length in s and records cut to it, the whole ones last."""
+    for number, length in enumerate((*BEGINNINGS_S, np.inf)):
+        parts = beginnings(records, length)
+        if length == np.inf or any(len(part) < len(record) for part, record in zip(parts, records, strict=True)):
+            yield number, length, parts
+
+
+def beginnings(records: Sequence[Record], length: float) -> list[Record]:
+    """The first `length` s of each record."""
+    return [record.beginning(length) for record in records]
+
+
+def _place(axis: Axis, start: Mapping[str, float], share: float, fresh: str) -> float:
+    """The value of one parameter for a number `share` between 0 and 1."""
+    p = axis.parameter
+    effect, _, name = axis.name.rpartition(".")
+    if not effect:
+        value = p.value * (1 + _OFF * (2 * share - 1))
+    elif effect == fresh and name == BY_ID[effect].amplitude().name:
+        sign, size = np.sign(share - 0.5) or 1.0, abs(2 * share - 1)
+        value = sign * BY_ID[effect].probe * 2 ** (_DOUBLINGS * size)
+        value = value if p.lower <= value <= p.upper else -value
+    else:
+        value = start.get(axis.name, p.value)
+        reach = min(p.spread, max(_NEAR * axis.scale, _NEAR / 10 * abs(value)))
+        value += reach * (2 * share - 1)
+    return float(np.clip(value, p.lower, p.upper))

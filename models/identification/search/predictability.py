@@ -1,0 +1,56 @@
+"""How far ahead a model predicts itself: where one tooth that comes a little early moves all that follow, free runs
+soon tell nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from models.files.record import Record
+from models.identification.kind import Kind
+from models.identification.search.growing_horizon import BEGINNINGS_S, beginnings
+from models.identification.search.validation import Split, judged_cost
+
+_THOUSANDTH = 1e-3
+_IMITATIONS = 4
+
+
+def restlessness(kind: Kind, splits: Sequence[Split], theta: Mapping[str, float], rng: np.random.Generator) -> float:
+    """Validation cost that the model leaves of itself, with noise, where the base's numbers are a thousandth off: what
+    no fit can do better than.
+    """
+    _, held = splits[0]
+    return _of_itself(kind, _moved(kind, held, theta, rng), theta)
+
+
+def predictable(
+    kind: Kind, splits: Sequence[Split], theta: Mapping[str, float], most: float, rng: np.random.Generator
+) -> tuple[float, list[Split]]:
+    """The longest beginnings of the records, in s (inf: whole ones), over which the model leaves less than `most` of
+    itself, and the splits cut to them.
+    """
+    _, held = splits[0]
+    imitated = _moved(kind, held, theta, rng)
+    for length in (np.inf, *reversed(BEGINNINGS_S[1:])):  # two seconds hold too few teeth to judge by
+        cut = [beginnings(records, length) for records in imitated]
+        if _of_itself(kind, cut, theta) < most:
+            break
+    return length, [(beginnings(part, length), beginnings(rest, length)) for part, rest in splits]
+
+
+def _moved(
+    kind: Kind, held: Sequence[Record], theta: Mapping[str, float], rng: np.random.Generator
+) -> list[list[Record]]:
+    """Imitations of the records `held` on the model with each base number a thousandth up or down."""
+    fitted = {p.name for p in kind.base if p.fit}
+    moved = (
+        {name: v * (1 + _THOUSANDTH * rng.choice((-1, 1))) if name in fitted else v for name, v in theta.items()}
+        for _ in range(_IMITATIONS)
+    )
+    return [[kind.imitate(record, point, rng) for record in held] for point in moved]
+
+
+def _of_itself(kind: Kind, imitated: Sequence[Sequence[Record]], theta: Mapping[str, float]) -> float:
+    return max(judged_cost(kind, records, theta) for records in imitated)

@@ -1,0 +1,108 @@
+"""Finer shapes of the effects that are named: which of them the records tell."""
+
+from __future__ import annotations
+
+from collections.abc import MutableMapping, Sequence
+
+import numpy as np
+
+from models.effects import BY_ID, REFINEMENTS
+from models.files.record import Record
+from models.identification.fitting.fit import FINE, NARROW, Fit, costs_of, narrowing
+from models.identification.kind import Kind
+from models.identification.search.candidates import BEHIND, better_without, without
+from models.identification.search.refit import mend, refit
+from models.identification.search.validation import NEAR_NOISE, TOLD, Split, block_costs, fewest, training_cost
+
+_CLOSE = 1.25  # floors on the training records, up to which nothing is wanted
+_SHARE = 0.1  # of the reported error on the training records, the least that tells a finer shape
+
+Known = MutableMapping[tuple[str, ...], list[dict[str, float]]]
+"""Fits on the parts of the splits by model: its effects and refinements in order."""
+
+
+def refined(
+    kind: Kind,
+    splits: Sequence[Split],
+    effects: Sequence[str],
+    thetas: list[dict[str, float]],
+    known: Known,
+) -> tuple[list[str], list[dict[str, float]]]:
+    """What mends the named effects' own shapes, and the fits with it: of the refinements, one after the other, the
+    fewest that do about as well on validation records as the best. Each is held against the model without it as it is
+    from its own base too, for it must not win by a luckier search. Fits that are `known` from before are not made
+    again; those made here are added to it.
+    """
+    curves = _shapes(kind, effects)
+    rows = [thetas]
+    for k, curve in enumerate(curves):
+        model = [*effects, *curves[:k]]
+        fit = mend if BY_ID[curve] in REFINEMENTS else refit
+        if (*model, curve) not in known:
+            known[*model, curve] = [
+                fit(kind, part, [*model, curve], {**theta, **_begin(curve)})
+                for (part, _), theta in zip(splits, rows[-1], strict=True)
+            ]
+        rows[-1] = better_without(kind, splits, model, rows[-1], curve, known[*model, curve])
+        rows.append(known[*model, curve])
+    number = fewest(
+        [block_costs(kind, splits, own) for own in rows], [training_cost(kind, splits, own) for own in rows]
+    )
+    return curves[:number], rows[number]
+
+
+def refined_at_last(
+    kind: Kind, records: Sequence[Record], effects: Sequence[str], taken: Sequence[str], fit: Fit, known: Known
+) -> tuple[list[str], Fit]:
+    """The refinements beyond `taken` that `fit`, made at the kind's final stage, still wants, and the best fit: the
+    coarser steps on which shapes are compared may hide one. Looked for from `fit` on, or from a `known` fit on a part
+    where that is better, as long as the reported error is not about the noise's. It must take a clear share of the
+    training cost or of the reported error there, also of what is left without it from its own base, and leave about the
+    noise; where `fit` and what is known both leave `BEHIND` times the noise, more than a shape is lacking, and a kind
+    with one stage has hidden none.
+    """
+    added: list[str] = []
+    if kind.stages == 1:
+        return added, fit
+    floors = _floors(kind, records, fit)
+    for curve in (name for name in _shapes(kind, effects) if name not in taken):
+        if floors < _CLOSE:
+            break
+        model = [*effects, *taken, *added, curve]
+        starts = [{**fit.theta, **_begin(curve)}, *known.get(tuple(model), ())]
+        costs = costs_of(kind, records, starts, kind.final)
+        if min(fit.cost, *costs) > BEHIND * fit.count:
+            break
+        finer = narrowing(kind, records, model, starts[int(np.argmin(costs))], kind.final, (NARROW[0], *FINE))
+        left = _floors(kind, records, finer)
+        if finer.chi2 < NEAR_NOISE and _clearly(finer, left, fit, floors):
+            again = narrowing(kind, records, model[:-1], without(finer.theta, curve), kind.final, FINE)
+            if again.cost < fit.cost:
+                fit, floors = again, _floors(kind, records, again)
+            if _clearly(finer, left, fit, floors):
+                added.append(curve)
+                fit, floors = finer, left
+    return added, fit
+
+
+def _floors(kind: Kind, records: Sequence[Record], fit: Fit) -> float:
+    """The reported error over what the noise leaves of it."""
+    return kind.error(records, [kind.predict(record, fit.theta) for record in records]) / kind.noise_floor(records)
+
+
+def _clearly(finer: Fit, left: float, fit: Fit, floors: float) -> bool:
+    """Whether `finer`, which leaves `left` floors, is clearly better than `fit`."""
+    return finer.cost <= (1 - TOLD) * fit.cost or (finer.cost < fit.cost and left <= (1 - _SHARE) * floors)
+
+
+def _shapes(kind: Kind, effects: Sequence[str]) -> list[str]:
+    """What may mend the shapes of `effects`."""
+    wanted = dict.fromkeys(curve for name in effects for curve in BY_ID[name].refined_by)
+    return [name for name in wanted if kind.name in BY_ID[name].kinds and name not in effects]
+
+
+def _begin(curve: str) -> dict[str, float]:
+    """Where a refinement's shape begins: first on its grid. An effect that mends another begins as it is declared."""
+    if BY_ID[curve] not in REFINEMENTS:
+        return {}
+    return {f"{curve}.{name}": values[0] for name, values in BY_ID[curve].grid.items()}

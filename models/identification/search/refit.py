@@ -1,0 +1,129 @@
+"""Ways to a fit: stepped on from where it is, down the stages, on ever longer beginnings; the best of them as
+judged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from models.effects import BY_ID, REFINEMENTS
+from models.files.record import Record
+from models.identification.fitting.fit import FINE, NARROW, WIDE, Fit, descend, narrowing
+from models.identification.kind import Kind
+from models.identification.search.growing_horizon import QUICK, lengthening
+from models.identification.search.validation import NEAR_NOISE, SHAPED, judged_cost, middle_stage
+
+
+def refit(
+    kind: Kind,
+    records: Sequence[Record],
+    effects: Sequence[str],
+    start: Mapping[str, float],
+    enough: float = NEAR_NOISE,
+) -> dict[str, float]:
+    """The best of several ways to a fit on `records`, as judged: stepped on from where it is; down the stages where the
+    kind has observers that can be trusted; and, where these leave more than `enough` (about the noise), from where it
+    is and from the nominal base with wide secants or, where only the free run judges, on ever longer beginnings, there
+    also with the newest effect as it is declared.
+    """
+    stage = middle_stage(kind)
+    if kind.stages == 1:
+        return narrowing(kind, records, effects, start, stage).theta
+    fits = [step_on(kind, records, effects, start).theta]
+    if not kind.free_only:
+        fits.append(down_the_stages(kind, records, effects, start))
+    costs = [judged_cost(kind, records, theta) for theta in fits]
+    if min(costs) > enough:
+        if kind.free_only:
+            fits.append(_lengthened(kind, records, effects, start))
+        else:
+            fits += [narrowing(kind, records, effects, begin, stage, WIDE).theta for begin in begins(kind, start)]
+        costs = [judged_cost(kind, records, theta) for theta in fits]
+    return fits[int(np.argmin(costs))]
+
+
+def mend(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> dict[str, float]:
+    """The best fit with one more free curve: from close by; where only the free run judges and that leaves more than
+    the noise to a hundredth, on ever longer beginnings too; and from more places where these leave `NEAR_NOISE`.
+    """
+    if not kind.free_only:
+        return down_the_stages(kind, records, effects, start)
+    fits = [step_on(kind, records, effects, start).theta]
+    costs = [judged_cost(kind, records, fits[0])]
+    if costs[0] > 1 + SHAPED:
+        fits.append(lengthening(kind, records, effects, begins(kind, start), middle_stage(kind), QUICK).theta)
+        costs.append(judged_cost(kind, records, fits[-1]))
+    if min(costs) > NEAR_NOISE:
+        fits.append(_lengthened(kind, records, effects, start))
+        costs.append(judged_cost(kind, records, fits[-1]))
+    return fits[int(np.argmin(costs))]
+
+
+def step_on(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> Fit:
+    """A fit at the middle stage from where the start is."""
+    return narrowing(
+        kind, records, effects, start, middle_stage(kind), (NARROW[0], *FINE) if kind.free_only else FINE, 10
+    )
+
+
+def down_the_stages(
+    kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]
+) -> dict[str, float]:
+    """Least squares at every stage in turn, from the one that forgets fast to the free run, first with wide secants."""
+    theta = dict(start)
+    for stage in range(kind.stages):
+        for secant in (0.3, 0.1) if stage == 0 else (0.1,):
+            theta = descend(kind, records, effects, theta, stage, secant, 12).theta
+    return theta
+
+
+def _lengthened(
+    kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]
+) -> dict[str, float]:
+    """A fit on ever longer beginnings from `start`, at the nominal base too, and there also with the newest effect as
+    it is declared.
+    """
+    starts = begins(kind, start)
+    newest = next((name for name in reversed(effects) if BY_ID[name] not in REFINEMENTS), "")
+    if newest:
+        starts.append({**starts[-1], **BY_ID[newest].start()})
+    return lengthening(kind, records, effects, starts, middle_stage(kind), fresh=newest).theta
+
+
+def begins(kind: Kind, theta: Mapping[str, float]) -> list[dict[str, float]]:
+    """`theta`, and the same at the nominal base: one fitted without an effect may be bent to make up for it."""
+    return [dict(theta), {**theta, **{p.name: p.value for p in kind.base if p.fit}}]
+
+
+_WAYS_DOWN = 3
+_REFINES = 0.01  # of the cost, the least that another way down is worth
+
+
+def whole(
+    kind: Kind,
+    records: Sequence[Record],
+    effects: Sequence[str],
+    start: Mapping[str, float],
+    enough: float = NEAR_NOISE,
+) -> Fit:
+    """The best of several ways to a fit on `records` (`refit`), finished."""
+    begun = refit(kind, records, effects, start, enough)
+    return finished(kind, records, effects, narrowing(kind, records, effects, begun, kind.stages - 1, FINE))
+
+
+def finished(kind: Kind, records: Sequence[Record], effects: Sequence[str], fit: Fit) -> Fit:
+    """`fit` at the kind's final stage, descended anew as long as that helps: where one way down ends another may begin.
+    Wide secants only where more than the noise is left. A kind with one stage has no other.
+    """
+    if kind.stages == 1:
+        return fit
+    widths = FINE if fit.chi2 < NEAR_NOISE else (*WIDE, FINE[-1])
+    best = narrowing(kind, records, effects, fit.theta, kind.final, widths)
+    for _ in range(_WAYS_DOWN):
+        again = narrowing(kind, records, effects, best.theta, kind.final, (NARROW[0], *FINE))
+        if again.cost > (1 - _REFINES) * best.cost:
+            return min(best, again, key=lambda fit: fit.cost)
+        best = again
+    return best

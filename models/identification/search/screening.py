@@ -1,0 +1,196 @@
+"""Screening candidates without refitting: what each would explain of the residual, the base's own directions projected
+out.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.effects.effect import Effect
+from models.files.columns import TIME
+from models.files.record import Record
+from models.identification.fitting.fit import FINE, Problem, axes, descend, evaluate_all, narrowing
+from models.identification.kind import Kind
+from models.identification.search.validation import NEAR_NOISE, judged_cost, middle_stage
+
+Array = NDArray[np.float64]
+_PLACES = 24
+_FEW = 2
+_IMITATED_S = 5.0
+_IMITATIONS = 2
+_SECANT = 0.1
+
+
+@dataclass(frozen=True)
+class Screened:
+    """One candidate: share of the residual it explains at first order, where joint fits should start (one start a view
+    of the residual), and the smallest amplitude that would have been seen at the share `chance` gives.
+    """
+
+    effect: str
+    share: float
+    starts: tuple[dict[str, float], ...]
+    sensitivity: float
+
+
+@dataclass(frozen=True)
+class _View:
+    """The residual at a fitted point with the fitted directions taken out."""
+
+    kind: Kind
+    records: Sequence[Record]
+    stage: int
+    theta: Mapping[str, float]
+    residual: Array
+    basis: Array
+
+    @classmethod
+    def at(
+        cls, kind: Kind, records: Sequence[Record], effects: Sequence[str], theta: Mapping[str, float], stage: int
+    ) -> _View:
+        problem = Problem(kind, records, axes(kind, effects), stage)
+        x = problem.start(theta)
+        jacobian = problem.jacobian(x, _SECANT)
+        basis = np.linalg.qr(jacobian)[0] if jacobian.shape[1] else np.zeros((jacobian.shape[0], 0))
+        return cls(kind, records, stage, theta, problem.at(x), basis)
+
+    def cleared(self, vectors: Array) -> Array:
+        return np.asarray(vectors - self.basis @ (self.basis.T @ vectors))
+
+    def explained(self, effect: type[Effect], shapes: Sequence[Mapping[str, float]]) -> list[Screened]:
+        """`effect` in each of `shapes`, all evaluated together."""
+        amplitude, head = effect.amplitude(), f"{effect.id}."
+        starts = []
+        for shape in shapes:
+            start = effect.start() | {head + k: v for k, v in shape.items()}
+            start[head + amplitude.name] = float(np.clip(effect.probe, amplitude.lower, amplitude.upper))
+            starts.append(start)
+        phases = (
+            ({head + "phase_rad": 0.0}, {head + "phase_rad": np.pi / 2}) if head + "phase_rad" in starts[0] else ({},)
+        )
+        thetas = [{**self.theta, **start, **phase} for start in starts for phase in phases]
+        seen = evaluate_all(self.kind, self.records, thetas, self.stage)
+        n = len(phases)
+        return [self._told(effect, start, seen[n * k : n * (k + 1)]) for k, start in enumerate(starts)]
+
+    def _told(self, effect: type[Effect], start: dict[str, float], seen: Sequence[Array]) -> Screened:
+        """Secants of the residual along the amplitude (and its quadrature, where there is a phase) against the residual
+        itself.
+        """
+        amplitude, head = effect.amplitude(), f"{effect.id}."
+        beliefs = np.zeros(
+            len(self.residual) - len(seen[0])
+        )  # rows that hold fitted parameters to what is believed of them
+        columns = [np.concatenate([row - self.residual[: len(row)], beliefs]) for row in seen]
+        D, r = self.cleared(np.array(columns).T), self.cleared(self.residual)
+        size, power = float(np.linalg.norm(D)), float(r @ r)
+        if not (0 < power < np.inf) or not np.isfinite(size) or size < 1e-9 * np.sqrt(power):
+            return Screened(effect.id, 0.0, (start,), np.inf)
+        factor, *_ = np.linalg.lstsq(D, -r, rcond=None)
+        share = 1 - float(np.sum((r + D @ factor) ** 2)) / power
+        size *= 1 / np.sqrt(len(seen))
+        if len(factor) == 2:
+            start[head + "phase_rad"] = float(np.arctan2(factor[1], factor[0]))
+        scale = float(np.hypot(*factor)) if len(factor) == 2 else float(factor[0])
+        reach = (0.9 * amplitude.lower, 0.9 * amplitude.upper)
+        wanted = start[head + amplitude.name] * scale
+        start[head + amplitude.name] = float(np.clip(wanted, *reach))
+        if not reach[0] <= wanted <= reach[1] and wanted * start[head + amplitude.name] <= 0:
+            share = 0.0
+        return Screened(effect.id, share, (start,), abs(effect.probe) * float(np.sqrt(power)) / size)
+
+
+def _shapes(effect: type[Effect], records: Sequence[Record]) -> Iterator[dict[str, float]]:
+    grid = {key: list(values) for key, values in effect.grid.items() if key != "phase_rad"}
+    if any(p.name == "centre_m" for p in effect.parameters()):
+        x = np.concatenate([record["position_m"] for record in records])
+        grid["centre_m"] = [
+            float(place) for place in np.linspace(float(np.percentile(x, 1)), float(np.percentile(x, 99)), _PLACES)
+        ]
+    for values in itertools.product(*grid.values()):
+        yield dict(zip(grid, values, strict=True))
+
+
+def _candidates(kind: Kind, taken: Sequence[str]) -> list[type[Effect]]:
+    return [effect for effect in kind.effects if effect.id not in taken]
+
+
+def _best(view: _View, effects: Sequence[type[Effect]]) -> list[Screened]:
+    return sorted(
+        (_likeliest(view.explained(effect, list(_shapes(effect, view.records)))) for effect in effects), key=_by_share
+    )
+
+
+def _likeliest(rows: Sequence[Screened]) -> Screened:
+    """The best of one candidate's shapes, with where the best few would start: their shares differ by less than their
+    fits.
+    """
+    best = sorted(rows, key=_by_share)[:_FEW]
+    return replace(best[0], starts=tuple(start for row in best for start in row.starts))
+
+
+def _by_share(row: Screened) -> float:
+    return -row.share
+
+
+def screen(
+    kind: Kind,
+    records: Sequence[Record],
+    effects: Sequence[str],
+    theta: Mapping[str, float],
+    dropped: Sequence[str] = (),
+) -> list[Screened]:
+    """Every candidate's share of the residual beyond `effects`, best first: the larger of what the kind's views of the
+    residual show.
+    """
+    rows: dict[str, Screened] = {}
+    for stage in (middle_stage(kind), *((kind.stages,) if kind.slow_view else ())):
+        fit = descend(kind, records, effects, theta, stage, _SECANT, 8)
+        for row in _best(_View.at(kind, records, effects, fit.theta, stage), _candidates(kind, (*effects, *dropped))):
+            other = rows.get(row.effect)
+            rows[row.effect] = row if other is None else _joined(row, other)
+    return sorted(rows.values(), key=_by_share)
+
+
+def _joined(a: Screened, b: Screened) -> Screened:
+    better = a if a.share >= b.share else b
+    return replace(better, starts=(*a.starts, *b.starts))
+
+
+def for_chance(kind: Kind, part: Sequence[Record]) -> list[Record]:
+    """Which records of `part` are imitated: time series that are judged through observers take long, so the first ones
+    that make a few seconds; of all else every one, for each alone tells little.
+    """
+    if kind.stages == 1 or any(TIME not in record.columns for record in part):
+        return list(part)
+    ends = np.cumsum([np.ptp(record[TIME]) for record in part])
+    return list(part[: 1 + int(np.searchsorted(ends, _IMITATED_S))])
+
+
+def chance(
+    kind: Kind, records: Sequence[Record], theta: Mapping[str, float], rng: np.random.Generator
+) -> tuple[float, dict[str, float], float]:
+    """What records without an effect give: the largest gain -ln(1 - share) over all candidates, the smallest amplitude
+    of each that would stand out from it, and the mean square of their residuals. Where a tooth of an imitation hangs on
+    how finely it is computed, the base is fitted to it anew, as it was to the records.
+    """
+    stage = middle_stage(kind)
+    gain, cost, weakest = 0.0, 0.0, dict[str, float]()
+    for _ in range(_IMITATIONS):
+        imitated = [kind.imitate(record, theta, rng) for record in records]
+        own, left = theta, judged_cost(kind, imitated, theta)
+        if left > NEAR_NOISE:
+            again = narrowing(kind, imitated, [], theta, stage, FINE).theta
+            own, left = min((own, left), (again, judged_cost(kind, imitated, again)), key=lambda fit: fit[1])
+        view = _View.at(kind, imitated, [], own, stage)
+        cost = max(cost, left)
+        rows = _best(view, kind.effects)
+        gain = max(gain, *(-float(np.log1p(-min(row.share, 0.999))) for row in rows)) if rows else gain
+        for row in rows:
+            weakest[row.effect] = max(weakest.get(row.effect, 0.0), row.sensitivity)
+    return gain, {name: value * float(np.sqrt(gain)) for name, value in weakest.items() if np.isfinite(value)}, cost

@@ -1,0 +1,90 @@
+"""How well a model fits records, as candidates are compared by it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.files.record import Record
+from models.identification.fitting.fit import evaluate
+from models.identification.kind import Kind
+
+Array = NDArray[np.float64]
+Split = tuple[list[Record], list[Record]]
+
+_BLOCKS = 40
+_ONE_BLOCK = 0.1  # of the logarithm of its cost, the most that a block counts for or against a finer shape
+_LEAST = 1e-12  # a cost whose logarithm can be taken
+APART = 2.0
+"""Standard errors by which one model's blocks lie ahead of another's where the records tell them apart."""
+SHAPED = 0.01
+"""Of the logarithm of a cost, the least that a finer shape is worth."""
+TOLD = 0.03
+"""Share of the training cost, many times what chance takes off it, that tells a finer shape."""
+NEAR_NOISE = 1.5
+"""Cost for each residual up to which a fit counts as one that leaves about the noise."""
+
+
+def middle_stage(kind: Kind) -> int:
+    """The stage on which models are compared: corrected enough to forgive teeth out of step, free enough to see every
+    effect.
+    """
+    return min(1, kind.stages - 1)
+
+
+def judged(kind: Kind, records: Sequence[Record], theta: Mapping[str, float]) -> Array:
+    """Mean square of the residuals in each of at most forty blocks of neighbours, under the kind's judge that the block
+    suits better.
+    """
+    return np.asarray(np.min([_blocks(evaluate(kind, records, theta, stage)) for stage in kind.judges], axis=0))
+
+
+def judged_cost(kind: Kind, records: Sequence[Record], theta: Mapping[str, float]) -> float:
+    """Mean of the blocks."""
+    return float(judged(kind, records, theta).mean())
+
+
+def _blocks(residual: Array) -> Array:
+    return np.array([float(part @ part) / len(part) for part in np.array_split(residual, min(_BLOCKS, len(residual)))])
+
+
+def block_costs(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[str, float]]) -> Array:
+    """Validation cost for each residual by blocks of neighbours (at most forty a split), as `judged`."""
+    return np.concatenate([judged(kind, held, theta) for (_, held), theta in zip(splits, thetas, strict=True)])
+
+
+def training_cost(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[str, float]]) -> float:
+    """Sum of the judged blocks over the training parts."""
+    return sum(float(judged(kind, part, theta).sum()) for (part, _), theta in zip(splits, thetas, strict=True))
+
+
+def ahead(best: Array, other: Array) -> float:
+    """How many standard errors of the block-wise difference of validation costs `best` is ahead of `other`."""
+    difference = other - best
+    mean, count = float(difference.mean()), len(difference)
+    error = float(difference.std(ddof=1)) / np.sqrt(count) if count > 1 else np.inf
+    if mean == 0:
+        return 0.0
+    return mean / error if error > 0 else float(np.copysign(np.inf, mean))
+
+
+def fewest(rows: Sequence[Array], training: Sequence[float]) -> int:
+    """The first of `rows`, validation costs by block of ever finer models, that does about as well as the best one.
+    Blocks count by the logarithm of their cost and change it by a tenth at most: a tooth of stick and slip that comes
+    or stays out is one block, however high. A model that the `training` costs tell clearly need not stand out.
+    """
+    logs = [np.log(np.maximum(blocks, _LEAST)) for blocks in rows]
+
+    def behind(row: Array, other: Array) -> Array:
+        return np.clip(row - other, -_ONE_BLOCK, _ONE_BLOCK)
+
+    best = int(np.argmin([behind(row, logs[0]).mean() for row in logs]))
+    worse = [behind(row, logs[best]) for row in logs]
+    told = [training[best] <= (1 - TOLD) * cost for cost in training]
+    return next(
+        k
+        for k, row in enumerate(worse)
+        if row.mean() <= SHAPED or (ahead(np.zeros_like(row), row) < APART and not told[k])
+    )

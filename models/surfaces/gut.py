@@ -1,0 +1,166 @@
+"""The base model: stick and slip of the wall that the capsule drags along (physics of papers A, C and V put
+together).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from models.laws.geometry import GRAVITY, Capsule, Tissue, stretched_length, wall_section
+from models.laws.hyperelastic import WallConstants
+from models.laws.resistance import pressure_integrals
+from models.laws.tension import wall_tension
+from models.parameter import Parameter
+
+FASTEST = 0.3  # m/s, end of the fitted range of the pressure integrals
+LONGEST = 3e-3  # m, end of the fitted range of the wall drag
+_KNEE = 3e-3
+_DEGREE = 12
+_TINY = 1e-12
+
+
+def _polynomial(value: Any, coefficients: tuple[float, ...]) -> Any:
+    result = coefficients[-1]
+    for c in reversed(coefficients[:-1]):
+        result = result * value + c
+    return result
+
+
+@dataclass(frozen=True)
+class Wall:
+    """The gut around one capsule: pressure integrals against speed, tension against drag.
+
+    `nose(v)` and `cylinder(v)` are V's integrals I1 and I2 at the nominal hoop stress, as polynomials in log(1 + v/3
+    mm/s) that follow the quadrature within 1e-4 up to 0.3 m/s, so that NumPy and CasADi share them.
+    """
+
+    capsule: Capsule
+    tissue: Tissue
+    constants: WallConstants
+    nose_coefficients: tuple[float, ...]
+    cylinder_coefficients: tuple[float, ...]
+    drag_coefficients: tuple[float, ...]
+    tension_coefficients: tuple[float, ...]
+
+    @classmethod
+    def around(cls, capsule: Capsule, tissue: Tissue) -> Wall:
+        """The wall of the seeds' tables around `capsule`."""
+        speed = np.r_[np.linspace(0, 2e-3, 300), np.geomspace(2e-3, FASTEST, 800)]
+
+        def fitted(integral: Any) -> tuple[float, ...]:
+            series = np.polynomial.Chebyshev.fit(np.log1p(speed / _KNEE), integral, _DEGREE, w=1 / integral)
+            return tuple(float(c) for c in series.convert(kind=np.polynomial.Polynomial).coef)
+
+        nose, cylinder = pressure_integrals(speed, capsule, tissue)
+        constants = WallConstants.from_set()
+        u = np.linspace(0, LONGEST, 400)
+        force = wall_tension(u, constants, wall_section(capsule, tissue), stretched_length(capsule))
+        inverse = np.polynomial.Polynomial.fit(force, u, 7).convert().coef
+        forward = np.polynomial.Polynomial.fit(u[1:] / LONGEST, force[1:] / u[1:], 7, window=[-1, 1]).convert().coef
+        drag, tension = (tuple(float(c) for c in row) for row in (inverse, forward))
+        return cls(capsule, tissue, constants, fitted(nose), fitted(cylinder), drag, tension)
+
+    def nose(self, speed: Any) -> Any:
+        """`I1` in N at `speed` >= 0 in m/s."""
+        return _polynomial(np.log1p(np.minimum(speed, FASTEST) / _KNEE), self.nose_coefficients)
+
+    def cylinder(self, speed: Any) -> Any:
+        """`I2` in N at `speed` >= 0 in m/s."""
+        return _polynomial(np.log1p(np.minimum(speed, FASTEST) / _KNEE), self.cylinder_coefficients)
+
+    def grip(self, speed: Any, hoop: Any, mu: Any, levels: tuple[Any, Any, Any] = (1.0, 1.0, 1.0)) -> tuple[Any, Any]:
+        """Environmental resistance `F_e = sin(theta) c I1` and slip limit `f_c = mu (m g + c (cos(theta) I1 + I2))` in
+        N.
+
+        `hoop` is the rig's factor c on the hoop stress, `levels` what effects make of F_e, of the weight's part of the
+        slip limit and of the rest of it; paper V Eq. 8, 11, 12.
+        """
+        on_nose, on_weight, on_pressed = levels
+        nose, cylinder = hoop * self.nose(speed), hoop * self.cylinder(speed)
+        load = on_weight * self.capsule.mass_kg * GRAVITY + on_pressed * (math.cos(self.tissue.theta) * nose + cylinder)
+        return on_nose * math.sin(self.tissue.theta) * nose, mu * load
+
+    def tension(self, u: Any) -> Any:
+        """`T(u)` in N of the wall dragged by `u` in m (paper A Eq. 12), a polynomial within 1e-7 of the law up to 3 mm
+        of drag.
+        """
+        return u * _polynomial(np.abs(u) / LONGEST, self.tension_coefficients)
+
+    def stiffness(self) -> float:
+        """`dT/du` at u = 0 in N/m, about 150 for the default capsule."""
+        return float(self.tension(1e-6)) / 1e-6
+
+    def drag_at(self, tension: Any) -> Any:
+        """`u_c` in m with `T(u_c)` = `tension` >= 0 in N, a polynomial that inverts `tension` within 1e-6 up to 3 mm of
+        drag.
+        """
+        return _polynomial(tension, self.drag_coefficients)
+
+
+@dataclass(frozen=True)
+class Drag:
+    """State of the dragged wall: displacement `u` in m, slip direction `slip` (0 while it sticks)."""
+
+    u: Any
+    slip: Any
+
+
+def drag_rate(state: Drag, v: Any, recovery_speed: Any) -> Any:
+    """`u'` in m/s: the capsule's speed while the wall sticks, `-s v_i` while it slips."""
+    return np.where(state.slip == 0, v, -state.slip * recovery_speed)
+
+
+def step_drag(state: Drag, v: Any, h: Any, limit: Any, tension: Any, recovery_speed: Any) -> Drag:
+    """The wall after a step `h` in s at speed `v`: sticks until |T(u)| >= f_c = `limit`, then draws back at `v_i` until
+    u = 0.
+
+    `tension` maps u to the wall's tension in N; `recovery_speed` is `v_i = u_c/t_r` in m/s with `T(u_c) = f_c` at the
+    present speed. An event inside the step is placed by linear interpolation and the rest of the step is spent in the
+    other mode, so the error is second order in `h`. The wall sticks again too when the capsule overtakes it backwards,
+    `s v < -v_i`.
+    """
+    dragged = state.u + v * h
+    before, after = np.abs(tension(state.u)), np.abs(tension(dragged))
+    late = np.where(after >= limit, np.clip((after - limit) / np.maximum(after - before, _TINY), 0.0, 1.0), 0.0)
+    side = np.where(after >= limit, np.sign(dragged), 0.0)
+    stick = Drag(dragged - late * h * (v + side * recovery_speed), side)
+    drawn = state.u - state.slip * recovery_speed * h
+    over = -state.slip * drawn
+    rest = np.clip(over / np.maximum(recovery_speed * h, _TINY), 0.0, 1.0)
+    overtaken = state.slip * v < -recovery_speed
+    slip = Drag(
+        np.where(overtaken, dragged, np.where(over >= 0, v * rest * h, drawn)),
+        np.where(overtaken, 0.0, np.where(over >= 0, 0.0, state.slip)),
+    )
+    sticking = state.slip == 0
+    return Drag(np.where(sticking, stick.u, slip.u), np.where(sticking, stick.slip, slip.slip))
+
+
+def settle(free: Any, stop: Any, smoothing: Any = 0.0) -> Any:
+    """Speed after a step of set-valued friction: `free` without it, `stop` = F h/m the most that friction can take
+    away, m/s.
+
+    The implicit step of `F v/(|v| + eps)` in closed form, `|v| = (b + sqrt(b^2 + 4 eps |free|))/2` with `b = |free| -
+    stop - eps`; at `smoothing` eps = 0 friction is set-valued: the body rests while `|free| <= stop`.
+    """
+    b = np.abs(free) - stop - smoothing
+    root = np.sqrt(b * b + 4 * smoothing * np.abs(free))
+    slides = np.sign(free) * (b + root) / 2
+    if isinstance(smoothing, int | float) and smoothing == 0:
+        return slides
+    return np.where(b < 0, 2 * smoothing * free / (root + np.abs(b)), slides)  # the same, with its slope at free = 0
+
+
+def base_parameters(tissue: Tissue) -> tuple[Parameter, ...]:
+    """What differs from rig to rig: the factor on the hoop stress and the friction coefficient."""
+    mu = tissue.friction_coefficient
+    return (
+        Parameter(
+            "hoop_stress_factor", 1.0, "1", 0.65, 1.45, "paper V Eq. 13; tissue differs by 15 % and more", fit=True
+        ),
+        Parameter("friction_coefficient", mu, "1", 0.6 * mu, 1.6 * mu, "rig file; paper V: 0.082", fit=True),
+    )

@@ -1,0 +1,96 @@
+"""Drive profiles: dwells and runs at several speeds, wandering sums of sines, pulse-width modulation in trains."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from plant.tables import Floats
+
+RUN_SPEEDS_M_S = (0.5e-3, 1e-3, 2e-3, 4e-3, 7e-3, 10e-3, 14e-3)
+_RAMP_S = 0.02
+
+
+def piecewise_runs(segments: list[tuple[float, float]], dt: float, ramp_s: float = _RAMP_S) -> Floats:
+    """Positions in m, one a step of `dt`, of runs `(speed in m/s, duration in s)` one after the other; speed ramps take
+    `ramp_s`.
+    """
+    speed = np.concatenate([np.full(max(1, round(duration / dt)), v) for v, duration in segments])
+    width = max(1, round(ramp_s / dt))
+    sums = np.cumsum(np.concatenate([np.zeros(width), speed]))
+    smooth = (sums[width:] - sums[:-width]) / width
+    return np.concatenate([[0.0], np.cumsum(smooth) * dt])
+
+
+def random_runs(rng: np.random.Generator, duration_s: float, dt: float) -> Floats:
+    """A pull programme: out and back at the speeds of `RUN_SPEEDS_M_S` in random order, with rests of 0.05 to 1.5 s
+    between.
+
+    Runs take 1.5 to 6 s and about 12 mm. It stops with the pair that reaches `duration_s`, so it may last a few seconds
+    longer.
+    """
+    segments, total = [(0.0, 0.5)], 0.5
+    while total < duration_s:
+        for speed in rng.permutation(RUN_SPEEDS_M_S):
+            run = float(np.clip(12e-3 / speed, 1.5, 6.0))
+            rests = rng.choice([0.05, 0.5, 1.5], 2)
+            segments += [(speed, run), (0.0, float(rests[0])), (-speed, run), (0.0, float(rests[1]))]
+            total += 2 * run + float(rests.sum())
+            if total >= duration_s:
+                break
+    return piecewise_runs(segments, dt)
+
+
+def random_wander(rng: np.random.Generator, duration_s: float, dt: float) -> Floats:
+    """A carriage path in m from zero: seven sines of 0.03 to 0.9 Hz, the slow ones wide, faded in over half a second;
+    speeds up to some 30 mm/s.
+
+    It goes further forward than back, so that what sits a little way down the lumen is met.
+    """
+    t = np.arange(round(duration_s / dt) + 1) * dt
+    x = np.zeros_like(t)
+    for frequency in np.geomspace(0.03, 0.9, 7) * rng.uniform(0.8, 1.25, 7):
+        speed = rng.uniform(4e-3, 9e-3)
+        phase = rng.uniform(0, 2 * np.pi)
+        x += speed / (2 * np.pi * frequency) * (np.sin(2 * np.pi * frequency * t + phase) - np.sin(phase))
+    fade = np.clip(t / 0.5, 0.0, 1.0)
+    path = x * fade * fade * (3 - 2 * fade)
+    return np.asarray(path if path.max() >= -path.min() else -path)
+
+
+def pulse_width(period_s: float, duty: float, duration_s: float, dt: float) -> Floats:
+    """Share of each step of `dt` in which a PWM drive is on, one value a step and one more: on for `duty` of each
+    period, first.
+
+    Exact for edges inside a step. Raises `ValueError` for a period that is not positive or a duty outside [0, 1].
+    """
+    if not period_s > 0 or not 0 <= duty <= 1:
+        raise ValueError(f"period_s must be positive and duty lie in [0, 1]; got {period_s:g} and {duty:g}")
+    cycles = np.arange(round(duration_s / dt) + 2) * (dt / period_s)
+    on_time = np.floor(cycles) * duty + np.minimum(cycles - np.floor(cycles), duty)
+    return np.asarray(np.diff(on_time) * (period_s / dt))
+
+
+def random_pulses(rng: np.random.Generator, duration_s: float, dt: float, period_s: float) -> Floats:
+    """Trains of a switch's pulses, one value a step of `dt` s: periods of 0.6 to 1.6 times `period_s`, duties of 0.15
+    to 0.85, each train for 1 to 3 s, a quarter of them a rest of 0.4 s instead.
+    """
+    parts: list[Floats] = []
+    while sum(part.size for part in parts) * dt <= duration_s:
+        period, duty = period_s * rng.uniform(0.6, 1.6), rng.uniform(0.15, 0.85)
+        resting = rng.random() < 0.25
+        parts.append(
+            np.zeros(round(0.4 / dt)) if resting else pulse_width(period, duty, float(rng.integers(1, 4)), dt)[:-1]
+        )
+    return np.asarray(np.concatenate(parts)[: round(duration_s / dt) + 1])
+
+
+def random_voltage(rng: np.random.Generator, duration_s: float, dt: float, amplitude_V: float = 1.6) -> Floats:
+    """A coil's voltage in V: seven sines of 0.05 to 2 Hz, 0.2 to 0.4 of `amplitude_V` each, faded in over half a
+    second.
+    """
+    t = np.arange(round(duration_s / dt) + 1) * dt
+    turns = [
+        2 * np.pi * f * t + rng.uniform(0, 2 * np.pi) for f in np.geomspace(0.05, 2.0, 7) * rng.uniform(0.8, 1.25, 7)
+    ]
+    wave = np.sum([rng.uniform(0.2, 0.4) * np.sin(turn) for turn in turns], axis=0)
+    return np.asarray(amplitude_V * wave * np.clip(t / 0.5, 0, 1))

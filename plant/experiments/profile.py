@@ -1,0 +1,153 @@
+"""What a scenario commands: the profiles that its file can name, each giving one drive value a step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Protocol
+
+import numpy as np
+
+from plant.experiments.excitation import (
+    piecewise_runs,
+    pulse_width,
+    random_pulses,
+    random_runs,
+    random_voltage,
+    random_wander,
+)
+from plant.tables import Floats
+
+
+class Profile(Protocol):
+    """Values of the drive at steps of `dt` over `duration_s`, the end included."""
+
+    def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
+        """One value a step; positions in m, voltages in V, forces in N, or shares of a step that a PWM is on."""
+        ...
+
+
+@dataclass(frozen=True)
+class RandomRuns:
+    """Out and back at several speeds in random order, with rests; starts again until the time is over."""
+
+    def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
+        return random_runs(rng, duration_s, dt)[: round(duration_s / dt) + 1]
+
+
+@dataclass(frozen=True)
+class Wander:
+    """A sum of slow sines, for a carriage."""
+
+    def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
+        return random_wander(rng, duration_s, dt)
+
+
+@dataclass(frozen=True)
+class Runs:
+    """Runs at `speeds_m_s` for `durations_s`, one after the other, then rest."""
+
+    speeds_m_s: tuple[float, ...]
+    durations_s: tuple[float, ...]
+
+    def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
+        if len(self.speeds_m_s) != len(self.durations_s):
+            raise ValueError(
+                f"durations_s must be as many as speeds_m_s, {len(self.speeds_m_s)}; got {len(self.durations_s)}"
+            )
+        segments = [*zip(self.speeds_m_s, self.durations_s, strict=True), (0.0, duration_s)]
+        return piecewise_runs(segments, dt)[: round(duration_s / dt) + 1]
+
+
+@dataclass(frozen=True)
+class ConstantSpeed:
+    """`x = v t` from the start."""
+
+    speed_m_s: float
+
+    def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
+        return np.asarray(self.speed_m_s * dt * np.arange(round(duration_s / dt) + 1), dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Sine:
+    """`offset + amplitude sin(2 pi f t)`; the amplitude is given in the drive's unit, one of the three."""
+
+    frequency_Hz: float
+    amplitude_m: float = 0.0
+    amplitude_V: float = 0.0
+    amplitude_N: float = 0.0
+    offset: float = 0.0
+
+    def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
+        given = [a for a in (self.amplitude_m, self.amplitude_V, self.amplitude_N) if a != 0.0]
+        if len(given) != 1:
+            raise ValueError(f"sine must have one of amplitude_m, amplitude_V, amplitude_N; got {len(given)} of them")
+        t = dt * np.arange(round(duration_s / dt) + 1)
+        return np.asarray(self.offset + given[0] * np.sin(2 * np.pi * self.frequency_Hz * t))
+
+
+@dataclass(frozen=True)
+class Pwm:
+    """Pulse-width modulation: on first, for `duty` of each period; `amplitude_V` for a coil, else the drive's force."""
+
+    period_s: float
+    duty: float
+    amplitude_V: float = 1.0
+
+    def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
+        return self.amplitude_V * pulse_width(self.period_s, self.duty, duration_s, dt)
+
+
+@dataclass(frozen=True)
+class RandomPulses(Pwm):
+    """Trains of pulses whose periods and duties vary at random about `period_s` and a half, with rests between."""
+
+    duty: float = 0.5
+
+    def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
+        return self.amplitude_V * random_pulses(rng, duration_s, dt, self.period_s)
+
+
+@dataclass(frozen=True)
+class RandomVoltage:
+    """A sum of sines, for a coil."""
+
+    amplitude_V: float = 1.6
+
+    def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
+        return random_voltage(rng, duration_s, dt, self.amplitude_V)
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A column of a CSV file, linear between its samples; the path counts from the scenario's folder."""
+
+    path: str
+    column: str
+    folder: str = "."
+
+    def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
+        file = Path(self.folder) / self.path
+        if not file.is_file():
+            raise ValueError(f"path must be a file; got {self.path!r}")
+        data = np.genfromtxt(file, delimiter=",", names=True)
+        columns = data.dtype.names or ()
+        for name in ("t_s", self.column):
+            if name not in columns:
+                raise ValueError(f"columns of {self.path} must hold {name}; got {', '.join(columns)}")
+        t = dt * np.arange(round(duration_s / dt) + 1)
+        return np.asarray(np.interp(t, data["t_s"] - data["t_s"][0], data[self.column]))
+
+
+PROFILES: Final[dict[str, type[Profile]]] = {
+    "random_runs": RandomRuns,
+    "wander": Wander,
+    "runs": Runs,
+    "constant_speed": ConstantSpeed,
+    "sine": Sine,
+    "pwm": Pwm,
+    "random_pulses": RandomPulses,
+    "random_voltage": RandomVoltage,
+    "record": Recorded,
+}

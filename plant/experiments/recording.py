@@ -1,0 +1,50 @@
+"""Run a scenario and return what its instruments saw, in the columns of a record."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from plant import layout as at
+from plant.experiments.profile import Pwm
+from plant.experiments.scenario import Scenario
+from plant.rig import Plant, Vibro
+from plant.tables import Floats
+
+_FASTEST_ROWS = 10  # steps between the truth's samples at most
+
+
+def record_scenario(scenario: Scenario) -> dict[str, Floats]:
+    """Columns of interfaces.md for the rig's kind: time, what is driven, what is measured.
+
+    `drive_on` is the share of the time since the last sample in which the drive was on, so that no edge is lost between
+    samples. The same scenario gives the same numbers. Raises `ValueError` when the drive's values are not usable.
+    """
+    dt, seeds = scenario.rig.step_s, np.random.SeedSequence(scenario.run.seed).spawn(2)
+    drive = scenario.profile.values(scenario.run.duration_s, dt, np.random.default_rng(seeds[0]))
+    vibro = scenario.rig.drive if isinstance(scenario.rig.drive, Vibro) else None
+    by_force = vibro is not None and vibro.coil is None and isinstance(scenario.profile, Pwm)
+    plant = Plant(scenario.rig)
+    every = int(np.clip(0.25 / (scenario.sensor.rate_Hz * dt), 1, _FASTEST_ROWS))
+    rows = plant.advance(drive * vibro.force_N if vibro is not None and by_force else drive, every)
+    measured = rows[:, at.O_FORCE if scenario.kind == "pull" else at.O_X]
+    t, reading = scenario.sensor.measure(rows[:, at.O_T], measured, np.random.default_rng(seeds[1]), plant.effects)
+    commanded = np.interp(t, dt * np.arange(drive.size), drive)
+    if scenario.kind == "pull":
+        return {"t_s": t, "position_m": commanded, "force_N": reading}
+    if scenario.kind == "magnetic":
+        return {"t_s": t, "carriage_position_m": commanded, "position_m": reading}
+    current = np.interp(t, rows[:, at.O_T], rows[:, at.O_CURRENT])
+    if scenario.kind == "coil":
+        return {"t_s": t, "coil_current_A": current, "position_m": reading, "coil_voltage_V": commanded}
+    mean = _mean_before(t, drive, dt)
+    if vibro is not None and vibro.coil is not None:
+        return {"t_s": t, "coil_voltage_V": mean, "position_m": reading, "coil_current_A": current}
+    return {"t_s": t, "drive_on" if by_force else "drive_force_N": mean, "position_m": reading}
+
+
+def _mean_before(t: Floats, drive: Floats, dt: float) -> Floats:
+    """Mean of the steps' values between each sample and the one before."""
+    sums = np.interp(t, dt * np.arange(drive.size), np.concatenate([[0.0], np.cumsum(drive[:-1]) * dt]))
+    mean = np.empty_like(t)
+    mean[0], mean[1:] = drive[0], np.diff(sums) / np.diff(t)
+    return mean

@@ -1,0 +1,200 @@
+"""SCENARIO.toml: a rig file's tables with the truth in them, plus what is commanded, sensed and hidden."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+from models.files.tables import choice, converted, from_table
+from models.laws.geometry import Capsule, Tissue
+from models.parameter import nearest
+from plant.anatomy import Anatomy, along, random_anatomy
+from plant.experiments.profile import PROFILES, Profile, Recorded
+from plant.hidden.registry import hidden
+from plant.rig import STEP_S, Coil, Drive, Magnet, Plate, Pull, Rig, Vibro
+from plant.sensing.sensors import Sensor
+
+Table = Mapping[str, Any]
+TABLES: Final = (
+    "scenario",
+    "capsule",
+    "tissue",
+    "rig",
+    "drive",
+    "surface",
+    "profile",
+    "sensor",
+    "noise",
+    "anatomy",
+    "effects",
+)
+KINDS: Final[dict[str, type[Pull | Magnet | Coil | Vibro]]] = {
+    "pull": Pull,
+    "magnetic": Magnet,
+    "coil": Coil,
+    "vibro": Vibro,
+}
+MOST_STEPS: Final = 50_000_000
+ANATOMY_KEYS: Final = ("places_m", "level", "seed")
+
+
+@dataclass(frozen=True)
+class Run:
+    """How long and with which seed; table `[scenario]`."""
+
+    name: str = ""
+    duration_s: float = 20.0
+    seed: int = 0
+    step_s: float = STEP_S
+
+
+@dataclass(frozen=True)
+class Noise:
+    """White noise and rounding of the measured column, in its unit; table `[noise]`."""
+
+    force_std_N: float = 0.0
+    position_std_m: float = 0.0
+    force_quantum_N: float = 0.0
+    position_quantum_m: float = 0.0
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """Table `[sensor]`."""
+
+    rate_Hz: float = 500.0
+    delay_s: float = 0.0
+    lowpass_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A simulated experiment: rig, command, sensor."""
+
+    run: Run
+    kind: str
+    rig: Rig
+    profile: Profile
+    sensor: Sensor
+
+
+def load_scenario(path: Path) -> Scenario:
+    """Read and check a scenario file. `ValueError` says which key, what it must be, what it is, and the nearest known
+    name.
+    """
+    try:
+        raw = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ValueError(f"{path.name} must be a readable TOML file; got {error}") from error
+    try:
+        return parse_scenario(raw, path.parent)
+    except ValueError as error:
+        raise ValueError(f"{path.name}: {error}") from error
+
+
+def parse_scenario(raw: Table, folder: Path) -> Scenario:
+    """A scenario from parsed TOML; paths in it count from `folder`. Errors as `load_scenario`."""
+    for name, table in raw.items():
+        if name not in TABLES:
+            raise ValueError(f"tables must be among {', '.join(TABLES)}; got [{name}]; {nearest(name, TABLES)}")
+        if not isinstance(table, Mapping):
+            raise ValueError(f"{name} must be a table; got {table!r}")
+    run, kind, rig = parse_truth(raw)
+    return Scenario(run, kind, rig, _profile(raw.get("profile", {}), folder), _sensor(raw, kind))
+
+
+def parse_truth(raw: Table) -> tuple[Run, str, Rig]:
+    """How long a scenario runs, the kind of its rig and all that is true of that, from parsed TOML. Errors as
+    `load_scenario`.
+    """
+    run = from_table(Run, raw.get("scenario", {}), "scenario")
+    if not 0 < run.duration_s / run.step_s <= MOST_STEPS:
+        raise ValueError(
+            f"scenario.duration_s must be positive and at most {MOST_STEPS:.0e} steps; got {run.duration_s:g} s of"
+            f" {run.step_s:g}"
+        )
+    kind = choice(raw.get("rig", {}), "rig.kind", tuple(KINDS))
+    tissue, hoop = _tissue(raw.get("tissue", {}))
+    rig = Rig(
+        drive=_drive(kind, raw),
+        capsule=from_table(Capsule, raw.get("capsule", {}), "capsule"),
+        tissue=tissue,
+        surface=_surface(raw.get("surface", {"kind": "gut"})),
+        hoop_factor=hoop,
+        anatomy=_anatomy(raw.get("anatomy", {})),
+        hidden=_effects(raw.get("effects", {}), kind),
+        step_s=run.step_s,
+    )
+    return run, kind, rig
+
+
+def _drive(kind: str, raw: Table) -> Drive:
+    rig, drive = raw.get("rig", {}), raw.get("drive", {})
+    where = "drive" if kind in ("vibro", "coil") else "rig"
+    table = {**drive, **{key: value for key, value in rig.items() if key != "kind"}}
+    return from_table(KINDS[kind], table, where)
+
+
+def _tissue(table: Table) -> tuple[Tissue, float]:
+    preset = table.get("preset", "jejunum")
+    if preset != "jejunum":
+        raise ValueError(f"tissue.preset must be 'jejunum'; got {preset!r}")
+    hoop = converted(table.get("hoop_stress_factor", 1.0), float, "tissue.hoop_stress_factor")
+    if not hoop > 0:
+        raise ValueError(f"tissue.hoop_stress_factor must be positive; got {hoop:g}")
+    return from_table(Tissue, table, "tissue", skip=("preset", "hoop_stress_factor")), hoop
+
+
+def _surface(table: Table) -> Plate | None:
+    kind = choice(table, "surface.kind", ("gut", "plate"))
+    if kind == "gut" and len(table) > 1:
+        raise ValueError(
+            f"[surface] of kind gut must have no further keys; got {', '.join(k for k in table if k != 'kind')}"
+        )
+    return None if kind == "gut" else from_table(Plate, table, "surface", skip=("kind",))
+
+
+def _anatomy(table: Table) -> Anatomy:
+    for key in table:
+        if key not in ANATOMY_KEYS:
+            known = ", ".join(ANATOMY_KEYS)
+            raise ValueError(f"keys of [anatomy] must be among {known}; got {key!r}; {nearest(key, ANATOMY_KEYS)}")
+    profile = Anatomy() if "seed" not in table else random_anatomy(converted(table["seed"], int, "anatomy.seed"))
+    if "places_m" in table or "level" in table:
+        points = (converted(table.get(key), tuple[float, ...], f"anatomy.{key}") for key in ("places_m", "level"))
+        profile = along(*points) if len(profile.level) == 1 else profile.times(along(*points))
+    return profile
+
+
+def _effects(table: Table, kind: str) -> dict[str, dict[str, float]]:
+    for name, numbers in table.items():
+        if kind not in hidden(name).drives:
+            raise ValueError(
+                f"effects of a {kind} rig must be for it; got {name!r}, which is for {', '.join(hidden(name).drives)}"
+            )
+        if not isinstance(numbers, Mapping):
+            raise ValueError(f"effects.{name} must be a table of its numbers; got {numbers!r}")
+    return {
+        name: {key: converted(value, float, f"effects.{name}.{key}") for key, value in numbers.items()}
+        for name, numbers in table.items()
+    }
+
+
+def _profile(table: Table, folder: Path) -> Profile:
+    kind = choice(table, "profile.kind", tuple(PROFILES))
+    profile = from_table(PROFILES[kind], table, "profile", skip=("kind",))
+    return replace(profile, folder=str(folder)) if isinstance(profile, Recorded) else profile
+
+
+def _sensor(raw: Table, kind: str) -> Sensor:
+    sampling = from_table(Sampling, raw.get("sensor", {}), "sensor")
+    noise = from_table(Noise, raw.get("noise", {}), "noise")
+    std, quantum = (
+        (noise.force_std_N, noise.force_quantum_N)
+        if kind == "pull"
+        else (noise.position_std_m, noise.position_quantum_m)
+    )
+    return Sensor(sampling.rate_Hz, std, quantum, sampling.delay_s, sampling.lowpass_s)

@@ -1,0 +1,143 @@
+"""Instruments that report while the plant runs: rate, latency, noise, drop-outs, outliers; each reading says when it
+was true.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from plant.hidden.registry import LAG_SHARES, ROWS
+from plant.sensing.sensors import with_hidden_errors
+from plant.tables import Floats
+
+_OFFSETS = ("sensor_scale", "sensor_bias", "sensor_drift", "mains_hum")
+
+
+@dataclass(frozen=True)
+class Reading:
+    """`value` of the column `channel`, SI, true at `stamp_s`, at hand from `arrives_s` on."""
+
+    channel: str
+    value: float
+    stamp_s: float
+    arrives_s: float
+
+
+@dataclass(frozen=True)
+class Instrument:
+    """Samples at `rate_Hz`, at hand `latency_s` later, with white noise of `std`, rounded to `quantum` (0: not at all).
+
+    A share `missing_share` of the readings never comes and `outlier_share` is off by up to `outlier_size` either way.
+    Within each pair of `gaps_s` (start, length, start, length, ...) nothing comes; within `nan_s` NaN does. Hidden
+    offsets of the sensor count in `span`, the range in which it works. `std`, `quantum`, `outlier_size` and `span` are
+    in the unit of what is measured.
+    """
+
+    rate_Hz: float = 100.0
+    std: float = 0.5e-3
+    latency_s: float = 8e-3
+    quantum: float = 0.0
+    missing_share: float = 0.0
+    outlier_share: float = 0.0
+    outlier_size: float = 20e-3
+    span: float = 20e-3
+    gaps_s: tuple[float, ...] = ()
+    nan_s: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.rate_Hz > 0:
+            raise ValueError(f"instrument rate_Hz must be positive; got {self.rate_Hz:g}")
+        for name in ("std", "latency_s", "quantum", "outlier_size", "span"):
+            if not getattr(self, name) >= 0:
+                raise ValueError(f"instrument {name} must be zero or more; got {getattr(self, name):g}")
+        for name in ("missing_share", "outlier_share"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise ValueError(f"instrument {name} must lie in [0, 1]; got {getattr(self, name):g}")
+        for name in ("gaps_s", "nan_s"):
+            if len(getattr(self, name)) % 2:
+                raise ValueError(
+                    f"instrument {name} must be pairs of start and length; got {len(getattr(self, name))} numbers"
+                )
+
+
+class Stream:
+    """One instrument at work. The same truth gives the same readings, in however many pieces it is handed over.
+
+    `truth_rate_Hz` is how often `take` sees the truth; a sample is the newest truth at its time.
+    """
+
+    def __init__(
+        self,
+        channel: str,
+        instrument: Instrument,
+        rng: np.random.Generator,
+        truth_rate_Hz: float,
+        hidden: Floats | None,
+    ) -> None:
+        self.channel, self.instrument, self._rng, self._hidden = channel, instrument, rng, hidden
+        self._shares: tuple[float, ...] = ()
+        late = 0.0
+        if hidden is not None:
+            time = float(hidden[ROWS["sensor_lowpass"], 0])
+            self._shares = (
+                tuple(1 - math.exp(-1 / (truth_rate_Hz * share * time)) for share in LAG_SHARES) if time > 0 else ()
+            )
+            late = float(hidden[ROWS["sensor_delay"], 0])
+        self._offset = hidden is not None and any(hidden[ROWS[name], 0] != 0.0 for name in _OFFSETS)
+        self._late = round(late * truth_rate_Hz)
+        self._past: list[float] = []
+        self._smooth: list[float] = []
+        self._samples = 0
+
+    def take(self, t: Floats, y: Floats) -> list[Reading]:
+        """Readings of the samples that fall into the stretch of truth `y` at the times `t` in s; both 1-D of one
+        length.
+        """
+        if not t.size:
+            return []
+        values = [self._smoothed(value) for value in y.tolist()] if self._shares else y.tolist()
+        seen = (self._past or [values[0]] * self._late) + values if self._late else values
+        readings: list[Reading] = []
+        k = int(t.searchsorted(self._due))
+        while k < len(values):
+            self._samples += 1
+            reading = self._sample(float(t[k]), seen[k])
+            if reading is not None:
+                readings.append(reading)
+            k = max(int(t.searchsorted(self._due)), k + 1)
+        self._past = seen[len(values) :]
+        return readings
+
+    @property
+    def _due(self) -> float:
+        """When the next sample is due, but for rounding."""
+        return self._samples / self.instrument.rate_Hz - 1e-9
+
+    def _smoothed(self, value: float) -> float:
+        self._smooth = self._smooth or [value] * len(self._shares)
+        for k, share in enumerate(self._shares):
+            self._smooth[k] += share * (value - self._smooth[k])
+            value = self._smooth[k]
+        return value
+
+    def _sample(self, t: float, value: float) -> Reading | None:
+        """One reading; every sample draws the same random numbers, so that faults do not shift the noise."""
+        i = self.instrument
+        noise, missing, wild, size = self._rng.standard_normal(), *self._rng.random(3)
+        if self._hidden is not None and self._offset:
+            value = float(with_hidden_errors(np.array([t]), np.array([value]), self._hidden, i.span)[0])
+        value += i.std * noise
+        if wild < i.outlier_share:
+            value += i.outlier_size * (2 * size - 1)
+        if i.quantum > 0:
+            value = round(value / i.quantum) * i.quantum
+        if missing < i.missing_share or _within(t, i.gaps_s):
+            return None
+        return Reading(self.channel, math.nan if _within(t, i.nan_s) else value, t, t + i.latency_s)
+
+
+def _within(t: float, spans: tuple[float, ...]) -> bool:
+    return any(start <= t < start + length for start, length in zip(spans[::2], spans[1::2], strict=True))

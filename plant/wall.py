@@ -1,0 +1,80 @@
+"""The wall's stick and slip, and the forces that it puts on the capsule, over one step."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from plant.compiling import compiled
+from plant.hidden.wall import rate_tension, recovery_speed, stiffening
+from plant.layout import GUT, P_MU, P_RECOVERY, P_SURFACE, P_WEIGHT, S_SLIP, S_U
+from plant.tables import Floats, drag_at, film_drag, pressure_load, tension
+
+_MOST: Final = 200
+_SETTLED_M: Final = 1e-9
+
+
+@compiled
+def wall_limit(v: float, hoop: float, p: Floats, tab: Floats) -> float:
+    """`f_c = mu N(|v|)` in N, the pressure part of N scaled by the hoop factor `hoop`."""
+    return float(p[P_MU] * (p[P_WEIGHT] + hoop * pressure_load(tab, v)))
+
+
+@compiled
+def draw_back_speed(v: float, hoop: float, s: Floats, p: Floats, h: Floats, tab: Floats) -> float:
+    """`v_i = u_c/t_r` in m/s with `T(u_c) = f_c(|v|)` of this moment."""
+    limit = wall_limit(v, hoop, p, tab)
+    u_c = drag_at(tab, limit)
+    if stiffening(u_c, h) != 1.0:
+        for _ in range(_MOST):
+            before, u_c = u_c, drag_at(tab, limit / stiffening(u_c, h))
+            if abs(u_c - before) < _SETTLED_M:
+                break
+    return recovery_speed(s[S_U], u_c, p[P_RECOVERY], h)
+
+
+@compiled
+def wall_force(v: float, hoop: float, s: Floats, p: Floats, h: Floats, tab: Floats) -> float:
+    """`T(u) + F_v(w)` in N, what the wall and its film hold back; with `w = v - u'`, zero while the wall sticks. None
+    on a plate.
+    """
+    if p[P_SURFACE] != GUT:
+        return 0.0
+    u, slip = s[S_U], s[S_SLIP]
+    if slip == 0.0:
+        return tension(tab, u) * stiffening(u, h) + rate_tension(v, h)
+    rate = -slip * draw_back_speed(v, hoop, s, p, h, tab)
+    return tension(tab, u) * stiffening(u, h) + rate_tension(rate, h) + film_drag(tab, v - rate)
+
+
+@compiled
+def move_wall(v: float, dt: float, hoop: float, s: Floats, p: Floats, h: Floats, tab: Floats) -> None:
+    """Advance `u` by one step at the capsule's speed `v`, from stick to slip or back inside the step, where the base
+    model says so.
+
+    The tension is taken as linear in the step; the rest of the step is spent in the other mode, so that the teeth's
+    period does not grow with the step.
+    """
+    if p[P_SURFACE] != GUT:
+        return
+    slip, u = s[S_SLIP], s[S_U]
+    if slip == 0.0:
+        before = abs(tension(tab, u) * stiffening(u, h))
+        u += dt * v
+        pull = tension(tab, u) * stiffening(u, h)
+        limit = wall_limit(v, hoop, p, tab)
+        if abs(pull) >= limit:
+            side = 1.0 if pull > 0 else -1.0
+            s[S_SLIP] = side
+            rest = dt * min(1.0, (abs(pull) - limit) / max(abs(pull) - before, 1e-15))
+            s[S_U] = u - rest * v
+            u = s[S_U] - side * draw_back_speed(v, hoop, s, p, h, tab) * rest
+    else:
+        back = draw_back_speed(v, hoop, s, p, h, tab)
+        u -= slip * back * dt
+        if slip * u <= 0.0:
+            u = v * min(dt, abs(u) / max(back, 1e-15))
+            s[S_SLIP] = 0.0
+        elif slip * v < -back:
+            u = s[S_U] + dt * v
+            s[S_SLIP] = 0.0
+    s[S_U] = u

@@ -1,0 +1,83 @@
+"""The gate: only a model that is better on held-out records and within its bounds passes."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from typing import Any
+
+import pytest
+
+from controller.supervision.acceptance import Gate
+from models.files.rig import Rig, parse_rig
+from models.identification.model import Model
+
+BASE = {"hoop_stress_factor": 1.1, "friction_coefficient": 0.09, "magnet_stiffness_N_per_m": 26.0}
+FOLDS = {"fold_periodic.depth": 0.2, "fold_periodic.wavelength_m": 0.0073}
+
+
+def model(**changes: float) -> Model:
+    return Model("magnetic", {"nominal": dict(BASE), "calibrated": dict(BASE), "augmented": BASE | changes})
+
+
+def report(
+    nominal: float | None = 3.0, calibrated: float | None = 2.0, augmented: float | None = 1.0
+) -> dict[str, Any]:
+    return {
+        "kind": "magnetic",
+        "error": {"holdout": {"nominal": nominal, "calibrated": calibrated, "augmented": augmented}},
+    }
+
+
+@pytest.fixture
+def rig(rig_text: str) -> Rig:
+    return parse_rig(tomllib.loads(rig_text))
+
+
+def test_a_better_model_within_bounds_passes(rig: Rig) -> None:
+    verdict = Gate().judge(report(), model(**FOLDS), rig)
+    assert verdict.passed, verdict.sentence
+
+
+@pytest.mark.parametrize(
+    ("numbers", "words"),
+    [
+        (report(augmented=2.0), "at most 0.99"),
+        (report(augmented=None), "must be in the report"),
+        (report(augmented=math.nan), "must be in the report"),
+        (report(augmented=-1.0), "must be in the report"),
+        (report(calibrated=None), "current model must be known"),
+        ({}, "must be in the report"),
+        ({"error": {"holdout": "none"}}, "must be in the report"),
+        (report() | {"kind": "pull"}, "magnetic rig; got one of a pull rig"),
+    ],
+)
+def test_a_model_that_did_not_show_it_does_not_pass(rig: Rig, numbers: dict[str, Any], words: str) -> None:
+    verdict = Gate().judge(numbers, model(), rig)
+    assert not verdict.passed
+    assert words in verdict.sentence
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"hoop_stress_factor": 9.0},
+        {"friction_coefficient": math.nan},
+        {"fold_periodic.wavelength_m": -1.0},
+        {"no_such": 1.0},
+    ],
+)
+def test_parameters_out_of_bounds_do_not_pass(rig: Rig, changes: dict[str, float]) -> None:
+    verdict = Gate().judge(report(), model(**changes), rig)
+    assert not verdict.passed
+    assert next(iter(changes)) in verdict.sentence
+
+
+def test_the_current_model_may_be_given_by_its_error_on_the_same_records(rig: Rig) -> None:
+    assert Gate().judge(report(), model(), rig, current=1.2).passed
+    assert not Gate().judge(report(), model(), rig, current=0.9).passed
+
+
+def test_unknown_stages_are_refused(rig: Rig) -> None:
+    with pytest.raises(ValueError, match="did you mean 'augmented'"):
+        Gate().judge(report(), model(), rig, stage="augmentd")

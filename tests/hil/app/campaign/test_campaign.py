@@ -1,0 +1,217 @@
+"""Campaigns: every run once, whatever is killed in between; each repeated by one command."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.app.campaign.file import Job, laid_over, load_campaign, nested
+from hil.app.campaign.page import summary_of, worst_of
+from hil.app.campaign.results import Results, chunks
+from hil.app.campaign.worker import TRIES, pooled, run_job
+from hil.app.main import run
+from tests.hil.app.campaign.campaigns import CAMPAIGN, RUNS, rows_of, untimed
+from tests.places import SCENARIOS
+
+
+def started(campaign: Path, out: Path, heard: int = subprocess.DEVNULL) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "hil.app.start", "campaign", str(campaign), "--out", str(out), "--workers", "1"]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=heard, text=True, start_new_session=True)
+
+
+def alive(group: int) -> list[str]:
+    """Processes of a group that are not mere zombies."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):
+            name, _, rest = stat.read_text().rpartition(")")
+            state, _, its_group = rest.split()[:3]
+            if int(its_group) == group and state != "Z":
+                found.append(name)
+    return found
+
+
+def test_an_interrupted_campaign_says_what_it_kept(campaign: Path) -> None:
+    out = campaign.parent / "out"
+    # what a shell has put aside with & is deaf to SIGINT, and so would its child be
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        child = started(campaign, out, subprocess.PIPE)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    file = out / "results.jsonl"
+    while not (file.exists() and file.read_bytes().count(b"\n") > 3):
+        assert child.poll() is None
+        time.sleep(0.02)
+    child.send_signal(signal.SIGINT)
+    _, said = child.communicate(timeout=60)
+    kept = len(rows_of(out))
+    assert child.returncode == 130
+    assert said.endswith(
+        f"capsule: interrupted: {kept} of {RUNS} runs are on file in {file}; the same command goes on from there\n"
+    )
+
+
+def test_a_killed_campaign_goes_on_without_loss_or_repetition(
+    campaign: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = campaign.parent / "out"
+    child = started(campaign, out)
+    file = out / "results.jsonl"
+    while not (file.exists() and file.read_bytes().count(b"\n") > 5):
+        assert child.poll() is None
+        time.sleep(0.02)
+    os.kill(child.pid, signal.SIGKILL)
+    child.wait()
+    end = time.monotonic() + 20
+    while alive(child.pid) and time.monotonic() < end:
+        time.sleep(0.1)
+    assert not alive(child.pid)
+    before = rows_of(out)
+    assert 5 <= len(before) < RUNS
+    file.write_bytes(file.read_bytes() + b'{"run": 23, "se')
+
+    assert run(["campaign", str(campaign), "--out", str(out), "--workers", "1", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    rows = rows_of(out)
+    assert sorted(row["run"] for row in rows) == list(range(RUNS))
+    assert rows[: len(before)] == before
+    assert found["resumed"] == len(before)
+    assert found["all"]["runs"] == RUNS
+    assert found["all"]["failed"] == 0
+    assert (out / "campaign.html").read_text().count("--run ") == 12
+
+    worst = found["worst"][0]
+    assert worst["value"] == max(row["result"]["tracking_rmse_m"] for row in rows)
+    assert run(shlex.split(worst["repeat"])[1:]) == 0
+    again = json.loads(capsys.readouterr().out)
+    assert untimed(again) == untimed(next(row for row in rows if row["run"] == worst["run"]))
+
+    written = file.read_bytes()
+    assert run(["campaign", str(campaign), "--out", str(out)]) == 0
+    assert file.read_bytes() == written
+
+
+def test_runs_of_one_case_share_seed_and_draws(campaign: Path) -> None:
+    plan = load_campaign(campaign)
+    assert len(plan) == RUNS
+    jobs = [plan.job(number) for number in range(RUNS)]
+    assert len({job.seed for job in jobs}) == 6
+    for case in range(6):
+        four = jobs[4 * case : 4 * case + 4]
+        assert len({json.dumps([job.raw["tissue"], job.raw["anatomy"], job.seed]) for job in four}) == 1
+        assert {(job.raw["control"]["controller"], "effects" in job.raw) for job in four} == {
+            (name, folds) for name in ("pid", "pid_friction") for folds in (False, True)
+        }
+    assert all(0.06 <= job.raw["tissue"]["friction_coefficient"] <= 0.1 for job in jobs)
+    assert len({job.raw["tissue"]["friction_coefficient"] for job in jobs}) == 6
+
+
+def test_results_of_another_campaign_are_not_mixed(campaign: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = campaign.parent / "out"
+    out.mkdir()
+    Results(out / "results.jsonl", load_campaign(campaign).fingerprint).close()
+    campaign.write_text(CAMPAIGN.replace("seed = 3", "seed = 4"))
+    assert run(["campaign", str(campaign), "--out", str(out)]) == 2
+    assert "must be those of this campaign" in capsys.readouterr().err
+
+
+def test_two_processes_do_not_write_one_file(tmp_path: Path) -> None:
+    first = Results(tmp_path / "results.jsonl", "x")
+    with pytest.raises(ValueError, match="one process at a time"):
+        Results(tmp_path / "results.jsonl", "x")
+    first.close()
+    Results(tmp_path / "results.jsonl", "x").close()
+
+
+@given(st.lists(st.lists(st.integers(0, 30), max_size=5), max_size=8), st.integers(0, 400))
+def test_a_file_cut_anywhere_keeps_its_whole_lines(
+    tmp_path_factory: pytest.TempPathFactory, parts: list[list[int]], cut: int
+) -> None:
+    path = tmp_path_factory.mktemp("results") / "results.jsonl"
+    results = Results(path, "f")
+    for part in parts:
+        results.add([{"run": number, "result": {}} for number in part])
+    results.close()
+    whole = path.read_bytes()
+    path.write_bytes(whole[:cut])
+    again = Results(path, "f")
+    kept = whole[:cut].count(b"\n")
+    assert len(again.done) == max(kept - 1, 0)
+    again.add([{"run": number} for part in parts for number in part])
+    again.close()
+    numbers = [json.loads(line)["run"] for line in path.read_bytes().splitlines()[1:]]
+    assert sorted(numbers) == sorted({number for part in parts for number in part})
+
+
+@given(st.integers(0, 100), st.integers(1, 9))
+def test_chunks_are_all_runs_in_order(count: int, size: int) -> None:
+    parts = chunks(range(count), size)
+    assert [number for part in parts for number in part] == list(range(count))
+    assert all(1 <= len(part) <= size for part in parts)
+
+
+def job(number: int, raw: dict[str, Any]) -> Job:
+    return Job(number, "track", raw, 0, {"case": number}, {}, "nominal")
+
+
+class Poison(dict[str, Any]):
+    """Tables that kill whoever unpacks them in a process of a pool."""
+
+    def __reduce__(self) -> Any:
+        return os._exit, (1,)
+
+
+def test_a_run_that_kills_its_worker_costs_no_other_run() -> None:
+    bad = {"rig": {"kind": "nothing"}}
+    parts = [(job(0, bad), job(1, bad)), (job(2, Poison()),), (job(3, bad), job(4, bad))]
+    rows = {row["run"]: row["error"] for part in pooled(parts, 2) for row in part}
+    assert sorted(rows) == [0, 1, 2, 3, 4]
+    assert rows[2] == f"its worker died {TRIES} times"
+    assert all(rows[number].startswith("ValueError") for number in (0, 1, 3, 4))
+
+
+def test_a_run_that_fails_is_a_row_and_the_worst_case() -> None:
+    row = run_job(job(7, {"rig": {"kind": "nothing"}}))
+    good = {"run": 1, "point": {}, "result": {"tracking_rmse_m": 1.0, "faults": [], "hard_violations": 2}}
+    assert worst_of([good, row], "tracking_rmse_m")[0] is row
+    numbers = summary_of([good, row], "tracking_rmse_m")
+    assert (numbers["runs"], numbers["failed"], numbers["max"], numbers["hard_violations"]) == (2, 1, 1.0, 2)
+
+
+def test_the_bus_is_another_engine(campaign: Path) -> None:
+    text = '[campaign]\nengine = "sil"\nscenario = "scenario.toml"\n[[variants.fault]]\nname = "drop"\n'
+    campaign.write_text(text + 'set.faults = [{ kind = "drop", target = "commands", at_s = 0.3, duration_s = 0.2 }]\n')
+    row = run_job(load_campaign(campaign).job(0))
+    assert row["result"]["faults"][0]["unsafe"] is False
+    assert row["result"]["bus"]["frames"] > 100
+
+
+@given(
+    st.recursive(st.integers(), lambda inner: st.dictionaries(st.sampled_from("abc"), inner, max_size=3), max_leaves=8)
+)
+def test_tables_laid_over_themselves_are_themselves(table: Any) -> None:
+    over = table if isinstance(table, dict) else {"a": table}
+    assert laid_over(over, over) == over
+    assert laid_over({}, over) == over
+    assert laid_over(over, nested("x.y", 1))["x"] == {"y": 1}
+
+
+def test_files_of_the_scenarios_folder_are_campaigns() -> None:
+    folder = SCENARIOS
+    sizes: Sequence[int] = [len(load_campaign(path)) for path in sorted(folder.glob("campaign_*.toml"))]
+    assert sizes
+    assert all(size >= 1000 for size in sizes)

@@ -1,0 +1,246 @@
+"""The demo: loops that are driven, logged, judged by the gate and driven again; a page and numbers; complete or not at
+all.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import hil.app.demo.command as demo_module
+import hil.app.demo.story as story_module
+from controller.supervision.acceptance import Verdict
+from hil.app.demo.command import demo
+from hil.app.demo.loop import LOOPS, SCENARIOS, Excitation, LoopStory, admitted
+from hil.app.demo.page import demo_html
+from hil.app.demo.story import PRINTED, Mission, Progress, Told
+from hil.app.demo.worker import told
+from hil.app.main import run
+from hil.app.scenario.bus_scenario import load_sil_scenario, parse_sil_scenario
+from models.files.rig import parse_rig, read_rig
+from models.files.toml import toml_text
+from models.identification import Model
+from models.identification.finding import STAGES, Finding
+from tests.hil.findings import pull_finding
+
+FOLDS = {"fold_periodic.depth": 0.29, "fold_periodic.wavelength_m": 0.0073, "fold_periodic.phase_rad": 0.4,
+         "fold_periodic.second_sin": 0.2, "fold_periodic.second_cos": 0.2}  # fmt: skip
+TRUTH = {"friction_coefficient": 0.088, "hoop_stress_factor": 1.09, "magnet_stiffness_N_per_m": 24.2}
+VALUES = st.one_of(
+    st.integers(-(10**6), 10**6), st.booleans(), st.text(max_size=8), st.floats(allow_nan=False, allow_infinity=False)
+)
+KEYS = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]{0,8}", fullmatch=True)
+
+
+def short_story(folder: Path) -> LoopStory:
+    """The magnetic loop in a few seconds of simulated time."""
+    raw = tomllib.loads((SCENARIOS / "demo_magnetic.toml").read_text(encoding="utf-8"))
+    raw["scenario"]["duration_s"] = 2.0
+    raw["reference"]["speed_mm_s"] = 4.0
+    (folder / "scenario.toml").write_text(toml_text(raw))
+    ramp = {"kind": "ramp", "speed_mm_s": 3.0}
+    return LoopStory(
+        "magnetic", "a short loop", folder / "scenario.toml", (Excitation(ramp, 1.2),), Excitation(ramp, 1.2)
+    )
+
+
+def learned(holdout: Mapping[str, float]) -> tuple[Finding, Model]:
+    """A finding with these held-out errors and a model whose stages are nominal, true but for the effect, and true."""
+    finding = replace(pull_finding(), kind="magnetic", quantity="position_m", unit="m")
+    finding = replace(finding, error={"train": dict(holdout), "holdout": dict(holdout)})
+    nominal = {"friction_coefficient": 0.082, "hoop_stress_factor": 1.0, "magnet_stiffness_N_per_m": 25.0}
+    return finding, Model(
+        "magnetic", {"nominal": nominal, "calibrated": TRUTH, "augmented": {**TRUTH, **FOLDS}}, "named"
+    )
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Told, list[tuple[str, float]], list[Any]]:
+    """A loop whose search is answered beforehand: its folder, what came of it, what it said, and what the search was
+    given.
+    """
+    folder, seen, said = tmp_path_factory.mktemp("driven"), list[Any](), list[tuple[str, float]]()
+
+    def close(*given: Any, seed: int) -> Any:
+        seen.extend([*given[:3], seed])
+        given[3]("calibrating", 0.5)
+        return learned({"nominal": 1.1e-3, "calibrated": 0.7e-3, "augmented": 5e-5})
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(story_module, "close", close)
+        one = short_story(folder).tell(folder, 3, lambda stage, share: said.append((stage, share)))
+    return folder, one, said, seen
+
+
+Driven = tuple[Path, Told, list[tuple[str, float]], list[Any]]
+
+
+def test_a_loop_is_driven_logged_judged_and_driven_again(driven: Driven) -> None:
+    _, one, said, (rig, train, held, seed) = driven
+    assert [record.name for record in train] == ["train_1"]
+    assert [record.name for record in held] == ["holdout"]
+    assert (rig.kind, seed) == ("magnetic", 3)
+    assert all(len(record) >= 100 for record in (*train, *held))
+    assert list(one.missions) == list(STAGES)
+    assert all(one.gate[stage].passed for stage in STAGES[1:])
+    errors = {stage: mission.numbers["tracking_rmse_m"] for stage, mission in one.missions.items()}
+    assert errors["augmented"] < 0.5 * errors["calibrated"]
+    assert {mission.numbers["seed"] for mission in one.missions.values()} == {3001}
+    assert one.hidden == ("fold_periodic",)
+    shares = [share for _, share in said]
+    assert shares == sorted(shares)
+    assert said[-1] == ("done", 1.0)
+
+
+def test_what_a_loop_leaves_can_be_run_again(driven: Driven, capsys: pytest.CaptureFixture[str]) -> None:
+    folder, one, *_ = driven
+    assert run(["replay", str(folder / "mission_augmented.blf"), "--json"]) == 0
+    capsys.readouterr()
+    words = ["--model", str(folder / "model.toml"), "--stage", "augmented", "--json"]
+    assert run(["sil", str(folder / "mission.toml"), *words]) == 0
+    again = json.loads(capsys.readouterr().out)
+    assert again["tracking_rmse_m"] == one.missions["augmented"].numbers["tracking_rmse_m"]
+
+
+@pytest.mark.parametrize(
+    ("held_out", "let_in", "said"),
+    [
+        ((1.1e-3, 0.7e-3, 0.7e-3), ["calibrated"], "at most 0.99 of the current model's 0.0007"),
+        ((1.0e-3, 1.2e-3, 1.1e-3), [], "at most 0.99 of the current model's 0.001"),
+        ((1.0e-3, 1.2e-3, 0.5e-3), ["augmented"], "passed"),
+    ],
+)
+def test_the_gate_holds_each_model_against_the_last_that_it_let_in(
+    held_out: tuple[float, float, float], let_in: list[str], said: str
+) -> None:
+    finding, model = learned(dict(zip(STAGES, held_out, strict=True)))
+    gate = dict(admitted(finding, model, parse_sil_scenario(LOOPS[0].runs(0)["mission"]).loop.belief))
+    assert [stage for stage, verdict in gate.items() if verdict.passed] == let_in
+    assert said in gate["augmented"].sentence
+
+
+def test_a_model_that_was_refused_is_said_to_be(driven: Driven) -> None:
+    one = driven[1]
+    missions = {stage: one.missions[stage] for stage in STAGES[:2]}
+    gate = {**one.gate, "augmented": Verdict(("held-out error must be lower",))}
+    page = demo_html([(LOOPS[0], replace(one, missions=missions, gate=gate))], 1.0)
+    assert "with the calibrated model" in page
+    assert "held-out error must be lower" in page
+
+
+@pytest.mark.parametrize("story", LOOPS, ids=[story.name for story in LOOPS])
+def test_a_loop_hides_its_effect_and_tells_all_that_is_believed(story: LoopStory) -> None:
+    runs = story.runs(0)
+    scenarios = {name: parse_sil_scenario(tables) for name, tables in runs.items()}
+    assert load_sil_scenario(story.scenario)[0].loop.belief == scenarios["mission"].loop.belief
+    assert len({scenario.loop.seed for scenario in scenarios.values()}) == len(runs)
+    assert not {s.loop.seed for s in scenarios.values()} & {
+        parse_sil_scenario(t).loop.seed for t in story.runs(1).values()
+    }
+    references = [json.dumps(tables["reference"], sort_keys=True) for tables in runs.values()]
+    assert len(set(references)) == len(references)
+    for scenario in scenarios.values():
+        assert list(scenario.loop.truth.hidden) == list(runs["mission"]["effects"])
+        assert scenario.loop.belief == parse_rig(runs["mission"]["belief"], "belief")
+
+
+@given(
+    st.recursive(
+        st.dictionaries(KEYS, st.one_of(VALUES, st.lists(VALUES, max_size=3)), max_size=4),
+        lambda inner: st.dictionaries(KEYS, st.one_of(VALUES, inner), max_size=4),
+        max_leaves=8,
+    )
+)
+def test_tables_read_back_as_they_were(tables: dict[str, Any]) -> None:
+    assert tomllib.loads(toml_text(tables)) == tables
+
+
+@dataclass(frozen=True)
+class Quick:
+    """A story that is told at once, fails, or never ends."""
+
+    name: str
+    title: str = "a quick story"
+    fault: str = ""
+
+    def tell(self, folder: Path, seed: int, report: Progress) -> Told:
+        report("begun", 0.1)
+        (folder / "report.html").write_text(self.title)
+        if self.fault == "refused":
+            raise ValueError("records must be there; got none")
+        if self.fault == "died":
+            raise SystemExit(3)
+        if self.fault == "endless":
+            time.sleep(600)
+        finding, _ = learned({"nominal": 2e-3, "calibrated": 1e-3, "augmented": 1e-4})
+        numbers = {"tracking_rmse_m": 1e-3, "tracking_max_m": 2e-3, "stopped_because": "", "log": "mission.blf"}
+        time_s, at_m, to_m = (finding.traces[0].signals[name][:50] for name in ("t_s", "x_m", "x_m"))
+        missions = {stage: Mission(numbers, time_s, at_m, to_m) for stage in STAGES}
+        return Told(finding, {stage: Verdict() for stage in STAGES[1:]}, missions, ("fold_periodic",))
+
+
+def test_the_demo_leaves_page_numbers_and_reports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    demo(out, json_output=True, stories=[Quick("first"), Quick("second")])
+    said = capsys.readouterr()
+    document = json.loads(said.out)
+    assert document == json.loads((out / "demo.json").read_text())
+    assert sorted(path.name for path in out.iterdir()) == ["demo.html", "demo.json", "first", "second"]
+    first = document["stories"][0]
+    assert (first["story"], first["hidden"], first["verdict"]) == ("first", "fold_periodic", "named")
+    assert first["error"]["holdout"]["augmented"] == 1e-4
+    assert first["gate"]["augmented"] == {"passed": True, "reasons": []}
+    assert first["tracking"]["augmented"]["tracking_rmse_m"] == 1e-3
+    assert Path(first["report"]).read_text() == "a quick story"
+    page = (out / "demo.html").read_text()
+    assert all(words in page for words in ("Residual", "Effect", "Prediction", "Gate", "The same run again"))
+    assert "first:  10 %  begun" in said.err
+
+
+@pytest.mark.parametrize(
+    ("fault", "raised", "said"), [("refused", ValueError, "got none"), ("died", RuntimeError, "status 3")]
+)
+def test_a_story_that_fails_leaves_nothing(tmp_path: Path, fault: str, raised: type[Exception], said: str) -> None:
+    with pytest.raises(raised, match=said):
+        demo(tmp_path, stories=[Quick("bad", fault=fault)])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_interruption_ends_every_process_at_once(tmp_path: Path) -> None:
+    began = []
+
+    def report(name: str, stage: str, share: float) -> None:
+        began.append(time.monotonic())
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        told([Quick("endless", fault="endless")], tmp_path, 0, report)
+    assert time.monotonic() - began[0] < 20
+
+
+def test_an_interruption_leaves_nothing_behind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(demo_module, "told", interrupted)
+    assert run(["demo", "--out", str(tmp_path / "o")]) == 130
+    assert list((tmp_path / "o").iterdir()) == []
+    assert "interrupted" in capsys.readouterr().err
+
+
+def test_printed_measurements_are_told_without_a_drive(tmp_path: Path) -> None:
+    one = PRINTED[0].tell(tmp_path, 0, lambda stage, share: None)
+    assert one.finding.kind == "periods" == read_rig(tmp_path / "rig.toml").kind
+    assert (one.gate, one.missions, one.hidden) == ({}, {}, ())
+    assert (tmp_path / "report.html").exists()

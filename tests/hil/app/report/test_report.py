@@ -1,0 +1,197 @@
+"""The report: a page that works offline and stays small, and numbers that any program can read."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from hil.app.console import json_text
+from hil.app.report import headline, report_html, report_json
+from hil.app.report.equations import equation_html, equations_html
+from hil.app.report.panels import binned, panels, thinned
+from hil.app.report.words import column_words, error_story, number, quantity, scale
+from models.identification.finding import Estimate, Finding
+from tests.hil.findings import pull_finding, spectrum_finding, table_finding
+
+PLOTLY_BYTES = 4_900_000
+
+
+@pytest.fixture(scope="module")
+def page() -> str:
+    return report_html(pull_finding())
+
+
+def without_plotly(page: str) -> str:
+    return re.sub(r"<script>/\*\*.*?</script>", "", page, count=1, flags=re.DOTALL)
+
+
+def test_page_is_self_contained_and_small(page: str) -> None:
+    own = without_plotly(page)
+    assert len(own) < len(page) - 4_000_000
+    assert "http" not in own.replace("http://www.w3.org", "")
+    assert "<link" not in own
+    assert "src=" not in own
+    assert len(page.encode()) < 6_000_000
+
+
+def test_page_tells_the_whole_story(page: str) -> None:
+    for said in (
+        "What the model lacked: fold periodic.",
+        "11.3 mN (nominal) to 8.6 mN (calibrated) to 0.91 mN (augmented)",
+        "noise floor is 0.75 mN",
+        "resistance varies periodically along the lumen".capitalize(),
+        "peristaltic wave",
+        "the data cannot tell",
+        "Next experiment",
+        "reverse over the same place",
+        "<i>F</i><sub>act</sub>",
+        "beyond",
+        "calibration",
+        "In 200 imitated records",
+    ):
+        assert said in page
+    assert "nan" not in re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)
+
+
+def test_size_stays_bounded_with_many_long_records() -> None:
+    finding = pull_finding(seconds=2.0)
+    long = pull_finding(seconds=200.0).traces[0]
+    many = Finding(**{**finding.__dict__, "traces": (long,) * 14})
+    assert len(report_html(many).encode()) < PLOTLY_BYTES + 1_100_000
+
+
+@pytest.mark.parametrize(
+    "finding", [pull_finding("none", 5.0), pull_finding("unknown", 5.0), table_finding(), spectrum_finding()]
+)
+def test_every_verdict_and_kind_makes_a_page(finding: Finding) -> None:
+    own = without_plotly(report_html(finding))
+    assert headline(finding) in own
+    if finding.kind == "vibro_table":
+        assert "drive period in ms" in own
+    if finding.kind == "dma":
+        assert "loss modulus" in own
+
+
+def test_names_cannot_break_out_of_the_page() -> None:
+    finding = pull_finding(seconds=2.0)
+    bad = "</script><script>alert(1)</script>"
+    trace = finding.traces[0]
+    evil = Finding(
+        **{
+            **finding.__dict__,
+            "traces": (trace.__class__(**{**trace.__dict__, "name": bad}),),
+            "statements": (bad,),
+            "equations": (bad,),
+            "next_experiment": bad,
+        }
+    )
+    assert "<script>alert" not in report_html(evil)
+
+
+def test_an_empty_finding_still_makes_a_page() -> None:
+    finding = pull_finding("none", 2.0)
+    nothing: dict[str, object] = dict.fromkeys(("traces", "checks", "candidates", "statements", "equations"), ())
+    nothing |= {"calibration": {}, "timings": {}, "smallest_detectable": {}, "next_experiment": None}
+    assert "Nothing is missing" in report_html(Finding(**{**finding.__dict__, **nothing}))
+
+
+def test_json_has_the_published_keys_and_no_nan() -> None:
+    document = json.loads(
+        json_text(report_json(pull_finding(seconds=2.0))), parse_constant=lambda name: pytest.fail(f"{name} in JSON")
+    )
+    assert document["verdict"] == "named"
+    effect = document["effects"][0]
+    assert (effect["id"], effect["equivalent"], effect["evidence"]) == ("fold_periodic", ["peristaltic_wave"], 41.2)
+    assert effect["parameters"]["wavelength_m"]["ci95"] == [0.0072, 0.0074]
+    assert effect["parameters"]["phase_rad"]["ci95"] == [None, None]
+    assert set(document["error"]) >= {"quantity", "measure", "train", "holdout", "noise_floor"}
+    assert set(document["error"]["holdout"]) == {"nominal", "calibrated", "augmented"}
+    assert set(document) >= {
+        "next_experiment",
+        "smallest_detectable",
+        "seconds",
+        "calibration",
+        "checks",
+        "candidates",
+        "timings",
+        "kind",
+    }
+
+
+def test_json_of_a_finding_without_hold_out_has_nulls() -> None:
+    error = report_json(spectrum_finding())["error"]
+    assert error["holdout"] == {"nominal": None, "calibrated": None, "augmented": None}
+    assert error["unit"] == "%"
+    assert error["noise_floor"] is None
+
+
+def test_thinning_keeps_the_teeth() -> None:
+    t = np.linspace(0, 1, 100_000)
+    saw = (t * 400) % 1.0
+    x, y = thinned(t, saw, 2000)
+    assert len(x) <= 2002
+    assert np.all(np.diff(x) > 0)
+    assert y.max() > 0.99
+    assert y.min() < 0.01
+    assert np.count_nonzero(np.diff(y) < -0.5) >= 395
+
+
+def test_local_means() -> None:
+    centres, means = binned(np.array([1.0, 1.0, 2.0]), np.array([1.0, 3.0, 5.0]))
+    assert centres.tolist() == [1.0, 2.0]
+    assert means.tolist() == [2.0, 5.0]
+
+
+def test_quantities_of_one_record_are_drawn_apart() -> None:
+    finding = spectrum_finding()
+    drawn = panels(finding, finding.traces[0])
+    assert [(p.quantity, p.unit) for p in drawn] == [("storage modulus G′", "Pa"), ("loss modulus G″", "Pa")]
+    assert set(drawn[0].predicted) == {"nominal", "calibrated"}
+
+
+@pytest.mark.parametrize(
+    ("text", "html"),
+    [
+        ("F_act", "<i>F</i><sub>act</sub>"),
+        ("7.3e-05", "7.3·10<sup>−5</sup>"),
+        ("exp(-(v/0.01)^2)", "exp(−(<i>v</i>/0.01)<sup>2</sup>)"),
+        ("x^(a + 1)", "<i>x</i><sup><i>a</i> + 1</sup>"),
+        ("2 pi x", "2 <i>π</i> <i>x</i>"),
+        ("tau1 v'", "<i>τ</i><sub>1</sub> <i>v</i>′"),
+        ("a < b & c", "<i>a</i> &lt; <i>b</i> &amp; <i>c</i>"),
+        ("read late", '<span class="word">read</span> <span class="word">late</span>'),
+        ("x^", "<i>x</i><sup></sup>"),
+        ("x^((", "<i>x</i><sup></sup>(("),
+    ],
+)
+def test_equations(text: str, html: str) -> None:
+    assert equation_html(text) == html
+
+
+def test_a_line_that_begins_with_spaces_continues() -> None:
+    assert equations_html(("a", "  + b")).count('class="line more"') == 1
+
+
+def test_numbers_and_units() -> None:
+    assert number(float("nan")) == "–"
+    assert number(1.5e-7) == "1.5·10^−7"
+    assert quantity(0.0113, "N") == "11.3 mN"
+    assert quantity(549400.0, "Pa") == "549 kPa"
+    assert quantity(14.2, "%") == "14.2 %"
+    assert scale([], "N") == (1.0, "N")
+    assert column_words("v_m_s") == ("speed", "m/s")
+    assert column_words("magnet_stiffness_N_per_m") == ("magnet stiffness", "N/m")
+
+
+def test_story_without_hold_out_says_so() -> None:
+    assert "none were held out" in error_story(spectrum_finding())
+
+
+def test_headlines() -> None:
+    assert headline(pull_finding("unknown", 2.0)).startswith("Something structured is left")
+    partly = Finding(**{**pull_finding(seconds=2.0).__dict__, "verdict": "unknown"})
+    assert headline(partly).endswith("Part of it looks like fold periodic.")
+    assert not Estimate(1.0, (0.0, 2.0), told=False).told

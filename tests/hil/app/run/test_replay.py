@@ -1,0 +1,174 @@
+"""`capsule replay`: the controller on its own log gives the same frames to the last bit, and a log of another
+controller shows where.
+"""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from functools import partial
+from pathlib import Path
+
+import can
+import numpy as np
+import pytest
+
+from hil.app.main import run
+from hil.app.run.replay import Word, ticks_of
+from hil.app.scenario.scenario import parse_track_scenario
+from hil.app.sil import testbed as sil_bench
+from hil.bus.catalogue import load_catalogue
+from hil.log.blf_file import RECEIVED, SENT, BlfFile, Logged
+from hil.log.log import LockstepLog, record_path
+from hil.log.reader import read_frames
+from hil.log.record import log_record
+from hil.log.recorder import EXACT, START, UNSOLVED, Recorder
+from models.files.rig import Rig
+from tests.hil.app.run.deployments import PLANT
+
+SYNC = load_catalogue()["Sync"].id
+SHORT = PLANT.replace("duration_s = 60.0", "duration_s = 1.5")
+FAULTS = """
+[[faults]]
+kind = "{kind}"
+at_s = 0.7
+duration_s = 0.1
+"""
+
+
+def logged(folder: Path, text: str = SHORT, *options: str) -> Path:
+    """The log of a run over the simulated bus."""
+    scenario = folder / "scenario.toml"
+    scenario.write_text(text)
+    assert run(["sil", str(scenario), "--out", str(folder / "out"), *options]) == 0
+    return folder / "out" / "frames.blf"
+
+
+@pytest.mark.parametrize(
+    "fault",
+    ["", "clock_jump", "late_solve", "frozen", "corrupt", "delay", "drive_reset"],
+    ids=lambda kind: kind or "none",
+)
+def test_the_same_frames_come_out_to_the_last_bit(
+    tmp_path: Path, fault: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = logged(tmp_path, SHORT + (FAULTS.format(kind=fault) if fault else ""))
+    capsys.readouterr()
+    assert run(["replay", str(log), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["identical"]
+    assert found["ticks"] >= 600
+    assert found["frames"] == sum(frame.way == SENT for frame in read_frames(log))
+
+
+def test_a_predictive_controller_too(tmp_path: Path) -> None:
+    assert run(["replay", str(logged(tmp_path, SHORT, "--controller", "mpc"))]) == 0
+
+
+def test_another_controller_is_told_apart(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = logged(tmp_path)
+    record = record_path(log)
+    record.write_text(json.dumps({**json.loads(record.read_text()), "controller": "pid"}))
+    capsys.readouterr()
+    assert run(["replay", str(log)]) == 1
+    said = capsys.readouterr().out
+    assert "ticks differ" in said
+    assert "logged CarriageCommand" in said
+
+
+def test_one_bit_of_one_command_is_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = logged(tmp_path)
+    frames = list(read_frames(log))
+    at = [k for k, frame in enumerate(frames) if frame.id == load_catalogue()["CarriageCommand"].id][400]
+    frames[at] = frames[at]._replace(
+        data=bytes([*frames[at].data[:3], frames[at].data[3] ^ 0x10, *frames[at].data[4:]])
+    )
+    file = BlfFile(log)
+    for frame in frames:
+        file.write(frame)
+    file.stop()
+    capsys.readouterr()
+    assert run(["replay", str(log), "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["different_ticks"] == 1
+
+
+def test_a_log_that_was_cut_off_is_compared_as_far_as_it_goes(tmp_path: Path) -> None:
+    log = logged(tmp_path)
+    frames = list(read_frames(log))
+    for count in (len(frames) // 2, len(frames) // 2 + 1, len(frames) // 2 + 2):
+        file = BlfFile(log)
+        for frame in frames[:count]:
+            file.write(frame)
+        file.stop()
+        assert run(["replay", str(log)]) == 0
+
+
+def test_the_log_of_a_run_is_a_record(tmp_path: Path) -> None:
+    log = logged(tmp_path)
+    record = log_record(log, Rig("magnetic"))
+    assert len(record) > 100
+    gap = record["carriage_position_m"] - record["position_m"]
+    said = json.loads((log.parent / "sil.json").read_text())
+    target = parse_track_scenario(tomllib.loads(SHORT)).reference.position(np.array([1.5]))[0]
+    assert np.mean(record["position_m"][-5:]) == pytest.approx(target + said["final_error_m"], abs=1e-3)
+    assert np.all(np.abs(gap) < 0.02 / np.sqrt(3))
+    assert np.all(np.diff(record["t_s"]) == pytest.approx(0.01, abs=2e-3))
+
+
+def test_times_are_kept_to_the_last_bit(tmp_path: Path) -> None:
+    time_s = 3 * 0.1
+    with LockstepLog(tmp_path / "a.blf", {}) as log:
+        recorder = Recorder(log)
+        recorder.start(0.25, time_s)
+        recorder.unsolved(time_s)
+        recorder(can.Message(time_s, SYNC, False, data=b"1", is_rx=False))
+        recorder(can.Message(time_s, 0x200, False, data=b"2", is_rx=True))
+        recorder(can.Message(2.5, SYNC, False, data=b"3", is_rx=False))
+    word, first, second = ticks_of(read_frames(tmp_path / "a.blf"), SYNC)
+    assert word == Word(START, 0.25, time_s)
+    assert not isinstance(first, Word)
+    assert not isinstance(second, Word)
+    assert (first.time_s, first.solved, first.sent) == (time_s, False, [(SYNC, b"1")])
+    assert [m.timestamp for m in first.heard] == [time_s]
+    assert (second.time_s, second.solved) == (2.5, True)
+    assert {START, UNSOLVED, EXACT} == {f.id for f in read_frames(tmp_path / "a.blf") if f.way not in (SENT, RECEIVED)}
+
+
+def test_logs_without_a_task_are_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "a.blf"
+    file = BlfFile(path)
+    file.write(Logged(0, SYNC, b"", SENT))
+    file.stop()
+    assert run(["replay", str(path)]) == 2
+    assert "record of the log must be there" in capsys.readouterr().err
+    own = {"format": 1, "catalogue": load_catalogue().fingerprint}
+    scenario = {"values": {}, "scenario": SHORT, **own}
+    for record, sentence in (
+        ({}, "format must be 1, as this program has it; got None"),
+        ({**own, "format": 2}, "format must be 1, as this program has it; got 2"),
+        ({**own, "catalogue": 7}, f"catalogue must be {own['catalogue']}, as this program has it; got 7"),
+        (own, "must have controller, values"),
+        ({"controller": "pid", "values": {}, "deployment": "x", **own}, "must describe a task"),
+        ({"controller": "pid", "values": {}, "scenario": "[rig]", **own}, "must describe a task"),
+        ({"controller": "pod", **scenario}, "controller must be one of pid"),
+        ({"controller": "vibro", **scenario}, "rig must be vibro for the controller 'vibro'; got 'magnetic'"),
+    ):
+        record_path(path).write_text(json.dumps(record))
+        assert run(["replay", str(path)]) == 2
+        said = capsys.readouterr().err
+        assert sentence in said
+        assert "a.json" in said or "a.blf" in said
+        assert said.count("\n") == 1
+
+
+def test_a_plan_that_the_clock_cut_short_is_cut_there_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """No plan has the time for all its steps, some have it for none; the replay, which no clock presses, comes to the
+    same.
+    """
+    monkeypatch.setattr(sil_bench, "Task", partial(sil_bench.Task, deadline_s=1e-4))
+    log = logged(tmp_path, SHORT, "--controller", "mpc")
+    capsys.readouterr()
+    assert run(["replay", str(log), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["cut_ticks"] > 10

@@ -1,0 +1,118 @@
+"""`capsule run` and a plant in two processes in real time: it leads, a signal stops it, a dead plant ends it."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hil.app.main import run
+from hil.app.run.loop import Signals
+from hil.bus.catalogue import load_catalogue
+from hil.bus.local import LocalBus
+from hil.log.reader import read_log_record
+from hil.log.record import log_record
+from models.files.rig import Rig
+from tests.hil.app.run.deployments import deployment, rig_file
+from tests.hil.app.run.plant_process import CAPSULE, HELD_UP, REAL_TIME, RUN_S, TRIES, plant_on, truth_of
+from tests.places import ROOT
+
+
+@pytest.fixture
+def plant(tmp_path: Path, channel: str) -> Iterator[subprocess.Popen[str]]:
+    with plant_on(tmp_path, channel) as child:
+        yield child
+
+
+def led(folder: Path, channel: str, log: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What controller and plant say of one run in real time, of the first that was not held up."""
+    command = [*CAPSULE, "run", rig_file(folder, deployment(channel, control=REAL_TIME))]
+    for _ in range(TRIES):
+        with plant_on(folder, channel) as plant:
+            done = subprocess.run([*command, "--log", str(log), "--json"], capture_output=True, text=True, check=False)
+            found, truth = json.loads(done.stdout), truth_of(plant)
+        assert done.returncode == (0 if found["ended"] == "time is up" else 1)
+        if found["ended"] not in HELD_UP:
+            break
+    return found, truth
+
+
+def leading(folder: Path, channel: str, frame: str, says: Callable[[bytearray], bool]) -> subprocess.Popen[str]:
+    """`capsule run` for twenty seconds, once a `frame` on the bus `says` that it leads."""
+    command = [
+        *CAPSULE,
+        "run",
+        rig_file(folder, deployment(channel, control="duration_s = 20.0\npriority = 20")),
+        "--json",
+    ]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    child = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder, env=environment
+    )
+    wanted = load_catalogue()[frame].id
+    with LocalBus(channel) as ears:
+        began = time.monotonic()
+        while time.monotonic() - began < 20:
+            message = ears.recv(1)
+            if message is not None and message.arbitration_id == wanted and says(message.data):
+                break
+    return child
+
+
+def test_controller_and_plant_in_two_processes(
+    tmp_path: Path, channel: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In real time: the capsule moves as asked, nothing is refused, and log, record and replay say the same."""
+    log = tmp_path / "run.blf"
+    found, truth = led(tmp_path, channel, log)
+    assert run(["replay", str(log)]) == 0
+    assert "identical" in capsys.readouterr().out
+    assert found["ended"] == "time is up"
+    assert found["ticks"] + found["missed_ticks"] > 0.93 * 500 * RUN_S
+    assert found["refused"] == found["unsent"] == found["log_dropped"] == 0
+    assert found["rejected"] <= 0.05 * found["ticks"]
+    assert truth["moved_m"] == pytest.approx(2e-3 * RUN_S, abs=RUN_S * 1e-3)
+    assert truth["fault"] == 0
+    assert truth["state"] == 2
+    record = log_record(log, Rig("magnetic"))
+    assert record["position_m"][-20:].mean() == pytest.approx(truth["moved_m"], abs=1e-3)
+    assert np.ptp(record["carriage_position_m"]) > 1e-3
+    assert {"deployment", "controller", "values", "limits", "catalogue", "code"} <= set(read_log_record(log))
+
+
+def test_a_signal_asks_for_a_controlled_stop(tmp_path: Path, channel: str, plant: subprocess.Popen[str]) -> None:
+    child = leading(tmp_path, channel, "CarriageCommand", lambda data: (data[7] >> 2) & 3 == 2)
+    child.send_signal(signal.SIGTERM)
+    found = json.loads(child.communicate(timeout=20)[0])
+    truth = truth_of(plant)
+    assert found["ended"] in ("SIGTERM", *HELD_UP)
+    assert child.returncode == (0 if found["ended"] == "SIGTERM" else 1)
+    assert truth["fault"] == 0
+    assert truth["state"] == 2
+
+
+def test_the_second_signal_ends_the_program_as_ever() -> None:
+    before = signal.getsignal(signal.SIGTERM)
+    with Signals().caught() as signals:
+        os.kill(os.getpid(), signal.SIGTERM)
+        assert signals.wanted == "SIGTERM"
+        assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+    assert signal.getsignal(signal.SIGTERM) == before
+
+
+def test_a_plant_that_dies_ends_the_run_with_a_reason(
+    tmp_path: Path, channel: str, plant: subprocess.Popen[str]
+) -> None:
+    child = leading(tmp_path, channel, "CarriageFeedback", lambda data: (data[6] >> 2) & 15 == 4)
+    plant.kill()
+    found = json.loads(child.communicate(timeout=20)[0])
+    assert child.returncode == 1
+    assert found["ended"] in HELD_UP

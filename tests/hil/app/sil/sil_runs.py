@@ -1,0 +1,61 @@
+"""Short runs over the bus, one for each kind of drive, that tests and benches share."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from types import MappingProxyType
+from typing import Any, Final
+
+from controller.model.control_model import ControlModel
+from hil.app.scenario.bus_scenario import SilScenario, parse_sil_scenario
+from hil.app.sil.fault_outcomes import Outcome, outcomes
+from hil.app.sil.loop import SilTrace, run_sil
+from hil.app.sil.testbed import believed_on_bus
+
+RIGS: Final[Mapping[str, Mapping[str, Any]]] = MappingProxyType(
+    {
+        "magnetic": {
+            "rig": {"kind": "magnetic", "magnet_stiffness_N_per_m": 24.2, "magnet_range_m": 0.02},
+            "reference": {"kind": "ramp", "speed_mm_s": 3.0, "start_s": 0.1},
+        },
+        "coil": {"rig": {"kind": "coil"}, "reference": {"kind": "ramp", "speed_mm_s": 3.0, "start_s": 0.1}},
+        "vibro": {
+            "capsule": {"mass_kg": 0.193},
+            "rig": {"kind": "vibro"},
+            "drive": {"inner_mass_kg": 0.074, "spring_stiffness_N_per_m": 248.0, "force_N": 1.3},
+            "surface": {"kind": "plate", "friction_coefficient": 0.31},
+            "reference": {"kind": "ramp", "speed_mm_s": 10.0, "start_s": 0.1},
+            "control": {"controller": "vibro"},
+        },
+    }
+)
+
+
+def scenario_of(kind: str, duration_s: float, *faults: Mapping[str, Any], **tables: Any) -> SilScenario:
+    """A run of `duration_s` s of a rig of `kind`."""
+    control = {"judged_from_s": 0.1, **RIGS[kind].get("control", {})}
+    return parse_sil_scenario(
+        {
+            "scenario": {"name": kind, "duration_s": duration_s},
+            **RIGS[kind],
+            "control": control,
+            "faults": list(faults),
+            **tables,
+        }
+    )
+
+
+@cache
+def model_of(kind: str) -> ControlModel:
+    """What the controller of such a run believes."""
+    return believed_on_bus(scenario_of(kind, 1.0), {})
+
+
+def run(
+    kind: str, duration_s: float, *faults: Mapping[str, Any], seed: int = 1, **tables: Any
+) -> tuple[SilTrace, list[Outcome]]:
+    """Run it, with the hash of all frames."""
+    scenario = scenario_of(kind, duration_s, *faults, **tables)
+    trace = run_sil(scenario, model_of(kind), scenario.loop.control.controller, seed, digest=True)
+    return trace, outcomes(scenario, trace)

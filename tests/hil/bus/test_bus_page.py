@@ -1,0 +1,49 @@
+"""docs/bus.md says what the DBC, the fault catalogue and the tests' limits say."""
+
+from __future__ import annotations
+
+import math
+import re
+
+from hil.app.sil.fault_outcomes import limit_s
+from hil.bus.catalogue import load_catalogue
+from hil.bus.markdown_tables import frames_table, load_table
+from hil.nodes.faults.table import KINDS, Fault
+from tests.hil.app.sil.sil_runs import RIGS
+from tests.hil.nodes.faults.test_faults import REFUSED
+from tests.places import ROOT
+
+PAGE = (ROOT / "docs" / "bus.md").read_text(encoding="utf-8")
+
+
+def test_frames_and_load_are_those_of_the_dbc() -> None:
+    """`python -m hil.bus.markdown_tables` prints them anew."""
+    assert frames_table(load_catalogue()) in PAGE
+    assert load_table(load_catalogue()) in PAGE
+
+
+def limits(kind: str, target: str) -> str:
+    """The limits in ms of a fault on each drive, as the page writes them."""
+    found = (limit_s(rig, Fault(kind, 0.0, target=target)) for rig in RIGS)
+    return " / ".join("-" if math.isinf(limit) else f"{1e3 * limit:g}" for limit in found)
+
+
+def test_every_fault_stands_there_with_its_limits() -> None:
+    rows = dict(re.findall(r"^\| ([a-z_]+(?: [a-z()]+)?) \| [^|]+ \| ([-\d./ ]+) \| [^|]+ \|$", PAGE, re.M))
+    expected = {
+        f"{kind} (any)" if kind in REFUSED else f"{kind} {target}".strip(): limits(kind, target)
+        for kind, known in KINDS.items()
+        for target in known.targets
+    }
+    assert rows == expected
+
+
+def test_no_measured_time_exceeds_its_limit() -> None:
+    found = 0
+    for row in re.findall(r"^\| [^|]+ \| [^|]+ \| ([-\d./ ]+) \| ([\d./ a-z]+) \|$", PAGE, re.M):
+        allowed, measured = (cell.split(" / ") for cell in row)
+        for limit, worst in zip(allowed, measured if len(measured) > 1 else 3 * measured, strict=True):
+            assert (limit == "-") == (worst == "rode through")
+            assert limit == "-" or float(worst) <= float(limit)
+            found += 1
+    assert found == 3 * 31

@@ -1,0 +1,148 @@
+"""SocketCAN for real, in a Debian kernel with vcan under QEMU: opt-in, `CAPSULE_QEMU=1 python -m pytest
+tests/hil/bus/test_socketcan.py`.
+
+Five to ten minutes without KVM. The kernel is kept in `CAPSULE_QEMU_FOLDER` where that is set.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hil.app.run.check import rehearse
+from hil.app.scenario.deployment import load_deployment
+from hil.app.scenario.scenario import load_track_scenario
+from hil.bus.catalogue import load_catalogue
+from hil.log.blf_file import RECEIVED, SENT
+from hil.log.reader import read_frames
+from hil.nodes.frame_map import FAULT, STANDBY
+from plant.session import Session
+from tests.hil.app.run.deployments import PLANT, deployment
+from tests.hil.bus.guest import NoGuestError, prepare, run_in
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        os.environ.get("CAPSULE_QEMU") != "1", reason="boots a kernel in QEMU for minutes: set CAPSULE_QEMU=1"
+    ),
+]
+LONGEST_S = 3600.0
+TICK_MS = 2.0
+TIME_TO_LIVE = 4
+
+
+@pytest.fixture(scope="module")
+def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder that guest and host share, with the files of a rig on vcan0 and of the plant that stands in for it."""
+    folder = tmp_path_factory.mktemp("guest")
+    (folder / "plant.toml").write_text(PLANT)
+    (folder / "rig.toml").write_text(deployment("vcan0", "socketcan", control="duration_s = 60.0\npriority = 20"))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def environment(work: Path) -> dict[str, str]:
+    """Code is generated on the host, for a processor without extensions, and found ready by the guest."""
+    compiler = work / "cc"
+    compiler.write_text('#!/bin/sh\nexec cc "$@" -march=x86-64\n')
+    compiler.chmod(0o755)
+    found = {
+        "CAPSULE_CACHE": str(work / "cache"),
+        "NUMBA_CACHE_DIR": str(work / "numba"),
+        "CAPSULE_COMPILER": str(compiler) if shutil.which("cc") else "none",
+        "NUMBA_CPU_NAME": "generic",
+        "NUMBA_CPU_FEATURES": "",
+        "OPENBLAS_NUM_THREADS": "1",
+        "HOME": "/tmp",
+        "PATH": os.environ["PATH"],
+        "PYTHONDONTWRITEBYTECODE": "1",
+    }
+    return found
+
+
+@pytest.fixture(scope="module")
+def story(work: Path, environment: dict[str, str], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """What happened in the guest."""
+    kept = os.environ.get("CAPSULE_QEMU_FOLDER")
+    try:
+        guest = prepare(Path(kept) if kept else tmp_path_factory.mktemp("kernel"))
+    except NoGuestError as error:
+        pytest.skip(str(error))
+    warm = [sys.executable, "-m", "tests.hil.bus.test_socketcan", str(work)]
+    subprocess.run(warm, check=True, env=environment)
+    said = run_in(
+        guest, work, [sys.executable, "-m", "tests.hil.bus.socketcan_story", str(work)], environment, LONGEST_S
+    )
+    assert (work / "story.json").is_file(), said[-4000:]
+    found: dict[str, Any] = json.loads((work / "story.json").read_text())
+    print(json.dumps(found, indent=1))
+    return found
+
+
+def test_frames_pass_both_ways(story: dict[str, Any]) -> None:
+    """All frames of a magnetic rig are on the kernel's bus, none of the others, at their rates."""
+    frames, ticks = story["frames"], story["stopped"]["summary"]["ticks"]
+    assert set(frames) == {
+        "Sync",
+        "CarriageCommand",
+        "CarriageFeedback",
+        "CarriageHeartbeat",
+        "CapsuleLocalisation",
+        "ControllerHeartbeat",
+        "LocaliserHeartbeat",
+    }
+    assert frames["Sync"] == frames["CarriageCommand"] == ticks
+    assert frames["CarriageFeedback"] >= 0.9 * ticks
+    summary = story["stopped"]["summary"]
+    assert summary["refused"] == summary["unsent"] == summary["log_dropped"] == 0
+
+
+def test_a_signal_leads_to_a_controlled_stop(story: dict[str, Any]) -> None:
+    stopped = story["stopped"]
+    assert stopped["led"]
+    assert stopped["summary"]["ended"] == "SIGTERM"
+    assert (stopped["status"], stopped["state"]) == (0, STANDBY)
+
+
+def test_a_killed_controller_leaves_a_carriage_at_rest(story: dict[str, Any]) -> None:
+    """The kernel sends nothing for a dead process: time to live, braking, a latched fault; the limit is 25 ms for the
+    carriage and the feedback that tells of it comes once a tick.
+    """
+    killed = story["killed"]
+    assert killed["led"]
+    assert killed["left_ms"] <= 25.0 + TICK_MS
+    assert killed["rest_ms"] <= 25.0 + TICK_MS
+    assert killed["creep_m"] == 0.0
+    assert (story["plant"]["state"], story["plant"]["fault"]) == (FAULT, TIME_TO_LIVE)
+
+
+def test_the_log_has_what_was_on_the_wire(story: dict[str, Any], work: Path) -> None:
+    """What was sent, what was received, and enough of both for the same commands to come out of it again, bit by
+    bit.
+    """
+    names = {identifier: frame.name for identifier, frame in load_catalogue().by_id().items()}
+    frames = [(names[f.id], f.way) for f in read_frames(work / "run.blf") if f.way in (RECEIVED, SENT)]
+    for name in ("Sync", "CarriageCommand", "ControllerHeartbeat"):
+        assert frames.count((name, SENT)) == story["frames"][name]
+        assert frames.count((name, RECEIVED)) == 0
+    for name in ("CarriageFeedback", "CarriageHeartbeat", "CapsuleLocalisation"):
+        assert 0.5 * story["frames"][name] <= frames.count((name, RECEIVED)) <= story["frames"][name]
+    assert story["replayed"] == 0
+
+
+def warm(folder: Path) -> None:
+    """Generate and compile here what the guest would take minutes for."""
+    scenario = load_track_scenario(folder / "plant.toml")
+    Session(scenario.truth, scenario.instruments, scenario.seed, 0.0).advance(0.0, 1e-3)
+    rehearse(load_deployment(folder / "rig.toml").task(), load_catalogue(), 20)
+
+
+if __name__ == "__main__":
+    warm(Path(sys.argv[1]))

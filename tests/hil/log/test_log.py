@@ -1,0 +1,197 @@
+"""Logs: what was sent is read back to the nanosecond, and what a kill leaves is whole up to the last second."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.log.blf_file import NOTED, RECEIVED, SENT, WITHHELD, BlfFile, Logged, unpacked
+from hil.log.log import FrameLog, LockstepLog, keep_older, record_path, write_record
+from hil.log.reader import is_log, read_frames, read_log_record
+
+NODE = """
+import sys, time
+from pathlib import Path
+from hil.log.log import FrameLog
+log = FrameLog(Path(sys.argv[1]), {"rig": "test"})
+began, k = time.monotonic(), 0
+while True:
+    log.sent(k * 1e-3, 0x100, k.to_bytes(8, "little"))
+    k += 1
+    if k % 50 == 0:
+        print(k, log._writer.pid, flush=True)
+        time.sleep(0.02)
+"""
+FRAMES = st.builds(
+    Logged,
+    st.integers(0, 10**14),
+    st.integers(0, 0x7FF),
+    st.binary(max_size=8),
+    st.sampled_from((RECEIVED, SENT, WITHHELD, NOTED)),
+)
+
+
+@given(st.lists(FRAMES, max_size=30))
+def test_frames_are_read_back_as_written(tmp_path_factory: pytest.TempPathFactory, frames: list[Logged]) -> None:
+    path = tmp_path_factory.mktemp("log") / "a.blf"
+    file = BlfFile(path)
+    for frame in frames:
+        file.write(frame)
+    file.stop()
+    assert list(read_frames(path)) == frames
+
+
+@given(st.lists(FRAMES, max_size=5))
+def test_frames_pass_the_pipe_unchanged(frames: list[Logged]) -> None:
+    assert unpacked(b"".join(frame.packed() for frame in frames)) == frames
+
+
+@pytest.mark.parametrize("kind", [FrameLog, LockstepLog])
+def test_a_log_keeps_order_way_and_record(tmp_path: Path, kind: type[FrameLog] | type[LockstepLog]) -> None:
+    path = tmp_path / "run.blf"
+    with kind(path, {"rig": "r", "code": "c"}) as log:
+        log.received(0.25, 0x200, b"12345678")
+        log.sent(0.002, 0x100, bytearray(b"abc"))
+        log.sent(0.002, 0x110, b"", withheld=True)
+        log.sent(float("nan"), 0x110, b"")
+        log.sent(-1.0, 0x110, b"")
+    assert (log.written, log.dropped) == (3, 2)
+    expected = [
+        Logged(250_000_000, 0x200, b"12345678", RECEIVED),
+        Logged(2_000_000, 0x100, b"abc", SENT),
+        Logged(2_000_000, 0x110, b"", WITHHELD),
+    ]
+    assert list(read_frames(path)) == expected
+    assert read_log_record(path) == {"format": 1, "rig": "r", "code": "c"}
+
+
+def _node(path: Path) -> tuple[subprocess.Popen[str], int, int, float]:
+    """A process that logs, once it has logged for a while; its writer's process, how many frames it has logged and how
+    many a second.
+    """
+    node = subprocess.Popen([sys.executable, "-c", NODE, str(path)], stdout=subprocess.PIPE, text=True)
+    assert node.stdout is not None
+    began, words = time.monotonic(), ["0", "0"]
+    while time.monotonic() - began < 2.5:
+        words = node.stdout.readline().split()
+    return node, int(words[1]), int(words[0]), int(words[0]) / (time.monotonic() - began)
+
+
+def test_a_killed_node_loses_nothing_that_it_logged(tmp_path: Path) -> None:
+    path = tmp_path / "killed.blf"
+    node, _, said, _ = _node(path)
+    node.send_signal(signal.SIGKILL)
+    node.communicate()
+    size = -1
+    while path.stat().st_size != size:
+        size = path.stat().st_size
+        time.sleep(1.0)
+    numbers = [int.from_bytes(frame.data, "little") for frame in read_frames(path)]
+    assert numbers == list(range(len(numbers)))
+    assert len(numbers) >= said > 1000
+
+
+def test_a_killed_writer_leaves_all_but_the_last_second(tmp_path: Path) -> None:
+    path = tmp_path / "killed.blf"
+    node, writer, said, rate = _node(path)
+    os.kill(writer, signal.SIGKILL)
+    node.kill()
+    node.communicate()
+    numbers = [int.from_bytes(frame.data, "little") for frame in read_frames(path)]
+    assert numbers == list(range(len(numbers)))
+    assert len(numbers) >= said - rate > 500
+
+
+def thousand(path: Path) -> Path:
+    """A log of a thousand numbered frames, flushed after every hundred."""
+    file = BlfFile(path)
+    for k in range(1000):
+        file.write(Logged(k, k % 0x7FF, k.to_bytes(8, "little"), SENT))
+        if k % 100 == 99:
+            file.flush()
+    file.stop()
+    return path
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.99])
+def test_a_file_that_ends_in_the_middle_gives_what_is_whole(tmp_path: Path, share: float) -> None:
+    path = thousand(tmp_path / "a.blf")
+    path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
+    numbers = [int.from_bytes(frame.data, "little") for frame in read_frames(path)]
+    assert numbers == list(range(len(numbers)))
+    assert len(numbers) >= 1000 * share - 200
+
+
+def test_a_damaged_file_is_one_sentence(tmp_path: Path) -> None:
+    path = thousand(tmp_path / "a.blf")
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    path.write_bytes(data)
+    with pytest.raises(ValueError, match=r"a\.blf: log must be undamaged; got after \d+ frames"):
+        list(read_frames(path))
+
+
+def test_a_dead_writer_does_not_disturb_the_node(tmp_path: Path) -> None:
+    log = FrameLog(tmp_path / "a.blf", {})
+    log._writer.kill()
+    log._writer.wait()
+    for k in range(100):
+        log.sent(1e-3 * k, 1, b"")
+    assert log.dropped == 100
+    log.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "sentence"),
+    [
+        ("a.blf", b"", "log must hold frames"),
+        ("b.blf", b"not a log at all" * 20, "log must be one in the format"),
+        ("c.mf4", b"x" * 100, "asammdf is missing"),
+        ("d.blf", None, "log must be a file that can be read"),
+    ],
+)
+def test_what_is_no_log_is_one_sentence(tmp_path: Path, name: str, content: bytes | None, sentence: str) -> None:
+    path = tmp_path / name
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(ValueError, match=sentence):
+        list(read_frames(path))
+
+
+def test_names_of_logs_and_their_records(tmp_path: Path) -> None:
+    assert is_log(Path("a.BLF"))
+    assert is_log(Path("a.asc"))
+    assert not is_log(Path("a.csv"))
+    assert record_path(Path("x/run.blf")) == Path("x/run.json")
+    with pytest.raises(ValueError, match=r"ends in \.blf"):
+        write_record(tmp_path / "run.csv", {})
+    with pytest.raises(ValueError, match="can be written"):
+        FrameLog(tmp_path / "no folder" / "run.blf", {})
+    with pytest.raises(ValueError, match="record of the log must be there"):
+        read_log_record(tmp_path / "run.blf")
+    (tmp_path / "run.json").write_text("[]")
+    with pytest.raises(ValueError, match="JSON object"):
+        read_log_record(tmp_path / "run.blf")
+
+
+def test_an_older_log_is_kept(tmp_path: Path) -> None:
+    path = tmp_path / "run.blf"
+    assert keep_older(path) is None
+    for number in (1, 2):
+        path.write_bytes(bytes([number]))
+        record_path(path).write_text(f"{number}")
+        assert keep_older(path) == tmp_path / f"run-{number}.blf"
+    assert not path.exists()
+    for number in (1, 2):
+        kept = tmp_path / f"run-{number}.blf"
+        assert (kept.read_bytes(), record_path(kept).read_text()) == (bytes([number]), f"{number}")
+    path.touch()
+    assert keep_older(path) == tmp_path / "run-3.blf"

@@ -1,0 +1,53 @@
+"""The numbers in the code are those of the DBC."""
+
+from hil.nodes.controller.node import FAULTY, HALTING, IDLE, RUNNING
+from hil.nodes.drive.state_machine import (
+    BUS_OFF,
+    HEARTBEAT_LOST,
+    NO_FAULT,
+    OVER_CURRENT,
+    OVER_TEMPERATURE,
+    TIME_TO_LIVE,
+)
+from hil.nodes.frame_map import (
+    BOOT,
+    DERATED,
+    ENABLE,
+    ENABLED,
+    FAULT,
+    OFF,
+    QUICK_STOP,
+    READY,
+    SELF_TEST,
+    STANDBY,
+    STOPPING,
+    WAITING,
+    frames,
+    wiring_of,
+)
+
+
+def test_numbers_are_those_of_the_dbc() -> None:
+    """Modes, states, codes and targets by their names there."""
+    catalogue = frames()
+    for kind in ("magnetic", "coil", "vibro"):
+        wiring = wiring_of(kind)
+        command, feedback, fault = (catalogue[n] for n in (wiring.command, wiring.feedback, wiring.fault))
+        modes = {"off": OFF, "ready": READY, "enable": ENABLE, "quick_stop": QUICK_STOP}
+        assert {name: command.field("Mode").number(name) for name in modes} == modes
+        states = {"boot": BOOT, "self_test": SELF_TEST, "standby": STANDBY, "ready": WAITING, "enabled": ENABLED}
+        states |= {"derated": DERATED, "quick_stop": STOPPING, "fault": FAULT}
+        assert {name: feedback.field("State").number(name) for name in states} == states
+        codes = {
+            "none": NO_FAULT,
+            "over_current": OVER_CURRENT,
+            "over_temperature": OVER_TEMPERATURE,
+            "bus_off": BUS_OFF,
+        }
+        codes |= {"time_to_live": TIME_TO_LIVE, "heartbeat_lost": HEARTBEAT_LOST}
+        assert {name: fault.field("Code").number(name) for name in codes} == codes
+        node = {"Carriage": "carriage", "Coil": "coil", "InnerMass": "inner_mass"}[wiring.node]
+        assert catalogue["SafeStop"].field("Target").number(node) == wiring.target
+        assert command.field(wiring.signal)
+    beats = {"idle": IDLE, "running": RUNNING, "stopping": HALTING, "fault": FAULTY}
+    assert {name: catalogue["ControllerHeartbeat"].field("State").number(name) for name in beats} == beats

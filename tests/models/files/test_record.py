@@ -1,0 +1,227 @@
+"""Records: what is read, and one sentence with file, line and column for everything that is wrong."""
+
+from __future__ import annotations
+
+import gzip
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from models.files import csv_reader as csv_blocks
+from models.files.columns import COLUMNS
+from models.files.record import Record, read_record
+from models.files.rig import Rig
+
+HEADER = "t_s,position_m,force_N\n"
+ROWS = "".join(f"{0.01 * i:.2f},{1e-4 * i:.4f},{0.05 + 1e-4 * (i % 7):.4f}\n" for i in range(200))
+
+
+def read(folder: Path, content: str | bytes, kind: str = "pull", name: str = "r.csv", **options: bool) -> Record:
+    path = folder / name
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return read_record(path, Rig(kind), **options)
+
+
+def test_reads_a_time_series(tmp_path: Path) -> None:
+    record = read(tmp_path, HEADER + ROWS)
+    assert (record.name, record.kind, len(record)) == ("r", "pull", 200)
+    np.testing.assert_allclose(record["t_s"], 0.01 * np.arange(200), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        (HEADER + ROWS).replace(",", ";"),
+        (HEADER + ROWS).replace(",", ";").replace(".", ","),
+        "\ufeff" + HEADER + ROWS,
+        (HEADER + ROWS).replace("\n", "\r\n"),
+        (HEADER + ROWS).replace("\n", "\r"),
+        (HEADER + ROWS).replace(",", "\t"),
+        (HEADER + ROWS).replace("\n", "\n\n"),
+        (HEADER + ROWS).replace(",", " , "),
+        '"t_s","position_m","force_N"\n' + ROWS,
+        (HEADER + ROWS).rstrip("\n"),
+    ],
+    ids=[
+        "semicolon",
+        "decimal comma",
+        "byte-order mark",
+        "crlf",
+        "cr",
+        "tab",
+        "blank lines",
+        "spaces",
+        "quotes",
+        "no last newline",
+    ],
+)
+def test_spellings_of_the_same_record(tmp_path: Path, content: str) -> None:
+    plain, other = read(tmp_path, HEADER + ROWS), read(tmp_path, content)
+    assert list(other.columns) == list(plain.columns)
+    for name, column in plain.columns.items():
+        np.testing.assert_array_equal(other[name], column)
+
+
+def test_gzip(tmp_path: Path) -> None:
+    assert len(read(tmp_path, gzip.compress((HEADER + ROWS).encode()), name="r.csv.gz")) == 200
+
+
+def test_further_columns_are_kept_where_they_hold_numbers(tmp_path: Path) -> None:
+    rows = ROWS.replace("\n", ",,ok,3\n").replace(",,ok", ",36.5,ok", 1)
+    record = read(tmp_path, "t_s,position_m,force_N,temperature_C,note,gain\n" + rows)
+    assert list(record.columns) == ["t_s", "position_m", "force_N", "temperature_C", "gain"]
+    assert record["temperature_C"][0] == 36.5
+    assert np.isnan(record["temperature_C"][1:]).all()
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("", "empty file"),
+        ("\n \n", "empty file"),
+        (HEADER, "at least 100 rows; got 0"),
+        (HEADER + ROWS[:300], r"line \d+: row must have 3 values|at least 100 rows"),
+        (ROWS, "first row must name the columns"),
+        (HEADER.replace("force_N", "force_mN") + ROWS, "'force_N', in N; got 'force_mN'"),
+        (HEADER.replace("position_m", "position_mm") + ROWS, "'position_m', in m; got 'position_mm'"),
+        (HEADER.replace("t_s", "t_ms") + ROWS, "'t_s', in s; got 't_ms'"),
+        (HEADER.replace("force_N", "Force_N") + ROWS, "'force_N', in N; got 'Force_N'"),
+        (HEADER.replace("force_N", "forse_N") + ROWS, "column force_N.*'forse_N', did you mean 'force_N'"),
+        (HEADER.replace("force_N", "t_s") + ROWS, "'t_s' twice"),
+        ("t_s,carriage_position_m,position_m\n" + ROWS, "columns of kind magnetic"),
+        ("period_s,valley_N,peak_N\n" + ROWS, "columns of kind periods"),
+        (HEADER + ROWS.replace("1.50,", "1.20,"), "line 152: t_s must increase; got 1.2 after 1.49"),
+        (HEADER + ROWS.replace("1.50,", "1.49,"), "line 152: t_s must increase"),
+        (HEADER + ROWS.replace("0.0015,", "nan,"), "line 17: position_m must be a finite number; got nan"),
+        (HEADER + ROWS.replace("0.0015,", "abc,"), "line 17: position_m must be a finite number; got 'abc'"),
+        (HEADER + ROWS.replace("0.0015,", ","), "line 17: position_m must be a finite number; got ''"),
+        (HEADER + ROWS.replace("0.0015,", "inf,"), "line 17: position_m must be a finite number; got inf"),
+        (HEADER + ROWS.replace("0.0015,", ""), "line 17: row must have 3 values as the header has; got 2"),
+        (
+            HEADER + "".join(",".join(["1.0"] * 300) + "\n" for _ in range(3)),
+            "line 2: row must have 3 values as the header has; got 300",
+        ),
+        ("\n" + HEADER + "\n" + ROWS.replace("0.0015,", "x,"), "line 19: position_m"),
+        ((HEADER + ROWS).encode("utf-16"), "UTF-16"),
+        (b"\0" * 3_000_000, "line 1: line must be shorter"),
+        (gzip.compress((HEADER + ROWS).encode())[:-40], "truncated or damaged"),
+        (b"\x1f\x8bgarbage", "truncated or damaged"),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_sentence(tmp_path: Path, content: str | bytes, said: str) -> None:
+    with pytest.raises(ValueError, match=said) as caught:
+        read(tmp_path, content)
+    assert "r.csv" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_errors_beyond_the_first_block_name_their_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(csv_blocks, "BLOCK_CHARACTERS", 256)
+    assert len(read(tmp_path, HEADER + ROWS)) == 200
+    with pytest.raises(ValueError, match="line 152: t_s must increase"):
+        read(tmp_path, HEADER + ROWS.replace("1.50,", "1.20,"))
+    with pytest.raises(ValueError, match="line 152: t_s must be a finite number"):
+        read(tmp_path, HEADER + ROWS.replace("1.50,", "1.5o,"))
+
+
+def test_too_many_rows_are_refused_before_they_fill_the_memory(tmp_path: Path) -> None:
+    packed = tmp_path / "long.csv.gz"
+    with gzip.open(packed, "wt", compresslevel=1) as file:
+        file.write(HEADER)
+        for start in range(0, 2_100_000, 100_000):
+            file.write("".join(f"{i},0,0\n" for i in range(start, start + 100_000)))
+    began = time.perf_counter()
+    with pytest.raises(ValueError, match="at most 2000000 rows"):
+        read_record(packed, Rig("pull"))
+    assert time.perf_counter() - began < 60
+
+
+def test_other_endings_and_missing_files(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"must be a .csv or .csv.gz file; got 'r.xlsx'"):
+        read(tmp_path, "", name="r.xlsx")
+    with pytest.raises(ValueError, match="No such file"):
+        read_record(tmp_path / "none.csv", Rig("pull"))
+    (tmp_path / "folder.csv").mkdir()
+    with pytest.raises(ValueError, match="directory"):
+        read_record(tmp_path / "folder.csv", Rig("pull"))
+
+
+def test_speed_of_the_pull_may_stand_in_the_rig_file(tmp_path: Path) -> None:
+    path = tmp_path / "p.csv"
+    path.write_text("period_s,valley_N,peak_N\n" + "0.09,0.02,0.035\n" * 4)
+    np.testing.assert_array_equal(read_record(path, Rig("periods", velocity_m_s=5e-4))["velocity_m_s"], 5e-4)
+    with pytest.raises(ValueError, match=r"velocity_m_s must be a column of the record or a key under \[rig\]"):
+        read_record(path, Rig("periods"))
+
+
+def test_a_prediction_needs_the_driven_columns_only(tmp_path: Path) -> None:
+    content = "period_s,duty,cycles\n0.1,0.3,10\n"
+    assert len(read(tmp_path, content, "vibro_table", driven_only=True)) == 1
+    with pytest.raises(ValueError, match="mean_velocity_m_s"):
+        read(tmp_path, content, "vibro_table")
+    with pytest.raises(ValueError, match="line 2: duty must be a share"):
+        read(tmp_path, content.replace("0.3", "30"), "vibro_table", driven_only=True)
+
+
+def test_a_prediction_needs_a_record_of_its_own_kind(tmp_path: Path) -> None:
+    magnetic = "t_s,carriage_position_m,position_m\n" + ROWS
+    with pytest.raises(ValueError, match="must be one of a pull rig; got the columns of kind magnetic"):
+        read(tmp_path, magnetic, "pull", driven_only=True)
+    assert len(read(tmp_path, magnetic, "magnetic", driven_only=True)) == 200
+    assert len(read(tmp_path, HEADER.replace("force_N", "humidity") + ROWS, "pull", driven_only=True)) == 200
+
+
+def test_a_coil_is_driven_by_current_or_voltage(tmp_path: Path) -> None:
+    for name in ("coil_current_A", "coil_voltage_V"):
+        assert name in read(tmp_path, f"t_s,{name},position_m\n" + ROWS, "coil").columns
+    with pytest.raises(ValueError, match="'coil_current_A', in A; got 'coil_current_mA'"):
+        read(tmp_path, "t_s,coil_current_mA,position_m\n" + ROWS, "coil")
+
+
+def test_either_drive_column_makes_a_vibro_record(tmp_path: Path) -> None:
+    for name in ("coil_voltage_V", "drive_on"):
+        rows = "".join(f"{0.01 * i:.2f},{i % 2},0.001\n" for i in range(100))
+        assert name in read(tmp_path, f"t_s,{name},position_m\n{rows}", "vibro").columns
+
+
+def test_measured_data_are_read(shared: Path) -> None:
+    data = shared / "data"
+    assert len(read_record(data / "capsubot" / "mean_velocity.csv", Rig("vibro_table"))) > 50
+    assert len(read_record(data / "emps" / "train.csv", Rig("axis"))) > 20_000
+    assert len(read_record(data / "seeds" / "analytical_table2_periods.csv", Rig("periods", velocity_m_s=5e-4))) == 8
+    assert len(read_record(data / "seeds" / "viscoelastic_table2_dma.csv", Rig("dma"))) == 15
+
+
+@given(content=st.binary(max_size=300), kind=st.sampled_from(sorted(COLUMNS)), packed=st.booleans())
+@example(content=b"", kind="pull", packed=True)
+def test_any_bytes_are_a_record_or_one_sentence(tmp_path: Path, content: bytes, kind: str, packed: bool) -> None:
+    try:
+        read(tmp_path, gzip.compress(content) if packed else content, kind, "r.csv.gz" if packed else "r.csv")
+    except ValueError as error:
+        assert "\n" not in str(error)  # noqa: PT017
+
+
+CELLS = st.sampled_from(
+    ["0.1", "1", "2e3", "-1", "nan", "", "x", '"', '"1"', "1,5", " ", "1_0", "inf", "\u00b5", "\x0c"]
+)
+
+
+@given(
+    rows=st.lists(st.lists(CELLS, min_size=1, max_size=4), max_size=6),
+    separator=st.sampled_from(",;\t"),
+    kind=st.sampled_from(["dma", "vibro_table"]),
+)
+def test_any_table_under_a_right_header_is_a_record_or_one_sentence(
+    tmp_path: Path, rows: list[list[str]], separator: str, kind: str
+) -> None:
+    header = [alternatives[0] for alternatives in COLUMNS[kind].required()]
+    try:
+        record = read(tmp_path, "\n".join(separator.join(row) for row in [header, *rows]), kind)
+    except ValueError as error:
+        assert "\n" not in str(error)  # noqa: PT017
+    else:
+        assert all(np.isfinite(record[name]).all() for name in header)

@@ -1,0 +1,126 @@
+"""Rig files: what is read, and one sentence for everything that is wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from models.files.rig import Rig, parse_rig, read_rig
+from models.laws.geometry import Capsule, Tissue
+from tests.rig_texts import PLATE
+
+VIBRO_TABLE = PLATE + '[rig]\nkind = "vibro_table"\n'
+
+
+def read(folder: Path, text: str | bytes) -> Rig:
+    path = folder / "rig.toml"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return read_rig(path)
+
+
+def test_reads_a_magnetic_rig(tmp_path: Path, rig_text: str) -> None:
+    rig = read(tmp_path, rig_text)
+    assert (rig.kind, rig.capsule, rig.tissue) == ("magnetic", Capsule(), Tissue())
+    assert rig.magnet is not None
+    assert (rig.magnet.magnet_stiffness_N_per_m, rig.magnet.magnet_range_m) == (25.0, 0.02)
+    assert (rig.noise.position_std_m, rig.noise.force_std_N) == (5e-5, None)
+
+
+def test_reads_a_body_on_a_plate(tmp_path: Path) -> None:
+    rig = read(tmp_path, VIBRO_TABLE)
+    assert rig.capsule.mass_kg == 0.193
+    assert rig.drive is not None
+    assert rig.drive.reaction_on_body
+    assert rig.surface is not None
+    assert rig.surface.friction_coefficient == 0.29
+
+
+@pytest.mark.parametrize("kind", ["axis", "dma", "periods"])
+def test_kind_alone_is_enough(tmp_path: Path, kind: str) -> None:
+    assert read(tmp_path, f'[rig]\nkind = "{kind}"').kind == kind
+
+
+def test_byte_order_mark_is_accepted(tmp_path: Path) -> None:
+    assert read(tmp_path, b"\xef\xbb\xbf[rig]\nkind = 'axis'").kind == "axis"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("radius_m = 6.5e-3", "radius_mm = 6.5", r"\[capsule\].*'radius_mm'.*'radius_m'"),
+        ("radius_m = 6.5e-3", "radius_m = 6.5", r"\[capsule\] radius_m must be at most 0.1"),
+        ("radius_m = 6.5e-3", "radius_m = '6.5'", r"radius_m must be a finite number"),
+        ("radius_m = 6.5e-3", "radius_m = nan", r"radius_m must be a finite number"),
+        ("radius_m = 6.5e-3", "radius_m = true", r"radius_m must be a finite number"),
+        ("mass_kg = 4.0e-3", "", r"\[capsule\] must have the key 'mass_kg'; it is missing"),
+        ("magnet_range_m = 0.02", "", r"\[rig\] must have the key 'magnet_range_m'"),
+        ("magnet_range_m", "magnet_rnage_m", r"'magnet_rnage_m'; did you mean 'magnet_range_m'"),
+        ("[tissue]", "[tisue]", r"'tisue'; did you mean 'tissue'"),
+        ("[noise]", "[axis]\n[noise]", r"table \[axis\] must not be there for kind 'magnetic'"),
+        ('"magnetic"', '"magnet"', r"'magnet'; did you mean 'magnetic'"),
+        ('"magnetic"', '"pull"', r"'magnet_stiffness_N_per_m', which belongs to kind 'magnetic'"),
+        ("kind =", "kinds =", r"must have the key 'kind'; got 'kinds'"),
+        ('"jejunum"', '"colon"', r"preset must be one of 'jejunum'; got 'colon'"),
+        ("60.0", "95.0", r"contact_angle_deg must be less than 90"),
+        ("[rig]", "[rig", r"must be TOML"),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_sentence(tmp_path: Path, rig_text: str, old: str, new: str, said: str) -> None:
+    with pytest.raises(ValueError, match=said) as caught:
+        read(tmp_path, rig_text.replace(old, new, 1))
+    assert "rig.toml" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_plate_needs_its_friction(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="friction_coefficient"):
+        read(tmp_path, VIBRO_TABLE.replace("friction_coefficient = 0.29", ""))
+
+
+def test_gut_needs_capsule_and_tissue(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="radius_m"):
+        read(tmp_path, VIBRO_TABLE.replace('"plate"', '"gut"'))
+
+
+def test_missing_file_and_folder(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="No such file"):
+        read_rig(tmp_path / "none.toml")
+    with pytest.raises(ValueError, match="directory"):
+        read_rig(tmp_path)
+
+
+def test_reference_rigs(shared: Path) -> None:
+    for path in sorted((shared / "reference" / "series").glob("*/rig.toml")):
+        assert read_rig(path).kind == path.parent.name.split("_")[0]
+
+
+@given(st.binary(max_size=200))
+def test_any_bytes_are_a_rig_or_one_sentence(tmp_path: Path, content: bytes) -> None:
+    try:
+        read(tmp_path, content)
+    except ValueError as error:
+        assert "\n" not in str(error)  # noqa: PT017
+
+
+KEYS = st.sampled_from(
+    ["capsule", "tissue", "rig", "noise", "drive", "kind", "mass_kg", "force_N", "velocity_m_s", "x"]
+)
+LEAVES = st.one_of(
+    st.none(), st.booleans(), st.floats(), st.integers(), st.sampled_from(["pull", "vibro", "axis", "periods", "a\nb"])
+)
+TREES = st.recursive(
+    LEAVES,
+    lambda inner: st.one_of(st.lists(inner, max_size=2), st.dictionaries(KEYS, inner, max_size=4)),
+    max_leaves=12,
+)
+
+
+@given(st.dictionaries(KEYS, TREES, max_size=4))
+def test_any_tables_are_a_rig_or_one_sentence(raw: dict[str, object]) -> None:
+    try:
+        parse_rig(raw)
+    except ValueError as error:
+        assert "\n" not in str(error)  # noqa: PT017

@@ -1,0 +1,74 @@
+"""Descents on jagged criteria: least squares' own answers where they are smooth, long valleys, bounds, and never
+uphill.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from models.identification.fitting.gauss_newton import Valley
+
+Array = NDArray[np.float64]
+
+
+def valley(function: Callable[[Array], Array], lower: list[float], upper: list[float], scale: list[float]) -> Valley:
+    return Valley(lambda points: [function(x) for x in points], np.array(lower), np.array(upper), np.array(scale))
+
+
+@given(st.integers(0, 1000), st.floats(0.3, 3.0))
+def test_linear_least_squares_within_bounds(seed: int, half: float) -> None:
+    rng = np.random.default_rng(seed)
+    A, b = rng.standard_normal((30, 3)), 5 * rng.standard_normal(30)
+    found = valley(lambda x: A @ x - b, [-half] * 3, [half] * 3, [0.1] * 3).descend(np.zeros(3), 0.1, 30)
+    assert found.cost == pytest.approx(2 * lsq_linear(A, b, (-half, half)).cost, rel=1e-3)
+
+
+@given(st.lists(st.floats(-1, 1), min_size=3, max_size=3), st.sampled_from([1.0, 0.1]), st.floats(0, 3))
+def test_never_ends_higher_than_it_began(start: list[float], secant: float, jag: float) -> None:
+    def rough(x: Array) -> Array:
+        smooth = np.array([x[0] + x[1], x[1] ** 2 - x[2], np.sin(3 * x[2]), x[0] - 0.3])
+        return np.asarray(smooth + jag * np.sign(np.sin(40 * x[0] + 17 * x[1])))
+
+    x = np.array(start)
+    inside = np.clip(x, -1 + 2e-9, 1 - 2e-9)
+    found = valley(rough, [-1.0] * 3, [1.0] * 3, [0.1] * 3).descend(inside, secant, 6)
+    assert found.cost <= float(rough(inside) @ rough(inside))
+    assert np.all(np.abs(found.x) <= 1)
+
+
+def test_powers_of_time_under_quantisation() -> None:
+    """Three powers nearly make up for one another, and rounding hides what any one of them does in a short secant."""
+    t = np.linspace(0, 45, 4000)
+    true = np.array([1.2e-2, -1.7e-4, 1.0e-6])
+
+    def seen(x: Array) -> Array:
+        return np.asarray(np.round((x[0] + (x[1] + x[2] * t) * t) * t / 0.02))
+
+    data = seen(true)
+    ground = valley(lambda x: seen(x) - data, [-0.02, -3e-4, -5e-6], [0.03, 3e-4, 5e-6], [1e-3, 1e-6, 2e-8])
+    x = np.array([6e-3, 0.0, 0.0])
+    for secant in (0.3, 0.1):
+        x = ground.descend(x, secant, 12).x
+    assert x == pytest.approx(true, rel=0.05)
+
+
+def test_a_parameter_that_starts_at_its_bound_leaves_it() -> None:
+    t = np.linspace(0, 1, 200)
+    data = 2.0 * t + 0.5
+    found = valley(lambda x: 100 * (x[0] * t + x[1] - data), [0.0, 0.0], [5.0, 5.0], [0.1, 0.1]).descend(
+        np.array([1e-8, 1e-8]), 0.3, 12
+    )
+    assert found.x == pytest.approx([2.0, 0.5], rel=1e-4)
+
+
+def test_a_parameter_without_effect_stays() -> None:
+    t = np.linspace(0, 1, 50)
+    found = valley(lambda x: x[0] * t - t, [-9.0, -9.0], [9.0, 9.0], [0.1, 0.1]).descend(np.array([0.0, 3.0]), 0.1, 12)
+    assert found.x[0] == pytest.approx(1.0, abs=1e-6)
+    assert np.isfinite(found.jacobian).all()
+    assert not found.jacobian[:, 1].any()

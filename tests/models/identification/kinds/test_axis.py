@@ -1,0 +1,246 @@
+"""A linear stage: exact forces, the filter's published errors on measured data, what effects and noise look like."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from models.effects.effect import Effect
+from models.files.record import Record
+from models.files.rig import parse_rig
+from models.identification.kinds.axis import report
+from models.identification.kinds.axis.kind import NOISE, AxisKind
+from models.identification.kinds.axis.ripple import find_ripple
+from models.identification.kinds.axis.zero_phase import decimate, passed, repeat_lag
+
+KIND = AxisKind.around()
+TRUE = {"mass_kg": 95.0, "viscous_friction_N_s_per_m": 200.0, "coulomb_friction_N": 20.0, "offset_N": -3.0}
+ASYMMETRIC = {**TRUE, "directional_asymmetry.asymmetry": -0.15}
+LATE = {"sensor_delay.delay_s": 3e-4}
+FILM = {"viscous_drag.coefficient_N": 3.0, "viscous_drag.exponent": 0.5}
+
+
+def made(theta: dict[str, float], noise: float = 0.0, seconds: float = 9.0) -> Record:
+    """Three swings of 3 s with 100 and 40 mm amplitude, measured on the model."""
+    t = np.arange(0, seconds, 1e-3)
+    x = 0.05 * (1 - np.cos(2 * np.pi * t / 3)) + 0.02 * np.sin(4 * np.pi * t / 3)
+    force = KIND.predict(Record("made", "axis", {"t_s": t, "position_m": x, "force_N": 0 * t}), theta)
+    force = force + noise * np.random.default_rng(4).standard_normal(len(t))
+    return Record("made", "axis", {"t_s": t, "position_m": x, "force_N": force})
+
+
+def fitted(kind: AxisKind, records: list[Record], theta: dict[str, float]) -> dict[str, float]:
+    limits = {p.name: p for p in kind.base}
+    limits |= {f"{e.id}.{p.name}": p for e in kind.effects for p in e.parameters()}
+    names = list(theta)
+
+    def misfit(q: np.ndarray) -> np.ndarray:
+        return np.concatenate([kind.residual(r, dict(zip(names, q, strict=True))) for r in records])
+
+    bounds = ([limits[n].lower for n in names], [limits[n].upper for n in names])
+    scale = [1e-3 if n.endswith("_s") else max(abs(theta[n]), 0.1) for n in names]
+    q = least_squares(misfit, list(theta.values()), bounds=bounds, x_scale=scale).x
+    return dict(zip(names, map(float, q), strict=True))
+
+
+def error(kind: AxisKind, record: Record, theta: dict[str, float]) -> float:
+    return kind.error([record], [kind.predict(record, theta)])
+
+
+@pytest.fixture(scope="module")
+def emps(shared: Path) -> Callable[[str], Record]:
+    folder = shared / "data" / "emps"
+
+    def read(name: str) -> Record:
+        table = np.genfromtxt(folder / f"{name}.csv", delimiter=",", names=True)
+        return Record(name, "axis", {c: table[c].copy() for c in ("t_s", "position_m", "force_N")})
+
+    return read
+
+
+def test_force_is_newtons_law_of_a_known_motion() -> None:
+    record = made(TRUE)
+    t = record["t_s"]
+    a = 0.05 * (2 * np.pi / 3) ** 2 * np.cos(2 * np.pi * t / 3) - 0.02 * (4 * np.pi / 3) ** 2 * np.sin(
+        4 * np.pi * t / 3
+    )
+    v = 0.05 * (2 * np.pi / 3) * np.sin(2 * np.pi * t / 3) + 0.02 * (4 * np.pi / 3) * np.cos(4 * np.pi * t / 3)
+    expected = 95 * a + 200 * v + 20 * np.sign(v) - 3
+    inside = (t > 0.1) & (t < t[-1] - 0.1) & (np.abs(v) > 1e-3)
+    assert (
+        np.max(np.abs(record["force_N"] - expected)[inside]) < 0.02
+    )  # of 60 N; the 100 Hz filter and the step of 1 ms
+
+
+def test_calibration_finds_the_parameters_that_made_the_record() -> None:
+    theta = fitted(KIND, [made(TRUE, noise=1.0)], KIND.nominal())
+    assert theta == pytest.approx(TRUE, rel=5e-3, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("effect", "value", "grows_with"),
+    [
+        ("directional_asymmetry.asymmetry", 0.2, lambda x, v: (200 * np.abs(v) + 20) * 0.2),
+        ("stribeck.excess", 0.5, lambda x, v: (200 * v + 20 * np.sign(v)) * 0.5 * np.exp(-((v / 0.003) ** 2))),
+        ("viscous_drag.coefficient_N", 2.0, lambda x, v: 2.0 * np.sign(v) * np.sqrt(np.abs(v) / 0.01)),
+        ("lumen_taper.slope_per_m", 1.0, lambda x, v: (200 * v + 20 * np.sign(v)) * x / np.sqrt(1 + (x / 0.05) ** 2)),
+    ],
+)
+def test_an_effect_adds_its_own_resistance(effect: str, value: float, grows_with: Callable[..., np.ndarray]) -> None:
+    record = made(TRUE)
+    extra = KIND.predict(record, {**TRUE, effect: value}) - KIND.predict(record, TRUE)
+    signals = KIND.signals(record)
+    assert extra == pytest.approx(grows_with(signals["x_m"], signals["v_m_s"]), abs=1e-9)
+
+
+def test_every_effect_is_absent_at_amplitude_zero() -> None:
+    record = made(TRUE)
+    for effect in KIND.effects:
+        zero = KIND.predict(record, {**TRUE, f"{effect.id}.{effect.amplitude().name}": 0.0})
+        assert zero == pytest.approx(KIND.predict(record, TRUE), abs=1e-12), effect.id
+        assert effect.states == (), effect.id
+
+
+def test_a_late_reading_puts_the_force_before_the_motion() -> None:
+    record = made(TRUE)
+    prompt, late = KIND.predict(record, TRUE), KIND.predict(record, {**TRUE, "sensor_delay.delay_s": 0.003})
+    assert late[:-3] == pytest.approx(prompt[3:], abs=1e-6)
+
+
+def test_noise_is_what_the_repeats_say_and_imitation_has_as_much() -> None:
+    record = made(TRUE, noise=1.0)
+    assert KIND.noise_std(record) == pytest.approx(passed(1000.0), rel=0.12)
+    imitated = KIND.imitate(record, TRUE, np.random.default_rng(1))
+    assert np.mean(KIND.residual(imitated, TRUE) ** 2) == pytest.approx(1.0, abs=0.25)
+    believed = replace(KIND, force_std_N=2.0)
+    assert believed.noise_std(record) == pytest.approx(2 * passed(1000.0))
+
+
+def test_filter_passes_forty_hertz_of_five_hundred() -> None:
+    rng = np.random.default_rng(0)
+    assert np.std(decimate(rng.standard_normal(200_000), 1000.0)) == pytest.approx(passed(1000.0), rel=0.02)
+    assert passed(1000.0) == pytest.approx(np.sqrt(0.08), rel=0.05)
+
+
+def test_motion_that_does_not_repeat_has_no_lag() -> None:
+    t = np.arange(0, 9, 1e-3)
+    assert repeat_lag(made(TRUE)["position_m"], 1000.0) == 3000
+    assert repeat_lag(0.05 * np.sin(t**1.5), 1000.0) is None
+
+
+def test_folds_leave_out_every_repeat_of_a_place_together() -> None:
+    record = made(TRUE, noise=1.0)
+    folds = KIND.folds([record])
+    assert len(folds) == 4
+    for training, validation in folds:
+        assert sum(map(len, training)) + sum(map(len, validation)) == len(record)
+        phases = [np.unique((r["t_s"] * 1000).round().astype(int) % 3000 // 750) for r in validation]
+        assert all(np.array_equal(p, phases[0]) for p in phases)
+        assert NOISE in validation[0].columns
+    assert len(KIND.folds([record, record.with_column("force_N", record["force_N"])])) == 2
+
+
+def test_uneven_times_are_refused() -> None:
+    record = made(TRUE)
+    t = record["t_s"].copy()
+    t[4000:] += 0.5
+    with pytest.raises(ValueError, match=r"t_s must be evenly spaced.*got a step of 0\.501"):
+        KIND.predict(Record("gap", "axis", {**record.columns, "t_s": t}), TRUE)
+
+
+def test_a_record_too_short_to_filter_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"must last at least 0\.13 s to be filtered; got 0\.1 s"):
+        KIND.residual(made(TRUE).rows(slice(0, 100)), TRUE)
+
+
+def test_rig_file_gives_the_nominal_stage() -> None:
+    rig = parse_rig({"rig": {"kind": "axis"}, "axis": {"mass_kg": 90.0}, "noise": {"force_std_N": 0.5}})
+    kind = AxisKind.from_rig(rig)
+    assert kind.nominal()["mass_kg"] == 90.0
+    assert kind.force_std_N == 0.5
+    assert AxisKind.from_rig(parse_rig({"rig": {"kind": "axis"}})).nominal()["offset_N"] == 0.0
+
+
+def test_measured_stage_standard_model_as_published(emps: Callable[[str], Record]) -> None:
+    train, pulses = emps("train"), emps("test_pulses")
+    theta = fitted(KIND, [train], KIND.nominal())
+    assert theta["mass_kg"] == pytest.approx(95.11, abs=0.1)
+    assert theta["viscous_friction_N_s_per_m"] == pytest.approx(203.5, abs=1.0)
+    assert theta["coulomb_friction_N"] == pytest.approx(20.39, abs=0.1)
+    assert theta["offset_N"] == pytest.approx(-3.16, abs=0.05)
+    assert error(KIND, train, theta) == pytest.approx(4.08, abs=0.06)  # the authors keep the 50 ms at the end: 4.08
+    assert error(KIND, pulses, theta) == pytest.approx(5.98, abs=0.06)
+    assert KIND.noise_floor([train]) == pytest.approx(0.55, abs=0.05)
+
+
+def test_measured_stage_is_asymmetric_and_not_stribeck(emps: Callable[[str], Record]) -> None:
+    train, pulses = emps("train"), emps("test_pulses")
+    asymmetric = fitted(KIND, [train], ASYMMETRIC)
+    assert error(KIND, train, asymmetric) == pytest.approx(3.06, abs=0.05)
+    assert error(KIND, pulses, asymmetric) == pytest.approx(5.34, abs=0.05)
+    share = asymmetric["directional_asymmetry.asymmetry"]
+    assert share == pytest.approx(-0.18, abs=0.01)
+    assert (
+        abs(asymmetric["offset_N"] + share * asymmetric["coulomb_friction_N"]) < 0.4
+    )  # no offset is left: the standard one was this
+    stribeck = fitted(KIND, [train], {**TRUE, "stribeck.excess": 0.1, "stribeck.speed_m_s": 0.01})
+    assert error(KIND, train, stribeck) > 3.9
+
+
+def test_measured_stage_has_a_delay_and_a_shear_thinning_film_that_hold_on_the_pulses(
+    emps: Callable[[str], Record],
+) -> None:
+    train, pulses = emps("train"), emps("test_pulses")
+    late = fitted(KIND, [train], {**ASYMMETRIC, **LATE})
+    full = fitted(KIND, [train], {**late, **FILM})
+    assert error(KIND, pulses, late) < 4.3
+    assert error(KIND, train, full) < 2.25
+    assert error(KIND, pulses, full) < 2.9
+    assert 0.1 < full["viscous_drag.exponent"] < 0.5
+    assert full["sensor_delay.delay_s"] == pytest.approx(0.77e-3, abs=0.1e-3)
+    ripples = [find_ripple(KIND, r, full) for r in (train, pulses)]
+    assert all(r is not None and r.wavelength_m == pytest.approx(2.5e-3, rel=2e-3) for r in ripples)
+    words = report.statements(KIND, {"calibrated": TRUE, "augmented": full}, [train])
+    assert any("opposite of Stribeck" in w for w in words)
+    assert any("2.5" in w and "mm" in w for w in words)
+
+
+def test_ripple_is_found_where_there_is_one_only() -> None:
+    record = made(TRUE, noise=1.0)
+    assert find_ripple(KIND, record, TRUE) is None
+    rippled = record.with_column(
+        "force_N", record["force_N"] + 0.5 * np.sin(2 * np.pi * record["position_m"] / 0.004 + 1)
+    )
+    found = find_ripple(KIND, rippled, TRUE)
+    assert found is not None
+    assert found.wavelength_m == pytest.approx(0.004, rel=0.01)
+    assert found.amplitude_N == pytest.approx(0.5, rel=0.2)
+
+
+def test_equations_name_every_effect_present() -> None:
+    theta = {**ASYMMETRIC, **LATE, **FILM, "lumen_taper.slope_per_m": 0.1, "fold_periodic.depth": 0.1}
+    theta |= {
+        "fold_periodic.wavelength_m": 0.004,
+        "fold_periodic.phase_rad": 0.0,
+        "stribeck.excess": 0.1,
+        "stribeck.speed_m_s": 0.01,
+    }
+    text = " ".join(report.equations(KIND, theta))
+    for piece in ("F = 95 a", "sgn(v))", "exp(-(v/0.01)^2)", "x)", "2 pi x/0.004", "(|v|/0.01)^0.5", "0.3 ms late"):
+        assert piece in text
+    assert report.next_experiment(KIND, theta, []) is not None
+    assert report.next_experiment(KIND, TRUE, []) is None
+
+
+def test_effects_declare_what_the_loop_needs() -> None:
+    effects: tuple[type[Effect], ...] = KIND.effects
+    assert len({e.id for e in effects}) == len(effects)
+    for effect in effects:
+        assert effect.amplitude().value == 0.0
+        assert "axis" in effect.kinds
+        assert set(effect.grid) <= {p.name for p in effect.parameters()}

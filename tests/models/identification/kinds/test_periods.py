@@ -1,0 +1,152 @@
+"""Stick-slip periods: paper A's times from its own law, the missing stiffness, and what one speed cannot tell."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from models.effects.effect import Signals
+from models.effects.wall.small_strain_stiffening import SmallStrainStiffening
+from models.effects.wall.wall_viscosity import WallViscosity
+from models.files.record import Record
+from models.files.rig import parse_rig
+from models.identification.kinds.periods import report
+from models.identification.kinds.periods.kind import COLUMNS, PeriodsKind, relative_errors
+from models.parameter import SETS
+
+KIND = PeriodsKind.around()
+STIFFER = "small_strain_stiffening.excess"
+
+
+def measured() -> Record:
+    with (SETS / "measured" / "analytical_table2_periods.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    return Record("paper A Table 2", "periods", {c: np.array([float(r[c]) for r in rows]) for c in rows[0]})
+
+
+def fitted(kind: PeriodsKind, records: list[Record], theta: dict[str, float]) -> dict[str, float]:
+    names = list(theta)
+
+    def misfit(q: np.ndarray) -> np.ndarray:
+        return np.concatenate([kind.residual(r, dict(zip(names, q, strict=True))) for r in records])
+
+    scale = [max(abs(v), 0.05) for v in theta.values()]
+    low = [1e-3 if "." not in n else -0.8 for n in names]
+    q = least_squares(misfit, list(theta.values()), bounds=(low, [50.0] * len(names)), x_scale=scale).x
+    return dict(zip(names, map(float, q), strict=True))
+
+
+def off(kind: PeriodsKind, theta: dict[str, float]) -> np.ndarray:
+    return relative_errors(kind.measured(measured()), kind.predict(measured(), theta))
+
+
+@pytest.fixture(scope="module")
+def calibrated() -> dict[str, float]:
+    return fitted(KIND, [measured()], KIND.nominal())
+
+
+@pytest.mark.parametrize(("length_m", "period_s"), [(26.5e-3, 0.3184), (20e-3, 0.2403)])
+def test_paper_a_s_own_law_gives_its_correct_period(length_m: float, period_s: float) -> None:
+    tooth = replace(KIND, length_m=length_m).tooth(0.01656, 0.5e-3, {})
+    assert tooth.period_s == pytest.approx(period_s, rel=5e-4)
+    assert tooth.period_s / 0.0912 - 1 == pytest.approx(2.49 if length_m > 0.02 else 1.635, abs=0.02)
+
+
+def test_base_model_s_recovery_takes_its_own_time() -> None:
+    tooth = replace(KIND, return_speed_m_s=None).tooth(0.01656, 0.5e-3, {})
+    assert tooth.fall_s == 0.05
+    assert tooth.rise_s == pytest.approx(0.2189, abs=1e-4)
+
+
+def test_calibrated_forces_fit_and_the_period_does_not(calibrated: dict[str, float]) -> None:
+    period, valley, peak = off(KIND, calibrated)
+    assert abs(valley) < 0.005
+    assert abs(peak) < 0.005
+    assert 1.6 < period < 2.5
+
+
+def test_stiffening_at_small_drag_brings_all_three_within_ten_percent(calibrated: dict[str, float]) -> None:
+    theta = fitted(KIND, [measured()], {**calibrated, STIFFER: 0.5})
+    assert np.max(np.abs(off(KIND, theta))) < 0.01
+    assert 1.0 < theta[STIFFER] < 3.0
+    left_base, left_more = [], []
+    for training, validation in KIND.folds([measured()]):
+        for start, left in ((calibrated, left_base), ({**calibrated, STIFFER: 0.5}, left_more)):
+            fit = fitted(KIND, training, start)
+            left.append(KIND.error(validation, [KIND.predict(r, fit) for r in validation]))
+    assert np.mean(left_more) < 20 < 80 < np.mean(left_base)
+    assert KIND.noise_floor([measured()]) == pytest.approx(5.9, abs=0.1)
+
+
+def test_one_speed_cannot_tell_stiffening_length_and_viscosity_apart(calibrated: dict[str, float]) -> None:
+    viscous = replace(KIND, effects=(WallViscosity,))
+    theta = fitted(viscous, [measured()], {**calibrated, "wall_viscosity.viscosity_N_s_per_m": 2.0})
+    assert np.max(np.abs(off(viscous, theta))) < 0.01
+    short = replace(KIND, length_m=10.1e-3)
+    assert np.max(np.abs(off(short, fitted(short, [measured()], KIND.nominal())))) < 0.02
+    assert "wall_viscosity" in KIND.equivalents["small_strain_stiffening"]
+
+
+def test_several_speeds_do_tell_them_apart(calibrated: dict[str, float]) -> None:
+    viscous = replace(KIND, effects=(WallViscosity,))
+    stiff = fitted(KIND, [measured()], {**calibrated, STIFFER: 0.5})
+    thick = fitted(viscous, [measured()], {**calibrated, "wall_viscosity.viscosity_N_s_per_m": 2.0})
+    stiff_rise, thick_rise = (c.peak - c.valley for c in (KIND.cycle(5e-3, stiff), viscous.cycle(5e-3, thick)))
+    assert thick_rise > 2 * stiff_rise
+
+
+def test_report_says_what_is_equivalent_and_what_to_do(calibrated: dict[str, float]) -> None:
+    theta = fitted(KIND, [measured()], {**calibrated, STIFFER: 0.5})
+    stages = {"nominal": KIND.nominal(), "calibrated": calibrated, "augmented": theta}
+    words = " ".join(report.statements(KIND, stages, [measured()]))
+    for piece in (
+        "One speed cannot tell apart",
+        "stretched length of 10.",
+        "times stiffer",
+        "wall_viscosity",
+        "0.3184 s",
+        "0.2403 s",
+    ):
+        assert piece in words
+    experiment = str(report.next_experiment(KIND, theta, [measured()]))
+    assert "several speeds" in experiment
+    assert "step and hold" in experiment
+    assert "exp(-|u|/0.2 mm)" in " ".join(report.equations(KIND, theta))
+
+
+def test_speed_column_overrules_the_rig_and_weighs_all_alike() -> None:
+    record = measured().with_column("velocity_m_s", np.repeat([0.5e-3, 1e-3], 4))
+    periods = KIND.predict(record, KIND.nominal())[:, 0]
+    assert periods[0] > periods[-1]
+    assert len(KIND.residual(record, KIND.nominal())) == 24
+
+
+def test_imitation_scatters_as_the_measured_periods() -> None:
+    theta = fitted(KIND, [measured()], {**KIND.nominal(), STIFFER: 0.5})
+    rng = np.random.default_rng(3)
+    made = np.concatenate([KIND.measured(KIND.imitate(measured(), theta, rng)) for _ in range(200)])
+    scatter = made.std(0) / made.mean(0)
+    assert scatter == pytest.approx(KIND.scatter, rel=0.1)
+    assert set(COLUMNS) <= set(measured().columns)
+
+
+def test_stiffening_fades_and_tension_stays_monotone() -> None:
+    effect, most = SmallStrainStiffening(), 7.0
+    u = np.linspace(0, 2e-3, 400)
+    factor = effect.stiffening(Signals(drag=u), {"excess": most, "scale_m": 2e-4, "tail": 1e-3}, {})
+    assert factor[0] == pytest.approx(1 + most)
+    assert factor[-1] == pytest.approx(1.0, abs=1e-3)
+    assert np.all(np.diff(u * factor) > 0)
+
+
+def test_rig_file_gives_capsule_tissue_and_speed() -> None:
+    kind = PeriodsKind.from_rig(
+        parse_rig({"rig": {"kind": "periods", "velocity_m_s": 1e-3}, "capsule": {}, "tissue": {}})
+    )
+    assert kind.velocity_m_s == 1e-3
+    assert kind.length_m == pytest.approx(26.5e-3)
+    assert kind.nominal() == {"hoop_factor": 1.0, "friction_coefficient": 0.082}

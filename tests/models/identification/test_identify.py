@@ -1,0 +1,196 @@
+"""Closing the loop: what is named on measured and on simulated data, and what is not."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from models.effects import BY_ID
+from models.files.record import Record, read_record
+from models.files.rig import Rig, parse_rig, read_rig
+from models.identification import Model, close
+from models.identification.finding import Finding
+from models.identification.model import HELD_OUT
+from models.laws.geometry import Capsule, Tissue
+from models.sets import measured_path
+
+
+def quiet(stage: str, fraction: float) -> None:
+    assert 0 <= fraction <= 1
+    assert stage
+
+
+def closed(folder: Path) -> tuple[Finding, dict[str, object]]:
+    rig = read_rig(folder / "rig.toml")
+    train = [read_record(folder / f"train_{i}.csv.gz", rig) for i in (1, 2, 3)]
+    finding, _ = close(rig, train, [read_record(folder / "holdout.csv.gz", rig)], quiet)
+    return finding, tomllib.loads((folder / "answer.toml").read_text())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["pull_none", "pull_wall_viscosity", "magnetic_none"])
+def test_another_simulators_series(shared: Path, name: str) -> None:
+    finding, answer = closed(shared / "reference" / "series" / name)
+    effect = str(answer["effect"]).split(",")[0]
+    if effect == "none":
+        assert finding.verdict == "none"
+        assert not finding.effects
+        limit = 3 * finding.noise_floor
+    else:
+        assert finding.verdict == "named"
+        assert finding.effects[0].id == effect
+        assert len(finding.effects[0].equivalent) <= 2
+        limit = 0.3 * finding.error["holdout"]["calibrated"]
+    assert finding.error["holdout"]["augmented"] < limit
+    for parameter in ("hoop_stress_factor", "friction_coefficient", "magnet_stiffness_N_per_m"):
+        if parameter in answer:
+            low, high = finding.calibration[parameter].ci95
+            assert low <= float(str(answer[parameter])) <= high
+
+
+def test_printed_periods_lack_small_strain_stiffening() -> None:
+    rig = parse_rig({"rig": {"kind": "periods", "velocity_m_s": 0.5e-3}})
+    finding, _ = close(rig, [read_record(measured_path("analytical_table2_periods"), rig)], [], quiet)
+    assert [effect.id for effect in finding.effects] == ["small_strain_stiffening"]
+    assert finding.effects[0].equivalent
+    assert finding.next_experiment
+    assert finding.error["train"]["augmented"] < 10 < finding.error["train"]["calibrated"]
+
+
+def test_printed_moduli_stay_unknown() -> None:
+    rig = parse_rig({"rig": {"kind": "dma"}})
+    finding, _ = close(rig, [read_record(measured_path("viscoelastic_table2_dma"), rig)], [], quiet)
+    assert finding.verdict == "unknown"
+    assert not finding.effects
+    assert finding.error["train"]["nominal"] == pytest.approx(99, abs=0.5)
+    assert finding.error["train"]["calibrated"] == pytest.approx(14.2, abs=0.3)
+    assert any("40 Hz" in statement for statement in finding.statements)
+
+
+@pytest.mark.slow
+def test_the_measured_axis_lacks_asymmetry(shared: Path) -> None:
+    rig = parse_rig({"rig": {"kind": "axis"}})
+    folder = shared / "data" / "emps"
+    finding, _ = close(
+        rig, [read_record(folder / "train.csv", rig)], [read_record(folder / "test_pulses.csv", rig)], quiet
+    )
+    assert finding.effects[0].id == "directional_asymmetry"
+    assert "stribeck" not in [effect.id for effect in finding.effects]
+    assert finding.error["train"]["calibrated"] == pytest.approx(4.04, abs=0.1)
+    assert finding.error["holdout"]["calibrated"] == pytest.approx(5.95, abs=0.1)
+    assert "sensor_delay" in [effect.id for effect in finding.effects]
+    assert finding.error["holdout"]["augmented"] < 4.2
+    assert finding.smallest_detectable["directional_asymmetry"] < 0.01  # it is 0.17
+
+
+def short_pull(noise: float = 1e-3, hoop: float = 1.1, mu: float = 0.075, seed: int = 3) -> tuple[Rig, list[Record]]:
+    from models.identification.kinds.series.kind import GutKind
+
+    rig = Rig("pull", Capsule(), Tissue())
+    t = np.arange(0, 12, 2e-3)
+    position = 6e-3 * (1 - np.cos(2 * np.pi * t / 6)) * 0.5
+    blank = Record("pull", "pull", {"t_s": t, "position_m": position, "force_N": np.zeros_like(t)})
+    kind = GutKind.from_rig(parse_rig(PULL), [blank])
+    rng = np.random.default_rng(seed)
+    truth = {"hoop_stress_factor": hoop, "friction_coefficient": mu}
+    return rig, [kind.imitate(blank, truth, rng), kind.imitate(blank, truth, rng)]
+
+
+PULL = {
+    "capsule": {"radius_m": 6.5e-3, "cylinder_length_m": 20e-3, "mass_kg": 4e-3},
+    "tissue": {
+        "preset": "jejunum",
+        "wall_thickness_m": 2.5e-3,
+        "contact_angle_deg": 60.0,
+        "nose_force_angle_deg": 30.0,
+        "friction_coefficient": 0.082,
+        "mucus_thickness_m": 30e-6,
+        "recovery_time_s": 0.05,
+    },
+    "rig": {"kind": "pull"},
+    "noise": {"force_std_N": 1e-3},
+}
+
+
+def test_a_right_model_lacks_nothing_and_finds_its_numbers_again() -> None:
+    _, records = short_pull()
+    finding, model = close(parse_rig(PULL), records, [], quiet)
+    assert finding.verdict == "none"
+    assert finding.calibration["hoop_stress_factor"].value == pytest.approx(1.1, rel=0.01)
+    assert finding.calibration["friction_coefficient"].value == pytest.approx(0.075, rel=0.01)
+    again, same = close(parse_rig(PULL), records, [], quiet)
+    assert same == model
+    assert again.error == finding.error
+
+
+def test_a_model_tells_its_held_out_error_where_records_were_held_out() -> None:
+    _, records = short_pull()
+    finding, model = close(parse_rig(PULL), records[:1], records[1:], quiet)
+    assert model.held_out == finding.error["holdout"]
+    assert close(parse_rig(PULL), records, [], quiet)[1].held_out == {}
+
+
+def test_a_prediction_never_sees_the_measurement() -> None:
+    _, records = short_pull()
+    values = {"hoop_stress_factor": 1.0, "friction_coefficient": 0.08}
+    model = Model("pull", dict.fromkeys(("nominal", "calibrated", "augmented"), values))
+    spoiled = records[0].with_column("force_N", np.full(len(records[0]), 7.0))
+    rig = parse_rig(PULL)
+    np.testing.assert_array_equal(model.predict(rig, records[0])["force_N"], model.predict(rig, spoiled)["force_N"])
+
+
+def test_a_model_survives_its_file() -> None:
+    stage = {"hoop_stress_factor": 1.0 / 3, "stribeck.excess": 0.1, "stribeck.speed_m_s": 1e-3}
+    stages, told = {"nominal": {}, "calibrated": {}, "augmented": stage}, {"records": 'a "b"'}
+    for held_out in ({}, {"nominal": 1e-3, "augmented": 1e-6 / 3}):
+        model = Model("pull", stages, "named", told, held_out)
+        assert Model.from_toml(model.to_toml()) == model
+        assert model.believed("augmented") == stage | ({HELD_OUT: held_out["augmented"]} if held_out else {})
+
+
+@pytest.mark.parametrize(
+    "errors", ["augmentd = 1.0", "augmented = -1.0", "augmented = nan", "augmented = 'a'", "augmented = true"]
+)
+def test_a_held_out_error_is_a_number_of_a_stage(errors: str) -> None:
+    text = Model("pull", {"nominal": {}, "calibrated": {}, "augmented": {}}).to_toml()
+    with pytest.raises(ValueError, match=r"model.*\[held_out\]") as caught:
+        Model.from_toml(f"{text}[held_out]\n{errors}\n")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "format = 1",
+        'format = 1\nkind = "pull"\n[nominal]\nx = "a"\n[calibrated]\n[augmented]\n',
+        "format = 2",
+        "[",
+        "kind = 3",
+    ],
+)
+def test_a_bad_model_file_is_one_sentence(text: str) -> None:
+    with pytest.raises(ValueError, match="model") as caught:
+        Model.from_toml(text)
+    assert "\n" not in str(caught.value)
+
+
+def test_every_look_alike_is_told_apart_by_something() -> None:
+    for effect in BY_ID.values():
+        assert effect.separated_by, effect.id
+
+
+def test_what_is_missing_beside_an_effect_with_held_parameters_is_screened() -> None:
+    from models.identification.kinds.series.kind import GutKind
+    from models.identification.search.screening import screen
+
+    _, records = short_pull()
+    kind = GutKind.from_rig(parse_rig(PULL), records)
+    values = {"hoop_stress_factor": 1.1, "friction_coefficient": 0.075}
+    stribeck = {f"stribeck.{p.name}": p.value for p in BY_ID["stribeck"].parameters()} | {"stribeck.excess": 0.1}
+    rows = screen(kind, records[:1], ["stribeck"], {**values, **stribeck})
+    assert {row.effect for row in rows} == {effect.id for effect in kind.effects} - {"stribeck"}
+    assert all(0 <= row.share <= 1 for row in rows)

@@ -13,7 +13,7 @@ from models.files.record import read_record
 from models.files.rig import read_rig
 from models.identification.kinds import kind_for
 from models.identification.kinds.series.kind import GutKind
-from models.identification.kinds.series.report import equations_of, statements_of
+from models.identification.kinds.series.report import about_the_rig, equations
 from models.identification.search.candidates import tournament
 from models.identification.search.refit import refit
 from models.identification.search.screening import screen
@@ -52,8 +52,8 @@ def test_what_changes_one_side_alone_is_called_by_its_name(name: str, tmp_path: 
 
 def test_a_report_says_which_side_feels_it_in_whole_sentences() -> None:
     theta = {"level_at_onset.spared": -0.97, "level_at_onset.kept": 0.2}
-    said = " ".join(statements_of(Pull(), 1e-3, "N", theta))
+    said = " ".join(about_the_rig(Pull(), 1e-3, "N", theta))
     assert "the nose feels 3 % (F_e), what the wall presses on the slip limit 100 % (f_c)" in said
-    law = equations_of(Plate(0.1), Pull(), {"friction_coefficient": 0.3, **theta}, ["level_at_onset"])[-1]
+    law = equations(GutKind.build(Plate(0.1), Pull(), 1e-3), {"friction_coefficient": 0.3, **theta})[-1]
     assert law.startswith("level_at_onset: Where effects change resistance")
     assert law.endswith("friction that stays as it is (spared = -0.97, kept = 0.2)")

@@ -80,7 +80,7 @@ def statements(kind: GutKind, theta_by_stage: Mapping[str, Theta], records: Sequ
     foresight. Short ones tell nothing of a kind with `free_only`: an observer that follows the noise of a position is
     thrown out of step by it.
     """
-    said = _about_the_rig(kind.drive, kind.noise_std, kind.unit, theta_by_stage["augmented"])
+    said = about_the_rig(kind.drive, kind.noise_std, kind.unit, theta_by_stage["augmented"])
     for memory, words in _FORESIGHTS[1:] if kind.free_only else _FORESIGHTS:
         rms = (
             f"{kind.foresight_rms(records, theta, memory):.3g} {kind.unit} {stage}"
@@ -90,7 +90,8 @@ def statements(kind: GutKind, theta_by_stage: Mapping[str, Theta], records: Sequ
     return said
 
 
-def _about_the_rig(drive: Drive, noise_std: float, unit: str, theta: Theta) -> list[str]:
+def about_the_rig(drive: Drive, noise_std: float, unit: str, theta: Theta) -> list[str]:
+    """Sentences on the sensor and on what the drive leaves untold."""
     said = [f"Noise of the sensor: {noise_std:.3g} {unit}."]
     if _SPARED in theta:
         nose, pressed = (f"{100 * min(max(1 + side * theta[_SPARED], 0.0), 1.0):.0f} %" for side in (1, -1))

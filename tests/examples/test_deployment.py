@@ -54,7 +54,7 @@ def test_plant_and_controller_meet_on_the_local_bus(tmp_path: Path) -> None:
     ("table", "sentence"),
     [
         ("", r"table \[plant\] must be there"),
-        ("[plant]\n", "plant.scenario"),
+        ("[plant]\n", "must have scenario"),
         ('[plant]\nscenario = "plant.toml"\npriority = 100\n', "plant.priority must lie in"),
         ('[plant]\nscenery = "plant.toml"\n', "scenery"),
     ],

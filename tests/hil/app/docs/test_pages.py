@@ -1,0 +1,75 @@
+"""The generated parts of docs/*.md say what the schema and the catalogue of effects say."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hil.app.docs.keys import CHECKED, RIG_TABLES, all_keys, unit_of
+from hil.app.docs.meanings import MEANINGS
+from hil.app.docs.pages import PARTS, filled, main
+from models.effects import EFFECTS
+from models.files import rig_tables
+from tests.places import ROOT
+
+PAGES = sorted((ROOT / "docs").rglob("*.md"))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_generated_parts_are_current(page: Path) -> None:
+    """`python -m hil.app.docs.pages` writes them anew."""
+    text = page.read_text(encoding="utf-8")
+    assert filled(text) == text
+
+
+def test_every_part_stands_on_a_page() -> None:
+    pages = "".join(page.read_text(encoding="utf-8") for page in PAGES)
+    assert [name for name in PARTS if f"<!-- generated: {name} -->" not in pages] == []
+
+
+def test_every_key_has_a_meaning_and_every_meaning_a_key() -> None:
+    assert set(all_keys()) == set(MEANINGS)
+
+
+def test_every_table_of_the_schema_is_listed() -> None:
+    listed = {model for models in RIG_TABLES.values() for model in models}
+    tables = {t for t in vars(rig_tables).values() if isinstance(t, type) and issubclass(t, rig_tables.Table)}
+    assert tables - {rig_tables.Table} == listed
+
+
+@pytest.mark.parametrize(("cls", "key"), CHECKED, ids=lambda value: getattr(value, "__name__", value))
+def test_ranges_are_those_that_the_tables_check(cls: type[Any], key: str) -> None:
+    given = {"file": "model.toml", "report": "report.json"} if cls.__name__ == "OfferTable" else {}
+    lower, upper = CHECKED[cls, key]
+    for end, beyond in ((lower, -1), (upper, 1)):
+        if math.isfinite(end):
+            cls(**given, **{key: end})
+            with pytest.raises(ValueError, match=key):
+                cls(**given, **{key: end + beyond})
+
+
+def test_every_effect_is_on_the_page() -> None:
+    page = (ROOT / "docs" / "effects.md").read_text(encoding="utf-8")
+    assert [effect.id for effect in EFFECTS if f"### {effect.id}\n" not in page] == []
+
+
+def test_a_unit_is_read_from_the_end_of_a_name() -> None:
+    assert [unit_of(name) for name in ("spring_damping_N_s_per_m", "speed_mm_s", "preset")] == ["N s/m", "mm/s", ""]
+
+
+def test_pages_are_filled_between_their_markers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("before\n<!-- generated: columns -->\nold\n<!-- end -->\nafter\n", encoding="utf-8")
+    main(tmp_path)
+    text = page.read_text(encoding="utf-8")
+    assert text.startswith("before\n<!-- generated: columns -->\n\n| kind |")
+    assert text.endswith("\n<!-- end -->\nafter\n")
+    assert capsys.readouterr().out == f"{page}\n"
+
+
+def test_an_unknown_marker_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"generated part must be one of columns, .*; got 'nothing'"):
+        filled("<!-- generated: nothing -->\n<!-- end -->")

@@ -11,7 +11,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from hil.app.docs import effects, keys
+from hil.app.docs import api, effects, keys
 
 PARTS: Final[Mapping[str, Callable[[], str]]] = MappingProxyType(
     {
@@ -19,6 +19,7 @@ PARTS: Final[Mapping[str, Callable[[], str]]] = MappingProxyType(
         "rig-keys": keys.rig_keys,
         "deployment-keys": keys.deployment_keys,
         "effects": effects.catalogue,
+        "api": api.reference,
     }
 )
 """What stands between the markers of each name."""

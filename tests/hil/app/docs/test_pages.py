@@ -8,11 +8,13 @@ from typing import Any
 
 import pytest
 
+from hil.app.docs.api import described
 from hil.app.docs.keys import CHECKED, RIG_TABLES, all_keys, unit_of
 from hil.app.docs.meanings import MEANINGS
 from hil.app.docs.pages import PARTS, filled, main
+from hil.app.run import command
 from models.effects import EFFECTS
-from models.files import rig_tables
+from models.files import rig, rig_tables
 from tests.places import ROOT
 
 PAGES = sorted((ROOT / "docs").rglob("*.md"))
@@ -22,7 +24,7 @@ PAGES = sorted((ROOT / "docs").rglob("*.md"))
 def test_generated_parts_are_current(page: Path) -> None:
     """`python -m hil.app.docs.pages` writes them anew."""
     text = page.read_text(encoding="utf-8")
-    assert filled(text) == text
+    assert filled(text) == text, "run: python -m hil.app.docs.pages"
 
 
 def test_every_part_stands_on_a_page() -> None:
@@ -73,3 +75,16 @@ def test_pages_are_filled_between_their_markers(tmp_path: Path, capsys: pytest.C
 def test_an_unknown_marker_is_refused() -> None:
     with pytest.raises(ValueError, match=r"generated part must be one of columns, .*; got 'nothing'"):
         filled("<!-- generated: nothing -->\n<!-- end -->")
+
+
+def test_a_function_is_described_by_signature_and_docstring() -> None:
+    text = described(rig)
+    assert "## read_rig\n\n```python\nread_rig(path: 'Path') -> 'Rig'\n```\n\nRead a rig file;" in text
+    assert "## _kind" not in text
+
+
+def test_a_long_signature_has_a_parameter_a_line_and_keeps_its_star() -> None:
+    text = described(command)
+    assert "```python\nrun(\n    path: 'Path',\n" in text
+    assert "\n    *,\n    dry_run: 'bool' = False,\n" in text
+    assert "\n) -> 'int'\n```" in text

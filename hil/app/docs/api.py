@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 from importlib import import_module
 from importlib.util import find_spec
 from types import ModuleType
@@ -10,6 +11,8 @@ from typing import Any, Final
 
 MODULE: Final = "hil.api"
 _WIDEST: Final = 100
+_QUOTED: Final = re.compile(r"(: |-> )'([^']*)'")
+"""An annotation that is kept as text."""
 
 
 def reference() -> str:
@@ -31,7 +34,8 @@ def described(module: ModuleType) -> str:
 
 def _entry(name: str, value: Any) -> str:
     text = inspect.cleandoc(value.__doc__ or "")
-    return f"## {name}\n\n```python\n{_signature(name, value)}\n```\n\n{text}"
+    signature = _QUOTED.sub(r"\1\2", _signature(name, value))
+    return f"## {name}\n\n```python\n{signature}\n```\n\n{text}"
 
 
 def _signature(name: str, value: Any) -> str:
@@ -41,7 +45,7 @@ def _signature(name: str, value: Any) -> str:
         return line
     parameters = [f"    {parameter}," for parameter in _written(signature)]
     returned = signature.return_annotation
-    arrow = "" if returned is inspect.Signature.empty or inspect.isclass(value) else f" -> {returned}"
+    arrow = "" if returned is inspect.Signature.empty or inspect.isclass(value) else f" -> {returned!r}"
     return "\n".join([f"{name}(", *parameters, f"){arrow}"])
 
 

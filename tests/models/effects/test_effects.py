@@ -140,7 +140,8 @@ def test_no_published_id_is_lost() -> None:
 @each_effect
 def test_it_is_declared(effect: type[Effect]) -> None:
     assert effect.__module__.rpartition(".")[2] == effect.id
-    assert effect.id.isidentifier() and effect.id == effect.id.lower()
+    assert effect.id.isidentifier()
+    assert effect.id == effect.id.lower()
     assert effect.kinds
     assert effect.kinds <= set(KINDS)
     assert all(effect in effects_for(kind) for kind in effect.kinds)

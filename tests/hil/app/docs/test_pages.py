@@ -79,12 +79,12 @@ def test_an_unknown_marker_is_refused() -> None:
 
 def test_a_function_is_described_by_signature_and_docstring() -> None:
     text = described(rig)
-    assert "## read_rig\n\n```python\nread_rig(path: 'Path') -> 'Rig'\n```\n\nRead a rig file;" in text
+    assert "## read_rig\n\n```python\nread_rig(path: Path) -> Rig\n```\n\nRead a rig file;" in text
     assert "## _kind" not in text
 
 
 def test_a_long_signature_has_a_parameter_a_line_and_keeps_its_star() -> None:
     text = described(command)
-    assert "```python\nrun(\n    path: 'Path',\n" in text
-    assert "\n    *,\n    dry_run: 'bool' = False,\n" in text
-    assert "\n) -> 'int'\n```" in text
+    assert "```python\nrun(\n    path: Path,\n" in text
+    assert "\n    *,\n    dry_run: bool = False,\n" in text
+    assert "\n) -> int\n```" in text

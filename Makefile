@@ -12,6 +12,7 @@ test: setup
 
 docs: $(VENV)/.installed-docs
 	NO_MKDOCS_2_WARNING=1 $(VENV)/bin/mkdocs build --strict --quiet
+	@echo build/site/index.html
 
 lint: setup
 	$(VENV)/bin/ruff check .

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,9 @@ from hil.app.docs.pages import PARTS, filled, main
 from hil.app.run import command
 from models.effects import EFFECTS
 from models.files import rig, rig_tables
+from models.files.columns import COLUMNS
+from models.files.rig import parse_rig
+from models.files.rig_tables import PaperTissueTable
 from tests.places import ROOT
 
 PAGES = sorted((ROOT / "docs").rglob("*.md"))
@@ -88,3 +92,46 @@ def test_a_long_signature_has_a_parameter_a_line_and_keeps_its_star() -> None:
     assert "```python\nrun(\n    path: Path,\n" in text
     assert "\n    *,\n    dry_run: bool = False,\n" in text
     assert "\n) -> int\n```" in text
+
+
+FULL: dict[str, Any] = {
+    "rig": {},
+    "capsule": {"radius_m": 6.5e-3, "cylinder_length_m": 0.02, "mass_kg": 4e-3},
+    "tissue": PaperTissueTable().model_dump(),
+    "drive": {"inner_mass_kg": 0.01, "spring_stiffness_N_per_m": 80.0, "force_N": 1.0, "reaction_on_body": True},
+    "surface": {},
+    "axis": {},
+    "noise": {},
+}
+HEADS: dict[str, dict[str, float]] = {
+    "magnetic": {"magnet_stiffness_N_per_m": 25.0, "magnet_range_m": 0.02},
+    "coil": {"force_constant_N_per_A": 0.5},
+    "periods": {"velocity_m_s": 0.01},
+}
+SURFACES = {"plate": {"kind": "plate", "friction_coefficient": 0.2}, "gut": {"kind": "gut"}}
+ROWS = re.findall(
+    r"^\| ((?:`[a-z_]+`(?:, )?)+)(?: \w+ \w+ (plate|gut))? \| (`\[rig\]`[^|]*) \| ([^|]*) \|$",
+    (ROOT / "docs" / "rig-and-record-files.md").read_text(encoding="utf-8"),
+    re.MULTILINE,
+)
+
+
+def test_every_kind_of_rig_has_its_row() -> None:
+    kinds = [kind for row in ROWS for kind in re.findall(r"\w+", row[0])]
+    assert sorted({*kinds}) == sorted(COLUMNS)
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row[0]} {row[1]}")
+def test_a_kind_of_rig_takes_the_tables_of_its_row(row: tuple[str, str, str, str]) -> None:
+    needed, optional = (set(re.findall(r"\w+", cell)) for cell in row[2:])
+    for kind in re.findall(r"\w+", row[0]):
+        tables = FULL | {"rig": {"kind": kind, **HEADS.get(kind, {})}, "surface": SURFACES[row[1] or "gut"]}
+        allowed = {name: tables[name] for name in needed | optional}
+        assert parse_rig(allowed).kind == kind
+        assert parse_rig({name: tables[name] for name in needed}).kind == kind
+        for name in needed:
+            with pytest.raises(ValueError, match=rf"table \[{name}\] must be there"):
+                parse_rig({key: table for key, table in allowed.items() if key != name})
+        for name in tables.keys() - allowed.keys():
+            with pytest.raises(ValueError, match=rf"table \[{name}\] must not be there"):
+                parse_rig(allowed | {name: tables[name]})

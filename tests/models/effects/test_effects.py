@@ -133,14 +133,19 @@ def test_every_file_in_a_folder_of_effects_is_an_effect() -> None:
     assert len(BY_ID) == len(EFFECTS) + len(REFINEMENTS)
 
 
+def test_no_published_id_is_lost() -> None:
+    assert {*PUBLISHED, *OWN} - {effect.id for effect in EFFECTS} == set()
+
+
 @each_effect
 def test_it_is_declared(effect: type[Effect]) -> None:
     assert effect.__module__.rpartition(".")[2] == effect.id
-    assert effect.id in PUBLISHED or effect.id in OWN
+    assert effect.id.isidentifier()
+    assert effect.id == effect.id.lower()
     assert effect.kinds
     assert effect.kinds <= set(KINDS)
     assert all(effect in effects_for(kind) for kind in effect.kinds)
-    assert set(effect.look_alikes) <= set(PUBLISHED) | set(OWN)
+    assert set(effect.look_alikes) <= set(BY_ID)
     assert effect.id not in effect.look_alikes
     assert all((effect.summary, effect.source, effect.separated_by, effect.__doc__))
 

@@ -1,0 +1,178 @@
+"""Every key of the input files with unit, range, default and meaning, read from the schema that checks the files."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import typing
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+from controller.limits import Limits
+from controller.registry import CONTROLLERS
+from hil.app.docs.meanings import MEANINGS, UNITS
+from hil.app.scenario.deployment import BusTable, ControlTable, ModelTable
+from hil.app.scenario.model_offer import OfferTable
+from hil.app.scenario.reference import REFERENCES
+from hil.app.scenario.scenario import Control
+from hil.nodes.cia402.states import Cia402Table
+from models.files.columns import ABOVE, COLUMNS, RANGES, TIME
+from models.files.rig_tables import (
+    Axis,
+    BodyTable,
+    CapsuleTable,
+    Coil,
+    Drive,
+    Magnet,
+    Noise,
+    PaperCapsuleTable,
+    PaperTissueTable,
+    Surface,
+    Table,
+    TissueTable,
+)
+from models.identification.finding import STAGES
+
+RIG_TABLES: Final[Mapping[str, tuple[type[Table], ...]]] = {
+    "[capsule]": (CapsuleTable, BodyTable, PaperCapsuleTable),
+    "[tissue]": (TissueTable, PaperTissueTable),
+    "[rig] of kind magnetic": (Magnet,),
+    "[rig] of kind coil": (Coil,),
+    "[drive]": (Drive,),
+    "[surface]": (Surface,),
+    "[axis]": (Axis,),
+    "[noise]": (Noise,),
+}
+"""Tables of a rig file; where several kinds of rig state one table differently, the strictest comes first."""
+
+DEPLOYMENT_TABLES: Final[Mapping[str, Any]] = {
+    "[bus]": BusTable,
+    "[control]": ControlTable,
+    "[control] of a scenario": Control,
+    **{f'[reference] with kind = "{kind}"': shape for kind, shape in REFERENCES.items()},
+    "[limits]": Limits,
+    "[model]": ModelTable,
+    "[offer]": OfferTable,
+    "[cia402]": Cia402Table,
+}
+
+_WHERE: Final[Mapping[type[Table], str]] = {
+    CapsuleTable: "in the gut",
+    TissueTable: "in the gut",
+    BodyTable: "on a plate",
+}
+_CHOICES: Final[Mapping[str, tuple[str, ...]]] = {"controller": tuple(CONTROLLERS), "stage": STAGES}
+
+CHECKED: Final[Mapping[tuple[type[Any], str], tuple[float, float]]] = {
+    (ControlTable, "tick_s"): (5e-4, 0.02),
+    (ControlTable, "seen_noise_m"): (0.0, 0.01),
+    (ControlTable, "duration_s"): (0.01, 86400.0),
+    (ControlTable, "priority"): (0, 99),
+    (ControlTable, "core"): (-1, math.inf),
+    (Control, "tick_s"): (1e-4, 0.02),
+    (Control, "judged_from_s"): (0.0, math.inf),
+    (OfferTable, "at_s"): (0.0, math.inf),
+    (Cia402Table, "node_id"): (1, 15),
+}
+"""Ranges that a table checks as it is made; the test of the page tries both ends of each."""
+
+
+def unit_of(key: str) -> str:
+    """The unit that a key's name ends in, "" where it has none."""
+    ending = max((end for end in UNITS if key.endswith(end)), key=len, default="")
+    return UNITS.get(ending, "")
+
+
+def rig_keys() -> str:
+    """The tables of a rig file as Markdown."""
+    return "\n\n".join(f"### {_head(name)}\n\n{_rows(_pydantic(models))}" for name, models in RIG_TABLES.items())
+
+
+def deployment_keys() -> str:
+    """The tables that a deployment or a scenario has beside those of the rig, as Markdown."""
+    return "\n\n".join(f"### {_head(name)}\n\n{_rows(_dataclass(cls))}" for name, cls in DEPLOYMENT_TABLES.items())
+
+
+def columns() -> str:
+    """What a record of each kind of rig must hold, and the ranges of its columns, as Markdown."""
+    lines = ["| kind | driven | measured | fewest rows |", "| --- | --- | --- | --- |"]
+    for kind, known in COLUMNS.items():
+        driven = [f"`{TIME}`"] if known.time else []
+        driven += [" or ".join(f"`{name}`" for name in alternatives) for alternatives in known.driven]
+        driven += [f"`{name}` (or in the rig file)" for name in known.given_by_rig]
+        measured = ", ".join(f"`{name}`" for name in known.measured)
+        lines.append(f"| `{kind}` | {', '.join(driven)} | {measured} | {known.minimum} |")
+    lines += ["", "| column | range |", "| --- | --- |"]
+    for name, (lower, upper, _) in RANGES.items():
+        relation = ">" if name in ABOVE else ">="
+        lines.append(f"| `{name}` | {relation} {lower:g}, <= {upper:g} {unit_of(name)} |".replace("  ", " "))
+    return "\n".join(lines)
+
+
+def all_keys() -> Iterator[str]:
+    """Every key that needs a meaning."""
+    for models in RIG_TABLES.values():
+        yield from models[0].model_fields
+    for cls in DEPLOYMENT_TABLES.values():
+        yield from (field.name for field in dataclasses.fields(cls))
+
+
+def _head(name: str) -> str:
+    table, _, rest = name.partition("]")
+    return f"`{table}]`{rest}"
+
+
+def _rows(rows: Iterator[tuple[str, str, str]]) -> str:
+    lines = ["| key | unit | range | default | meaning |", "| --- | --- | --- | --- | --- |"]
+    for key, span, default in rows:
+        lines.append(f"| `{key}` | {unit_of(key)} | {span} | {default} | {MEANINGS[key]} |")
+    return "\n".join(lines).replace("|  |", "| |").replace("|  |", "| |")
+
+
+def _pydantic(models: tuple[type[Table], ...]) -> Iterator[tuple[str, str, str]]:
+    strictest, loosest = models[0].model_json_schema(), models[-1].model_json_schema()
+    for key, schema in strictest["properties"].items():
+        default = loosest["properties"][key].get("default")
+        where = [_WHERE[m] for m in models if m in _WHERE and m.model_fields[key].is_required()]
+        if where:
+            said = f"required {' and '.join(where)}, else {_value(default)}"
+        elif models[0].model_fields[key].is_required():
+            said = "required"
+        else:
+            said = "may be left out" if default is None else _value(default)
+        yield key, _span(schema), said
+
+
+def _span(schema: Mapping[str, Any]) -> str:
+    inner = next((part for part in schema.get("anyOf", [schema]) if part.get("type") != "null"), schema)
+    if "const" in inner or "enum" in inner:
+        return " or ".join(f"`{value}`" for value in inner.get("enum", [inner.get("const")]))
+    if inner.get("type") == "boolean":
+        return "true or false"
+    bounds = (("exclusiveMinimum", ">"), ("minimum", ">="), ("exclusiveMaximum", "<"), ("maximum", "<="))
+    return ", ".join(f"{sign} {inner[name]:g}" for name, sign in bounds if name in inner)
+
+
+def _dataclass(cls: type[Any]) -> Iterator[tuple[str, str, str]]:
+    hints = typing.get_type_hints(cls)
+    for field in dataclasses.fields(cls):
+        if (cls, field.name) in CHECKED:
+            lower, upper = CHECKED[cls, field.name]
+            span = f">= {lower:g}" + (f", <= {upper:g}" if math.isfinite(upper) else "")
+        elif field.name in _CHOICES:
+            span = ", ".join(f"`{name}`" for name in _CHOICES[field.name])
+        elif cls is Limits:
+            span = "> 0"
+        else:
+            numbers = "list of numbers" if "tuple" in str(hints[field.name]) else ""
+            span = {str: "text", float: "number"}.get(hints[field.name], numbers)
+        missing = field.default is dataclasses.MISSING
+        yield field.name, span, "required" if missing else _value(field.default)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return f"`{value}`" if value else "empty"
+    return f"{value:.9g}"

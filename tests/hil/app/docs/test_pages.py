@@ -1,0 +1,137 @@
+"""The generated parts of docs/*.md say what the schema and the catalogue of effects say."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hil.app.docs.api import described
+from hil.app.docs.keys import CHECKED, RIG_TABLES, all_keys, unit_of
+from hil.app.docs.meanings import MEANINGS
+from hil.app.docs.pages import PARTS, filled, main
+from hil.app.run import command
+from models.effects import EFFECTS
+from models.files import rig, rig_tables
+from models.files.columns import COLUMNS
+from models.files.rig import parse_rig
+from models.files.rig_tables import PaperTissueTable
+from tests.places import ROOT
+
+PAGES = sorted((ROOT / "docs").rglob("*.md"))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_generated_parts_are_current(page: Path) -> None:
+    """`python -m hil.app.docs.pages` writes them anew."""
+    text = page.read_text(encoding="utf-8")
+    assert filled(text) == text, "run: python -m hil.app.docs.pages"
+
+
+def test_every_part_stands_on_a_page() -> None:
+    pages = "".join(page.read_text(encoding="utf-8") for page in PAGES)
+    assert [name for name in PARTS if f"<!-- generated: {name} -->" not in pages] == []
+
+
+def test_every_key_has_a_meaning_and_every_meaning_a_key() -> None:
+    assert set(all_keys()) == set(MEANINGS)
+
+
+def test_every_table_of_the_schema_is_listed() -> None:
+    listed = {model for models in RIG_TABLES.values() for model in models}
+    tables = {t for t in vars(rig_tables).values() if isinstance(t, type) and issubclass(t, rig_tables.Table)}
+    assert tables - {rig_tables.Table} == listed
+
+
+@pytest.mark.parametrize(("cls", "key"), CHECKED, ids=lambda value: getattr(value, "__name__", value))
+def test_ranges_are_those_that_the_tables_check(cls: type[Any], key: str) -> None:
+    given = {"file": "model.toml", "report": "report.json"} if cls.__name__ == "OfferTable" else {}
+    lower, upper = CHECKED[cls, key]
+    for end, beyond in ((lower, -1), (upper, 1)):
+        if math.isfinite(end):
+            cls(**given, **{key: end})
+            with pytest.raises(ValueError, match=key):
+                cls(**given, **{key: end + beyond})
+
+
+def test_every_effect_is_on_the_page() -> None:
+    page = (ROOT / "docs" / "effects.md").read_text(encoding="utf-8")
+    assert [effect.id for effect in EFFECTS if f"### {effect.id}\n" not in page] == []
+
+
+def test_a_unit_is_read_from_the_end_of_a_name() -> None:
+    assert [unit_of(name) for name in ("spring_damping_N_s_per_m", "speed_mm_s", "preset")] == ["N s/m", "mm/s", ""]
+
+
+def test_pages_are_filled_between_their_markers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("before\n<!-- generated: columns -->\nold\n<!-- end -->\nafter\n", encoding="utf-8")
+    main(tmp_path)
+    text = page.read_text(encoding="utf-8")
+    assert text.startswith("before\n<!-- generated: columns -->\n\n| kind |")
+    assert text.endswith("\n<!-- end -->\nafter\n")
+    assert capsys.readouterr().out == f"{page}\n"
+
+
+def test_an_unknown_marker_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"generated part must be one of columns, .*; got 'nothing'"):
+        filled("<!-- generated: nothing -->\n<!-- end -->")
+
+
+def test_a_function_is_described_by_signature_and_docstring() -> None:
+    text = described(rig)
+    assert "## read_rig\n\n```python\nread_rig(path: Path) -> Rig\n```\n\nRead a rig file;" in text
+    assert "## _kind" not in text
+
+
+def test_a_long_signature_has_a_parameter_a_line_and_keeps_its_star() -> None:
+    text = described(command)
+    assert "```python\nrun(\n    path: Path,\n" in text
+    assert "\n    *,\n    dry_run: bool = False,\n" in text
+    assert "\n) -> int\n```" in text
+
+
+FULL: dict[str, Any] = {
+    "rig": {},
+    "capsule": {"radius_m": 6.5e-3, "cylinder_length_m": 0.02, "mass_kg": 4e-3},
+    "tissue": PaperTissueTable().model_dump(),
+    "drive": {"inner_mass_kg": 0.01, "spring_stiffness_N_per_m": 80.0, "force_N": 1.0, "reaction_on_body": True},
+    "surface": {},
+    "axis": {},
+    "noise": {},
+}
+HEADS: dict[str, dict[str, float]] = {
+    "magnetic": {"magnet_stiffness_N_per_m": 25.0, "magnet_range_m": 0.02},
+    "coil": {"force_constant_N_per_A": 0.5},
+    "periods": {"velocity_m_s": 0.01},
+}
+SURFACES = {"plate": {"kind": "plate", "friction_coefficient": 0.2}, "gut": {"kind": "gut"}}
+ROWS = re.findall(
+    r"^\| ((?:`[a-z_]+`(?:, )?)+)(?: \w+ \w+ (plate|gut))? \| (`\[rig\]`[^|]*) \| ([^|]*) \|$",
+    (ROOT / "docs" / "rig-and-record-files.md").read_text(encoding="utf-8"),
+    re.MULTILINE,
+)
+
+
+def test_every_kind_of_rig_has_its_row() -> None:
+    kinds = [kind for row in ROWS for kind in re.findall(r"\w+", row[0])]
+    assert sorted({*kinds}) == sorted(COLUMNS)
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row[0]} {row[1]}")
+def test_a_kind_of_rig_takes_the_tables_of_its_row(row: tuple[str, str, str, str]) -> None:
+    needed, optional = (set(re.findall(r"\w+", cell)) for cell in row[2:])
+    for kind in re.findall(r"\w+", row[0]):
+        tables = FULL | {"rig": {"kind": kind, **HEADS.get(kind, {})}, "surface": SURFACES[row[1] or "gut"]}
+        allowed = {name: tables[name] for name in needed | optional}
+        assert parse_rig(allowed).kind == kind
+        assert parse_rig({name: tables[name] for name in needed}).kind == kind
+        for name in needed:
+            with pytest.raises(ValueError, match=rf"table \[{name}\] must be there"):
+                parse_rig({key: table for key, table in allowed.items() if key != name})
+        for name in tables.keys() - allowed.keys():
+            with pytest.raises(ValueError, match=rf"table \[{name}\] must not be there"):
+                parse_rig(allowed | {name: tables[name]})

@@ -106,6 +106,20 @@ def _seeds(
     seeds(json_output=json_output, plot=plot)
 
 
+@app.command("init")
+def _init(
+    kind: Annotated[
+        str, typer.Argument(metavar="KIND", help="pull, magnetic, coil, vibro, vibro_table, axis, periods or dma.")
+    ],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the files; made where there is none.")],
+    json_output: Json = False,
+) -> None:
+    """The first files of your own rig: a commented rig file, a template record, the command to run."""
+    from hil.app.init.command import init
+
+    init(kind, folder, json_output=json_output)
+
+
 @app.command("close-loop", cls=ManyHoldouts)
 def _close_loop(
     records: Annotated[list[Path], typer.Argument(metavar="RECORD...", help="Training records, .csv or .csv.gz.")],
@@ -124,6 +138,24 @@ def _close_loop(
     from hil.app.identify.close_loop import close_loop
 
     close_loop(records, rig, out, holdout or [], json_output=json_output, seed=seed)
+
+
+@app.command("plot")
+def _plot(
+    records: Annotated[list[Path], typer.Argument(metavar="RECORD...", help="Records of one rig.")],
+    rig: Annotated[
+        Path | None,
+        typer.Option("--rig", metavar="RIG.toml", help="Its rig file; else all columns as they stand."),
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", metavar="PAGE.html", help="Where the page goes.")] = Path(
+        "records.html"
+    ),
+    json_output: Json = False,
+) -> None:
+    """Pictures of records: a page with a panel for each column."""
+    from hil.app.plot.command import plot
+
+    plot(records, rig, out, json_output=json_output)
 
 
 @app.command("predict")

@@ -26,13 +26,18 @@ def write_files(contents: Mapping[Path, str | bytes]) -> None:
             temporary.unlink(missing_ok=True)
 
 
-def write_table(path: Path, columns: Mapping[str, NDArray[np.float64]]) -> None:
-    """Write columns of one length as CSV, gzipped where the name ends in `.gz`."""
+def table_text(columns: Mapping[str, NDArray[np.float64]]) -> str:
+    """Columns of one length as CSV."""
     text = io.StringIO()
     np.savetxt(
         text, np.column_stack(list(columns.values())), delimiter=",", fmt="%.10g", header=",".join(columns), comments=""
     )
-    data = text.getvalue().encode()
+    return text.getvalue()
+
+
+def write_table(path: Path, columns: Mapping[str, NDArray[np.float64]]) -> None:
+    """Write columns of one length as CSV, gzipped where the name ends in `.gz`."""
+    data = table_text(columns).encode()
     write_files({path: gzip.compress(data, mtime=0) if path.name.endswith(".gz") else data})
 
 

@@ -72,7 +72,13 @@ class _PeriodsHead(_Head):
     velocity_m_s: float | None = None
 
 
-_HEADS: Mapping[str, type[_Head]] = {"magnetic": _MagneticHead, "coil": _CoilHead, "periods": _PeriodsHead}
+HEADS: Mapping[str, type[_Head]] = {
+    **dict.fromkeys(COLUMNS, _Head),
+    "magnetic": _MagneticHead,
+    "coil": _CoilHead,
+    "periods": _PeriodsHead,
+}
+"""The table `[rig]` of each kind."""
 _IN_THE_GUT = ("pull", "magnetic", "coil")
 
 
@@ -102,7 +108,7 @@ def parse_rig(raw: Mapping[str, Any], where: str = "rig") -> Rig:
             raise ValueError(f"{where}: [{table}] must be a table; got {content!r}")
     kind = _kind(raw, where)
     file = _File(raw, where, kind)
-    head = file.read("rig", _HEADS.get(kind, _Head))
+    head = file.read("rig", HEADS[kind])
     rig = _parts(file, kind, head)
     file.refuse_rest()
     return rig
@@ -212,7 +218,7 @@ class _File:
             owner = next(
                 (
                     f"{key!r}, which belongs to kind {kind!r}"
-                    for kind, head in _HEADS.items()
+                    for kind, head in HEADS.items()
                     if table == "rig" and key in head.model_fields
                 ),
                 None,

@@ -140,10 +140,11 @@ def _pydantic(models: tuple[type[Table], ...]) -> Iterator[tuple[str, str, str]]
             said = "required"
         else:
             said = "may be left out" if default is None else _value(default)
-        yield key, _span(schema), said
+        yield key, span(schema), said
 
 
-def _span(schema: Mapping[str, Any]) -> str:
+def span(schema: Mapping[str, Any]) -> str:
+    """The range or the choices that the JSON schema of a key allows, "" where it is free."""
     inner = next((part for part in schema.get("anyOf", [schema]) if part.get("type") != "null"), schema)
     if "const" in inner or "enum" in inner:
         return " or ".join(f"`{value}`" for value in inner.get("enum", [inner.get("const")]))

@@ -1,0 +1,1 @@
+"""`capsule init`: the first files of one's own rig."""

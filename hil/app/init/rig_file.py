@@ -1,0 +1,66 @@
+"""A rig file in which every key that its kind may have stands with unit, range and meaning, from the schema that checks
+it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any, Final
+
+from hil.app.docs.keys import span, unit_of
+from hil.app.docs.meanings import MEANINGS
+from models.files.columns import COLUMNS
+from models.files.rig import HEADS
+from models.files.rig_tables import (
+    Axis,
+    BodyTable,
+    CapsuleTable,
+    Drive,
+    Noise,
+    PaperCapsuleTable,
+    PaperTissueTable,
+    Surface,
+    Table,
+    TissueTable,
+)
+
+_IN_GUT: Final[Mapping[str, type[Table]]] = {"capsule": CapsuleTable, "tissue": TissueTable}
+_OF_PAPER: Final[Mapping[str, type[Table]]] = {"capsule": PaperCapsuleTable, "tissue": PaperTissueTable}
+Tables = Mapping[str, Mapping[str, Any]]
+"""Values by table and key."""
+
+_TABLES: Final[Mapping[str, Mapping[str, type[Table]]]] = {
+    "pull": _IN_GUT,
+    "magnetic": _IN_GUT,
+    "coil": _IN_GUT,
+    "vibro": {**_IN_GUT, "drive": Drive, "surface": Surface},
+    "vibro_table": {"capsule": BodyTable, "drive": Drive, "surface": Surface},
+    "axis": {"axis": Axis},
+    "periods": _OF_PAPER,
+    "dma": {},
+}
+
+
+def commented(kind: str, values: Tables) -> str:
+    """The text of a rig file of `kind` with `values` by table and key; a key without a value stands as a comment."""
+    lines = [f"# A rig of kind {kind}: what you believe about it, in SI units. Put your values in place of these."]
+    lines += ["", "[rig]", f'kind = "{kind}"']
+    lines += [_line(key, HEADS[kind], values["rig"]) for key in HEADS[kind].model_fields if key != "kind"]
+    for name, model in _TABLES[kind].items():
+        lines += ["", f"[{name}]", *(_line(key, model, values.get(name, {})) for key in model.model_fields)]
+    measured = COLUMNS[kind].measured
+    stated = [key for key in Noise.model_fields if any(key.partition("_std_")[0] in column for column in measured)]
+    lines += ["", "[noise]", *(_line(key, Noise, values.get("noise", {})) for key in stated)]
+    return "\n".join([*lines, ""])
+
+
+def _line(key: str, model: type[Table], values: Mapping[str, Any]) -> str:
+    told = f"{key} = {_value(values[key])}" if key in values else f"# {key} ="
+    schema = model.model_json_schema()["properties"][key]
+    facts = [unit_of(key), span(schema).replace("`", ""), MEANINGS.get(key, "").replace("`", "")]
+    return f"{told:<44} # {'; '.join(fact for fact in facts if fact)}" if any(facts) else told
+
+
+def _value(value: Any) -> str:
+    return repr(value) if isinstance(value, float) else json.dumps(value)

@@ -1,0 +1,1 @@
+"""`capsule plot`: pictures of records."""

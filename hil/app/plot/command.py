@@ -1,0 +1,93 @@
+"""`capsule plot`: records as one interactive page, a panel a column over time (or over the first column of a table)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from hil.app.console import print_json, summary
+from hil.app.identify.close_loop import read_series
+from hil.app.report.theme import line_colour, styled
+from hil.app.report.words import column_words
+from hil.app.scenario.deployment import read_deployed_rig
+from hil.app.write import check_file, check_targets, write_files
+from models.files.csv_reader import read_blocks
+from models.files.record import Array, Record
+
+_MOST_POINTS: Final = 4000
+"""Points that a line shows; more are drawn by the largest and the smallest of each stretch."""
+
+
+def plot(paths: Sequence[Path], rig: Path | None, out: Path, *, json_output: bool = False) -> None:
+    """Draw the records `paths` into the page `out` (.html): of a `rig` as close-loop reads them, else all columns of
+    numbers as they stand in the files. Raises ValueError, one sentence.
+    """
+    check_targets([check_file(out, "--out", (".html",))], "--out", [*paths, *([rig] if rig else [])])
+    records = read_series(paths, (), read_deployed_rig(rig))[0] if rig else [as_it_stands(path) for path in paths]
+    write_files({out: page(records)})
+    if json_output:
+        print_json(
+            {
+                "page": str(out),
+                "records": [{"name": r.name, "rows": len(r), "columns": list(r.columns)} for r in records],
+            }
+        )
+    else:
+        summary().print(f"page: {out}", markup=False, soft_wrap=True)
+
+
+def as_it_stands(path: Path) -> Record:
+    """All columns of numbers of a CSV file, unchecked but for its form. Raises ValueError of one sentence."""
+    blocks: list[Array] = []
+    header: Sequence[str] = ()
+    for names, block in read_blocks(path, lambda _: []):
+        header = names
+        blocks.append(block.values)
+    values = np.concatenate(blocks) if blocks else np.empty((0, 0))
+    columns = {name: values[:, i] for i, name in enumerate(header) if name and not np.isnan(values[:, i]).all()}
+    if len(columns) < 2 or not len(values):
+        raise ValueError(f"{path}: record must have two columns of numbers or more; got {len(columns)}")
+    return Record(path.name, "", columns)
+
+
+def page(records: Sequence[Record]) -> str:
+    """The page of one kind's records: a panel a column, the records over each other."""
+    from plotly.subplots import make_subplots
+
+    over = next(iter(records[0].columns))
+    columns = [name for name in records[0].columns if name != over]
+    figure: Any = make_subplots(rows=len(columns), cols=1, shared_xaxes=True, vertical_spacing=0.1 / len(columns))
+    for number, record in enumerate(records):
+        colour = line_colour(number)
+        for row, name in ((r, n) for r, n in enumerate(columns, start=1) if n in record.columns):
+            x, y = thinned(record[over], record[name])
+            figure.add_scatter(
+                x=x, y=y, name=record.name, legendgroup=record.name, showlegend=row == 1, line={"color": colour},
+                mode="lines" if over == "t_s" else "markers", marker={"color": colour}, row=row, col=1,
+            )  # fmt: skip
+    for row, name in enumerate(columns, start=1):
+        figure.update_yaxes(title_text=_title(name), row=row, col=1)
+    figure.update_xaxes(title_text=_title(over), row=len(columns), col=1)
+    styled(figure, 120 + 240 * len(columns))
+    return str(figure.to_html(include_plotlyjs=True, full_html=True))
+
+
+def _title(column: str) -> str:
+    words, unit = column_words(column)
+    return f"{words} in {unit}" if unit else words
+
+
+def thinned(x: Array, y: Array) -> tuple[Array, Array]:
+    """At most about `_MOST_POINTS` of the points (x, y), which keep the largest and smallest y of every stretch."""
+    if len(x) <= _MOST_POINTS:
+        return x, y
+    edges = np.linspace(0, len(x), _MOST_POINTS // 2 + 1).astype(int)
+    kept = {0, len(x) - 1}
+    for begin, end in pairwise(edges.tolist()):
+        kept |= {begin + int(np.argmin(y[begin:end])), begin + int(np.argmax(y[begin:end]))}
+    rows = np.array(sorted(kept))
+    return x[rows], y[rows]

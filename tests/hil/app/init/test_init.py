@@ -1,0 +1,51 @@
+"""`capsule init` writes files that the program takes as they are."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from hil.app.init.command import RECORD, RIG
+from hil.app.main import run
+from models.files.columns import COLUMNS
+from models.files.record import read_record
+from models.files.rig import HEADS, read_rig
+
+
+@pytest.mark.parametrize("kind", sorted(COLUMNS))
+def test_rig_file_and_record_are_read_as_they_stand(
+    kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["init", kind, str(tmp_path / kind), "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    rig = read_rig(tmp_path / kind / RIG)
+    assert rig.kind == kind
+    assert len(read_record(tmp_path / kind / RECORD, rig)) >= COLUMNS[kind].minimum
+    assert all(Path(file).is_file() for file in said["files"])
+    text = (tmp_path / kind / RIG).read_text()
+    assert all(f"{key} =" in text for key in HEADS[kind].model_fields)
+
+
+@pytest.mark.parametrize("kind", ["axis", "dma", "periods"])
+def test_the_command_that_it_prints_runs(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["init", kind, str(tmp_path), "--json"]) == 0
+    command = json.loads(capsys.readouterr().out)["command"].split()
+    assert command[0] == "capsule"
+    assert run([*command[1:], "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["kind"] == kind
+
+
+def test_what_stands_there_is_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / RECORD).write_text("mine")
+    assert run(["init", "pull", str(tmp_path)]) == 2
+    assert "none is overwritten" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == [RECORD]
+    assert (tmp_path / RECORD).read_text() == "mine"
+
+
+def test_an_unknown_kind_is_told_with_the_nearest(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["init", "magnet", str(tmp_path / "new")]) == 2
+    assert "'magnetic'" in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()

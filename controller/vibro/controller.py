@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,30 +15,11 @@ from controller.signals import Action, Controller, Estimate, Reference, Status
 from controller.vibro.cycles import VibroModel
 from controller.vibro.design.drive_map import designed
 from controller.vibro.gears import Choice, DriveMap
-from controller.vibro.slow_loop import AveragedMpc, ProgressFilter, Weights
+from controller.vibro.slow_loop import AveragedMpc, ProgressFilter, Tuning, Weights
 from controller.vibro.waveform import REST, Waveform
 
 _FAR = 1e3  # m or m/s, beyond it a number is none
 _REGEAR = 0.2  # share by which the wanted speed must change for the choice of the gear to be thought over
-
-
-@dataclass(frozen=True)
-class Tuning:
-    """`tick_s` of the loop; `position_index` of x in the estimate's state; readings are taken `sample_s` apart.
-    Progress that was missed is caught up at most `catch_up` of the speed faster or slower, `catch_up_stopped` where a
-    stop cost more than `near_m`; `blind_s` after the last good estimate the drive rests. `feedback` False leaves the
-    feedforward alone.
-    """
-
-    tick_s: float = 1e-3
-    position_index: int = 0
-    sample_s: float = 9.5e-3
-    catch_up: float = 0.03
-    catch_up_stopped: float = 0.08
-    catch_up_s: float = 0.7
-    near_m: float = 0.4e-3
-    blind_s: float = 1.0
-    feedback: bool = True
 
 
 class VibroController(Controller):

@@ -20,6 +20,25 @@ _ENOUGH = 1e-6  # m/s, change of the commands below which a plan is done
 _GATE = 6.0  # standard deviations beyond which a reading is put down to an outlier
 
 
+@dataclass(frozen=True)
+class Tuning:
+    """`tick_s` of the loop; `position_index` of x in the estimate's state; readings are taken `sample_s` apart.
+    Progress that was missed is caught up at most `catch_up` of the speed faster or slower, `catch_up_stopped` where a
+    stop cost more than `near_m`; `blind_s` after the last good estimate the drive rests. `feedback` False leaves the
+    feedforward alone.
+    """
+
+    tick_s: float = 1e-3
+    position_index: int = 0
+    sample_s: float = 9.5e-3
+    catch_up: float = 0.03
+    catch_up_stopped: float = 0.08
+    catch_up_s: float = 0.7
+    near_m: float = 0.4e-3
+    blind_s: float = 1.0
+    feedback: bool = True
+
+
 @dataclass
 class ProgressFilter:
     """Kalman filter on (p in m, s in m/s, b in m/s); its readings are late and noisy positions.

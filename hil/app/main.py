@@ -248,6 +248,22 @@ def _run(
     return run(rig, action, dry_run=dry_run, log=log, json_output=json_output)
 
 
+@app.command("plant")
+def _plant(
+    deployment: Annotated[
+        Path, typer.Argument(metavar="DEPLOYMENT.toml", help="A deployment file whose [plant] names a scenario.")
+    ],
+    seconds: Annotated[
+        float | None, typer.Option("--seconds", metavar="S", help="For how long; else until Ctrl-C.")
+    ] = None,
+    json_output: Json = False,
+) -> None:
+    """The simulated drive side alone, on the bus that the deployment file names; prints `ready` once it is there."""
+    from hil.app.run.simulated_plant import plant
+
+    plant(deployment, seconds, json_output=json_output)
+
+
 @app.command("replay")
 def _replay(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="A log of the controller, its record beside it.")],

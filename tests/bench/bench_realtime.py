@@ -243,15 +243,18 @@ def lead_figures(seconds: float, priority: int, load: bool, controller: str) -> 
         text = deployment(channel, control=table, more="").replace('kind = "ramp"\nspeed_mm_s = 2.0', SINE)
         (folder / "rig.toml").write_text(text)
         log = folder / "run.blf"
-        arguments = ["capsule_local", channel, str(seconds + 60), str(priority)]
+        named = f'[plant]\nscenario = "plant.toml"\npriority = {priority}\n'
+        (folder / "plant_side.toml").write_text(deployment(channel, more=named))
+        arguments = [str(folder / "plant_side.toml"), "--seconds", str(seconds + 60), "--json"]
         plant = subprocess.Popen(
-            [sys.executable, "-m", "hil.app.run.simulated_plant", str(folder / "plant.toml"), *arguments],
+            [sys.executable, "-m", "hil.app.start", "plant", *arguments],
             stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
             text=True,
         )
         burner = subprocess.Popen([sys.executable, "-c", LOAD]) if load else None
-        assert plant.stdout is not None
-        plant.stdout.readline()
+        assert plant.stderr is not None
+        plant.stderr.readline()
         command = [sys.executable, "-m", "hil.app.start", "run", str(folder / "rig.toml"), "--log", str(log), "--json"]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         plant.terminate()

@@ -15,13 +15,14 @@ from typing import Any
 
 import numpy as np
 
-from controller.vibro.controller import Tuning, VibroController
+from controller.vibro.controller import VibroController
 from controller.vibro.cycles import Cycles, Pace, VibroModel, impact_of
 from controller.vibro.design.cost_by_impact import cheapest, optima, squares
 from controller.vibro.design.drive_map import design, designed
 from controller.vibro.design.four_phase import best_four_phase
 from controller.vibro.design.speed_map import best_square, speed_map
 from controller.vibro.gears import DriveMap
+from controller.vibro.slow_loop import Tuning
 from controller.vibro.waveform import Waveform
 from models.identification.model import Model
 from models.laws.geometry import Capsule, Tissue

@@ -15,13 +15,12 @@ from scipy.linalg import solve_discrete_are
 
 from controller.design.margins import Loop, closed_loop
 from controller.model.linear import Linear
-from controller.vibro.controller import Tuning
 from controller.vibro.cycles import Cycles, VibroModel
 from controller.vibro.design.cost_by_impact import Alternative, from_map, squares
 from controller.vibro.design.drive_map import wrong_models
 from controller.vibro.design.speed_map import SpeedMap, free_period
 from controller.vibro.gears import DriveMap
-from controller.vibro.slow_loop import AveragedMpc, ProgressFilter, transition
+from controller.vibro.slow_loop import AveragedMpc, ProgressFilter, Tuning, transition
 
 Array = NDArray[np.float64]
 SPEEDS_M_S = tuple(sign * v for sign in (1, -1) for v in (2e-3, 5e-3, 10e-3, 20e-3))

@@ -26,7 +26,7 @@ from models.identification import Model
 from models.identification.finding import STAGES, Finding
 from plant import layout as at
 
-SCENARIOS: Final = Path(__file__).parents[1] / "scenarios"
+SCENARIOS: Final = Path(__file__).parents[2] / "scenarios"
 MISSION, HOLDOUT = "mission", "holdout"
 _DRIVEN, _FOUND = 0.12, 0.75
 _SEEDS = 1000

@@ -1,10 +1,9 @@
-"""A simulated plant in real time, in a process of its own: what `capsule run` leads where no drive is at hand."""
+"""`capsule plant`: the simulated drive side alone, in real time on a deployment's bus, where no rig is at hand."""
 
 from __future__ import annotations
 
-import json
-import signal
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,10 +11,11 @@ import can
 import numpy as np
 
 from controller.limits import Limits
+from hil.app.console import output_to_notes, print_json
 from hil.app.run.clock import Clock, ClockedBus, Grid
 from hil.app.run.command import open_bus
 from hil.app.run.loop import Signals, prepare_process
-from hil.app.scenario.deployment import BusTable
+from hil.app.scenario.deployment import BusTable, read_plant
 from hil.app.scenario.scenario import load_track_scenario
 from hil.nodes.cia402.states import Cia402Table
 from hil.nodes.drive.power_stage import CarriagePower
@@ -27,24 +27,57 @@ if TYPE_CHECKING:
     from hil.nodes.cia402.drive import Cia402Drive
 
 
+def plant(path: Path, seconds: float | None = None, *, json_output: bool = False) -> None:
+    """Put the plant of the deployment file `path` on its bus for `seconds`, else until Ctrl-C or SIGTERM, and print
+    "ready" once it is there. With `json_output` that goes to standard error, and at the end what became of the plant,
+    the truth included, to standard output.
+
+    Raises ValueError, one sentence, for a file that names no plant and for a bus that does not open.
+    """
+    if seconds is not None and not 0 < seconds <= 1e6:
+        raise ValueError(f"--seconds must be more than 0 and at most 1e6; got {seconds:g}")
+    deployed = read_plant(path)
+    told = sys.stderr if json_output else sys.stdout
+    with output_to_notes():
+        try:
+            found = run_plant(
+                deployed.scenario,
+                deployed.bus,
+                seconds or float("inf"),
+                deployed.priority,
+                cia402=deployed.cia402,
+                ready=lambda: print("ready", file=told, flush=True),
+            )
+        except ValueError as error:
+            raise ValueError(str(error) if str(error).startswith(str(path.parent)) else f"{path}: {error}") from None
+    if json_output:
+        print_json(found)
+
+
 def run_plant(
-    scenario_path: Path, interface: str, channel: str, seconds: float, priority: int = 0, drive: str = "own"
+    scenario_path: Path,
+    bus_table: BusTable,
+    seconds: float,
+    priority: int = 0,
+    *,
+    cia402: Cia402Table | None = None,
+    ready: Callable[[], None] = lambda: None,
 ) -> dict[str, Any]:
     """Put the plant of a scenario on a bus for `seconds` or until a signal; what became of it, the truth included.
 
-    `drive` "cia402" is a carriage that speaks CANopen. The plant's time is the wall clock's, `priority` as in a
+    With `cia402` it is a carriage that speaks CANopen. The plant's time is the wall clock's, `priority` as in a
     deployment: slots that come late are made up for at once, so it never runs slow.
     """
     scenario = load_track_scenario(scenario_path)
     Session(scenario.truth, scenario.instruments, scenario.seed, 0.0).advance(0.0, SLOT_S)
-    raw = open_bus(BusTable(interface, channel))
+    raw = open_bus(bus_table)
     clock = Clock()
     bus = ClockedBus(raw, clock)
     session = Session(scenario.truth, scenario.instruments, scenario.seed, 0.0)
-    carriage = _cia402(session, scenario.limits, bus) if drive == "cia402" else None
+    carriage = None if cia402 is None else _cia402(session, scenario.limits, bus, cia402)
     node = PlantNode(session, scenario.limits, 2 * SLOT_S, bus, bus, drive=carriage)
     prepare_process(priority, -1)
-    print("ready", flush=True)
+    ready()
     grid, slots = Grid(clock, SLOT_S), 0
     states: dict[int, int] = {}
     with Signals().caught() as signals:
@@ -68,17 +101,11 @@ def run_plant(
     }
 
 
-def _cia402(session: Session, limits: Limits, bus: can.BusABC) -> Cia402Drive:
+def _cia402(session: Session, limits: Limits, bus: can.BusABC, table: Cia402Table) -> Cia402Drive:
     """The scenario's carriage as a CANopen drive. Raises ValueError for another kind of drive."""
     from hil.nodes.cia402.drive import Cia402Drive
 
     kind, power = power_of(session, limits)
     if not isinstance(power, CarriagePower):
-        raise ValueError(f"drive cia402 must be a carriage; got a rig of kind {kind}")
-    return Cia402Drive(bus, Cia402Table(), power, limits, 2 * SLOT_S)
-
-
-if __name__ == "__main__":
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    found = run_plant(Path(sys.argv[1]), sys.argv[2], sys.argv[3], float(sys.argv[4]), int(sys.argv[5]), *sys.argv[6:])
-    print(json.dumps(found), flush=True)
+        raise ValueError(f"[cia402] must be a carriage; got a rig of kind {kind}")
+    return Cia402Drive(bus, table, power, limits, 2 * SLOT_S)

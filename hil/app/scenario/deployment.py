@@ -32,7 +32,7 @@ PLANNING: Final = 0.4
 """Share of a tick within which a plan has to be made. At 1 kHz listening, estimate, limits and sending take a quarter
 of it.
 """
-OWN_TABLES: Final = ("bus", "cia402", "control", "reference", "limits", "model", "offer")
+OWN_TABLES: Final = ("bus", "cia402", "control", "reference", "limits", "model", "offer", "plant")
 
 
 @dataclass(frozen=True)
@@ -94,6 +94,30 @@ class ModelTable:
 
 
 @dataclass(frozen=True)
+class PlantTable:
+    """`[plant]`: the scenario, relative to the file, whose plant `capsule plant` simulates where no rig is at hand, and
+    the real-time priority that it asks for. The controller never reads that scenario.
+    """
+
+    scenario: str
+    priority: int = 0
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.priority <= 99:
+            raise ValueError(f"plant.priority must lie in [0, 99]; got {self.priority}")
+
+
+@dataclass(frozen=True)
+class DeployedPlant:
+    """The drive side that a deployment file names: a scenario's plant on a bus; `cia402` where it speaks CANopen."""
+
+    scenario: Path
+    bus: BusTable
+    priority: int = 0
+    cia402: Cia402Table | None = None
+
+
+@dataclass(frozen=True)
 class Deployment:
     """A controller to run on a bus. `values` are the learned model's parameters, none where nominal; `verdict` the
     gate's, where asked; `cia402` the carriage's settings where it is a CANopen drive.
@@ -147,17 +171,31 @@ def read_deployed_rig(path: Path) -> Rig:
     return _rig(raw, str(path))
 
 
+def read_plant(path: Path) -> DeployedPlant:
+    """The simulated plant that a deployment file names; ValueError of one sentence where it names none."""
+    try:
+        raw = tomllib.loads(_text(path))
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise ValueError(f"{path}: deployment file must be TOML; got: {' '.join(str(error).split())[:200]}") from None
+    try:
+        _check_tables(raw)
+        if "plant" not in raw:
+            raise ValueError(
+                "table [plant] must be there with the key 'scenario', whose plant is simulated; it is missing"
+            )
+        table = from_table(PlantTable, raw["plant"], "plant")
+        bus = from_table(BusTable, raw.get("bus", {}), "bus")
+        return DeployedPlant(path.parent / table.scenario, bus, table.priority, _drive(raw, _rig(raw).kind))
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
 def parse_deployment(
     text: str, values: Mapping[str, float], name: str = "rig", verdict: Verdict | None = None
 ) -> Deployment:
     """A deployment from TOML text and the learned `values`. Errors as `load_deployment`."""
     raw = tomllib.loads(text)
-    known = (*TABLES, *OWN_TABLES)
-    for table, content in raw.items():
-        if table not in known:
-            raise ValueError(f"tables must be among {', '.join(known)}; got [{table}]; {nearest(table, known)}")
-        if not isinstance(content, dict):
-            raise ValueError(f"{table} must be a table; got {content!r}")
+    _check_tables(raw)
     rig = _rig(raw)
     control = from_table(ControlTable, raw.get("control", {}), "control")
     if rig.kind in WIRINGS and rig.kind not in leads(control.controller):
@@ -177,6 +215,17 @@ def parse_deployment(
         verdict,
         _drive(raw, rig.kind),
     )
+
+
+def _check_tables(raw: Mapping[str, Any]) -> None:
+    known = (*TABLES, *OWN_TABLES)
+    for table, content in raw.items():
+        if table not in known:
+            raise ValueError(f"tables must be among {', '.join(known)}; got [{table}]; {nearest(table, known)}")
+        if not isinstance(content, dict):
+            raise ValueError(f"{table} must be a table; got {content!r}")
+    if "plant" in raw:
+        from_table(PlantTable, raw["plant"], "plant")
 
 
 def check_tick(tick_s: float, kind: str, limits: Limits) -> None:

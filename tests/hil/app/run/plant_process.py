@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from hil.nodes.drive.state_machine import HEARTBEAT_LOST, TIME_TO_LIVE
-from tests.hil.app.run.deployments import PLANT
+from tests.hil.app.run.deployments import PLANT, deployment
 
 CAPSULE = (sys.executable, "-m", "hil.app.start")
 RUN_S = 1.5
@@ -38,25 +38,16 @@ HELD_UP = (
 
 
 @contextmanager
-def plant_on(folder: Path, channel: str, drive: str = "own") -> Iterator[subprocess.Popen[str]]:
+def plant_on(folder: Path, channel: str, drive: str = "") -> Iterator[subprocess.Popen[str]]:
     """A plant with its drive, ready, for the time of the block."""
-    scenario = folder / "plant.toml"
-    scenario.write_text(PLANT)
-    command = [
-        sys.executable,
-        "-m",
-        "hil.app.run.simulated_plant",
-        str(scenario),
-        "capsule_local",
-        channel,
-        "60",
-        "20",
-        drive,
-    ]
-    child = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    (folder / "plant.toml").write_text(PLANT)
+    deployed = folder / "deployed.toml"
+    deployed.write_text(deployment(channel, more=f'[plant]\nscenario = "plant.toml"\npriority = 20\n{drive}'))
+    command = [*CAPSULE, "plant", str(deployed), "--seconds", "60", "--json"]
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
-        assert child.stdout is not None
-        assert child.stdout.readline() == "ready\n"
+        assert child.stderr is not None
+        assert child.stderr.readline() == "ready\n"
         yield child
     finally:
         if child.returncode is None:

@@ -21,7 +21,7 @@ def test_the_same_controller_leads_it_in_real_time(tmp_path: Path, channel: str)
     rig = rig_file(tmp_path, deployment(channel, control=REAL_TIME, more="[cia402]\nanswers_s = 5.0\n"))
     log = tmp_path / "run.blf"
     for _ in range(TRIES):
-        with plant_on(tmp_path, channel, "cia402") as plant:
+        with plant_on(tmp_path, channel, "[cia402]\n") as plant:
             command = [*CAPSULE, "run", rig, "--log", str(log), "--json"]
             done = subprocess.run(command, capture_output=True, text=True, check=False)
             truth = truth_of(plant)

@@ -2,10 +2,10 @@
 
 `python -m tests.bench.bench_tracing --out DIR [--kind pull] [--effects a b] [--seeds 1 2] [--none 5]` runs `capsule
 close-loop` on the plant's series, keeps one JSON line a series (finished ones are not repeated) and prints the table
-that README quotes; `bench_augmented` with the same DIR takes the models from there. "a thousandth" is what the model
-found leaves of its own held-out prediction, without noise, where its base numbers are 0.1 % off: what a fit that good
-would leave. With `--truth` every series in DIR is fitted once more, with the model that was found but from the plant's
-own base numbers on: what more luck in the search could gain.
+that docs/results quote; `bench_augmented` with the same DIR takes the models from there. "a thousandth" is what the
+model found leaves of its own held-out prediction, without noise, where its base numbers are 0.1 % off: what a fit that
+good would leave. With `--truth` every series in DIR is fitted once more, with the model that was found but from the
+plant's own base numbers on: what more luck in the search could gain.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Draws README's picture of tracking with and without the friction model: `python -m tests.bench.draw_tracking
-docs/tracking.png`.
+"""Draws the picture of tracking in docs/control.md, with and without the friction model: `python -m
+tests.bench.draw_tracking docs/tracking.png`.
 
 Needs matplotlib, which nothing else here does (`.venv/bin/pip install matplotlib`). The shipped slow traverse, seed 1.
 """

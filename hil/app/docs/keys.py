@@ -11,7 +11,7 @@ from typing import Any, Final
 from controller.limits import Limits
 from controller.registry import CONTROLLERS
 from hil.app.docs.meanings import MEANINGS, UNITS
-from hil.app.scenario.deployment import BusTable, ControlTable, ModelTable
+from hil.app.scenario.deployment import BusTable, ControlTable, ModelTable, PlantTable
 from hil.app.scenario.model_offer import OfferTable
 from hil.app.scenario.reference import REFERENCES
 from hil.app.scenario.scenario import Control
@@ -54,6 +54,7 @@ DEPLOYMENT_TABLES: Final[Mapping[str, Any]] = {
     "[model]": ModelTable,
     "[offer]": OfferTable,
     "[cia402]": Cia402Table,
+    "[plant]": PlantTable,
 }
 
 _WHERE: Final[Mapping[type[Table], str]] = {
@@ -73,6 +74,7 @@ CHECKED: Final[Mapping[tuple[type[Any], str], tuple[float, float]]] = {
     (Control, "judged_from_s"): (0.0, math.inf),
     (OfferTable, "at_s"): (0.0, math.inf),
     (Cia402Table, "node_id"): (1, 15),
+    (PlantTable, "priority"): (0, 99),
 }
 """Ranges that a table checks as it is made; the test of the page tries both ends of each."""
 
@@ -122,14 +124,14 @@ def _head(name: str) -> str:
     return f"`{table}]`{rest}"
 
 
-def _rows(rows: Iterator[tuple[str, str, str]]) -> str:
+def _rows(rows: Iterator[tuple[str, str, str, str]]) -> str:
     lines = ["| key | unit | range | default | meaning |", "| --- | --- | --- | --- | --- |"]
-    for key, span, default in rows:
-        lines.append(f"| `{key}` | {unit_of(key)} | {span} | {default} | {MEANINGS[key]} |")
+    for key, span, default, source in rows:
+        lines.append(f"| `{key}` | {unit_of(key)} | {span} | {default} | {MEANINGS[key]}{source and f' ({source})'} |")
     return "\n".join(lines).replace("|  |", "| |").replace("|  |", "| |")
 
 
-def _pydantic(models: tuple[type[Table], ...]) -> Iterator[tuple[str, str, str]]:
+def _pydantic(models: tuple[type[Table], ...]) -> Iterator[tuple[str, str, str, str]]:
     strictest, loosest = models[0].model_json_schema(), models[-1].model_json_schema()
     for key, schema in strictest["properties"].items():
         default = loosest["properties"][key].get("default")
@@ -140,7 +142,7 @@ def _pydantic(models: tuple[type[Table], ...]) -> Iterator[tuple[str, str, str]]
             said = "required"
         else:
             said = "may be left out" if default is None else _value(default)
-        yield key, span(schema), said
+        yield key, span(schema), said, ""
 
 
 def span(schema: Mapping[str, Any]) -> str:
@@ -154,7 +156,7 @@ def span(schema: Mapping[str, Any]) -> str:
     return ", ".join(f"{sign} {inner[name]:g}" for name, sign in bounds if name in inner)
 
 
-def _dataclass(cls: type[Any]) -> Iterator[tuple[str, str, str]]:
+def _dataclass(cls: type[Any]) -> Iterator[tuple[str, str, str, str]]:
     hints = typing.get_type_hints(cls)
     for field in dataclasses.fields(cls):
         if (cls, field.name) in CHECKED:
@@ -168,7 +170,7 @@ def _dataclass(cls: type[Any]) -> Iterator[tuple[str, str, str]]:
             numbers = "list of numbers" if "tuple" in str(hints[field.name]) else ""
             span = {str: "text", float: "number"}.get(hints[field.name], numbers)
         missing = field.default is dataclasses.MISSING
-        yield field.name, span, "required" if missing else _value(field.default)
+        yield field.name, span, "required" if missing else _value(field.default), field.metadata.get("source", "")
 
 
 def _value(value: Any) -> str:

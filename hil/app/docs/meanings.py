@@ -32,11 +32,12 @@ UNITS: Final[Mapping[str, str]] = {
 
 MEANINGS: Final[Mapping[str, str]] = {
     "radius_m": "radius of the capsule",
-    "cylinder_length_m": "length of its cylindrical part",
+    "cylinder_length_m": "length of its cylindrical part, without the round ends",
     "mass_kg": "mass of the capsule, of a vibro drive's body without the inner mass, of the moving part of an axis",
     "preset": "set of constants of the wall",
     "wall_thickness_m": "thickness of the gut's wall",
-    "contact_angle_deg": "angle at which the wall meets the capsule's nose",
+    "contact_angle_deg": "angle at which the wall meets the capsule's nose; its cosine is the diameter of the relaxed"
+    " lumen over that of the capsule",
     "nose_force_angle_deg": "direction of the wall's force on the nose",
     "friction_coefficient": "Coulomb friction; required for a plate",
     "mucus_thickness_m": "thickness of the mucus film",
@@ -105,4 +106,5 @@ MEANINGS: Final[Mapping[str, str]] = {
     "node_id": "CANopen node of the carriage's drive",
     "counts_per_m": "its position counts, per metre",
     "answers_s": "how long it may take to answer",
+    "scenario": "scenario whose plant `capsule plant` simulates, relative to this file; the controller never reads it",
 }

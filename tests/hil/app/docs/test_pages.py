@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from hil.app.docs.api import described
-from hil.app.docs.keys import CHECKED, RIG_TABLES, all_keys, unit_of
+from hil.app.docs.keys import CHECKED, DEPLOYMENT_TABLES, RIG_TABLES, all_keys, unit_of
 from hil.app.docs.meanings import MEANINGS
 from hil.app.docs.pages import PARTS, filled, main
 from hil.app.run import command
+from hil.app.scenario.deployment import OWN_TABLES
 from models.effects import EFFECTS
 from models.files import rig, rig_tables
 from models.files.columns import COLUMNS
@@ -46,9 +48,13 @@ def test_every_table_of_the_schema_is_listed() -> None:
     assert tables - {rig_tables.Table} == listed
 
 
+def test_every_table_of_a_deployment_is_listed() -> None:
+    assert {re.findall(r"\w+", name)[0] for name in DEPLOYMENT_TABLES} == set(OWN_TABLES)
+
+
 @pytest.mark.parametrize(("cls", "key"), CHECKED, ids=lambda value: getattr(value, "__name__", value))
 def test_ranges_are_those_that_the_tables_check(cls: type[Any], key: str) -> None:
-    given = {"file": "model.toml", "report": "report.json"} if cls.__name__ == "OfferTable" else {}
+    given = {field.name: f"{field.name}.toml" for field in fields(cls) if field.default is MISSING}
     lower, upper = CHECKED[cls, key]
     for end, beyond in ((lower, -1), (upper, 1)):
         if math.isfinite(end):

@@ -13,7 +13,7 @@ from hil.app.main import app
 from tests.places import ROOT
 
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
-LATER = frozenset({"init", "plot", "plant", "effects"})
+LATER = frozenset({"init", "plot", "effects"})
 """Commands of this version that the documentation may name before they are there."""
 each_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 

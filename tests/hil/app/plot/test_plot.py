@@ -16,7 +16,9 @@ def test_a_file_is_drawn_as_it_stands(tmp_path: Path, capsys: pytest.CaptureFixt
     record, page = tmp_path / "log.csv", tmp_path / "log.html"
     record.write_text("time;pos mm;note\n0,1;2,5;start\n0,2;2,6;\n")
     assert run(["plot", str(record), "--out", str(page), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["records"] == {"log.csv": ["time", "pos mm"]}
+    assert json.loads(capsys.readouterr().out)["records"] == [
+        {"name": "log.csv", "rows": 2, "columns": ["time", "pos mm"]}
+    ]
     assert "pos mm" in page.read_text()
 
 

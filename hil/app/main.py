@@ -40,6 +40,10 @@ LearnedModel = Annotated[
     Path | None, typer.Option("--model", metavar="MODEL.toml", help="A model that close-loop wrote.")
 ]
 ModelStage = Annotated[str | None, typer.Option("--stage", metavar="nominal/calibrated/augmented", help="Which model.")]
+OwnEffects = Annotated[
+    list[Path] | None,
+    typer.Option("--effects", metavar="FILE.py", help="Effects of your own; may be given several times."),
+]
 RunSeed = Annotated[int | None, typer.Option("--seed", min=0, help="Sets every random number; else the scenario's.")]
 
 
@@ -133,11 +137,29 @@ def _close_loop(
     ] = None,
     json_output: Json = False,
     seed: Seed = 0,
+    effects: OwnEffects = None,
 ) -> None:
     """Measured data -> residual -> missing effect -> better model."""
     from hil.app.identify.close_loop import close_loop
+    from models.effects import use_effects
 
+    use_effects(effects or [])
     close_loop(records, rig, out, holdout or [], json_output=json_output, seed=seed)
+
+
+@app.command("effects")
+def _effects(
+    action: Annotated[
+        str, typer.Argument(metavar="[check]", help="check: run the conformance checks on a file of your own.")
+    ] = "list",
+    file: Annotated[Path | None, typer.Argument(metavar="[FILE.py]", help="The file to check.")] = None,
+    effects: OwnEffects = None,
+    json_output: Json = False,
+) -> None:
+    """The catalogue: what a search can find; or whether effects of your own keep to the rules."""
+    from hil.app.effects.command import effects as command
+
+    command(action, file, effects or [], json_output=json_output)
 
 
 @app.command("plot")
@@ -168,10 +190,13 @@ def _predict(
         str, typer.Option("--stage", metavar="nominal/calibrated/augmented", help="Which model.")
     ] = "augmented",
     json_output: Json = False,
+    effects: OwnEffects = None,
 ) -> None:
     """Free-running prediction of the measured column from the driven column alone."""
     from hil.app.identify.predict import predict
+    from models.effects import use_effects
 
+    use_effects(effects or [])
     predict(record, rig, model, out, stage=stage, json_output=json_output)
 
 
@@ -228,13 +253,16 @@ def _track(
         Path | None, typer.Option("--out", metavar="DIR", help="Folder for track.html and track.json.")
     ] = None,
     json_output: Json = False,
+    effects: OwnEffects = None,
 ) -> int:
     """Closed loop in simulation, no bus: reference tracking with a named controller; status 1 where a check of the
     scenario fails.
     """
     from hil.app.scenario.options import Asked
     from hil.app.track.command import track
+    from models.effects import use_effects
 
+    use_effects(effects or [])
     return track(scenario, Asked(controller, model, stage, seed, out, json_output), compare)
 
 
@@ -249,11 +277,14 @@ def _sil(
         Path | None, typer.Option("--out", metavar="DIR", help="Folder for sil.json and the log frames.blf.")
     ] = None,
     json_output: Json = False,
+    effects: OwnEffects = None,
 ) -> None:
     """Closed loop over the CAN bus in simulated time, plant as a bus node, with faults."""
     from hil.app.scenario.options import Asked
     from hil.app.sil.command import sil
+    from models.effects import use_effects
 
+    use_effects(effects or [])
     sil(scenario, Asked(controller, model, stage, seed, out, json_output))
 
 
@@ -273,10 +304,13 @@ def _run(
         Path | None, typer.Option("--log", metavar="LOG.blf", help="Where the log goes; else beside you.")
     ] = None,
     json_output: Json = False,
+    effects: OwnEffects = None,
 ) -> int:
     """The controller alone, on a real actuator bus."""
     from hil.app.run.command import run
+    from models.effects import use_effects
 
+    use_effects(effects or [])
     return run(rig, action, dry_run=dry_run, log=log, json_output=json_output)
 
 
@@ -300,10 +334,13 @@ def _plant(
 def _replay(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="A log of the controller, its record beside it.")],
     json_output: Json = False,
+    effects: OwnEffects = None,
 ) -> int:
     """The controller again on a log: its frames compared bit by bit."""
     from hil.app.run.replay import replay
+    from models.effects import use_effects
 
+    use_effects(effects or [])
     return replay(log, json_output=json_output)
 
 

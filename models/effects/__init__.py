@@ -5,9 +5,12 @@ A class in `friction/`, `force/`, `wall/`, `drive/`, `sensor/` or `inner_mass/` 
 """
 
 import pkgutil
+from collections.abc import Sequence
 from importlib import import_module
+from pathlib import Path
 from typing import Final
 
+from models.effects import own
 from models.effects.effect import Effect
 
 _REFINEMENTS: Final = f"{__name__}.refinements."
@@ -31,5 +34,17 @@ BY_ID = {effect.id: effect for effect in _ALL}
 
 
 def effects_for(kind: str) -> tuple[type[Effect], ...]:
-    """The candidates that can act on a rig of `kind`."""
-    return tuple(effect for effect in EFFECTS if kind in effect.kinds)
+    """The candidates that can act on a rig of `kind`, ours and those from outside."""
+    return (*(effect for effect in EFFECTS if kind in effect.kinds), *own_for(kind))
+
+
+def own_for(kind: str) -> tuple[type[Effect], ...]:
+    """The effects from outside that can act on a rig of `kind`."""
+    return tuple(origin.effect for origin in own.LOADED.values() if kind in origin.effect.kinds)
+
+
+def use_effects(paths: Sequence[Path]) -> list[type[Effect]]:
+    """Let the effects of the Python files `paths`, and those of installed packages, take part from here on, in place of
+    those of an earlier call. Raises ValueError of one sentence, and uses none, where one cannot be used.
+    """
+    return own.use(paths, BY_ID)

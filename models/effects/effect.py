@@ -75,6 +75,12 @@ class Effect:
         return {f"{cls.id}.{p.name}": p.value for p in cls.parameters()}
 
     @classmethod
+    def law(cls) -> str:
+        """The effect's law in words and formulas: the first sentence of its docstring, up to the first full stop."""
+        sentence, *_ = " ".join((cls.__doc__ or "").split()).split(". ")
+        return sentence.rstrip(".")
+
+    @classmethod
     def answers(cls, hook: str) -> bool:
         """Whether the effect has an answer of its own under `hook`."""
         return getattr(cls, hook) is not getattr(Effect, hook)

@@ -16,7 +16,7 @@ from models.identification.finding import STAGES, CandidateRow, Estimate, Findin
 from models.identification.fitting.confidence import intervals
 from models.identification.kind import EXPLAINED
 from models.identification.kinds import AnyKind, kind_for, ready, report_of
-from models.identification.model import Model
+from models.identification.model import Model, own_effects_of
 from models.identification.record_checks import check_parts, check_records
 from models.identification.residual_tests import residual_checks
 from models.identification.search.forward_selection import CLEAN, Search, search
@@ -56,7 +56,12 @@ def close(
     spread = intervals(kind, found.augmented, found.model, found.parts)
     told = {"records": ", ".join(r.name for r in train), "seed": str(seed)}
     model = Model(
-        kind.name, thetas, verdict, told, {stage: float(e) for stage, e in errors["holdout"].items() if np.isfinite(e)}
+        kind.name,
+        thetas,
+        verdict,
+        told,
+        {stage: float(e) for stage, e in errors["holdout"].items() if np.isfinite(e)},
+        own_effects_of(thetas),
     )
     finding = Finding(
         kind=kind.name,

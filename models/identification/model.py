@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from models.assembly.model import effect_parameters
 from models.effects import BY_ID, REFINEMENTS
+from models.effects.own import LOADED
 from models.files.columns import COLUMNS
 from models.files.record import Record, named
 from models.files.rig import Rig
@@ -66,7 +67,7 @@ HELD_OUT = "held_out_error"
 class Model:
     """`stages` maps nominal, calibrated and augmented to values: base parameters by name, effects' as `effect_id.name`.
     `held_out` maps them to the error of the free-running prediction of held-out records, in the measured column's unit;
-    empty where none were held out.
+    empty where none were held out. `own_effects` names file and SHA-256 of each effect from outside that it uses.
     """
 
     kind: str
@@ -74,6 +75,7 @@ class Model:
     verdict: str = ""
     provenance: dict[str, str] = field(default_factory=dict)
     held_out: dict[str, float] = field(default_factory=dict)
+    own_effects: dict[str, dict[str, str]] = field(default_factory=dict)
 
     def believed(self, stage: str) -> dict[str, float]:
         """The values of `stage` for a controller, with its held-out error as `HELD_OUT` where that is known."""
@@ -86,6 +88,8 @@ class Model:
             lines += ["[provenance]", *(f"{key} = {json.dumps(value)}" for key, value in self.provenance.items()), ""]
         if self.held_out:
             lines += ["[held_out]", *(f"{stage} = {error!r}" for stage, error in self.held_out.items()), ""]
+        for name, origin in self.own_effects.items():
+            lines += [f"[own_effects.{name}]", *(f"{key} = {json.dumps(value)}" for key, value in origin.items()), ""]
         for stage in STAGES:
             lines += [
                 f"[{stage}]",
@@ -105,12 +109,15 @@ class Model:
             raise ValueError(
                 f"model must have 'format' = {FORMAT} and a 'kind', as close-loop writes it; got {sorted(raw)[:6]}"
             )
+        own_effects = _own_effects(raw.get("own_effects", {}))
         stages = {stage: _values(raw.get(stage), stage) for stage in STAGES}
         provenance = raw.get("provenance", {})
         if not isinstance(provenance, dict):
             raise ValueError(f"model must have a table [provenance]; got {provenance!r}")
         told = {str(k): str(v) for k, v in provenance.items()}
-        return cls(raw["kind"], stages, str(raw.get("verdict", "")), told, _errors(raw.get("held_out", {})))
+        return cls(
+            raw["kind"], stages, str(raw.get("verdict", "")), told, _errors(raw.get("held_out", {})), own_effects
+        )
 
     def predict(self, rig: Rig, record: Record, stage: str = "augmented") -> dict[str, NDArray[np.float64]]:
         """The measured columns as this model predicts them from the driven columns of `record` alone."""
@@ -172,6 +179,28 @@ def _errors(raw: object) -> dict[str, float]:
         if isinstance(error, bool) or not isinstance(error, int | float) or not 0 <= error < np.inf:
             raise ValueError(f"model [held_out] {stage} must be a finite number, zero or more; got {error!r}")
     return {str(stage): float(error) for stage, error in raw.items()}
+
+
+def own_effects_of(thetas: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, str]]:
+    """File and SHA-256 of each effect from outside that the values of a model name."""
+    used = {name.split(".")[0] for theta in thetas.values() for name in theta if "." in name}
+    return {name: {"file": o.file, "sha256": o.sha256} for name, o in LOADED.items() if name in used}
+
+
+def _own_effects(raw: object) -> dict[str, dict[str, str]]:
+    """The effects from outside that a model file names, each of which must be in use with the same content."""
+    if not isinstance(raw, Mapping) or not all(isinstance(origin, Mapping) for origin in raw.values()):
+        raise ValueError(f"model [own_effects] must hold a table for each effect; got {raw!r}"[:200])
+    for name, origin in raw.items():
+        file, digest = str(origin.get("file", "")), str(origin.get("sha256", ""))
+        if name not in LOADED:
+            raise ValueError(f"model must stand with --effects {file}, for its effect {name!r}; got no such file")
+        if LOADED[name].sha256 != digest:
+            raise ValueError(
+                f"model must be used with the {file} that its effect {name!r} was found with (SHA-256 {digest[:12]});"
+                f" got another ({LOADED[name].sha256[:12]})"
+            )
+    return {str(name): {"file": str(o.get("file", "")), "sha256": str(o.get("sha256", ""))} for name, o in raw.items()}
 
 
 def _values(raw: object, stage: str) -> dict[str, float]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -18,7 +17,8 @@ from models.drives.magnetic import Magnetic
 from models.drives.pull import Pull
 from models.drives.vibro import Vibro
 from models.effects import BY_ID, EFFECTS, REFINEMENTS, effects_for
-from models.effects.effect import Effect, InnerMassEffect, Signals
+from models.effects.conformance import CHECKS, KINDS, SIGNALS, answers, values_of
+from models.effects.effect import Effect
 from models.laws.geometry import Capsule, Tissue
 from models.surfaces.gut import Wall
 from tests.models.running import Array, pulses, stepped
@@ -62,7 +62,6 @@ PUBLISHED = (
 )
 OWN = ("coil_lag", "coil_reach", "guide_friction", "spring_hardening")
 """Ids beyond the published ones: the four that a real capsubot's suspension and coil asked for."""
-KINDS = ("pull", "magnetic", "coil", "vibro", "vibro_table", "axis", "periods", "dma")
 STEP_S = 5e-4
 TIME = STEP_S * np.arange(2400)
 PAUSED = np.where(TIME < 0.4, TIME, np.maximum(TIME - 0.3, 0.4))  # s, a clock that stops for a while: a rest under way
@@ -75,21 +74,6 @@ COMMANDS: dict[str, tuple[Drive, Array]] = {
         np.where(np.abs(TIME - 0.6) > 0.2, pulses(0.08, 0.4, 15, STEP_S)[: TIME.size], 0.0),
     ),
 }
-SIGNALS = {
-    "t": 0.7,
-    "x": 4e-3,
-    "v": 6e-3,
-    "direction": 1.0,
-    "command": 0.4,
-    "rate": -0.2,
-    "travelled": 0.02,
-    "tension": 0.02,
-    "drag": 2e-4,
-    "drag_rate": 3e-3,
-    "dwell": 0.3,
-}
-MULTIPLIERS = ("level", "stiffening", "gain")
-PLAIN = (*MULTIPLIERS, "force", "wall_force", "command")
 
 each_effect = pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.id)
 on_each_rig = pytest.mark.parametrize(
@@ -108,23 +92,6 @@ def model(kind: str, effect: str = "", smoothing: float = 0.0) -> Assembly:
 def output(kind: str, effect: str = "", amplitude: float = 0.0) -> Array:
     values = {f"{effect}.{BY_ID[effect].amplitude().name}": amplitude} if effect else {}
     return stepped(model(kind, effect), COMMANDS[kind][1], STEP_S, values)
-
-
-def values_of(effect: type[Effect]) -> dict[str, float]:
-    """The parameters at their defaults, the amplitude at its probe."""
-    return {p.name: p.value for p in effect.parameters()} | {effect.amplitude().name: effect.probe}
-
-
-def answers(effect: type[Effect], p: dict[str, Any], z: dict[str, Any], numbers: dict[str, Any]) -> dict[str, Any]:
-    """What every hook says."""
-    e, s = effect(), Signals(**numbers)
-    said = {hook: getattr(e, hook)(s, p, z) for hook in PLAIN}
-    said |= {"recovery": e.recovery(s, p, z, 5e-3, 3e-4), "measured": e.measured(s, p, z, 0.03), "delay": e.delay(p)}
-    said |= {f"advance.{k}": v for k, v in e.advance(s, p, z, 1e-3).items()}
-    said |= {f"follow.{k}": v for k, v in e.follow(s, p, z, 0.03, 1e-3).items()}
-    if isinstance(e, InnerMassEffect):
-        said |= {"suspension": e.suspension(0.012, 0.1, p), "reach": e.reach(0.012, p)}
-    return said
 
 
 def test_every_file_in_a_folder_of_effects_is_an_effect() -> None:
@@ -169,51 +136,19 @@ def test_its_parameters_are_declared(effect: type[Effect]) -> None:
 
 
 @each_effect
-def test_its_hooks_say_the_same_to_numpy_and_casadi(effect: type[Effect]) -> None:
+def test_its_hooks_say_the_same_to_numbers_and_arrays(effect: type[Effect]) -> None:
     p, z = values_of(effect), dict.fromkeys(effect.states, 0.2)
     plain = answers(effect, p, z, SIGNALS)
-    symbols = [{name: ca.SX.sym(name) for name in table} for table in (p, z, SIGNALS)]
-    symbolic = answers(effect, *symbols)
-    assert plain.keys() == symbolic.keys()
-    evaluate = ca.Function(
-        "f", [symbol for table in symbols for symbol in table.values()], [ca.SX(value) for value in symbolic.values()]
-    )
-    got = evaluate.call([value for table in (p, z, SIGNALS) for value in table.values()])
-    np.testing.assert_allclose([float(v) for v in got], [float(v) for v in plain.values()], rtol=1e-10, atol=1e-15)
     array = {k: np.full(3, v) for k, v in SIGNALS.items()}
     for name, value in answers(effect, p, z, array).items():
         np.testing.assert_allclose(value, plain[name], rtol=1e-10)
 
 
 @each_effect
-def test_at_amplitude_zero_its_hooks_say_nothing(effect: type[Effect]) -> None:
-    p = values_of(effect) | {effect.amplitude().name: 0.0}
-    e, s, z = effect(), Signals(**SIGNALS), dict.fromkeys(effect.states, 0.2)
-    z = z | e.advance(s, p, z, 1e-3) | e.follow(s, p, z, 0.03, 1e-3)
-    assert [getattr(e, hook)(s, p, z) for hook in MULTIPLIERS] == [1.0, 1.0, 1.0]
-    assert e.force(s, p, z) == e.wall_force(s, p, z) == e.delay(p) == 0.0
-    assert e.command(s, p, z) == pytest.approx(s.command, rel=1e-6)
-    assert e.measured(s, p, z, 0.03) == pytest.approx(0.03, rel=1e-12)
-    assert e.recovery(s, p, z, 5e-3, 3e-4) == pytest.approx(5e-3, rel=1e-12)
-    if isinstance(e, InnerMassEffect):
-        assert e.suspension(0.012, 0.1, p) == 0.0
-        assert e.reach(0.012, p) == 1.0
-
-
-@each_effect
-def test_its_states_stay_finite_with_steps_of_a_second(effect: type[Effect]) -> None:
-    rng = np.random.default_rng(7)
-    e, p = effect(), {q.name: q.value for q in effect.parameters()}
-    for amplitude in (effect.probe, effect.amplitude().lower, effect.amplitude().upper):
-        p[effect.amplitude().name] = amplitude
-        z: dict[str, Any] = dict.fromkeys(effect.states, 0.0)
-        for k in range(300):
-            s = Signals(
-                t=float(k), v=rng.normal(0, 0.02), command=rng.normal(), rate=rng.normal(), x=rng.normal(0, 0.02)
-            )
-            z = z | e.advance(s, p, z, 1.0)
-            z = z | e.follow(s, p, z, rng.normal(), 1.0)
-        assert all(abs(float(value)) < 10.0 for value in z.values())
+@pytest.mark.parametrize("check", CHECKS)
+def test_it_conforms(effect: type[Effect], check: str) -> None:
+    """What `capsule effects check` asks of a user's effect."""
+    assert CHECKS[check](effect, set(BY_ID)) is None
 
 
 @on_each_rig

@@ -15,6 +15,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from models.effects import own_for
 from models.effects.effect import Effect, Signals
 from models.files.record import Record
 from models.files.rig import Rig
@@ -49,7 +50,7 @@ class AxisKind(OneByOne):
 
     base: tuple[Parameter, ...]
     force_std_N: float | None = None
-    effects: tuple[type[Effect], ...] = EFFECTS
+    effects: tuple[type[Effect], ...] = field(default_factory=lambda: (*EFFECTS, *own_for("axis")))
     name: str = "axis"
     stages: int = 1
     final: int = 0

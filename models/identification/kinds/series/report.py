@@ -34,8 +34,7 @@ def equations(kind: GutKind, theta: Theta) -> list[str]:
     lines = [*_surface_lines(kind.surface, p), *_drive_lines(kind.drive, p)]
     for name in active_effects(theta):
         values = ", ".join(f"{k.split('.')[1]} = {v:.4g}" for k, v in p.items() if k.startswith(name + "."))
-        law, *_ = " ".join((BY_ID[name].__doc__ or "").split()).split(". ")
-        lines.append(f"{name}: {law.rstrip('.')} ({values})")
+        lines.append(f"{name}: {BY_ID[name].law()} ({values})")
     return lines
 
 

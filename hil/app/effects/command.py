@@ -1,0 +1,67 @@
+"""`capsule effects`: what the search can find, and whether a user's own effects keep to the rules."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+
+from hil.app.console import print_json, summary
+from models.effects import BY_ID, EFFECTS, use_effects
+from models.effects.conformance import CHECKS
+from models.effects.effect import Effect
+from models.effects.own import LOADED
+from models.parameter import nearest
+
+
+def effects(action: str, file: Path | None, own: Sequence[Path] = (), *, json_output: bool = False) -> None:
+    """List the catalogue with the effects of the files `own` (`action` "list"), or run the conformance checks on the
+    effects of `file` ("check"). Raises ValueError, one sentence, for a file whose effects cannot be used.
+    """
+    if action not in ("list", "check"):
+        raise ValueError(f"action must be list or check; got {action!r}; {nearest(action, ('list', 'check'))}")
+    if (file is None) == (action == "check"):
+        raise ValueError(f"a file must stand with check alone; got {file or 'none'}")
+    found = use_effects([file] if file is not None else own)
+    if action == "list":
+        found = [*EFFECTS, *(origin.effect for origin in LOADED.values())]
+        document: dict[str, Any] = {"effects": [described(effect) for effect in found]}
+    else:
+        found = [effect for effect in found if file is not None and LOADED[effect.id].file == file.name]
+        checked = [{"id": effect.id, "checks": list(CHECKS), "passed": True} for effect in found]
+        document = {"file": str(file), "effects": checked}
+    if json_output:
+        print_json(document)
+    elif action == "list":
+        summary().print(_table(found))
+    else:
+        for effect in found:
+            summary().print(f"{effect.id}: passed {len(CHECKS)} checks: {', '.join(CHECKS)}", markup=False)
+
+
+def described(effect: type[Effect]) -> dict[str, Any]:
+    """An effect of the catalogue as plain values."""
+    return {
+        "id": effect.id,
+        "summary": effect.summary,
+        "equation": effect.law(),
+        "kinds": sorted(effect.kinds),
+        "parameters": [
+            {"name": p.name, "unit": p.unit, "value": p.value, "lower": p.lower, "upper": p.upper, "source": p.source}
+            for p in effect.parameters()
+        ],
+        "confounders": [name for name in effect.look_alikes if name in BY_ID],
+        "separated_by": effect.separated_by,
+        "source": effect.source,
+    }
+
+
+def _table(found: Sequence[type[Effect]]) -> Table:
+    table = Table(title="effects that a search can find; all of each with --json", title_justify="left")
+    for column in ("id", "what it is", "kinds of rig", "confounded with"):
+        table.add_column(column)
+    for effect in found:
+        table.add_row(effect.id, effect.summary, ", ".join(sorted(effect.kinds)), ", ".join(effect.look_alikes))
+    return table

@@ -1,0 +1,109 @@
+"""Effects from a user's file: what is refused, in a sentence, and what a model file keeps of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from models.effects import BY_ID, effects_for, use_effects
+from models.identification.model import Model, own_effects_of
+from tests.places import ROOT
+
+EXAMPLE = ROOT / "examples" / "own_effect" / "soft_bump.py"
+TEXT = EXAMPLE.read_text(encoding="utf-8")
+
+
+@pytest.fixture(autouse=True)
+def _none_left() -> Iterator[None]:
+    yield
+    use_effects([])
+
+
+def own_file(folder: Path, *changes: tuple[str, str]) -> Path:
+    """The example with `changes` (old, new) in a file of its own."""
+    text = TEXT
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    path = folder / "mine.py"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_it_takes_part_until_it_is_no_longer_asked_for() -> None:
+    (bump,) = use_effects([EXAMPLE])
+    assert bump.id == "soft_bump"
+    assert BY_ID["soft_bump"] is bump
+    assert all(bump in effects_for(kind) for kind in ("pull", "magnetic", "coil", "vibro"))
+    assert bump not in effects_for("axis")
+    use_effects([])
+    assert "soft_bump" not in BY_ID
+    assert bump not in effects_for("pull")
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        (
+            [("class SoftBump(Effect)", "class SoftBump")],
+            "must have a subclass of models.effects",
+        ),
+        ([('id = "soft_bump"', 'id = "stenosis"')], "id must be one that is free; got 'stenosis'"),
+        (
+            [("s: Signals, p: Values, z: Values)", " force(self, s: Signals, p: Values)")],
+            "must take",
+        ),
+        ([("return p[", "if s.x > 0: return 0.0\n        return p[")], "must trace to CasADi symbols"),
+        ([("return p[", "return 1e-3 + p[")], "must be 0 (no effect) where force_N is 0; got 0.001"),
+        ([('"force_N", 0.0,', '"force_N", 0.1,')], "the amplitude, must start at 0"),
+        ([("probe = 0.01", "probe = 5.0")], "probe must be an amplitude within its bounds"),
+        ([('"coil", "vibro"', '"coil", "submarine"')], "kinds must be among"),
+        (
+            [('"stenosis", "incline_gravity"', '"stenoses", "incline_gravity"')],
+            "ids of known effects; got 'stenoses'",
+        ),
+        ([("import numpy as np", "import nothing_of_that_name")], "ModuleNotFoundError"),
+        ([("class SoftBump", "class class")], "SyntaxError"),
+        ([('summary = "a soft bump that pushes the capsule away from its middle"', "")], "summary must say"),
+        ([('p["place_m"]', 'p["place"]')], "KeyError"),
+    ],
+)
+def test_what_cannot_be_used_is_refused_in_a_sentence(
+    tmp_path: Path, changes: list[tuple[str, str]], sentence: str
+) -> None:
+    path = own_file(tmp_path, *changes)
+    with pytest.raises(ValueError, match=r"mine\.py") as refused:
+        use_effects([path])
+    assert sentence in str(refused.value)
+    assert "\n" not in str(refused.value)
+    assert "soft_bump" not in BY_ID
+
+
+def test_one_bad_file_leaves_no_other_in_use(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="free"):
+        use_effects([EXAMPLE, own_file(tmp_path)])
+    assert "soft_bump" not in BY_ID
+
+
+@pytest.mark.parametrize("name", ["none.py", "folder.py", "mine.txt"])
+def test_a_file_that_is_none_is_refused(tmp_path: Path, name: str) -> None:
+    (tmp_path / "folder.py").mkdir()
+    (tmp_path / "mine.txt").write_text(TEXT)
+    with pytest.raises(ValueError, match="effects must come from a file"):
+        use_effects([tmp_path / name])
+
+
+def test_a_model_file_asks_for_the_same_file(tmp_path: Path) -> None:
+    use_effects([EXAMPLE])
+    values = {"friction_coefficient": 0.08, "soft_bump.force_N": 0.01}
+    thetas = {"nominal": {}, "calibrated": {}, "augmented": values}
+    text = Model("pull", thetas, own_effects=own_effects_of(thetas)).to_toml()
+    assert Model.from_toml(text).stages == thetas
+    use_effects([])
+    with pytest.raises(ValueError, match=r"must stand with --effects soft_bump\.py"):
+        Model.from_toml(text)
+    use_effects([own_file(tmp_path, ("2e-3,", "3e-3,"))])
+    with pytest.raises(ValueError, match="got another"):
+        Model.from_toml(text)

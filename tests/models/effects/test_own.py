@@ -52,7 +52,7 @@ def test_it_takes_part_until_it_is_no_longer_asked_for() -> None:
         ),
         ([('id = "soft_bump"', 'id = "stenosis"')], "id must be one that is free; got 'stenosis'"),
         (
-            [("s: Signals, p: Values, z: Values)", " force(self, s: Signals, p: Values)")],
+            [("s: Signals, p: Values, z: Values)", "s: Signals, p: Values)")],
             "must take",
         ),
         ([("return p[", "if s.x > 0: return 0.0\n        return p[")], "must trace to CasADi symbols"),

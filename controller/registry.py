@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from types import MappingProxyType
 
 from controller.baselines.classical import CLASSICAL, CLASSICAL_FRICTION, JERKINESS
@@ -21,6 +22,7 @@ from controller.model.control_model import ControlModel
 from controller.model.friction import AT_FIRST, level_off, mean_friction
 from controller.mpc.mpc import MPC
 from controller.mpc.settings import Bounds, Horizon
+from controller.own import own_controllers
 from controller.signals import Controller
 from controller.vibro.controller import vibro_controller
 from models.parameter import nearest
@@ -98,18 +100,19 @@ _INNER_MASS: Mapping[str, Builder] = {
     "vibro_square": _inner_mass(optimise=False),
     "vibro_map": _inner_mass(feedback=False),
 }
-CONTROLLERS: Mapping[str, Builder] = MappingProxyType(
-    {
-        "pid": _pid,
-        "pid_friction": _pid_friction,
-        "pid_estimated": _pid_estimated,
-        "pid_friction_estimated": _pid_friction_estimated,
-        "lqr": _lqr,
-        "feedforward": _feedforward,
-        "mpc": _mpc,
-        **_INNER_MASS,
-    }
-)
+_OWN: dict[str, type[Controller]] = {}
+"""Controllers from outside, by name."""
+_BUILDERS: dict[str, Builder] = {
+    "pid": _pid,
+    "pid_friction": _pid_friction,
+    "pid_estimated": _pid_estimated,
+    "pid_friction_estimated": _pid_friction_estimated,
+    "lqr": _lqr,
+    "feedforward": _feedforward,
+    "mpc": _mpc,
+    **_INNER_MASS,
+}
+CONTROLLERS: Mapping[str, Builder] = MappingProxyType(_BUILDERS)
 """`pid` and `pid_friction` see the localisation through a kinematic filter, as a laboratory without a friction model
 has it; all others, the two PIDs called estimated among them, what the friction-aware estimator believes. `vibro_square`
 is `vibro` with square waves alone, `vibro_map` without its slow loop.
@@ -118,7 +121,33 @@ is `vibro` with square waves alone, `vibro_map` without its slow loop.
 
 def leads(name: str) -> tuple[str, ...]:
     """The kinds of drive that the controller `name` can lead."""
+    if name in _OWN:
+        return tuple(getattr(_OWN[name], "kinds", ()))
     return ("vibro",) if name in _INNER_MASS else _BODY
+
+
+def use_controllers(paths: Sequence[Path]) -> None:
+    """Let the controllers of the Python files `paths`, and those of installed packages, be asked for by name from here
+    on, in place of those of an earlier call; a PID steps in for one that leads a body. Raises ValueError of one
+    sentence, and uses none, where one cannot be used.
+    """
+    for name in _OWN:
+        del _BUILDERS[name]
+    _OWN.clear()
+    for name, cls in own_controllers(paths, CONTROLLERS).items():
+        _OWN[name], _BUILDERS[name] = cls, _own(cls)
+
+
+def _own(cls: type[Controller]) -> Builder:
+    def chain(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
+        try:
+            first = cls(model, envelope)  # type: ignore[call-arg]
+        except Exception as error:  # noqa: BLE001 - a user's class raises whatever it likes
+            got = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+            raise ValueError(f"controller {cls.__name__} must be one that can be made; got {got}") from None
+        return (first, PID(model, envelope)) if model.drive.name in _BODY else (first,)
+
+    return chain
 
 
 def estimator_for(name: str, model: ControlModel) -> Observer:

@@ -44,6 +44,10 @@ OwnEffects = Annotated[
     list[Path] | None,
     typer.Option("--effects", metavar="FILE.py", help="Effects of your own; may be given several times."),
 ]
+OwnControllers = Annotated[
+    list[Path] | None,
+    typer.Option("--controllers", metavar="FILE.py", help="Controllers of your own; may be given several times."),
+]
 RunSeed = Annotated[int | None, typer.Option("--seed", min=0, help="Sets every random number; else the scenario's.")]
 
 
@@ -254,15 +258,18 @@ def _track(
     ] = None,
     json_output: Json = False,
     effects: OwnEffects = None,
+    controllers: OwnControllers = None,
 ) -> int:
     """Closed loop in simulation, no bus: reference tracking with a named controller; status 1 where a check of the
     scenario fails.
     """
+    from controller.registry import use_controllers
     from hil.app.scenario.options import Asked
     from hil.app.track.command import track
     from models.effects import use_effects
 
     use_effects(effects or [])
+    use_controllers(controllers or [])
     return track(scenario, Asked(controller, model, stage, seed, out, json_output), compare)
 
 
@@ -278,13 +285,16 @@ def _sil(
     ] = None,
     json_output: Json = False,
     effects: OwnEffects = None,
+    controllers: OwnControllers = None,
 ) -> None:
     """Closed loop over the CAN bus in simulated time, plant as a bus node, with faults."""
+    from controller.registry import use_controllers
     from hil.app.scenario.options import Asked
     from hil.app.sil.command import sil
     from models.effects import use_effects
 
     use_effects(effects or [])
+    use_controllers(controllers or [])
     sil(scenario, Asked(controller, model, stage, seed, out, json_output))
 
 
@@ -305,12 +315,15 @@ def _run(
     ] = None,
     json_output: Json = False,
     effects: OwnEffects = None,
+    controllers: OwnControllers = None,
 ) -> int:
     """The controller alone, on a real actuator bus."""
+    from controller.registry import use_controllers
     from hil.app.run.command import run
     from models.effects import use_effects
 
     use_effects(effects or [])
+    use_controllers(controllers or [])
     return run(rig, action, dry_run=dry_run, log=log, json_output=json_output)
 
 
@@ -335,12 +348,15 @@ def _replay(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="A log of the controller, its record beside it.")],
     json_output: Json = False,
     effects: OwnEffects = None,
+    controllers: OwnControllers = None,
 ) -> int:
     """The controller again on a log: its frames compared bit by bit."""
+    from controller.registry import use_controllers
     from hil.app.run.replay import replay
     from models.effects import use_effects
 
     use_effects(effects or [])
+    use_controllers(controllers or [])
     return replay(log, json_output=json_output)
 
 

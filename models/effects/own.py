@@ -5,9 +5,7 @@
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 import inspect
-import sys
 from collections.abc import Iterator, MutableMapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import entry_points
@@ -16,9 +14,9 @@ from typing import Final
 
 from models.effects.conformance import first_failure
 from models.effects.effect import Effect
+from models.files.python_file import classes_in
 
 GROUP: Final = "capsule.effects"
-LARGEST_FILE: Final = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -76,30 +74,8 @@ def _found(paths: Sequence[Path]) -> Iterator[Origin]:
 
 def effects_in(path: Path) -> list[Origin]:
     """The effects that a Python file declares. Raises ValueError of one sentence where it cannot be run or has none."""
-    try:
-        if not path.is_file() or path.stat().st_size > LARGEST_FILE:
-            raise ValueError(f"{path}: effects must come from a file smaller than {LARGEST_FILE} bytes; got none")
-        data = path.read_bytes()
-    except OSError as error:
-        raise ValueError(f"{path}: effects must come from a file that can be read; got: {error.strerror}") from None
-    digest = hashlib.sha256(data).hexdigest()
-    name = f"capsule_own_{digest[:16]}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    if path.suffix != ".py" or spec is None or spec.loader is None:
-        raise ValueError(f"{path}: effects must come from a file whose name ends in .py; got {path.name!r}")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    try:
-        spec.loader.exec_module(module)
-    except (Exception, SystemExit) as error:  # noqa: BLE001 - a user's file raises whatever it likes
-        del sys.modules[name]
-        words = " ".join(str(error).split())[:200]
-        raise ValueError(
-            f"{path}: effects must come from a file that Python can run; got {type(error).__name__}: {words}"
-        ) from None
-    classes = [
-        c for c in vars(module).values() if isinstance(c, type) and issubclass(c, Effect) and c.__module__ == name
-    ]
+    declared, digest = classes_in(path, "effects")
+    classes = [c for c in declared if issubclass(c, Effect)]
     if not classes:
         raise ValueError(f"{path}: file must have a subclass of models.effects.effect.Effect; got none")
     return [Origin(c, path.name, digest) for c in classes]

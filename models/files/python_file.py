@@ -1,0 +1,37 @@
+"""A user's Python file: run once, and the classes that it declares."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import sys
+from pathlib import Path
+from typing import Final
+
+LARGEST_FILE: Final = 1 << 20
+
+
+def classes_in(path: Path, what: str) -> tuple[list[type], str]:
+    """The classes that the Python file `path` declares itself, and the SHA-256 of the file.
+
+    Raises ValueError of one sentence, which names `what` the file should hold, where it cannot be read or run.
+    """
+    try:
+        if not path.is_file() or path.stat().st_size > LARGEST_FILE:
+            raise ValueError(f"{path}: {what} must come from a file smaller than {LARGEST_FILE} bytes; got none")
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError as error:
+        raise ValueError(f"{path}: {what} must come from a file that can be read; got: {error.strerror}") from None
+    name = f"capsule_own_{digest[:16]}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if path.suffix != ".py" or spec is None or spec.loader is None:
+        raise ValueError(f"{path}: {what} must come from a file whose name ends in .py; got {path.name!r}")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - a user's file raises whatever it likes
+        del sys.modules[name]
+        got = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+        raise ValueError(f"{path}: {what} must come from a file that Python can run; got {got}") from None
+    return [c for c in vars(module).values() if isinstance(c, type) and c.__module__ == name], digest

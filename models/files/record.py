@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -71,12 +71,33 @@ def read_record(path: Path, rig: Rig, *, driven_only: bool = False) -> Record:
     reading = _Reading(str(path), rig, driven_only)
     for header, block in read_blocks(path, reading.check_header):
         reading.take(header, block)
-    columns = reading.columns()
+    return _complete(_name(path), str(path), reading)
+
+
+def record_of(name: str, columns: Mapping[str, Array], rig: Rig) -> Record:
+    """A record of `rig` from arrays (n,) by column name, checked as `read_record` checks a file; a line is a row."""
+    lengths = {column: np.shape(values) for column, values in columns.items()}
+    if not columns or len(set(lengths.values())) != 1 or any(len(shape) != 1 for shape in lengths.values()):
+        raise ValueError(f"{name}: columns must be arrays of one dimension and one length; got {lengths}"[:300])
+    reading = _Reading(name, rig, driven_only=False)
+    header = list(columns)
+    checked = reading.check_header(header)
+    for column in checked:
+        if not np.isfinite(columns[column]).all():
+            row = int(np.argmin(np.isfinite(columns[column])))
+            raise ValueError(f"{name}, row {row}: {column} must be a finite number; got {columns[column][row]}")
+    values = np.column_stack([np.asarray(columns[column], dtype=float) for column in header])
+    reading.take(header, Block(values, np.arange(len(values))))
+    return _complete(name, name, reading)
+
+
+def _complete(name: str, where: str, reading: _Reading) -> Record:
+    rig, columns = reading.rig, reading.columns()
     if "velocity_m_s" in COLUMNS[rig.kind].given_by_rig and "velocity_m_s" not in columns:
         if rig.velocity_m_s is None:
-            raise ValueError(f"{path}: velocity_m_s must be a column of the record or a key under [rig]; got neither")
+            raise ValueError(f"{where}: velocity_m_s must be a column of the record or a key under [rig]; got neither")
         columns["velocity_m_s"] = np.full(reading.rows, rig.velocity_m_s)
-    return Record(_name(path), rig.kind, columns)
+    return Record(name, rig.kind, columns)
 
 
 def _name(path: Path) -> str:

@@ -22,7 +22,7 @@ from hil.app.effects.command import described
 from hil.app.identify.close_loop import result_files
 from hil.app.report import report_json
 from hil.app.scenario.deployment import read_deployed_rig
-from hil.app.scenario.options import Asked
+from hil.app.scenario.options import Options
 from hil.app.scenario.scenario import load_track_scenario
 from hil.app.track.loop import believed_model, run_loop
 from hil.app.track.score import document, score
@@ -163,7 +163,7 @@ def track(
     knows nominal values or those of the file `model`.
     """
     file = load_track_scenario(Path(scenario))
-    asked = Asked(controller, None if model is None else Path(model), stage, seed)
+    asked = Options(controller, None if model is None else Path(model), stage, seed)
     values, used = asked.values(file.kind)
     name, number = asked.of(file)
     with contextlib.redirect_stdout(io.StringIO()):

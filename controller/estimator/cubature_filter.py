@@ -24,7 +24,7 @@ _START_STD: Final = {**START_STD, "current_A": 0.1, "stretch_m": 1e-4, "rate_m_s
 
 
 @dataclass(slots=True)
-class Belief:
+class CubatureFilter:
     """`z` (n,) the continuous states in the model's order, the disturbance and the friction level, `P` (n, n) their
     covariance, `modes` a model state whose switches count; `time_s`, the `command` in force up to then, and by how many
     standard deviations recent positions were off on average, `surprise`.
@@ -37,7 +37,7 @@ class Belief:
     command: float = 0.0
     surprise: float = 0.0
 
-    def copy_from(self, other: Belief) -> None:
+    def copy_from(self, other: CubatureFilter) -> None:
         """Become `other` without a new array."""
         self.z[:], self.P[:], self.modes[:] = other.z, other.P, other.modes
         self.time_s, self.command, self.surprise = other.time_s, other.command, other.surprise
@@ -89,14 +89,16 @@ class Process:
         """Number of filtered states, disturbance and level included."""
         return len(self.names)
 
-    def start(self, position_m: float, std_m: float, command: float, now: float) -> Belief:
+    def start(self, position_m: float, std_m: float, command: float, now: float) -> CubatureFilter:
         """At rest at `position_m`, known to `std_m`, with `command` in force for long."""
         state = self.model.initial(position_m, command)
         spread = [_START_STD.get(name.rpartition(".")[2], 1e-3) for name in self.names[:-2]]
         spread = [std_m, *spread[1:], self.noise.force_std_N, self.noise.level_std]
-        return Belief(np.append(state[self.where], [0.0, 0.0]), np.diag(np.square(spread)), state.copy(), now, command)
+        return CubatureFilter(
+            np.append(state[self.where], [0.0, 0.0]), np.diag(np.square(spread)), state.copy(), now, command
+        )
 
-    def predict(self, b: Belief, command: float) -> None:
+    def predict(self, b: CubatureFilter, command: float) -> None:
         """Move `b` a tick on in place, to the end of which `command` leads; a carriage goes there in a straight
         line.
         """
@@ -122,7 +124,7 @@ class Process:
         k.run(states, before, command, np.array([z[-2]]), t, k.tick_s, k.substeps, numbers)
         return np.append(states[0, self.where], z[-2:]), states[0]
 
-    def see_position(self, b: Belief, value: float) -> float:
+    def see_position(self, b: CubatureFilter, value: float) -> float:
         """Take in a localisation in place; returns its normalised difference, beyond the gate where it was refused."""
         self._H[:] = 0.0
         expected = b.z[0]
@@ -137,24 +139,24 @@ class Process:
             b.surprise = self.noise.surprised(b.surprise, math.copysign(size, value - expected))
         return size
 
-    def see_state(self, b: Belief, name: str, value: float) -> float:
+    def see_state(self, b: CubatureFilter, name: str, value: float) -> float:
         """Take in a reading of the state `name` itself, such as a coil's current."""
         self._H[:] = 0.0
         place = self.names.index(name)
         self._H[place] = 1.0
         return float(fuse(b.z, b.P, self._H, value - b.z[place], self.noise.feedback_std**2, self.noise.gate, self._K))
 
-    def state(self, b: Belief) -> Array:
+    def state(self, b: CubatureFilter) -> Array:
         """`b` as a state (n,) of the model."""
         state = b.modes.copy()
         state[self.where] = b.z[:-2]
         return state
 
-    def adapted(self, b: Belief) -> tuple[float, Adapted]:
+    def adapted(self, b: CubatureFilter) -> tuple[float, Adapted]:
         """The force that the model's own parameters lack, and those with the level of `b` (`Level.adapted`)."""
         return self.level.adapted(self.state(b), b.time_s, float(b.z[-1]), float(b.z[-2]))
 
-    def spread(self, b: Belief) -> tuple[Array, bool]:
+    def spread(self, b: CubatureFilter) -> tuple[Array, bool]:
         """Standard deviations (n,) in the model's order, 0 for switches; whether `b` is made of numbers."""
         std = np.zeros(len(self.model.states))
         return std, take_spread(b.z, b.P, self.where, std)
@@ -164,7 +166,7 @@ class Process:
 class _Tick:
     """A tick that is kept: the belief at its end with all that was measured there, and what the drive was told."""
 
-    belief: Belief
+    belief: CubatureFilter
     told: float = 0.0
     seen: list[Measurement] = field(default_factory=list)
 
@@ -213,7 +215,7 @@ class Estimator(Receiver):
             self._redo(back)
         return taken
 
-    def _see(self, belief: Belief, m: Measurement) -> bool:
+    def _see(self, belief: CubatureFilter, m: Measurement) -> bool:
         if m.channel == "position_m":
             size = self._process.see_position(belief, m.value)
         else:

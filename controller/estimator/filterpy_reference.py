@@ -10,7 +10,7 @@ import numpy as np
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 from numpy.typing import NDArray
 
-from controller.estimator.cubature_filter import Belief, Process
+from controller.estimator.cubature_filter import CubatureFilter, Process
 from controller.estimator.cubature_kernels import root
 
 Array = NDArray[np.float64]
@@ -31,7 +31,7 @@ class ReferenceFilter:
     standard deviations, all of one weight.
     """
 
-    def __init__(self, process: Process, start: Belief) -> None:
+    def __init__(self, process: Process, start: CubatureFilter) -> None:
         n = process.size
         self._process, self._modes = process, start.modes.copy()
         self._command, self._time = start.command, start.time_s

@@ -25,7 +25,7 @@ _LEADS: Final = np.array(
 
 
 @dataclass
-class Cloud:
+class ParticleCloud:
     """`count` particles of the control `model` with the walks of `noise`: `states` (P, n) in the model's order,
     `level`, `force_N`, whether the level is `brisk` (P,) and `weights` (P,). Nothing but position, level and force
     walks: whatever else the model has follows from its past.
@@ -162,7 +162,7 @@ class Cloud:
 
 
 class ParticleEstimator(Receiver):
-    """A particle filter with the control model as its process (`Cloud`).
+    """A particle filter with the control model as its process (`ParticleCloud`).
 
     The position is the mean of all, wall, slip and drive are those of one particle that leads. A coil's current is the
     same for all: its reading moves every particle by what it differs from their mean, as it was when it was read.
@@ -172,7 +172,7 @@ class ParticleEstimator(Receiver):
 
     def __init__(self, model: ControlModel, noise: Noise | None = None, *, count: int = 300) -> None:
         super().__init__(model, noise)
-        self._cloud = Cloud(model, self.noise, self._kept, count)
+        self._cloud = ParticleCloud(model, self.noise, self._kept, count)
         self._commands, self._currents = np.zeros(self._kept), np.zeros(self._kept)
         self._cloud.compile()
         self.reset(0.0, 0.0)

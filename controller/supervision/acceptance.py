@@ -37,7 +37,7 @@ class Verdict:
 
 
 @dataclass(frozen=True)
-class Gate:
+class AcceptanceTest:
     """What a model must show: a held-out error at most `share` of the current model's on the same records."""
 
     share: float = 0.99

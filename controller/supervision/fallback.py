@@ -49,7 +49,7 @@ class Event:
 
 
 @dataclass(frozen=True)
-class Rungs:
+class RetryRules:
     """`count` controllers, best first; a failed one waits `retry_s`, twice as long each time up to `longest_s`, all in
     s, and starts anew after `forgive_s` of good work.
     """
@@ -60,10 +60,10 @@ class Rungs:
     forgive_s: float
 
 
-class Ladder:
+class FallbackChain:
     """Which controllers are suspended, and until when."""
 
-    def __init__(self, rungs: Rungs) -> None:
+    def __init__(self, rungs: RetryRules) -> None:
         self._rungs = rungs
         self._closed_until = [-math.inf] * rungs.count
         self._wait = [rungs.retry_s] * rungs.count

@@ -27,7 +27,7 @@ class Offer:
     at_s: float = 0.0
 
 
-class Succession:
+class ModelSwitch:
     """The estimator in use, and the one of an offered model beside it.
 
     `observe` answers with the one in use. From `begin` + `offer.at_s` on the offered one sees the same measurements;

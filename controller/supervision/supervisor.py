@@ -14,7 +14,7 @@ import numpy as np
 from controller.limits import Envelope, Issued, Seen, limited, number
 from controller.signals import Action, Controller, Estimate, Reference, Status
 from controller.supervision.acceptance import Verdict
-from controller.supervision.fallback import Blend, Event, Ladder, Rules, Rungs
+from controller.supervision.fallback import Blend, Event, FallbackChain, RetryRules, Rules
 
 SERIOUS = frozenset({"range", "gap", "speed", "temperature"})
 _EVENTS = 256
@@ -65,7 +65,9 @@ class Supervisor:
         self._begin(tuple(chain), 0.0)
 
     def _begin(self, chain: tuple[Controller, ...], now: float) -> None:
-        self._ladder = Ladder(Rungs(len(chain), self.rules.retry_s, self.rules.retry_longest_s, self.rules.forgive_s))
+        self._fallback = FallbackChain(
+            RetryRules(len(chain), self.rules.retry_s, self.rules.retry_longest_s, self.rules.forgive_s)
+        )
         self._blend = Blend(self.rules.blend_s)
         self._chain, self._now, self._elapsed, self._tick = chain, now, 0.0, 0.0
         self._active = -1
@@ -134,17 +136,17 @@ class Supervisor:
         if blind or self._elapsed < self._bad_until:
             return self._stop("estimate lost"), "lost"
         worst: Status = "ok"
-        for rung in self._ladder.open(self._elapsed):
+        for rung in self._fallback.open(self._elapsed):
             action, fault = self._asked(rung, now, estimate, reference)
             if fault is None:
-                self._ladder.worked(rung, self._elapsed)
+                self._fallback.worked(rung, self._elapsed)
                 command = self._blend.smooth(action.command, self._elapsed)
                 return Action(
                     command, action.status, action.predicted, action.timings
                 ), action.status if worst == "ok" else worst
             worst = "late" if fault == "late" else "failed"
             self._reason = f"{self._chain[rung].name} {fault}"
-            self._ladder.failed(rung, self._elapsed)
+            self._fallback.failed(rung, self._elapsed)
         return self._stop(self._reason), "stopped"
 
     def _asked(self, rung: int, now: float, estimate: Estimate, reference: Reference) -> tuple[Action, str | None]:
@@ -217,7 +219,7 @@ class Supervisor:
 
     def _too_long(self, names: Iterable[str]) -> None:
         self._reason = f"{self.active} held by limits: {', '.join(sorted(names))}"
-        self._ladder.failed(self._active, self._elapsed)
+        self._fallback.failed(self._active, self._elapsed)
         self._limited_since, self._unfollowed_s = math.inf, 0.0
 
     def _watch_rest(self, seen: Seen, reference: Reference) -> None:

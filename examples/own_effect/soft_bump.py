@@ -18,7 +18,7 @@ class SoftBump(Effect):
     summary = "a soft bump that pushes the capsule away from its middle"
     source = "example"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
-    look_alikes = ("stenosis", "incline_gravity")
+    confounders = ("stenosis", "incline_gravity")
     separated_by = (
         "pass the place in both directions: a narrow place resists both ways, a bump pushes one way on each side"
     )

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from itertools import pairwise
 from pathlib import Path
@@ -26,7 +26,6 @@ BAD_INPUT = 2
 app = typer.Typer(
     name="capsule",
     help="Measured records of a capsule robot in, the effect that its model lacks out.",
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
@@ -49,6 +48,11 @@ OwnControllers = Annotated[
     typer.Option("--controllers", metavar="FILE.py", help="Controllers of your own; may be given several times."),
 ]
 RunSeed = Annotated[int | None, typer.Option("--seed", min=0, help="Sets every random number; else the scenario's.")]
+
+
+def _command(name: str, example: str, **options: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Declare the command `name`, with an example at the end of its help."""
+    return app.command(name, epilog=f"Example: {example}", **options)
 
 
 class ManyHoldouts(TyperCommand):
@@ -101,7 +105,7 @@ def _options(
     pass
 
 
-@app.command("seeds")
+@_command("seeds", "capsule seeds --plot papers")
 def _seeds(
     json_output: Json = False,
     plot: Annotated[
@@ -114,7 +118,7 @@ def _seeds(
     seeds(json_output=json_output, plot=plot)
 
 
-@app.command("init")
+@_command("init", "capsule init magnetic my_rig")
 def _init(
     kind: Annotated[
         str, typer.Argument(metavar="KIND", help="pull, magnetic, coil, vibro, vibro_table, axis, periods or dma.")
@@ -128,7 +132,11 @@ def _init(
     init(kind, folder, json_output=json_output)
 
 
-@app.command("close-loop", cls=ManyHoldouts)
+@_command(
+    "close-loop",
+    "capsule close-loop run_1.csv run_2.csv --rig rig.toml --holdout run_3.csv --out out",
+    cls=ManyHoldouts,
+)
 def _close_loop(
     records: Annotated[list[Path], typer.Argument(metavar="RECORD...", help="Training records, .csv or .csv.gz.")],
     rig: RigFile,
@@ -151,7 +159,7 @@ def _close_loop(
     close_loop(records, rig, out, holdout or [], json_output=json_output, seed=seed)
 
 
-@app.command("effects")
+@_command("effects", "capsule effects check my_effect.py")
 def _effects(
     action: Annotated[
         str, typer.Argument(metavar="[check]", help="check: run the conformance checks on a file of your own.")
@@ -166,7 +174,7 @@ def _effects(
     command(action, file, effects or [], json_output=json_output)
 
 
-@app.command("plot")
+@_command("plot", "capsule plot run_1.csv run_2.csv --rig rig.toml --out records.html")
 def _plot(
     records: Annotated[list[Path], typer.Argument(metavar="RECORD...", help="Records of one rig.")],
     rig: Annotated[
@@ -184,7 +192,7 @@ def _plot(
     plot(records, rig, out, json_output=json_output)
 
 
-@app.command("predict")
+@_command("predict", "capsule predict run_3.csv --rig rig.toml --model out/model.toml --out prediction.csv")
 def _predict(
     record: Annotated[Path, typer.Argument(metavar="RECORD", help="A record; its measured columns may be missing.")],
     rig: RigFile,
@@ -204,7 +212,7 @@ def _predict(
     predict(record, rig, model, out, stage=stage, json_output=json_output)
 
 
-@app.command("simulate")
+@_command("simulate", "capsule simulate hil/scenarios/pull_over_folds.toml --out record.csv")
 def _simulate(
     scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.toml", help="Rig, drive and hidden effects.")],
     out: Annotated[Path, typer.Option("--out", metavar="RECORD.csv", help="Where the record goes.")],
@@ -221,7 +229,7 @@ def _simulate(
         summary().print(f"record: {out}", markup=False, soft_wrap=True)
 
 
-@app.command("design")
+@_command("design", "capsule design rig.toml --out design")
 def _design(
     rig: Annotated[Path, typer.Argument(metavar="RIG.toml", help="A rig of kind magnetic, coil or vibro.")],
     model: LearnedModel = None,
@@ -243,7 +251,7 @@ def _design(
     design(rig, model, out, stage=stage, speed_mm_s=speed, delay_ms=delay, json_output=json_output)
 
 
-@app.command("track")
+@_command("track", "capsule track hil/scenarios/track_magnetic_ramp.toml --controller mpc --out out")
 def _track(
     scenario: Annotated[
         Path, typer.Argument(metavar="SCENARIO.toml", help="Rig, reference, instruments and what is believed.")
@@ -264,16 +272,16 @@ def _track(
     scenario fails.
     """
     from controller.registry import use_controllers
-    from hil.app.scenario.options import Asked
+    from hil.app.scenario.options import Options
     from hil.app.track.command import track
     from models.effects import use_effects
 
     use_effects(effects or [])
     use_controllers(controllers or [])
-    return track(scenario, Asked(controller, model, stage, seed, out, json_output), compare)
+    return track(scenario, Options(controller, model, stage, seed, out, json_output), compare)
 
 
-@app.command("sil")
+@_command("sil", "capsule sil hil/scenarios/sil_magnetic_drop.toml --out out")
 def _sil(
     scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.toml", help="As for track, with [bus] and [[faults]].")],
     controller: ControllerName = None,
@@ -289,16 +297,16 @@ def _sil(
 ) -> None:
     """Closed loop over the CAN bus in simulated time, plant as a bus node, with faults."""
     from controller.registry import use_controllers
-    from hil.app.scenario.options import Asked
+    from hil.app.scenario.options import Options
     from hil.app.sil.command import sil
     from models.effects import use_effects
 
     use_effects(effects or [])
     use_controllers(controllers or [])
-    sil(scenario, Asked(controller, model, stage, seed, out, json_output))
+    sil(scenario, Options(controller, model, stage, seed, out, json_output))
 
 
-@app.command("run")
+@_command("run", "capsule run deployment.toml check")
 def _run(
     rig: Annotated[
         Path, typer.Argument(metavar="RIG.toml", help="A rig file with [bus], [control], [reference] and [limits].")
@@ -327,7 +335,7 @@ def _run(
     return run(rig, action, dry_run=dry_run, log=log, json_output=json_output)
 
 
-@app.command("plant")
+@_command("plant", "capsule plant examples/deployment/deployment.toml --seconds 60")
 def _plant(
     deployment: Annotated[
         Path, typer.Argument(metavar="DEPLOYMENT.toml", help="A deployment file whose [plant] names a scenario.")
@@ -343,7 +351,7 @@ def _plant(
     plant(deployment, seconds, json_output=json_output)
 
 
-@app.command("replay")
+@_command("replay", "capsule replay run.blf")
 def _replay(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="A log of the controller, its record beside it.")],
     json_output: Json = False,
@@ -360,7 +368,7 @@ def _replay(
     return replay(log, json_output=json_output)
 
 
-@app.command("campaign")
+@_command("campaign", "capsule campaign hil/scenarios/campaign_magnetic.toml --out out/campaign")
 def _campaign(
     path: Annotated[Path, typer.Argument(metavar="CAMPAIGN.toml", help="A scenario and what is varied in it.")],
     out: Annotated[
@@ -379,7 +387,7 @@ def _campaign(
     return campaign(path, out, workers=workers, scheduler=scheduler, run=number, json_output=json_output)
 
 
-@app.command("demo")
+@_command("demo", "capsule demo --out out/demo")
 def _demo(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the reports.")] = Path("out/demo"),
     json_output: Json = False,

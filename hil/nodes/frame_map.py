@@ -27,7 +27,7 @@ QUICK_STOP_M_S2: Final = 25.0
 
 
 @dataclass(frozen=True)
-class Wiring:
+class FrameMap:
     """One drive on the bus. `node` is its name there, `channel` the column of records that its `signal` is, `target`
     its number in SafeStop and DriveReset. A command is worth something for `life_ms`: the drive's safe state (carriage
     at rest, no current, inner mass off) follows the last one within 10 ms for the coil and inner mass, within 20 ms for
@@ -79,22 +79,22 @@ class Wiring:
         return values
 
 
-WIRINGS: Mapping[str, Wiring] = MappingProxyType(
+FRAME_MAPS: Mapping[str, FrameMap] = MappingProxyType(
     {
-        "magnetic": Wiring("magnetic", "Carriage", "Position_m", "carriage_position_m", 1, 18, QUICK_STOP_M_S2),
-        "coil": Wiring("coil", "Coil", "Current_A", "coil_current_A", 2, 6),
-        "vibro": Wiring("vibro", "InnerMass", "Level", "drive_on", 3, 6),
+        "magnetic": FrameMap("magnetic", "Carriage", "Position_m", "carriage_position_m", 1, 18, QUICK_STOP_M_S2),
+        "coil": FrameMap("coil", "Coil", "Current_A", "coil_current_A", 2, 6),
+        "vibro": FrameMap("vibro", "InnerMass", "Level", "drive_on", 3, 6),
     }
 )
 
 
-def wiring_of(kind: str) -> Wiring:
+def frame_map_of(kind: str) -> FrameMap:
     """The wiring of a kind of rig. Raises ValueError for one without a drive on the bus."""
-    if kind not in WIRINGS:
+    if kind not in FRAME_MAPS:
         raise ValueError(
-            f"rig.kind must be one of {', '.join(WIRINGS)} on the bus; got {kind!r}; {nearest(kind, WIRINGS)}"
+            f"rig.kind must be one of {', '.join(FRAME_MAPS)} on the bus; got {kind!r}; {nearest(kind, FRAME_MAPS)}"
         )
-    return WIRINGS[kind]
+    return FRAME_MAPS[kind]
 
 
 @cache

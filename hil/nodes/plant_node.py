@@ -15,8 +15,8 @@ from controller.limits import Limits
 from hil.bus.catalogue import Catalogue
 from hil.nodes.drive.node import DriveNode
 from hil.nodes.drive.power_stage import CarriagePower, CoilPower, InnerMassPower, Power
-from hil.nodes.frame_map import frames, wiring_of
-from hil.nodes.transmit import Mouth
+from hil.nodes.frame_map import frame_map_of, frames
+from hil.nodes.transmit import FrameTransmitter
 from plant import layout as at
 from plant.rig import Coil, Magnet, Vibro
 from plant.sensing.instruments import Reading
@@ -77,7 +77,7 @@ class PlantNode:
         kind, power = power_of(session, limits)
         self.session, self.tamper = session, None
         self.drive: DriveNode | Cia402Drive = drive or DriveNode(
-            drive_bus, catalogue, wiring_of(kind), power, limits, tick_s
+            drive_bus, catalogue, frame_map_of(kind), power, limits, tick_s
         )
         self._parts = _COIL_PARTS if kind == "coil" else 1
         self._localiser = _Localiser(sensor_bus, catalogue)
@@ -123,7 +123,7 @@ class _Localiser:
     """Tells where the capsule is, each reading once; says so where there is none."""
 
     def __init__(self, bus: can.BusABC, catalogue: Catalogue) -> None:
-        self._mouth = Mouth(bus, catalogue, ("CapsuleLocalisation", "LocaliserHeartbeat"))
+        self._mouth = FrameTransmitter(bus, catalogue, ("CapsuleLocalisation", "LocaliserHeartbeat"))
         self._beat = _Beat(catalogue.fingerprint)
         self._silence_s = 1.5 * catalogue["CapsuleLocalisation"].cycle_s
         self._said_at = 0.0
@@ -152,7 +152,7 @@ class _ForceSensor:
     """The force between rig and capsule, with white noise of 1 mN."""
 
     def __init__(self, bus: can.BusABC, catalogue: Catalogue, seed: int) -> None:
-        self._mouth = Mouth(bus, catalogue, ("ForceReading", "ForceSensorHeartbeat"))
+        self._mouth = FrameTransmitter(bus, catalogue, ("ForceReading", "ForceSensorHeartbeat"))
         self._beat = _Beat(catalogue.fingerprint)
         self._cycle_s = catalogue["ForceReading"].cycle_s
         self._rng = np.random.default_rng(seed)

@@ -10,7 +10,7 @@ from hil.bus.catalogue import Catalogue
 from hil.bus.protection import Sender
 
 
-class Mouth:
+class FrameTransmitter:
     """Senders of the frames `names` on a bus. `unsent` counts what did not go out: off the bus, queue full, or out of
     range.
     """

@@ -73,8 +73,8 @@ def _declared(effect: type[Effect], known: Collection[str]) -> str | None:
         return f"{name}.summary must say in a few words what the effect is; got none"
     if not effect.kinds or not effect.kinds <= set(KINDS):
         return f"{name}.kinds must be among {', '.join(KINDS)}; got {sorted(effect.kinds)}"
-    strange = sorted(set(effect.look_alikes) - set(known))
-    return f"{name}.look_alikes must be ids of known effects; got {strange[0]!r}" if strange else None
+    strange = sorted(set(effect.confounders) - set(known))
+    return f"{name}.confounders must be ids of known effects; got {strange[0]!r}" if strange else None
 
 
 def _parameters(effect: type[Effect], known: Collection[str]) -> str | None:

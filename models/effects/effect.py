@@ -53,7 +53,7 @@ class Effect:
     states: ClassVar[tuple[str, ...]] = ()
     grid: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType({})
     probe: ClassVar[float] = 0.1
-    look_alikes: ClassVar[tuple[str, ...]] = ()
+    confounders: ClassVar[tuple[str, ...]] = ()
     separated_by: ClassVar[str] = ""
     refined_by: ClassVar[tuple[str, ...]] = ()
     of: ClassVar[str] = ""

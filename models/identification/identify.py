@@ -133,7 +133,7 @@ def _rows(found: Search) -> list[CandidateRow]:
 def _statements(found: Search, verdict: str) -> list[str]:
     said = [
         f"Validation cost for each residual: {found.before:.3g} calibrated, {found.after:.3g} with what was added; "
-        f"chance alone leaves {found.chance_cost:.3g}."
+        f"the null distribution (parametric bootstrap) leaves {found.chance_cost:.3g}."
     ]
     if found.effects:
         said.append(
@@ -142,22 +142,22 @@ def _statements(found: Search, verdict: str) -> list[str]:
         )
     if found.horizon_s < np.inf:
         said.append(
-            f"The motion is restless: only over the first {found.horizon_s:g} s of the records does the model predict"
-            " itself when its base numbers are a thousandth off; effects are judged on these."
+            f"Predictability horizon: a 0.1 % change of the base parameters adds or removes slip events after"
+            f" {found.horizon_s:g} s; effects are judged on the records up to there."
         )
     elif found.restless > CLEAN * found.chance_cost:
         said.append(
-            f"The motion is restless: the model leaves {found.restless:.3g} of itself when its base numbers are a"
-            " thousandth off."
+            "The motion is sensitive to parameters: a 0.1 % change of the base parameters adds or removes slip events"
+            f" and alone leaves a validation cost of {found.restless:.3g}; errors far below that are coincidence."
         )
     said += [
-        f"{BY_ID[name].summary.capitalize()} ({name}) mends the shape of"
+        f"{BY_ID[name].summary.capitalize()} ({name}) refines the shape of"
         f" {', '.join(e for e in found.effects if name in BY_ID[e].refined_by)}."
         for name in found.refinements
     ]
     if verdict == "unknown":
         said.append(
-            "What is left is structured and no candidate explains it."
+            "The residual is structured and no candidate explains it."
             if found.after >= CLEAN * found.chance_cost
             else (
                 "Fits leave as much of the model's own predictions: an effect that is smaller than that cannot be seen."

@@ -153,13 +153,13 @@ class Kind(Protocol):
         """
         ...
 
-    def telling(self, records: Sequence[Record]) -> list[Record]:
+    def searched(self, records: Sequence[Record]) -> list[Record]:
         """What of `records` a search looks at: all of them, or their beginnings where a run takes long and a short one
         tells as much.
         """
         ...
 
-    def folds(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
+    def splits(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
         """Splits into (training, validation) parts for cross-validation: by record, by condition, by sample; never
         within one.
         """
@@ -181,7 +181,7 @@ class OneByOne:
         """`residual` at several points."""
         return [self.residual(record, theta, stage) for theta in thetas]
 
-    def telling(self, records: Sequence[Record]) -> list[Record]:
+    def searched(self, records: Sequence[Record]) -> list[Record]:
         """All of them."""
         return list(records)
 

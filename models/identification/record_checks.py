@@ -71,7 +71,7 @@ def check_parts(kind: Kind, train: Sequence[Record], holdout: Sequence[Record]) 
     for record in (*train, *holdout):
         with named(record):
             kind.residual(record, nominal)
-    splits = kind.folds(train)
+    splits = kind.splits(train)
     if not splits or not all(part and held for part, held in splits):
         raise ValueError(
             f"{names}: records must hold at least two parts to fit on and to judge by; wanted are {_parts(kind)}"

@@ -2,7 +2,7 @@
 
 `python -m tests.bench.bench_tracing --out DIR [--kind pull] [--effects a b] [--seeds 1 2] [--none 5]` runs `capsule
 close-loop` on the plant's series, keeps one JSON line a series (finished ones are not repeated) and prints the table
-that docs/results quote; `bench_augmented` with the same DIR takes the models from there. "a thousandth" is what the
+that docs/results quote; `bench_augmented` with the same DIR takes the models from there. "0.1 %" is what the
 model found leaves of its own held-out prediction, without noise, where its base numbers are 0.1 % off: what a fit that
 good would leave. With `--truth` every series in DIR is fitted once more, with the model that was found but from the
 plant's own base numbers on: what more luck in the search could gain.
@@ -26,7 +26,7 @@ from models.files.record import Record, read_record
 from models.files.rig import read_rig
 from models.identification.fitting.fit import FINE, NARROW, narrowing
 from models.identification.kinds import kind_for
-from models.identification.kinds.series.kind import GutKind
+from models.identification.kinds.series.kind import SeriesKind
 from models.identification.kinds.series.simulation import active_effects
 from models.identification.model import read_model
 from models.identification.search.validation import middle_stage
@@ -163,14 +163,14 @@ def run(kind: Kind, effect: str | None, seed: int, out: Path) -> dict[str, Any]:
     }
 
 
-def read_series(folder: Path, out: Path) -> tuple[GutKind, list[Record], list[Record], dict[str, float]]:
+def read_series(folder: Path, out: Path) -> tuple[SeriesKind, list[Record], list[Record], dict[str, float]]:
     """Of a series in `folder` closed into `out`: the kind, the training and the held-out records, and the model
     found.
     """
     rig = read_rig(folder / "rig.toml")
     train = [read_record(folder / f"{name}.csv.gz", rig) for name in TRAIN]
     kind = kind_for(rig, train)
-    assert isinstance(kind, GutKind)
+    assert isinstance(kind, SeriesKind)
     return (
         kind,
         train,
@@ -179,7 +179,7 @@ def read_series(folder: Path, out: Path) -> tuple[GutKind, list[Record], list[Re
     )
 
 
-def _a_thousandth_off(kind: GutKind, theta: dict[str, float], records: list[Record]) -> float:
+def _a_thousandth_off(kind: SeriesKind, theta: dict[str, float], records: list[Record]) -> float:
     """Largest error of the model at `theta` held against itself, each fitted base number 0.1 % up or down."""
     made = [record.with_column(kind.quantity, kind.predict(record, theta)) for record in records]
     fitted = [p.name for p in kind.base if p.fit]
@@ -254,7 +254,7 @@ def _line(row: dict[str, Any]) -> str:
     return (
         f"{row['kind']:9} {row['effect']!s:22} seed {row['seed']:<4} {'right' if row['right'] else 'WRONG':6}"
         f" {row['verdict']:8} {row['classes']} {errors['nominal']:.3g} -> {errors['calibrated']:.3g} ->"
-        f" {errors['augmented']:.3g} ({ratio:.2f} x floor; a thousandth {row['thousandth']:.3g}) {row['seconds']} s"
+        f" {errors['augmented']:.3g} ({ratio:.2f} x floor; 0.1 % off {row['thousandth']:.3g}) {row['seconds']} s"
     )
 
 

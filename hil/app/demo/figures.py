@@ -1,4 +1,4 @@
-"""The demo's figures: both errors by stage, what is left over before and after, and the mission driven with each
+"""The demo's figures: both errors by stage, the residual before and after, and the mission driven with each
 model.
 """
 

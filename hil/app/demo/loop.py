@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from controller.supervision.acceptance import Gate, Verdict
+from controller.supervision.acceptance import AcceptanceTest, Verdict
 from hil.app.demo.story import RIG, Mission, Progress, Told, found_in
 from hil.app.report import report_json
 from hil.app.scenario.bus_scenario import SilScenario, parse_sil_scenario
@@ -100,7 +100,7 @@ def admitted(finding: Finding, model: Model, rig: Rig) -> Iterator[tuple[str, Ve
     """
     current = STAGES[0]
     for stage in STAGES[1:]:
-        verdict = Gate().judge(report_json(finding), model, rig, stage=stage, current=current)
+        verdict = AcceptanceTest().judge(report_json(finding), model, rig, stage=stage, current=current)
         current = stage if verdict.passed else current
         yield stage, verdict
 

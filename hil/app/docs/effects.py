@@ -45,8 +45,8 @@ def _effect(effect: type[Effect]) -> str:
     lines += [f"Kinds of rig: {', '.join(f'`{kind}`' for kind in sorted(effect.kinds))}.", ""]
     lines += ["| parameter | unit | range | start |", "| --- | --- | --- | --- |", *_parameters(effect), ""]
     known = {e.id for e in EFFECTS}
-    if effect.look_alikes:
-        alike = ", ".join(_link(name) if name in known else f"`{name}`" for name in effect.look_alikes)
+    if effect.confounders:
+        alike = ", ".join(_link(name) if name in known else f"`{name}`" for name in effect.confounders)
         lines.append(f"Confounded with {alike}. Told apart by: {effect.separated_by}.")
     lines.append(f"Source: {effect.source}.")
     return "\n".join(lines)

@@ -52,7 +52,7 @@ def described(effect: type[Effect]) -> dict[str, Any]:
             {"name": p.name, "unit": p.unit, "value": p.value, "lower": p.lower, "upper": p.upper, "source": p.source}
             for p in effect.parameters()
         ],
-        "confounders": [name for name in effect.look_alikes if name in BY_ID],
+        "confounders": [name for name in effect.confounders if name in BY_ID],
         "separated_by": effect.separated_by,
         "source": effect.source,
     }
@@ -63,5 +63,5 @@ def _table(found: Sequence[type[Effect]]) -> Table:
     for column in ("id", "what it is", "kinds of rig", "confounded with"):
         table.add_column(column)
     for effect in found:
-        table.add_row(effect.id, effect.summary, ", ".join(sorted(effect.kinds)), ", ".join(effect.look_alikes))
+        table.add_row(effect.id, effect.summary, ", ".join(sorted(effect.kinds)), ", ".join(effect.confounders))
     return table

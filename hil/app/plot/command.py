@@ -58,10 +58,10 @@ def page(records: Sequence[Record]) -> str:
     """The page of one kind's records: a panel a column, the records over each other."""
     from plotly.subplots import make_subplots
 
-    over = next(iter(records[0].columns))
-    columns = [name for name in records[0].columns if name != over]
+    over = "t_s" if all("t_s" in record.columns for record in records) else next(iter(records[0].columns))
+    columns = [name for name in dict.fromkeys(name for r in records for name in r.columns) if name != over]
     figure: Any = make_subplots(rows=len(columns), cols=1, shared_xaxes=True, vertical_spacing=0.1 / len(columns))
-    for number, record in enumerate(records):
+    for number, record in enumerate(record for record in records if over in record.columns):
         colour = line_colour(number)
         for row, name in ((r, n) for r, n in enumerate(columns, start=1) if n in record.columns):
             x, y = thinned(record[over], record[name])

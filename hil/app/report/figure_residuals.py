@@ -56,7 +56,7 @@ def residual_figure(drawn: Sequence[Panel], before: str, after: str) -> go.Figur
             signal_factor, prefixed = scale(np.concatenate([panel.signals[name] for panel in drawn]), signal_unit)
             _rescale(figure, signal_factor, (row, column))
             figure.update_xaxes(title=f"{words} in {prefixed}" if prefixed else words, row=row, col=column)
-        figure.update_yaxes(title=f"left over in {unit}", range=[-limit, limit], row=row, col=1)
+        figure.update_yaxes(title=f"residual in {unit}", range=[-limit, limit], row=row, col=1)
         figure.update_yaxes(range=[-limit, limit], row=row, col=2)
     if len(quantities) > 1:
         seen: set[str] = set()

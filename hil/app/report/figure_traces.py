@@ -36,7 +36,7 @@ def trace_figure(panel: Panel, points: int, residual: bool = True) -> go.Figure:
     styled(figure, 420 if residual else 300)
     figure.update_xaxes(title=f"{name} in {axis_unit}" if axis_unit else name, row=1 + residual)
     figure.update_yaxes(title=f"{panel.quantity} in {unit}", row=1, col=1)
-    return figure.update_yaxes(title="left over", row=2, col=1) if residual else figure
+    return figure.update_yaxes(title="residual", row=2, col=1) if residual else figure
 
 
 def _line(figure: go.Figure, panel: Panel, values: Array, name: str, colour: str, points: int) -> None:

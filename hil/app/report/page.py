@@ -63,7 +63,7 @@ def report_html(finding: Finding) -> str:
         "effect", "The effect" if len(finding.effects) == 1 else "The effects", "".join(map(_effect, finding.effects))
     )
     page.add("records", "What was measured, what the model said", _records(page, finding, drawn))
-    page.add("residual", "What is left over, and what it depends on", _residuals(page, finding, drawn))
+    page.add("residual", "The residual, and what it depends on", _residuals(page, finding, drawn))
     page.add("candidates", "Candidates and their evidence", _candidates(page, finding))
     page.add("model", "The new model", _model(finding))
     page.add("sure", "How sure this is", _sure(finding))
@@ -115,7 +115,7 @@ def _effect(effect: FoundEffect) -> str:
         if effect.equivalent
         else ""
     )
-    apart = f"<p>What tells it from its look-alikes: {escape(separated)}.</p>" if separated else ""
+    apart = f"<p>What tells it from its confounded effects: {escape(separated)}.</p>" if separated else ""
     facts = {"evidence": number(effect.evidence, 3), "confidence": _confidence(effect.confidence)}
     return (
         f'<div class="card"><h3>{escape(effect_words(effect.id))} <code>{escape(effect.id)}</code></h3>'

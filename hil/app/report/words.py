@@ -124,7 +124,7 @@ def effect_words(effect: str) -> str:
 
 
 def effect_summary(effect: str) -> tuple[str, str]:
-    """What the catalogue says an effect is, and what would tell it from its look-alikes."""
+    """What the catalogue says an effect is, and what would tell it from its confounded effects."""
     declared = next((e for e in EFFECTS if e.id == effect), None)
     return (declared.summary, declared.separated_by) if declared else ("", "")
 

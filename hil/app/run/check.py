@@ -17,8 +17,8 @@ from hil.app.scenario.deployment import Deployment
 from hil.bus.catalogue import Catalogue
 from hil.bus.protection import Sender
 from hil.nodes.controller.node import ControllerNode, Task
-from hil.nodes.controller.receive import Ears
-from hil.nodes.frame_map import ENABLE, ENABLED, FAULT, WAITING, wiring_of
+from hil.nodes.controller.receive import FrameReceiver
+from hil.nodes.frame_map import ENABLE, ENABLED, FAULT, WAITING, frame_map_of
 
 LISTEN_S: Final = 0.5
 REHEARSED: Final = 400
@@ -52,29 +52,29 @@ def check(deployment: Deployment, task: Task, bus: ClockedBus, catalogue: Catalo
 
 def _listen(deployment: Deployment, bus: ClockedBus, catalogue: Catalogue) -> list[Point]:
     clock, began = bus.clock, bus.clock.now()
-    ears = Ears(bus, catalogue, wiring_of(deployment.rig.kind), deployment.control.tick_s)
+    receiver = FrameReceiver(bus, catalogue, frame_map_of(deployment.rig.kind), deployment.control.tick_s)
     while clock.now() - began < LISTEN_S:
-        ears.listen(clock.now())
+        receiver.listen(clock.now())
         time.sleep(0.002)
-    got = {r.frame.name: r.statistics for r in ears.reception.receivers.values()}
+    got = {r.frame.name: r.statistics for r in receiver.reception.receivers.values()}
     good, refused = sum(s.accepted for s in got.values()), sum(s.refused.total() for s in got.values())
-    others = ears.reception.unknown.total()
-    words = f"{good} good frames, {refused} refused, {others} of others in {LISTEN_S:g} s{ears.error_words}"
-    heard = Point("bus", good > 0 and not refused and not ears.errors, words)
-    doubt = ears.doubt(clock.now())
-    wiring, state = wiring_of(deployment.rig.kind), ears.state
+    others = receiver.reception.unknown.total()
+    words = f"{good} good frames, {refused} refused, {others} of others in {LISTEN_S:g} s{receiver.error_words}"
+    heard = Point("bus", good > 0 and not refused and not receiver.errors, words)
+    doubt = receiver.doubt(clock.now())
+    wiring, state = frame_map_of(deployment.rig.kind), receiver.state
     fed = got[wiring.feedback].accepted > 0
-    doubt = doubt or ("" if ears.beating or not fed else "no heartbeat as capsule.dbc has it")
-    words = doubt or (f"{_STATES[state]}, {ears.temperature_C:g} degC" if fed else "nothing heard")
+    doubt = doubt or ("" if receiver.beating or not fed else "no heartbeat as capsule.dbc has it")
+    words = doubt or (f"{_STATES[state]}, {receiver.temperature_C:g} degC" if fed else "nothing heard")
     drive = Point(f"drive {wiring.node}", not doubt and fed and state != FAULT, words)
-    age = ears.evidence(clock.now()).localisation_s
+    age = receiver.evidence(clock.now()).localisation_s
     seen = f"newest {1e3 * age:.0f} ms old" if math.isfinite(age) else "nothing heard"
     return [heard, drive, Point("localisation", age <= deployment.limits.age_s, seen)]
 
 
 def limits_point(limits: Limits, kind: str, catalogue: Catalogue) -> Point:
     """Every limit must fit into its signal: beyond it the codec would refuse the command."""
-    frame = catalogue[wiring_of(kind).command]
+    frame = catalogue[frame_map_of(kind).command]
     for signal, name in _SIGNALS[kind]:
         field, most = frame.field(signal), float(getattr(limits, name))
         if most > field.upper:

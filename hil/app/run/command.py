@@ -21,7 +21,7 @@ from hil.log.recorder import Recorder, log_record
 from hil.nodes.cia402.bus import Cia402Bus
 from hil.nodes.cia402.setup import set_up
 from hil.nodes.controller.node import ControllerNode
-from hil.nodes.frame_map import wiring_of
+from hil.nodes.frame_map import frame_map_of
 from models.parameter import nearest
 
 ACTIONS = ("lead", "check", "reset")
@@ -115,7 +115,7 @@ def _drives_bus(deployment: Deployment, *, listen_only: bool) -> can.BusABC:
         return bus
     if not listen_only:
         try:
-            shortest_ms = wiring_of(deployment.rig.kind).life_ms(deployment.limits.carriage_speed_m_s)
+            shortest_ms = frame_map_of(deployment.rig.kind).life_ms(deployment.limits.carriage_speed_m_s)
             set_up(bus, table, deployment.limits, deployment.control.tick_s, shortest_ms)
         except ValueError:
             bus.shutdown()
@@ -170,7 +170,7 @@ def _document(
         "cut_ticks": outcome.cut,
         "late_ms": grid.late.document(),
         "tick_ms": outcome.busy.document(),
-        "rejected": node.ears.rejected,
+        "rejected": node.receiver.rejected,
         "refused": sum(node.guard.refused.values()),
         "unsent": node.guard.unsent,
         "log": str(frames_log.path),

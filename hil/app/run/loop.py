@@ -94,9 +94,9 @@ def lead(
         while node.state == RUNNING and now - origin < duration_s and not signals.wanted:
             now = _tick(node, outcome, recorder)
     outcome.reason = node.reason if node.state == FAULTY else ""
-    fed = node.ears.evidence(now).feedback_s < HEARTBEAT_LOST_S
+    fed = node.receiver.evidence(now).feedback_s < HEARTBEAT_LOST_S
     silent = "no heartbeat of the drive as capsule.dbc has it" if fed else "no feedback of the drive"
-    missing = (_doubt(node, now, reset) or silent) + node.ears.error_words
+    missing = (_doubt(node, now, reset) or silent) + node.receiver.error_words
     missing += "; 'capsule run RIG.toml reset' acknowledges it" if missing.startswith("drive fault") else ""
     outcome.ended = outcome.reason or signals.wanted or ("time is up" if outcome.led else f"nothing to lead: {missing}")
     _come_to_rest(node, outcome, recorder, now)
@@ -105,13 +105,19 @@ def lead(
 
 def _doubt(node: ControllerNode, now: float, reset: bool) -> str:
     """Why the drive is not to be led, "" where it is."""
-    doubt = node.ears.doubt(now) or ("drive fault" if node.ears.state == FAULT and not node.ears.fault else "")
-    return "" if reset and doubt == f"drive fault {node.ears.fault}" else doubt
+    doubt = node.receiver.doubt(now) or (
+        "drive fault" if node.receiver.state == FAULT and not node.receiver.fault else ""
+    )
+    return "" if reset and doubt == f"drive fault {node.receiver.fault}" else doubt
 
 
 def _heard(node: ControllerNode, now: float, reset: bool) -> bool:
     """Whether there is a drive to lead."""
-    return not _doubt(node, now, reset) and node.ears.beating and node.ears.evidence(now).feedback_s < HEARTBEAT_LOST_S
+    return (
+        not _doubt(node, now, reset)
+        and node.receiver.beating
+        and node.receiver.evidence(now).feedback_s < HEARTBEAT_LOST_S
+    )
 
 
 def _come_to_rest(node: ControllerNode, outcome: Outcome, recorder: Recorder, now: float) -> None:
@@ -121,7 +127,7 @@ def _come_to_rest(node: ControllerNode, outcome: Outcome, recorder: Recorder, no
     since, rested = now, now
     while now - rested < REST_S and now - since < COME_TO_REST_S:
         now = _tick(node, outcome, recorder)
-        if node.ears.state in MOVING:
+        if node.receiver.state in MOVING:
             rested = now
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from hil.app.scenario.deployment import check_tick
 from hil.app.scenario.scenario import BUS_TABLES, TABLES, TrackScenario, parse_track_scenario
 from hil.nodes.faults.table import Fault, read_faults
-from hil.nodes.frame_map import frames, wiring_of
+from hil.nodes.frame_map import frame_map_of, frames
 from hil.nodes.plant_node import SLOT_S
 from models.files.tables import from_table
 from models.files.toml import read_toml
@@ -61,7 +61,7 @@ def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
             raise ValueError(f"tables must be among {', '.join(known)}; got [{name}]; {nearest(name, known)}")
     loop = parse_track_scenario({name: table for name, table in raw.items() if name not in BUS_TABLES})
     if "tick_s" not in raw.get("control", {}):
-        cycle = frames()[wiring_of(loop.kind).command].cycle_s
+        cycle = frames()[frame_map_of(loop.kind).command].cycle_s
         loop = replace(loop, control=replace(loop.control, tick_s=cycle))
     slots = loop.control.tick_s / SLOT_S
     if round(slots) < 1 or abs(slots - round(slots)) > 1e-6:

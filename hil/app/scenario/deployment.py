@@ -13,7 +13,7 @@ from typing import Any, Final
 from controller.limits import Limits
 from controller.model.control_model import ControlModel, control_model
 from controller.registry import CONTROLLERS, leads
-from controller.supervision.acceptance import Gate, Verdict
+from controller.supervision.acceptance import AcceptanceTest, Verdict
 from controller.trajectory import Trajectory
 from hil.app.scenario.model_offer import Offered, offer_of, read_offer, read_offer_table
 from hil.app.scenario.reference import read_reference
@@ -21,7 +21,7 @@ from hil.bus.catalogue import load_catalogue
 from hil.nodes.cia402.states import Cia402Table
 from hil.nodes.controller.guard import FEEDBACK_S
 from hil.nodes.controller.node import Task
-from hil.nodes.frame_map import WIRINGS, wiring_of
+from hil.nodes.frame_map import FRAME_MAPS, frame_map_of
 from models.files.rig import LARGEST_FILE, TABLES, Rig, parse_rig
 from models.files.tables import from_table
 from models.identification.finding import STAGES
@@ -198,10 +198,10 @@ def parse_deployment(
     _check_tables(raw)
     rig = _rig(raw)
     control = from_table(ControlTable, raw.get("control", {}), "control")
-    if rig.kind in WIRINGS and rig.kind not in leads(control.controller):
+    if rig.kind in FRAME_MAPS and rig.kind not in leads(control.controller):
         raise ValueError(f"control.controller must be one that leads a {rig.kind} rig; got {control.controller!r}")
     limits = from_table(Limits, raw.get("limits", {}), "limits")
-    if rig.kind in WIRINGS:
+    if rig.kind in FRAME_MAPS:
         check_tick(control.tick_s, rig.kind, limits)
     return Deployment(
         name,
@@ -230,7 +230,7 @@ def _check_tables(raw: Mapping[str, Any]) -> None:
 
 def check_tick(tick_s: float, kind: str, limits: Limits) -> None:
     """A tick must be shorter than a command lives and than the guard waits for feedback, or the drive is never led."""
-    longest = min(1e-3 * wiring_of(kind).life_ms(limits.carriage_speed_m_s), FEEDBACK_S[kind])
+    longest = min(1e-3 * frame_map_of(kind).life_ms(limits.carriage_speed_m_s), FEEDBACK_S[kind])
     if tick_s > longest + 1e-9:
         raise ValueError(
             f"control.tick_s must be at most {longest:g} s for a {kind} rig on the bus, else commands die between"
@@ -257,7 +257,7 @@ def _learned(raw: Mapping[str, Any], folder: Path) -> tuple[dict[str, float], Ve
         return {}, None
     table, rig = from_table(ModelTable, raw["model"], "model"), _rig(raw)
     model = read_model(folder / table.file, rig.kind)
-    verdict = Gate().judge(read_report(folder / table.report), model, rig, stage=table.stage)
+    verdict = AcceptanceTest().judge(read_report(folder / table.report), model, rig, stage=table.stage)
     return model.believed(table.stage), verdict
 
 

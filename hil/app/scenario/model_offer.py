@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from controller.model.control_model import ControlModel
-from controller.supervision.acceptance import Gate, Verdict
+from controller.supervision.acceptance import AcceptanceTest, Verdict
 from controller.supervision.model_switch import Offer
 from models.files.rig import Rig
 from models.files.tables import from_table
@@ -78,7 +78,7 @@ def read_offer(table: OfferTable | None, folder: Path, rig: Rig, values: Mapping
         return None
     model, report = read_model(folder / table.file, rig.kind), read_report(folder / table.report)
     used = next((stage for stage in STAGES if model.believed(stage) == dict(values)), "" if values else STAGES[0])
-    verdict = Gate().judge(report, model, rig, stage=table.stage, current=used or math.nan)
+    verdict = AcceptanceTest().judge(report, model, rig, stage=table.stage, current=used or math.nan)
     if not verdict.passed:
         raise ValueError(f"{folder / table.file}: offered model must pass the gate; got: {verdict.sentence}")
     return Offered(model.believed(table.stage), table.at_s)

@@ -15,7 +15,7 @@ _MODELS = {"vibro": ("vibro", "vibro_table")}
 
 
 @dataclass(frozen=True)
-class Asked:
+class Options:
     """`controller` and `seed` are the scenario's where None. `model` is a file that close-loop wrote, of which `stage`
     is used; without it the controller knows nominal values. `out` is a folder for what is written.
     """

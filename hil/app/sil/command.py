@@ -11,7 +11,7 @@ from controller.model.control_model import ControlModel
 from hil.app.console import json_text, output_to_notes, print_json, progress_bar, summary
 from hil.app.scenario.bus_scenario import SilScenario, load_sil_scenario
 from hil.app.scenario.model_offer import Offered, offer_of, offer_words, read_offer, told
-from hil.app.scenario.options import Asked
+from hil.app.scenario.options import Options
 from hil.app.sil.fault_outcomes import outcomes
 from hil.app.sil.loop import SilTrace, run_sil
 from hil.app.sil.testbed import believed_on_bus
@@ -22,7 +22,7 @@ from hil.log.recorder import Recorder, log_record
 from hil.nodes.frame_map import frames
 
 
-def sil(path: Path, asked: Asked) -> None:
+def sil(path: Path, asked: Options) -> None:
     """Run the scenario file `path` over the bus and say how well it was tracked and what came of its faults.
 
     Raises ValueError, one sentence, for anything that cannot be used.

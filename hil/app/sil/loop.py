@@ -139,7 +139,7 @@ def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:
 
 def _never_led(bench: Bench, trace: SilTrace) -> str:
     """Why the drive was not led at all."""
-    doubt = bench.node.ears.doubt(bench.time_s) or (
+    doubt = bench.node.receiver.doubt(bench.time_s) or (
         "estimate lost" if trace.lost[-1] else "it did not get ready in time"
     )
     return f"the drive was never led: {doubt}"

@@ -16,9 +16,9 @@ from hil.app.scenario.bus_scenario import SilScenario
 from hil.bus.simulated import BUS_OFF, Medium, SimulatedBus
 from hil.log.recorder import Recorder
 from hil.nodes.controller.node import ControllerNode, Task, Tick
-from hil.nodes.faults.injection import TAMPERING, Link
+from hil.nodes.faults.injection import TAMPERING, FaultInjection
 from hil.nodes.faults.table import Fault
-from hil.nodes.frame_map import frames, wiring_of
+from hil.nodes.frame_map import frame_map_of, frames
 from hil.nodes.plant_node import SLOT_S, PlantNode
 from plant.sensing.instruments import Reading
 from plant.session import Session
@@ -56,13 +56,13 @@ class Bench:
         """
         self._recorder = recorder
         loop, self.scenario = scenario.loop, scenario
-        self.tick_s, self.wiring = loop.control.tick_s, wiring_of(loop.kind)
+        self.tick_s, self.wiring = loop.control.tick_s, frame_map_of(loop.kind)
         self.medium = Medium(frames().bit_rate)
         self.ports = {name: SimulatedBus(self.medium, name) for name in ("controller", "drive", "localiser")}
         self._babbler = (
             SimulatedBus(self.medium, "babbler") if any(f.kind == "babbling" for f in scenario.faults) else None
         )
-        self.links: dict[str, Link] = {}
+        self.links: dict[str, FaultInjection] = {}
         task = Task(model, controller, loop.reference, loop.limits, loop.instruments.localisation.std, offer=offer)
         self.node = ControllerNode(task, self._bus("controller", seed), observer=recorder)
         session = Session(loop.truth, replace(loop.instruments, feedback=None), seed, 0.0)
@@ -91,7 +91,7 @@ class Bench:
     @property
     def rejected(self) -> int:
         """Frames that controller and drive refused so far."""
-        return self.node.ears.rejected + self.plant.drive.rejected
+        return self.node.receiver.rejected + self.plant.drive.rejected
 
     def start(self) -> None:
         """The operator's word, with the reference beginning at 0."""
@@ -139,7 +139,7 @@ class Bench:
         """The port of a node, behind a link where a fault of the scenario tampers with what it receives."""
         if not any(f.kind in TAMPERING for f in self.scenario.faults):
             return self.ports[name]
-        self.links[name] = Link(self.ports[name], lambda: self.medium.now_s, seed)
+        self.links[name] = FaultInjection(self.ports[name], lambda: self.medium.now_s, seed)
         return self.links[name]
 
     def _change(self, now: float) -> None:
@@ -168,7 +168,7 @@ class Bench:
         elif fault.kind == "drive_reset" and on:
             drive.boot(self.medium.now_s)
 
-    def _hit(self, fault: Fault) -> list[tuple[Link, tuple[Fault, frozenset[int]]]]:
+    def _hit(self, fault: Fault) -> list[tuple[FaultInjection, tuple[Fault, frozenset[int]]]]:
         """The links that a fault tampers with, and the identifiers there."""
         known, own = frames(), self.wiring
         to_drive = {

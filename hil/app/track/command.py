@@ -9,7 +9,7 @@ from controller.estimator.noise import noise_of
 from controller.registry import CONTROLLERS, leads
 from hil.app.console import json_text, notes, output_to_notes, print_json, progress_bar
 from hil.app.scenario.model_offer import offer_of, read_offer, told
-from hil.app.scenario.options import Asked
+from hil.app.scenario.options import Options
 from hil.app.scenario.scenario import load_track_scenario
 from hil.app.track.loop import Trace, believed_model, run_loop
 from hil.app.track.page import page_html
@@ -19,7 +19,7 @@ from hil.app.track.verdicts import verdicts
 from hil.app.write import check_folder, write_files
 
 
-def track(path: Path, asked: Asked, compare: bool = False) -> int:
+def track(path: Path, asked: Options, compare: bool = False) -> int:
     """Run the scenario file `path` in closed loop and say how well it was tracked; with `compare` under every
     controller.
 

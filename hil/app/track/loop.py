@@ -16,7 +16,7 @@ from controller.model.control_model import ControlModel, control_model
 from controller.registry import build
 from controller.signals import Action, Estimate, Measurement
 from controller.supervision.fallback import Event
-from controller.supervision.model_switch import Offer, Succession
+from controller.supervision.model_switch import ModelSwitch, Offer
 from controller.supervision.supervisor import Supervisor
 from controller.vibro.table_values import in_time
 from hil.app.scenario.scenario import DRIVEN, TrackScenario
@@ -94,7 +94,7 @@ def run_loop(
     """
     envelope = envelope_of(model.drive, scenario.limits)
     supervisor = Supervisor(build(controller, model, envelope), envelope)
-    estimator = Succession(supervisor, controller, model, offer)
+    estimator = ModelSwitch(supervisor, controller, model, offer)
     estimator.begin(0.0)
     session = Session(scenario.truth, scenario.instruments, seed, supervisor.issued.command)
     tick_s, ticks = scenario.control.tick_s, round(scenario.duration_s / scenario.control.tick_s)

@@ -16,7 +16,7 @@ import can
 from controller.limits import Envelope, number
 from hil.bus.catalogue import Catalogue
 from hil.bus.protection import Sender
-from hil.nodes.frame_map import ENABLE, MOVING, QUICK_STOP, WAITING, WIRINGS, Observer, Wiring
+from hil.nodes.frame_map import ENABLE, FRAME_MAPS, MOVING, QUICK_STOP, WAITING, FrameMap, Observer
 
 STOP_PERIOD_S: Final = 0.02
 FEEDBACK_S: Final[Mapping[str, float]] = MappingProxyType({"magnetic": 0.0215, "coil": 0.0045, "vibro": 0.0065})
@@ -50,7 +50,7 @@ class Fence:
     def of(cls, envelope: Envelope, tick_s: float) -> Fence:
         """The fence that a drive's limits set."""
         rests = envelope.kind == "magnetic"
-        patience, braking = FEEDBACK_S[envelope.kind], WIRINGS[envelope.kind].braking_m_s2
+        patience, braking = FEEDBACK_S[envelope.kind], FRAME_MAPS[envelope.kind].braking_m_s2
         return cls(
             envelope.low, envelope.high, envelope.rate, rests, tick_s, patience, braking, stop_s=envelope.limits.age_s
         )
@@ -141,7 +141,7 @@ class Guard:
         self,
         bus: can.BusABC,
         catalogue: Catalogue,
-        wiring: Wiring,
+        wiring: FrameMap,
         fence: Fence,
         *,
         dry: bool = False,

@@ -18,12 +18,12 @@ from controller.model.control_model import ControlModel
 from controller.registry import build
 from controller.signals import Action, Array, Estimate, Measurement, Reference
 from controller.supervision.fallback import Rules
-from controller.supervision.model_switch import Offer, Succession
+from controller.supervision.model_switch import ModelSwitch, Offer
 from controller.supervision.supervisor import Supervisor
 from hil.bus.catalogue import Catalogue
 from hil.nodes.controller.guard import Evidence, Fence, Guard, Passed
-from hil.nodes.controller.plausibility import Doubts
-from hil.nodes.controller.receive import Ears
+from hil.nodes.controller.plausibility import Plausibility
+from hil.nodes.controller.receive import FrameReceiver
 from hil.nodes.frame_map import (
     BOOT,
     ENABLE,
@@ -35,8 +35,8 @@ from hil.nodes.frame_map import (
     STANDBY,
     WAITING,
     Observer,
+    frame_map_of,
     frames,
-    wiring_of,
 )
 
 
@@ -129,19 +129,19 @@ class ControllerNode:
     ) -> None:
         """Raises ValueError for a rig that has no drive on the bus and a controller that cannot lead it."""
         catalogue = catalogue or frames()
-        self.task, self.wiring = task, wiring_of(task.model.drive.name)
+        self.task, self.wiring = task, frame_map_of(task.model.drive.name)
         self.envelope: Envelope = envelope_of(task.model.drive, task.limits)
         self.supervisor = Supervisor(
             build(task.controller, task.model, self.envelope, task.deadline_s), self.envelope, rules
         )
-        self.estimator = Succession(self.supervisor, task.controller, task.model, task.offer, task.deadline_s)
+        self.estimator = ModelSwitch(self.supervisor, task.controller, task.model, task.offer, task.deadline_s)
         self.tick_s = task.model.tick_s
-        self.ears = Ears(bus, catalogue, self.wiring, self.tick_s, observer)
+        self.receiver = FrameReceiver(bus, catalogue, self.wiring, self.tick_s, observer)
         self.guard = Guard(
             bus, catalogue, self.wiring, Fence.of(self.envelope, self.tick_s), dry=dry_run, observe=observer
         )
         self.state, self.reason = IDLE, ""
-        self._doubts = Doubts(_FOLLOW[self.wiring.kind], task.seen_noise_m > _NOISE_M)
+        self._plausibility = Plausibility(_FOLLOW[self.wiring.kind], task.seen_noise_m > _NOISE_M)
         self._reference: Reference = task.reference
         self._bus, self._catalogue, self._clock = bus, catalogue, clock
         self._began = self._last = self._beat_at = -math.inf
@@ -157,8 +157,8 @@ class ControllerNode:
         self._reference = Shifted(self.task.reference, origin_s)
         self.estimator.begin(origin_s)
         self.state, self.reason, self._led = RUNNING, "", False
-        self._acknowledge = 2 if self.ears.fault else 0
-        self._doubts.settle(self.estimator.counts.restarts)
+        self._acknowledge = 2 if self.receiver.fault else 0
+        self._plausibility.settle(self.estimator.counts.restarts)
 
     def stop(self, reason: str = "operator") -> None:
         """A controlled stop: the drive to its safe state and off, until `start`."""
@@ -175,11 +175,11 @@ class ControllerNode:
             self._fail("clock jumped")
         missed = self._missed(now)
         self._speak(now)
-        arrived = self.ears.listen(now)
+        arrived = self.receiver.listen(now)
         estimate = self._estimated(now, arrived, missed)
         middle = self._clock()
         self._judge(now)
-        evidence = self.ears.evidence(now)
+        evidence = self.receiver.evidence(now)
         mode = self._mode(evidence, estimate)
         action = self._act(now, mode, estimate) if solved else Action(math.nan, "late")
         end = self._clock()
@@ -204,20 +204,20 @@ class ControllerNode:
             self.guard.send("ControllerHeartbeat", beat, now)
         if self._acknowledge:
             self._acknowledge -= 1
-            self.guard.send("DriveReset", {"Target": self.wiring.target, "Code": self.ears.fault}, now)
+            self.guard.send("DriveReset", {"Target": self.wiring.target, "Code": self.receiver.fault}, now)
             if not self._acknowledge:
-                self.ears.fault = 0
+                self.receiver.fault = 0
 
     def _estimated(self, now: float, arrived: list[Measurement], missed: int) -> Estimate:
         """The estimate for the begin of the next tick, from what is in force until then, after `missed` ticks."""
         for m in arrived:
             if m.channel == "position_m":
-                self._doubts.saw(m.value)
+                self._plausibility.saw(m.value)
             elif self._moved:
-                self._doubts.reported(m.value, self._before.value)
+                self._plausibility.reported(m.value, self._before.value)
         if missed < 0:
             self.estimator.reset(now, self._in_force)
-            filled = 2 * self.ears.feedbacks >= (now - self._last) / self.tick_s - 1 > 0
+            filled = 2 * self.receiver.feedbacks >= (now - self._last) / self.tick_s - 1 > 0
             self._fail("controller paused" if filled else "clock jumped")
         for k in range(missed, 0, -1):
             then = now + (1 - k) * self.tick_s
@@ -246,19 +246,19 @@ class ControllerNode:
     @property
     def _moved(self) -> bool:
         """Whether the drive is enabled and was asked to move the tick before."""
-        return self.ears.state in MOVING and self.guard.sent.mode == self._before.mode == ENABLE
+        return self.receiver.state in MOVING and self.guard.sent.mode == self._before.mode == ENABLE
 
     @property
     def _in_force(self) -> float:
         """The command that the drive takes over with this tick's SYNC; where it is, while it is not enabled."""
-        return self.guard.sent.value if self.guard.sent.mode == ENABLE else self.ears.report
+        return self.guard.sent.value if self.guard.sent.mode == ENABLE else self.receiver.report
 
     def _judge(self, now: float) -> None:
         """Stop for good where there is a reason to."""
         if not self._led:
             return
-        reason = self.ears.doubt(now) or self._doubts.reason(self.estimator.counts.restarts)
-        if self.ears.state not in (WAITING, *MOVING):
+        reason = self.receiver.doubt(now) or self._plausibility.reason(self.estimator.counts.restarts)
+        if self.receiver.state not in (WAITING, *MOVING):
             reason = reason or "drive left operation"
         if reason:
             self._fail(reason)
@@ -277,7 +277,7 @@ class ControllerNode:
         if self._led:
             return ENABLE
         if (
-            not self.ears.beating
+            not self.receiver.beating
             or evidence.feedback_s > self.guard.fence.feedback_s
             or evidence.state in (BOOT, SELF_TEST)
         ):
@@ -293,10 +293,10 @@ class ControllerNode:
         drive is.
         """
         if mode != ENABLE:
-            return Action(self.ears.report, "stopped")
+            return Action(self.receiver.report, "stopped")
         if not self._led:
             self._led = True
-            self._doubts.settle(self.estimator.counts.restarts)
-            self.supervisor.reset(now, estimate, self.ears.report)
-        self.supervisor.temperature_C = self.ears.temperature_C
+            self._plausibility.settle(self.estimator.counts.restarts)
+            self.supervisor.reset(now, estimate, self.receiver.report)
+        self.supervisor.temperature_C = self.receiver.temperature_C
         return self.supervisor.act(now + self.tick_s, estimate, self._reference)

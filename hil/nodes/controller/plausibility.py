@@ -15,7 +15,7 @@ SAME: Final = 3
 
 
 @dataclass
-class Doubts:
+class Plausibility:
     """`follow` is how far the drive's report may be off the command in its unit, for less than `follow_ticks` in a row;
     a report that is still the same to the last bit after the command has moved by `follow`/20 may be so for as long.
     `noisy`: the localisation has so much noise that readings alike mean a stuck one.

@@ -12,13 +12,13 @@ from hil.bus.catalogue import Catalogue
 from hil.bus.codec import Refusal
 from hil.bus.protection import Receiver, Reception
 from hil.nodes.controller.guard import Evidence
-from hil.nodes.frame_map import BOOT, Observer, Wiring
+from hil.nodes.frame_map import BOOT, FrameMap, Observer
 
 MOST: Final = 256
 HEARTBEAT_LOST_S: Final = 0.06
 
 
-class Ears:
+class FrameReceiver:
     """Reads a bus: `listen` empties it (at most 256 frames a tick) and gives the measurements of good frames.
 
     `state`, `report` (position in m, current in A, level) and `temperature_C` are the drive's last good feedback;
@@ -27,7 +27,7 @@ class Ears:
     """
 
     def __init__(
-        self, bus: can.BusABC, catalogue: Catalogue, wiring: Wiring, tick_s: float, observer: Observer | None = None
+        self, bus: can.BusABC, catalogue: Catalogue, wiring: FrameMap, tick_s: float, observer: Observer | None = None
     ) -> None:
         sensors = ("CapsuleLocalisation", "LocaliserHeartbeat", "ForceReading", "ForceSensorHeartbeat")
         names = (wiring.feedback, wiring.fault, wiring.heartbeat, *sensors)

@@ -24,9 +24,9 @@ from hil.nodes.drive.state_machine import (
     may_move,
     next_stage,
 )
-from hil.nodes.drive.sync_clock import Metronome
-from hil.nodes.frame_map import BOOT, DERATED, FAULT, OFF, SELF_TEST, STANDBY, STOPPING, WAITING, Wiring
-from hil.nodes.transmit import Mouth
+from hil.nodes.drive.sync_clock import SyncClock
+from hil.nodes.frame_map import BOOT, DERATED, FAULT, OFF, SELF_TEST, STANDBY, STOPPING, WAITING, FrameMap
+from hil.nodes.transmit import FrameTransmitter
 
 HEARTBEAT_S: Final = 0.06
 SAFE_STOP_S: Final = 0.06
@@ -54,7 +54,7 @@ class DriveNode:
         self,
         bus: can.BusABC,
         catalogue: Catalogue,
-        wiring: Wiring,
+        wiring: FrameMap,
         power: Power,
         limits: Limits,
         tick_s: float,
@@ -76,10 +76,12 @@ class DriveNode:
         for name in (self.wiring.command, "Sync"):
             receiver = self.reception.receivers[self.catalogue[name].id]
             receiver.longest_s = max(receiver.longest_s, 1e-3 * self.wiring.still_ms)
-        self.mouth = Mouth(self.bus, self.catalogue, (self.wiring.feedback, self.wiring.fault, self.wiring.heartbeat))
+        self.transmitter = FrameTransmitter(
+            self.bus, self.catalogue, (self.wiring.feedback, self.wiring.fault, self.wiring.heartbeat)
+        )
         self.stage = Stage(BOOT, now)
         self.good_at, self.stale = -math.inf, 0
-        self._metronome = Metronome()
+        self._metronome = SyncClock()
         self._began, self._last = now, now
         self._mode, self._setpoint, self._taken, self._waiting = OFF, 0.0, OFF, False
         self._dies_at = self._stop_until = self._heard_at = self._beat_at = -math.inf
@@ -157,7 +159,7 @@ class DriveNode:
         if name == "SafeStop" and mine:
             self._stop_until = stamp + SAFE_STOP_S
         elif name == "DriveReset" and mine:
-            self._reset, self._metronome = int(values["Code"]), Metronome()
+            self._reset, self._metronome = int(values["Code"]), SyncClock()
         elif name == "ControllerHeartbeat":
             if values["Uptime_s"] < self._uptime_s and self.stage.fault:
                 self._tell = 2
@@ -186,9 +188,9 @@ class DriveNode:
     def _report(self, now: float, due: bool) -> None:
         if self._tell:
             self._tell -= 1
-            self.mouth.say(self.wiring.fault, {"Code": self.stage.fault, "Detail": 0})
+            self.transmitter.say(self.wiring.fault, {"Code": self.stage.fault, "Detail": 0})
         if due and self.stage.state != BOOT:
-            self.mouth.say(self.wiring.feedback, self._feedback())
+            self.transmitter.say(self.wiring.feedback, self._feedback())
         if now - self._beat_at >= 0.02 - 0.1 * self.tick_s and self.stage.state != BOOT:
             self._beat_at = now
             up = min(now - self._began, 167772.0)
@@ -197,7 +199,7 @@ class DriveNode:
                 "Uptime_s": up,
                 "Catalogue": self.catalogue.fingerprint,
             }
-            self.mouth.say(self.wiring.heartbeat, beat)
+            self.transmitter.say(self.wiring.heartbeat, beat)
 
     def _feedback(self) -> dict[str, float]:
         warm = min(max(self.temperature_C, -40.0), 150.0)

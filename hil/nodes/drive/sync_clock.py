@@ -13,7 +13,7 @@ SILENCE_S: Final = 0.06
 """A controller without SYNC for so long counts as another one."""
 
 
-class Metronome:
+class SyncClock:
     """Tick n of period T begins at o + n T, where o is the least of `stamp - n T` over the SYNC frames so far: those
     that took the shortest way. It grows by `DRIFT` a second, and begins anew where ticks count back or SYNC has been
     silent (a drive also begins anew with a reset).

@@ -18,7 +18,7 @@ from hil.nodes.faults.table import Fault
 _REMEMBERED: Final = 256
 
 
-class Link(can.BusABC):
+class FaultInjection(can.BusABC):
     """Passes `inner` on; while `faults` (fault and the identifiers it hits) are set, `recv` shows what they leave.
 
     `now` gives the time in s of the messages' stamps. A frame that comes late is stamped when it comes. The same seed
@@ -126,14 +126,14 @@ def _stamped(message: can.Message, time_s: float) -> can.Message:
     return can.Message(time_s, message.arbitration_id, False, data=message.data, is_rx=True, channel=message.channel)
 
 
-_TAMPERING: Final[Mapping[str, Callable[[Link, can.Message, Fault], list[can.Message]]]] = MappingProxyType(
+_TAMPERING: Final[Mapping[str, Callable[[FaultInjection, can.Message, Fault], list[can.Message]]]] = MappingProxyType(
     {
-        "drop": Link._drop,
-        "delay": Link._delay,
-        "duplicate": Link._duplicate,
-        "reorder": Link._reorder,
-        "corrupt": Link._corrupt,
-        "replay": Link._replay,
+        "drop": FaultInjection._drop,
+        "delay": FaultInjection._delay,
+        "duplicate": FaultInjection._duplicate,
+        "reorder": FaultInjection._reorder,
+        "corrupt": FaultInjection._corrupt,
+        "replay": FaultInjection._replay,
     }
 )
 TAMPERING: Final = tuple(_TAMPERING)

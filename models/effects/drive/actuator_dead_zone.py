@@ -20,7 +20,7 @@ class ActuatorDeadZone(Effect):
     source = "tracing catalogue 17"
     kinds = frozenset({"coil"})
     probe = 0.01
-    look_alikes = ("stribeck", "dwell_adhesion")
+    confounders = ("stribeck", "dwell_adhesion")
     separated_by = "small-signal drive"
 
     zone: Parameter = Parameter("zone", 0.0, "of the command", 0.0, 1.0, "tracing catalogue 17", fit=True)

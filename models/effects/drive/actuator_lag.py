@@ -21,7 +21,7 @@ class ActuatorLag(Effect):
     kinds = frozenset({"pull", "magnetic", "coil"})
     states = ("command",)
     probe = 0.005
-    look_alikes: ClassVar[tuple[str, ...]] = ("sensor_delay", "sensor_lowpass", "carriage_backlash")
+    confounders: ClassVar[tuple[str, ...]] = ("sensor_delay", "sensor_lowpass", "carriage_backlash")
     separated_by = "time-stamped edges; phase against frequency"
     refined_by: ClassVar[tuple[str, ...]] = ("sensor_delay", "further_lag")
 

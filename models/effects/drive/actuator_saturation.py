@@ -18,7 +18,7 @@ class ActuatorSaturation(Effect):
     source = "tracing catalogue 19"
     kinds = frozenset({"coil"})
     probe = 0.05
-    look_alikes = ("actuator_dead_zone",)
+    confounders = ("actuator_dead_zone",)
     separated_by = "amplitude staircase"
 
     inverse_square: Parameter = Parameter(

@@ -20,7 +20,7 @@ class BackEmf(Effect):
     source = "tracing catalogue 21: i = (u - K v)/R"
     kinds = frozenset({"coil"})
     probe = 0.5
-    look_alikes = ("viscous_drag", "actuator_lag")
+    confounders = ("viscous_drag", "actuator_lag")
     separated_by = "a measured current in place of the voltage: back-EMF goes, drag of the tissue stays"
 
     loss_s_per_m: Parameter = Parameter(

@@ -27,7 +27,7 @@ class CarriageBacklash(Effect):
     states = ("position_m",)
     grid = MappingProxyType({"sharpness": (3.0, 30.0), "order": (1.2,)})
     probe = 0.0003
-    look_alikes = ("directional_asymmetry", "actuator_lag", "sensor_delay")
+    confounders = ("directional_asymmetry", "actuator_lag", "sensor_delay")
     separated_by = "reversals at several amplitudes"
 
     play_m: Parameter = Parameter("play_m", 0.0, "m", 0.0, 0.008, "tracing catalogue 18", fit=True)

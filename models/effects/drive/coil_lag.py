@@ -26,7 +26,7 @@ class CoilLag(InnerMassEffect):
     kinds = frozenset({"vibro", "vibro_table"})
     states = ("current",)
     probe = 0.002
-    look_alikes = ("actuator_lag", "coil_reach", "incline_gravity")
+    confounders = ("actuator_lag", "coil_reach", "incline_gravity")
     separated_by = "the coil's current on an oscilloscope"
 
     time_s: Parameter = Parameter("time_s", 0.0, "s", 0.0, 0.015, "coil with R 100 ohm: milliseconds", fit=True)

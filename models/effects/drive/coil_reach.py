@@ -27,7 +27,7 @@ class CoilReach(InnerMassEffect):
     source = "reluctance coil, literature 1.2"
     kinds = frozenset({"vibro", "vibro_table"})
     probe = 10.0
-    look_alikes = ("coil_lag", "directional_asymmetry")
+    confounders = ("coil_lag", "directional_asymmetry")
     separated_by = "the static force of the coil over displacement"
 
     gain_per_m: Parameter = Parameter("gain_per_m", 0.0, "1/m", -60.0, 60.0, "a factor of e over 16 mm", fit=True)

@@ -20,7 +20,7 @@ class CouplingDecay(Effect):
     source = "tracing catalogue 23"
     kinds = frozenset({"magnetic", "coil"})
     probe = 1.0
-    look_alikes = ("lumen_taper",)
+    confounders = ("lumen_taper",)
     separated_by = "the drive off: a taper stays"
 
     slope_per_m: Parameter = Parameter("slope_per_m", 0.0, "1/m", -12.0, 12.0, "tracing catalogue 23", fit=True)

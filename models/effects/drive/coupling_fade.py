@@ -17,7 +17,7 @@ class CouplingFade(DriftInTime):
     summary = "the drive's grip changes with time"
     source = "tracing catalogue 20"
     kinds = frozenset({"magnetic", "coil", "vibro"})
-    look_alikes = ("tissue_drying",)
+    confounders = ("tissue_drying",)
     separated_by = "an idle pause; logged current"
 
     def gain(self, s: Signals, p: Values, z: Values) -> Any:

@@ -29,7 +29,7 @@ class MagneticHysteresis(Effect):
     states = ("memory",)
     grid = MappingProxyType({"width": (0.005, 0.05, 0.5)})
     probe = 0.01
-    look_alikes = ("actuator_lag", "directional_asymmetry", "stribeck")
+    confounders = ("actuator_lag", "directional_asymmetry", "stribeck")
     separated_by = "the force on a blocked capsule while the current goes up and down slowly"
 
     remanence: Parameter = Parameter("remanence", 0.0, "command", -2.0, 2.0, _SOURCE, fit=True)

@@ -17,7 +17,7 @@ class StringCompliance(Effect):
     source = "tracing catalogue 29"
     kinds = frozenset({"pull"})
     probe = 0.001
-    look_alikes = ("carriage_backlash", "small_strain_stiffening")
+    confounders = ("carriage_backlash", "small_strain_stiffening")
     separated_by = "change the length of the string"
 
     compliance_m_per_N: Parameter = Parameter(

@@ -22,7 +22,7 @@ class AddedMass(Effect):
         "speed",
     )
     probe = 0.01
-    look_alikes = ("actuator_lag",)
+    confounders = ("actuator_lag",)
     separated_by = "faster reversals"
 
     mass_kg: Parameter = Parameter("mass_kg", 0.0, "kg", -0.005, 2.0, "tracing catalogue 16", fit=True)

@@ -18,7 +18,7 @@ class InclineGravity(Effect):
     source = "tracing catalogue 13"
     kinds = frozenset({"magnetic", "coil", "vibro", "vibro_table", "pull"})
     probe = 0.002
-    look_alikes = ("directional_asymmetry", "sensor_bias")
+    confounders = ("directional_asymmetry", "sensor_bias")
     separated_by = "tilt the rig by a known angle; records at rest"
 
     force_N: Parameter = Parameter("force_N", 0.0, "N", -0.2, 0.2, "tracing catalogue 13", fit=True)

@@ -30,7 +30,7 @@ class PeristalticWave(ForceInTime):
     grid = MappingProxyType(
         {"frequency_Hz": frequencies(0.04, 0.41), "wavenumber_per_m": (6.0, 12.0, 19.0, 26.0, 34.0, 43.0)}
     )
-    look_alikes = ("respiration", "fold_periodic")
+    confounders = ("respiration", "fold_periodic")
     separated_by = "a record at rest at two places"
     refined_by = ("wave_harmonics",)
 

@@ -17,5 +17,5 @@ class Respiration(ForceInTime):
     source = "tracing catalogue 15: 0.2 to 0.3 Hz"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     grid = MappingProxyType({"frequency_Hz": frequencies(0.04, 0.82)})
-    look_alikes = ("peristaltic_wave", "mains_hum")
+    confounders = ("peristaltic_wave", "mains_hum")
     separated_by = "a second position; a pause of the ventilator"

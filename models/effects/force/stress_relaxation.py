@@ -25,7 +25,7 @@ class StressRelaxation(Effect):
     states = ("stretch_m",)
     grid = MappingProxyType({"time_s": (0.15, 0.4, 1.0, 3.0, 8.0)})
     probe = 1.0
-    look_alikes: ClassVar[tuple[str, ...]] = ("viscous_drag", "wall_viscosity", "stribeck")
+    confounders: ClassVar[tuple[str, ...]] = ("viscous_drag", "wall_viscosity", "stribeck")
     separated_by = "frequency sweep at fixed amplitude; stop and hold"
     refined_by: ClassVar[tuple[str, ...]] = ("further_relaxation",)
 

@@ -24,7 +24,7 @@ class ViscousDrag(Effect):
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "vibro_table", "axis"})
     grid = MappingProxyType({"exponent": (0.5, 1.0, 1.5)})
     probe = 0.002
-    look_alikes = ("stribeck", "wall_viscosity", "back_emf")
+    confounders = ("stribeck", "wall_viscosity", "back_emf")
     separated_by = "two drive amplitudes; speeds over two decades"
     refined_by = ("level_over_speed",)
 

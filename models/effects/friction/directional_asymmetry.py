@@ -18,7 +18,7 @@ class DirectionalAsymmetry(Effect):
     source = "tracing catalogue 14; EMPS, Janot et al. 2019"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "vibro_table", "axis"})
     probe = 0.05
-    look_alikes = ("incline_gravity", "sensor_bias")
+    confounders = ("incline_gravity", "sensor_bias")
     separated_by = "records at rest, where a constant force stays and an asymmetry does not"
     refined_by = ("level_at_onset", "level_at_creep", "level_over_speed")
 

@@ -23,7 +23,7 @@ class DwellAdhesion(Effect):
     states = ("age",)
     grid = MappingProxyType({"ageing_time_s": (0.5, 3.0), "slip_length_m": (0.0003, 0.002)})
     probe = 0.1
-    look_alikes = ("stribeck", "stress_relaxation")
+    confounders = ("stribeck", "stress_relaxation")
     separated_by = "slide, hold, slide with holds of 0.1 to 30 s"
     refined_by = ("level_at_onset",)
 

@@ -25,7 +25,7 @@ class FoldPeriodic(Effect):
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "axis"})
     grid = MappingProxyType({"wavelength_m": tuple(0.003 * 1.13**k for k in range(14)), "phase_rad": (0.0, 1.5707963)})
     probe = 0.05
-    look_alikes = ("lumen_taper", "peristaltic_wave")
+    confounders = ("lumen_taper", "peristaltic_wave")
     separated_by = "reverse over the same place"
     refined_by = ("level_at_onset",)
 

@@ -24,7 +24,7 @@ class LumenTaper(Effect):
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "axis"})
     grid = MappingProxyType({"reach_m": (0.02, 0.2)})
     probe = 2.0
-    look_alikes = ("tissue_drying", "stenosis")
+    confounders = ("tissue_drying", "stenosis")
     separated_by = "a return pass over the same places"
     refined_by = ("level_at_onset",)
 

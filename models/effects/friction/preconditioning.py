@@ -24,7 +24,7 @@ class Preconditioning(Effect):
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     grid = MappingProxyType({"length_m": (0.03, 0.1)})
     probe = 0.05
-    look_alikes = ("tissue_drying",)
+    confounders = ("tissue_drying",)
     separated_by = "revisit the old place against a new one; wait without moving"
     refined_by = ("level_at_onset",)
 

@@ -28,7 +28,7 @@ class Stenosis(Effect):
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "axis"})
     grid = MappingProxyType({"width_m": (0.0015, 0.004)})
     probe = 0.2
-    look_alikes = ("lumen_taper", "fold_periodic")
+    confounders = ("lumen_taper", "fold_periodic")
     separated_by = "more passes over the place, from both sides"
     refined_by = ("level_at_onset",)
 

@@ -27,7 +27,7 @@ class Stribeck(Effect):
     grid = MappingProxyType({"speed_m_s": (0.001, 0.003, 0.01)})
     by_speed = True
     probe = 0.1
-    look_alikes = ("dwell_adhesion", "viscous_drag")
+    confounders = ("dwell_adhesion", "viscous_drag")
     separated_by = "vary the dwell at fixed speed; speeds over two decades"
     refined_by = ("level_at_onset", "level_at_creep", "level_over_speed")
 

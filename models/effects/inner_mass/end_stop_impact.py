@@ -24,7 +24,7 @@ class EndStopImpact(InnerMassEffect):
     kinds = frozenset({"vibro", "vibro_table"})
     grid = MappingProxyType({"gap_m": (0.002, 0.004, 0.007, 0.012)})
     probe = 300.0
-    look_alikes = ("spring_hardening",)
+    confounders = ("spring_hardening",)
     separated_by = "two drive amplitudes; the sound of the impacts"
 
     stiffness_N_per_m: Parameter = Parameter(

@@ -24,7 +24,7 @@ class GuideFriction(InnerMassEffect):
     source = "Coulomb friction of a plain bearing"
     kinds = frozenset({"vibro", "vibro_table"})
     probe = 0.1
-    look_alikes = ("spring_damping",)
+    confounders = ("spring_damping",)
     separated_by = "ring-down of the inner mass with the body held: straight for dry friction, exponential for damping"
 
     friction_N: Parameter = Parameter("friction_N", 0.0, "N", 0.0, 0.6, "up to the inner mass's weight", fit=True)

@@ -18,7 +18,7 @@ class SpringDamping(InnerMassEffect):
     source = "literature 1.1, F_i = k1 r + c r'"
     kinds = frozenset({"vibro", "vibro_table"})
     probe = 0.5
-    look_alikes = ("guide_friction", "viscous_drag")
+    confounders = ("guide_friction", "viscous_drag")
     separated_by = "ring-down of the inner mass with the body held: exponential for damping, straight for dry friction"
     refined_by = ("damping_over_speed",)
 

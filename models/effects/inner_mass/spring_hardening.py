@@ -22,7 +22,7 @@ class SpringHardening(InnerMassEffect):
     source = "Duffing spring"
     kinds = frozenset({"vibro", "vibro_table"})
     probe = 1.0e5
-    look_alikes = ("end_stop_impact",)
+    confounders = ("end_stop_impact",)
     separated_by = "two drive amplitudes; a static force-displacement curve of the spring"
 
     cubic_N_per_m3: Parameter = Parameter(

@@ -32,7 +32,7 @@ class DampingOverSpeed(InnerMassEffect):
     source = _SOURCE
     kinds = frozenset({"vibro"})
     probe = 0.05
-    look_alikes = ("spring_damping", "guide_friction")
+    confounders = ("spring_damping", "guide_friction")
     separated_by = "ring-down of the inner mass from several amplitudes"
 
     c_1: Parameter = _knot("c_1")

@@ -32,7 +32,7 @@ class DryingShape(Effect):
     kinds = TissueDrying.kinds
     of = TissueDrying.id
     probe = 0.01
-    look_alikes = (TissueDrying.id,)
+    confounders = (TissueDrying.id,)
     separated_by = "longer records"
 
     third: Parameter = _term("third")

@@ -21,7 +21,7 @@ class FurtherLag(ActuatorLag):
     summary = "a second lag of the drive"
     source = _SOURCE
     grid = MappingProxyType({"time_s": (0.03,)})
-    look_alikes = ("actuator_lag", "sensor_delay")
+    confounders = ("actuator_lag", "sensor_delay")
     refined_by = ()
 
     time_s: Parameter = Parameter("time_s", 0.0, "s", 0.0, 0.5, _SOURCE, fit=True)

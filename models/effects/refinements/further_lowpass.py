@@ -19,7 +19,7 @@ class FurtherLowpass(SensorLowpass):
     id = "further_lowpass"
     summary = "a second smoothing of the measurement"
     source = _SOURCE
-    look_alikes = ("sensor_lowpass", "sensor_delay")
+    confounders = ("sensor_lowpass", "sensor_delay")
     refined_by = ()
 
     time_s: Parameter = Parameter("time_s", 0.0, "s", 0.0, 0.3, _SOURCE, fit=True)

@@ -19,7 +19,7 @@ class FurtherRelaxation(StressRelaxation):
     summary = "a second relaxation time"
     source = _SOURCE
     grid = MappingProxyType({"time_s": (0.3,)})
-    look_alikes = (StressRelaxation.id,)
+    confounders = (StressRelaxation.id,)
     separated_by = "stops of very different length"
     refined_by = ()
 

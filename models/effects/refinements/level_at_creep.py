@@ -25,7 +25,7 @@ class LevelAtCreep(Effect):
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     by_speed = True
     probe = 0.02
-    look_alikes = ("stribeck", "dwell_adhesion")
+    confounders = ("stribeck", "dwell_adhesion")
     separated_by = "rests after motions in both directions"
 
     odd: Parameter = Parameter("odd", 0.0, "1", -0.9, 0.9, _SOURCE, fit=True, spread=0.3)

@@ -31,7 +31,7 @@ class LevelAtOnset(Effect):
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     grid = MappingProxyType({"kept": (1.0,), "spared": (0.0, 1.0, -1.0)})
     probe = 0.1
-    look_alikes = ("level_over_speed",)
+    confounders = ("level_over_speed",)
     separated_by = "runs at one speed over places, times or directions that differ"
 
     kept: Parameter = Parameter("kept", 0.0, "1", -0.5, 1.5, _WEIGHT, fit=True, spread=1.0)

@@ -34,7 +34,7 @@ class LevelOverSpeed(Effect):
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     by_speed = True
     probe = 0.02
-    look_alikes = ("stribeck", "viscous_drag", "directional_asymmetry")
+    confounders = ("stribeck", "viscous_drag", "directional_asymmetry")
     separated_by = "speeds over two decades"
 
     even_1: Parameter = _knot("even_1")

@@ -26,7 +26,7 @@ class ViscosityThinning(Effect):
     of = WallViscosity.id
     grid = MappingProxyType({"power": (0.0,), "rate_m_s": (2e-3,)})
     probe = 0.1
-    look_alikes = (WallViscosity.id,)
+    confounders = (WallViscosity.id,)
     separated_by = "speeds over two decades"
 
     power: Parameter = Parameter("power", 0.0, "1", -0.9, 0.5, _SOURCE, fit=True, spread=0.3)

@@ -29,7 +29,7 @@ class WaveHarmonics(Effect):
     kinds = PeristalticWave.kinds
     of = PeristalticWave.id
     probe = 0.02
-    look_alikes = ("peristaltic_wave",)
+    confounders = ("peristaltic_wave",)
     separated_by = "many contractions at one place"
 
     fifth_sin: Parameter = _harmonic("fifth_sin")

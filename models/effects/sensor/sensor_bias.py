@@ -18,7 +18,7 @@ class SensorBias(Effect):
     source = "tracing catalogue 24"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     probe = 0.001
-    look_alikes = ("incline_gravity", "directional_asymmetry")
+    confounders = ("incline_gravity", "directional_asymmetry")
     separated_by = "a reading without load"
 
     bias: Parameter = Parameter("bias", 0.0, "of the measured unit", -0.05, 0.05, "tracing catalogue 24", fit=True)

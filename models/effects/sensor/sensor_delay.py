@@ -18,7 +18,7 @@ class SensorDelay(Effect):
     source = "tracing catalogue 25"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "axis"})
     probe = 0.005
-    look_alikes = ("sensor_lowpass", "actuator_lag")
+    confounders = ("sensor_lowpass", "actuator_lag")
     separated_by = "a time-stamped edge; the phase is linear in frequency"
 
     delay_s: Parameter = Parameter("delay_s", 0.0, "s", 0.0, 0.5, "tracing catalogue 25", fit=True)

@@ -24,7 +24,7 @@ class SensorDrift(Effect):
     source = "tracing catalogue 24"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     probe = 1e-05
-    look_alikes = ("tissue_drying", "respiration")
+    confounders = ("tissue_drying", "respiration")
     separated_by = "a reference stop; two sensors"
 
     rate_per_s: Parameter = Parameter(

@@ -21,7 +21,7 @@ class SensorLowpass(Effect):
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     states = ("smooth",)
     probe = 0.005
-    look_alikes: ClassVar[tuple[str, ...]] = ("sensor_delay",)
+    confounders: ClassVar[tuple[str, ...]] = ("sensor_delay",)
     separated_by = "the phase saturates at 90 degrees"
     refined_by: ClassVar[tuple[str, ...]] = ("further_lowpass", "sensor_delay")
 

@@ -18,7 +18,7 @@ class SensorScale(Effect):
     source = "tracing catalogue 24"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     probe = 0.02
-    look_alikes = ("small_strain_stiffening",)
+    confounders = ("small_strain_stiffening",)
     separated_by = "a known load; a known distance"
 
     error: Parameter = Parameter("error", 0.0, "1", -0.5, 0.5, "tracing catalogue 24", fit=True)

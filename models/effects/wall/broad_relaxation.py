@@ -28,7 +28,7 @@ class BroadRelaxation(Effect):
     kinds = frozenset({"dma"})
     grid = MappingProxyType({"exponent": (0.1, 0.25, 0.4, 0.6)})
     probe = 1e4
-    look_alikes = ()
+    confounders = ()
     separated_by = "frequencies over three decades"
 
     stiffness_Pa: Parameter = Parameter("stiffness_Pa", 0.0, "Pa", 0.0, 1e7, _SOURCE, fit=True)

@@ -22,7 +22,7 @@ class ExponentialRecovery(Effect):
     source = "paper A Section 3.2 (real contraction is nonlinear)"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     probe = 0.1
-    look_alikes = ("wall_viscosity",)
+    confounders = ("wall_viscosity",)
     separated_by = "the shape of the falling edge at high sampling rate"
 
     share: Parameter = Parameter(

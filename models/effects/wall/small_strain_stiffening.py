@@ -33,7 +33,7 @@ class SmallStrainStiffening(Effect):
         {"scale_m": (5e-5, 1e-4, 2e-4, 6e-4), "tail": (0.3,)}
     )
     probe = 0.3
-    look_alikes = ("wall_viscosity", "exponential_recovery")
+    confounders = ("wall_viscosity", "exponential_recovery")
     separated_by = "pulls at several speeds; step and hold of 0.05 and 0.5 mm"
 
     excess: Parameter = Parameter("excess", 0.0, "1", -0.8, 7.0, _SOURCE, fit=True)

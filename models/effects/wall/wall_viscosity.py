@@ -18,7 +18,7 @@ class WallViscosity(Effect):
     source = "rat gut SLS, WJG 11:4974"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     probe = 0.3
-    look_alikes = ("viscous_drag", "small_strain_stiffening")
+    confounders = ("viscous_drag", "small_strain_stiffening")
     refined_by = ("viscosity_thinning",)
     separated_by = "frequency sweep at fixed amplitude; the force while the wall draws back"
 

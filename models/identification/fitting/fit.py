@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from models.effects import REFINEMENTS
 from models.effects.effect import Effect
 from models.files.record import Record
-from models.identification.fitting.gauss_newton import Valley
+from models.identification.fitting.gauss_newton import GaussNewton
 from models.identification.kind import Kind
 from models.parameter import Parameter
 
@@ -124,8 +124,8 @@ class Problem:
         return np.array([a.scale for a in self.axes])
 
     @property
-    def valley(self) -> Valley:
-        return Valley(self.all_at, self.lower, self.upper, self.scale, max(4, 2 * self.kind.lanes))
+    def valley(self) -> GaussNewton:
+        return GaussNewton(self.all_at, self.lower, self.upper, self.scale, max(4, 2 * self.kind.lanes))
 
     def theta(self, x: Array) -> dict[str, float]:
         return {a.name: float(v) for a, v in zip(self.axes, x, strict=True)}

@@ -55,7 +55,7 @@ class Slope:
 
 
 @dataclass(frozen=True)
-class Valley:
+class GaussNewton:
     """Where to descend: `residuals` of many points at once, bounds, a first guess of how far each parameter may go for
     a secant, and how many trial steps are worth their time at once.
     """

@@ -16,11 +16,11 @@ from models.identification.kinds.dma.kind import DmaKind
 from models.identification.kinds.periods import report as periods_report
 from models.identification.kinds.periods.kind import PeriodsKind
 from models.identification.kinds.series import report as series_report
-from models.identification.kinds.series.kind import GutKind
+from models.identification.kinds.series.kind import SeriesKind
 from models.identification.kinds.vibro_table import report as vibro_table_report
 from models.identification.kinds.vibro_table.kind import VibroTableKind
 
-AnyKind = AxisKind | DmaKind | GutKind | PeriodsKind | VibroTableKind
+AnyKind = AxisKind | DmaKind | SeriesKind | PeriodsKind | VibroTableKind
 
 
 class Report(Protocol):
@@ -44,7 +44,7 @@ _REPORTS: Final[Mapping[type, Report]] = {
     DmaKind: dma_report,
     PeriodsKind: periods_report,
     VibroTableKind: vibro_table_report,
-    GutKind: series_report,
+    SeriesKind: series_report,
 }
 
 
@@ -66,7 +66,7 @@ def kind_for(rig: Rig, records: Sequence[Record]) -> AnyKind:
     if rig.kind == "vibro_table":
         table = VibroTableKind.from_rig(rig)
         return table.settled(records) if records and "mean_velocity_m_s" in records[0].columns else table
-    return GutKind.from_rig(rig, records)
+    return SeriesKind.from_rig(rig, records)
 
 
 def ready(record: Record) -> Record:

@@ -14,7 +14,7 @@ from models.effects import BY_ID, REFINEMENTS
 from models.files.record import Record
 from models.identification.fitting.fit import NARROW, WIDE, Fit, costs_of, descend, narrowing
 from models.identification.kind import Kind
-from models.identification.search.growing_horizon import BEGINNINGS_S, QUICK, Climb, beginnings, race
+from models.identification.search.growing_horizon import BEGINNINGS_S, QUICK, GrowingHorizon, eliminate, prefixes
 from models.identification.search.refit import begins, refit, step_on
 from models.identification.search.screening import Screened
 from models.identification.search.validation import (
@@ -52,7 +52,7 @@ class Trial:
     companions: Mapping[tuple[str, ...], list[dict[str, float]]] = field(default_factory=dict)
 
 
-def tournament(
+def compare_candidates(
     kind: Kind,
     splits: Sequence[Split],
     effects: Sequence[str],
@@ -60,14 +60,14 @@ def tournament(
     screened: Sequence[Screened],
 ) -> list[Trial]:
     """Joint fits of `effects` and one more, from short ones of every candidate to full ones of the best three and of
-    the declared look-alikes of the best; best gain first.
+    the declared confounded effects of the best; best gain first.
     """
     part = splits[0][0]
     entries = {row.effect: _entry(kind, part, effects, thetas[0], row) for row in screened}
     entered = sorted(entries, key=lambda name: entries[name][0])
     fitted = _heats(kind, part, effects, {name: entries[name][1] for name in _with_look_alikes(kind, entered)})
     ranking = sorted(fitted, key=lambda name: fitted[name].cost)
-    alike = BY_ID[ranking[0]].look_alikes
+    alike = BY_ID[ranking[0]].confounders
     finalists = [
         name
         for k, name in enumerate(ranking)
@@ -103,8 +103,8 @@ def _put_right(
     sought: Mapping[str, float],
 ) -> Trial:
     """`trial` as its companions would leave it, also from where its heat `sought` it, where that is better: of two
-    candidates of which neither is quite right, the one that can be put right. It has none where `sought` is empty. One
-    without companions is looked for from more places where it leaves more than the noise.
+    candidates of which neither is quite right, the one that its refinements complete. It has none where `sought` is
+    empty. One without companions is looked for from more places where it leaves more than the noise.
     """
     companions = [c for c in _companions(kind, trial.effect) if c not in effects] if sought else []
     if not companions and not kind.free_only:
@@ -129,9 +129,9 @@ def from_the_best(
     helped: Sequence[Trial],
     before: np.ndarray,
 ) -> list[Trial]:
-    """The `helped` trials, the look-alikes of the best one and its companions from the catalogue also fitted from where
-    it has its base: none may win by a luckier search. Where such a companion does about as well without the best one,
-    that is judged as it is `alone`.
+    """The `helped` trials, the confounded effects of the best one and its companions from the catalogue also fitted
+    from where it has its base: none may win by a luckier search. Where such a companion does about as well without the
+    best one, that is judged as it is `alone`.
     """
     rows = {trial.effect: trial for trial in helped}
     if not rows:
@@ -139,7 +139,7 @@ def from_the_best(
     best = max(helped, key=lambda trial: trial.gain)
     both = next(iter(best.companions.values()), None)
     beside = [c for c in _companions(kind, best.effect) if BY_ID[c] not in REFINEMENTS] if both else []
-    alike = [name for name in rows if name in BY_ID[best.effect].look_alikes or best.effect in BY_ID[name].look_alikes]
+    alike = [name for name in rows if name in BY_ID[best.effect].confounders or best.effect in BY_ID[name].confounders]
     for name in dict.fromkeys((*beside, *alike)):
         owns = both if both and name in beside else rows[name].thetas
         starts = [
@@ -175,7 +175,7 @@ def _entry(
     """
     bases = begins(kind, theta)
     if kind.free_only:
-        part = beginnings(part[:1], BEGINNINGS_S[-1])
+        part = prefixes(part[:1], BEGINNINGS_S[-1])
         openings = [
             min((_opening(kind, part, (base,), row.effect, start) for start in row.starts), key=_first)
             for base in bases
@@ -205,8 +205,8 @@ def _heats(
         every = {
             name: [place for start in own for place in _with_each(start, beside[name])] for name, own in starts.items()
         }
-        climbs = {name: Climb(kind, models[name], every[name], stage, QUICK, name) for name in starts}
-        return race(part, climbs, FINAL, BEHIND)
+        climbs = {name: GrowingHorizon(kind, models[name], every[name], stage, QUICK, name) for name in starts}
+        return eliminate(part, climbs, FINAL, BEHIND)
     fits = {}
     for name, own in starts.items():
         places = _with_each(own[0], beside[name])
@@ -241,13 +241,13 @@ def _opening(
 
 
 def _with_look_alikes(kind: Kind, entered: Sequence[str]) -> list[str]:
-    """The best entries and the declared look-alikes of the first few: they share a residual and only a full fit tells
-    them apart.
+    """The best entries and the declared confounded effects of the first few: they share a residual and only a full fit
+    tells them apart.
     """
     declared = {effect.id: effect for effect in kind.effects}
     wanted = list(entered[:POOL])
     for name in entered[:ALIKE]:
-        wanted += [other for other in declared[name].look_alikes if other in entered and other not in wanted]
+        wanted += [other for other in declared[name].confounders if other in entered and other not in wanted]
     return wanted
 
 

@@ -14,7 +14,7 @@ from models.files.record import Record
 from models.identification.fitting.confidence import Part
 from models.identification.fitting.fit import FINE, Fit, narrowing
 from models.identification.kind import EXPLAINED, Kind
-from models.identification.search.candidates import Trial, fair, tournament, without
+from models.identification.search.candidates import Trial, compare_candidates, fair, without
 from models.identification.search.predictability import predictable, restlessness
 from models.identification.search.refinement import Known, refined, refined_at_last
 from models.identification.search.refit import finished, refit, step_on, whole
@@ -69,8 +69,8 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
     """Calibrate on `train`, then add effects one at a time while validation records gain beyond what chance gives."""
     clock = _Clock()
     progress("calibrating", 0.02)
-    told = kind.telling(train)
-    splits = kind.folds(told)
+    told = kind.searched(train)
+    splits = kind.splits(told)
     nominal = {p.name: p.value for p in kind.base}
     base = narrowing(kind, told, [], refit(kind, told, [], nominal), kind.stages - 1, FINE)
     parts = [
@@ -140,7 +140,7 @@ def _named(
         screened = screen(kind, splits[0][0], [*found.effects], thetas[0], found.dropped)
         clock.note("screening", found)
         progress(f"fitting candidates, round {number}", 0.3 + 0.15 * (number - 1))
-        trials = tournament(kind, splits, found.effects, thetas, screened)
+        trials = compare_candidates(kind, splits, found.effects, thetas, screened)
         trials, thetas = fair(kind, splits, found.effects, thetas, trials)
         found.after = _cost(kind, splits, thetas)
         if not found.effects:

@@ -39,7 +39,7 @@ QUICK = Effort(256, (8, 4, 2, 1, 1))
 
 
 @dataclass
-class Climb:
+class GrowingHorizon:
     """One model on its way from the first teeth to whole records. At every length the starts, and the effects drawn
     anew on the bases found so far, stand beside what the shorter ones led to, for what a short one does not show it
     cannot tell. Of the effect `fresh` not even the size is known. `fits` are those of the last length, the best
@@ -95,7 +95,7 @@ class Climb:
         ]
 
 
-def lengthening(
+def grow_horizon(
     kind: Kind,
     records: Sequence[Record],
     effects: Sequence[str],
@@ -105,16 +105,18 @@ def lengthening(
     fresh: str = "",
 ) -> Fit:
     """The best fit on the whole records."""
-    climb = Climb(kind, effects, starts, stage, effort, fresh)
+    climb = GrowingHorizon(kind, effects, starts, stage, effort, fresh)
     for number, length, parts in _lengths(records):
         climb.on(number, length, parts)
     return climb.fits[0]
 
 
-def race(records: Sequence[Record], climbs: Mapping[str, Climb], counting: int, behind: float) -> dict[str, Fit]:
+def eliminate(
+    records: Sequence[Record], climbs: Mapping[str, GrowingHorizon], counting: int, behind: float
+) -> dict[str, Fit]:
     """Fits on the whole records of those `climbs` that stay in reach of the first `counting`, or are declared
-    look-alikes of the first one, and leave at most `behind` times what the first one does; the rest end on their way:
-    on short beginnings only where the first one leaves about the noise and they `behind` times as much again.
+    confounded effects of the first one, and leave at most `behind` times what the first one does; the rest end on their
+    way: on short beginnings only where the first one leaves about the noise and they `behind` times as much again.
     """
     running = dict(climbs)
     for number, length, parts in _lengths(records):
@@ -128,7 +130,7 @@ def race(records: Sequence[Record], climbs: Mapping[str, Climb], counting: int, 
             reach = limit = behind**2 * min(costs.values())
         else:
             reach = limit = np.inf
-        alike = BY_ID[min(costs, key=lambda name: costs[name])].look_alikes
+        alike = BY_ID[min(costs, key=lambda name: costs[name])].confounders
         running = {
             name: climb
             for name, climb in running.items()
@@ -140,12 +142,12 @@ def race(records: Sequence[Record], climbs: Mapping[str, Climb], counting: int, 
 def _lengths(records: Sequence[Record]) -> Iterator[tuple[int, float, list[Record]]]:
     """Number, length in s and records cut to it, the whole ones last."""
     for number, length in enumerate((*BEGINNINGS_S, np.inf)):
-        parts = beginnings(records, length)
+        parts = prefixes(records, length)
         if length == np.inf or any(len(part) < len(record) for part, record in zip(parts, records, strict=True)):
             yield number, length, parts
 
 
-def beginnings(records: Sequence[Record], length: float) -> list[Record]:
+def prefixes(records: Sequence[Record], length: float) -> list[Record]:
     """The first `length` s of each record."""
     return [record.beginning(length) for record in records]
 

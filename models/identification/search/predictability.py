@@ -10,7 +10,7 @@ import numpy as np
 
 from models.files.record import Record
 from models.identification.kind import Kind
-from models.identification.search.growing_horizon import BEGINNINGS_S, beginnings
+from models.identification.search.growing_horizon import BEGINNINGS_S, prefixes
 from models.identification.search.validation import Split, judged_cost
 
 _THOUSANDTH = 1e-3
@@ -18,7 +18,7 @@ _IMITATIONS = 4
 
 
 def restlessness(kind: Kind, splits: Sequence[Split], theta: Mapping[str, float], rng: np.random.Generator) -> float:
-    """Validation cost that the model leaves of itself, with noise, where the base's numbers are a thousandth off: what
+    """Validation cost that the model leaves of itself, with noise, where the base's numbers are 0.1 % off: what
     no fit can do better than.
     """
     _, held = splits[0]
@@ -34,16 +34,16 @@ def predictable(
     _, held = splits[0]
     imitated = _moved(kind, held, theta, rng)
     for length in (np.inf, *reversed(BEGINNINGS_S[1:])):  # two seconds hold too few teeth to judge by
-        cut = [beginnings(records, length) for records in imitated]
+        cut = [prefixes(records, length) for records in imitated]
         if _of_itself(kind, cut, theta) < most:
             break
-    return length, [(beginnings(part, length), beginnings(rest, length)) for part, rest in splits]
+    return length, [(prefixes(part, length), prefixes(rest, length)) for part, rest in splits]
 
 
 def _moved(
     kind: Kind, held: Sequence[Record], theta: Mapping[str, float], rng: np.random.Generator
 ) -> list[list[Record]]:
-    """Imitations of the records `held` on the model with each base number a thousandth up or down."""
+    """Imitations of the records `held` on the model with each base number 0.1 % up or down."""
     fitted = {p.name for p in kind.base if p.fit}
     moved = (
         {name: v * (1 + _THOUSANDTH * rng.choice((-1, 1))) if name in fitted else v for name, v in theta.items()}

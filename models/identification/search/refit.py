@@ -12,7 +12,7 @@ from models.effects import BY_ID, REFINEMENTS
 from models.files.record import Record
 from models.identification.fitting.fit import FINE, NARROW, WIDE, Fit, descend, narrowing
 from models.identification.kind import Kind
-from models.identification.search.growing_horizon import QUICK, lengthening
+from models.identification.search.growing_horizon import QUICK, grow_horizon
 from models.identification.search.validation import NEAR_NOISE, SHAPED, judged_cost, middle_stage
 
 
@@ -53,7 +53,7 @@ def mend(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: M
     fits = [step_on(kind, records, effects, start).theta]
     costs = [judged_cost(kind, records, fits[0])]
     if costs[0] > 1 + SHAPED:
-        fits.append(lengthening(kind, records, effects, begins(kind, start), middle_stage(kind), QUICK).theta)
+        fits.append(grow_horizon(kind, records, effects, begins(kind, start), middle_stage(kind), QUICK).theta)
         costs.append(judged_cost(kind, records, fits[-1]))
     if min(costs) > NEAR_NOISE:
         fits.append(_lengthened(kind, records, effects, start))
@@ -89,7 +89,7 @@ def _lengthened(
     newest = next((name for name in reversed(effects) if BY_ID[name] not in REFINEMENTS), "")
     if newest:
         starts.append({**starts[-1], **BY_ID[newest].start()})
-    return lengthening(kind, records, effects, starts, middle_stage(kind), fresh=newest).theta
+    return grow_horizon(kind, records, effects, starts, middle_stage(kind), fresh=newest).theta
 
 
 def begins(kind: Kind, theta: Mapping[str, float]) -> list[dict[str, float]]:

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from controller.supervision.acceptance import Gate
+from controller.supervision.acceptance import AcceptanceTest
 from models.files.rig import Rig, parse_rig
 from models.identification.model import Model
 
@@ -35,7 +35,7 @@ def rig(rig_text: str) -> Rig:
 
 
 def test_a_better_model_within_bounds_passes(rig: Rig) -> None:
-    verdict = Gate().judge(report(), model(**FOLDS), rig)
+    verdict = AcceptanceTest().judge(report(), model(**FOLDS), rig)
     assert verdict.passed, verdict.sentence
 
 
@@ -53,7 +53,7 @@ def test_a_better_model_within_bounds_passes(rig: Rig) -> None:
     ],
 )
 def test_a_model_that_did_not_show_it_does_not_pass(rig: Rig, numbers: dict[str, Any], words: str) -> None:
-    verdict = Gate().judge(numbers, model(), rig)
+    verdict = AcceptanceTest().judge(numbers, model(), rig)
     assert not verdict.passed
     assert words in verdict.sentence
 
@@ -68,16 +68,16 @@ def test_a_model_that_did_not_show_it_does_not_pass(rig: Rig, numbers: dict[str,
     ],
 )
 def test_parameters_out_of_bounds_do_not_pass(rig: Rig, changes: dict[str, float]) -> None:
-    verdict = Gate().judge(report(), model(**changes), rig)
+    verdict = AcceptanceTest().judge(report(), model(**changes), rig)
     assert not verdict.passed
     assert next(iter(changes)) in verdict.sentence
 
 
 def test_the_current_model_may_be_given_by_its_error_on_the_same_records(rig: Rig) -> None:
-    assert Gate().judge(report(), model(), rig, current=1.2).passed
-    assert not Gate().judge(report(), model(), rig, current=0.9).passed
+    assert AcceptanceTest().judge(report(), model(), rig, current=1.2).passed
+    assert not AcceptanceTest().judge(report(), model(), rig, current=0.9).passed
 
 
 def test_unknown_stages_are_refused(rig: Rig) -> None:
     with pytest.raises(ValueError, match="did you mean 'augmented'"):
-        Gate().judge(report(), model(), rig, stage="augmentd")
+        AcceptanceTest().judge(report(), model(), rig, stage="augmentd")

@@ -22,8 +22,8 @@ from hil.nodes.frame_map import (
     STANDBY,
     STOPPING,
     WAITING,
+    frame_map_of,
     frames,
-    wiring_of,
 )
 
 
@@ -31,7 +31,7 @@ def test_numbers_are_those_of_the_dbc() -> None:
     """Modes, states, codes and targets by their names there."""
     catalogue = frames()
     for kind in ("magnetic", "coil", "vibro"):
-        wiring = wiring_of(kind)
+        wiring = frame_map_of(kind)
         command, feedback, fault = (catalogue[n] for n in (wiring.command, wiring.feedback, wiring.fault))
         modes = {"off": OFF, "ready": READY, "enable": ENABLE, "quick_stop": QUICK_STOP}
         assert {name: command.field("Mode").number(name) for name in modes} == modes

@@ -112,8 +112,8 @@ def test_it_is_declared(effect: type[Effect]) -> None:
     assert effect.kinds
     assert effect.kinds <= set(KINDS)
     assert all(effect in effects_for(kind) for kind in effect.kinds)
-    assert set(effect.look_alikes) <= set(BY_ID)
-    assert effect.id not in effect.look_alikes
+    assert set(effect.confounders) <= set(BY_ID)
+    assert effect.id not in effect.confounders
     assert all((effect.summary, effect.source, effect.separated_by, effect.__doc__))
 
 

@@ -12,9 +12,9 @@ from models.effects import BY_ID
 from models.files.record import read_record
 from models.files.rig import read_rig
 from models.identification.kinds import kind_for
-from models.identification.kinds.series.kind import GutKind
+from models.identification.kinds.series.kind import SeriesKind
 from models.identification.kinds.series.report import about_the_rig, equations
-from models.identification.search.candidates import tournament
+from models.identification.search.candidates import compare_candidates
 from models.identification.search.refit import refit
 from models.identification.search.screening import screen
 from models.identification.search.validation import APART, ahead
@@ -34,16 +34,16 @@ SPARED = {"nose_asymmetry": 1.0, "film_weakening": 1.0, "slip_folds": -1.0}
 
 @pytest.mark.parametrize("name", sorted(RIVALS))
 def test_what_changes_one_side_alone_is_called_by_its_name(name: str, tmp_path: Path) -> None:
-    """A law that changed both would leave more than its look-alikes do, and they would be named."""
+    """A law that changed both would leave more than its confounded effects do, and they would be named."""
     folder = make_series("pull", name, 5, tmp_path, 15.0)
     rig = read_rig(folder / "rig.toml")
     records = [read_record(folder / f"train_{k}.csv.gz", rig) for k in (1, 2)]
     full = kind_for(rig, records)
-    assert isinstance(full, GutKind)
+    assert isinstance(full, SeriesKind)
     kind = replace(full, effects=tuple(BY_ID[effect] for effect in RIVALS[name]))
     splits = [(records[:1], records[1:])]
     base = refit(kind, records[:1], [], kind.nominal())
-    trials = tournament(kind, splits, [], [base], screen(kind, records[:1], [], base))
+    trials = compare_candidates(kind, splits, [], [base], screen(kind, records[:1], [], base))
     assert trials[0].effect == hidden(name).answer
     assert all(ahead(trials[0].blocks, trial.blocks) > APART for trial in trials[1:])
     model = (trials[0].effect, "level_at_onset")
@@ -54,6 +54,6 @@ def test_a_report_says_which_side_feels_it_in_whole_sentences() -> None:
     theta = {"level_at_onset.spared": -0.97, "level_at_onset.kept": 0.2}
     said = " ".join(about_the_rig(Pull(), 1e-3, "N", theta))
     assert "the nose feels 3 % (F_e), what the wall presses on the slip limit 100 % (f_c)" in said
-    law = equations(GutKind.build(Plate(0.1), Pull(), 1e-3), {"friction_coefficient": 0.3, **theta})[-1]
+    law = equations(SeriesKind.build(Plate(0.1), Pull(), 1e-3), {"friction_coefficient": 0.3, **theta})[-1]
     assert law.startswith("level_at_onset: Where effects change resistance")
     assert law.endswith("friction that stays as it is (spared = -0.97, kept = 0.2)")

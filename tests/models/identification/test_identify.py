@@ -87,13 +87,13 @@ def test_the_measured_axis_lacks_asymmetry(shared: Path) -> None:
 
 
 def short_pull(noise: float = 1e-3, hoop: float = 1.1, mu: float = 0.075, seed: int = 3) -> tuple[Rig, list[Record]]:
-    from models.identification.kinds.series.kind import GutKind
+    from models.identification.kinds.series.kind import SeriesKind
 
     rig = Rig("pull", Capsule(), Tissue())
     t = np.arange(0, 12, 2e-3)
     position = 6e-3 * (1 - np.cos(2 * np.pi * t / 6)) * 0.5
     blank = Record("pull", "pull", {"t_s": t, "position_m": position, "force_N": np.zeros_like(t)})
-    kind = GutKind.from_rig(parse_rig(PULL), [blank])
+    kind = SeriesKind.from_rig(parse_rig(PULL), [blank])
     rng = np.random.default_rng(seed)
     truth = {"hoop_stress_factor": hoop, "friction_coefficient": mu}
     return rig, [kind.imitate(blank, truth, rng), kind.imitate(blank, truth, rng)]
@@ -184,11 +184,11 @@ def test_every_look_alike_is_told_apart_by_something() -> None:
 
 
 def test_what_is_missing_beside_an_effect_with_held_parameters_is_screened() -> None:
-    from models.identification.kinds.series.kind import GutKind
+    from models.identification.kinds.series.kind import SeriesKind
     from models.identification.search.screening import screen
 
     _, records = short_pull()
-    kind = GutKind.from_rig(parse_rig(PULL), records)
+    kind = SeriesKind.from_rig(parse_rig(PULL), records)
     values = {"hoop_stress_factor": 1.1, "friction_coefficient": 0.075}
     stribeck = {f"stribeck.{p.name}": p.value for p in BY_ID["stribeck"].parameters()} | {"stribeck.excess": 0.1}
     rows = screen(kind, records[:1], ["stribeck"], {**values, **stribeck})

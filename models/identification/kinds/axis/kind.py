@@ -178,7 +178,7 @@ class AxisKind(OneByOne):
         made = record.with_column(self.quantity, self.predict(record, theta) + white)
         return made.with_column(NOISE, np.full(len(record), std))
 
-    def folds(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
+    def splits(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
         """By record; a single record by four blocks of its cycle of motion, every repeat of a block left out
         together.
         """

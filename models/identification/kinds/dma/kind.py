@@ -140,7 +140,7 @@ class DmaKind(OneByOne):
             made[rows] += (self._reading(size[rows]) * size[rows])[:, None] * rng.standard_normal((len(rows), 2))
         return record.with_column(COLUMNS[0], made[:, 0]).with_column(COLUMNS[1], made[:, 1])
 
-    def folds(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
+    def splits(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
         """By sample; a single sample by frequency."""
         single = [r.rows(rows) for r in records for rows in samples_of(r)]
         if len(single) == 1:

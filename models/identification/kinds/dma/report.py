@@ -43,7 +43,7 @@ def statements(kind: DmaKind, theta_by_stage: Mapping[str, Theta], records: Sequ
         ),
         f"Scatter between samples accounts for {kind.noise_floor(records):.1f} %.",
     ]
-    folds = kind.folds(records)
+    folds = kind.splits(records)
     left_out = np.sqrt(np.mean([springpot_alone(kind, training, validation) ** 2 for training, validation in folds]))
     in_sample = springpot_alone(kind, records, records)
     out.append(

@@ -42,7 +42,7 @@ def low_passed(signal: Array, dt: float) -> Array:
 
 
 @dataclass(frozen=True)
-class GutKind:
+class SeriesKind:
     """A rig whose records are time series of a capsule. `noise_std` of the sensor; `memories` in s are the observer's
     time constants of the fit's stages.
     """
@@ -64,7 +64,7 @@ class GutKind:
     quantity: str = field(default="force_N")
 
     @classmethod
-    def from_rig(cls, rig: Rig, records: Sequence[Record]) -> GutKind:
+    def from_rig(cls, rig: Rig, records: Sequence[Record]) -> SeriesKind:
         """The kind that a rig file describes under the drive of `records`; the noise is estimated where not given.
 
         Raises ValueError for another kind of rig, and for records that are driven in different ways.
@@ -74,7 +74,7 @@ class GutKind:
         return cls.build(surface_of(rig), drive, noise or estimated_noise(records, drive.measured), records)
 
     @classmethod
-    def build(cls, surface: Surface, drive: Drive, noise_std: float, records: Sequence[Record] = ()) -> GutKind:
+    def build(cls, surface: Surface, drive: Drive, noise_std: float, records: Sequence[Record] = ()) -> SeriesKind:
         """The kind for a surface and a drive; `records` tell how a switch was logged."""
         memories = (
             (0.03, 0.2, 1.0, 4.0)
@@ -198,11 +198,11 @@ class GutKind:
             self.quantity, self.predict(record, theta) + self.noise_std * rng.standard_normal(len(record))
         )
 
-    def telling(self, records: Sequence[Record]) -> list[Record]:
+    def searched(self, records: Sequence[Record]) -> list[Record]:
         """Of a shaken body, which strikes in every period of its drive, the beginnings; of others all."""
         return [record.beginning(SHAKEN_S) if self.drive.held else record for record in records]
 
-    def folds(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
+    def splits(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
         """The last record validates the others; a single record is cut in its middle."""
         if len(records) > 1:
             return [(list(records[:-1]), [records[-1]])]

@@ -15,7 +15,7 @@ from models.effects import BY_ID
 from models.effects.refinements.level_at_onset import LevelAtOnset
 from models.files.record import Record
 from models.identification.kind import Theta
-from models.identification.kinds.series.kind import GutKind
+from models.identification.kinds.series.kind import SeriesKind
 from models.identification.kinds.series.simulation import active_effects
 from models.surfaces.plate import Plate
 
@@ -28,7 +28,7 @@ _SPARED = f"{LevelAtOnset.id}.spared"
 _GUT = "m a = F_act - F_e(|v|) Sgn(v) - F_v(w) - T(u)"
 
 
-def equations(kind: GutKind, theta: Theta) -> list[str]:
+def equations(kind: SeriesKind, theta: Theta) -> list[str]:
     """The model in words and numbers."""
     p = {**kind.nominal(), **theta}
     lines = [*_surface_lines(kind.surface, p), *_drive_lines(kind.drive, p)]
@@ -74,7 +74,7 @@ def _current_line(p: Theta, speed: str) -> tuple[str]:
     return (f"L i' = U - {p['coil_resistance_ohm']:.4g} i - {p['back_emf_V_s_per_m']:.4g} {speed}",)
 
 
-def statements(kind: GutKind, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:
+def statements(kind: SeriesKind, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:
     """Sentences for the report: about the sensor and the drive, and the error over short, middle and unlimited
     foresight. Short ones tell nothing of a kind with `free_only`: an observer that follows the noise of a position is
     thrown out of step by it.
@@ -113,11 +113,11 @@ def about_the_rig(drive: Drive, noise_std: float, unit: str, theta: Theta) -> li
     return said
 
 
-def next_experiment(kind: GutKind, theta: Theta, records: Sequence[Record]) -> str | None:
+def next_experiment(kind: SeriesKind, theta: Theta, records: Sequence[Record]) -> str | None:
     """What would separate each effect from those confounded with it."""
     effects = active_effects(theta)
     if not effects:
         return None
     return "; ".join(
-        f"{name} against {', '.join(BY_ID[name].look_alikes)}: {BY_ID[name].separated_by}" for name in effects
+        f"{name} against {', '.join(BY_ID[name].confounders)}: {BY_ID[name].separated_by}" for name in effects
     )

@@ -29,7 +29,7 @@ def cross_validated(kind: VibroTableKind, theta: Theta, records: Sequence[Record
     fit starts from `theta`; which effects there are is not chosen anew in each part. Empty where there are fewer than
     24 conditions.
     """
-    splits = kind.folds(records)
+    splits = kind.splits(records)
     if sum(len(_pairs(held)) for _, held in splits) < _FEWEST:
         return {}
     names = effects_in(theta)

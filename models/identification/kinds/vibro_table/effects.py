@@ -30,7 +30,7 @@ class SwitchLag(ActuatorLag):
 
     kinds = frozenset({"vibro_table"})
     probe = 0.002
-    look_alikes = ("coil_lag", "coil_reach", "incline_gravity")
+    confounders = ("coil_lag", "coil_reach", "incline_gravity")
     time_s: Parameter = Parameter("time_s", 0.0, "s", 0.0, 0.015, ActuatorLag.source, fit=True)
 
 

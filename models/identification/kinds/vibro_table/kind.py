@@ -184,7 +184,7 @@ class VibroTableKind(OneByOne):
         scatter = self.scatter(record) * rng.standard_normal(len(record))
         return record.with_column(self.quantity, self.predict(record, theta) + setup + scatter)
 
-    def folds(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
+    def splits(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
         """Eight parts by whole (period, duty), drawn once and for all, never by repeats."""
         keys = [np.column_stack((r["period_s"], r["duty"])) for r in records]
         conditions, index = np.unique(np.concatenate(keys), axis=0, return_inverse=True)

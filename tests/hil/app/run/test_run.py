@@ -22,12 +22,12 @@ from tests.hil.app.run.deployments import deployment, rig_file
 def test_a_dry_run_sends_nothing_and_says_that_it_heard_nothing(
     tmp_path: Path, channel: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with LocalBus(channel) as ears:
+    with LocalBus(channel) as receiver:
         log = tmp_path / "dry.blf"
         assert run(["run", rig_file(tmp_path, deployment(channel)), "--dry-run", "--log", str(log), "--json"]) == 1
         found = json.loads(capsys.readouterr().out)
         assert found["ended"] == "nothing to lead: no feedback of the drive"
-        assert ears.recv(0) is None
+        assert receiver.recv(0) is None
     assert run(["replay", str(log)]) == 0
 
 

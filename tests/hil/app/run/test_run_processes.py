@@ -58,10 +58,10 @@ def leading(folder: Path, channel: str, frame: str, says: Callable[[bytearray], 
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder, env=environment
     )
     wanted = load_catalogue()[frame].id
-    with LocalBus(channel) as ears:
+    with LocalBus(channel) as receiver:
         began = time.monotonic()
         while time.monotonic() - began < 20:
-            message = ears.recv(1)
+            message = receiver.recv(1)
             if message is not None and message.arbitration_id == wanted and says(message.data):
                 break
     return child

@@ -11,7 +11,7 @@ import pytest
 
 from hil.bus.codec import Codec
 from hil.nodes.controller.node import RUNNING
-from hil.nodes.drive.sync_clock import Metronome
+from hil.nodes.drive.sync_clock import SyncClock
 from hil.nodes.frame_map import frames
 from tests.hil.app.sil.sil_benches import Full, bench_of, go
 from tests.hil.app.sil.sil_runs import RIGS, run
@@ -89,7 +89,7 @@ def test_delays_that_grow_at_full_power(kind: str) -> None:
 
 
 def test_ticks_begin_where_the_fastest_sync_says() -> None:
-    ticks = Metronome()
+    ticks = SyncClock()
     assert ticks.begin(7, 5.0) == 5.0
     for n, late in enumerate([0.003, 0.001, 0.0, 0.002, 0.004]):
         ticks.sync(n, 100 + n, 0.002, 1.0 + 0.002 * n + late)
@@ -102,14 +102,14 @@ def test_ticks_begin_where_the_fastest_sync_says() -> None:
 
 
 def test_commands_are_dated_while_sync_is_missing() -> None:
-    ticks = Metronome()
+    ticks = SyncClock()
     ticks.sync(15, 15, 0.002, 1.030)
     for n in range(16, 60):
         assert ticks.begin(n % 16, 1.0 + 0.002 * n + 0.0004) == pytest.approx(1.0 + 0.002 * n)
 
 
 def test_another_controller_and_one_after_a_silence_begin_anew() -> None:
-    ticks = Metronome()
+    ticks = SyncClock()
     ticks.sync(5, 500, 0.002, 1.0)
     ticks.sync(0, 0, 0.002, 1.01)
     assert ticks.begin(0, 1.0104) == pytest.approx(1.01)
@@ -121,7 +121,7 @@ def test_clocks_may_drift() -> None:
     """A controller whose clock is 200 ppm slow, over ten minutes: no command looks older than it is by more than a
     tenth of a tick.
     """
-    ticks = Metronome()
+    ticks = SyncClock()
     for n in range(300_000):
         stamp = 0.002 * n * 1.0002
         ticks.sync(n % 16, n, 0.002, stamp)

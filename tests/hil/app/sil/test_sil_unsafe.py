@@ -119,12 +119,12 @@ def test_from_full_power_to_the_safe_state_when_the_drive_is_not_heard(kind: str
     bench.node.supervisor = Full(way)  # type: ignore[assignment]
     bench.node.start(0.0, 0.0)
     go(bench, 0.2)
-    drive, ears = bench.plant.drive, bench.node.ears
+    drive, receiver = bench.plant.drive, bench.node.receiver
     assert not drive.safe
     heard_at = 0.2
     while not drive.safe:
         bench.begin_tick()
-        heard_at = bench.time_s - ears.evidence(bench.time_s).feedback_s
+        heard_at = bench.time_s - receiver.evidence(bench.time_s).feedback_s
         for number in range(bench.slots):
             end = bench.slot(number) + SLOT_S
             if drive.safe:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hil.app.main import run
-from hil.app.scenario.options import Asked
+from hil.app.scenario.options import Options
 from hil.app.scenario.scenario import load_track_scenario, parse_track_scenario
 from hil.app.track.loop import believed_model, run_loop
 from hil.app.track.score import score
@@ -201,7 +201,7 @@ def test_a_model_of_a_table_of_runs_leads_the_drive_in_time(tmp_path: Path) -> N
     path.write_text(text.replace('"body_mass_kg" = 0.193', '"body_mass_kg" = 0.2'), encoding="utf-8")
     scenario = load_track_scenario(FILES[-1])
     assert scenario.kind == "vibro"
-    values, stage = Asked(model=path).values("vibro")
+    values, stage = Options(model=path).values("vibro")
     model = believed_model(scenario, values)
     named = dict(zip((p.name for p in model.symbols.parameters), model.values.tolist(), strict=True))
     assert stage == "augmented"
@@ -210,13 +210,13 @@ def test_a_model_of_a_table_of_runs_leads_the_drive_in_time(tmp_path: Path) -> N
     assert named["friction_coefficient"] == pytest.approx(0.33235)
     assert named["spring_damping.damping_N_s_per_m"] == 2.349
     with pytest.raises(ValueError, match="model must be one of a magnetic rig; got one of a vibro_table rig"):
-        Asked(model=path).values("magnetic")
+        Options(model=path).values("magnetic")
 
 
 def test_the_capsubot_as_measured_is_led_and_never_lost() -> None:
     """By the measured model, whose strokes carry further or less far than the plant's."""
     scenario = load_track_scenario(next(p for p in FILES if p.stem == "track_vibro_capsubot"))
-    values, _ = Asked(model=CAPSUBOT).values("vibro")
+    values, _ = Options(model=CAPSUBOT).values("vibro")
     trace = run_loop(scenario, believed_model(scenario, values), "vibro", 0)
     assert "lost" not in trace.status[200:]
     assert [v.check for v in verdicts(scenario, "vibro", trace, score(scenario, trace)) if not v.passed] == []

@@ -17,7 +17,7 @@ from hil.bus.protection import Sender
 from hil.nodes.cia402.bus import Cia402Bus
 from hil.nodes.cia402.states import Cia402Table
 from hil.nodes.drive.power_stage import CarriagePower
-from hil.nodes.frame_map import wiring_of
+from hil.nodes.frame_map import frame_map_of
 from tests.hil.ticks import TICK
 
 LIMITS, TABLE = Limits(), Cia402Table()
@@ -60,7 +60,7 @@ class Ends:
 
 
 def command(mode: int, place: float) -> dict[str, float]:
-    return wiring_of("magnetic").values(place, 0.0, mode)
+    return frame_map_of("magnetic").values(place, 0.0, mode)
 
 
 class Polled:

@@ -8,7 +8,7 @@ import pytest
 
 from hil.bus.protection import Receiver
 from hil.nodes.controller.guard import STOP_PERIOD_S, Guard, Passed
-from hil.nodes.frame_map import ENABLE, OFF, READY, frames, wiring_of
+from hil.nodes.frame_map import ENABLE, OFF, READY, frame_map_of, frames
 from tests.hil.fences import CARRIAGE, GOOD
 from tests.hil.ticks import TICK
 
@@ -38,12 +38,12 @@ def wire() -> Wire:
 
 def guard_on(wire: Wire, **more: object) -> Guard:
     """A carriage's guard."""
-    return Guard(wire, frames(), wiring_of("magnetic"), CARRIAGE, **more)  # type: ignore[arg-type]
+    return Guard(wire, frames(), frame_map_of("magnetic"), CARRIAGE, **more)  # type: ignore[arg-type]
 
 
 def test_the_whitelist(wire: Wire) -> None:
     guard = guard_on(wire)
-    assert not guard.send("CoilCommand", wiring_of("coil").values(0.0, 0.0, ENABLE), 0.0)
+    assert not guard.send("CoilCommand", frame_map_of("coil").values(0.0, 0.0, ENABLE), 0.0)
     assert not guard.send("Nonsense", {}, 0.0)
     assert not guard.send("Nonsense", {}, 0.1)
     assert guard.refused == {"CoilCommand": 1, "Nonsense": 2}

@@ -9,7 +9,7 @@ from hil.bus.simulated import Medium, SimulatedBus
 from hil.nodes.drive.node import HOT_S, DriveNode
 from hil.nodes.drive.power_stage import CarriagePower, CoilPower, InnerMassPower, Power
 from hil.nodes.drive.state_machine import HEARTBEAT_LOST, OVER_CURRENT, OVER_TEMPERATURE, TIME_TO_LIVE
-from hil.nodes.frame_map import BOOT, DERATED, ENABLE, ENABLED, FAULT, OFF, READY, STANDBY, frames, wiring_of
+from hil.nodes.frame_map import BOOT, DERATED, ENABLE, ENABLED, FAULT, OFF, READY, STANDBY, frame_map_of, frames
 from tests.hil.ticks import SLOT, TICK
 
 
@@ -19,7 +19,7 @@ class Desk:
     def __init__(self, kind: str, power: Power) -> None:
         self.medium = Medium()
         self.bus = SimulatedBus(self.medium, "Hand")
-        self.wiring = wiring_of(kind)
+        self.wiring = frame_map_of(kind)
         self.port = SimulatedBus(self.medium, "Drive")
         self.drive = DriveNode(self.port, frames(), self.wiring, power, Limits(), TICK)
         self.senders = {f.name: Sender(f) for f in frames().frames.values()}

@@ -10,7 +10,7 @@ import pytest
 
 from hil.app.sil.fault_outcomes import TO_LIVE_S, limit_s, outcomes
 from hil.bus.simulated import Medium, SimulatedBus
-from hil.nodes.faults.injection import Link
+from hil.nodes.faults.injection import FaultInjection
 from hil.nodes.faults.table import KINDS, Fault, read_faults
 from tests.hil.app.sil.sil_runs import RIGS, run, scenario_of
 
@@ -141,7 +141,7 @@ def heard(kind: str, ids: tuple[int, ...], **more: float) -> list[tuple[int, int
     """
     medium = Medium()
     sender, port = SimulatedBus(medium, "sender"), SimulatedBus(medium, "receiver")
-    link = Link(port, lambda: medium.now_s)
+    link = FaultInjection(port, lambda: medium.now_s)
     link.faults = [(Fault(kind, 0.0, **more), frozenset({256}))]
     got = []
     for k in range(20):

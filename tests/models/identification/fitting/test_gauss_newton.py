@@ -11,13 +11,15 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from models.identification.fitting.gauss_newton import Valley
+from models.identification.fitting.gauss_newton import GaussNewton
 
 Array = NDArray[np.float64]
 
 
-def valley(function: Callable[[Array], Array], lower: list[float], upper: list[float], scale: list[float]) -> Valley:
-    return Valley(lambda points: [function(x) for x in points], np.array(lower), np.array(upper), np.array(scale))
+def valley(
+    function: Callable[[Array], Array], lower: list[float], upper: list[float], scale: list[float]
+) -> GaussNewton:
+    return GaussNewton(lambda points: [function(x) for x in points], np.array(lower), np.array(upper), np.array(scale))
 
 
 @given(st.integers(0, 1000), st.floats(0.3, 3.0))

@@ -135,14 +135,14 @@ def test_motion_that_does_not_repeat_has_no_lag() -> None:
 
 def test_folds_leave_out_every_repeat_of_a_place_together() -> None:
     record = made(TRUE, noise=1.0)
-    folds = KIND.folds([record])
+    folds = KIND.splits([record])
     assert len(folds) == 4
     for training, validation in folds:
         assert sum(map(len, training)) + sum(map(len, validation)) == len(record)
         phases = [np.unique((r["t_s"] * 1000).round().astype(int) % 3000 // 750) for r in validation]
         assert all(np.array_equal(p, phases[0]) for p in phases)
         assert NOISE in validation[0].columns
-    assert len(KIND.folds([record, record.with_column("force_N", record["force_N"])])) == 2
+    assert len(KIND.splits([record, record.with_column("force_N", record["force_N"])])) == 2
 
 
 def test_uneven_times_are_refused() -> None:

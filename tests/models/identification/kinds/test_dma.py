@@ -56,14 +56,14 @@ def test_nominal_moduli_are_the_paper_s_and_miss_by_99_percent() -> None:
 
 def test_five_elements_leave_fourteen_percent_and_fifteen_left_out(calibrated: dict[str, float]) -> None:
     assert error([measured()], calibrated) == pytest.approx(14.2, abs=0.1)
-    left = [error(validation, fitted(training, calibrated)) for training, validation in KIND.folds([measured()])]
+    left = [error(validation, fitted(training, calibrated)) for training, validation in KIND.splits([measured()])]
     assert np.sqrt(np.mean(np.square(left))) == pytest.approx(14.6, abs=0.3)
 
 
 def test_a_broad_spectrum_is_no_better(calibrated: dict[str, float]) -> None:
     record = measured()
     assert springpot_alone(KIND, [record], [record]) == pytest.approx(14.6, abs=0.1)
-    folds = KIND.folds([record])
+    folds = KIND.splits([record])
     left = [springpot_alone(KIND, training, validation) for training, validation in folds]
     assert np.sqrt(np.mean(np.square(left))) == pytest.approx(15.0, abs=0.2)
     both = [error(validation, fitted(training, {**calibrated, **BROAD})) for training, validation in folds]
@@ -105,10 +105,10 @@ def test_scatter_of_the_samples_is_the_noise_floor() -> None:
 
 def test_folds_go_by_sample_and_a_single_sample_by_frequency() -> None:
     record = measured()
-    assert [len(v[0]) for _, v in KIND.folds([record])] == [5, 5, 5]
-    assert all(len(np.unique(v[0]["sample"])) == 1 for _, v in KIND.folds([record]))
+    assert [len(v[0]) for _, v in KIND.splits([record])] == [5, 5, 5]
+    assert all(len(np.unique(v[0]["sample"])) == 1 for _, v in KIND.splits([record]))
     single = record.rows(samples_of(record)[0])
-    assert [len(v[0]) for _, v in KIND.folds([single])] == [1, 1, 1, 1, 1]
+    assert [len(v[0]) for _, v in KIND.splits([single])] == [1, 1, 1, 1, 1]
 
 
 def test_springpot_has_its_angle_and_power() -> None:

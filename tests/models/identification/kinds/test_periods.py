@@ -74,7 +74,7 @@ def test_stiffening_at_small_drag_brings_all_three_within_ten_percent(calibrated
     assert np.max(np.abs(off(KIND, theta))) < 0.01
     assert 1.0 < theta[STIFFER] < 3.0
     left_base, left_more = [], []
-    for training, validation in KIND.folds([measured()]):
+    for training, validation in KIND.splits([measured()]):
         for start, left in ((calibrated, left_base), ({**calibrated, STIFFER: 0.5}, left_more)):
             fit = fitted(KIND, training, start)
             left.append(KIND.error(validation, [KIND.predict(r, fit) for r in validation]))

@@ -18,7 +18,7 @@ from models.identification import Model
 from models.identification.kinds import kind_for
 from models.identification.kinds.series import report
 from models.identification.kinds.series.drive_input import SWITCH_DELAY, Feed, driven_column, feed, held, logged_whole
-from models.identification.kinds.series.kind import GutKind
+from models.identification.kinds.series.kind import SeriesKind
 from models.laws.geometry import Capsule
 from models.surfaces.plate import Plate
 from plant.experiments.excitation import pulse_width
@@ -85,23 +85,23 @@ def test_a_record_s_column_settles_the_drive() -> None:
     by = {name: Record(name, "vibro", {**table, name: np.zeros(200)}) for name in ("drive_on", "coil_voltage_V")}
     raw = believed("vibro_plate")
     rig = parse_rig({**raw, "drive": {**raw["drive"], "rated_voltage_V": 12.0}})
-    assert type(GutKind.from_rig(rig, [by["drive_on"]]).drive) is Vibro
-    assert type(GutKind.from_rig(rig, [by["coil_voltage_V"]]).drive) is RatedVibro
+    assert type(SeriesKind.from_rig(rig, [by["drive_on"]]).drive) is Vibro
+    assert type(SeriesKind.from_rig(rig, [by["coil_voltage_V"]]).drive) is RatedVibro
     with pytest.raises(ValueError, match="must have the key 'rated_voltage_V', or"):
-        GutKind.from_rig(parse_rig(raw), [by["coil_voltage_V"]])
+        SeriesKind.from_rig(parse_rig(raw), [by["coil_voltage_V"]])
     with pytest.raises(
         ValueError, match=r"must have one driven column.*drive_on: drive_on, coil_voltage_V: coil_voltage_V"
     ):
-        GutKind.from_rig(rig, list(by.values()))
+        SeriesKind.from_rig(rig, list(by.values()))
     coil = parse_rig(believed("coil"))
     both = Record("both", "coil", {**table, "coil_voltage_V": np.zeros(200), "coil_current_A": np.zeros(200)})
     assert driven_column("coil", [both]) == "coil_current_A"
-    assert type(GutKind.from_rig(coil, [both]).drive) is Coil
-    assert type(GutKind.from_rig(coil, [both.without(("coil_current_A",))]).drive) is VoltageCoil
+    assert type(SeriesKind.from_rig(coil, [both]).drive) is Coil
+    assert type(SeriesKind.from_rig(coil, [both.without(("coil_current_A",))]).drive) is VoltageCoil
 
 
 def test_a_plate_has_no_effects_of_a_wall() -> None:
-    kind = GutKind.build(Plate(0.193), Vibro(), 5e-5)
+    kind = SeriesKind.build(Plate(0.193), Vibro(), 5e-5)
     offered = {effect.id for effect in kind.effects}
     assert {"spring_damping", "end_stop_impact", "stribeck", "incline_gravity"} <= offered
     assert not offered & {"wall_viscosity", "small_strain_stiffening", "exponential_recovery"}
@@ -127,7 +127,7 @@ def test_at_the_plant_s_numbers_a_free_run_follows_it(name: str, share: float) -
 def test_a_model_file_predicts_from_the_driven_column_alone() -> None:
     rig, records, truth = series("vibro_plate", None, 2, 3.0, 1)
     kind = kind_for(rig, records)
-    assert isinstance(kind, GutKind)
+    assert isinstance(kind, SeriesKind)
     stage = {**kind.nominal(), **truth}
     model = Model("vibro", dict.fromkeys(("nominal", "calibrated", "augmented"), stage))
     record = records[0]
@@ -164,7 +164,7 @@ def test_a_coil_on_board_that_is_driven_by_voltage_follows_the_plant() -> None:
     }  # fmt: skip
     surface = {"kind": "plate", "friction_coefficient": 0.29}
     rig = parse_rig({"capsule": {"mass_kg": 0.02}, "drive": drive, "surface": surface, "rig": {"kind": "vibro"}})
-    kind = GutKind.from_rig(rig, [record])
+    kind = SeriesKind.from_rig(rig, [record])
     assert type(kind.drive) is VoltageVibro
     left = kind.error([record], [kind.predict(record, {**kind.nominal(), SWITCH_DELAY: 0.0})])
     assert left < 5e-3 * np.ptp(record["position_m"])
@@ -172,9 +172,9 @@ def test_a_coil_on_board_that_is_driven_by_voltage_follows_the_plant() -> None:
 
 
 def test_a_prediction_that_runs_away_costs_much_and_warns_of_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    kind = GutKind.build(Plate(0.193), Vibro(), 5e-5)
+    kind = SeriesKind.build(Plate(0.193), Vibro(), 5e-5)
     record = Record("r", "vibro", {"t_s": 2e-3 * np.arange(4), "drive_on": np.zeros(4), "position_m": np.zeros(4)})
-    monkeypatch.setattr(GutKind, "_runs", lambda *_: [np.array([np.nan, np.inf, -1e306, 0.0])])
+    monkeypatch.setattr(SeriesKind, "_runs", lambda *_: [np.array([np.nan, np.inf, -1e306, 0.0])])
     left = kind.residual(record, {}, 0)
     assert np.isfinite(left).all()
     assert np.min(np.abs(left[:3])) > 1e3

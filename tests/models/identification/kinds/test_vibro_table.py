@@ -169,7 +169,7 @@ def test_folds_keep_conditions_whole_and_lose_no_row() -> None:
     kind = VibroTableKind.around()
     runs = [record(np.repeat(np.linspace(0.03, 0.2, 18), 3), 0.3, 20), record(np.repeat([0.03, 0.5], 4), 0.3, 20)]
     seen = 0
-    for training, held in kind.folds(runs):
+    for training, held in kind.splits(runs):
         left = {(p, d) for r in training for p, d in zip(r["period_s"], r["duty"], strict=True)}
         out = {(p, d) for r in held for p, d in zip(r["period_s"], r["duty"], strict=True)}
         assert not left & out

@@ -28,7 +28,7 @@ def late(tmp_path_factory: pytest.TempPathFactory) -> tuple[Kind, list[Split], d
     records = [read_record(folder / f"train_{k}.csv.gz", rig) for k in (1, 2, 3)]
     kind = kind_for(rig, records)
     answer = tomllib.loads((folder / "answer.toml").read_text(encoding="utf-8"))
-    return kind, kind.folds(records), {**kind.nominal(), **{k: v for k, v in answer.items() if k in kind.nominal()}}
+    return kind, kind.splits(records), {**kind.nominal(), **{k: v for k, v in answer.items() if k in kind.nominal()}}
 
 
 def test_a_stuck_look_alike_is_looked_for_from_the_best_ones_base(

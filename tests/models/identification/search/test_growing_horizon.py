@@ -13,8 +13,8 @@ import pytest
 from models.files.record import Record, read_record
 from models.files.rig import parse_rig, read_rig
 from models.identification.fitting.fit import Fit, evaluate
-from models.identification.kinds.series.kind import GutKind
-from models.identification.search.growing_horizon import QUICK, Climb, lengthening, race
+from models.identification.kinds.series.kind import SeriesKind
+from models.identification.search.growing_horizon import QUICK, GrowingHorizon, eliminate, grow_horizon
 from models.identification.search.validation import middle_stage
 from plant.experiments.series import make_series
 
@@ -23,10 +23,10 @@ def test_a_base_and_a_force_far_off_are_found(tmp_path: Path) -> None:
     folder = make_series("magnetic", "incline_gravity", 2, tmp_path, 30.0)
     rig, answer = read_rig(folder / "rig.toml"), tomllib.loads((folder / "answer.toml").read_text(encoding="utf-8"))
     records = [read_record(folder / f"train_{k}.csv.gz", rig) for k in (1, 2)]
-    kind = GutKind.from_rig(rig, records)
+    kind = SeriesKind.from_rig(rig, records)
     nominal = {p.name: p.value for p in kind.base if p.fit}
     start = {**nominal, "incline_gravity.force_N": 0.002}
-    found = lengthening(kind, records, ["incline_gravity"], [start], middle_stage(kind), QUICK, "incline_gravity")
+    found = grow_horizon(kind, records, ["incline_gravity"], [start], middle_stage(kind), QUICK, "incline_gravity")
     assert found.chi2 < 1.1
     for name in nominal:
         assert found.theta[name] == pytest.approx(answer[name], rel=0.01)
@@ -39,25 +39,25 @@ def test_it_never_ends_worse_than_where_it_was_told_to_start(tmp_path: Path) -> 
     folder = make_series("magnetic", None, 3, tmp_path, 12.0)
     rig, answer = read_rig(folder / "rig.toml"), tomllib.loads((folder / "answer.toml").read_text(encoding="utf-8"))
     records = [read_record(folder / "train_1.csv.gz", rig)]
-    kind = GutKind.from_rig(rig, records)
+    kind = SeriesKind.from_rig(rig, records)
     truth = {p.name: float(answer[p.name]) for p in kind.base if p.fit}
     r = evaluate(kind, records, truth, middle_stage(kind))
-    assert lengthening(kind, records, [], [truth], middle_stage(kind), QUICK).cost <= float(r @ r)
+    assert grow_horizon(kind, records, [], [truth], middle_stage(kind), QUICK).cost <= float(r @ r)
 
 
 def test_a_candidate_that_leaves_far_more_than_the_first_ends_on_its_way(tmp_path: Path) -> None:
     folder = make_series("magnetic", "incline_gravity", 2, tmp_path, 16.0)
     rig = read_rig(folder / "rig.toml")
     records = [read_record(folder / "train_1.csv.gz", rig)]
-    kind = GutKind.from_rig(rig, records)
+    kind = SeriesKind.from_rig(rig, records)
     nominal = {p.name: p.value for p in kind.base if p.fit}
 
     def ended(behind: float) -> tuple[set[str], int]:
         climbs = {
-            name: Climb(kind, [name], [nominal], middle_stage(kind), QUICK, name)
+            name: GrowingHorizon(kind, [name], [nominal], middle_stage(kind), QUICK, name)
             for name in ("incline_gravity", "actuator_lag")
         }
-        return set(race(records, climbs, 3, behind)), climbs["actuator_lag"].fits[0].count
+        return set(eliminate(records, climbs, 3, behind)), climbs["actuator_lag"].fits[0].count
 
     assert ended(6.0)[0] == {"incline_gravity"}
     everyone, whole = ended(np.inf)
@@ -68,7 +68,7 @@ def test_a_candidate_that_leaves_far_more_than_the_first_ends_on_its_way(tmp_pat
 
 
 @dataclass
-class Told(Climb):
+class Told(GrowingHorizon):
     """Leaves what it is told, at every length."""
 
     leaves: float = 1.0
@@ -84,7 +84,7 @@ def test_declared_look_alikes_of_the_first_stay_where_rivals_that_leave_less_wou
     """Behind a magnet a force, a bias and an asymmetry leave much the same: only the last fit tells, if any."""
     t = np.arange(0, 16.0, 0.002)
     record = Record("made", "magnetic", {"t_s": t, "carriage_position_m": 0 * t, "position_m": 0 * t})
-    kind = GutKind.from_rig(parse_rig(tomllib.loads(rig_text)), [record])
+    kind = SeriesKind.from_rig(parse_rig(tomllib.loads(rig_text)), [record])
     leaves = {
         "incline_gravity": 3.4,
         "peristaltic_wave": 4.3,
@@ -93,6 +93,6 @@ def test_declared_look_alikes_of_the_first_stay_where_rivals_that_leave_less_wou
         "respiration": 6.5,
     }
     climbs = {name: Told(kind, [name], [{}], 0, QUICK, leaves=cost) for name, cost in leaves.items()}
-    assert set(race([record], climbs, 3, 6.0)) == set(leaves) - {"respiration"}
+    assert set(eliminate([record], climbs, 3, 6.0)) == set(leaves) - {"respiration"}
     climbs["directional_asymmetry"].leaves = 21.0
-    assert "directional_asymmetry" not in race([record], climbs, 3, 6.0)
+    assert "directional_asymmetry" not in eliminate([record], climbs, 3, 6.0)

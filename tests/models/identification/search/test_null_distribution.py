@@ -12,13 +12,13 @@ import numpy as np
 from models.files.record import Record, read_record
 from models.files.rig import read_rig
 from models.identification.kinds.axis.kind import AxisKind
-from models.identification.kinds.series.kind import GutKind
+from models.identification.kinds.series.kind import SeriesKind
 from models.identification.search.screening import chance, for_chance
 from models.identification.search.validation import judged_cost
 from plant.experiments.series import make_series
 
 
-class Hanging(GutKind):
+class Hanging(SeriesKind):
     """Imitates with a wall a fiftieth firmer than told, as a model does whose teeth hang on how finely it is
     computed.
     """
@@ -32,7 +32,7 @@ def test_a_tooth_that_the_model_itself_misses_does_not_count_as_chance(tmp_path:
     folder = make_series("magnetic", None, 3, tmp_path, 12.0)
     rig, answer = read_rig(folder / "rig.toml"), tomllib.loads((folder / "answer.toml").read_text(encoding="utf-8"))
     records = [read_record(folder / "train_1.csv.gz", rig)]
-    plain = GutKind.from_rig(rig, records)
+    plain = SeriesKind.from_rig(rig, records)
     kind = Hanging(**{f.name: getattr(plain, f.name) for f in fields(plain)} | {"effects": ()})
     truth = {p.name: float(answer[p.name]) for p in kind.base if p.fit}
     assert judged_cost(kind, [kind.imitate(records[0], truth, np.random.default_rng(0))], truth) > 2.0
@@ -45,7 +45,7 @@ def test_chance_is_told_from_enough_of_the_records() -> None:
     """
     t = np.arange(0, 12.0, 1e-3)
     still = Record("made", "axis", {"t_s": t, "position_m": 0.05 * np.cos(2 * np.pi * t / 3), "force_N": np.sin(t)})
-    part = AxisKind.around(force_std_N=1.0).folds([still])[0][0]
+    part = AxisKind.around(force_std_N=1.0).splits([still])[0][0]
     assert for_chance(AxisKind.around(), part) == part
     seconds = [still.rows(slice(0, 1000 * n)) for n in (2, 3, 4, 5)]
     assert len(for_chance(replace(AxisKind.around(), stages=2), seconds)) == 3

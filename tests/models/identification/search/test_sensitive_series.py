@@ -12,7 +12,7 @@ import pytest
 
 from models.files.record import read_record
 from models.files.rig import read_rig
-from models.identification.kinds.series.kind import GutKind
+from models.identification.kinds.series.kind import SeriesKind
 from models.identification.search.predictability import predictable, restlessness
 from plant.experiments.series import make_series
 
@@ -22,12 +22,12 @@ FALLING = ("stribeck", {"stribeck.excess": 0.56, "stribeck.speed_m_s": 0.003}, 4
 
 def _made(
     effect: str | None, values: dict[str, float], seconds: float, folder: Path
-) -> tuple[GutKind, list, dict[str, float]]:  # type: ignore[type-arg]
+) -> tuple[SeriesKind, list, dict[str, float]]:  # type: ignore[type-arg]
     make_series("magnetic", effect, 1, folder, seconds)
     rig, answer = read_rig(folder / "rig.toml"), tomllib.loads((folder / "answer.toml").read_text(encoding="utf-8"))
     records = [read_record(folder / f"train_{k}.csv.gz", rig) for k in (1, 2)]
     theta = {name: value for name, value in answer.items() if isinstance(value, float)} | values
-    return GutKind.from_rig(rig, records), records, theta
+    return SeriesKind.from_rig(rig, records), records, theta
 
 
 @pytest.mark.parametrize(("case", "least", "most"), [(CALM, 0.9, 1.5), (FALLING, 3.0, np.inf)])
@@ -35,15 +35,15 @@ def test_a_falling_resistance_makes_a_magnet_drawn_capsule_restless(
     case: tuple[str | None, dict[str, float], float], least: float, most: float, tmp_path: Path
 ) -> None:
     kind, records, theta = _made(*case, tmp_path)
-    assert least < restlessness(kind, kind.folds(records), theta, np.random.default_rng(0)) < most
+    assert least < restlessness(kind, kind.splits(records), theta, np.random.default_rng(0)) < most
 
 
 def test_calm_motion_is_predicted_to_its_end_and_restless_motion_is_not(tmp_path: Path) -> None:
     kind, records, theta = _made(*CALM, tmp_path / "calm")
-    length, splits = predictable(kind, kind.folds(records), theta, 1.5, np.random.default_rng(0))
+    length, splits = predictable(kind, kind.splits(records), theta, 1.5, np.random.default_rng(0))
     assert length == np.inf
     assert [len(part) for part in splits[0][0]] == [len(records[0])]
     kind, records, theta = _made(*FALLING, tmp_path / "falling")
-    length, splits = predictable(kind, kind.folds(records), theta, 1.5, np.random.default_rng(0))
+    length, splits = predictable(kind, kind.splits(records), theta, 1.5, np.random.default_rng(0))
     assert 5.0 <= length < 45.0
     assert all(record["t_s"][-1] < length for part in splits[0] for record in part)

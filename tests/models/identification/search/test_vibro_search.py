@@ -17,7 +17,7 @@ from models.effects.refinements.damping_over_speed import KNOTS_M_S, DampingOver
 from models.files.record import Record, read_record
 from models.files.rig import Rig, read_rig
 from models.identification.kinds import kind_for
-from models.identification.kinds.series.kind import GutKind
+from models.identification.kinds.series.kind import SeriesKind
 from models.identification.search.refit import refit
 from models.identification.search.screening import screen
 from models.identification.search.validation import NEAR_NOISE, judged
@@ -65,7 +65,7 @@ def test_hidden_damping_of_the_spring_stands_out_in_the_gut(tmp_path: Path) -> N
     """
     rig, records, _ = read_series(make_series("vibro", "spring_damping", 3, tmp_path, 2.0))
     full = kind_for(rig, records)
-    assert isinstance(full, GutKind)
+    assert isinstance(full, SeriesKind)
     kind, part = replace(full, effects=tuple(BY_ID[name] for name in CANDIDATES)), records[:1]
     base = refit(kind, part, [], kind.nominal())
     left = float(judged(kind, part, base).mean())

@@ -399,7 +399,7 @@ def _demo(
     demo(out, json_output=json_output, seed=seed)
 
 
-def _one_thread() -> None:
+def one_thread() -> None:
     """Small matrices on one thread, here and in processes started from here: others would wait for a processor that the
     compiled loops of a search or other workers have, or that a control loop has at a higher priority.
     """
@@ -410,7 +410,7 @@ def _one_thread() -> None:
 
 def run(args: Sequence[str]) -> int:
     """Run one command line and return its exit status."""
-    _one_thread()
+    one_thread()
     if any(option == "--out=" or (option == "--out" and not word) for option, word in pairwise((*args, "-"))):
         return _said("--out must name a file or a folder; got nothing", BAD_INPUT)
     try:

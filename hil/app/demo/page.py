@@ -136,7 +136,7 @@ def _loop(story: Story, told: Told) -> str:
         f"<h3>Effect</h3><p>{escape(headline(finding))}</p>{effects}",
         f"<h3>Prediction, on a run that no fit has seen</h3><p>{escape(error_story(finding))}</p>",
         _figure(trace_figure(panels(finding, held)[0], POINTS), f"{key}-held-out"),
-        f"<h3>AcceptanceTest</h3><p>{_gate(told)}</p>",
+        f"<h3>Acceptance test</h3><p>{_gate(told)}</p>",
         (
             "<h3>The same run again</h3><p>Rms (largest) tracking error of the true path, under one seed:"
             f" {escape(stages)}.</p>"

@@ -57,7 +57,7 @@ class PeriodsKind(OneByOne):
     the capsule.
 
     `F_e = q sin(theta) I1`, `f_c = mu (m g + q (cos(theta) I1 + I2))` with the hoop factor q; period `u_c/v + u_c/(v +
-    v_i)`. GaussNewton and peak identify q and mu; the period then follows from the wall's law and tests it.
+    v_i)`. Valley and peak identify q and mu; the period then follows from the wall's law and tests it.
     `return_speed_m_s` None takes the base model's recovery instead, `v_i = u_c/t_r` and a slip of `t_r`.
     """
 

@@ -1,0 +1,1 @@
+"""What is commanded: estimators, controllers, supervision and limits; sees the models only."""

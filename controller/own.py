@@ -6,12 +6,11 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Collection, Iterator, Sequence
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Final
 
 from controller.signals import Controller
-from models.files.python_file import classes_in
+from models.files.python_file import classes_in, installed
 
 GROUP: Final = "capsule.controllers"
 KINDS: Final = ("magnetic", "coil", "vibro")
@@ -32,8 +31,8 @@ def own_controllers(paths: Sequence[Path], taken: Collection[str]) -> dict[str, 
 
 
 def _declared(paths: Sequence[Path]) -> Iterator[tuple[str, type[Controller]]]:
-    for point in entry_points(group=GROUP):
-        yield point.value, point.load()
+    for where, cls, _ in installed(GROUP, "controllers"):
+        yield where, cls
     for path in paths:
         classes = [c for c in classes_in(path, "controllers")[0] if Controller in c.__mro__]
         if not classes:

@@ -1,0 +1,1 @@
+"""Where plant and controller meet: bus, nodes, logs and the command line."""

@@ -1,0 +1,1 @@
+"""The control model: one tick of a rig, differentiable and compiled."""

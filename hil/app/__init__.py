@@ -1,0 +1,1 @@
+"""The program: a folder a command."""

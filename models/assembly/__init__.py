@@ -1,0 +1,1 @@
+"""Surface + drive + effects -> one CasADi model."""

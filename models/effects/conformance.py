@@ -67,7 +67,7 @@ def answers(effect: type[Effect], p: Mapping[str, Any], z: Mapping[str, Any], s:
 def _declared(effect: type[Effect], known: Collection[str]) -> str | None:
     """declarations"""
     name = effect.__name__
-    if not effect.id.isidentifier() or effect.id != effect.id.lower():
+    if not isinstance(effect.id, str) or not effect.id.isidentifier() or effect.id != effect.id.lower():
         return f"{name}.id must be lower-case letters, digits and underscores; got {effect.id!r}"
     if not effect.summary:
         return f"{name}.summary must say in a few words what the effect is; got none"

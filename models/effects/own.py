@@ -4,17 +4,14 @@
 
 from __future__ import annotations
 
-import hashlib
-import inspect
 from collections.abc import Iterator, MutableMapping, Sequence
 from dataclasses import dataclass
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Final
 
 from models.effects.conformance import first_failure
 from models.effects.effect import Effect
-from models.files.python_file import classes_in
+from models.files.python_file import classes_in, installed
 
 GROUP: Final = "capsule.effects"
 
@@ -42,7 +39,7 @@ def use(paths: Sequence[Path], known: MutableMapping[str, type[Effect]]) -> list
     try:
         for origin in _found(paths):
             name = origin.effect.id
-            if name in known:
+            if isinstance(name, str) and name in known:
                 taken = LOADED[name].file if name in LOADED else "the catalogue"
                 raise ValueError(f"{origin.file}: id must be one that is free; got {name!r}, which {taken} has")
             failure = first_failure(origin.effect, known)
@@ -64,10 +61,10 @@ def forget(known: MutableMapping[str, type[Effect]]) -> None:
 
 
 def _found(paths: Sequence[Path]) -> Iterator[Origin]:
-    for point in entry_points(group=GROUP):
-        effect = point.load()
-        source = inspect.getsource(effect)
-        yield Origin(effect, point.value, hashlib.sha256(source.encode()).hexdigest())
+    for where, cls, digest in installed(GROUP, "effects"):
+        if not issubclass(cls, Effect):
+            raise ValueError(f"{where}: class must be a subclass of models.effects.effect.Effect; got {cls.__name__}")
+        yield Origin(cls, where, digest)
     for path in paths:
         yield from effects_in(path)
 

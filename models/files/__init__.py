@@ -1,0 +1,1 @@
+"""Files that users bring: rig files, records, TOML, their own Python."""

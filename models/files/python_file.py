@@ -4,11 +4,33 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
+import inspect
 import sys
+from collections.abc import Iterator
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Final
 
 LARGEST_FILE: Final = 1 << 20
+
+
+def installed(group: str, what: str) -> Iterator[tuple[str, type, str]]:
+    """The classes that installed packages offer under the entry point `group`: where each stands, the class, and the
+    SHA-256 of the file that declares it. Raises ValueError of one sentence, which names the package's entry, where one
+    cannot be loaded or is no class.
+    """
+    for point in entry_points(group=group):
+        try:
+            offered = point.load()
+            if not isinstance(offered, type):
+                raise TypeError(f"{type(offered).__name__}, not a class")
+            source = Path(inspect.getfile(offered)).read_bytes()
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - another's package raises whatever it likes
+            got = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+            raise ValueError(
+                f"{group}: {what} of the installed package must be ones that load; got {point.value}: {got}"
+            ) from None
+        yield point.value, offered, hashlib.sha256(source).hexdigest()
 
 
 def classes_in(path: Path, what: str) -> tuple[list[type], str]:

@@ -194,7 +194,8 @@ def _own_effects(raw: object) -> dict[str, dict[str, str]]:
     for name, origin in raw.items():
         file, digest = str(origin.get("file", "")), str(origin.get("sha256", ""))
         if name not in LOADED:
-            raise ValueError(f"model must stand with --effects {file}, for its effect {name!r}; got no such file")
+            wanted = f"--effects {file} (SHA-256 {digest[:12]})"
+            raise ValueError(f"model must stand with {wanted}, for its effect {name!r}; got no such file")
         if LOADED[name].sha256 != digest:
             raise ValueError(
                 f"model must be used with the {file} that its effect {name!r} was found with (SHA-256 {digest[:12]});"

@@ -1,0 +1,1 @@
+"""What the capsule lies on: the gut or a plate."""

@@ -1,0 +1,1 @@
+"""Scenarios, drive profiles and the records that they give."""

@@ -1,0 +1,1 @@
+"""`capsule campaign`: many closed loops, on processes or a cluster."""

@@ -1,0 +1,1 @@
+"""`capsule demo`: the whole story in one command."""

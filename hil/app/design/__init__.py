@@ -1,0 +1,1 @@
+"""`capsule design`: linear design and drive maps."""

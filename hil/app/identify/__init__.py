@@ -1,0 +1,1 @@
+"""`capsule close-loop` and `capsule predict`."""

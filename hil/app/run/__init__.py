@@ -1,0 +1,1 @@
+"""`capsule run`, `replay` and `plant`: real time on a bus."""

@@ -1,0 +1,1 @@
+"""Scenario and deployment files: what is run, and with which model."""

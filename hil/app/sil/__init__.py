@@ -1,0 +1,1 @@
+"""`capsule sil`: the closed loop over the simulated bus, with faults."""

@@ -1,0 +1,1 @@
+"""`capsule track`: the closed loop without a bus."""

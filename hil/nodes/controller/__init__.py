@@ -1,0 +1,1 @@
+"""The controller as a node: receive, estimate, command, guard."""

@@ -1,0 +1,1 @@
+"""The drive as a node: state machine, power stage, sync clock."""

@@ -1,0 +1,1 @@
+"""Effects of the drive: lag, play, dead zone, grip."""

@@ -1,0 +1,1 @@
+"""Effects that scale the friction."""

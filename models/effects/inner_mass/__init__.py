@@ -1,0 +1,1 @@
+"""Effects of an inner mass on its spring."""

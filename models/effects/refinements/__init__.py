@@ -1,0 +1,1 @@
+"""Finer shapes of effects that are already named; never candidates."""

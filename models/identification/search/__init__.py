@@ -1,0 +1,1 @@
+"""The search for what the model lacks: screening, candidates, growing horizon, selection."""

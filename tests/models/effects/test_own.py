@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
@@ -107,3 +109,29 @@ def test_a_model_file_asks_for_the_same_file(tmp_path: Path) -> None:
     use_effects([own_file(tmp_path, ("2e-3,", "3e-3,"))])
     with pytest.raises(ValueError, match="got another"):
         Model.from_toml(text)
+
+
+@pytest.mark.parametrize(
+    ("value", "sentence"),
+    [
+        ("no_such_module:Bump", "ModuleNotFoundError"),
+        ("math:no_such_name", "AttributeError"),
+        ("math:sin", "not a class"),
+        ("fractions:Fraction", "must be a subclass of models.effects.effect.Effect; got Fraction"),
+    ],
+)
+def test_what_a_package_offers_and_cannot_be_used_is_told(
+    monkeypatch: pytest.MonkeyPatch, value: str, sentence: str
+) -> None:
+    points = [EntryPoint("bump", value, "capsule.effects")]
+    monkeypatch.setattr("models.files.python_file.entry_points", lambda group: points)
+    with pytest.raises(ValueError, match=re.escape(sentence)):
+        use_effects([])
+
+
+def test_what_a_package_offers_takes_part(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "offered_bump.py").write_text(TEXT)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    points = [EntryPoint("bump", "offered_bump:SoftBump", "capsule.effects")]
+    monkeypatch.setattr("models.files.python_file.entry_points", lambda group: points)
+    assert [effect.id for effect in use_effects([])] == ["soft_bump"]

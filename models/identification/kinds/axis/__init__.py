@@ -1,0 +1,1 @@
+"""A linear stage: inverse dynamics."""

@@ -1,0 +1,1 @@
+"""Dynamic moduli over frequency."""

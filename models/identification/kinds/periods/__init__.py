@@ -1,0 +1,1 @@
+"""Periods and force limits of the stick-slip saw-tooth."""

@@ -1,0 +1,1 @@
+"""Mean speeds of a vibro-impact drive over its drive parameters."""

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from models.effects.effect import Effect, InnerMassEffect, Signals
+from models.effects.equation import disagreement
 
 KINDS: Final = ("pull", "magnetic", "coil", "vibro", "vibro_table", "axis", "periods", "dma")
 SIGNALS: Final[Mapping[str, float]] = {
@@ -168,6 +169,15 @@ def _finite(effect: type[Effect], known: Collection[str]) -> str | None:
     return None
 
 
+def _printed(effect: type[Effect], known: Collection[str]) -> str | None:
+    """printed equations"""
+    for seed in range(4):
+        failure = disagreement(effect, np.random.default_rng(seed))
+        if failure is not None:
+            return f"{effect.__name__} must compute what its equations say; got {failure}"
+    return None
+
+
 CHECKS: Final[Mapping[str, Callable[[type[Effect], Collection[str]], str | None]]] = {
     "declared": _declared,
     "parameters": _parameters,
@@ -175,4 +185,5 @@ CHECKS: Final[Mapping[str, Callable[[type[Effect], Collection[str]], str | None]
     "symbols": _symbols,
     "silent_at_zero": _silent,
     "bounded_states": _finite,
+    "equations": _printed,
 }

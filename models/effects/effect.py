@@ -75,10 +75,11 @@ class Effect:
         return {f"{cls.id}.{p.name}": p.value for p in cls.parameters()}
 
     @classmethod
-    def law(cls) -> str:
-        """The effect's law in words and formulas: the first sentence of its docstring, up to the first full stop."""
-        sentence, *_ = " ".join((cls.__doc__ or "").split()).split(". ")
-        return sentence.rstrip(".")
+    def further(cls, p: Values) -> list[tuple[str, str, str]]:
+        """Equations (hook, left, right) of what only one kind of rig asks of an effect; those of the hooks below are
+        written down from the hooks.
+        """
+        return []
 
     @classmethod
     def answers(cls, hook: str) -> bool:

@@ -8,6 +8,7 @@ from typing import Final
 
 from models.effects import EFFECTS, REFINEMENTS
 from models.effects.effect import Effect
+from models.effects.equation import equations_of
 from models.parameter import Parameter
 
 GROUPS: Final[Mapping[str, str]] = {
@@ -42,6 +43,7 @@ def _link(name: str) -> str:
 
 def _effect(effect: type[Effect]) -> str:
     lines = [f"### {effect.id}", "", f"{_sentence(effect.summary)} {_doc(effect)}", ""]
+    lines += [*(f"    {equation}" for equation in equations_of(effect, digits=4)), ""]
     lines += [f"Kinds of rig: {', '.join(f'`{kind}`' for kind in sorted(effect.kinds))}.", ""]
     lines += ["| parameter | unit | range | start |", "| --- | --- | --- | --- |", *_parameters(effect), ""]
     known = {e.id for e in EFFECTS}

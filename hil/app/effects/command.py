@@ -12,6 +12,7 @@ from hil.app.console import print_json, summary
 from models.effects import BY_ID, EFFECTS, use_effects
 from models.effects.conformance import CHECKS
 from models.effects.effect import Effect
+from models.effects.equation import text_of
 from models.effects.own import LOADED
 from models.parameter import nearest
 
@@ -46,7 +47,7 @@ def described(effect: type[Effect]) -> dict[str, Any]:
     return {
         "id": effect.id,
         "summary": effect.summary,
-        "equation": effect.law(),
+        "equation": text_of(effect),
         "kinds": sorted(effect.kinds),
         "parameters": [
             {"name": p.name, "unit": p.unit, "value": p.value, "lower": p.lower, "upper": p.upper, "source": p.source}

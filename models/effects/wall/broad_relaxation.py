@@ -7,6 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 from models.effects.effect import Effect, Values
+from models.effects.formula import Formula, written
 from models.laws.dynamic_modulus import DynamicModulus, springpot_modulus
 from models.parameter import Parameter
 
@@ -37,3 +38,8 @@ class BroadRelaxation(Effect):
     def modulus(self, frequency_Hz: Any, p: Values) -> DynamicModulus:
         """Storage and loss modulus in Pa that the springpot adds at `frequency_Hz`, any shape."""
         return springpot_modulus(frequency_Hz / REFERENCE_HZ, 0.0, p["stiffness_Pa"], p["exponent"])
+
+    @classmethod
+    def further(cls, p: Values) -> list[tuple[str, str, str]]:
+        stiffness, exponent = (written(Formula.of(p[name]), 4) for name in ("stiffness_Pa", "exponent"))
+        return [("modulus", "added modulus in Pa", f"{stiffness}*(i*f/{REFERENCE_HZ:g})^{exponent}")]

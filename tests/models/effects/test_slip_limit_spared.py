@@ -55,5 +55,5 @@ def test_a_report_says_which_side_feels_it_in_whole_sentences() -> None:
     said = " ".join(about_the_rig(Pull(), 1e-3, "N", theta))
     assert "the nose feels 3 % (F_e), what the wall presses on the slip limit 100 % (f_c)" in said
     law = equations(SeriesKind.build(Plate(0.1), Pull(), 1e-3), {"friction_coefficient": 0.3, **theta})[-1]
-    assert law.startswith("level_at_onset: Where effects change resistance")
-    assert law.endswith("friction that stays as it is (spared = -0.97, kept = 0.2)")
+    assert law.startswith("level_at_onset: factor on F_e = nose - 0.97*(nose - 1); ")
+    assert "factor on mu m g = weight - 0.2*(weight - 1); " in law

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from models.effects.equation import lines_of
 from models.files.record import Record
 from models.identification.kind import Theta
 from models.identification.kinds.axis.kind import AxisKind
@@ -14,29 +15,12 @@ from models.identification.kinds.axis.zero_phase import decimate, sampling_rate
 
 
 def equations(kind: AxisKind, theta: Theta) -> list[str]:
-    """The model in words and numbers, SI units."""
+    """The model in words and numbers, SI units: the base, then what each effect adds to it."""
     friction = f"({theta['viscous_friction_N_s_per_m']:.4g} v + {theta['coulomb_friction_N']:.4g} sgn(v))"
-    has = theta.get
-    if has("directional_asymmetry.asymmetry"):
-        friction += f" (1 {theta['directional_asymmetry.asymmetry']:+.3g} sgn(v))"
-    if has("stribeck.excess"):
-        friction += (
-            f" (1 {theta['stribeck.excess']:+.3g}"
-            f" exp(-(v/{theta['stribeck.speed_m_s']:.3g})^{theta.get('stribeck.exponent', 2.0):.3g}))"
-        )
-    if has("lumen_taper.slope_per_m"):
-        friction += f" (1 {theta['lumen_taper.slope_per_m']:+.3g} x)"
-    if has("fold_periodic.depth"):
-        folds = f"2 pi x/{theta['fold_periodic.wavelength_m']:.5g} {theta['fold_periodic.phase_rad']:+.3g}"
-        friction += f" (1 {theta['fold_periodic.depth']:+.3g} sin({folds}))"
-    terms = [f"F = {theta['mass_kg']:.5g} a + {friction} {theta['offset_N']:+.3g}"]
-    if has("viscous_drag.coefficient_N"):
-        terms.append(
-            f"  {theta['viscous_drag.coefficient_N']:+.4g} sgn(v) (|v|/0.01)^{theta['viscous_drag.exponent']:.3g}"
-        )
-    if has("sensor_delay.delay_s"):
-        terms.append(f"  with x, v, a read {1e3 * theta['sensor_delay.delay_s']:.3g} ms late")
-    return terms
+    effects = lines_of(kind.effects, theta)
+    scaled = " times all friction scales" if any("friction scale" in line for line in effects) else ""
+    added = ", less all added forces" if any("added force" in line for line in effects) else ""
+    return [f"F = {theta['mass_kg']:.5g} a + {friction}{scaled} {theta['offset_N']:+.3g}{added}", *effects]
 
 
 def statements(kind: AxisKind, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:

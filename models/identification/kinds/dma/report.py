@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from models.effects.equation import lines_of
 from models.files.record import Record
 from models.identification.kind import Theta
 from models.identification.kinds.dma.common_residual import (
@@ -24,11 +25,7 @@ def equations(kind: DmaKind, theta: Theta) -> list[str]:
         f"G* = {E3:.4g} + {E1:.4g} iw {tau1:.3g}/(1 + iw {tau1:.3g}) + {E2:.4g} iw {tau2:.3g}/(1 + iw {tau2:.3g}) Pa",
         f"w = 2 pi f, eta1 = {E1 * tau1:.4g} Pa s, eta2 = {E2 * tau2:.4g} Pa s",
     ]
-    if theta.get("broad_relaxation.stiffness_Pa"):
-        out.append(
-            f"  + {theta['broad_relaxation.stiffness_Pa']:.4g} (i f/10 Hz)^{theta['broad_relaxation.exponent']:.3g} Pa"
-        )
-    return out
+    return [*out, *lines_of(kind.effects, theta)]
 
 
 def statements(kind: DmaKind, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import brentq
 
+from models.effects.equation import lines_of
 from models.files.record import Record, named
 from models.identification.kind import Theta
 from models.identification.kinds.periods.kind import PeriodsKind
@@ -21,17 +22,14 @@ def equations(kind: PeriodsKind, theta: Theta) -> list[str]:
     """The cycle in words and numbers."""
     cycle = kind.cycle(kind.velocity_m_s, theta)
     rise = 1e3 * (cycle.peak - cycle.valley)
-    stiffer = ""
-    if theta.get("small_strain_stiffening.excess"):
-        scale = theta.get("small_strain_stiffening.scale_m", 2e-4)
-        stiffer = f" (1 {theta['small_strain_stiffening.excess']:+.3g} exp(-|u|/{1e3 * scale:.3g} mm))"
     return [
-        f"T(u) = H_l(1 + |u|/{1e3 * kind.length_m:.4g} mm) s{stiffer}, slip when T(u_c) = f_c",
+        f"T(u) = H_l(1 + |u|/{1e3 * kind.length_m:.4g} mm) s, slip when T(u_c) = f_c",
         f"F_e = {1e3 * cycle.valley:.2f} mN, f_c = {rise:.2f} mN, u_c = {1e3 * cycle.tooth.drag_m:.4f} mm",
         (
             f"period = {cycle.tooth.rise_s:.4f} s sticking + {cycle.tooth.fall_s:.4f} s slipping ="
             f" {cycle.tooth.period_s:.4f} s"
         ),
+        *lines_of(kind.effects, theta),
     ]
 
 

@@ -12,6 +12,7 @@ from models.drives.drive import Drive
 from models.drives.magnetic import Magnetic
 from models.drives.vibro import Vibro, VoltageVibro
 from models.effects import BY_ID
+from models.effects.equation import lines_of
 from models.effects.refinements.level_at_onset import LevelAtOnset
 from models.files.record import Record
 from models.identification.kind import Theta
@@ -32,10 +33,7 @@ def equations(kind: SeriesKind, theta: Theta) -> list[str]:
     """The model in words and numbers."""
     p = {**kind.nominal(), **theta}
     lines = [*_surface_lines(kind.surface, p), *_drive_lines(kind.drive, p)]
-    for name in active_effects(theta):
-        values = ", ".join(f"{k.split('.')[1]} = {v:.4g}" for k, v in p.items() if k.startswith(name + "."))
-        lines.append(f"{name}: {BY_ID[name].law()} ({values})")
-    return lines
+    return [*lines, *lines_of([BY_ID[name] for name in active_effects(theta)], theta)]
 
 
 def _surface_lines(surface: Surface, p: Theta) -> list[str]:

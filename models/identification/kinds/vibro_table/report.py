@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from models.effects.equation import lines_of
 from models.files.record import Record
 from models.identification.kind import Array, Theta
 from models.identification.kinds.vibro_table.cross_validation import cross_validated
@@ -16,45 +17,21 @@ _DUTIES = (0.3, 0.7)
 
 
 def equations(kind: VibroTableKind, theta: Theta) -> list[str]:
-    """The model in words and numbers, SI units; `xi` is the inner mass's displacement against the body."""
+    """The model in words and numbers, SI units; `xi` is the inner mass's displacement against the body. The base, then
+    what each effect adds to it.
+    """
     theta = {**kind.nominal(), **theta}
-    has = theta.get
     body, inner = theta["body_mass_kg"], theta["inner_mass_kg"]
-    spring = f"S = {theta['spring_stiffness_N_per_m']:.4g} xi"
-    spring += f" {has('spring_hardening.cubic_N_per_m3'):+.3g} xi^3" if has("spring_hardening.cubic_N_per_m3") else ""
-    spring += f" {has('spring_damping.damping_N_s_per_m'):+.4g} xi'" if has("spring_damping.damping_N_s_per_m") else ""
-    spring += f" {has('guide_friction.friction_N'):+.3g} sgn(xi')" if has("guide_friction.friction_N") else ""
-    if has("end_stop_impact.stiffness_N_per_m"):
-        gap = theta["end_stop_impact.gap_m"]
-        spring += f" + {theta['end_stop_impact.stiffness_N_per_m']:.3g} sgn(xi) max(|xi| - {gap:.3g}, 0)"
     force, grip = (theta.get("load_scale", 1.0) * theta[name] for name in ("force_N", "friction_coefficient"))
-    drive = f"F = {force:.4g} on(t)"
-    if has("coil_lag.time_s"):
-        drive = f"F = {force:.4g} i^2, {theta['coil_lag.time_s']:.3g} i' = on(t) - i"
-    if has("actuator_lag.time_s"):
-        drive += f", lagged by {theta['actuator_lag.time_s']:.3g} s"
-    if has("coil_reach.gain_per_m"):
-        drive += f", times exp({theta['coil_reach.gain_per_m']:+.3g} xi)"
     return [
-        f"{body:.4g} v' = S - F - R(v){_on_body(theta)}",
+        f"{body:.4g} v' = S - F - R(v)",
         f"{inner:.4g} (v' + xi'') = F - S",
-        spring,
-        drive,
-        f"R(v) = {grip * (body + inner) * GRAVITY:.4g} {_level(theta)}Sgn(v), Sgn(0) = [-1, 1]",
+        f"S = {theta['spring_stiffness_N_per_m']:.4g} xi",
+        f"F = {force:.4g} on(t)",
+        f"R(v) = {grip * (body + inner) * GRAVITY:.4g} Sgn(v), Sgn(0) = [-1, 1]",
         f"mean velocity in the record = {theta['mirror']:+.0f} x mean of v over the run, from rest",
+        *lines_of(kind.effects, theta),
     ]
-
-
-def _on_body(theta: Theta) -> str:
-    incline, drag = theta.get("incline_gravity.force_N"), theta.get("viscous_drag.coefficient_N")
-    text = f" {incline:+.3g}" if incline else ""
-    return text + (f" {-drag:+.3g} sgn(v) (|v|/0.01)^{theta['viscous_drag.exponent']:.3g}" if drag else "")
-
-
-def _level(theta: Theta) -> str:
-    asymmetry, excess = theta.get("directional_asymmetry.asymmetry"), theta.get("stribeck.excess")
-    text = f"(1 {asymmetry:+.3g} sgn(v)) " if asymmetry else ""
-    return text + (f"(1 {excess:+.3g} exp(-(v/{theta['stribeck.speed_m_s']:.3g})^2)) " if excess else "")
 
 
 def reversal(kind: VibroTableKind, theta: Theta, duty: float = 0.3) -> float | None:

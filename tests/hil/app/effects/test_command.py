@@ -10,6 +10,7 @@ import pytest
 
 from hil.app.main import run
 from models.effects import BY_ID, EFFECTS, use_effects
+from models.effects.conformance import CHECKS
 from models.identification.model import Model, own_effects_of
 from tests.places import ROOT, SCENARIOS
 
@@ -44,11 +45,7 @@ def test_the_catalogue_is_listed_whole(capsys: pytest.CaptureFixture[str]) -> No
 
 def test_an_own_file_is_checked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert said(capsys, "effects", "check", BUMP)["effects"] == [
-        {
-            "id": "soft_bump",
-            "checks": ["declared", "parameters", "signatures", "symbols", "silent_at_zero", "bounded_states"],
-            "passed": True,
-        }
+        {"id": "soft_bump", "checks": list(CHECKS), "passed": True}
     ]
     bad = tmp_path / "bad.py"
     bad.write_text("x = 1\n")

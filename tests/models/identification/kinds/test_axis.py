@@ -231,7 +231,15 @@ def test_equations_name_every_effect_present() -> None:
         "stribeck.speed_m_s": 0.01,
     }
     text = " ".join(report.equations(KIND, theta))
-    for piece in ("F = 95 a", "sgn(v))", "exp(-(v/0.01)^2)", "x)", "2 pi x/0.004", "(|v|/0.01)^0.5", "0.3 ms late"):
+    for piece in (
+        "F = 95 a",
+        "sgn(v)) times all friction scales",
+        "stribeck: friction scale = 1 + 0.1*exp(-(max(abs(v), 1e-09)/0.01)^2)",
+        "lumen_taper: friction scale = max(1 + 0.1*(x/sqrt(1 + (x/0.05)^2)), 0.05)",
+        "6.283*x/0.004",
+        "(max(abs(v), 1e-06)/0.01)^(-0.5)",
+        "sensor_delay: delay of the reading in s = 0.0003",
+    ):
         assert piece in text
     assert report.next_experiment(KIND, theta, []) is not None
     assert report.next_experiment(KIND, TRUE, []) is None

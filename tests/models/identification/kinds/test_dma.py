@@ -121,6 +121,6 @@ def test_springpot_has_its_angle_and_power() -> None:
 
 def test_words_and_signals_cover_the_model(calibrated: dict[str, float]) -> None:
     assert "iw" in report.equations(KIND, calibrated)[0]
-    assert "(i f/10 Hz)^0.3" in " ".join(report.equations(KIND, {**calibrated, **BROAD}))
+    assert "*(i*f/10)^0.3" in " ".join(report.equations(KIND, {**calibrated, **BROAD}))
     assert "elastic reference" in str(report.next_experiment(KIND, calibrated, []))
     assert list(KIND.signals(measured())["sample"][:6]) == [1, 1, 1, 1, 1, 2]

@@ -115,7 +115,7 @@ def test_report_says_what_is_equivalent_and_what_to_do(calibrated: dict[str, flo
     experiment = str(report.next_experiment(KIND, theta, [measured()]))
     assert "several speeds" in experiment
     assert "step and hold" in experiment
-    assert "exp(-|u|/0.2 mm)" in " ".join(report.equations(KIND, theta))
+    assert "small_strain_stiffening: factor on T(u) = 1 + " in " ".join(report.equations(KIND, theta))
 
 
 def test_speed_column_overrules_the_rig_and_weighs_all_alike() -> None:

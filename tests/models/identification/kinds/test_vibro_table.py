@@ -264,6 +264,9 @@ def test_words_name_the_reversal_the_scale_and_the_coil() -> None:
     assert "scale error" in said
     assert "3.16 N on the inner mass at rest, with 2.59 N at 10 mm" in said
     assert "differ by up to 1.0 mm/s" in said
-    assert "i^2, 0.00279 i' = on(t) - i, times exp(-20 xi)" in " ".join(report.equations(kind, theta))
+    equations = " ".join(report.equations(kind, theta))
+    assert "coil_lag: command that arrives = current^2; current after a step of h" in equations
+    assert "exp(-h/0.002788)" in equations
+    assert "coil_reach: factor on the coil's force = exp(-20*clip(xi, -0.03, 0.03))" in equations
     assert "ring-down" in str(report.next_experiment(kind, theta, [runs]))
     assert report.next_experiment(kind, kind.nominal(), [runs]) is None

@@ -1,0 +1,180 @@
+"""An effect's equations as text, written down from its hooks: what is printed is what is computed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, fields
+from types import MappingProxyType
+from typing import Any, Final
+
+import numpy as np
+
+from models.effects.effect import Effect, InnerMassEffect, Signals
+from models.effects.formula import Formula, value_of, written
+
+LEFT: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "level": "friction scale",
+        "nose": "factor on F_e",
+        "weight": "factor on mu m g",
+        "pressed": "factor on mu N_p",
+        "force": "added force in N",
+        "stiffening": "factor on T(u)",
+        "wall_force": "added wall force in N",
+        "recovery": "v_i",
+        "command": "command that arrives",
+        "response": "time constant of the command in s",
+        "gain": "factor on the drive's force",
+        "measured": "reading",
+        "delay": "delay of the reading in s",
+        "suspension": "added force of the spring in N",
+        "reach": "factor on the coil's force",
+    }
+)
+"""What each hook gives, by the hook's name; states are called by their own."""
+ARGUMENTS: Final = ("y", "h", "v_i", "u_c", "xi", "xi_rate", "nose", "weight", "pressed")
+"""Names in formulas beside signals, parameters and states: the true output, a step in s, the base model's speed of
+drawing back and the drag at which it slips, the inner mass's displacement and speed, factors as `level` has them.
+"""
+
+
+@dataclass(frozen=True)
+class Equation:
+    """`left = right` of one `hook` (of a state, by its name, for `advance` and `follow`)."""
+
+    hook: str
+    left: str
+    right: str
+
+    def __str__(self) -> str:
+        return f"{self.left} = {self.right}"
+
+
+def equations_of(
+    effect: type[Effect], values: Mapping[str, float] | None = None, digits: int | None = None
+) -> list[Equation]:
+    """The equations of every hook that `effect` answers, in the names of the signals, states and parameters; with
+    `values` their numbers, with so many `digits`, stand in place of the parameters, and what they make 0 drops out.
+    """
+    numbers = dict(values or {})
+    p = _Symbols(numbers)
+    names = {f.name: Formula(f.name) for f in fields(Signals)}
+    z = _states(effect)
+    found = [
+        Equation(hook, _left(effect, hook), written(Formula.of(right), digits))
+        for hook, right in answered(effect, p, z, names, {name: Formula(name) for name in ARGUMENTS})
+    ]
+    return [*found, *_declared(effect, p)]
+
+
+def text_of(effect: type[Effect], values: Mapping[str, float] | None = None) -> str:
+    """The equations in one line; numbers with four digits."""
+    return "; ".join(str(equation) for equation in equations_of(effect, values, 4))
+
+
+def lines_of(effects: Iterable[type[Effect]], theta: Mapping[str, float]) -> list[str]:
+    """A line with the equations of each effect that has an entry in `theta` (values by `effect_id.name`), with all its
+    numbers: those given and the defaults of the others.
+    """
+    lines = []
+    for effect in effects:
+        given = _values(effect.id, theta)
+        if given:
+            defaults = {p.name: p.value for p in effect.parameters()}
+            lines.append(f"{effect.id}: {text_of(effect, {**_values(effect.of, theta), **defaults, **given})}")
+    return lines
+
+
+def _values(effect: str, theta: Mapping[str, float]) -> dict[str, float]:
+    return {name.partition(".")[2]: value for name, value in theta.items() if name.startswith(f"{effect}.")}
+
+
+def answered(
+    effect: type[Effect], p: Mapping[str, Any], z: Mapping[str, Any], s: Mapping[str, Any], given: Mapping[str, Any]
+) -> Iterator[tuple[str, Any]]:
+    """Every hook that `effect` answers with what it says at parameters `p`, states `z`, signals `s` and the arguments
+    `given` by the names of `ARGUMENTS`; a state's as `advance.NAME` or `follow.NAME`.
+    """
+    e, signals = effect(), Signals(**s)
+    for hook in ("level", "force", "stiffening", "wall_force", "command", "gain"):
+        if effect.answers(hook):
+            yield hook, getattr(e, hook)(signals, p, z)
+    if effect.answers("recovery"):
+        yield "recovery", e.recovery(signals, p, z, given["v_i"], given["u_c"])
+    if effect.answers("measured"):
+        yield "measured", e.measured(signals, p, z, given["y"])
+    for hook in ("response", "delay"):
+        if effect.answers(hook):
+            yield hook, getattr(e, hook)(p)
+    if effect.answers("shared"):
+        sides = ("nose", "weight", "pressed")
+        factors = (given["nose"], given["weight"], given["pressed"])
+        yield from zip(sides, e.shared(p, factors), strict=True)
+    yield from ((f"advance.{name}", value) for name, value in e.advance(signals, p, z, given["h"]).items())
+    yield from ((f"follow.{k}", value) for k, value in e.follow(signals, p, z, given["y"], given["h"]).items())
+    if isinstance(e, InnerMassEffect):
+        if getattr(effect, "suspension") is not InnerMassEffect.suspension:  # noqa: B009 - mypy: not of Effect
+            yield "suspension", e.suspension(given["xi"], given["xi_rate"], p)
+        if getattr(effect, "reach") is not InnerMassEffect.reach:  # noqa: B009
+            yield "reach", e.reach(given["xi"], p)
+
+
+def disagreement(effect: type[Effect], rng: np.random.Generator) -> str | None:
+    """Where the printed equations of `effect` give another value than its hooks do at random numbers; None where they
+    agree.
+    """
+    p = {q.name: float(rng.uniform(q.lower, q.upper)) for q in effect.parameters()}
+    p |= {name: float(rng.uniform(0.1, 1.0)) for name in _Seen.names(effect) if name not in p}
+    s = {f.name: float(rng.normal(0, 0.3)) for f in fields(Signals)}
+    s |= {"t": abs(s["t"]), "travelled": abs(s["travelled"]), "dwell": abs(s["dwell"]), "v": 0.05 * s["v"]}
+    z = {state: float(rng.uniform(0.05, 0.9)) for state in effect.states}
+    given = {name: float(rng.uniform(0.01, 0.5)) for name in ARGUMENTS}
+    texts = {e.hook: e.right for e in equations_of(effect)}
+    states = {symbol.name: z[state] for state, symbol in _states(effect).items()}
+    for hook, right in answered(effect, p, z, s, given):
+        value = value_of(texts[hook], {**s, **given, **p, **states})
+        if not np.isclose(float(value), float(right), rtol=1e-9, atol=1e-12):
+            return f"{hook}: the printed equation gives {float(value):.6g}, the hook {float(right):.6g}"
+    return None
+
+
+def _states(effect: type[Effect]) -> dict[str, Formula]:
+    """A symbol for each hidden state, apart from a signal of the same name."""
+    signals = {f.name for f in fields(Signals)}
+    return {state: Formula(f"{state}_state" if state in signals else state) for state in effect.states}
+
+
+def _left(effect: type[Effect], hook: str) -> str:
+    if "." in hook:
+        state = hook.partition(".")[2]
+        return f"{_states(effect)[state].name} after a step of h"
+    return LEFT[hook]
+
+
+def _declared(effect: type[Effect], p: Mapping[str, Any]) -> list[Equation]:
+    """Equations that an effect writes itself, because its hook is no hook of the base class."""
+    return [Equation(hook, left, right) for hook, left, right in effect.further(p)]
+
+
+class _Symbols(dict[str, Any]):
+    """Parameters as formulas, or as their numbers where these are given."""
+
+    def __missing__(self, name: str) -> Any:
+        return Formula(name)
+
+
+class _Seen(dict[str, Any]):
+    """Parameters that remember who was asked for: a refinement asks for those of its effect too."""
+
+    def __missing__(self, name: str) -> Any:
+        self[name] = Formula(name)
+        return self[name]
+
+    @classmethod
+    def names(cls, effect: type[Effect]) -> set[str]:
+        """The parameters that the hooks of `effect` ask for."""
+        seen = cls()
+        names = {f.name: Formula(f.name) for f in fields(Signals)}
+        z = _states(effect)
+        list(answered(effect, seen, z, names, {name: Formula(name) for name in ARGUMENTS}))
+        return set(seen)

@@ -33,14 +33,13 @@ REFINEMENTS: tuple[type[Effect], ...] = tuple(e for e in _ALL if e.__module__.st
 BY_ID = {effect.id: effect for effect in _ALL}
 
 
-def effects_for(kind: str) -> tuple[type[Effect], ...]:
-    """The candidates that can act on a rig of `kind`, ours and those from outside."""
-    return (*(effect for effect in EFFECTS if kind in effect.kinds), *own_for(kind))
-
-
-def own_for(kind: str) -> tuple[type[Effect], ...]:
-    """The effects from outside that can act on a rig of `kind`."""
-    return tuple(origin.effect for origin in own.LOADED.values() if kind in origin.effect.kinds)
+def effects_for(kind: str, variants: Sequence[type[Effect]] = ()) -> tuple[type[Effect], ...]:
+    """The candidates that can act on a rig of `kind`, ours and those from outside; `variants` stand in place of those
+    of the same id: the same law with bounds, starts or units of that kind.
+    """
+    outside = (origin.effect for origin in own.LOADED.values())
+    declared = {effect.id: effect for effect in (*EFFECTS, *outside) if kind in effect.kinds}
+    return tuple((declared | {variant.id: variant for variant in variants}).values())
 
 
 def use_effects(paths: Sequence[Path]) -> list[type[Effect]]:

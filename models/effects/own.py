@@ -42,6 +42,8 @@ def use(paths: Sequence[Path], known: MutableMapping[str, type[Effect]]) -> list
             if isinstance(name, str) and name in known:
                 taken = LOADED[name].file if name in LOADED else "the catalogue"
                 raise ValueError(f"{origin.file}: id must be one that is free; got {name!r}, which {taken} has")
+            if "vibro_table" in origin.effect.kinds:
+                raise ValueError(f"{origin.file}: kinds must not have 'vibro_table', whose solver has its own effects")
             failure = first_failure(origin.effect, known)
             if failure is not None:
                 raise ValueError(f"{origin.file}: {failure}")

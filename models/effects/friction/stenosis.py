@@ -25,7 +25,7 @@ class Stenosis(Effect):
     id = "stenosis"
     summary = "one local place of higher resistance"
     source = "tracing catalogue 11"
-    kinds = frozenset({"pull", "magnetic", "coil", "vibro", "axis"})
+    kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     grid = MappingProxyType({"width_m": (0.0015, 0.004)})
     probe = 0.2
     confounders = ("lumen_taper", "fold_periodic")

@@ -62,6 +62,7 @@ def test_it_takes_part_until_it_is_no_longer_asked_for() -> None:
         ([('"force_N", 0.0,', '"force_N", 0.1,')], "the amplitude, must start at 0"),
         ([("probe = 0.01", "probe = 5.0")], "probe must be an amplitude within its bounds"),
         ([('"coil", "vibro"', '"coil", "submarine"')], "kinds must be among"),
+        ([('"coil", "vibro"', '"coil", "vibro_table"')], "kinds must not have 'vibro_table'"),
         (
             [('"stenosis", "incline_gravity"', '"stenoses", "incline_gravity"')],
             "ids of known effects; got 'stenoses'",

@@ -1,15 +1,13 @@
-"""The candidates of a linear stage; three of the catalogue's in the newtons and milliseconds of a stage."""
+"""Three of the catalogue's effects in the newtons and milliseconds of a linear stage."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Final
 
 from models.effects.effect import Effect
 from models.effects.force.viscous_drag import ViscousDrag
-from models.effects.friction.directional_asymmetry import DirectionalAsymmetry
-from models.effects.friction.fold_periodic import FoldPeriodic
-from models.effects.friction.lumen_taper import LumenTaper
 from models.effects.friction.stribeck import Stribeck
 from models.effects.sensor.sensor_delay import SensorDelay
 from models.parameter import Parameter
@@ -43,11 +41,4 @@ class AxisDelay(SensorDelay):
     delay_s: Parameter = Parameter("delay_s", 0.0, "s", 0.0, 0.01, SensorDelay.source, fit=True)
 
 
-EFFECTS: tuple[type[Effect], ...] = (
-    DirectionalAsymmetry,
-    AxisStribeck,
-    AxisDrag,
-    LumenTaper,
-    AxisDelay,
-    FoldPeriodic,
-)
+VARIANTS: Final[tuple[type[Effect], ...]] = (AxisStribeck, AxisDrag, AxisDelay)

@@ -15,12 +15,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from models.effects import own_for
+from models.effects import effects_for
 from models.effects.effect import Effect, Signals
 from models.files.record import Record
 from models.files.rig import Rig
 from models.identification.kind import Array, OneByOne, Theta, present
-from models.identification.kinds.axis.effects import EFFECTS
+from models.identification.kinds.axis.effects import VARIANTS
 from models.identification.kinds.axis.zero_phase import (
     Motion,
     decimate,
@@ -50,7 +50,7 @@ class AxisKind(OneByOne):
 
     base: tuple[Parameter, ...]
     force_std_N: float | None = None
-    effects: tuple[type[Effect], ...] = field(default_factory=lambda: (*EFFECTS, *own_for("axis")))
+    effects: tuple[type[Effect], ...] = field(default_factory=lambda: effects_for("axis", VARIANTS))
     name: str = "axis"
     stages: int = 1
     final: int = 0

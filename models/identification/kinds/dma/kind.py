@@ -6,13 +6,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from models.effects import effects_for
 from models.effects.effect import Effect
 from models.effects.wall.broad_relaxation import BroadRelaxation
 from models.files.record import Record
@@ -38,7 +39,7 @@ class DmaKind(OneByOne):
 
     base: tuple[Parameter, ...]
     modulus_std_Pa: float | None = None
-    effects: tuple[type[Effect], ...] = (BroadRelaxation,)
+    effects: tuple[type[Effect], ...] = field(default_factory=lambda: effects_for("dma"))
     name: str = "dma"
     stages: int = 2
     final: int = 1

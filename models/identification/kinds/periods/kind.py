@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
 
+from models.effects import effects_for
 from models.effects.effect import Effect, Signals
 from models.effects.wall.small_strain_stiffening import SmallStrainStiffening
 from models.files.record import Record
@@ -69,7 +70,7 @@ class PeriodsKind(OneByOne):
     return_speed_m_s: float | None = RETURN_SPEED
     scatter: tuple[float, float, float] = SCATTER
     period_std_s: float | None = None
-    effects: tuple[type[Effect], ...] = (SingleSpeedStiffening,)
+    effects: tuple[type[Effect], ...] = field(default_factory=lambda: effects_for("periods", (SingleSpeedStiffening,)))
     name: str = "periods"
     stages: int = 1
     final: int = 0

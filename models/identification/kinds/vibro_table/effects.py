@@ -4,19 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Final
 
 from models.effects.drive.actuator_lag import ActuatorLag
-from models.effects.drive.coil_lag import CoilLag
-from models.effects.drive.coil_reach import CoilReach
 from models.effects.effect import Effect
-from models.effects.force.incline_gravity import InclineGravity
 from models.effects.force.viscous_drag import ViscousDrag
 from models.effects.friction.directional_asymmetry import DirectionalAsymmetry
 from models.effects.friction.stribeck import Stribeck
 from models.effects.inner_mass.end_stop_impact import EndStopImpact
-from models.effects.inner_mass.guide_friction import GuideFriction
-from models.effects.inner_mass.spring_damping import SpringDamping
-from models.effects.inner_mass.spring_hardening import SpringHardening
 from models.identification.kind import Theta
 from models.identification.kinds.vibro_table.numbers import GRAVITY, VibroCycle
 from models.parameter import Parameter
@@ -68,19 +63,7 @@ class PlateAsymmetry(DirectionalAsymmetry):
     asymmetry: Parameter = Parameter("asymmetry", 0.0, "1", -0.4, 0.4, _LEVEL, fit=True)
 
 
-EFFECTS: tuple[type[Effect], ...] = (
-    SpringDamping,
-    GuideFriction,
-    CoilLag,
-    SwitchLag,
-    CoilReach,
-    SpringHardening,
-    SoftStop,
-    PlateStribeck,
-    PlateDrag,
-    PlateAsymmetry,
-    InclineGravity,
-)
+VARIANTS: Final[tuple[type[Effect], ...]] = (SwitchLag, SoftStop, PlateStribeck, PlateDrag, PlateAsymmetry)
 
 FIELDS = MappingProxyType(
     {

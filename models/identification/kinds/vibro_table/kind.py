@@ -5,7 +5,7 @@ criterion.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from types import MappingProxyType
 from typing import ClassVar
@@ -13,11 +13,12 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from models.effects import effects_for
 from models.effects.effect import Effect
 from models.files.record import Record
 from models.files.rig import Rig
 from models.identification.kind import Array, OneByOne, Theta
-from models.identification.kinds.vibro_table.effects import EFFECTS, vibro_cycle
+from models.identification.kinds.vibro_table.effects import VARIANTS, vibro_cycle
 from models.identification.kinds.vibro_table.mean_speed import STEP_S, mean_velocities
 from models.parameter import Parameter
 
@@ -46,7 +47,7 @@ class VibroTableKind(OneByOne):
     base: tuple[Parameter, ...]
     reaction_on_body: bool = True
     model_error_m_s: float = 2.0e-3
-    effects: tuple[type[Effect], ...] = EFFECTS
+    effects: tuple[type[Effect], ...] = field(default_factory=lambda: effects_for("vibro_table", VARIANTS))
     step_s: float = STEP_S
     stages: int = 1
     final: int = 0

@@ -15,7 +15,7 @@ from models.files.record import Record
 from models.files.rig import parse_rig
 from models.identification.kinds.vibro_table import report
 from models.identification.kinds.vibro_table.cross_validation import cross_validated
-from models.identification.kinds.vibro_table.effects import EFFECTS, FIELDS, PlateAsymmetry, vibro_cycle
+from models.identification.kinds.vibro_table.effects import FIELDS, PlateAsymmetry, vibro_cycle
 from models.identification.kinds.vibro_table.kind import VibroTableKind
 from models.identification.kinds.vibro_table.mean_speed import mean_velocities
 from models.identification.kinds.vibro_table.numbers import VibroCycle
@@ -23,6 +23,7 @@ from models.identification.kinds.vibro_table.report import reversal
 from models.identification.kinds.vibro_table.solver import drive_force, friction, resistance, suspension_force
 from models.identification.search.forward_selection import search
 
+EFFECTS = VibroTableKind.around().effects
 NOMINAL = VibroCycle(0.193, 0.074, 256.23, 1.25, 0.29 * 0.267 * 9.81)
 SMALL = VibroCycle(0.0213, 0.0231, 360.0, 0.8, 0.7)
 DAMPED = {"spring_stiffness_N_per_m": 286.5, "force_N": 3.16, "friction_coefficient": 0.6647, "mirror": -1.0}

@@ -1,0 +1,45 @@
+"""Every effect that declares a kind of rig is a candidate there, and shows in its predictions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hil.app.init.template import template
+from models.effects import EFFECTS
+from models.effects.conformance import KINDS
+from models.files.record import Record
+from models.files.rig import parse_rig
+from models.identification.kinds import AnyKind, kind_for
+
+SERIES = ("pull", "magnetic", "coil", "vibro")
+"""Kinds whose predictions `tests/models/effects/test_effects.py` looks at, effect by effect."""
+
+
+@pytest.fixture(scope="module", params=KINDS)
+def made(request: pytest.FixtureRequest) -> tuple[AnyKind, Record]:
+    tables, columns = template(request.param)
+    rig = parse_rig(tables)
+    record = Record("template", rig.kind, dict(columns))
+    return kind_for(rig, [record]), record
+
+
+def test_every_declared_pair_is_tried(made: tuple[AnyKind, Record]) -> None:
+    kind, record = made
+    declared = {effect.id for effect in EFFECTS if kind.name in effect.kinds}
+    tried = {effect.id: effect for effect in kind.effects}
+    assert declared <= set(tried)
+    assert declared
+    if kind.name in SERIES:
+        return
+    base: Mapping[str, float] = kind.nominal()
+    plain = np.asarray(kind.predict(record, base))
+    for effect in tried.values():
+        values: dict[str, Any] = {f"{effect.id}.{p.name}": p.value for p in effect.parameters()}
+        shown = {**values, f"{effect.id}.{effect.amplitude().name}": effect.probe}
+        moved = np.abs(np.asarray(kind.predict(record, {**base, **shown})) - plain)
+        assert np.isfinite(moved).all()
+        assert moved.max() > 1e-6 * np.ptp(plain), effect.id

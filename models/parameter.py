@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
+from typing import Literal
 
 SETS = Path(__file__).parent / "sets"
 _ROUNDING = 1e-9
@@ -19,7 +20,8 @@ _ROUNDING = 1e-9
 class Parameter:
     """One number: `value` in `unit`, believed to lie in [`lower`, `upper`], taken from `source`; `fit` lets calibration
     change it, which `spread` (a standard deviation, beside data in units of their noise) holds to `value` where the
-    data say little.
+    data say little. `role` tells a search what it is: the "phase" of a cycle, which follows from two quadratures, or a
+    "place" along the lumen, which may lie anywhere on a record's track.
     """
 
     name: str
@@ -30,6 +32,7 @@ class Parameter:
     source: str = ""
     fit: bool = False
     spread: float = float("inf")
+    role: Literal["", "phase", "place"] = ""
 
     def __post_init__(self) -> None:
         if not self.lower <= self.value <= self.upper:

@@ -17,7 +17,7 @@ from controller.model.kernels import Kernels, compile_kernels
 from controller.model.symbols import Symbols, assembled
 from models.drives.drive import Drive
 from models.drives.from_rig import drive_of, surface_of
-from models.effects import BY_ID
+from models.effects import BY_ID, followed_by
 from models.effects.effect import Effect
 from models.effects.refinements.level_over_speed import LevelOverSpeed
 from models.files.rig import Rig
@@ -30,8 +30,6 @@ Array = NDArray[np.float64]
 SMOOTHING, SHARP_M_S = 2e-5, 1e-6
 LONGEST_STEP_S = 1e-3
 _LONGEST_VIBRO_S = 3e-4
-_FOLLOWS_COMMAND = (".position_m", ".command")
-_FOLLOWS_POSITION = (".smooth",)
 
 
 @dataclass(frozen=True)
@@ -129,11 +127,11 @@ class ControlModel:
         """State (n,) at rest at `position_m` with `command` in force for long."""
         x = np.zeros(len(self.states))
         for k, name in enumerate(self.states):
-            if name == "x" or name.endswith(_FOLLOWS_POSITION):
+            if name == "x" or followed_by(name) == "position":
                 x[k] = position_m
             elif name == "direction":
                 x[k] = 1.0
-            elif name.endswith(_FOLLOWS_COMMAND):
+            elif followed_by(name) == "command":
                 x[k] = command
         return x
 

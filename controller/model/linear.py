@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from controller.model.control_model import ControlModel
+from models.effects import followed_by
 
 if TYPE_CHECKING:
     import control
@@ -142,7 +143,7 @@ def _balancing(model: ControlModel, state: Array) -> float:
 def _follow(model: ControlModel, state: Array, command: float) -> None:
     """Set the drive's own states to what they are after `command` was in force for long."""
     for k, name in enumerate(model.states):
-        if name.endswith((".position_m", ".command")):
+        if followed_by(name) == "command":
             state[k] = command
         elif name.endswith(".current_A"):
             state[k] = _settled(model, state, k, command)

@@ -42,6 +42,12 @@ def effects_for(kind: str, variants: Sequence[type[Effect]] = ()) -> tuple[type[
     return tuple((declared | {variant.id: variant for variant in variants}).values())
 
 
+def followed_by(state: str) -> str:
+    """What a model's state (`effect_id.name`) is at after a long rest: "command", "position", or "" for 0."""
+    effect, _, name = state.partition(".")
+    return BY_ID[effect].follows.get(name, "") if effect in BY_ID else ""
+
+
 def use_effects(paths: Sequence[Path]) -> list[type[Effect]]:
     """Let the effects of the Python files `paths`, and those of installed packages, take part from here on, in place of
     those of an earlier call. Raises ValueError of one sentence, and uses none, where one cannot be used.

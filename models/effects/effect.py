@@ -42,8 +42,9 @@ class Effect:
 
     Subclasses declare their parameters as `Parameter` fields; the first one is the amplitude, and at the amplitude's
     value 0 the effect is absent. Hooks get the signals `s`, the parameters' values `p` by field name and the hidden
-    states `z` by name. `by_speed` says that the level changes with the speed and not only with its direction. A
-    refinement `of` one effect gets that effect's values too.
+    states `z` by name. `by_speed` says that the level changes with the speed and not only with its direction. `follows`
+    names the states that are at the "command" or the "position" after a long rest; the others are at 0. A refinement
+    `of` one effect gets that effect's values too.
     """
 
     id: ClassVar[str] = ""
@@ -51,6 +52,7 @@ class Effect:
     source: ClassVar[str] = ""
     kinds: ClassVar[frozenset[str]] = frozenset()
     states: ClassVar[tuple[str, ...]] = ()
+    follows: ClassVar[Mapping[str, str]] = MappingProxyType({})
     grid: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType({})
     probe: ClassVar[float] = 0.1
     confounders: ClassVar[tuple[str, ...]] = ()
@@ -68,6 +70,11 @@ class Effect:
     def amplitude(cls) -> Parameter:
         """The parameter whose value 0 switches the effect off."""
         return cls.parameters()[0]
+
+    @classmethod
+    def of_role(cls, role: str) -> str | None:
+        """The name of the first parameter with this `role`; None where there is none."""
+        return next((p.name for p in cls.parameters() if p.role == role), None)
 
     @classmethod
     def start(cls) -> dict[str, float]:

@@ -74,7 +74,7 @@ class ForceInTime(Effect):
         "frequency_Hz", 0.25, "Hz", 0.03, 1.5, "tracing catalogue 15: 0.2 to 0.3 Hz", fit=True
     )
     phase_rad: Parameter = Parameter(
-        "phase_rad", 0.0, "rad", -7.0, 7.0, "any: where in its cycle a record begins", fit=True
+        "phase_rad", 0.0, "rad", -7.0, 7.0, "any: where in its cycle a record begins", fit=True, role="phase"
     )
     second_sin: Parameter = Parameter("second_sin", 0.0, "1", -1.0, 1.0, _FORM, fit=True)
     second_cos: Parameter = Parameter("second_cos", 0.0, "1", -1.0, 1.0, _FORM, fit=True)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -20,6 +22,7 @@ class ActuatorLag(Effect):
     source = "first-order drive"
     kinds = frozenset({"pull", "magnetic", "coil"})
     states = ("command",)
+    follows: ClassVar[Mapping[str, str]] = MappingProxyType({"command": "command"})
     probe = 0.005
     confounders: ClassVar[tuple[str, ...]] = ("sensor_delay", "sensor_lowpass", "carriage_backlash")
     separated_by = "time-stamped edges; phase against frequency"

@@ -25,6 +25,7 @@ class CarriageBacklash(Effect):
     source = "tracing catalogue 18; backlash-like hysteresis, Su et al., IEEE TAC 45 (2000) 2427"
     kinds = frozenset({"pull", "magnetic"})
     states = ("position_m",)
+    follows = MappingProxyType({"position_m": "command"})
     grid = MappingProxyType({"sharpness": (3.0, 30.0), "order": (1.2,)})
     probe = 0.0003
     confounders = ("directional_asymmetry", "actuator_lag", "sensor_delay")

@@ -33,7 +33,9 @@ class FoldPeriodic(Effect):
     wavelength_m: Parameter = Parameter(
         "wavelength_m", 0.008, "m", 0.002, 0.016, "folds up to 8 mm deep (Gray)", fit=True
     )
-    phase_rad: Parameter = Parameter("phase_rad", 0.0, "rad", -7.0, 7.0, "folds up to 8 mm deep (Gray)", fit=True)
+    phase_rad: Parameter = Parameter(
+        "phase_rad", 0.0, "rad", -7.0, 7.0, "folds up to 8 mm deep (Gray)", fit=True, role="phase"
+    )
     second_sin: Parameter = Parameter("second_sin", 0.0, "1", -1.0, 1.0, "folds up to 8 mm deep (Gray)", fit=True)
     second_cos: Parameter = Parameter("second_cos", 0.0, "1", -1.0, 1.0, "folds up to 8 mm deep (Gray)", fit=True)
 

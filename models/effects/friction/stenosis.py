@@ -33,7 +33,7 @@ class Stenosis(Effect):
     refined_by = ("level_at_onset",)
 
     excess: Parameter = Parameter("excess", 0.0, "1", -0.9, 6.0, "tracing catalogue 11", fit=True)
-    centre_m: Parameter = Parameter("centre_m", 0.0, "m", -0.3, 0.3, "tracing catalogue 11", fit=True)
+    centre_m: Parameter = Parameter("centre_m", 0.0, "m", -0.3, 0.3, "tracing catalogue 11", fit=True, role="place")
     width_m: Parameter = Parameter("width_m", 0.003, "m", 0.0005, 0.012, "tracing catalogue 11", fit=True)
     tail: Parameter = Parameter("tail", 1.0, "1", -0.6, 2.0, "tracing catalogue 11", fit=True)
 

@@ -33,7 +33,7 @@ class MainsHum(Effect):
         "frequency_Hz", 50.0, "Hz", 49.0, 61.0, "paper C Section 2.3 (power frequency interference)", fit=True
     )
     phase_rad: Parameter = Parameter(
-        "phase_rad", 0.0, "rad", -7.0, 7.0, "paper C Section 2.3 (power frequency interference)", fit=True
+        "phase_rad", 0.0, "rad", -7.0, 7.0, "paper C Section 2.3 (power frequency interference)", fit=True, role="phase"
     )
 
     def measured(self, s: Signals, p: Values, z: Values, y: Any) -> Any:

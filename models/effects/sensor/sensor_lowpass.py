@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -20,6 +22,7 @@ class SensorLowpass(Effect):
     source = "tracing catalogue 26"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     states = ("smooth",)
+    follows: ClassVar[Mapping[str, str]] = MappingProxyType({"smooth": "position"})
     probe = 0.005
     confounders: ClassVar[tuple[str, ...]] = ("sensor_delay",)
     separated_by = "the phase saturates at 90 degrees"

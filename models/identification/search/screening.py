@@ -70,10 +70,11 @@ class _View:
             start = effect.start() | {head + k: v for k, v in shape.items()}
             start[head + amplitude.name] = float(np.clip(effect.probe, amplitude.lower, amplitude.upper))
             starts.append(start)
-        phases = (
-            ({head + "phase_rad": 0.0}, {head + "phase_rad": np.pi / 2}) if head + "phase_rad" in starts[0] else ({},)
-        )
-        thetas = [{**self.theta, **start, **phase} for start in starts for phase in phases]
+        phase = effect.of_role("phase")
+        phases: tuple[dict[str, float], ...] = ({},)
+        if phase is not None:
+            phases = ({head + phase: 0.0}, {head + phase: np.pi / 2})
+        thetas = [{**self.theta, **start, **at} for start in starts for at in phases]
         seen = evaluate_all(self.kind, self.records, thetas, self.stage)
         n = len(phases)
         return [self._told(effect, start, seen[n * k : n * (k + 1)]) for k, start in enumerate(starts)]
@@ -95,7 +96,7 @@ class _View:
         share = 1 - float(np.sum((r + D @ factor) ** 2)) / power
         size *= 1 / np.sqrt(len(seen))
         if len(factor) == 2:
-            start[head + "phase_rad"] = float(np.arctan2(factor[1], factor[0]))
+            start[f"{head}{effect.of_role('phase')}"] = float(np.arctan2(factor[1], factor[0]))
         scale = float(np.hypot(*factor)) if len(factor) == 2 else float(factor[0])
         reach = (0.9 * amplitude.lower, 0.9 * amplitude.upper)
         wanted = start[head + amplitude.name] * scale
@@ -106,11 +107,12 @@ class _View:
 
 
 def _shapes(effect: type[Effect], records: Sequence[Record]) -> Iterator[dict[str, float]]:
-    grid = {key: list(values) for key, values in effect.grid.items() if key != "phase_rad"}
-    if any(p.name == "centre_m" for p in effect.parameters()):
+    grid = {key: list(values) for key, values in effect.grid.items() if key != effect.of_role("phase")}
+    place = effect.of_role("place")
+    if place is not None:
         x = np.concatenate([record["position_m"] for record in records])
-        grid["centre_m"] = [
-            float(place) for place in np.linspace(float(np.percentile(x, 1)), float(np.percentile(x, 99)), _PLACES)
+        grid[place] = [
+            float(value) for value in np.linspace(float(np.percentile(x, 1)), float(np.percentile(x, 99)), _PLACES)
         ]
     for values in itertools.product(*grid.values()):
         yield dict(zip(grid, values, strict=True))

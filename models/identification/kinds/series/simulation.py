@@ -12,7 +12,7 @@ from models.assembly.model import Assembly, assemble
 from models.assembly.step import Surface
 from models.compiled.kernel import LANES, NEVER_S, SLOW_S, Kernel, lower
 from models.drives.drive import Drive
-from models.effects import BY_ID
+from models.effects import BY_ID, followed_by
 from models.files.record import Record
 from models.identification.kind import Array, Theta
 from models.identification.kinds.series.drive_input import SWITCH_DELAY, Feed, drifts, evenly, feed, interval
@@ -113,6 +113,6 @@ class Runner:
         elif measured is not None:
             state[0] = measured[0]
         for k, name in enumerate(assembly.states):
-            if name.endswith((".position_m", ".command")):
+            if followed_by(name) == "command":
                 state[k] = first
         return state

@@ -202,7 +202,7 @@ def test_the_demo_leaves_page_numbers_and_reports(tmp_path: Path, capsys: pytest
     assert first["tracking"]["augmented"]["tracking_rmse_m"] == 1e-3
     assert Path(first["report"]).read_text() == "a quick story"
     page = (out / "demo.html").read_text()
-    assert all(words in page for words in ("Residual", "Effect", "Prediction", "Gate", "The same run again"))
+    assert all(words in page for words in ("Residual", "Effect", "Prediction", "Acceptance test", "The same run again"))
     assert "first:  10 %  begun" in said.err
 
 

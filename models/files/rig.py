@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -26,11 +25,11 @@ from models.files.rig_tables import (
     Table,
     TissueTable,
 )
+from models.files.toml import read_toml
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import nearest
 
 TABLES = ("capsule", "tissue", "rig", "noise", "drive", "surface", "axis")
-LARGEST_FILE = 1 << 20
 T = TypeVar("T", bound=Table)
 
 
@@ -85,16 +84,7 @@ _IN_THE_GUT = ("pull", "magnetic", "coil")
 def read_rig(path: Path) -> Rig:
     """Read a rig file; anything wrong with it is a ValueError of one sentence with file, table and key."""
     path = Path(path)
-    try:
-        if path.stat().st_size > LARGEST_FILE:
-            raise ValueError(f"{path}: rig file must be smaller than {LARGEST_FILE} bytes; got {path.stat().st_size}")
-        raw = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
-    except OSError as error:
-        raise ValueError(f"{path}: rig file must be a file that can be read; got: {error.strerror or error}") from None
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{path}: rig file must be UTF-8 text; got another byte at {error.start}") from None
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise ValueError(f"{path}: rig file must be TOML; got: {' '.join(str(error).split())[:200]}") from None
+    raw, _ = read_toml(path, "rig file")
     return parse_rig(raw, str(path))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import stat
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -30,16 +31,36 @@ def _value(value: Any) -> str:
 LARGEST_FILE: Final = 1 << 20
 
 
-def read_toml(path: Path, what: str) -> tuple[dict[str, Any], str]:
-    """The tables of a file and its text; `what` says in the ValueError of one sentence which kind of file it should
-    have been.
+def read_text(path: Path, what: str, largest: int = LARGEST_FILE) -> str:
+    """The text of a file that a user wrote; `what` says in the ValueError of one sentence which kind of file it should
+    have been. Nothing but a regular file of at most `largest` bytes is read.
     """
     try:
-        if path.stat().st_size > LARGEST_FILE:
-            raise ValueError(f"{path}: {what} must be smaller than {LARGEST_FILE} bytes; got {path.stat().st_size}")
-        text = path.read_text(encoding="utf-8-sig")
-        return tomllib.loads(text), text
+        found = path.stat()
+        if not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)):
+            raise ValueError(f"{path}: {what} must be a regular file; got a device, a pipe or a socket")
+        with path.open("rb") as file:
+            data = file.read(largest + 1)
+        if len(data) > largest:
+            raise ValueError(
+                f"{path}: {what} must be smaller than {largest} bytes; got {max(found.st_size, len(data))}"
+            )
+        return data.decode("utf-8-sig")
     except OSError as error:
         raise ValueError(f"{path}: {what} must be a file that can be read; got: {error.strerror or error}") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-        raise ValueError(f"{path}: {what} must be TOML; got: {' '.join(str(error).split())[:200]}") from None
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path}: {what} must be UTF-8 text; got another byte at {error.start}") from None
+
+
+def parse_toml(text: str, what: str) -> dict[str, Any]:
+    """The tables of a TOML text; a ValueError of one sentence, which begins with `what`, where it is none."""
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # a number of more digits than Python reads is a plain ValueError
+        raise ValueError(f"{what} must be TOML; got: {' '.join(str(error).split())[:200]}") from None
+
+
+def read_toml(path: Path, what: str, largest: int = LARGEST_FILE) -> tuple[dict[str, Any], str]:
+    """The tables of a file and its text. Errors as `read_text`."""
+    text = read_text(path, what, largest)
+    return parse_toml(text, f"{path}: {what}"), text

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -18,6 +17,7 @@ from models.effects.own import LOADED
 from models.files.columns import COLUMNS
 from models.files.record import Record, named
 from models.files.rig import Rig
+from models.files.toml import parse_toml, read_text
 from models.identification.finding import STAGES
 from models.identification.kinds import kind_for
 from models.identification.kinds.series.drive_input import SWITCH_DELAY
@@ -29,14 +29,7 @@ LARGEST_MODEL = 1 << 22
 
 def read_model(path: Path, kind: str, *others: str) -> Model:
     """The model of a file, for rigs of `kind` or one of the `others`; a ValueError of one sentence where it is none."""
-    try:
-        if path.stat().st_size > LARGEST_MODEL:
-            raise ValueError(f"{path}: model must be smaller than {LARGEST_MODEL} bytes; got {path.stat().st_size}")
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise ValueError(f"{path}: model must be a file that can be read; got: {error.strerror or error}") from None
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{path}: model must be UTF-8 text; got another byte at {error.start}") from None
+    text = read_text(path, "model", LARGEST_MODEL)
     try:
         model = Model.from_toml(text)
     except ValueError as error:
@@ -101,10 +94,7 @@ class Model:
     @classmethod
     def from_toml(cls, text: str) -> Model:
         """Read a model file; a ValueError of one sentence where it is none."""
-        try:
-            raw = tomllib.loads(text)
-        except (tomllib.TOMLDecodeError, RecursionError) as error:
-            raise ValueError(f"model must be TOML; got: {' '.join(str(error).split())[:200]}") from None
+        raw = parse_toml(text, "model")
         if raw.get("format") != FORMAT or not isinstance(raw.get("kind"), str):
             raise ValueError(
                 f"model must have 'format' = {FORMAT} and a 'kind', as close-loop writes it; got {sorted(raw)[:6]}"

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 from models.files.tables import choice, converted, from_table
+from models.files.toml import read_toml
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import nearest
 from plant.anatomy import Anatomy, along, random_anatomy
@@ -85,10 +85,7 @@ def load_scenario(path: Path) -> Scenario:
     """Read and check a scenario file. `ValueError` says which key, what it must be, what it is, and the nearest known
     name.
     """
-    try:
-        raw = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ValueError(f"{path.name} must be a readable TOML file; got {error}") from error
+    raw, _ = read_toml(path, "scenario")
     try:
         return parse_scenario(raw, path.parent)
     except ValueError as error:

@@ -11,11 +11,10 @@ import pytest
 
 from hil.app.scenario.deployment import OWN_TABLES, load_deployment, read_plant
 from models.files.rig import TABLES
-from tests.hil.app.run.plant_process import CAPSULE, HELD_UP
+from tests.hil.app.run.plant_process import CAPSULE, HELD_UP, TRIES
 from tests.places import ROOT
 
 FOLDER = ROOT / "examples" / "deployment"
-TRIES = 5
 
 
 def test_it_names_every_table_of_a_deployment() -> None:

@@ -4,7 +4,6 @@ within what limits.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,8 +21,9 @@ from hil.nodes.cia402.states import Cia402Table
 from hil.nodes.controller.guard import FEEDBACK_S
 from hil.nodes.controller.node import Task
 from hil.nodes.frame_map import FRAME_MAPS, frame_map_of
-from models.files.rig import LARGEST_FILE, TABLES, Rig, parse_rig
+from models.files.rig import TABLES, Rig, parse_rig
 from models.files.tables import from_table
+from models.files.toml import parse_toml, read_toml
 from models.identification.finding import STAGES
 from models.identification.model import read_model, read_report
 from models.parameter import nearest
@@ -148,14 +148,11 @@ class Deployment:
 
 def load_deployment(path: Path) -> Deployment:
     """Read and check a deployment file; anything wrong is a ValueError of one sentence."""
-    text = _text(path)
+    raw, text = read_toml(path, "rig file")
     try:
-        raw = tomllib.loads(text)
         values, verdict = _learned(raw, path.parent)
         deployment = parse_deployment(text, values, path.stem, verdict)
         return replace(deployment, offered=read_offer(read_offer_table(raw), path.parent, deployment.rig, values))
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise ValueError(f"{path}: rig file must be TOML; got: {' '.join(str(error).split())[:200]}") from None
     except ValueError as error:
         raise ValueError(str(error) if str(error).startswith(str(path.parent)) else f"{path}: {error}") from None
 
@@ -164,19 +161,12 @@ def read_deployed_rig(path: Path) -> Rig:
     """The rig of a rig file or of a deployment file, whose own tables are left out. Raises ValueError of one
     sentence.
     """
-    try:
-        raw = tomllib.loads(_text(path))
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise ValueError(f"{path}: rig file must be TOML; got: {' '.join(str(error).split())[:200]}") from None
-    return _rig(raw, str(path))
+    return _rig(read_toml(path, "rig file")[0], str(path))
 
 
 def read_plant(path: Path) -> DeployedPlant:
     """The simulated plant that a deployment file names; ValueError of one sentence where it names none."""
-    try:
-        raw = tomllib.loads(_text(path))
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise ValueError(f"{path}: deployment file must be TOML; got: {' '.join(str(error).split())[:200]}") from None
+    raw, _ = read_toml(path, "deployment file")
     try:
         _check_tables(raw)
         if "plant" not in raw:
@@ -194,7 +184,7 @@ def parse_deployment(
     text: str, values: Mapping[str, float], name: str = "rig", verdict: Verdict | None = None
 ) -> Deployment:
     """A deployment from TOML text and the learned `values`. Errors as `load_deployment`."""
-    raw = tomllib.loads(text)
+    raw = parse_toml(text, "rig file")
     _check_tables(raw)
     rig = _rig(raw)
     control = from_table(ControlTable, raw.get("control", {}), "control")
@@ -259,14 +249,3 @@ def _learned(raw: Mapping[str, Any], folder: Path) -> tuple[dict[str, float], Ve
     model = read_model(folder / table.file, rig.kind)
     verdict = AcceptanceTest().judge(read_report(folder / table.report), model, rig, stage=table.stage)
     return model.believed(table.stage), verdict
-
-
-def _text(path: Path) -> str:
-    try:
-        if path.stat().st_size > LARGEST_FILE:
-            raise ValueError(f"{path}: rig file must be smaller than {LARGEST_FILE} bytes; got {path.stat().st_size}")
-        return path.read_bytes().decode("utf-8-sig")
-    except OSError as error:
-        raise ValueError(f"{path}: rig file must be a file that can be read; got: {error.strerror or error}") from None
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{path}: rig file must be UTF-8 text; got another byte at {error.start}") from None

@@ -22,7 +22,7 @@ import numpy as np
 from models.files.record import Record, read_record
 from models.files.rig import Rig, parse_rig
 from models.identification import close
-from models.identification.fitting.fit import descend
+from models.identification.fitting.fit import Problem, descend
 from models.identification.kinds.vibro_table.kind import VibroTableKind
 
 SHARED = Path(os.environ.get("CAPSULE_SHARED", Path(__file__).parents[3] / "shared"))
@@ -50,7 +50,7 @@ def ladder(
         some = list(effects[:count])
         fit = {k: v for k, v in theta.items() if "." not in k or k.split(".")[0] in some}
         for secant in (0.3, 0.1):
-            fit = {**fit, **descend(kind, [rest], some, fit, 0, secant, 12).theta}
+            fit = {**fit, **descend(Problem.of(kind, [rest], some, 0), fit, secant, 12).theta}
         out.append(1e3 * kind.error([held], [kind.predict(held, fit)]))
     return out
 

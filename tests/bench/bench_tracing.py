@@ -24,7 +24,7 @@ import numpy as np
 from hil.app.main import run as capsule
 from models.files.record import Record, read_record
 from models.files.rig import read_rig
-from models.identification.fitting.fit import FINE, NARROW, narrowing
+from models.identification.fitting.fit import FINE, NARROW, Problem, narrowing
 from models.identification.kinds import kind_for
 from models.identification.kinds.series.kind import SeriesKind
 from models.identification.kinds.series.simulation import active_effects
@@ -239,8 +239,8 @@ def _from_the_truth(row: dict[str, Any], out: Path) -> str:
     folder = out / f"{row['kind']}_{row['effect']}_{row['seed']}"
     kind, train, holdout, found = read_series(folder, folder)
     start = found | {name: value for name, value in row["truth"].items() if name in found}
-    near = narrowing(kind, train, active_effects(found), start, middle_stage(kind), (*NARROW, *FINE))
-    end = narrowing(kind, train, active_effects(found), near.theta, kind.final, (*NARROW, *FINE))
+    near = narrowing(Problem.of(kind, train, active_effects(found), middle_stage(kind)), start, (*NARROW, *FINE))
+    end = narrowing(Problem.of(kind, train, active_effects(found), kind.final), near.theta, (*NARROW, *FINE))
     floors = [
         kind.error(holdout, [kind.predict(r, theta) for r in holdout]) / row["floor"]
         for theta in (found, found | end.theta)

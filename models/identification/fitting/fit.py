@@ -106,10 +106,19 @@ def costs_of(kind: Kind, records: Sequence[Record], thetas: Sequence[Mapping[str
 
 @dataclass(frozen=True)
 class Problem:
+    """The regularised least-squares problem of a fit: the residuals of `records` under criterion `stage` of `kind`, in
+    units of their noise, over the parameters `axes`.
+    """
+
     kind: Kind
     records: Sequence[Record]
     axes: list[Axis]
     stage: int
+
+    @classmethod
+    def of(cls, kind: Kind, records: Sequence[Record], effects: Sequence[str], stage: int) -> Problem:
+        """The fit of the base with `effects`."""
+        return cls(kind, records, axes(kind, effects), stage)
 
     @property
     def lower(self) -> Array:
@@ -160,19 +169,10 @@ class Problem:
         return np.array(columns).T
 
 
-def descend(
-    kind: Kind,
-    records: Sequence[Record],
-    effects: Sequence[str],
-    start: Mapping[str, float],
-    stage: int,
-    secant: float,
-    steps: int,
-) -> Fit:
+def descend(problem: Problem, start: Mapping[str, float], secant: float, steps: int) -> Fit:
     """Least squares within bounds at one stage in at most `steps` rounds, derivatives as secants `secant` wide that
     look across the jags.
     """
-    problem = Problem(kind, records, axes(kind, effects), stage)
     x0 = problem.start(start)
     if not len(x0):
         r = problem.at(x0)
@@ -181,18 +181,10 @@ def descend(
     return Fit(problem.theta(end.x), end.cost, len(end.residual), end.jacobian, end.residual)
 
 
-def narrowing(
-    kind: Kind,
-    records: Sequence[Record],
-    effects: Sequence[str],
-    start: Mapping[str, float],
-    stage: int,
-    widths: Sequence[float] = NARROW,
-    steps: int = 12,
-) -> Fit:
+def narrowing(problem: Problem, start: Mapping[str, float], widths: Sequence[float] = NARROW, steps: int = 12) -> Fit:
     """Descents at one stage, one after the other, with secants of `widths`."""
     theta = dict(start)
     for width in widths:
-        fit = descend(kind, records, effects, theta, stage, width, steps)
+        fit = descend(problem, theta, width, steps)
         theta = fit.theta
     return fit

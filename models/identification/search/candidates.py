@@ -12,8 +12,9 @@ import numpy as np
 
 from models.effects import BY_ID, REFINEMENTS
 from models.files.record import Record
-from models.identification.fitting.fit import NARROW, WIDE, Fit, costs_of, descend, narrowing
+from models.identification.fitting.fit import NARROW, WIDE, Fit, Problem, costs_of, descend, narrowing
 from models.identification.kind import Kind
+from models.identification.search.fitted_model import Fits, FittedModel
 from models.identification.search.growing_horizon import BEGINNINGS_S, QUICK, GrowingHorizon, eliminate, prefixes
 from models.identification.search.refit import begins, refit, step_on
 from models.identification.search.screening import Screened
@@ -21,13 +22,11 @@ from models.identification.search.validation import (
     APART,
     NEAR_NOISE,
     SHAPED,
-    Split,
     ahead,
     block_costs,
     judged,
     judged_cost,
     middle_stage,
-    training_cost,
 )
 
 POOL = 6
@@ -52,20 +51,13 @@ class Trial:
     companions: Mapping[tuple[str, ...], list[dict[str, float]]] = field(default_factory=dict)
 
 
-def compare_candidates(
-    kind: Kind,
-    splits: Sequence[Split],
-    effects: Sequence[str],
-    thetas: Sequence[Mapping[str, float]],
-    screened: Sequence[Screened],
-) -> list[Trial]:
-    """Joint fits of `effects` and one more, from short ones of every candidate to full ones of the best three and of
-    the declared confounded effects of the best; best gain first.
+def compare_candidates(model: FittedModel, screened: Sequence[Screened]) -> list[Trial]:
+    """Joint fits of `model` with one more effect, from short ones of every candidate to full ones of the best three and
+    of the declared confounded effects of the best; best gain first.
     """
-    part = splits[0][0]
-    entries = {row.effect: _entry(kind, part, effects, thetas[0], row) for row in screened}
+    entries = {row.effect: _entry(model, row) for row in screened}
     entered = sorted(entries, key=lambda name: entries[name][0])
-    fitted = _heats(kind, part, effects, {name: entries[name][1] for name in _with_look_alikes(kind, entered)})
+    fitted = _heats(model, {name: entries[name][1] for name in _with_confounders(model.kind, entered)})
     ranking = sorted(fitted, key=lambda name: fitted[name].cost)
     alike = BY_ID[ranking[0]].confounders
     finalists = [
@@ -73,14 +65,10 @@ def compare_candidates(
         for k, name in enumerate(ranking)
         if fitted[name].cost <= BEHIND * fitted[ranking[0]].cost and (k < FINAL or name in alike)
     ]
-    before = block_costs(kind, splits, thetas)
-    trials = [_judge(kind, splits, effects, thetas, name, fitted[name].theta, before) for name in finalists]
+    trials = [_judge(model, name, fitted[name].theta) for name in finalists]
     mendable = min((trial.blocks.mean() for trial in trials), default=0.0) > NEAR_NOISE
-    helped = [
-        _put_right(kind, splits, effects, trial, before, fitted[trial.effect].theta if mendable else {})
-        for trial in trials
-    ]
-    trials = from_the_best(kind, splits, effects, trials, helped, before) if kind.free_only else helped
+    helped = [_with_companions(model, trial, fitted[trial.effect].theta if mendable else {}) for trial in trials]
+    trials = from_the_best(model, trials, helped) if model.kind.free_only else helped
     return sorted(trials, key=lambda trial: -trial.gain)
 
 
@@ -94,45 +82,33 @@ def _companions(kind: Kind, name: str) -> list[str]:
     ]
 
 
-def _put_right(
-    kind: Kind,
-    splits: Sequence[Split],
-    effects: Sequence[str],
-    trial: Trial,
-    before: np.ndarray,
-    sought: Mapping[str, float],
-) -> Trial:
+def _with_companions(so_far: FittedModel, trial: Trial, sought: Mapping[str, float]) -> Trial:
     """`trial` as its companions would leave it, also from where its heat `sought` it, where that is better: of two
     candidates of which neither is quite right, the one that its refinements complete. It has none where `sought` is
     empty. One without companions is looked for from more places where it leaves more than the noise.
     """
-    companions = [c for c in _companions(kind, trial.effect) if c not in effects] if sought else []
+    kind, splits = so_far.kind, so_far.splits
+    companions = [c for c in _companions(kind, trial.effect) if c not in so_far.effects] if sought else []
     if not companions and not kind.free_only:
         return trial
-    model = [*effects, trial.effect, *companions]
+    model = [*so_far.effects, trial.effect, *companions]
     fits = []
     for (part, _), theta in zip(splits, trial.thetas, strict=True):
         ends = [refit(kind, part, model, start) for start in (theta, *([dict(sought)] if companions else []))]
         fits.append(min(ends, key=lambda end: judged_cost(kind, part, end)))
-    again = against(before, trial.effect, tuple(fits), block_costs(kind, splits, fits))
+    again = against(so_far.blocks, trial.effect, tuple(fits), block_costs(kind, splits, fits))
     if not companions:
         return again
     trial = replace(trial, companions={tuple(model): fits})
     return replace(trial, gain=again.gain, drop=again.drop, blocks=again.blocks) if again.gain > trial.gain else trial
 
 
-def from_the_best(
-    kind: Kind,
-    splits: Sequence[Split],
-    effects: Sequence[str],
-    alone: Sequence[Trial],
-    helped: Sequence[Trial],
-    before: np.ndarray,
-) -> list[Trial]:
+def from_the_best(model: FittedModel, alone: Sequence[Trial], helped: Sequence[Trial]) -> list[Trial]:
     """The `helped` trials, the confounded effects of the best one and its companions from the catalogue also fitted
     from where it has its base: none may win by a luckier search. Where such a companion does about as well without the
     best one, that is judged as it is `alone`.
     """
+    kind, splits, effects = model.kind, model.splits, model.effects
     rows = {trial.effect: trial for trial in helped}
     if not rows:
         return []
@@ -148,7 +124,7 @@ def from_the_best(
         fits = tuple(
             step_on(kind, part, [*effects, name], s).theta for (part, _), s in zip(splits, starts, strict=True)
         )
-        again = against(before, name, fits, block_costs(kind, splits, fits))
+        again = against(model.blocks, name, fits, block_costs(kind, splits, fits))
         if name not in rows or again.gain > rows[name].gain:
             rows[name] = again
         if name in beside and (rows[name].gain > best.gain - SHAPED or ahead(best.blocks, rows[name].blocks) < APART):
@@ -165,15 +141,14 @@ def _numbers(theta: Mapping[str, float], effect: str) -> dict[str, float]:
     return {name: value for name, value in theta.items() if name.startswith(f"{effect}.")}
 
 
-def _entry(
-    kind: Kind, part: Sequence[Record], effects: Sequence[str], theta: Mapping[str, float], row: Screened
-) -> tuple[float, list[dict[str, float]]]:
+def _entry(model: FittedModel, row: Screened) -> tuple[float, list[dict[str, float]]]:
     """Where the heat of a candidate may start, best first, and what that point costs: after a short fit from each
     opening, to an observer that forgets fast. Where no such observer is to be had (a kind with `free_only`: a strong
     effect that the free run follows throws its observer out of step) from the best opening at either base, to the free
     run of the first record's longest beginning, with wide secants.
     """
-    bases = begins(kind, theta)
+    kind, part = model.kind, model.part
+    bases = begins(kind, model.thetas[0])
     if kind.free_only:
         part = prefixes(part[:1], BEGINNINGS_S[-1])
         openings = [
@@ -183,7 +158,8 @@ def _entry(
     else:
         openings = [_opening(kind, part, bases, row.effect, start) for start in row.starts]
     stage, width = (middle_stage(kind), WIDE[0]) if kind.free_only else (0, NARROW[0])
-    fits = [descend(kind, part, [*effects, row.effect], point, stage, width, 3) for _, point in openings]
+    problem = Problem.of(kind, part, [*model.effects, row.effect], stage)
+    fits = [descend(problem, point, width, 3) for _, point in openings]
     fits.sort(key=lambda fit: fit.cost)
     return fits[0].cost, [fit.theta for fit in fits]
 
@@ -192,15 +168,14 @@ def _first(row: tuple[float, dict[str, float]]) -> float:
     return row[0]
 
 
-def _heats(
-    kind: Kind, part: Sequence[Record], effects: Sequence[str], starts: Mapping[str, Sequence[dict[str, float]]]
-) -> dict[str, Fit]:
-    """Fits of `effects` and each candidate good enough to rank by; without those that fell behind on the way. One that
+def _heats(model: FittedModel, starts: Mapping[str, Sequence[dict[str, float]]]) -> dict[str, Fit]:
+    """Fits of `model` with each candidate good enough to rank by; without those that fell behind on the way. One that
     changes the resistance is looked for from where the slip limit follows it, and from where it does not.
     """
+    kind, part = model.kind, model.part
     stage = middle_stage(kind)
     beside = {name: [c for c in _companions(kind, name) if BY_ID[c] in REFINEMENTS] for name in starts}
-    models = {name: [*effects, name, *beside[name]] for name in starts}
+    models = {name: [*model.effects, name, *beside[name]] for name in starts}
     if kind.free_only:
         every = {
             name: [place for start in own for place in _with_each(start, beside[name])] for name, own in starts.items()
@@ -211,7 +186,8 @@ def _heats(
     for name, own in starts.items():
         places = _with_each(own[0], beside[name])
         costs = costs_of(kind, part, places, stage) if len(places) > 1 else [0.0]
-        fits[name] = narrowing(kind, part, models[name], places[int(np.argmin(costs))], stage, NARROW, 8)
+        problem = Problem.of(kind, part, models[name], stage)
+        fits[name] = narrowing(problem, places[int(np.argmin(costs))], NARROW, 8)
     return fits
 
 
@@ -240,7 +216,7 @@ def _opening(
     return min(zip(costs, points, strict=True), key=_first)
 
 
-def _with_look_alikes(kind: Kind, entered: Sequence[str]) -> list[str]:
+def _with_confounders(kind: Kind, entered: Sequence[str]) -> list[str]:
     """The best entries and the declared confounded effects of the first few: they share a residual and only a full fit
     tells them apart.
     """
@@ -251,49 +227,39 @@ def _with_look_alikes(kind: Kind, entered: Sequence[str]) -> list[str]:
     return wanted
 
 
-def _judge(
-    kind: Kind,
-    splits: Sequence[Split],
-    effects: Sequence[str],
-    thetas: Sequence[Mapping[str, float]],
-    name: str,
-    start: Mapping[str, float],
-    before: np.ndarray,
-) -> Trial:
-    own = _numbers(start, name)
+def _judge(model: FittedModel, name: str, start: Mapping[str, float]) -> Trial:
+    """`model` with the effect `name` fitted on every split from `start`, and judged."""
+    kind, own = model.kind, _numbers(start, name)
     starts = [
         min(({**theta, **own}, dict(start)), key=lambda point: float(judged(kind, part, point).sum()))
         if i
         else dict(start)
-        for i, ((part, _), theta) in enumerate(zip(splits, thetas, strict=True))
+        for i, (part, theta) in enumerate(model.parts)
     ]
-    model = [*effects, name]
+    effects = [*model.effects, name]
     fits = tuple(
-        step_on(kind, part, model, s).theta if kind.free_only else refit(kind, part, model, s)
-        for (part, _), s in zip(splits, starts, strict=True)
+        step_on(kind, part, effects, s).theta if kind.free_only else refit(kind, part, effects, s)
+        for (part, _), s in zip(model.splits, starts, strict=True)
     )
-    return against(before, name, fits, block_costs(kind, splits, fits))
+    return against(model.blocks, name, fits, block_costs(kind, model.splits, fits))
 
 
 def against(before: np.ndarray, name: str, fits: tuple[dict[str, float], ...], after: np.ndarray) -> Trial:
+    """The trial of the effect `name` with `fits`: validation costs by block `before` it and `after`."""
     gain = float(np.log(before.sum() / max(after.sum(), 1e-300)))
     return Trial(name, fits, gain, float(before.mean() - after.mean()), after)
 
 
-def better_without(
-    kind: Kind,
-    splits: Sequence[Split],
-    effects: Sequence[str],
-    thetas: list[dict[str, float]],
-    further: str,
-    others: Sequence[Mapping[str, float]],
-) -> list[dict[str, float]]:
-    """The better on the training records of `thetas`, fits with `effects`, and of those begun where `others`, fits with
-    one `further` effect, have their base and the effects.
+def better_without(model: FittedModel, further: str, others: Fits) -> FittedModel:
+    """The better on the training records of `model` and of the same begun where `others`, fits with one `further`
+    effect, have their base and the effects.
     """
     starts = [without(theta, further) for theta in others]
-    again = [step_on(kind, part, effects, start).theta for (part, _), start in zip(splits, starts, strict=True)]
-    return min(thetas, again, key=lambda choice: training_cost(kind, splits, choice))
+    again = [
+        step_on(model.kind, part, model.effects, start).theta
+        for (part, _), start in zip(model.splits, starts, strict=True)
+    ]
+    return min(model, model.fitted(again), key=lambda choice: choice.training_cost)
 
 
 def without(theta: Mapping[str, float], effect: str) -> dict[str, float]:
@@ -301,19 +267,12 @@ def without(theta: Mapping[str, float], effect: str) -> dict[str, float]:
     return {name: value for name, value in theta.items() if not name.startswith(f"{effect}.")}
 
 
-def fair(
-    kind: Kind,
-    splits: Sequence[Split],
-    effects: Sequence[str],
-    thetas: Sequence[dict[str, float]],
-    trials: Sequence[Trial],
-) -> tuple[list[Trial], list[dict[str, float]]]:
+def fair(model: FittedModel, trials: Sequence[Trial]) -> tuple[list[Trial], FittedModel]:
     """The trials judged again against the best fit *without* a further effect, looked for from the trials' own base
-    values too: a trial must not win because its search was luckier with the base.
+    values too: a trial must not win because its search was luckier with the base. That fit is the second value.
     """
-    best = list(thetas)
+    best = model
     for trial in trials[:2]:
-        best = better_without(kind, splits, effects, best, trial.effect, trial.thetas)
-    costs = block_costs(kind, splits, best)
-    again_judged = [replace(against(costs, t.effect, t.thetas, t.blocks), companions=t.companions) for t in trials]
-    return sorted(again_judged, key=lambda trial: -trial.gain), best
+        best = better_without(best, trial.effect, trial.thetas)
+    again = [replace(against(best.blocks, t.effect, t.thetas, t.blocks), companions=t.companions) for t in trials]
+    return sorted(again, key=lambda trial: -trial.gain), best

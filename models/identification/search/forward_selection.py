@@ -5,21 +5,22 @@ say how sure.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from models.files.record import Record
 from models.identification.fitting.confidence import Part
-from models.identification.fitting.fit import FINE, Fit, narrowing
+from models.identification.fitting.fit import FINE, Fit, Problem, narrowing
 from models.identification.kind import EXPLAINED, Kind
 from models.identification.search.candidates import Trial, compare_candidates, fair, without
+from models.identification.search.fitted_model import FittedModel
 from models.identification.search.predictability import predictable, restlessness
 from models.identification.search.refinement import Known, refined, refined_at_last
 from models.identification.search.refit import finished, refit, step_on, whole
 from models.identification.search.screening import Screened, chance, for_chance, screen
-from models.identification.search.validation import APART, NEAR_NOISE, Split, ahead, block_costs, judged_cost
+from models.identification.search.validation import APART, NEAR_NOISE, ahead, judged_cost
 
 Progress = Callable[[str, float], None]
 
@@ -65,34 +66,44 @@ class Search:
         return 1.0 if excess <= 0 else (self.before - self.after) / excess
 
 
+@dataclass(frozen=True)
+class _Task:
+    """What a search works with: the kind of rig, where progress goes, a clock, random numbers."""
+
+    kind: Kind
+    progress: Progress
+    clock: _Clock
+    rng: np.random.Generator
+
+
 def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.random.Generator) -> Search:
     """Calibrate on `train`, then add effects one at a time while validation records gain beyond what chance gives."""
-    clock = _Clock()
+    task = _Task(kind, progress, _Clock(), rng)
     progress("calibrating", 0.02)
     told = kind.searched(train)
     splits = kind.splits(told)
     nominal = {p.name: p.value for p in kind.base}
-    base = narrowing(kind, told, [], refit(kind, told, [], nominal), kind.stages - 1, FINE)
+    base = narrowing(Problem.of(kind, told, [], kind.stages - 1), refit(kind, told, [], nominal), FINE)
     parts = [
         (step_on(kind, part, [], base.theta).theta if kind.free_only else refit(kind, part, [], base.theta))
         for part, _ in splits
     ]
     found = Search(base, base)
-    clock.note("calibration", found)
-    thetas = _named(kind, splits, parts, found, progress, clock, rng)
+    task.clock.note("calibration", found)
+    model = _named(task, FittedModel.of(kind, splits, [], parts), found)
     if kind.free_only and not found.effects and found.after > CLEAN:
         trials = found.rounds[0][2] if found.rounds else []
         likeliest = trials[0].thetas[0] if trials else parts[0]
         found.horizon_s, splits = predictable(kind, splits, likeliest, CLEAN, rng)
         if found.horizon_s < np.inf:
             parts = [refit(kind, part, [], base.theta) for part, _ in splits]
-            thetas = _named(kind, splits, parts, found, progress, clock, rng)
+            model = _named(task, FittedModel.of(kind, splits, [], parts), found)
     progress("fitting the model on all records", 0.85)
     if found.effects:
-        found.refinements, thetas = refined(kind, splits, found.effects, thetas, found.known)
-        found.after = _cost(kind, splits, thetas)
-        reached = _AS_BEFORE * judged_cost(kind, splits[0][0], thetas[0]) if found.refinements else 0.0
-        start = {**base.theta, **thetas[0]}
+        found.refinements, model = refined(model, found.known)
+        found.after = model.cost
+        reached = _AS_BEFORE * judged_cost(kind, model.part, model.thetas[0]) if found.refinements else 0.0
+        start = {**base.theta, **model.thetas[0]}
         found.augmented = whole(kind, train, found.model, start, max(NEAR_NOISE, reached))
         added, found.augmented = refined_at_last(
             kind, train, found.effects, found.refinements, found.augmented, found.known
@@ -101,48 +112,40 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
     else:
         found.augmented = finished(kind, train, [], base)
     rows = sum(map(len, train))
-    found.parts = [(sum(map(len, part)) / rows, theta) for (part, _), theta in zip(splits, thetas, strict=True)]
+    found.parts = [(sum(map(len, part)) / rows, theta) for part, theta in model.parts]
     if found.effects and kind.stages > 1:
         found.restless = restlessness(kind, splits, found.augmented.theta, rng)
     if not found.effects:
         found.calibrated = found.augmented
     elif sum(map(len, told)) < sum(map(len, train)):
         found.calibrated = step_on(kind, train, [], base.theta)
-    clock.note("final fit", found)
+    task.clock.note("final fit", found)
     return found
 
 
-def _named(
-    kind: Kind,
-    splits: Sequence[Split],
-    parts: list[dict[str, float]],
-    found: Search,
-    progress: Progress,
-    clock: _Clock,
-    rng: np.random.Generator,
-) -> list[dict[str, float]]:
-    """Effects added to `found` one at a time while validation records gain beyond what chance gives; the fits on the
-    splits' parts.
+def _named(task: _Task, model: FittedModel, found: Search) -> FittedModel:
+    """Effects added to `found` one at a time while validation records gain beyond what the null distribution gives;
+    `model`, the calibrated base, with them.
     """
-    progress("what chance looks like", 0.15)
-    found.threshold, found.detectable, found.chance_cost = chance(kind, for_chance(kind, splits[0][0]), parts[0], rng)
+    kind, clock = task.kind, task.clock
+    task.progress("what chance looks like", 0.15)
+    records = for_chance(kind, model.part)
+    found.threshold, found.detectable, found.chance_cost = chance(kind, records, model.thetas[0], task.rng)
     found.threshold = max(found.threshold, kind.least_gain)
     clock.note("chance", found)
-    found.before = found.after = _cost(kind, splits, parts)
+    found.before = found.after = model.cost
     found.rounds = []
-    thetas = parts
     for number in range(1, MOST_EFFECTS + 1):
         if found.after < max(found.chance_cost + LEAST_DROP, found.chance_cost * np.exp(kind.least_gain)) or (
             found.effects and found.explained > max(EXPLAINED, 1 - kind.next_share)
         ):
             break
-        progress(f"screening, round {number}", 0.2 + 0.15 * (number - 1))
-        screened = screen(kind, splits[0][0], [*found.effects], thetas[0], found.dropped)
+        task.progress(f"screening, round {number}", 0.2 + 0.15 * (number - 1))
+        screened = screen(kind, model.part, [*found.effects], model.thetas[0], found.dropped)
         clock.note("screening", found)
-        progress(f"fitting candidates, round {number}", 0.3 + 0.15 * (number - 1))
-        trials = compare_candidates(kind, splits, found.effects, thetas, screened)
-        trials, thetas = fair(kind, splits, found.effects, thetas, trials)
-        found.after = _cost(kind, splits, thetas)
+        task.progress(f"fitting candidates, round {number}", 0.3 + 0.15 * (number - 1))
+        trials, model = fair(model, compare_candidates(model, screened))
+        found.after = model.cost
         if not found.effects:
             found.before = found.after
         found.rounds.append((number, screened, trials))
@@ -150,35 +153,26 @@ def _named(
         if not trials or not _accept(kind, found, trials[0]):
             break
         _add(kind, found, trials)
-        thetas = list(trials[0].thetas)
         found.after = float(trials[0].blocks.mean())
-        thetas = _test_again(kind, splits, thetas, found)
+        model = _test_again(model.fitted(trials[0].thetas, found.effects), found)
         clock.note("testing again", found)
-    return thetas
+    return model
 
 
-def _test_again(
-    kind: Kind, splits: Sequence[Split], thetas: list[dict[str, float]], found: Search
-) -> list[dict[str, float]]:
+def _test_again(model: FittedModel, found: Search) -> FittedModel:
     """Drops every earlier effect that the later ones made needless: without it the validation records lose no more than
     chance gives.
     """
     for effect in found.effects[:-1]:
         rest = [name for name in found.effects if name != effect]
-        shorter = [
-            refit(kind, part, rest, without(theta, effect)) for (part, _), theta in zip(splits, thetas, strict=True)
-        ]
-        cost = _cost(kind, splits, shorter)
-        if np.log(cost / found.after) < found.threshold:
+        shorter = model.fitted(
+            [refit(model.kind, part, rest, without(theta, effect)) for part, theta in model.parts], rest
+        )
+        if np.log(shorter.cost / found.after) < found.threshold:
             found.effects.remove(effect)
             found.dropped.append(effect)
-            found.after, thetas = cost, shorter
-    return thetas
-
-
-def _cost(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[str, float]]) -> float:
-    """Mean square of the validation residuals over the splits."""
-    return float(block_costs(kind, splits, thetas).mean())
+            found.after, model = shorter.cost, shorter
+    return model
 
 
 def _accept(kind: Kind, found: Search, trial: Trial) -> bool:

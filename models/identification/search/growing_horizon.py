@@ -12,7 +12,7 @@ from scipy.stats import qmc
 
 from models.effects import BY_ID
 from models.files.record import Record
-from models.identification.fitting.fit import NARROW, Axis, Fit, axes, costs_of, narrowing
+from models.identification.fitting.fit import NARROW, Axis, Fit, Problem, axes, costs_of, narrowing
 from models.identification.kind import Kind
 from models.identification.search.validation import NEAR_NOISE
 
@@ -65,7 +65,10 @@ class GrowingHorizon:
         costs = costs_of(self.kind, records, points, self.stage)
         best = [points[i] for i in np.argsort(costs, kind="stable")[: self.effort.kept[number]]]
         widths = NARROW if length >= _TELLING_S else NARROW[-1:]
-        fits = [narrowing(self.kind, records, self.effects, point, self.stage, widths, _ROUNDS) for point in best]
+        fits = [
+            narrowing(Problem.of(self.kind, records, self.effects, self.stage), point, widths, _ROUNDS)
+            for point in best
+        ]
         self.fits = sorted(fits, key=lambda fit: fit.cost)
 
     def _scattered(self) -> list[dict[str, float]]:

@@ -8,11 +8,12 @@ import numpy as np
 
 from models.effects import BY_ID, REFINEMENTS
 from models.files.record import Record
-from models.identification.fitting.fit import FINE, NARROW, Fit, costs_of, narrowing
+from models.identification.fitting.fit import FINE, NARROW, Fit, Problem, costs_of, narrowing
 from models.identification.kind import Kind
 from models.identification.search.candidates import BEHIND, better_without, without
+from models.identification.search.fitted_model import FittedModel
 from models.identification.search.refit import mend, refit
-from models.identification.search.validation import NEAR_NOISE, TOLD, Split, block_costs, fewest, training_cost
+from models.identification.search.validation import NEAR_NOISE, TOLD, fewest
 
 _CLOSE = 1.25  # floors on the training records, up to which nothing is wanted
 _SHARE = 0.1  # of the reported error on the training records, the least that tells a finer shape
@@ -21,33 +22,22 @@ Known = MutableMapping[tuple[str, ...], list[dict[str, float]]]
 """Fits on the parts of the splits by model: its effects and refinements in order."""
 
 
-def refined(
-    kind: Kind,
-    splits: Sequence[Split],
-    effects: Sequence[str],
-    thetas: list[dict[str, float]],
-    known: Known,
-) -> tuple[list[str], list[dict[str, float]]]:
+def refined(model: FittedModel, known: Known) -> tuple[list[str], FittedModel]:
     """What mends the named effects' own shapes, and the fits with it: of the refinements, one after the other, the
     fewest that do about as well on validation records as the best. Each is held against the model without it as it is
     from its own base too, for it must not win by a luckier search. Fits that are `known` from before are not made
     again; those made here are added to it.
     """
-    curves = _shapes(kind, effects)
-    rows = [thetas]
+    curves = _shapes(model.kind, model.effects)
+    rows = [model]
     for k, curve in enumerate(curves):
-        model = [*effects, *curves[:k]]
+        finer = (*model.effects, *curves[: k + 1])
         fit = mend if BY_ID[curve] in REFINEMENTS else refit
-        if (*model, curve) not in known:
-            known[*model, curve] = [
-                fit(kind, part, [*model, curve], {**theta, **_begin(curve)})
-                for (part, _), theta in zip(splits, rows[-1], strict=True)
-            ]
-        rows[-1] = better_without(kind, splits, model, rows[-1], curve, known[*model, curve])
-        rows.append(known[*model, curve])
-    number = fewest(
-        [block_costs(kind, splits, own) for own in rows], [training_cost(kind, splits, own) for own in rows]
-    )
+        if finer not in known:
+            known[finer] = [fit(model.kind, part, finer, {**theta, **_begin(curve)}) for part, theta in rows[-1].parts]
+        rows[-1] = better_without(rows[-1], curve, known[finer])
+        rows.append(model.fitted(known[finer], finer))
+    number = fewest([row.blocks for row in rows], [row.training_cost for row in rows])
     return curves[:number], rows[number]
 
 
@@ -73,10 +63,12 @@ def refined_at_last(
         costs = costs_of(kind, records, starts, kind.final)
         if min(fit.cost, *costs) > BEHIND * fit.count:
             break
-        finer = narrowing(kind, records, model, starts[int(np.argmin(costs))], kind.final, (NARROW[0], *FINE))
+        finer = narrowing(
+            Problem.of(kind, records, model, kind.final), starts[int(np.argmin(costs))], (NARROW[0], *FINE)
+        )
         left = _floors(kind, records, finer)
         if finer.chi2 < NEAR_NOISE and _clearly(finer, left, fit, floors):
-            again = narrowing(kind, records, model[:-1], without(finer.theta, curve), kind.final, FINE)
+            again = narrowing(Problem.of(kind, records, model[:-1], kind.final), without(finer.theta, curve), FINE)
             if again.cost < fit.cost:
                 fit, floors = again, _floors(kind, records, again)
             if _clearly(finer, left, fit, floors):

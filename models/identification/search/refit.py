@@ -10,7 +10,7 @@ import numpy as np
 
 from models.effects import BY_ID, REFINEMENTS
 from models.files.record import Record
-from models.identification.fitting.fit import FINE, NARROW, WIDE, Fit, descend, narrowing
+from models.identification.fitting.fit import FINE, NARROW, WIDE, Fit, Problem, descend, narrowing
 from models.identification.kind import Kind
 from models.identification.search.growing_horizon import QUICK, grow_horizon
 from models.identification.search.validation import NEAR_NOISE, SHAPED, judged_cost, middle_stage
@@ -30,7 +30,7 @@ def refit(
     """
     stage = middle_stage(kind)
     if kind.stages == 1:
-        return narrowing(kind, records, effects, start, stage).theta
+        return narrowing(Problem.of(kind, records, effects, stage), start).theta
     fits = [step_on(kind, records, effects, start).theta]
     if not kind.free_only:
         fits.append(down_the_stages(kind, records, effects, start))
@@ -39,7 +39,9 @@ def refit(
         if kind.free_only:
             fits.append(_lengthened(kind, records, effects, start))
         else:
-            fits += [narrowing(kind, records, effects, begin, stage, WIDE).theta for begin in begins(kind, start)]
+            fits += [
+                narrowing(Problem.of(kind, records, effects, stage), begin, WIDE).theta for begin in begins(kind, start)
+            ]
         costs = [judged_cost(kind, records, theta) for theta in fits]
     return fits[int(np.argmin(costs))]
 
@@ -64,7 +66,10 @@ def mend(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: M
 def step_on(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> Fit:
     """A fit at the middle stage from where the start is."""
     return narrowing(
-        kind, records, effects, start, middle_stage(kind), (NARROW[0], *FINE) if kind.free_only else FINE, 10
+        Problem.of(kind, records, effects, middle_stage(kind)),
+        start,
+        (NARROW[0], *FINE) if kind.free_only else FINE,
+        10,
     )
 
 
@@ -75,7 +80,7 @@ def down_the_stages(
     theta = dict(start)
     for stage in range(kind.stages):
         for secant in (0.3, 0.1) if stage == 0 else (0.1,):
-            theta = descend(kind, records, effects, theta, stage, secant, 12).theta
+            theta = descend(Problem.of(kind, records, effects, stage), theta, secant, 12).theta
     return theta
 
 
@@ -110,7 +115,7 @@ def whole(
 ) -> Fit:
     """The best of several ways to a fit on `records` (`refit`), finished."""
     begun = refit(kind, records, effects, start, enough)
-    return finished(kind, records, effects, narrowing(kind, records, effects, begun, kind.stages - 1, FINE))
+    return finished(kind, records, effects, narrowing(Problem.of(kind, records, effects, kind.stages - 1), begun, FINE))
 
 
 def finished(kind: Kind, records: Sequence[Record], effects: Sequence[str], fit: Fit) -> Fit:
@@ -120,9 +125,9 @@ def finished(kind: Kind, records: Sequence[Record], effects: Sequence[str], fit:
     if kind.stages == 1:
         return fit
     widths = FINE if fit.chi2 < NEAR_NOISE else (*WIDE, FINE[-1])
-    best = narrowing(kind, records, effects, fit.theta, kind.final, widths)
+    best = narrowing(Problem.of(kind, records, effects, kind.final), fit.theta, widths)
     for _ in range(_WAYS_DOWN):
-        again = narrowing(kind, records, effects, best.theta, kind.final, (NARROW[0], *FINE))
+        again = narrowing(Problem.of(kind, records, effects, kind.final), best.theta, (NARROW[0], *FINE))
         if again.cost > (1 - _REFINES) * best.cost:
             return min(best, again, key=lambda fit: fit.cost)
         best = again

@@ -152,7 +152,7 @@ def screen(
     """
     rows: dict[str, Screened] = {}
     for stage in (middle_stage(kind), *((kind.stages,) if kind.slow_view else ())):
-        fit = descend(kind, records, effects, theta, stage, _SECANT, 8)
+        fit = descend(Problem.of(kind, records, effects, stage), theta, _SECANT, 8)
         for row in _best(_View.at(kind, records, effects, fit.theta, stage), _candidates(kind, (*effects, *dropped))):
             other = rows.get(row.effect)
             rows[row.effect] = row if other is None else _joined(row, other)
@@ -187,7 +187,7 @@ def chance(
         imitated = [kind.imitate(record, theta, rng) for record in records]
         own, left = theta, judged_cost(kind, imitated, theta)
         if left > NEAR_NOISE:
-            again = narrowing(kind, imitated, [], theta, stage, FINE).theta
+            again = narrowing(Problem.of(kind, imitated, [], stage), theta, FINE).theta
             own, left = min((own, left), (again, judged_cost(kind, imitated, again)), key=lambda fit: fit[1])
         view = _View.at(kind, imitated, [], own, stage)
         cost = max(cost, left)

@@ -15,6 +15,7 @@ from models.identification.kinds import kind_for
 from models.identification.kinds.series.kind import SeriesKind
 from models.identification.kinds.series.report import about_the_rig, equations
 from models.identification.search.candidates import compare_candidates
+from models.identification.search.fitted_model import FittedModel
 from models.identification.search.refit import refit
 from models.identification.search.screening import screen
 from models.identification.search.validation import APART, ahead
@@ -43,7 +44,7 @@ def test_what_changes_one_side_alone_is_called_by_its_name(name: str, tmp_path: 
     kind = replace(full, effects=tuple(BY_ID[effect] for effect in RIVALS[name]))
     splits = [(records[:1], records[1:])]
     base = refit(kind, records[:1], [], kind.nominal())
-    trials = compare_candidates(kind, splits, [], [base], screen(kind, records[:1], [], base))
+    trials = compare_candidates(FittedModel.of(kind, splits, [], [base]), screen(kind, records[:1], [], base))
     assert trials[0].effect == hidden(name).answer
     assert all(ahead(trials[0].blocks, trial.blocks) > APART for trial in trials[1:])
     model = (trials[0].effect, "level_at_onset")

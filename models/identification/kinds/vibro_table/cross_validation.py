@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from models.files.record import Record
-from models.identification.fitting.fit import descend
+from models.identification.fitting.fit import Problem, descend
 from models.identification.kind import Theta
 from models.identification.kinds.vibro_table.kind import VibroTableKind
 
@@ -48,7 +48,7 @@ def _fitted(
 ) -> dict[str, float]:
     theta: Mapping[str, float] = start
     for secant in secants:
-        theta = descend(kind, records, effects, theta, 0, secant, _STEPS).theta
+        theta = descend(Problem.of(kind, records, effects, 0), theta, secant, _STEPS).theta
     return dict(theta)
 
 

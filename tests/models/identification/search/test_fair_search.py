@@ -12,6 +12,7 @@ from models.files.rig import read_rig
 from models.identification.kind import Kind
 from models.identification.kinds import kind_for
 from models.identification.search.candidates import Trial, against, from_the_best
+from models.identification.search.fitted_model import FittedModel
 from models.identification.search.refit import step_on
 from models.identification.search.validation import Split, block_costs
 from plant.experiments.series import make_series
@@ -40,7 +41,9 @@ def test_a_stuck_look_alike_is_looked_for_from_the_best_ones_base(
     stuck = [{**base, "magnet_stiffness_N_per_m": 21.3, "sensor_delay.delay_s": 0.02}] * len(splits)
     rows = [trial(kind, splits, before, "actuator_lag", lag), trial(kind, splits, before, "sensor_delay", stuck)]
     assert rows[1].gain < rows[0].gain
-    best = max(from_the_best(kind, splits, [], rows, rows, before), key=lambda row: row.gain)
+    best = max(
+        from_the_best(FittedModel.of(kind, splits, [], [base] * len(splits)), rows, rows), key=lambda row: row.gain
+    )
     assert best.effect == "sensor_delay"
     assert best.thetas[0]["sensor_delay.delay_s"] == pytest.approx(0.048, abs=0.002)
 
@@ -56,7 +59,10 @@ def test_a_candidate_that_its_companion_made_needless_is_judged_alone(
     both = fitted(kind, splits, model, {**base, "actuator_lag.time_s": 1e-4, "sensor_delay.delay_s": LATE_S})
     put_right = trial(kind, splits, before, "actuator_lag", both)
     helped = Trial("actuator_lag", alone.thetas, put_right.gain, put_right.drop, put_right.blocks, {tuple(model): both})
-    rows = {row.effect: row for row in from_the_best(kind, splits, [], [alone], [helped], before)}
+    rows = {
+        row.effect: row
+        for row in from_the_best(FittedModel.of(kind, splits, [], [base] * len(splits)), [alone], [helped])
+    }
     assert rows["actuator_lag"] is alone
     assert rows["sensor_delay"].gain > alone.gain
 

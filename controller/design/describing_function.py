@@ -26,7 +26,6 @@ from models.compiled.kernel import lower
 from models.drives.from_rig import surface_of
 from models.drives.pull import Pull
 from models.effects import BY_ID
-from models.laws.geometry import GRAVITY
 from models.surfaces.plate import Plate
 
 AMPLITUDES_M = np.geomspace(1e-5, 3e-3, 24)
@@ -78,8 +77,8 @@ def describe(
     """
     omega = 2 * math.pi * np.asarray(frequency_Hz, dtype=np.float64)
     surface, known = surface_of(model.rig), _known(model)
-    if isinstance(surface, Plate):
-        force = known["friction_coefficient"] * (surface.mass_kg + model.drive.carried_kg) * GRAVITY
+    if not surface.dragged:
+        force, _ = surface.hold(0.0, known, model.drive.carried_kg)
         return Describing(amplitude_m, omega, np.outer(1j * 4 * force / (math.pi * amplitude_m), np.ones_like(omega)))
     ids = dict.fromkeys(name.split(".")[0] for name in known if "." in name)
     pulled = assemble(surface, Pull(), tuple(BY_ID[name] for name in ids if "pull" in BY_ID[name].kinds))
@@ -102,7 +101,7 @@ def without_wall(model: ControlModel) -> Linear:
     wall.
     """
     known, surface = _known(model), surface_of(model.rig)
-    mass = surface.mass_kg if isinstance(surface, Plate) else surface.capsule.mass_kg
+    mass = surface.body_kg
     ids = dict.fromkeys(name.split(".")[0] for name in known if "." in name)
     symbols = assembled(Plate(mass, 0.0), model.drive, tuple(BY_ID[name] for name in ids), model.smoothing)
     values = [0.0 if p.name == "friction_coefficient" else known[p.name] for p in symbols.parameters]

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from controller.model.control_model import ControlModel
 from models.drives.from_rig import surface_of
-from models.laws.geometry import GRAVITY
-from models.surfaces.plate import Plate
 
 LEAST_OFF_N = 1e-4  # however good a model proved
 AT_FIRST = 5.0  # times what it proved off that it may be off at the start
@@ -17,9 +15,7 @@ def mean_friction(model: ControlModel, speed_m_s: float = 1e-3) -> float:
     """
     p = dict(zip((p.name for p in model.symbols.parameters), model.values.tolist(), strict=True))
     surface = surface_of(model.rig)
-    if isinstance(surface, Plate):
-        return float(p["friction_coefficient"] * (surface.mass_kg + model.drive.carried_kg) * GRAVITY)
-    friction, onset = surface.grip(speed_m_s, p["hoop_stress_factor"], p["friction_coefficient"])
+    friction, onset = surface.hold(speed_m_s, p, model.drive.carried_kg)
     return float(friction + 0.5 * onset)
 
 

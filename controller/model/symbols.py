@@ -11,14 +11,12 @@ import numpy as np
 
 from models.assembly.effects import Active
 from models.assembly.model import effect_parameters
-from models.assembly.step import Stepper, Surface
-from models.drives.coil import Coil, VoltageCoil
+from models.assembly.step import Stepper
 from models.drives.drive import Drive
-from models.drives.magnetic import Magnetic
 from models.effects.effect import Effect, Signals
 from models.parameter import Parameter
-from models.surfaces.gut import Drag, base_parameters, drag_rate
-from models.surfaces.plate import Plate
+from models.surfaces.gut import Drag, drag_rate
+from models.surfaces.surface import Surface
 
 _BASE = ("x", "v", "u", "slip", "direction", "travelled", "dwell")
 PURSUIT_S = 0.02
@@ -88,7 +86,7 @@ class _Model:
             0.0,
             n["dwell"],
         )
-        rate = 0.0 if isinstance(self.surface, Plate) else drag_rate(self.drag(), n["v"], stepper.grip(s).recovery)
+        rate = 0.0 if not self.surface.dragged else drag_rate(self.drag(), n["v"], stepper.grip(s).recovery)
         return Signals(**{**vars(s), "drag_rate": rate})
 
     def drag(self) -> Drag:
@@ -125,34 +123,14 @@ class _Model:
         s = moving.signals(stepper, t)
         force = moving.wall_force(t) - stepper.active.total("force", s) + stepper.mass_kg * (speed - v) / PURSUIT_S
         force = force / stepper.active.product("gain", s)
-        if isinstance(self.drive, Magnetic):
-            return self.now["x"] + _gap(force / self.p["magnet_stiffness_N_per_m"], self.drive.range_m)
-        if not isinstance(self.drive, Coil):
-            return ca.SX(0.0)
-        current = force / self.drive.force(self.now["x"], v, 1.0, self.p)
-        if not isinstance(self.drive, VoltageCoil):
-            return current
-        return self.p["coil_resistance_ohm"] * current + self.p["back_emf_V_s_per_m"] * v
-
-
-def _gap(ratio: Any, reach: float) -> Any:
-    """The gap g in m with `g/(1 + (g/r)^2)^2` = `ratio`, held within 0.95 of the one of greatest force; three Newton
-    steps.
-    """
-    most = 0.95 * reach / np.sqrt(3)
-    g = np.clip(ratio, -most, most)
-    for _ in range(3):
-        q = (g / reach) ** 2
-        g = np.clip(g - (g / (1 + q) ** 2 - ratio) * (1 + q) ** 3 / (1 - 3 * q), -most, most)
-    return g
+        return ca.SX(self.drive.command_for(force, self.now["x"], v, self.p))
 
 
 def assembled(surface: Surface, drive: Drive, effects: Sequence[type[Effect]], smoothing: float) -> Symbols:
     """The functions of a body on `surface` under `drive` with `effects`, its states cut down to those that anything
     depends on.
     """
-    own = surface.parameters() if isinstance(surface, Plate) else base_parameters(surface.tissue)
-    parameters = own + drive.parameters() + effect_parameters(effects)
+    parameters = surface.parameters() + drive.parameters() + effect_parameters(effects)
     q = ca.SX.sym("q", len(parameters))
     c0, c1, d, t, h = (ca.SX.sym(name) for name in ("c0", "c1", "d", "t", "h"))
     hidden = tuple(f"{e.id}.{name}" for e in effects for name in e.states)

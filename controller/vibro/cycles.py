@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from controller.vibro.table_values import unloaded
 from controller.vibro.waveform import Waveform
 from models.assembly.model import Assembly, assemble
-from models.assembly.step import Surface
 from models.compiled.kernel import Kernel, lower
 from models.drives.coil import Winding
 from models.drives.from_rig import drive_of, surface_of
@@ -25,7 +24,7 @@ from models.effects import BY_ID
 from models.effects.effect import Effect
 from models.files.rig import Rig
 from models.parameter import nearest
-from models.surfaces.plate import Plate
+from models.surfaces.surface import Surface
 
 Array = NDArray[np.float64]
 STEP_S = 6e-5
@@ -111,7 +110,7 @@ class VibroModel:
     @property
     def body_kg(self) -> float:
         """Mass of the body without the inner one."""
-        return self.surface.mass_kg if isinstance(self.surface, Plate) else self.surface.capsule.mass_kg
+        return self.surface.body_kg
 
     def assembly(self, smoothing: float = 0.0) -> Assembly:
         """The assembled model; `smoothing` in m/s makes it differentiable."""

@@ -12,13 +12,13 @@ import casadi as ca
 import numpy as np
 
 from models.assembly.effects import Active
-from models.assembly.step import Stepper, Surface
+from models.assembly.step import Stepper
 from models.drives.drive import Drive
 from models.drives.elastic_link import Link
 from models.effects.effect import Effect
 from models.parameter import Parameter
-from models.surfaces.gut import LONGEST, Wall, base_parameters
-from models.surfaces.plate import Plate
+from models.surfaces.gut import LONGEST, Wall
+from models.surfaces.surface import Surface
 
 BASE_STATES = ("x", "v", "a", "u", "slip", "u_rate", "direction", "travelled", "dwell")
 
@@ -66,10 +66,9 @@ def assemble(surface: Surface, drive: Drive, effects: Sequence[type[Effect]] = (
     derivatives: a resting body then creeps at a speed of that order. For an imposed motion the output is the pull that
     it takes, else the body's position. Raises ValueError for an imposed motion on a plate.
     """
-    if drive.imposed and isinstance(surface, Plate):
+    if drive.imposed and not surface.dragged:
         raise ValueError(f"drive must leave the body free on a plate; got {drive.name!r}, which imposes its position")
-    own = surface.parameters() if isinstance(surface, Plate) else base_parameters(surface.tissue)
-    parameters = own + drive.parameters() + effect_parameters(effects)
+    parameters = surface.parameters() + drive.parameters() + effect_parameters(effects)
     hidden = tuple(f"{e.id}.{name}" for e in effects for name in e.states)
     names = BASE_STATES + tuple(f"{drive.name}.{name}" for name in drive.states) + hidden
     state = ca.SX.sym("state", len(names))
@@ -91,7 +90,7 @@ def _correction(surface: Surface, drive: Drive, names: tuple[str, ...]) -> ca.Fu
     state, error, gain = ca.SX.sym("state", len(names)), ca.SX.sym("error"), ca.SX.sym("gain")
     now: dict[str, Any] = {name: state[i] for i, name in enumerate(names)}
     shift = gain * error
-    if isinstance(surface, Plate) or not drive.anchored:
+    if not surface.dragged or not drive.anchored:
         new = now | {"x": now["x"] + shift}
     elif drive.imposed:
         shift = gain * error / surface.stiffness()

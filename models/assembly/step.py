@@ -11,12 +11,8 @@ from models.assembly.effects import Active
 from models.drives.drive import Actuation, Drive, Push
 from models.drives.elastic_link import Link
 from models.effects.effect import Signals
-from models.laws.geometry import GRAVITY
-from models.laws.mucus import mucus_drag
-from models.surfaces.gut import Drag, Wall, drag_rate, settle, step_drag
-from models.surfaces.plate import Plate
-
-Surface = Wall | Plate
+from models.surfaces.gut import Drag, drag_rate, settle, step_drag
+from models.surfaces.surface import Surface
 
 _REST = 1e-7  # m/s, below it the capsule counts as at rest for the direction of the last motion
 _REST_IMPOSED = 1e-11  # m/s, the same of an imposed motion, which creeps as it likes
@@ -31,7 +27,7 @@ _SMALL_DRAG = 1e-6  # m, below it the tension of a smooth model is linear in the
 @dataclass(frozen=True)
 class Grip:
     """What the surface does to the body at this moment: Coulomb part `friction` in N at the effects' `level`, slip
-    limit `onset` in N, draw-back speed `recovery` in m/s. A plate has the first two alone.
+    limit `onset` in N, draw-back speed `recovery` in m/s: the first two alone where no wall is dragged.
     """
 
     friction: Any
@@ -55,42 +51,35 @@ class Stepper:
     @property
     def mass_kg(self) -> float:
         """Mass of the body."""
-        return self.surface.mass_kg if isinstance(self.surface, Plate) else self.surface.capsule.mass_kg
+        return self.surface.body_kg
 
     def tension(self, u: Any) -> Any:
-        """The wall's quasi-static tension in N. A plate has none."""
-        if isinstance(self.surface, Plate):
-            return 0.0
-        if self.smoothing == 0:
+        """The wall's quasi-static tension in N, 0 where there is no wall."""
+        if self.smoothing == 0 or not self.surface.dragged:
             return self.surface.tension(u)
         size = np.sqrt(u * u + _SMALL_DRAG**2)  # keeps dT/du at u = 0, where the derivatives of sign and abs are 0
         return self.surface.tension(size) * u / size
 
     def mucus(self, w: Any) -> Any:
         """Drag of the mucus film in N; its infinite slope at rest is cut off at `smoothing`."""
-        if isinstance(self.surface, Plate):
-            return 0.0
-        film = self.surface.tissue.mucus_thickness_m
-        if self.smoothing == 0:
-            return mucus_drag(w, film)
+        if self.smoothing == 0 or not self.surface.dragged:
+            return self.surface.mucus(w)
         size = np.sqrt(w * w + self.smoothing**2)
-        return mucus_drag(size, film) * w / size
+        return self.surface.mucus(size) * w / size
 
     def grip(self, s: Signals) -> Grip:
         """Friction and slip limit at `s`, with what effects make of them."""
-        p, levels = self.active.p, self.active.levels(s)
-        mu, load = p["friction_coefficient"], self.drive.carried_kg * GRAVITY
-        if isinstance(self.surface, Plate):
-            return Grip(mu * (self.mass_kg * GRAVITY + load) * levels[0], levels[0])
-        friction, onset = self.surface.grip(np.abs(s.v), p["hoop_stress_factor"], mu, levels)
-        if load:
-            onset = onset + mu * load
-        u_c = self.slipping_drag(self.surface, onset, s)
-        recovery = self.active.recovery(s, u_c / self.surface.tissue.recovery_time_s, u_c)
+        levels = self.active.levels(s)
+        friction, onset = self.surface.hold(np.abs(s.v), self.active.p, self.drive.carried_kg, levels)
+        if not self.surface.dragged:
+            return Grip(friction, levels[0])
+        u_c = self.slipping_drag(onset, s)
+        recovery = self.active.recovery(s, u_c / self.surface.recovery_time_s, u_c)
         return Grip(friction, levels[0], onset, recovery)
 
-    def slipping_drag(self, wall: Wall, onset: Any, s: Signals) -> Any:
+    def slipping_drag(self, onset: Any, s: Signals) -> Any:
         """`u_c` in m with `T(u_c)`, as stiff as effects make it there, equal to `onset` in N; Steffensen's steps."""
+        wall = self.surface
         u = wall.drag_at(onset)
         if not any(effect.answers("stiffening") for effect in self.active.effects):
             return u
@@ -108,7 +97,7 @@ class Stepper:
 
     def held(self, s: Signals, drag: Drag, tension: Any) -> tuple[Any, Any]:
         """Tension with what effects add, and mucus drag, both in N against the body's motion."""
-        if isinstance(self.surface, Plate):
+        if not self.surface.dragged:
             return 0.0, 0.0
         extra = self.active.total("wall_force", s)
         return tension * self.stiffening(s, drag.u) + extra, self.mucus(
@@ -117,7 +106,7 @@ class Stepper:
 
     def drag(self, s: Signals, drag: Drag, v: Any, h: Any, grip: Grip) -> Drag:
         """The wall a step later."""
-        if isinstance(self.surface, Plate):
+        if not self.surface.dragged:
             return drag
         return step_drag(drag, v, h, grip.onset, lambda u: self.tension(u) * self.stiffening(s, u), grip.recovery)
 
@@ -174,10 +163,10 @@ class Stepper:
         return new | dict(seen.z), seen.measured(s, output)
 
     def _faced(self, now: dict[str, Any], push: Push) -> Any:
-        """Direction that a resting body's friction faces: in the gut the last motion's, on a plate where the drive
-        pushes.
+        """Direction that a resting body's friction faces: of one in a dragged wall the last motion's, else where the
+        drive pushes.
         """
-        if isinstance(self.surface, Plate):
+        if not self.surface.dragged:
             return np.where(push.force == 0, now["direction"], np.sign(push.force))
         return now["direction"]
 

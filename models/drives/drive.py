@@ -9,6 +9,10 @@ from typing import Any, ClassVar
 from models.parameter import Parameter
 
 Values = Mapping[str, Any]
+ANYWHERE = "Predictions start at the place where the record starts: the drive alone does not tell it."
+BELIEVED = (
+    "Of the coil's resistance and its force per current a position shows the ratio alone: the resistance is believed."
+)
 
 
 def _nothing(*_: Any) -> Any:
@@ -64,7 +68,8 @@ class Drive:
     `states` are the drive's own, all 0 at the start; `command_unit` is what a command of 1 is in the driven column's
     unit; `carried_kg` rides on the body and presses it down. `turning` places the moment at which the body turns or
     stops within the step, for drives that shake it to and fro in every cycle. `held`: the command is a switch, which
-    over a step stays what it was at the step's beginning; else it goes in a straight line.
+    over a step stays what it was at the step's beginning; else it goes in a straight line. `by_voltage`: the command is
+    a coil's voltage, and its current a state.
     """
 
     name: ClassVar[str] = ""
@@ -75,6 +80,7 @@ class Drive:
     states: ClassVar[tuple[str, ...]] = ()
     turning: ClassVar[bool] = False
     held: ClassVar[bool] = False
+    by_voltage: ClassVar[bool] = False
 
     @property
     def command_unit(self) -> float:
@@ -89,6 +95,20 @@ class Drive:
     def parameters(self) -> tuple[Parameter, ...]:
         """What calibration may fit of the drive."""
         return ()
+
+    def equations(self, p: Values) -> list[str]:
+        """How the command becomes a force, in words and numbers, a line each."""
+        return []
+
+    def untold(self) -> list[str]:
+        """Sentences on what records under this drive cannot tell."""
+        return [] if self.imposed else [ANYWHERE]
+
+    def command_for(self, force: Any, x: Any, v: Any, p: Values) -> Any:
+        """The command that pushes with `force` in N at `x` in m and `v` in m/s, held for long: the inverse of `force`
+        within the drive's reach; 0 where there is none.
+        """
+        return 0.0
 
     def force(self, x: Any, v: Any, command: Any, p: Values) -> Any:
         """Force on the capsule along +x in N."""

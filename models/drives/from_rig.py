@@ -10,11 +10,12 @@ from models.drives.vibro import RatedVibro, Stop, Vibro, VoltageVibro
 from models.files.rig import Rig
 from models.surfaces.gut import Wall
 from models.surfaces.plate import Plate
+from models.surfaces.surface import Surface
 
 KINDS = ("pull", "magnetic", "coil", "vibro")
 
 
-def surface_of(rig: Rig) -> Wall | Plate:
+def surface_of(rig: Rig) -> Surface:
     """What the body lies on: the gut, or the plate of `[surface]`."""
     if rig.surface is not None and rig.surface.kind == "plate" and rig.surface.friction_coefficient is not None:
         return Plate(rig.capsule.mass_kg, rig.surface.friction_coefficient)

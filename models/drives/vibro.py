@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from models.drives.coil import Winding
-from models.drives.drive import Actuation, Drive, Push, Values
+from models.drives.drive import ANYWHERE, BELIEVED, Actuation, Drive, Push, Values
 from models.parameter import Parameter
 
 
@@ -63,6 +63,17 @@ class Vibro(Drive):
             Parameter("spring_stiffness_N_per_m", k, "N/m", 0.8 * k, 1.25 * k, "rig file", fit=True),
             Parameter("spring_damping_N_s_per_m", c, "N s/m", 0.0, max(2 * c, 1.0), "rig file"),
         )
+
+    def equations(self, p: Values) -> list[str]:
+        reaction = " - F" if self.reaction_on_body else ""
+        stiffness, damping = (f"{p[name]:.4g}" for name in ("spring_stiffness_N_per_m", "spring_damping_N_s_per_m"))
+        return [
+            f"F_act = S{reaction}, S = {stiffness} r + {damping} r' + stops",
+            f"{self.inner_mass_kg:.4g} w' = F - S, F = {self._drawn(p)}",
+        ]
+
+    def _drawn(self, p: Values) -> str:
+        return f"{p['force_N']:.4g} on"
 
     def suspension(self, stretch: Any, rate: Any, p: Values) -> Any:
         """`S` in N: how the inner mass is drawn back at `stretch` in m and `rate` in m/s."""
@@ -118,8 +129,18 @@ class VoltageVibro(Vibro):
 
     commanded: ClassVar[str] = "coil_voltage_V"
     states: ClassVar[tuple[str, ...]] = ("stretch_m", "rate_m_s", "current_A")
+    by_voltage: ClassVar[bool] = True
     coil_force_N_per_A: float = 0.5
     winding: Winding = Winding()
+
+    def equations(self, p: Values) -> list[str]:
+        return [*super().equations(p), self.winding.equation(p, "r'")]
+
+    def _drawn(self, p: Values) -> str:
+        return f"{p['coil_force_N_per_A']:.4g} i"
+
+    def untold(self) -> list[str]:
+        return [ANYWHERE, BELIEVED]
 
     def parameters(self) -> tuple[Parameter, ...]:
         k = self.coil_force_N_per_A

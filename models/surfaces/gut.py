@@ -6,15 +6,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from models.laws.geometry import GRAVITY, Capsule, Tissue, stretched_length, wall_section
 from models.laws.hyperelastic import WallConstants
+from models.laws.mucus import mucus_drag
 from models.laws.resistance import pressure_integrals
 from models.laws.tension import wall_tension
 from models.parameter import Parameter
+from models.surfaces.surface import Levels, Surface, Values
 
 FASTEST = 0.3  # m/s, end of the fitted range of the pressure integrals
 LONGEST = 3e-3  # m, end of the fitted range of the wall drag
@@ -31,13 +33,14 @@ def _polynomial(value: Any, coefficients: tuple[float, ...]) -> Any:
 
 
 @dataclass(frozen=True)
-class Wall:
+class Wall(Surface):
     """The gut around one capsule: pressure integrals against speed, tension against drag.
 
     `nose(v)` and `cylinder(v)` are V's integrals I1 and I2 at the nominal hoop stress, as polynomials in log(1 + v/3
     mm/s) that follow the quadrature within 1e-4 up to 0.3 m/s, so that NumPy and CasADi share them.
     """
 
+    dragged: ClassVar[bool] = True
     capsule: Capsule
     tissue: Tissue
     constants: WallConstants
@@ -63,6 +66,35 @@ class Wall:
         forward = np.polynomial.Polynomial.fit(u[1:] / LONGEST, force[1:] / u[1:], 7, window=[-1, 1]).convert().coef
         drag, tension = (tuple(float(c) for c in row) for row in (inverse, forward))
         return cls(capsule, tissue, constants, fitted(nose), fitted(cylinder), drag, tension)
+
+    @property
+    def body_kg(self) -> float:
+        return self.capsule.mass_kg
+
+    @property
+    def recovery_time_s(self) -> float:
+        return self.tissue.recovery_time_s
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return base_parameters(self.tissue)
+
+    def hold(self, speed: Any, p: Values, carried_kg: float = 0.0, levels: Levels = (1.0, 1.0, 1.0)) -> tuple[Any, Any]:
+        mu = p["friction_coefficient"]
+        friction, onset = self.grip(speed, p["hoop_stress_factor"], mu, levels)
+        load = carried_kg * GRAVITY
+        return friction, onset + mu * load if load else onset
+
+    def mucus(self, w: Any) -> Any:
+        return mucus_drag(w, self.tissue.mucus_thickness_m)
+
+    def equations(self, p: Values) -> list[str]:
+        hoop, mu = f"{p['hoop_stress_factor']:.4g}", f"{p['friction_coefficient']:.4g}"
+        return [
+            "m a = F_act - F_e(|v|) Sgn(v) - F_v(w) - T(u)",
+            f"F_e = {hoop} sin(theta) I1(|v|)",
+            f"f_c = {mu} (m g + {hoop} (cos(theta) I1(|v|) + I2(|v|)))",
+            "stick: u' = v until |T(u)| = f_c; slip: u' = -v_i, v_i = u_c/t_r, until u = 0",
+        ]
 
     def nose(self, speed: Any) -> Any:
         """`I1` in N at `speed` >= 0 in m/s."""

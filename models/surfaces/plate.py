@@ -3,18 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
+from models.laws.geometry import GRAVITY
 from models.parameter import Parameter
+from models.surfaces.surface import Levels, Surface, Values
 
 
 @dataclass(frozen=True)
-class Plate:
+class Plate(Surface):
     """A body of `mass_kg` (without an inner mass) on a plate: it rests while the other forces stay within `mu m g`."""
 
     mass_kg: float
     friction_coefficient: float = 0.29
 
+    @property
+    def body_kg(self) -> float:
+        return self.mass_kg
+
     def parameters(self) -> tuple[Parameter, ...]:
-        """What calibration may fit of the plate."""
         mu = self.friction_coefficient
         return (Parameter("friction_coefficient", mu, "1", 0.5 * mu, 2.0 * mu, "rig file", fit=True),)
+
+    def hold(self, speed: Any, p: Values, carried_kg: float = 0.0, levels: Levels = (1.0, 1.0, 1.0)) -> tuple[Any, Any]:
+        load = carried_kg * GRAVITY
+        return p["friction_coefficient"] * (self.mass_kg * GRAVITY + load) * levels[0], 0.0
+
+    def equations(self, p: Values) -> list[str]:
+        return [f"m a = F_act - {p['friction_coefficient']:.4g} N Sgn(v), N the weight of all that lies on the plate"]

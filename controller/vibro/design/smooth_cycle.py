@@ -16,9 +16,7 @@ from controller.vibro.cycles import VibroModel
 from models.assembly.effects import Active
 from models.assembly.step import Grip, Stepper
 from models.effects.effect import Signals
-from models.laws.geometry import GRAVITY
 from models.surfaces.gut import Drag
-from models.surfaces.plate import Plate
 
 Array = NDArray[np.float64]
 NODES = ("x", "v", "vibro.stretch_m", "vibro.rate_m_s", "u")
@@ -33,7 +31,7 @@ class KnownSlip(Stepper):
     """
 
     def drag(self, s: Signals, drag: Drag, v: Any, h: Any, grip: Grip) -> Drag:
-        if isinstance(self.surface, Plate):
+        if not self.surface.dragged:
             return drag
         return Drag(drag.u + h * ((1 - drag.slip * drag.slip) * v - drag.slip * grip.recovery), drag.slip)
 
@@ -73,12 +71,10 @@ def smooth_part(model: VibroModel, smoothing: float, steps: int, lags: Mapping[s
         now, _output = stepper().advance(now, c, c, 0.0, h)
     end = ca.vertcat(*(now[name] / scale[i] for i, name in enumerate(names)))
     advance = ca.Function("advance", [z, c, h, slip], [end])
-    if isinstance(model.surface, Plate):
+    if not model.surface.dragged:
         return Part(names, scale, steps, advance, None)
     u, v = z[4] * SCALE[4], z[1] * SCALE[1]
-    mu = p["friction_coefficient"]
-    _, onset = model.surface.grip(np.sqrt(v * v + smoothing**2), p["hoop_stress_factor"], mu)
-    onset = onset + mu * model.drive.carried_kg * GRAVITY
+    _, onset = model.surface.hold(np.sqrt(v * v + smoothing**2), p, model.drive.carried_kg)
     own = stepper()
     strain = ca.Function("strain", [z], [own.tension(u) * own.stiffening(Signals(), u) / onset])
     return Part(names, scale, steps, advance, strain)

@@ -10,7 +10,6 @@ from typing import ClassVar
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
-from models.assembly.step import Surface
 from models.compiled.kernel import LANES
 from models.drives.drive import Drive
 from models.drives.from_rig import drive_of, surface_of
@@ -22,8 +21,7 @@ from models.identification.kind import Array, Theta
 from models.identification.kinds.series.drive_input import drifts, driven_column, interval, switch_delay
 from models.identification.kinds.series.simulation import START_S, Runner
 from models.parameter import Parameter
-from models.surfaces.gut import base_parameters
-from models.surfaces.plate import Plate
+from models.surfaces.surface import Surface
 
 LOW_PASS_HZ = 2.0
 _PER_PERIOD = 10  # samples that the slow view keeps of a period of its cut-off
@@ -85,11 +83,9 @@ class SeriesKind:
             if drifts(drive)
             else (0.2,)
         )
-        own = surface.parameters() if isinstance(surface, Plate) else base_parameters(surface.tissue)
+        own = surface.parameters()
         base = own + drive.parameters() + switch_delay(drive, records)
-        effects = tuple(
-            e for e in effects_for(drive.name) if not isinstance(surface, Plate) or not _acts_on_the_wall(e)
-        )
+        effects = tuple(e for e in effects_for(drive.name) if surface.dragged or not _acts_on_the_wall(e))
         unit = "N" if drive.imposed else "m"
         return cls(
             drive.name,

@@ -6,11 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from models.assembly.step import Surface
-from models.drives.coil import Coil, VoltageCoil
 from models.drives.drive import Drive
-from models.drives.magnetic import Magnetic
-from models.drives.vibro import Vibro, VoltageVibro
 from models.effects import BY_ID
 from models.effects.equation import lines_of
 from models.effects.refinements.level_at_onset import LevelAtOnset
@@ -18,7 +14,6 @@ from models.files.record import Record
 from models.identification.kind import Theta
 from models.identification.kinds.series.kind import SeriesKind
 from models.identification.kinds.series.simulation import active_effects
-from models.surfaces.plate import Plate
 
 _FORESIGHTS = (
     (0.03, "one step ahead of an observer that forgets within 0.03 s"),
@@ -26,50 +21,13 @@ _FORESIGHTS = (
     (None, "in a free run"),
 )
 _SPARED = f"{LevelAtOnset.id}.spared"
-_GUT = "m a = F_act - F_e(|v|) Sgn(v) - F_v(w) - T(u)"
 
 
 def equations(kind: SeriesKind, theta: Theta) -> list[str]:
     """The model in words and numbers."""
     p = {**kind.nominal(), **theta}
-    lines = [*_surface_lines(kind.surface, p), *_drive_lines(kind.drive, p)]
+    lines = [*kind.surface.equations(p), *kind.drive.equations(p)]
     return [*lines, *lines_of([BY_ID[name] for name in active_effects(theta)], theta)]
-
-
-def _surface_lines(surface: Surface, p: Theta) -> list[str]:
-    if isinstance(surface, Plate):
-        return [f"m a = F_act - {p['friction_coefficient']:.4g} N Sgn(v), N the weight of all that lies on the plate"]
-    return [
-        _GUT,
-        f"F_e = {p['hoop_stress_factor']:.4g} sin(theta) I1(|v|)",
-        f"f_c = {p['friction_coefficient']:.4g} (m g + {p['hoop_stress_factor']:.4g} (cos(theta) I1(|v|) + I2(|v|)))",
-        "stick: u' = v until |T(u)| = f_c; slip: u' = -v_i, v_i = u_c/t_r, until u = 0",
-    ]
-
-
-def _drive_lines(drive: Drive, p: Theta) -> list[str]:
-    if isinstance(drive, Magnetic):
-        return [f"F_act = {p['magnet_stiffness_N_per_m']:.4g} g/(1 + (g/r)^2)^2, g = carriage - capsule"]
-    if isinstance(drive, Coil):
-        field = "" if drive.range_m is None else "/(1 + ((x - x_c)/r)^2)^2"
-        lines = [f"F_act = {p['coil_force_N_per_A']:.4g} i{field}"]
-        return [*lines, *(_current_line(p, "v") if isinstance(drive, VoltageCoil) else ())]
-    if isinstance(drive, Vibro):
-        reaction = " - F" if drive.reaction_on_body else ""
-        force = f"{p['coil_force_N_per_A']:.4g} i" if isinstance(drive, VoltageVibro) else f"{p['force_N']:.4g} on"
-        return [
-            (
-                f"F_act = S{reaction}, S = {p['spring_stiffness_N_per_m']:.4g} r + {p['spring_damping_N_s_per_m']:.4g}"
-                " r' + stops"
-            ),
-            f"{drive.inner_mass_kg:.4g} w' = F - S, F = {force}",
-            *(_current_line(p, "r'") if isinstance(drive, VoltageVibro) else ()),
-        ]
-    return []
-
-
-def _current_line(p: Theta, speed: str) -> tuple[str]:
-    return (f"L i' = U - {p['coil_resistance_ohm']:.4g} i - {p['back_emf_V_s_per_m']:.4g} {speed}",)
 
 
 def statements(kind: SeriesKind, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:
@@ -96,18 +54,7 @@ def about_the_rig(drive: Drive, noise_std: float, unit: str, theta: Theta) -> li
             f"Of the changed resistance the nose feels {nose} (F_e), what the wall presses on the slip limit {pressed}"
             " (f_c)."
         )
-    if isinstance(drive, Magnetic):
-        said.append(
-            "Only the ratios of hoop stress, friction and magnet stiffness show well in a position: the three may move"
-            " together."
-        )
-    elif not drive.imposed:
-        said.append("Predictions start at the place where the record starts: the drive alone does not tell it.")
-    if isinstance(drive, VoltageCoil | VoltageVibro):
-        said.append(
-            "Of the coil's resistance and its force per current a position shows the ratio alone: the resistance is"
-            " believed."
-        )
+    said += drive.untold()
     return said
 
 

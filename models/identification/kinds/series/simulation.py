@@ -9,13 +9,13 @@ from functools import cache
 import numpy as np
 
 from models.assembly.model import Assembly, assemble
-from models.assembly.step import Surface
 from models.compiled.kernel import LANES, NEVER_S, SLOW_S, Kernel, lower
 from models.drives.drive import Drive
 from models.effects import BY_ID, followed_by
 from models.files.record import Record
 from models.identification.kind import Array, Theta
 from models.identification.kinds.series.drive_input import SWITCH_DELAY, Feed, drifts, evenly, feed, interval
+from models.surfaces.surface import Surface
 
 START_S = 0.5  # s, over which a record's start is compared with a prediction's where the drive does not tell the place
 

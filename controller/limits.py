@@ -65,7 +65,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class Envelope:
-    """`Limits` as one drive's command knows them (`controller.envelope`): range [`low`, `high`], `rate` a second,
+    """`Limits` as one drive's command knows them (`controller.drives`): range [`low`, `high`], `rate` a second,
     `acceleration` a second squared, largest `gap_m` between carriage and capsule, each inf where it does not apply;
     `sense` is the sign of the force of a positive command. `kind`: magnetic, coil or vibro.
     """

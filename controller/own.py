@@ -9,11 +9,11 @@ from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
+from controller.drives import DRIVES
 from controller.signals import Controller
 from models.files.python_file import classes_in, installed
 
 GROUP: Final = "capsule.controllers"
-KINDS: Final = ("magnetic", "coil", "vibro")
 
 
 def own_controllers(paths: Sequence[Path], taken: Collection[str]) -> dict[str, type[Controller]]:
@@ -46,8 +46,8 @@ def _failure(cls: type[Controller], taken: Collection[str]) -> str | None:
         return f"{cls.__name__}.name must be letters, digits and underscores; got {name!r}"
     if name in taken:
         return f"{cls.__name__}.name must be one that is free; got {name!r}"
-    if not isinstance(kinds, tuple) or not kinds or not set(kinds) <= set(KINDS):
-        return f"{cls.__name__}.kinds must be some of {', '.join(KINDS)} in a tuple; got {kinds!r}"
+    if not isinstance(kinds, tuple) or not kinds or not set(kinds) <= set(DRIVES):
+        return f"{cls.__name__}.kinds must be some of {', '.join(DRIVES)} in a tuple; got {kinds!r}"
     if list(inspect.signature(cls).parameters) != ["model", "envelope"]:
         return f"{cls.__name__} must be made from (model, envelope); got {inspect.signature(cls)}"
     wanted = list(inspect.signature(Controller.act).parameters)

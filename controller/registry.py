@@ -11,6 +11,7 @@ from types import MappingProxyType
 from controller.baselines.classical import CLASSICAL, CLASSICAL_FRICTION, JERKINESS
 from controller.baselines.lqr import LQR
 from controller.baselines.pid import PID
+from controller.drives import bodies
 from controller.estimator.base import Receiver
 from controller.estimator.cubature_filter import Estimator
 from controller.estimator.kinematic_filter import KinematicFilter, Kinematics
@@ -94,7 +95,6 @@ def _inner_mass(optimise: bool = True, feedback: bool = True) -> Builder:
     return chain
 
 
-_BODY = ("magnetic", "coil")
 _INNER_MASS: Mapping[str, Builder] = {
     "vibro": _inner_mass(),
     "vibro_square": _inner_mass(optimise=False),
@@ -123,7 +123,7 @@ def leads(name: str) -> tuple[str, ...]:
     """The kinds of drive that the controller `name` can lead."""
     if name in _OWN:
         return tuple(getattr(_OWN[name], "kinds", ()))
-    return ("vibro",) if name in _INNER_MASS else _BODY
+    return ("vibro",) if name in _INNER_MASS else bodies()
 
 
 def use_controllers(paths: Sequence[Path]) -> None:
@@ -145,7 +145,7 @@ def _own(cls: type[Controller]) -> Builder:
         except Exception as error:  # noqa: BLE001 - a user's class raises whatever it likes
             got = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
             raise ValueError(f"controller {cls.__name__} must be one that can be made; got {got}") from None
-        return (first, PID(model, envelope)) if model.drive.name in _BODY else (first,)
+        return (first, PID(model, envelope)) if model.drive.name in bodies() else (first,)
 
     return chain
 
@@ -158,7 +158,7 @@ def estimator_for(name: str, model: ControlModel) -> Observer:
 
 
 def _estimator(name: str, model: ControlModel) -> Observer:
-    if model.drive.name not in _BODY:
+    if model.drive.name not in bodies():
         return Estimator(model)
     if (name, model.drive.name) == ("mpc", "magnetic"):
         return ParticleEstimator(model, replace(trusting(model), push_wander_N=MPC_PUSH_N))

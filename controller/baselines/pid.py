@@ -9,12 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.envelope import gap_of_force
+from controller.drives import actuator_of
 from controller.limits import Envelope, number
 from controller.model.control_model import ControlModel
 from controller.signals import Action, Controller, Estimate, Reference
-from models.drives.coil import Coil, VoltageCoil
-from models.drives.magnetic import Magnetic
 
 
 @dataclass(frozen=True)
@@ -41,40 +39,6 @@ get. No benchmark judges on that seed.
 """
 
 
-class Actuator:
-    """The static inverse of a drive: the command that pushes with a force in N at a place and speed, within the
-    range.
-    """
-
-    def __init__(self, model: ControlModel, envelope: Envelope) -> None:
-        self._drive, self._envelope = model.drive, envelope
-        self._values: dict[str, float] = dict(
-            zip((p.name for p in model.symbols.parameters), model.values.tolist(), strict=True)
-        )
-        if not isinstance(self._drive, Magnetic | Coil):
-            raise ValueError(f"drive must be magnetic or coil for a PID on the force; got {self._drive.name!r}")
-
-    def command(self, force: float, x: float, v: float) -> float:
-        """Carriage position in m on the stable branch of the magnet, current in A, or voltage in V with the
-        back-EMF.
-        """
-        drive, p = self._drive, self._values
-        if isinstance(drive, Magnetic):
-            now = Magnetic(p["magnet_stiffness_N_per_m"], drive.range_m)
-            return x + math.copysign(gap_of_force(abs(force), now, self._envelope.gap_m), force)
-        current = force / p["coil_force_N_per_A"]
-        if isinstance(drive, VoltageCoil):
-            current = current * p["coil_resistance_ohm"] + p["back_emf_V_s_per_m"] * v
-        return min(max(current, self._envelope.low), self._envelope.high)
-
-    def force(self, command: float, x: float, v: float) -> float:
-        """The force in N of a command held for long: the inverse of `command`."""
-        drive, p = self._drive, self._values
-        if isinstance(drive, VoltageCoil):
-            command = (command - p["back_emf_V_s_per_m"] * v) / p["coil_resistance_ohm"]
-        return float(drive.force(x, v, command, p))
-
-
 class PID(Controller):
     """The loop: force from the error, command from the force by the drive's static inverse. `friction_N` 0: no
     feedforward.
@@ -90,7 +54,9 @@ class PID(Controller):
     ) -> None:
         self.name = "pid" if friction_N == 0 else "pid_friction"
         self.gains = TUNED[envelope.kind] if gains is None else gains
-        self._actuator, self._tick = Actuator(model, envelope), model.tick_s
+        names = (p.name for p in model.symbols.parameters)
+        known: dict[str, float] = dict(zip(names, model.values.tolist(), strict=True))
+        self._actuator, self._tick = actuator_of(model.drive, known, envelope), model.tick_s
         self._friction, self._speed = friction_N, speed_m_s
         self._sum, self._start = 0.0, math.nan
 

@@ -11,7 +11,7 @@ from controller.design.describing_function import Balance, Describing, balances,
 from controller.design.limit_cycle import Cycle, Law, Run, exactly, lqr_law, pid_law, simulate
 from controller.design.margins import Complex, Loop
 from controller.design.tuning import PEAK, Pid, pid_loop, state_loop, tuned_lqr, tuned_pid
-from controller.envelope import envelope_of
+from controller.drives import envelope_of
 from controller.model.control_model import ControlModel
 from controller.model.linear import PHASES, Linear, linearise
 

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.envelope import envelope_of
+from controller.drives import envelope_of
 from controller.limits import number
 from controller.model.control_model import ControlModel
 from controller.mpc.planner import Plan, Planner

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 import can
 import numpy as np
 
-from controller.envelope import envelope_of
+from controller.drives import envelope_of
 from controller.model.control_model import control_model
 from controller.registry import build, estimator_for
 from controller.signals import Measurement

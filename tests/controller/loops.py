@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from controller.envelope import envelope_of
+from controller.drives import envelope_of
 from controller.estimator.cubature_filter import Estimator
 from controller.model.control_model import ControlModel, control_model
 from controller.signals import Array, Controller, Measurement, Reference

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from controller.baselines.pid import PID, PidGains
-from controller.envelope import envelope_of
+from controller.drives import envelope_of
 from controller.estimator.cubature_filter import Estimator
 from controller.model.control_model import control_model
 from controller.model.friction import mean_friction

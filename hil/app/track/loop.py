@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.envelope import envelope_of
+from controller.drives import envelope_of
 from controller.estimator.base import Counts
 from controller.model.control_model import ControlModel, control_model
 from controller.registry import build

@@ -12,7 +12,7 @@ from typing import Final
 
 import can
 
-from controller.envelope import envelope_of
+from controller.drives import envelope_of
 from controller.limits import Envelope, Limits
 from controller.model.control_model import ControlModel
 from controller.registry import build

@@ -13,7 +13,7 @@ from controller.baselines.lqr import LQR, lqr_gains
 from controller.design.limit_cycle import Run, lqr_law, simulate
 from controller.design.margins import closed_loop
 from controller.design.tuning import Pid, pid_loop, state_loop, tuned_lqr, tuned_pid
-from controller.envelope import envelope_of
+from controller.drives import envelope_of
 from controller.model.control_model import ControlModel, control_model
 from controller.model.linear import PHASES, Linear, linearise
 from controller.signals import Array, Estimate

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.envelope import envelope_of
+from controller.drives import envelope_of
 from controller.estimator.noise import noise_of, trusting
 from controller.estimator.particle_filter import ParticleEstimator
 from controller.model.control_model import ControlModel, control_model

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from controller.envelope import envelope_of
+from controller.drives import envelope_of
 from controller.model.control_model import ControlModel, control_model
 from controller.model.inverse import Inverse
 from tests.controller.loops import believed, model_of

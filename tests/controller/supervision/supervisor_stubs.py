@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from controller.envelope import envelope_of
+from controller.drives import envelope_of
 from controller.signals import Action, Array, Estimate, Reference
 from controller.supervision.fallback import Rules
 from controller.supervision.supervisor import Supervisor

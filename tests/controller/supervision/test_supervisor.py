@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controller.envelope import envelope_of
+from controller.drives import envelope_of
 from controller.signals import Action, Estimate
 from controller.supervision.fallback import Rules
 from controller.supervision.supervisor import Supervisor

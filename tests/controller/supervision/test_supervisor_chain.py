@@ -14,7 +14,7 @@ import pytest
 from controller.baselines.lqr import LQR
 from controller.baselines.pid import PID
 from controller.design.limit_cycle import Run, simulate
-from controller.envelope import envelope_of
+from controller.drives import envelope_of
 from controller.model.control_model import ControlModel, control_model
 from controller.signals import Action, Array, Estimate, Reference
 from controller.supervision.supervisor import Supervisor

@@ -10,7 +10,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.envelope import envelope_of
+from controller.drives import envelope_of
 from controller.signals import Action, Estimate
 from controller.supervision.fallback import Rules
 from controller.supervision.supervisor import Supervisor

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from controller.envelope import envelope_of
+from controller.drives import envelope_of
 from controller.model.control_model import control_model
 from controller.registry import build, leads
 from controller.vibro import controller as leading

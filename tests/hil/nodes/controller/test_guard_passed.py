@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.envelope import envelope_of
+from controller.drives import envelope_of
 from controller.limits import Limits
 from hil.nodes.controller.guard import Evidence, Fence, Passed, passed
 from hil.nodes.frame_map import (

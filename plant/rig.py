@@ -11,70 +11,12 @@ from models.laws.geometry import GRAVITY, Capsule, Tissue
 from models.laws.resistance import Regime
 from plant import layout as at
 from plant.anatomy import Anatomy
-from plant.drives.body import COIL, FORCE, LINK, MAGNET, advance_body
-from plant.drives.pull import advance_pull
-from plant.drives.vibro import BY_FORCE, BY_VOLTAGE, advance_vibro
+from plant.drives.kinds import Drive
 from plant.hidden.carriage import BACKLASH, CARRIAGE_NUMBERS, LAG, real_drive
-from plant.hidden.registry import ROWS
 from plant.hidden.table import effect_table
 from plant.tables import Floats, tabulate
 
 STEP_S = 20e-6
-
-
-@dataclass(frozen=True)
-class Pull:
-    """Imposed position; a link of `link_stiffness_N_per_m` (0: rigid) with `link_damping_N_s_per_m`."""
-
-    link_stiffness_N_per_m: float = 0.0
-    link_damping_N_s_per_m: float = 0.05
-
-
-@dataclass(frozen=True)
-class Magnet:
-    """Carriage magnet: `k g/(1 + (g/r)^2)^2` on the gap g."""
-
-    magnet_stiffness_N_per_m: float = 25.0
-    magnet_range_m: float = 0.02
-
-
-@dataclass(frozen=True)
-class Coil:
-    """Voltage-driven coil: `L i' = U - R i - K_e v`, `|i|` limited, `F = K i`."""
-
-    gain_N_per_A: float = 0.5
-    resistance_ohm: float = 10.0
-    inductance_H: float = 10e-3
-    current_limit_A: float = 1.0
-    back_emf_V_s_per_m: float = 0.5
-
-
-@dataclass(frozen=True)
-class Force:
-    """A force in N on the body, nothing else."""
-
-
-@dataclass(frozen=True)
-class Vibro:
-    """Inner mass on a spring with damping and stops; driven by force, or by voltage when `coil` is given.
-
-    `reaction_on_body`: the actuator sits on board and pushes back on the body; else a field from outside acts on the
-    inner mass alone.
-    """
-
-    inner_mass_kg: float = 0.074
-    spring_stiffness_N_per_m: float = 256.23
-    spring_damping_N_s_per_m: float = 0.0
-    force_N: float = 1.25
-    reaction_on_body: bool = True
-    front_gap_m: float = 1.0
-    front_stiffness_N_per_m: float = 0.0
-    rear_gap_m: float = 1.0
-    rear_stiffness_N_per_m: float = 0.0
-    coil: Coil | None = None
-
-
-Drive = Pull | Magnet | Coil | Force | Vibro
 
 
 @dataclass(frozen=True)
@@ -143,14 +85,7 @@ class Plant:
             values = np.append(arrived, real_drive(values[-1:], dt, self.effects, self._carriage.copy()))
         out = np.zeros(((first + steps - 1) // every - (first - 1) // every, at.O_COUNT))
         common = (self.state, self.parameters, self.effects, self.tables, self.profile, values, dt, every, out)
-        kind = self.rig.drive
-        if isinstance(kind, Pull):
-            elastic = kind.link_stiffness_N_per_m > 0 or self.effects[ROWS["string_compliance"], 0] > 0
-            advance_body(LINK, *common) if elastic else advance_pull(*common)
-        elif isinstance(kind, Vibro):
-            advance_vibro(BY_FORCE if kind.coil is None else BY_VOLTAGE, *common)
-        else:
-            advance_body(MAGNET if isinstance(kind, Magnet) else COIL if isinstance(kind, Coil) else FORCE, *common)
+        self.rig.drive.advance(self.effects, common)
         return out
 
 
@@ -187,7 +122,7 @@ def _parameters(rig: Rig) -> Floats:
         if record is not None:
             _check(record, where)
     p = np.zeros(at.P_COUNT)
-    total = rig.capsule.mass_kg + (rig.drive.inner_mass_kg if isinstance(rig.drive, Vibro) else 0.0)
+    total = rig.capsule.mass_kg + rig.drive.inner_kg
     p[at.P_MASS], p[at.P_WEIGHT] = rig.capsule.mass_kg, total * GRAVITY
     p[at.P_HOOP] = rig.hoop_factor if rig.surface is None else 1.0
     p[at.P_RECOVERY] = rig.tissue.recovery_time_s
@@ -203,21 +138,5 @@ def _parameters(rig: Rig) -> Floats:
             raise ValueError(
                 f"static_friction_coefficient must be at least friction_coefficient {p[at.P_MU]:g}; got {static:g}"
             )
-    _drive_parameters(rig.drive, p)
+    rig.drive.fill(p)
     return p
-
-
-def _drive_parameters(drive: Drive, p: Floats) -> None:
-    coil = drive.coil if isinstance(drive, Vibro) else drive if isinstance(drive, Coil) else None
-    if isinstance(drive, Pull):
-        p[at.P_LINK_K], p[at.P_LINK_C] = drive.link_stiffness_N_per_m, drive.link_damping_N_s_per_m
-    elif isinstance(drive, Magnet):
-        p[at.P_MAGNET_K], p[at.P_MAGNET_RANGE] = drive.magnet_stiffness_N_per_m, drive.magnet_range_m
-    elif isinstance(drive, Vibro):
-        p[at.P_INNER_MASS], p[at.P_SPRING_K] = drive.inner_mass_kg, drive.spring_stiffness_N_per_m
-        p[at.P_SPRING_C], p[at.P_REACTION] = drive.spring_damping_N_s_per_m, float(drive.reaction_on_body)
-        p[at.P_FRONT_GAP], p[at.P_FRONT_K] = drive.front_gap_m, drive.front_stiffness_N_per_m
-        p[at.P_REAR_GAP], p[at.P_REAR_K] = drive.rear_gap_m, drive.rear_stiffness_N_per_m
-    if coil is not None:
-        p[at.P_COIL_GAIN], p[at.P_COIL_R], p[at.P_COIL_L] = coil.gain_N_per_A, coil.resistance_ohm, coil.inductance_H
-        p[at.P_COIL_LIMIT], p[at.P_COIL_EMF] = coil.current_limit_A, coil.back_emf_V_s_per_m

@@ -9,7 +9,7 @@ import numpy as np
 
 from plant import layout as at
 from plant.hidden.table import effect_table
-from plant.rig import Coil, Magnet, Plant, Rig, Vibro
+from plant.rig import Plant, Rig
 from plant.sensing.instruments import Instrument, Reading, Stream
 from plant.tables import Floats
 
@@ -42,7 +42,7 @@ class Session:
         """At rest at 0 with `command` in force. Raises ValueError for a rig whose capsule is not free, or numbers that
         cannot be.
         """
-        if not isinstance(rig.drive, Magnet | Coil | Vibro):
+        if not rig.drive.free:
             raise ValueError(f"rig must have a free capsule (magnetic, coil, vibro); got {type(rig.drive).__name__}")
         instruments = instruments or Instruments()
         self.plant = Plant(rig)
@@ -68,10 +68,7 @@ class Session:
     @property
     def feedback_channel(self) -> str:
         """The column of the drive's feedback; empty where it has none."""
-        drive = self.plant.rig.drive
-        if isinstance(drive, Magnet):
-            return "carriage_position_m"
-        return "coil_current_A" if isinstance(drive, Coil) or (isinstance(drive, Vibro) and drive.coil) else ""
+        return self.plant.rig.drive.feedback
 
     def advance(self, command: float, until_s: float) -> tuple[Reading, ...]:
         """Go on under `command` to the plant's step nearest to `until_s`; the readings that are at hand then and were
@@ -100,16 +97,15 @@ class Session:
     def drive_values(self, command: float, steps: int) -> Floats:
         """The plant's drive for the next `steps` steps, (steps + 1,), as `Plant.advance` takes it."""
         drive = self.plant.rig.drive
-        if isinstance(drive, Magnet):
+        if drive.straight:
             if self._shares.size != steps + 1:
                 self._shares = np.arange(steps + 1) / steps
             values: Floats = self.command + (command - self.command) * self._shares
             values[-1] = command
             return values
-        scale = drive.force_N if isinstance(drive, Vibro) and drive.coil is None else 1.0
-        return np.full(steps + 1, scale * command)
+        return np.full(steps + 1, drive.command_scale * command)
 
     def _fed_back(self, rows: Floats, values: Floats, first: int) -> Floats:
-        if isinstance(self.plant.rig.drive, Magnet):
+        if self.plant.rig.drive.straight:
             return np.asarray(values[np.round(rows[:, at.O_T] / self.plant.rig.step_s).astype(int) - first])
         return np.asarray(rows[:, at.O_CURRENT])

@@ -13,8 +13,9 @@ from models.laws.geometry import Capsule, Tissue
 from models.surfaces import plate
 from models.surfaces.gut import Wall
 from plant import layout as at
-from plant.rig import Coil, Magnet, Plant, Plate, Rig
-from plant.rig import Vibro as PlantVibro
+from plant.drives.kinds import Coil, Magnet
+from plant.drives.kinds import Vibro as PlantVibro
+from plant.rig import Plant, Plate, Rig
 from tests.models.running import Array, pulses, run
 
 STEP_S = 20e-6

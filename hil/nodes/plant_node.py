@@ -18,7 +18,7 @@ from hil.nodes.drive.power_stage import CarriagePower, CoilPower, InnerMassPower
 from hil.nodes.frame_map import frame_map_of, frames
 from hil.nodes.transmit import FrameTransmitter
 from plant import layout as at
-from plant.rig import Coil, Magnet, Vibro
+from plant.drives.kinds import Coil, Magnet, Vibro
 from plant.sensing.instruments import Reading
 from plant.session import Session
 

@@ -7,7 +7,7 @@ import numpy as np
 from plant import layout as at
 from plant.experiments.profile import Pwm
 from plant.experiments.scenario import Scenario
-from plant.rig import Plant, Vibro
+from plant.rig import Plant
 from plant.tables import Floats
 
 _FASTEST_ROWS = 10  # steps between the truth's samples at most
@@ -21,25 +21,19 @@ def record_scenario(scenario: Scenario) -> dict[str, Floats]:
     """
     dt, seeds = scenario.rig.step_s, np.random.SeedSequence(scenario.run.seed).spawn(2)
     drive = scenario.profile.values(scenario.run.duration_s, dt, np.random.default_rng(seeds[0]))
-    vibro = scenario.rig.drive if isinstance(scenario.rig.drive, Vibro) else None
-    by_force = vibro is not None and vibro.coil is None and isinstance(scenario.profile, Pwm)
+    truth = scenario.rig.drive
+    switched = isinstance(scenario.profile, Pwm)
     plant = Plant(scenario.rig)
     every = int(np.clip(0.25 / (scenario.sensor.rate_Hz * dt), 1, _FASTEST_ROWS))
-    rows = plant.advance(drive * vibro.force_N if vibro is not None and by_force else drive, every)
-    measured = rows[:, at.O_FORCE if scenario.kind == "pull" else at.O_X]
+    rows = plant.advance(drive * truth.command_scale if switched else drive, every)
+    measured = rows[:, truth.measured]
     t, reading = scenario.sensor.measure(rows[:, at.O_T], measured, np.random.default_rng(seeds[1]), plant.effects)
     commanded = np.interp(t, dt * np.arange(drive.size), drive)
-    if scenario.kind == "pull":
-        return {"t_s": t, "position_m": commanded, "force_N": reading}
-    if scenario.kind == "magnetic":
-        return {"t_s": t, "carriage_position_m": commanded, "position_m": reading}
     current = np.interp(t, rows[:, at.O_T], rows[:, at.O_CURRENT])
-    if scenario.kind == "coil":
-        return {"t_s": t, "coil_current_A": current, "position_m": reading, "coil_voltage_V": commanded}
-    mean = _mean_before(t, drive, dt)
-    if vibro is not None and vibro.coil is not None:
-        return {"t_s": t, "coil_voltage_V": mean, "position_m": reading, "coil_current_A": current}
-    return {"t_s": t, "drive_on" if by_force else "drive_force_N": mean, "position_m": reading}
+    columns = truth.columns(commanded, _mean_before(t, drive, dt), reading, current)
+    if "drive_on" in columns and not switched:
+        columns = {"drive_force_N" if name == "drive_on" else name: values for name, values in columns.items()}
+    return {"t_s": t, **columns}
 
 
 def _mean_before(t: Floats, drive: Floats, dt: float) -> Floats:

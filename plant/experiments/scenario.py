@@ -12,9 +12,10 @@ from models.files.toml import read_toml
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import nearest
 from plant.anatomy import Anatomy, along, random_anatomy
+from plant.drives.kinds import DRIVES, Drive
 from plant.experiments.profile import PROFILES, Profile, Recorded
 from plant.hidden.registry import hidden
-from plant.rig import STEP_S, Coil, Drive, Magnet, Plate, Pull, Rig, Vibro
+from plant.rig import STEP_S, Plate, Rig
 from plant.sensing.sensors import Sensor
 
 Table = Mapping[str, Any]
@@ -31,12 +32,6 @@ TABLES: Final = (
     "anatomy",
     "effects",
 )
-KINDS: Final[dict[str, type[Pull | Magnet | Coil | Vibro]]] = {
-    "pull": Pull,
-    "magnetic": Magnet,
-    "coil": Coil,
-    "vibro": Vibro,
-}
 MOST_STEPS: Final = 50_000_000
 ANATOMY_KEYS: Final = ("places_m", "level", "seed")
 
@@ -113,7 +108,7 @@ def parse_truth(raw: Table) -> tuple[Run, str, Rig]:
             f"scenario.duration_s must be positive and at most {MOST_STEPS:.0e} steps; got {run.duration_s:g} s of"
             f" {run.step_s:g}"
         )
-    kind = choice(raw.get("rig", {}), "rig.kind", tuple(KINDS))
+    kind = choice(raw.get("rig", {}), "rig.kind", tuple(DRIVES))
     tissue, hoop = _tissue(raw.get("tissue", {}))
     rig = Rig(
         drive=_drive(kind, raw),
@@ -132,7 +127,7 @@ def _drive(kind: str, raw: Table) -> Drive:
     rig, drive = raw.get("rig", {}), raw.get("drive", {})
     where = "drive" if kind in ("vibro", "coil") else "rig"
     table = {**drive, **{key: value for key, value in rig.items() if key != "kind"}}
-    return from_table(KINDS[kind], table, where)
+    return from_table(DRIVES[kind], table, where)
 
 
 def _tissue(table: Table) -> tuple[Tissue, float]:

@@ -8,7 +8,7 @@ import gzip
 import io
 import os
 import tempfile
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Final, Literal, get_args
 
@@ -16,13 +16,14 @@ import numpy as np
 
 from models.laws.geometry import Capsule, Tissue
 from plant import layout as at
+from plant.drives.kinds import Magnet, Pull
 from plant.experiments.excitation import random_runs, random_wander
 from plant.experiments.recording import record_scenario
 from plant.experiments.scenario import Run, Scenario
 from plant.experiments.series_rigs import BELIEVED
 from plant.hidden.registry import hidden
 from plant.hidden.table import draw
-from plant.rig import STEP_S, Coil, Magnet, Plant, Pull, Rig, Vibro
+from plant.rig import STEP_S, Plant, Rig
 from plant.sensing.sensors import Sensor
 from plant.tables import Floats
 
@@ -140,7 +141,7 @@ def rig_text(kind: Kind) -> str:
         lines += [f"{name} = {getattr(tissue, name)!r}" for name in tissue.__dataclass_fields__]
     lines += ["", "[rig]", f'kind = "{kind}"'] if belief is None else belief.tables()
     if kind == "magnetic":
-        lines += [f"{name} = {getattr(_NOMINAL_MAGNET, name)!r}" for name in _NOMINAL_MAGNET.__dataclass_fields__]
+        lines += [f"{name} = {getattr(_NOMINAL_MAGNET, name)!r}" for name in (f.name for f in fields(_NOMINAL_MAGNET))]
     noise = f"force_std_N = {FORCE_STD_N!r}" if kind == "pull" else f"position_std_m = {POSITION_STD_M!r}"
     return "\n".join([*lines, "", "[noise]", noise, ""])
 
@@ -149,7 +150,7 @@ def _answer_text(kind: Kind, rig: Rig, effect: str | None, numbers: dict[str, fl
     lines = [f'effect = "{effect or "none"}"', f"seed = {seed}"]
     lines += [] if rig.surface else [f"hoop_stress_factor = {rig.hoop_factor:.6g}"]
     lines += [f"friction_coefficient = {(rig.surface or rig.tissue).friction_coefficient:.6g}"]
-    lines += [f"{name} = {value:.6g}" for name, value in _driven_by(rig).items()]
+    lines += [f"{name} = {value:.6g}" for name, value in rig.drive.numbers().items()]
     if effect is not None:
         lines += [
             "",
@@ -159,17 +160,3 @@ def _answer_text(kind: Kind, rig: Rig, effect: str | None, numbers: dict[str, fl
         ]
         lines += [f"{name} = {value:.6g}" for name, value in numbers.items()]
     return "\n".join([*lines, ""])
-
-
-def _driven_by(rig: Rig) -> dict[str, float]:
-    """The true numbers of the drive under the names that a calibration gives them."""
-    drive = rig.drive
-    if isinstance(drive, Magnet):
-        return {"magnet_stiffness_N_per_m": drive.magnet_stiffness_N_per_m}
-    if isinstance(drive, Coil):
-        return {"coil_force_N_per_A": drive.gain_N_per_A}
-    return (
-        {"force_N": drive.force_N, "spring_stiffness_N_per_m": drive.spring_stiffness_N_per_m}
-        if isinstance(drive, Vibro)
-        else {}
-    )

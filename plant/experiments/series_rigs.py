@@ -11,8 +11,9 @@ from typing import Final
 import numpy as np
 
 from models.laws.geometry import Capsule, Tissue
+from plant.drives.kinds import Coil, Vibro
 from plant.experiments.profile import Profile, RandomPulses, RandomVoltage
-from plant.rig import Coil, Plate, Rig, Vibro
+from plant.rig import Plate, Rig
 
 FINE_STEP_S: Final = 5e-6
 """Step of the plant: an error at a single edge of the switch stays in the position to the end, so it must lie below the
@@ -33,12 +34,7 @@ class Believed:
         hoop, friction = (float(rng.uniform(0.85, 1.15)) for _ in range(2))
         force, spring = (float(rng.uniform(0.93, 1.07)) for _ in range(2))
         rig, drive, plate = self.nominal, self.nominal.drive, self.nominal.surface
-        if isinstance(drive, Coil):
-            drive = replace(drive, gain_N_per_A=drive.gain_N_per_A * force)
-        elif isinstance(drive, Vibro):
-            drive = replace(
-                drive, force_N=drive.force_N * force, spring_stiffness_N_per_m=drive.spring_stiffness_N_per_m * spring
-            )
+        drive = drive.varied(force, spring)
         if plate is not None:
             return replace(rig, drive=drive, surface=Plate(plate.friction_coefficient * friction))
         tissue = replace(rig.tissue, friction_coefficient=rig.tissue.friction_coefficient * friction)

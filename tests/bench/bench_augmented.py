@@ -27,7 +27,8 @@ from models.files.rig import read_rig
 from models.identification.finding import STAGES
 from models.identification.model import read_model
 from models.laws.geometry import Tissue
-from plant.rig import Magnet, Rig
+from plant.drives.kinds import Magnet
+from plant.rig import Rig
 from plant.session import Instruments
 from tests.bench.bench_tracing import EFFECTS, learned
 

@@ -20,7 +20,8 @@ from scipy.signal import butter, sosfiltfilt
 from hil.app.scenario.scenario import load_track_scenario
 from plant import layout as at
 from plant.anatomy import random_anatomy
-from plant.rig import STEP_S, Magnet, Plant, Pull, Rig
+from plant.drives.kinds import Magnet, Pull
+from plant.rig import STEP_S, Plant, Rig
 from plant.session import Instruments
 from tests.bench.bench_tracking import FOLDER
 

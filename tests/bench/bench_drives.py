@@ -22,11 +22,12 @@ from models.identification import close
 from models.identification.kinds import kind_for
 from models.identification.kinds.series.drive_input import SWITCH_DELAY
 from models.laws.geometry import Capsule, Tissue
+from plant.drives.kinds import Coil, Vibro
 from plant.experiments.profile import RandomPulses, RandomVoltage
 from plant.experiments.recording import record_scenario
 from plant.experiments.scenario import Run, Scenario
 from plant.hidden.table import draw
-from plant.rig import Coil, Plate, Rig, Vibro
+from plant.rig import Plate, Rig
 from plant.sensing.sensors import Sensor
 
 RIGS = ("coil", "vibro_plate", "vibro_gut")

@@ -28,7 +28,8 @@ from hil.app.scenario.deployment import PLANNING
 from hil.bus.catalogue import load_catalogue
 from hil.bus.codec import Refusal
 from hil.bus.protection import Receiver, Sender
-from plant.rig import Magnet, Rig
+from plant.drives.kinds import Magnet
+from plant.rig import Rig
 from plant.session import Session
 from tests.controller.loops import believed
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from models.laws.geometry import Capsule
+from plant.drives.kinds import Coil, Magnet, Pull, Vibro
 from plant.experiments.excitation import pulse_width, random_runs, random_wander
-from plant.rig import STEP_S, Coil, Magnet, Plant, Plate, Pull, Rig, Vibro
+from plant.rig import STEP_S, Plant, Plate, Rig
 from plant.tables import Floats
 
 DURATION_S = 10.0

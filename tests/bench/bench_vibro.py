@@ -27,8 +27,8 @@ from controller.vibro.waveform import Waveform
 from models.identification.model import Model
 from models.laws.geometry import Capsule, Tissue
 from models.surfaces.gut import Wall
+from plant.drives.kinds import Vibro as TrueVibro
 from plant.rig import Rig
-from plant.rig import Vibro as TrueVibro
 from tests.controller.vibro.vibro_runs import (
     Steady,
     believed,

@@ -17,7 +17,8 @@ from controller.registry import CONTROLLERS, build, leads
 from controller.signals import Array, Estimate
 from controller.trajectory import STEP_S, Trajectory, by_speeds, through
 from plant import layout as at
-from plant.rig import Magnet, Rig
+from plant.drives.kinds import Magnet
+from plant.rig import Rig
 from plant.sensing.instruments import Instrument
 from plant.session import Instruments
 from tests.controller.loops import believed, closed_loop, model_of

@@ -8,8 +8,9 @@ from models.laws.hyperelastic import WallConstants
 from models.laws.resistance import environmental_resistance
 from models.laws.tension import wall_tension
 from plant import layout as at
+from plant.drives.kinds import Coil, Force, Magnet, Pull, Vibro
 from plant.experiments.excitation import pulse_width
-from plant.rig import STEP_S, Coil, Force, Magnet, Plant, Plate, Pull, Rig, Vibro
+from plant.rig import STEP_S, Plant, Plate, Rig
 from plant.tables import Floats
 
 BIG = Rig(Vibro(0.074, 256.23, force_N=1.25), capsule=Capsule(mass_kg=0.193), surface=Plate(0.29))

@@ -8,8 +8,9 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import butter, filtfilt
 
 from plant import layout as at
+from plant.drives.kinds import Magnet, Pull
 from plant.experiments.profile import ConstantSpeed
-from plant.rig import STEP_S, Magnet, Plant, Pull, Rig
+from plant.rig import STEP_S, Plant, Rig
 from plant.tables import Floats
 from tests.plant.conftest import read_columns
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from plant import layout as at
-from plant.rig import Coil, Magnet, Plant, Pull, Rig, Vibro
+from plant.drives.kinds import Coil, Magnet, Pull, Vibro
+from plant.rig import Plant, Rig
 from plant.sensing.instruments import Instrument, Reading
 from plant.session import Instruments, Session
 

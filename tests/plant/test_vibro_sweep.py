@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from hil.app.design import vibro_sweep as sweep
-from plant.rig import Pull, Rig
+from plant.drives.kinds import Pull
+from plant.rig import Rig
 
 
 def test_verdicts() -> None:

@@ -18,9 +18,10 @@ import plotly.graph_objects as go
 
 from models.laws.geometry import Capsule
 from plant import layout as at
+from plant.drives.kinds import Vibro
 from plant.experiments.excitation import pulse_width
 from plant.experiments.series import write_text
-from plant.rig import STEP_S, Plant, Rig, Vibro
+from plant.rig import STEP_S, Plant, Rig
 from plant.tables import Floats
 
 CLAIM: Final = "A Section 5.3: a vibrating drive hardly moves the capsule unless its period is below the wall's 0.05 s"

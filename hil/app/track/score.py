@@ -17,7 +17,8 @@ from controller.signals import Status
 from hil.app.scenario.scenario import TrackScenario
 from hil.app.track.loop import Trace
 from plant import layout as at
-from plant.rig import Coil, Magnet, Rig, Vibro
+from plant.drives.kinds import Coil, Magnet, Vibro
+from plant.rig import Rig
 
 Array = NDArray[np.float64]
 HARD: Final = ("speed", "force", "gap", "current")
@@ -104,7 +105,7 @@ def shares(truth: Rig, limits: Limits, rows: Array) -> dict[str, Array]:
     of the one beyond which it lets go. One for each row, for the force one less.
     """
     found = {"speed": np.abs(rows[:, at.O_V]) / limits.speed_m_s}
-    if not isinstance(truth.drive, Vibro):
+    if truth.drive.pushes:
         found["force"] = np.abs(wall_force(truth, rows)) / limits.force_N
     if isinstance(truth.drive, Magnet):
         found["gap"] = np.abs(rows[:, at.O_DRIVE] - rows[:, at.O_X]) * math.sqrt(3) / truth.drive.magnet_range_m

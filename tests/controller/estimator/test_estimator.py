@@ -13,7 +13,8 @@ from controller.estimator.noise import Noise
 from controller.estimator.particle_filter import ParticleEstimator
 from controller.signals import Array, Measurement
 from plant import layout as at
-from plant.rig import Coil, Magnet, Rig
+from plant.drives.kinds import Coil, Magnet
+from plant.rig import Rig
 from plant.sensing.instruments import Instrument
 from plant.session import Instruments, Session
 from tests.controller.loops import model_of

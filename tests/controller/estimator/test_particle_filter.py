@@ -17,7 +17,8 @@ from controller.model.control_model import ControlModel
 from controller.signals import Array, Measurement
 from plant import layout as at
 from plant.anatomy import random_anatomy
-from plant.rig import Magnet, Rig
+from plant.drives.kinds import Magnet
+from plant.rig import Rig
 from plant.session import Session
 from tests.controller.loops import model_of
 

@@ -16,7 +16,8 @@ from controller.mpc.mpc import MPC
 from controller.registry import LATE_SLIP, build
 from models.identification.model import HELD_OUT
 from plant.anatomy import Anatomy, random_anatomy
-from plant.rig import Magnet, Rig
+from plant.drives.kinds import Magnet
+from plant.rig import Rig
 from tests.controller.estimator.test_particle_filter import errors
 from tests.controller.loops import believed, model_of
 

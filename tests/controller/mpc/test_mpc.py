@@ -12,8 +12,9 @@ from controller.model.control_model import ControlModel, control_model
 from controller.mpc.mpc import MPC
 from controller.mpc.settings import Bounds, Horizon, Weights
 from controller.signals import Action, Adapted, Estimate
+from plant.drives.kinds import Magnet
 from plant.layout import S_SLIP, S_U, S_V, S_X
-from plant.rig import Magnet, Plant
+from plant.rig import Plant
 from plant.rig import Rig as PlantRig
 from tests.controller.model.test_control_model import rig_of
 from tests.models.running import Array

@@ -16,9 +16,9 @@ from models.laws.geometry import Capsule, Tissue
 from models.surfaces.gut import Wall
 from models.surfaces.plate import Plate
 from plant import layout as at
+from plant.drives.kinds import Vibro as TrueVibro
 from plant.rig import Plate as TruePlate
 from plant.rig import Rig
-from plant.rig import Vibro as TrueVibro
 from plant.session import Instruments, Session
 
 Array = NDArray[np.float64]

@@ -7,12 +7,13 @@ from models.laws.geometry import Capsule
 from plant import layout as at
 from plant.compiling import source_digest
 from plant.drives.body import advance_body
+from plant.drives.kinds import Coil, Drive, Magnet, Pull, Vibro
 from plant.drives.pull import advance_pull
 from plant.drives.vibro import advance_vibro
 from plant.experiments.excitation import pulse_width, random_runs, random_wander
 from plant.hidden.registry import HIDDEN, Hidden, hidden
 from plant.hidden.table import draw, effect_table
-from plant.rig import STEP_S, Coil, Drive, Magnet, Plant, Pull, Rig, Vibro
+from plant.rig import STEP_S, Plant, Rig
 from plant.sensing.sensors import Sensor
 from plant.tables import Floats
 

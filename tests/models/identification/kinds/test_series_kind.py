@@ -21,14 +21,14 @@ from models.identification.kinds.series.drive_input import SWITCH_DELAY, Feed, d
 from models.identification.kinds.series.kind import SeriesKind
 from models.laws.geometry import Capsule
 from models.surfaces.plate import Plate
+from plant.drives.kinds import Coil as PlantCoil
+from plant.drives.kinds import Vibro as PlantVibro
 from plant.experiments.excitation import pulse_width
 from plant.experiments.profile import RandomPulses
 from plant.experiments.recording import record_scenario
 from plant.experiments.scenario import Run, Scenario
-from plant.rig import Coil as PlantCoil
 from plant.rig import Plate as PlantPlate
 from plant.rig import Rig as PlantRig
-from plant.rig import Vibro as PlantVibro
 from plant.sensing.sensors import Sensor
 from tests.bench.bench_drives import believed, series
 

@@ -1,0 +1,213 @@
+"""The simulated drives: what is true of each, how it advances, what it feeds back. One class a kind, one table."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Final
+
+from plant import layout as at
+from plant.drives.body import COIL, FORCE, LINK, MAGNET, advance_body
+from plant.drives.pull import advance_pull
+from plant.drives.vibro import BY_FORCE, BY_VOLTAGE, advance_vibro
+from plant.hidden.registry import ROWS
+from plant.tables import Floats
+
+
+@dataclass(frozen=True)
+class Drive(ABC):
+    """A drive's true numbers. `free`: the capsule can be led in closed loop; `straight`: a command is gone to in a
+    straight line, else it is held; `feedback` is the column that the drive itself reports, "" for none; `pushes`: it
+    puts a force on the body that a limit applies to.
+    """
+
+    free: ClassVar[bool] = False
+    straight: ClassVar[bool] = False
+    pushes: ClassVar[bool] = True
+    measured: ClassVar[int] = at.O_X
+
+    @property
+    def feedback(self) -> str:
+        """The column of the drive's feedback; empty where it has none."""
+        return ""
+
+    @property
+    def inner_kg(self) -> float:
+        """Mass in kg that the body carries."""
+        return 0.0
+
+    @property
+    def command_scale(self) -> float:
+        """What a command of 1 is in the unit that the plant takes."""
+        return 1.0
+
+    @abstractmethod
+    def advance(self, effects: Floats, common: tuple[Any, ...]) -> None:
+        """Do the steps of `common`, the arrays that `Plant.advance` hands to the compiled loops."""
+
+    @abstractmethod
+    def fill(self, p: Floats) -> None:
+        """Write the drive's numbers into the plant's parameters `p`."""
+
+    def columns(self, commanded: Floats, mean: Floats, reading: Floats, current: Floats) -> dict[str, Floats]:
+        """The columns of a record beside time: `commanded` at each sample, its `mean` since the last one, the sensor's
+        `reading`, the coil's `current`.
+        """
+        raise NotImplementedError(f"a {type(self).__name__.lower()} has no record")
+
+    def numbers(self) -> dict[str, float]:
+        """The true numbers under the names that a calibration gives them."""
+        return {}
+
+    def varied(self, force: float, spring: float) -> Drive:
+        """The same drive with its force and its spring by these factors other."""
+        return self
+
+
+@dataclass(frozen=True)
+class Pull(Drive):
+    """Imposed position; a link of `link_stiffness_N_per_m` (0: rigid) with `link_damping_N_s_per_m`."""
+
+    measured: ClassVar[int] = at.O_FORCE
+    link_stiffness_N_per_m: float = 0.0
+    link_damping_N_s_per_m: float = 0.05
+
+    def advance(self, effects: Floats, common: tuple[Any, ...]) -> None:
+        elastic = self.link_stiffness_N_per_m > 0 or effects[ROWS["string_compliance"], 0] > 0
+        advance_body(LINK, *common) if elastic else advance_pull(*common)
+
+    def fill(self, p: Floats) -> None:
+        p[at.P_LINK_K], p[at.P_LINK_C] = self.link_stiffness_N_per_m, self.link_damping_N_s_per_m
+
+    def columns(self, commanded: Floats, mean: Floats, reading: Floats, current: Floats) -> dict[str, Floats]:
+        return {"position_m": commanded, "force_N": reading}
+
+
+@dataclass(frozen=True)
+class Magnet(Drive):
+    """Carriage magnet: `k g/(1 + (g/r)^2)^2` on the gap g."""
+
+    free: ClassVar[bool] = True
+    straight: ClassVar[bool] = True
+    magnet_stiffness_N_per_m: float = 25.0
+    magnet_range_m: float = 0.02
+
+    @property
+    def feedback(self) -> str:
+        return "carriage_position_m"
+
+    def advance(self, effects: Floats, common: tuple[Any, ...]) -> None:
+        advance_body(MAGNET, *common)
+
+    def fill(self, p: Floats) -> None:
+        p[at.P_MAGNET_K], p[at.P_MAGNET_RANGE] = self.magnet_stiffness_N_per_m, self.magnet_range_m
+
+    def columns(self, commanded: Floats, mean: Floats, reading: Floats, current: Floats) -> dict[str, Floats]:
+        return {"carriage_position_m": commanded, "position_m": reading}
+
+    def numbers(self) -> dict[str, float]:
+        return {"magnet_stiffness_N_per_m": self.magnet_stiffness_N_per_m}
+
+
+@dataclass(frozen=True)
+class Coil(Drive):
+    """Voltage-driven coil: `L i' = U - R i - K_e v`, `|i|` limited, `F = K i`."""
+
+    free: ClassVar[bool] = True
+    gain_N_per_A: float = 0.5
+    resistance_ohm: float = 10.0
+    inductance_H: float = 10e-3
+    current_limit_A: float = 1.0
+    back_emf_V_s_per_m: float = 0.5
+
+    @property
+    def feedback(self) -> str:
+        return "coil_current_A"
+
+    def advance(self, effects: Floats, common: tuple[Any, ...]) -> None:
+        advance_body(COIL, *common)
+
+    def fill(self, p: Floats) -> None:
+        p[at.P_COIL_GAIN], p[at.P_COIL_R], p[at.P_COIL_L] = self.gain_N_per_A, self.resistance_ohm, self.inductance_H
+        p[at.P_COIL_LIMIT], p[at.P_COIL_EMF] = self.current_limit_A, self.back_emf_V_s_per_m
+
+    def columns(self, commanded: Floats, mean: Floats, reading: Floats, current: Floats) -> dict[str, Floats]:
+        return {"coil_current_A": current, "position_m": reading, "coil_voltage_V": commanded}
+
+    def numbers(self) -> dict[str, float]:
+        return {"coil_force_N_per_A": self.gain_N_per_A}
+
+    def varied(self, force: float, spring: float) -> Drive:
+        return replace(self, gain_N_per_A=self.gain_N_per_A * force)
+
+
+@dataclass(frozen=True)
+class Force(Drive):
+    """A force in N on the body, nothing else."""
+
+    def advance(self, effects: Floats, common: tuple[Any, ...]) -> None:
+        advance_body(FORCE, *common)
+
+    def fill(self, p: Floats) -> None:
+        return
+
+
+@dataclass(frozen=True)
+class Vibro(Drive):
+    """Inner mass on a spring with damping and stops; driven by force, or by voltage when `coil` is given.
+
+    `reaction_on_body`: the actuator sits on board and pushes back on the body; else a field from outside acts on the
+    inner mass alone.
+    """
+
+    free: ClassVar[bool] = True
+    pushes: ClassVar[bool] = False
+    inner_mass_kg: float = 0.074
+    spring_stiffness_N_per_m: float = 256.23
+    spring_damping_N_s_per_m: float = 0.0
+    force_N: float = 1.25
+    reaction_on_body: bool = True
+    front_gap_m: float = 1.0
+    front_stiffness_N_per_m: float = 0.0
+    rear_gap_m: float = 1.0
+    rear_stiffness_N_per_m: float = 0.0
+    coil: Coil | None = None
+
+    @property
+    def feedback(self) -> str:
+        return "" if self.coil is None else "coil_current_A"
+
+    @property
+    def inner_kg(self) -> float:
+        return self.inner_mass_kg
+
+    @property
+    def command_scale(self) -> float:
+        return self.force_N if self.coil is None else 1.0
+
+    def advance(self, effects: Floats, common: tuple[Any, ...]) -> None:
+        advance_vibro(BY_FORCE if self.coil is None else BY_VOLTAGE, *common)
+
+    def fill(self, p: Floats) -> None:
+        p[at.P_INNER_MASS], p[at.P_SPRING_K] = self.inner_mass_kg, self.spring_stiffness_N_per_m
+        p[at.P_SPRING_C], p[at.P_REACTION] = self.spring_damping_N_s_per_m, float(self.reaction_on_body)
+        p[at.P_FRONT_GAP], p[at.P_FRONT_K] = self.front_gap_m, self.front_stiffness_N_per_m
+        p[at.P_REAR_GAP], p[at.P_REAR_K] = self.rear_gap_m, self.rear_stiffness_N_per_m
+        if self.coil is not None:
+            self.coil.fill(p)
+
+    def columns(self, commanded: Floats, mean: Floats, reading: Floats, current: Floats) -> dict[str, Floats]:
+        if self.coil is not None:
+            return {"coil_voltage_V": mean, "position_m": reading, "coil_current_A": current}
+        return {"drive_on": mean, "position_m": reading}
+
+    def numbers(self) -> dict[str, float]:
+        return {"force_N": self.force_N, "spring_stiffness_N_per_m": self.spring_stiffness_N_per_m}
+
+    def varied(self, force: float, spring: float) -> Drive:
+        stiffness = self.spring_stiffness_N_per_m * spring
+        return replace(self, force_N=self.force_N * force, spring_stiffness_N_per_m=stiffness)
+
+
+DRIVES: Final[dict[str, type[Drive]]] = {"pull": Pull, "magnetic": Magnet, "coil": Coil, "vibro": Vibro}
+"""The drives that a scenario can name, by the kind of rig."""

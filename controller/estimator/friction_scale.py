@@ -4,8 +4,6 @@ force.
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,7 +11,6 @@ from controller.model.control_model import ControlModel
 from controller.signals import Adapted
 
 Array = NDArray[np.float64]
-LEVELS: Final = ("hoop_stress_factor", "friction_coefficient")
 
 
 class Level:
@@ -23,8 +20,7 @@ class Level:
 
     def __init__(self, model: ControlModel) -> None:
         self._values, self._kernels = model.values, model.kernels
-        names = [p.name for p in model.symbols.parameters]
-        self.index = next(names.index(name) for name in LEVELS if name in names)
+        self.index = 0  # of a surface's parameters, which stand first, the one that scales its friction
         parameter = model.symbols.parameters[self.index]
         self.middle = float(model.values[self.index])
         self.low, self.high = (bound / self.middle - 1 for bound in (parameter.lower, parameter.upper))

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Final, TypeVar
+
 from models.drives.coil import Coil, VoltageCoil, Winding
 from models.drives.drive import Drive
 from models.drives.magnetic import Magnetic
@@ -12,14 +15,13 @@ from models.surfaces.gut import Wall
 from models.surfaces.plate import Plate
 from models.surfaces.surface import Surface
 
-KINDS = ("pull", "magnetic", "coil", "vibro")
+T = TypeVar("T")
 
 
 def surface_of(rig: Rig) -> Surface:
-    """What the body lies on: the gut, or the plate of `[surface]`."""
-    if rig.surface is not None and rig.surface.kind == "plate" and rig.surface.friction_coefficient is not None:
-        return Plate(rig.capsule.mass_kg, rig.surface.friction_coefficient)
-    return Wall.around(rig.capsule, rig.tissue)
+    """What the body lies on, as `[surface]` says; the gut where it says nothing."""
+    kind = "gut" if rig.surface is None else rig.surface.kind
+    return SURFACES[kind](rig)
 
 
 def drive_of(rig: Rig, driven: str = "") -> Drive:
@@ -29,23 +31,36 @@ def drive_of(rig: Rig, driven: str = "") -> Drive:
     Raises ValueError for another kind of rig, and for a voltage where the rig file lacks what it takes to turn it into
     a force.
     """
-    by_voltage = driven == "coil_voltage_V"
-    if rig.kind == "pull":
-        return Pull()
-    if rig.kind == "magnetic" and rig.magnet is not None:
-        return Magnetic(rig.magnet.magnet_stiffness_N_per_m, rig.magnet.magnet_range_m)
-    if rig.kind == "coil" and rig.coil is not None:
-        return _coil(rig, by_voltage)
-    if rig.kind == "vibro" and rig.drive is not None:
-        return _vibro(rig, by_voltage)
-    raise ValueError(
-        f"rig must be of a kind that gives time series of a capsule; got {rig.kind!r}; known: {', '.join(KINDS)}"
-    )
+    if rig.kind not in DRIVES:
+        raise ValueError(
+            f"rig must be of a kind that gives time series of a capsule; got {rig.kind!r}; known: {', '.join(DRIVES)}"
+        )
+    return DRIVES[rig.kind](rig, driven == "coil_voltage_V")
+
+
+def _gut(rig: Rig) -> Surface:
+    return Wall.around(rig.capsule, rig.tissue)
+
+
+def _plate(rig: Rig) -> Surface:
+    friction = None if rig.surface is None else rig.surface.friction_coefficient
+    return Plate(rig.capsule.mass_kg) if friction is None else Plate(rig.capsule.mass_kg, friction)
+
+
+def _magnetic(rig: Rig, by_voltage: bool) -> Drive:
+    magnet = _there(rig.magnet, rig)
+    return Magnetic(magnet.magnet_stiffness_N_per_m, magnet.magnet_range_m)
+
+
+def _there(table: T | None, rig: Rig) -> T:
+    """A table that the rig's kind has; ValueError where a rig that was put together by hand lacks it."""
+    if table is None:
+        raise ValueError(f"rig of kind {rig.kind!r} must have the numbers of its drive; got none")
+    return table
 
 
 def _coil(rig: Rig, by_voltage: bool) -> Coil:
-    c = rig.coil
-    assert c is not None
+    c = _there(rig.coil, rig)
     if not by_voltage:
         return Coil(c.force_constant_N_per_A, c.coil_position_m, c.coil_range_m)
     if c.coil_resistance_Ohm is None:
@@ -62,8 +77,7 @@ def _winding(resistance: float, inductance: float | None, limit: float | None, f
 
 
 def _vibro(rig: Rig, by_voltage: bool) -> Vibro:
-    d = rig.drive
-    assert d is not None
+    d = _there(rig.drive, rig)
     stiff = d.stop_stiffness_N_per_m
     front, rear = (
         None if gap is None or stiff is None else Stop(gap, stiff) for gap in (d.front_stop_gap_m, d.rear_stop_gap_m)
@@ -88,3 +102,14 @@ def _vibro(rig: Rig, by_voltage: bool) -> Vibro:
         )
     winding = _winding(d.coil_resistance_Ohm, d.coil_inductance_H, d.current_limit_A, d.force_constant_N_per_A)
     return VoltageVibro(*numbers, d.force_constant_N_per_A, winding)
+
+
+SURFACES: Final[dict[str, Callable[[Rig], Surface]]] = {"gut": _gut, "plate": _plate}
+"""The surfaces, by `kind` of `[surface]`."""
+DRIVES: Final[dict[str, Callable[[Rig, bool], Drive]]] = {
+    "pull": lambda rig, by_voltage: Pull(),
+    "magnetic": _magnetic,
+    "coil": _coil,
+    "vibro": _vibro,
+}
+"""The drives, by `kind` of `[rig]`; the flag says that a record logs the coil's voltage."""

@@ -26,7 +26,7 @@ class Surface(ABC):
 
     @abstractmethod
     def parameters(self) -> tuple[Parameter, ...]:
-        """What differs from rig to rig, for calibration to fit."""
+        """What differs from rig to rig, for calibration to fit; the first one scales the friction."""
 
     @abstractmethod
     def hold(self, speed: Any, p: Values, carried_kg: float = 0.0, levels: Levels = (1.0, 1.0, 1.0)) -> tuple[Any, Any]:

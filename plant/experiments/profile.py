@@ -32,6 +32,7 @@ class RandomRuns:
     """Out and back at several speeds in random order, with rests; starts again until the time is over."""
 
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
+        """The drive's values over `duration_s` in steps of `dt` in s, one more than steps."""
         return random_runs(rng, duration_s, dt)[: round(duration_s / dt) + 1]
 
 
@@ -40,6 +41,7 @@ class Wander:
     """A sum of slow sines, for a carriage."""
 
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
+        """The drive's values over `duration_s` in steps of `dt` in s, one more than steps."""
         return random_wander(rng, duration_s, dt)
 
 
@@ -51,6 +53,7 @@ class Runs:
     durations_s: tuple[float, ...]
 
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
+        """The drive's values over `duration_s` in steps of `dt` in s, one more than steps."""
         if len(self.speeds_m_s) != len(self.durations_s):
             raise ValueError(
                 f"durations_s must be as many as speeds_m_s, {len(self.speeds_m_s)}; got {len(self.durations_s)}"
@@ -66,6 +69,7 @@ class ConstantSpeed:
     speed_m_s: float
 
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
+        """The drive's values over `duration_s` in steps of `dt` in s, one more than steps."""
         return np.asarray(self.speed_m_s * dt * np.arange(round(duration_s / dt) + 1), dtype=np.float64)
 
 
@@ -80,6 +84,7 @@ class Sine:
     offset: float = 0.0
 
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
+        """The drive's values over `duration_s` in steps of `dt` in s, one more than steps."""
         given = [a for a in (self.amplitude_m, self.amplitude_V, self.amplitude_N) if a != 0.0]
         if len(given) != 1:
             raise ValueError(f"sine must have one of amplitude_m, amplitude_V, amplitude_N; got {len(given)} of them")
@@ -96,6 +101,7 @@ class Pwm:
     amplitude_V: float = 1.0
 
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
+        """The drive's values over `duration_s` in steps of `dt` in s, one more than steps."""
         return self.amplitude_V * pulse_width(self.period_s, self.duty, duration_s, dt)
 
 
@@ -106,6 +112,7 @@ class RandomPulses(Pwm):
     duty: float = 0.5
 
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
+        """The drive's values over `duration_s` in steps of `dt` in s, one more than steps."""
         return self.amplitude_V * random_pulses(rng, duration_s, dt, self.period_s)
 
 
@@ -116,6 +123,7 @@ class RandomVoltage:
     amplitude_V: float = 1.6
 
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
+        """The drive's values over `duration_s` in steps of `dt` in s, one more than steps."""
         return random_voltage(rng, duration_s, dt, self.amplitude_V)
 
 
@@ -128,6 +136,7 @@ class Recorded:
     folder: str = "."
 
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
+        """The drive's values over `duration_s` in steps of `dt` in s, one more than steps."""
         file = Path(self.folder) / self.path
         if not file.is_file():
             raise ValueError(f"path must be a file; got {self.path!r}")

@@ -26,6 +26,7 @@ class Ramp:
     start_s: float = 0.5
 
     def trajectory(self, duration_s: float) -> Trajectory:
+        """The reference over `duration_s`; ValueError where it cannot be gone within it."""
         return by_speeds([0.0, self.speed_mm_s * MM], [max(self.start_s, STEP_S), duration_s])
 
 
@@ -38,6 +39,7 @@ class Sine:
     start_s: float = 0.5
 
     def trajectory(self, duration_s: float) -> Trajectory:
+        """The reference over `duration_s`; ValueError where it cannot be gone within it."""
         if not 0 < self.frequency_Hz <= FASTEST_HZ:
             raise ValueError(
                 f"reference.frequency_Hz must be positive and at most {FASTEST_HZ:g}; got {self.frequency_Hz:g}"
@@ -56,6 +58,7 @@ class Steps:
     start_s: float = 0.5
 
     def trajectory(self, duration_s: float) -> Trajectory:
+        """The reference over `duration_s`; ValueError where it cannot be gone within it."""
         if not self.positions_mm:
             raise ValueError("reference.positions_mm must be one position or more; got none")
         if not self.dwell_s >= 0:
@@ -73,6 +76,7 @@ class Hold:
     start_s: float = 0.5
 
     def trajectory(self, duration_s: float) -> Trajectory:
+        """The reference over `duration_s`; ValueError where it cannot be gone within it."""
         _in_time((self.position_mm,), self.speed_mm_s, self.start_s, 0.0, duration_s)
         return through([MM * self.position_mm], MM * self.speed_mm_s, 0.0, self.start_s)
 
@@ -85,6 +89,7 @@ class Waypoints:
     positions_mm: tuple[float, ...]
 
     def trajectory(self, duration_s: float) -> Trajectory:
+        """The reference over `duration_s`; ValueError where it cannot be gone within it."""
         times, places = np.array([0.0, *self.times_s]), MM * np.array([0.0, *self.positions_mm])
         if len(self.times_s) != len(self.positions_mm) or not self.times_s or np.any(np.diff(times) < STEP_S):
             raise ValueError(

@@ -80,9 +80,11 @@ class Shifted:
     origin_s: float
 
     def position(self, t: Array) -> Array:
+        """Position in m at the times `t` in s, same shape."""
         return self.path.position(t - self.origin_s)
 
     def speed(self, t: Array) -> Array:
+        """Speed in m/s at the times `t` in s, same shape."""
         return self.path.speed(t - self.origin_s)
 
 

@@ -122,27 +122,34 @@ class Problem:
 
     @property
     def lower(self) -> Array:
+        """Lower bounds of the axes, (n,)."""
         return np.array([a.parameter.lower for a in self.axes])
 
     @property
     def upper(self) -> Array:
+        """Upper bounds of the axes, (n,)."""
         return np.array([a.parameter.upper for a in self.axes])
 
     @property
     def scale(self) -> Array:
+        """Scales of the axes, (n,)."""
         return np.array([a.scale for a in self.axes])
 
     @property
     def valley(self) -> GaussNewton:
+        """The Gauss-Newton search on these residuals."""
         return GaussNewton(self.all_at, self.lower, self.upper, self.scale, max(4, 2 * self.kind.lanes))
 
     def theta(self, x: Array) -> dict[str, float]:
+        """The parameters by name at the point `x` (n,)."""
         return {a.name: float(v) for a, v in zip(self.axes, x, strict=True)}
 
     def start(self, theta: Mapping[str, float]) -> Array:
+        """The point (n,) of `theta`, within the bounds; declared values where it has none."""
         return self.valley.clip(np.array([theta.get(a.name, a.parameter.value) for a in self.axes]))
 
     def at(self, x: Array) -> Array:
+        """The residuals at the point `x` (n,)."""
         return self.all_at([x])[0]
 
     def all_at(self, points: Sequence[Array]) -> list[Array]:
@@ -155,6 +162,7 @@ class Problem:
         return [np.concatenate(pair) for pair in zip(rows, held, strict=True)]
 
     def jacobian(self, x: Array, secant: float) -> Array:
+        """Derivatives of the residuals (m, n) at `x`, as secants `secant` scales wide to either side."""
         points = []
         for i, step in enumerate(secant * self.scale):
             for sign in (1.0, -1.0):

@@ -178,6 +178,7 @@ class SeriesKind:
         return np.asarray(np.sign(r) * _TAIL * np.sqrt(2 * (np.sqrt(1 + (r / _TAIL) ** 2) - 1)))
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
+        """Rms of the prediction error low-passed at 2 Hz, pooled over the records."""
         parts = []
         for record, predicted in zip(records, predictions, strict=True):
             parts.append(low_passed(record[self.quantity] - predicted, interval(record)))
@@ -190,6 +191,7 @@ class SeriesKind:
         return self.error([r for r, _ in made], [p for _, p in made])
 
     def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
+        """The same drive with the model's output and white noise of the stated size."""
         return record.with_column(
             self.quantity, self.predict(record, theta) + self.noise_std * rng.standard_normal(len(record))
         )

@@ -5,14 +5,14 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import json
-import math
 import os
 import struct
 import subprocess
 import sys
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Self
 
 from hil.log.blf_file import LATEST_S, NOTED, RECEIVED, SENT, WITHHELD, BlfFile, Logged
 
@@ -62,7 +62,52 @@ def write_record(path: Path, record: Mapping[str, Any]) -> None:
         raise ValueError(f"{path}: log must be a file that can be written; got: {error.strerror or error}") from None
 
 
-class FrameLog:
+class NodeLog(ABC):
+    """A log that a node writes its frames to; `dropped` counts those that could not be written. None of its methods but
+    `close` raises or waits.
+    """
+
+    def __init__(self, path: Path, record: Mapping[str, Any]) -> None:
+        """Begin the log `path` (.blf) with its `record`. Raises ValueError where they cannot be written."""
+        write_record(path, record)
+        self.path, self.dropped, self.written = path, 0, 0
+
+    def received(self, time_s: float, identifier: int, data: bytes | bytearray) -> None:
+        """Note a frame that came in at `time_s` of the node's clock."""
+        self._put(time_s, identifier, data, RECEIVED)
+
+    def sent(self, time_s: float, identifier: int, data: bytes | bytearray, withheld: bool = False) -> None:
+        """Note a frame that the tick at `time_s` sent, or only computed (`withheld`)."""
+        self._put(time_s, identifier, data, WITHHELD if withheld else SENT)
+
+    def noted(self, time_s: float, code: int, value: float = 0.0) -> None:
+        """Note something that is no frame (codes: `hil.log.recorder`)."""
+        self._put(time_s, code, struct.pack("<d", value), NOTED)
+
+    def _put(self, time_s: float, identifier: int, data: bytes | bytearray, way: int) -> None:
+        if not 0 <= time_s <= LATEST_S or len(data) > 8:
+            self.dropped += 1
+        elif self._write(Logged(round(time_s * 1e9), identifier, bytes(data), way)):
+            self.written += 1
+        else:
+            self.dropped += 1
+
+    @abstractmethod
+    def _write(self, frame: Logged) -> bool:
+        """Write one frame; whether it was taken."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """End the log."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class FrameLog(NodeLog):
     """A log that a process of its own writes: the node only hands frames to a pipe, which takes a microsecond and never
     waits.
 
@@ -72,11 +117,10 @@ class FrameLog:
     """
 
     def __init__(self, path: Path, record: Mapping[str, Any]) -> None:
-        """Begin the log `path` (.blf) with its `record`. Raises ValueError where they cannot be written."""
-        write_record(path, record)
+        """Begin the log. Errors as `NodeLog`."""
+        super().__init__(path, record)
         with contextlib.closing(BlfFile(path).file):
             pass
-        self.path, self.dropped, self.written = path, 0, 0
         reading, self._pipe = os.pipe()
         with contextlib.suppress(OSError):
             fcntl.fcntl(self._pipe, _F_SETPIPE_SZ, ROOM)
@@ -87,27 +131,14 @@ class FrameLog:
         )
         os.close(reading)
 
-    def received(self, time_s: float, identifier: int, data: bytes | bytearray) -> None:
-        """Note a frame that came in at `time_s` of the node's clock. Never raises, never waits."""
-        self._put(time_s, identifier, data, RECEIVED)
-
-    def sent(self, time_s: float, identifier: int, data: bytes | bytearray, withheld: bool = False) -> None:
-        """Note a frame that the tick at `time_s` sent, or only computed (`withheld`). Never raises, never waits."""
-        self._put(time_s, identifier, data, WITHHELD if withheld else SENT)
-
-    def noted(self, time_s: float, code: int, value: float = 0.0) -> None:
-        """Note something that is no frame (codes: `hil.log.recorder`). Never raises, never waits."""
-        self._put(time_s, code, struct.pack("<d", value), NOTED)
-
-    def _put(self, time_s: float, identifier: int, data: bytes | bytearray, way: int) -> None:
-        if self._pipe < 0 or not 0 <= time_s <= LATEST_S or len(data) > 8:
-            self.dropped += 1
-            return
+    def _write(self, frame: Logged) -> bool:
+        if self._pipe < 0:
+            return False
         try:
-            os.write(self._pipe, Logged(round(time_s * 1e9), identifier, bytes(data), way).packed())
-            self.written += 1
+            os.write(self._pipe, frame.packed())
         except OSError:
-            self.dropped += 1
+            return False
+        return True
 
     def hasten(self, priority: int) -> None:
         """Give the writer SCHED_FIFO too: else, put aside while it holds the pipe, it holds up a node of higher
@@ -127,50 +158,22 @@ class FrameLog:
             self._writer.kill()
             self._writer.wait()
 
-    def __enter__(self) -> FrameLog:
-        return self
 
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-
-class LockstepLog:
+class LockstepLog(NodeLog):
     """The same log written at once, in the node's own process: for simulated time, which waits."""
 
     def __init__(self, path: Path, record: Mapping[str, Any], flush_s: float = 1.0) -> None:
-        """Begin the log; a container every `flush_s` of the node's clock. Errors as `FrameLog`."""
-        write_record(path, record)
-        self.path, self.dropped, self.written = path, 0, 0
+        """Begin the log; a container every `flush_s` of the node's clock. Errors as `NodeLog`."""
+        super().__init__(path, record)
         self._file, self._flush_s, self._flushed_s = BlfFile(path), flush_s, 0.0
 
-    def received(self, time_s: float, identifier: int, data: bytes | bytearray) -> None:
-        """As `FrameLog.received`."""
-        self._put(time_s, identifier, data, RECEIVED)
-
-    def sent(self, time_s: float, identifier: int, data: bytes | bytearray, withheld: bool = False) -> None:
-        """As `FrameLog.sent`."""
-        self._put(time_s, identifier, data, WITHHELD if withheld else SENT)
-
-    def noted(self, time_s: float, code: int, value: float = 0.0) -> None:
-        """As `FrameLog.noted`."""
-        self._put(time_s, code, struct.pack("<d", value), NOTED)
-
-    def _put(self, time_s: float, identifier: int, data: bytes | bytearray, way: int) -> None:
-        if not (math.isfinite(time_s) and 0 <= time_s <= LATEST_S) or len(data) > 8:
-            self.dropped += 1
-            return
-        self._file.write(Logged(round(time_s * 1e9), identifier, bytes(data), way))
-        self.written += 1
-        if time_s - self._flushed_s >= self._flush_s:
+    def _write(self, frame: Logged) -> bool:
+        self._file.write(frame)
+        if frame.time_s - self._flushed_s >= self._flush_s:
             self._file.flush()
-            self._flushed_s = time_s
+            self._flushed_s = frame.time_s
+        return True
 
     def close(self) -> None:
         """End the log."""
         self._file.stop()
-
-    def __enter__(self) -> LockstepLog:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()

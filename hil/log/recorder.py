@@ -16,7 +16,7 @@ import can
 from controller.limits import Limits
 from controller.signals import Action
 from hil.bus.catalogue import Catalogue
-from hil.log.log import FrameLog, LockstepLog
+from hil.log.log import NodeLog
 
 START, STOP, UNSOLVED, CUT, EXACT = range(1, 6)
 """Notes in a log: the operator's start (value: origin of the reference in s) and stop, a tick that is computed without
@@ -31,7 +31,7 @@ class Recorder:
     a replay needs.
     """
 
-    def __init__(self, log: FrameLog | LockstepLog, dry_run: bool = False) -> None:
+    def __init__(self, log: NodeLog, dry_run: bool = False) -> None:
         self.log, self._dry = log, dry_run
 
     def __call__(self, message: can.Message) -> None:

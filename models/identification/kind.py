@@ -50,20 +50,20 @@ class Kind(Protocol):
         ...
 
     @property
-    def stages(self) -> int:
+    def criteria(self) -> int:
         """How many criteria a fit goes through."""
         ...
 
     @property
     def final(self) -> int:
-        """The stage at which the fit of the model that is reported ends: the last one, or the same computed more
+        """The criterion at which the fit of the model that is reported ends: the last one, or the same computed more
         exactly.
         """
         ...
 
     @property
     def judges(self) -> tuple[int, ...]:
-        """Stages that judge a model, block by block the one under which it fits better: an observer may lose a step
+        """Criteria that judge a model, block by block the one under which it fits better: an observer may lose a step
         that the free run keeps, and the free run one that the observer keeps.
         """
         ...
@@ -77,7 +77,9 @@ class Kind(Protocol):
 
     @property
     def slow_view(self) -> bool:
-        """Whether `residual` knows a further stage, number `stages`, that shows only what is slow in the free run."""
+        """Whether `residual` knows a further criterion, number `criteria`, that shows only what is slow in the free
+        run.
+        """
         ...
 
     @property
@@ -120,11 +122,11 @@ class Kind(Protocol):
         """The measured column as the model predicts it from the driven column alone; shape of the measured column."""
         ...
 
-    def residual(self, record: Record, theta: Theta, stage: int = 0) -> Array:
+    def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
         """What a fit minimises: differences in units of their standard deviation, fixed length for a record, about unit
-        variance and independent of each other where the model is right. `stage` counts up to `stages` - 1, from a
+        variance and independent of each other where the model is right. `criterion` counts up to `criteria` - 1, from a
         criterion that is smooth but forgets (an observer keeps the model in step) to the one that is meant; most kinds
-        have one stage.
+        have one criterion.
         """
         ...
 
@@ -133,7 +135,7 @@ class Kind(Protocol):
         """How many points `residuals` evaluates at about the price of one."""
         ...
 
-    def residuals(self, record: Record, thetas: Sequence[Theta], stage: int = 0) -> list[Array]:
+    def residuals(self, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> list[Array]:
         """`residual` at several points."""
         ...
 
@@ -167,7 +169,7 @@ class Kind(Protocol):
 
 
 class _Residual(Protocol):
-    def residual(self, record: Record, theta: Theta, stage: int = 0) -> Array: ...
+    def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array: ...
 
 
 class OneByOne:
@@ -177,9 +179,9 @@ class OneByOne:
     free_only: ClassVar[bool] = False
     named_share: ClassVar[float] = EXPLAINED
 
-    def residuals(self: _Residual, record: Record, thetas: Sequence[Theta], stage: int = 0) -> list[Array]:
+    def residuals(self: _Residual, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> list[Array]:
         """`residual` at several points."""
-        return [self.residual(record, theta, stage) for theta in thetas]
+        return [self.residual(record, theta, criterion) for theta in thetas]
 
     def searched(self, records: Sequence[Record]) -> list[Record]:
         """All of them."""

@@ -10,7 +10,7 @@ from models.files.record import Record
 from models.identification.finding import Check
 from models.identification.fitting.fit import Fit, evaluate
 from models.identification.kind import Kind
-from models.identification.search.validation import middle_stage
+from models.identification.search.validation import middle_criterion
 
 _LAGS = 40
 _RUNS = 5
@@ -21,11 +21,11 @@ def residual_checks(
     kind: Kind, records: Sequence[Record], fit: Fit, chance_cost: float, seed: int = 0
 ) -> tuple[Check, ...]:
     """Size and whiteness of what is left, with limits from records imitated on the fitted model."""
-    stage = middle_stage(kind)
+    criterion = middle_criterion(kind)
     rng = np.random.default_rng(seed)
-    actual = _numbers(evaluate(kind, records, fit.theta, stage))
+    actual = _numbers(evaluate(kind, records, fit.theta, criterion))
     imitated = [
-        _numbers(evaluate(kind, [kind.imitate(record, fit.theta, rng) for record in records], fit.theta, stage))
+        _numbers(evaluate(kind, [kind.imitate(record, fit.theta, rng) for record in records], fit.theta, criterion))
         for _ in range(_RUNS)
     ]
     limits = _WIDER * np.max(imitated, axis=0)

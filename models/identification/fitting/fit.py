@@ -81,44 +81,46 @@ def parallel(function: Callable[[_T], _R], items: Sequence[_T]) -> list[_R]:
     return list(_POOL.map(function, items)) if len(items) > 1 else [function(item) for item in items]
 
 
-def evaluate(kind: Kind, records: Sequence[Record], theta: Mapping[str, float], stage: int) -> Array:
+def evaluate(kind: Kind, records: Sequence[Record], theta: Mapping[str, float], criterion: int) -> Array:
     """The residuals of all records at `theta`, one after the other."""
-    return evaluate_all(kind, records, [theta], stage)[0]
+    return evaluate_all(kind, records, [theta], criterion)[0]
 
 
 def evaluate_all(
-    kind: Kind, records: Sequence[Record], thetas: Sequence[Mapping[str, float]], stage: int
+    kind: Kind, records: Sequence[Record], thetas: Sequence[Mapping[str, float]], criterion: int
 ) -> list[Array]:
     """`evaluate` at each of `thetas`, on all processors and in all their lanes."""
     groups = [thetas[i : i + kind.lanes] for i in range(0, len(thetas), kind.lanes)]
     tasks = [(record, group) for group in groups for record in records]
-    parts = iter(parallel(lambda task: kind.residuals(*task, stage), tasks))
+    parts = iter(parallel(lambda task: kind.residuals(*task, criterion), tasks))
     rows: list[Array] = []
     for _ in groups:
         rows += [np.concatenate(row) for row in zip(*(next(parts) for _ in records), strict=True)]
     return rows
 
 
-def costs_of(kind: Kind, records: Sequence[Record], thetas: Sequence[Mapping[str, float]], stage: int) -> list[float]:
+def costs_of(
+    kind: Kind, records: Sequence[Record], thetas: Sequence[Mapping[str, float]], criterion: int
+) -> list[float]:
     """Sum of squares of the residuals at each of `thetas`."""
-    return [float(r @ r) for r in evaluate_all(kind, records, thetas, stage)]
+    return [float(r @ r) for r in evaluate_all(kind, records, thetas, criterion)]
 
 
 @dataclass(frozen=True)
 class Problem:
-    """The regularised least-squares problem of a fit: the residuals of `records` under criterion `stage` of `kind`, in
+    """The regularised least-squares problem of a fit: the residuals of `records` under one `criterion` of `kind`, in
     units of their noise, over the parameters `axes`.
     """
 
     kind: Kind
     records: Sequence[Record]
     axes: list[Axis]
-    stage: int
+    criterion: int
 
     @classmethod
-    def of(cls, kind: Kind, records: Sequence[Record], effects: Sequence[str], stage: int) -> Problem:
+    def of(cls, kind: Kind, records: Sequence[Record], effects: Sequence[str], criterion: int) -> Problem:
         """The fit of the base with `effects`."""
-        return cls(kind, records, axes(kind, effects), stage)
+        return cls(kind, records, axes(kind, effects), criterion)
 
     @property
     def lower(self) -> Array:
@@ -154,7 +156,7 @@ class Problem:
 
     def all_at(self, points: Sequence[Array]) -> list[Array]:
         """Residuals at each point: of the records, and of fitted parameters from what is believed of them."""
-        rows = evaluate_all(self.kind, self.records, [self.theta(x) for x in points], self.stage)
+        rows = evaluate_all(self.kind, self.records, [self.theta(x) for x in points], self.criterion)
         believed = [(i, a.parameter) for i, a in enumerate(self.axes) if np.isfinite(a.parameter.spread)]
         if not believed:
             return rows
@@ -178,7 +180,7 @@ class Problem:
 
 
 def descend(problem: Problem, start: Mapping[str, float], secant: float, steps: int) -> Fit:
-    """Least squares within bounds at one stage in at most `steps` rounds, derivatives as secants `secant` wide that
+    """Least squares within bounds at one criterion in at most `steps` rounds, derivatives as secants `secant` wide that
     look across the jags.
     """
     x0 = problem.start(start)
@@ -190,7 +192,7 @@ def descend(problem: Problem, start: Mapping[str, float], secant: float, steps: 
 
 
 def narrowing(problem: Problem, start: Mapping[str, float], widths: Sequence[float] = NARROW, steps: int = 12) -> Fit:
-    """Descents at one stage, one after the other, with secants of `widths`."""
+    """Descents at one criterion, one after the other, with secants of `widths`."""
     theta = dict(start)
     for width in widths:
         fit = descend(problem, theta, width, steps)

@@ -26,7 +26,7 @@ from models.identification.search.validation import (
     block_costs,
     judged,
     judged_cost,
-    middle_stage,
+    middle_criterion,
 )
 
 POOL = 6
@@ -157,8 +157,8 @@ def _entry(model: FittedModel, row: Screened) -> tuple[float, list[dict[str, flo
         ]
     else:
         openings = [_opening(kind, part, bases, row.effect, start) for start in row.starts]
-    stage, width = (middle_stage(kind), WIDE[0]) if kind.free_only else (0, NARROW[0])
-    problem = Problem.of(kind, part, [*model.effects, row.effect], stage)
+    criterion, width = (middle_criterion(kind), WIDE[0]) if kind.free_only else (0, NARROW[0])
+    problem = Problem.of(kind, part, [*model.effects, row.effect], criterion)
     fits = [descend(problem, point, width, 3) for _, point in openings]
     fits.sort(key=lambda fit: fit.cost)
     return fits[0].cost, [fit.theta for fit in fits]
@@ -173,20 +173,20 @@ def _heats(model: FittedModel, starts: Mapping[str, Sequence[dict[str, float]]])
     changes the resistance is looked for from where the slip limit follows it, and from where it does not.
     """
     kind, part = model.kind, model.part
-    stage = middle_stage(kind)
+    criterion = middle_criterion(kind)
     beside = {name: [c for c in _companions(kind, name) if BY_ID[c] in REFINEMENTS] for name in starts}
     models = {name: [*model.effects, name, *beside[name]] for name in starts}
     if kind.free_only:
         every = {
             name: [place for start in own for place in _with_each(start, beside[name])] for name, own in starts.items()
         }
-        climbs = {name: GrowingHorizon(kind, models[name], every[name], stage, QUICK, name) for name in starts}
+        climbs = {name: GrowingHorizon(kind, models[name], every[name], criterion, QUICK, name) for name in starts}
         return eliminate(part, climbs, FINAL, BEHIND)
     fits = {}
     for name, own in starts.items():
         places = _with_each(own[0], beside[name])
-        costs = costs_of(kind, part, places, stage) if len(places) > 1 else [0.0]
-        problem = Problem.of(kind, part, models[name], stage)
+        costs = costs_of(kind, part, places, criterion) if len(places) > 1 else [0.0]
+        problem = Problem.of(kind, part, models[name], criterion)
         fits[name] = narrowing(problem, places[int(np.argmin(costs))], NARROW, 8)
     return fits
 
@@ -212,7 +212,7 @@ def _opening(
     wanted = [start[key], *(sign * effect.probe * k for k in _MULTIPLES for sign in (1.0, -1.0))]
     values = sorted({v for v in wanted if amplitude.lower <= v <= amplitude.upper and v != 0.0})
     points = [{**base, **start, key: value} for base in bases for value in values]
-    costs = costs_of(kind, part, points, middle_stage(kind))
+    costs = costs_of(kind, part, points, middle_criterion(kind))
     return min(zip(costs, points, strict=True), key=_first)
 
 

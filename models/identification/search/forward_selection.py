@@ -83,7 +83,7 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
     told = kind.searched(train)
     splits = kind.splits(told)
     nominal = {p.name: p.value for p in kind.base}
-    base = narrowing(Problem.of(kind, told, [], kind.stages - 1), refit(kind, told, [], nominal), FINE)
+    base = narrowing(Problem.of(kind, told, [], kind.criteria - 1), refit(kind, told, [], nominal), FINE)
     parts = [
         (step_on(kind, part, [], base.theta).theta if kind.free_only else refit(kind, part, [], base.theta))
         for part, _ in splits
@@ -113,7 +113,7 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
         found.augmented = finished(kind, train, [], base)
     rows = sum(map(len, train))
     found.parts = [(sum(map(len, part)) / rows, theta) for part, theta in model.parts]
-    if found.effects and kind.stages > 1:
+    if found.effects and kind.criteria > 1:
         found.restless = restlessness(kind, splits, found.augmented.theta, rng)
     if not found.effects:
         found.calibrated = found.augmented

@@ -49,7 +49,7 @@ class GrowingHorizon:
     kind: Kind
     effects: Sequence[str]
     starts: Sequence[Mapping[str, float]]
-    stage: int
+    criterion: int
     effort: Effort
     fresh: str = ""
     fits: list[Fit] = field(default_factory=list)
@@ -62,11 +62,11 @@ class GrowingHorizon:
             points = found + places + self._redrawn(found[:_BASES])
         else:
             points = places + self._scattered()
-        costs = costs_of(self.kind, records, points, self.stage)
+        costs = costs_of(self.kind, records, points, self.criterion)
         best = [points[i] for i in np.argsort(costs, kind="stable")[: self.effort.kept[number]]]
         widths = NARROW if length >= _TELLING_S else NARROW[-1:]
         fits = [
-            narrowing(Problem.of(self.kind, records, self.effects, self.stage), point, widths, _ROUNDS)
+            narrowing(Problem.of(self.kind, records, self.effects, self.criterion), point, widths, _ROUNDS)
             for point in best
         ]
         self.fits = sorted(fits, key=lambda fit: fit.cost)
@@ -103,12 +103,12 @@ def grow_horizon(
     records: Sequence[Record],
     effects: Sequence[str],
     starts: Sequence[Mapping[str, float]],
-    stage: int,
+    criterion: int,
     effort: Effort = THOROUGH,
     fresh: str = "",
 ) -> Fit:
     """The best fit on the whole records."""
-    climb = GrowingHorizon(kind, effects, starts, stage, effort, fresh)
+    climb = GrowingHorizon(kind, effects, starts, criterion, effort, fresh)
     for number, length, parts in _lengths(records):
         climb.on(number, length, parts)
     return climb.fits[0]

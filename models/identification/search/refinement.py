@@ -44,15 +44,15 @@ def refined(model: FittedModel, known: Known) -> tuple[list[str], FittedModel]:
 def refined_at_last(
     kind: Kind, records: Sequence[Record], effects: Sequence[str], taken: Sequence[str], fit: Fit, known: Known
 ) -> tuple[list[str], Fit]:
-    """The refinements beyond `taken` that `fit`, made at the kind's final stage, still wants, and the best fit: the
+    """The refinements beyond `taken` that `fit`, made at the kind's final criterion, still wants, and the best fit: the
     coarser steps on which shapes are compared may hide one. Looked for from `fit` on, or from a `known` fit on a part
     where that is better, as long as the reported error is not about the noise's. It must take a clear share of the
     training cost or of the reported error there, also of what is left without it from its own base, and leave about the
     noise; where `fit` and what is known both leave `BEHIND` times the noise, more than a shape is lacking, and a kind
-    with one stage has hidden none.
+    with one criterion has hidden none.
     """
     added: list[str] = []
-    if kind.stages == 1:
+    if kind.criteria == 1:
         return added, fit
     floors = _floors(kind, records, fit)
     for curve in (name for name in _shapes(kind, effects) if name not in taken):

@@ -1,4 +1,4 @@
-"""Ways to a fit: stepped on from where it is, down the stages, on ever longer beginnings; the best of them as
+"""Ways to a fit: stepped on from where it is, down the criteria, on ever longer beginnings; the best of them as
 judged.
 """
 
@@ -13,7 +13,7 @@ from models.files.record import Record
 from models.identification.fitting.fit import FINE, NARROW, WIDE, Fit, Problem, descend, narrowing
 from models.identification.kind import Kind
 from models.identification.search.growing_horizon import QUICK, grow_horizon
-from models.identification.search.validation import NEAR_NOISE, SHAPED, judged_cost, middle_stage
+from models.identification.search.validation import NEAR_NOISE, SHAPED, judged_cost, middle_criterion
 
 
 def refit(
@@ -23,24 +23,25 @@ def refit(
     start: Mapping[str, float],
     enough: float = NEAR_NOISE,
 ) -> dict[str, float]:
-    """The best of several ways to a fit on `records`, as judged: stepped on from where it is; down the stages where the
-    kind has observers that can be trusted; and, where these leave more than `enough` (about the noise), from where it
-    is and from the nominal base with wide secants or, where only the free run judges, on ever longer beginnings, there
-    also with the newest effect as it is declared.
+    """The best of several ways to a fit on `records`, as judged: stepped on from where it is; down the criteria where
+    the kind has observers that can be trusted; and, where these leave more than `enough` (about the noise), from where
+    it is and from the nominal base with wide secants or, where only the free run judges, on ever longer beginnings,
+    there also with the newest effect as it is declared.
     """
-    stage = middle_stage(kind)
-    if kind.stages == 1:
-        return narrowing(Problem.of(kind, records, effects, stage), start).theta
+    criterion = middle_criterion(kind)
+    if kind.criteria == 1:
+        return narrowing(Problem.of(kind, records, effects, criterion), start).theta
     fits = [step_on(kind, records, effects, start).theta]
     if not kind.free_only:
-        fits.append(down_the_stages(kind, records, effects, start))
+        fits.append(down_the_criteria(kind, records, effects, start))
     costs = [judged_cost(kind, records, theta) for theta in fits]
     if min(costs) > enough:
         if kind.free_only:
             fits.append(_lengthened(kind, records, effects, start))
         else:
             fits += [
-                narrowing(Problem.of(kind, records, effects, stage), begin, WIDE).theta for begin in begins(kind, start)
+                narrowing(Problem.of(kind, records, effects, criterion), begin, WIDE).theta
+                for begin in begins(kind, start)
             ]
         costs = [judged_cost(kind, records, theta) for theta in fits]
     return fits[int(np.argmin(costs))]
@@ -51,11 +52,11 @@ def mend(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: M
     the noise to a hundredth, on ever longer beginnings too; and from more places where these leave `NEAR_NOISE`.
     """
     if not kind.free_only:
-        return down_the_stages(kind, records, effects, start)
+        return down_the_criteria(kind, records, effects, start)
     fits = [step_on(kind, records, effects, start).theta]
     costs = [judged_cost(kind, records, fits[0])]
     if costs[0] > 1 + SHAPED:
-        fits.append(grow_horizon(kind, records, effects, begins(kind, start), middle_stage(kind), QUICK).theta)
+        fits.append(grow_horizon(kind, records, effects, begins(kind, start), middle_criterion(kind), QUICK).theta)
         costs.append(judged_cost(kind, records, fits[-1]))
     if min(costs) > NEAR_NOISE:
         fits.append(_lengthened(kind, records, effects, start))
@@ -64,23 +65,25 @@ def mend(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: M
 
 
 def step_on(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> Fit:
-    """A fit at the middle stage from where the start is."""
+    """A fit at the middle criterion from where the start is."""
     return narrowing(
-        Problem.of(kind, records, effects, middle_stage(kind)),
+        Problem.of(kind, records, effects, middle_criterion(kind)),
         start,
         (NARROW[0], *FINE) if kind.free_only else FINE,
         10,
     )
 
 
-def down_the_stages(
+def down_the_criteria(
     kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]
 ) -> dict[str, float]:
-    """Least squares at every stage in turn, from the one that forgets fast to the free run, first with wide secants."""
+    """Least squares at every criterion in turn, from the one that forgets fast to the free run, first with wide
+    secants.
+    """
     theta = dict(start)
-    for stage in range(kind.stages):
-        for secant in (0.3, 0.1) if stage == 0 else (0.1,):
-            theta = descend(Problem.of(kind, records, effects, stage), theta, secant, 12).theta
+    for criterion in range(kind.criteria):
+        for secant in (0.3, 0.1) if criterion == 0 else (0.1,):
+            theta = descend(Problem.of(kind, records, effects, criterion), theta, secant, 12).theta
     return theta
 
 
@@ -94,7 +97,7 @@ def _lengthened(
     newest = next((name for name in reversed(effects) if BY_ID[name] not in REFINEMENTS), "")
     if newest:
         starts.append({**starts[-1], **BY_ID[newest].start()})
-    return grow_horizon(kind, records, effects, starts, middle_stage(kind), fresh=newest).theta
+    return grow_horizon(kind, records, effects, starts, middle_criterion(kind), fresh=newest).theta
 
 
 def begins(kind: Kind, theta: Mapping[str, float]) -> list[dict[str, float]]:
@@ -115,14 +118,16 @@ def whole(
 ) -> Fit:
     """The best of several ways to a fit on `records` (`refit`), finished."""
     begun = refit(kind, records, effects, start, enough)
-    return finished(kind, records, effects, narrowing(Problem.of(kind, records, effects, kind.stages - 1), begun, FINE))
+    return finished(
+        kind, records, effects, narrowing(Problem.of(kind, records, effects, kind.criteria - 1), begun, FINE)
+    )
 
 
 def finished(kind: Kind, records: Sequence[Record], effects: Sequence[str], fit: Fit) -> Fit:
-    """`fit` at the kind's final stage, descended anew as long as that helps: where one way down ends another may begin.
-    Wide secants only where more than the noise is left. A kind with one stage has no other.
+    """`fit` at the kind's final criterion, descended anew as long as that helps: where one way down ends another
+    begins. Wide secants only where more than the noise is left. A kind with one criterion has no other.
     """
-    if kind.stages == 1:
+    if kind.criteria == 1:
         return fit
     widths = FINE if fit.chi2 < NEAR_NOISE else (*WIDE, FINE[-1])
     best = narrowing(Problem.of(kind, records, effects, kind.final), fit.theta, widths)

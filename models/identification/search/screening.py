@@ -16,7 +16,7 @@ from models.files.columns import TIME
 from models.files.record import Record
 from models.identification.fitting.fit import FINE, Problem, axes, descend, evaluate_all, narrowing
 from models.identification.kind import Kind
-from models.identification.search.validation import NEAR_NOISE, judged_cost, middle_stage
+from models.identification.search.validation import NEAR_NOISE, judged_cost, middle_criterion
 
 Array = NDArray[np.float64]
 _PLACES = 24
@@ -44,20 +44,20 @@ class _View:
 
     kind: Kind
     records: Sequence[Record]
-    stage: int
+    criterion: int
     theta: Mapping[str, float]
     residual: Array
     basis: Array
 
     @classmethod
     def at(
-        cls, kind: Kind, records: Sequence[Record], effects: Sequence[str], theta: Mapping[str, float], stage: int
+        cls, kind: Kind, records: Sequence[Record], effects: Sequence[str], theta: Mapping[str, float], criterion: int
     ) -> _View:
-        problem = Problem(kind, records, axes(kind, effects), stage)
+        problem = Problem(kind, records, axes(kind, effects), criterion)
         x = problem.start(theta)
         jacobian = problem.jacobian(x, _SECANT)
         basis = np.linalg.qr(jacobian)[0] if jacobian.shape[1] else np.zeros((jacobian.shape[0], 0))
-        return cls(kind, records, stage, theta, problem.at(x), basis)
+        return cls(kind, records, criterion, theta, problem.at(x), basis)
 
     def cleared(self, vectors: Array) -> Array:
         return np.asarray(vectors - self.basis @ (self.basis.T @ vectors))
@@ -75,7 +75,7 @@ class _View:
         if phase is not None:
             phases = ({head + phase: 0.0}, {head + phase: np.pi / 2})
         thetas = [{**self.theta, **start, **at} for start in starts for at in phases]
-        seen = evaluate_all(self.kind, self.records, thetas, self.stage)
+        seen = evaluate_all(self.kind, self.records, thetas, self.criterion)
         n = len(phases)
         return [self._told(effect, start, seen[n * k : n * (k + 1)]) for k, start in enumerate(starts)]
 
@@ -151,9 +151,11 @@ def screen(
     residual show.
     """
     rows: dict[str, Screened] = {}
-    for stage in (middle_stage(kind), *((kind.stages,) if kind.slow_view else ())):
-        fit = descend(Problem.of(kind, records, effects, stage), theta, _SECANT, 8)
-        for row in _best(_View.at(kind, records, effects, fit.theta, stage), _candidates(kind, (*effects, *dropped))):
+    for criterion in (middle_criterion(kind), *((kind.criteria,) if kind.slow_view else ())):
+        fit = descend(Problem.of(kind, records, effects, criterion), theta, _SECANT, 8)
+        for row in _best(
+            _View.at(kind, records, effects, fit.theta, criterion), _candidates(kind, (*effects, *dropped))
+        ):
             other = rows.get(row.effect)
             rows[row.effect] = row if other is None else _joined(row, other)
     return sorted(rows.values(), key=_by_share)
@@ -168,7 +170,7 @@ def for_chance(kind: Kind, part: Sequence[Record]) -> list[Record]:
     """Which records of `part` are imitated: time series that are judged through observers take long, so the first ones
     that make a few seconds; of all else every one, for each alone tells little.
     """
-    if kind.stages == 1 or any(TIME not in record.columns for record in part):
+    if kind.criteria == 1 or any(TIME not in record.columns for record in part):
         return list(part)
     ends = np.cumsum([np.ptp(record[TIME]) for record in part])
     return list(part[: 1 + int(np.searchsorted(ends, _IMITATED_S))])
@@ -181,15 +183,15 @@ def chance(
     of each that would stand out from it, and the mean square of their residuals. Where a tooth of an imitation hangs on
     how finely it is computed, the base is fitted to it anew, as it was to the records.
     """
-    stage = middle_stage(kind)
+    criterion = middle_criterion(kind)
     gain, cost, weakest = 0.0, 0.0, dict[str, float]()
     for _ in range(_IMITATIONS):
         imitated = [kind.imitate(record, theta, rng) for record in records]
         own, left = theta, judged_cost(kind, imitated, theta)
         if left > NEAR_NOISE:
-            again = narrowing(Problem.of(kind, imitated, [], stage), theta, FINE).theta
+            again = narrowing(Problem.of(kind, imitated, [], criterion), theta, FINE).theta
             own, left = min((own, left), (again, judged_cost(kind, imitated, again)), key=lambda fit: fit[1])
-        view = _View.at(kind, imitated, [], own, stage)
+        view = _View.at(kind, imitated, [], own, criterion)
         cost = max(cost, left)
         rows = _best(view, kind.effects)
         gain = max(gain, *(-float(np.log1p(-min(row.share, 0.999))) for row in rows)) if rows else gain

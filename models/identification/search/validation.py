@@ -27,18 +27,18 @@ NEAR_NOISE = 1.5
 """Cost for each residual up to which a fit counts as one that leaves about the noise."""
 
 
-def middle_stage(kind: Kind) -> int:
-    """The stage on which models are compared: corrected enough to forgive teeth out of step, free enough to see every
-    effect.
+def middle_criterion(kind: Kind) -> int:
+    """The criterion on which models are compared: corrected enough to forgive teeth out of step, free enough to see
+    every effect.
     """
-    return min(1, kind.stages - 1)
+    return min(1, kind.criteria - 1)
 
 
 def judged(kind: Kind, records: Sequence[Record], theta: Mapping[str, float]) -> Array:
     """Mean square of the residuals in each of at most forty blocks of neighbours, under the kind's judge that the block
     suits better.
     """
-    return np.asarray(np.min([_blocks(evaluate(kind, records, theta, stage)) for stage in kind.judges], axis=0))
+    return np.asarray(np.min([_blocks(evaluate(kind, records, theta, criterion)) for criterion in kind.judges], axis=0))
 
 
 def judged_cost(kind: Kind, records: Sequence[Record], theta: Mapping[str, float]) -> float:

@@ -52,7 +52,7 @@ class AxisKind(OneByOne):
     force_std_N: float | None = None
     effects: tuple[type[Effect], ...] = field(default_factory=lambda: effects_for("axis", VARIANTS))
     name: str = "axis"
-    stages: int = 1
+    criteria: int = 1
     final: int = 0
     judges: tuple[int, ...] = (0,)
     slow_view: bool = False
@@ -125,11 +125,11 @@ class AxisKind(OneByOne):
             force = e.measured(s, p, {}, force)
         return np.asarray(force, dtype=float)
 
-    def residual(self, record: Record, theta: Theta, stage: int = 0) -> Array:
+    def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
         """Filtered force error in units of its noise, 100 a second."""
-        return self.residuals(record, [theta], stage)[0]
+        return self.residuals(record, [theta], criterion)[0]
 
-    def residuals(self, record: Record, thetas: Sequence[Theta], stage: int = 0) -> list[Array]:
+    def residuals(self, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> list[Array]:
         """`residual` at several points; the filter takes them together."""
         force = record[self.quantity]
         known = self._noise.get(id(force))

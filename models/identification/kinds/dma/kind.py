@@ -41,7 +41,7 @@ class DmaKind(OneByOne):
     modulus_std_Pa: float | None = None
     effects: tuple[type[Effect], ...] = field(default_factory=lambda: effects_for("dma"))
     name: str = "dma"
-    stages: int = 2
+    criteria: int = 2
     final: int = 1
     judges: tuple[int, ...] = (1,)
     slow_view: bool = False
@@ -90,20 +90,20 @@ class DmaKind(OneByOne):
                 out += np.column_stack([extra.storage, extra.loss])
         return out
 
-    def residual(self, record: Record, theta: Theta, stage: int = 1) -> Array:
-        """Errors in units of the scatter between samples; stage 0 of the logarithm of the modulus, stage 1 of the
-        modulus itself.
+    def residual(self, record: Record, theta: Theta, criterion: int = 1) -> Array:
+        """Errors in units of the scatter between samples; criterion 0 of the logarithm of the modulus, criterion 1 of
+        the modulus itself.
 
-        The logarithm leads a calibration home from moduli that are off by a hundred. In stage 1 all readings weigh
-        alike, as in `error`. A sample's common factor is *not* whitened away: with a law that is wrong somewhere that
-        draws the whole fit down (Peelle's puzzle).
+        The logarithm leads a calibration home from moduli that are off by a hundred. Under criterion 1 all readings
+        weigh alike, as in `error`. A sample's common factor is *not* whitened away: with a law that is wrong somewhere
+        that draws the whole fit down (Peelle's puzzle).
         """
         measured, predicted = self.measured(record), self.predict(record, theta)
         std = math.hypot(SAMPLE_SPREAD / math.sqrt(2), READING_SPREAD)
         size = math.sqrt(float(np.mean(np.sum(measured**2, axis=1))))
         if self.modulus_std_Pa is not None:
             std = self.modulus_std_Pa / size
-        if stage == 0:
+        if criterion == 0:
             ratio = np.log(predicted @ [1, 1j]) - np.log(measured @ [1, 1j])
             return np.column_stack([ratio.real, ratio.imag]).ravel() / std
         return (measured - predicted).ravel() / (std * size)

@@ -72,7 +72,7 @@ class PeriodsKind(OneByOne):
     period_std_s: float | None = None
     effects: tuple[type[Effect], ...] = field(default_factory=lambda: effects_for("periods", (SingleSpeedStiffening,)))
     name: str = "periods"
-    stages: int = 1
+    criteria: int = 1
     final: int = 0
     judges: tuple[int, ...] = (0,)
     slow_view: bool = False
@@ -169,7 +169,7 @@ class PeriodsKind(OneByOne):
             ) from None
         return tooth if recoil is not None else Tooth(tooth.drag_m, tooth.rise_s, self.tissue.recovery_time_s)
 
-    def residual(self, record: Record, theta: Theta, stage: int = 0) -> Array:
+    def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
         """Errors of period, valley and peak in units of one period's scatter, three a row.
 
         The period is held against what the wall's law gives at the *measured* height of the teeth: valley and peak

@@ -42,7 +42,7 @@ def low_passed(signal: Array, dt: float) -> Array:
 @dataclass(frozen=True)
 class SeriesKind:
     """A rig whose records are time series of a capsule. `noise_std` of the sensor; `memories` in s are the observer's
-    time constants of the fit's stages.
+    time constants of the fit's criteria.
     """
 
     name: str
@@ -100,19 +100,19 @@ class SeriesKind:
         )
 
     @property
-    def stages(self) -> int:
+    def criteria(self) -> int:
         """One with each of the observer's memories, and the free run."""
         return len(self.memories) + 1
 
     @property
     def final(self) -> int:
         """The free run at fine steps."""
-        return self.stages + 1
+        return self.criteria + 1
 
     @property
     def judges(self) -> tuple[int, ...]:
         """The observer that forgives teeth out of step but little else, and the free run."""
-        return (min(1, self.stages - 2), self.stages - 1)
+        return (min(1, self.criteria - 2), self.criteria - 1)
 
     @property
     def free_only(self) -> bool:
@@ -156,23 +156,23 @@ class SeriesKind:
         seen = record.columns.get(self.quantity) if drifts(self.drive) else None
         return self._from_the_start(record, self._run(record, theta, None, seen))
 
-    def residual(self, record: Record, theta: Theta, stage: int = 0) -> Array:
+    def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
         """Differences in units of the noise, those in a tooth's jump counting less; see `Kind.residual`."""
-        return self.residuals(record, [theta], stage)[0]
+        return self.residuals(record, [theta], criterion)[0]
 
-    def residuals(self, record: Record, thetas: Sequence[Theta], stage: int = 0) -> list[Array]:
+    def residuals(self, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> list[Array]:
         """`residual` at several points."""
-        memory = self.memories[stage] if stage < len(self.memories) else None
-        outputs = self._runs(record, thetas, memory, record[self.quantity], stage == self.final)
+        memory = self.memories[criterion] if criterion < len(self.memories) else None
+        outputs = self._runs(record, thetas, memory, record[self.quantity], criterion == self.final)
         if not memory:
             outputs = [self._from_the_start(record, output) for output in outputs]
-        return [self._weighed(record, output, stage) for output in outputs]
+        return [self._weighed(record, output, criterion) for output in outputs]
 
-    def _weighed(self, record: Record, output: Array, stage: int) -> Array:
+    def _weighed(self, record: Record, output: Array, criterion: int) -> Array:
         with np.errstate(over="ignore", invalid="ignore"):  # of a model that ran away
             r = (record[self.quantity] - output) / self.noise_std
         r = np.clip(np.where(np.isfinite(r), r, _DIVERGED), -_DIVERGED, _DIVERGED)
-        if stage == self.stages:
+        if criterion == self.criteria:
             dt = interval(record)
             return np.asarray(low_passed(r, dt)[:: max(1, round(1 / (_PER_PERIOD * LOW_PASS_HZ * dt)))])
         return np.asarray(np.sign(r) * _TAIL * np.sqrt(2 * (np.sqrt(1 + (r / _TAIL) ** 2) - 1)))

@@ -49,7 +49,7 @@ class VibroTableKind(OneByOne):
     model_error_m_s: float = 2.0e-3
     effects: tuple[type[Effect], ...] = field(default_factory=lambda: effects_for("vibro_table", VARIANTS))
     step_s: float = STEP_S
-    stages: int = 1
+    criteria: int = 1
     final: int = 0
     judges: tuple[int, ...] = (0,)
     slow_view: bool = False
@@ -143,8 +143,10 @@ class VibroTableKind(OneByOne):
         )
         return np.asarray(mirror * speeds[index], dtype=float)
 
-    def residual(self, record: Record, theta: Theta, stage: int = 0) -> Array:
-        """Difference of each condition's mean from the model in units of its standard deviation; there is one stage."""
+    def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
+        """Difference of each condition's mean from the model in units of its standard deviation; there is one
+        criterion.
+        """
         difference = _means(record, record[self.quantity] - self.predict(record, theta))
         _, index = _conditions(record)
         scatter = _means(record, self.scatter(record) ** 2) / np.bincount(index)

@@ -48,6 +48,6 @@ def test_chance_is_told_from_enough_of_the_records() -> None:
     part = AxisKind.around(force_std_N=1.0).splits([still])[0][0]
     assert for_chance(AxisKind.around(), part) == part
     seconds = [still.rows(slice(0, 1000 * n)) for n in (2, 3, 4, 5)]
-    assert len(for_chance(replace(AxisKind.around(), stages=2), seconds)) == 3
-    assert len(for_chance(replace(AxisKind.around(), stages=2), seconds[::-1])) == 2
-    assert len(for_chance(replace(AxisKind.around(), stages=2), seconds[:1])) == 1
+    assert len(for_chance(replace(AxisKind.around(), criteria=2), seconds)) == 3
+    assert len(for_chance(replace(AxisKind.around(), criteria=2), seconds[::-1])) == 2
+    assert len(for_chance(replace(AxisKind.around(), criteria=2), seconds[:1])) == 1

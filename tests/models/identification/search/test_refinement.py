@@ -34,7 +34,7 @@ class _Seen(OneByOne):
     number, and something that nothing explains.
     """
 
-    name, stages, final, judges = "magnetic", 2, 2, (1,)
+    name, criteria, final, judges = "magnetic", 2, 2, (1,)
     base = (Parameter("level", 1.0, "1", 0.0, 2.0, "test", fit=True),)
     effects = (PeristalticWave,)
 
@@ -99,5 +99,5 @@ def test_a_better_base_is_no_merit_of_a_shape() -> None:
 
 def test_a_kind_with_one_stage_is_finished_as_it_is() -> None:
     kind: Any = _Seen(shape=0.4, strange=0.0)
-    kind.stages, begun = 1, _begun(kind, 1.4)
+    kind.criteria, begun = 1, _begun(kind, 1.4)
     assert finished(kind, RECORDS, [], begun) is begun

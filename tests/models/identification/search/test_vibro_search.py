@@ -41,7 +41,9 @@ def test_a_series_is_what_its_model_leaves_noise_of(name: str, tmp_path: Path) -
     rig, records, answer = read_series(make_series(name, None, 2, tmp_path, 4.0))  # type: ignore[arg-type]
     kind = kind_for(rig, records)
     truth = {**kind.nominal(), **{key: value for key, value in answer.items() if key in kind.nominal()}}
-    left = [float(np.mean(kind.residual(records[0], theta, kind.stages - 1) ** 2)) for theta in (truth, kind.nominal())]
+    left = [
+        float(np.mean(kind.residual(records[0], theta, kind.criteria - 1) ** 2)) for theta in (truth, kind.nominal())
+    ]
     assert left[0] < 1.2
     assert left[1] > 2 * left[0]
 
@@ -54,7 +56,7 @@ def test_an_observer_leaves_no_more_than_the_free_run_at_the_truth(name: str, tm
     rig, records, answer = read_series(make_series(name, None, 1, tmp_path, 4.0))  # type: ignore[arg-type]
     kind = kind_for(rig, records)
     truth = {**kind.nominal(), **{key: value for key, value in answer.items() if key in kind.nominal()}}
-    for stage in range(kind.stages - 1):
+    for stage in range(kind.criteria - 1):
         assert float(np.mean(kind.residual(records[0], truth, stage) ** 2)) < 1.3
 
 

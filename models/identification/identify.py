@@ -42,7 +42,7 @@ def close(
     found = search(kind, train, progress, np.random.default_rng(seed))
     thetas = _stage_values(kind, found)
     progress("held-out records", 0.95)
-    checks = residual_checks(kind, train, found.augmented, found.chance_cost)
+    checks = residual_checks(kind, train, found.augmented, found.null_cost)
     fits = checks[0].ok
     verdict = verdict_of(found, EXPLAINED if fits else kind.named_share, fits)
     errors = {
@@ -102,12 +102,12 @@ def _stage_values(kind: AnyKind, found: Search) -> dict[str, dict[str, float]]:
 
 def verdict_of(found: Search, share: float, fits: bool) -> str:
     """`named` where the effects explain what was left, or a `share` of it; without any, `none` where no more is left
-    than chance and about the noise leave; else `unknown`. That the motion is restless excuses what is left only where
-    the model `fits`, as the residual's size says.
+    than the null distribution and about the noise leave; else `unknown`. That the motion is sensitive to parameters
+    excuses the residual only where the model `fits`, as the residual's size says.
     """
     if not found.effects:
-        return "none" if found.after < CLEAN * min(found.chance_cost, NEAR_NOISE) else "unknown"
-    clean = found.after < CLEAN * max(found.chance_cost, found.restless if fits else 0.0)
+        return "none" if found.after < CLEAN * min(found.null_cost, NEAR_NOISE) else "unknown"
+    clean = found.after < CLEAN * max(found.null_cost, found.sensitivity if fits else 0.0)
     return "named" if clean or found.explained >= share else "unknown"
 
 
@@ -133,7 +133,7 @@ def _rows(found: Search) -> list[CandidateRow]:
 def _statements(found: Search, verdict: str) -> list[str]:
     said = [
         f"Validation cost for each residual: {found.before:.3g} calibrated, {found.after:.3g} with what was added; "
-        f"the null distribution (parametric bootstrap) leaves {found.chance_cost:.3g}."
+        f"the null distribution (parametric bootstrap) leaves {found.null_cost:.3g}."
     ]
     if found.effects:
         said.append(
@@ -145,10 +145,10 @@ def _statements(found: Search, verdict: str) -> list[str]:
             f"Predictability horizon: a 0.1 % change of the base parameters adds or removes slip events after"
             f" {found.horizon_s:g} s; effects are judged on the records up to there."
         )
-    elif found.restless > CLEAN * found.chance_cost:
+    elif found.sensitivity > CLEAN * found.null_cost:
         said.append(
             "The motion is sensitive to parameters: a 0.1 % change of the base parameters adds or removes slip events"
-            f" and alone leaves a validation cost of {found.restless:.3g}; errors far below that are coincidence."
+            f" and alone leaves a validation cost of {found.sensitivity:.3g}; errors far below that are coincidence."
         )
     said += [
         f"{BY_ID[name].summary.capitalize()} ({name}) refines the shape of"
@@ -158,7 +158,7 @@ def _statements(found: Search, verdict: str) -> list[str]:
     if verdict == "unknown":
         said.append(
             "The residual is structured and no candidate explains it."
-            if found.after >= CLEAN * found.chance_cost
+            if found.after >= CLEAN * found.null_cost
             else (
                 "Fits leave as much of the model's own predictions: an effect that is smaller than that cannot be seen."
             )

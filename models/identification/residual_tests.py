@@ -18,7 +18,7 @@ _WIDER = 1.3
 
 
 def residual_checks(
-    kind: Kind, records: Sequence[Record], fit: Fit, chance_cost: float, seed: int = 0
+    kind: Kind, records: Sequence[Record], fit: Fit, null_cost: float, seed: int = 0
 ) -> tuple[Check, ...]:
     """Size and whiteness of what is left, with limits from records imitated on the fitted model."""
     criterion = middle_criterion(kind)

@@ -16,10 +16,10 @@ from models.identification.fitting.fit import FINE, Fit, Problem, narrowing
 from models.identification.kind import EXPLAINED, Kind
 from models.identification.search.candidates import Trial, compare_candidates, fair, without
 from models.identification.search.fitted_model import FittedModel
-from models.identification.search.predictability import predictable, restlessness
+from models.identification.search.predictability import predictable, sensitivity_cost
 from models.identification.search.refinement import Known, refined, refined_at_last
 from models.identification.search.refit import finished, refit, step_on, whole
-from models.identification.search.screening import Screened, chance, for_chance, screen
+from models.identification.search.screening import Screened, null_distribution, records_for_null, screen
 from models.identification.search.validation import APART, NEAR_NOISE, ahead, judged_cost
 
 Progress = Callable[[str, float], None]
@@ -48,8 +48,8 @@ class Search:
     timings: dict[str, float] = field(default_factory=dict)
     before: float = 0.0
     after: float = 0.0
-    chance_cost: float = 1.0
-    restless: float = 0.0
+    null_cost: float = 1.0
+    sensitivity: float = 0.0
     horizon_s: float = np.inf
     known: Known = field(default_factory=dict)
     parts: list[Part] = field(default_factory=list)
@@ -62,7 +62,7 @@ class Search:
     @property
     def explained(self) -> float:
         """Share of the misfit beyond chance that the effects took away, on validation records."""
-        excess = self.before - self.chance_cost
+        excess = self.before - self.null_cost
         return 1.0 if excess <= 0 else (self.before - self.after) / excess
 
 
@@ -114,7 +114,7 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
     rows = sum(map(len, train))
     found.parts = [(sum(map(len, part)) / rows, theta) for part, theta in model.parts]
     if found.effects and kind.criteria > 1:
-        found.restless = restlessness(kind, splits, found.augmented.theta, rng)
+        found.sensitivity = sensitivity_cost(kind, splits, found.augmented.theta, rng)
     if not found.effects:
         found.calibrated = found.augmented
     elif sum(map(len, told)) < sum(map(len, train)):
@@ -128,15 +128,15 @@ def _named(task: _Task, model: FittedModel, found: Search) -> FittedModel:
     `model`, the calibrated base, with them.
     """
     kind, clock = task.kind, task.clock
-    task.progress("what chance looks like", 0.15)
-    records = for_chance(kind, model.part)
-    found.threshold, found.detectable, found.chance_cost = chance(kind, records, model.thetas[0], task.rng)
+    task.progress("null distribution by parametric bootstrap", 0.15)
+    records = records_for_null(kind, model.part)
+    found.threshold, found.detectable, found.null_cost = null_distribution(kind, records, model.thetas[0], task.rng)
     found.threshold = max(found.threshold, kind.least_gain)
-    clock.note("chance", found)
+    clock.note("null distribution", found)
     found.before = found.after = model.cost
     found.rounds = []
     for number in range(1, MOST_EFFECTS + 1):
-        if found.after < max(found.chance_cost + LEAST_DROP, found.chance_cost * np.exp(kind.least_gain)) or (
+        if found.after < max(found.null_cost + LEAST_DROP, found.null_cost * np.exp(kind.least_gain)) or (
             found.effects and found.explained > max(EXPLAINED, 1 - kind.next_share)
         ):
             break

@@ -17,7 +17,9 @@ _THOUSANDTH = 1e-3
 _IMITATIONS = 4
 
 
-def restlessness(kind: Kind, splits: Sequence[Split], theta: Mapping[str, float], rng: np.random.Generator) -> float:
+def sensitivity_cost(
+    kind: Kind, splits: Sequence[Split], theta: Mapping[str, float], rng: np.random.Generator
+) -> float:
     """Validation cost that the model leaves of itself, with noise, where the base's numbers are 0.1 % off: what
     no fit can do better than.
     """

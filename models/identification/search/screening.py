@@ -166,7 +166,7 @@ def _joined(a: Screened, b: Screened) -> Screened:
     return replace(better, starts=(*a.starts, *b.starts))
 
 
-def for_chance(kind: Kind, part: Sequence[Record]) -> list[Record]:
+def records_for_null(kind: Kind, part: Sequence[Record]) -> list[Record]:
     """Which records of `part` are imitated: time series that are judged through observers take long, so the first ones
     that make a few seconds; of all else every one, for each alone tells little.
     """
@@ -176,7 +176,7 @@ def for_chance(kind: Kind, part: Sequence[Record]) -> list[Record]:
     return list(part[: 1 + int(np.searchsorted(ends, _IMITATED_S))])
 
 
-def chance(
+def null_distribution(
     kind: Kind, records: Sequence[Record], theta: Mapping[str, float], rng: np.random.Generator
 ) -> tuple[float, dict[str, float], float]:
     """What records without an effect give: the largest gain -ln(1 - share) over all candidates, the smallest amplitude

@@ -20,7 +20,7 @@ def test_nothing_is_missing_only_where_chance_and_about_the_noise_explain_what_i
     after: float, chance: float, said: str
 ) -> None:
     """A model whose own predictions its fits miss by far leaves that much with and without an effect."""
-    assert verdict_of(Search(FIT, FIT, after=after, chance_cost=chance), 0.9, fits=True) == said
+    assert verdict_of(Search(FIT, FIT, after=after, null_cost=chance), 0.9, fits=True) == said
 
 
 @pytest.mark.parametrize(
@@ -35,8 +35,8 @@ def test_an_effect_that_leaves_clearly_more_than_the_noise_is_named_by_its_share
 
 
 @pytest.mark.parametrize(("fits", "said"), [(True, "named"), (False, "unknown")])
-def test_restless_motion_excuses_what_is_left_only_of_a_model_that_fits(fits: bool, said: str) -> None:
-    found = Search(FIT, FIT, effects=["stribeck"], before=57.0, after=12.2, restless=8.5)
+def test_sensitive_motion_excuses_the_residual_only_of_a_model_that_fits(fits: bool, said: str) -> None:
+    found = Search(FIT, FIT, effects=["stribeck"], before=57.0, after=12.2, sensitivity=8.5)
     assert verdict_of(found, 0.9, fits) == said
 
 

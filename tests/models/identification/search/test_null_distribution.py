@@ -13,7 +13,7 @@ from models.files.record import Record, read_record
 from models.files.rig import read_rig
 from models.identification.kinds.axis.kind import AxisKind
 from models.identification.kinds.series.kind import SeriesKind
-from models.identification.search.screening import chance, for_chance
+from models.identification.search.screening import null_distribution, records_for_null
 from models.identification.search.validation import judged_cost
 from plant.experiments.series import make_series
 
@@ -36,7 +36,7 @@ def test_a_tooth_that_the_model_itself_misses_does_not_count_as_chance(tmp_path:
     kind = Hanging(**{f.name: getattr(plain, f.name) for f in fields(plain)} | {"effects": ()})
     truth = {p.name: float(answer[p.name]) for p in kind.base if p.fit}
     assert judged_cost(kind, [kind.imitate(records[0], truth, np.random.default_rng(0))], truth) > 2.0
-    assert chance(kind, records, truth, np.random.default_rng(0))[2] < 1.2
+    assert null_distribution(kind, records, truth, np.random.default_rng(0))[2] < 1.2
 
 
 def test_chance_is_told_from_enough_of_the_records() -> None:
@@ -46,8 +46,8 @@ def test_chance_is_told_from_enough_of_the_records() -> None:
     t = np.arange(0, 12.0, 1e-3)
     still = Record("made", "axis", {"t_s": t, "position_m": 0.05 * np.cos(2 * np.pi * t / 3), "force_N": np.sin(t)})
     part = AxisKind.around(force_std_N=1.0).splits([still])[0][0]
-    assert for_chance(AxisKind.around(), part) == part
+    assert records_for_null(AxisKind.around(), part) == part
     seconds = [still.rows(slice(0, 1000 * n)) for n in (2, 3, 4, 5)]
-    assert len(for_chance(replace(AxisKind.around(), criteria=2), seconds)) == 3
-    assert len(for_chance(replace(AxisKind.around(), criteria=2), seconds[::-1])) == 2
-    assert len(for_chance(replace(AxisKind.around(), criteria=2), seconds[:1])) == 1
+    assert len(records_for_null(replace(AxisKind.around(), criteria=2), seconds)) == 3
+    assert len(records_for_null(replace(AxisKind.around(), criteria=2), seconds[::-1])) == 2
+    assert len(records_for_null(replace(AxisKind.around(), criteria=2), seconds[:1])) == 1

@@ -13,7 +13,7 @@ import pytest
 from models.files.record import read_record
 from models.files.rig import read_rig
 from models.identification.kinds.series.kind import SeriesKind
-from models.identification.search.predictability import predictable, restlessness
+from models.identification.search.predictability import predictable, sensitivity_cost
 from plant.experiments.series import make_series
 
 CALM = (None, {}, 15.0)
@@ -31,14 +31,14 @@ def _made(
 
 
 @pytest.mark.parametrize(("case", "least", "most"), [(CALM, 0.9, 1.5), (FALLING, 3.0, np.inf)])
-def test_a_falling_resistance_makes_a_magnet_drawn_capsule_restless(
+def test_a_falling_resistance_makes_a_magnet_drawn_capsule_sensitive(
     case: tuple[str | None, dict[str, float], float], least: float, most: float, tmp_path: Path
 ) -> None:
     kind, records, theta = _made(*case, tmp_path)
-    assert least < restlessness(kind, kind.splits(records), theta, np.random.default_rng(0)) < most
+    assert least < sensitivity_cost(kind, kind.splits(records), theta, np.random.default_rng(0)) < most
 
 
-def test_calm_motion_is_predicted_to_its_end_and_restless_motion_is_not(tmp_path: Path) -> None:
+def test_calm_motion_is_predicted_to_its_end_and_sensitive_motion_is_not(tmp_path: Path) -> None:
     kind, records, theta = _made(*CALM, tmp_path / "calm")
     length, splits = predictable(kind, kind.splits(records), theta, 1.5, np.random.default_rng(0))
     assert length == np.inf

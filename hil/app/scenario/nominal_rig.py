@@ -3,36 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any, Final
 
+from models.drives.coil import Coil, Winding
+from models.drives.magnetic import Magnetic
+from models.drives.vibro import Vibro
 from models.files.rig import TABLES as RIG_TABLES
 from models.files.rig import Rig, parse_rig
+from models.laws.geometry import Capsule, Tissue
 from models.parameter import nearest
+from models.surfaces.plate import Plate
 
 Table = Mapping[str, Any]
-_CAPSULE: Final = {"radius_m": 6.5e-3, "cylinder_length_m": 20e-3, "mass_kg": 4.0e-3}
-_TISSUE: Final = {
-    "preset": "jejunum",
-    "wall_thickness_m": 2.5e-3,
-    "contact_angle_deg": 60.0,
-    "nose_force_angle_deg": 30.0,
-    "friction_coefficient": 0.082,
-    "mucus_thickness_m": 30e-6,
-    "recovery_time_s": 0.05,
-}
+_CAPSULE: Final = asdict(Capsule())
+_TISSUE: Final = {"preset": "jejunum", **asdict(Tissue())}
+_MAGNET, _COIL, _WINDING, _VIBRO, _PLATE = Magnetic(), Coil(), Winding(), Vibro(), Plate(0.193)
+"""Nominal numbers are those that the models declare; the plate's body is the capsubot's."""
 _HEAD: Final[Mapping[str, Table]] = {
-    "magnetic": {"magnet_stiffness_N_per_m": 25.0, "magnet_range_m": 0.02},
+    "magnetic": {"magnet_stiffness_N_per_m": _MAGNET.stiffness_N_per_m, "magnet_range_m": _MAGNET.range_m},
     "coil": {
-        "force_constant_N_per_A": 0.5,
-        "coil_resistance_Ohm": 10.0,
-        "coil_inductance_H": 10e-3,
-        "current_limit_A": 1.0,
+        "force_constant_N_per_A": _COIL.force_constant_N_per_A,
+        "coil_resistance_Ohm": _WINDING.resistance_ohm,
+        "coil_inductance_H": _WINDING.inductance_H,
+        "current_limit_A": _WINDING.current_limit_A,
     },
     "vibro": {},
 }
-_DRIVE: Final = {"inner_mass_kg": 0.074, "spring_stiffness_N_per_m": 256.23, "force_N": 1.25, "reaction_on_body": True}
-_PLATE_BODY_KG: Final = 0.193
-_PLATE_FRICTION: Final = 0.29
+_NUMBERS: Final = ("inner_mass_kg", "spring_stiffness_N_per_m", "force_N", "reaction_on_body")
+_DRIVE: Final = {name: getattr(_VIBRO, name) for name in _NUMBERS}
 
 
 def read_belief(table: Table, kind: str, surface: str) -> Rig:
@@ -52,14 +51,16 @@ def read_belief(table: Table, kind: str, surface: str) -> Rig:
         )
     capsule = dict(_CAPSULE)
     if kind == "vibro":
-        capsule["mass_kg"] = _PLATE_BODY_KG
+        capsule["mass_kg"] = _PLATE.mass_kg
     nominal: dict[str, Table] = {"capsule": capsule, "rig": {"kind": kind, **_HEAD[kind]}}
     if kind != "vibro" or surface == "gut":
         nominal["tissue"] = _TISSUE
     if kind == "vibro":
         nominal["drive"] = _DRIVE
         nominal["surface"] = (
-            {"kind": "gut"} if surface == "gut" else {"kind": "plate", "friction_coefficient": _PLATE_FRICTION}
+            {"kind": "gut"}
+            if surface == "gut"
+            else {"kind": "plate", "friction_coefficient": _PLATE.friction_coefficient}
         )
     merged = {name: {**nominal.get(name, {}), **table.get(name, {})} for name in {**nominal, **table}}
     if merged["rig"]["kind"] != kind:

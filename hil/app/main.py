@@ -159,6 +159,23 @@ def _close_loop(
     close_loop(records, rig, out, holdout or [], json_output=json_output, seed=seed)
 
 
+@_command("check", "capsule check run_1.csv run_2.csv --rig rig.toml")
+def _check(
+    records: Annotated[list[Path], typer.Argument(metavar="RECORD...", help="Records of one rig.")],
+    rig: RigFile,
+    json_output: Json = False,
+    effects: OwnEffects = None,
+) -> int:
+    """Records looked at before anything is fitted: findings, remedies, what they cannot show; status 1 where one
+    stops a fit.
+    """
+    from hil.app.check.command import check
+    from models.effects import use_effects
+
+    use_effects(effects or [])
+    return check(records, rig, json_output=json_output)
+
+
 @_command("effects", "capsule effects check my_effect.py")
 def _effects(
     action: Annotated[

@@ -59,10 +59,12 @@ SOURCES: Final[Mapping[str, Sources]] = MappingProxyType(
 )
 
 
-def read_rig_record(path: Path, rig: Rig, *, driven_only: bool = False) -> Record:
-    """A record of `rig` from a CSV file or a CAN log. Raises ValueError of one sentence."""
+def read_rig_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: bool = False) -> Record:
+    """A record of `rig` from a CSV file or a CAN log; a `lenient` reading takes times and values of a CSV file as they
+    stand. Raises ValueError of one sentence.
+    """
     if not is_log(path):
-        return read_record(path, rig, driven_only=driven_only)
+        return read_record(path, rig, driven_only=driven_only, lenient=lenient)
     return log_record(path, rig, driven_only=driven_only)
 
 

@@ -44,7 +44,8 @@ class Effect:
     value 0 the effect is absent. Hooks get the signals `s`, the parameters' values `p` by field name and the hidden
     states `z` by name. `by_speed` says that the level changes with the speed and not only with its direction. `follows`
     names the states that are at the "command" or the "position" after a long rest; the others are at 0. A refinement
-    `of` one effect gets that effect's values too.
+    `of` one effect gets that effect's values too. `needs` names what the motion must offer for the effect to show:
+    "both_ways", "reversals", "speeds", "places", "rests", "time".
     """
 
     id: ClassVar[str] = ""
@@ -60,6 +61,7 @@ class Effect:
     refined_by: ClassVar[tuple[str, ...]] = ()
     of: ClassVar[str] = ""
     by_speed: ClassVar[bool] = False
+    needs: ClassVar[tuple[str, ...]] = ()
 
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,11 +21,15 @@ MOST_CELLS = 32_000_000
 
 @dataclass(frozen=True)
 class Record:
-    """One record in memory; `columns` maps a column's name to its samples, all of one length."""
+    """One record in memory; `columns` maps a column's name to its samples, all of one length. `source` is the file
+    that it was read from and `lines` the line of each row there.
+    """
 
     name: str
     kind: str
     columns: dict[str, Array]
+    source: str = ""
+    lines: NDArray[np.int64] | None = field(default=None, compare=False, repr=False)
 
     def __getitem__(self, column: str) -> Array:
         return self.columns[column]
@@ -33,17 +37,25 @@ class Record:
     def __len__(self) -> int:
         return len(next(iter(self.columns.values())))
 
+    def line(self, row: int) -> int:
+        """Line of the file on which `row` stands; the row's own number where there is no file."""
+        return int(row) if self.lines is None else int(self.lines[row])
+
     def with_column(self, column: str, values: Any) -> Record:
         """The same record with one column replaced or added."""
-        return Record(self.name, self.kind, {**self.columns, column: np.asarray(values, dtype=float)})
+        return replace(self, columns={**self.columns, column: np.asarray(values, dtype=float)})
 
     def without(self, columns: Sequence[str]) -> Record:
         """The same record without `columns`."""
-        return Record(self.name, self.kind, {key: column for key, column in self.columns.items() if key not in columns})
+        return replace(self, columns={key: column for key, column in self.columns.items() if key not in columns})
 
     def rows(self, index: Any) -> Record:
         """The same record with only the rows of `index`."""
-        return Record(self.name, self.kind, {key: column[index] for key, column in self.columns.items()})
+        return replace(
+            self,
+            columns={key: column[index] for key, column in self.columns.items()},
+            lines=None if self.lines is None else self.lines[index],
+        )
 
     def beginning(self, length: float) -> Record:
         """The same record's first `length` s."""
@@ -60,15 +72,16 @@ def named(record: Record) -> Iterator[None]:
         raise ValueError(f"{record.name}: {error}") from None
 
 
-def read_record(path: Path, rig: Rig, *, driven_only: bool = False) -> Record:
+def read_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: bool = False) -> Record:
     """Read a `.csv` or `.csv.gz` record of `rig`; what is wrong with it is a ValueError of one sentence with file,
     line, column.
 
     With `driven_only` the measured columns may be missing and a single row is enough: what a prediction needs.
-    Columns beyond the kind's own are kept where they hold numbers.
+    Columns beyond the kind's own are kept where they hold numbers. A `lenient` reading takes times and ranges as they
+    stand: what the checks say something about.
     """
     path = Path(path)
-    reading = _Reading(str(path), rig, driven_only)
+    reading = _Reading(str(path), rig, driven_only, lenient)
     for header, block in read_blocks(path, reading.check_header):
         reading.take(header, block)
     return _complete(_name(path), str(path), reading)
@@ -97,7 +110,7 @@ def _complete(name: str, where: str, reading: _Reading) -> Record:
         if rig.velocity_m_s is None:
             raise ValueError(f"{where}: velocity_m_s must be a column of the record or a key under [rig]; got neither")
         columns["velocity_m_s"] = np.full(reading.rows, rig.velocity_m_s)
-    return Record(name, rig.kind, columns)
+    return Record(name, rig.kind, columns, where, reading.lines())
 
 
 def _name(path: Path) -> str:
@@ -115,8 +128,10 @@ class _Reading:
     where: str
     rig: Rig
     driven_only: bool
+    lenient: bool = False
     header: Sequence[str] = ()
     blocks: list[Array] = field(default_factory=list)
+    numbers: list[NDArray[np.int64]] = field(default_factory=list)
     rows: int = 0
     last_time: float = -np.inf
 
@@ -135,10 +150,16 @@ class _Reading:
                 f"{self.where}: record of kind {self.rig.kind} with {len(header)} columns must have at most {limit}"
                 " rows; got more: cut it into several records, drop columns or sample it more slowly"
             )
-        self._check_time(block)
-        self._check_ranges(block)
+        if not self.lenient:
+            self._check_time(block)
+            self._check_ranges(block)
         self._check_peaks(block)
         self.blocks.append(block.values)
+        self.numbers.append(block.lines)
+
+    def lines(self) -> NDArray[np.int64]:
+        """The line of each row."""
+        return np.concatenate(self.numbers)
 
     def columns(self) -> dict[str, Array]:
         """The record's columns by name, once all blocks are taken."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -15,6 +15,7 @@ from models.files.rig_tables import (
     Axis,
     BodyTable,
     CapsuleTable,
+    Checks,
     Coil,
     Drive,
     Magnet,
@@ -29,7 +30,7 @@ from models.files.toml import read_toml
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import nearest
 
-TABLES = ("capsule", "tissue", "rig", "noise", "drive", "surface", "axis")
+TABLES = ("capsule", "tissue", "rig", "noise", "drive", "surface", "axis", "checks")
 T = TypeVar("T", bound=Table)
 
 
@@ -43,6 +44,7 @@ class Rig:
     capsule: Capsule = field(default_factory=Capsule)
     tissue: Tissue = field(default_factory=Tissue)
     noise: Noise = field(default_factory=Noise)
+    checks: Checks = field(default_factory=Checks)
     magnet: Magnet | None = None
     coil: Coil | None = None
     drive: Drive | None = None
@@ -99,7 +101,7 @@ def parse_rig(raw: Mapping[str, Any], where: str = "rig") -> Rig:
     kind = _kind(raw, where)
     file = _File(raw, where, kind)
     head = file.read("rig", HEADS[kind])
-    rig = _parts(file, kind, head)
+    rig = replace(_parts(file, kind, head), checks=file.read("checks", Checks, optional=True))
     file.refuse_rest()
     return rig
 

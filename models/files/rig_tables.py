@@ -32,6 +32,12 @@ class Noise(Table):
     modulus_std_Pa: Positive | None = None
 
 
+class Checks(Table):
+    """What is known of the records of this rig: findings of `capsule check` that no longer stop a fit, by id."""
+
+    accept: tuple[str, ...] = ()
+
+
 class Drive(Table):
     """The inner mass of a vibro-impact drive: on a spring to the body, pushed by `force_N` while the coil is on.
 

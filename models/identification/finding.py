@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from models.checks.finding import RecordFinding
+
 Array = NDArray[np.float64]
 STAGES = ("nominal", "calibrated", "augmented")
 
@@ -47,8 +49,9 @@ class CandidateRow:
 
 @dataclass(frozen=True)
 class Check:
-    """A residual check with the limit that chance alone sets."""
+    """A check with its limit; `id` for programs, `name` and `meaning` for people."""
 
+    id: str
     name: str
     value: float
     limit: float
@@ -94,3 +97,6 @@ class Finding:
     traces: tuple[Trace, ...]
     seconds: float
     timings: dict[str, float]
+    findings: tuple[RecordFinding, ...] = ()
+    cannot_show: dict[str, str] = field(default_factory=dict)
+    reasons: tuple[str, ...] = ()

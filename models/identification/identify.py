@@ -6,22 +6,26 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from models.checks.examine import examine, stopping
+from models.checks.finding import RecordFinding
+from models.checks.information.excitation import cannot_show
 from models.effects import BY_ID
 from models.files.record import Record
 from models.files.rig import Rig
-from models.identification.finding import STAGES, CandidateRow, Estimate, Finding, FoundEffect, Trace
-from models.identification.fitting.confidence import intervals
-from models.identification.kind import EXPLAINED
+from models.identification.finding import STAGES, CandidateRow, Check, Estimate, Finding, FoundEffect, Trace
+from models.identification.fitting.confidence import drawn, intervals
 from models.identification.kinds import AnyKind, kind_for, ready, report_of
 from models.identification.model import Model, own_effects_of
 from models.identification.record_checks import check_parts, check_records
 from models.identification.residual_tests import residual_checks
 from models.identification.search.forward_selection import CLEAN, Search, search
-from models.identification.search.validation import NEAR_NOISE
+from models.identification.verdict import model_checks, verdict_of
 
+_DRAWS = 5
 _AS_LIKELY_AS_NOT = 0.5  # that an effect which explains but a part is there: what is unknown may look like it
 
 
@@ -34,17 +38,21 @@ def close(
     The same records and `seed` give the same numbers. Raises ValueError for records that cannot tell anything.
     """
     began = time.monotonic()
+    findings = examine(rig, [*train, *holdout])
+    stop = stopping(findings)
+    if stop is not None:
+        raise ValueError(f"{stop.file}: {stop.sentence} ({stop.where}); {stop.remedy}")
     check_records(train, holdout)
-    train, holdout = [ready(r) for r in train], [ready(r) for r in holdout]
+    train, holdout = [ready(r, rig) for r in train], [ready(r, rig) for r in holdout]
     kind = kind_for(rig, train)
+    hidden = cannot_show(rig, train, kind.effects)
+    if hidden:
+        kind = replace(kind, effects=tuple(effect for effect in kind.effects if effect.id not in hidden))
     words = report_of(kind)
     check_parts(kind, train, holdout)
     found = search(kind, train, progress, np.random.default_rng(seed))
     thetas = _stage_values(kind, found)
     progress("held-out records", 0.95)
-    checks = residual_checks(kind, train, found.augmented, found.null_cost)
-    fits = checks[0].ok
-    verdict = verdict_of(found, EXPLAINED if fits else kind.named_share, fits)
     errors = {
         part: (
             {stage: kind.error(records, [kind.predict(r, thetas[stage]) for r in records]) for stage in STAGES}
@@ -54,6 +62,13 @@ def close(
         for part, records in (("train", train), ("holdout", holdout))
     }
     spread = intervals(kind, found.augmented, found.model, found.parts)
+    rng = np.random.default_rng(seed)
+    likely = [drawn(kind, found.augmented, found.model, rng) for _ in range(_DRAWS)]
+    checks = (
+        *residual_checks(kind, train, found.augmented, likely),
+        *model_checks(kind, found, spread, errors["holdout"], findings),
+    )
+    verdict = verdict_of(found.effects, checks)
     told = {"records": ", ".join(r.name for r in train), "seed": str(seed)}
     model = Model(
         kind.name,
@@ -86,9 +101,21 @@ def close(
         + tuple(_trace(kind, r, "holdout", thetas) for r in holdout),
         seconds=time.monotonic() - began,
         timings=found.timings,
+        findings=findings,
+        cannot_show=hidden,
+        reasons=_reasons(verdict, checks, findings),
     )
     progress("done", 1.0)
     return finding, model
+
+
+def _reasons(verdict: str, checks: Sequence[Check], findings: Sequence[RecordFinding]) -> tuple[str, ...]:
+    """Why the verdict is `unknown`: the checks that fail, and what weakens the records."""
+    if verdict != "unknown":
+        return ()
+    failed = [f"{c.name}: {c.value:.3g}, at most {c.limit:.3g} allowed ({c.meaning})" for c in checks if not c.ok]
+    weak = dict.fromkeys(finding.sentence for finding in findings if finding.severity == "weakens")
+    return (*failed, *weak)
 
 
 def _stage_values(kind: AnyKind, found: Search) -> dict[str, dict[str, float]]:
@@ -98,17 +125,6 @@ def _stage_values(kind: AnyKind, found: Search) -> dict[str, dict[str, float]]:
         "calibrated": {**nominal, **found.calibrated.theta},
         "augmented": {**nominal, **found.augmented.theta},
     }
-
-
-def verdict_of(found: Search, share: float, fits: bool) -> str:
-    """`named` where the effects explain what was left, or a `share` of it; without any, `none` where no more is left
-    than the null distribution and about the noise leave; else `unknown`. That the motion is sensitive to parameters
-    excuses the residual only where the model `fits`, as the residual's size says.
-    """
-    if not found.effects:
-        return "none" if found.after < CLEAN * min(found.null_cost, NEAR_NOISE) else "unknown"
-    clean = found.after < CLEAN * max(found.null_cost, found.sensitivity if fits else 0.0)
-    return "named" if clean or found.explained >= share else "unknown"
 
 
 def _effect(name: str, found: Search, spread: Mapping[str, Estimate], verdict: str) -> FoundEffect:

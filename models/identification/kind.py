@@ -97,13 +97,6 @@ class Kind(Protocol):
         ...
 
     @property
-    def named_share(self) -> float:
-        """Share of the misfit that the effects must take away for a verdict where clearly more is left than the model
-        would leave of itself: large where the base's laws are exact, `EXPLAINED` where they are not all known.
-        """
-        ...
-
-    @property
     def equivalents(self) -> Mapping[str, tuple[str, ...]]:
         """Explanations that these data cannot tell from an effect though no fit tries them."""
         ...
@@ -177,7 +170,6 @@ class OneByOne:
 
     lanes: ClassVar[int] = 1
     free_only: ClassVar[bool] = False
-    named_share: ClassVar[float] = EXPLAINED
 
     def residuals(self: _Residual, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> list[Array]:
         """`residual` at several points."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -13,32 +13,38 @@ from models.identification.kind import Kind
 from models.identification.search.validation import middle_criterion
 
 _LAGS = 40
-_RUNS = 5
 _WIDER = 1.3
 
 
 def residual_checks(
-    kind: Kind, records: Sequence[Record], fit: Fit, null_cost: float, seed: int = 0
+    kind: Kind, records: Sequence[Record], fit: Fit, likely: Sequence[Mapping[str, float]], seed: int = 0
 ) -> tuple[Check, ...]:
-    """Size and whiteness of what is left, with limits from records imitated on the fitted model."""
+    """Size and whiteness of what is left, with limits from records imitated on models `likely` (values that the fit's
+    own uncertainty leaves open) and held against the fit.
+    """
     criterion = middle_criterion(kind)
     rng = np.random.default_rng(seed)
     actual = _numbers(evaluate(kind, records, fit.theta, criterion))
     imitated = [
-        _numbers(evaluate(kind, [kind.imitate(record, fit.theta, rng) for record in records], fit.theta, criterion))
-        for _ in range(_RUNS)
+        _numbers(evaluate(kind, [kind.imitate(record, theta, rng) for record in records], fit.theta, criterion))
+        for theta in likely
     ]
     limits = _WIDER * np.max(imitated, axis=0)
     words = (
-        ("size of what is left", "mean square of the residuals in units of the noise; 1 for a right model"),
         (
+            "residual_size",
+            "size of what is left",
+            "mean square of the residuals in units of the noise; 1 for a right model",
+        ),
+        (
+            "whiteness",
             "whiteness",
             f"mean of the first {_LAGS} squared autocorrelations of the residuals, times their number (Ljung-Box)",
         ),
     )
     return tuple(
-        Check(name, float(value), float(limit), bool(value <= limit), meaning)
-        for (name, meaning), value, limit in zip(words, actual, limits, strict=True)
+        Check(name, title, float(value), float(limit), bool(value <= limit), meaning)
+        for (name, title, meaning), value, limit in zip(words, actual, limits, strict=True)
     )
 
 

@@ -60,14 +60,18 @@ def _termination_interrupts() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
-def read_series(records: Sequence[Path], holdout: Sequence[Path], rig: Rig) -> tuple[list[Record], list[Record]]:
-    """Training and held-out records with names of their own; a file that is given twice is refused."""
+def read_series(
+    records: Sequence[Path], holdout: Sequence[Path], rig: Rig, *, lenient: bool = False
+) -> tuple[list[Record], list[Record]]:
+    """Training and held-out records with names of their own; a file that is given twice is refused. `lenient`: times
+    and values as they stand, for checks that say something about them.
+    """
     seen: set[Path] = set()
     for path in (*records, *holdout):
         if path.resolve() in seen:
             raise ValueError(f"records must be different files, for training or held out; got {path} twice")
         seen.add(path.resolve())
-    read = [read_rig_record(path, rig) for path in (*records, *holdout)]
+    read = [read_rig_record(path, rig, lenient=lenient) for path in (*records, *holdout)]
     names = [record.name for record in read]
     paths = (*records, *holdout)
     distinct = [

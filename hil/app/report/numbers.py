@@ -32,7 +32,10 @@ def report_json(finding: Finding) -> dict[str, Any]:
             for name, estimate in finding.calibration.items()
         },
         "nominal": finding.nominal,
-        "checks": [asdict(check) for check in finding.checks],
+        "checks": [{**asdict(check), "passed": check.ok} for check in finding.checks],
+        "findings": [found.to_dict() for found in finding.findings],
+        "cannot_show": finding.cannot_show,
+        "reasons": list(finding.reasons),
         "candidates": [asdict(candidate) for candidate in finding.candidates],
         "statements": list(finding.statements),
         "equations": list(finding.equations),

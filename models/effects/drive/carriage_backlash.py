@@ -24,6 +24,7 @@ class CarriageBacklash(Effect):
     summary = "play in the drive"
     source = "tracing catalogue 18; backlash-like hysteresis, Su et al., IEEE TAC 45 (2000) 2427"
     kinds = frozenset({"pull", "magnetic"})
+    needs = ("reversals",)
     states = ("position_m",)
     follows = MappingProxyType({"position_m": "command"})
     grid = MappingProxyType({"sharpness": (3.0, 30.0), "order": (1.2,)})

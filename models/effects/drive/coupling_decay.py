@@ -19,6 +19,7 @@ class CouplingDecay(Effect):
     summary = "the magnet's grip changes along the track"
     source = "tracing catalogue 23"
     kinds = frozenset({"magnetic", "coil"})
+    needs = ("places",)
     probe = 1.0
     confounders = ("lumen_taper",)
     separated_by = "the drive off: a taper stays"

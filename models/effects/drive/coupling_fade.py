@@ -17,6 +17,7 @@ class CouplingFade(DriftInTime):
     summary = "the drive's grip changes with time"
     source = "tracing catalogue 20"
     kinds = frozenset({"magnetic", "coil", "vibro"})
+    needs = ("time",)
     confounders = ("tissue_drying",)
     separated_by = "an idle pause; logged current"
 

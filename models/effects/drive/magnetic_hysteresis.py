@@ -26,6 +26,7 @@ class MagneticHysteresis(Effect):
     summary = "the drive's force depends on whether its current rose or fell"
     source = _SOURCE
     kinds = frozenset({"coil"})
+    needs = ("reversals",)
     states = ("memory",)
     grid = MappingProxyType({"width": (0.005, 0.05, 0.5)})
     probe = 0.01

@@ -17,6 +17,7 @@ class AddedMass(Effect):
     summary = "inertia beyond the capsule's"
     source = "tracing catalogue 16"
     kinds = frozenset({"pull"})
+    needs = ("speeds",)
     states = (
         "acceleration",
         "speed",

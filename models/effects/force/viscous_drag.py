@@ -22,6 +22,7 @@ class ViscousDrag(Effect):
     summary = "extra resistance that grows with speed"
     source = "Tribol. Lett. 51:377; shear-thinning mucus n 0.3 to 0.6"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "vibro_table", "axis"})
+    needs = ("speeds",)
     grid = MappingProxyType({"exponent": (0.5, 1.0, 1.5)})
     probe = 0.002
     confounders = ("stribeck", "wall_viscosity", "back_emf")

@@ -17,6 +17,7 @@ class DirectionalAsymmetry(Effect):
     summary = "resistance differs between forward and backward"
     source = "tracing catalogue 14; EMPS, Janot et al. 2019"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "vibro_table", "axis"})
+    needs = ("both_ways",)
     probe = 0.05
     confounders = ("incline_gravity", "sensor_bias")
     separated_by = "records at rest, where a constant force stays and an asymmetry does not"

@@ -20,6 +20,7 @@ class DwellAdhesion(Effect):
     summary = "a break-away peak that grows with the time at rest"
     source = "rate and state ageing, Dillavou arXiv:1908.02676"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
+    needs = ("rests",)
     states = ("age",)
     grid = MappingProxyType({"ageing_time_s": (0.5, 3.0), "slip_length_m": (0.0003, 0.002)})
     probe = 0.1

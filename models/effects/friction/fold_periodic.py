@@ -23,6 +23,7 @@ class FoldPeriodic(Effect):
     summary = "resistance varies periodically along the lumen"
     source = "folds up to 8 mm deep (Gray)"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "axis"})
+    needs = ("places",)
     grid = MappingProxyType({"wavelength_m": tuple(0.003 * 1.13**k for k in range(14)), "phase_rad": (0.0, 1.5707963)})
     probe = 0.05
     confounders = ("lumen_taper", "peristaltic_wave")

@@ -22,6 +22,7 @@ class LumenTaper(Effect):
     summary = "resistance changes steadily along the lumen"
     source = "tracing catalogue 11, 12"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro", "axis"})
+    needs = ("places",)
     grid = MappingProxyType({"reach_m": (0.02, 0.2)})
     probe = 2.0
     confounders = ("tissue_drying", "stenosis")

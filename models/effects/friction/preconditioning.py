@@ -22,6 +22,7 @@ class Preconditioning(Effect):
     summary = "resistance falls with distance travelled"
     source = "Terry 2014: 13 cycles; Mullins"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
+    needs = ("places",)
     grid = MappingProxyType({"length_m": (0.03, 0.1)})
     probe = 0.05
     confounders = ("tissue_drying",)

@@ -26,6 +26,7 @@ class Stenosis(Effect):
     summary = "one local place of higher resistance"
     source = "tracing catalogue 11"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
+    needs = ("places",)
     grid = MappingProxyType({"width_m": (0.0015, 0.004)})
     probe = 0.2
     confounders = ("lumen_taper", "fold_periodic")

@@ -17,6 +17,7 @@ class TissueDrying(DriftInTime):
     summary = "resistance drifts with time"
     source = "paper C Section 2.2 (drying in air)"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
+    needs = ("time",)
     confounders = ("preconditioning", "coupling_fade", "lumen_taper")
     separated_by = "wait without moving"
     refined_by = ("level_at_onset", "drying_shape")

@@ -23,6 +23,7 @@ class SensorDrift(Effect):
     summary = "the sensor's zero drifts"
     source = "tracing catalogue 24"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
+    needs = ("time",)
     probe = 1e-05
     confounders = ("tissue_drying", "respiration")
     separated_by = "a reference stop; two sensors"

@@ -17,6 +17,7 @@ class WallViscosity(Effect):
     summary = "wall tension depends on the rate of stretch"
     source = "rat gut SLS, WJG 11:4974"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
+    needs = ("speeds",)
     probe = 0.3
     confounders = ("viscous_drag", "small_strain_stiffening")
     refined_by = ("viscosity_thinning",)

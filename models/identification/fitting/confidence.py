@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from models.identification.finding import Estimate
 from models.identification.fitting.fit import Fit, axes
@@ -15,7 +16,9 @@ ACCURACY = 0.01
 """Relative accuracy of the models' own numerics and of a minimum on a jagged criterion: the least width of an interval
 on either side.
 """
+Array = NDArray[np.float64]
 _T95 = 1.96
+_NUMERICS = 1e-3
 _BLOCKS = 60
 _AT_BOUND = 1e-3
 
@@ -33,15 +36,8 @@ def intervals(kind: Kind, fit: Fit, effects: Sequence[str], parts: Sequence[Part
     fitted = axes(kind, effects)
     if not fitted:
         return {}
-    J = fit.jacobian
     scale = np.array([a.scale for a in fitted])
-    curvature = (J * scale).T @ (J * scale)
-    values, vectors = np.linalg.eigh(curvature)
-    widened = max(fit.chi2, 1.0) * _memory(fit.residual)
-    inverse = (vectors / np.maximum(values, 1e-12 * max(values[-1], 1e-300))) @ vectors.T
-    scores = np.array([part.T @ r for part, r in zip(_blocks(J * scale), _blocks(fit.residual), strict=True)])
-    scatter = len(scores) / max(len(scores) - len(fitted), 1) * scores.T @ scores
-    variance = np.maximum(np.diag(inverse) * widened, np.diag(inverse @ scatter @ inverse))
+    variance = np.max([np.diag(covariance) for covariance in _covariances(fit, scale)], axis=0)
     out = {}
     for axis, deviation in zip(fitted, np.sqrt(variance) * scale, strict=True):
         value = fit.theta[axis.name]
@@ -51,6 +47,37 @@ def intervals(kind: Kind, fit: Fit, effects: Sequence[str], parts: Sequence[Part
         told = half < 0.5 * max(abs(value), axis.scale) + axis.scale and _inside(value, p)
         out[axis.name] = Estimate(value, (max(value - half, p.lower), min(value + half, p.upper)), p.unit, told)
     return out
+
+
+def _covariances(fit: Fit, scale: Array) -> tuple[Array, Array]:
+    """Covariance of the fitted values in units of `scale`, shape (p, p): least squares' own, widened for what is left
+    beyond chance and for residuals that are not independent, and the sandwich.
+    """
+    rows = fit.jacobian * scale
+    values, vectors = np.linalg.eigh(rows.T @ rows)
+    inverse = (vectors / np.maximum(values, 1e-12 * max(values[-1], 1e-300))) @ vectors.T
+    scores = np.array([part.T @ r for part, r in zip(_blocks(rows), _blocks(fit.residual), strict=True)])
+    scatter = len(scores) / max(len(scores) - len(scale), 1) * scores.T @ scores
+    return inverse * max(fit.chi2, 1.0) * _memory(fit.residual), inverse @ scatter @ inverse
+
+
+def drawn(kind: Kind, fit: Fit, effects: Sequence[str], rng: np.random.Generator) -> dict[str, float]:
+    """The fit's values moved as far as they are uncertain: with the wider of the two covariances, and by the models'
+    own numerics (a thousandth of each); within the bounds.
+    """
+    fitted = axes(kind, effects)
+    theta = dict(fit.theta)
+    if not fitted:
+        return theta
+    scale = np.array([a.scale for a in fitted])
+    covariance = max(_covariances(fit, scale), key=lambda c: float(np.trace(c)))
+    values, vectors = np.linalg.eigh(covariance)
+    moved = vectors @ (np.sqrt(np.maximum(values, 0.0)) * rng.standard_normal(len(fitted))) * scale
+    for axis, step in zip(fitted, moved, strict=True):
+        value = theta[axis.name]
+        own = _NUMERICS * abs(value) * float(rng.choice((-1, 1)))
+        theta[axis.name] = float(np.clip(value + step + own, axis.parameter.lower, axis.parameter.upper))
+    return theta
 
 
 def jackknife(value: float, parts: Sequence[tuple[float, float]], unit: str = "1") -> float:
@@ -64,9 +91,15 @@ def jackknife(value: float, parts: Sequence[tuple[float, float]], unit: str = "1
     return float(np.sqrt(np.mean([d * d * share / (1 - share) for share, d in away]))) if away else 0.0
 
 
+def near(value: float, bound: float, p: Parameter) -> bool:
+    """Whether `value` stands at the `bound` of `p`: to a thousandth of itself, or a millionth of the range."""
+    spread = p.upper - p.lower
+    margin = max(_AT_BOUND * min(spread, max(abs(value), abs(bound))) * (bound != 0), 1e-6 * spread)
+    return bool(np.isfinite(bound) and abs(value - bound) <= (margin if np.isfinite(margin) else 0.0))
+
+
 def _inside(value: float, p: Parameter) -> bool:
-    margin = _AT_BOUND * (p.upper - p.lower) if np.isfinite(p.upper - p.lower) else 0.0
-    return p.lower + margin < value < p.upper - margin
+    return not any(near(value, bound, p) for bound in (p.lower, p.upper))
 
 
 def _blocks(values: np.ndarray) -> list[np.ndarray]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Final, Protocol
 
+from models.checks.instrument.usable import USED, cleaned
 from models.files.record import Record, named
 from models.files.rig import Rig
 from models.identification.kind import Theta
@@ -69,9 +70,8 @@ def kind_for(rig: Rig, records: Sequence[Record]) -> AnyKind:
     return SeriesKind.from_rig(rig, records)
 
 
-def ready(record: Record) -> Record:
-    """`record` as its kind works on it: a stage's at even times."""
-    if record.kind != "axis":
-        return record
+def ready(record: Record, rig: Rig) -> Record:
+    """`record` as its kind works on it: what its sensor did not measure filled in, a stage's at even times."""
     with named(record):
-        return evened(record, ("position_m", "force_N"))
+        record = cleaned(record, rig)
+        return evened(record, ("position_m", "force_N", USED)) if record.kind == "axis" else record

@@ -15,6 +15,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from models.checks.instrument.usable import used
 from models.effects import effects_for
 from models.effects.effect import Effect, Signals
 from models.files.record import Record
@@ -138,6 +139,7 @@ class AxisKind(OneByOne):
                 self._noise.clear()
             known = self._noise[id(force)] = (force, self.noise_std(record))
         errors = np.stack([force - self.predict(record, theta) for theta in thetas])
+        errors[:, ~used(record)] = 0.0
         return list(decimate(errors, self._motion(record).rate) / known[1])
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:

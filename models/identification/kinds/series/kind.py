@@ -10,6 +10,8 @@ from typing import ClassVar
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
+from models.checks.instrument.noise import noise_used, told_noise
+from models.checks.instrument.usable import filled, used
 from models.compiled.kernel import LANES
 from models.drives.drive import Drive
 from models.drives.from_rig import drive_of, surface_of
@@ -28,6 +30,7 @@ _PER_PERIOD = 10  # samples that the slow view keeps of a period of its cut-off
 _TAIL = 8.0  # standard deviations beyond which a difference counts ever less: samples at a jump of the speed
 SHAKEN_S = 6.0
 """Length in s of what a search looks at of a body that its drive shakes to and fro."""
+_NO_NOISE = 1e-12
 _DIVERGED = 1e6  # standard deviations, beyond which a prediction is no longer one
 _WALL_HOOKS = ("stiffening", "wall_force", "recovery")
 
@@ -54,7 +57,6 @@ class SeriesKind:
     effects: tuple[type[Effect], ...] = ()
     slow_view: bool = True
     next_share: float = 0.6
-    named_share: float = 0.9
     least_gain: float = 0.4
     equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
     measure: str = "rms of the free-running prediction, low-passed at 2 Hz"
@@ -68,8 +70,8 @@ class SeriesKind:
         Raises ValueError for another kind of rig, and for records that are driven in different ways.
         """
         drive = drive_of(rig, driven_column(rig.kind, records))
-        noise = rig.noise.force_std_N if drive.imposed else rig.noise.position_std_m
-        return cls.build(surface_of(rig), drive, noise or estimated_noise(records, drive.measured), records)
+        stated = rig.noise.force_std_N if drive.imposed else rig.noise.position_std_m
+        return cls.build(surface_of(rig), drive, series_noise(records, drive.measured, stated), records)
 
     @classmethod
     def build(cls, surface: Surface, drive: Drive, noise_std: float, records: Sequence[Record] = ()) -> SeriesKind:
@@ -175,6 +177,7 @@ class SeriesKind:
         if criterion == self.criteria:
             dt = interval(record)
             return np.asarray(low_passed(r, dt)[:: max(1, round(1 / (_PER_PERIOD * LOW_PASS_HZ * dt)))])
+        r = r[used(record)]
         return np.asarray(np.sign(r) * _TAIL * np.sqrt(2 * (np.sqrt(1 + (r / _TAIL) ** 2) - 1)))
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
@@ -192,9 +195,8 @@ class SeriesKind:
 
     def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
         """The same drive with the model's output and white noise of the stated size."""
-        return record.with_column(
-            self.quantity, self.predict(record, theta) + self.noise_std * rng.standard_normal(len(record))
-        )
+        white = self.noise_std * rng.standard_normal(len(record))
+        return filled(record.with_column(self.quantity, self.predict(record, theta) + white), self.quantity)
 
     def searched(self, records: Sequence[Record]) -> list[Record]:
         """Of a shaken body, which strikes in every period of its drive, the beginnings; of others all."""
@@ -232,9 +234,12 @@ def _acts_on_the_wall(effect: type[Effect]) -> bool:
     return any(effect.answers(hook) for hook in _WALL_HOOKS)
 
 
-def estimated_noise(records: Sequence[Record], column: str) -> float:
-    """Standard deviation of white noise on `column`, from its second differences' median, which motion hardly touches.
-
-    The least number that counts as noise where no record has the column."""
-    second = [np.diff(record[column], 2) for record in records if column in record.columns]
-    return max(float(np.median(np.abs(np.concatenate(second)))) / 0.6745 / np.sqrt(6), 1e-12) if second else 1e-12
+def series_noise(records: Sequence[Record], column: str, stated: float | None) -> float:
+    """Standard deviation of the noise of `column`: as stated, unless the records are noisier; the least number that
+    counts as noise where neither says.
+    """
+    values = [record[column][used(record)] for record in records if column in record.columns]
+    if not values:
+        return stated or _NO_NOISE
+    told = float(np.median([told_noise(y) for y in values]))
+    return max(noise_used(stated, told, float(np.ptp(np.concatenate(values)))), _NO_NOISE)

@@ -1,0 +1,51 @@
+"""`capsule check`: what is wrong with records before anything is fitted to them, and what they cannot show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+
+from hil.app.console import print_json, summary
+from hil.app.identify.close_loop import read_series
+from hil.app.scenario.deployment import read_deployed_rig
+from models.checks.examine import examine, stopping
+from models.checks.finding import RecordFinding
+from models.checks.information.excitation import cannot_show
+from models.effects import effects_for
+
+STOPPED = 1
+
+
+def check(records: Sequence[Path], rig: Path, *, json_output: bool = False) -> int:
+    """Print the findings on `records` of the rig file `rig` and the effects that they cannot show; status 1 where a
+    finding stops a fit, else 0. Raises ValueError of one sentence for files that are no records of this rig.
+    """
+    belief = read_deployed_rig(rig)
+    read, _ = read_series(records, (), belief, lenient=True)
+    findings = examine(belief, read)
+    hidden = cannot_show(belief, read, effects_for(belief.kind)) if stopping(findings) is None else {}
+    if json_output:
+        print_json({"findings": [finding.to_dict() for finding in findings], "cannot_show": hidden})
+    else:
+        show(summary(), findings, hidden)
+        if not findings:
+            summary().print("nothing to tell of these records", markup=False)
+    return STOPPED if stopping(findings) else 0
+
+
+def show(console: Console, findings: Sequence[RecordFinding], hidden: dict[str, str]) -> None:
+    """Findings by what they are, each with its places and its remedy, then what the records cannot show."""
+    for name, severity in dict.fromkeys((finding.id, finding.severity) for finding in findings):
+        alike = [finding for finding in findings if (finding.id, finding.severity) == (name, severity)]
+        console.print(f"{severity}: {name.replace('_', ' ')}", markup=False, style="bold")
+        for finding in alike:
+            console.print(f"  {finding.file}, {finding.where}: {finding.sentence}", markup=False, soft_wrap=True)
+        console.print(f"  told by: {alike[0].how}", markup=False, soft_wrap=True)
+        console.print(f"  remedy: {alike[0].remedy}", markup=False, soft_wrap=True)
+    if hidden:
+        console.print("these records cannot show", markup=False, style="bold")
+        for why in dict.fromkeys(hidden.values()):
+            names = ", ".join(name for name, said in hidden.items() if said == why)
+            console.print(f"  {names}: {why}", markup=False, soft_wrap=True)

@@ -1,0 +1,109 @@
+"""Time stamps: uneven, missing, repeated, beginning again, with pauses."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.checks.finding import RecordFinding
+from models.checks.view import View
+
+_UNEVEN = 0.05
+_PAUSE = 20.0
+
+
+def check_restart(view: View) -> list[RecordFinding]:
+    """Stamps that go back."""
+    if not view.timed:
+        return []
+    back = np.flatnonzero(np.diff(view.t) < 0) + 1
+    if not len(back):
+        return []
+    return [
+        view.finding(
+            "stamps_restart",
+            "stops",
+            f"t_s, {view.at(back)}",
+            f"t_s goes back {len(back)} times, first from {view.t[back[0] - 1]:.6g} to {view.t[back[0]]:.6g} s:"
+            " the logger began again, or two logs stand in one file",
+            "a stamp that is smaller than the one before",
+            f"cut the file before line {view.record.line(int(back[0]))} into two records",
+        )
+    ]
+
+
+def check_repeats(view: View) -> list[RecordFinding]:
+    """Stamps that stand twice."""
+    if not view.timed:
+        return []
+    same = np.flatnonzero(np.diff(view.t) == 0) + 1
+    if not len(same):
+        return []
+    return [
+        view.finding(
+            "stamps_repeated",
+            "stops",
+            f"t_s, {view.at(same)}",
+            f"{len(same)} samples have the stamp of the one before: the clock is coarser than the sampling",
+            "a stamp that is equal to the one before",
+            "log with a finer clock, or keep one sample a stamp",
+        )
+    ]
+
+
+def check_uneven(view: View) -> list[RecordFinding]:
+    """Stamps that jitter, and samples that are missing."""
+    if not view.timed:
+        return []
+    steps = np.diff(view.t)
+    steps = steps[steps > 0] / view.dt
+    if not len(steps):
+        return []
+    found = []
+    lost = np.flatnonzero((np.diff(view.t) / view.dt > 1.5) & (np.diff(view.t) / view.dt <= _PAUSE)) + 1
+    jitter = float(np.std(steps[(steps > 0.2) & (steps < 1.5)])) if np.any((steps > 0.2) & (steps < 1.5)) else 0.0
+    if jitter > _UNEVEN:
+        found.append(
+            view.finding(
+                "stamps_uneven",
+                "note",
+                "t_s, throughout",
+                f"samples come {1 / view.dt:.4g} times a second, but unevenly by {100 * jitter:.0f} % of the interval;"
+                " predictions are made at the stamps as they are",
+                "standard deviation of the intervals between stamps",
+                "stamp samples where they are taken, not where they are written",
+            )
+        )
+    if len(lost):
+        count = int(np.sum(np.round(np.diff(view.t)[lost - 1] / view.dt) - 1))
+        share = 100 * count / (count + len(view.t))
+        found.append(
+            view.finding(
+                "stamps_missing",
+                "note" if share < 10 else "weakens",
+                f"t_s, {view.at(lost)}",
+                f"{count} samples ({share:.2g} %) are missing; nothing is put in their place",
+                "intervals of more than one and a half times the usual one",
+                "look at the logger's buffer and load",
+            )
+        )
+    return found
+
+
+def check_pauses(view: View) -> list[RecordFinding]:
+    """Long gaps."""
+    if not view.timed:
+        return []
+    gaps = np.flatnonzero(np.diff(view.t) / view.dt > _PAUSE) + 1
+    if not len(gaps):
+        return []
+    longest = float(np.max(np.diff(view.t)[gaps - 1]))
+    return [
+        view.finding(
+            "pause",
+            "weakens",
+            f"t_s, {view.at(gaps)}",
+            f"the record pauses {len(gaps)} times, up to {longest:.3g} s; what moved meanwhile is not known",
+            f"intervals of more than {_PAUSE:g} times the usual one",
+            f"cut the record at line {view.record.line(int(gaps[0]))}",
+        )
+    ]

@@ -1,0 +1,64 @@
+"""All checks on all records of a series, and which rows of a record a fit may use."""
+
+from __future__ import annotations
+
+import pkgutil
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import cache
+from importlib import import_module
+
+import models.checks as here
+from models.checks.finding import RecordFinding
+from models.checks.view import View
+from models.files.record import Record
+from models.files.rig import Rig
+
+Check = Callable[[View], Sequence[RecordFinding]]
+_CLOCK = "clock"
+_ORDER = ("stops", "weakens", "note")
+
+
+@cache
+def checks() -> tuple[Check, ...]:
+    """The functions `check_...` of the modules in the folders of `models.checks`."""
+    found: list[Check] = []
+    for module in pkgutil.walk_packages(here.__path__, f"{here.__name__}."):
+        if module.name.count(".") == 3:
+            names = vars(import_module(module.name))
+            found += [value for name, value in names.items() if name.startswith("check_")]
+    return tuple(found)
+
+
+def examine(rig: Rig, records: Sequence[Record]) -> tuple[RecordFinding, ...]:
+    """What all checks find in `records` of `rig`, the severest first. A check that the rig file accepts
+    (`[checks] accept`) no longer stops: its finding weakens.
+    """
+    found = [
+        replace(finding, severity="weakens")
+        if finding.severity == "stops" and finding.id in rig.checks.accept
+        else finding
+        for record in records
+        for finding in _of(View(record, rig))
+    ]
+    return tuple(sorted(found, key=lambda finding: _ORDER.index(finding.severity)))
+
+
+def _of(view: View) -> Iterator[RecordFinding]:
+    """The clock first: where it stops, nothing else can be told of the record."""
+    stopped = False
+    for check in sorted(checks(), key=_clock_first):
+        if stopped and check.__module__.split(".")[2] != _CLOCK:
+            return
+        for finding in check(view):
+            stopped = stopped or (finding.severity == "stops" and check.__module__.split(".")[2] == _CLOCK)
+            yield finding
+
+
+def _clock_first(check: Check) -> bool:
+    return check.__module__.split(".")[2] != _CLOCK
+
+
+def stopping(findings: Sequence[RecordFinding]) -> RecordFinding | None:
+    """The first finding that lets nothing be fitted; None where there is none."""
+    return next((finding for finding in findings if finding.severity == "stops"), None)

@@ -1,0 +1,1 @@
+"""What the motion can show at all."""

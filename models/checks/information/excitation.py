@@ -1,0 +1,155 @@
+"""Whether records hold the motion that an effect needs in order to show."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from types import MappingProxyType
+
+import numpy as np
+
+from models.checks.finding import RecordFinding
+from models.checks.view import Array, View, running_mean, runs_of
+from models.effects.effect import Effect
+from models.files.record import Record
+from models.files.rig import Rig
+
+_STROKE_S = 0.1
+_REST_S = 0.3
+_RANGE = 1.5
+_TRAVEL_M = 2e-3
+_LONG_S = 5.0
+_ALIVE = 1.3
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """What the motion in a series of records offers."""
+
+    views: tuple[View, ...]
+
+    @cached_property
+    def _strokes(self) -> list[list[tuple[int, int, float]]]:
+        out = []
+        for view in self.views:
+            least = max(2, round(_STROKE_S / view.dt))
+            rows = [
+                (a, b, d)
+                for d in (1.0, -1.0)
+                for a, b in runs_of(view.moves & (np.sign(view.speed) == d))
+                if b - a >= least
+            ]
+            out.append(sorted(rows))
+        return out
+
+    @cached_property
+    def directions(self) -> set[float]:
+        """Which ways the motion goes, +1 and -1."""
+        return {d for strokes in self._strokes for _, _, d in strokes}
+
+    @cached_property
+    def reversals(self) -> int:
+        """How often a stroke is followed by one the other way."""
+        return sum(a[2] != b[2] for strokes in self._strokes for a, b in pairwise(strokes))
+
+    @cached_property
+    def speeds(self) -> Array:
+        """Tenth and ninetieth percentile of the speeds in m/s while in motion, shape (2,)."""
+        v = np.concatenate([np.abs(view.speed[view.moves]) for view in self.views])
+        return np.percentile(v, [10, 90]) if len(v) else np.zeros(2)
+
+    @cached_property
+    def travel(self) -> float:
+        """Span in m of the places."""
+        ends = [(float(x.min()), float(x.max())) for x in (v.record[v.moving_column] for v in self.views)]
+        return max(high for _, high in ends) - min(low for low, _ in ends)
+
+    @cached_property
+    def rests(self) -> int:
+        """How often a motion starts again after a rest."""
+        return sum(
+            1 for view in self.views for a, b in runs_of(~view.moves) if (b - a) * view.dt > _REST_S and b < len(view.t)
+        )
+
+    @cached_property
+    def longest(self) -> float:
+        """Length in s of the longest record."""
+        return max(float(view.t[-1] - view.t[0]) for view in self.views)
+
+
+Need = Callable[[Excitation], str]
+
+
+def _both_ways(e: Excitation) -> str:
+    return "" if len(e.directions) == 2 else "the motion goes one way only"
+
+
+def _reversals(e: Excitation) -> str:
+    return "" if e.reversals else "the motion never turns round"
+
+
+def _speeds(e: Excitation) -> str:
+    low, high = e.speeds
+    return "" if high > _RANGE * low else f"the motion has one speed only ({1e3 * high:.3g} mm/s)"
+
+
+def _places(e: Excitation) -> str:
+    return "" if e.travel > _TRAVEL_M else f"the motion covers {1e3 * e.travel:.3g} mm only"
+
+
+def _rests(e: Excitation) -> str:
+    return "" if e.rests else f"the motion never starts again after a rest of {_REST_S:g} s"
+
+
+def _time(e: Excitation) -> str:
+    return "" if e.longest > _LONG_S else f"the longest record lasts {e.longest:.3g} s only"
+
+
+NEEDS: Mapping[str, Need] = MappingProxyType(
+    {
+        "both_ways": _both_ways,
+        "reversals": _reversals,
+        "speeds": _speeds,
+        "places": _places,
+        "rests": _rests,
+        "time": _time,
+    }
+)
+"""What an effect may name in `needs`, and how its lack is said of a series."""
+
+
+def cannot_show(rig: Rig, records: Sequence[Record], effects: Sequence[type[Effect]]) -> dict[str, str]:
+    """Why these records cannot show an effect, by the id of each one whose `needs` they do not meet."""
+    views = tuple(view for view in (View(record, rig) for record in records) if view.timed)
+    if not views:
+        return {}
+    offered = Excitation(views)
+    lacking = {name: said for name, told in NEEDS.items() if (said := told(offered))}
+    return {
+        effect.id: "; ".join(lacking[name] for name in effect.needs if name in lacking)
+        for effect in effects
+        if any(name in lacking for name in effect.needs)
+    }
+
+
+def check_information(view: View) -> list[RecordFinding]:
+    """A measured column that holds a constant and noise and nothing else."""
+    if not view.timed or view.noise == 0 or len(view.y) < 100:
+        return []
+    n = max(2, min(len(view.y) // 40, 50))
+    smooth = running_mean(view.y, n)
+    if float(np.std(smooth)) > _ALIVE * 2.0 * view.noise / np.sqrt(2 * n + 1):
+        return []
+    return [
+        view.finding(
+            "no_response",
+            "weakens",
+            f"{view.measured}, throughout",
+            f"{view.measured} is a constant and noise: nothing in it follows the motion, so these records tell no"
+            " parameter and no effect",
+            "its running mean scatters as noise alone would",
+            "record strokes to and fro over at least 10 mm, at speeds a factor of five apart, with rests of 1 s",
+        )
+    ]

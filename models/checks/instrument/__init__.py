@@ -1,0 +1,1 @@
+"""What the sensor and its amplifier did to the signal."""

@@ -1,0 +1,85 @@
+"""The noise as it is against the noise as stated, and whether it is white."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from models.checks.finding import RecordFinding
+from models.checks.instrument.usable import usable
+from models.checks.view import Array, View, grid_step, white_noise
+from models.files.rig import Rig
+
+_OFF = 1.5
+_ABSURD = 0.3  # of the signal's span
+
+
+def stated_noise(rig: Rig, measured: str) -> tuple[str, float] | None:
+    """Key and value with which the rig file states the noise of `measured`; None where it does not."""
+    key = {"force_N": "force_std_N", "position_m": "position_std_m"}.get(measured)
+    value = getattr(rig.noise, key) if key else None
+    return None if key is None or value is None else (key, float(value))
+
+
+def told_noise(y: Array) -> float:
+    """Standard deviation of the noise of a column's values `y` (n,) as they tell it themselves, in the quieter of its
+    stretches (teeth and slips only add), and at least what its resolution makes.
+    """
+    pieces = np.array_split(y, max(1, min(40, len(y) // 100)))
+    quiet = float(np.percentile([white_noise(piece) for piece in pieces], 40))
+    return max(quiet, grid_step(y) / math.sqrt(12))
+
+
+def noise_used(stated: float | None, told: float, span: float) -> float:
+    """The noise that fits use: the stated one, unless the record is noisier or the stated one is absurd beside the
+    `span` of the signal.
+    """
+    if stated is None or told > _OFF * stated or stated > _ABSURD * span:
+        return told
+    return stated
+
+
+def check_noise(view: View) -> list[RecordFinding]:
+    """Noise that is not as the rig file states, or not white."""
+    if not view.timed or len(view.y) < 200:
+        return []
+    found, told, unit = [], told_noise(view.y[usable(view)]), view.measured.rsplit("_", 1)[1]
+    stated = stated_noise(view.rig, view.measured)
+    if stated is not None and told > _OFF * stated[1]:
+        found.append(
+            view.finding(
+                "noise_stated",
+                "note",
+                f"{view.measured}, throughout",
+                f"the noise of {view.measured} is {told:.3g} {unit}, {told / stated[1]:.2g} times the stated"
+                f" {stated[1]:.3g} {unit}; the fits use what was found",
+                "second differences in the quieter stretches",
+                f"[noise] {stated[0]} = {told:.2g}",
+            )
+        )
+    elif stated is not None and stated[1] > _ABSURD * float(np.ptp(view.y)):
+        found.append(
+            view.finding(
+                "noise_stated",
+                "weakens",
+                f"{view.measured}, throughout",
+                f"the stated noise of {stated[1]:.3g} {unit} is as large as the signal itself, which spans"
+                f" {float(np.ptp(view.y)):.3g} {unit}; the fits use {told:.3g} {unit}, which was found",
+                "the stated noise beside the span of the column",
+                f"[noise] {stated[0]} = {told:.2g}",
+            )
+        )
+    elif stated is not None and told < stated[1] / (2 * _OFF):
+        found.append(
+            view.finding(
+                "noise_stated",
+                "note",
+                f"{view.measured}, throughout",
+                f"white noise of {view.measured} is {told:.3g} {unit}, less than the stated {stated[1]:.3g} {unit}: it"
+                " is filtered, or better than its data sheet; the stated one is used",
+                "second differences in the quieter stretches",
+                f"[noise] {stated[0]} = {told:.2g}, where the sensor is that good",
+            )
+        )
+    return found

@@ -1,0 +1,54 @@
+"""Single samples far off both neighbours."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.checks.finding import RecordFinding
+from models.checks.instrument.clipping import clipped
+from models.checks.view import Array, Mask, View
+
+_FAR = 12.0  # standard deviations of the noise
+_BEYOND = 8.0  # times what nineteen in twenty samples reach
+_VISIBLE = 0.05  # of the span of nearly all samples
+_MOST_SHARE = 0.02
+
+
+def spikes(view: View, values: Array) -> Mask:
+    """Where one or two samples of `values` stand off both sides by far more than noise and motion do; shape (n,)."""
+    mask = np.zeros(len(values), dtype=bool)
+    if not view.timed or len(values) < 50:
+        return mask
+    for width in (1, 2):
+        left, right = values[width:-width] - values[: -2 * width], values[width:-width] - values[2 * width :]
+        score = np.where(left * right > 0, np.minimum(np.abs(left), np.abs(right)), 0.0)
+        second = np.abs(np.diff(values, 2))
+        noise = float(np.median(second)) / 0.6745 / np.sqrt(6)
+        span = float(np.diff(np.percentile(values, [1, 99]))[0])
+        limit = max(_FAR * noise, _BEYOND * float(np.percentile(score, 95)), _VISIBLE * span)
+        found = np.flatnonzero(score > limit) + width
+        if len(found) <= _MOST_SHARE * len(values):
+            mask[found] = True
+    return mask
+
+
+def check_outliers(view: View) -> list[RecordFinding]:
+    """Outliers of the measured and of the driven columns."""
+    found = []
+    for name in dict.fromkeys(n for n in (view.measured, view.driven) if n and n in view.record.columns):
+        if name in ("drive_on", "coil_voltage_V"):  # a switch has edges of its own
+            continue
+        where = spikes(view, view.record[name]) & ~clipped(view)
+        if where.any():
+            found.append(
+                view.finding(
+                    "outliers",
+                    "note",
+                    f"{name}, {view.at(np.flatnonzero(where))}",
+                    f"{int(where.sum())} samples of {name} stand far off their neighbours on both sides; they are left"
+                    " out of every fit",
+                    f"more than {_FAR:g} standard deviations of the noise off both neighbours",
+                    "look at cable, connector and interference; delete the samples if they are none of the rig's",
+                )
+            )
+    return found

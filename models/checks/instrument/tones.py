@@ -1,0 +1,63 @@
+"""Tones that stay the same whatever the motion does: mains and ringing."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.signal import periodogram
+
+from models.checks.finding import RecordFinding
+from models.checks.view import View
+
+_SEGMENTS = 6
+_LOWEST_HZ = 5.0
+_ABOVE = 30.0  # times the median of the neighbouring frequencies, in every segment
+_MAINS_HZ = (50.0, 60.0)
+_NEAR = 0.012
+
+
+def tones(view: View) -> list[tuple[float, float]]:
+    """Frequency in Hz and amplitude of each tone of the measured column that every stretch of the record shows."""
+    n = len(view.y) // _SEGMENTS
+    if not view.timed or n < 128 or view.kind in ("vibro",):
+        return []
+    pieces = np.diff(view.y[: n * _SEGMENTS].reshape(_SEGMENTS, n), axis=1)
+    frequency, power = periodogram(pieces, 1 / view.dt, window="hann", axis=1)
+    width = max(5, n // 40)
+    level = np.array([np.median(power[:, max(0, k - width) : k + width + 1], axis=1) for k in range(power.shape[1])]).T
+    ratio = np.min(power / np.maximum(level, 1e-300), axis=0)
+    ratio[frequency < _LOWEST_HZ] = 0.0
+    found: list[tuple[float, float]] = []
+    while len(found) < 3:
+        k = int(np.argmax(ratio))
+        if ratio[k] < _ABOVE:
+            break
+        near = slice(max(0, k - 3), k + 4)
+        rms = np.sqrt(np.median(np.sum((power - level)[:, near], axis=1)) * (frequency[1] - frequency[0]))
+        found.append((float(frequency[k]), float(np.sqrt(2) * rms / (2 * np.sin(np.pi * frequency[k] * view.dt)))))
+        ratio[np.abs(frequency - frequency[k]) < max(0.05 * frequency[k], 6 * (frequency[1] - frequency[0]))] = 0.0
+    return found
+
+
+def check_tones(view: View) -> list[RecordFinding]:
+    """Mains hum and ringing on the measured column."""
+    unit, n = view.measured.rsplit("_", 1)[1], len(view.y)
+    speeds = np.abs(view.speed[view.moves]) if view.timed else np.zeros(0)
+    steady = len(speeds) > 0 and float(np.percentile(speeds, 90)) < 1.3 * float(np.percentile(speeds, 10))
+    own = steady or view.kind not in ("pull", "axis")  # teeth at one speed, or the tone of a capsule on its spring
+    shown = []
+    for hertz, amplitude in tones(view):
+        mains = next((m for m in _MAINS_HZ if abs(hertz - m) < max(_NEAR * m, 1.5 * _SEGMENTS / n / view.dt)), None)
+        if mains is not None or not own:
+            shown.append(f"{hertz:.4g} Hz ({amplitude:.2g} {unit}{', mains' if mains else ''})")
+    if not shown:
+        return []
+    return [
+        view.finding(
+            "tone",
+            "note",
+            f"{view.measured}, throughout",
+            f"{view.measured} carries tones in every part of the record, whatever the motion does: {', '.join(shown)}",
+            f"lines more than {_ABOVE:g} times their neighbourhood in each of {_SEGMENTS} stretches",
+            "mains: shield and ground the sensor, or average over whole periods; ringing: damp the mount",
+        )
+    ]

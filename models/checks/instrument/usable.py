@@ -1,0 +1,53 @@
+"""Which samples of a measured column a fit may use, and the record with the others filled in."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.checks.instrument.clipping import clipped
+from models.checks.instrument.held_values import fresh
+from models.checks.instrument.outliers import spikes
+from models.checks.view import Mask, View
+from models.files.record import Record
+from models.files.rig import Rig
+
+USED = "_used"
+"""Column of a cleaned record: 1 where the measured value counts, 0 where it was filled in."""
+_WHOLE = 0.99
+_SWITCHED = ("drive_on", "coil_voltage_V")
+
+
+def usable(view: View) -> Mask:
+    """Where the measured column holds a value of its own: new, not clipped, no outlier."""
+    return np.asarray(fresh(view) & ~clipped(view) & ~spikes(view, view.y))
+
+
+def cleaned(record: Record, rig: Rig) -> Record:
+    """`record` with what cannot be used of its measured and driven columns straight between neighbours, and a column
+    that says which measured values count; itself where all can be used.
+    """
+    view = View(record, rig)
+    if not view.timed or view.measured not in record.columns:
+        return record
+    good = usable(view)
+    if not good.all() and good.sum() > 2:
+        record = filled(record.with_column(USED, good), view.measured)
+    if view.driven and view.driven not in _SWITCHED:
+        far = spikes(view, view.record[view.driven])
+        if far.any():
+            at = view.t
+            record = record.with_column(view.driven, np.interp(at, at[~far], record[view.driven][~far]))
+    return record
+
+
+def used(record: Record) -> Mask:
+    """The rows of a record whose measured value counts; all of one that was not cleaned."""
+    return record[USED] > _WHOLE if USED in record.columns else np.ones(len(record), dtype=bool)
+
+
+def filled(record: Record, column: str) -> Record:
+    """`record` with `column` straight between the rows that count."""
+    if USED not in record.columns:
+        return record
+    good, t = used(record), record["t_s"]
+    return record.with_column(column, np.interp(t, t[good], record[column][good]))

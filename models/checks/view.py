@@ -1,0 +1,159 @@
+"""One record as the checks look at it: its columns, its clock, its motion, its noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.checks.finding import RecordFinding, Severity
+from models.files.columns import COLUMNS, TIME
+from models.files.record import Record
+from models.files.rig import Rig
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+_WINDOWS_S = (0.1, 0.2, 0.4, 0.8)
+_SHOWN = 0.3
+_STILL = 0.02  # of the fastest speed, below which a motion counts as rest
+
+
+@dataclass(frozen=True)
+class View:
+    """A record of `rig` with what several checks need of it. All arrays have the record's rows, SI units."""
+
+    record: Record
+    rig: Rig
+
+    @property
+    def kind(self) -> str:
+        """The rig's kind."""
+        return self.rig.kind
+
+    @cached_property
+    def timed(self) -> bool:
+        """Whether the record is a time series."""
+        return COLUMNS[self.kind].time and len(self.record) > 2
+
+    @cached_property
+    def measured(self) -> str:
+        """Name of the (first) measured column."""
+        return COLUMNS[self.kind].measured[0]
+
+    @cached_property
+    def driven(self) -> str | None:
+        """Name of the driven column; None where the record has none."""
+        names = COLUMNS[self.kind].driven[0] if COLUMNS[self.kind].driven else ()
+        return next((name for name in names if name in self.record.columns), None)
+
+    @cached_property
+    def y(self) -> Array:
+        """The measured column."""
+        return self.record[self.measured]
+
+    @cached_property
+    def t(self) -> Array:
+        """Time stamps in s as logged."""
+        return self.record[TIME]
+
+    @cached_property
+    def dt(self) -> float:
+        """The usual sampling interval in s."""
+        steps = np.diff(self.t)
+        good = steps[steps > 0]
+        return float(np.median(good)) if len(good) else 1.0
+
+    @cached_property
+    def noise(self) -> float:
+        """Standard deviation of white noise on the measured column, from the median of its second differences."""
+        return white_noise(self.y)
+
+    @cached_property
+    def moving_column(self) -> str:
+        """The column that tells the motion: where the capsule or stage is, else the driven place."""
+        return "position_m" if "position_m" in self.record.columns else str(self.driven)
+
+    @cached_property
+    def _smoothed(self) -> tuple[Array, float]:
+        """Speed in m/s over the shortest of a few windows that shows more motion than noise, and its noise."""
+        x = self.record[self.moving_column]
+        noise = max(white_noise(x), grid_step(x) / np.sqrt(12))
+        for window in _WINDOWS_S:
+            n = max(1, round(window / 2 / self.dt))
+            smooth = running_mean(x, n)
+            ahead = np.minimum(np.arange(len(x)) + n, len(x) - 1)
+            back = np.maximum(np.arange(len(x)) - n, 0)
+            speed = (smooth[ahead] - smooth[back]) / (np.maximum(ahead - back, 1) * self.dt)
+            left = noise * float(np.sqrt(2 / (2 * n + 1))) / (2 * n * self.dt)
+            if 5 * left < _SHOWN * float(np.percentile(np.abs(speed), 90)):
+                break
+        return np.asarray(speed), left
+
+    @property
+    def speed(self) -> Array:
+        """Speed in m/s of `moving_column`, rows that repeat a stamp taken as later by dt."""
+        return self._smoothed[0]
+
+    @property
+    def speed_noise(self) -> float:
+        """Standard deviation in m/s that the noise of `moving_column` leaves in `speed`."""
+        return self._smoothed[1]
+
+    @cached_property
+    def moves(self) -> Mask:
+        """Where the motion is faster than rest and its own noise."""
+        fastest = float(np.percentile(np.abs(self.speed), 99))
+        return np.asarray(np.abs(self.speed) > max(_STILL * fastest, 5 * self.speed_noise, 1e-7))
+
+    def finding(self, name: str, severity: Severity, where: str, sentence: str, how: str, remedy: str) -> RecordFinding:
+        """A finding about this record."""
+        return RecordFinding(name, severity, self.record.source or self.record.name, where, sentence, how, remedy)
+
+    def at(self, rows: Sequence[int] | NDArray[np.int64], most: int = 3) -> str:
+        """Lines and times of `rows` in words: the first few, and how many more."""
+        shown = [self._place(int(row)) for row in list(rows)[:most]]
+        return ", ".join(shown) + (f" and {len(rows) - most} more" if len(rows) > most else "")
+
+    def _place(self, row: int) -> str:
+        line = f"line {self.record.line(row)}"
+        return f"{line} ({self.t[row]:.6g} s)" if self.timed else line
+
+
+def running_mean(x: Array, n: int) -> Array:
+    """Mean over `2 n + 1` neighbours, fewer at the ends; shape of `x`."""
+    total = np.concatenate([[0.0], np.cumsum(x - x[0])])
+    at = np.arange(len(x))
+    low, high = np.maximum(at - n, 0), np.minimum(at + n + 1, len(x))
+    return np.asarray((total[high] - total[low]) / (high - low) + x[0])
+
+
+def white_noise(x: Array) -> float:
+    """Standard deviation of white noise on `x`, from the median of its second differences, which motion hardly
+    touches.
+    """
+    return float(np.median(np.abs(np.diff(x, 2)))) / 0.6745 / np.sqrt(6) if len(x) > 2 else 0.0
+
+
+def runs_of(mask: Mask) -> list[tuple[int, int]]:
+    """Stretches (first row, row after the last) where `mask` holds."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def grid_step(x: Array) -> float:
+    """Step of the grid on which the values of `x` lie; 0 where they lie on none that can be told."""
+    values = np.unique(x)
+    if len(values) < 3 or len(values) > 0.5 * len(x):
+        return 0.0
+    gaps = np.diff(values)
+    gaps = gaps[gaps > 1e-9 * max(float(np.ptp(x)), 1e-300)]
+    if not len(gaps):
+        return 0.0
+    step = float(np.percentile(gaps, 10))
+    near = gaps[gaps < 1.5 * step]
+    step = float(np.mean(near))
+    off = np.abs(gaps / step - np.round(gaps / step))
+    return step if float(np.mean(off < 0.1)) > 0.9 else 0.0

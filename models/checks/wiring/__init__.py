@@ -1,0 +1,1 @@
+"""Signs, units and delays between the columns."""

@@ -1,0 +1,108 @@
+"""Signs: a force that drives the motion which it should resist, a capsule that goes against its drive."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.checks.finding import RecordFinding
+from models.checks.view import Array, View, running_mean, runs_of
+
+_STRETCH_S = 0.2
+_SURE = 4.0  # standard errors
+_AGAINST = -0.3  # correlation of displacement with the drive's
+
+
+def _turned(column: str) -> str:
+    return f'[columns] {column} = {{column = "{column}", sign = -1}}, or change the wire over'
+
+
+def _strokes(view: View) -> list[tuple[int, int, float]]:
+    """Stretches of motion one way (first row, row after the last, direction) that last long enough."""
+    least = max(3, round(_STRETCH_S / view.dt))
+    return [
+        (a, b, direction)
+        for direction in (1.0, -1.0)
+        for a, b in runs_of(view.moves & (np.sign(view.speed) == direction))
+        if b - a >= least
+    ]
+
+
+def check_force_sign(view: View) -> list[RecordFinding]:
+    """Whether the force of a pull or a stage goes with the motion, as one that overcomes friction does."""
+    if view.kind not in ("pull", "axis") or not view.timed or "force_N" not in view.record.columns:
+        return []
+    told = _stage(view) if view.kind == "axis" else _pull(view)
+    if not told:
+        return []
+    return [
+        view.finding(
+            "force_sign",
+            "stops",
+            "force_N against position_m, throughout",
+            "force_N opposes the motion that it should drive: friction would give energy; the sign of the force (or of"
+            " the position) is turned round",
+            told,
+            _turned("force_N"),
+        )
+    ]
+
+
+def _pull(view: View) -> str:
+    """A stroke's force towards its end, where friction has built up, times its direction."""
+    force = view.record["force_N"]
+    ends = np.array([d * float(np.mean(force[(a + b) // 2 : b])) for a, b, d in _strokes(view)])
+    if not len(ends):
+        return ""
+    directions = {d for _, _, d in _strokes(view)}
+    if len(directions) == 1 and len(ends) < 2:
+        a, b, d = _strokes(view)[0]
+        ends = np.array([d * float(np.mean(piece)) for piece in np.array_split(force[(a + b) // 2 : b], 8)])
+    error = max(float(np.std(ends)) / np.sqrt(len(ends)), 3 * view.noise / np.sqrt(len(force)), 1e-15)
+    mean = float(np.mean(ends))
+    if mean < -_SURE * error and mean < -0.3 * float(np.percentile(np.abs(force), 90)):
+        return f"force times direction is {mean:.3g} N on average over {len(ends)} strokes; friction makes it positive"
+    return ""
+
+
+def _stage(view: View) -> str:
+    """Signs of mass and of friction in a line through the force."""
+    x, force, n = view.record["position_m"], view.record["force_N"], max(1, round(0.02 / view.dt))
+    v = np.gradient(running_mean(x, n)) / view.dt
+    a = np.gradient(running_mean(v, n)) / view.dt
+    rows = np.column_stack([a, np.sign(v) * view.moves, v, np.ones(len(x)), x])
+    scale = np.maximum(np.std(rows, axis=0), 1e-300)
+    scale[3] = 1.0
+    weights, *_ = np.linalg.lstsq(rows / scale, force, rcond=None)
+    work = float(np.sum(force * v)) * view.dt
+    lost = float(np.sum(np.abs(force * v))) * view.dt
+    if work < -0.05 * lost and weights[1] < 0 and (weights[0] < 0 or abs(weights[0]) < 0.2 * abs(weights[1])):
+        return "mass and friction both come out negative, and the work of the force over the record is negative"
+    return ""
+
+
+def check_drive_sign(view: View) -> list[RecordFinding]:
+    """Whether the capsule goes where a magnet takes it."""
+    if view.kind != "magnetic" or not view.timed or view.driven is None or view.measured not in view.record.columns:
+        return []
+    n = max(1, round(0.1 / view.dt))
+    x, c = running_mean(view.y, n), running_mean(view.record[view.driven], n)
+    if np.ptp(x) < 20 * view.noise or np.ptp(c) == 0:
+        return []
+    slope = _slope(c, x)
+    correlation = slope * float(np.std(c)) / float(np.std(x))
+    if correlation > _AGAINST or np.ptp(x) < 0.2 * np.ptp(c):
+        return []
+    return [
+        view.finding(
+            "drive_sign",
+            "stops",
+            f"{view.measured} against {view.driven}, throughout",
+            f"{view.measured} goes back where {view.driven} goes forward: one of the two has its sign turned round",
+            f"correlation {correlation:.2f} between the two places",
+            _turned(view.measured),
+        )
+    ]
+
+
+def _slope(x: Array, y: Array) -> float:
+    return float(np.cov(x, y)[0, 1] / np.var(x))

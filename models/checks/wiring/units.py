@@ -1,0 +1,46 @@
+"""Values a power of ten off what the rig can be."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.checks.finding import RecordFinding
+from models.checks.view import View
+
+_TRAVEL_M = (2e-5, 3.0)
+_SPEED_M_S = (2e-6, 1.0)
+_STAGE_SPEED_M_S = (1e-6, 20.0)
+_FORCE_N = (1e-4, 20.0)
+_IN_GUT = ("pull", "magnetic", "coil", "vibro")
+
+
+def check_units(view: View) -> list[RecordFinding]:
+    """Travel, speed and force outside what such rigs do."""
+    if not view.timed or view.moving_column not in view.record.columns:
+        return []
+    x = view.record[view.moving_column]
+    travel, fastest = float(np.ptp(x)), float(np.percentile(np.abs(view.speed), 99))
+    out = []
+    if view.kind in _IN_GUT:
+        if travel > _TRAVEL_M[1] or (0 < travel < _TRAVEL_M[0] and travel > 20 * view.noise):
+            out.append(_off(view, view.moving_column, f"travels {travel:.3g} m", _TRAVEL_M, "m"))
+        elif fastest > _SPEED_M_S[1]:
+            out.append(_off(view, view.moving_column, f"moves at {fastest:.3g} m/s", _SPEED_M_S, "m/s"))
+    elif fastest > _STAGE_SPEED_M_S[1]:
+        out.append(_off(view, view.moving_column, f"moves at {fastest:.3g} m/s", _STAGE_SPEED_M_S, "m/s"))
+    if view.kind == "pull" and "force_N" in view.record.columns:
+        size = float(np.percentile(np.abs(view.record["force_N"]), 90))
+        if size > _FORCE_N[1] or 0 < size < _FORCE_N[0]:
+            out.append(_off(view, "force_N", f"is of the size of {size:.3g} N", _FORCE_N, "N"))
+    return out
+
+
+def _off(view: View, column: str, what: str, usual: tuple[float, float], unit: str) -> RecordFinding:
+    return view.finding(
+        "units",
+        "stops",
+        f"{column}, throughout",
+        f"{column} {what}; such rigs do {usual[0]:g} to {usual[1]:g} {unit}: another unit?",
+        "size of the values against what a capsule rig can be",
+        f'[columns] {column} = {{column = "{column}", unit = "..."}} with the unit of the file',
+    )

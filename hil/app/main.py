@@ -432,7 +432,7 @@ def run(args: Sequence[str]) -> int:
     except ValueError as error:
         if os.environ.get("CAPSULE_TRACEBACK"):
             raise
-        return _said(str(error), BAD_INPUT)
+        return _said(str(error), BAD_INPUT, getattr(error, "__notes__", ()))
     if status == INTERRUPTED:
         return _said(INTERRUPTION, INTERRUPTED)
     return status if isinstance(status, int) else 0
@@ -447,6 +447,9 @@ def _usage(error: typer.TyperException, args: Sequence[str]) -> str:
     return f"{message.split('. Did you')[0]}; {nearest(args[0], commands)}"
 
 
-def _said(sentence: str, status: int) -> int:
+def _said(sentence: str, status: int, pasted: Sequence[str] = ()) -> int:
+    """Print a sentence, and below it what may be pasted into a file; the status."""
     print("capsule:", " ".join(sentence.split()), file=sys.stderr)
+    for text in pasted:
+        print(text, file=sys.stderr)
     return status

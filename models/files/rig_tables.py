@@ -32,6 +32,15 @@ class Noise(Table):
     modulus_std_Pa: Positive | None = None
 
 
+class ColumnTable(Table):
+    """One key of `[columns]`: which column of a file is this column of ours, `sign * (column - offset)` in `unit`."""
+
+    column: Annotated[str, Field(min_length=1)]
+    unit: str | None = None
+    sign: Literal[1, -1] = 1
+    offset: Annotated[float, Field(gt=-1e15, lt=1e15)] = 0.0
+
+
 class Drive(Table):
     """The inner mass of a vibro-impact drive: on a spring to the body, pushed by `force_N` while the coil is on.
 

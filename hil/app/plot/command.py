@@ -44,7 +44,7 @@ def as_it_stands(path: Path) -> Record:
     """All columns of numbers of a CSV file, unchecked but for its form. Raises ValueError of one sentence."""
     blocks: list[Array] = []
     header: Sequence[str] = ()
-    for names, block in read_blocks(path, lambda _: []):
+    for names, block in read_blocks(path, lambda *_: []):
         header = names
         blocks.append(block.values)
     values = np.concatenate(blocks) if blocks else np.empty((0, 0))

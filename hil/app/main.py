@@ -192,6 +192,38 @@ def _plot(
     plot(records, rig, out, json_output=json_output)
 
 
+@_command("convert", "capsule convert run_1.mf4 run_2.tdms converted/ --rig rig.toml")
+def _convert(
+    records: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="IN...", help="CSV, TSV, Parquet, MF4, MCAP, ROS bag, TDMS, MATLAB, HDF5, or a CAN log of ours."
+        ),
+    ],
+    out: Annotated[
+        str,
+        typer.Argument(
+            metavar="OUT",
+            help="A file in .csv, .csv.gz, .parquet, .mf4 or .mcap; or a folder, there or ending in /, for CSV files.",
+        ),
+    ],
+    rig: Annotated[
+        Path | None,
+        typer.Option(
+            "--rig", metavar="RIG.toml", help="Read as its kind of rig and as its [columns]; else all channels."
+        ),
+    ] = None,
+    kind: Annotated[
+        str | None, typer.Option("--kind", metavar="KIND", help="Read as a rig of this kind, without a rig file.")
+    ] = None,
+    json_output: Json = False,
+) -> None:
+    """Files of other programs and CAN logs to CSV, Parquet, MF4 or MCAP."""
+    from hil.app.convert.command import convert
+
+    convert(records, out, rig, kind, json_output=json_output)
+
+
 @_command("predict", "capsule predict run_3.csv --rig rig.toml --model out/model.toml --out prediction.csv")
 def _predict(
     record: Annotated[Path, typer.Argument(metavar="RECORD", help="A record; its measured columns may be missing.")],

@@ -12,6 +12,8 @@ from typing import Any, Final
 
 import can
 
+from hil.formats.channels import check_regular, refusing
+from hil.formats.mf4_file import holds_frames
 from hil.log.blf_file import Logged, way_of
 from hil.log.log import record_path
 
@@ -32,8 +34,12 @@ _BAD: Final = (
 
 
 def is_log(path: Path) -> bool:
-    """Whether the file's name is that of a CAN log."""
-    return path.suffix.lower() in ENDINGS
+    """Whether the file's name is that of a CAN log; an MF4 file may also be one of channels."""
+    if path.suffix.lower() != ".mf4":
+        return path.suffix.lower() in ENDINGS
+    check_regular(path)
+    with refusing(path, "a whole MF4 file"):
+        return holds_frames(path)
 
 
 def read_frames(path: Path) -> Iterator[Logged]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.files.units import factor, nearest_unit, split_unit, unit_of
+from models.files.units import factor, nearest_unit, split_unit, unit, unit_of
 from models.parameter import nearest
 
 
@@ -19,7 +19,7 @@ from models.parameter import nearest
 class MappedColumn:
     """`target = sign * (column - offset)` in the unit `unit` of the file (the offset, too), then told in ours.
 
-    A unit that is left out is the one that the file states, else ours. Raises ValueError for a unit that cannot be told
+    A unit that is left out is the one that the file states or the column's name ends in, else ours. Raises ValueError for a unit that cannot be told
     in that of `target`.
     """
 
@@ -39,9 +39,8 @@ class MappedColumn:
 
     def scale(self, stated: str = "") -> float:
         """By what a difference in the file is multiplied, but for the sign. Raises ValueError as the class does."""
-        if self.unit is None and factor(stated, unit_of(self.target)) is None and factor(stated, stated) is None:
-            return 1.0
-        return _factor(stated if self.unit is None else self.unit, self.target)
+        told = self.unit or stated or split_unit(self.column)[1]
+        return _factor(told, self.target) if self.unit or unit(told) else 1.0
 
     @property
     def plain(self) -> bool:
@@ -49,12 +48,12 @@ class MappedColumn:
         return self == MappedColumn(self.target, self.target)
 
 
-def _factor(unit: str, target: str) -> float:
-    found = factor(unit, unit_of(target))
+def _factor(told: str, target: str) -> float:
+    found = factor(told, unit_of(target))
     if found is None:
         raise ValueError(
-            f"unit of {target} must be one that can be told in {unit_of(target) or 'plain numbers'}; got {unit!r};"
-            f" {nearest_unit(unit, unit_of(target))}"
+            f"unit of {target} must be one that can be told in {unit_of(target) or 'plain numbers'}; got {told!r};"
+            f" {nearest_unit(told, unit_of(target))}"
         )
     return found
 
@@ -90,7 +89,6 @@ class ColumnMap:
 def check_stated(where: str, sources: Mapping[str, MappedColumn], units: Mapping[str, str]) -> None:
     """Refuse a column of ours whose file states another unit for it than its name does."""
     for target, source in sources.items():
-        stated, ours = units.get(source.column, ""), split_unit(target)[1]
-        told = factor(stated, stated)
-        if source.plain and told is not None and factor(stated, ours) != 1.0:
+        stated, ours = units.get(source.column, ""), unit_of(target)
+        if source.plain and unit(stated) and factor(stated, ours) != 1.0:
             raise ValueError(f"{where}: column {target} must be in {ours or 'plain numbers'}; the file states {stated}")

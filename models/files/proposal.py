@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any, Final
 
 from models.files.mapping import MappedColumn
 from models.files.toml import inline_table
-from models.files.units import factor, split_unit, unit, unit_of
+from models.files.units import factor, split_unit, unit_of
 
 WORDS: Final[Mapping[str, tuple[str, ...]]] = {
     "t": ("time", "timestamp", "elapsed", "seconds", "clock", "zeit"),
@@ -60,13 +60,20 @@ def _take(
     free: dict[str, tuple[str, str]],
 ) -> None:
     if group not in found and name in free:
-        found[group] = MappedColumn(target, name, free.pop(name)[1] or unit_of(target) or None)
+        found[group] = MappedColumn(target, name, free.pop(name)[1] or None)
 
 
 def toml_lines(entries: Sequence[MappedColumn]) -> str:
     """The entries as a table `[columns]` to paste into a rig file."""
-    lines = [f"{entry.target} = {inline_table(_stated(entry))}" for entry in entries]
-    return "\n".join(["[columns]", *lines])
+    return "\n".join(["[columns]", *(_line(entry) for entry in entries)])
+
+
+def _line(entry: MappedColumn) -> str:
+    ours = unit_of(entry.target)
+    if entry.unit or not ours:
+        return f"{entry.target} = {inline_table(_stated(entry))}"
+    table = inline_table(_stated(replace(entry, unit=ours)))
+    return f"{entry.target} = {table}  # the file states no unit"
 
 
 def _stated(entry: MappedColumn) -> dict[str, Any]:
@@ -77,7 +84,7 @@ def _stated(entry: MappedColumn) -> dict[str, Any]:
 
 def _read(name: str, stated: str) -> tuple[str, str]:
     stem, within = split_unit(name)
-    return stem, stated if unit(stated) else within if unit(within) or not stated else stated
+    return stem, stated or within
 
 
 def _fits(stated: str, target: str) -> bool:

@@ -37,7 +37,7 @@ def _opened(path: Path) -> Iterator[Any]:
     logging.getLogger("asammdf").setLevel(logging.CRITICAL)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        with asammdf.MDF(path) as file:
+        with path.open("rb") as content, asammdf.MDF(content) as file:
             yield file
 
 

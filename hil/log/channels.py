@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -30,14 +30,15 @@ def file_channels(path: Path) -> list[Channel]:
 def _csv_channels(path: Path) -> list[Channel]:
     """The columns of numbers of a CSV file, unchecked but for its form."""
     blocks: list[Array] = []
-    header: Sequence[str] = ()
+    header: list[str] = []
     stated: dict[str, str] = {}
 
-    def look(_: list[str], units: dict[str, str]) -> Sequence[str]:
+    def look(names: list[str], units: Mapping[str, str]) -> Sequence[str]:
+        header.extend(names)
         stated.update(units)
         return ()
 
-    for header, block in read_blocks(path, look):
+    for _, block in read_blocks(path, look):
         blocks.append(block.values)
     values = np.concatenate(blocks)
     return [

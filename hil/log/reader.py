@@ -54,13 +54,11 @@ def read_frames(path: Path) -> Iterator[Logged]:
             raise ValueError(f"{path}: log must hold frames; got an empty file")
         if path.suffix.lower() == ".blf" and _first_bytes(path) != b"LOGG":
             raise ValueError(f"{path}: log must be one in the format that its name ends in; got another content")
+        if path.suffix.lower() == ".mf4" and not is_log(path):
+            raise ValueError(f"{path}: log must hold frames of a CAN bus; got an MF4 file of channels")
         reader: Any = can.LogReader(path)
     except OSError as error:
         raise ValueError(f"{path}: log must be a file that can be read; got: {error.strerror or error}") from None
-    except (NotImplementedError, ImportError):
-        raise ValueError(
-            f"{path}: log must be BLF, ASC, TRC or candump's where the package asammdf is missing; got MF4"
-        ) from None
     except _BAD as error:
         if str(error).startswith(str(path)):
             raise

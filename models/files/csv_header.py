@@ -91,14 +91,19 @@ def _above_numbers(lines: Sequence[str]) -> int | None:
         found = cells(line, separator)
         if len(found) < 2 or not all(_is_number(cell, separator) for cell in found):
             continue
-        for above in range(row - 1, -1, -1):
-            names = cells(lines[above], separator)
-            is_units = above and len(cells(lines[above - 1], separator)) == len(found)
-            if len(names) != len(found) or (is_units and _units(lines[above], separator, len(found))):
-                continue
-            return above if separator_of(lines[above]) == separator else None
-        return None
+        return next((k for k in range(row - 1, -1, -1) if _is_header(lines, k, separator, len(found))), None)
     return None
+
+
+def _is_header(lines: Sequence[str], row: int, separator: str, columns: int) -> bool:
+    """Whether a line has a name for each column and is no row of units below one."""
+    names = cells(lines[row], separator)
+    if len(names) != columns or separator_of(lines[row]) != separator:
+        return False
+    if any(name and _is_number(name, separator) for name in names):
+        return False
+    above = cells(lines[row - 1], separator) if row else []
+    return len(above) != columns or not _units(lines[row], separator, columns)
 
 
 def _is_number(cell: str, separator: str) -> bool:

@@ -19,8 +19,8 @@ from models.parameter import nearest
 class MappedColumn:
     """`target = sign * (column - offset)` in the unit `unit` of the file (the offset, too), then told in ours.
 
-    A unit that is left out is the one that the file states or the column's name ends in, else ours. Raises ValueError for a unit that cannot be told
-    in that of `target`.
+    A unit that is left out is the one that the file states or the column's name ends in, else ours. Raises ValueError
+    for a unit that cannot be told in that of `target`.
     """
 
     target: str

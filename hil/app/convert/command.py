@@ -86,9 +86,7 @@ def _targets(paths: Sequence[Path], out: str) -> dict[Path, Path]:
 
 
 def _stem(path: Path) -> str:
-    return path.name.removesuffix(".gz").removesuffix(
-        path.with_suffix("").suffix if path.suffix == ".gz" else path.suffix
-    )
+    return Path(path.name.removesuffix(".gz")).stem
 
 
 def _belief(rig: Path | None, kind: str | None) -> Rig | None:

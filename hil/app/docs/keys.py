@@ -22,6 +22,7 @@ from models.files.rig_tables import (
     BodyTable,
     CapsuleTable,
     Coil,
+    ColumnTable,
     Drive,
     Magnet,
     Noise,
@@ -42,6 +43,7 @@ RIG_TABLES: Final[Mapping[str, tuple[type[Table], ...]]] = {
     "[surface]": (Surface,),
     "[axis]": (Axis,),
     "[noise]": (Noise,),
+    "[columns], a column of ours": (ColumnTable,),
 }
 """Tables of a rig file; where several kinds of rig state one table differently, the strictest comes first."""
 

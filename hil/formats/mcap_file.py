@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -69,5 +70,7 @@ def _write_topic(writer: Any, topic: str, time_s: Any, members: Sequence[Channel
     channel = writer.register_channel(topic=topic, message_encoding="json", schema_id=number)
     for sequence, (at, row) in enumerate(zip(time_s.tolist(), rows, strict=True)):
         stamp = max(round(at * 1e9), 0)
-        data = json.dumps(dict(zip(names, row, strict=True))).encode()
+        data = json.dumps(
+            {name: value for name, value in zip(names, row, strict=True) if math.isfinite(value)}
+        ).encode()
         writer.add_message(channel, log_time=stamp, publish_time=stamp, data=data, sequence=sequence)

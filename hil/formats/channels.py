@@ -69,7 +69,7 @@ def refusing(path: Path, wanted: str) -> Iterator[None]:
         raise ValueError(f"{path}: file must be {wanted}; got: {words}") from None
 
 
-class RefusedError(Exception):
+class RefusedError(ValueError):
     """What is wrong with a file, in words of ours."""
 
 

@@ -66,12 +66,12 @@ def one_clock(
 
 
 def by_clock(channels: Sequence[Channel]) -> list[tuple[str, Array, list[Channel]]]:
-    """Channels by group and clock: (group, times (n,), channels). Those without a clock get that of the channel `t_s`,
-    else the number of the sample.
+    """Channels by group and clock: (group, times (n,), channels), but for the channel `t_s`. Those without a clock get
+    what that one holds, else the number of the sample.
     """
     clock = next((channel.values for channel in channels if channel.heading.name == TIME), None)
     found: list[tuple[str, Array, list[Channel]]] = []
-    for channel in channels:
+    for channel in (channel for channel in channels if channel.heading.name != TIME):
         own = channel.time_s if channel.time_s is not None else clock
         times = own if own is not None else np.arange(len(channel.values), dtype=float)
         for group, other, members in found:
@@ -92,6 +92,8 @@ def one_table(channels: Sequence[Channel]) -> dict[str, Array]:
         if len(set(lengths.values())) > 1:
             raise RefusedError(f"columns must have one length; got {lengths}"[:300])
         return {channel.heading.name: channel.values for channel in channels}
+    if any(channel.time_s is None and channel.heading.name != TIME for channel in channels):
+        raise RefusedError("columns without a clock must not stand beside channels with one: give --rig or --kind")
     groups = by_clock(channels)
     times = np.unique(np.concatenate([time_s for _, time_s, _ in groups]))
     columns = {TIME: times}

@@ -12,7 +12,6 @@ from hil.formats.channels import Channel, Pick, RefusedError, library
 from hil.formats.clock import by_clock
 from hil.formats.messages import Message, channels_of
 from hil.formats.ros_bag import decoder_of
-from models.files.columns import TIME
 
 EXTRA = "mcap"
 _UNNAMED = "record"
@@ -59,18 +58,17 @@ def write(path: Path, channels: Sequence[Channel]) -> None:
 
 
 def _write_topic(writer: Any, topic: str, time_s: Any, members: Sequence[Channel]) -> None:
-    names = [c.heading.name.removeprefix(f"{topic}/") for c in members if c.heading.name != TIME]
-    rows = zip(*(c.values.tolist() for c in members if c.heading.name != TIME), strict=True)
+    names = [c.heading.name.removeprefix(f"{topic}/") for c in members]
+    rows = zip(*(c.values.tolist() for c in members), strict=True)
     properties = {
         name: {"type": "number", **({"description": c.heading.unit} if c.heading.unit else {})}
-        for name, c in zip(names, (c for c in members if c.heading.name != TIME), strict=True)
+        for name, c in zip(names, members, strict=True)
     }
     schema = {"type": "object", "title": topic, "properties": properties}
     number = writer.register_schema(name=topic, encoding="jsonschema", data=json.dumps(schema).encode())
     channel = writer.register_channel(topic=topic, message_encoding="json", schema_id=number)
     for sequence, (at, row) in enumerate(zip(time_s.tolist(), rows, strict=True)):
         stamp = max(round(at * 1e9), 0)
-        data = json.dumps(
-            {name: value for name, value in zip(names, row, strict=True) if math.isfinite(value)}
-        ).encode()
+        told = {name: value for name, value in zip(names, row, strict=True) if math.isfinite(value)}
+        data = json.dumps(told).encode()
         writer.add_message(channel, log_time=stamp, publish_time=stamp, data=data, sequence=sequence)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import mmap
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -22,10 +23,9 @@ from hil.formats.channels import (
     own_names,
 )
 from hil.formats.clock import by_clock
-from models.files.columns import TIME
 
 EXTRA = "mf4"
-_FRAMES = "CAN_DataFrame"
+_FRAMES = b"CAN_DataFrame"
 _TEXT = ("U", "S", "O", "V")
 _NUMBERS_4, _TEXTS_3 = range(6), (7, 8)
 """Types as the format numbers them: those of numbers in MDF 4, those of text and bytes in MDF 3."""
@@ -42,9 +42,9 @@ def _opened(path: Path) -> Iterator[Any]:
 
 
 def holds_frames(path: Path) -> bool:
-    """Whether the file is a log of a CAN bus rather than of channels."""
-    with _opened(path) as file:
-        return any(channel.name.startswith(_FRAMES) for group in file.groups for channel in group.channels)
+    """Whether the file is a log of a CAN bus rather than of channels, by the names in it. Raises OSError."""
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        return content.find(_FRAMES) >= 0
 
 
 def read(path: Path, pick: Pick) -> list[Channel]:
@@ -92,11 +92,7 @@ def write(path: Path, channels: Sequence[Channel]) -> None:
     file = asammdf.MDF(version="4.10")
     try:
         for group, time_s, members in by_clock(channels):
-            signals = [
-                asammdf.Signal(c.values, time_s, name=c.heading.name, unit=c.heading.unit)
-                for c in members
-                if c.heading.name != TIME
-            ]
+            signals = [asammdf.Signal(c.values, time_s, name=c.heading.name, unit=c.heading.unit) for c in members]
             file.append(signals, acq_name=group or None, common_timebase=True)
         file.save(path, overwrite=True)
     finally:

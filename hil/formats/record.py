@@ -10,7 +10,7 @@ import numpy as np
 
 from hil.formats.channels import Array, Channel, Heading, RefusedError, refusing
 from hil.formats.clock import one_clock
-from hil.formats.table import read_channels
+from hil.formats.reading import read_channels
 from models.files.columns import COLUMNS, TIME
 from models.files.mapping import ColumnMap, MappedColumn
 from models.files.record import Record, find_columns, record_of

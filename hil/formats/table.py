@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from hil.formats import matlab_file, mcap_file, mf4_file, parquet_file, ros_bag, tdms_file
-from hil.formats.channels import Channel, Heading, Pick, Read, check_regular, check_size, refusing
+from hil.formats.channels import Channel, Read, refusing
 
 Write = Callable[[Path, Sequence[Channel]], None]
 
@@ -44,23 +44,6 @@ def format_of(path: Path) -> Format | None:
     """The format that a file's name ends in, or of a folder that is a bag; None for others."""
     ending = ".db3" if ros_bag.is_bag(path) else path.suffix.lower()
     return next((one for one in FORMATS if ending in one.endings), None)
-
-
-def read_channels(path: Path, pick: Pick) -> list[Channel]:
-    """The channels of a file of a format of the table that `pick` takes. Raises ValueError of one sentence."""
-    found = format_of(path)
-    if found is None:
-        raise ValueError(f"{path}: file must end in {', '.join(e for f in FORMATS for e in f.endings)}")
-    if not ros_bag.is_bag(path):
-        check_regular(path)
-
-    def checked(headings: Sequence[Heading]) -> Collection[str]:
-        chosen = pick(headings)
-        check_size({heading.name: heading.samples for heading in headings if heading.name in set(chosen)})
-        return chosen
-
-    with refusing(path, f"a whole {found.name} file"):
-        return found.read(path, checked)
 
 
 def write_channels(path: Path, channels: Sequence[Channel]) -> bytes:

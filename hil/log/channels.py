@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from hil.formats.channels import Array, Channel, Heading, all_of
-from hil.formats.table import format_of, read_channels
+from hil.formats.reading import read_channels
+from hil.formats.table import format_of
 from hil.log.reader import is_log
 from hil.log.record import log_channels
 from models.files.csv_reader import read_blocks

@@ -12,7 +12,7 @@ from typing import Final
 from hil.app.console import notes, print_json, summary
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import check_file, check_folder, check_targets, table_text, write_files
-from hil.formats.channels import Channel, Heading
+from hil.formats.channels import Channel, Heading, refusing
 from hil.formats.clock import by_clock, one_table
 from hil.formats.table import WRITTEN, write_channels
 from hil.log.channels import file_channels
@@ -119,7 +119,8 @@ def _content(one: Converted) -> bytes:
             f" or --kind, which says whose, or an OUT that ends in {', '.join(WRITTEN)}"
         )
     titles = {channel.heading.name: _title(channel.heading) for channel in one.channels}
-    table = {titles.get(name, name): column for name, column in one_table(one.channels).items()}
+    with refusing(one.path, "one that can be told as a table"):
+        table = {titles.get(name, name): column for name, column in one_table(one.channels).items()}
     data = table_text(table).encode()
     return gzip.compress(data, mtime=0) if one.out.name.lower().endswith(".gz") else data
 

@@ -15,7 +15,8 @@ from hil.app.report.theme import line_colour, styled
 from hil.app.report.words import column_words
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import check_file, check_targets, write_files
-from hil.formats.clock import by_clock
+from hil.formats.channels import refusing
+from hil.formats.clock import by_clock, one_table
 from hil.log.channels import file_channels
 from models.files.columns import TIME
 from models.files.record import Array, Record
@@ -48,11 +49,8 @@ def as_they_stand(path: Path) -> list[Record]:
     """
     channels = file_channels(path)
     if all(channel.time_s is None for channel in channels):
-        columns = {channel.heading.name: channel.values for channel in channels}
-        lengths = {name: len(values) for name, values in columns.items()}
-        if len(set(lengths.values())) > 1:
-            raise ValueError(f"{path}: columns must have one length; got {lengths}"[:300])
-        return [Record(path.name, "", columns)]
+        with refusing(path, "one that can be drawn"):
+            return [Record(path.name, "", one_table(channels))]
     return [
         Record(f"{path.name} {group}".strip(), "", {TIME: times} | {c.heading.name: c.values for c in members})
         for group, times, members in by_clock(channels)

@@ -138,7 +138,10 @@ def _init(
     cls=ManyHoldouts,
 )
 def _close_loop(
-    records: Annotated[list[Path], typer.Argument(metavar="RECORD...", help="Training records, .csv or .csv.gz.")],
+    records: Annotated[
+        list[Path],
+        typer.Argument(metavar="RECORD...", help="Training records: CSV, CAN logs, or files that convert reads."),
+    ],
     rig: RigFile,
     out: Annotated[
         Path, typer.Option("--out", metavar="DIR", help="Folder for report.html, report.json and model.toml.")

@@ -11,8 +11,8 @@ from typing import Any, Final
 
 import can
 
-from hil.formats.channels import check_regular
-from hil.formats.mf4_file import holds_frames
+from hil.formats.channels import check_regular, library, refusing
+from hil.formats.mf4_file import EXTRA, holds_frames
 from hil.log.blf_file import Logged, way_of
 from hil.log.log import record_path
 
@@ -43,10 +43,13 @@ def read_frames(path: Path) -> Iterator[Logged]:
             raise ValueError(f"{path}: log must be one in the format that its name ends in; got another content")
         if path.suffix.lower() == ".mf4" and not is_log(path):
             raise ValueError(f"{path}: log must hold frames of a CAN bus; got an MF4 file without any")
+        if path.suffix.lower() == ".mf4":
+            with refusing(path, "a log"):
+                library("asammdf", EXTRA)
         reader: Any = can.LogReader(path)
     except OSError as error:
         raise ValueError(f"{path}: log must be a file that can be read; got: {error.strerror or error}") from None
-    except Exception as error:  # noqa: BLE001 - libraries raise whatever they like at a damaged file
+    except Exception as error:
         if str(error).startswith(str(path)):
             raise
         raise ValueError(f"{path}: log must be one in the format that its name ends in; got: {_words(error)}") from None

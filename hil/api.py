@@ -103,7 +103,7 @@ def make_rig(tables: Mapping[str, Mapping[str, Any]]) -> Rig:
 
 
 def load_record(path: str | Path, rig: Rig) -> Record:
-    """A record of `rig` from a CSV file or a CAN log."""
+    """A record of `rig` from a CSV file, a CAN log, or a file of one of the formats that `capsule convert` reads."""
     return read_rig_record(Path(path), rig)
 
 

@@ -138,7 +138,10 @@ def _init(
     cls=ManyHoldouts,
 )
 def _close_loop(
-    records: Annotated[list[Path], typer.Argument(metavar="RECORD...", help="Training records, .csv or .csv.gz.")],
+    records: Annotated[
+        list[Path],
+        typer.Argument(metavar="RECORD...", help="Training records: CSV, CAN logs, or files that convert reads."),
+    ],
     rig: RigFile,
     out: Annotated[
         Path, typer.Option("--out", metavar="DIR", help="Folder for report.html, report.json and model.toml.")
@@ -207,6 +210,38 @@ def _plot(
     from hil.app.plot.command import plot
 
     plot(records, rig, out, json_output=json_output)
+
+
+@_command("convert", "capsule convert run_1.mf4 run_2.tdms converted/ --rig rig.toml")
+def _convert(
+    records: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="IN...", help="CSV, TSV, Parquet, MF4, MCAP, ROS bag, TDMS, MATLAB, HDF5, or a CAN log of ours."
+        ),
+    ],
+    out: Annotated[
+        str,
+        typer.Argument(
+            metavar="OUT",
+            help="A file in .csv, .csv.gz, .parquet, .mf4 or .mcap; or a folder, there or ending in /, for CSV files.",
+        ),
+    ],
+    rig: Annotated[
+        Path | None,
+        typer.Option(
+            "--rig", metavar="RIG.toml", help="Read as its kind of rig and as its [columns]; else all channels."
+        ),
+    ] = None,
+    kind: Annotated[
+        str | None, typer.Option("--kind", metavar="KIND", help="Read as a rig of this kind, without a rig file.")
+    ] = None,
+    json_output: Json = False,
+) -> None:
+    """Files of other programs and CAN logs to CSV, Parquet, MF4 or MCAP."""
+    from hil.app.convert.command import convert
+
+    convert(records, out, rig, kind, json_output=json_output)
 
 
 @_command("predict", "capsule predict run_3.csv --rig rig.toml --model out/model.toml --out prediction.csv")
@@ -449,7 +484,7 @@ def run(args: Sequence[str]) -> int:
     except ValueError as error:
         if os.environ.get("CAPSULE_TRACEBACK"):
             raise
-        return _said(str(error), BAD_INPUT)
+        return _said(str(error), BAD_INPUT, getattr(error, "__notes__", ()))
     if status == INTERRUPTED:
         return _said(INTERRUPTION, INTERRUPTED)
     return status if isinstance(status, int) else 0
@@ -464,6 +499,9 @@ def _usage(error: typer.TyperException, args: Sequence[str]) -> str:
     return f"{message.split('. Did you')[0]}; {nearest(args[0], commands)}"
 
 
-def _said(sentence: str, status: int) -> int:
+def _said(sentence: str, status: int, pasted: Sequence[str] = ()) -> int:
+    """Print a sentence, and below it what may be pasted into a file; the status."""
     print("capsule:", " ".join(sentence.split()), file=sys.stderr)
+    for text in pasted:
+        print(text, file=sys.stderr)
     return status

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import gzip
 import io
 import os
@@ -29,9 +30,8 @@ def write_files(contents: Mapping[Path, str | bytes]) -> None:
 def table_text(columns: Mapping[str, NDArray[np.float64]]) -> str:
     """Columns of one length as CSV."""
     text = io.StringIO()
-    np.savetxt(
-        text, np.column_stack(list(columns.values())), delimiter=",", fmt="%.10g", header=",".join(columns), comments=""
-    )
+    csv.writer(text, lineterminator="\n").writerow(columns)
+    np.savetxt(text, np.column_stack(list(columns.values())), delimiter=",", fmt="%.10g")
     return text.getvalue()
 
 

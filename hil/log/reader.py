@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import struct
 import warnings
 import zlib
 from collections.abc import Iterator
@@ -12,28 +11,22 @@ from typing import Any, Final
 
 import can
 
+from hil.formats.channels import check_regular, library, refusing
+from hil.formats.mf4_file import EXTRA, holds_frames
 from hil.log.blf_file import Logged, way_of
 from hil.log.log import record_path
 
 ENDINGS: Final = (".blf", ".asc", ".mf4", ".trc", ".log")
 """Vector's BLF and ASC, ASAM MF4 (with the package asammdf), PEAK's TRC, candump's log."""
 LARGEST_FILE: Final = 1 << 31
-_BAD: Final = (
-    can.CanError,
-    ValueError,
-    KeyError,
-    IndexError,
-    TypeError,
-    struct.error,
-    EOFError,
-    AttributeError,
-    AssertionError,
-)
 
 
 def is_log(path: Path) -> bool:
-    """Whether the file's name is that of a CAN log."""
-    return path.suffix.lower() in ENDINGS
+    """Whether the file's name is that of a CAN log; an MF4 file may also be one of channels."""
+    if path.suffix.lower() != ".mf4":
+        return path.suffix.lower() in ENDINGS
+    check_regular(path)
+    return path.stat().st_size > 0 and holds_frames(path)
 
 
 def read_frames(path: Path) -> Iterator[Logged]:
@@ -48,14 +41,15 @@ def read_frames(path: Path) -> Iterator[Logged]:
             raise ValueError(f"{path}: log must hold frames; got an empty file")
         if path.suffix.lower() == ".blf" and _first_bytes(path) != b"LOGG":
             raise ValueError(f"{path}: log must be one in the format that its name ends in; got another content")
+        if path.suffix.lower() == ".mf4" and not is_log(path):
+            raise ValueError(f"{path}: log must hold frames of a CAN bus; got an MF4 file without any")
+        if path.suffix.lower() == ".mf4":
+            with refusing(path, "a log"):
+                library("asammdf", EXTRA)
         reader: Any = can.LogReader(path)
     except OSError as error:
         raise ValueError(f"{path}: log must be a file that can be read; got: {error.strerror or error}") from None
-    except (NotImplementedError, ImportError):
-        raise ValueError(
-            f"{path}: log must be BLF, ASC, TRC or candump's where the package asammdf is missing; got MF4"
-        ) from None
-    except _BAD as error:
+    except Exception as error:
         if str(error).startswith(str(path)):
             raise
         raise ValueError(f"{path}: log must be one in the format that its name ends in; got: {_words(error)}") from None
@@ -79,7 +73,7 @@ def _frames(reader: Any, path: Path) -> Iterator[Logged]:
             return
         except zlib.error as error:
             raise ValueError(f"{path}: log must be undamaged; got after {count} frames: {_words(error)}") from None
-        except (*_BAD, can.io.blf.BLFParseError) as error:
+        except Exception as error:  # noqa: BLE001 - libraries raise whatever they like at a damaged file
             if count and path.suffix.lower() == ".blf":
                 return
             raise ValueError(f"{path}: log must be whole; got after {count} frames: {_words(error)}") from None

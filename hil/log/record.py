@@ -14,6 +14,10 @@ from numpy.typing import NDArray
 from hil.bus.catalogue import Catalogue, load_catalogue
 from hil.bus.codec import Refusal
 from hil.bus.protection import Receiver
+from hil.formats.channels import Channel, Heading
+from hil.formats.clock import increasing, mean_before
+from hil.formats.record import channel_record
+from hil.formats.table import format_of
 from hil.log.blf_file import RECEIVED, SENT, Logged
 from hil.log.reader import is_log, read_frames
 from models.files.columns import COLUMNS, RANGES, TIME, first_wrong
@@ -60,12 +64,33 @@ SOURCES: Final[Mapping[str, Sources]] = MappingProxyType(
 
 
 def read_rig_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: bool = False) -> Record:
-    """A record of `rig` from a CSV file or a CAN log; a `lenient` reading takes times and values of a CSV file as they
-    stand. Raises ValueError of one sentence.
+    """A record of `rig` from a CSV file, a CAN log or a file of one of the formats in `hil.formats.table`; a
+    `lenient` reading takes times and values of a CSV file as they stand. Raises ValueError of one sentence.
     """
-    if not is_log(path):
-        return read_record(path, rig, driven_only=driven_only, lenient=lenient)
-    return log_record(path, rig, driven_only=driven_only)
+    if is_log(path):
+        return log_record(path, rig, driven_only=driven_only)
+    if format_of(path):
+        return channel_record(path, rig, driven_only=driven_only)
+    return read_record(path, rig, driven_only=driven_only, lenient=lenient)
+
+
+def log_channels(path: Path) -> list[Channel]:
+    """Every signal of the good frames of the log `path` as a channel `Frame/Signal`, at the frames' times of arrival.
+    Raises ValueError of one sentence.
+    """
+    reading = _Reading(str(path), load_catalogue())
+    reading.take(read_frames(path))
+    channels: list[Channel] = []
+    for name, frames in reading.good.items():
+        times, kept = _increasing(np.array([t for t, _ in frames]))
+        for one in reading.catalogue[name].fields:
+            values = np.array([v[one.name] for _, v in frames], dtype=float)[kept]
+            heading = Heading(f"{name}/{one.name}", one.unit, name, clocked=True, samples=len(values))
+            channels.append(Channel(heading, values, times))
+    if not channels:
+        source = Path(reading.catalogue.source).name
+        raise ValueError(f"{path}: log must hold frames of {source}; got none that is good")
+    return channels
 
 
 def log_record(path: Path, rig: Rig, *, driven_only: bool = False, catalogue: Catalogue | None = None) -> Record:
@@ -167,7 +192,7 @@ def _columns(reading: _Reading, sources: Sources, driven_only: bool) -> dict[str
     if sources.held:
         commanded = _commanded(reading, driven)
         inside = rows > driven[0][0]
-        wanted = _mean_before(rows[inside], *commanded)
+        wanted = np.clip(mean_before(rows[inside], *commanded), 0.0, 1.0)
     else:
         t = np.array([t for t, _ in driven])
         inside = (rows >= t[0]) & (rows <= t[-1])
@@ -188,8 +213,7 @@ def _measured(frames: list[tuple[float, dict[str, float]]], source: Source) -> t
 
 def _increasing(times: Array) -> tuple[Array, NDArray[np.bool_]]:
     """The times that are later than all before them, and which these are."""
-    kept = np.ones(times.shape, dtype=bool)
-    kept[1:] = times[1:] > np.maximum.accumulate(times)[:-1]
+    kept = increasing(times)
     return times[kept], kept
 
 
@@ -214,14 +238,3 @@ def _commanded(reading: _Reading, frames: list[tuple[float, dict[str, float]]]) 
             times.append(t + v["TimeToLive_ms"] * 1e-3)
             levels.append(0.0)
     return np.array(times), np.array(levels)
-
-
-def _mean_before(rows: Array, times: Array, levels: Array) -> Array:
-    """Mean of the held `levels` from each row's predecessor to the row; the first row's interval is as long as the
-    second's.
-    """
-    area = np.concatenate([[0.0], np.cumsum(levels[:-1] * np.diff(times))])
-    last = np.array([rows[0] - (rows[1] - rows[0]), *rows[:-1]]) if len(rows) > 1 else rows - 1e-3
-    upto = np.interp(rows, times, area) + np.maximum(rows - times[-1], 0.0) * levels[-1]
-    before = np.interp(last, times, area) + np.maximum(last - times[-1], 0.0) * levels[-1]
-    return np.asarray(np.clip((upto - before) / (rows - last), 0.0, 1.0))

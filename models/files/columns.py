@@ -12,6 +12,8 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from models.files.units import factor, split_unit
+
 TIME = "t_s"
 TIME_SERIES_ROWS = 2_000_000
 TABLE_ROWS = 100_000
@@ -92,24 +94,14 @@ def first_wrong(name: str, values: NDArray[np.float64]) -> int | None:
     return None if good.all() else int(np.argmin(good))
 
 
-_UNITS = MappingProxyType(
-    {
-        "m": ("m", "mm", "cm", "um", "km", "in", "inch", "meter", "metre", "meters"),
-        "s": ("s", "ms", "us", "min", "h", "sec", "seconds"),
-        "N": ("N", "mN", "kN", "uN", "g", "gf", "lbf", "n", "Newton"),
-        "A": ("A", "mA", "uA"),
-        "V": ("V", "mV", "kV"),
-        "Hz": ("Hz", "kHz", "rad_s", "rad_per_s", "hz"),
-        "Pa": ("Pa", "kPa", "MPa", "hPa", "pa", "bar"),
-        "m_s": ("m_s", "mm_s", "cm_s", "mm_per_s", "m_per_s", "um_s"),
-    }
-)
+def missing_columns(kind: str, header: Sequence[str], with_measured: bool = True) -> list[tuple[str, ...]]:
+    """The columns of `kind` that `header` lacks, each as a tuple of alternatives."""
+    return [names for names in COLUMNS[kind].required(with_measured) if not set(names) & set(header)]
 
 
 def check_header(where: str, kind: str, header: Sequence[str], with_measured: bool = True) -> None:
     """Refuse a header that lacks a column of `kind`, saying which, and what in the header was probably meant."""
-    required = COLUMNS[kind].required(with_measured)
-    missing = [alternatives for alternatives in required if not set(alternatives) & set(header)]
+    missing = missing_columns(kind, header, with_measured)
     if not missing:
         _refuse_another_kind(where, kind, header)
         return
@@ -158,18 +150,12 @@ def _fits(kind: str, header: Sequence[str]) -> bool:
 
 
 def _refuse_unit(where: str, name: str, header: Sequence[str], kind: str) -> None:
-    unit = max((u for u in _UNITS if name.endswith("_" + u)), key=len, default=None)
-    if unit is None:
-        return
-    stem = name.removesuffix(unit)
-    wrong = {stem + other for other in _UNITS[unit]} | {
-        stem.rstrip("_"),
-        f"{stem.rstrip('_')}[{unit}]",
-        f"{stem.rstrip('_')} [{unit}]",
-    }
-    known = set(COLUMNS[kind].known())
+    stem, unit = split_unit(name)
+    known = COLUMNS[kind].known()
     for got in header:
-        if got not in known and got.lower() in {spelling.lower() for spelling in wrong}:
+        other, stated = split_unit(got)
+        same = other.lower() == stem.lower() and (not stated or factor(stated, unit) is not None)
+        if unit and same and got not in known:
             raise ValueError(
                 f"{where}: column must be {name!r}, in {unit.replace('_', '/')}; got {got!r}: convert and rename it"
             )

@@ -7,15 +7,20 @@ from __future__ import annotations
 import csv
 import gzip
 import io
+import stat
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain, islice
 from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
+from models.files.csv_header import LONGEST_TOP, EmptyError, find_header, split, to_number
+
+ENDINGS = tuple(form + packed for form in (".csv", ".tsv", ".txt") for packed in ("", ".gz"))
 BLOCK_CHARACTERS = 1 << 22
 LONGEST_LINE = 1 << 20
 MOST_COLUMNS = 256
@@ -30,21 +35,27 @@ class Block:
     lines: NDArray[np.int64]
 
 
-def read_blocks(path: Path, check: Callable[[list[str]], Sequence[str]]) -> Iterator[tuple[list[str], Block]]:
-    """Yield the header with each block of rows; `check` gets the header and returns the names of the columns that must
-    be finite.
+Check = Callable[[list[str], Mapping[str, str]], Sequence[str]]
 
-    Separators are comma, semicolon (then a decimal comma is accepted) or tab; a byte-order mark and gzip are
-    recognised. Cells of other columns that are not numbers come out as NaN.
+
+def read_blocks(path: Path, check: Check, names: Collection[str] = ()) -> Iterator[tuple[list[str], Block]]:
+    """Yield the header with each block of rows; `check` gets the header and the units that the file states by column,
+    and returns the names of the columns that must be finite.
+
+    Separators are comma, semicolon or tab (then a decimal comma is accepted); a byte-order mark and gzip are
+    recognised, and lines about the file before the header, which is one that has one of `names`, and a row of units
+    below it. Cells of other columns that are not numbers come out as NaN.
     """
     with _opened(path) as file:
         text = io.TextIOWrapper(file, encoding="utf-8-sig", errors="replace", newline=None)
         lines = _lines(path, text)
         try:
-            _, first = next(lines)
-            separator = ";" if ";" in first else "\t" if "\t" in first and "," not in first else ","
-            header = _header(path, first, separator)
-            parser = _Parser(str(path), header, separator, frozenset(_checked(header, check)))
+            top = list(islice(lines, LONGEST_TOP))
+            form = find_header([line for _, line in top], names)
+            lines = chain(top[form.rows :], lines)
+            separator, header = form.separator, _header(path, form.line, form.separator)
+            units = dict(zip(header, form.units, strict=False))
+            parser = _Parser(str(path), header, separator, frozenset(_checked(header, units, check)))
             yield header, parser.parse([])
             block: list[tuple[int, str]] = []
             size = 0
@@ -55,7 +66,7 @@ def read_blocks(path: Path, check: Callable[[list[str]], Sequence[str]]) -> Iter
                     yield header, parser.parse(block)
                     block, size = [], 0
             yield header, parser.parse(block)
-        except StopIteration:
+        except EmptyError:
             raise ValueError(f"{path}: record must have a header row and samples; got an empty file") from None
         except (EOFError, zlib.error, gzip.BadGzipFile) as error:
             raise ValueError(
@@ -67,9 +78,9 @@ def read_blocks(path: Path, check: Callable[[list[str]], Sequence[str]]) -> Iter
             ) from None
 
 
-def _checked(header: list[str], check: Callable[[list[str]], Sequence[str]]) -> Sequence[str]:
+def _checked(header: list[str], units: Mapping[str, str], check: Check) -> Sequence[str]:
     try:
-        return check(header)
+        return check(header, units)
     except ValueError as error:
         if not any(_UNREADABLE in name for name in header):
             raise
@@ -77,11 +88,13 @@ def _checked(header: list[str], check: Callable[[list[str]], Sequence[str]]) -> 
 
 
 def _opened(path: Path) -> BinaryIO:
-    if not path.name.lower().endswith((".csv", ".csv.gz")):
+    if not path.name.lower().endswith(ENDINGS):
         raise ValueError(f"{path}: record must be a .csv or .csv.gz file; got {path.name!r}")
     if path.is_dir():
         raise ValueError(f"{path}: record must be a file; got a directory")
     try:
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise ValueError(f"{path}: record must be a regular file; got a device, a pipe or a socket")
         with path.open("rb") as probe:
             start = probe.read(2)
         if start in (b"\xff\xfe", b"\xfe\xff"):
@@ -119,7 +132,7 @@ def _header(path: Path, line: str, separator: str) -> list[str]:
     if len(header) > MOST_COLUMNS:
         raise ValueError(f"{path}: header must have at most {MOST_COLUMNS} columns; got {len(header)}")
     named = [name for name in header if name]
-    if all(not np.isnan(_number(name.replace(",", "."))) for name in named):
+    if all(not np.isnan(to_number(name.replace(",", "."))) for name in named):
         raise ValueError(f"{path}: first row must name the columns; got {line[:60].strip()!r}")
     twice = [name for name in named if named.count(name) > 1]
     if twice:
@@ -129,16 +142,9 @@ def _header(path: Path, line: str, separator: str) -> list[str]:
 
 def _split(where: str, line: str, separator: str) -> list[str]:
     try:
-        return next(csv.reader([line], delimiter=separator), [])
+        return split(line, separator)
     except csv.Error as error:
         raise ValueError(f"{where}: row must be plain CSV; got: {error}") from None
-
-
-def _number(cell: str) -> float:
-    try:
-        return float(cell)
-    except ValueError:
-        return float("nan")
 
 
 @dataclass
@@ -158,7 +164,7 @@ class _Parser:
         if not block:
             return Block(np.empty((0, len(self.header))), numbers)
         lines = [line for _, line in block]
-        if self.separator == ";":
+        if self.separator != ",":
             lines = [line.replace(",", ".") for line in lines]
         try:
             values = self._load(lines)
@@ -181,7 +187,7 @@ class _Parser:
         return Block(values, numbers)
 
     def _load(self, lines: list[str]) -> NDArray[np.float64]:
-        converters: dict[int | str, Callable[[str], float]] = dict.fromkeys(self.loose, _number)
+        converters: dict[int | str, Callable[[str], float]] = dict.fromkeys(self.loose, to_number)
         return np.loadtxt(
             lines, delimiter=self.separator, comments=None, ndmin=2, quotechar='"', converters=converters or None
         )
@@ -198,7 +204,7 @@ class _Parser:
                     f" {len(cells)}"
                 )
             for column, cell in enumerate(cells):
-                if column in self.loose or not np.isnan(_number(cell)):
+                if column in self.loose or not np.isnan(to_number(cell)):
                     continue
                 name = self.header[column]
                 if name in self.needed:

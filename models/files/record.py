@@ -6,13 +6,24 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from models.files.columns import COLUMNS, RANGES, TIME, check_header, check_unit_names, first_wrong
+from models.files.columns import (
+    COLUMNS,
+    RANGES,
+    TIME,
+    check_header,
+    check_unit_names,
+    first_wrong,
+    missing_columns,
+)
 from models.files.csv_reader import Block, read_blocks
+from models.files.mapping import MappedColumn, check_stated
+from models.files.proposal import proposed, toml_lines
 from models.files.rig import Rig
 
 Array = NDArray[np.float64]
@@ -21,8 +32,8 @@ MOST_CELLS = 32_000_000
 
 @dataclass(frozen=True)
 class Record:
-    """One record in memory; `columns` maps a column's name to its samples, all of one length. `source` is the file
-    that it was read from and `lines` the line of each row there.
+    """One record in memory; `columns` maps a column's name to its samples, all of one length; `notes` say what reading
+    it took, such as resampling. `source` is the file that it was read from and `lines` the line of each row there.
     """
 
     name: str
@@ -30,6 +41,7 @@ class Record:
     columns: dict[str, Array]
     source: str = ""
     lines: NDArray[np.int64] | None = field(default=None, compare=False, repr=False)
+    notes: tuple[str, ...] = ()
 
     def __getitem__(self, column: str) -> Array:
         return self.columns[column]
@@ -73,8 +85,8 @@ def named(record: Record) -> Iterator[None]:
 
 
 def read_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: bool = False) -> Record:
-    """Read a `.csv` or `.csv.gz` record of `rig`; what is wrong with it is a ValueError of one sentence with file,
-    line, column.
+    """Read a `.csv` or `.csv.gz` record of `rig` (or `.tsv`, `.txt`), whose `columns` say what stands for ours; what is
+    wrong with it is a ValueError of one sentence with file, line, column.
 
     With `driven_only` the measured columns may be missing and a single row is enough: what a prediction needs.
     Columns beyond the kind's own are kept where they hold numbers. A `lenient` reading takes times and ranges as they
@@ -82,26 +94,90 @@ def read_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: boo
     """
     path = Path(path)
     reading = _Reading(str(path), rig, driven_only, lenient)
-    for header, block in read_blocks(path, reading.check_header):
+    names = {*COLUMNS[rig.kind].known(), *(entry.column for entry in rig.columns.entries)}
+    for header, block in read_blocks(path, reading.check_header, names):
         reading.take(header, block)
     return _complete(_name(path), str(path), reading)
 
 
-def record_of(name: str, columns: Mapping[str, Array], rig: Rig) -> Record:
-    """A record of `rig` from arrays (n,) by column name, checked as `read_record` checks a file; a line is a row."""
+def record_of(
+    name: str,
+    columns: Mapping[str, Array],
+    rig: Rig,
+    *,
+    where: str = "",
+    units: Mapping[str, str] = MappingProxyType({}),
+    driven_only: bool = False,
+    notes: tuple[str, ...] = (),
+) -> Record:
+    """A record of `rig` from arrays (n,) by column name in the stated `units`, checked as `read_record` checks a file;
+    a line is a row.
+    """
+    where = where or name
     lengths = {column: np.shape(values) for column, values in columns.items()}
     if not columns or len(set(lengths.values())) != 1 or any(len(shape) != 1 for shape in lengths.values()):
-        raise ValueError(f"{name}: columns must be arrays of one dimension and one length; got {lengths}"[:300])
-    reading = _Reading(name, rig, driven_only=False)
+        raise ValueError(f"{where}: columns must be arrays of one dimension and one length; got {lengths}"[:300])
+    reading = _Reading(where, rig, driven_only)
     header = list(columns)
-    checked = reading.check_header(header)
+    checked = reading.check_header(header, units)
     for column in checked:
         if not np.isfinite(columns[column]).all():
             row = int(np.argmin(np.isfinite(columns[column])))
-            raise ValueError(f"{name}, row {row}: {column} must be a finite number; got {columns[column][row]}")
+            raise ValueError(f"{where}, row {row}: {column} must be a finite number; got {columns[column][row]}")
     values = np.column_stack([np.asarray(columns[column], dtype=float) for column in header])
     reading.take(header, Block(values, np.arange(len(values))))
-    return _complete(name, name, reading)
+    return replace(_complete(name, where, reading), notes=notes)
+
+
+def find_columns(
+    where: str, rig: Rig, header: Sequence[str], units: Mapping[str, str], driven_only: bool
+) -> dict[str, MappedColumn]:
+    """Where each column of ours stands in the `header` of a file that states these `units`, as `[columns]` of the rig
+    says.
+
+    Raises ValueError of one sentence for a column that is missing; where others may be meant, a note of the error is
+    the table `[columns]` to paste into the rig file.
+    """
+    kind = COLUMNS[rig.kind]
+    sources = rig.columns.sources(where, header, kind.known(), kind.measured if driven_only else ())
+    read = {source.column for source in sources.values()}
+    ours = [*sources, *(name for name in header if name not in read)]
+    try:
+        check_header(where, rig.kind, ours, with_measured=not driven_only)
+        check_unit_names(where, rig.kind, ours)
+        check_stated(where, sources, units)
+    except ValueError as error:
+        raise _with_proposal(error, where, rig, header, units, sources) from None
+    return sources
+
+
+def _with_proposal(
+    error: ValueError,
+    where: str,
+    rig: Rig,
+    header: Sequence[str],
+    units: Mapping[str, str],
+    sources: Mapping[str, MappedColumn],
+) -> ValueError:
+    """The error with a table `[columns]` that may put it right, where one can be found."""
+    good = {target: source for target, source in sources.items() if _agrees(where, target, source, units)}
+    missing = missing_columns(rig.kind, list(good))
+    used = {source.column for source in good.values()}
+    found = proposed([name for name in header if name not in used], missing, units)
+    if not found or "columns of kind" in str(error):
+        return error
+    entries = [*(source for source in good.values() if not source.plain), *found]
+    told = ValueError(f"{error}; this table in the rig file reads it, if it is what is meant:")
+    told.add_note(toml_lines(entries))
+    return told
+
+
+def _agrees(where: str, target: str, source: MappedColumn, units: Mapping[str, str]) -> bool:
+    try:
+        check_stated(where, {target: source}, units)
+    except ValueError:
+        return False
+    return True
 
 
 def _complete(name: str, where: str, reading: _Reading) -> Record:
@@ -115,7 +191,7 @@ def _complete(name: str, where: str, reading: _Reading) -> Record:
 
 def _name(path: Path) -> str:
     name = path.name
-    for ending in (".gz", ".csv"):
+    for ending in (".gz", ".csv", ".tsv", ".txt"):
         if name.lower().endswith(ending):
             name = name[: -len(ending)]
     return name or path.name
@@ -134,14 +210,19 @@ class _Reading:
     numbers: list[NDArray[np.int64]] = field(default_factory=list)
     rows: int = 0
     last_time: float = -np.inf
+    sources: dict[str, MappedColumn] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
 
-    def check_header(self, header: list[str]) -> list[str]:
-        check_header(self.where, self.rig.kind, header, with_measured=not self.driven_only)
-        check_unit_names(self.where, self.rig.kind, header)
-        return [name for name in header if name in COLUMNS[self.rig.kind].known()]
+    def check_header(self, header: list[str], units: Mapping[str, str]) -> list[str]:
+        """Find our columns in the header of a file that states these `units`; the names of those that are read."""
+        self.sources = find_columns(self.where, self.rig, header, units, self.driven_only)
+        self.units = units
+        return [source.column for source in self.sources.values()]
 
     def take(self, header: Sequence[str], block: Block) -> None:
         """Add the rows of `block` to the record."""
+        if any(not source.plain for source in self.sources.values()):
+            header, block = self._ours(header, block)
         self.header = header
         self.rows += len(block.lines)
         limit = min(COLUMNS[self.rig.kind].limit, MOST_CELLS // len(header))
@@ -175,6 +256,17 @@ class _Reading:
             if name and (name in kind.known() or not np.isnan(column).all()):
                 columns[name] = column
         return columns
+
+    def _ours(self, header: Sequence[str], block: Block) -> tuple[Sequence[str], Block]:
+        """The block with our columns first, then those that are further ones."""
+        read = {source.column for source in self.sources.values()}
+        further = [k for k, name in enumerate(header) if name not in read and name not in self.sources]
+        ours = [
+            source.values(block.values[:, header.index(source.column)], self.units.get(source.column, ""))
+            for source in self.sources.values()
+        ]
+        values = np.column_stack([*ours, block.values[:, further]])
+        return [*self.sources, *(header[k] for k in further)], Block(values, block.lines)
 
     def _check_time(self, block: Block) -> None:
         if not COLUMNS[self.rig.kind].time or not len(block.lines):

@@ -11,12 +11,14 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from models.files.columns import COLUMNS
+from models.files.mapping import ColumnMap, MappedColumn
 from models.files.rig_tables import (
     Axis,
     BodyTable,
     CapsuleTable,
     Checks,
     Coil,
+    ColumnTable,
     Drive,
     Magnet,
     Noise,
@@ -30,7 +32,7 @@ from models.files.toml import read_toml
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import nearest
 
-TABLES = ("capsule", "tissue", "rig", "noise", "drive", "surface", "axis", "checks")
+TABLES = ("capsule", "tissue", "rig", "noise", "drive", "surface", "axis", "checks", "columns")
 T = TypeVar("T", bound=Table)
 
 
@@ -52,6 +54,7 @@ class Rig:
     axis: Axis = field(default_factory=Axis)
     velocity_m_s: float | None = None
     name: str = ""
+    columns: ColumnMap = ColumnMap()
 
 
 class _Head(Table):
@@ -102,8 +105,9 @@ def parse_rig(raw: Mapping[str, Any], where: str = "rig") -> Rig:
     file = _File(raw, where, kind)
     head = file.read("rig", HEADS[kind])
     rig = replace(_parts(file, kind, head), checks=file.read("checks", Checks, optional=True))
+    columns = file.columns()
     file.refuse_rest()
-    return rig
+    return replace(rig, columns=columns)
 
 
 def _kind(raw: Mapping[str, Any], where: str) -> str:
@@ -189,8 +193,35 @@ class _File:
                 f"{self.where}: table [{table}] must be there for a rig of kind {self.kind!r}; it is missing"
             )
         self.used.add(table)
+        return self.checked(table, model, self.raw.get(table, {}))
+
+    def columns(self) -> ColumnMap:
+        """`[columns]`: for each column of ours a table, or the name alone."""
+        self.used.add("columns")
+        known, entries = COLUMNS[self.kind].known(), list[MappedColumn]()
+        for target, given in self.raw.get("columns", {}).items():
+            if target not in known:
+                raise ValueError(
+                    f"{self.where}: [columns] key must be a column of kind {self.kind!r}; got {target!r};"
+                    f" {nearest(target, known)}"
+                )
+            table = {"column": given} if isinstance(given, str) else given
+            if not isinstance(table, dict):
+                raise ValueError(
+                    f"{self.where}: [columns] {target} must be the name of a column, or a table with the key 'column';"
+                    f" got {given!r}"
+                )
+            content = self.checked(f"columns.{target}", ColumnTable, table).model_dump()
+            try:
+                entries.append(MappedColumn(target, **content))
+            except ValueError as error:
+                raise ValueError(f"{self.where}: [columns] {error}") from None
+        return ColumnMap(tuple(entries))
+
+    def checked(self, table: str, model: type[T], content: Mapping[str, Any]) -> T:
+        """The content of a table as its model, else a ValueError of one sentence."""
         try:
-            return model.model_validate(dict(self.raw.get(table, {})))
+            return model.model_validate(dict(content))
         except ValidationError as error:
             errors = sorted(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")
             raise ValueError(f"{self.where}: {self._sentence(table, model, errors[0])}") from None

@@ -35,7 +35,16 @@ class Noise(Table):
 class Checks(Table):
     """What is known of the records of this rig: findings of `capsule check` that no longer stop a fit, by id."""
 
-    accept: tuple[str, ...] = ()
+    accept: list[str] = []
+
+
+class ColumnTable(Table):
+    """One key of `[columns]`: which column of a file is this column of ours, `sign * (column - offset)` in `unit`."""
+
+    column: Annotated[str, Field(min_length=1)]
+    unit: str | None = None
+    sign: Literal[1, -1] = 1
+    offset: Annotated[float, Field(gt=-1e15, lt=1e15)] = 0.0
 
 
 class Drive(Table):

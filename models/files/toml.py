@@ -22,6 +22,11 @@ def toml_text(tables: Mapping[str, Any], path: str = "") -> str:
     return text + "".join(toml_text(table, within + key) for key, table in tables.items() if isinstance(table, Mapping))
 
 
+def inline_table(table: Mapping[str, Any]) -> str:
+    """A table on one line. Keys and values as `toml_text`."""
+    return "{" + ", ".join(f"{key} = {_value(value)}" for key, value in table.items()) + "}"
+
+
 def _value(value: Any) -> str:
     if isinstance(value, list | tuple):
         return f"[{', '.join(_value(item) for item in value)}]"

@@ -15,6 +15,7 @@ from hil.app.scenario.deployment import BusTable, ControlTable, ModelTable, Plan
 from hil.app.scenario.model_offer import OfferTable
 from hil.app.scenario.reference import REFERENCES
 from hil.app.scenario.scenario import Control
+from hil.formats.table import FORMATS
 from hil.nodes.cia402.states import Cia402Table
 from models.files.columns import ABOVE, COLUMNS, RANGES, TIME
 from models.files.rig_tables import (
@@ -22,6 +23,7 @@ from models.files.rig_tables import (
     BodyTable,
     CapsuleTable,
     Coil,
+    ColumnTable,
     Drive,
     Magnet,
     Noise,
@@ -42,6 +44,7 @@ RIG_TABLES: Final[Mapping[str, tuple[type[Table], ...]]] = {
     "[surface]": (Surface,),
     "[axis]": (Axis,),
     "[noise]": (Noise,),
+    "[columns], a column of ours": (ColumnTable,),
 }
 """Tables of a rig file; where several kinds of rig state one table differently, the strictest comes first."""
 
@@ -108,6 +111,15 @@ def columns() -> str:
     for name, (lower, upper, _) in RANGES.items():
         relation = ">" if name in ABOVE else ">="
         lines.append(f"| `{name}` | {relation} {lower:g}, <= {upper:g} {unit_of(name)} |".replace("  ", " "))
+    return "\n".join(lines)
+
+
+def formats() -> str:
+    """The formats of other programs' files with their endings and extras, as Markdown."""
+    lines = ["| format | endings | extra | written, too |", "| --- | --- | --- | --- |"]
+    for one in FORMATS:
+        endings = ", ".join(f"`{ending}`" for ending in one.endings)
+        lines.append(f"| {one.name} | {endings} | `{one.extra}` | {'yes' if one.write else 'no'} |")
     return "\n".join(lines)
 
 

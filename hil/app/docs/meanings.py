@@ -69,6 +69,11 @@ MEANINGS: Final[Mapping[str, str]] = {
     "velocity_std_m_s": "standard deviation of a mean speed; left out: estimated",
     "period_std_s": "standard deviation of a period; left out: estimated",
     "modulus_std_Pa": "standard deviation of a modulus; left out: estimated",
+    "column": "name of the column in the files, exactly as it stands there",
+    "unit": "unit of that column, such as `mm`, `gf`, `ms`; left out: the one that the file states or that the column's"
+    " name ends in, else that of our column",
+    "sign": "-1 turns the column's direction round",
+    "offset": "what the column shows at zero, in its own unit: `sign * (column - offset)` is told in our unit",
     "interface": "name of the python-can interface, such as `socketcan`, or `capsule_local` between processes",
     "channel": "its channel, such as `can0`",
     "bitrate": "bit rate, which must be that of `hil/capsule.dbc`",

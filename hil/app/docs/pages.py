@@ -16,6 +16,7 @@ from hil.app.docs import api, effects, keys
 PARTS: Final[Mapping[str, Callable[[], str]]] = MappingProxyType(
     {
         "columns": keys.columns,
+        "formats": keys.formats,
         "rig-keys": keys.rig_keys,
         "deployment-keys": keys.deployment_keys,
         "effects": effects.catalogue,

@@ -71,7 +71,7 @@ def read_series(
         if path.resolve() in seen:
             raise ValueError(f"records must be different files, for training or held out; got {path} twice")
         seen.add(path.resolve())
-    read = [read_rig_record(path, rig, lenient=lenient) for path in (*records, *holdout)]
+    read = [read_told(path, rig, lenient=lenient) for path in (*records, *holdout)]
     names = [record.name for record in read]
     paths = (*records, *holdout)
     distinct = [
@@ -81,6 +81,14 @@ def read_series(
         for record, path in zip(read, paths, strict=True)
     ]
     return distinct[: len(records)], distinct[len(records) :]
+
+
+def read_told(path: Path, rig: Rig, *, driven_only: bool = False, lenient: bool = False) -> Record:
+    """A record of `rig`; what reading it took is told on standard error. The options as `read_rig_record` has them."""
+    record = read_rig_record(path, rig, driven_only=driven_only, lenient=lenient)
+    for note in record.notes:
+        notes().print(f"{record.name}: {note}", markup=False, soft_wrap=True)
+    return record
 
 
 def find_and_write(rig: Rig, train: list[Record], held: list[Record], out: Path, title: str, seed: int) -> Finding:

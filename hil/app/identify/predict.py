@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.app.console import output_to_notes, print_json, summary
+from hil.app.identify.close_loop import read_told
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import check_file, check_targets, write_table
-from hil.log.record import read_rig_record
 from models.files.columns import COLUMNS
 from models.files.record import Record
 from models.identification.finding import STAGES
@@ -29,7 +29,7 @@ def predict(
     check_targets([out], "--out", [record, rig, model])
     belief = read_deployed_rig(rig)
     learned = read_model(model, belief.kind)
-    driven = read_rig_record(record, belief, driven_only=True)
+    driven = read_told(record, belief, driven_only=True)
     try:
         learned.check(belief, driven)
     except ValueError as error:

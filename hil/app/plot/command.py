@@ -15,7 +15,10 @@ from hil.app.report.theme import line_colour, styled
 from hil.app.report.words import column_words
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import check_file, check_targets, write_files
-from models.files.csv_reader import read_blocks
+from hil.formats.channels import refusing
+from hil.formats.clock import by_clock, one_table
+from hil.log.channels import file_channels
+from models.files.columns import TIME
 from models.files.record import Array, Record
 
 _MOST_POINTS: Final = 4000
@@ -27,7 +30,7 @@ def plot(paths: Sequence[Path], rig: Path | None, out: Path, *, json_output: boo
     numbers as they stand in the files. Raises ValueError, one sentence.
     """
     check_targets([check_file(out, "--out", (".html",))], "--out", [*paths, *([rig] if rig else [])])
-    records = read_series(paths, (), read_deployed_rig(rig))[0] if rig else [as_it_stands(path) for path in paths]
+    records = read_series(paths, (), read_deployed_rig(rig))[0] if rig else [r for p in paths for r in as_they_stand(p)]
     write_files({out: page(records)})
     if json_output:
         print_json(
@@ -40,18 +43,18 @@ def plot(paths: Sequence[Path], rig: Path | None, out: Path, *, json_output: boo
         summary().print(f"page: {out}", markup=False, soft_wrap=True)
 
 
-def as_it_stands(path: Path) -> Record:
-    """All columns of numbers of a CSV file, unchecked but for its form. Raises ValueError of one sentence."""
-    blocks: list[Array] = []
-    header: Sequence[str] = ()
-    for names, block in read_blocks(path, lambda _: []):
-        header = names
-        blocks.append(block.values)
-    values = np.concatenate(blocks) if blocks else np.empty((0, 0))
-    columns = {name: values[:, i] for i, name in enumerate(header) if name and not np.isnan(values[:, i]).all()}
-    if len(columns) < 2 or not len(values):
-        raise ValueError(f"{path}: record must have two columns of numbers or more; got {len(columns)}")
-    return Record(path.name, "", columns)
+def as_they_stand(path: Path) -> list[Record]:
+    """All columns of numbers of a file, unchecked but for its form; those with clocks of their own as records of
+    theirs. Raises ValueError of one sentence.
+    """
+    channels = file_channels(path)
+    if all(channel.time_s is None for channel in channels):
+        with refusing(path, "one that can be drawn"):
+            return [Record(path.name, "", one_table(channels))]
+    return [
+        Record(f"{path.name} {group}".strip(), "", {TIME: times} | {c.heading.name: c.values for c in members})
+        for group, times, members in by_clock(channels)
+    ]
 
 
 def page(records: Sequence[Record]) -> str:

@@ -154,7 +154,7 @@ def test_a_dead_writer_does_not_disturb_the_node(tmp_path: Path) -> None:
     [
         ("a.blf", b"", "log must hold frames"),
         ("b.blf", b"not a log at all" * 20, "log must be one in the format"),
-        ("c.mf4", b"x" * 100, "asammdf is missing"),
+        ("c.mf4", b"x" * 100, "must hold frames of a CAN bus"),
         ("d.blf", None, "log must be a file that can be read"),
     ],
 )

@@ -1,0 +1,141 @@
+"""`capsule convert`: records and logs of any readable kind to CSV, Parquet, MF4 or MCAP."""
+
+from __future__ import annotations
+
+import gzip
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from hil.app.console import notes, print_json, summary
+from hil.app.scenario.deployment import read_deployed_rig
+from hil.app.write import check_file, check_folder, check_targets, table_text, write_files
+from hil.formats.channels import Channel, Heading, refusing
+from hil.formats.clock import by_clock, one_table
+from hil.formats.table import WRITTEN, write_channels
+from hil.log.channels import file_channels
+from hil.log.record import read_rig_record
+from models.files.columns import COLUMNS, TIME
+from models.files.rig import Rig
+from models.files.units import split_unit, unit_of
+from models.parameter import nearest
+
+_TABLES: Final = (".csv", ".csv.gz")
+ENDINGS: Final = (*_TABLES, *WRITTEN)
+
+
+@dataclass(frozen=True)
+class Converted:
+    """What became of one file: its channels, and what reading them as a record took."""
+
+    path: Path
+    out: Path
+    channels: list[Channel]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def rows(self) -> int:
+        """Samples of the longest channel."""
+        return max(len(channel.values) for channel in self.channels)
+
+
+def convert(
+    paths: Sequence[Path], out: str, rig: Path | None = None, kind: str | None = None, *, json_output: bool = False
+) -> None:
+    """Write the files `paths` as `out`, whose ending says in which format, or into the folder `out` as CSV.
+
+    With a `rig` file, or a `kind` of rig alone, each is read as close-loop reads it: columns of ours on one clock, no
+    others. Without them all channels are kept under their names. All files are written or none. Raises ValueError of
+    one sentence.
+    """
+    targets = _targets(paths, out)
+    check_targets(list(targets.values()), "OUT", [path for path in [*paths, *([rig] if rig else [])] if path.is_file()])
+    belief = _belief(rig, kind)
+    done = [_converted(path, target, belief) for path, target in targets.items()]
+    write_files({one.out: _content(one) for one in done})
+    for one in done:
+        for note in one.notes:
+            notes().print(f"{one.path}: {note}", markup=False, soft_wrap=True)
+    if json_output:
+        print_json({"files": [_document(one) for one in done]})
+        return
+    for one in done:
+        names = [channel.heading.name for channel in one.channels]
+        listed = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
+        said = f"{one.path} -> {one.out}: {one.rows} rows, {len(names)} columns: {listed}"
+        summary().print(said, markup=False, soft_wrap=True)
+
+
+def _targets(paths: Sequence[Path], out: str) -> dict[Path, Path]:
+    """Which file each file is written to."""
+    folder = out.endswith(("/", os.sep)) or Path(out).is_dir()
+    if len(paths) > 1 and not folder:
+        raise ValueError(
+            f"OUT must be a folder, one that is there or whose name ends in /, for several files; got {out}"
+        )
+    if not folder:
+        return {paths[0]: check_file(Path(out), "OUT", ENDINGS)}
+    check_folder(Path(out), "OUT")
+    targets = {path: Path(out) / f"{_stem(path)}.csv" for path in paths}
+    for path, target in targets.items():
+        if list(targets.values()).count(target) > 1:
+            raise ValueError(f"files must have names of their own without their endings; got {path.name} and another")
+    return targets
+
+
+def _stem(path: Path) -> str:
+    return Path(path.name.removesuffix(".gz")).stem
+
+
+def _belief(rig: Path | None, kind: str | None) -> Rig | None:
+    if kind is not None and kind not in COLUMNS:
+        raise ValueError(f"--kind must be a known kind of rig; got {kind!r}; {nearest(kind, dict(COLUMNS))}")
+    if rig is None:
+        return None if kind is None else Rig(kind)
+    belief = read_deployed_rig(rig)
+    if kind not in (None, belief.kind):
+        raise ValueError(f"--kind must be left out, or be that of {rig}, {belief.kind}; got {kind}")
+    return belief
+
+
+def _converted(path: Path, out: Path, rig: Rig | None) -> Converted:
+    if rig is None:
+        return Converted(path, out, file_channels(path))
+    record = read_rig_record(path, rig)
+    channels = [Channel(Heading(name, unit_of(name)), values) for name, values in record.columns.items()]
+    return Converted(path, out, channels, record.notes)
+
+
+def _content(one: Converted) -> bytes:
+    """The content of the file to be written."""
+    if not one.out.name.lower().endswith(_TABLES):
+        return write_channels(one.out, one.channels)
+    clocks = by_clock([channel for channel in one.channels if channel.time_s is not None])
+    if len({len(times) for _, times, _ in clocks}) > 1 or any((times != clocks[0][1]).any() for _, times, _ in clocks):
+        raise ValueError(
+            f"{one.path}: channels must have one clock to become the rows of a CSV file; got {len(clocks)}: give --rig"
+            f" or --kind, which says whose, or an OUT that ends in {', '.join(WRITTEN)}"
+        )
+    titles = {channel.heading.name: _title(channel.heading) for channel in one.channels}
+    with refusing(one.path, "one that can be told as a table"):
+        table = {titles.get(name, name): column for name, column in one_table(one.channels).items()}
+    data = table_text(table).encode()
+    return gzip.compress(data, mtime=0) if one.out.name.lower().endswith(".gz") else data
+
+
+def _title(heading: Heading) -> str:
+    """A channel's name with its unit."""
+    name = " ".join(heading.name.split())
+    return f"{name} [{heading.unit}]" if heading.unit and not split_unit(name)[1] and name != TIME else name
+
+
+def _document(one: Converted) -> dict[str, object]:
+    return {
+        "from": str(one.path),
+        "to": str(one.out),
+        "rows": one.rows,
+        "columns": [channel.heading.name for channel in one.channels],
+        "notes": list(one.notes),
+    }

@@ -1,0 +1,1 @@
+"""Files of other programs and instruments: one reader a format, all found through one table."""

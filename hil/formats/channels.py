@@ -1,0 +1,133 @@
+"""What every reader of another's file gives: channels by name, each with its unit and perhaps a clock of its own."""
+
+from __future__ import annotations
+
+import stat
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.files.columns import TIME_SERIES_ROWS
+from models.files.record import MOST_CELLS
+
+Array = NDArray[np.float64]
+LARGEST_FILE: Final = 1 << 31
+MOST_CHANNELS: Final = 20_000
+_ZEROED: Final = "datetime64[ns]"
+
+
+@dataclass(frozen=True)
+class Heading:
+    """A channel that a file has: its name, the unit that the file states, its group (a topic, a frame, a channel
+    group), whether it has a clock, which is no channel of its own, and how many samples it has, where that is known.
+    """
+
+    name: str
+    unit: str = ""
+    group: str = ""
+    clocked: bool = False
+    samples: int = 0
+
+
+@dataclass(frozen=True)
+class Channel:
+    """The samples (n,) of a channel, and their times in s (n,) where it is clocked."""
+
+    heading: Heading
+    values: Array
+    time_s: Array | None = None
+
+
+Pick = Callable[[Sequence[Heading]], Collection[str]]
+"""Given what a file has, the names of the channels to read."""
+Read = Callable[[Path, Pick], list[Channel]]
+
+
+def all_of(headings: Sequence[Heading]) -> Collection[str]:
+    """Pick every channel."""
+    return [heading.name for heading in headings]
+
+
+@contextmanager
+def refusing(path: Path, wanted: str) -> Iterator[None]:
+    """Within it, whatever a library says of the file `path` is a ValueError of one sentence, with what is `wanted`."""
+    try:
+        yield
+    except RefusedError as error:
+        raise ValueError(f"{path}: {error}") from None
+    except Exception as error:
+        if type(error) is ValueError and str(error).startswith(str(path)):
+            raise
+        words = " ".join(str(error).split())[:160] or type(error).__name__
+        raise ValueError(f"{path}: file must be {wanted}; got: {words}") from None
+
+
+class RefusedError(ValueError):
+    """What is wrong with a file, in words of ours."""
+
+
+def library(name: str, extra: str) -> Any:
+    """The module `name`; where it is not installed, RefusedError names the extra that brings it."""
+    try:
+        return import_module(name)
+    except ImportError:
+        raise RefusedError(
+            f"reading or writing this file needs the package {name.partition('.')[0]}, which is not installed: pip"
+            f" install 'capsule-control[{extra}]'"
+        ) from None
+
+
+def check_regular(path: Path) -> None:
+    """Refuse what is no regular file, or one that is too large. Raises ValueError of one sentence."""
+    try:
+        found = path.stat()
+    except OSError as error:
+        raise ValueError(f"{path}: record must be a file that can be read; got: {error.strerror or error}") from None
+    if not stat.S_ISREG(found.st_mode):
+        raise ValueError(f"{path}: record must be a regular file; got a folder, a device, a pipe or a socket")
+    if found.st_size > LARGEST_FILE:
+        raise ValueError(f"{path}: record must be smaller than {LARGEST_FILE} bytes; got {found.st_size}")
+
+
+def check_size(samples: Mapping[str, int]) -> None:
+    """Refuse channels with too many samples before they fill the memory."""
+    for name, count in samples.items():
+        if count > TIME_SERIES_ROWS:
+            raise RefusedError(
+                f"channel {name} must have at most {TIME_SERIES_ROWS} samples; got {count}: cut the file, or sample it"
+                " more slowly"
+            )
+    if sum(samples.values()) > MOST_CELLS:
+        raise RefusedError(
+            f"channels must have at most {MOST_CELLS} samples together; got {sum(samples.values())}: take fewer with"
+            " --rig or --kind, or cut the file"
+        )
+
+
+def own_names(grouped: Sequence[tuple[str, str]], separator: str = "/") -> list[str]:
+    """A name of its own for each (group, name): the name, with its group before it where others have it, too."""
+    count = Counter(name for _, name in grouped)
+    full = [f"{group}{separator}{name}" if count[name] > 1 and group else name for group, name in grouped]
+    again, seen = Counter(full), Counter[str]()
+    for k, name in enumerate(full):
+        seen[name] += 1
+        full[k] = f"{name}#{seen[name]}" if again[name] > 1 else name
+    return full
+
+
+def numbers(values: Any) -> Array:
+    """Samples as floats; dates become seconds since the first of them."""
+    array = np.asarray(values)
+    if array.dtype.kind == "M":
+        since = array.astype(_ZEROED)
+        return np.asarray((since - since[0]).astype(np.int64) * 1e-9 if since.size else np.empty(0))
+    if array.dtype.kind == "m":
+        return np.asarray(array.astype("timedelta64[ns]").astype(np.int64) * 1e-9)
+    return np.asarray(array, dtype=float)

@@ -1,0 +1,106 @@
+"""Channels with clocks of their own on one: straight between samples, never beyond the first or last of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from hil.formats.channels import Array, Channel, RefusedError
+from models.files.columns import TIME
+
+
+def increasing(times: Array) -> np.ndarray:
+    """Which of the times are later than all before them."""
+    kept = np.ones(times.shape, dtype=bool)
+    kept[1:] = times[1:] > np.maximum.accumulate(times)[:-1]
+    return kept
+
+
+def mean_before(rows: Array, times: Array, levels: Array) -> Array:
+    """Mean of the held `levels` from each row's predecessor to the row; the first row's interval is as long as the
+    second's.
+    """
+    area = np.concatenate([[0.0], np.cumsum(levels[:-1] * np.diff(times))])
+    last = np.array([rows[0] - (rows[1] - rows[0]), *rows[:-1]]) if len(rows) > 1 else rows - 1e-3
+    upto = np.interp(rows, times, area) + np.maximum(rows - times[-1], 0.0) * levels[-1]
+    before = np.interp(last, times, area) + np.maximum(last - times[-1], 0.0) * levels[-1]
+    return np.asarray((upto - before) / (rows - last))
+
+
+def one_clock(
+    samples: Mapping[str, tuple[Array, Array]], rows_of: str, held: Sequence[str] = ()
+) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """Columns at the times of `rows_of`, with `t_s`, from (times, values) of each; and sentences about what was done.
+
+    Others go straight between their samples; those that are `held` are the mean of what was held since the row before.
+    Rows outside the span of any of them are left out.
+    """
+    told, clean = list[str](), dict[str, tuple[Array, Array]]()
+    for name, (times, values) in samples.items():
+        good = np.isfinite(times) & np.isfinite(values)
+        good[good] = increasing(times[good])
+        if not good.any():
+            raise RefusedError(f"channel of {name} must have samples at increasing times; got none")
+        if not good.all():
+            told.append(f"{name}: {np.count_nonzero(~good)} samples without a number or a later time left out")
+        clean[name] = times[good], values[good]
+    rows = clean[rows_of][0]
+    spans = [(times[0], times[-1]) for name, (times, _) in clean.items()]
+    start, end = max(first for first, _ in spans), min(last for _, last in spans)
+    inside = (rows >= start) & (rows <= end)
+    columns: dict[str, Array] = {TIME: rows[inside]}
+    for name, (times, values) in clean.items():
+        if name == rows_of:
+            columns[name] = values[inside]
+        elif name in held:
+            columns[name] = mean_before(rows[inside], times, values) if inside.any() else rows[inside]
+        else:
+            columns[name] = np.interp(rows[inside], times, values)
+        if name != rows_of:
+            how = "means of what was held before" if name in held else "straight between its samples"
+            told.append(f"{name}: {len(times)} samples told at the times of {rows_of}, {how}")
+    if not inside.all():
+        told.append(f"{np.count_nonzero(~inside)} rows outside the time that all columns share left out")
+    return columns, tuple(told)
+
+
+def by_clock(channels: Sequence[Channel]) -> list[tuple[str, Array, list[Channel]]]:
+    """Channels by group and clock: (group, times (n,), channels), but for the channel `t_s`. Those without a clock get
+    what that one holds, else the number of the sample.
+    """
+    clock = next((channel.values for channel in channels if channel.heading.name == TIME), None)
+    found: list[tuple[str, Array, list[Channel]]] = []
+    for channel in (channel for channel in channels if channel.heading.name != TIME):
+        own = channel.time_s if channel.time_s is not None else clock
+        times = own if own is not None else np.arange(len(channel.values), dtype=float)
+        for group, other, members in found:
+            if group == channel.heading.group and np.array_equal(other, times):
+                members.append(channel)
+                break
+        else:
+            found.append((channel.heading.group, times, [channel]))
+    return found
+
+
+def one_table(channels: Sequence[Channel]) -> dict[str, Array]:
+    """All channels as columns of one length: those with clocks beside the column `t_s` of all times, NaN where a
+    channel has no sample.
+    """
+    if all(channel.time_s is None for channel in channels):
+        lengths = {channel.heading.name: len(channel.values) for channel in channels}
+        if len(set(lengths.values())) > 1:
+            raise RefusedError(f"columns must have one length; got {lengths}"[:300])
+        return {channel.heading.name: channel.values for channel in channels}
+    if any(channel.time_s is None and channel.heading.name != TIME for channel in channels):
+        raise RefusedError("columns without a clock must not stand beside channels with one: give --rig or --kind")
+    groups = by_clock(channels)
+    times = np.unique(np.concatenate([time_s for _, time_s, _ in groups]))
+    columns = {TIME: times}
+    for _, time_s, members in groups:
+        at = np.searchsorted(times, time_s)
+        for channel in members:
+            column = np.full(times.shape, np.nan)
+            column[at] = channel.values
+            columns[channel.heading.name] = column
+    return columns

@@ -1,0 +1,60 @@
+"""Parquet: columns of a table, whose units may stand in the metadata of a column as `unit`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from hil.formats.channels import Channel, Heading, Pick, library, numbers
+from hil.formats.clock import one_table
+
+EXTRA = "parquet"
+_UNIT = b"unit"
+
+
+def read(path: Path, pick: Pick) -> list[Channel]:
+    """The columns of numbers and of times that `pick` takes."""
+    parquet, types = library("pyarrow.parquet", EXTRA), library("pyarrow.types", EXTRA)
+    with parquet.ParquetFile(path) as file:
+        headings = {
+            field.name: Heading(field.name, _unit(field, types), samples=file.metadata.num_rows)
+            for field in file.schema_arrow
+            if _told(field, types)
+        }
+        chosen = [name for name in pick(list(headings.values())) if name in headings]
+        table = file.read(columns=chosen)
+        return [Channel(headings[name], numbers(_array(table.column(name), types))) for name in chosen]
+
+
+def write(path: Path, channels: Sequence[Channel]) -> None:
+    """Write channels as one table. Those with clocks of their own share the column `t_s`; a cell is empty where a
+    channel has no sample.
+    """
+    pyarrow, parquet = library("pyarrow", EXTRA), library("pyarrow.parquet", EXTRA)
+
+    columns = one_table(channels)
+    arrays = [pyarrow.array(values, from_pandas=True) for values in columns.values()]
+    units = {"t_s": "s", **{channel.heading.name: channel.heading.unit for channel in channels}}
+    fields = [
+        pyarrow.field(name, array.type, metadata={_UNIT: units[name].encode()} if units[name] else None)
+        for name, array in zip(columns, arrays, strict=True)
+    ]
+    parquet.write_table(pyarrow.Table.from_arrays(arrays, schema=pyarrow.schema(fields)), path)
+
+
+def _told(field: Any, types: Any) -> bool:
+    kinds = (types.is_integer, types.is_floating, types.is_boolean, types.is_decimal, types.is_timestamp)
+    return any(kind(field.type) for kind in (*kinds, types.is_duration))
+
+
+def _unit(field: Any, types: Any) -> str:
+    if types.is_timestamp(field.type) or types.is_duration(field.type):
+        return "s"
+    return str((field.metadata or {}).get(_UNIT, b"").decode("utf-8", "replace"))
+
+
+def _array(column: Any, types: Any) -> Any:
+    if types.is_decimal(column.type):
+        column = column.cast("float64")
+    return column.to_numpy()

@@ -1,0 +1,68 @@
+"""The process that reads one file: what a damaged file does to a library ends here. Headings go to standard output, the
+names to read come from standard input, samples go out.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import sys
+from collections.abc import Collection, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import IO, Any, Final
+
+import numpy as np
+
+from hil.formats.channels import Channel, Heading, refusing
+from hil.formats.table import format_of
+
+MEMORY: Final = 8 << 30
+SECONDS: Final = 600
+"""Most memory in bytes and time on a processor in s."""
+
+
+def read_for(path: Path, source: IO[bytes], target: IO[bytes]) -> None:
+    """Read the channels of `path` that are asked for through `source`; headings, then samples or a sentence go to
+    `target`, a line of JSON each, samples as numbers of 8 bytes below it.
+    """
+
+    def pick(headings: Sequence[Heading]) -> Collection[str]:
+        _tell(target, {"headings": [asdict(heading) for heading in headings]})
+        return list(json.loads(source.readline() or "[]"))
+
+    found = format_of(path)
+    if found is None:
+        return
+    try:
+        with refusing(path, f"a whole {found.name} file"):
+            channels = found.read(path, pick)
+    except ValueError as error:
+        _tell(target, {"refused": str(error)})
+        return
+    for channel in channels:
+        _send(target, channel)
+    _tell(target, {"end": len(channels)})
+
+
+def _send(target: IO[bytes], channel: Channel) -> None:
+    clocked = channel.time_s is not None
+    _tell(target, {"heading": asdict(channel.heading), "samples": len(channel.values), "clocked": clocked})
+    for values in (channel.values, channel.time_s):
+        if values is not None:
+            target.write(np.ascontiguousarray(values, dtype="<f8").tobytes())
+
+
+def _tell(target: IO[bytes], document: Any) -> None:
+    target.write(json.dumps(document).encode() + b"\n")
+    target.flush()
+
+
+if __name__ == "__main__":
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    with os.fdopen(os.dup(1), "wb") as told:
+        os.dup2(2, 1)
+        read_for(Path(sys.argv[1]), sys.stdin.buffer, told)

@@ -1,0 +1,99 @@
+"""A record of a rig from the channels of another program's file."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from hil.formats.channels import Array, Channel, Heading, RefusedError, refusing
+from hil.formats.clock import one_clock
+from hil.formats.reading import read_channels
+from models.files.columns import COLUMNS, TIME
+from models.files.mapping import ColumnMap, MappedColumn
+from models.files.record import Record, find_columns, record_of
+from models.files.rig import Rig
+
+_CALENDAR_S = 1e6
+_SWITCHES = ("drive_on",)
+
+
+def channel_record(path: Path, rig: Rig, *, driven_only: bool = False) -> Record:
+    """The record of `rig` that a file of one of the formats holds, its columns as `[columns]` of the rig says.
+
+    Channels with clocks of their own are told at the times of the first measured one. Raises ValueError of one
+    sentence.
+    """
+    choice = _Choice(path, rig, driven_only)
+    channels = {channel.heading.name: channel for channel in read_channels(path, choice.pick)}
+    with refusing(path, "a measurement"):
+        columns, notes = _columns(choice, channels)
+    plain = replace(rig, columns=ColumnMap())
+    return record_of(path.stem, columns, plain, where=str(path), driven_only=driven_only, notes=notes)
+
+
+@dataclass
+class _Choice:
+    """Which channels of a file are columns of ours."""
+
+    path: Path
+    rig: Rig
+    driven_only: bool
+    sources: dict[str, MappedColumn] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
+    clocked: bool = False
+
+    def pick(self, headings: Sequence[Heading]) -> Collection[str]:
+        """The channels that are read; where they have clocks, `t_s` need not be one of them."""
+        self.units = {heading.name: heading.unit for heading in headings}
+        header = [heading.name for heading in headings]
+        mapped = {entry.target: entry.column for entry in self.rig.columns.entries}
+        self.clocked = mapped.get(TIME, TIME) not in header and any(heading.clocked for heading in headings)
+        found = [*header, TIME] if self.clocked else header
+        rig = self.rig
+        if self.clocked:
+            entries = tuple(entry for entry in rig.columns.entries if entry.target != TIME)
+            rig = replace(rig, columns=ColumnMap(entries))
+        self.sources = find_columns(str(self.path), rig, found, self.units, self.driven_only)
+        if self.clocked:
+            self.sources.pop(TIME, None)
+        return {source.column for source in self.sources.values()}
+
+
+def _columns(choice: _Choice, channels: Mapping[str, Channel]) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """Columns of ours by name in our units, of one length, and what was done to make them so."""
+    for target, source in choice.sources.items():
+        if source.column not in channels:
+            raise RefusedError(f"channel {source.column} ({target}) must hold numbers, one a sample; it does not")
+    ours = {
+        target: source.values(channels[source.column].values, choice.units.get(source.column, ""))
+        for target, source in choice.sources.items()
+    }
+    kind = COLUMNS[choice.rig.kind]
+    if not (kind.time and choice.clocked):
+        lengths = {target: len(values) for target, values in ours.items()}
+        if len(set(lengths.values())) > 1:
+            raise RefusedError(f"columns must have one length; got {lengths}"[:300])
+        if TIME in ours:
+            ours[TIME] = since_start(ours[TIME])
+        return ours, ()
+    samples: dict[str, tuple[Array, Array]] = {}
+    for target, values in ours.items():
+        times = channels[choice.sources[target].column].time_s
+        if times is None:
+            raise RefusedError(f"channel of {target} must have a clock as the others have; it has none: map t_s, too")
+        samples[target] = times, values
+    first = next(iter(samples.values()))[0]
+    if all(np.array_equal(times, first) for times, _ in samples.values()):
+        return {TIME: since_start(first), **ours}, ()
+    measured = [name for name in kind.measured if name in samples]
+    rows_of = next(iter(measured or samples))
+    columns, notes = one_clock(samples, rows_of, _SWITCHES)
+    return {**columns, TIME: since_start(columns[TIME])}, notes
+
+
+def since_start(times: Array) -> Array:
+    """Times of a calendar as times since the first of them; others as they are."""
+    return times - times[0] if times.size and times[0] > _CALENDAR_S else times

@@ -1,0 +1,47 @@
+"""ROS bags: a folder with metadata.yaml, or one file, whose messages are told by their definitions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, Final
+
+from hil.formats.channels import Channel, Pick, RefusedError, check_regular, library
+from hil.formats.messages import Message, channels_of
+
+EXTRA = "ros"
+METADATA: Final = "metadata.yaml"
+
+
+def is_bag(path: Path) -> bool:
+    """Whether a folder is a ROS 2 bag."""
+    return path.is_dir() and (path / METADATA).is_file()
+
+
+def read(path: Path, pick: Pick) -> list[Channel]:
+    """The fields of messages that `pick` takes, at the times of their headers, else of arrival."""
+    if path.is_dir():
+        for part in path.iterdir():
+            check_regular(part)
+    library("rosbags.highlevel", EXTRA)
+    return channels_of(lambda: _messages(path), pick)
+
+
+def _messages(path: Path) -> Iterator[Message]:
+    typesys, highlevel = library("rosbags.typesys", EXTRA), library("rosbags.highlevel", EXTRA)
+    usual = typesys.get_typestore(typesys.Stores.LATEST)
+    with highlevel.AnyReader([path], default_typestore=usual) as reader:
+        for connection, time_ns, data in reader.messages():
+            if connection.msgtype in reader.typestore.types:
+                yield Message(connection.topic, time_ns, reader.deserialize(data, connection.msgtype))
+
+
+def decoder_of(name: str, definition: str) -> Callable[[bytes], Any]:
+    """What decodes messages of the type `name`, whose ROS 2 definition, with those of its parts, is given."""
+    typesys = library("rosbags.typesys", EXTRA)
+    store = typesys.get_typestore(typesys.Stores.EMPTY)
+    store.register(typesys.get_types_from_msg(definition, name))
+    known = next((key for key in store.types if key.replace("/msg/", "/") == name.replace("/msg/", "/")), None)
+    if known is None:
+        raise RefusedError(f"schema {name} must define its own type; it does not")
+    return lambda data: store.deserialize_cdr(data, known)

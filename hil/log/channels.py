@@ -1,0 +1,49 @@
+"""Everything that a file of any readable kind holds, as it stands: no rig says what its columns mean."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from hil.formats.channels import Array, Channel, Heading, all_of
+from hil.formats.reading import read_channels
+from hil.formats.table import format_of
+from hil.log.reader import is_log
+from hil.log.record import log_channels
+from models.files.csv_reader import read_blocks
+from models.files.units import split_unit
+
+
+def file_channels(path: Path) -> list[Channel]:
+    """All channels of numbers of a CSV file, a CAN log, or a file of one of the formats in `hil.formats.table`. Raises
+    ValueError of one sentence.
+    """
+    if is_log(path):
+        return log_channels(path)
+    channels = read_channels(path, all_of) if format_of(path) else _csv_channels(path)
+    if len(channels) < 2 or not any(len(channel.values) for channel in channels):
+        raise ValueError(f"{path}: record must have two columns of numbers or more; got {len(channels)}")
+    return channels
+
+
+def _csv_channels(path: Path) -> list[Channel]:
+    """The columns of numbers of a CSV file, unchecked but for its form."""
+    blocks: list[Array] = []
+    header: list[str] = []
+    stated: dict[str, str] = {}
+
+    def look(names: list[str], units: Mapping[str, str]) -> Sequence[str]:
+        header.extend(names)
+        stated.update(units)
+        return ()
+
+    for _, block in read_blocks(path, look):
+        blocks.append(block.values)
+    values = np.concatenate(blocks)
+    return [
+        Channel(Heading(name, stated.get(name) or split_unit(name)[1]), values[:, i])
+        for i, name in enumerate(header)
+        if name and not np.isnan(values[:, i]).all()
+    ]

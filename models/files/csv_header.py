@@ -1,0 +1,119 @@
+"""Where a text file's header stands: below comments and lines about the file, above a row of units and the numbers."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from models.files.units import unit
+
+LONGEST_TOP: Final = 100
+"""Non-blank lines within which the header must stand."""
+_COMMENTS: Final = ("#", "%", "//")
+
+
+class EmptyError(Exception):
+    """The file has no line that could be a header."""
+
+
+@dataclass(frozen=True)
+class Header:
+    """The header's `line` and `separator`; `rows` is the number of the lines above the first row of values, `units`
+    what a row of units has for each column, else empty.
+    """
+
+    line: str
+    separator: str
+    rows: int
+    units: tuple[str, ...] = ()
+
+
+def find_header(top: Sequence[str], names: Collection[str] = ()) -> Header:
+    """The header among the first non-blank lines of a file: the one that has one of `names`, else the last line with as
+    many cells as the first row of numbers, else the first line that is no comment. Raises EmptyError where there is
+    none.
+    """
+    plain = [k for k, line in enumerate(top) if not line.lstrip().startswith(_COMMENTS)]
+    if not top or not plain:
+        raise EmptyError
+    lines = [uncommented(line) for line in top]
+    named = next((k for k, line in enumerate(lines) if _has(line, names)), None)
+    at = _above_numbers(lines) if named is None else named
+    at = plain[0] if at is None else at
+    separator = separator_of(lines[at])
+    units = _units(lines[at + 1], separator, len(cells(lines[at], separator))) if at + 1 < len(lines) else ()
+    return Header(lines[at], separator, at + 1 + bool(units), units)
+
+
+def uncommented(line: str) -> str:
+    """A line without the mark of a comment."""
+    mark = next((mark for mark in _COMMENTS if line.lstrip().startswith(mark)), "")
+    return line.lstrip().removeprefix(mark)
+
+
+def separator_of(line: str) -> str:
+    """What separates the cells of a line."""
+    return ";" if ";" in line else "\t" if "\t" in line and "," not in line else ","
+
+
+def split(line: str, separator: str) -> list[str]:
+    """The cells of a line. Raises csv.Error."""
+    return next(csv.reader([line], delimiter=separator), [])
+
+
+def cells(line: str, separator: str) -> list[str]:
+    """The cells of a line without spaces and quotes; none of a line that cannot be split."""
+    try:
+        return [cell.strip().strip('"').strip() for cell in split(line, separator)]
+    except csv.Error:
+        return []
+
+
+def to_number(cell: str) -> float:
+    """A cell as a number, else NaN."""
+    try:
+        return float(cell)
+    except ValueError:
+        return math.nan
+
+
+def _has(line: str, names: Collection[str]) -> bool:
+    return bool(set(cells(line, separator_of(line))) & set(names))
+
+
+def _above_numbers(lines: Sequence[str]) -> int | None:
+    """The last line, but for a row of units, before the first row of numbers that has as many cells."""
+    for row, line in enumerate(lines):
+        separator = ";" if ";" in line else "\t" if "\t" in line else ","
+        found = cells(line, separator)
+        if len(found) < 2 or not all(_is_number(cell, separator) for cell in found):
+            continue
+        return next((k for k in range(row - 1, -1, -1) if _is_header(lines, k, separator, len(found))), None)
+    return None
+
+
+def _is_header(lines: Sequence[str], row: int, separator: str, columns: int) -> bool:
+    """Whether a line has a name for each column and is no row of units below one."""
+    names = cells(lines[row], separator)
+    if len(names) != columns or separator_of(lines[row]) != separator:
+        return False
+    if any(name and _is_number(name, separator) for name in names):
+        return False
+    above = cells(lines[row - 1], separator) if row else []
+    return len(above) != columns or not _units(lines[row], separator, columns)
+
+
+def _is_number(cell: str, separator: str) -> bool:
+    return not math.isnan(to_number(cell if separator == "," else cell.replace(",", "."))) or not cell
+
+
+def _units(line: str, separator: str, columns: int) -> tuple[str, ...]:
+    """The cells of a row of units, brackets left out; none of a line that is no such row."""
+    found = [cell.strip("[](){}<>").strip() for cell in cells(line, separator)]
+    stated = [cell for cell in found if cell not in ("", "-")]
+    if len(found) != columns or not stated or any(not math.isnan(to_number(cell)) for cell in stated):
+        return ()
+    return tuple(found) if sum(unit(cell) is not None for cell in stated) * 2 >= len(stated) else ()

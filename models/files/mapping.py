@@ -1,0 +1,94 @@
+"""How the columns of another's file become ours: names, units, signs and offsets, as `[columns]` of a rig file states
+them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.files.units import factor, nearest_unit, split_unit, unit, unit_of
+from models.parameter import nearest
+
+
+@dataclass(frozen=True)
+class MappedColumn:
+    """`target = sign * (column - offset)` in the unit `unit` of the file (the offset, too), then told in ours.
+
+    A unit that is left out is the one that the file states or the column's name ends in, else ours. Raises ValueError
+    for a unit that cannot be told in that of `target`.
+    """
+
+    target: str
+    column: str
+    unit: str | None = None
+    sign: int = 1
+    offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.unit is not None:
+            _factor(self.unit, self.target)
+
+    def values(self, raw: Any, stated: str = "") -> NDArray[np.float64]:
+        """Values of the file (n,), whose own unit is `stated`, as ours."""
+        return np.asarray(self.sign * (np.asarray(raw, dtype=float) - self.offset) * self.scale(stated))
+
+    def scale(self, stated: str = "") -> float:
+        """By what a difference in the file is multiplied, but for the sign. Raises ValueError as the class does."""
+        told = self.unit or stated or split_unit(self.column)[1]
+        return _factor(told, self.target) if self.unit or unit(told) else 1.0
+
+    @property
+    def plain(self) -> bool:
+        """Whether it changes nothing."""
+        return self == MappedColumn(self.target, self.target)
+
+
+def _factor(told: str, target: str) -> float:
+    found = factor(told, unit_of(target))
+    if found is None:
+        raise ValueError(
+            f"unit of {target} must be one that can be told in {unit_of(target) or 'plain numbers'}; got {told!r};"
+            f" {nearest_unit(told, unit_of(target))}"
+        )
+    return found
+
+
+@dataclass(frozen=True)
+class ColumnMap:
+    """`[columns]` of a rig file. A file that has a column of ours under its own name and not the mapped one is read as
+    it is.
+    """
+
+    entries: tuple[MappedColumn, ...] = ()
+
+    def sources(
+        self, where: str, header: Sequence[str], known: Sequence[str], optional: Sequence[str] = ()
+    ) -> dict[str, MappedColumn]:
+        """Which column of `header` each of the `known` columns of ours is read from.
+
+        Columns of ours that are neither mapped nor in the header are left out; a mapped column that is not there is a
+        ValueError of one sentence, unless ours is `optional` or stands in the header itself.
+        """
+        found = {name: MappedColumn(name, name) for name in known if name in header}
+        for entry in self.entries:
+            if entry.column in header:
+                found[entry.target] = entry
+            elif entry.target not in found and entry.target not in optional:
+                raise ValueError(
+                    f"{where}: [columns] {entry.target} must name a column of the file; got {entry.column!r};"
+                    f" {nearest(entry.column, [name for name in header if name])}"
+                )
+        return found
+
+
+def check_stated(where: str, sources: Mapping[str, MappedColumn], units: Mapping[str, str]) -> None:
+    """Refuse a column of ours whose file states another unit for it than its name does."""
+    for target, source in sources.items():
+        stated, ours = units.get(source.column, ""), unit_of(target)
+        if source.plain and unit(stated) and factor(stated, ours) != 1.0:
+            raise ValueError(f"{where}: column {target} must be in {ours or 'plain numbers'}; the file states {stated}")

@@ -1,0 +1,105 @@
+"""A table `[columns]` that is proposed for a file whose columns have other names and units than ours."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
+from typing import Any, Final
+
+from models.files.mapping import MappedColumn
+from models.files.toml import inline_table
+from models.files.units import factor, split_unit, unit_of
+
+WORDS: Final[Mapping[str, tuple[str, ...]]] = {
+    "t": ("time", "timestamp", "elapsed", "seconds", "clock", "zeit"),
+    "position": ("position", "displacement", "distance", "extension", "travel", "stroke", "place", "x", "weg"),
+    "carriage": ("carriage", "magnet", "stage", "slide", "motor", "actuator", "driven"),
+    "force": ("force", "load", "kraft", "pull", "fx", "fy", "fz"),
+    "current": ("current", "i", "strom"),
+    "voltage": ("voltage", "u", "v", "spannung"),
+    "velocity": ("velocity", "speed", "v"),
+    "frequency": ("frequency", "f"),
+    "storage": ("storage", "elastic", "e'", "g'"),
+    "loss": ("loss", "viscous", "e''", "g''"),
+    "valley": ("valley", "minimum", "lower"),
+    "peak": ("peak", "maximum", "upper"),
+    "drive": ("drive", "switch", "pulse", "trigger"),
+}
+"""Words with which people name what a part of our columns' names means; a beginning of one (`pos`, `disp`) will do."""
+
+
+def proposed(header: Sequence[str], missing: Sequence[Sequence[str]], units: Mapping[str, str]) -> list[MappedColumn]:
+    """A source in `header` for each of the `missing` columns, alternatives side by side, where one is recognised.
+
+    `units` are those that the file states by column. A column is recognised by its unit and the words of its name, or
+    as the only one left whose unit fits.
+    """
+    free = {name: _read(name, units.get(name, "")) for name in header if name}
+    wanted = {name: group for group in missing for name in group}
+    pairs = sorted(
+        ((-score, targets.index(target), target, name) for targets in [list(wanted)] for target in wanted
+         for name, (stem, stated) in free.items() if (score := _likeness(target, stem, stated))),
+    )  # fmt: skip
+    found: dict[tuple[str, ...], MappedColumn] = {}
+    for _, _, target, name in pairs:
+        _take(found, tuple(wanted[target]), target, name, free)
+    for target, group in wanted.items():
+        fitting = [name for name, (_, stated) in free.items() if stated and _fits(stated, target)]
+        if len(fitting) == 1:
+            _take(found, tuple(group), target, fitting[0], free)
+    order = list(wanted)
+    return sorted(found.values(), key=lambda entry: order.index(entry.target))
+
+
+def _take(
+    found: dict[tuple[str, ...], MappedColumn],
+    group: tuple[str, ...],
+    target: str,
+    name: str,
+    free: dict[str, tuple[str, str]],
+) -> None:
+    if group not in found and name in free:
+        found[group] = MappedColumn(target, name, free.pop(name)[1] or None)
+
+
+def toml_lines(entries: Sequence[MappedColumn]) -> str:
+    """The entries as a table `[columns]` to paste into a rig file."""
+    return "\n".join(["[columns]", *(_line(entry) for entry in entries)])
+
+
+def _line(entry: MappedColumn) -> str:
+    ours = unit_of(entry.target)
+    if entry.unit or not ours:
+        return f"{entry.target} = {inline_table(_stated(entry))}"
+    table = inline_table(_stated(replace(entry, unit=ours)))
+    return f"{entry.target} = {table}  # the file states no unit"
+
+
+def _stated(entry: MappedColumn) -> dict[str, Any]:
+    """The keys of an entry that are not left at their defaults."""
+    unset = {field.name: field.default for field in fields(entry) if field.name != "target"}
+    return {key: getattr(entry, key) for key, default in unset.items() if getattr(entry, key) != default}
+
+
+def _read(name: str, stated: str) -> tuple[str, str]:
+    stem, within = split_unit(name)
+    return stem, stated or within
+
+
+def _fits(stated: str, target: str) -> bool:
+    return factor(stated, unit_of(target)) is not None
+
+
+def _likeness(target: str, stem: str, stated: str) -> int:
+    """How many parts of our name the words of another's name stand for; 0 where the units contradict."""
+    if stated and not _fits(stated, target):
+        return 0
+    words = [word.lower() for word in re.findall(r"[A-Z]?[a-z']+|[A-Z]+(?![a-z])|[A-Za-z']+", stem)]
+    parts = split_unit(target)[0].split("_")
+    return sum(any(_means(word, part) for word in words) for part in parts)
+
+
+def _means(word: str, part: str) -> bool:
+    known = (part, *WORDS.get(part, ()))
+    return word in known or (len(word) > 2 and any(one.startswith(word) for one in known)) or word == part[0]

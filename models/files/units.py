@@ -1,0 +1,158 @@
+"""Units as people and instruments write them, with their factors: what a column's unit is in another one."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from types import MappingProxyType
+from typing import Final
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit: what it measures, and by what a value in it is multiplied to be one in SI (turns, for angles)."""
+
+    dimension: str
+    factor: float
+
+
+GRAVITY: Final = 9.80665
+_PREFIXES: Final = {"": 1.0, "n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "d": 1e-1, "k": 1e3, "M": 1e6, "G": 1e9}
+_PREFIX_WORDS: Final = {
+    "": "",
+    "nano": "n",
+    "micro": "u",
+    "milli": "m",
+    "m": "m",
+    "centi": "c",
+    "kilo": "k",
+    "mega": "M",
+}
+_PREFIXED: Final = {
+    "m": Unit("m", 1.0),
+    "s": Unit("s", 1.0),
+    "N": Unit("N", 1.0),
+    "g": Unit("N", 1e-3 * GRAVITY),
+    "gf": Unit("N", 1e-3 * GRAVITY),
+    "A": Unit("A", 1.0),
+    "V": Unit("V", 1.0),
+    "Hz": Unit("Hz", 1.0),
+    "Pa": Unit("Pa", 1.0),
+    "bar": Unit("Pa", 1e5),
+    "Nm": Unit("Nm", 1.0),
+    "rad": Unit("rev", 0.5 / math.pi),
+}
+_PLAIN: Final = {
+    "in": Unit("m", 0.0254),
+    "inch": Unit("m", 0.0254),
+    '"': Unit("m", 0.0254),
+    "ft": Unit("m", 0.3048),
+    "micron": Unit("m", 1e-6),
+    "min": Unit("s", 60.0),
+    "h": Unit("s", 3600.0),
+    "lbf": Unit("N", 4.4482216152605),
+    "psi": Unit("Pa", 6894.757293168),
+    "deg": Unit("rev", 1 / 360),
+    "°": Unit("rev", 1 / 360),
+    "rev": Unit("rev", 1.0),
+    "rpm": Unit("Hz", 1 / 60),
+    "%": Unit("", 0.01),
+    "1": Unit("", 1.0),
+}
+_WORDS: Final = {
+    "meter": "m", "metre": "m", "second": "s", "sec": "s", "minute": "min", "hour": "h", "newton": "N", "gram": "g",
+    "ampere": "A", "amp": "A", "volt": "V", "hertz": "Hz", "pascal": "Pa", "radian": "rad", "degree": "deg",
+    "revolution": "rev", "turn": "rev", "inch": "in", "percent": "%",
+}  # fmt: skip
+_RATES: Final = {"rev/s": "Hz", "/s": "Hz"}
+"""Quotients that have a name: turns in a second, and 1/s."""
+
+
+def _table() -> Mapping[str, Unit]:
+    symbols = {
+        prefix + symbol: Unit(unit.dimension, factor * unit.factor)
+        for symbol, unit in _PREFIXED.items()
+        for prefix, factor in _PREFIXES.items()
+    } | _PLAIN
+    words = {
+        prefix + word + plural: symbols[letter + symbol]
+        for word, symbol in _WORDS.items()
+        for prefix, letter in _PREFIX_WORDS.items()
+        for plural in ("", "s")
+        if letter + symbol in symbols
+    }
+    return MappingProxyType({**words, "inches": symbols["in"], **symbols})
+
+
+UNITS: Final = _table()
+"""Every unit that is no quotient, by each of its spellings; `g` is gram-force."""
+
+
+@cache
+def unit(text: str) -> Unit | None:
+    """The unit that is written `text`, such as `mm`, `mm/s`, `mm_per_s` or `milliseconds`; None for an unknown one."""
+    plain = text.strip().strip("[](){}<>").strip().replace("\u00b5", "u").replace("\u03bc", "u")
+    found = UNITS.get(plain) or UNITS.get(plain.lower() if len(plain) > 3 else plain)
+    if found or not plain:
+        return found
+    over = re.fullmatch(r"(.+?)(?:\s*/\s*|_per_|\s+per\s+|_)([^/_]+)", plain)
+    inverse = re.fullmatch(r"(.*?)[\s*.\u00b7]*([A-Za-z]+)\^?-1", plain)
+    parts = over or inverse
+    if parts is None:
+        return None
+    upper, lower = unit(parts[1] or "1"), unit(parts[2])
+    if upper is None or lower is None:
+        return None
+    dimension = f"{upper.dimension}/{lower.dimension}"
+    return Unit(_RATES.get(dimension, dimension), upper.factor / lower.factor)
+
+
+def factor(text: str, target: str) -> float | None:
+    """By what a value in the unit `text` is multiplied to be one in the unit `target` ("" for a plain number); None
+    where the first is unknown or measures something else.
+    """
+    found, wanted = unit(text), unit(target or "1")
+    if found is None or wanted is None or found.dimension != wanted.dimension:
+        return None
+    return found.factor / wanted.factor
+
+
+def fitting(target: str) -> list[str]:
+    """The short spellings of units that can be told in `target`, the usual ones."""
+    wanted = unit(target or "1")
+    usual = [*UNITS, "mm/s", "m/s", "um/s", "cm/s", "mm/min", "deg/s", "rad/s"]
+    return [text for text in usual if wanted and (found := unit(text)) and found.dimension == wanted.dimension]
+
+
+def nearest_unit(text: str, target: str) -> str:
+    """A hint for a unit that is no unit of `target`: the nearest one that is."""
+    known = fitting(target)
+    close = difflib.get_close_matches(text, known, n=1, cutoff=0.4)
+    return f"did you mean {close[0]!r}?" if close else f"such as {target or '1'!r}"
+
+
+_BRACKETS: Final = re.compile(r"(.*?)\s*[\[({<]([^\[\](){}<>]*)[\])}>]\s*")
+_ENDING: Final = re.compile(r"(?:\s*[/,:]\s*|\s+in\s+|[\s_.]+)")
+
+
+def split_unit(name: str) -> tuple[str, str]:
+    """A column's name without its unit, and the unit, "" where it has none: `Position [mm]`, `F / mN`, `pos_mm`. What
+    stands in brackets at the end counts as a unit even where it is an unknown one.
+    """
+    bracketed = _BRACKETS.fullmatch(name)
+    if bracketed and bracketed[1].strip():
+        return bracketed[1].strip(), bracketed[2].strip()
+    for gap in _ENDING.finditer(name):
+        stem, rest = name[: gap.start()], name[gap.end() :]
+        if stem and unit(rest):
+            return stem.strip(), rest.strip()
+    return name.strip(), ""
+
+
+def unit_of(column: str) -> str:
+    """The unit of a column of ours, which its name ends in; "" for a plain number."""
+    return split_unit(column)[1]

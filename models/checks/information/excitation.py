@@ -125,6 +125,9 @@ def cannot_show(rig: Rig, records: Sequence[Record], effects: Sequence[type[Effe
     views = tuple(view for view in (View(record, rig) for record in records) if view.timed)
     if not views:
         return {}
+    silent = [view for view in views if check_information(view)]
+    if len(silent) == len(views):
+        return {effect.id: f"{views[0].measured} is a constant and noise" for effect in effects}
     offered = Excitation(views)
     lacking = {name: said for name, told in NEEDS.items() if (said := told(offered))}
     return {

@@ -55,13 +55,13 @@ def interval(record: Record) -> float:
 
 
 def evenly(record: Record, columns: Sequence[str]) -> Record:
-    """`record` itself where its samples are even in time, else its `columns` straight between samples at as many even
-    times.
+    """`record` itself where its samples are even in time, else its `columns` straight between samples at twice as many
+    even times.
     """
     t = record["t_s"]
-    even = np.linspace(t[0], t[-1], len(t))
-    if np.max(np.abs(t - even)) < _UNEVEN * interval(record):
+    if np.max(np.abs(t - np.linspace(t[0], t[-1], len(t)))) < _UNEVEN * interval(record):
         return record
+    even = np.linspace(t[0], t[-1], 2 * len(t) - 1)
     there = {name: np.interp(even, t, record[name]) for name in columns if name in record.columns}
     return Record(record.name, record.kind, {"t_s": even, **there})
 

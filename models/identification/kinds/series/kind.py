@@ -31,6 +31,9 @@ _TAIL = 8.0  # standard deviations beyond which a difference counts ever less: s
 SHAKEN_S = 6.0
 """Length in s of what a search looks at of a body that its drive shakes to and fro."""
 _NO_NOISE = 1e-12
+_FINE_FORCE_N, _FINE_PLACE_M = 1e-3, 5e-5  # noise of a good sensor
+_CLEARLY = 1.2
+_TOOTH_S, _SWING_S = 0.05, 0.2  # s, within which a force and a place change
 _DIVERGED = 1e6  # standard deviations, beyond which a prediction is no longer one
 _WALL_HOOKS = ("stiffening", "wall_force", "recovery")
 
@@ -45,7 +48,8 @@ def low_passed(signal: Array, dt: float) -> Array:
 @dataclass(frozen=True)
 class SeriesKind:
     """A rig whose records are time series of a capsule. `noise_std` of the sensor; `memories` in s are the observer's
-    time constants of the fit's criteria.
+    time constants of the fit's criteria; residuals of `averaged` neighbours count as one, their mean in units of its own
+    noise, so that a structure below the noise of a single sample is seen.
     """
 
     name: str
@@ -55,6 +59,7 @@ class SeriesKind:
     memories: tuple[float, ...]
     base: tuple[Parameter, ...] = ()
     effects: tuple[type[Effect], ...] = ()
+    averaged: int = 1
     slow_view: bool = True
     next_share: float = 0.6
     least_gain: float = 0.4
@@ -97,6 +102,7 @@ class SeriesKind:
             memories,
             base,
             effects,
+            averaged_samples(drive.measured, noise_std, records),
             unit=unit,
             quantity=drive.measured,
         )
@@ -177,7 +183,7 @@ class SeriesKind:
         if criterion == self.criteria:
             dt = interval(record)
             return np.asarray(low_passed(r, dt)[:: max(1, round(1 / (_PER_PERIOD * LOW_PASS_HZ * dt)))])
-        r = r[used(record)]
+        r = averages(r[used(record)], self.averaged)
         return np.asarray(np.sign(r) * _TAIL * np.sqrt(2 * (np.sqrt(1 + (r / _TAIL) ** 2) - 1)))
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
@@ -232,6 +238,27 @@ class SeriesKind:
 
 def _acts_on_the_wall(effect: type[Effect]) -> bool:
     return any(effect.answers(hook) for hook in _WALL_HOOKS)
+
+
+def averaged_samples(column: str, noise_std: float, records: Sequence[Record]) -> int:
+    """How many neighbouring samples of `column` a noisy sensor needs to be as good as a fine one, at most as many as lie
+    within the time in which the motion changes.
+    """
+    fine, longest_s = (_FINE_FORCE_N, _TOOTH_S) if column == "force_N" else (_FINE_PLACE_M, _SWING_S)
+    if not records or noise_std <= _CLEARLY * fine:
+        return 1
+    rate = float(np.median([used(record).mean() / interval(record) for record in records]))
+    return max(1, round(min((noise_std / fine) ** 2, longest_s * rate)))
+
+
+def averages(r: Array, count: int) -> Array:
+    """Means of `count` neighbours of `r` (n,) times the root of `count`, shape (n // count,): white noise keeps its
+    variance.
+    """
+    if count == 1 or len(r) < 2 * count:
+        return r
+    rows = r[: len(r) // count * count].reshape(-1, count)
+    return np.asarray(rows.mean(axis=1) * np.sqrt(count))
 
 
 def series_noise(records: Sequence[Record], column: str, stated: float | None) -> float:

@@ -48,8 +48,8 @@ def low_passed(signal: Array, dt: float) -> Array:
 @dataclass(frozen=True)
 class SeriesKind:
     """A rig whose records are time series of a capsule. `noise_std` of the sensor; `memories` in s are the observer's
-    time constants of the fit's criteria; residuals of `averaged` neighbours count as one, their mean in units of its own
-    noise, so that a structure below the noise of a single sample is seen.
+    time constants of the fit's criteria; residuals of `averaged` neighbours count as one, their mean in units of its
+    own noise, so that a structure below the noise of a single sample is seen.
     """
 
     name: str
@@ -241,8 +241,8 @@ def _acts_on_the_wall(effect: type[Effect]) -> bool:
 
 
 def averaged_samples(column: str, noise_std: float, records: Sequence[Record]) -> int:
-    """How many neighbouring samples of `column` a noisy sensor needs to be as good as a fine one, at most as many as lie
-    within the time in which the motion changes.
+    """How many neighbouring samples of `column` a noisy sensor needs to be as good as a fine one, at most as many as
+    lie within the time in which the motion changes.
     """
     fine, longest_s = (_FINE_FORCE_N, _TOOTH_S) if column == "force_N" else (_FINE_PLACE_M, _SWING_S)
     if not records or noise_std <= _CLEARLY * fine:

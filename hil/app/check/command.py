@@ -9,6 +9,7 @@ from rich.console import Console
 
 from hil.app.console import print_json, summary
 from hil.app.identify.close_loop import read_series
+from hil.app.report.findings import grouped
 from hil.app.scenario.deployment import read_deployed_rig
 from models.checks.examine import examine, stopping
 from models.checks.finding import RecordFinding
@@ -37,9 +38,8 @@ def check(records: Sequence[Path], rig: Path, *, json_output: bool = False) -> i
 
 def show(console: Console, findings: Sequence[RecordFinding], hidden: dict[str, str]) -> None:
     """Findings by what they are, each with its places and its remedy, then what the records cannot show."""
-    for name, severity in dict.fromkeys((finding.id, finding.severity) for finding in findings):
-        alike = [finding for finding in findings if (finding.id, finding.severity) == (name, severity)]
-        console.print(f"{severity}: {name.replace('_', ' ')}", markup=False, style="bold")
+    for alike in grouped(findings):
+        console.print(f"{alike[0].severity}: {alike[0].id.replace('_', ' ')}", markup=False, style="bold")
         for finding in alike:
             console.print(f"  {finding.file}, {finding.where}: {finding.sentence}", markup=False, soft_wrap=True)
         console.print(f"  told by: {alike[0].how}", markup=False, soft_wrap=True)

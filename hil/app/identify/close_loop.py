@@ -12,6 +12,7 @@ from rich.table import Table
 
 from hil.app.console import json_text, notes, output_to_notes, print_json, progress_bar, summary
 from hil.app.report import headline, report_html, report_json
+from hil.app.report.findings import grouped
 from hil.app.report.words import STAGE_WORDS, error_unit, number
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import check_folder, check_targets, write_files
@@ -110,6 +111,11 @@ def print_summary(finding: Finding, out: Path) -> None:
     console = summary()
     console.print(f"[bold]{finding.verdict}[/bold]: ", end="")
     console.print(headline(finding), markup=False)
+    for reason in finding.reasons:
+        console.print(f"  {reason}", markup=False, soft_wrap=True)
+    for alike in grouped(finding.findings):
+        more = f" (and {len(alike) - 1} more)" if len(alike) > 1 else ""
+        console.print(f"{alike[0].severity}: {alike[0].sentence}{more}", markup=False, soft_wrap=True)
     console.print(
         error_table({"training": finding.error["train"], "held out": finding.error.get("holdout", {})}, finding)
     )

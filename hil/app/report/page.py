@@ -13,6 +13,7 @@ from hil.app.report.figure_map import agreement_figure, speed_map
 from hil.app.report.figure_residuals import residual_figure
 from hil.app.report.figure_summary import candidate_figure, error_figure
 from hil.app.report.figure_traces import trace_figure
+from hil.app.report.findings import findings_html, reasons_html
 from hil.app.report.panels import Panel, closer, panels
 from hil.app.report.tables import (
     candidate_table,
@@ -29,7 +30,7 @@ from models.identification.finding import Finding, FoundEffect
 
 STYLE = Path(__file__).with_name("style.css")
 POINTS, MOST_PANELS = 50_000, 12
-VERDICTS = {"named": "effect named", "none": "nothing missing", "unknown": "unknown structure"}
+VERDICTS = {"named": "effect named", "none": "nothing missing", "unknown": "no verdict"}
 OPENING = (
     "document.querySelectorAll('details').forEach(d => d.addEventListener('toggle', () => "
     "d.querySelectorAll('.js-plotly-plot').forEach(p => Plotly.Plots.resize(p))));"
@@ -58,6 +59,7 @@ def report_html(finding: Finding) -> str:
     """
     page = _Page()
     drawn = [panel for trace in finding.traces for panel in panels(finding, trace)]
+    page.add("findings", "What the records show of themselves", findings_html(finding))
     page.add("error", "Error before and after", _errors(page, finding))
     page.add(
         "effect", "The effect" if len(finding.effects) == 1 else "The effects", "".join(map(_effect, finding.effects))
@@ -91,7 +93,7 @@ def _hero(finding: Finding) -> str:
         f'<header class="{escape(finding.verdict)}">'
         f'<p class="eyebrow">Closed loop · {escape(finding.kind.replace("_", " "))} rig · {counts}</p>'
         f'<h1>{escape(headline(finding))}</h1><p class="story">{escape(error_story(finding))}</p>'
-        f'<p class="chip">{escape(VERDICTS.get(finding.verdict, finding.verdict))}</p></header>'
+        f'<p class="chip">{escape(VERDICTS.get(finding.verdict, finding.verdict))}</p>{reasons_html(finding)}</header>'
     )
 
 

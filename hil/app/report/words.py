@@ -142,7 +142,13 @@ def headline(finding: Finding) -> str:
         return f"What the model lacked: {names}."
     if finding.verdict == "none":
         return "Nothing is missing: calibration is enough."
-    left = "Something structured is left that no known effect explains."
+    failed = {check.id for check in finding.checks if not check.ok}
+    if "information" in failed or any(found.id == "no_response" for found in finding.findings):
+        left = "These records cannot tell."
+    elif failed & {"residual_size", "whiteness", "validation"}:
+        left = "Something structured is left that no known effect explains."
+    else:
+        left = "What is left is small, but the checks allow no verdict."
     return f"{left} Part of it looks like {names}." if names else left
 
 

@@ -1,0 +1,46 @@
+"""What the records show of themselves, at the head of a report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from html import escape
+
+from hil.app.report.words import effect_words, listed
+from models.checks.finding import RecordFinding
+from models.identification.finding import Finding
+
+SEVERITIES = {"stops": "stops a fit", "weakens": "weakens the verdict", "note": "note"}
+
+
+def grouped(findings: Sequence[RecordFinding]) -> Iterator[list[RecordFinding]]:
+    """Findings of one id and severity together, in their order."""
+    for name, severity in dict.fromkeys((finding.id, finding.severity) for finding in findings):
+        yield [finding for finding in findings if (finding.id, finding.severity) == (name, severity)]
+
+
+def findings_html(finding: Finding) -> str:
+    """Findings as cards, each with its records, how it was told and the remedy; then what the records cannot show."""
+    cards = "".join(map(_card, grouped(finding.findings)))
+    hidden = "".join(
+        f"<li>{escape(listed(effect_words(name) for name, said in finding.cannot_show.items() if said == why))}:"
+        f" {escape(why)}</li>"
+        for why in dict.fromkeys(finding.cannot_show.values())
+    )
+    return cards + (f"<h3>These records cannot show</h3><ul>{hidden}</ul>" if hidden else "")
+
+
+def reasons_html(finding: Finding) -> str:
+    """Why there is no verdict, as a list; empty where there is one."""
+    if not finding.reasons:
+        return ""
+    return f'<ul class="reasons">{"".join(f"<li>{escape(reason)}</li>" for reason in finding.reasons)}</ul>'
+
+
+def _card(alike: Sequence[RecordFinding]) -> str:
+    first = alike[0]
+    places = "".join(f"<li><b>{escape(f.file)}</b>, {escape(f.where)}: {escape(f.sentence)}</li>" for f in alike)
+    return (
+        f'<div class="card {first.severity}"><h3>{escape(first.id.replace("_", " "))}'
+        f" <small>{SEVERITIES[first.severity]}</small></h3><ul>{places}</ul>"
+        f"<p>Told by: {escape(first.how)}.</p><p>Remedy: <code>{escape(first.remedy)}</code></p></div>"
+    )

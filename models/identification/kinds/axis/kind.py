@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import reduce
 from itertools import pairwise
 from operator import mul
@@ -32,6 +32,7 @@ from models.identification.kinds.axis.zero_phase import (
     repeat_lag,
     sampling_rate,
 )
+from models.identification.kinds.conditions import may_be_left_out
 from models.parameter import Parameter
 
 NOISE, WHOLE = "_noise_N", ("_x_m", "_v_m_s", "_a_m_s2")
@@ -181,17 +182,26 @@ class AxisKind(OneByOne):
         return made.with_column(NOISE, np.full(len(record), std))
 
     def splits(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
-        """By record; a single record by four blocks of its cycle of motion, every repeat of a block left out
-        together.
+        """By record; where one holds a speed, a direction or a place that no other has, or is the only one, by four
+        blocks of each record's cycle of motion, every repeat of a block left out together.
         """
-        if len(records) > 1:
-            return [([r for r in records if r is not out], [out]) for out in records]
-        record, m = records[0], self._motion(records[0])
+        apart = [([r for r in records if r is not out], [out]) for out in records]
+        if len(records) > 1 and all(may_be_left_out(out, rest) for rest, (out,) in apart):
+            return apart
+        each = [blocks_of_cycle(self._carrying(record)) for record in records]
+        return [
+            ([r for part, _ in row for r in part], [r for _, held in row for r in held])
+            for row in zip(*each, strict=True)
+        ]
+
+    def _carrying(self, record: Record) -> Record:
+        """`record` with its noise and its motion as columns, for parts of it."""
+        m = self._motion(record)
         carried = {
             NOISE: np.full(len(record), self.noise_std(record)),
             **dict(zip(WHOLE, (m.x, m.v, m.a), strict=True)),
         }
-        return blocks_of_cycle(Record(record.name, record.kind, {**record.columns, **carried}))
+        return replace(record, columns={**record.columns, **carried})
 
     def signals(self, record: Record) -> dict[str, Array]:
         """What the residual is drawn against: time, position, speed, acceleration, force."""

@@ -20,6 +20,7 @@ from models.effects.effect import Effect
 from models.files.record import Record
 from models.files.rig import Rig
 from models.identification.kind import Array, Theta
+from models.identification.kinds.conditions import may_be_left_out
 from models.identification.kinds.series.drive_input import drifts, driven_column, interval, switch_delay
 from models.identification.kinds.series.simulation import START_S, Runner
 from models.parameter import Parameter
@@ -209,11 +210,13 @@ class SeriesKind:
         return [record.beginning(SHAKEN_S) if self.drive.held else record for record in records]
 
     def splits(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
-        """The last record validates the others; a single record is cut in its middle."""
-        if len(records) > 1:
+        """The last record validates the others; where it holds a speed, a direction or a place that no other has, or
+        is the only one, the second halves of all records validate the first ones.
+        """
+        if len(records) > 1 and may_be_left_out(records[-1], records[:-1]):
             return [(list(records[:-1]), [records[-1]])]
-        half = len(records[0]) // 2
-        return [([records[0].rows(slice(0, half))], [records[0].rows(slice(half, None))])]
+        halves = [(r.rows(slice(0, len(r) // 2)), r.rows(slice(len(r) // 2, None))) for r in records]
+        return [([first for first, _ in halves], [second for _, second in halves])]
 
     def signals(self, record: Record) -> dict[str, Array]:
         """What the residual is drawn against."""

@@ -48,7 +48,7 @@ class Rig:
     tissue: Tissue = field(default_factory=Tissue)
     noise: Noise = field(default_factory=Noise)
     checks: Checks = field(default_factory=Checks)
-    clock: Clock = field(default_factory=Clock)
+    clock: Clock | None = None
     magnet: Magnet | None = None
     coil: Coil | None = None
     drive: Drive | None = None
@@ -108,8 +108,8 @@ def parse_rig(raw: Mapping[str, Any], where: str = "rig") -> Rig:
     file = _File(raw, where, kind)
     head = file.read("rig", HEADS[kind])
     rig = replace(_parts(file, kind, head), checks=file.read("checks", Checks, optional=True))
-    if kind in _SIMULATED:
-        rig = replace(rig, clock=file.read("clock", Clock, optional=True))
+    if kind in _SIMULATED and "clock" in raw:
+        rig = replace(rig, clock=file.read("clock", Clock))
     columns = file.columns()
     file.refuse_rest()
     return replace(rig, columns=columns)

@@ -40,11 +40,11 @@ class Checks(Table):
 
 class Clock(Table):
     """Two clocks: how much later than the driven columns the measured ones are stamped, in s (negative: earlier), and
-    the standard deviation with which that is known; 0 where it is known exactly, else a calibration looks for it.
+    the standard deviation with which that is known: a calibration looks for it within four of these.
     """
 
     offset_s: Annotated[float, Field(ge=-0.5, le=0.5)] = 0.0
-    offset_std_s: Annotated[float, Field(ge=0, le=0.2)] = 0.0
+    offset_std_s: Annotated[float, Field(gt=0, le=0.2)] = 1e-3
 
 
 class ColumnTable(Table):

@@ -78,7 +78,9 @@ def analytical_rows() -> Iterator[Row]:
     yield from _printed_curve(setting)
     yield from _derived_curve(setting)
     yield from _stated_forces(setting)
+    yield from _friction_range(setting)
     yield from _deviations(setting)
+    yield from _thirty_periods(setting)
 
 
 def _printed_curve(a: Setting) -> Iterator[Row]:
@@ -162,6 +164,41 @@ def _stated_forces(a: Setting) -> Iterator[Row]:
     yield row(
         "a_viscous_force", "A: mucus drag at 0.5 mm/s", "mN", drag, "consistent", note, paper=s["viscous_force_N"]
     )
+
+
+def _friction_range(a: Setting) -> Iterator[Row]:
+    s = a.stated
+    for end in ("low", "high"):
+        mu, stated = s[f"friction_coefficient_{end}"], s[f"critical_force_{end}_N"]
+        force = s["initial_force_N"] + a.amplitude * mu / s["friction_coefficient"]
+        note = "F_initial + f_c, f_c in proportion to the coefficient (Eq. 8, 11), from 23.23 and 16.56 mN"
+        quantity = f"A: F_critical at a friction coefficient of {mu:g}, Section 5.2"
+        key = f"a_critical_force_friction_{end}"
+        yield row(key, quantity, "mN", force, "reproduced", note, paper=stated)
+
+
+def _thirty_periods(a: Setting) -> Iterator[Row]:
+    """How far the eight periods that a fit may use are from the thirty that the paper gives as one number each."""
+    for name, eight, printed in held_out_means(a):
+        deviation = a.stated[f"{name}_deviation_30"]
+        least, most = sorted(abs(eight / (printed * (1 + side * deviation)) - 1) for side in (-1, 1))
+        note = (
+            f"the paper's {deviation:.2%} leaves the sign open: a model that meets the eight exactly is {least:.1%} or"
+            f" {most:.1%} off the thirty (which may contain them); the smaller is shown"
+        )
+        quantity = f"A: {name} of eight periods against that of thirty"
+        yield row(f"a_hold_out_{name}", quantity, "%", least, "finding", note)
+
+
+def held_out_means(a: Setting) -> Iterator[tuple[str, float, float]]:
+    """Name, mean of Table 2 and the printed curve's value (SI) of period, valley and peak."""
+    printed = {
+        "period": ("period_s", a.stated["period_s"]),
+        "valley": ("valley_N", a.stated["initial_force_N"]),
+        "peak": ("peak_N", a.stated["critical_force_N"]),
+    }
+    for name, (column, value) in printed.items():
+        yield name, mean_of(column), value
 
 
 def _deviations(a: Setting) -> Iterator[Row]:

@@ -15,8 +15,8 @@ from hil.app.papers.viscoelastic import base_rows, viscoelastic_rows
 _COLOURS = {
     "reproduced": "green",
     "consistent": "green",
-    "inside the measured band": "green",
     "check value": "dim",
+    "not comparable": "dim",
     "misprint": "yellow",
     "finding": "cyan",
     "not reproducible": "red",

@@ -132,6 +132,8 @@ def _buildable(truth: Truth, raw: Table) -> None:
     """Build the plant once, so that what it refuses is said of the file, under the table in which the number stands."""
     for where, record in (("capsule", truth.capsule), ("tissue", truth.tissue)):
         for name, value in vars(record).items():
+            if isinstance(value, str):
+                continue
             may_be_zero = name in ("friction_coefficient", "nose_force_angle_deg")
             if not (value > 0 or (may_be_zero and value == 0)):
                 raise ValueError(

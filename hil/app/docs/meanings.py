@@ -81,6 +81,8 @@ MEANINGS: Final[Mapping[str, str]] = {
     "channel": "its channel, such as `can0`",
     "bitrate": "bit rate, which must be that of `hil/capsule.dbc`",
     "controller": "name of the controller",
+    "estimator": "`default` goes with the controller; `ukf` is filterpy's unscented Kalman filter, about ten times as"
+    " costly, to compare with",
     "tick_s": "period of the control loop",
     "seen_noise_m": "standard deviation of the localisation that the estimator expects",
     "duration_s": "how long to run",

@@ -216,8 +216,12 @@ class PeriodsKind(OneByOne):
         return 100 * float(np.sqrt(np.mean(squares)))
 
     def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
-        """As many periods of the model, scattered as the measured ones."""
-        made = self.predict(record, theta) + self._std(record) * rng.standard_normal((len(record), 3))
+        """As many periods of the model, scattered about its own values by the share that measured ones scatter."""
+        made = self.predict(record, theta)
+        ideal = record
+        for i, column in enumerate(COLUMNS):
+            ideal = ideal.with_column(column, made[:, i])
+        made += self._std(ideal) * rng.standard_normal((len(record), 3))
         for i, column in enumerate(COLUMNS):
             record = record.with_column(column, made[:, i])
         return record

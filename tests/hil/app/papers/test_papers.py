@@ -76,6 +76,9 @@ EXPECTED = {
     "base_tension_0_25_mm": 38.2,
     "base_tension_1_mm": 163.2,
     "base_mucus_0_5_mm_s": 0.73,
+    "base_period_0_5_mm_s": 0.530,
+    "base_period_10_mm_s": 0.077,
+    "base_valley_10_mm_s": 66.4,
 }
 # known to two digits only
 ROUNDED = {
@@ -172,7 +175,7 @@ def test_plot_writes_one_page_that_needs_no_network(tmp_path, capsys):
     text = page.read_text(encoding="utf-8")
     assert all(
         f"{name}:" in text
-        for name in ("A, Fig. 5", "A, Fig. 6", "A, Fig. 7", "V, Fig. 5", "V, Fig. 7", "V, Fig. 9", "C, Fig. 8")
+        for name in ("A, Fig. 5", "A, Fig. 6", "A, Fig. 7", "V, Fig. 5", "V, Fig. 7", "V, Fig. 9", "C, Fig. 8", "A Table 2, C and A 5.1")
     )
     assert '<script src="http' not in text
 

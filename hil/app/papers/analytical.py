@@ -23,6 +23,7 @@ from models.laws.stick_slip import (
 from models.parameter import ParameterSet, load_set
 from models.sets import load_measurement
 
+_COLUMNS = {"period": "period_s", "valley": "valley_N", "peak": "peak_N"}
 _DIVISION = "Eq. 18-20 multiply by powers of the stretch where Eq. 1 and 3 divide, and print 12.01 for 12.1"
 
 
@@ -80,7 +81,7 @@ def analytical_rows() -> Iterator[Row]:
     yield from _stated_forces(setting)
     yield from _friction_range(setting)
     yield from _deviations(setting)
-    yield from _thirty_periods(setting)
+    yield from _thirty_periods()
 
 
 def _printed_curve(a: Setting) -> Iterator[Row]:
@@ -177,28 +178,32 @@ def _friction_range(a: Setting) -> Iterator[Row]:
         yield row(key, quantity, "mN", force, "reproduced", note, paper=stated)
 
 
-def _thirty_periods(a: Setting) -> Iterator[Row]:
+def _thirty_periods() -> Iterator[Row]:
     """How far the eight periods that a fit may use are from the thirty that the paper gives as one number each."""
-    for name, eight, printed in held_out_means(a):
-        deviation = a.stated[f"{name}_deviation_30"]
-        least, most = sorted(abs(eight / (printed * (1 + side * deviation)) - 1) for side in (-1, 1))
+    for name, means in thirty_periods().items():
+        eight = mean_of(_COLUMNS[name])
+        least, most = sorted(abs(eight / mean - 1) for mean in means)
         note = (
-            f"the paper's {deviation:.2%} leaves the sign open: a model that meets the eight exactly is {least:.1%} or"
-            f" {most:.1%} off the thirty (which may contain them); the smaller is shown"
+            "the paper prints the deviation from its curve without a sign: a model that meets the eight exactly is"
+            f" {least:.1%} or {most:.1%} off the thirty (which may contain them); the smaller is shown"
         )
         quantity = f"A: {name} of eight periods against that of thirty"
         yield row(f"a_hold_out_{name}", quantity, "%", least, "finding", note)
 
 
-def held_out_means(a: Setting) -> Iterator[tuple[str, float, float]]:
-    """Name, mean of Table 2 and the printed curve's value (SI) of period, valley and peak."""
-    printed = {
-        "period": ("period_s", a.stated["period_s"]),
-        "valley": ("valley_N", a.stated["initial_force_N"]),
-        "peak": ("peak_N", a.stated["critical_force_N"]),
+def thirty_periods() -> dict[str, tuple[float, float]]:
+    """The two means (SI) of period, valley and peak over A's thirty periods that its unsigned deviations allow."""
+    s = load_set("zhang2016_rig")
+    printed = {"period": s["period_s"], "valley": s["initial_force_N"], "peak": s["critical_force_N"]}
+    return {
+        name: (value * (1 - s[f"{name}_deviation_30"]), value * (1 + s[f"{name}_deviation_30"]))
+        for name, value in printed.items()
     }
-    for name, (column, value) in printed.items():
-        yield name, mean_of(column), value
+
+
+def best_miss(value: float, means: tuple[float, float]) -> float:
+    """The relative error of `value` against the nearer of two means."""
+    return min((value / mean - 1 for mean in means), key=abs)
 
 
 def _deviations(a: Setting) -> Iterator[Row]:

@@ -181,7 +181,10 @@ def task_of(record: Mapping[str, Any], where: str) -> Task:
     def believed(values: Mapping[str, float]) -> ControlModel:
         return control_model(scenario.belief, values, scenario.control.tick_s)
 
-    told, offer = (scenario.reference, scenario.limits, scenario.instruments.localisation.std), offer_of(offered, believed)
+    told, offer = (
+        (scenario.reference, scenario.limits, scenario.instruments.localisation.std),
+        offer_of(offered, believed),
+    )
     return Task(believed(values), name, *told, offer=offer, estimator=scenario.control.estimator)
 
 

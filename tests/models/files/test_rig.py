@@ -32,9 +32,15 @@ def test_reads_a_magnetic_rig(tmp_path: Path, rig_text: str) -> None:
 def test_lumen_diameter_stands_for_the_contact_angle(tmp_path: Path, rig_text: str) -> None:
     text = rig_text.replace("contact_angle_deg = 60.0", "lumen_diameter_m = 9e-3")
     assert read(tmp_path, text).tissue.contact_angle_deg == pytest.approx(46.2, abs=0.02)
-    with pytest.raises(ValueError, match=r"rig.toml: \[tissue\] must have lumen_diameter_m or contact_angle_deg; got both"):
-        read(tmp_path, rig_text.replace("contact_angle_deg = 60.0", "contact_angle_deg = 60.0\nlumen_diameter_m = 9e-3"))
-    with pytest.raises(ValueError, match=r"lumen_diameter_m must be positive and less than the capsule's 0.013 m; got 0.02"):
+    with pytest.raises(
+        ValueError, match=r"rig.toml: \[tissue\] must have lumen_diameter_m or contact_angle_deg; got both"
+    ):
+        read(
+            tmp_path, rig_text.replace("contact_angle_deg = 60.0", "contact_angle_deg = 60.0\nlumen_diameter_m = 9e-3")
+        )
+    with pytest.raises(
+        ValueError, match=r"lumen_diameter_m must be positive and less than the capsule's 0.013 m; got 0.02"
+    ):
         read(tmp_path, text.replace("9e-3", "20e-3"))
 
 

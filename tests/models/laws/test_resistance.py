@@ -123,5 +123,5 @@ def test_lumen_diameter_gives_the_contact_angle():
     assert angle == pytest.approx(46.2, abs=0.02)
     assert relaxed_diameter(CAPSULE, replace(TISSUE, contact_angle_deg=angle)) == pytest.approx(9e-3)
     for diameter in (0.0, 13e-3, math.nan):
-        with pytest.raises(ValueError, match="lumen_diameter_m must be positive and less than the capsule's 0.013 m"):
+        with pytest.raises(ValueError, match=r"lumen_diameter_m must be positive and less than the capsule's 0\.013 m"):
             contact_angle_deg(diameter, CAPSULE.radius_m)

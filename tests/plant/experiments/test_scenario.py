@@ -163,5 +163,5 @@ def test_tissue_of_a_scenario_has_regime_and_lumen() -> None:
     _, _, rig = parse_truth({"rig": {"kind": "magnetic"}, "tissue": tissue})
     assert rig.tissue.regime == "blend"
     assert rig.tissue.contact_angle_deg == pytest.approx(46.2, abs=0.02)
-    with pytest.raises(ValueError, match="tissue.regime must be one of low, high, blend; got 'fast'"):
+    with pytest.raises(ValueError, match=r"tissue\.regime must be one of low, high, blend; got 'fast'"):
         parse_truth({"rig": {"kind": "magnetic"}, "tissue": {"regime": "fast"}})

@@ -1,5 +1,4 @@
-"""What the report says about stick-slip periods: the cycle in numbers, what these speeds can tell, what to measure next.
-"""
+"""What the report says about stick-slip periods: the cycle in numbers, what these speeds can tell, what to measure next."""
 
 from __future__ import annotations
 
@@ -52,7 +51,11 @@ def statements(kind: PeriodsKind, theta_by_stage: Mapping[str, Theta], records: 
 def _one_speed(kind: PeriodsKind, theta: Theta, records: Sequence[Record]) -> list[str]:
     v = float(kind.speeds_of(records)[0])
     period = float(_means(kind, records, v)[0])
-    limit, cycle, as_paper = kind.levels(v, theta)[1], kind.cycle(v, theta), replace(kind, return_speed_m_s=RETURN_SPEED)
+    limit, cycle, as_paper = (
+        kind.levels(v, theta)[1],
+        kind.cycle(v, theta),
+        replace(kind, return_speed_m_s=RETURN_SPEED),
+    )
     out = [
         "Valley and peak are identified (hoop factor and friction): paper A's own 23.23 and 16.56 mN do not follow "
         "from its printed parameters. The period is not; with A's f_c = 16.56 mN its law gives at 0.5 mm/s "
@@ -106,8 +109,8 @@ def next_experiment(kind: PeriodsKind, theta: Theta, records: Sequence[Record]) 
         low, high = 1e3 * float(speeds[0]), 1e3 * float(speeds[-1])
         between = ", ".join(f"{v:.2g}" for v in np.geomspace(low, high, 5))
         return (
-            f"pull one capsule through one specimen at {between} mm/s, twice over the same stretch, and log force against"
-            " position: teeth that come again at the same places are folds of the wall, teeth that do not are stick and"
+            f"pull one capsule through one specimen at {between} mm/s, twice over the same stretch, and log force"
+            " against position: teeth that come again at the same places are folds of the wall, teeth that do not are stick and"
             " slip, and their period over speed tells where one passes into the other"
         )
     v = 1e3 * kind.velocity_m_s

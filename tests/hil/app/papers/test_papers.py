@@ -175,7 +175,16 @@ def test_plot_writes_one_page_that_needs_no_network(tmp_path, capsys):
     text = page.read_text(encoding="utf-8")
     assert all(
         f"{name}:" in text
-        for name in ("A, Fig. 5", "A, Fig. 6", "A, Fig. 7", "V, Fig. 5", "V, Fig. 7", "V, Fig. 9", "C, Fig. 8", "A Table 2, C and A 5.1")
+        for name in (
+            "A, Fig. 5",
+            "A, Fig. 6",
+            "A, Fig. 7",
+            "V, Fig. 5",
+            "V, Fig. 7",
+            "V, Fig. 9",
+            "C, Fig. 8",
+            "A Table 2, C and A 5.1",
+        )
     )
     assert '<script src="http' not in text
 

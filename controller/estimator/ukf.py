@@ -1,5 +1,5 @@
-"""filterpy's unscented Kalman filter on the same process: the textbook's estimator, selectable beside the fast ones, and
-what those are tested against.
+"""filterpy's unscented Kalman filter on the same process: the textbook's estimator, selectable beside the fast ones,
+and what those are tested against.
 """
 
 from __future__ import annotations

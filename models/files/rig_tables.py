@@ -133,8 +133,8 @@ class PaperCapsuleTable(BodyTable):
 
 
 class TissueTable(Table):
-    """`[tissue]`: `preset` names the wall's constants, the other keys describe this piece of gut. `lumen_diameter_m` may
-    stand for `contact_angle_deg` (`with_contact_angle`).
+    """`[tissue]`: `preset` names the wall's constants, the other keys describe this piece of gut. `lumen_diameter_m`
+    may stand for `contact_angle_deg` (`with_contact_angle`).
     """
 
     preset: Literal["jejunum"]

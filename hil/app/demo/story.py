@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.supervision.acceptance import Verdict
-from hil.app.papers.analytical import best_miss, thirty_periods
 from hil.app.identify.close_loop import read_series, result_files
+from hil.app.papers.analytical import best_miss, thirty_periods
 from hil.app.write import write_files
 from models.files.rig import Rig, read_rig
 from models.identification import Model, close
@@ -107,8 +107,9 @@ def against_thirty(finding: Finding) -> str:
         for (name, means), value in zip(thirty_periods().items(), predicted, strict=True)
     ]
     return (
-        "As many numbers as means are fitted: on the eight periods that is an interpolation, whatever its error. Against"
-        f" the means of A's thirty periods, held out: {', '.join(off)} (their signs are not printed; the nearer one)."
+        "As many numbers as means are fitted: on the eight periods that is an interpolation, whatever its error."
+        f" Against the means of A's thirty periods, held out: {', '.join(off)} (their signs are not printed; the nearer"
+        " one)."
     )
 
 

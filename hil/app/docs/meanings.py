@@ -38,7 +38,8 @@ MEANINGS: Final[Mapping[str, str]] = {
     "wall_thickness_m": "thickness of the gut's wall",
     "contact_angle_deg": "angle at which the wall meets the capsule's nose; its cosine is the diameter of the relaxed"
     " lumen over that of the capsule",
-    "lumen_diameter_m": "inner diameter of the relaxed lumen, less than the capsule's; may stand for `contact_angle_deg`",
+    "lumen_diameter_m": "inner diameter of the relaxed lumen, less than the capsule's; may stand for"
+    " `contact_angle_deg`",
     "regime": "moduli of the wall: `low` those measured below 20 mm/s, `high` those above, `blend` each where it was"
     " measured; for speeds above 20 mm/s take `blend`",
     "nose_force_angle_deg": "direction of the wall's force on the nose",

@@ -29,8 +29,8 @@ def two_speeds_rows() -> Iterator[Row]:
     }
     miss: Verdict = "misses the measurement"
     note = (
-        "default capsule, nothing fitted, against A Table 2 and C, A 5.1: the measured period rises with speed, the base"
-        " model's falls, whatever is fitted"
+        "default capsule, nothing fitted, against A Table 2 and C, A 5.1: the measured period rises with speed, the"
+        " base model's falls, whatever is fitted"
     )
     for v, values in measured.items():
         cycle = base_cycle(v)

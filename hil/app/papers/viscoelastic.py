@@ -25,7 +25,7 @@ BAND_SPEED = 10e-3
 def viscoelastic_rig() -> tuple[Capsule, Tissue]:
     """Paper V's capsule (50.1 g) and tissue."""
     s = load_set("zhang2014_viscoelastic_rig")
-    tissue = Tissue(*(s[key] for key in tuple(Tissue.__dataclass_fields__)[:5]))
+    tissue = Tissue(**{key: s[key] for key in tuple(Tissue.__dataclass_fields__)[:5]})  # type: ignore[arg-type]
     return Capsule(s["radius_m"], s["cylinder_length_m"], s["mass_kg"]), tissue
 
 

@@ -163,8 +163,8 @@ class PeriodsKind(OneByOne):
         return out * math.prod(float(effect.stiffening(s, p, {})) for effect, p in present(self.effects, theta))
 
     def viscous(self, drag: float, rate: float, speed: float, theta: Theta) -> float:
-        """Force in N with which the wall resists a drag in m that grows at `rate` in m/s under a pull at `speed`, beyond
-        its tension.
+        """Force in N with which the wall resists a drag in m that grows at `rate` in m/s under a pull at `speed`,
+        beyond its tension.
         """
         s = Signals(drag=drag, drag_rate=rate, v=speed, direction=1.0)
         return sum(float(effect.wall_force(s, p, {})) for effect, p in present(self.effects, theta))

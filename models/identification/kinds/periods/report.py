@@ -1,4 +1,6 @@
-"""What the report says about stick-slip periods: the cycle in numbers, what these speeds can tell, what to measure next."""
+"""What the report says about stick-slip periods: the cycle in numbers, what these speeds can tell, what to measure
+next.
+"""
 
 from __future__ import annotations
 
@@ -110,8 +112,8 @@ def next_experiment(kind: PeriodsKind, theta: Theta, records: Sequence[Record]) 
         between = ", ".join(f"{v:.2g}" for v in np.geomspace(low, high, 5))
         return (
             f"pull one capsule through one specimen at {between} mm/s, twice over the same stretch, and log force"
-            " against position: teeth that come again at the same places are folds of the wall, teeth that do not are stick and"
-            " slip, and their period over speed tells where one passes into the other"
+            " against position: teeth that come again at the same places are folds of the wall, teeth that do not are"
+            " stick and slip, and their period over speed tells where one passes into the other"
         )
     v = 1e3 * kind.velocity_m_s
     return (

@@ -137,8 +137,8 @@ def next_experiment(kind: DmaKind, theta: Theta, records: Sequence[Record]) -> s
         first, last = where[max(k - 1, 0)], where[min(k + 1, len(where) - 1)]
         return (
             f"repeat the sweep in ten steps between {first:g} and {last:g} Hz, about {where[k]:g} Hz where most is"
-            " left, with an elastic reference of known modulus and with samples of another mass and thickness: what stays"
-            " where it is belongs to the instrument, what moves with the sample is inertia"
+            " left, with an elastic reference of known modulus and with samples of another mass and thickness: what"
+            " stays where it is belongs to the instrument, what moves with the sample is inertia"
         )
     if kind.error(records, [kind.predict(r, theta) for r in records]) <= _LITTLE * kind.noise_floor(records):
         return None

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from models.laws.geometry import GRAVITY, Capsule, Tissue
-from models.laws.resistance import Regime
 from plant import layout as at
 from plant.anatomy import Anatomy
 from plant.drives.kinds import Drive
@@ -40,7 +39,6 @@ class Rig:
     hoop_factor: float = 1.0
     anatomy: Anatomy = Anatomy()
     hidden: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    regime: Regime = "low"
     step_s: float = STEP_S
 
 
@@ -54,7 +52,7 @@ class Plant:
             raise ValueError(f"step_s must be positive; got {rig.step_s:g}")
         self.rig = rig
         self.effects = effect_table({name: dict(numbers) for name, numbers in rig.hidden.items()})
-        self.tables = tabulate(rig.capsule, rig.tissue, rig.regime)
+        self.tables = tabulate(rig.capsule, rig.tissue)
         self.profile = np.asarray(rig.anatomy.level, dtype=float)
         self.parameters = _parameters(rig)
         self.state = np.zeros(at.S_COUNT)

@@ -42,12 +42,13 @@ class ModelSwitch:
         model: ControlModel,
         offer: Offer | None = None,
         deadline_s: float = math.inf,
+        estimator: str = "default",
     ):
         """Raises ValueError for a model that this controller cannot use, and for one of another tick than the one in
         use.
         """
         self._supervisor, self._offer = supervisor, offer
-        self._present: Observer = estimator_for(controller, model)
+        self._present: Observer = estimator_for(controller, model, estimator)
         self._next: Observer | None = None
         self._origin, self.taken_at = math.inf, math.nan
         if offer is not None:
@@ -56,7 +57,7 @@ class ModelSwitch:
                     f"offered model must have the tick in use, {model.tick_s:g} s; got {offer.model.tick_s:g}"
                 )
             if supervisor.offer(build(controller, offer.model, supervisor.envelope, deadline_s), offer.verdict):
-                self._next = estimator_for(controller, offer.model)
+                self._next = estimator_for(controller, offer.model, estimator)
 
     @property
     def counts(self) -> Counts:

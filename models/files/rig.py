@@ -29,6 +29,7 @@ from models.files.rig_tables import (
     Table,
     TissueTable,
 )
+from models.files.tables import with_contact_angle
 from models.files.toml import read_toml
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import nearest
@@ -148,15 +149,15 @@ def _parts(file: _File, kind: str, head: _Head) -> Rig:
                 " missing"
             )
         capsule = file.read("capsule", BodyTable).capsule()
-        return Rig(kind, capsule, file.paper_tissue(), noise, drive=drive, surface=surface, name=head.name)
+        return Rig(kind, capsule, file.paper_tissue(capsule), noise, drive=drive, surface=surface, name=head.name)
     if kind == "periods":
         capsule = file.read("capsule", PaperCapsuleTable, optional=True).capsule()
         return Rig(
-            kind, capsule, file.paper_tissue(), noise, velocity_m_s=_pull_speed(file.where, head), name=head.name
+            kind, capsule, file.paper_tissue(capsule), noise, velocity_m_s=_pull_speed(file.where, head), name=head.name
         )
     capsule = file.read("capsule", PaperCapsuleTable, optional=True).capsule()
     axis = file.read("axis", Axis, optional=True) if kind == "axis" else Axis()
-    return Rig(kind, capsule, file.paper_tissue(), noise, axis=axis, name=head.name)
+    return Rig(kind, capsule, file.paper_tissue(capsule), noise, axis=axis, name=head.name)
 
 
 def _part(head: _Head, table: type[T]) -> T | None:
@@ -185,11 +186,22 @@ class _File:
 
     def gut(self) -> tuple[Capsule, Tissue]:
         """Capsule and gut of a rig that has both."""
-        return self.read("capsule", CapsuleTable).capsule(), self.read("tissue", TissueTable).tissue()
+        capsule = self.read("capsule", CapsuleTable).capsule()
+        return capsule, self._tissue(TissueTable, capsule)
 
-    def paper_tissue(self) -> Tissue:
+    def paper_tissue(self, capsule: Capsule) -> Tissue:
         """The gut where it matters little: paper A's but for what is given."""
-        return self.read("tissue", PaperTissueTable, optional=True).tissue()
+        return self._tissue(PaperTissueTable, capsule, optional=True)
+
+    def _tissue(self, model: type[TissueTable], capsule: Capsule, optional: bool = False) -> Tissue:
+        if "lumen_diameter_m" not in self.raw.get("tissue", {}):
+            return self.read("tissue", model, optional).tissue()
+        self.used.add("tissue")
+        try:
+            content = with_contact_angle(self.raw["tissue"], capsule.radius_m, "tissue")
+        except ValueError as error:
+            raise ValueError(f"{self.where}: {error}") from None
+        return self.checked("tissue", model, content).tissue()
 
     def read(self, table: str, model: type[T], optional: bool = False) -> T:
         """One table, checked."""

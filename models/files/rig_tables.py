@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from models.laws.geometry import Capsule, Tissue
+from models.laws.geometry import Capsule, Regime, Tissue
 
 Positive = Annotated[float, Field(gt=0, lt=1e9)]
 NotNegative = Annotated[float, Field(ge=0, lt=1e9)]
@@ -142,19 +142,23 @@ class PaperCapsuleTable(BodyTable):
 
 
 class TissueTable(Table):
-    """`[tissue]`: `preset` names the wall's constants, the other keys describe this piece of gut."""
+    """`[tissue]`: `preset` names the wall's constants, the other keys describe this piece of gut. `lumen_diameter_m`
+    may stand for `contact_angle_deg` (`with_contact_angle`).
+    """
 
     preset: Literal["jejunum"]
     wall_thickness_m: Annotated[float, Field(ge=1e-5, le=0.05)]
     contact_angle_deg: Annotated[float, Field(gt=0, lt=90)]
+    lumen_diameter_m: Length | None = None
     nose_force_angle_deg: Annotated[float, Field(gt=0, lt=90)]
     friction_coefficient: Friction
     mucus_thickness_m: Annotated[float, Field(ge=1e-7, le=0.01)]
     recovery_time_s: Annotated[float, Field(gt=0, le=100)]
+    regime: Regime = "low"
 
     def tissue(self) -> Tissue:
         """The laws' record of it."""
-        return Tissue(**self.model_dump(exclude={"preset"}))
+        return Tissue(**self.model_dump(exclude={"preset", "lumen_diameter_m"}))
 
 
 class PaperTissueTable(TissueTable):

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import MISSING, fields, is_dataclass
 from typing import Any, TypeVar
 
+from models.laws.geometry import contact_angle_deg
 from models.parameter import nearest
 
 Table = Mapping[str, Any]
@@ -37,11 +38,35 @@ def from_table(cls: type[R], table: Table, where: str, skip: tuple[str, ...] = (
     return cls(**values)
 
 
+def with_contact_angle(table: Table, radius_m: float, where: str) -> Table:
+    """A table `[tissue]` in which the contact angle stands for the relaxed lumen's diameter, if that is given instead.
+
+    Raises ValueError where both are given, or where a capsule of `radius_m` does not stretch that lumen.
+    """
+    if "lumen_diameter_m" not in table:
+        return table
+    if "contact_angle_deg" in table:
+        raise ValueError(
+            f"[{where}] must have lumen_diameter_m or contact_angle_deg; got both, and each follows from the other"
+        )
+    diameter = converted(table["lumen_diameter_m"], float, f"{where}.lumen_diameter_m")
+    try:
+        angle = contact_angle_deg(diameter, radius_m)
+    except ValueError as error:
+        raise ValueError(f"[{where}] {error}") from None
+    return {key: value for key, value in table.items() if key != "lumen_diameter_m"} | {"contact_angle_deg": angle}
+
+
 def converted(value: Any, hint: Any, where: str) -> Any:
     """`value` as the type `hint` (a number, text, truth value, list of numbers, or coil table), else `ValueError`."""
     if typing.get_origin(hint) is types.UnionType:
         parts = [part for part in typing.get_args(hint) if part is not type(None)]
         hint = next((part for part in parts if type(value) is part), parts[0])
+    if typing.get_origin(hint) is typing.Literal:
+        choices = typing.get_args(hint)
+        if value not in choices:
+            raise ValueError(f"{where} must be one of {', '.join(choices)}; got {value!r}")
+        return value
     if typing.get_origin(hint) is tuple:
         if not isinstance(value, list):
             raise ValueError(f"{where} must be a list of numbers; got {value!r}")

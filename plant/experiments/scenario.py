@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from models.files.tables import choice, converted, from_table
+from models.files.tables import choice, converted, from_table, with_contact_angle
 from models.files.toml import read_toml
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import nearest
@@ -109,10 +109,11 @@ def parse_truth(raw: Table) -> tuple[Run, str, Rig]:
             f" {run.step_s:g}"
         )
     kind = choice(raw.get("rig", {}), "rig.kind", tuple(DRIVES))
-    tissue, hoop = _tissue(raw.get("tissue", {}))
+    capsule = from_table(Capsule, raw.get("capsule", {}), "capsule")
+    tissue, hoop = _tissue(raw.get("tissue", {}), capsule)
     rig = Rig(
         drive=_drive(kind, raw),
-        capsule=from_table(Capsule, raw.get("capsule", {}), "capsule"),
+        capsule=capsule,
         tissue=tissue,
         surface=_surface(raw.get("surface", {"kind": "gut"})),
         hoop_factor=hoop,
@@ -130,13 +131,14 @@ def _drive(kind: str, raw: Table) -> Drive:
     return from_table(DRIVES[kind], table, where)
 
 
-def _tissue(table: Table) -> tuple[Tissue, float]:
+def _tissue(table: Table, capsule: Capsule) -> tuple[Tissue, float]:
     preset = table.get("preset", "jejunum")
     if preset != "jejunum":
         raise ValueError(f"tissue.preset must be 'jejunum'; got {preset!r}")
     hoop = converted(table.get("hoop_stress_factor", 1.0), float, "tissue.hoop_stress_factor")
     if not hoop > 0:
         raise ValueError(f"tissue.hoop_stress_factor must be positive; got {hoop:g}")
+    table = with_contact_angle(table, capsule.radius_m, "tissue")
     return from_table(Tissue, table, "tissue", skip=("preset", "hoop_stress_factor")), hoop
 
 

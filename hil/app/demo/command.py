@@ -75,6 +75,7 @@ def _numbers(story: Story, one: Told, folder: Path) -> dict[str, Any]:
         "report": str(folder / REPORT),
         "numbers": str(folder / NUMBERS),
         "hidden": ", ".join(one.hidden) or None,
+        "caution": one.caution or None,
         **report_json(one.finding),
     }
     if one.gate:
@@ -97,7 +98,7 @@ def _say(lines: Sequence[tuple[Story, Told]], out: Path, seconds: float) -> None
         table.add_column(column, justify="right")
     table.add_column("verdict")
     for story, one in lines:
-        table.add_row(story.title, *_predicted(one), headline(one.finding))
+        table.add_row(story.title, *_predicted(one), f"{headline(one.finding)} {one.caution}".strip())
         if one.missions:
             table.add_row("  the same run driven again", "tracking", *_tracked(one), "", _gate_words(one))
     console.print(table)

@@ -52,7 +52,12 @@ def demo_html(lines: Sequence[Line], seconds: float) -> str:
         f'<section id="{key}"><h2>{escape(title)}</h2>{content}</section>' for key, title, content in sections
     )
     title = "Drive, record, find what the model lacks, drive again"
-    story = " ".join(_sentence(story, told) for story, told in loops)
+    story = " ".join(
+        [
+            *(_sentence(story, told) for story, told in loops),
+            *(f"{story.title.capitalize()}: {told.caution}" for story, told in lines if told.caution),
+        ]
+    )
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
@@ -93,7 +98,9 @@ def _table(lines: Sequence[Line]) -> str:
         cells = [f"{number(scaled(value, factor), 3)} {unit}" for value in (*errors, told.finding.noise_floor)]
         what = "prediction, held out" if part == "holdout" else "prediction, training"
         link = f'<a href="{story.name}/{REPORT}">report</a>'
-        rows.append(_row([escape(story.title), what], cells, [escape(headline(told.finding)), link]))
+        rows.append(
+            _row([escape(story.title), what], cells, [escape(f"{headline(told.finding)} {told.caution}".strip()), link])
+        )
         if told.missions:
             cells = [
                 f"{1e3 * told.missions[stage].numbers['tracking_rmse_m']:.3g} mm" if stage in told.missions else DASH

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 from controller.limits import Limits
-from controller.registry import CONTROLLERS
+from controller.registry import CONTROLLERS, ESTIMATORS
 from hil.app.docs.meanings import MEANINGS, UNITS
 from hil.app.scenario.deployment import BusTable, ControlTable, ModelTable, PlantTable
 from hil.app.scenario.model_offer import OfferTable
@@ -69,7 +69,11 @@ _WHERE: Final[Mapping[type[Table], str]] = {
     TissueTable: "in the gut",
     BodyTable: "on a plate",
 }
-_CHOICES: Final[Mapping[str, tuple[str, ...]]] = {"controller": tuple(CONTROLLERS), "stage": STAGES}
+_CHOICES: Final[Mapping[str, tuple[str, ...]]] = {
+    "controller": tuple(CONTROLLERS),
+    "estimator": ESTIMATORS,
+    "stage": STAGES,
+}
 
 CHECKED: Final[Mapping[tuple[type[Any], str], tuple[float, float]]] = {
     (ControlTable, "tick_s"): (5e-4, 0.02),

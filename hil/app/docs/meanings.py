@@ -38,6 +38,10 @@ MEANINGS: Final[Mapping[str, str]] = {
     "wall_thickness_m": "thickness of the gut's wall",
     "contact_angle_deg": "angle at which the wall meets the capsule's nose; its cosine is the diameter of the relaxed"
     " lumen over that of the capsule",
+    "lumen_diameter_m": "inner diameter of the relaxed lumen, less than the capsule's; may stand for"
+    " `contact_angle_deg`",
+    "regime": "moduli of the wall: `low` those measured below 20 mm/s, `high` those above, `blend` each where it was"
+    " measured; for speeds above 20 mm/s take `blend`",
     "nose_force_angle_deg": "direction of the wall's force on the nose",
     "friction_coefficient": "Coulomb friction; required for a plate",
     "mucus_thickness_m": "thickness of the mucus film",
@@ -81,6 +85,8 @@ MEANINGS: Final[Mapping[str, str]] = {
     "channel": "its channel, such as `can0`",
     "bitrate": "bit rate, which must be that of `hil/capsule.dbc`",
     "controller": "name of the controller",
+    "estimator": "`default` goes with the controller; `ukf` is filterpy's unscented Kalman filter, about ten times as"
+    " costly, to compare with",
     "tick_s": "period of the control loop",
     "seen_noise_m": "standard deviation of the localisation that the estimator expects",
     "duration_s": "how long to run",

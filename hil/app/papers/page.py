@@ -9,6 +9,7 @@ import plotly.io as pio
 
 from hil.app.papers.draw_analytical import analytical_drawings
 from hil.app.papers.draw_flat_car import flat_car_drawing
+from hil.app.papers.draw_two_speeds import two_speeds_drawing
 from hil.app.papers.draw_viscoelastic import viscoelastic_drawings
 from hil.app.papers.drawing import Drawing
 
@@ -29,8 +30,8 @@ _LEAD = (
 
 
 def drawings() -> list[Drawing]:
-    """All figures: A Fig. 5-7, V Fig. 5, 7, 9 and Table 2, C Fig. 8."""
-    return [*analytical_drawings(), *viscoelastic_drawings(), flat_car_drawing()]
+    """All figures: A Fig. 5-7, V Fig. 5, 7, 9 and Table 2, C Fig. 8, and the base model at two speeds."""
+    return [*analytical_drawings(), *viscoelastic_drawings(), flat_car_drawing(), two_speeds_drawing()]
 
 
 def write_page(folder: Path) -> Path:

@@ -181,8 +181,11 @@ def task_of(record: Mapping[str, Any], where: str) -> Task:
     def believed(values: Mapping[str, float]) -> ControlModel:
         return control_model(scenario.belief, values, scenario.control.tick_s)
 
-    noise = scenario.instruments.localisation.std
-    return Task(believed(values), name, scenario.reference, scenario.limits, noise, offer=offer_of(offered, believed))
+    told, offer = (
+        (scenario.reference, scenario.limits, scenario.instruments.localisation.std),
+        offer_of(offered, believed),
+    )
+    return Task(believed(values), name, *told, offer=offer, estimator=scenario.control.estimator)
 
 
 def replayed(frames: Iterable[Logged], task: Task, catalogue: Catalogue, dry_run: bool = False) -> Replay:

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from controller.limits import Limits
 from controller.model.control_model import ControlModel, control_model
-from controller.registry import CONTROLLERS, leads
+from controller.registry import CONTROLLERS, checked_estimator, leads
 from controller.supervision.acceptance import AcceptanceTest, Verdict
 from controller.trajectory import Trajectory
 from hil.app.scenario.model_offer import Offered, offer_of, read_offer, read_offer_table
@@ -61,6 +61,7 @@ class ControlTable:
     duration_s: float = 10.0
     priority: int = 0
     core: int = -1
+    estimator: str = "default"
 
     def __post_init__(self) -> None:
         for name, lower, upper in (("tick_s", 5e-4, 0.02), ("seen_noise_m", 0.0, 0.01), ("duration_s", 0.01, 86400.0)):
@@ -70,6 +71,7 @@ class ControlTable:
             raise ValueError(f"control.priority must lie in [0, 99]; got {self.priority}")
         if self.core < -1:
             raise ValueError(f"control.core must be a core's number, or -1 for any; got {self.core}")
+        checked_estimator(self.estimator)
         if self.controller not in CONTROLLERS:
             choices = f"one of {', '.join(CONTROLLERS)}"
             raise ValueError(
@@ -143,7 +145,7 @@ class Deployment:
 
         control, offer = self.control, offer_of(self.offered, believed)
         told = (self.reference, self.limits, control.seen_noise_m, PLANNING * control.tick_s)
-        return Task(believed(self.values), control.controller, *told, offer=offer)
+        return Task(believed(self.values), control.controller, *told, offer=offer, estimator=control.estimator)
 
 
 def load_deployment(path: Path) -> Deployment:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from controller.limits import Limits
-from controller.registry import CONTROLLERS, leads
+from controller.registry import CONTROLLERS, checked_estimator, leads
 from controller.trajectory import Trajectory
 from hil.app.scenario.checks import CheckTable, read_checks
 from hil.app.scenario.model_offer import OfferTable, read_offer_table
@@ -47,10 +47,12 @@ class Control:
     tick_s: float = 1e-3
     controller: str = "feedforward"
     judged_from_s: float = 0.5
+    estimator: str = "default"
 
     def __post_init__(self) -> None:
         if not 1e-4 <= self.tick_s <= 0.02:
             raise ValueError(f"control.tick_s must lie in [1e-4, 0.02] s; got {self.tick_s:g}")
+        checked_estimator(self.estimator)
         if not self.judged_from_s >= 0:
             raise ValueError(f"control.judged_from_s must be zero or more; got {self.judged_from_s:g}")
 
@@ -132,6 +134,8 @@ def _buildable(truth: Truth, raw: Table) -> None:
     """Build the plant once, so that what it refuses is said of the file, under the table in which the number stands."""
     for where, record in (("capsule", truth.capsule), ("tissue", truth.tissue)):
         for name, value in vars(record).items():
+            if isinstance(value, str):
+                continue
             may_be_zero = name in ("friction_coefficient", "nose_force_angle_deg")
             if not (value > 0 or (may_be_zero and value == 0)):
                 raise ValueError(

@@ -63,7 +63,8 @@ class Bench:
             SimulatedBus(self.medium, "babbler") if any(f.kind == "babbling" for f in scenario.faults) else None
         )
         self.links: dict[str, FaultInjection] = {}
-        task = Task(model, controller, loop.reference, loop.limits, loop.instruments.localisation.std, offer=offer)
+        told = (loop.reference, loop.limits, loop.instruments.localisation.std)
+        task = Task(model, controller, *told, offer=offer, estimator=loop.control.estimator)
         self.node = ControllerNode(task, self._bus("controller", seed), observer=recorder)
         session = Session(loop.truth, replace(loop.instruments, feedback=None), seed, 0.0)
         self.plant = PlantNode(

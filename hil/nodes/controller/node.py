@@ -45,7 +45,7 @@ class Task:
     """What a controller node is built from: the control model (its tick is the bus's), the name of a controller in
     `controller.registry`, where to go, and the limits. `seen_noise_m` is the noise the localisation is believed to
     have. `deadline_s` is what the MPC's plan may take of a tick (inf, as lockstep needs it, where no clock decides).
-    `offer` is a model that is to take over at a rest.
+    `offer` is a model that is to take over at a rest, `estimator` one of `controller.registry.ESTIMATORS`.
     """
 
     model: ControlModel
@@ -55,6 +55,7 @@ class Task:
     seen_noise_m: float = 5e-4
     deadline_s: float = math.inf
     offer: Offer | None = None
+    estimator: str = "default"
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +137,9 @@ class ControllerNode:
         self.supervisor = Supervisor(
             build(task.controller, task.model, self.envelope, task.deadline_s), self.envelope, rules
         )
-        self.estimator = ModelSwitch(self.supervisor, task.controller, task.model, task.offer, task.deadline_s)
+        self.estimator = ModelSwitch(
+            self.supervisor, task.controller, task.model, task.offer, task.deadline_s, task.estimator
+        )
         self.tick_s = task.model.tick_s
         self.receiver = FrameReceiver(bus, catalogue, self.wiring, self.tick_s, observer)
         self.guard = Guard(

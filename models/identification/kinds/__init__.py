@@ -63,7 +63,7 @@ def kind_for(rig: Rig, records: Sequence[Record]) -> AnyKind:
     if rig.kind == "dma":
         return DmaKind.from_rig(rig)
     if rig.kind == "periods":
-        return PeriodsKind.from_rig(rig)
+        return PeriodsKind.from_rig(rig, records)
     if rig.kind == "vibro_table":
         table = VibroTableKind.from_rig(rig)
         return table.settled(records) if records and "mean_velocity_m_s" in records[0].columns else table

@@ -29,6 +29,29 @@ def test_reads_a_magnetic_rig(tmp_path: Path, rig_text: str) -> None:
     assert (rig.noise.position_std_m, rig.noise.force_std_N) == (5e-5, None)
 
 
+def test_lumen_diameter_stands_for_the_contact_angle(tmp_path: Path, rig_text: str) -> None:
+    text = rig_text.replace("contact_angle_deg = 60.0", "lumen_diameter_m = 9e-3")
+    assert read(tmp_path, text).tissue.contact_angle_deg == pytest.approx(46.2, abs=0.02)
+    with pytest.raises(
+        ValueError, match=r"rig.toml: \[tissue\] must have lumen_diameter_m or contact_angle_deg; got both"
+    ):
+        read(
+            tmp_path, rig_text.replace("contact_angle_deg = 60.0", "contact_angle_deg = 60.0\nlumen_diameter_m = 9e-3")
+        )
+    with pytest.raises(
+        ValueError, match=r"lumen_diameter_m must be positive and less than the capsule's 0.013 m; got 0.02"
+    ):
+        read(tmp_path, text.replace("9e-3", "20e-3"))
+
+
+def test_regime_of_the_moduli(tmp_path: Path, rig_text: str) -> None:
+    assert read(tmp_path, rig_text).tissue.regime == "low"
+    text = rig_text.replace("contact_angle_deg = 60.0", 'contact_angle_deg = 60.0\nregime = "blend"')
+    assert read(tmp_path, text).tissue.regime == "blend"
+    with pytest.raises(ValueError, match=r"\[tissue\] regime must be one of 'low', 'high' or 'blend'; got 'fast'"):
+        read(tmp_path, text.replace("blend", "fast"))
+
+
 def test_reads_a_body_on_a_plate(tmp_path: Path) -> None:
     rig = read(tmp_path, VIBRO_TABLE)
     assert rig.capsule.mass_kg == 0.193

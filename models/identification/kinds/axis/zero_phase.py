@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
+from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ _EVEN, _LONGEST = 0.05, 5.0  # share by which steps may differ, and the longest 
 
 @dataclass(frozen=True)
 class Motion:
-    """Time in s, position in m, speed in m/s and acceleration in m/s^2 of one record, all of its length."""
+    """Time in s, position in m (rad), speed and acceleration of one record, all of its length."""
 
     t: Array
     x: Array
@@ -82,14 +83,17 @@ def _unevenness(t: Array) -> tuple[int, float]:
     return worst, abs(float(steps[worst]) - usual) / usual
 
 
-def motion(t: Array, position: Array) -> Motion:
+def motion(t: Array, position: Array, velocity: Array | None = None) -> Motion:
     """Differentiate a measured position: Butterworth of order 4 forward and backward at 100 Hz, then central
-    differences.
+    differences; the speed is the `velocity` that was logged where there is one, filtered alike.
     """
     rate = sampling_rate(t)
     b, a = butter(4, min(5 * BAND_HZ / (rate / 2), 0.8))
     x = filtfilt(b, a, position, padlen=min(12, len(position) - 1))
-    v = np.gradient(x, 1 / rate)
+    if velocity is None:
+        v = np.gradient(x, 1 / rate)
+    else:
+        v = np.asarray(filtfilt(b, a, velocity, padlen=min(12, len(position) - 1)))
     return Motion(t, np.asarray(x), v, np.gradient(v, 1 / rate))
 
 
@@ -135,9 +139,11 @@ def passed(rate: float) -> float:
     return float(np.sqrt(np.mean(np.abs(gain) ** 4)))
 
 
-def quiet_roughness(signal: Array, window: int = 25) -> float:
-    """Standard deviation of a signal's noise from its second differences, in the quietest tenth of its windows."""
-    bends = np.diff(signal, 2) / np.sqrt(6)
+def quiet_roughness(signal: Array, window: int = 25, order: int = 2) -> float:
+    """Standard deviation of a signal's noise from its differences of an `order`, in the quietest tenth of its
+    windows.
+    """
+    bends = np.diff(signal, order) / np.sqrt(comb(2 * order, order))
     parts = bends[: len(bends) // window * window].reshape(-1, window) if len(bends) >= window else bends[None, :]
     return float(np.percentile(np.sqrt(np.mean(parts**2, axis=1)), 10))
 

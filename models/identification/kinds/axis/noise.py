@@ -1,0 +1,77 @@
+"""The noise of an axis: of its force, where anything tells it, and what the noise of its position makes of that."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from math import comb
+
+import numpy as np
+
+from models.identification.kinds.axis.zero_phase import Array, decimate, motion, passed, quiet_roughness, repeat_lag
+
+UNTOLD = 0.005
+"""Share of the force that counts as noise where nothing tells it: about what a good motor's torque ripples by."""
+_BEST = 1e-4  # of the force: what is below is rounding; no sensor of a force or a current is that good
+_WHITE = 0.5  # differences of a higher order say as much noise as those of a lower one, if it is white
+_ROWS = 8192
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations: `force` of the filtered force (None: nothing tells it), `speed` of a logged speed before the
+    filter, `weight` of the filtered force error of a right model; `inertia` is what a noisy acceleration shakes.
+    """
+
+    force: float | None
+    speed: float
+    inertia: float
+    weight: float
+
+
+def told_force(force: Array, position: Array, rate: float, stated: float | None) -> float | None:
+    """Noise of the filtered force: as stated, else from the repeats of the motion, else from its roughness; None where
+    all three say nothing, as for a force that is the command.
+    """
+    if stated is not None:
+        return stated * passed(rate)
+    filtered = decimate(force, rate)
+    least = _BEST * float(np.sqrt(np.mean(filtered**2)))
+    lag = repeat_lag(position, rate)
+    if lag is not None:
+        std = float(np.std(decimate(force[lag:] - force[:-lag], rate))) / np.sqrt(2)
+        return std if std > least else None
+    std = quiet_roughness(filtered)
+    finer = quiet_roughness(filtered, order=4)
+    return std if std > least and finer > _WHITE * std else None
+
+
+def white_part(signal: Array) -> float:
+    """Standard deviation of the white noise on a sampled signal, 0 where there is none: sixth differences, which motion
+    does not reach, against fourth ones.
+    """
+    if len(signal) < 20:
+        return 0.0
+    fourth, sixth = (float(np.median(np.abs(np.diff(signal, k)))) / 0.6745 / np.sqrt(comb(2 * k, k)) for k in (4, 6))
+    return sixth if sixth > _WHITE * fourth else 0.0
+
+
+@lru_cache(maxsize=32)
+def through(rate: float, logged: bool) -> tuple[float, float]:
+    """Standard deviations that white noise of standard deviation 1 on the position (on the speed where that is
+    `logged`) leaves on the speed, and on the acceleration after the force's filter; 1/s and 1/s^2 (1 and 1/s).
+    """
+    white = np.random.default_rng(0).standard_normal(_ROWS)
+    t = np.arange(_ROWS) / rate
+    m = motion(t, np.zeros(_ROWS), white) if logged else motion(t, white)
+    return float(np.std(m.v)), float(np.std(decimate(m.a, rate)))
+
+
+def inertia_of(force: Array, v: Array, a: Array, x: Array, rate: float) -> float:
+    """Mass (inertia) that a line through the force gives: enough to tell what a noisy acceleration makes of it."""
+    rows = np.column_stack([a, v, np.sign(v), x, np.ones_like(a)])
+    filtered = np.column_stack([decimate(column, rate) for column in rows.T])
+    scale = np.maximum(np.std(filtered, axis=0), 1e-300)
+    scale[-1] = 1.0
+    weights, *_ = np.linalg.lstsq(filtered / scale, decimate(force, rate), rcond=None)
+    return abs(float(weights[0] / scale[0]))

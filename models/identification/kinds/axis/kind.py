@@ -23,8 +23,9 @@ from models.identification.kind import Array, OneByOne, Theta, present
 from models.identification.kinds.axis.coordinates import LINE, TURN, Coordinates, coordinates_of
 from models.identification.kinds.axis.effects import Size, candidates
 from models.identification.kinds.axis.moved import WHOLE, Moved, carried, moved
-from models.identification.kinds.axis.noise import UNTOLD, Noise, inertia_of, through, told_force, white_part
+from models.identification.kinds.axis.noise import UNTOLD, Noise, band_of, inertia_of, through, told_force, white_part
 from models.identification.kinds.axis.zero_phase import (
+    BAND_HZ,
     decimate,
     evened,
     motion,
@@ -42,8 +43,9 @@ _BELIEF = "rig file; without it only a start for the calibration"
 
 @dataclass(frozen=True)
 class AxisKind(OneByOne):
-    """The inverse dynamics of a stage from its measured position, filtered as the EMPS authors do; of an axis that
-    turns alike, with angles, torques and inertia for positions, forces and mass.
+    """The inverse dynamics of a stage from its measured position, filtered as the EMPS authors do, in a narrower `band`
+    (Hz) where the position is too noisy for theirs; of an axis that turns alike, with angles, torques and inertia for
+    positions, forces and mass.
 
     An effect's `level` multiplies the whole friction (Coulomb and viscous), its `force` acts on the stage along +x, its
     `delay` is the time by which the position is read late. `force_std` is the force's noise before the filter, without
@@ -55,6 +57,7 @@ class AxisKind(OneByOne):
     force_std: float | None = None
     position_std: float | None = None
     coordinates: Coordinates = LINE
+    band: float = BAND_HZ
     effects: tuple[type[Effect], ...] = field(default_factory=lambda: candidates(LINE, None))
     name: str = "axis"
     criteria: int = 1
@@ -87,7 +90,9 @@ class AxisKind(OneByOne):
         noise = rig.noise
         stds = (noise.torque_std_N_m, noise.angle_std_rad) if turns else (noise.force_std_N, noise.position_std_m)
         known = [record for record in records if c.force in record.columns]
-        return cls._of(c, [stated.get(name) for name in c.base], size_of(c, known) if known else None, *stds)
+        band = min((band_of(r["t_s"], r[c.position], stds[1]) for r in records), default=BAND_HZ)
+        size = size_of(c, known, band) if known else None
+        return cls._of(c, [stated.get(name) for name in c.base], size, *stds, band)
 
     @classmethod
     def around(
@@ -109,6 +114,7 @@ class AxisKind(OneByOne):
         size: Size | None,
         force_std: float | None,
         position_std: float | None,
+        band: float = BAND_HZ,
     ) -> AxisKind:
         spans = _SPANS
         if size is not None:
@@ -123,7 +129,7 @@ class AxisKind(OneByOne):
         for name, unit, value, (start, lower, upper) in zip(c.base, c.units, given, spans, strict=True):
             at = start if value is None else value
             rows.append(Parameter(name, at, unit, min(lower, at), max(upper, at), _BELIEF, fit=True))
-        return cls(tuple(rows), force_std, position_std, c, candidates(c, size))
+        return cls(tuple(rows), force_std, position_std, c, band, candidates(c, size))
 
     @property
     def quantity(self) -> str:
@@ -139,7 +145,8 @@ class AxisKind(OneByOne):
     def measure(self) -> str:
         """What `error` is, in words."""
         word = self.coordinates.names[3]
-        return f"norm of the {word} error over norm of the {word} in %, both low-passed at 40 Hz without phase"
+        cut = f"{2 * self.band:g} Hz"
+        return f"norm of the {word} error over norm of the {word} in %, both low-passed at {cut} without phase"
 
     def nominal(self) -> dict[str, float]:
         """The base parameters as believed."""
@@ -179,15 +186,15 @@ class AxisKind(OneByOne):
         errors = np.stack([record[self.quantity] - self.predict(record, theta) for theta in thetas])
         of = self._moved(record)
         errors[:, ~used(record) | of.still] = 0.0
-        return list(decimate(errors, of.motion.rate) / self.noise(record).weight)
+        return list(decimate(errors, of.motion.rate, self.band) / self.noise(record).weight)
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
         """The authors' relative force error in %, pooled."""
         wrong = right = 0.0
         for record, prediction in zip(records, predictions, strict=True):
             rate = sampling_rate(record["t_s"])
-            force = decimate(record[self.quantity], rate)
-            wrong += float(np.sum((force - decimate(prediction, rate)) ** 2))
+            force = decimate(record[self.quantity], rate, self.band)
+            wrong += float(np.sum((force - decimate(prediction, rate, self.band)) ** 2))
             right += float(np.sum(force**2))
         return 100 * float(np.sqrt(wrong / right))
 
@@ -208,23 +215,24 @@ class AxisKind(OneByOne):
             return Noise(None if np.isnan(whole) else whole, *rest)
         of, force = self._moved(record), record[self.quantity]
         m = of.motion
-        told = told_force(force, record[self.coordinates.position], m.rate, self.force_std)
+        told = told_force(force, record[self.coordinates.position], m.rate, self.band, self.force_std)
         speed = 0.0 if of.logged is None else white_part(of.logged)
-        _, jolt = through(round(m.rate, 3), of.logged is not None)
-        inertia = inertia_of(force, m.v, m.a, m.x, m.rate)
+        _, jolt = through(round(m.rate, 3), self.band, of.logged is not None)
+        inertia = inertia_of(force, m, self.band)
         shaken = inertia * jolt * (of.place if of.logged is None else speed)
         own = self._believed(record) if told is None else told
         return Noise(told, speed, inertia if shaken else 0.0, max(float(np.hypot(own, shaken)), 1e-12))
 
     def _believed(self, record: Record) -> float:
         """What counts as the noise of a force whose own is not told."""
-        return UNTOLD * float(np.sqrt(np.mean(decimate(record[self.quantity], self._moved(record).motion.rate) ** 2)))
+        filtered = decimate(record[self.quantity], sampling_rate(record["t_s"]), self.band)
+        return UNTOLD * float(np.sqrt(np.mean(filtered**2)))
 
     def noise_floor(self, records: Sequence[Record]) -> float:
         """What the noise alone, the quietest record's, makes of the error, in %; not a number where nothing tells the
         force's.
         """
-        forces = np.concatenate([decimate(r[self.quantity], sampling_rate(r["t_s"])) for r in records])
+        forces = np.concatenate([decimate(r[self.quantity], sampling_rate(r["t_s"]), self.band) for r in records])
         noises = [self.noise(r) for r in records]
         if any(noise.force is None for noise in noises):
             return math.nan
@@ -238,12 +246,11 @@ class AxisKind(OneByOne):
         noise, of = self.noise(whole), self._moved(whole)
         rate = of.motion.rate
         own = self._believed(record) if noise.force is None else noise.force
-        made = self.predict(whole, theta) + own / passed(rate) * rng.standard_normal(len(record))
+        made = self.predict(whole, theta) + own / passed(rate, self.band) * rng.standard_normal(len(record))
         if noise.inertia:
-            shaken = [of.place * rng.standard_normal(len(record))]
-            if of.logged is not None:
-                shaken.append(noise.speed * rng.standard_normal(len(record)))
-            made = made + noise.inertia * motion(of.motion.t, *shaken).a
+            place = of.place * rng.standard_normal(len(record))
+            speed = None if of.logged is None else noise.speed * rng.standard_normal(len(record))
+            made = made + noise.inertia * motion(of.motion.t, place, speed, self.band).a
         return whole.with_column(self.quantity, made)
 
     def splits(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
@@ -288,7 +295,7 @@ class AxisKind(OneByOne):
             return known[1]
         if len(self._seen) > 64:
             self._seen.clear()
-        found = moved(record, self.coordinates, self.position_std)
+        found = moved(record, self.coordinates, self.position_std, self.band)
         self._seen[key] = (record, found)  # the record is kept so that its arrays' ids stay theirs
         return found
 
@@ -297,9 +304,9 @@ _SPANS = ((10.0, 1e-4, 1e3), (100.0, 0.0, 1e4), (10.0, 0.0, 1e3), (0.0, -1e3, 1e
 """Start, lower and upper bound of the base parameters where no record tells the size of the axis."""
 
 
-def size_of(c: Coordinates, records: Sequence[Record]) -> Size:
+def size_of(c: Coordinates, records: Sequence[Record], band: float) -> Size:
     """How large the records are: nearly the greatest of each of their signals."""
-    motions = [motion(record["t_s"], record[c.position]) for record in records]
+    motions = [motion(record["t_s"], record[c.position], band=band) for record in records]
 
     def most(parts: Sequence[Array]) -> float:
         return max(float(np.percentile(np.abs(np.concatenate(parts)), 98)), 1e-9)

@@ -22,7 +22,7 @@ _AGREES = 0.2  # of the speed, by which a logged one may differ from the positio
 @dataclass(frozen=True)
 class Moved:
     """The motion, the sign of its speed as far as the noise of the position (standard deviation `place`) lets it be
-    told, where the axis rests, and the logged speed where that agrees with the position's.
+    told, where the axis rests or its direction is unsure, and the logged speed where that agrees with the position's.
     """
 
     motion: Motion
@@ -32,22 +32,24 @@ class Moved:
     logged: Array | None
 
 
-def moved(record: Record, c: Coordinates, position_std: float | None) -> Moved:
-    """The motion of `record`, a whole one or a part that carries the whole's; `position_std` where it is stated."""
+def moved(record: Record, c: Coordinates, position_std: float | None, band: float) -> Moved:
+    """The motion of `record`, a whole one or a part that carries the whole's; `position_std` where it is stated,
+    `band` that of the filters in Hz.
+    """
     if WHOLE[0] in record.columns:
         m = Motion(record["t_s"], *(record[column] for column in WHOLE))
         place, still = float(record[PLACE_NOISE][0]), record[STILL] > 0.5
-        return Moved(m, _direction(m, place), still, place, record.columns.get(c.velocity))
+        return Moved(m, _direction(m, place, band), still, place, record.columns.get(c.velocity))
     position = record[c.position]
-    m = motion(record["t_s"], position)
+    m = motion(record["t_s"], position, band=band)
     logged = record.columns.get(c.velocity)
     if logged is not None:
         apart = float(np.sqrt(np.mean((m.v - logged) ** 2)))
         logged = logged if apart < _AGREES * float(np.sqrt(np.mean(m.v**2))) else None
     if logged is not None:
-        m = motion(record["t_s"], position, logged)
+        m = motion(record["t_s"], position, logged, band)
     place = position_std or white_part(position)
-    return Moved(m, _direction(m, place), _still(m, place), place, logged)
+    return Moved(m, _direction(m, place, band), _still(m, place, band), place, logged)
 
 
 def carried(record: Record, c: Coordinates, of: Moved) -> Record:
@@ -58,19 +60,19 @@ def carried(record: Record, c: Coordinates, of: Moved) -> Record:
     return replace(kept, columns={**kept.columns, **told})
 
 
-def _unsure(m: Motion, place: float) -> float:
+def _unsure(m: Motion, place: float, band: float) -> float:
     """Speed that the noise of the position may feign, one standard deviation."""
-    return through(round(m.rate, 3), False)[0] * place
+    return through(round(m.rate, 3), band, False)[0] * place
 
 
-def _direction(m: Motion, place: float) -> Array:
-    unsure = 2 * _unsure(m, place)
+def _direction(m: Motion, place: float, band: float) -> Array:
+    unsure = 2 * _unsure(m, place, band)
     return np.clip(m.v / unsure, -1, 1) if unsure > 0 else np.sign(m.v)
 
 
-def _still(m: Motion, place: float) -> NDArray[np.bool_]:
+def _still(m: Motion, place: float, band: float) -> NDArray[np.bool_]:
     fast = np.abs(m.v)
-    out = np.zeros(len(fast), dtype=bool)
-    for a, b in runs_of(fast < max(_REST * float(np.percentile(fast, 99)), 4 * _unsure(m, place))):
+    out = fast < 2 * _unsure(m, place, band)
+    for a, b in runs_of(fast < max(_REST * float(np.percentile(fast, 99)), 4 * _unsure(m, place, band))):
         out[a:b] = (b - a) > _REST_S * m.rate
     return out

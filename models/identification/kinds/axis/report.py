@@ -74,7 +74,7 @@ def _where_it_remains(kind: AxisKind, theta: Theta, records: Sequence[Record]) -
     for record in records:
         rate = sampling_rate(record["t_s"])
         error = kind.residual(record, theta)
-        moving = np.abs(decimate(kind.signals(record)[kind.coordinates.names[2]], rate))
+        moving = np.abs(decimate(kind.signals(record)[kind.coordinates.names[2]], rate, kind.band))
         fast = moving > 0.1 * np.max(moving)
         squares["accelerating"] += float(np.sum(error[fast] ** 2))
         squares["cruising"] += float(np.sum(error[~fast] ** 2))
@@ -88,8 +88,8 @@ def _what_is_left(kind: AxisKind, theta: Theta, records: Sequence[Record]) -> st
     if np.isnan(floor):
         return (
             f"Nothing tells the noise of the {word} (no repeats that differ, no noise of its own, none stated): it may"
-            f" be the command. No floor is claimed; the model leaves {left:.3g} %, and what is below {100 * UNTOLD:g} % is"
-            " not looked for."
+            f" be the command. No floor is claimed; the model leaves {left:.3g} %, and what is below"
+            f" {100 * UNTOLD:g} % is not looked for."
         )
     return f"Noise and repeats of the same motion leave {floor:.2f} % of the {word}; the model leaves {left:.2f} %."
 

@@ -48,7 +48,7 @@ def find_ripple(kind: AxisKind, record: Record, theta: Theta) -> Ripple | None:
     best, found = 0.0, None
     for wave in waves:
         angle = 2 * math.pi * wave * x
-        pair = np.column_stack([decimate(np.sin(angle), rate), decimate(np.cos(angle), rate)])
+        pair = np.column_stack([decimate(np.sin(angle), rate, kind.band), decimate(np.cos(angle), rate, kind.band)])
         weights, *_ = np.linalg.lstsq(pair, e, rcond=None)
         share = 1 - float(np.sum((e - pair @ weights) ** 2) / np.sum(e**2))
         if share > best:

@@ -74,5 +74,5 @@ def _still(m: Motion, place: float, band: float) -> NDArray[np.bool_]:
     fast = np.abs(m.v)
     out = fast < 2 * _unsure(m, place, band)
     for a, b in runs_of(fast < max(_REST * float(np.percentile(fast, 99)), 4 * _unsure(m, place, band))):
-        out[a:b] = (b - a) > _REST_S * m.rate
+        out[a:b] |= (b - a) > _REST_S * m.rate
     return out

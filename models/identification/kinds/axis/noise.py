@@ -46,20 +46,21 @@ def told_force(force: Array, position: Array, rate: float, band: float, stated: 
     """
     if stated is not None:
         return stated * passed(rate, band)
-    filtered = decimate(force, rate, band)
+    filtered = decimate(force, rate)
     least = _BEST * float(np.sqrt(np.mean(filtered**2)))
     lag = repeat_lag(position, rate)
     if lag is not None:
         std = float(np.std(decimate(force[lag:] - force[:-lag], rate, band))) / np.sqrt(2)
         return std if std > least else None
-    std, finer = (quiet_roughness(filtered, order=k) / _shown(rate, band, k) for k in (2, 4))
-    return std if std > least and finer > _WHITE * std else None
+    std, finer = (quiet_roughness(filtered, order=k) / _shown(rate, k) for k in (2, 4))
+    told = std > least and finer > _WHITE * std
+    return min(std, finer) * passed(rate, band) / passed(rate) if told else None
 
 
 @lru_cache(maxsize=64)
-def _shown(rate: float, band: float, order: int) -> float:
+def _shown(rate: float, order: int) -> float:
     """What `quiet_roughness` shows of filtered white noise, over its standard deviation."""
-    white = decimate(np.random.default_rng(0).standard_normal(_ROWS), rate, band)
+    white = decimate(np.random.default_rng(0).standard_normal(_ROWS), rate)
     return quiet_roughness(white, order=order) / float(np.std(white))
 
 

@@ -69,7 +69,7 @@ class AxisKind(OneByOne):
     least_gain: float = 0.05
     equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
     _noise: dict[tuple[int, float | None], tuple[Array, Noise]] = field(default_factory=dict, repr=False, compare=False)
-    _seen: dict[tuple[int, int], tuple[Record, Moved]] = field(default_factory=dict, repr=False, compare=False)
+    _seen: dict[tuple[int, ...], tuple[Record, Moved]] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def from_rig(cls, rig: Rig, records: Sequence[Record] = ()) -> AxisKind:
@@ -189,13 +189,13 @@ class AxisKind(OneByOne):
         return list(decimate(errors, of.motion.rate, self.band) / self.noise(record).weight)
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
-        """The authors' relative force error in %, pooled."""
+        """The authors' relative force error in %, pooled; where an axis rests, none is counted."""
         wrong = right = 0.0
         for record, prediction in zip(records, predictions, strict=True):
             rate = sampling_rate(record["t_s"])
-            force = decimate(record[self.quantity], rate, self.band)
-            wrong += float(np.sum((force - decimate(prediction, rate, self.band)) ** 2))
-            right += float(np.sum(force**2))
+            error = np.where(self._moved(record).still, 0.0, record[self.quantity] - prediction)
+            wrong += float(np.sum(decimate(error, rate, self.band) ** 2))
+            right += float(np.sum(decimate(record[self.quantity], rate, self.band) ** 2))
         return 100 * float(np.sqrt(wrong / right))
 
     def noise(self, record: Record) -> Noise:
@@ -288,8 +288,8 @@ class AxisKind(OneByOne):
         return {"t_s": record["t_s"], self.quantity: predicted}
 
     def _moved(self, record: Record) -> Moved:
-        position = record[self.coordinates.position]
-        key = (id(record["t_s"]), id(record[WHOLE[0]] if WHOLE[0] in record.columns else position))
+        names = ("t_s", self.coordinates.position, self.coordinates.velocity, WHOLE[0])
+        key = tuple(id(record.columns.get(name)) for name in names)
         known = self._seen.get(key)
         if known is not None:
             return known[1]

@@ -82,9 +82,21 @@ def candidates(c: Coordinates, size: Size | None) -> tuple[type[Effect], ...]:
     if size is None and not c.turns:
         return tuple(declared)
     ranges = _ranges(size) if size else {}
+    if not c.turns:
+        return tuple(_variant(e, c, _wider(e, ranges), None, None) for e in declared)
     grids = _grids(size) if size else {}
     probes = _probes(size) if size else {}
     return tuple(_variant(e, c, ranges, grids.get(e.id), probes.get(e.id)) for e in declared)
+
+
+def _wider(effect: type[Effect], ranges: Mapping[str, Range]) -> Mapping[str, Range]:
+    """A stage's ranges: those declared in metres and newtons, wider where its records ask for more."""
+    names = {p.name: f"{effect.id}.{p.name}" for p in effect.parameters()}
+    return {
+        names[p.name]: (p.value, min(p.lower, ranges[names[p.name]][1]), max(p.upper, ranges[names[p.name]][2]))
+        for p in effect.parameters()
+        if names[p.name] in ranges and p.role == ""
+    }
 
 
 def _ranges(size: Size) -> Mapping[str, Range]:

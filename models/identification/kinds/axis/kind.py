@@ -21,7 +21,7 @@ from models.files.record import Record
 from models.files.rig import Rig
 from models.identification.kind import Array, OneByOne, Theta, present
 from models.identification.kinds.axis.coordinates import LINE, TURN, Coordinates, coordinates_of
-from models.identification.kinds.axis.effects import Size, candidates
+from models.identification.kinds.axis.effects import Range, Size, candidates
 from models.identification.kinds.axis.moved import WHOLE, Moved, carried, moved
 from models.identification.kinds.axis.noise import UNTOLD, Noise, band_of, inertia_of, through, told_force, white_part
 from models.identification.kinds.axis.zero_phase import (
@@ -116,15 +116,16 @@ class AxisKind(OneByOne):
         position_std: float | None,
         band: float = BAND_HZ,
     ) -> AxisKind:
-        spans = _SPANS
+        spans: Sequence[Range] = _SPANS
         if size is not None:
             mass, drag = size.force / size.acceleration, size.force / size.speed
-            spans = (
+            told = (
                 (0.3 * mass, 1e-4 * mass, 30 * mass),
                 (0.2 * drag, 0.0, 10 * drag),
                 (0.2 * size.force, 0.0, 3 * size.force),
                 (0.0, -3 * size.force, 3 * size.force),
             )
+            spans = told if c.turns else _both(told)
         rows = []
         for name, unit, value, (start, lower, upper) in zip(c.base, c.units, given, spans, strict=True):
             at = start if value is None else value
@@ -302,6 +303,14 @@ class AxisKind(OneByOne):
 
 _SPANS = ((10.0, 1e-4, 1e3), (100.0, 0.0, 1e4), (10.0, 0.0, 1e3), (0.0, -1e3, 1e3))
 """Start, lower and upper bound of the base parameters where no record tells the size of the axis."""
+
+
+def _both(told: Sequence[Range]) -> tuple[Range, ...]:
+    """A stage's ranges where records told theirs: its own starts, and bounds as wide as the wider of the two."""
+    return tuple(
+        (start, min(lower, low), max(upper, high))
+        for (start, lower, upper), (_, low, high) in zip(_SPANS, told, strict=True)
+    )
 
 
 def size_of(c: Coordinates, records: Sequence[Record], band: float) -> Size:

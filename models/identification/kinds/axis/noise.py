@@ -23,6 +23,7 @@ from models.identification.kinds.axis.zero_phase import (
 UNTOLD = 0.005
 """Share of the force that counts as noise where nothing tells it: about what a good motor's torque ripples by."""
 _BEST = 1e-4  # of the force: what is below is rounding; no sensor of a force or a current is that good
+_QUITE = 0.85
 _WHITE = 0.5  # differences of a higher order say as much noise as those of a lower one, if it is white
 _CLEAR, _HALVINGS = 0.1, 5  # share of the acceleration that its noise may be, and how often a band is halved for it
 _ROWS = 8192
@@ -53,8 +54,11 @@ def told_force(force: Array, position: Array, rate: float, band: float, stated: 
         std = float(np.std(decimate(force[lag:] - force[:-lag], rate, band))) / np.sqrt(2)
         return std if std > least else None
     std, finer = (quiet_roughness(filtered, order=k) / _shown(rate, k) for k in (2, 4))
-    told = std > least and finer > _WHITE * std
-    return min(std, finer) * passed(rate, band) / passed(rate) if told else None
+    if std < least or finer < _WHITE * std:
+        return None
+    if finer < _QUITE * std or std < _QUITE * finer:  # not quite white: what shows is all that can be claimed
+        std *= _shown(rate, 2)
+    return std * passed(rate, band) / passed(rate)
 
 
 @lru_cache(maxsize=64)

@@ -124,12 +124,15 @@ def _init(
         str, typer.Argument(metavar="KIND", help="pull, magnetic, coil, vibro, vibro_table, axis, periods or dma.")
     ],
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the files; made where there is none.")],
+    rotary: Annotated[
+        bool, typer.Option("--rotary", help="An axis that turns: angle, torque and inertia, in rad and N m.")
+    ] = False,
     json_output: Json = False,
 ) -> None:
     """The first files of your own rig: a commented rig file, a template record, the command to run."""
     from hil.app.init.command import init
 
-    init(kind, folder, json_output=json_output)
+    init(kind, folder, rotary=rotary, json_output=json_output)
 
 
 @_command(

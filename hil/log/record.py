@@ -20,7 +20,7 @@ from hil.formats.record import channel_record
 from hil.formats.table import format_of
 from hil.log.blf_file import RECEIVED, SENT, Logged
 from hil.log.reader import is_log, read_frames
-from models.files.columns import COLUMNS, RANGES, TIME, first_wrong
+from models.files.columns import COLUMNS, TIME, first_wrong, range_of
 from models.files.record import Record, read_record
 from models.files.rig import Rig
 
@@ -116,11 +116,9 @@ def log_record(path: Path, rig: Rig, *, driven_only: bool = False, catalogue: Ca
             f"{path}: record of kind {rig.kind} must have {least} to {kind.limit} rows; the log gives {rows}"
         )
     for name, values in columns.items():
-        row = first_wrong(name, values)
-        if row is not None:
-            raise ValueError(
-                f"{path}: {name} must be {RANGES[name][2]}; got {values[row]:g} at {columns[TIME][row]:g} s"
-            )
+        row, limits = first_wrong(rig.kind, name, values), range_of(rig.kind, name)
+        if row is not None and limits is not None:
+            raise ValueError(f"{path}: {name} must be {limits[2]}; got {values[row]:g} at {columns[TIME][row]:g} s")
     return Record(path.stem, rig.kind, columns)
 
 

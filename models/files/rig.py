@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from models.files.columns import COLUMNS
+from models.files.columns import COLUMNS, known_of
 from models.files.mapping import ColumnMap, MappedColumn
 from models.files.rig_tables import (
     Axis,
@@ -215,7 +215,7 @@ class _File:
     def columns(self) -> ColumnMap:
         """`[columns]`: for each column of ours a table, or the name alone."""
         self.used.add("columns")
-        known, entries = COLUMNS[self.kind].known(), list[MappedColumn]()
+        known, entries = known_of(self.kind), list[MappedColumn]()
         for target, given in self.raw.get("columns", {}).items():
             if target not in known:
                 raise ValueError(

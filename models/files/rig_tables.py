@@ -27,6 +27,8 @@ class Noise(Table):
 
     position_std_m: Positive | None = None
     force_std_N: Positive | None = None
+    angle_std_rad: Positive | None = None
+    torque_std_N_m: Positive | None = None
     velocity_std_m_s: Positive | None = None
     period_std_s: Positive | None = None
     modulus_std_Pa: Positive | None = None
@@ -108,12 +110,18 @@ class Coil(Table):
 
 
 class Axis(Table):
-    """Nominal numbers of a linear stage, `F = M a + F_v v + F_c sgn(v) + offset`; all may be left out."""
+    """Nominal numbers of a linear stage, `F = M a + F_v v + F_c sgn(v) + offset`, or those of one that turns; all may
+    be left out.
+    """
 
     mass_kg: Mass | None = None
     viscous_friction_N_s_per_m: NotNegative | None = None
     coulomb_friction_N: NotNegative | None = None
     offset_N: Real | None = None
+    inertia_kg_m2: Positive | None = None
+    viscous_friction_N_m_s_per_rad: NotNegative | None = None
+    coulomb_friction_N_m: NotNegative | None = None
+    offset_N_m: Real | None = None
 
 
 class CapsuleTable(Table):

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from models.assembly.model import effect_parameters
 from models.effects import BY_ID, REFINEMENTS
 from models.effects.own import LOADED
-from models.files.columns import COLUMNS
 from models.files.record import Record, named
 from models.files.rig import Rig
 from models.files.toml import parse_toml, read_text
@@ -113,7 +112,7 @@ class Model:
         """The measured columns as this model predicts them from the driven columns of `record` alone."""
         if stage not in self.stages:
             raise ValueError(f"stage must be one of {', '.join(STAGES)}; got {stage!r}; {nearest(stage, STAGES)}")
-        driven = record.without(COLUMNS[rig.kind].measured)
+        driven = record.without(record.layout.measured)
         check_demand(driven)
         kind = kind_for(rig, [driven])
         with named(record):
@@ -124,7 +123,7 @@ class Model:
         no other, and those of effects that can act on it, all within their bounds. Raises ValueError of one
         sentence.
         """
-        kind = kind_for(rig, [record.without(COLUMNS[rig.kind].measured)])
+        kind = kind_for(rig, [record.without(record.layout.measured)])
         base = tuple(
             replace(p, upper=np.inf) if p.name == SWITCH_DELAY else p for p in kind.base
         )  # at most a sample of its own records

@@ -17,7 +17,7 @@ from hil.app.scenario.reference import REFERENCES
 from hil.app.scenario.scenario import Control
 from hil.formats.table import FORMATS
 from hil.nodes.cia402.states import Cia402Table
-from models.files.columns import ABOVE, COLUMNS, RANGES, TIME
+from models.files.columns import ABOVE, COLUMNS, RANGES, TIME, VARIANTS
 from models.files.rig_tables import (
     Axis,
     BodyTable,
@@ -109,10 +109,12 @@ def deployment_keys() -> str:
 def columns() -> str:
     """What a record of each kind of rig must hold, and the ranges of its columns, as Markdown."""
     lines = ["| kind | driven | measured | fewest rows |", "| --- | --- | --- | --- |"]
-    for kind, known in COLUMNS.items():
+    held = [(kind, one) for kind in COLUMNS for one in (COLUMNS[kind], *VARIANTS.get(kind, ()))]
+    for kind, known in held:
         driven = [f"`{TIME}`"] if known.time else []
         driven += [" or ".join(f"`{name}`" for name in alternatives) for alternatives in known.driven]
         driven += [f"`{name}` (or in the rig file)" for name in known.given_by_rig]
+        driven += [f"`{name}` (may be left out)" for name in known.optional]
         measured = ", ".join(f"`{name}`" for name in known.measured)
         lines.append(f"| `{kind}` | {', '.join(driven)} | {measured} | {known.minimum} |")
     lines += ["", "| column | range |", "| --- | --- |"]

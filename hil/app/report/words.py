@@ -30,6 +30,8 @@ _NAMES = MappingProxyType(
 _UNITS = MappingProxyType(
     {
         "_m_s2": "m/s²",
+        "_rad_s2": "rad/s²",
+        "_N_m": "N m",
         "_rad_s": "rad/s",
         "_N_per_m": "N/m",
         "_m_s": "m/s",

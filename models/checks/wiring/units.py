@@ -10,6 +10,7 @@ from models.checks.view import View
 _TRAVEL_M = (2e-5, 3.0)
 _SPEED_M_S = (2e-6, 1.0)
 _STAGE_SPEED_M_S = (1e-6, 20.0)
+_TURNING_SPEED_RAD_S = (1e-6, 1e4)
 _FORCE_N = (1e-4, 20.0)
 _IN_GUT = ("pull", "magnetic", "coil", "vibro")
 
@@ -26,8 +27,10 @@ def check_units(view: View) -> list[RecordFinding]:
             out.append(_off(view, view.moving_column, f"travels {travel:.3g} m", _TRAVEL_M, "m"))
         elif fastest > _SPEED_M_S[1]:
             out.append(_off(view, view.moving_column, f"moves at {fastest:.3g} m/s", _SPEED_M_S, "m/s"))
-    elif fastest > _STAGE_SPEED_M_S[1]:
-        out.append(_off(view, view.moving_column, f"moves at {fastest:.3g} m/s", _STAGE_SPEED_M_S, "m/s"))
+    else:
+        usual, unit = (_TURNING_SPEED_RAD_S, "rad/s") if view.turns else (_STAGE_SPEED_M_S, "m/s")
+        if fastest > usual[1]:
+            out.append(_off(view, view.moving_column, f"moves at {fastest:.3g} {unit}", usual, unit))
     if view.kind == "pull" and "force_N" in view.record.columns:
         size = float(np.percentile(np.abs(view.record["force_N"]), 90))
         if size > _FORCE_N[1] or 0 < size < _FORCE_N[0]:

@@ -16,7 +16,7 @@ from hil.app.run.loop import ENDS, Outcome, Signals, lead, prepare_process, rese
 from hil.app.scenario.deployment import BusTable, Deployment, load_deployment
 from hil.app.scenario.model_offer import offer_words, told
 from hil.app.write import check_file, check_targets
-from hil.bus.catalogue import load_catalogue
+from hil.bus.catalogue import Catalogue, load_catalogue
 from hil.bus.local import LocalBus
 from hil.log.log import FrameLog, record_path
 from hil.log.recorder import Recorder, log_record
@@ -58,14 +58,28 @@ def run(
     limits = limits_point(deployment.limits, deployment.rig.kind, catalogue)
     if action != "check" and not limits.good:
         raise ValueError(f"{path}: {limits.words}")
+    try:
+        return _run(path, deployment, catalogue, action, dry_run, log, json_output)
+    except OtherControllerError as error:
+        return _not_begun(path, str(error), json_output)
+
+
+def _run(
+    path: Path,
+    deployment: Deployment,
+    catalogue: Catalogue,
+    action: str,
+    dry_run: bool,
+    log: Path,
+    json_output: bool,
+) -> int:
+    """As `run`, of what can be used. Raises OtherControllerError besides."""
     with output_to_notes():
         task = deployment.task()
         try:
             bus = ClockedBus(_drives_bus(deployment, listen_only=dry_run or action == "check"), Clock())
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
-        except OtherControllerError as error:
-            return _not_begun(path, str(error), json_output)
         try:
             if action == "check":
                 points = check(deployment, task, bus, catalogue)

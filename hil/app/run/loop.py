@@ -172,7 +172,7 @@ def _ready(node: ControllerNode, now: float, outcome: Outcome, signals: Signals)
     elif not _fit(node, now):
         fed = node.receiver.evidence(now).feedback_s < HEARTBEAT_LOST_S
         silent = "no heartbeat of the drive as capsule.dbc has it" if fed else "no feedback of the drive"
-        refused = f"; {words}" if (words := node.receiver.refused_words) else ""
+        refused = f"; {words}" if not doubt and (words := node.receiver.refused_words) else ""
         outcome.ended = f"nothing to lead: {doubt or silent}{refused}{node.receiver.error_words}"
     else:
         return True

@@ -60,7 +60,7 @@ def run(
         raise ValueError(f"{path}: {limits.words}")
     try:
         return _run(path, deployment, catalogue, action, dry_run, log, json_output)
-    except OtherControllerError as error:
+    except _OtherControllerError as error:
         return _not_begun(path, str(error), json_output)
 
 
@@ -73,7 +73,7 @@ def _run(
     log: Path,
     json_output: bool,
 ) -> int:
-    """As `run`, of what can be used. Raises OtherControllerError besides."""
+    """As `run`, of what can be used. Raises _OtherControllerError besides."""
     with output_to_notes():
         task = deployment.task()
         try:
@@ -147,7 +147,7 @@ def _drives_bus(deployment: Deployment, *, listen_only: bool) -> can.BusABC:
     bus, table = open_bus(deployment.bus), deployment.cia402
     if not listen_only and (others := _controllers_on(bus)):
         bus.shutdown()
-        raise OtherControllerError(f"another controller is on the bus ({', '.join(others)})")
+        raise _OtherControllerError(f"another controller is on the bus ({', '.join(others)})")
     if table is None:
         return bus
     if not listen_only:
@@ -160,7 +160,7 @@ def _drives_bus(deployment: Deployment, *, listen_only: bool) -> can.BusABC:
     return Cia402Bus(bus, table, load_catalogue())
 
 
-class OtherControllerError(Exception):
+class _OtherControllerError(Exception):
     """Another controller has been heard before anything was sent."""
 
 

@@ -13,7 +13,7 @@ import can
 
 from hil.formats.channels import check_regular, library, refusing
 from hil.formats.mf4_file import EXTRA, holds_frames
-from hil.log.blf_file import Logged, way_of
+from hil.log.blf_file import Logged, is_own, way_of
 from hil.log.log import record_path
 
 ENDINGS: Final = (".blf", ".asc", ".mf4", ".trc", ".log")
@@ -30,7 +30,8 @@ def is_log(path: Path) -> bool:
 
 
 def read_frames(path: Path) -> Iterator[Logged]:
-    """The classic data frames with 11-bit identifiers of the log `path`, in its order; others are left out.
+    """The classic data frames with 11-bit identifiers of the log `path`, in its order; others are left out. Times of a
+    log of ours are its node's clock's, of others what they say.
 
     A file that ends in the middle gives what is whole. Raises ValueError of one sentence for what is no log.
     """
@@ -39,7 +40,7 @@ def read_frames(path: Path) -> Iterator[Logged]:
             raise ValueError(f"{path}: log must be smaller than {LARGEST_FILE} bytes; got {path.stat().st_size}")
         if path.stat().st_size == 0:
             raise ValueError(f"{path}: log must hold frames; got an empty file")
-        if path.suffix.lower() == ".blf" and _first_bytes(path) != b"LOGG":
+        if path.suffix.lower() == ".blf" and _first_bytes(path, 4) != b"LOGG":
             raise ValueError(f"{path}: log must be one in the format that its name ends in; got another content")
         if path.suffix.lower() == ".mf4" and not is_log(path):
             raise ValueError(f"{path}: log must hold frames of a CAN bus; got an MF4 file without any")
@@ -47,6 +48,8 @@ def read_frames(path: Path) -> Iterator[Logged]:
             with refusing(path, "a log"):
                 library("asammdf", EXTRA)
         reader: Any = can.LogReader(path)
+        if path.suffix.lower() == ".blf" and is_own(_first_bytes(path, 64)):
+            reader.start_timestamp = 0.0
     except OSError as error:
         raise ValueError(f"{path}: log must be a file that can be read; got: {error.strerror or error}") from None
     except Exception as error:
@@ -57,9 +60,9 @@ def read_frames(path: Path) -> Iterator[Logged]:
         yield from _frames(reader, path)
 
 
-def _first_bytes(path: Path) -> bytes:
+def _first_bytes(path: Path, count: int) -> bytes:
     with path.open("rb") as file:
-        return file.read(4)
+        return file.read(count)
 
 
 def _frames(reader: Any, path: Path) -> Iterator[Logged]:

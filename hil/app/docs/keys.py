@@ -78,7 +78,9 @@ _CHOICES: Final[Mapping[str, tuple[str, ...]]] = {
 CHECKED: Final[Mapping[tuple[type[Any], str], tuple[float, float]]] = {
     (ControlTable, "tick_s"): (5e-4, 0.02),
     (ControlTable, "seen_noise_m"): (0.0, 0.01),
+    (ControlTable, "resolution_m"): (0.0, 0.01),
     (ControlTable, "duration_s"): (0.01, 86400.0),
+    (ControlTable, "give_up_s"): (0.5, 3600.0),
     (ControlTable, "priority"): (0, 99),
     (ControlTable, "core"): (-1, math.inf),
     (Control, "tick_s"): (1e-4, 0.02),

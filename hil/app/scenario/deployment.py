@@ -51,20 +51,29 @@ class BusTable:
 
 @dataclass(frozen=True)
 class ControlTable:
-    """`[control]`: which controller at which tick, the noise of the localisation, how long; `priority` 1 to 99 asks for
-    SCHED_FIFO, `core` from 0 on for one core alone.
+    """`[control]`: which controller at which tick, the noise of the localisation and its pixels or steps, how long from
+    the drive's being enabled on, and how long to wait for that; `priority` 1 to 99 asks for SCHED_FIFO, `core` from 0
+    on for one core alone.
     """
 
     controller: str = "feedforward"
     tick_s: float = 2e-3
     seen_noise_m: float = 5e-4
+    resolution_m: float = 0.0
     duration_s: float = 10.0
+    give_up_s: float = 5.0
     priority: int = 0
     core: int = -1
     estimator: str = "default"
 
     def __post_init__(self) -> None:
-        for name, lower, upper in (("tick_s", 5e-4, 0.02), ("seen_noise_m", 0.0, 0.01), ("duration_s", 0.01, 86400.0)):
+        for name, lower, upper in (
+            ("tick_s", 5e-4, 0.02),
+            ("seen_noise_m", 0.0, 0.01),
+            ("resolution_m", 0.0, 0.01),
+            ("duration_s", 0.01, 86400.0),
+            ("give_up_s", 0.5, 3600.0),
+        ):
             if not lower <= getattr(self, name) <= upper:
                 raise ValueError(f"control.{name} must lie in [{lower:g}, {upper:g}]; got {getattr(self, name):g}")
         if not 0 <= self.priority <= 99:
@@ -145,7 +154,14 @@ class Deployment:
 
         control, offer = self.control, offer_of(self.offered, believed)
         told = (self.reference, self.limits, control.seen_noise_m, PLANNING * control.tick_s)
-        return Task(believed(self.values), control.controller, *told, offer=offer, estimator=control.estimator)
+        return Task(
+            believed(self.values),
+            control.controller,
+            *told,
+            resolution_m=control.resolution_m,
+            offer=offer,
+            estimator=control.estimator,
+        )
 
 
 def load_deployment(path: Path) -> Deployment:

@@ -52,9 +52,10 @@ def make_series(
 
     The truth's hoop stress factor and friction differ from nominal by up to 15 %, the magnet's stiffness by up to 5 %,
     a coil's or inner mass's force and spring by up to 7 %; `vibro` is a capsule in the gut, `vibro_plate` the capsubot
-    on a plate. `effect` is a hidden effect's id with numbers drawn from its ranges, or None. Samples
-    at `rate_Hz`; noise `noise` times 1 mN on a pull's force, 50 um on a position, as the rig file states. The same seed gives the same bytes; its rig, drive and noise stay the same with
-    another effect. Raises `ValueError` for an unknown kind or effect, or one that the drive cannot have.
+    on a plate. `effect` is a hidden effect's id with numbers drawn from its ranges, or None. Samples at
+    `rate_Hz`; noise `noise` times 1 mN on a pull's force, 50 um on a position, as the rig file states it. The same seed
+    gives the same bytes; its rig, drive and noise stay the same with another effect. Raises `ValueError` for an unknown
+    kind or effect, or one that the drive cannot have.
     """
     if kind not in KINDS:
         raise ValueError(f"kind must be one of {', '.join(KINDS)}; got {kind!r}")

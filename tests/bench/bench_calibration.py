@@ -19,6 +19,7 @@ import io
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
@@ -162,7 +163,7 @@ def _kinds_of_truth(rows: Iterable[tuple[Drawn, dict[str, Any]]]) -> list[int]:
 
 def _bins(said: Sequence[Statement]) -> list[tuple[str, list[Statement]]]:
     parts = []
-    for low, high in zip(EDGES, EDGES[1:], strict=False):
+    for low, high in pairwise(EDGES):
         inside = [s for s in said if low < s.p <= high]
         if inside:
             parts.append((f"{low:g} to {high:g}", inside))

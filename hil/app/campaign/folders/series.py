@@ -1,4 +1,4 @@
-"""Folders of series: `rig.toml` and its records, those whose name begins with `holdout` held out."""
+"""Folders of series: `rig.toml` and its records, those whose names begin with `holdout` or `held_out` held out."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ from models.effects import use_effects
 from models.files.csv_reader import ENDINGS
 from models.identification import close
 
-RIG, HELD_OUT, REPORT = "rig.toml", "holdout", "report.html"
+RIG, REPORT = "rig.toml", "report.html"
+HELD_OUT: Final = ("holdout", "held_out")
 TOLD: Final = (
     "verdict",
     "effects",
@@ -110,11 +111,11 @@ def _series(folder: Path, name: str, out: Path, effects: tuple[Path, ...], seed:
 
 
 def _records(folder: Path) -> Iterator[Path]:
-    """Files that can be read as records, in the folder and in a folder `holdout` in it."""
+    """Files that can be read as records, in the folder and in a folder of those held out."""
     for path in sorted(folder.iterdir()):
         if path.name.startswith("."):
             continue
-        if path.name == HELD_OUT and path.is_dir() and format_of(path) is None:
+        if path.name in HELD_OUT and path.is_dir() and format_of(path) is None:
             yield from _records(path)
         elif path.name.lower().endswith(ENDINGS) or format_of(path) or (path.is_file() and is_log(path)):
             yield path

@@ -83,7 +83,7 @@ def made(series: Drawn, seed: int, seconds: float, folder: Path) -> None:
 
 def expected_calibration_error(said: Sequence[Statement]) -> float:
     """Mean over the bins between `EDGES` of how far the share that was right is from the mean p, by their sizes."""
-    return sum(len(b) * abs(_share(b) - float(np.mean([s.p for s in b]))) for _, b in _bins(said)) / max(len(said), 1)
+    return sum(len(b) * abs(_share(b) - float(np.mean([s.p for s in b]))) for _, b in _bins(said)) / len(said)
 
 
 def interval(right: int, count: int) -> tuple[float, float]:
@@ -124,9 +124,10 @@ def tables(rows: Sequence[tuple[Drawn, dict[str, Any]]]) -> str:
             f"| {name} | {mean:.3f} | {len(part)} | {sum(s.right for s in part)} | {_share(part):.2f}, {low:.2f} to"
             f" {high:.2f} |"
         )
+    error = f"{expected_calibration_error(said):.3f}" if said else "-"
     lines += [
         "",
-        f"Expected calibration error {expected_calibration_error(said):.3f} over {len(said)} effects said.",
+        f"Expected calibration error {error} over {len(said)} effects said.",
         "",
     ]
     lines += [

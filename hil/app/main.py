@@ -425,7 +425,13 @@ def _replay(
 
 @_command("campaign", "capsule campaign hil/scenarios/campaign_magnetic.toml --out out/campaign")
 def _campaign(
-    path: Annotated[Path, typer.Argument(metavar="CAMPAIGN.toml", help="A scenario and what is varied in it.")],
+    paths: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="CAMPAIGN.toml | FOLDER...",
+            help="A scenario and what is varied in it; or folders of series, rig.toml and records in each.",
+        ),
+    ],
     out: Annotated[
         Path, typer.Option("--out", metavar="DIR", help="Folder for results and report; resumed where it has some.")
     ] = Path("out/campaign"),
@@ -435,11 +441,24 @@ def _campaign(
     ] = None,
     number: Annotated[int | None, typer.Option("--run", metavar="N", help="Do run N alone and print it.")] = None,
     json_output: Json = False,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of folders: sets every random number.")] = 0,
+    effects: OwnEffects = None,
 ) -> int:
-    """Thousands of closed loops: distributions and worst cases."""
+    """Thousands of closed loops: distributions and worst cases. Or close-loop on folders of series: what each rig
+    lacks, how sure, how much better, which disagree.
+    """
     from hil.app.campaign.command import campaign
+    from hil.app.campaign.folders.command import folders
 
-    return campaign(path, out, workers=workers, scheduler=scheduler, run=number, json_output=json_output)
+    if len(paths) == 1 and not paths[0].is_dir():
+        if effects or seed:
+            raise ValueError("--effects and --seed must be left out with a campaign file, which has its own seed")
+        return campaign(paths[0], out, workers=workers, scheduler=scheduler, run=number, json_output=json_output)
+    if number is not None:
+        raise ValueError("--run must be left out with folders: close-loop does one series alone")
+    return folders(
+        paths, out, effects=effects or [], seed=seed, workers=workers, scheduler=scheduler, json_output=json_output
+    )
 
 
 @_command("demo", "capsule demo --out out/demo")

@@ -17,7 +17,8 @@ from models.effects.own import LOADED
 from models.files.columns import COLUMNS
 from models.files.record import Record, named
 from models.files.rig import Rig
-from models.files.toml import parse_toml, read_text
+from models.files.source import read_json, read_text
+from models.files.toml import parse_toml
 from models.identification.finding import STAGES
 from models.identification.kinds import kind_for
 from models.identification.kinds.series.drive_input import SWITCH_DELAY
@@ -25,6 +26,7 @@ from models.identification.record_checks import check_demand
 from models.parameter import Parameter, nearest
 
 LARGEST_MODEL = 1 << 22
+LARGEST_REPORT = 1 << 26
 
 
 def read_model(path: Path, kind: str, *others: str) -> Model:
@@ -42,12 +44,8 @@ def read_model(path: Path, kind: str, *others: str) -> Model:
 
 
 def read_report(path: Path) -> dict[str, Any]:
-    """The object of a report.json; empty where it is another JSON value. Raises ValueError of one sentence."""
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ValueError(f"{path}: report must be the JSON that close-loop wrote; got: {error}") from None
-    return found if isinstance(found, dict) else {}
+    """The object of a report.json. Raises ValueError of one sentence."""
+    return read_json(path, "report that close-loop wrote", LARGEST_REPORT)
 
 
 FORMAT = 1

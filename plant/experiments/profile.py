@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Protocol
 
 import numpy as np
 
+from models.files.csv_reader import read_blocks
 from plant.experiments.excitation import (
     piecewise_runs,
     pulse_width,
@@ -138,15 +140,19 @@ class Recorded:
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
         """The drive's values over `duration_s` in steps of `dt` in s, one more than steps."""
         file = Path(self.folder) / self.path
-        if not file.is_file():
-            raise ValueError(f"path must be a file; got {self.path!r}")
-        data = np.genfromtxt(file, delimiter=",", names=True)
-        columns = data.dtype.names or ()
-        for name in ("t_s", self.column):
-            if name not in columns:
-                raise ValueError(f"columns of {self.path} must hold {name}; got {', '.join(columns)}")
+        found = [(header, block.values) for header, block in read_blocks(file, self._check)]
+        values = np.concatenate([block for _, block in found])
+        if not len(values):
+            raise ValueError(f"{file}: record must have samples; got none")
+        time, column = (values[:, found[0][0].index(name)] for name in ("t_s", self.column))
         t = dt * np.arange(round(duration_s / dt) + 1)
-        return np.asarray(np.interp(t, data["t_s"] - data["t_s"][0], data[self.column]))
+        return np.asarray(np.interp(t, time - time[0], column))
+
+    def _check(self, header: list[str], _: Mapping[str, str]) -> Sequence[str]:
+        for name in ("t_s", self.column):
+            if name not in header:
+                raise ValueError(f"columns of {self.path} must hold {name}; got {', '.join(header)[:200]}")
+        return ("t_s", self.column)
 
 
 PROFILES: Final[dict[str, type[Profile]]] = {

@@ -99,7 +99,9 @@ class _Reading:
         try:
             content = zlib.decompressobj().decompress(packed, LARGEST_CONTAINER + 1) if method else packed
         except zlib.error as error:
-            raise self._wrong(f"undamaged after {self.count} frames", str(error)) from None
+            raise ValueError(
+                f"{self.path}: log must be undamaged; got after {self.count} frames, at byte {self.place}: {error}"
+            ) from None
         self.unpacked += len(content)
         if len(content) > LARGEST_CONTAINER or self.unpacked > MOST_BYTES:
             raise self._wrong(f"at most {LARGEST_CONTAINER} bytes, unpacked, {MOST_BYTES} in all", "more")

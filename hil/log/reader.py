@@ -71,7 +71,10 @@ def _frames(reader: Any, path: Path) -> Iterator[Logged]:
 
 def read_log_record(path: Path) -> dict[str, Any]:
     """The record beside the log `path`. Raises ValueError of one sentence where there is none."""
-    return read_json(record_path(path), "record of the log", LARGEST_RECORD)
+    beside = record_path(path)
+    if not beside.exists():
+        raise ValueError(f"{beside}: record of the log must be there; got no such file")
+    return read_json(beside, "record of the log", LARGEST_RECORD)
 
 
 def _words(error: BaseException) -> str:

@@ -18,6 +18,7 @@ from models.files.columns import COLUMNS
 from models.files.record import Record, named
 from models.files.rig import Rig
 from models.files.source import read_json, read_text
+from models.files.tables import is_number, shown
 from models.files.toml import parse_toml
 from models.identification.finding import STAGES
 from models.identification.kinds import kind_for
@@ -164,8 +165,8 @@ def _errors(raw: object) -> dict[str, float]:
             f"model must have a table [held_out] with keys among {', '.join(STAGES)}, or none; got {raw!r}"[:200]
         )
     for stage, error in raw.items():
-        if isinstance(error, bool) or not isinstance(error, int | float) or not 0 <= error < np.inf:
-            raise ValueError(f"model [held_out] {stage} must be a finite number, zero or more; got {error!r}")
+        if not is_number(error) or error < 0:
+            raise ValueError(f"model [held_out] {stage} must be a finite number, zero or more; got {shown(error)}")
     return {str(stage): float(error) for stage, error in raw.items()}
 
 
@@ -197,8 +198,8 @@ def _values(raw: object, stage: str) -> dict[str, float]:
         raise ValueError(f"model must have a table [{stage}]; it is missing")
     out = {}
     for name, value in raw.items():
-        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-            raise ValueError(f"model [{stage}] {name} must be a finite number; got {value!r}")
+        if not is_number(value):
+            raise ValueError(f"model [{stage}] {name} must be a finite number; got {shown(value)}")
         if "." in name and name.split(".")[0] not in BY_ID:
             raise ValueError(
                 f"model [{stage}] must name known effects; got {name!r}; {nearest(name.split('.')[0], list(BY_ID))}"

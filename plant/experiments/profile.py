@@ -20,6 +20,16 @@ from plant.experiments.excitation import (
 )
 from plant.tables import Floats
 
+LONGEST_S: Final = 86400.0
+FASTEST_M_S: Final = 0.5
+"""Longest run, and the fastest speed either way, above the range over which the resistance law was integrated."""
+
+
+def _check_speeds(key: str, speeds: Sequence[float]) -> None:
+    wrong = next((v for v in speeds if not abs(v) <= FASTEST_M_S), None)
+    if wrong is not None:
+        raise ValueError(f"profile.{key} must lie within {FASTEST_M_S:g} m/s either way; got {wrong:g}")
+
 
 class Profile(Protocol):
     """Values of the drive at steps of `dt` over `duration_s`, the end included."""
@@ -54,11 +64,18 @@ class Runs:
     speeds_m_s: tuple[float, ...]
     durations_s: tuple[float, ...]
 
+    def __post_init__(self) -> None:
+        wrong = next((d for d in self.durations_s if not 0 < d <= LONGEST_S), None)
+        if wrong is not None:
+            raise ValueError(f"profile.durations_s must be more than 0 and at most {LONGEST_S:g} s; got {wrong:g}")
+        _check_speeds("speeds_m_s", self.speeds_m_s)
+
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
         """The drive's values over `duration_s` in steps of `dt` in s, one more than steps."""
         if len(self.speeds_m_s) != len(self.durations_s):
             raise ValueError(
-                f"durations_s must be as many as speeds_m_s, {len(self.speeds_m_s)}; got {len(self.durations_s)}"
+                f"profile.durations_s must be as many as speeds_m_s, {len(self.speeds_m_s)}; got"
+                f" {len(self.durations_s)}"
             )
         segments = [*zip(self.speeds_m_s, self.durations_s, strict=True), (0.0, duration_s)]
         return piecewise_runs(segments, dt)[: round(duration_s / dt) + 1]
@@ -69,6 +86,9 @@ class ConstantSpeed:
     """`x = v t` from the start."""
 
     speed_m_s: float
+
+    def __post_init__(self) -> None:
+        _check_speeds("speed_m_s", (self.speed_m_s,))
 
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
         """The drive's values over `duration_s` in steps of `dt` in s, one more than steps."""

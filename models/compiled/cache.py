@@ -19,14 +19,18 @@ from models.compiled.private_folder import private_folder
 _LOADING = threading.Lock()
 
 
-@cache
 def cache_folder() -> Path:
     """Where generated code is kept: `CAPSULE_CACHE`, else the user's cache folder. Where that is not the user's alone
     or cannot be written to, one of this process that goes with it; said once on standard error.
     """
-    root = os.environ.get("CAPSULE_CACHE") or os.path.join(
-        os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), "capsule"
+    return _folder(
+        os.environ.get("CAPSULE_CACHE")
+        or os.path.join(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), "capsule")
     )
+
+
+@cache
+def _folder(root: str) -> Path:
     try:
         folder = private_folder(Path(root))
         if os.access(folder, os.W_OK):

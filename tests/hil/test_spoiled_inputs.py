@@ -25,6 +25,9 @@ from hil.log.blf_file import SENT, BlfFile, Logged
 from hil.log.channels import file_channels
 from hil.log.reader import read_frames
 from hil.log.record import read_rig_record
+from models.checks.view import View
+from models.checks.wiring.units import check_units
+from models.files.record import Record
 from models.files.rig import read_rig
 from models.identification.model import Model, read_model, read_report
 from plant.experiments.scenario import load_scenario
@@ -283,3 +286,15 @@ def test_missing_keys_are_told_all_at_once(tmp_path: Path) -> None:
         read_rig(path)
     (pasted,) = caught.value.__notes__
     assert "mass_kg = 4.0e-3" in pasted
+
+
+@pytest.mark.parametrize(
+    ("time_by", "place_by", "found"), [(1, 1, ""), (1, 1000, "units"), (1, 1e-9, "units"), (1000, 1, "time_units")]
+)
+def test_another_unit_is_a_finding(tmp_path: Path, time_by: float, place_by: float, found: str) -> None:
+    (tmp_path / "rig.toml").write_text(PULL)
+    t = 0.01 * np.arange(2000)
+    x, f = 0.005 * np.sin(t), 0.1 + 0.01 * np.cos(t) + 1e-3 * np.random.default_rng(0).standard_normal(2000)
+    columns = {"t_s": time_by * t, "position_m": place_by * x, "force_N": f}
+    ids = {one.id for one in check_units(View(Record("r", "pull", columns), read_rig(tmp_path / "rig.toml")))}
+    assert ids == ({found} if found else set())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -13,6 +13,7 @@ from pydantic_core import ErrorDetails
 from models.files.columns import COLUMNS, known_of
 from models.files.mapping import ColumnMap, MappedColumn
 from models.files.rig_tables import (
+    EXAMPLES,
     Axis,
     BodyTable,
     CapsuleTable,
@@ -28,8 +29,9 @@ from models.files.rig_tables import (
     Surface,
     Table,
     TissueTable,
+    range_words,
 )
-from models.files.tables import with_contact_angle
+from models.files.tables import shown, with_contact_angle
 from models.files.toml import read_toml
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import nearest
@@ -104,7 +106,7 @@ def parse_rig(raw: Mapping[str, Any], where: str = "rig") -> Rig:
         raise ValueError(f"{where}: table must be one of a rig file; got {unknown!r}; {nearest(unknown, TABLES)}")
     for table, content in raw.items():
         if not isinstance(content, dict):
-            raise ValueError(f"{where}: [{table}] must be a table; got {content!r}")
+            raise ValueError(f"{where}: [{table}] must be a table; got {shown(content)}")
     kind = _kind(raw, where)
     file = _File(raw, where, kind)
     head = file.read("rig", HEADS[kind])
@@ -166,10 +168,8 @@ def _part(head: _Head, table: type[T]) -> T | None:
 
 def _pull_speed(where: str, head: _Head) -> float | None:
     speed = head.velocity_m_s if isinstance(head, _PeriodsHead) else None
-    if speed is not None and not 0 < abs(speed) <= 1:
-        raise ValueError(
-            f"{where}: [rig] velocity_m_s must be the speed of the pull in m/s, not 0 and at most 1; got {speed:g}"
-        )
+    if speed is not None and not 0 < speed <= 1:
+        raise ValueError(f"{where}: [rig] velocity_m_s must be the speed of the pull in m/s, in (0, 1]; got {speed:g}")
     return speed
 
 
@@ -241,6 +241,12 @@ class _File:
             return model.model_validate(dict(content))
         except ValidationError as error:
             errors = sorted(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")
+            missing = [str(e["loc"][0]) for e in errors if e["type"] == "missing"]
+            if errors[0]["type"] != "extra_forbidden" and missing:
+                told = ValueError(f"{self.where}: {_missing(table, model, missing)}")
+                if len(missing) > 1:
+                    told.add_note("\n".join([f"[{table}]", *(f"{key} = {EXAMPLES[key]}" for key in missing)]))
+                raise told from None
             raise ValueError(f"{self.where}: {self._sentence(table, model, errors[0])}") from None
 
     def refuse_rest(self) -> None:
@@ -267,19 +273,27 @@ class _File:
                 model.model_fields
             )
             return f"[{table}] key must be a known one; got {owner or f'{key!r}; {nearest(key, missing)}'}"
-        if error["type"] == "missing":
-            return f"[{table}] must have the key {key!r}; it is missing"
-        return f"[{table}] {key} must be {_expected(error)}; got {str(error['input'])[:60]!r}"
+        return f"[{table}] {key} must be {_expected(error, model, key)}; got {shown(error['input'])}"
 
 
-def _expected(error: ErrorDetails) -> str:
+def _missing(table: str, model: type[Table], keys: Sequence[str]) -> str:
+    """Every key that a table lacks, each with its range and an example."""
+    told = []
+    for key in keys:
+        limits = [word for word in (range_words(model, key), f"such as {EXAMPLES[key]}") if word]
+        told.append(f"{key!r} ({'; '.join(limits)})")
+    if len(keys) == 1:
+        return f"[{table}] must have the key {told[0]}; it is missing"
+    return f"[{table}] must have the keys {', '.join(told)}; they are missing"
+
+
+def _expected(error: ErrorDetails, model: type[Table], key: str) -> str:
     limits = error.get("ctx", {})
     if error["type"] == "literal_error":
         return f"one of {limits['expected']}"
-    words = {"gt": "more than", "ge": "at least", "lt": "less than", "le": "at most"}
-    for name, limit in limits.items():
-        if name in words:
-            return f"{words[name]} {limit:g} (SI units)"
+    words = ("gt", "ge", "lt", "le")
+    if any(name in words for name in limits) and key in model.model_fields:
+        return range_words(model, key)
     return {"bool_type": "true or false", "string_type": "text"}.get(error["type"], "a finite number")
 
 

@@ -15,7 +15,7 @@ from hil.app.report import headline, report_html, report_json
 from hil.app.report.findings import grouped
 from hil.app.report.words import STAGE_WORDS, error_unit, number
 from hil.app.scenario.deployment import read_deployed_rig
-from hil.app.write import check_folder, check_targets, write_files
+from hil.app.write import check_targets, sole_writer, write_files
 from hil.log.record import read_rig_record
 from models.files.record import Record
 from models.files.rig import Rig
@@ -35,21 +35,26 @@ def close_loop(
     seed: int = 0,
 ) -> Finding:
     """Find what the model lacks and write `report.html`, `report.json` and `model.toml` to the folder `out`, all or
-    none. SIGTERM ends it as Ctrl-C does.
+    none. SIGTERM ends it as Ctrl-C does. A second one into the same folder is refused.
     """
-    check_folder(out, "--out")
+    with sole_writer(out, "--out"):
+        finding = _closed(records, rig, out, holdout, seed)
+    if json_output:
+        print_json({**report_json(finding), "files": [str(out / name) for name in (REPORT, NUMBERS, MODEL)]})
+    else:
+        print_summary(finding, out)
+    return finding
+
+
+def _closed(records: Sequence[Path], rig: Path, out: Path, holdout: Sequence[Path], seed: int) -> Finding:
+    """Read, find and write."""
     check_targets([out / name for name in (REPORT, NUMBERS, MODEL)], "--out", [*records, *holdout, rig])
     belief = read_deployed_rig(rig)
     train, held = read_series(records, holdout, belief)
     for record, role in [(r, "training") for r in train] + [(r, "held out") for r in held]:
         notes().print(f"{record.name}: {len(record)} rows, {role}", markup=False)
     with _termination_interrupts():
-        finding = find_and_write(belief, train, held, out, "close-loop", seed)
-    if json_output:
-        print_json({**report_json(finding), "files": [str(out / name) for name in (REPORT, NUMBERS, MODEL)]})
-    else:
-        print_summary(finding, out)
-    return finding
+        return find_and_write(belief, train, held, out, "close-loop", seed)
 
 
 @contextmanager

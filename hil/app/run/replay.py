@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 import struct
-import tomllib
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -16,7 +15,7 @@ from typing import Any, Final
 import can
 
 from controller.model.control_model import ControlModel, control_model
-from hil.app.console import output_to_notes, print_json, summary
+from hil.app.console import notes, output_to_notes, print_json, summary
 from hil.app.scenario.bus_scenario import parse_sil_scenario
 from hil.app.scenario.deployment import parse_deployment
 from hil.app.scenario.model_offer import Offered, offer_of
@@ -26,6 +25,7 @@ from hil.log.log import FORMAT, record_path
 from hil.log.reader import read_frames, read_log_record
 from hil.log.recorder import ACKNOWLEDGED, CUT, EXACT, HEARD, START, STOP, UNSOLVED, code_version
 from hil.nodes.controller.node import ControllerNode, Task
+from models.files.toml import parse_toml
 
 _SHOWN: Final = 5
 
@@ -128,7 +128,8 @@ def replay(path: Path, *, json_output: bool = False) -> int:
     _fits(record, catalogue, record_path(path))
     try:
         with output_to_notes():
-            found = replayed(read_frames(path), task_of(record, str(path)), catalogue, bool(record.get("dry_run")))
+            frames = read_frames(path, lambda said: notes().print(f"{path}: {said}", markup=False, soft_wrap=True))
+            found = replayed(frames, task_of(record, str(path)), catalogue, bool(record.get("dry_run")))
     except ValueError as error:
         raise ValueError(str(error) if str(error).startswith(str(path)) else f"{record_path(path)}: {error}") from None
     if not found.ticks:
@@ -184,7 +185,7 @@ def task_of(record: Mapping[str, Any], where: str) -> Task:
         if "deployment" in record:
             deployment = replace(parse_deployment(str(record["deployment"]), values), offered=offered)
             return replace(deployment.task(), controller=name, deadline_s=math.inf)
-        scenario = parse_sil_scenario(tomllib.loads(str(record["scenario"]))).loop
+        scenario = parse_sil_scenario(parse_toml(str(record["scenario"]), "scenario")).loop
     except ValueError as error:
         raise ValueError(f"{where}: record must describe a task; got: {error}") from None
 

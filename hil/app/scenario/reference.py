@@ -149,7 +149,10 @@ def with_reference(raw: Mapping[str, Any], file: Path | None, table: str) -> dic
             f"{file}: reference file must have a table [reference] of kind 'waypoints' with times_s and positions_mm,"
             f" as close-loop writes next_experiment.toml; got {reference!r}"[:300]
         )
-    shape = from_table(Waypoints, reference, "reference", skip=("kind",))
+    try:
+        shape = from_table(Waypoints, reference, "reference", skip=("kind",))
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}") from None
     kept = {name: content for name, content in raw.items() if name != "checks"}
     run = raw.get(table, {})
     return {**kept, table: {**(run if isinstance(run, Mapping) else {}), "duration_s": shape.times_s[-1]}} | {

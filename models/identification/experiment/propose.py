@@ -19,9 +19,9 @@ from models.identification.search.forward_selection import Search
 KINDS = ("pull", "magnetic")
 """Kinds of rig that are led along a path."""
 _QUESTIONS = 3
-_FIRST, _AGAIN, _BEST = 32, 12, 4
-_ROUNDS = 5
-_READ_S, _READ_SLOWLY_S = 120.0, 30.0
+_FIRST, _AGAIN, _BEST, _ROUNDS = 32, 12, 4, 5
+_FIRST_SLOW, _AGAIN_SLOW, _BEST_SLOW, _ROUNDS_SLOW = 12, 6, 2, 3  # where a motion takes many times longer to predict
+_READ_S, _READ_SLOW_S = 120.0, 20.0
 
 
 def propose(kind: Kind, records: Sequence[Record], found: Search, rng: np.random.Generator) -> Proposal | None:
@@ -37,7 +37,7 @@ def propose(kind: Kind, records: Sequence[Record], found: Search, rng: np.random
     room = Room.of(records, COLUMNS[kind.name].driven[0][0])
     if not room.speed > 0 or not room.span > 0:
         return None
-    read = _beginnings(records, _READ_SLOWLY_S if kind.free_only else _READ_S)
+    read = _beginnings(records, _READ_SLOW_S if kind.free_only else _READ_S)
     asked = [question(kind, read, _model(kind, best), _model(kind, other), rng) for best, other in pairs[:_QUESTIONS]]
     plan, apart = _best(kind, room, asked, read, rng)
     motion = plan.record(kind.name)
@@ -110,11 +110,13 @@ def _best(
     def judged(plans: Sequence[Plan]) -> list[tuple[float, Plan]]:
         return list(zip(parallel(worth, plans), plans, strict=True))
 
-    rows = judged([random_plan(room, rng) for _ in range(_FIRST)])
-    for _ in range(_ROUNDS):
-        rows = sorted(rows, key=lambda row: -row[0])[:_BEST]
-        rows += judged([varied(rows[k % _BEST][1], rng) for k in range(_AGAIN)])
-    finals = [plan for _, plan in sorted(rows, key=lambda row: -row[0])[:_BEST]]
+    slow = (_FIRST_SLOW, _AGAIN_SLOW, _BEST_SLOW, _ROUNDS_SLOW)
+    first, again, best, rounds = slow if kind.free_only else (_FIRST, _AGAIN, _BEST, _ROUNDS)
+    rows = judged([random_plan(room, rng) for _ in range(first)])
+    for _ in range(rounds):
+        rows = sorted(rows, key=lambda row: -row[0])[:best]
+        rows += judged([varied(rows[k % best][1], rng) for k in range(again)])
+    finals = [plan for _, plan in sorted(rows, key=lambda row: -row[0])[:best]]
     apart = [[refitted(kind, q, read, plan.record(kind.name)) for q in asked] for plan in finals]
-    best = max(range(len(finals)), key=lambda k: min(apart[k]))
-    return finals[best], apart[best]
+    farthest = max(range(len(finals)), key=lambda k: min(apart[k]))
+    return finals[farthest], apart[farthest]

@@ -47,6 +47,12 @@ OwnControllers = Annotated[
     list[Path] | None,
     typer.Option("--controllers", metavar="FILE.py", help="Controllers of your own; may be given several times."),
 ]
+ReferenceFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--reference", metavar="FILE.toml", help="Where to go, instead of its own: next_experiment.toml of close-loop."
+    ),
+]
 RunSeed = Annotated[int | None, typer.Option("--seed", min=0, help="Sets every random number; else the scenario's.")]
 
 
@@ -147,7 +153,8 @@ def _close_loop(
     ],
     rig: RigFile,
     out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Folder for report.html, report.json and model.toml.")
+        Path,
+        typer.Option("--out", metavar="DIR", help="Folder for report, model and next experiment."),
     ],
     holdout: Annotated[
         list[Path] | None,
@@ -315,6 +322,7 @@ def _track(
     model: LearnedModel = None,
     stage: ModelStage = None,
     seed: RunSeed = None,
+    reference: ReferenceFile = None,
     compare: Annotated[bool, typer.Option("--compare", help="Run every controller.")] = False,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Folder for track.html and track.json.")
@@ -333,7 +341,7 @@ def _track(
 
     use_effects(effects or [])
     use_controllers(controllers or [])
-    return track(scenario, Options(controller, model, stage, seed, out, json_output), compare)
+    return track(scenario, Options(controller, model, stage, seed, out, json_output, reference), compare)
 
 
 @_command("sil", "capsule sil hil/scenarios/sil_magnetic_drop.toml --out out")
@@ -343,6 +351,7 @@ def _sil(
     model: LearnedModel = None,
     stage: ModelStage = None,
     seed: RunSeed = None,
+    reference: ReferenceFile = None,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Folder for sil.json and the log frames.blf.")
     ] = None,
@@ -358,7 +367,7 @@ def _sil(
 
     use_effects(effects or [])
     use_controllers(controllers or [])
-    sil(scenario, Options(controller, model, stage, seed, out, json_output))
+    sil(scenario, Options(controller, model, stage, seed, out, json_output, reference))
 
 
 @_command("run", "capsule run deployment.toml check")
@@ -376,6 +385,7 @@ def _run(
     log: Annotated[
         Path | None, typer.Option("--log", metavar="LOG.blf", help="Where the log goes; else beside you.")
     ] = None,
+    reference: ReferenceFile = None,
     json_output: Json = False,
     effects: OwnEffects = None,
     controllers: OwnControllers = None,
@@ -387,7 +397,7 @@ def _run(
 
     use_effects(effects or [])
     use_controllers(controllers or [])
-    return run(rig, action, dry_run=dry_run, log=log, json_output=json_output)
+    return run(rig, action, dry_run=dry_run, log=log, json_output=json_output, reference=reference)
 
 
 @_command("plant", "capsule plant examples/deployment/deployment.toml --seconds 60")

@@ -13,7 +13,7 @@ from models.files.source import LARGEST_TEXT, read_text
 
 def toml_text(tables: Mapping[str, Any], path: str = "") -> str:
     """`tables` as TOML that reads back as the same; keys must be bare ones, values numbers, booleans, text or lists of
-    these.
+    these or of tables.
     """
     values = {key: value for key, value in tables.items() if not isinstance(value, Mapping)}
     lines = [f"[{path}]"] if path and (values or not tables) else []
@@ -29,6 +29,8 @@ def inline_table(table: Mapping[str, Any]) -> str:
 
 
 def _value(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return inline_table(value)
     if isinstance(value, list | tuple):
         return f"[{', '.join(_value(item) for item in value)}]"
     return repr(value) if isinstance(value, float) else json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

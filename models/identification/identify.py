@@ -16,6 +16,7 @@ from models.checks.information.excitation import cannot_show
 from models.effects import BY_ID
 from models.files.record import Record
 from models.files.rig import Rig
+from models.identification.experiment.propose import propose, words_of
 from models.identification.finding import STAGES, CandidateRow, Check, Estimate, Finding, FoundEffect, Trace
 from models.identification.fitting.confidence import drawn, intervals
 from models.identification.kinds import AnyKind, kind_for, ready, report_of
@@ -69,6 +70,8 @@ def close(
         *model_checks(kind, found, spread, errors["holdout"], findings),
     )
     verdict = verdict_of(found.effects, checks)
+    progress("the next experiment", 0.97)
+    proposal = propose(kind, kind.searched(train), found, np.random.default_rng(seed))
     told = {"records": ", ".join(r.name for r in train), "seed": str(seed)}
     model = Model(
         kind.name,
@@ -92,7 +95,10 @@ def close(
         checks=checks,
         candidates=tuple(_rows(found)),
         smallest_detectable=found.detectable,
-        next_experiment=words.next_experiment(kind, thetas["augmented"], train),
+        next_experiment="; ".join(
+            said for said in (words_of(proposal), words.next_experiment(kind, thetas["augmented"], train)) if said
+        )
+        or None,
         statements=tuple(
             _statements(found, verdict) + held_out(found, errors["holdout"]) + words.statements(kind, thetas, train)
         ),
@@ -104,6 +110,7 @@ def close(
         findings=findings,
         cannot_show=hidden,
         reasons=_reasons(verdict, checks, findings),
+        proposal=proposal,
     )
     progress("done", 1.0)
     return finding, model

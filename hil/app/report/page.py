@@ -10,6 +10,7 @@ from plotly.offline import get_plotlyjs
 
 from hil.app.report.equations import equations_html
 from hil.app.report.figure_map import agreement_figure, speed_map
+from hil.app.report.figure_motion import motion_figure
 from hil.app.report.figure_residuals import residual_figure
 from hil.app.report.figure_summary import candidate_figure, error_figure
 from hil.app.report.figure_traces import trace_figure
@@ -26,7 +27,7 @@ from hil.app.report.tables import (
 )
 from hil.app.report.theme import figure_html
 from hil.app.report.words import effect_summary, effect_words, error_story, headline, listed, number, quantities_words
-from models.identification.finding import Finding, FoundEffect
+from models.identification.finding import NEXT_CSV, NEXT_TOML, Finding, FoundEffect
 
 STYLE = Path(__file__).with_name("style.css")
 POINTS, MOST_PANELS = 50_000, 12
@@ -60,6 +61,7 @@ def report_html(finding: Finding) -> str:
     page = _Page()
     drawn = [panel for trace in finding.traces for panel in panels(finding, trace)]
     page.add("findings", "What the records show of themselves", findings_html(finding))
+    page.add("next", "Next experiment", _next(page, finding))
     page.add("error", "Error before and after", _errors(page, finding))
     page.add(
         "effect", "The effect" if len(finding.effects) == 1 else "The effects", "".join(map(_effect, finding.effects))
@@ -99,6 +101,28 @@ def _hero(finding: Finding) -> str:
 
 def _last(finding: Finding) -> str:
     return "augmented" if finding.effects else "calibrated"
+
+
+def _next(page: _Page, finding: Finding) -> str:
+    """What to measure next, and the motion that is proposed."""
+    if not finding.next_experiment:
+        return ""
+    said = f'<div class="next"><p>{escape(finding.next_experiment)}.</p></div>'
+    if finding.proposal is None:
+        return said
+    rows = "".join(
+        f"<tr><td>{escape(effect_words(one.effect))}</td><td>{escape(effect_words(one.rival))}</td>"
+        f"<td>{number(one.standard_deviations, 2)}</td>"
+        f"<td>{number(one.so_far, 2)} ({escape(one.best_record)})</td></tr>"
+        for one in finding.proposal.separations
+    )
+    return (
+        f"{said}{page.figure(motion_figure(finding.proposal))}<table><thead><tr><th>effect</th><th>rival</th>"
+        "<th>expected separation, standard deviations</th><th>best record so far</th></tr></thead>"
+        f"<tbody>{rows}</tbody></table><p><code>{NEXT_CSV}</code> holds this motion, <code>{NEXT_TOML}</code> the same"
+        " as a reference: <code>capsule track</code>, <code>sil</code> and <code>run</code> follow it with"
+        f" <code>--reference {NEXT_TOML}</code>.</p>"
+    )
 
 
 def _errors(page: _Page, finding: Finding) -> str:
@@ -192,8 +216,6 @@ def _model(finding: Finding) -> str:
 def _sure(finding: Finding) -> str:
     statements = "".join(f"<li>{escape(statement)}</li>" for statement in finding.statements)
     out = f"<ul>{statements}</ul>" if statements else ""
-    if finding.next_experiment:
-        out += f'<div class="next"><h3>Next experiment</h3><p>{escape(finding.next_experiment)}</p></div>'
     if finding.smallest_detectable:
         out += (
             f"<details><summary>How small an effect would have been seen</summary>{smallest_table(finding)}</details>"

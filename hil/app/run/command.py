@@ -35,10 +35,16 @@ _DRIVERS = logging.getLogger("can")
 
 
 def run(
-    path: Path, action: str = "lead", *, dry_run: bool = False, log: Path | None = None, json_output: bool = False
+    path: Path,
+    action: str = "lead",
+    *,
+    dry_run: bool = False,
+    log: Path | None = None,
+    json_output: bool = False,
+    reference: Path | None = None,
 ) -> int:
     """Lead the drive that the rig file `path` names, or only check; 0 where all went as asked, 1 where it did not
-    (`hil.app.run.loop.ENDS`).
+    (`hil.app.run.loop.ENDS`). A `reference` file takes the place of its own.
 
     The action "reset" acknowledges a fault that the drive has latched, and does nothing else: that takes an operator's
     word. With `dry_run` everything is listened to and computed and nothing is sent. Raises ValueError, one sentence,
@@ -46,7 +52,7 @@ def run(
     """
     if action not in ACTIONS:
         raise ValueError(f"action must be one of {', '.join(ACTIONS)}; got {action!r}; {nearest(action, ACTIONS)}")
-    deployment, catalogue = load_deployment(path), load_catalogue()
+    deployment, catalogue = load_deployment(path, reference), load_catalogue()
     log = log or Path(f"{deployment.name}.blf")
     if action != "check":
         check_targets([check_file(log, "--log", (".blf",)), record_path(log)], "--log", [path])

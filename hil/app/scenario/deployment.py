@@ -15,7 +15,7 @@ from controller.registry import CONTROLLERS, checked_estimator, leads
 from controller.supervision.acceptance import AcceptanceTest, Verdict
 from controller.trajectory import Trajectory
 from hil.app.scenario.model_offer import Offered, offer_of, read_offer, read_offer_table
-from hil.app.scenario.reference import read_reference
+from hil.app.scenario.reference import read_reference, with_reference
 from hil.bus.catalogue import load_catalogue
 from hil.nodes.cia402.states import Cia402Table
 from hil.nodes.controller.guard import FEEDBACK_S
@@ -23,7 +23,7 @@ from hil.nodes.controller.node import Task
 from hil.nodes.frame_map import FRAME_MAPS, frame_map_of
 from models.files.rig import TABLES, Rig, parse_rig
 from models.files.tables import from_table
-from models.files.toml import parse_toml, read_toml
+from models.files.toml import parse_toml, read_toml, toml_text
 from models.identification.finding import STAGES
 from models.identification.model import read_model, read_report
 from models.parameter import nearest
@@ -164,9 +164,14 @@ class Deployment:
         )
 
 
-def load_deployment(path: Path) -> Deployment:
-    """Read and check a deployment file; anything wrong is a ValueError of one sentence."""
+def load_deployment(path: Path, reference: Path | None = None) -> Deployment:
+    """Read and check a deployment file, with the reference of another one where that is given; anything wrong is a
+    ValueError of one sentence.
+    """
     raw, text = read_toml(path, "rig file")
+    if reference is not None:
+        raw = with_reference(raw, reference, "control")
+        text = toml_text(raw)
     try:
         values, verdict = _learned(raw, path.parent)
         deployment = parse_deployment(text, values, path.stem, verdict)

@@ -15,7 +15,7 @@ from controller.trajectory import Trajectory
 from hil.app.scenario.checks import CheckTable, read_checks
 from hil.app.scenario.model_offer import OfferTable, read_offer_table
 from hil.app.scenario.nominal_rig import read_belief
-from hil.app.scenario.reference import read_reference
+from hil.app.scenario.reference import read_reference, with_reference
 from models.files.rig import Rig
 from models.files.tables import converted, from_table
 from models.files.toml import read_toml
@@ -77,9 +77,12 @@ class TrackScenario:
     offer: OfferTable | None = None
 
 
-def load_track_scenario(path: Path) -> TrackScenario:
-    """Read and check a scenario file; a ValueError of one sentence says which key, what it must be and what it is."""
+def load_track_scenario(path: Path, reference: Path | None = None) -> TrackScenario:
+    """Read and check a scenario file, with the reference of another one where that is given; a ValueError of one
+    sentence says which key, what it must be and what it is.
+    """
     raw, _ = read_toml(path, "scenario")
+    raw = with_reference(raw, reference, "scenario")
     try:
         return parse_track_scenario(raw)
     except ValueError as error:

@@ -27,7 +27,7 @@ def sil(path: Path, asked: Options) -> None:
 
     Raises ValueError, one sentence, for anything that cannot be used.
     """
-    scenario, text = load_sil_scenario(path)
+    scenario, text = load_sil_scenario(path, asked.reference)
     values, used = asked.values(scenario.loop.kind)
     (name, number), out = asked.of(scenario.loop), asked.out
     if out is not None:

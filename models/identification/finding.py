@@ -25,13 +25,16 @@ class Estimate:
 
 @dataclass(frozen=True)
 class FoundEffect:
-    """An effect that was added, with what the data cannot tell it apart from."""
+    """An effect that was added, with what the data cannot tell it apart from; `curves` are the numbers of what refines
+    its shape, by id.
+    """
 
     id: str
     equivalent: tuple[str, ...]
     parameters: dict[str, Estimate]
     evidence: float
     confidence: float
+    curves: dict[str, dict[str, Estimate]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -76,7 +79,9 @@ class Trace:
 
 @dataclass(frozen=True)
 class Finding:
-    """The whole answer of `close-loop`."""
+    """The whole answer of `close-loop`; `equations` with numbers, `symbolic` the same with the fitted parameters'
+    names.
+    """
 
     kind: str
     quantity: str
@@ -100,3 +105,4 @@ class Finding:
     findings: tuple[RecordFinding, ...] = ()
     cannot_show: dict[str, str] = field(default_factory=dict)
     reasons: tuple[str, ...] = ()
+    symbolic: tuple[str, ...] = ()

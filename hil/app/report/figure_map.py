@@ -10,7 +10,7 @@ from plotly.subplots import make_subplots
 
 from hil.app.report.panels import Array, Panel
 from hil.app.report.theme import INK, MUTED, STAGE_COLOURS, styled
-from hil.app.report.words import scale
+from hil.app.quantities import scale
 
 
 def speed_map(drawn: Sequence[Panel], last: str) -> go.Figure | None:

@@ -82,7 +82,11 @@ def page_html(name: str, metric: str, rows: Sequence[Row], draws: Sequence[str],
     ]
     numeric = [key for key in _keys(rows, draws) if _numeric(rows, key)]
     sections += [
-        (f"over-{k}", f"Over {key_words(key)[0]}", figure_html(_over(parted, metric, key, label, factor), f"figure-{k}"))
+        (
+            f"over-{k}",
+            f"Over {key_words(key)[0]}",
+            figure_html(_over(parted, metric, key, label, factor), f"figure-{k}"),
+        )
         for k, key in enumerate(numeric, start=1)
     ]
     return document(title, heading("Campaign", title), sections)

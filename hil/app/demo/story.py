@@ -39,13 +39,14 @@ class Mission:
 class Told:
     """What came of a story. `gate` holds the verdict on each stage that asked to be let in, `missions` the runs of
     those that were, and `hidden` what the simulated plant kept to itself; all three are empty where nothing was
-    driven.
+    driven. `truth` are the numbers of what was hidden, by effect.
     """
 
     finding: Finding
     gate: Mapping[str, Verdict] = field(default_factory=dict)
     missions: Mapping[str, Mission] = field(default_factory=dict)
     hidden: tuple[str, ...] = ()
+    truth: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
 
 class Story(Protocol):

@@ -146,9 +146,7 @@ def _figure(found: dict[str, Any]) -> go.Figure:
         line = {"color": colours[drive["claim"]], "dash": "solid" if drive["on_board"] else "dot", "width": 1.3}
         figure.add_scatter(x=found["frequency_Hz"], y=speed, name=f"{drive['name']}: {drive['claim']}", line=line)
     median = 1e3 * np.asarray(found["median_speed_m_s"])
-    figure.add_scatter(
-        x=found["frequency_Hz"], y=median, name="median of the sizes", line={"color": INK, "width": 3}
-    )
+    figure.add_scatter(x=found["frequency_Hz"], y=median, name="median of the sizes", line={"color": INK, "width": 3})
     figure.add_vline(x=WALL_HZ, line_dash="dash", annotation_text="period 0.05 s")
     styled(figure, 900, legend={"orientation": "v", "x": 0, "y": -0.12, "yanchor": "top"}, margin={"b": 60})
     figure.update_xaxes(title="drive frequency in Hz")

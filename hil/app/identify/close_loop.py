@@ -11,9 +11,9 @@ from pathlib import Path
 from rich.table import Table
 
 from hil.app.console import json_text, notes, output_to_notes, print_json, progress_bar, summary
+from hil.app.quantities import amount
 from hil.app.report import headline, report_html, report_json
 from hil.app.report.findings import grouped
-from hil.app.quantities import amount
 from hil.app.report.words import STAGE_WORDS, error_scale, interpolation, scaled
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import check_folder, check_targets, write_files

@@ -39,7 +39,8 @@ def effect_card(effect: FoundEffect, finding: Finding) -> str:
     )
     return (
         f'<div class="card"><h3>{escape(effect_words(effect.id))} <code>{escape(effect.id)}</code></h3>'
-        f"<p>{escape(sentence(summary))}</p>{_equations(effect.id, effect.parameters)}{parameter_table(effect.parameters)}{curves}"
+        f"<p>{escape(sentence(summary))}</p>{_equations(effect.id, effect.parameters)}"
+        f"{parameter_table(effect.parameters)}{curves}"
         f"{_scale(effect)}{_confidence(effect, finding)}{alike}{apart}</div>"
     )
 
@@ -80,8 +81,8 @@ def _scale(effect: FoundEffect) -> str:
     )
     remains = number(left, 2) if left >= 1e-4 else "less than 0.0001"
     return (
-        f'<div class="scale"><b>Evidence {number(effect.evidence, 3)}</b>: on data left out of its fits the misfit falls'
-        f" to {remains} of what it was. From nothing gained (1) to a thousandth left:"
+        f'<div class="scale"><b>Evidence {number(effect.evidence, 3)}</b>: on data left out of its fits the misfit'
+        f" falls to {remains} of what it was. From nothing gained (1) to a thousandth left:"
         f'<svg viewBox="-10 0 520 36" role="img" aria-label="evidence {number(effect.evidence, 3)}">'
         f'<line class="rule" x1="0" x2="{width}" y1="13" y2="13" stroke-width="4"/>'
         f'<line class="own" x1="0" x2="{x:.1f}" y1="13" y2="13" stroke-width="4"/>'
@@ -95,10 +96,10 @@ def _anchor(at: float) -> str:
 
 def _confidence(effect: FoundEffect, finding: Finding) -> str:
     said = f"over {percent(_SURE)}" if effect.confidence > _SURE else percent(effect.confidence)
-    what = "it or one of those that act alike" if effect.equivalent else "it rather than another effect of the catalogue"
-    doubt = (
-        " Checks of this report fail, so it may be less." if any(not check.ok for check in finding.checks) else ""
+    what = (
+        "it or one of those that act alike" if effect.equivalent else "it rather than another effect of the catalogue"
     )
+    doubt = " Checks of this report fail, so it may be less." if any(not check.ok for check in finding.checks) else ""
     return (
         f'<div class="facts"><div><b>{said}</b>confidence: of a hundred such findings about so many are {what}, as far'
         f" as the records left out tell.{doubt}</div></div>"

@@ -7,8 +7,8 @@ import math
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from hil.app.report.theme import FLOOR, MUTED, STAGE_COLOURS, styled
 from hil.app.quantities import number
+from hil.app.report.theme import FLOOR, MUTED, STAGE_COLOURS, styled
 from hil.app.report.words import STAGE_WORDS, effect_words, error_scale
 from models.identification.finding import STAGES, CandidateRow, Finding
 

@@ -33,9 +33,54 @@ SYMBOLS: Final = MappingProxyType(
 )
 """Letters of the base models' parameters; parameters of effects go by their names."""
 _FUNCTIONS: Final = frozenset(
-    "sin cos tan tanh exp log log1p sqrt sgn Sgn max min int mean median on clip abs sign floor hypot".split()
+    [
+        "sin",
+        "cos",
+        "tan",
+        "tanh",
+        "exp",
+        "log",
+        "log1p",
+        "sqrt",
+        "sgn",
+        "Sgn",
+        "max",
+        "min",
+        "int",
+        "mean",
+        "median",
+        "on",
+        "clip",
+        "abs",
+        "sign",
+        "floor",
+        "hypot",
+    ]
 )
-_SHORT_WORDS: Final = frozenset("in of at by to is as or it if so an be ms mm mN Pa Hz kg dB".split())
+_SHORT_WORDS: Final = frozenset(
+    [
+        "in",
+        "of",
+        "at",
+        "by",
+        "to",
+        "is",
+        "as",
+        "or",
+        "it",
+        "if",
+        "so",
+        "an",
+        "be",
+        "ms",
+        "mm",
+        "mN",
+        "Pa",
+        "Hz",
+        "kg",
+        "dB",
+    ]
+)
 _TOKEN: Final = re.compile(
     r"\s*(?:(?P<number>\d+\.?\d*(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z]+(?:_?[A-Za-z0-9]+)*)"
     r"|(?P<mark><=|>=|==|!=|\S))"
@@ -215,9 +260,7 @@ class _Reader:
         condition, *ways = [*inside, "", ""][:3]
         rows = "".join(
             f"<mtr><mtd>{way}</mtd><mtd>{when}</mtd></mtr>"
-            for way, when in zip(
-                ways, (f"<mtext>where </mtext>{condition}", "<mtext>elsewhere</mtext>"), strict=False
-            )
+            for way, when in zip(ways, (f"<mtext>where </mtext>{condition}", "<mtext>elsewhere</mtext>"), strict=False)
         )
         return f'<mrow><mo>{{</mo><mtable columnalign="left">{rows}</mtable></mrow>'
 

@@ -163,8 +163,7 @@ def _model(finding: Finding) -> str:
     untold = [parameter_words(name) for name, estimate in finding.calibration.items() if not estimate.told]
     words = f"<p>The data cannot tell {escape(listed(untold))}.</p>" if untold else ""
     numbers = (
-        "<details><summary>The same with its numbers, SI units</summary>"
-        f"{equations_html(finding.equations)}</details>"
+        f"<details><summary>The same with its numbers, SI units</summary>{equations_html(finding.equations)}</details>"
         if finding.symbolic and finding.equations
         else ""
     )

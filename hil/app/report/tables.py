@@ -41,7 +41,9 @@ def parameter_table(estimates: dict[str, Estimate], nominal: dict[str, float] | 
     """
     shown = {name: _delogged(name, estimate) for name, estimate in estimates.items()}
     believed = {
-        name: (10**value if name.startswith(_LOG) else value) for name, value in (nominal or {}).items() if name in shown
+        name: (10**value if name.startswith(_LOG) else value)
+        for name, value in (nominal or {}).items()
+        if name in shown
     }
     units = {
         unit: scale(

@@ -143,7 +143,7 @@ def headline(finding: Finding) -> str:
     failed = {check.id for check in finding.checks if not check.ok}
     if "information" in failed or any(found.id == "no_response" for found in finding.findings):
         left = "These records cannot tell."
-    elif failed & {"residual_size", "whiteness", "validation"}:
+    elif any(name.startswith(("residual_size", "whiteness", "validation")) for name in failed):
         left = "Something structured is left that no known effect explains."
     else:
         left = "What is left is small, but the checks allow no verdict."
@@ -155,15 +155,17 @@ def interpolation(finding: Finding) -> str:
     fitted = sum(e.told or not math.isnan(e.value) for e in finding.calibration.values())
     fitted += sum(len(effect.parameters) for effect in finding.effects)
     last = "augmented" if finding.effects else "calibrated"
-    parts = [np.atleast_2d(t.predicted[last].T).T for t in finding.traces if t.role != "holdout" and last in t.predicted]
+    parts = [
+        np.atleast_2d(t.predicted[last].T).T for t in finding.traces if t.role != "holdout" and last in t.predicted
+    ]
     if not parts or not fitted or sum(part.size for part in parts) > _MOST_VALUES:
         return ""
     means = len(np.unique(np.vstack(parts), axis=0)) * parts[0].shape[1]
     if fitted < means:
         return ""
     return (
-        f"{_counted(fitted)} parameters fitted to {_counted(means).lower()} means: an interpolation, so the error on the"
-        " training records tells nothing of the model."
+        f"{_counted(fitted)} parameters fitted to {_counted(means).lower()} means: an interpolation, so the error on"
+        " the training records tells nothing of the model."
     )
 
 

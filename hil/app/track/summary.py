@@ -79,7 +79,11 @@ def _tracking(one: Found) -> list[str]:
     lengths = [
         fixed(1e3 * one[key], 3) for key in ("tracking_rmse_m", "tracking_max_m", "final_error_m", "mean_speed_m_s")
     ]
-    return [*lengths, *(fixed(1e3 * one[key], 1) for key in ("wall_force_max_N", "effort")), str(one["hard_violations"])]
+    return [
+        *lengths,
+        *(fixed(1e3 * one[key], 1) for key in ("wall_force_max_N", "effort")),
+        str(one["hard_violations"]),
+    ]
 
 
 def _print(console: Console, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:

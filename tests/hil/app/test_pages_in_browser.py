@@ -17,6 +17,7 @@ from hil.app.demo import command as demo_command
 from hil.app.main import run
 from hil.app.papers.page import write_page
 from hil.app.report import report_html
+from tests.conftest import RIG
 from tests.hil.app.demo.test_demo import Quick
 from tests.hil.app.track.track_texts import SHORT
 from tests.hil.findings import pull_finding, spectrum_finding, table_finding
@@ -84,7 +85,7 @@ def campaign_page() -> str:
 
 
 @pytest.fixture(scope="module")
-def pages(tmp_path_factory: pytest.TempPathFactory, rig_text: str) -> dict[str, Path]:
+def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("pages")
     made = {
         "report": report_html(pull_finding(seconds=10.0)),
@@ -100,7 +101,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory, rig_text: str) -> dict[str, 
     demo_command.demo(folder / "demo", json_output=True, stories=[Quick("first"), Quick("second")])
     scenario, rig, record = folder / "ramp.toml", folder / "rig.toml", folder / "record.csv"
     scenario.write_text(SHORT)
-    rig.write_text(rig_text)
+    rig.write_text(RIG)
     record.write_text("t_s,x_m,force_N\n" + "".join(f"{0.01 * k},{1e-5 * k},{0.05 + k % 3}\n" for k in range(300)))
     assert run(["track", str(scenario), "--json", "--out", str(folder / "track")]) in (0, 1)
     assert run(["track", str(scenario), "--compare", "--json", "--out", str(folder / "compare")]) in (0, 1)
@@ -144,7 +145,7 @@ def test_page_in_a_browser(browser: Any, pages: dict[str, Path], kind: str, widt
         assert not page.evaluate(FAULTS)
         assert opened < 5 * OPENS_S, f"opened after {opened:.1f} s"
         ink, paper = page.evaluate(
-            "['color', 'backgroundColor'].map(k => getComputedStyle(document.body)[k].match(/\\\\d+/g).map(Number)[0])"
+            "['color', 'backgroundColor'].map(k => getComputedStyle(document.body)[k].match(/\\d+/g).map(Number)[0])"
         )
         assert (ink > paper) == (scheme == "dark")
     finally:

@@ -1,4 +1,4 @@
-"""Every kind of page in a real browser, wide and narrow, light and dark: no console error, no request to a network, no
+"""Pages of reports, campaigns and papers in a real browser, wide and narrow, light and dark: no console error, no request to a network, no
 sideways scrolling, no clipped or overlapping text.
 """
 
@@ -13,13 +13,8 @@ from typing import Any
 import pytest
 
 from hil.app.campaign.page import page_html as campaign_html
-from hil.app.demo import command as demo_command
-from hil.app.main import run
 from hil.app.papers.page import write_page
 from hil.app.report import report_html
-from tests.conftest import RIG
-from tests.hil.app.demo.test_demo import Quick
-from tests.hil.app.track.track_texts import SHORT
 from tests.hil.findings import pull_finding, spectrum_finding, table_finding
 
 sync = pytest.importorskip("playwright.sync_api", reason="needs playwright (extra `browser`)")
@@ -28,7 +23,7 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs chromium, as Deb
 
 OPENS_S = 2.0
 """A page opens in this time on an idle machine; a busy one may take five times as long."""
-KINDS = ("report", "unknown", "table", "spectrum", "demo", "design", "campaign", "track", "compare", "seeds", "plot")
+KINDS = ("report", "unknown", "table", "spectrum", "campaign", "seeds")
 SCROLL = """async () => {
   document.querySelectorAll("details").forEach(one => { one.open = true; });
   const wait = ms => new Promise(r => setTimeout(r, ms));
@@ -98,22 +93,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     for name, text in made.items():
         paths[name].write_text(text, encoding="utf-8")
     paths["seeds"] = write_page(folder / "seeds")
-    demo_command.demo(folder / "demo", json_output=True, stories=[Quick("first"), Quick("second")])
-    scenario, rig, record = folder / "ramp.toml", folder / "rig.toml", folder / "record.csv"
-    scenario.write_text(SHORT)
-    rig.write_text(RIG)
-    record.write_text("t_s,x_m,force_N\n" + "".join(f"{0.01 * k},{1e-5 * k},{0.05 + k % 3}\n" for k in range(300)))
-    assert run(["track", str(scenario), "--json", "--out", str(folder / "track")]) in (0, 1)
-    assert run(["track", str(scenario), "--compare", "--json", "--out", str(folder / "compare")]) in (0, 1)
-    assert run(["design", str(rig), "--json", "--out", str(folder / "design")]) == 0
-    assert run(["plot", str(record), "--json", "--out", str(folder / "plot.html")]) == 0
-    return paths | {
-        "demo": folder / "demo" / "demo.html",
-        "track": folder / "track" / "track.html",
-        "compare": folder / "compare" / "track.html",
-        "design": folder / "design" / "design.html",
-        "plot": folder / "plot.html",
-    }
+    return paths
 
 
 @pytest.fixture(scope="module")

@@ -1,9 +1,10 @@
-"""Pages of reports, campaigns and papers in a real browser, wide and narrow, light and dark: no console error, no request to a network, no
-sideways scrolling, no clipped or overlapping text.
+"""Pages of reports, campaigns and papers in a real browser, wide and narrow, light and dark: no console error, no
+request to a network, no sideways scrolling, no clipped or overlapping text.
 """
 
 from __future__ import annotations
 
+import os
 import shutil
 import time
 from collections.abc import Iterator
@@ -19,7 +20,10 @@ from tests.hil.findings import pull_finding, spectrum_finding, table_finding
 
 sync = pytest.importorskip("playwright.sync_api", reason="needs playwright (extra `browser`)")
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs chromium, as Debian's package of that name has it")
+pytestmark = pytest.mark.skipif(
+    CHROMIUM is None or "CAPSULE_BROWSER" not in os.environ,
+    reason="needs Debian's chromium and CAPSULE_BROWSER=1: minutes on a busy machine",
+)
 
 OPENS_S = 2.0
 """A page opens in this time on an idle machine; a busy one may take five times as long."""

@@ -27,13 +27,16 @@ class Estimate:
 
 @dataclass(frozen=True)
 class FoundEffect:
-    """An effect that was added, with what the data cannot tell it apart from."""
+    """An effect that was added, with what the data cannot tell it apart from; `curves` are the numbers of what refines
+    its shape, by id.
+    """
 
     id: str
     equivalent: tuple[str, ...]
     parameters: dict[str, Estimate]
     evidence: float
     confidence: float
+    curves: dict[str, dict[str, Estimate]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -104,7 +107,9 @@ class Proposal:
 
 @dataclass(frozen=True)
 class Finding:
-    """The whole answer of `close-loop`."""
+    """The whole answer of `close-loop`; `equations` with numbers, `symbolic` the same with the fitted parameters'
+    names.
+    """
 
     kind: str
     quantity: str
@@ -129,3 +134,4 @@ class Finding:
     cannot_show: dict[str, str] = field(default_factory=dict)
     reasons: tuple[str, ...] = ()
     proposal: Proposal | None = None
+    symbolic: tuple[str, ...] = ()

@@ -14,6 +14,7 @@ from models.checks.examine import examine, stopping
 from models.checks.finding import RecordFinding
 from models.checks.information.excitation import cannot_show
 from models.effects import BY_ID
+from models.effects.equation import symbols_of
 from models.files.record import Record
 from models.files.rig import Rig
 from models.identification.experiment.propose import propose, words_of
@@ -103,6 +104,7 @@ def close(
             _statements(found, verdict) + held_out(found, errors["holdout"]) + words.statements(kind, thetas, train)
         ),
         equations=tuple(words.equations(kind, thetas["augmented"])),
+        symbolic=tuple(words.equations(kind, symbols_of(thetas["augmented"], spread))),
         traces=tuple(_trace(kind, r, "train", thetas) for r in train)
         + tuple(_trace(kind, r, "holdout", thetas) for r in holdout),
         seconds=time.monotonic() - began,
@@ -135,9 +137,13 @@ def _stage_values(kind: AnyKind, found: Search) -> dict[str, dict[str, float]]:
 
 
 def _effect(name: str, found: Search, spread: Mapping[str, Estimate], verdict: str) -> FoundEffect:
-    parameters = {key.split(".", 1)[1]: value for key, value in spread.items() if key.startswith(name + ".")}
+    curves = {curve: _own(curve, spread) for curve in found.refinements if curve in BY_ID[name].refined_by}
     sure = found.confidence[name] if verdict == "named" else min(found.confidence[name], _AS_LIKELY_AS_NOT)
-    return FoundEffect(name, found.equivalent[name], parameters, found.gains[name], sure)
+    return FoundEffect(name, found.equivalent[name], _own(name, spread), found.gains[name], sure, curves)
+
+
+def _own(name: str, spread: Mapping[str, Estimate]) -> dict[str, Estimate]:
+    return {key.split(".", 1)[1]: value for key, value in spread.items() if key.startswith(f"{name}.")}
 
 
 def _rows(found: Search) -> list[CandidateRow]:

@@ -14,6 +14,7 @@ from hil.app.campaign.results import Results
 from hil.app.campaign.running import check_workers, run_missing
 from hil.app.campaign.worker import Row, run_job
 from hil.app.console import json_text, output_to_notes, print_json, summary
+from hil.app.quantities import number
 from hil.app.write import check_folder, write_files
 
 RESULTS, PAGE, NUMBERS = "results.jsonl", "campaign.html", "campaign.json"
@@ -98,8 +99,8 @@ def _say(plan: Campaign, found: dict[str, Any]) -> None:
     for head in heads:
         table.add_column(head, justify="right" if head else "left")
     for name, numbers in found["groups"].items():
-        table.add_row(name, *(f"{numbers[head]:.4g}" for head in heads[1:]))
+        table.add_row(name, *(number(numbers[head]) for head in heads[1:]))
     console.print(table)
     for one in found["worst"][:_SHOWN]:
-        console.print(f"worst: {one['value']:.4g}  {one['repeat']}", markup=False, soft_wrap=True)
+        console.print(f"worst: {number(one['value'])}  {one['repeat']}", markup=False, soft_wrap=True)
     console.print(f"report: {found['report']}", markup=False, soft_wrap=True)

@@ -40,7 +40,7 @@ class Mission:
 class Told:
     """What came of a story. `gate` holds the verdict on each stage that asked to be let in, `missions` the runs of
     those that were, and `hidden` what the simulated plant kept to itself; all three are empty where nothing was
-    driven. `caution` is what the error must not be taken for.
+    driven. `caution` is what the error must not be taken for, `truth` the numbers of what was hidden, by effect.
     """
 
     finding: Finding
@@ -48,6 +48,7 @@ class Told:
     missions: Mapping[str, Mission] = field(default_factory=dict)
     hidden: tuple[str, ...] = ()
     caution: str = ""
+    truth: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
 
 class Story(Protocol):

@@ -12,9 +12,10 @@ from rich.table import Table
 
 from hil.app.console import json_text, notes, output_to_notes, print_json, progress_bar, summary
 from hil.app.identify.next_experiment import next_toml
+from hil.app.quantities import amount
 from hil.app.report import headline, report_html, report_json
 from hil.app.report.findings import grouped
-from hil.app.report.words import STAGE_WORDS, error_unit, number
+from hil.app.report.words import STAGE_WORDS, error_scale, interpolation, scaled
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import check_targets, sole_writer, table_text, write_files
 from hil.log.record import read_rig_record
@@ -142,12 +143,15 @@ def print_summary(finding: Finding, out: Path) -> None:
 
 def error_table(rows: dict[str, dict[str, float]], finding: Finding) -> Table:
     """Error by stage, one row a part of the data."""
-    unit = error_unit(finding)
+    factor, unit = error_scale(finding)
     table = Table(
         title=f"error in {unit}: {finding.measure}" if unit else f"error: {finding.measure}", title_justify="left"
     )
     for column in ("", *(STAGE_WORDS[stage] for stage in STAGES), "noise floor"):
         table.add_column(column, justify="left" if not column else "right")
     for name, errors in rows.items():
-        table.add_row(name, *(number(errors.get(stage)) for stage in STAGES), number(finding.noise_floor))
+        shown = [amount(scaled(errors.get(stage), factor), unit) for stage in STAGES]
+        if name == "training" and interpolation(finding):
+            shown[1:] = ["interpolated"] * 2
+        table.add_row(name, *shown, amount(scaled(finding.noise_floor, factor), unit))
     return table

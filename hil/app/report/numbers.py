@@ -62,6 +62,10 @@ def _effect(effect: FoundEffect) -> dict[str, Any]:
         "parameters": {name: _estimate(estimate) for name, estimate in effect.parameters.items()},
         "evidence": effect.evidence,
         "confidence": effect.confidence,
+        "curves": {
+            curve: {name: _estimate(estimate) for name, estimate in parameters.items()}
+            for curve, parameters in effect.curves.items()
+        },
     }
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from models.effects.equation import lines_of
+from models.effects.formula import Formula
 from models.files.record import Record, named
 from models.identification.kind import Array, Theta
 from models.identification.kinds.periods.kind import RETURN_SPEED, SPEED, PeriodsKind
@@ -19,11 +20,14 @@ _WIDEST = 5.0  # logarithm of how much stiffer or softer a wall may be
 
 
 def equations(kind: PeriodsKind, theta: Theta) -> list[str]:
-    """The cycle in words and numbers, at the speed of the rig file."""
+    """The cycle in words and numbers, at the speed of the rig file; for symbols in place of numbers its law alone."""
+    law = f"T(u) = H_l(1 + |u|/{1e3 * kind.length_m:.4g} mm) s, slip when T(u_c) = f_c"
+    if any(isinstance(value, Formula) for value in theta.values()):
+        return [law, *lines_of(kind.effects, theta)]
     cycle = kind.cycle(kind.velocity_m_s, theta)
     rise = 1e3 * (cycle.peak - cycle.valley)
     return [
-        f"T(u) = H_l(1 + |u|/{1e3 * kind.length_m:.4g} mm) s, slip when T(u_c) = f_c",
+        law,
         (
             f"at {1e3 * kind.velocity_m_s:g} mm/s: F_e = {1e3 * cycle.valley:.2f} mN, f_c = {rise:.2f} mN, u_c ="
             f" {1e3 * cycle.tooth.drag_m:.4f} mm"

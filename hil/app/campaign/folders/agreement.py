@@ -11,7 +11,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from hil.app.campaign.folders.answers import Answer
-from hil.app.report.words import number
+from hil.app.quantities import number
 
 LEAST_OTHERS: Final = 4
 FALSE_ALARMS: Final = 0.01

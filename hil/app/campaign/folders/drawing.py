@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from typing import Final
 
 from hil.app.campaign.folders.answers import Answer
+from hil.app.quantities import number
 from hil.app.report.theme import FLOOR, GRID, INK, STAGE_COLOURS
-from hil.app.report.words import STAGE_WORDS, number
+from hil.app.report.words import STAGE_WORDS
 
 WIDTH, HEIGHT, EDGE = 230, 22, 9
 _SHAPES: Final = {

@@ -13,8 +13,9 @@ from urllib.parse import quote
 
 from hil.app.campaign.folders.answers import ORDER, Answer, lacking, verdicts
 from hil.app.campaign.folders.drawing import Axis, error_drawing, legend
-from hil.app.report.page import STYLE
-from hil.app.report.words import DASH, listed, number, quantity
+from hil.app.quantities import DASH, number, quantity
+from hil.app.report.document import STYLE
+from hil.app.report.words import listed
 
 OWN_STYLE: Final = Path(__file__).with_name("page.css")
 MARKS: Final = {"named": "●", "none": "○", "unknown": "?", "refused": "✕"}

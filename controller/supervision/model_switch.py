@@ -8,8 +8,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
-from controller.estimator.base import Counts
+from controller.estimator.base import Counts, Receiver
 from controller.model.control_model import ControlModel
+from controller.monitor.monitor import NOT_WATCHED, Health, Monitor
 from controller.registry import Observer, build, estimator_for
 from controller.signals import Estimate, Measurement
 from controller.supervision.acceptance import Verdict
@@ -50,6 +51,7 @@ class ModelSwitch:
         self._present: Observer = estimator_for(controller, model)
         self._next: Observer | None = None
         self._origin, self.taken_at = math.inf, math.nan
+        self._monitor = _monitor_of(self._present)
         if offer is not None:
             if offer.model.tick_s != model.tick_s:
                 raise ValueError(
@@ -59,6 +61,16 @@ class ModelSwitch:
                 self._next = estimator_for(controller, offer.model)
 
     @property
+    def health(self) -> Health:
+        """What the monitor says of the model in use, times on the clock of `observe`."""
+        return NOT_WATCHED if self._monitor is None else self._monitor.health
+
+    @property
+    def origin_s(self) -> float:
+        """When the reference began, on the clock of `observe`; inf before."""
+        return self._origin
+
+    @property
     def counts(self) -> Counts:
         """What became of the measurements so far."""
         return self._present.counts
@@ -66,6 +78,8 @@ class ModelSwitch:
     def begin(self, origin_s: float) -> None:
         """The reference begins at `origin_s`."""
         self._origin = origin_s
+        if self._monitor is not None:
+            self._monitor.begin(origin_s)
 
     def reset(self, now: float, command: float) -> None:
         """Know nothing but the `command` in force at `now`."""
@@ -76,6 +90,8 @@ class ModelSwitch:
     def observe(self, now: float, command: float, measurements: Sequence[Measurement] = ()) -> Estimate:
         """The estimate at `now`, as `Estimator.observe`, by whichever is in use."""
         estimate = self._present.observe(now, command, measurements)
+        if self._monitor is not None and now >= self._origin:
+            self._monitor.look(now, command, estimate)
         if self._next is None or self._offer is None or now < self._origin + self._offer.at_s:
             return estimate
         fresh = self._next.observe(now, command, measurements)
@@ -84,4 +100,13 @@ class ModelSwitch:
         for field in fields(Counts):
             setattr(self._next.counts, field.name, getattr(self._present.counts, field.name))
         self._present, self._next, self.taken_at = self._next, None, now - self._origin
+        alarms = self.health.alarms
+        self._monitor = _monitor_of(self._present)
+        if self._monitor is not None:
+            self._monitor.begin(now, alarms)
         return fresh
+
+
+def _monitor_of(observer: Observer) -> Monitor | None:
+    """The monitor of the model that an estimator believes in; None where it believes in none."""
+    return Monitor(observer) if isinstance(observer, Receiver) else None

@@ -81,7 +81,9 @@ def pull_finding(verdict: str = "named", seconds: float = 40.0) -> Finding:
         noise_floor=0.00075,
         checks=(
             Check("whiteness", "whiteness", 0.8, 1.0, True, "is what is left free of memory?"),
-            Check("whiteness_position", "goes with position", 1.7, 1.0, False, "does what is left go with the position?"),
+            Check(
+                "whiteness_position", "goes with position", 1.7, 1.0, False, "does what is left go with the position?"
+            ),
         ),
         candidates=tuple(candidates),
         smallest_detectable={"stribeck": 0.08, "viscous_drag": 0.004, "stenosis": float("nan")},

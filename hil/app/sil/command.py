@@ -10,6 +10,7 @@ from typing import Any
 from controller.model.control_model import ControlModel
 from hil.app.console import json_text, output_to_notes, print_json, progress_bar, summary
 from hil.app.scenario.bus_scenario import SilScenario, load_sil_scenario
+from hil.app.scenario.model_health import health_words
 from hil.app.scenario.model_offer import Offered, offer_of, offer_words, read_offer, told
 from hil.app.scenario.options import Options
 from hil.app.sil.fault_outcomes import outcomes
@@ -112,6 +113,7 @@ def _say(scenario: SilScenario, found: dict[str, Any], trace: SilTrace) -> None:
         after = fault["safe_after_ms"]
         came = "rode through" if after is None else f"safe after {after:.1f} ms"
         say(f"fault {fault['fault']} at {fault['at_s']:g} s: {came}{', UNSAFE' if fault['unsafe'] else ''}")
+    say(health_words(found))
     if sentence := offer_words(found):
         say(sentence)
     if trace.stopped_because:

@@ -131,7 +131,8 @@ def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:
     """What the bench knows at the end; step times count while the controller leads the drive."""
     trace.rows = np.concatenate(bench.plant.session.rows)
     trace.events = list(bench.node.supervisor.events)
-    trace.counts, trace.taken_at = bench.node.estimator.counts, bench.node.estimator.taken_at
+    estimator = bench.node.estimator
+    trace.counts, trace.taken_at, trace.health = estimator.counts, estimator.taken_at, estimator.health
     trace.frames, trace.load, trace.rejected = bench.frames, bench.medium.load, bench.rejected
     trace.stopped_because = bench.node.reason or ("" if led else _never_led(bench, trace))
     trace.solve_s = trace.solve_s[led] if led else np.zeros(1)

@@ -152,7 +152,7 @@ class Guard:
         self.unsent = 0
         self.sent = Passed(0.0, 0.0, 0)
         self._bus, self._observe = bus, observe
-        allowed = ("SafeStop", "DriveReset", "Sync", "ControllerHeartbeat", wiring.command)
+        allowed = ("SafeStop", "DriveReset", "Sync", "ControllerHeartbeat", "ModelHealth", wiring.command)
         self._senders = {name: (catalogue[name].id, Sender(catalogue[name])) for name in allowed}
         self._time = self._stopped_at = -math.inf
 

@@ -22,6 +22,7 @@ from controller.supervision.model_switch import ModelSwitch, Offer
 from controller.supervision.supervisor import Supervisor
 from hil.bus.catalogue import Catalogue
 from hil.nodes.controller.guard import Evidence, Fence, Guard, Passed
+from hil.nodes.controller.health import HEALTH_S, health_values
 from hil.nodes.controller.plausibility import Plausibility
 from hil.nodes.controller.receive import FrameReceiver
 from hil.nodes.frame_map import (
@@ -146,7 +147,7 @@ class ControllerNode:
         self._plausibility = Plausibility(_FOLLOW[self.wiring.kind], task.seen_noise_m > _NOISE_M)
         self._reference: Reference = task.reference
         self._bus, self._catalogue, self._clock = bus, catalogue, clock
-        self._began = self._last = self._beat_at = -math.inf
+        self._began = self._last = self._beat_at = self._health_at = -math.inf
         self._origin, self._index = 0.0, 0
         self._number = 0
         self._led = False
@@ -195,7 +196,7 @@ class ControllerNode:
         )
 
     def _speak(self, now: float) -> None:
-        """SYNC, heartbeat, and the acknowledgement of a fault where `start` asked for one."""
+        """SYNC, heartbeat, the monitor's word, and the acknowledgement of a fault where `start` asked for one."""
         if self._began == -math.inf:
             self._began = now
         self.guard.send("Sync", {"Tick": self._number % (1 << 32), "Period_s": self.tick_s}, now)
@@ -204,6 +205,9 @@ class ControllerNode:
             up = min(max(now - self._began, 0.0), 167772.0)
             beat = {"State": self.state, "Uptime_s": up, "Catalogue": self._catalogue.fingerprint}
             self.guard.send("ControllerHeartbeat", beat, now)
+        if not 0 <= now - self._health_at < HEALTH_S - 0.5 * self.tick_s:
+            self._health_at = now
+            self.guard.send("ModelHealth", health_values(self.estimator.health, self._began), now)
         if self._acknowledge:
             self._acknowledge -= 1
             self.guard.send("DriveReset", {"Target": self.wiring.target, "Code": self.receiver.fault}, now)

@@ -1,0 +1,118 @@
+"""Whether the model in use still holds: a sequential test on what it predicts, while it leads."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from controller.estimator.base import Receiver
+from controller.model.friction import mean_friction
+from controller.monitor.expected import EXPECTED, Expected
+from controller.monitor.forecast import Forecast, Second
+from controller.monitor.sums import Sum, shifted, wider
+from controller.signals import Estimate
+
+State = Literal["holds", "doubtful", "broken", "not watched"]
+Change = Literal["", "sudden", "slow"]
+FIRST: Final = 8
+"""Seconds in motion after the start that say what friction is here: a steady offset is what calibration is for."""
+DOUBTFUL: Final = 0.5
+"""Share of an alarm's evidence from which on the model is doubtful."""
+_SHIFT: Final = 1.5
+_RAMP_S: Final = 6.0
+
+
+@dataclass(frozen=True, slots=True)
+class Health:
+    """What the monitor says: the `state` and since when in s, how the model stopped to hold, the `alarms` so far, and
+    the evidence against it as a share of what an alarm takes.
+    """
+
+    state: State = "holds"
+    since_s: float = 0.0
+    change: Change = ""
+    alarms: int = 0
+    evidence: float = 0.0
+
+
+NOT_WATCHED: Final = Health("not watched")
+"""Of a controller that uses no friction model."""
+
+
+class Monitor:
+    """Four cumulative sums over seconds in which the capsule moved, all with thresholds of `expected`:
+
+    - forecast: how far off the position was that the model, adapted as it was a second before, foretold;
+    - innovations: how far off the estimator's own expectations were on average;
+    - friction and push: the force that the model's own parameters lack, against the motion and along +x, each against
+      what it was in the first seconds, upwards and downwards.
+
+    The first two see a change within seconds; a slow one, which the estimator follows, shows in the others. A state
+    that is broken stays so until `begin`. Sensors are not judged: without an estimate there is no evidence. `look`
+    never raises, takes bounded time and allocates nothing that grows.
+    """
+
+    def __init__(self, estimator: Receiver, expected: Expected | None = None) -> None:
+        model = estimator.model
+        self._estimator = estimator
+        self._expected = expected or EXPECTED.get(model.drive.name, Expected())
+        self._forecast = Forecast(model)
+        self._friction_N = max(mean_friction(model), 1e-3)
+        self.begin(0.0)
+
+    def begin(self, now: float, alarms: int = 0) -> None:
+        """A model begins to lead at `now`, after so many `alarms`: nothing speaks against it yet."""
+        self.health = Health("holds", now, "", alarms)
+        self._forecast.drop()
+        self._fast = (Sum(), Sum())
+        self._slow = (Sum(), Sum(), Sum(), Sum())
+        self._before = [0.0, 0.0]
+        self._seen = 0
+
+    def look(self, now: float, command: float, estimate: Estimate) -> Health:
+        """A tick on, to the `estimate` at `now`; `command` was in force since the last tick."""
+        try:
+            second = self._forecast.step(now, command + self._estimator.offset, estimate)
+            if second is not None and self.health.state != "broken":
+                self._judge(now, second)
+        except Exception:  # noqa: BLE001 - a monitor must not stop what it watches
+            self._forecast.drop()
+        return self.health
+
+    def _judge(self, now: float, second: Second) -> None:
+        e, began = self._expected, now - self._forecast.span_s
+        if not abs(second.moved_m) >= e.least_m:
+            return
+        miss = second.miss_m / math.hypot(second.std_m, e.miss_m)
+        self._fast[0].add(wider(miss), began)
+        self._fast[1].add(wider(second.innovation / e.innovation), began)
+        push = second.lacking_N / self._friction_N
+        offsets = (-math.copysign(push, push * second.moved_m), push)
+        self._seen += 1
+        if self._seen <= FIRST:
+            for k, offset in enumerate(offsets):
+                self._before[k] += offset / FIRST
+            return
+        for k, (offset, before) in enumerate(zip(offsets, self._before, strict=True)):
+            size = (offset - before) / e.lacking[k]
+            self._slow[2 * k].add(shifted(size, _SHIFT), began)
+            self._slow[2 * k + 1].add(shifted(-size, _SHIFT), began)
+        self._say(now)
+
+    def _say(self, now: float) -> None:
+        """The state that the sums come to."""
+        limits = self._expected
+        fast = [s.value / limit for s, limit in zip(self._fast, (limits.forecast, limits.innovations), strict=True)]
+        slow = [s.value / limits.drift for s in self._slow]
+        evidence = max(*fast, *slow)
+        before = self.health
+        if evidence >= 1:
+            sums, shares = (*self._fast, *self._slow), (*fast, *slow)
+            since = sums[shares.index(evidence)].since_s
+            slowly = max(slow) > max(fast) and now - since > _RAMP_S
+            self.health = Health("broken", since, "slow" if slowly else "sudden", before.alarms + 1, evidence)
+            return
+        state: State = "doubtful" if evidence >= DOUBTFUL else "holds"
+        since = before.since_s if state == before.state else now
+        self.health = Health(state, since, "", before.alarms, evidence)

@@ -11,17 +11,17 @@ from types import MappingProxyType
 class Expected:
     """Of seconds in which the capsule moves by `least_m` or more: `miss_m` is the standard deviation of the forecast's
     miss beside what begin and end are uncertain by, `innovation` that of the mean standardised innovation, `lacking`
-    those of the force that the model lacks, against the motion and along +x, as a share of its mean friction.
+    that of the force that the model lacks, as a share of its mean friction.
     `forecast`, `innovations` and `drift` are the evidence that raises an alarm.
     """
 
     least_m: float = 0.2e-3
     miss_m: float = 0.2e-3
     innovation: float = 0.2
-    lacking: tuple[float, float] = (0.1, 0.1)
+    lacking: float = 0.1
     forecast: float = 15.0
     innovations: float = 15.0
     drift: float = 30.0
 
 
-EXPECTED: Mapping[str, Expected] = MappingProxyType({"magnetic": Expected()})
+EXPECTED: Mapping[str, Expected] = MappingProxyType({"magnetic": Expected(), "coil": Expected(), "vibro": Expected()})

@@ -16,11 +16,13 @@ from controller.signals import Estimate
 State = Literal["holds", "doubtful", "broken", "not watched"]
 Change = Literal["", "sudden", "slow"]
 FIRST: Final = 8
-"""Seconds in motion after the start that say what friction is here: a steady offset is what calibration is for."""
+"""Seconds of motion each way that say what friction is here: a steady offset is what calibration is for."""
 DOUBTFUL: Final = 0.5
 """Share of an alarm's evidence from which on the model is doubtful."""
-_SHIFT: Final = 1.5
-_RAMP_S: Final = 6.0
+SHIFT: Final = 2.0
+"""By how many standard deviations the force that is lacking must at least have changed to count as a drift."""
+SLOW_S: Final = 6.0
+"""A drift whose evidence took longer to add up is a slow change."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,14 +43,14 @@ NOT_WATCHED: Final = Health("not watched")
 
 
 class Monitor:
-    """Four cumulative sums over seconds in which the capsule moved, all with thresholds of `expected`:
+    """Cumulative sums over seconds in which the capsule moved, all with thresholds of `expected`:
 
     - forecast: how far off the position was that the model, adapted as it was a second before, foretold;
     - innovations: how far off the estimator's own expectations were on average;
-    - friction and push: the force that the model's own parameters lack, against the motion and along +x, each against
-      what it was in the first seconds, upwards and downwards.
+    - drift: the force that the model's own parameters lack, less what it was in the first seconds of motion the same
+      way, against the motion and along +x, more and less.
 
-    The first two see a change within seconds; a slow one, which the estimator follows, shows in the others. A state
+    The first two see a change within seconds; a slow one, which the estimator follows, shows in the drift. A state
     that is broken stays so until `begin`. Sensors are not judged: without an estimate there is no evidence. `look`
     never raises, takes bounded time and allocates nothing that grows.
     """
@@ -67,37 +69,35 @@ class Monitor:
         self._forecast.drop()
         self._fast = (Sum(), Sum())
         self._slow = (Sum(), Sum(), Sum(), Sum())
-        self._before = [0.0, 0.0]
-        self._seen = 0
+        self._before, self._seen = [0.0, 0.0], [0, 0]
 
     def look(self, now: float, command: float, estimate: Estimate) -> Health:
         """A tick on, to the `estimate` at `now`; `command` was in force since the last tick."""
         try:
             second = self._forecast.step(now, command + self._estimator.offset, estimate)
             if second is not None and self.health.state != "broken":
-                self._judge(now, second)
+                self.judge(now, second)
         except Exception:  # noqa: BLE001 - a monitor must not stop what it watches
             self._forecast.drop()
         return self.health
 
-    def _judge(self, now: float, second: Second) -> None:
+    def judge(self, now: float, second: Second) -> None:
+        """Add what a `second` that is over at `now` says."""
         e, began = self._expected, now - self._forecast.span_s
         if not abs(second.moved_m) >= e.least_m:
             return
-        miss = second.miss_m / math.hypot(second.std_m, e.miss_m)
-        self._fast[0].add(wider(miss), began)
+        self._fast[0].add(wider(second.miss_m / math.hypot(second.std_m, e.miss_m)), began)
         self._fast[1].add(wider(second.innovation / e.innovation), began)
-        push = second.lacking_N / self._friction_N
-        offsets = (-math.copysign(push, push * second.moved_m), push)
-        self._seen += 1
-        if self._seen <= FIRST:
-            for k, offset in enumerate(offsets):
-                self._before[k] += offset / FIRST
-            return
-        for k, (offset, before) in enumerate(zip(offsets, self._before, strict=True)):
-            size = (offset - before) / e.lacking[k]
-            self._slow[2 * k].add(shifted(size, _SHIFT), began)
-            self._slow[2 * k + 1].add(shifted(-size, _SHIFT), began)
+        way = int(second.moved_m < 0)
+        lacking = second.lacking_N / self._friction_N
+        self._seen[way] += 1
+        if self._seen[way] <= FIRST:
+            self._before[way] += lacking / FIRST
+        else:
+            more = (lacking - self._before[way]) / e.lacking
+            against = more if way else -more
+            for one, size in zip(self._slow, (against, -against, more, -more), strict=True):
+                one.add(shifted(size, SHIFT), began)
         self._say(now)
 
     def _say(self, now: float) -> None:
@@ -110,7 +110,7 @@ class Monitor:
         if evidence >= 1:
             sums, shares = (*self._fast, *self._slow), (*fast, *slow)
             since = sums[shares.index(evidence)].since_s
-            slowly = max(slow) > max(fast) and now - since > _RAMP_S
+            slowly = max(slow) > max(fast) and now - since > SLOW_S
             self.health = Health("broken", since, "slow" if slowly else "sudden", before.alarms + 1, evidence)
             return
         state: State = "doubtful" if evidence >= DOUBTFUL else "holds"

@@ -50,7 +50,6 @@ class Estimate:
     lost: bool = False
     adapted: Adapted | None = None
     innovations: tuple[float, ...] = ()
-    innovations: tuple[float, ...] = ()
 
 
 class Reference(Protocol):

@@ -42,6 +42,8 @@ class Forecast:
         self._ticks = max(1, round(span_s / model.tick_s))
         self._state, self._numbers = np.zeros((1, len(model.states))), model.values.copy()
         self._force = np.zeros(1)
+        self._from = self._std = self._sum = self._lacking = 0.0
+        self._readings = 0
         self.drop()
 
     def drop(self) -> None:

@@ -21,8 +21,8 @@ DOUBTFUL: Final = 0.5
 """Share of an alarm's evidence from which on the model is doubtful."""
 SHIFT: Final = 2.0
 """By how many standard deviations the force that is lacking must at least have changed to count as a drift."""
-SLOW_S: Final = 6.0
-"""A drift whose evidence took longer to add up is a slow change."""
+GROWTH: Final = 1.0
+"""Share of its mean by which the force that is lacking grew, from where on a drift is a slow change and no step."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,20 +97,20 @@ class Monitor:
             more = (lacking - self._before[way]) / e.lacking
             against = more if way else -more
             for one, size in zip(self._slow, (against, -against, more, -more), strict=True):
-                one.add(shifted(size, SHIFT), began)
+                one.add(shifted(size, SHIFT), began, size)
         self._say(now)
 
     def _say(self, now: float) -> None:
         """The state that the sums come to."""
         limits = self._expected
-        fast = [s.value / limit for s, limit in zip(self._fast, (limits.forecast, limits.innovations), strict=True)]
+        fast = [s.value / limits.alarm for s in self._fast]
         slow = [s.value / limits.drift for s in self._slow]
         evidence = max(*fast, *slow)
         before = self.health
         if evidence >= 1:
             sums, shares = (*self._fast, *self._slow), (*fast, *slow)
-            since = sums[shares.index(evidence)].since_s
-            slowly = max(slow) > max(fast) and now - since > SLOW_S
+            first = sums[shares.index(evidence)]
+            since, slowly = first.since_s, first.growth > GROWTH
             self.health = Health("broken", since, "slow" if slowly else "sudden", before.alarms + 1, evidence)
             return
         state: State = "doubtful" if evidence >= DOUBTFUL else "holds"

@@ -90,7 +90,8 @@ class Stream:
         self._offset = hidden is not None and any(hidden[ROWS[name], 0] != 0.0 for name in _OFFSETS)
         self._late = round(late * truth_rate_Hz)
         rows = [ROWS[name] for name in ("sensor_delay", "sensor_lowpass")]
-        self._late_from, self._smooth_from = (0.0, 0.0) if hidden is None else hidden[rows, ONSET].tolist()
+        onsets = [0.0, 0.0] if hidden is None else [float(hidden[row, ONSET]) for row in rows]
+        self._late_from, self._smooth_from = onsets
         self._past: list[float] = []
         self._smooth: list[float] = []
         self._samples = 0

@@ -86,7 +86,7 @@ def drive(kind: str, effect: str, size: float, seed: int, seconds: float) -> Row
             seen.append((now, second))
         return second
 
-    forecast.Forecast.step = kept  # type: ignore[method-assign]
+    forecast.Forecast.step = kept  # type: ignore[assignment,method-assign]
     try:
         trace = run_loop(scenario, believed_model(scenario, {}), controller, seed)
     finally:

@@ -171,6 +171,7 @@ def task_of(record: Mapping[str, Any], where: str) -> Task:
         )
     try:
         offered = None if record.get("offered") is None else Offered.of(record["offered"])
+        learned = [Offered.of(one) for one in record.get("learned", [])]
         if "deployment" in record:
             deployment = replace(parse_deployment(str(record["deployment"]), values), offered=offered)
             return replace(deployment.task(), controller=name, deadline_s=math.inf)
@@ -182,7 +183,9 @@ def task_of(record: Mapping[str, Any], where: str) -> Task:
         return control_model(scenario.belief, values, scenario.control.tick_s)
 
     noise = scenario.instruments.localisation.std
-    return Task(believed(values), name, scenario.reference, scenario.limits, noise, offer=offer_of(offered, believed))
+    offers = (offer_of(offered, believed), *(offer_of(one, believed) for one in learned))
+    told = (scenario.reference, scenario.limits, noise)
+    return Task(believed(values), name, *told, offer=offers[0], learned=tuple(one for one in offers[1:] if one))
 
 
 def replayed(frames: Iterable[Logged], task: Task, catalogue: Catalogue, dry_run: bool = False) -> Replay:

@@ -46,7 +46,7 @@ class Task:
     """What a controller node is built from: the control model (its tick is the bus's), the name of a controller in
     `controller.registry`, where to go, and the limits. `seen_noise_m` is the noise the localisation is believed to
     have. `deadline_s` is what the MPC's plan may take of a tick (inf, as lockstep needs it, where no clock decides).
-    `offer` is a model that is to take over at a rest.
+    `offer` is a model that is to take over at a rest, `learned` those that were learned in a run that is replayed.
     """
 
     model: ControlModel
@@ -56,6 +56,7 @@ class Task:
     seen_noise_m: float = 5e-4
     deadline_s: float = math.inf
     offer: Offer | None = None
+    learned: tuple[Offer, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,6 +139,8 @@ class ControllerNode:
             build(task.controller, task.model, self.envelope, task.deadline_s), self.envelope, rules
         )
         self.estimator = ModelSwitch(self.supervisor, task.controller, task.model, task.offer, task.deadline_s)
+        for offer in task.learned:
+            self.estimator.propose(offer)
         self.tick_s = task.model.tick_s
         self.receiver = FrameReceiver(bus, catalogue, self.wiring, self.tick_s, observer)
         self.guard = Guard(

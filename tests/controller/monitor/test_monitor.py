@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from controller.monitor.expected import EXPECTED
 from controller.monitor.forecast import Forecast
-from controller.monitor.monitor import DOUBTFUL, FIRST, Monitor
+from controller.monitor.monitor import DOUBTFUL, FIRST, GROWTH, Monitor
 from controller.monitor.sums import MOST, Sum, shifted, wider
 from controller.signals import Adapted, Estimate
 from tests.controller.loops import model_of
@@ -140,6 +140,15 @@ def test_a_sum_is_a_finite_number_from_none_on(evidence: list[float]) -> None:
         one.add(value, float(k))
         assert 0 <= one.value <= MOST * (k + 1)
         assert 0 <= one.since_s <= k
+
+
+def test_a_step_does_not_grow_and_a_ramp_does() -> None:
+    step, ramp, noise = Sum(), Sum(), np.random.default_rng(1).standard_normal(12)
+    for k in range(12):
+        step.add(1.0, float(k), 4.0 + 0.5 * noise[k])
+        ramp.add(1.0, float(k), 0.4 * (k + 1) + 0.5 * noise[k])
+    assert abs(step.growth) < GROWTH < ramp.growth
+    assert Sum().growth == 0.0
 
 
 def test_evidence_speaks_for_a_model_that_is_right_and_against_one_that_is_not() -> None:

@@ -12,7 +12,7 @@ from plant.sensing.instruments import Instrument
 from plant.session import Instruments, Session
 from plant.tables import Floats
 
-RAMP = 2e-3 * STEP_S * np.arange(round(2.0 / STEP_S) + 1)
+RAMP: Floats = np.arange(round(2.0 / STEP_S) + 1, dtype=np.float64) * (2e-3 * STEP_S)
 ONSET = 1.0
 
 

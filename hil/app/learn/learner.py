@@ -27,6 +27,12 @@ LEARNT: Final = ("magnetic", "coil")
 Phase = Literal["watching", "gathering", "identifying", "offered", "on trial"]
 
 
+def check_learnt(rig: Rig) -> None:
+    """Raises ValueError for a rig whose runs make no record."""
+    if rig.kind not in LEARNT:
+        raise ValueError(f"--learn must stand with a rig of kind {' or '.join(LEARNT)}; got {rig.kind}")
+
+
 @dataclass(frozen=True)
 class Pace:
     """All in s: how much of motion and rest is `gathered_s` since the model broke, of which the last `held_out_s` are
@@ -107,8 +113,7 @@ class Learner:
     pace: Pace = field(default_factory=Pace)
 
     def __post_init__(self) -> None:
-        if self.rig.kind not in LEARNT:
-            raise ValueError(f"--learn must stand with a rig of kind {' or '.join(LEARNT)}; got {self.rig.kind}")
+        check_learnt(self.rig)
         sources = SOURCES[self.rig.kind]
         self._driven, self._measured = sources.driven.column, sources.measured.column
         self.switch.history = History((self._driven, self._measured))

@@ -11,7 +11,7 @@ from controller.model.control_model import ControlModel
 from controller.supervision.model_switch import ModelSwitch
 from hil.app.console import json_text, output_to_notes, print_json, progress_bar, summary
 from hil.app.learn.identify import Background
-from hil.app.learn.learner import Learner
+from hil.app.learn.learner import Learner, check_learnt
 from hil.app.scenario.bus_scenario import SilScenario, load_sil_scenario
 from hil.app.scenario.model_health import health_words
 from hil.app.scenario.model_offer import Offered, offer_of, offer_words, read_offer, told
@@ -33,6 +33,8 @@ def sil(path: Path, asked: Options) -> None:
     """
     scenario, text = load_sil_scenario(path)
     values, used = asked.values(scenario.loop.kind)
+    if asked.learn:
+        check_learnt(scenario.loop.belief)
     (name, number), out = asked.of(scenario.loop), asked.out
     if out is not None:
         check_folder(out, "--out")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Future
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -124,7 +124,7 @@ def test_records_that_cannot_be_used_are_an_answer() -> None:
 
 def test_a_rig_that_makes_no_record_is_refused() -> None:
     with pytest.raises(ValueError, match="--learn must stand with a rig of kind magnetic or coil; got vibro"):
-        Learner(Switch(), believed("vibro"), {}, lambda values: model_of(), Story(FOUND).ask)  # type: ignore[arg-type]
+        Learner(Switch(), replace(believed(), kind="vibro"), {}, lambda values: model_of(), Story(FOUND).ask)  # type: ignore[arg-type]
 
 
 def test_a_history_keeps_the_newest_in_order() -> None:

@@ -22,6 +22,7 @@ from models.files.rig_tables import (
     Axis,
     BodyTable,
     CapsuleTable,
+    Checks,
     Coil,
     ColumnTable,
     Drive,
@@ -45,6 +46,7 @@ RIG_TABLES: Final[Mapping[str, tuple[type[Table], ...]]] = {
     "[axis]": (Axis,),
     "[noise]": (Noise,),
     "[columns], a column of ours": (ColumnTable,),
+    "[checks]": (Checks,),
 }
 """Tables of a rig file; where several kinds of rig state one table differently, the strictest comes first."""
 
@@ -190,4 +192,6 @@ def _value(value: Any) -> str:
         return str(value).lower()
     if isinstance(value, str):
         return f"`{value}`" if value else "empty"
+    if isinstance(value, list):
+        return ", ".join(map(_value, value)) or "empty list"
     return f"{value:.9g}"

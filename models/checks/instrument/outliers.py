@@ -15,13 +15,16 @@ _MOST_SHARE = 0.02
 
 
 def spikes(view: View, values: Array) -> Mask:
-    """Where one or two samples of `values` stand off both sides by far more than noise and motion do; shape (n,)."""
+    """Where one or two samples of `values` stand off both sides by far more than noise and motion do, and by more than
+    the two sides differ: after an outlier the signal is where it was, after a step or a pulse it is not; shape (n,).
+    """
     mask = np.zeros(len(values), dtype=bool)
     if not view.timed or len(values) < 50:
         return mask
     for width in (1, 2):
         left, right = values[width:-width] - values[: -2 * width], values[width:-width] - values[2 * width :]
-        score = np.where(left * right > 0, np.minimum(np.abs(left), np.abs(right)), 0.0)
+        off = np.minimum(np.abs(left), np.abs(right)) - np.abs(left - right)
+        score = np.where(left * right > 0, np.maximum(off, 0.0), 0.0)
         second = np.abs(np.diff(values, 2))
         noise = float(np.median(second)) / 0.6745 / np.sqrt(6)
         span = float(np.diff(np.percentile(values, [1, 99]))[0])

@@ -10,19 +10,21 @@ from controller.estimator.base import Receiver
 from controller.model.friction import mean_friction
 from controller.monitor.expected import EXPECTED, Expected
 from controller.monitor.forecast import Forecast, Second
-from controller.monitor.sums import Sum, shifted, wider
+from controller.monitor.sums import ABOUT_S, Sum, shifted, wider
 from controller.signals import Estimate
 
 State = Literal["holds", "doubtful", "broken", "not watched"]
 Change = Literal["", "sudden", "slow"]
-FIRST: Final = 8
+FIRST: Final = 16
 """Seconds of motion each way that say what friction is here: a steady offset is what calibration is for."""
 DOUBTFUL: Final = 0.5
 """Share of an alarm's evidence from which on the model is doubtful."""
 SHIFT: Final = 2.0
 """By how many standard deviations the force that is lacking must at least have changed to count as a drift."""
-GROWTH: Final = 1.0
-"""Share of its mean by which the force that is lacking grew, from where on a drift is a slow change and no step."""
+SURPRISE: Final = 2.3
+"""Standard deviations by which forecast or innovations of a second about the beginning of a drift are off where the
+change is a sudden one: a slow one surprises nobody.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +72,7 @@ class Monitor:
         self._fast = (Sum(), Sum())
         self._slow = (Sum(), Sum(), Sum(), Sum())
         self._before, self._seen = [0.0, 0.0], [0, 0]
+        self._recent = [0.0] * int(ABOUT_S)
 
     def look(self, now: float, command: float, estimate: Estimate) -> Health:
         """A tick on, to the `estimate` at `now`; `command` was in force since the last tick."""
@@ -86,8 +89,10 @@ class Monitor:
         e, began = self._expected, now - self._forecast.span_s
         if not abs(second.moved_m) >= e.least_m:
             return
-        self._fast[0].add(wider(second.miss_m / math.hypot(second.std_m, e.miss_m)), began)
-        self._fast[1].add(wider(second.innovation / e.innovation), began)
+        sizes = (second.miss_m / math.hypot(second.std_m, e.miss_m), second.innovation / e.innovation)
+        for one, size in zip(self._fast, sizes, strict=True):
+            one.add(wider(size), began)
+        self._recent = [*self._recent[1:], max(abs(size) for size in sizes)]
         way = int(second.moved_m < 0)
         lacking = second.lacking_N / self._friction_N
         self._seen[way] += 1
@@ -97,7 +102,7 @@ class Monitor:
             more = (lacking - self._before[way]) / e.lacking
             against = more if way else -more
             for one, size in zip(self._slow, (against, -against, more, -more), strict=True):
-                one.add(shifted(size, SHIFT), began, size)
+                one.add(shifted(size, SHIFT), began, max(self._recent))
         self._say(now)
 
     def _say(self, now: float) -> None:
@@ -110,7 +115,7 @@ class Monitor:
         if evidence >= 1:
             sums, shares = (*self._fast, *self._slow), (*fast, *slow)
             first = sums[shares.index(evidence)]
-            since, slowly = first.since_s, first.growth > GROWTH
+            since, slowly = first.since_s, any(first is one for one in self._slow) and first.surprise < SURPRISE
             self.health = Health("broken", since, "slow" if slowly else "sudden", before.alarms + 1, evidence)
             return
         state: State = "doubtful" if evidence >= DOUBTFUL else "holds"

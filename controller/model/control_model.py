@@ -21,7 +21,7 @@ from models.effects import BY_ID, followed_by
 from models.effects.effect import Effect
 from models.effects.refinements.level_over_speed import LevelOverSpeed
 from models.files.rig import Rig
-from models.identification.kinds.series.drive_input import SWITCH_DELAY
+from models.identification.kinds.series.drive_input import OF_THE_LOG
 from models.identification.model import HELD_OUT
 from models.parameter import nearest
 
@@ -226,7 +226,7 @@ def control_model(
     symbols = assembled(surface_of(rig), drive, effects, smoothing)
     numbers = {p.name: p.value for p in symbols.parameters}
     for name, value in values.items():
-        if name in (SWITCH_DELAY, HELD_OUT) or (
+        if name in (*OF_THE_LOG, HELD_OUT) or (
             name.split(".")[0] in BY_ID and name.split(".")[0] not in {e.id for e in effects}
         ):
             continue

@@ -17,6 +17,7 @@ from models.files.rig_tables import (
     BodyTable,
     CapsuleTable,
     Checks,
+    Clock,
     Coil,
     ColumnTable,
     Drive,
@@ -32,7 +33,7 @@ from models.files.toml import read_toml
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import nearest
 
-TABLES = ("capsule", "tissue", "rig", "noise", "drive", "surface", "axis", "checks", "columns")
+TABLES = ("capsule", "tissue", "rig", "noise", "drive", "surface", "axis", "checks", "clock", "columns")
 T = TypeVar("T", bound=Table)
 
 
@@ -47,6 +48,7 @@ class Rig:
     tissue: Tissue = field(default_factory=Tissue)
     noise: Noise = field(default_factory=Noise)
     checks: Checks = field(default_factory=Checks)
+    clock: Clock = field(default_factory=Clock)
     magnet: Magnet | None = None
     coil: Coil | None = None
     drive: Drive | None = None
@@ -84,6 +86,7 @@ HEADS: Mapping[str, type[_Head]] = {
 }
 """The table `[rig]` of each kind."""
 _IN_THE_GUT = ("pull", "magnetic", "coil")
+_SIMULATED = (*_IN_THE_GUT, "vibro")
 
 
 def read_rig(path: Path) -> Rig:
@@ -105,6 +108,8 @@ def parse_rig(raw: Mapping[str, Any], where: str = "rig") -> Rig:
     file = _File(raw, where, kind)
     head = file.read("rig", HEADS[kind])
     rig = replace(_parts(file, kind, head), checks=file.read("checks", Checks, optional=True))
+    if kind in _SIMULATED:
+        rig = replace(rig, clock=file.read("clock", Clock, optional=True))
     columns = file.columns()
     file.refuse_rest()
     return replace(rig, columns=columns)

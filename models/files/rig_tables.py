@@ -38,6 +38,15 @@ class Checks(Table):
     accept: list[str] = []
 
 
+class Clock(Table):
+    """Two clocks: how much later than the driven columns the measured ones are stamped, in s (negative: earlier), and
+    the standard deviation with which that is known; 0 where it is known exactly, else a calibration looks for it.
+    """
+
+    offset_s: Annotated[float, Field(ge=-0.5, le=0.5)] = 0.0
+    offset_std_s: Annotated[float, Field(ge=0, le=0.2)] = 0.0
+
+
 class ColumnTable(Table):
     """One key of `[columns]`: which column of a file is this column of ours, `sign * (column - offset)` in `unit`."""
 

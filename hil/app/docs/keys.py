@@ -23,6 +23,7 @@ from models.files.rig_tables import (
     BodyTable,
     CapsuleTable,
     Checks,
+    Clock,
     Coil,
     ColumnTable,
     Drive,
@@ -47,6 +48,7 @@ RIG_TABLES: Final[Mapping[str, tuple[type[Table], ...]]] = {
     "[noise]": (Noise,),
     "[columns], a column of ours": (ColumnTable,),
     "[checks]": (Checks,),
+    "[clock] of pull, magnetic, coil and vibro": (Clock,),
 }
 """Tables of a rig file; where several kinds of rig state one table differently, the strictest comes first."""
 

@@ -69,6 +69,8 @@ MEANINGS: Final[Mapping[str, str]] = {
     "velocity_std_m_s": "standard deviation of a mean speed; left out: estimated",
     "period_std_s": "standard deviation of a period; left out: estimated",
     "modulus_std_Pa": "standard deviation of a modulus; left out: estimated",
+    "offset_s": "how much later than the driven columns the measured ones are stamped; negative: earlier",
+    "offset_std_s": "how well that is known; 0: exactly, else a calibration looks for it within four of these",
     "accept": "findings of `capsule check`, by id, that no longer stop a fit; they weaken its verdict",
     "column": "name of the column in the files, exactly as it stands there",
     "unit": "unit of that column, such as `mm`, `gf`, `ms`; left out: the one that the file states or that the column's"

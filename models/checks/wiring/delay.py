@@ -11,7 +11,7 @@ _LONGEST_S = 0.15
 _LEAST_SAMPLES = 1.0
 _LEAST_S = 0.012  # what stick and slip alone may look like
 _GAIN = 0.03  # share of the misfit that the shift must take away
-_REACHES = (0.0004, 0.0012, 0.003, 0.008, 0.02)  # of the span
+_REACHES = tuple(0.0004 * 1.8**k for k in range(10))  # of the span
 _ROWS = 8000
 
 
@@ -70,7 +70,7 @@ def clock_offset(view: View) -> tuple[float, float] | None:
 
 
 def _loop(x: Array, dt: float) -> Array:
-    """Plays of several widths over `x`, its speed and itself, shape (n, 8)."""
+    """Plays of several widths over `x`, its speed and itself, shape (n, 13)."""
     span = float(np.ptp(x))
     loops = [x - _play(x, reach * span) for reach in _REACHES]
     rows = np.column_stack([np.ones_like(x), x, np.gradient(x, dt), *loops])

@@ -13,11 +13,15 @@ from numpy.typing import NDArray
 from models.drives.drive import Drive
 from models.files.columns import COLUMNS
 from models.files.record import Record
+from models.files.rig_tables import Clock
 from models.parameter import Parameter
 
 Array = NDArray[np.float64]
 
 SWITCH_DELAY = "switch_delay_s"
+CLOCK_OFFSET = "clock_offset_s"
+OF_THE_LOG = (SWITCH_DELAY, CLOCK_OFFSET)
+"""Parameters of how a record was logged: no part of the rig that a controller drives."""
 _STEP = 2.5e-4  # s, internal step of a free capsule while a fit looks for it
 _FINE_STEP = 1e-4  # s, the same where it counts which of two teeth slips
 _LINKED_STEP = 5e-4  # s, the same for one behind an elastic link, which is solved implicitly
@@ -159,3 +163,24 @@ def switch_delay(drive: Drive, records: Sequence[Record]) -> tuple[Parameter, ..
     whole = bool(records) and all(logged_whole(record[drive.commanded]) for record in records)
     why = "a sample of a switch tells the interval before it (0), or the one after it (one sampling interval)"
     return (Parameter(SWITCH_DELAY, 0.5 * dt, "s", 0.0, dt, why, fit=whole),)
+
+
+def clock_offset(clock: Clock) -> tuple[Parameter, ...]:
+    """By how much the measured columns are stamped late, where the rig file states it; fitted, and held to the stated
+    value with the stated standard deviation, where one is stated.
+    """
+    if not (clock.offset_s or clock.offset_std_s):
+        return ()
+    reach = 4 * clock.offset_std_s
+    return (
+        Parameter(
+            CLOCK_OFFSET,
+            clock.offset_s,
+            "s",
+            clock.offset_s - reach,
+            clock.offset_s + reach,
+            "[clock] of the rig file",
+            fit=clock.offset_std_s > 0,
+            spread=clock.offset_std_s or float("inf"),
+        ),
+    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import ClassVar
 
@@ -21,7 +21,7 @@ from models.files.record import Record
 from models.files.rig import Rig
 from models.identification.kind import Array, Theta
 from models.identification.kinds.conditions import may_be_left_out
-from models.identification.kinds.series.drive_input import drifts, driven_column, interval, switch_delay
+from models.identification.kinds.series.drive_input import clock_offset, drifts, driven_column, interval, switch_delay
 from models.identification.kinds.series.simulation import START_S, Runner
 from models.parameter import Parameter
 from models.surfaces.surface import Surface
@@ -77,7 +77,8 @@ class SeriesKind:
         """
         drive = drive_of(rig, driven_column(rig.kind, records))
         stated = rig.noise.force_std_N if drive.imposed else rig.noise.position_std_m
-        return cls.build(surface_of(rig), drive, series_noise(records, drive.measured, stated), records)
+        made = cls.build(surface_of(rig), drive, series_noise(records, drive.measured, stated), records)
+        return replace(made, base=made.base + clock_offset(rig.clock))
 
     @classmethod
     def build(cls, surface: Surface, drive: Drive, noise_std: float, records: Sequence[Record] = ()) -> SeriesKind:

@@ -14,7 +14,15 @@ from models.drives.drive import Drive
 from models.effects import BY_ID, followed_by
 from models.files.record import Record
 from models.identification.kind import Array, Theta
-from models.identification.kinds.series.drive_input import SWITCH_DELAY, Feed, drifts, evenly, feed, interval
+from models.identification.kinds.series.drive_input import (
+    CLOCK_OFFSET,
+    SWITCH_DELAY,
+    Feed,
+    drifts,
+    evenly,
+    feed,
+    interval,
+)
 from models.surfaces.surface import Surface
 
 START_S = 0.5  # s, over which a record's start is compared with a prediction's where the drive does not tell the place
@@ -36,12 +44,12 @@ def _each_lane(values: Array) -> Array:
 
 
 def _late(theta: Theta) -> float:
-    """Time in s by which the effects in `theta` make the measurement late."""
+    """Time in s by which the clock and the effects in `theta` make the measurement late."""
     own = (
         (BY_ID[e](), {k.split(".")[1]: v for k, v in theta.items() if k.startswith(e + ".")})
         for e in active_effects(theta)
     )
-    return sum(float(effect.delay(values)) for effect, values in own)
+    return theta.get(CLOCK_OFFSET, 0.0) + sum(float(effect.delay(values)) for effect, values in own)
 
 
 @dataclass(frozen=True)

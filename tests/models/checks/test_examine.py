@@ -1,0 +1,211 @@
+"""Each check finds what it is for, keeps still on a clean record, and says where and what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from models.checks.examine import examine, stopping
+from models.checks.information.excitation import cannot_show
+from models.checks.instrument.usable import USED, cleaned
+from models.effects import effects_for
+from models.files.record import Record
+from models.files.rig import Rig, parse_rig
+
+Array = NDArray[np.float64]
+Columns = dict[str, Array]
+RATE, SECONDS, NOISE = 200.0, 30.0, 1e-3
+
+
+def pull(seed: int = 1, noise: float = NOISE) -> Columns:
+    """Strokes to and fro at three speeds with rests; a friction loop with an elastic start, and white noise."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0, SECONDS, 1 / RATE)
+    speed = np.zeros_like(t)
+    starts = np.arange(1.0, SECONDS - 3, 4.0)
+    for k, start in enumerate(starts):
+        speed[(t >= start) & (t < start + 3)] = (-1) ** k * (1e-3, 4e-3, 2e-3)[k // 2 % 3]
+    x = np.cumsum(speed) / RATE
+    play, width = np.zeros_like(x), 0.4e-3
+    for i in range(1, len(x)):
+        play[i] = min(max(play[i - 1], x[i] - width), x[i] + width)
+    force = 0.05 * (x - play) / width + 2 * speed
+    return {"t_s": t, "position_m": x, "force_N": force + noise * rng.standard_normal(len(t))}
+
+
+def record(columns: Columns) -> Record:
+    return Record("one", "pull", columns)
+
+
+def rig(**tables: object) -> Rig:
+    return parse_rig({"rig": {"kind": "pull"}, "noise": {"force_std_N": NOISE}, **_GUT, **tables})
+
+
+_GUT = {
+    "capsule": {"radius_m": 6.5e-3, "cylinder_length_m": 20e-3, "mass_kg": 4e-3},
+    "tissue": {
+        "preset": "jejunum",
+        "wall_thickness_m": 2.5e-3,
+        "contact_angle_deg": 60.0,
+        "nose_force_angle_deg": 30.0,
+        "friction_coefficient": 0.082,
+        "mucus_thickness_m": 30e-6,
+        "recovery_time_s": 0.05,
+    },
+}
+
+
+def turned(c: Columns) -> Columns:
+    return c | {"force_N": -c["force_N"]}
+
+
+def clipped(c: Columns) -> Columns:
+    return c | {"force_N": np.clip(c["force_N"], -0.051, 0.051)}
+
+
+def constant(c: Columns) -> Columns:
+    return c | {"force_N": 0.05 + NOISE * np.random.default_rng(0).standard_normal(len(c["t_s"]))}
+
+
+def held(c: Columns) -> Columns:
+    return c | {"force_N": np.repeat(c["force_N"][::7], 7)[: len(c["t_s"])]}
+
+
+def coarse(c: Columns) -> Columns:
+    return c | {"force_N": 8e-3 * np.round((c["force_N"] - 1e-4) / 8e-3)}
+
+
+def spiked(c: Columns) -> Columns:
+    force = c["force_N"].copy()
+    force[[700, 2100, 4000]] += 0.2
+    return c | {"force_N": force}
+
+
+def humming(c: Columns) -> Columns:
+    return c | {"force_N": c["force_N"] + 3e-3 * np.sin(2 * np.pi * 50 * c["t_s"])}
+
+
+def noisy(c: Columns) -> Columns:
+    return pull(noise=4 * NOISE)
+
+
+def restarted(c: Columns) -> Columns:
+    t = c["t_s"].copy()
+    t[3000:] -= t[3000]
+    return c | {"t_s": t}
+
+
+def repeated(c: Columns) -> Columns:
+    t = c["t_s"].copy()
+    t[100] = t[99]
+    return c | {"t_s": t}
+
+
+def uneven(c: Columns) -> Columns:
+    rng = np.random.default_rng(5)
+    return c | {"t_s": c["t_s"] + 0.2 / RATE * rng.uniform(-1, 1, len(c["t_s"]))}
+
+
+def with_gaps(c: Columns) -> Columns:
+    kept = np.random.default_rng(5).random(len(c["t_s"])) > 0.02
+    return {name: values[kept] for name, values in c.items()}
+
+
+def paused(c: Columns) -> Columns:
+    kept = np.abs(c["t_s"] - 10) > 1
+    return {name: values[kept] for name, values in c.items()}
+
+
+def late(c: Columns) -> Columns:
+    return c | {"force_N": np.interp(c["t_s"] - 0.04, c["t_s"], c["force_N"])}
+
+
+def in_millimetres(c: Columns) -> Columns:
+    return c | {"position_m": 1e3 * c["position_m"]}
+
+
+def in_millinewtons(c: Columns) -> Columns:
+    return c | {"force_N": 1e3 * c["force_N"]}
+
+
+def in_motion(c: Columns) -> Columns:
+    return {name: values[1900:] for name, values in c.items()}
+
+
+CORRUPTIONS: dict[str, tuple[Callable[[Columns], Columns], str, str]] = {
+    "the force's sign turned round": (turned, "force_sign", "stops"),
+    "an amplifier that clips": (clipped, "clipping", "weakens"),
+    "a constant and noise": (constant, "no_response", "weakens"),
+    "values held for seven samples": (held, "held_values", "note"),
+    "a coarse converter": (coarse, "resolution", "weakens"),
+    "three spikes": (spiked, "outliers", "note"),
+    "mains": (humming, "tone", "note"),
+    "four times the stated noise": (noisy, "noise_stated", "note"),
+    "a logger that began again": (restarted, "stamps_restart", "stops"),
+    "a stamp that stands twice": (repeated, "stamps_repeated", "stops"),
+    "uneven stamps": (uneven, "stamps_uneven", "note"),
+    "missing samples": (with_gaps, "stamps_missing", "note"),
+    "a pause": (paused, "pause", "weakens"),
+    "a late force": (late, "clock_offset", "note"),
+    "millimetres for metres": (in_millimetres, "units", "stops"),
+    "millinewtons for newtons": (in_millinewtons, "units", "stops"),
+    "a start in motion": (in_motion, "starts_in_motion", "note"),
+}
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_clean_record_has_no_finding(seed: int) -> None:
+    assert examine(rig(), [record(pull(seed))]) == ()
+
+
+@pytest.mark.parametrize("what", CORRUPTIONS)
+def test_each_corruption_is_found(what: str) -> None:
+    corrupt, name, severity = CORRUPTIONS[what]
+    found = {finding.id: finding for finding in examine(rig(), [record(corrupt(pull()))])}
+    assert name in found, list(found)
+    finding = found[name]
+    assert finding.severity == severity
+    assert finding.file == "one"
+    assert finding.where
+    assert finding.how
+    assert finding.remedy
+    if severity != "stops":
+        assert stopping(tuple(found.values())) is None
+
+
+def test_an_accepted_check_weakens_and_no_longer_stops() -> None:
+    findings = examine(rig(checks={"accept": ["force_sign"]}), [record(turned(pull()))])
+    assert stopping(findings) is None
+    assert next(f for f in findings if f.id == "force_sign").severity == "weakens"
+
+
+def test_clipped_and_spiked_samples_do_not_count() -> None:
+    for corrupt in (clipped, spiked):
+        made = corrupt(pull())
+        rows = cleaned(record(made), rig())[USED] == 0
+        differ = made["force_N"] != pull()["force_N"]
+        assert rows[differ].all()
+        assert rows.sum() <= 1.05 * differ.sum() + 2
+
+
+def test_a_step_or_a_pulse_is_no_outlier() -> None:
+    made = pull()
+    force = made["force_N"].copy()
+    force[1000:1030] += 0.2 * np.exp(-np.arange(30) / 8)
+    force[3000:] += 0.1
+    found = {finding.id for finding in examine(rig(), [record(made | {"force_N": force})])}
+    assert "outliers" not in found
+
+
+def test_motion_at_one_speed_and_one_way_cannot_show_what_needs_more() -> None:
+    t = np.arange(0, 8, 1 / RATE)
+    rng = np.random.default_rng(2)
+    x = 2e-3 * t
+    force = 0.05 * (1 - np.exp(-t / 0.2)) + NOISE * rng.standard_normal(len(t))
+    hidden = cannot_show(rig(), [record({"t_s": t, "position_m": x, "force_N": force})], effects_for("pull"))
+    assert "one speed" in hidden["stribeck"]
+    assert "one way" in hidden["directional_asymmetry"]
+    assert "folds" not in hidden

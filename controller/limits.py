@@ -28,6 +28,12 @@ class Limits:
         0.3, "m/s", "end of the range over which the resistance law was integrated (models.surfaces.gut.FASTEST)"
     )
     carriage_speed_m_s: float = _limit(0.25, "m/s", "reduced speed beside a person, ISO 10218-1 (from memory)")
+    first_speed_m_s: float = _limit(
+        0.02, "m/s", "choice: of the carriage as a run on a rig enables it, so that who stands beside it sees it begin"
+    )
+    first_acceleration_m_s2: float = _limit(
+        0.25, "m/s2", "choice: by which that speed grows; the full carriage speed is there after a second"
+    )
     carriage_acceleration_m_s2: float = _limit(10.0, "m/s2", "choice: from full carriage speed to rest within 25 ms")
     travel_m: float = _limit(1.0, "m", "choice: the carriage stays within this distance of its zero")
     gap_share: float = _limit(

@@ -17,6 +17,7 @@ from controller.estimator.cubature_filter import Estimator
 from controller.estimator.kinematic_filter import KinematicFilter, Kinematics
 from controller.estimator.noise import trusting
 from controller.estimator.particle_filter import ParticleEstimator
+from controller.estimator.ukf import UnscentedEstimator
 from controller.feedforward import Feedforward
 from controller.limits import Envelope
 from controller.model.control_model import ControlModel
@@ -48,6 +49,8 @@ MPC_PUSH_N = 40e-3
 it makes itself and hunts by 2 mm: in five of eight runs, with 40 mN in one, with 30 in none, which costs it more under
 true pushes; seeds from 100 on.
 """
+ESTIMATORS = ("default", "ukf")
+"""The estimators that a scenario or deployment may ask for: the one that goes with the controller, or filterpy's."""
 Chain = tuple[Controller, ...]
 Builder = Callable[[ControlModel, Envelope, float], Chain]
 Observer = Receiver | KinematicFilter
@@ -150,8 +153,19 @@ def _own(cls: type[Controller]) -> Builder:
     return chain
 
 
-def estimator_for(name: str, model: ControlModel) -> Observer:
-    """What the controller `name` sees the measurements through."""
+def checked_estimator(name: str) -> str:
+    """`name` of an estimator; raises ValueError where there is none."""
+    if name not in ESTIMATORS:
+        raise ValueError(
+            f"control.estimator must be one of {', '.join(ESTIMATORS)}; got {name!r}; {nearest(name, ESTIMATORS)}"
+        )
+    return name
+
+
+def estimator_for(name: str, model: ControlModel, estimator: str = "default") -> Observer:
+    """What the controller `name` sees the measurements through, unless another `estimator` is asked for."""
+    if estimator == "ukf":
+        return UnscentedEstimator(model.sharp)
     if name not in ("pid", "pid_friction"):
         return _estimator(name, model.sharp)
     return KinematicFilter(model, Kinematics(JERKINESS[name][model.drive.name]))

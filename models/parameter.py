@@ -52,7 +52,7 @@ class Parameter:
 
 def nearest(name: str, known: Mapping[str, object] | list[str] | tuple[str, ...]) -> str:
     """A hint for an unknown name: the nearest known one, else all of them."""
-    match = difflib.get_close_matches(name, list(known), n=1, cutoff=0.5)
+    match = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
     return f"did you mean {match[0]!r}?" if match else "known: " + ", ".join(sorted(known))
 
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from models.laws.geometry import GRAVITY, Capsule, Tissue
-from models.laws.resistance import Regime
 from plant import layout as at
 from plant.anatomy import Anatomy
 from plant.drives.kinds import Drive
@@ -42,7 +41,6 @@ class Rig:
     hoop_factor: float = 1.0
     anatomy: Anatomy = Anatomy()
     hidden: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    regime: Regime = "low"
     step_s: float = STEP_S
 
 
@@ -58,7 +56,7 @@ class Plant:
         self._all = effect_table({name: dict(numbers) for name, numbers in rig.hidden.items()})
         self.effects = begun(self._all, 0.0)
         self._onsets = sorted(float(t) for t in np.unique(self._all[self._all[:, 0] != 0, ONSET]) if t > 0)
-        self.tables = tabulate(rig.capsule, rig.tissue, rig.regime)
+        self.tables = tabulate(rig.capsule, rig.tissue)
         self.profile = np.asarray(rig.anatomy.level, dtype=float)
         self.parameters = _parameters(rig)
         self.state = np.zeros(at.S_COUNT)

@@ -9,13 +9,14 @@ from models.assembly.model import assemble
 from models.drives.coil import VoltageCoil, Winding
 from models.drives.magnetic import Magnetic
 from models.drives.vibro import Stop, Vibro, VoltageVibro
-from models.laws.geometry import Capsule, Tissue
+from models.laws.geometry import Capsule, Regime, Tissue
 from models.surfaces import plate
 from models.surfaces.gut import Wall
 from plant import layout as at
 from plant.drives.kinds import Coil, Magnet
 from plant.drives.kinds import Vibro as PlantVibro
 from plant.rig import Plant, Plate, Rig
+from plant.tables import resistance
 from tests.models.running import Array, pulses, run
 
 STEP_S = 20e-6
@@ -47,6 +48,14 @@ def test_the_smooth_model_converges_to_the_plant_with_order_one(speed_m_s: float
     assert np.all((orders > 0.85) & (orders < 1.1)), orders
     sharp = run(assemble(wall, Magnetic(25.0, 0.02)), carriage, h)[: exact.size]
     assert np.sqrt(np.mean((sharp - exact) ** 2)) < 0.3 * errors[-1]
+
+
+@pytest.mark.parametrize(("regime", "force_N"), [("low", 98.99e-3), ("blend", 125.49e-3)])
+def test_model_and_plant_take_the_regime_of_the_tissue(regime: Regime, force_N: float) -> None:
+    """At 60 mm/s paper V's high-speed moduli give 125 mN where its low-speed ones give 99."""
+    tissue = Tissue(regime=regime)
+    assert resistance(Plant(Rig(Magnet(25.0, 0.02), tissue=tissue)).tables, 60e-3) == pytest.approx(force_N, rel=2e-4)
+    assert Wall.around(Capsule(), tissue).grip(60e-3, 1.0, 0.082)[0] == pytest.approx(force_N, rel=2e-4)
 
 
 @pytest.mark.parametrize("stops", [False, True])

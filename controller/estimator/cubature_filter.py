@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Final
+from typing import ClassVar, Final
 
 import casadi as ca
 import numpy as np
@@ -107,11 +107,16 @@ class Process:
         before = self.model.left(b.command, command)
         own = (k.parameters, self.level.index, self._values)
         k.run_each(self._states, before, command, self._d, b.time_s, k.tick_s, k.substeps, *own)
-        force, place = self.noise.walks(b.surprise)
-        self._walk[-2], self._walk[0] = force**2 * k.tick_s, place**2 * k.tick_s
-        take_moments(self._states, self._d, self._level, self.where, self._scale, self._walk, b.z, b.P, b.modes)
+        walk = self._noise_of(b)
+        take_moments(self._states, self._d, self._level, self.where, self._scale, walk, b.z, b.P, b.modes)
         b.time_s += k.tick_s
         b.command = command
+
+    def _noise_of(self, b: CubatureFilter) -> Array:
+        """Variances (n,) that a tick adds to `b`."""
+        force, place = self.noise.walks(b.surprise)
+        self._walk[-2], self._walk[0] = force**2 * self.model.tick_s, place**2 * self.model.tick_s
+        return self._walk
 
     def move(self, z: Array, modes: Array, before: float, command: float, t: float) -> tuple[Array, Array]:
         """One point `z` (n,) with the switches `modes` (model states,) a tick on that `command` ends: both anew."""
@@ -182,9 +187,11 @@ class Estimator(Receiver):
     glides where the capsule jumps.
     """
 
+    process: ClassVar[type[Process]] = Process
+
     def __init__(self, model: ControlModel, noise: Noise | None = None) -> None:
         super().__init__(model, noise)
-        self._process = Process(model, self.noise)
+        self._process = self.process(model, self.noise)
         self._ticks = [_Tick(self._process.start(0.0, 1.0, 0.0, 0.0)) for _ in range(self._kept)]
         self._newest = 0
         self.reset(0.0, 0.0)

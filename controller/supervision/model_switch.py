@@ -47,12 +47,14 @@ class ModelSwitch:
         model: ControlModel,
         offer: Offer | None = None,
         deadline_s: float = math.inf,
+        estimator: str = "default",
     ):
         """Raises ValueError for a model that this controller cannot use, and for one of another tick than the one in
         use.
         """
         self._supervisor, self._controller, self._deadline_s = supervisor, controller, deadline_s
-        self._present: Observer = estimator_for(controller, model)
+        self._estimator = estimator
+        self._present: Observer = estimator_for(controller, model, estimator)
         self._waiting: deque[tuple[Offer, Chain, Observer]] = deque()
         self._origin, self.taken_at = math.inf, math.nan
         self._monitor = _monitor_of(self._present)
@@ -69,7 +71,7 @@ class ModelSwitch:
         if not offer.verdict.passed:
             self._supervisor.offer(chain, offer.verdict)
             return
-        self._waiting.append((offer, chain, estimator_for(self._controller, offer.model)))
+        self._waiting.append((offer, chain, estimator_for(self._controller, offer.model, self._estimator)))
         if len(self._waiting) == 1:
             self._supervisor.offer(chain, offer.verdict)
 

@@ -47,6 +47,12 @@ OwnControllers = Annotated[
     list[Path] | None,
     typer.Option("--controllers", metavar="FILE.py", help="Controllers of your own; may be given several times."),
 ]
+ReferenceFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--reference", metavar="FILE.toml", help="Where to go, instead of its own: next_experiment.toml of close-loop."
+    ),
+]
 RunSeed = Annotated[int | None, typer.Option("--seed", min=0, help="Sets every random number; else the scenario's.")]
 
 
@@ -124,12 +130,15 @@ def _init(
         str, typer.Argument(metavar="KIND", help="pull, magnetic, coil, vibro, vibro_table, axis, periods or dma.")
     ],
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the files; made where there is none.")],
+    rotary: Annotated[
+        bool, typer.Option("--rotary", help="An axis that turns: angle, torque and inertia, in rad and N m.")
+    ] = False,
     json_output: Json = False,
 ) -> None:
     """The first files of your own rig: a commented rig file, a template record, the command to run."""
     from hil.app.init.command import init
 
-    init(kind, folder, json_output=json_output)
+    init(kind, folder, rotary=rotary, json_output=json_output)
 
 
 @_command(
@@ -144,7 +153,8 @@ def _close_loop(
     ],
     rig: RigFile,
     out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Folder for report.html, report.json and model.toml.")
+        Path,
+        typer.Option("--out", metavar="DIR", help="Folder for report, model and next experiment."),
     ],
     holdout: Annotated[
         list[Path] | None,
@@ -312,6 +322,7 @@ def _track(
     model: LearnedModel = None,
     stage: ModelStage = None,
     seed: RunSeed = None,
+    reference: ReferenceFile = None,
     compare: Annotated[bool, typer.Option("--compare", help="Run every controller.")] = False,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Folder for track.html and track.json.")
@@ -330,7 +341,7 @@ def _track(
 
     use_effects(effects or [])
     use_controllers(controllers or [])
-    return track(scenario, Options(controller, model, stage, seed, out, json_output), compare)
+    return track(scenario, Options(controller, model, stage, seed, out, json_output, reference), compare)
 
 
 @_command("sil", "capsule sil hil/scenarios/sil_magnetic_drop.toml --out out")
@@ -340,6 +351,7 @@ def _sil(
     model: LearnedModel = None,
     stage: ModelStage = None,
     seed: RunSeed = None,
+    reference: ReferenceFile = None,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Folder for sil.json and the log frames.blf.")
     ] = None,
@@ -358,7 +370,7 @@ def _sil(
 
     use_effects(effects or [])
     use_controllers(controllers or [])
-    sil(scenario, Options(controller, model, stage, seed, out, json_output, learn))
+    sil(scenario, Options(controller, model, stage, seed, out, json_output, reference, learn))
 
 
 @_command("run", "capsule run deployment.toml check")
@@ -376,6 +388,7 @@ def _run(
     log: Annotated[
         Path | None, typer.Option("--log", metavar="LOG.blf", help="Where the log goes; else beside you.")
     ] = None,
+    reference: ReferenceFile = None,
     json_output: Json = False,
     effects: OwnEffects = None,
     controllers: OwnControllers = None,
@@ -387,7 +400,7 @@ def _run(
 
     use_effects(effects or [])
     use_controllers(controllers or [])
-    return run(rig, action, dry_run=dry_run, log=log, json_output=json_output)
+    return run(rig, action, dry_run=dry_run, log=log, json_output=json_output, reference=reference)
 
 
 @_command("plant", "capsule plant examples/deployment/deployment.toml --seconds 60")
@@ -425,7 +438,13 @@ def _replay(
 
 @_command("campaign", "capsule campaign hil/scenarios/campaign_magnetic.toml --out out/campaign")
 def _campaign(
-    path: Annotated[Path, typer.Argument(metavar="CAMPAIGN.toml", help="A scenario and what is varied in it.")],
+    paths: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="CAMPAIGN.toml | FOLDER...",
+            help="A scenario and what is varied in it; or folders of series, rig.toml and records in each.",
+        ),
+    ],
     out: Annotated[
         Path, typer.Option("--out", metavar="DIR", help="Folder for results and report; resumed where it has some.")
     ] = Path("out/campaign"),
@@ -435,11 +454,24 @@ def _campaign(
     ] = None,
     number: Annotated[int | None, typer.Option("--run", metavar="N", help="Do run N alone and print it.")] = None,
     json_output: Json = False,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of folders: sets every random number.")] = 0,
+    effects: OwnEffects = None,
 ) -> int:
-    """Thousands of closed loops: distributions and worst cases."""
+    """Thousands of closed loops: distributions and worst cases. Or close-loop on folders of series: what each rig
+    lacks, how sure, how much better, which disagree.
+    """
     from hil.app.campaign.command import campaign
+    from hil.app.campaign.folders.command import folders
 
-    return campaign(path, out, workers=workers, scheduler=scheduler, run=number, json_output=json_output)
+    if len(paths) == 1 and not paths[0].is_dir():
+        if effects or seed:
+            raise ValueError("--effects and --seed must be left out with a campaign file, which has its own seed")
+        return campaign(paths[0], out, workers=workers, scheduler=scheduler, run=number, json_output=json_output)
+    if number is not None:
+        raise ValueError("--run must be left out with folders: close-loop does one series alone")
+    return folders(
+        paths, out, effects=effects or [], seed=seed, workers=workers, scheduler=scheduler, json_output=json_output
+    )
 
 
 @_command("demo", "capsule demo --out out/demo")

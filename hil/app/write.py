@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import csv
+import fcntl
 import gzip
 import io
 import os
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -57,6 +59,29 @@ def check_folder(path: Path, option: str) -> Path:
             f"{option} must be a folder that can be written to; got {path}: {error.strerror or error}"
         ) from None
     return path
+
+
+@contextmanager
+def sole_writer(path: Path, option: str) -> Iterator[None]:
+    """The folder `path` for this process alone, made where it is missing and taken away again where nothing was put
+    into it. Raises ValueError as `check_folder`, and where another process has it.
+    """
+    missing = not path.exists()
+    check_folder(path, option)
+    handle = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise ValueError(
+                f"{option} must be a folder that one command writes to at a time; got {path}, which another one has"
+            ) from None
+        yield
+    finally:
+        os.close(handle)
+        if missing:
+            with suppress(OSError):
+                path.rmdir()
 
 
 def check_file(path: Path, option: str, endings: tuple[str, ...]) -> Path:

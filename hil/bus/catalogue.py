@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import binascii
 import math
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -84,7 +84,9 @@ class Frame:
 
 @dataclass(frozen=True)
 class Catalogue:
-    """All frames by name, the bit rate in bit/s, and a 16-bit `fingerprint` of the file, which heartbeats carry."""
+    """All frames by name, the bit rate in bit/s, and the 16-bit `fingerprint` of what they mean (`fingerprint_of`),
+    which heartbeats carry.
+    """
 
     frames: Mapping[str, Frame]
     bit_rate: int
@@ -132,7 +134,32 @@ def load_catalogue(path: Path = DBC) -> Catalogue:
         raise ValueError(
             f"{path}: attribute Baudrate must be a rate of classic CAN, 10000 to 1000000 bit/s; got {rate}"
         )
-    return Catalogue(MappingProxyType(frames), rate, zlib.crc32(text.encode()) & 0xFFFF, str(path))
+    return Catalogue(MappingProxyType(frames), rate, fingerprint_of(frames, rate), str(path))
+
+
+def fingerprint_of(frames: Mapping[str, Frame], bit_rate: int) -> int:
+    """CRC-16/CCITT-FALSE (polynomial 0x1021, start 0xFFFF, not reflected, not inverted; 0x29B1 for "123456789") of
+    `meaning`: comments, units, senders, line ends and the order of the file do not count.
+    """
+    return binascii.crc_hqx(meaning(frames, bit_rate).encode("ascii", "backslashreplace"), 0xFFFF)
+
+
+def meaning(frames: Mapping[str, Frame], bit_rate: int) -> str:
+    """What nodes must agree on, a line each, ended by a line feed, numbers as C's `%.9g`: `bus RATE`, then for each
+    frame in order of its identifier `frame ID NAME LENGTH CYCLE_MS SENT DATA_ID`, for each of its signals (CRC and
+    counter left out) in order of its first bit `signal NAME START LENGTH u|s FACTOR OFFSET LOWER UPPER`, and for each
+    of that signal's named numbers, from the least on, `value NUMBER NAME`.
+    """
+    lines = [f"bus {bit_rate}"]
+    for frame in sorted(frames.values(), key=lambda f: f.id):
+        cycle_ms = round(1e3 * frame.cycle_s)
+        lines.append(f"frame {frame.id} {frame.name} {frame.length} {cycle_ms} {frame.sent} {frame.data_id}")
+        for one in sorted(frame.fields, key=lambda f: f.start):
+            sign = "s" if one.signed else "u"
+            numbers = " ".join(f"{number:.9g}" for number in (one.scale, one.offset, one.lower, one.upper))
+            lines.append(f"signal {one.name} {one.start} {one.length} {sign} {numbers}")
+            lines += [f"value {raw} {name}" for raw, name in sorted(one.names.items())]
+    return "".join(line + "\n" for line in lines)
 
 
 def _frame(message: Any, where: str) -> Frame:

@@ -19,6 +19,8 @@ from typing import Any, Final
 
 import can
 
+from models.compiled.private_folder import private_folder
+
 INTERFACE: Final = "capsule_local"
 _PACKET: Final = struct.Struct("<dHB8s")
 _LONGEST_PATH: Final = 100
@@ -176,14 +178,15 @@ def channel_folder(channel: str) -> Path:
     """The folder in which the nodes of `channel` have their places; made where it is missing. A channel with a `/` is
     the folder itself.
 
-    Raises OSError where it cannot be made, or its path is too long for a socket.
+    Raises OSError where it cannot be made or is not this user's alone, or its path is too long for a socket.
     """
     named = Path(tempfile.gettempdir()) / f"capsule-bus-{os.getuid()}" / channel
     folder = Path(channel).absolute() if "/" in channel else named
     if not channel or len(str(folder)) > _LONGEST_PATH - 32:
         raise OSError(f"folder must be at most {_LONGEST_PATH - 32} characters long; got {folder}")
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    return folder
+    if "/" not in channel:
+        private_folder(named.parent)
+    return private_folder(folder)
 
 
 @contextlib.contextmanager

@@ -98,6 +98,20 @@ class Medium:
         self._number += 1
         heapq.heappush(port.waiting, _Waiting(message.arbitration_id, self._number, self._now, message))
 
+    def leave(self, port: SimulatedBus) -> None:
+        """Take a node off the bus, as its error counters would: its queue is forgotten, and a frame that it has on the
+        wire breaks off there, as an error to all others.
+        """
+        port.counters.transmit = BUS_OFF
+        port.waiting.clear()
+        if self._flying is not None and self._flying[1] is port:
+            self._flying = None
+            self.busy_bits += self._now + ERROR_BITS - self._free
+            self._free = self._now + ERROR_BITS
+            for other in self.ports:
+                if other is not port and self.online(other):
+                    other.counters.receive = min(other.counters.receive + 1, PASSIVE)
+
     def recover(self, port: SimulatedBus) -> None:
         """Let a node that is off return after 128 times 11 bits."""
         port.offline_until = self._now + RECOVERY_BITS

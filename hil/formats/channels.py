@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import stat
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -18,7 +17,6 @@ from models.files.columns import TIME_SERIES_ROWS
 from models.files.record import MOST_CELLS
 
 Array = NDArray[np.float64]
-LARGEST_FILE: Final = 1 << 31
 MOST_CHANNELS: Final = 20_000
 _ZEROED: Final = "datetime64[ns]"
 
@@ -82,18 +80,6 @@ def library(name: str, extra: str) -> Any:
             f"reading or writing this file needs the package {name.partition('.')[0]}, which is not installed: pip"
             f" install 'capsule-control[{extra}]'"
         ) from None
-
-
-def check_regular(path: Path) -> None:
-    """Refuse what is no regular file, or one that is too large. Raises ValueError of one sentence."""
-    try:
-        found = path.stat()
-    except OSError as error:
-        raise ValueError(f"{path}: record must be a file that can be read; got: {error.strerror or error}") from None
-    if not stat.S_ISREG(found.st_mode):
-        raise ValueError(f"{path}: record must be a regular file; got a folder, a device, a pipe or a socket")
-    if found.st_size > LARGEST_FILE:
-        raise ValueError(f"{path}: record must be smaller than {LARGEST_FILE} bytes; got {found.st_size}")
 
 
 def check_size(samples: Mapping[str, int]) -> None:

@@ -21,6 +21,14 @@ from hil.formats.table import format_of
 MEMORY: Final = 8 << 30
 SECONDS: Final = 600
 """Most memory in bytes and time on a processor in s."""
+LEAST_S: Final = 10
+SLOWEST: Final = 500_000
+"""Time on a processor in s that any file may take, and bytes of a file for which it may take a second more."""
+
+
+def allowed_s(size: int) -> int:
+    """Time on a processor in s that a file of `size` bytes may take."""
+    return min(LEAST_S + size // SLOWEST, SECONDS)
 
 
 def read_for(path: Path, source: IO[bytes], target: IO[bytes]) -> None:
@@ -61,8 +69,10 @@ def _tell(target: IO[bytes], document: Any) -> None:
 
 if __name__ == "__main__":
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-    resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
+    asked = Path(sys.argv[1])
+    longest = allowed_s(asked.stat().st_size) if asked.is_file() else SECONDS
+    resource.setrlimit(resource.RLIMIT_CPU, (longest, longest))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     with os.fdopen(os.dup(1), "wb") as told:
         os.dup2(2, 1)
-        read_for(Path(sys.argv[1]), sys.stdin.buffer, told)
+        read_for(asked, sys.stdin.buffer, told)

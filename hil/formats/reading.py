@@ -14,9 +14,10 @@ from typing import IO, Any, Final
 
 import numpy as np
 
-from hil.formats.channels import Array, Channel, Heading, Pick, check_regular, check_size, refusing
+from hil.formats.channels import Array, Channel, Heading, Pick, check_size, refusing
 from hil.formats.ros_bag import is_bag
 from hil.formats.table import FORMATS, Format, format_of
+from models.files.source import check_source
 
 LONGEST_S: Final = 900.0
 _LONGEST_LINE: Final = 1 << 26
@@ -28,7 +29,7 @@ def read_channels(path: Path, pick: Pick) -> list[Channel]:
     if found is None:
         raise ValueError(f"{path}: file must end in {', '.join(e for f in FORMATS for e in f.endings)}")
     if not is_bag(path):
-        check_regular(path)
+        check_source(path, "record")
     command = [sys.executable, "-m", "hil.formats.reader_process", str(path.absolute())]
     with subprocess.Popen(
         command,

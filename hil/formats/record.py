@@ -11,7 +11,7 @@ import numpy as np
 from hil.formats.channels import Array, Channel, Heading, RefusedError, refusing
 from hil.formats.clock import one_clock
 from hil.formats.reading import read_channels
-from models.files.columns import COLUMNS, TIME
+from models.files.columns import COLUMNS, TIME, columns_of
 from models.files.mapping import ColumnMap, MappedColumn
 from models.files.record import Record, find_columns, record_of
 from models.files.rig import Rig
@@ -88,7 +88,7 @@ def _columns(choice: _Choice, channels: Mapping[str, Channel]) -> tuple[dict[str
     first = next(iter(samples.values()))[0]
     if all(np.array_equal(times, first) for times, _ in samples.values()):
         return {TIME: since_start(first), **ours}, ()
-    measured = [name for name in kind.measured if name in samples]
+    measured = [name for name in columns_of(choice.rig.kind, samples).measured if name in samples]
     rows_of = next(iter(measured or samples))
     columns, notes = one_clock(samples, rows_of, _SWITCHES)
     return {**columns, TIME: since_start(columns[TIME])}, notes

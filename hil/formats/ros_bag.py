@@ -6,8 +6,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from hil.formats.channels import Channel, Pick, RefusedError, check_regular, library
+from hil.formats.channels import Channel, Pick, RefusedError, library
 from hil.formats.messages import Message, channels_of
+from models.files.source import check_source
 
 EXTRA = "ros"
 METADATA: Final = "metadata.yaml"
@@ -22,7 +23,7 @@ def read(path: Path, pick: Pick) -> list[Channel]:
     """The fields of messages that `pick` takes, at the times of their headers, else of arrival."""
     if path.is_dir():
         for part in path.iterdir():
-            check_regular(part)
+            check_source(part, "part of a bag")
     library("rosbags.highlevel", EXTRA)
     return channels_of(lambda: _messages(path), pick)
 

@@ -14,7 +14,12 @@ RECEIVED, SENT, WITHHELD, NOTED = 1, 2, 3, 4
 """Which way a frame went: to the node that logs, from it, from it but kept back (a dry run); or it is no frame but a
 note.
 """
+LOST: Final = 8
+"""The note that frames are missing (the other notes: `hil.log.recorder`)."""
 LATEST_S: Final = 1e6
+APPLICATION: Final = 200
+"""The application that writes, in a BLF header: by it our own files are known."""
+_HEAD: Final = struct.Struct("<4sLBBBBBBBBQ")
 PACKED: Final = struct.Struct("<qIBB8s2x")
 """A frame between processes: time in ns, identifier, way, length, data."""
 
@@ -45,20 +50,36 @@ def unpacked(block: bytes) -> list[Logged]:
 
 
 class BlfFile(can.BLFWriter):
-    """A BLF file whose times are those of the node's clock, not of the calendar (the record beside the file knows when
-    it began).
+    """A BLF file whose times are those of the node's clock; its header says when by the calendar (`calendar_s`, s since
+    1970) that clock showed 0, so tools show the time of day.
 
     Withheld frames stand on channel 2, notes on channel 3. `flush` ends a container and hands everything to the
-    operating system: what was written before survives the death of the process (not of the machine).
+    operating system: what was written before survives the death of the process (not of the machine). With `append` a
+    file whose writer has died goes on after its last whole container.
     """
 
-    def __init__(self, path: Path) -> None:
-        super().__init__(path, compression_level=1)
+    application_id = APPLICATION
+
+    def __init__(self, path: Path, calendar_s: float = 0.0, *, append: bool = False) -> None:
+        self._calendar_s = calendar_s
+        if append:
+            with path.open("rb+") as file:
+                file.truncate(_whole(file.read(_HEAD.size)))
+        super().__init__(path, append=append, compression_level=1)
         self.start_timestamp = 0.0
         self.flush()
 
+    def _write_header(self, filesize: int) -> None:
+        begin, end = self.start_timestamp, self.stop_timestamp
+        self.start_timestamp = self._calendar_s
+        self.stop_timestamp = self._calendar_s + (end or 0.0)
+        super()._write_header(filesize)
+        self.start_timestamp, self.stop_timestamp = begin, end
+
     def write(self, frame: Logged) -> None:
-        """Add a frame."""
+        """Add a frame. A container is ended before it is full, so that none ends within a frame."""
+        if self._buffer_size > self.max_container_size - 256:
+            self.flush()
         self.on_message_received(
             can.Message(
                 (frame.time_ns + 0.5) * 1e-9,
@@ -79,6 +100,16 @@ class BlfFile(can.BLFWriter):
         self._write_header(end)
         self.file.flush()
         self.file.seek(end)
+
+
+def is_own(head: bytes) -> bool:
+    """Whether a BLF file that begins with `head` is one of ours, with times of a node's clock."""
+    return len(head) >= _HEAD.size and _HEAD.unpack_from(head)[2] == APPLICATION
+
+
+def _whole(head: bytes) -> int:
+    """The size in bytes that a file's header knows of."""
+    return int(_HEAD.unpack(head)[10])
 
 
 def way_of(message: can.Message) -> int:

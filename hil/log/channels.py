@@ -10,18 +10,20 @@ import numpy as np
 from hil.formats.channels import Array, Channel, Heading, all_of
 from hil.formats.reading import read_channels
 from hil.formats.table import format_of
+from hil.log.blf_reader import Tell
 from hil.log.reader import is_log
 from hil.log.record import log_channels
 from models.files.csv_reader import read_blocks
+from models.files.record import MOST_CELLS
 from models.files.units import split_unit
 
 
-def file_channels(path: Path) -> list[Channel]:
-    """All channels of numbers of a CSV file, a CAN log, or a file of one of the formats in `hil.formats.table`. Raises
-    ValueError of one sentence.
+def file_channels(path: Path, tell: Tell | None = None) -> list[Channel]:
+    """All channels of numbers of a CSV file, a CAN log, or a file of one of the formats in `hil.formats.table`. `tell`
+    gets a sentence about a log that is cut off. Raises ValueError of one sentence.
     """
     if is_log(path):
-        return log_channels(path)
+        return log_channels(path, tell)
     channels = read_channels(path, all_of) if format_of(path) else _csv_channels(path)
     if len(channels) < 2 or not any(len(channel.values) for channel in channels):
         raise ValueError(f"{path}: record must have two columns of numbers or more; got {len(channels)}")
@@ -41,6 +43,8 @@ def _csv_channels(path: Path) -> list[Channel]:
 
     for _, block in read_blocks(path, look):
         blocks.append(block.values)
+        if sum(values.size for values in blocks) > MOST_CELLS:
+            raise ValueError(f"{path}: record must have at most {MOST_CELLS} numbers; got more: cut it into several")
     values = np.concatenate(blocks)
     return [
         Channel(Heading(name, stated.get(name) or split_unit(name)[1]), values[:, i])

@@ -19,8 +19,9 @@ from hil.formats.clock import increasing, mean_before
 from hil.formats.record import channel_record
 from hil.formats.table import format_of
 from hil.log.blf_file import RECEIVED, SENT, Logged
+from hil.log.blf_reader import Tell
 from hil.log.reader import is_log, read_frames
-from models.files.columns import COLUMNS, RANGES, TIME, first_wrong
+from models.files.columns import COLUMNS, TIME, first_wrong, range_of
 from models.files.record import Record, read_record
 from models.files.rig import Rig
 
@@ -74,12 +75,12 @@ def read_rig_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient:
     return read_record(path, rig, driven_only=driven_only, lenient=lenient)
 
 
-def log_channels(path: Path) -> list[Channel]:
+def log_channels(path: Path, tell: Tell | None = None) -> list[Channel]:
     """Every signal of the good frames of the log `path` as a channel `Frame/Signal`, at the frames' times of arrival.
-    Raises ValueError of one sentence.
+    `tell` as `read_frames`. Raises ValueError of one sentence.
     """
     reading = _Reading(str(path), load_catalogue())
-    reading.take(read_frames(path))
+    reading.take(read_frames(path, tell))
     channels: list[Channel] = []
     for name, frames in reading.good.items():
         times, kept = _increasing(np.array([t for t, _ in frames]))
@@ -107,7 +108,8 @@ def log_record(path: Path, rig: Rig, *, driven_only: bool = False, catalogue: Ca
             f"{path}: CAN log must be of a rig of kind {', '.join(SOURCES)}; got kind {rig.kind!r}: give a CSV"
         )
     sources, reading = SOURCES[rig.kind], _Reading(str(path), catalogue or load_catalogue())
-    reading.take(read_frames(path))
+    notes: list[str] = []
+    reading.take(read_frames(path, notes.append))
     columns = _columns(reading, sources, driven_only)
     kind = COLUMNS[rig.kind]
     least, rows = 2 if driven_only else kind.minimum, len(columns[TIME])
@@ -116,12 +118,10 @@ def log_record(path: Path, rig: Rig, *, driven_only: bool = False, catalogue: Ca
             f"{path}: record of kind {rig.kind} must have {least} to {kind.limit} rows; the log gives {rows}"
         )
     for name, values in columns.items():
-        row = first_wrong(name, values)
-        if row is not None:
-            raise ValueError(
-                f"{path}: {name} must be {RANGES[name][2]}; got {values[row]:g} at {columns[TIME][row]:g} s"
-            )
-    return Record(path.stem, rig.kind, columns)
+        row, limits = first_wrong(rig.kind, name, values), range_of(rig.kind, name)
+        if row is not None and limits is not None:
+            raise ValueError(f"{path}: {name} must be {limits[2]}; got {values[row]:g} at {columns[TIME][row]:g} s")
+    return Record(path.stem, rig.kind, columns, notes=tuple(notes))
 
 
 @dataclass

@@ -4,62 +4,116 @@ bit.
 
 from __future__ import annotations
 
+import math
+import struct
 from collections.abc import Mapping
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from subprocess import run
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import can
 
 from controller.limits import Limits
 from controller.signals import Action
 from hil.bus.catalogue import Catalogue
+from hil.log.blf_file import LATEST_S, NOTED, RECEIVED, SENT, WITHHELD, Logged
 from hil.log.log import NodeLog
 
-START, STOP, UNSOLVED, CUT, EXACT = range(1, 6)
-"""Notes in a log: the operator's start (value: origin of the reference in s) and stop, a tick that is computed without
-a solution, after how many steps the clock cut the plan of the tick before short, the time of the next frame where it is
-no whole number of ns.
+START, STOP, UNSOLVED, CUT, EXACT, HEARD, ACKNOWLEDGED = range(1, 8)
+"""Notes in a log: the operator's start (value: origin of the reference in s, nan where the drive's being enabled begins
+it) and stop, a tick that is computed without a solution, after how many steps the clock cut the plan of the tick before
+short, the true time of the next frame or note where the log's is another one, that the next frame was heard by the tick
+before it, and the operator's acknowledgement of a fault. `LOST` says that frames are missing here.
 """
 _GIT_S: Final = 5
 
 
 class Recorder:
-    """The observer of a controller node. The order of what it writes is the order in which the node acted: that is what
-    a replay needs.
+    """The observer of a controller node. What it writes is in order of time, a tick's at its end: what the tick heard,
+    then what it sent. What came later than the tick's begin, or goes before the last frame in the log by its time, is
+    marked by a note, so that a replay finds the order in which the node acted, and each time to the last bit.
     """
 
     def __init__(self, log: NodeLog, dry_run: bool = False) -> None:
         self.log, self._dry = log, dry_run
+        self._tick: list[_Entry] = []
+        self._before: list[_Entry] = []
+        self._began_s, self._last_s = -math.inf, 0.0
+        log.before_close = self.flush
 
     def __call__(self, message: can.Message) -> None:
-        """Write one frame."""
-        time_s = message.timestamp
-        if round(time_s * 1e9) / 1e9 != time_s:
-            self.log.noted(time_s, EXACT, time_s)
+        """Take one frame in."""
         if message.is_rx:
-            self.log.received(time_s, message.arbitration_id, message.data)
-        else:
-            self.log.sent(time_s, message.arbitration_id, message.data, withheld=self._dry)
+            self._tick.append(_Entry(message.timestamp, RECEIVED, message.arbitration_id, bytes(message.data)))
+            return
+        if message.timestamp != self._began_s:
+            self.flush()
+            self._tick, self._before, self._began_s = self._before, [], message.timestamp
+        way = WITHHELD if self._dry else SENT
+        self._tick.append(_Entry(message.timestamp, way, message.arbitration_id, bytes(message.data)))
 
     def start(self, now: float, origin_s: float) -> None:
-        """The operator's start, just before `ControllerNode.start(now, origin_s)`."""
-        self.log.noted(now, START, origin_s)
+        """The operator's start, just before `ControllerNode.start(now, origin_s)`; nan: without one."""
+        self._word(now, START, origin_s)
 
     def stop(self, now: float) -> None:
         """The operator's stop, just before `ControllerNode.stop()`."""
-        self.log.noted(now, STOP)
+        self._word(now, STOP)
+
+    def acknowledge(self, now: float) -> None:
+        """The operator's word just before `ControllerNode.acknowledge()`."""
+        self._word(now, ACKNOWLEDGED)
 
     def unsolved(self, now: float) -> None:
         """Just before `ControllerNode.tick(now, solved=False)`."""
-        self.log.noted(now, UNSOLVED)
+        self._before.append(_Entry(now, NOTED, UNSOLVED, _value(0.0)))
 
     def ticked(self, now: float, action: Action) -> None:
         """After a tick at `now`, whose plan the clock may have cut short: a replay cuts it there again."""
+        self.flush()
         if action.cut_after is not None:
-            self.log.noted(now, CUT, action.cut_after)
+            self._word(now, CUT, action.cut_after)
+
+    def flush(self) -> None:
+        """Write the tick that is over."""
+        entries, self._tick = self._tick, []
+        if entries:
+            self._write(sorted(entries, key=lambda e: (e.time_s, e.way != RECEIVED)))
+
+    def _word(self, now: float, code: int, value: float = 0.0) -> None:
+        self.flush()
+        self._write([_Entry(now, NOTED, code, _value(value))])
+
+    def _write(self, entries: list[_Entry]) -> None:
+        """Write entries in their order, together, with the notes that they need."""
+        frames: list[Logged] = []
+        for entry in entries:
+            if not abs(entry.time_s) <= LATEST_S:
+                self.log.dropped += 1
+                continue
+            self._last_s = max(entry.time_s, self._last_s)
+            time_ns = round(self._last_s * 1e9)
+            if entry.way == RECEIVED and entry.time_s > self._began_s:
+                frames.append(Logged(time_ns, HEARD, _value(0.0), NOTED))
+            if time_ns / 1e9 != entry.time_s:
+                frames.append(Logged(time_ns, EXACT, _value(entry.time_s), NOTED))
+            frames.append(Logged(time_ns, entry.id, entry.data, entry.way))
+        self.log.put(frames)
+
+
+def _value(value: float) -> bytes:
+    return struct.pack("<d", value)
+
+
+class _Entry(NamedTuple):
+    """What the node did, `time_s` by its own word."""
+
+    time_s: float
+    way: int
+    id: int
+    data: bytes
 
 
 def log_record(

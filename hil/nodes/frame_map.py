@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -63,6 +64,11 @@ class FrameMap:
         """Name of the drive's heartbeat frame."""
         return f"{self.node}Heartbeat"
 
+    @property
+    def challenge(self) -> str:
+        """Name of the frame with the number that must be answered before the drive becomes ready."""
+        return f"{self.node}Challenge"
+
     def life_ms(self, rate: float) -> int:
         """Time to live in ms of a command that changes by `rate` a second: `still_ms` less the time to brake from
         there, at least 6.
@@ -77,6 +83,18 @@ class FrameMap:
         elif self.kind == "vibro":
             values |= {"Period_s": 0.0, "Duty": 0.0}
         return values
+
+
+def plain(message: can.Message) -> bool:
+    """Whether a frame is classic data with an 11-bit identifier: nothing else is acted on, whatever its bytes say."""
+    return not (message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd)
+
+
+def answer_of(number: int, target: int) -> int:
+    """The answer to a drive's challenge: CRC-32 of its `number`, 4 bytes, least first, and of the drive's `target`. It
+    shows that the sender has heard this challenge, not who the sender is.
+    """
+    return zlib.crc32(number.to_bytes(4, "little") + bytes([target]))
 
 
 FRAME_MAPS: Mapping[str, FrameMap] = MappingProxyType(

@@ -5,6 +5,7 @@ sensor.
 from __future__ import annotations
 
 import math
+import secrets
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
@@ -66,9 +67,11 @@ class PlantNode:
         force_seed: int | None = None,
         catalogue: Catalogue | None = None,
         drive: Cia402Drive | None = None,
+        draw: Callable[[], int] = lambda: secrets.randbits(32),
     ) -> None:
-        """`force_seed` None: without a force sensor. `drive`: another one than the catalogue's. Raises ValueError for a
-        drive that is not on the bus, or a tick that is no multiple of a slot.
+        """`force_seed` None: without a force sensor. `drive`: another one than the catalogue's. `draw` makes the
+        numbers of the drive's challenges. Raises ValueError for a drive that is not on the bus, or a tick that is no
+        multiple of a slot.
         """
         self.slots = round(tick_s / SLOT_S)
         if self.slots < 1 or abs(self.slots * SLOT_S - tick_s) > 1e-9:
@@ -77,7 +80,7 @@ class PlantNode:
         kind, power = power_of(session, limits)
         self.session, self.tamper = session, None
         self.drive: DriveNode | Cia402Drive = drive or DriveNode(
-            drive_bus, catalogue, frame_map_of(kind), power, limits, tick_s
+            drive_bus, catalogue, frame_map_of(kind), power, limits, tick_s, draw=draw
         )
         self._parts = _COIL_PARTS if kind == "coil" else 1
         self._localiser = _Localiser(sensor_bus, catalogue)

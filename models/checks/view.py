@@ -13,6 +13,7 @@ from models.checks.finding import RecordFinding, Severity
 from models.files.columns import COLUMNS, TIME
 from models.files.record import Record
 from models.files.rig import Rig
+from models.files.units import unit_of
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -41,12 +42,13 @@ class View:
     @cached_property
     def measured(self) -> str:
         """Name of the (first) measured column."""
-        return COLUMNS[self.kind].measured[0]
+        return self.record.layout.measured[0]
 
     @cached_property
     def driven(self) -> str | None:
         """Name of the driven column; None where the record has none."""
-        names = COLUMNS[self.kind].driven[0] if COLUMNS[self.kind].driven else ()
+        layout = self.record.layout
+        names = layout.driven[0] if layout.driven else ()
         return next((name for name in names if name in self.record.columns), None)
 
     @cached_property
@@ -75,6 +77,20 @@ class View:
     def moving_column(self) -> str:
         """The column that tells the motion: where the capsule or stage is, else the driven place."""
         return "position_m" if "position_m" in self.record.columns else str(self.driven)
+
+    @property
+    def turns(self) -> bool:
+        """Whether the motion is that of an axis that turns, in rad."""
+        return self.moving_column.endswith("_rad")
+
+    def told(self, length: float) -> str:
+        """A length in m (an angle in rad) of the motion in words."""
+        return f"{length:.3g} rad" if self.turns else f"{1e3 * length:.3g} mm"
+
+    @property
+    def unit(self) -> str:
+        """The unit of the measured column, as it is written."""
+        return unit_of(self.measured).replace("_", " ")
 
     @cached_property
     def _smoothed(self) -> tuple[Array, float]:

@@ -2,31 +2,46 @@
 
 from __future__ import annotations
 
+import atexit
 import hashlib
 import importlib.util
 import os
+import shutil
 import sys
 import tempfile
 import threading
+from functools import cache
 from pathlib import Path
 from typing import Any
+
+from models.compiled.private_folder import private_folder
 
 _LOADING = threading.Lock()
 
 
 def cache_folder() -> Path:
-    """Where generated code is kept: `CAPSULE_CACHE`, else the user's cache folder, else the one for temporary files."""
-    root = os.environ.get("CAPSULE_CACHE") or os.path.join(
-        os.environ.get("XDG_CACHE_HOME", os.path.expanduser("~/.cache")), "capsule"
+    """Where generated code is kept: `CAPSULE_CACHE`, else the user's cache folder. Where that is not the user's alone
+    or cannot be written to, one of this process that goes with it; said once on standard error.
+    """
+    return _folder(
+        os.environ.get("CAPSULE_CACHE")
+        or os.path.join(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), "capsule")
     )
-    folder = Path(root)
+
+
+@cache
+def _folder(root: str) -> Path:
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder = private_folder(Path(root))
         if os.access(folder, os.W_OK):
             return folder
-    except OSError:
-        pass
-    return Path(tempfile.gettempdir())
+        why = "it cannot be written to"
+    except OSError as error:
+        why = error.strerror or str(error)
+    print(f"compiled code is not kept in {root}: {why}", file=sys.stderr)
+    folder = Path(tempfile.mkdtemp(prefix="capsule-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
 
 
 def load(source: str) -> Any:
@@ -40,9 +55,9 @@ def _loaded(source: str) -> Any:
     if name in sys.modules:
         return sys.modules[name]
     path = cache_folder() / f"{name}.py"
-    if not path.is_file():
+    if not path.is_file() or path.read_bytes() != source.encode():
         draft = path.with_suffix(f".{os.getpid()}")
-        draft.write_text(source, encoding="utf-8")
+        draft.write_bytes(source.encode())
         os.replace(draft, path)
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None

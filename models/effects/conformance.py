@@ -27,6 +27,7 @@ SIGNALS: Final[Mapping[str, float]] = {
     "drag": 2e-4,
     "drag_rate": 3e-3,
     "dwell": 0.3,
+    "load": 1.5,
 }
 """Values of the signals, SI, at which the hooks are tried."""
 MULTIPLIERS: Final = ("level", "stiffening", "gain")

@@ -20,7 +20,8 @@ class Signals:
     `t` time, `x` position along the lumen, `v` speed, `direction` smooth sign of the motion (the last one while at
     rest), `command` the drive's command (carriage position, coil current, drive on), `rate` its rate of change,
     `travelled` path length so far, `tension` the wall's quasi-static tension, `drag` the wall's displacement u,
-    `drag_rate` its rate, `dwell` time at rest. A rig kind that has no such signal leaves it at 0.
+    `drag_rate` its rate, `dwell` time at rest, `load` the logged load. A rig kind that has no such signal leaves it
+    at 0.
     """
 
     t: Any = 0.0
@@ -34,6 +35,7 @@ class Signals:
     drag: Any = 0.0
     drag_rate: Any = 0.0
     dwell: Any = 0.0
+    load: Any = 0.0
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,8 @@ class Effect:
     states `z` by name. `by_speed` says that the level changes with the speed and not only with its direction. `follows`
     names the states that are at the "command" or the "position" after a long rest; the others are at 0. A refinement
     `of` one effect gets that effect's values too. `needs` names what the motion must offer for the effect to show:
-    "both_ways", "reversals", "speeds", "places", "rests", "time".
+    "both_ways", "reversals", "speeds", "places", "rests", "time", "load" (a logged one that changes), "turning" (an
+    axis that turns; only its search tries such an effect).
     """
 
     id: ClassVar[str] = ""

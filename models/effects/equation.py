@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from models.effects.effect import Effect, InnerMassEffect, Signals
-from models.effects.formula import Formula, value_of, written
+from models.effects.formula import Formula, called, value_of, written
 
 LEFT: Final[Mapping[str, str]] = MappingProxyType(
     {
@@ -83,6 +83,19 @@ def lines_of(effects: Iterable[type[Effect]], theta: Mapping[str, float]) -> lis
             defaults = {p.name: p.value for p in effect.parameters()}
             lines.append(f"{effect.id}: {text_of(effect, {**_values(effect.of, theta), **defaults, **given})}")
     return lines
+
+
+def symbols_of(theta: Mapping[str, float], fitted: Iterable[str]) -> dict[str, Any]:
+    """`theta` with the symbols of those that were `fitted` in place of their numbers: what writes a model's equations
+    with its numbers writes them with these too.
+    """
+    known = set(fitted)
+    return {name: _symbol(name) if name in known else value for name, value in theta.items()}
+
+
+def _symbol(name: str) -> Formula:
+    own = name.rpartition(".")[2]
+    return called("log10", Formula(own.removeprefix("log10_"))) if own.startswith("log10_") else Formula(own)
 
 
 def _values(effect: str, theta: Mapping[str, float]) -> dict[str, float]:

@@ -75,6 +75,12 @@ class Formula:
     def __abs__(self) -> Formula:
         return called("abs", self)
 
+    def __format__(self, spec: str) -> str:
+        """The formula in an f-string, where a number with the digits `spec` would stand; in brackets if need be."""
+        text = written(self)
+        bare = f"({text})" if self.name in ("+", "neg") else text
+        return f"+ {bare}" if spec.startswith("+") else bare
+
     def __lt__(self, other: Any) -> Formula:
         return Formula("<", (self, Formula.of(other)))
 
@@ -159,6 +165,8 @@ def _quotient(a: Formula, b: Formula) -> Formula:
 def _power(a: Formula, b: Formula) -> Formula:
     if (numbers := _numbers(a, b)) is not None:
         return Formula.of(numbers[0] ** numbers[1])
+    if a.number == 10 and b.name == "log10":
+        return b.inputs[0]
     return a if b.number == 1 else Formula("^", (a, b))
 
 

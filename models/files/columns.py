@@ -5,7 +5,7 @@ them.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -21,13 +21,16 @@ TABLE_ROWS = 100_000
 
 @dataclass(frozen=True)
 class Columns:
-    """What a kind's record holds: `driven` lists the columns that must be there, alternatives side by side."""
+    """What a kind's record holds: `driven` lists the columns that must be there, alternatives side by side; those of
+    `given_by_rig` may stand in the rig file instead, `optional` ones are used where they are there.
+    """
 
     driven: tuple[tuple[str, ...], ...]
     measured: tuple[str, ...]
     time: bool
     minimum: int
     given_by_rig: tuple[str, ...] = ()
+    optional: tuple[str, ...] = ()
 
     @property
     def limit(self) -> int:
@@ -39,9 +42,17 @@ class Columns:
         time = ((TIME,),) if self.time else ()
         return time + self.driven + (tuple((name,) for name in self.measured) if with_measured else ())
 
+    def own(self) -> tuple[str, ...]:
+        """The driven and the measured columns' names."""
+        return (*(name for alternatives in self.driven for name in alternatives), *self.measured)
+
     def known(self) -> tuple[str, ...]:
         """Every name this kind gives a meaning to."""
-        return (*(name for alternatives in self.required() for name in alternatives), *self.given_by_rig)
+        return (
+            *(name for alternatives in self.required() for name in alternatives),
+            *self.given_by_rig,
+            *self.optional,
+        )
 
 
 COLUMNS = MappingProxyType(
@@ -51,13 +62,23 @@ COLUMNS = MappingProxyType(
         "coil": Columns((("coil_current_A", "coil_voltage_V"),), ("position_m",), True, 100),
         "vibro": Columns((("drive_on", "coil_voltage_V"),), ("position_m",), True, 100),
         "vibro_table": Columns((("period_s",), ("duty",), ("cycles",)), ("mean_velocity_m_s",), False, 4),
-        "axis": Columns((("position_m",),), ("force_N",), True, 100),
+        "axis": Columns((("position_m",),), ("force_N",), True, 100, optional=("velocity_m_s", "load_N")),
         "periods": Columns((), ("period_s", "valley_N", "peak_N"), False, 3, ("velocity_m_s",)),
         "dma": Columns((("frequency_Hz",),), ("storage_modulus_Pa", "loss_modulus_Pa"), False, 3),
     }
 )
 
+VARIANTS: Mapping[str, tuple[Columns, ...]] = MappingProxyType(
+    {
+        "axis": (
+            Columns((("angle_rad",),), ("torque_N_m",), True, 100, optional=("velocity_rad_s", "load_N_m", "load_N")),
+        )
+    }
+)
+"""What a record of a kind may hold in place of its columns in `COLUMNS`: an axis that turns."""
+
 _FORCE = (-1e3, 1e3, "between -1000 and 1000 N")
+_LOAD = (-1e9, 1e9, "between -1e9 and 1e9 N")
 _PLACE = (-100.0, 100.0, "between -100 and 100 m")
 
 RANGES = MappingProxyType(
@@ -78,25 +99,63 @@ RANGES = MappingProxyType(
         "frequency_Hz": (0.0, 1e9, "positive, in Hz"),
         "storage_modulus_Pa": (0.0, 1e12, "positive, in Pa"),
         "loss_modulus_Pa": (0.0, 1e12, "not negative, in Pa"),
+        "angle_rad": (-1e6, 1e6, "between -1e6 and 1e6 rad"),
+        "torque_N_m": (-1e6, 1e6, "between -1e6 and 1e6 N m"),
+        "velocity_rad_s": (-1e5, 1e5, "between -1e5 and 1e5 rad/s"),
+        "load_N": _LOAD,
+        "load_N_m": (*_LOAD[:2], "between -1e9 and 1e9 N m"),
     }
 )
+_RANGES_OF = MappingProxyType(
+    {
+        ("axis", "velocity_m_s"): (-1e3, 1e3, "between -1000 and 1000 m/s"),
+        ("axis", "force_N"): (-1e6, 1e6, "between -1e6 and 1e6 N"),
+    }
+)
+"""Ranges of columns that one kind has otherwise than the others."""
 ABOVE = frozenset({"velocity_m_s", "period_s", "frequency_Hz", "storage_modulus_Pa"})
 """Columns whose lower bound is not a value itself."""
 _TIME_NAMES = ("time", "timestamp", "seconds", "sec")
 
 
-def first_wrong(name: str, values: NDArray[np.float64]) -> int | None:
+def columns_of(kind: str, names: Iterable[str]) -> Columns:
+    """What a record of `kind` with the columns `names` holds: of the kind's variants the one that has most of them."""
+    there = set(names)
+    return max((COLUMNS[kind], *VARIANTS.get(kind, ())), key=lambda held: len(there & set(held.own())))
+
+
+def known_of(kind: str) -> tuple[str, ...]:
+    """Every name that a kind gives a meaning to, in any of its variants."""
+    held = (COLUMNS[kind], *VARIANTS.get(kind, ()))
+    return tuple(dict.fromkeys(name for one in held for name in one.known()))
+
+
+def range_of(kind: str, name: str) -> tuple[float, float, str] | None:
+    """Lower and upper limit of a column of `kind`, and both in words; None where there are none."""
+    return _RANGES_OF.get((kind, name), RANGES.get(name))
+
+
+def first_wrong(kind: str, name: str, values: NDArray[np.float64]) -> int | None:
     """Row of the first value out of the range of the column `name`; None where there is none."""
-    if name not in RANGES:
+    limits = range_of(kind, name)
+    if limits is None:
         return None
-    lower, upper, _ = RANGES[name]
-    good = ((values > lower) if name in ABOVE else (values >= lower)) & (values <= upper)
+    lower, upper, _ = limits
+    above = name in ABOVE and lower == 0
+    good = ((values > lower) if above else (values >= lower)) & (values <= upper)
     return None if good.all() else int(np.argmin(good))
 
 
 def missing_columns(kind: str, header: Sequence[str], with_measured: bool = True) -> list[tuple[str, ...]]:
     """The columns of `kind` that `header` lacks, each as a tuple of alternatives."""
-    return [names for names in COLUMNS[kind].required(with_measured) if not set(names) & set(header)]
+    return [names for names in columns_of(kind, header).required(with_measured) if not set(names) & set(header)]
+
+
+def missing_in_variants(kind: str, header: Sequence[str]) -> list[list[tuple[str, ...]]]:
+    """The columns that `header` lacks to be a record of each variant of `kind` that none of its columns rules out."""
+    held = (COLUMNS[kind], *VARIANTS.get(kind, ()))
+    fitting = [one for one in held if set(one.own()) & set(header)] or held
+    return [[names for names in one.required() if not set(names) & set(header)] for one in fitting]
 
 
 def check_header(where: str, kind: str, header: Sequence[str], with_measured: bool = True) -> None:
@@ -115,7 +174,7 @@ def check_header(where: str, kind: str, header: Sequence[str], with_measured: bo
         raise ValueError(
             f"{where}: record must be one of a {kind} rig (column {wanted} is missing); got the columns of kind {found}"
         )
-    free = [name for name in header if name not in COLUMNS[kind].known()]
+    free = [name for name in header if name not in known_of(kind)]
     raise ValueError(
         f"{where}: header must have the column {wanted} (kind {kind}); got {_listed(header)}; {_hint(missing, free)}"
     )
@@ -133,7 +192,8 @@ def _hint(missing: Sequence[tuple[str, ...]], free: Sequence[str]) -> str:
 
 def check_unit_names(where: str, kind: str, header: Sequence[str]) -> None:
     """Refuse optional columns of `kind` written in another unit; they would be ignored without a word."""
-    for name in COLUMNS[kind].given_by_rig:
+    held = columns_of(kind, header)
+    for name in (*held.given_by_rig, *held.optional):
         if name not in header:
             _refuse_unit(where, name, header, kind)
 
@@ -141,17 +201,17 @@ def check_unit_names(where: str, kind: str, header: Sequence[str]) -> None:
 def _refuse_another_kind(where: str, kind: str, header: Sequence[str]) -> None:
     """A whole record of one other kind that holds no measured column of `kind` was not made on such a rig."""
     others = [other for other in COLUMNS if _fits(other, header)]
-    if len(others) == 1 and kind not in others and not set(COLUMNS[kind].measured) & set(header):
+    if len(others) == 1 and kind not in others and not set(columns_of(kind, header).measured) & set(header):
         raise ValueError(f"{where}: record must be one of a {kind} rig; got the columns of kind {others[0]}")
 
 
 def _fits(kind: str, header: Sequence[str]) -> bool:
-    return all(set(alternatives) & set(header) for alternatives in COLUMNS[kind].required())
+    return all(set(alternatives) & set(header) for alternatives in columns_of(kind, header).required())
 
 
 def _refuse_unit(where: str, name: str, header: Sequence[str], kind: str) -> None:
     stem, unit = split_unit(name)
-    known = COLUMNS[kind].known()
+    known = known_of(kind)
     for got in header:
         other, stated = split_unit(got)
         same = other.lower() == stem.lower() and (not stated or factor(stated, unit) is not None)

@@ -7,9 +7,9 @@ from __future__ import annotations
 import csv
 import gzip
 import io
-import stat
 import zlib
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import chain, islice
 from pathlib import Path
@@ -19,11 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.files.csv_header import LONGEST_TOP, EmptyError, find_header, split, to_number
+from models.files.source import check_encoding, opened
 
 ENDINGS = tuple(form + packed for form in (".csv", ".tsv", ".txt") for packed in ("", ".gz"))
 BLOCK_CHARACTERS = 1 << 22
 LONGEST_LINE = 1 << 20
 MOST_COLUMNS = 256
+MOST_CHARACTERS = 1 << 30
+MOST_BLANK = 1_000_000
 _UNREADABLE = "\ufffd"
 
 
@@ -87,33 +90,40 @@ def _checked(header: list[str], units: Mapping[str, str], check: Check) -> Seque
         raise ValueError(f"{error}; the header is not UTF-8 text (Latin-1?): save it as 'CSV UTF-8'") from None
 
 
-def _opened(path: Path) -> BinaryIO:
+@contextmanager
+def _opened(path: Path) -> Iterator[BinaryIO]:
     if not path.name.lower().endswith(ENDINGS):
         raise ValueError(f"{path}: record must be a .csv or .csv.gz file; got {path.name!r}")
-    if path.is_dir():
-        raise ValueError(f"{path}: record must be a file; got a directory")
-    try:
-        if not stat.S_ISREG(path.stat().st_mode):
-            raise ValueError(f"{path}: record must be a regular file; got a device, a pipe or a socket")
-        with path.open("rb") as probe:
-            start = probe.read(2)
-        if start in (b"\xff\xfe", b"\xfe\xff"):
-            raise ValueError(f"{path}: file must be UTF-8 text; got UTF-16: save it as 'CSV UTF-8'")
-        return gzip.open(path, "rb") if start == b"\x1f\x8b" else path.open("rb")  # type: ignore[return-value]
-    except OSError as error:
-        raise ValueError(f"{path}: record must be a file that can be read; got: {error.strerror or error}") from None
+    with opened(path, "record") as file:
+        start = file.read(4)
+        file.seek(0)
+        check_encoding(path, "record", start)
+        if start.startswith(b"\x1f\x8b"):
+            with gzip.open(file, "rb") as unpacked:
+                yield unpacked  # type: ignore[misc]
+        else:
+            yield file
 
 
 def _lines(path: Path, text: io.TextIOWrapper) -> Iterator[tuple[int, str]]:
     """Non-blank lines with their numbers, counted from 1."""
-    number, rest = 0, ""
+    number, blank, total, rest = 0, 0, 0, ""
     while piece := text.read(BLOCK_CHARACTERS // 4):
+        total += len(piece)
+        if total > MOST_CHARACTERS:
+            raise ValueError(
+                f"{path}, line {number}: text must be at most {MOST_CHARACTERS} characters, unpacked; got more"
+            )
         *complete, rest = (rest + piece).split("\n")
         for line in complete:
             number += 1
             _refuse_long(path, number, line)
             if line and not line.isspace():
                 yield number, line
+                continue
+            blank += 1
+            if blank > MOST_BLANK:
+                raise ValueError(f"{path}, line {number}: record must have at most {MOST_BLANK} empty lines; got more")
         _refuse_long(path, number + 1, rest)
     if rest and not rest.isspace():
         yield number + 1, rest

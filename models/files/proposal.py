@@ -16,6 +16,8 @@ WORDS: Final[Mapping[str, tuple[str, ...]]] = {
     "position": ("position", "displacement", "distance", "extension", "travel", "stroke", "place", "x", "weg"),
     "carriage": ("carriage", "magnet", "stage", "slide", "motor", "actuator", "driven"),
     "force": ("force", "load", "kraft", "pull", "fx", "fy", "fz"),
+    "angle": ("angle", "joint", "rotation", "position", "theta", "phi", "winkel"),
+    "torque": ("torque", "moment", "effort", "tau", "drehmoment"),
     "current": ("current", "i", "strom"),
     "voltage": ("voltage", "u", "v", "spannung"),
     "velocity": ("velocity", "speed", "v"),

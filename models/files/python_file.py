@@ -9,9 +9,8 @@ import sys
 from collections.abc import Iterator
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Final
 
-LARGEST_FILE: Final = 1 << 20
+from models.files.source import LARGEST_TEXT, read_bytes
 
 
 def installed(group: str, what: str) -> Iterator[tuple[str, type, str]]:
@@ -38,12 +37,7 @@ def classes_in(path: Path, what: str) -> tuple[list[type], str]:
 
     Raises ValueError of one sentence, which names `what` the file should hold, where it cannot be read or run.
     """
-    try:
-        if not path.is_file() or path.stat().st_size > LARGEST_FILE:
-            raise ValueError(f"{path}: {what} must come from a file smaller than {LARGEST_FILE} bytes; got none")
-        digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError as error:
-        raise ValueError(f"{path}: {what} must come from a file that can be read; got: {error.strerror}") from None
+    digest = hashlib.sha256(read_bytes(path, f"Python file with {what}", LARGEST_TEXT)).hexdigest()
     name = f"capsule_own_{digest[:16]}"
     spec = importlib.util.spec_from_file_location(name, path)
     if path.suffix != ".py" or spec is None or spec.loader is None:

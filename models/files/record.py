@@ -14,12 +14,15 @@ from numpy.typing import NDArray
 
 from models.files.columns import (
     COLUMNS,
-    RANGES,
     TIME,
+    Columns,
     check_header,
     check_unit_names,
+    columns_of,
     first_wrong,
-    missing_columns,
+    known_of,
+    missing_in_variants,
+    range_of,
 )
 from models.files.csv_reader import Block, read_blocks
 from models.files.mapping import MappedColumn, check_stated
@@ -48,6 +51,11 @@ class Record:
 
     def __len__(self) -> int:
         return len(next(iter(self.columns.values())))
+
+    @property
+    def layout(self) -> Columns:
+        """What its kind of record holds, in the variant that these columns are of."""
+        return columns_of(self.kind, self.columns)
 
     def line(self, row: int) -> int:
         """Line of the file on which `row` stands; the row's own number where there is no file."""
@@ -94,7 +102,7 @@ def read_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: boo
     """
     path = Path(path)
     reading = _Reading(str(path), rig, driven_only, lenient)
-    names = {*COLUMNS[rig.kind].known(), *(entry.column for entry in rig.columns.entries)}
+    names = {*known_of(rig.kind), *(entry.column for entry in rig.columns.entries)}
     for header, block in read_blocks(path, reading.check_header, names):
         reading.take(header, block)
     return _complete(_name(path), str(path), reading)
@@ -138,8 +146,9 @@ def find_columns(
     Raises ValueError of one sentence for a column that is missing; where others may be meant, a note of the error is
     the table `[columns]` to paste into the rig file.
     """
-    kind = COLUMNS[rig.kind]
-    sources = rig.columns.sources(where, header, kind.known(), kind.measured if driven_only else ())
+    targets = [*header, *(entry.target for entry in rig.columns.entries)]
+    optional = columns_of(rig.kind, targets).measured if driven_only else ()
+    sources = rig.columns.sources(where, header, known_of(rig.kind), optional)
     read = {source.column for source in sources.values()}
     ours = [*sources, *(name for name in header if name not in read)]
     try:
@@ -161,9 +170,9 @@ def _with_proposal(
 ) -> ValueError:
     """The error with a table `[columns]` that may put it right, where one can be found."""
     good = {target: source for target, source in sources.items() if _agrees(where, target, source, units)}
-    missing = missing_columns(rig.kind, list(good))
     used = {source.column for source in good.values()}
-    found = proposed([name for name in header if name not in used], missing, units)
+    free = [name for name in header if name not in used]
+    found = max((proposed(free, missing, units) for missing in missing_in_variants(rig.kind, list(good))), key=len)
     if not found or "columns of kind" in str(error):
         return error
     entries = [*(source for source in good.values() if not source.plain), *found]
@@ -253,7 +262,7 @@ class _Reading:
         columns: dict[str, Array] = {}
         for index, name in enumerate(self.header):
             column = np.concatenate([values[:, index] for values in self.blocks])
-            if name and (name in kind.known() or not np.isnan(column).all()):
+            if name and (name in known_of(self.rig.kind) or not np.isnan(column).all()):
                 columns[name] = column
         return columns
 
@@ -284,12 +293,11 @@ class _Reading:
 
     def _check_ranges(self, block: Block) -> None:
         for index, name in enumerate(self.header):
-            if name not in COLUMNS[self.rig.kind].known():
-                continue
-            row = first_wrong(name, block.values[:, index])
-            if row is not None:
+            limits = range_of(self.rig.kind, name) if name in known_of(self.rig.kind) else None
+            row = first_wrong(self.rig.kind, name, block.values[:, index])
+            if limits is not None and row is not None:
                 raise ValueError(
-                    f"{self.where}, line {block.lines[row]}: {name} must be {RANGES[name][2]}; got"
+                    f"{self.where}, line {block.lines[row]}: {name} must be {limits[2]}; got"
                     f" {block.values[row, index]:g}"
                 )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -10,9 +10,10 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from models.files.columns import COLUMNS
+from models.files.columns import COLUMNS, known_of
 from models.files.mapping import ColumnMap, MappedColumn
 from models.files.rig_tables import (
+    EXAMPLES,
     Axis,
     BodyTable,
     CapsuleTable,
@@ -28,7 +29,9 @@ from models.files.rig_tables import (
     Surface,
     Table,
     TissueTable,
+    range_words,
 )
+from models.files.tables import shown, with_contact_angle
 from models.files.toml import read_toml
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import nearest
@@ -48,7 +51,7 @@ class Rig:
     tissue: Tissue = field(default_factory=Tissue)
     noise: Noise = field(default_factory=Noise)
     checks: Checks = field(default_factory=Checks)
-    clock: Clock = field(default_factory=Clock)
+    clock: Clock | None = None
     magnet: Magnet | None = None
     coil: Coil | None = None
     drive: Drive | None = None
@@ -103,13 +106,13 @@ def parse_rig(raw: Mapping[str, Any], where: str = "rig") -> Rig:
         raise ValueError(f"{where}: table must be one of a rig file; got {unknown!r}; {nearest(unknown, TABLES)}")
     for table, content in raw.items():
         if not isinstance(content, dict):
-            raise ValueError(f"{where}: [{table}] must be a table; got {content!r}")
+            raise ValueError(f"{where}: [{table}] must be a table; got {shown(content)}")
     kind = _kind(raw, where)
     file = _File(raw, where, kind)
     head = file.read("rig", HEADS[kind])
     rig = replace(_parts(file, kind, head), checks=file.read("checks", Checks, optional=True))
-    if kind in _SIMULATED:
-        rig = replace(rig, clock=file.read("clock", Clock, optional=True))
+    if kind in _SIMULATED and "clock" in raw:
+        rig = replace(rig, clock=file.read("clock", Clock))
     columns = file.columns()
     file.refuse_rest()
     return replace(rig, columns=columns)
@@ -148,15 +151,15 @@ def _parts(file: _File, kind: str, head: _Head) -> Rig:
                 " missing"
             )
         capsule = file.read("capsule", BodyTable).capsule()
-        return Rig(kind, capsule, file.paper_tissue(), noise, drive=drive, surface=surface, name=head.name)
+        return Rig(kind, capsule, file.paper_tissue(capsule), noise, drive=drive, surface=surface, name=head.name)
     if kind == "periods":
         capsule = file.read("capsule", PaperCapsuleTable, optional=True).capsule()
         return Rig(
-            kind, capsule, file.paper_tissue(), noise, velocity_m_s=_pull_speed(file.where, head), name=head.name
+            kind, capsule, file.paper_tissue(capsule), noise, velocity_m_s=_pull_speed(file.where, head), name=head.name
         )
     capsule = file.read("capsule", PaperCapsuleTable, optional=True).capsule()
     axis = file.read("axis", Axis, optional=True) if kind == "axis" else Axis()
-    return Rig(kind, capsule, file.paper_tissue(), noise, axis=axis, name=head.name)
+    return Rig(kind, capsule, file.paper_tissue(capsule), noise, axis=axis, name=head.name)
 
 
 def _part(head: _Head, table: type[T]) -> T | None:
@@ -165,10 +168,8 @@ def _part(head: _Head, table: type[T]) -> T | None:
 
 def _pull_speed(where: str, head: _Head) -> float | None:
     speed = head.velocity_m_s if isinstance(head, _PeriodsHead) else None
-    if speed is not None and not 0 < abs(speed) <= 1:
-        raise ValueError(
-            f"{where}: [rig] velocity_m_s must be the speed of the pull in m/s, not 0 and at most 1; got {speed:g}"
-        )
+    if speed is not None and not 0 < speed <= 1:
+        raise ValueError(f"{where}: [rig] velocity_m_s must be the speed of the pull in m/s, in (0, 1]; got {speed:g}")
     return speed
 
 
@@ -185,11 +186,22 @@ class _File:
 
     def gut(self) -> tuple[Capsule, Tissue]:
         """Capsule and gut of a rig that has both."""
-        return self.read("capsule", CapsuleTable).capsule(), self.read("tissue", TissueTable).tissue()
+        capsule = self.read("capsule", CapsuleTable).capsule()
+        return capsule, self._tissue(TissueTable, capsule)
 
-    def paper_tissue(self) -> Tissue:
+    def paper_tissue(self, capsule: Capsule) -> Tissue:
         """The gut where it matters little: paper A's but for what is given."""
-        return self.read("tissue", PaperTissueTable, optional=True).tissue()
+        return self._tissue(PaperTissueTable, capsule, optional=True)
+
+    def _tissue(self, model: type[TissueTable], capsule: Capsule, optional: bool = False) -> Tissue:
+        if "lumen_diameter_m" not in self.raw.get("tissue", {}):
+            return self.read("tissue", model, optional).tissue()
+        self.used.add("tissue")
+        try:
+            content = with_contact_angle(self.raw["tissue"], capsule.radius_m, "tissue")
+        except ValueError as error:
+            raise ValueError(f"{self.where}: {error}") from None
+        return self.checked("tissue", model, content).tissue()
 
     def read(self, table: str, model: type[T], optional: bool = False) -> T:
         """One table, checked."""
@@ -203,7 +215,7 @@ class _File:
     def columns(self) -> ColumnMap:
         """`[columns]`: for each column of ours a table, or the name alone."""
         self.used.add("columns")
-        known, entries = COLUMNS[self.kind].known(), list[MappedColumn]()
+        known, entries = known_of(self.kind), list[MappedColumn]()
         for target, given in self.raw.get("columns", {}).items():
             if target not in known:
                 raise ValueError(
@@ -229,6 +241,12 @@ class _File:
             return model.model_validate(dict(content))
         except ValidationError as error:
             errors = sorted(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")
+            missing = [str(e["loc"][0]) for e in errors if e["type"] == "missing"]
+            if errors[0]["type"] != "extra_forbidden" and missing:
+                told = ValueError(f"{self.where}: {_missing(table, model, missing)}")
+                if len(missing) > 1:
+                    told.add_note("\n".join([f"[{table}]", *(f"{key} = {EXAMPLES[key]}" for key in missing)]))
+                raise told from None
             raise ValueError(f"{self.where}: {self._sentence(table, model, errors[0])}") from None
 
     def refuse_rest(self) -> None:
@@ -255,19 +273,27 @@ class _File:
                 model.model_fields
             )
             return f"[{table}] key must be a known one; got {owner or f'{key!r}; {nearest(key, missing)}'}"
-        if error["type"] == "missing":
-            return f"[{table}] must have the key {key!r}; it is missing"
-        return f"[{table}] {key} must be {_expected(error)}; got {str(error['input'])[:60]!r}"
+        return f"[{table}] {key} must be {_expected(error, model, key)}; got {shown(error['input'])}"
 
 
-def _expected(error: ErrorDetails) -> str:
+def _missing(table: str, model: type[Table], keys: Sequence[str]) -> str:
+    """Every key that a table lacks, each with its range and an example."""
+    told = []
+    for key in keys:
+        limits = [word for word in (range_words(model, key), f"such as {EXAMPLES[key]}") if word]
+        told.append(f"{key!r} ({'; '.join(limits)})")
+    if len(keys) == 1:
+        return f"[{table}] must have the key {told[0]}; it is missing"
+    return f"[{table}] must have the keys {', '.join(told)}; they are missing"
+
+
+def _expected(error: ErrorDetails, model: type[Table], key: str) -> str:
     limits = error.get("ctx", {})
     if error["type"] == "literal_error":
         return f"one of {limits['expected']}"
-    words = {"gt": "more than", "ge": "at least", "lt": "less than", "le": "at most"}
-    for name, limit in limits.items():
-        if name in words:
-            return f"{words[name]} {limit:g} (SI units)"
+    words = ("gt", "ge", "lt", "le")
+    if any(name in words for name in limits) and key in model.model_fields:
+        return range_words(model, key)
     return {"bool_type": "true or false", "string_type": "text"}.get(error["type"], "a finite number")
 
 

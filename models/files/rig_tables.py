@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+import typing
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, Final, Literal
 
+from annotated_types import Ge, Gt, Le, Lt
 from pydantic import BaseModel, ConfigDict, Field
 
-from models.laws.geometry import Capsule, Tissue
+from models.files.units import unit_of
+from models.laws.geometry import Capsule, Regime, Tissue
 
 Positive = Annotated[float, Field(gt=0, lt=1e9)]
 NotNegative = Annotated[float, Field(ge=0, lt=1e9)]
 Length = Annotated[float, Field(gt=0, le=10)]
 Mass = Annotated[float, Field(gt=0, le=1000)]
+CapsuleMass = Annotated[float, Field(ge=1e-5, le=0.5)]
 Friction = Annotated[float, Field(ge=0, le=10)]
+Angle = Annotated[float, Field(ge=1, le=89)]
 Real = Annotated[float, Field(gt=-1e9, lt=1e9)]
 
 
@@ -25,10 +31,12 @@ class Table(BaseModel):
 class Noise(Table):
     """Standard deviations of the measurement, where known; what is left out is estimated from the record."""
 
-    position_std_m: Positive | None = None
-    force_std_N: Positive | None = None
-    velocity_std_m_s: Positive | None = None
-    period_std_s: Positive | None = None
+    position_std_m: Annotated[float, Field(gt=0, le=0.1)] | None = None
+    force_std_N: Annotated[float, Field(gt=0, le=100)] | None = None
+    angle_std_rad: Annotated[float, Field(gt=0, le=10)] | None = None
+    torque_std_N_m: Annotated[float, Field(gt=0, le=1e4)] | None = None
+    velocity_std_m_s: Annotated[float, Field(gt=0, le=10)] | None = None
+    period_std_s: Annotated[float, Field(gt=0, le=100)] | None = None
     modulus_std_Pa: Positive | None = None
 
 
@@ -40,11 +48,11 @@ class Checks(Table):
 
 class Clock(Table):
     """Two clocks: how much later than the driven columns the measured ones are stamped, in s (negative: earlier), and
-    the standard deviation with which that is known; 0 where it is known exactly, else a calibration looks for it.
+    the standard deviation with which that is known: a calibration looks for it within four of these.
     """
 
     offset_s: Annotated[float, Field(ge=-0.5, le=0.5)] = 0.0
-    offset_std_s: Annotated[float, Field(ge=0, le=0.2)] = 0.0
+    offset_std_s: Annotated[float, Field(gt=0, le=0.2)] = 1e-3
 
 
 class ColumnTable(Table):
@@ -108,12 +116,18 @@ class Coil(Table):
 
 
 class Axis(Table):
-    """Nominal numbers of a linear stage, `F = M a + F_v v + F_c sgn(v) + offset`; all may be left out."""
+    """Nominal numbers of a linear stage, `F = M a + F_v v + F_c sgn(v) + offset`, or those of one that turns; all may
+    be left out.
+    """
 
     mass_kg: Mass | None = None
     viscous_friction_N_s_per_m: NotNegative | None = None
     coulomb_friction_N: NotNegative | None = None
     offset_N: Real | None = None
+    inertia_kg_m2: Positive | None = None
+    viscous_friction_N_m_s_per_rad: NotNegative | None = None
+    coulomb_friction_N_m: NotNegative | None = None
+    offset_N_m: Real | None = None
 
 
 class CapsuleTable(Table):
@@ -121,7 +135,7 @@ class CapsuleTable(Table):
 
     radius_m: Annotated[float, Field(ge=1e-4, le=0.1)]
     cylinder_length_m: Annotated[float, Field(ge=0, le=0.5)]
-    mass_kg: Mass
+    mass_kg: CapsuleMass
 
     def capsule(self) -> Capsule:
         """The laws' record of it."""
@@ -133,6 +147,7 @@ class BodyTable(CapsuleTable):
 
     radius_m: Annotated[float, Field(ge=1e-4, le=0.1)] = Capsule.radius_m
     cylinder_length_m: Annotated[float, Field(ge=0, le=0.5)] = Capsule.cylinder_length_m
+    mass_kg: Mass
 
 
 class PaperCapsuleTable(BodyTable):
@@ -142,19 +157,23 @@ class PaperCapsuleTable(BodyTable):
 
 
 class TissueTable(Table):
-    """`[tissue]`: `preset` names the wall's constants, the other keys describe this piece of gut."""
+    """`[tissue]`: `preset` names the wall's constants, the other keys describe this piece of gut. `lumen_diameter_m`
+    may stand for `contact_angle_deg` (`with_contact_angle`).
+    """
 
     preset: Literal["jejunum"]
     wall_thickness_m: Annotated[float, Field(ge=1e-5, le=0.05)]
-    contact_angle_deg: Annotated[float, Field(gt=0, lt=90)]
-    nose_force_angle_deg: Annotated[float, Field(gt=0, lt=90)]
+    contact_angle_deg: Angle
+    lumen_diameter_m: Length | None = None
+    nose_force_angle_deg: Angle
     friction_coefficient: Friction
     mucus_thickness_m: Annotated[float, Field(ge=1e-7, le=0.01)]
     recovery_time_s: Annotated[float, Field(gt=0, le=100)]
+    regime: Regime = "low"
 
     def tissue(self) -> Tissue:
         """The laws' record of it."""
-        return Tissue(**self.model_dump(exclude={"preset"}))
+        return Tissue(**self.model_dump(exclude={"preset", "lumen_diameter_m"}))
 
 
 class PaperTissueTable(TissueTable):
@@ -162,8 +181,67 @@ class PaperTissueTable(TissueTable):
 
     preset: Literal["jejunum"] = "jejunum"
     wall_thickness_m: Annotated[float, Field(ge=1e-5, le=0.05)] = Tissue.wall_thickness_m
-    contact_angle_deg: Annotated[float, Field(gt=0, lt=90)] = Tissue.contact_angle_deg
-    nose_force_angle_deg: Annotated[float, Field(gt=0, lt=90)] = Tissue.nose_force_angle_deg
+    contact_angle_deg: Angle = Tissue.contact_angle_deg
+    nose_force_angle_deg: Angle = Tissue.nose_force_angle_deg
     friction_coefficient: Friction = Tissue.friction_coefficient
     mucus_thickness_m: Annotated[float, Field(ge=1e-7, le=0.01)] = Tissue.mucus_thickness_m
     recovery_time_s: Annotated[float, Field(gt=0, le=100)] = Tissue.recovery_time_s
+
+
+EXAMPLES: Final[Mapping[str, str]] = {
+    "radius_m": "6.5e-3",
+    "cylinder_length_m": "20e-3",
+    "mass_kg": "4.0e-3",
+    "preset": '"jejunum"',
+    "wall_thickness_m": "2.5e-3",
+    "contact_angle_deg": "60.0",
+    "nose_force_angle_deg": "30.0",
+    "friction_coefficient": "0.082",
+    "mucus_thickness_m": "30e-6",
+    "recovery_time_s": "0.05",
+    "magnet_stiffness_N_per_m": "25.0",
+    "magnet_range_m": "0.02",
+    "force_constant_N_per_A": "0.5",
+    "inner_mass_kg": "0.074",
+    "spring_stiffness_N_per_m": "256.0",
+    "force_N": "1.25",
+    "reaction_on_body": "true",
+    "kind": '"plate"',
+    "column": '"Load [mN]"',
+}
+"""A value of each key that a table must have, as TOML writes it."""
+
+
+def bounds(table: type[Table], key: str) -> tuple[Ge | Gt | None, Le | Lt | None]:
+    """The lower and the upper bound of a key's numbers; None where there is none."""
+    found = [*table.model_fields[key].metadata, *_within(table.model_fields[key].annotation)]
+    lower = next((one for one in found if isinstance(one, Ge | Gt)), None)
+    return lower, next((one for one in found if isinstance(one, Le | Lt)), None)
+
+
+def _within(hint: Any) -> Iterator[Any]:
+    """The marks of a hint and of all that is in it."""
+    for mark in getattr(hint, "__metadata__", ()):
+        yield from getattr(mark, "metadata", (mark,))
+    for part in typing.get_args(hint):
+        yield from _within(part)
+
+
+def range_words(table: type[Table], key: str) -> str:
+    """The range of a key in words, with the unit that ends its name; empty where it has none."""
+    lower, upper = bounds(table, key)
+    unit = f" {unit_of(key)}" if unit_of(key) else ""
+    if isinstance(lower, Ge) and isinstance(upper, Le):
+        return f"{lower.ge:g} to {upper.le:g}{unit}"
+    low = lower and (f"at least {lower.ge:g}" if isinstance(lower, Ge) else f"more than {lower.gt:g}")
+    high = upper and (f"at most {upper.le:g}" if isinstance(upper, Le) else f"less than {upper.lt:g}")
+    return " and ".join(word for word in (low, high) if word) + (unit if low or high else "")
+
+
+def check_range(table: type[Table], key: str, value: float, where: str) -> None:
+    """Refuse a number out of the range that a rig file's `table` gives its `key`. Raises ValueError of one sentence."""
+    lower, upper = bounds(table, key)
+    low = lower is None or (value >= lower.ge if isinstance(lower, Ge) else value > lower.gt)  # type: ignore[operator]
+    high = upper is None or (value <= upper.le if isinstance(upper, Le) else value < upper.lt)  # type: ignore[operator]
+    if not (low and high):
+        raise ValueError(f"{where}.{key} must be {range_words(table, key)}; got {value:g}")

@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+import sys
 import types
 import typing
 from collections.abc import Mapping
 from dataclasses import MISSING, fields, is_dataclass
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
+from models.laws.geometry import contact_angle_deg
 from models.parameter import nearest
 
 Table = Mapping[str, Any]
 R = TypeVar("R")
+LARGEST_INTEGER: Final = 1 << 63
+_WANTED: Final[Mapping[type, str]] = {
+    bool: "true or false",
+    float: "a finite number",
+    int: f"an integer within {LARGEST_INTEGER:.0e} either way",
+    str: "text",
+}
 
 
 def from_table(cls: type[R], table: Table, where: str, skip: tuple[str, ...] = ()) -> R:
@@ -20,6 +29,8 @@ def from_table(cls: type[R], table: Table, where: str, skip: tuple[str, ...] = (
     Raises `ValueError` for an unknown key, naming the nearest, for a missing one, and for a value of another type;
     `where` is the table's name.
     """
+    if not isinstance(table, Mapping):
+        raise ValueError(f"{where} must be a table; got {shown(table)}")
     known = {f.name: f for f in fields(cls) if f.name != "folder"}  # type: ignore[arg-type]
     hints = typing.get_type_hints(cls)
     values: dict[str, Any] = {}
@@ -31,10 +42,33 @@ def from_table(cls: type[R], table: Table, where: str, skip: tuple[str, ...] = (
                 f"keys of [{where}] must be among {', '.join(known)}; got {key!r}; {nearest(key, list(known))}"
             )
         values[key] = converted(value, hints[key], f"{where}.{key}")
-    for name, f in known.items():
-        if name not in values and f.default is MISSING and f.default_factory is MISSING:
-            raise ValueError(f"[{where}] must have {name}; got {', '.join(table) or 'nothing'}")
+    missing = [
+        name
+        for name, f in known.items()
+        if name not in values and f.default is MISSING and f.default_factory is MISSING
+    ]
+    if missing:
+        raise ValueError(f"[{where}] must have {', '.join(missing)}; got {', '.join(table) or 'nothing'}")
     return cls(**values)
+
+
+def with_contact_angle(table: Table, radius_m: float, where: str) -> Table:
+    """A table `[tissue]` in which the contact angle stands for the relaxed lumen's diameter, if that is given instead.
+
+    Raises ValueError where both are given, or where a capsule of `radius_m` does not stretch that lumen.
+    """
+    if "lumen_diameter_m" not in table:
+        return table
+    if "contact_angle_deg" in table:
+        raise ValueError(
+            f"[{where}] must have lumen_diameter_m or contact_angle_deg; got both, and each follows from the other"
+        )
+    diameter = converted(table["lumen_diameter_m"], float, f"{where}.lumen_diameter_m")
+    try:
+        angle = contact_angle_deg(diameter, radius_m)
+    except ValueError as error:
+        raise ValueError(f"[{where}] {error}") from None
+    return {key: value for key, value in table.items() if key != "lumen_diameter_m"} | {"contact_angle_deg": angle}
 
 
 def converted(value: Any, hint: Any, where: str) -> Any:
@@ -42,20 +76,39 @@ def converted(value: Any, hint: Any, where: str) -> Any:
     if typing.get_origin(hint) is types.UnionType:
         parts = [part for part in typing.get_args(hint) if part is not type(None)]
         hint = next((part for part in parts if type(value) is part), parts[0])
+    if typing.get_origin(hint) is typing.Literal:
+        choices = typing.get_args(hint)
+        if value not in choices:
+            raise ValueError(f"{where} must be one of {', '.join(choices)}; got {value!r}")
+        return value
     if typing.get_origin(hint) is tuple:
         if not isinstance(value, list):
-            raise ValueError(f"{where} must be a list of numbers; got {value!r}")
+            raise ValueError(f"{where} must be a list of numbers; got {shown(value)}")
         return tuple(converted(item, float, where) for item in value)
     if isinstance(hint, type) and is_dataclass(hint):
         return from_table(hint, value, where)
-    fits = (
-        isinstance(value, bool)
-        if hint is bool
-        else isinstance(value, (int, float) if hint is float else hint) and not isinstance(value, bool)
-    )
-    if not fits or (hint is float and not abs(value) < float("inf")):
-        raise ValueError(f"{where} must be a {'finite number' if hint is float else hint.__name__}; got {value!r}")
+    if hint is bool:
+        fits = isinstance(value, bool)
+    elif hint is float:
+        fits = is_number(value)
+    elif hint is int:
+        fits = isinstance(value, int) and not isinstance(value, bool) and abs(value) < LARGEST_INTEGER
+    else:
+        fits = isinstance(value, hint)
+    if not fits:
+        raise ValueError(f"{where} must be {_WANTED.get(hint, 'a ' + hint.__name__)}; got {shown(value)}")
     return hint(value)
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value of a file is a number that a float can hold; one of 400 digits is not."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
+
+
+def shown(value: Any, most: int = 60) -> str:
+    """A value of a file as a sentence tells it: on one line and short."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= most else f"{text[:most]}... ({len(text)} characters)"
 
 
 def choice(table: Table, where: str, choices: tuple[str, ...]) -> str:
@@ -63,7 +116,7 @@ def choice(table: Table, where: str, choices: tuple[str, ...]) -> str:
     given = table.get(where.rpartition(".")[2])
     if given not in choices:
         raise ValueError(
-            f"{where} must be one of {', '.join(choices)}; got {given!r}"
+            f"{where} must be one of {', '.join(choices)}; got {shown(given)}"
             + (f"; {nearest(given, choices)}" if isinstance(given, str) else "")
         )
     return str(given)

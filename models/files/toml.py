@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import json
-import stat
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
+
+from models.files.source import LARGEST_TEXT, read_text
 
 
 def toml_text(tables: Mapping[str, Any], path: str = "") -> str:
     """`tables` as TOML that reads back as the same; keys must be bare ones, values numbers, booleans, text or lists of
-    these.
+    these or of tables.
     """
     values = {key: value for key, value in tables.items() if not isinstance(value, Mapping)}
     lines = [f"[{path}]"] if path and (values or not tables) else []
@@ -28,33 +29,11 @@ def inline_table(table: Mapping[str, Any]) -> str:
 
 
 def _value(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return inline_table(value)
     if isinstance(value, list | tuple):
         return f"[{', '.join(_value(item) for item in value)}]"
     return repr(value) if isinstance(value, float) else json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-
-
-LARGEST_FILE: Final = 1 << 20
-
-
-def read_text(path: Path, what: str, largest: int = LARGEST_FILE) -> str:
-    """The text of a file that a user wrote; `what` says in the ValueError of one sentence which kind of file it should
-    have been. Nothing but a regular file of at most `largest` bytes is read.
-    """
-    try:
-        found = path.stat()
-        if not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)):
-            raise ValueError(f"{path}: {what} must be a regular file; got a device, a pipe or a socket")
-        with path.open("rb") as file:
-            data = file.read(largest + 1)
-        if len(data) > largest:
-            raise ValueError(
-                f"{path}: {what} must be smaller than {largest} bytes; got {max(found.st_size, len(data))}"
-            )
-        return data.decode("utf-8-sig")
-    except OSError as error:
-        raise ValueError(f"{path}: {what} must be a file that can be read; got: {error.strerror or error}") from None
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{path}: {what} must be UTF-8 text; got another byte at {error.start}") from None
 
 
 def parse_toml(text: str, what: str) -> dict[str, Any]:
@@ -65,7 +44,7 @@ def parse_toml(text: str, what: str) -> dict[str, Any]:
         raise ValueError(f"{what} must be TOML; got: {' '.join(str(error).split())[:200]}") from None
 
 
-def read_toml(path: Path, what: str, largest: int = LARGEST_FILE) -> tuple[dict[str, Any], str]:
-    """The tables of a file and its text. Errors as `read_text`."""
+def read_toml(path: Path, what: str, largest: int = LARGEST_TEXT) -> tuple[dict[str, Any], str]:
+    """The tables of a file and its text. Errors as `models.files.source.read_text`."""
     text = read_text(path, what, largest)
     return parse_toml(text, f"{path}: {what}"), text

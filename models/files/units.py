@@ -44,6 +44,10 @@ _PREFIXED: Final = {
     "Pa": Unit("Pa", 1.0),
     "bar": Unit("Pa", 1e5),
     "Nm": Unit("Nm", 1.0),
+    "N_m": Unit("Nm", 1.0),
+    "N m": Unit("Nm", 1.0),
+    "N*m": Unit("Nm", 1.0),
+    "N·m": Unit("Nm", 1.0),
     "rad": Unit("rev", 0.5 / math.pi),
 }
 _PLAIN: Final = {

@@ -11,6 +11,8 @@ from models.checks.finding import RecordFinding
 
 Array = NDArray[np.float64]
 STAGES = ("nominal", "calibrated", "augmented")
+NEXT_TOML, NEXT_CSV = "next_experiment.toml", "next_experiment.csv"
+"""The files of a proposal: a reference for a controller, and the motion itself."""
 
 
 @dataclass(frozen=True)
@@ -25,13 +27,16 @@ class Estimate:
 
 @dataclass(frozen=True)
 class FoundEffect:
-    """An effect that was added, with what the data cannot tell it apart from."""
+    """An effect that was added, with what the data cannot tell it apart from; `curves` are the numbers of what refines
+    its shape, by id.
+    """
 
     id: str
     equivalent: tuple[str, ...]
     parameters: dict[str, Estimate]
     evidence: float
     confidence: float
+    curves: dict[str, dict[str, Estimate]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -75,8 +80,36 @@ class Trace:
 
 
 @dataclass(frozen=True)
+class Separation:
+    """How many standard deviations a proposed record puts the `rival` of an `effect` off, and how many the record that
+    tells them best so far, named `best_record`.
+    """
+
+    effect: str
+    rival: str
+    standard_deviations: float
+    best_record: str
+    so_far: float
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A motion for the next record: waypoints `times_s` (n,) in s and `places_m` (n,) in m of the driven column
+    `column`, the same as columns of a record, and what it would separate.
+    """
+
+    column: str
+    times_s: Array
+    places_m: Array
+    motion: dict[str, Array]
+    separations: tuple[Separation, ...]
+
+
+@dataclass(frozen=True)
 class Finding:
-    """The whole answer of `close-loop`."""
+    """The whole answer of `close-loop`; `equations` with numbers, `symbolic` the same with the fitted parameters'
+    names.
+    """
 
     kind: str
     quantity: str
@@ -100,3 +133,5 @@ class Finding:
     findings: tuple[RecordFinding, ...] = ()
     cannot_show: dict[str, str] = field(default_factory=dict)
     reasons: tuple[str, ...] = ()
+    proposal: Proposal | None = None
+    symbolic: tuple[str, ...] = ()

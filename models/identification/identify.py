@@ -14,8 +14,10 @@ from models.checks.examine import examine, stopping
 from models.checks.finding import RecordFinding
 from models.checks.information.excitation import cannot_show
 from models.effects import BY_ID
+from models.effects.equation import symbols_of
 from models.files.record import Record
 from models.files.rig import Rig
+from models.identification.experiment.propose import propose, words_of
 from models.identification.finding import STAGES, CandidateRow, Check, Estimate, Finding, FoundEffect, Trace
 from models.identification.fitting.confidence import drawn, intervals
 from models.identification.kinds import AnyKind, kind_for, ready, report_of
@@ -69,6 +71,8 @@ def close(
         *model_checks(kind, found, spread, errors["holdout"], findings),
     )
     verdict = verdict_of(found.effects, checks)
+    progress("the next experiment", 0.97)
+    proposal = propose(kind, kind.searched(train), found, np.random.default_rng(seed))
     told = {"records": ", ".join(r.name for r in train), "seed": str(seed)}
     model = Model(
         kind.name,
@@ -92,11 +96,15 @@ def close(
         checks=checks,
         candidates=tuple(_rows(found)),
         smallest_detectable=found.detectable,
-        next_experiment=words.next_experiment(kind, thetas["augmented"], train),
+        next_experiment="; ".join(
+            said for said in (words_of(proposal), words.next_experiment(kind, thetas["augmented"], train)) if said
+        )
+        or None,
         statements=tuple(
             _statements(found, verdict) + held_out(found, errors["holdout"]) + words.statements(kind, thetas, train)
         ),
         equations=tuple(words.equations(kind, thetas["augmented"])),
+        symbolic=tuple(words.equations(kind, symbols_of(thetas["augmented"], spread))),
         traces=tuple(_trace(kind, r, "train", thetas) for r in train)
         + tuple(_trace(kind, r, "holdout", thetas) for r in holdout),
         seconds=time.monotonic() - began,
@@ -104,6 +112,7 @@ def close(
         findings=findings,
         cannot_show=hidden,
         reasons=_reasons(verdict, checks, findings),
+        proposal=proposal,
     )
     progress("done", 1.0)
     return finding, model
@@ -128,9 +137,13 @@ def _stage_values(kind: AnyKind, found: Search) -> dict[str, dict[str, float]]:
 
 
 def _effect(name: str, found: Search, spread: Mapping[str, Estimate], verdict: str) -> FoundEffect:
-    parameters = {key.split(".", 1)[1]: value for key, value in spread.items() if key.startswith(name + ".")}
+    curves = {curve: _own(curve, spread) for curve in found.refinements if curve in BY_ID[name].refined_by}
     sure = found.confidence[name] if verdict == "named" else min(found.confidence[name], _AS_LIKELY_AS_NOT)
-    return FoundEffect(name, found.equivalent[name], parameters, found.gains[name], sure)
+    return FoundEffect(name, found.equivalent[name], _own(name, spread), found.gains[name], sure, curves)
+
+
+def _own(name: str, spread: Mapping[str, Estimate]) -> dict[str, Estimate]:
+    return {key.split(".", 1)[1]: value for key, value in spread.items() if key.startswith(f"{name}.")}
 
 
 def _rows(found: Search) -> list[CandidateRow]:

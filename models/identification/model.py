@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from models.assembly.model import effect_parameters
 from models.effects import BY_ID, REFINEMENTS
 from models.effects.own import LOADED
-from models.files.columns import COLUMNS
 from models.files.record import Record, named
 from models.files.rig import Rig
-from models.files.toml import parse_toml, read_text
+from models.files.source import read_json, read_text
+from models.files.tables import is_number, shown
+from models.files.toml import parse_toml
 from models.identification.finding import STAGES
 from models.identification.kinds import kind_for
 from models.identification.kinds.series.drive_input import SWITCH_DELAY
@@ -25,6 +26,7 @@ from models.identification.record_checks import check_demand
 from models.parameter import Parameter, nearest
 
 LARGEST_MODEL = 1 << 22
+LARGEST_REPORT = 1 << 26
 
 
 def read_model(path: Path, kind: str, *others: str) -> Model:
@@ -42,12 +44,8 @@ def read_model(path: Path, kind: str, *others: str) -> Model:
 
 
 def read_report(path: Path) -> dict[str, Any]:
-    """The object of a report.json; empty where it is another JSON value. Raises ValueError of one sentence."""
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ValueError(f"{path}: report must be the JSON that close-loop wrote; got: {error}") from None
-    return found if isinstance(found, dict) else {}
+    """The object of a report.json. Raises ValueError of one sentence."""
+    return read_json(path, "report that close-loop wrote", LARGEST_REPORT)
 
 
 FORMAT = 1
@@ -113,7 +111,7 @@ class Model:
         """The measured columns as this model predicts them from the driven columns of `record` alone."""
         if stage not in self.stages:
             raise ValueError(f"stage must be one of {', '.join(STAGES)}; got {stage!r}; {nearest(stage, STAGES)}")
-        driven = record.without(COLUMNS[rig.kind].measured)
+        driven = record.without(record.layout.measured)
         check_demand(driven)
         kind = kind_for(rig, [driven])
         with named(record):
@@ -124,7 +122,7 @@ class Model:
         no other, and those of effects that can act on it, all within their bounds. Raises ValueError of one
         sentence.
         """
-        kind = kind_for(rig, [record.without(COLUMNS[rig.kind].measured)])
+        kind = kind_for(rig, [record.without(record.layout.measured)])
         base = tuple(
             replace(p, upper=np.inf) if p.name == SWITCH_DELAY else p for p in kind.base
         )  # at most a sample of its own records
@@ -166,8 +164,8 @@ def _errors(raw: object) -> dict[str, float]:
             f"model must have a table [held_out] with keys among {', '.join(STAGES)}, or none; got {raw!r}"[:200]
         )
     for stage, error in raw.items():
-        if isinstance(error, bool) or not isinstance(error, int | float) or not 0 <= error < np.inf:
-            raise ValueError(f"model [held_out] {stage} must be a finite number, zero or more; got {error!r}")
+        if not is_number(error) or error < 0:
+            raise ValueError(f"model [held_out] {stage} must be a finite number, zero or more; got {shown(error)}")
     return {str(stage): float(error) for stage, error in raw.items()}
 
 
@@ -199,8 +197,8 @@ def _values(raw: object, stage: str) -> dict[str, float]:
         raise ValueError(f"model must have a table [{stage}]; it is missing")
     out = {}
     for name, value in raw.items():
-        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-            raise ValueError(f"model [{stage}] {name} must be a finite number; got {value!r}")
+        if not is_number(value):
+            raise ValueError(f"model [{stage}] {name} must be a finite number; got {shown(value)}")
         if "." in name and name.split(".")[0] not in BY_ID:
             raise ValueError(
                 f"model [{stage}] must name known effects; got {name!r}; {nearest(name.split('.')[0], list(BY_ID))}"

@@ -58,9 +58,10 @@ def check_records(train: Sequence[Record], holdout: Sequence[Record]) -> None:
         if COLUMNS[record.kind].time:
             _check_clock(record)
         check_demand(record)
-    _check_change(train, (*COLUMNS[train[0].kind].driven, COLUMNS[train[0].kind].measured))
+    layout = train[0].layout
+    _check_change(train, (*layout.driven, layout.measured))
     if holdout:
-        _check_change(holdout, (COLUMNS[train[0].kind].measured,))
+        _check_change(holdout, (layout.measured,))
 
 
 def check_parts(kind: Kind, train: Sequence[Record], holdout: Sequence[Record]) -> None:
@@ -110,7 +111,7 @@ def _check_change(records: Sequence[Record], groups: Sequence[Sequence[str]]) ->
     """At least one of the columns of each group must change within or between records; for a table of runs, not all be
     0.
     """
-    names, kind = ", ".join(r.name for r in records), COLUMNS[records[0].kind]
+    names, kind = ", ".join(r.name for r in records), records[0].layout
     for group in groups:
         there = [name for name in group if all(name in r.columns for r in records)]
         values = [np.concatenate([r[name] for r in records]) for name in there]

@@ -14,6 +14,7 @@ from models.identification.search.validation import middle_criterion
 
 _LAGS = 40
 _WIDER = 1.3
+_UNSEEN = 0.1  # mean square below which what is left is too far below the noise for its structure to count
 
 
 def residual_checks(
@@ -43,7 +44,7 @@ def residual_checks(
         ),
     )
     return tuple(
-        Check(name, title, float(value), float(limit), bool(value <= limit), meaning)
+        Check(name, title, float(value), float(limit), bool(value <= limit or actual[0] < _UNSEEN), meaning)
         for (name, title, meaning), value, limit in zip(words, actual, limits, strict=True)
     )
 

@@ -14,8 +14,8 @@ from models.parameter import load_set
 
 @dataclass(frozen=True)
 class FlatCar:
-    """Contact area and angles of the model: radius R, length L, contact angle alpha, force angle theta (rad), car speed
-    v_c.
+    """Contact area and angles of the model: radius R, length L of the whole capsule, contact angle alpha, force angle
+    theta (rad), car speed v_c.
     """
 
     radius_m: float
@@ -30,7 +30,7 @@ class FlatCar:
         """Read the printed parameters (paper C Table 1)."""
         s = load_set(name)
         alpha, theta = (math.radians(s[key]) for key in ("contact_angle_deg", "force_angle_deg"))
-        return cls(s["radius_m"], s["cylinder_length_m"], alpha, theta, s["car_speed_m_s"], WallConstants.from_set())
+        return cls(s["radius_m"], s["capsule_length_m"], alpha, theta, s["car_speed_m_s"], WallConstants.from_set())
 
     @property
     def contact_area(self) -> float:

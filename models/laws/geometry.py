@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 GRAVITY = 9.81  # m/s^2
+Regime = Literal["low", "high", "blend"]
+"""Moduli of paper V: those of speeds below 20 mm/s, those above, or both with a blend about 20 mm/s."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +25,7 @@ class Capsule:
 @dataclass(frozen=True)
 class Tissue:
     """The gut around the capsule: wall thickness d = l_m, contact angle alpha, nose angle theta, friction, mucus,
-    recovery.
+    recovery, and which of paper V's two sets of moduli hold. Raises ValueError for an unknown set.
     """
 
     wall_thickness_m: float = 2.5e-3
@@ -32,6 +34,11 @@ class Tissue:
     friction_coefficient: float = 0.082
     mucus_thickness_m: float = 30e-6
     recovery_time_s: float = 0.05
+    regime: Regime = "low"
+
+    def __post_init__(self) -> None:
+        if self.regime not in get_args(Regime):
+            raise ValueError(f"regime must be low, high or blend; got {self.regime!r}")
 
     @property
     def alpha(self) -> float:
@@ -47,6 +54,18 @@ class Tissue:
 def relaxed_diameter(capsule: Capsule, tissue: Tissue) -> float:
     """`D0 = 2 R cos(alpha)` in m (paper V Eq. 5)."""
     return 2 * capsule.radius_m * math.cos(tissue.alpha)
+
+
+def contact_angle_deg(lumen_diameter_m: float, radius_m: float) -> float:
+    """Contact angle `arccos(D0/(2 R))` in deg in a relaxed lumen of diameter `D0` in m around a capsule of radius `R`
+    in m. Raises ValueError unless the lumen is narrower than the capsule.
+    """
+    if not 0 < lumen_diameter_m < 2 * radius_m:
+        raise ValueError(
+            f"lumen_diameter_m must be positive and less than the capsule's {2 * radius_m:g} m; got"
+            f" {lumen_diameter_m:g}"
+        )
+    return math.degrees(math.acos(lumen_diameter_m / (2 * radius_m)))
 
 
 def shoulder_position(capsule: Capsule, tissue: Tissue) -> float:

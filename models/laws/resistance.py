@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -12,22 +12,28 @@ import numpy as np
 from models.laws.geometry import GRAVITY, Capsule, Tissue, relaxed_diameter, shoulder_position, wall_diameter
 from models.laws.hoop import blend_weight, high_speed_moduli, hoop_stress, low_speed_moduli
 
-PureRegime = Literal["low", "high"]
-Regime = Literal["low", "high", "blend"]
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 _SLOWEST = 1e-9  # m/s; below it the law has its limit of rest, where only E3 is left
 
 
-def contact_pressure(distance_m: Any, speed: Any, capsule: Capsule, tissue: Tissue, regime: PureRegime = "low") -> Any:
+def contact_pressure(distance_m: Any, speed: Any, capsule: Capsule, tissue: Tissue) -> Any:
     """`P(x) = 2 l_m tau(x)/D(x)` in Pa, `tau` the hoop stress at strain `e = (D - D0)/D0` (paper V Eq. 6, 7).
 
-    `distance_m` x from the first contact in m and `speed` in m/s, shapes that broadcast; even in speed.
+    `distance_m` x from the first contact in m and `speed` in m/s, shapes that broadcast; even in speed. The tissue's
+    `regime` takes the low-speed or the high-speed moduli or blends the two stresses about 20 mm/s.
     """
     D = wall_diameter(distance_m, capsule, tissue)
     D0 = relaxed_diameter(capsule, tissue)
     e = (D - D0) / D0
-    moduli = low_speed_moduli(e) if regime == "low" else high_speed_moduli()
-    return 2 * tissue.wall_thickness_m * hoop_stress(e, distance_m, np.maximum(np.abs(speed), _SLOWEST), moduli) / D
+    v = np.maximum(np.abs(speed), _SLOWEST)
+    sets = {"low": low_speed_moduli(e), "high": high_speed_moduli()}
+    if tissue.regime == "blend":
+        low, high = (hoop_stress(e, distance_m, v, moduli) for moduli in sets.values())
+        share = blend_weight(v)
+        stress = (1 - share) * low + share * high
+    else:
+        stress = hoop_stress(e, distance_m, v, sets[tissue.regime])
+    return 2 * tissue.wall_thickness_m * stress / D
 
 
 def integrate_along(density: Callable[[Any, Any], Any], speed: Any, start_m: float, end_m: float) -> Any:
@@ -42,44 +48,37 @@ def integrate_along(density: Callable[[Any, Any], Any], speed: Any, start_m: flo
     return np.asarray(density(x, np.asarray(speed, dtype=float)[..., None]) @ w)
 
 
-def pressure_integrals(speed: Any, capsule: Capsule, tissue: Tissue, regime: Regime = "low") -> tuple[Any, Any]:
+def pressure_integrals(speed: Any, capsule: Capsule, tissue: Tissue) -> tuple[Any, Any]:
     """`I1` (nose) and `I2` (cylinder) of `2 pi R P dx` in N at `speed` in m/s, any shape, number or CasADi symbol.
 
-    The nose runs over 0..x_s, x_s = R sin(alpha), the cylinder over x_s..x_s + L. `regime` takes the low-speed or the
-    high-speed moduli or blends the two results about 20 mm/s. The quadrature's relative error is below 1e-6 at any
-    speed of the low-speed moduli, below 1e-9 from 0.5 mm/s on. Source: paper V Eq. 7, 8, 12.
+    The nose runs over 0..x_s, x_s = R sin(alpha), the cylinder over x_s..x_s + L. The quadrature's relative error is
+    below 1e-6 at any speed of the low-speed moduli, below 1e-9 from 0.5 mm/s on. Source: paper V Eq. 7, 8, 12.
     """
-    if regime == "blend":
-        share = blend_weight(np.abs(speed))
-        low, high = (pressure_integrals(speed, capsule, tissue, r) for r in ("low", "high"))
-        return (1 - share) * low[0] + share * high[0], (1 - share) * low[1] + share * high[1]
-    if regime not in ("low", "high"):
-        raise ValueError(f"regime must be low, high or blend; got {regime!r}")
     circumference = 2 * math.pi * capsule.radius_m
 
     def density(x: Any, v: Any) -> Any:
-        return circumference * contact_pressure(x, v, capsule, tissue, regime)
+        return circumference * contact_pressure(x, v, capsule, tissue)
 
     shoulder = shoulder_position(capsule, tissue)
     nose = integrate_along(density, speed, 0.0, shoulder)
     return nose, integrate_along(density, speed, shoulder, shoulder + capsule.cylinder_length_m)
 
 
-def environmental_resistance(speed: Any, capsule: Capsule, tissue: Tissue, regime: Regime = "low") -> Any:
+def environmental_resistance(speed: Any, capsule: Capsule, tissue: Tissue) -> Any:
     """`F_e(v) = sin(theta) I1` in N: what the stretched wall in front of the nose resists; `speed` v in m/s (paper V
     Eq. 8).
     """
-    return math.sin(tissue.theta) * pressure_integrals(speed, capsule, tissue, regime)[0]
+    return math.sin(tissue.theta) * pressure_integrals(speed, capsule, tissue)[0]
 
 
-def normal_load(speed: Any, capsule: Capsule, tissue: Tissue, regime: Regime = "low") -> Any:
+def normal_load(speed: Any, capsule: Capsule, tissue: Tissue) -> Any:
     """`N(v) = m g + cos(theta) I1 + I2` in N: weight, nose and cylinder press on the wall; `speed` v in m/s (paper V
     Eq. 12).
     """
-    nose, cylinder = pressure_integrals(speed, capsule, tissue, regime)
+    nose, cylinder = pressure_integrals(speed, capsule, tissue)
     return capsule.mass_kg * GRAVITY + math.cos(tissue.theta) * nose + cylinder
 
 
-def coulomb_limit(speed: Any, capsule: Capsule, tissue: Tissue, regime: Regime = "low") -> Any:
+def coulomb_limit(speed: Any, capsule: Capsule, tissue: Tissue) -> Any:
     """`f_c = mu N` in N: the tension at which the wall slips; `speed` v in m/s (paper V Eq. 11)."""
-    return tissue.friction_coefficient * normal_load(speed, capsule, tissue, regime)
+    return tissue.friction_coefficient * normal_load(speed, capsule, tissue)

@@ -5,12 +5,13 @@ together).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
-from models.laws.geometry import GRAVITY, Capsule, Tissue, stretched_length, wall_section
+from models.laws.geometry import GRAVITY, Capsule, Regime, Tissue, stretched_length, wall_section
+from models.laws.hoop import blend_weight
 from models.laws.hyperelastic import WallConstants
 from models.laws.mucus import mucus_drag
 from models.laws.resistance import pressure_integrals
@@ -32,20 +33,28 @@ def _polynomial(value: Any, coefficients: tuple[float, ...]) -> Any:
     return result
 
 
+def _integral(speed: Any, sets: tuple[tuple[float, ...], ...]) -> Any:
+    """One of V's integrals in N at `speed` >= 0 in m/s, from the polynomial of each set of moduli."""
+    at = np.log1p(np.minimum(speed, FASTEST) / _KNEE)
+    slow, *fast = (_polynomial(at, coefficients) for coefficients in sets)
+    return slow + blend_weight(speed) * (fast[0] - slow) if fast else slow
+
+
 @dataclass(frozen=True)
 class Wall(Surface):
     """The gut around one capsule: pressure integrals against speed, tension against drag.
 
     `nose(v)` and `cylinder(v)` are V's integrals I1 and I2 at the nominal hoop stress, as polynomials in log(1 + v/3
-    mm/s) that follow the quadrature within 1e-4 up to 0.3 m/s, so that NumPy and CasADi share them.
+    mm/s) that follow the quadrature within 2e-4 up to 0.3 m/s, so that NumPy and CasADi share them: one for each set of
+    moduli in use, two where the tissue's regime blends them.
     """
 
     dragged: ClassVar[bool] = True
     capsule: Capsule
     tissue: Tissue
     constants: WallConstants
-    nose_coefficients: tuple[float, ...]
-    cylinder_coefficients: tuple[float, ...]
+    nose_coefficients: tuple[tuple[float, ...], ...]
+    cylinder_coefficients: tuple[tuple[float, ...], ...]
     drag_coefficients: tuple[float, ...]
     tension_coefficients: tuple[float, ...]
 
@@ -58,14 +67,16 @@ class Wall(Surface):
             series = np.polynomial.Chebyshev.fit(np.log1p(speed / _KNEE), integral, _DEGREE, w=1 / integral)
             return tuple(float(c) for c in series.convert(kind=np.polynomial.Polynomial).coef)
 
-        nose, cylinder = pressure_integrals(speed, capsule, tissue)
+        pure: tuple[Regime, ...] = ("low", "high") if tissue.regime == "blend" else (tissue.regime,)
+        sets = [pressure_integrals(speed, capsule, replace(tissue, regime=regime)) for regime in pure]
+        nose, cylinder = (tuple(map(fitted, integral)) for integral in zip(*sets, strict=True))
         constants = WallConstants.from_set()
         u = np.linspace(0, LONGEST, 400)
         force = wall_tension(u, constants, wall_section(capsule, tissue), stretched_length(capsule))
         inverse = np.polynomial.Polynomial.fit(force, u, 7).convert().coef
         forward = np.polynomial.Polynomial.fit(u[1:] / LONGEST, force[1:] / u[1:], 7, window=[-1, 1]).convert().coef
         drag, tension = (tuple(float(c) for c in row) for row in (inverse, forward))
-        return cls(capsule, tissue, constants, fitted(nose), fitted(cylinder), drag, tension)
+        return cls(capsule, tissue, constants, nose, cylinder, drag, tension)
 
     @property
     def body_kg(self) -> float:
@@ -98,11 +109,11 @@ class Wall(Surface):
 
     def nose(self, speed: Any) -> Any:
         """`I1` in N at `speed` >= 0 in m/s."""
-        return _polynomial(np.log1p(np.minimum(speed, FASTEST) / _KNEE), self.nose_coefficients)
+        return _integral(speed, self.nose_coefficients)
 
     def cylinder(self, speed: Any) -> Any:
         """`I2` in N at `speed` >= 0 in m/s."""
-        return _polynomial(np.log1p(np.minimum(speed, FASTEST) / _KNEE), self.cylinder_coefficients)
+        return _integral(speed, self.cylinder_coefficients)
 
     def grip(self, speed: Any, hoop: Any, mu: Any, levels: tuple[Any, Any, Any] = (1.0, 1.0, 1.0)) -> tuple[Any, Any]:
         """Environmental resistance `F_e = sin(theta) c I1` and slip limit `f_c = mu (m g + c (cos(theta) I1 + I2))` in

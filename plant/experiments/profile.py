@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Protocol
 
 import numpy as np
 
+from models.files.csv_reader import read_blocks
 from plant.experiments.excitation import (
     piecewise_runs,
     pulse_width,
@@ -17,6 +19,16 @@ from plant.experiments.excitation import (
     random_wander,
 )
 from plant.tables import Floats
+
+LONGEST_S: Final = 86400.0
+FASTEST_M_S: Final = 0.5
+"""Longest run, and the fastest speed either way, above the range over which the resistance law was integrated."""
+
+
+def _check_speeds(key: str, speeds: Sequence[float]) -> None:
+    wrong = next((v for v in speeds if not abs(v) <= FASTEST_M_S), None)
+    if wrong is not None:
+        raise ValueError(f"profile.{key} must lie within {FASTEST_M_S:g} m/s either way; got {wrong:g}")
 
 
 class Profile(Protocol):
@@ -52,11 +64,18 @@ class Runs:
     speeds_m_s: tuple[float, ...]
     durations_s: tuple[float, ...]
 
+    def __post_init__(self) -> None:
+        wrong = next((d for d in self.durations_s if not 0 < d <= LONGEST_S), None)
+        if wrong is not None:
+            raise ValueError(f"profile.durations_s must be more than 0 and at most {LONGEST_S:g} s; got {wrong:g}")
+        _check_speeds("speeds_m_s", self.speeds_m_s)
+
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
         """The drive's values over `duration_s` in steps of `dt` in s, one more than steps."""
         if len(self.speeds_m_s) != len(self.durations_s):
             raise ValueError(
-                f"durations_s must be as many as speeds_m_s, {len(self.speeds_m_s)}; got {len(self.durations_s)}"
+                f"profile.durations_s must be as many as speeds_m_s, {len(self.speeds_m_s)}; got"
+                f" {len(self.durations_s)}"
             )
         segments = [*zip(self.speeds_m_s, self.durations_s, strict=True), (0.0, duration_s)]
         return piecewise_runs(segments, dt)[: round(duration_s / dt) + 1]
@@ -67,6 +86,9 @@ class ConstantSpeed:
     """`x = v t` from the start."""
 
     speed_m_s: float
+
+    def __post_init__(self) -> None:
+        _check_speeds("speed_m_s", (self.speed_m_s,))
 
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
         """The drive's values over `duration_s` in steps of `dt` in s, one more than steps."""
@@ -138,15 +160,19 @@ class Recorded:
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
         """The drive's values over `duration_s` in steps of `dt` in s, one more than steps."""
         file = Path(self.folder) / self.path
-        if not file.is_file():
-            raise ValueError(f"path must be a file; got {self.path!r}")
-        data = np.genfromtxt(file, delimiter=",", names=True)
-        columns = data.dtype.names or ()
-        for name in ("t_s", self.column):
-            if name not in columns:
-                raise ValueError(f"columns of {self.path} must hold {name}; got {', '.join(columns)}")
+        found = [(header, block.values) for header, block in read_blocks(file, self._check)]
+        values = np.concatenate([block for _, block in found])
+        if not len(values):
+            raise ValueError(f"{file}: record must have samples; got none")
+        time, column = (values[:, found[0][0].index(name)] for name in ("t_s", self.column))
         t = dt * np.arange(round(duration_s / dt) + 1)
-        return np.asarray(np.interp(t, data["t_s"] - data["t_s"][0], data[self.column]))
+        return np.asarray(np.interp(t, time - time[0], column))
+
+    def _check(self, header: list[str], _: Mapping[str, str]) -> Sequence[str]:
+        for name in ("t_s", self.column):
+            if name not in header:
+                raise ValueError(f"columns of {self.path} must hold {name}; got {', '.join(header)[:200]}")
+        return ("t_s", self.column)
 
 
 PROFILES: Final[dict[str, type[Profile]]] = {

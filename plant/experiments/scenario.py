@@ -7,7 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from models.files.tables import choice, converted, from_table
+from models.files.rig_tables import BodyTable, CapsuleTable, TissueTable, check_range
+from models.files.rig_tables import Noise as NoiseTable
+from models.files.rig_tables import Table as RigTable
+from models.files.tables import choice, converted, from_table, is_number, shown, with_contact_angle
 from models.files.toml import read_toml
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import nearest
@@ -33,6 +36,8 @@ TABLES: Final = (
     "effects",
 )
 MOST_STEPS: Final = 50_000_000
+SHORTEST_STEP_S: Final = 1e-6
+LONGEST_STEP_S: Final = 1e-2
 ANATOMY_KEYS: Final = ("places_m", "level", "seed")
 
 
@@ -93,7 +98,7 @@ def parse_scenario(raw: Table, folder: Path) -> Scenario:
         if name not in TABLES:
             raise ValueError(f"tables must be among {', '.join(TABLES)}; got [{name}]; {nearest(name, TABLES)}")
         if not isinstance(table, Mapping):
-            raise ValueError(f"{name} must be a table; got {table!r}")
+            raise ValueError(f"{name} must be a table; got {shown(table)}")
     run, kind, rig = parse_truth(raw)
     return Scenario(run, kind, rig, _profile(raw.get("profile", {}), folder), _sensor(raw, kind))
 
@@ -103,16 +108,22 @@ def parse_truth(raw: Table) -> tuple[Run, str, Rig]:
     `load_scenario`.
     """
     run = from_table(Run, raw.get("scenario", {}), "scenario")
-    if not 0 < run.duration_s / run.step_s <= MOST_STEPS:
+    if not SHORTEST_STEP_S <= run.step_s <= LONGEST_STEP_S:
+        raise ValueError(f"scenario.step_s must be {SHORTEST_STEP_S:g} to {LONGEST_STEP_S:g} s; got {run.step_s:g}")
+    if not run.step_s <= run.duration_s <= MOST_STEPS * run.step_s:
         raise ValueError(
-            f"scenario.duration_s must be positive and at most {MOST_STEPS:.0e} steps; got {run.duration_s:g} s of"
-            f" {run.step_s:g}"
+            f"scenario.duration_s must be {run.step_s:g} to {MOST_STEPS * run.step_s:g} s, at most {MOST_STEPS:.0e}"
+            f" steps of {run.step_s:g} s; got {run.duration_s:g} s"
         )
     kind = choice(raw.get("rig", {}), "rig.kind", tuple(DRIVES))
-    tissue, hoop = _tissue(raw.get("tissue", {}))
+    body = BodyTable if raw.get("surface", {}).get("kind") == "plate" else CapsuleTable
+    for name, model in (("capsule", body), ("tissue", TissueTable), ("noise", NoiseTable)):
+        _in_range(raw.get(name, {}), model, name)
+    capsule = from_table(Capsule, raw.get("capsule", {}), "capsule")
+    tissue, hoop = _tissue(raw.get("tissue", {}), capsule)
     rig = Rig(
         drive=_drive(kind, raw),
-        capsule=from_table(Capsule, raw.get("capsule", {}), "capsule"),
+        capsule=capsule,
         tissue=tissue,
         surface=_surface(raw.get("surface", {"kind": "gut"})),
         hoop_factor=hoop,
@@ -123,6 +134,13 @@ def parse_truth(raw: Table) -> tuple[Run, str, Rig]:
     return run, kind, rig
 
 
+def _in_range(table: Table, model: type[RigTable], where: str) -> None:
+    """The truth within the ranges that a rig file has; what is switched off with 0 is left alone."""
+    for key, value in table.items():
+        if key in model.model_fields and is_number(value) and value:
+            check_range(model, key, value, where)
+
+
 def _drive(kind: str, raw: Table) -> Drive:
     rig, drive = raw.get("rig", {}), raw.get("drive", {})
     where = "drive" if kind in ("vibro", "coil") else "rig"
@@ -130,13 +148,14 @@ def _drive(kind: str, raw: Table) -> Drive:
     return from_table(DRIVES[kind], table, where)
 
 
-def _tissue(table: Table) -> tuple[Tissue, float]:
+def _tissue(table: Table, capsule: Capsule) -> tuple[Tissue, float]:
     preset = table.get("preset", "jejunum")
     if preset != "jejunum":
         raise ValueError(f"tissue.preset must be 'jejunum'; got {preset!r}")
     hoop = converted(table.get("hoop_stress_factor", 1.0), float, "tissue.hoop_stress_factor")
     if not hoop > 0:
         raise ValueError(f"tissue.hoop_stress_factor must be positive; got {hoop:g}")
+    table = with_contact_angle(table, capsule.radius_m, "tissue")
     return from_table(Tissue, table, "tissue", skip=("preset", "hoop_stress_factor")), hoop
 
 
@@ -168,7 +187,7 @@ def _effects(table: Table, kind: str) -> dict[str, dict[str, float]]:
                 f"effects of a {kind} rig must be for it; got {name!r}, which is for {', '.join(hidden(name).drives)}"
             )
         if not isinstance(numbers, Mapping):
-            raise ValueError(f"effects.{name} must be a table of its numbers; got {numbers!r}")
+            raise ValueError(f"effects.{name} must be a table of its numbers; got {shown(numbers)}")
     return {
         name: {key: converted(value, float, f"effects.{name}.{key}") for key, value in numbers.items()}
         for name, numbers in table.items()

@@ -38,15 +38,24 @@ _EVERY = 10  # steps between the samples that the sensor sees
 _NOMINAL_MAGNET = Magnet()
 
 
-def make_series(kind: Kind, effect: str | None, seed: int, out: Path, duration_s: float = 45.0) -> Path:
+def make_series(
+    kind: Kind,
+    effect: str | None,
+    seed: int,
+    out: Path,
+    duration_s: float = 45.0,
+    noise: float = 1.0,
+    rate_Hz: float = 500.0,
+) -> Path:
     """Write `train_1..3.csv.gz`, `holdout.csv.gz`, `rig.toml` (nominal values) and `answer.toml` (the truth) to the
     folder `out`.
 
     The truth's hoop stress factor and friction differ from nominal by up to 15 %, the magnet's stiffness by up to 5 %,
     a coil's or inner mass's force and spring by up to 7 %; `vibro` is a capsule in the gut, `vibro_plate` the capsubot
-    on a plate. `effect` is a hidden effect's id with numbers drawn from its ranges, or None. 500 Hz; noise 1 mN on a
-    pull's force, 50 um on a position. The same seed gives the same bytes; its rig, drive and noise stay the same with
-    another effect. Raises `ValueError` for an unknown kind or effect, or one that the drive cannot have.
+    on a plate. `effect` is a hidden effect's id with numbers drawn from its ranges, or None. Samples at
+    `rate_Hz`; noise `noise` times 1 mN on a pull's force, 50 um on a position, as the rig file states it. The same seed
+    gives the same bytes; its rig, drive and noise stay the same with another effect. Raises `ValueError` for an unknown
+    kind or effect, or one that the drive cannot have.
     """
     if kind not in KINDS:
         raise ValueError(f"kind must be one of {', '.join(KINDS)}; got {kind!r}")
@@ -61,9 +70,9 @@ def make_series(kind: Kind, effect: str | None, seed: int, out: Path, duration_s
     rig = replace(_truth(kind, truth), hidden={} if effect is None else {effect: numbers})
     out.mkdir(parents=True, exist_ok=True)
     for name, stream in zip(RECORDS, record_streams, strict=True):
-        columns = _record(kind, rig, stream, duration_s)
+        columns = _record(kind, rig, stream, duration_s, noise, rate_Hz)
         write_record(out / f"{name}.csv.gz", columns)
-    write_text(out / "rig.toml", rig_text(kind))
+    write_text(out / "rig.toml", rig_text(kind, noise))
     write_text(out / "answer.toml", _answer_text(kind, rig, effect, numbers, seed))
     return out
 
@@ -84,10 +93,12 @@ def _truth(kind: Kind, rng: np.random.Generator) -> Rig:
     )
 
 
-def _record(kind: Kind, rig: Rig, rng: np.random.Generator, duration_s: float) -> dict[str, Floats]:
+def _record(
+    kind: Kind, rig: Rig, rng: np.random.Generator, duration_s: float, noise: float, rate_Hz: float
+) -> dict[str, Floats]:
     pulled = kind == "pull"
     std, span = (FORCE_STD_N, FORCE_SPAN_N) if pulled else (POSITION_STD_M, POSITION_SPAN_M)
-    sensor = Sensor(noise_std=std, span=span)
+    sensor = Sensor(rate_Hz, noise * std, span=span)
     if kind in BELIEVED:
         belief, run = BELIEVED[kind], Run("", duration_s, int(rng.integers(2**31)), rig.step_s)
         return record_scenario(Scenario(run, belief.kind, rig, belief.profile, sensor))
@@ -129,8 +140,10 @@ def _replace(path: Path, data: bytes) -> None:
         raise
 
 
-def rig_text(kind: Kind) -> str:
-    """The rig file that the experimenter believes: nominal values in the keys of interfaces.md."""
+def rig_text(kind: Kind, noise: float = 1.0) -> str:
+    """The rig file that the experimenter believes: nominal values in the keys of interfaces.md, `noise` times the usual
+    noise.
+    """
     belief = BELIEVED.get(kind)
     capsule, tissue = Capsule() if belief is None else belief.nominal.capsule, Tissue()
     lines = ["# rig of one experiment series; SI units", "[capsule]"]
@@ -142,8 +155,9 @@ def rig_text(kind: Kind) -> str:
     lines += ["", "[rig]", f'kind = "{kind}"'] if belief is None else belief.tables()
     if kind == "magnetic":
         lines += [f"{name} = {getattr(_NOMINAL_MAGNET, name)!r}" for name in (f.name for f in fields(_NOMINAL_MAGNET))]
-    noise = f"force_std_N = {FORCE_STD_N!r}" if kind == "pull" else f"position_std_m = {POSITION_STD_M!r}"
-    return "\n".join([*lines, "", "[noise]", noise, ""])
+    pulled = kind == "pull"
+    stated = f"force_std_N = {noise * FORCE_STD_N!r}" if pulled else f"position_std_m = {noise * POSITION_STD_M!r}"
+    return "\n".join([*lines, "", "[noise]", stated, ""])
 
 
 def _answer_text(kind: Kind, rig: Rig, effect: str | None, numbers: dict[str, float], seed: int) -> str:

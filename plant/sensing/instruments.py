@@ -14,6 +14,8 @@ from plant.hidden.table import begun
 from plant.sensing.sensors import with_hidden_errors
 from plant.tables import Floats
 
+MOST = 1e3
+"""Largest noise, error, span (m or N) and latency (s) that an instrument is given."""
 _OFFSETS = ("sensor_scale", "sensor_bias", "sensor_drift", "mains_hum")
 
 
@@ -52,8 +54,8 @@ class Instrument:
         if not self.rate_Hz > 0:
             raise ValueError(f"instrument rate_Hz must be positive; got {self.rate_Hz:g}")
         for name in ("std", "latency_s", "quantum", "outlier_size", "span"):
-            if not getattr(self, name) >= 0:
-                raise ValueError(f"instrument {name} must be zero or more; got {getattr(self, name):g}")
+            if not 0 <= getattr(self, name) <= MOST:
+                raise ValueError(f"instrument {name} must lie in [0, {MOST:g}]; got {getattr(self, name):g}")
         for name in ("missing_share", "outlier_share"):
             if not 0 <= getattr(self, name) <= 1:
                 raise ValueError(f"instrument {name} must lie in [0, 1]; got {getattr(self, name):g}")

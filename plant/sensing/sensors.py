@@ -10,6 +10,10 @@ import numpy as np
 from plant.hidden.registry import LAG_SHARES, ONSET, ROWS
 from plant.tables import Floats
 
+FASTEST_HZ = 1e6
+MOST = 1e3
+"""Largest noise, quantum and span (m or N), delay and time constant (s) that a sensor is given."""
+
 
 @dataclass(frozen=True)
 class Sensor:
@@ -26,11 +30,11 @@ class Sensor:
     span: float = 0.0
 
     def __post_init__(self) -> None:
-        if not self.rate_Hz > 0:
-            raise ValueError(f"sensor rate_Hz must be positive; got {self.rate_Hz:g}")
+        if not 0 < self.rate_Hz <= FASTEST_HZ:
+            raise ValueError(f"sensor rate_Hz must be positive and at most {FASTEST_HZ:g}; got {self.rate_Hz:g}")
         for name in ("noise_std", "quantum", "delay_s", "lowpass_s", "span"):
-            if not getattr(self, name) >= 0:
-                raise ValueError(f"sensor {name} must be zero or more; got {getattr(self, name):g}")
+            if not 0 <= getattr(self, name) <= MOST:
+                raise ValueError(f"sensor {name} must lie in [0, {MOST:g}]; got {getattr(self, name):g}")
 
     def measure(self, t: Floats, y: Floats, rng: np.random.Generator, h: Floats | None = None) -> tuple[Floats, Floats]:
         """Sample times in s and readings of the truth `y` over the even grid `t`; `h` is the table of hidden effects.

@@ -1,4 +1,4 @@
-"""A million ticks of each estimator without divergence, and what a tick costs beside filterpy's. `python -m
+"""A million ticks of each estimator without divergence, and what a tick costs. `python -m
 tests.bench.bench_estimator`.
 """
 
@@ -10,10 +10,9 @@ import time
 import numpy as np
 
 from controller.estimator.base import Receiver
-from controller.estimator.cubature_filter import Estimator, Process
-from controller.estimator.filterpy_reference import ReferenceFilter
-from controller.estimator.noise import Noise
+from controller.estimator.cubature_filter import Estimator
 from controller.estimator.particle_filter import ParticleEstimator
+from controller.estimator.ukf import UnscentedEstimator
 from controller.signals import Measurement
 from tests.controller.loops import model_of
 
@@ -41,26 +40,19 @@ def endure(kind: type[Receiver], steps: int) -> None:
 
 
 def cost(kind: type[Receiver], ticks: int) -> None:
-    """us a tick: prediction alone, a position 8 ms late, and filterpy's prediction, interleaved in one run."""
+    """us a tick, prediction alone and with a position 8 ms late."""
     model = model_of().sharp
-    estimator, process = kind(model), Process(model, Noise())
-    slow = ReferenceFilter(process, process.start(0.0, 5e-4, 0.0, 0.0))
-    plain, late, reference = [], [], []
+    estimator = kind(model)
+    plain: list[float] = []
+    late: list[float] = []
     estimator.observe(0.0, 0.0, [Measurement("position_m", 0.0, 0.0)])
     for k in range(1, ticks + 1):
         now, command = k * 1e-3, 4e-3 + 1e-6 * k
         seen = [Measurement("position_m", 1e-6 * k, now - 8e-3)] if k % 10 == 0 else []
         start = time.perf_counter()
         estimator.observe(now, command, seen)
-        middle = time.perf_counter()
-        slow.predict(command)
-        reference.append(time.perf_counter() - middle)
-        (late if seen else plain).append(middle - start)
-    for name, times in (
-        ("tick", plain),
-        ("tick with a position 8 ms late", late),
-        ("filterpy, prediction alone", reference),
-    ):
+        (late if seen else plain).append(time.perf_counter() - start)
+    for name, times in (("tick", plain), ("tick with a position 8 ms late", late)):
         print(
             f"{kind.__name__}, {name}: median {1e6 * np.median(times):.1f} us, p99"
             f" {1e6 * np.percentile(times, 99):.1f} us"
@@ -72,6 +64,6 @@ if __name__ == "__main__":
     options.add_argument("--steps", type=int, default=1_000_000)
     options.add_argument("--ticks", type=int, default=5000)
     chosen = options.parse_args()
-    for kind in (ParticleEstimator, Estimator):
+    for kind in (ParticleEstimator, Estimator, UnscentedEstimator):
         cost(kind, chosen.ticks)
         endure(kind, chosen.steps)

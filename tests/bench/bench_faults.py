@@ -1,8 +1,8 @@
 """Every fault in every state of every kind of drive, at several phases of the tick: the worst time to the safe state,
 and what was unsafe.
 
-`python -m tests.bench.bench_faults [magnetic coil vibro] [--phases N]`; a line a fault, the worst over states that move
-and phases.
+`python -m tests.bench.bench_faults [magnetic coil vibro] [--phases N] [--faults KIND ...] [--states STATE ...]`; a
+line a fault, the worst over states that move and phases.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -52,7 +52,9 @@ def main() -> int:
     """Run the matrix; 1 where anything was unsafe."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("kinds", nargs="*", default=list(RIGS))
-    parser.add_argument("--phases", type=int, default=2, help="times within a tick at which the fault begins")
+    parser.add_argument("--phases", type=int, default=8, help="times over the whole tick at which the fault begins")
+    parser.add_argument("--faults", nargs="*", default=list(KINDS), help="kinds of faults")
+    parser.add_argument("--states", nargs="*", default=list(STATES), help="states of the drive")
     options = parser.parse_args()
     unsafe = runs = 0
     print(
@@ -60,9 +62,9 @@ def main() -> int:
         f" {'unsafe':>7s}"
     )
     for rig in options.kinds:
-        for kind, target in ((k, t) for k, known in KINDS.items() for t in known.targets):
+        for kind, target in ((k, t) for k in options.faults for t in KINDS[k].targets):
             worst = Worst()
-            for state, at_s, before in cases(options.phases):
+            for state, at_s, before in cases(options.phases, options.states):
                 judge(worst, rig, state, {"kind": kind, "at_s": at_s, "duration_s": LENGTH_S, "target": target}, before)
             unsafe, runs = unsafe + worst.unsafe, runs + worst.runs
             print(
@@ -75,11 +77,15 @@ def main() -> int:
     return int(unsafe > 0)
 
 
-def cases(phases: int) -> Iterator[tuple[str, float, tuple[Mapping[str, Any], ...]]]:
-    """State, time of the fault, and what comes before it."""
-    for state, (at_s, before) in STATES.items():
+def cases(phases: int, states: Sequence[str]) -> Iterator[tuple[str, float, tuple[Mapping[str, Any], ...]]]:
+    """State, time of the fault, and what comes before it: one time drawn from each of `phases` equal parts of a tick,
+    the same ones in every run.
+    """
+    rng = np.random.default_rng(7)
+    for state in states:
+        at_s, before = STATES[state]
         for k in range(phases):
-            yield state, at_s + 2e-3 * k / phases, before
+            yield state, round(at_s + 2e-3 * (k + rng.random()) / phases, 9), before
 
 
 def judge(worst: Worst, rig: str, state: str, fault: Mapping[str, Any], before: tuple[Mapping[str, Any], ...]) -> None:

@@ -4,7 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.identification.finding import CandidateRow, Check, Estimate, Finding, FoundEffect, Trace
+from models.identification.finding import (
+    CandidateRow,
+    Check,
+    Estimate,
+    Finding,
+    FoundEffect,
+    Proposal,
+    Separation,
+    Trace,
+)
 
 
 def trace(name: str, role: str, seed: int, seconds: float = 40.0) -> Trace:
@@ -146,3 +155,12 @@ def spectrum_finding() -> Finding:
         "next_experiment": None,
     }
     return Finding(**{**base.__dict__, **changed})
+
+
+def proposal() -> Proposal:
+    """There and back over 8 mm in 10 s, which tells folds from a wave."""
+    times, places = np.array([0.0, 0.3, 4.3, 6.3, 10.0]), 1e-3 * np.array([2.0, 2.0, 10.0, 10.0, 2.5])
+    t = 2e-3 * np.arange(5001)
+    motion = {"t_s": t, "carriage_position_m": np.interp(t, times, places)}
+    apart = Separation("fold_periodic", "peristaltic_wave", 12.4, "train_2", 0.7)
+    return Proposal("carriage_position_m", times, places, motion, (apart,))

@@ -8,9 +8,7 @@ import hashlib
 import json
 import math
 import os
-import tempfile
 from dataclasses import asdict, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -20,6 +18,8 @@ from controller.vibro.design.optimal_cycle import optimal_cycle
 from controller.vibro.design.speed_map import SpeedMap, speed_map
 from controller.vibro.gears import DriveMap, Gear, gear_of
 from controller.vibro.waveform import Waveform
+from models.compiled.cache import cache_folder
+from models.files.source import read_text
 
 SEEDS_M_S = (14e-3, 4e-3)
 """Mean speeds for which a direction's shapes are found, one gear each; a gear's other speeds come from its strength."""
@@ -128,9 +128,9 @@ def design(model: VibroModel, optimise: bool = True, table: SpeedMap | None = No
 def designed(model: VibroModel, optimise: bool = True) -> DriveMap:
     """The same as `design`, kept on disk for the next time under what it was made from."""
     made_from = repr((_FORMAT, model, [(p.name, p.value) for p in model.assembly().parameters], optimise))
-    file = _folder() / f"vibro_{hashlib.sha256(made_from.encode()).hexdigest()[:20]}.json"
+    file = cache_folder() / f"vibro_{hashlib.sha256(made_from.encode()).hexdigest()[:20]}.json"
     try:
-        return from_json(file.read_text(encoding="utf-8"))
+        return from_json(read_text(file, "drive map"))
     except (OSError, ValueError, KeyError, TypeError):
         found = design(model, optimise)
     draft = file.with_suffix(f".{os.getpid()}")
@@ -154,16 +154,3 @@ def from_json(text: str) -> DriveMap:
             Gear(waves, tuple(gear["speeds_m_s"]), float(gear["home_m_s"]), IMPACTS[IMPACTS.index(gear["impact"])])
         )
     return DriveMap(tuple(gears), float(raw["lag_s"]))
-
-
-def _folder() -> Path:
-    root = os.environ.get("CAPSULE_CACHE") or os.path.join(
-        os.environ.get("XDG_CACHE_HOME", os.path.expanduser("~/.cache")), "capsule"
-    )
-    try:
-        Path(root).mkdir(parents=True, exist_ok=True)
-        if os.access(root, os.W_OK):
-            return Path(root)
-    except OSError:
-        pass
-    return Path(tempfile.gettempdir())

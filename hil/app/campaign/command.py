@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import os
 import shlex
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
 from rich.table import Table
 
-from hil.app.campaign.dask_cluster import scheduled
 from hil.app.campaign.file import Campaign, load_campaign
 from hil.app.campaign.page import groups, page_html, summary_of, value_of, worst_of
-from hil.app.campaign.results import Results, chunks
-from hil.app.campaign.worker import Row, pooled, run_job
-from hil.app.console import InterruptionError, json_text, output_to_notes, print_json, progress_bar, summary
+from hil.app.campaign.results import Results
+from hil.app.campaign.running import check_workers, run_missing
+from hil.app.campaign.worker import Row, run_job
+from hil.app.console import json_text, output_to_notes, print_json, summary
+from hil.app.quantities import number
 from hil.app.write import check_folder, write_files
 
 RESULTS, PAGE, NUMBERS = "results.jsonl", "campaign.html", "campaign.json"
@@ -39,20 +38,13 @@ def campaign(
     plan = load_campaign(path)
     if run is not None:
         return _one(plan, run)
-    if workers is not None and not 1 <= workers <= 1024:
-        raise ValueError(f"--workers must lie in [1, 1024]; got {workers}")
-    if workers is not None and scheduler is not None:
-        raise ValueError(f"--workers must be left out with --scheduler, whose cluster has its own; got {workers}")
+    check_workers(workers, scheduler)
     check_folder(out, "--out")
     results = Results(out / RESULTS, plan.fingerprint)
+    jobs = [plan.job(number) for number in range(len(plan))]
     try:
-        with output_to_notes():
-            resumed = len(results.done)
-            _do(plan, results, workers or os.cpu_count() or 1, scheduler)
-        rows = [results.done[number] for number in sorted(results.done)]
-    except KeyboardInterrupt as error:
-        kept = f"{len(results.done)} of {len(plan)} runs are on file in {results.path}"
-        raise InterruptionError(f"interrupted: {kept}; the same command goes on from there") from error
+        resumed = len(results.done)
+        rows = run_missing(plan.name, jobs, results, plan.head.chunk, workers, scheduler)
     finally:
         results.close()
     repeat = shlex.join(["capsule", "campaign", str(path)])
@@ -90,20 +82,6 @@ def document(plan: Campaign, rows: list[Row], repeat: str) -> dict[str, Any]:
     }
 
 
-def _do(plan: Campaign, results: Results, workers: int, scheduler: str | None) -> None:
-    missing = [number for number in range(len(plan)) if number not in results.done]
-    parts = [tuple(plan.job(number) for number in part) for part in chunks(missing, plan.head.chunk)]
-    if not parts:
-        return
-    ended: Iterator[list[Row]] = (
-        pooled(parts, min(workers, len(parts))) if scheduler is None else scheduled(parts, scheduler)
-    )
-    with progress_bar(plan.name) as report:
-        for rows in ended:
-            results.add(rows)
-            report("runs", len(results.done) / len(plan))
-
-
 def _one(plan: Campaign, number: int) -> int:
     if not 0 <= number < len(plan):
         raise ValueError(f"--run must lie in [0, {len(plan) - 1}]; got {number}")
@@ -121,8 +99,8 @@ def _say(plan: Campaign, found: dict[str, Any]) -> None:
     for head in heads:
         table.add_column(head, justify="right" if head else "left")
     for name, numbers in found["groups"].items():
-        table.add_row(name, *(f"{numbers[head]:.4g}" for head in heads[1:]))
+        table.add_row(name, *(number(numbers[head]) for head in heads[1:]))
     console.print(table)
     for one in found["worst"][:_SHOWN]:
-        console.print(f"worst: {one['value']:.4g}  {one['repeat']}", markup=False, soft_wrap=True)
+        console.print(f"worst: {number(one['value'])}  {one['repeat']}", markup=False, soft_wrap=True)
     console.print(f"report: {found['report']}", markup=False, soft_wrap=True)

@@ -11,8 +11,7 @@ from concurrent.futures import CancelledError
 from threading import Lock
 from typing import Any, Final
 
-from hil.app.campaign.file import Job
-from hil.app.campaign.worker import Row, lost, run_jobs
+from hil.app.campaign.worker import Job, Row, lost, run_jobs
 
 ANSWER_S: Final = 10.0
 LOOK_S: Final = 1.0

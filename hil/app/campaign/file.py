@@ -26,6 +26,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from hil.app.campaign.loop import Loop, Table
 from hil.app.scenario.bus_scenario import parse_sil_scenario
 from hil.app.scenario.scenario import parse_track_scenario
 from hil.app.track.score import Score
@@ -83,7 +84,6 @@ _DRAWS: Final[Mapping[str, Callable[[np.random.Generator, tuple[Any, ...]], Any]
 }
 
 
-Table = Mapping[str, Any]
 TABLES: Final = ("campaign", "draw", "grid", "variants")
 MOST_RUNS: Final = 1_000_000
 METRICS: Final = tuple(field.name for field in fields(Score) if field.type in ("float", "int"))
@@ -120,19 +120,6 @@ class Head:
 
 
 @dataclass(frozen=True)
-class Job:
-    """One run: its number, the scenario as tables, its seed, and what sets it apart (`point`)."""
-
-    number: int
-    engine: str
-    raw: Table
-    seed: int
-    point: Table
-    values: Mapping[str, float]
-    stage: str
-
-
-@dataclass(frozen=True)
 class Campaign:
     """All runs, computed when asked for. Runs of one case follow each other; they share seed and draws, so controllers
     can be compared.
@@ -148,7 +135,7 @@ class Campaign:
     def __len__(self) -> int:
         return self.head.cases * len(self.combinations)
 
-    def job(self, number: int) -> Job:
+    def job(self, number: int) -> Loop:
         """Run `number`, from 0 on; the same whatever ran before it."""
         case, which = divmod(number, len(self.combinations))
         rng = np.random.default_rng(np.random.SeedSequence(self.head.seed, spawn_key=(case,)))
@@ -159,7 +146,7 @@ class Campaign:
         for key, value in draws.items():
             raw = laid_over(raw, nested(key, value))
         stage = self.head.stage if self.values else "nominal"
-        return Job(number, self.head.engine, raw, seed, {"case": case, **point, **draws}, self.values, stage)
+        return Loop(number, self.head.engine, raw, seed, {"case": case, **point, **draws}, self.values, stage)
 
     @property
     def fingerprint(self) -> str:

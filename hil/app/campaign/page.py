@@ -8,15 +8,17 @@ from typing import Any, Final
 
 import numpy as np
 import plotly.graph_objects as go
-from plotly.offline import get_plotlyjs
 
-from hil.app.report.page import STYLE
-from hil.app.report.theme import figure_html, styled
+from hil.app.quantities import number, scale
+from hil.app.report.document import document, heading, table
+from hil.app.report.theme import figure_html, line_colour, styled, symbol
+from hil.app.report.words import column_words
 
 Row = Mapping[str, Any]
 WORST: Final = 12
 _NUMBERS: Final = ("median", "p95", "max")
-_MILLI: Final = {"_m": "mm", "_N": "mN", "_m_s": "mm/s"}
+_EACH: Final = 40
+"""Runs up to which the spread shows each one."""
 
 
 def value_of(row: Row, metric: str) -> float:
@@ -68,87 +70,85 @@ def worst_of(rows: Sequence[Row], metric: str, count: int = WORST) -> list[Row]:
 def page_html(name: str, metric: str, rows: Sequence[Row], draws: Sequence[str], repeat: str) -> str:
     """One self-contained page; `repeat` is the command that repeats a run but for its number."""
     parted = groups(rows, draws)
-    unit, scale = _unit(metric)
-    words = _words(metric)
-    label = f"{words}, {unit}" if unit else words
-    figures = [("How it is spread", _spread(parted, metric, label, scale))]
-    figures += [(f"Over {key}", _over(parted, metric, key, label, scale)) for key in draws if _numeric(rows, key)]
-    body = _summary_table(parted, metric, unit, scale) + _worst_table(rows, metric, unit, scale, repeat)
-    body += "".join(
-        f'<section><h2>{escape(title)}</h2><div class="figure">{figure_html(figure, f"figure-{k}")}</div></section>'
-        for k, (title, figure) in enumerate(figures)
-    )
+    words, unit = column_words(metric)
+    finite = [value_of(row, metric) for row in rows if np.isfinite(value_of(row, metric))]
+    factor, unit = scale(finite, unit)
+    label = f"{words} in {unit}" if unit else words
     title = f"{name}: {words} over {len(rows)} runs"
-    return (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{escape(title)}</title><style>{STYLE.read_text(encoding='utf-8')}</style><script>{get_plotlyjs()}</script></head>"
-        "<body><main><header><p"
-        f' class="eyebrow">Campaign</p><h1>{escape(title)}</h1></header>{body}</main></body></html>\n'
-    )
+    sections = [
+        ("numbers", "Numbers", _summary_table(parted, metric, unit, factor)),
+        ("worst", "Worst cases", _worst_table(rows, metric, unit, factor, repeat)),
+        ("spread", "How it is spread", figure_html(_spread(parted, metric, label, factor), "figure-0")),
+    ]
+    numeric = [key for key in _keys(rows, draws) if _numeric(rows, key)]
+    sections += [
+        (
+            f"over-{k}",
+            f"Over {key_words(key)[0]}",
+            figure_html(_over(parted, metric, key, label, factor), f"figure-{k}"),
+        )
+        for k, key in enumerate(numeric, start=1)
+    ]
+    return document(title, heading("Campaign", title), sections)
 
 
-def _ending(metric: str) -> str:
-    return next((end for end in sorted(_MILLI, key=len, reverse=True) if metric.endswith(end)), "")
+def key_words(key: str) -> tuple[str, str]:
+    """Name and unit of a scenario's key."""
+    return column_words(key.rpartition(".")[2])
 
 
-def _words(metric: str) -> str:
-    return metric.removesuffix(_ending(metric)).replace("_", " ")
-
-
-def _unit(metric: str) -> tuple[str, float]:
-    ending = _ending(metric)
-    return (_MILLI[ending], 1e3) if ending else ("", 1.0)
+def _keys(rows: Sequence[Row], draws: Sequence[str]) -> list[str]:
+    """What is drawn at random, then the other numbers that differ between runs."""
+    others = dict.fromkeys(key for row in rows for key in row["point"] if key != "case" and key not in draws)
+    varied = [key for key in others if len({str(row["point"].get(key)) for row in rows}) > 1]
+    return [*draws, *varied]
 
 
 def _numeric(rows: Sequence[Row], key: str) -> bool:
-    return all(isinstance(row["point"].get(key), int | float) for row in rows)
+    values = [row["point"].get(key) for row in rows]
+    return all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
 
 
-def _summary_table(parted: Mapping[str, Sequence[Row]], metric: str, unit: str, scale: float) -> str:
+def _summary_table(parted: Mapping[str, Sequence[Row]], metric: str, unit: str, factor: float) -> str:
     lines = []
     for name, rows in parted.items():
         s = summary_of(rows, metric)
-        numbers = [f"{scale * s[key]:.3f}" for key in _NUMBERS]
-        lines.append([name, *(str(s[key]) for key in ("runs", "failed", "unsafe", "hard_violations")), *numbers])
-    heads = ("", "runs", "failed", "unsafe", "violations", *(f"{name} {unit}" for name in _NUMBERS))
-    return _table("Numbers", heads, lines)
+        numbers = [number(factor * s[key], 4) for key in _NUMBERS]
+        counts = [str(s[key]) for key in ("runs", "failed", "unsafe", "hard_violations")]
+        lines.append([escape(name), *counts, *numbers])
+    heads = ("", "runs", "failed", "unsafe", "violations", *(f"{name}, {unit}" if unit else name for name in _NUMBERS))
+    return table(heads, lines)
 
 
-def _worst_table(rows: Sequence[Row], metric: str, unit: str, scale: float, repeat: str) -> str:
+def _worst_table(rows: Sequence[Row], metric: str, unit: str, factor: float, repeat: str) -> str:
     lines = []
     for row in worst_of(rows, metric):
-        point = ", ".join(f"{key} {_short(value)}" for key, value in row["point"].items())
-        lines.append(
-            [row.get("error") or f"{scale * value_of(row, metric):.3f}", point, f"{repeat} --run {row['run']}"]
-        )
-    return _table("Worst cases", (f"{metric} {unit}", "case", "repeat it with"), lines)
+        point = ", ".join(f"{' '.join(key_words(key))} {_short(value)}" for key, value in row["point"].items())
+        value = escape(str(row["error"])) if row.get("error") else number(factor * value_of(row, metric), 4)
+        lines.append([value, escape(point), f"<code>{escape(repeat)} --run {row['run']}</code>"])
+    words = column_words(metric)[0]
+    return table((f"{escape(words)}, {unit}" if unit else escape(words), "case", "repeat it with"), lines, left=3)
 
 
 def _short(value: Any) -> str:
-    return f"{value:.5g}" if isinstance(value, float) else str(value)
-
-
-def _table(title: str, heads: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
-    head = "".join(f"<th>{escape(h)}</th>" for h in heads)
-    body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in line) + "</tr>" for line in lines)
-    return f"<section><h2>{title}</h2><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></section>"
+    return number(value, 4) if isinstance(value, int | float) and not isinstance(value, bool) else str(value)
 
 
 def _finite(rows: Sequence[Row], metric: str) -> list[Row]:
     return [row for row in rows if np.isfinite(value_of(row, metric))]
 
 
-def _spread(parted: Mapping[str, Sequence[Row]], metric: str, title: str, scale: float) -> go.Figure:
+def _spread(parted: Mapping[str, Sequence[Row]], metric: str, title: str, factor: float) -> go.Figure:
     figure = go.Figure()
-    for name, rows in parted.items():
+    for k, (name, rows) in enumerate(parted.items()):
         good = _finite(rows, metric)
         figure.add_trace(
             go.Box(
-                x=[scale * value_of(row, metric) for row in good],
+                x=[factor * value_of(row, metric) for row in good],
                 name=name,
-                boxpoints="outliers",
+                boxpoints="outliers" if len(good) > _EACH else "all",
                 text=[f"run {row['run']}" for row in good],
+                marker={"color": line_colour(k), "symbol": symbol(k)},
                 showlegend=False,
             )
         )
@@ -156,20 +156,22 @@ def _spread(parted: Mapping[str, Sequence[Row]], metric: str, title: str, scale:
     return styled(figure, 160 + 60 * len(parted))
 
 
-def _over(parted: Mapping[str, Sequence[Row]], metric: str, key: str, title: str, scale: float) -> go.Figure:
+def _over(parted: Mapping[str, Sequence[Row]], metric: str, key: str, title: str, factor: float) -> go.Figure:
     figure = go.Figure()
-    for name, rows in parted.items():
+    for k, (name, rows) in enumerate(parted.items()):
         good = _finite(rows, metric)
         figure.add_trace(
-            go.Scattergl(
+            go.Scatter(
                 x=[row["point"][key] for row in good],
-                y=[scale * value_of(row, metric) for row in good],
+                y=[factor * value_of(row, metric) for row in good],
                 name=name,
                 mode="markers",
                 text=[f"run {row['run']}" for row in good],
-                marker={"size": 5},
+                marker={"size": 6, "color": line_colour(k), "symbol": symbol(k), "opacity": 0.7},
+                showlegend=len(parted) > 1,
             )
         )
-    figure.update_xaxes(title_text=key)
+    words, unit = key_words(key)
+    figure.update_xaxes(title_text=f"{words} in {unit}" if unit else words)
     figure.update_yaxes(title_text=title)
     return styled(figure, 420)

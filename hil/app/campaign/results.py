@@ -11,12 +11,15 @@ from typing import Any
 
 from hil.app.console import plain
 
+Key = int | str
+
 
 class Results:
     """The file `path`. What a kill cut off within a line is removed when it is opened again; runs that stand in it are
     `done`.
 
-    One process at a time holds the file. Raises ValueError for the results of another campaign.
+    A run is known by what its row says under `run`, a number or a word. One process at a time holds the file. Raises
+    ValueError for the results of another campaign.
     """
 
     def __init__(self, path: Path, fingerprint: str) -> None:
@@ -34,7 +37,7 @@ class Results:
             os.close(self._file)
             raise
 
-    def _read(self, fingerprint: str) -> dict[int, dict[str, Any]]:
+    def _read(self, fingerprint: str) -> dict[Key, dict[str, Any]]:
         content = self.path.read_bytes()
         whole = content.rfind(b"\n") + 1
         if whole != len(content):
@@ -46,7 +49,7 @@ class Results:
         try:
             head, *rows = [json.loads(line) for line in lines]
             got = head["campaign"]
-            done = {int(row["run"]): row for row in rows}
+            done = {_key(row): row for row in rows}
         except (ValueError, KeyError, TypeError):
             raise ValueError(f"{self.path}: results must be lines of JSON that a campaign wrote; got others") from None
         if got != fingerprint:
@@ -58,7 +61,7 @@ class Results:
 
     def add(self, rows: Iterable[Mapping[str, Any]]) -> None:
         """Append the rows of a chunk in one write; runs that are there already are left out."""
-        fresh = {int(row["run"]): dict(row) for row in rows if int(row["run"]) not in self.done}
+        fresh = {_key(row): dict(row) for row in rows if _key(row) not in self.done}
         self._append(fresh.values())
         self.done |= fresh
 
@@ -70,6 +73,13 @@ class Results:
     def close(self) -> None:
         """Let go of the file."""
         os.close(self._file)
+
+
+def _key(row: Mapping[str, Any]) -> Key:
+    key = row["run"]
+    if not isinstance(key, Key):
+        raise TypeError(key)
+    return key
 
 
 def chunks(missing: Iterable[int], size: int) -> list[tuple[int, ...]]:

@@ -1,4 +1,4 @@
-"""What a worker of a campaign does: runs of closed loops, each of which ends in a row, whatever happens in it."""
+"""What a worker of a campaign does: runs, each of which ends in a row, whatever happens in it."""
 
 from __future__ import annotations
 
@@ -8,23 +8,28 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from functools import lru_cache
 from multiprocessing import get_context, parent_process
 from os import _exit
 from threading import Thread
-from typing import Any, Final
-
-from controller.model.control_model import ControlModel
-from hil.app.campaign.file import Job
-from hil.app.scenario.bus_scenario import SilScenario, parse_sil_scenario
-from hil.app.scenario.scenario import TrackScenario, parse_track_scenario
-from hil.app.sil.command import judged
-from hil.app.sil.testbed import believed_on_bus
-from hil.app.track.loop import believed_model, run_loop
-from hil.app.track.score import document, score
+from typing import Any, Final, Protocol
 
 TRIES: Final = 3
 Row = dict[str, Any]
+
+
+class Job(Protocol):
+    """One run of a campaign: what it is called in the results, its seed, what sets it apart (`point`)."""
+
+    @property
+    def number(self) -> int | str: ...
+    @property
+    def seed(self) -> int: ...
+    @property
+    def point(self) -> Mapping[str, Any]: ...
+
+    def result(self) -> Row:
+        """What comes of it, as JSON has it; a ValueError of one sentence where it cannot be done."""
+        ...
 
 
 def run_jobs(jobs: Sequence[Job]) -> list[Row]:
@@ -33,56 +38,16 @@ def run_jobs(jobs: Sequence[Job]) -> list[Row]:
 
 
 def run_job(job: Job) -> Row:
-    """One run. A scenario that cannot be run gives a row with `error`."""
+    """One run. One that cannot be done gives a row with `error`."""
     row: Row = {"run": job.number, "seed": job.seed, "point": dict(job.point)}
     began = time.perf_counter()
     try:
         with contextlib.redirect_stdout(io.StringIO()):
-            row["result"] = _tracked(job) if job.engine == "track" else _over_the_bus(job)
+            row["result"] = job.result()
     except Exception as error:  # noqa: BLE001 - one run that fails is a result of the campaign, not its end
         row["error"] = f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"
     row["seconds"] = round(time.perf_counter() - began, 3)
     return row
-
-
-def _tracked(job: Job) -> Row:
-    scenario = parse_track_scenario(job.raw)
-    name = scenario.control.controller
-    trace = run_loop(scenario, _track_model(_Known(scenario, job.values)), name, job.seed)
-    return document(scenario, scenario.name, name, job.seed, job.stage, score(scenario, trace), None)
-
-
-def _over_the_bus(job: Job) -> Row:
-    scenario = parse_sil_scenario(job.raw)
-    found, _ = judged(scenario, _sil_model(_Known(scenario, job.values)), None, job.seed, job.stage)
-    return found
-
-
-class _Known:
-    """A scenario by what its model depends on: belief, tick, learned values; so runs of one belief share a model."""
-
-    def __init__(self, scenario: TrackScenario | SilScenario, values: Mapping[str, float]) -> None:
-        loop = scenario.loop if isinstance(scenario, SilScenario) else scenario
-        self.scenario, self.values = scenario, values
-        self._key = (repr(loop.belief), loop.control.tick_s, tuple(sorted(values.items())))
-
-    def __hash__(self) -> int:
-        return hash(self._key)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Known) and self._key == other._key
-
-
-@lru_cache(maxsize=8)
-def _track_model(known: _Known) -> ControlModel:
-    assert isinstance(known.scenario, TrackScenario)
-    return believed_model(known.scenario, known.values)
-
-
-@lru_cache(maxsize=8)
-def _sil_model(known: _Known) -> ControlModel:
-    assert isinstance(known.scenario, SilScenario)
-    return believed_on_bus(known.scenario, known.values)
 
 
 def pooled(parts: Sequence[Sequence[Job]], workers: int) -> Iterator[list[Row]]:

@@ -102,7 +102,9 @@ def _belief(rig: Path | None, kind: str | None) -> Rig | None:
 
 def _converted(path: Path, out: Path, rig: Rig | None) -> Converted:
     if rig is None:
-        return Converted(path, out, file_channels(path))
+        told: list[str] = []
+        channels = file_channels(path, told.append)
+        return Converted(path, out, channels, tuple(told))
     record = read_rig_record(path, rig)
     channels = [Channel(Heading(name, unit_of(name)), values) for name, values in record.columns.items()]
     return Converted(path, out, channels, record.notes)

@@ -18,8 +18,9 @@ from hil.app.demo.page import demo_html
 from hil.app.demo.story import PRINTED, Story, Told
 from hil.app.demo.worker import story_bars, told
 from hil.app.identify.close_loop import NUMBERS, REPORT
+from hil.app.quantities import DASH, amount, quantity
 from hil.app.report import headline, report_json
-from hil.app.report.words import DASH, STAGE_WORDS, effect_words, error_scale, listed, number, scaled, tested_part
+from hil.app.report.words import STAGE_WORDS, effect_words, error_scale, interpolation, listed, scaled, tested_part
 from hil.app.write import check_folder, write_files
 from models.identification.finding import STAGES
 
@@ -75,6 +76,7 @@ def _numbers(story: Story, one: Told, folder: Path) -> dict[str, Any]:
         "report": str(folder / REPORT),
         "numbers": str(folder / NUMBERS),
         "hidden": ", ".join(one.hidden) or None,
+        "caution": one.caution or None,
         **report_json(one.finding),
     }
     if one.gate:
@@ -97,7 +99,7 @@ def _say(lines: Sequence[tuple[Story, Told]], out: Path, seconds: float) -> None
         table.add_column(column, justify="right")
     table.add_column("verdict")
     for story, one in lines:
-        table.add_row(story.title, *_predicted(one), headline(one.finding))
+        table.add_row(story.title, *_predicted(one), f"{headline(one.finding)} {one.caution}".strip())
         if one.missions:
             table.add_row("  the same run driven again", "tracking", *_tracked(one), "", _gate_words(one))
     console.print(table)
@@ -115,7 +117,10 @@ def _predicted(one: Told) -> list[str]:
     factor, unit = error_scale(finding)
     where = "prediction, held out" if part == "holdout" else "prediction, training"
     values = [finding.error[part].get(stage) for stage in STAGES]
-    return [where, *(f"{number(scaled(value, factor), 3)} {unit}" for value in (*values, finding.noise_floor))]
+    cells = [amount(scaled(value, factor), unit) for value in (*values, finding.noise_floor)]
+    if part == "train" and interpolation(finding):
+        cells[1:3] = ["interpolated"] * 2
+    return [where, *cells]
 
 
 def _tracked(one: Told) -> list[str]:
@@ -123,7 +128,7 @@ def _tracked(one: Told) -> list[str]:
 
 
 def _rmse(numbers: Mapping[str, Any]) -> str:
-    return f"{number(1e3 * numbers['tracking_rmse_m'], 3)} mm"
+    return quantity(numbers["tracking_rmse_m"], "m")
 
 
 def _gate_words(one: Told) -> str:

@@ -12,10 +12,11 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from hil.app.demo.story import Array, Mission, Story, Told
+from hil.app.quantities import number
 from hil.app.report.figure_residuals import residual_figure
 from hil.app.report.panels import panels, thinned
 from hil.app.report.theme import MUTED, STAGE_COLOURS, styled
-from hil.app.report.words import STAGE_WORDS, error_scale, number, tested_part
+from hil.app.report.words import STAGE_WORDS, error_scale, tested_part
 from models.identification.finding import STAGES, Finding
 
 SIGNALS: Final = ("x_m", "v_m_s")
@@ -76,9 +77,9 @@ def mission_figure(missions: Mapping[str, Mission]) -> go.Figure:
             STAGE_COLOURS[stage],
             2,
         )
-    figure.update_yaxes(title_text="position, mm", row=1, col=1)
-    figure.update_yaxes(title_text="error, mm", row=2, col=1)
-    figure.update_xaxes(title_text="time, s", row=2, col=1)
+    figure.update_yaxes(title_text="position in mm", row=1, col=1)
+    figure.update_yaxes(title_text="error in mm", row=2, col=1)
+    figure.update_xaxes(title_text="time in s", row=2, col=1)
     return styled(figure, 560)
 
 

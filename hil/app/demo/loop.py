@@ -91,7 +91,8 @@ class LoopStory:
                 folder, MISSION, runs[MISSION], model.believed(stage), stage, f"{MISSION}_{stage}"
             )[0]
         report("done", 1.0)
-        return Told(finding, gate, missions, tuple(runs[MISSION].get("effects", {})))
+        truth = runs[MISSION].get("effects", {})
+        return Told(finding, gate, missions, tuple(truth), truth)
 
 
 def admitted(finding: Finding, model: Model, rig: Rig) -> Iterator[tuple[str, Verdict]]:

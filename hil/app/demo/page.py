@@ -8,31 +8,35 @@ from collections.abc import Sequence
 from html import escape
 from typing import Final
 
-from plotly.offline import get_plotlyjs
-
 from hil.app.demo.figures import improvement_figure, left_over_figure, mission_figure
 from hil.app.demo.story import Mission, Story, Told
 from hil.app.identify.close_loop import MODEL, REPORT
+from hil.app.quantities import DASH, amount, quantity, scale, unit_words
+from hil.app.quantities import told as numbers_told
 from hil.app.report import headline
+from hil.app.report.document import document, heading, mixed_table, table
 from hil.app.report.figure_traces import trace_figure
-from hil.app.report.page import STYLE
 from hil.app.report.panels import panels
-from hil.app.report.tables import parameter_table
 from hil.app.report.theme import figure_html
 from hil.app.report.words import (
-    DASH,
     STAGE_WORDS,
+    column_words,
     effect_words,
     error_scale,
     error_story,
+    interpolation,
     listed,
-    number,
+    parameter_words,
     scaled,
     tested_part,
 )
 from models.identification.finding import STAGES
 
 POINTS: Final = 4000
+_LINES: Final = (
+    "<p>Dots are samples. The solid line is their local mean while the capsule moves forward, the dotted one while it"
+    " moves backward; orange is the model before, teal the one after.</p>"
+)
 Line = tuple[Story, Told]
 
 
@@ -47,27 +51,20 @@ def demo_html(lines: Sequence[Line], seconds: float) -> str:
         )
     ]
     sections += [(story.name, story.title[:1].upper() + story.title[1:], _loop(story, told)) for story, told in loops]
-    links = "".join(f'<a href="#{key}">{escape(key)}</a>' for key, _, _ in sections)
-    body = "".join(
-        f'<section id="{key}"><h2>{escape(title)}</h2>{content}</section>' for key, title, content in sections
-    )
     title = "Drive, record, find what the model lacks, drive again"
-    story = " ".join(_sentence(story, told) for story, told in loops)
-    return (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{title}</title><style>{STYLE.read_text(encoding='utf-8')}</style><script>{get_plotlyjs()}</script></head>"
-        f'<body><main><header class="named"><p class="eyebrow">Capsule demo · {len(lines)} stories · {seconds:.0f}'
-        " s</p>"
-        f'<h1>{title}</h1><p class="story">{escape(story)}</p></header><nav>{links}</nav>{body}</main></body></html>\n'
+    story = " ".join(
+        [
+            *(_sentence(story, told) for story, told in loops),
+            *(f"{story.title.capitalize()}: {told.caution}" for story, told in lines if told.caution),
+        ]
     )
+    head = heading(f"Capsule demo · {len(lines)} stories · {seconds:.0f} s", title, story, "named")
+    return document(title, head, sections)
 
 
 def _sentence(story: Story, told: Told) -> str:
     """What a loop came to, in a sentence."""
-    first, last = (
-        f"{1e3 * told.missions[stage].numbers['tracking_rmse_m']:.3g} mm" for stage in (STAGES[0], _last(told))
-    )
+    first, last = (quantity(told.missions[stage].numbers["tracking_rmse_m"], "m") for stage in (STAGES[0], _last(told)))
     names = listed(effect_words(effect.id) for effect in told.finding.effects) or "no effect"
     kept = listed(map(effect_words, told.hidden)) or "nothing"
     again = (
@@ -90,25 +87,20 @@ def _table(lines: Sequence[Line]) -> str:
         factor, unit = error_scale(told.finding)
         part = tested_part(told.finding)
         errors = (told.finding.error[part].get(stage) for stage in STAGES)
-        cells = [f"{number(scaled(value, factor), 3)} {unit}" for value in (*errors, told.finding.noise_floor)]
+        cells = [amount(scaled(value, factor), unit) for value in (*errors, told.finding.noise_floor)]
+        if part == "train" and interpolation(told.finding):
+            cells[1:3] = ["interpolated"] * 2
         what = "prediction, held out" if part == "holdout" else "prediction, training"
         link = f'<a href="{story.name}/{REPORT}">report</a>'
-        rows.append(_row([escape(story.title), what], cells, [escape(headline(told.finding)), link]))
+        said = escape(f"{headline(told.finding)} {told.caution}".strip())
+        rows.append([escape(story.title), what, *cells, said, link])
         if told.missions:
             cells = [
-                f"{1e3 * told.missions[stage].numbers['tracking_rmse_m']:.3g} mm" if stage in told.missions else DASH
+                quantity(told.missions[stage].numbers["tracking_rmse_m"], "m") if stage in told.missions else DASH
                 for stage in STAGES
             ]
-            rows.append(
-                _row(["&nbsp;&nbsp;the same run driven again", "tracking, rms"], [*cells, ""], [_gate(told), ""])
-            )
-    head = "".join(f'<th class="word">{h}</th>' if k in (0, 1, 6, 7) else f"<th>{h}</th>" for k, h in enumerate(heads))
-    return f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{"".join(rows)}</tbody></table></div>'
-
-
-def _row(first: Sequence[str], numbers: Sequence[str], last: Sequence[str]) -> str:
-    words = ["".join(f'<td class="word">{cell}</td>' for cell in part) for part in (first, last)]
-    return f"<tr>{words[0]}{''.join(f'<td>{cell}</td>' for cell in numbers)}{words[1]}</tr>"
+            rows.append(["&nbsp;&nbsp;the same run driven again", "tracking, rms", *cells, "", _gate(told), ""])
+    return mixed_table([(head, place in (0, 1, 6, 7)) for place, head in enumerate(heads)], rows)
 
 
 def _gate(told: Told) -> str:
@@ -123,23 +115,20 @@ def _loop(story: Story, told: Told) -> str:
     finding, key = told.finding, story.name
     held = next((trace for trace in finding.traces if trace.role == "holdout"), finding.traces[0])
     kept = listed(map(effect_words, told.hidden)) or "nothing"
-    effects = "".join(
-        f"<h3>{escape(effect_words(effect.id))}</h3>{parameter_table(effect.parameters)}" for effect in finding.effects
-    )
     stages = ", ".join(f"{_tracked(mission)} with the {stage} model" for stage, mission in told.missions.items())
     parts = [
         (
             f"<p>Kept from controller, model and search: <b>{escape(kept)}</b>. The rig was driven over the bus under"
             " the nominal model; close-loop read the logs of those runs. The mission below was never among them.</p>"
         ),
-        f"<h3>Residual</h3>{_figure(left_over_figure(finding), f'{key}-residual')}",
-        f"<h3>Effect</h3><p>{escape(headline(finding))}</p>{effects}",
+        f"<h3>Residual</h3>{_LINES}{_figure(left_over_figure(finding), f'{key}-residual')}",
+        f"<h3>Effect: the truth beside what was found</h3><p>{escape(headline(finding))}</p>{_truth_table(told)}",
         f"<h3>Prediction, on a run that no fit has seen</h3><p>{escape(error_story(finding))}</p>",
         _figure(trace_figure(panels(finding, held)[0], POINTS), f"{key}-held-out"),
         f"<h3>Acceptance test</h3><p>{_gate(told)}</p>",
         (
             "<h3>The same run again</h3><p>Rms (largest) tracking error of the true path, under one seed:"
-            f" {escape(stages)}.</p>"
+            f" {escape(stages)}. The thick grey line is where the capsule was to go.</p>"
         ),
         _figure(mission_figure(told.missions), f"{key}-mission"),
         (
@@ -150,11 +139,45 @@ def _loop(story: Story, told: Told) -> str:
     return "".join(parts)
 
 
+def _truth_table(told: Told) -> str:
+    """What the simulated rig kept to itself beside what was found, a row a number."""
+    rows = []
+    for name, numbers in told.truth.items():
+        for key, value in numbers.items():
+            given = isinstance(value, int | float)
+            rows.append(
+                [
+                    escape(effect_words(name)),
+                    escape(parameter_words(key)),
+                    quantity(value, column_words(key)[1]) if given else escape(str(value)),
+                    DASH,
+                    DASH,
+                ]
+            )
+    place = {(row[0], row[1]): row for row in rows}
+    for effect in told.finding.effects:
+        for key, estimate in effect.parameters.items():
+            words, named = effect_words(effect.id), parameter_words(key)
+            row = place.get((words, named))
+            if row is None:
+                rows.append(row := [escape(words), escape(named), DASH, DASH, DASH])
+            factor, unit = scale([estimate.value, *estimate.ci95], estimate.unit)
+            low, high = (factor * end for end in estimate.ci95)
+            found = numbers_told(factor * estimate.value, (low, high))
+            row[3] = f"{found.value} {unit_words(unit)}".rstrip()
+            row[4] = f"{found.low} … {found.high} {unit_words(unit)}".rstrip() if estimate.told else "not told"
+    note = (
+        "<p>The rig's effect has another form than the model's, so lengths and places compare one to one, heights only"
+        " roughly.</p>"
+    )
+    return table(["effect", "parameter", "truth", "found", "95 % interval"], rows, left=2) + note
+
+
 def _tracked(mission: Mission) -> str:
-    rms, largest = (1e3 * mission.numbers[key] for key in ("tracking_rmse_m", "tracking_max_m"))
+    rms, largest = (mission.numbers[key] for key in ("tracking_rmse_m", "tracking_max_m"))
     stopped = mission.numbers["stopped_because"]
-    return f"{rms:.3g} ({largest:.3g}) mm" + (f", stopped ({stopped})," if stopped else "")
+    return f"{quantity(rms, 'm')} ({quantity(largest, 'm')})" + (f", stopped ({stopped})," if stopped else "")
 
 
 def _figure(figure: object, name: str) -> str:
-    return f'<div class="figure">{figure_html(figure, name)}</div>' if figure is not None else ""
+    return figure_html(figure, name) if figure is not None else ""

@@ -4,22 +4,19 @@ an inner mass its resonance, gears and slow loop.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from rich.table import Table
-
-from controller.design.describing_function import AMPLITUDES_M, Balance
 from controller.design.margins import Margins
 from controller.design.study import Study, study
 from controller.model.control_model import ControlModel, control_model
 from controller.vibro.cycles import VibroModel
 from hil.app.console import output_to_notes, print_json, summary
-from hil.app.design.gains import command_unit, gains_json, gains_words
+from hil.app.design.gains import command_unit, gains_json
 from hil.app.design.page import design_html
+from hil.app.design.tables import balance_lines, cycle_table, margin_table, words_of
 from hil.app.design.vibro import print_vibro, study_of, vibro_html, vibro_json
 from hil.app.write import check_folder, write_files
 from models.files.rig import Rig, read_rig
@@ -66,7 +63,9 @@ def design(
     with output_to_notes():
         plant = control_model(belief, values, TICK_S, driven=_driven(belief))
         found = study(plant, 1e-3 * speed_mm_s, 1e-3 * delay_ms)
-    _hand_over(page, lambda: design_html(found, title), json_output, design_json(found, command_unit(plant)) | label)
+    _hand_over(
+        page, lambda: design_html(found, plant, title), json_output, design_json(found, command_unit(plant)) | label
+    )
     if not json_output:
         print_design(found, plant, page)
         _hint(page)
@@ -136,76 +135,11 @@ def _margins_json(margins: Margins) -> dict[str, Any]:
 def print_design(found: Study, plant: ControlModel, page: Path | None) -> None:
     """Poles, gains, margins and cycles as tables."""
     console = summary()
-    for linear in found.plants:
-        poles = ", ".join(_complex(rate) for rate in linear.rates())
-        console.print(
-            f"sliding at {1e3 * found.speed_m_s:g} mm/s, wall in {linear.phase}: poles {poles} 1/s", markup=False
-        )
-    for line in gains_words(found.pid, found.lqr, plant):
+    for line in words_of(found, plant):
         console.print(line, markup=False, soft_wrap=True)
-    console.print(_margin_table(found))
-    console.print(_cycle_table(found))
-    for name, balance in found.balances().items():
-        console.print(f"harmonic balance, {name} at rest: {balance_words(balance)}", markup=False)
+    console.print(margin_table(found))
+    console.print(cycle_table(found))
+    for line in balance_lines(found):
+        console.print(line, markup=False)
     if page is not None:
         console.print(f"plots: {page}", markup=False, soft_wrap=True)
-
-
-def balance_words(found: list[Balance]) -> str:
-    """What the harmonic balance of one loop says."""
-    if not found:
-        return f"no cycle from {1e3 * AMPLITUDES_M[0]:g} to {1e3 * AMPLITUDES_M[-1]:g} mm: stiction brings it to rest"
-    return "; ".join(
-        (
-            f"hunts at {1e3 * one.amplitude_m:.3g} mm, {one.frequency_Hz:.3g} Hz"
-            if one.stable
-            else (
-                f"comes to rest from a swing below {1e3 * one.amplitude_m:.3g} mm ({one.frequency_Hz:.3g} Hz), goes off"
-                " from more"
-            )
-        )
-        for one in found
-    )
-
-
-def _complex(rate: complex) -> str:
-    return f"{rate.real:.4g}" if rate.imag == 0 else f"{rate.real:.4g}{rate.imag:+.4g}j"
-
-
-def _margin_table(found: Study) -> Table:
-    table = Table(title=f"margins with {1e3 * found.delay_s:g} ms of delay", title_justify="left")
-    for column in (
-        "",
-        "wall",
-        "gain",
-        "phase in deg",
-        "more delay in ms",
-        "sensitivity",
-        "crossover in Hz",
-        "bandwidth in Hz",
-        "stable",
-    ):
-        table.add_column(column, justify="left" if column in ("", "wall") else "right")
-    for loop in found.loops:
-        m = loop.margins()
-        numbers = (m.gain, m.phase_deg, 1e3 * m.delay_s, m.sensitivity_peak, m.crossover_Hz, m.bandwidth_Hz)
-        table.add_row(
-            loop.name,
-            loop.phase,
-            *(f"{x:.3g}" if math.isfinite(x) else "-" for x in numbers),
-            "yes" if m.stable else "NO",
-        )
-    return table
-
-
-def _cycle_table(found: Study) -> Table:
-    table = Table(title="set-valued friction, no noise: error in the last half", title_justify="left")
-    for column in ("", "run", "peak to peak in um", "period in s", "rms in um", "hunts"):
-        table.add_column(column, justify="left" if column in ("", "run") else "right")
-    for name, parts in found.cycles().items():
-        for part, c in parts.items():
-            period = f"{c.period_s:.3g}" if math.isfinite(c.period_s) else "-"
-            table.add_row(
-                name, part, f"{1e6 * c.peak_to_peak_m:.3g}", period, f"{1e6 * c.rms_m:.3g}", "yes" if c.hunts else "no"
-            )
-    return table

@@ -5,49 +5,67 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from html import escape
-from pathlib import Path
 
 import numpy as np
 import plotly.graph_objects as go
-from plotly.offline import get_plotlyjs
 from plotly.subplots import make_subplots
+from rich.table import Table
 
-import hil.app.report
-from controller.design.margins import Loop
+from controller.design.margins import Complex, Loop
 from controller.design.study import Study
-from hil.app.report.theme import INK, MUTED, QUANTITY_COLOURS, figure_html, line_colour, styled
+from controller.model.control_model import ControlModel
+from controller.model.linear import Array
+from hil.app.design.tables import balance_lines, cycle_table, margin_table, words_of
+from hil.app.report.document import document, heading, mixed_table
+from hil.app.report.theme import INK, MUTED, figure_html, line_colour, line_look, styled
 
-STYLE = Path(hil.app.report.__file__).with_name("style.css")
+Figures = Mapping[str, tuple[str, go.Figure]]
 
 
-def design_html(found: Study, title: str) -> str:
+def design_html(found: Study, plant: ControlModel, title: str) -> str:
     """The page, complete in itself."""
     head = f"Design for {title}: sliding at {1e3 * found.speed_m_s:g} mm/s, {1e3 * found.delay_s:g} ms of delay"
-    own = {"Stick and slip": run_figure(found), "Harmonic balance": balance_figure(found)}
-    return page_html(head, loop_figures(found.loops) | own)
+    numbers = listed_html(words_of(found, plant)) + table_html(margin_table(found)) + table_html(cycle_table(found))
+    balance = listed_html(balance_lines(found)) + (
+        "<p>The loop of friction and controller at the frequency where its phase is −180°, over the amplitude of a"
+        " swing about rest. Where a line crosses 0 dB a cycle can stand (cross); a line that stays below has none.</p>"
+    )
+    own = {"Stick and slip": ("", run_figure(found)), "Harmonic balance": (balance, balance_figure(found))}
+    return page_html(head, numbers, loop_figures(found.loops) | own)
 
 
-def loop_figures(loops: Sequence[Loop]) -> dict[str, go.Figure]:
-    """What is drawn of linear loops, by heading."""
+def loop_figures(loops: Sequence[Loop]) -> dict[str, tuple[str, go.Figure]]:
+    """What is drawn of linear loops, by heading: words and figure."""
     return {
-        "Open loop (Bode)": bode_figure(loops),
-        "Open loop (Nyquist)": nyquist_figure(loops),
-        "Sensitivity": sensitivity_figure(loops),
-        "Closed-loop poles": pole_figure(loops),
+        "Open loop (Bode)": ("", bode_figure(loops)),
+        "Open loop (Nyquist)": ("", nyquist_figure(loops)),
+        "Sensitivity": ("", sensitivity_figure(loops)),
+        "Closed-loop poles": ("", pole_figure(loops)),
     }
 
 
-def page_html(head: str, figures: Mapping[str, go.Figure]) -> str:
-    """A page of figures under their headings."""
-    body = "".join(
-        f'<section><h2>{escape(name)}</h2><div class="figure">{figure_html(figure, f"figure-{i}")}</div></section>'
-        for i, (name, figure) in enumerate(figures.items())
-    )
-    return (
-        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{escape(head)}</title>'
-        f"<style>{STYLE.read_text(encoding='utf-8')}</style><script>{get_plotlyjs()}</script></head>"
-        f"<body><main><header><h1>{escape(head)}</h1></header>{body}</main></body></html>\n"
-    )
+def page_html(head: str, numbers: str, figures: Figures) -> str:
+    """A page of numbers, then figures under their headings with words in HTML before them."""
+    sections = [("numbers", "Numbers", numbers)]
+    sections += [
+        (f"section-{i}", name, words + figure_html(figure, f"figure-{i}"))
+        for i, (name, (words, figure)) in enumerate(figures.items())
+    ]
+    return document(head, heading("Design", head), sections)
+
+
+def table_html(table: Table) -> str:
+    """A table of the terminal on the page."""
+    columns = table.columns
+    head = [(escape(str(column.header)), column.justify == "left") for column in columns]
+    rows = zip(*([escape(str(cell)) for cell in column.cells] for column in columns), strict=True)
+    title = f"<h3>{escape(str(table.title))}</h3>" if table.title else ""
+    return title + mixed_table(head, rows)
+
+
+def listed_html(lines: Sequence[str]) -> str:
+    """Lines of the terminal on the page."""
+    return f"<ul>{''.join(f'<li>{escape(line.strip())}</li>' for line in lines)}</ul>"
 
 
 def _look(loops: Sequence[Loop], loop: Loop) -> dict[str, object]:
@@ -102,28 +120,50 @@ def sensitivity_figure(loops: Sequence[Loop]) -> go.Figure:
 
 
 def balance_figure(found: Study) -> go.Figure:
-    """Where a force takes the capsule, G, and -1/N of stick and slip along the amplitude: a cycle stands where they
-    meet at one frequency.
+    """Gain of friction and controller where their phase is -180 deg, and that frequency, over the amplitude; the cycles
+    that the harmonic balance finds stand at 0 dB.
     """
-    figure = go.Figure()
-    wall, hertz = found.wall, found.wall.omega / (2 * math.pi)
+    figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.06, row_heights=[0.6, 0.4])
+    amplitude = 1e3 * found.wall.amplitude_m
     for place, name in enumerate(found.laws()):
-        G = 1e3 * found.compliance(name)
-        line = {"color": QUANTITY_COLOURS[place]}
-        texts = [f"{f:.3g} Hz" for f in hertz]
-        figure.add_scatter(x=G.real, y=G.imag, mode="lines+markers", name=f"G, {name}", line=line, text=texts)
-    for column in range(0, len(hertz), 6):
-        across = -1e3 / wall.N[:, column]
-        texts = [f"{1e3 * A:.3g} mm" for A in wall.amplitude_m]
-        line, label = {"color": MUTED, "dash": "dot"}, f"-1/N, {hertz[column]:.2g} Hz"
-        figure.add_scatter(x=across.real, y=across.imag, mode="lines", name=label, line=line, text=texts)
+        gain, hertz = crossings(found.wall.N * found.compliance(name), found.wall.omega)
+        for row, values in ((1, 20 * np.log10(gain)), (2, hertz)):
+            figure.add_scatter(
+                x=amplitude, y=values, mode="lines+markers", name=name, line=line_look(place), marker={"size": 4},
+                showlegend=row == 1, legendgroup=name, row=row, col=1,
+            )  # fmt: skip
     for place, (name, cycles) in enumerate(found.balances().items()):
-        across = np.array([-1e3 / found.wall.at(c.amplitude_m, c.frequency_Hz) for c in cycles], dtype=complex)
-        marker = {"color": QUANTITY_COLOURS[place], "symbol": "x", "size": 11}
-        figure.add_scatter(x=across.real, y=across.imag, mode="markers", name=f"balance, {name}", marker=marker)
-    styled(figure, 520)
-    figure.update_xaxes(title="real part in mm/N", range=[-60, 60])
-    return figure.update_yaxes(title="imaginary part in mm/N", range=[-60, 60], scaleanchor="x")
+        marker = {"color": line_colour(place), "symbol": "x", "size": 12}
+        at = [1e3 * cycle.amplitude_m for cycle in cycles]
+        words = ["hunts" if cycle.stable else "goes off from more" for cycle in cycles]
+        for row, heights in ((1, [0.0] * len(at)), (2, [cycle.frequency_Hz for cycle in cycles])):
+            if at:
+                figure.add_scatter(
+                    x=at, y=heights, mode="markers", name=f"cycle, {name}", marker=marker, text=words,
+                    showlegend=row == 1, legendgroup=f"cycle {name}", row=row, col=1,
+                )  # fmt: skip
+    figure.add_hline(y=0, line={"color": MUTED, "width": 1}, row=1, col=1)
+    figure.update_xaxes(type="log")
+    figure.update_xaxes(title="amplitude in mm", row=2, col=1)
+    figure.update_yaxes(title="|N G| in dB", row=1, col=1)
+    figure.update_yaxes(title="frequency in Hz", type="log", row=2, col=1)
+    return styled(figure, 520)
+
+
+def crossings(loop: Complex, omega: Array) -> tuple[Array, Array]:
+    """The largest gain at a phase of -180 deg and its frequency in Hz for each row of `loop` (a, w) over `omega` (w,);
+    NaN where the phase is never that.
+    """
+    gain, hertz = (np.full(len(loop), math.nan) for _ in range(2))
+    for i, row in enumerate(loop):
+        at = np.flatnonzero((row.imag[:-1] * row.imag[1:] <= 0) & (row.real[:-1] < 0) & (row.real[1:] < 0))
+        for j in at:
+            share = row.imag[j] / (row.imag[j] - row.imag[j + 1]) if row.imag[j] != row.imag[j + 1] else 0.0
+            size = abs(row.real[j] + share * (row.real[j + 1] - row.real[j]))
+            if not size <= gain[i]:
+                gain[i] = size
+                hertz[i] = omega[j] ** (1 - share) * omega[j + 1] ** share / (2 * math.pi)
+    return gain, hertz
 
 
 def pole_figure(loops: Sequence[Loop]) -> go.Figure:
@@ -148,7 +188,7 @@ def run_figure(found: Study) -> go.Figure:
     figure = make_subplots(rows=1, cols=2, subplot_titles=[f"{1e3 * found.speed_m_s:g} mm/s", "stop and hold"])
     for place, (name, parts) in enumerate(found.runs.items()):
         for column, (part, run) in enumerate(parts.items(), start=1):
-            error, line = 1e3 * (run.position - run.reference), {"color": QUANTITY_COLOURS[place], "width": 1.2}
+            error, line = 1e3 * (run.position - run.reference), {**line_look(place), "width": 1.2}
             shown = part == "ramp"
             figure.add_scatter(
                 x=run.t, y=error, mode="lines", name=name, line=line, showlegend=shown, row=1, col=column

@@ -17,8 +17,9 @@ from controller.vibro.cycles import Cycles, VibroModel
 from controller.vibro.design.drive_map import designed, rough_map
 from controller.vibro.design.study import VibroStudy, vibro_study
 from hil.app.console import summary
-from hil.app.design.page import loop_figures, page_html
-from hil.app.report.theme import line_colour, styled
+from hil.app.design.page import listed_html, loop_figures, page_html, table_html
+from hil.app.quantities import number
+from hil.app.report.theme import line_look, styled
 
 
 def study_of(model: VibroModel, delay_s: float, optimise: bool = True) -> VibroStudy:
@@ -74,23 +75,29 @@ def vibro_json(found: VibroStudy) -> dict[str, Any]:
     }
 
 
+def vibro_lines(found: VibroStudy) -> list[str]:
+    """Resonance, reach and gears, a line each."""
+    own = found.resonance
+    contact = f", a touch of the front stop {1e3 * own.contact_s:.3g} ms" if math.isfinite(own.contact_s) else ""
+    low, high = found.drive.reach()
+    gears = [
+        f"gear for {1e3 * gear.home_m_s:.3g} mm/s: {1e3 * gear.slowest_m_s:.3g} to {1e3 * gear.fastest_m_s:.3g}"
+        f" mm/s, period {1e3 * gear.waveform(gear.home_m_s).period_s:.3g} ms, impact {gear.impact}"
+        for gear in found.drive.gears
+    ]
+    return [
+        f"inner mass: {own.held_Hz:.4g} Hz with the body held, {own.free_Hz:.4g} Hz with it free, damping"
+        f" {number(own.damping, 3)} of the critical one{contact}",
+        f"reach {1e3 * low:.3g} to {1e3 * high:.3g} mm/s, lag {1e3 * found.drive.lag_s:.3g} ms",
+        *gears,
+    ]
+
+
 def print_vibro(found: VibroStudy, page: Path | None) -> None:
     """Resonance, gears, costs and margins as tables."""
-    console, own = summary(), found.resonance
-    contact = f", a touch of the front stop {1e3 * own.contact_s:.3g} ms" if math.isfinite(own.contact_s) else ""
-    console.print(
-        f"inner mass: {own.held_Hz:.4g} Hz with the body held, {own.free_Hz:.4g} Hz with it free, damping"
-        f" {own.damping:.3g} of the critical one{contact}",
-        markup=False,
-    )
-    low, high = found.drive.reach()
-    console.print(f"reach {1e3 * low:.3g} to {1e3 * high:.3g} mm/s, lag {1e3 * found.drive.lag_s:.3g} ms", markup=False)
-    for gear in found.drive.gears:
-        console.print(
-            f"gear for {1e3 * gear.home_m_s:.3g} mm/s: {1e3 * gear.slowest_m_s:.3g} to {1e3 * gear.fastest_m_s:.3g}"
-            f" mm/s, period {1e3 * gear.waveform(gear.home_m_s).period_s:.3g} ms, impact {gear.impact}",
-            markup=False,
-        )
+    console = summary()
+    for line in vibro_lines(found):
+        console.print(line, markup=False)
     console.print(_cost_table(found))
     console.print(_loop_table(found))
     if page is not None:
@@ -105,7 +112,7 @@ def _cost_table(found: VibroStudy) -> Table:
         for one in ways:
             wave, pace = one.waveform, one.pace
             duty = f"{wave.edges[1]:.3g}" if one.shape == "square" else ""
-            numbers = (f"{x:.3g}" for x in (pace.energy_J_per_m, 1e3 * wave.period_s))
+            numbers = (number(x, 3) for x in (pace.energy_J_per_m, 1e3 * wave.period_s))
             table.add_row(
                 f"{1e3 * speed:g}",
                 one.shape,
@@ -138,16 +145,18 @@ def _loop_table(found: VibroStudy) -> Table:
         m = one.loop.margins()
         numbers = (m.gain, m.phase_deg, 1e3 * m.delay_s, m.sensitivity_peak, m.bandwidth_Hz)
         slopes = f"{one.slope_low:.2f} to {one.slope_high:.2f}"
-        table.add_row(f"{1e3 * one.speed_m_s:g}", *(f"{x:.3g}" for x in numbers), slopes, "yes" if one.holds else "NO")
+        table.add_row(
+            f"{1e3 * one.speed_m_s:g}", *(number(x, 3) for x in numbers), slopes, "yes" if one.holds else "NO"
+        )
     return table
 
 
 def vibro_html(found: VibroStudy, title: str) -> str:
     """The page, complete in itself."""
-    own = {"Square waves over their frequency": period_figure(found), "Gears": gear_figure(found)}
-    return page_html(
-        f"Design for {title}: inner mass, {1e3 * found.delay_s:g} ms of delay", own | loop_figures(found.loops)
-    )
+    own = {"Square waves over their frequency": ("", period_figure(found)), "Gears": ("", gear_figure(found))}
+    numbers = listed_html(vibro_lines(found)) + table_html(_cost_table(found)) + table_html(_loop_table(found))
+    head = f"Design for {title}: inner mass, {1e3 * found.delay_s:g} ms of delay"
+    return page_html(head, numbers, own | loop_figures(found.loops))
 
 
 def period_figure(found: VibroStudy) -> go.Figure:
@@ -156,7 +165,7 @@ def period_figure(found: VibroStudy) -> go.Figure:
     for k, amplitude in enumerate(table.amplitude):
         speed = table.speed[:, :, k]
         best = np.take_along_axis(speed, np.abs(speed).argmax(axis=1)[:, None], axis=1)[:, 0]
-        line = {"color": line_colour(k)}
+        line = line_look(k)
         figure.add_scatter(
             x=1 / table.period_s, y=1e3 * best, mode="lines+markers", name=f"amplitude {amplitude:g}", line=line
         )
@@ -172,7 +181,7 @@ def gear_figure(found: VibroStudy) -> go.Figure:
     for k, gear in enumerate(found.drive.gears):
         wave = gear.waveform(gear.home_m_s)
         t = 1e3 * wave.period_s * np.asarray(wave.edges)
-        line = {"shape": "hv", "color": line_colour(k)}
+        line = {"shape": "hv", **line_look(k)}
         name = f"{1e3 * gear.home_m_s:.3g} mm/s, impact {gear.impact}"
         figure.add_scatter(x=t, y=[*wave.levels, wave.levels[-1]], mode="lines", name=name, line=line)
     styled(figure, 360)

@@ -16,6 +16,8 @@ from typing import Any, Final
 import numpy as np
 import plotly.graph_objects as go
 
+from hil.app.report.document import document, heading
+from hil.app.report.theme import INK, figure_html, styled
 from models.laws.geometry import Capsule
 from plant import layout as at
 from plant.drives.kinds import Vibro
@@ -129,29 +131,26 @@ def vibro_sweep(out: Path) -> dict[str, Any]:
         "drives": results,
     }
     write_text(out / "vibro_sweep.json", json.dumps(found, indent=1) + "\n")
-    write_text(out / "vibro_sweep.html", _figure(found).to_html(include_plotlyjs=True, full_html=True))
+    counts = ", ".join(f"{len(names)} {verdict}" for verdict, names in found["verdicts"].items())
+    head = heading(f"{len(results)} drives", "Vibro drives on the gut", f"{CLAIM}: {counts}.")
+    figure = figure_html(_figure(found), "figure-1")
+    write_text(out / "vibro_sweep.html", document("Vibro drives", head, [("speed", "Mean speed", figure)]))
     return found
 
 
 def _figure(found: dict[str, Any]) -> go.Figure:
-    colours = {"holds": "#2a7f62", "fails": "#c0392b", "does not move": "#9aa0a6"}
+    colours = {"holds": "#0072b2", "fails": "#d55e00", "does not move": "#9aa0a6"}
     figure = go.Figure()
     for drive in found["drives"]:
         speed = 1e3 * np.asarray(drive["mean_speed_m_s"])
         line = {"color": colours[drive["claim"]], "dash": "solid" if drive["on_board"] else "dot", "width": 1.3}
         figure.add_scatter(x=found["frequency_Hz"], y=speed, name=f"{drive['name']}: {drive['claim']}", line=line)
     median = 1e3 * np.asarray(found["median_speed_m_s"])
-    figure.add_scatter(
-        x=found["frequency_Hz"], y=median, name="median of the sizes", line={"color": "black", "width": 3}
-    )
+    figure.add_scatter(x=found["frequency_Hz"], y=median, name="median of the sizes", line={"color": INK, "width": 3})
     figure.add_vline(x=WALL_HZ, line_dash="dash", annotation_text="period 0.05 s")
-    counts = ", ".join(f"{len(names)} {verdict}" for verdict, names in found["verdicts"].items())
-    figure.update_layout(
-        title=f"Vibro drives on the gut: mean speed over drive frequency<br><sup>{found['claim']}: {counts}</sup>",
-        xaxis_title="drive frequency in Hz",
-        yaxis_title="mean speed in mm/s",
-        template="plotly_white",
-    )
+    styled(figure, 900, legend={"orientation": "v", "x": 0, "y": -0.12, "yanchor": "top"}, margin={"b": 60})
+    figure.update_xaxes(title="drive frequency in Hz")
+    figure.update_yaxes(title="mean speed in mm/s")
     return figure
 
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 from controller.limits import Limits
-from controller.registry import CONTROLLERS
+from controller.registry import CONTROLLERS, ESTIMATORS
 from hil.app.docs.meanings import MEANINGS, UNITS
 from hil.app.scenario.deployment import BusTable, ControlTable, ModelTable, PlantTable
 from hil.app.scenario.model_offer import OfferTable
@@ -17,7 +17,7 @@ from hil.app.scenario.reference import REFERENCES
 from hil.app.scenario.scenario import Control
 from hil.formats.table import FORMATS
 from hil.nodes.cia402.states import Cia402Table
-from models.files.columns import ABOVE, COLUMNS, RANGES, TIME
+from models.files.columns import ABOVE, COLUMNS, RANGES, TIME, VARIANTS
 from models.files.rig_tables import (
     Axis,
     BodyTable,
@@ -69,12 +69,18 @@ _WHERE: Final[Mapping[type[Table], str]] = {
     TissueTable: "in the gut",
     BodyTable: "on a plate",
 }
-_CHOICES: Final[Mapping[str, tuple[str, ...]]] = {"controller": tuple(CONTROLLERS), "stage": STAGES}
+_CHOICES: Final[Mapping[str, tuple[str, ...]]] = {
+    "controller": tuple(CONTROLLERS),
+    "estimator": ESTIMATORS,
+    "stage": STAGES,
+}
 
 CHECKED: Final[Mapping[tuple[type[Any], str], tuple[float, float]]] = {
     (ControlTable, "tick_s"): (5e-4, 0.02),
     (ControlTable, "seen_noise_m"): (0.0, 0.01),
+    (ControlTable, "resolution_m"): (0.0, 0.01),
     (ControlTable, "duration_s"): (0.01, 86400.0),
+    (ControlTable, "give_up_s"): (0.5, 3600.0),
     (ControlTable, "priority"): (0, 99),
     (ControlTable, "core"): (-1, math.inf),
     (Control, "tick_s"): (1e-4, 0.02),
@@ -105,10 +111,12 @@ def deployment_keys() -> str:
 def columns() -> str:
     """What a record of each kind of rig must hold, and the ranges of its columns, as Markdown."""
     lines = ["| kind | driven | measured | fewest rows |", "| --- | --- | --- | --- |"]
-    for kind, known in COLUMNS.items():
+    held = [(kind, one) for kind in COLUMNS for one in (COLUMNS[kind], *VARIANTS.get(kind, ()))]
+    for kind, known in held:
         driven = [f"`{TIME}`"] if known.time else []
         driven += [" or ".join(f"`{name}`" for name in alternatives) for alternatives in known.driven]
         driven += [f"`{name}` (or in the rig file)" for name in known.given_by_rig]
+        driven += [f"`{name}` (may be left out)" for name in known.optional]
         measured = ", ".join(f"`{name}`" for name in known.measured)
         lines.append(f"| `{kind}` | {', '.join(driven)} | {measured} | {known.minimum} |")
     lines += ["", "| column | range |", "| --- | --- |"]

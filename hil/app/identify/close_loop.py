@@ -11,18 +11,21 @@ from pathlib import Path
 from rich.table import Table
 
 from hil.app.console import json_text, notes, output_to_notes, print_json, progress_bar, summary
+from hil.app.identify.next_experiment import next_toml
+from hil.app.quantities import amount
 from hil.app.report import headline, report_html, report_json
 from hil.app.report.findings import grouped
-from hil.app.report.words import STAGE_WORDS, error_unit, number
+from hil.app.report.words import STAGE_WORDS, error_scale, interpolation, scaled
 from hil.app.scenario.deployment import read_deployed_rig
-from hil.app.write import check_folder, check_targets, write_files
+from hil.app.write import check_targets, sole_writer, table_text, write_files
 from hil.log.record import read_rig_record
 from models.files.record import Record
 from models.files.rig import Rig
 from models.identification import Model, close
-from models.identification.finding import STAGES, Finding
+from models.identification.finding import NEXT_CSV, NEXT_TOML, STAGES, Finding
 
 REPORT, NUMBERS, MODEL = "report.html", "report.json", "model.toml"
+FILES = (REPORT, NUMBERS, MODEL, NEXT_TOML, NEXT_CSV)
 
 
 def close_loop(
@@ -34,22 +37,28 @@ def close_loop(
     json_output: bool = False,
     seed: int = 0,
 ) -> Finding:
-    """Find what the model lacks and write `report.html`, `report.json` and `model.toml` to the folder `out`, all or
-    none. SIGTERM ends it as Ctrl-C does.
+    """Find what the model lacks and write `report.html`, `report.json`, `model.toml` and, where something is left to be
+    told apart, `next_experiment.toml` and `.csv` to the folder `out`, all or none. SIGTERM ends it as Ctrl-C does. A
+    second one into the same folder is refused.
     """
-    check_folder(out, "--out")
-    check_targets([out / name for name in (REPORT, NUMBERS, MODEL)], "--out", [*records, *holdout, rig])
+    with sole_writer(out, "--out"):
+        finding = _closed(records, rig, out, holdout, seed)
+    if json_output:
+        print_json({**report_json(finding), "files": [str(out / name) for name in FILES if (out / name).exists()]})
+    else:
+        print_summary(finding, out)
+    return finding
+
+
+def _closed(records: Sequence[Path], rig: Path, out: Path, holdout: Sequence[Path], seed: int) -> Finding:
+    """Read, find and write."""
+    check_targets([out / name for name in FILES], "--out", [*records, *holdout, rig])
     belief = read_deployed_rig(rig)
     train, held = read_series(records, holdout, belief)
     for record, role in [(r, "training") for r in train] + [(r, "held out") for r in held]:
         notes().print(f"{record.name}: {len(record)} rows, {role}", markup=False)
     with _termination_interrupts():
-        finding = find_and_write(belief, train, held, out, "close-loop", seed)
-    if json_output:
-        print_json({**report_json(finding), "files": [str(out / name) for name in (REPORT, NUMBERS, MODEL)]})
-    else:
-        print_summary(finding, out)
-    return finding
+        return find_and_write(belief, train, held, out, "close-loop", seed)
 
 
 @contextmanager
@@ -93,17 +102,24 @@ def read_told(path: Path, rig: Rig, *, driven_only: bool = False, lenient: bool 
 
 
 def find_and_write(rig: Rig, train: list[Record], held: list[Record], out: Path, title: str, seed: int) -> Finding:
-    """Close the loop with progress on standard error and write the three files to `out`."""
+    """Close the loop with progress on standard error and write its files to `out`; a next experiment from before does
+    not stay.
+    """
     with progress_bar(title) as progress, output_to_notes():
         finding, model = close(rig, train, held, progress, seed=seed)
         files = result_files(finding, model)
     write_files({out / name: content for name, content in files.items()})
+    for name in {NEXT_TOML, NEXT_CSV} - set(files):
+        (out / name).unlink(missing_ok=True)
     return finding
 
 
 def result_files(finding: Finding, model: Model) -> dict[str, str]:
-    """The three files' contents by name."""
-    return {REPORT: report_html(finding), NUMBERS: json_text(report_json(finding)), MODEL: model.to_toml()}
+    """The files' contents by name; those of the next experiment where one is proposed."""
+    files = {REPORT: report_html(finding), NUMBERS: json_text(report_json(finding)), MODEL: model.to_toml()}
+    if finding.proposal is None:
+        return files
+    return files | {NEXT_TOML: next_toml(finding.proposal, finding.kind), NEXT_CSV: table_text(finding.proposal.motion)}
 
 
 def print_summary(finding: Finding, out: Path) -> None:
@@ -121,16 +137,21 @@ def print_summary(finding: Finding, out: Path) -> None:
     )
     console.print(f"report: {out / REPORT}", markup=False, soft_wrap=True)
     console.print(f"model:  {out / MODEL}", markup=False, soft_wrap=True)
+    if finding.proposal is not None:
+        console.print(f"next:   {finding.next_experiment}", markup=False, soft_wrap=True)
 
 
 def error_table(rows: dict[str, dict[str, float]], finding: Finding) -> Table:
     """Error by stage, one row a part of the data."""
-    unit = error_unit(finding)
+    factor, unit = error_scale(finding)
     table = Table(
         title=f"error in {unit}: {finding.measure}" if unit else f"error: {finding.measure}", title_justify="left"
     )
     for column in ("", *(STAGE_WORDS[stage] for stage in STAGES), "noise floor"):
         table.add_column(column, justify="left" if not column else "right")
     for name, errors in rows.items():
-        table.add_row(name, *(number(errors.get(stage)) for stage in STAGES), number(finding.noise_floor))
+        shown = [amount(scaled(errors.get(stage), factor), unit) for stage in STAGES]
+        if name == "training" and interpolation(finding):
+            shown[1:] = ["interpolated"] * 2
+        table.add_row(name, *shown, amount(scaled(finding.noise_floor, factor), unit))
     return table

@@ -12,7 +12,6 @@ from hil.app.console import output_to_notes, print_json, summary
 from hil.app.identify.close_loop import read_told
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import check_file, check_targets, write_table
-from models.files.columns import COLUMNS
 from models.files.record import Record
 from models.identification.finding import STAGES
 from models.identification.model import read_model
@@ -63,6 +62,6 @@ def compare(record: Record, columns: dict[str, NDArray[np.float64]]) -> dict[str
     """
     return {
         name: float(np.sqrt(np.mean((record[name] - columns[name]) ** 2)))
-        for name in COLUMNS[record.kind].measured
+        for name in record.layout.measured
         if name in record.columns and name in columns and len(record) == len(columns[name])
     }

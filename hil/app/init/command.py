@@ -26,23 +26,26 @@ Then open `out/report.html`. Further records of the rig go beside the first, rec
 """
 
 
-def init(kind: str, folder: Path, *, json_output: bool = False) -> None:
-    """Write `rig.toml`, `record.csv` and `README.md` for a rig of `kind` into `folder`; what stands there is kept.
+def init(kind: str, folder: Path, *, rotary: bool = False, json_output: bool = False) -> None:
+    """Write `rig.toml`, `record.csv` and `README.md` for a rig of `kind` into `folder`, with `rotary` for an axis that
+    turns; what stands there is kept.
 
     Raises ValueError, one sentence, for an unknown kind, and where one of the files is there already.
     """
     if kind not in COLUMNS:
         raise ValueError(f"KIND must be one of {', '.join(COLUMNS)}; got {kind!r}; {nearest(kind, dict(COLUMNS))}")
+    if rotary and kind != "axis":
+        raise ValueError(f"--rotary must go with KIND axis; got {kind}")
     there = [name for name in (RIG, RECORD, NOTE) if (folder / name).exists()]
     if there:
         names = ", ".join((RIG, RECORD, NOTE))
         raise ValueError(f"DIR must not hold {names} yet, for none is overwritten; got {folder / there[0]}")
     check_folder(folder, "DIR")
     with output_to_notes():
-        tables, columns = template(kind)
+        tables, columns = template(kind, rotary=rotary)
     command = f"capsule close-loop {folder / RECORD} --rig {folder / RIG} --out {folder / 'out'}"
     note = _NOTE.format(kind=kind, columns=", ".join(f"`{name}`" for name in columns), command=command)
-    files = {RIG: commented(kind, tables), RECORD: table_text(columns), NOTE: note}
+    files = {RIG: commented(kind, tables, list(columns)), RECORD: table_text(columns), NOTE: note}
     write_files({folder / name: text for name, text in files.items()})
     if json_output:
         print_json({"kind": kind, "files": [str(folder / name) for name in files], "command": command})

@@ -5,12 +5,12 @@ it.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from hil.app.docs.keys import span, unit_of
 from hil.app.docs.meanings import MEANINGS
-from models.files.columns import COLUMNS
+from models.files.columns import columns_of
 from models.files.rig import HEADS
 from models.files.rig_tables import (
     Axis,
@@ -24,6 +24,7 @@ from models.files.rig_tables import (
     Table,
     TissueTable,
 )
+from models.identification.kinds.axis.coordinates import LINE, TURN
 
 _IN_GUT: Final[Mapping[str, type[Table]]] = {"capsule": CapsuleTable, "tissue": TissueTable}
 _OF_PAPER: Final[Mapping[str, type[Table]]] = {"capsule": PaperCapsuleTable, "tissue": PaperTissueTable}
@@ -42,17 +43,26 @@ _TABLES: Final[Mapping[str, Mapping[str, type[Table]]]] = {
 }
 
 
-def commented(kind: str, values: Tables) -> str:
-    """The text of a rig file of `kind` with `values` by table and key; a key without a value stands as a comment."""
+def commented(kind: str, values: Tables, columns: Sequence[str]) -> str:
+    """The text of a rig file of `kind` with `values` by table and key, for records with `columns`; a key without a
+    value stands as a comment.
+    """
     lines = [f"# A rig of kind {kind}: what you believe about it, in SI units. Put your values in place of these."]
     lines += ["", "[rig]", f'kind = "{kind}"']
     lines += [_line(key, HEADS[kind], values["rig"]) for key in HEADS[kind].model_fields if key != "kind"]
     for name, model in _TABLES[kind].items():
-        lines += ["", f"[{name}]", *(_line(key, model, values.get(name, {})) for key in model.model_fields)]
-    measured = COLUMNS[kind].measured
+        lines += ["", f"[{name}]", *(_line(key, model, values.get(name, {})) for key in _keys(name, model, columns))]
+    measured = columns_of(kind, columns).measured
     stated = [key for key in Noise.model_fields if any(key.partition("_std_")[0] in column for column in measured)]
     lines += ["", "[noise]", *(_line(key, Noise, values.get("noise", {})) for key in stated)]
     return "\n".join([*lines, ""])
+
+
+def _keys(table: str, model: type[Table], columns: Sequence[str]) -> Sequence[str]:
+    """The keys of a table; of `[axis]` those of one that moves as its records do."""
+    if table == "axis":
+        return (TURN if TURN.position in columns else LINE).base
+    return list(model.model_fields)
 
 
 def _line(key: str, model: type[Table], values: Mapping[str, Any]) -> str:

@@ -14,6 +14,7 @@ from hil.app.init.rig_file import Tables
 from models.files.record import Array, Record, read_record
 from models.files.rig import parse_rig
 from models.identification.kinds import kind_for
+from models.identification.kinds.axis.coordinates import TURN
 from plant.experiments.series import Kind, make_series
 
 _SECONDS: Final = 12.0
@@ -21,8 +22,12 @@ _PULL_M_S: Final = 5e-4
 Columns = Mapping[str, Array]
 
 
-def template(kind: str) -> tuple[Tables, Columns]:
-    """Tables of a rig file of `kind` and the columns of a simulated record of such a rig, the same at every call."""
+def template(kind: str, *, rotary: bool = False) -> tuple[Tables, Columns]:
+    """Tables of a rig file of `kind` (with `rotary` of an axis that turns) and the columns of a simulated record of
+    such a rig, the same at every call.
+    """
+    if rotary:
+        return _turning_axis(np.random.default_rng(1))
     return _MADE[kind](np.random.default_rng(1)) if kind in _MADE else _series(kind)
 
 
@@ -36,14 +41,28 @@ def _series(kind: str) -> tuple[Tables, Columns]:
 
 def _axis(rng: np.random.Generator) -> tuple[Tables, Columns]:
     """Moves at two paces, and the force of mass and friction that differ from the nominal ones, with noise."""
-    t = np.arange(0, 20, 2e-3)
-    turns = 2 * np.pi * np.array([[0.2], [0.5]])
-    size = np.array([[0.05], [0.01]])
-    x = np.sum(size * (1 - np.cos(turns * t)), axis=0)
-    v, a = np.sum(size * turns * np.sin(turns * t), axis=0), np.sum(size * turns**2 * np.cos(turns * t), axis=0)
+    t, x, v, a = _swings((0.05, 0.01))
     force = 95.0 * a + 210.0 * v + 22.0 * np.sign(v) + 0.5 * rng.standard_normal(t.size)
     nominal = {"mass_kg": 100.0, "viscous_friction_N_s_per_m": 200.0, "coulomb_friction_N": 20.0, "offset_N": 0.0}
     return {"rig": {"kind": "axis"}, "axis": nominal}, {"t_s": t, "position_m": x, "force_N": force}
+
+
+def _turning_axis(rng: np.random.Generator) -> tuple[Tables, Columns]:
+    """The same of a joint that turns by one and a half radians."""
+    t, x, v, a = _swings((0.7, 0.1))
+    torque = 0.38 * a + 1.25 * v + 2.1 * np.sign(v) + 0.05 * rng.standard_normal(t.size)
+    nominal = dict(zip(TURN.base, (0.4, 1.2, 2.0, 0.0), strict=True))
+    return {"rig": {"kind": "axis"}, "axis": nominal}, {"t_s": t, "angle_rad": x, "torque_N_m": torque}
+
+
+def _swings(sizes: tuple[float, float]) -> tuple[Array, Array, Array, Array]:
+    """Time, position, speed and acceleration of 20 s of a slow swing and a fast one, of these sizes."""
+    t = np.arange(0, 20, 2e-3)
+    turns = 2 * np.pi * np.array([[0.2], [0.5]])
+    size = np.array(sizes)[:, None]
+    x = np.sum(size * (1 - np.cos(turns * t)), axis=0)
+    v, a = np.sum(size * turns * np.sin(turns * t), axis=0), np.sum(size * turns**2 * np.cos(turns * t), axis=0)
+    return t, x, v, a
 
 
 def _periods(rng: np.random.Generator) -> tuple[Tables, Columns]:

@@ -23,6 +23,7 @@ from models.laws.stick_slip import (
 from models.parameter import ParameterSet, load_set
 from models.sets import load_measurement
 
+_COLUMNS = {"period": "period_s", "valley": "valley_N", "peak": "peak_N"}
 _DIVISION = "Eq. 18-20 multiply by powers of the stretch where Eq. 1 and 3 divide, and print 12.01 for 12.1"
 
 
@@ -78,7 +79,9 @@ def analytical_rows() -> Iterator[Row]:
     yield from _printed_curve(setting)
     yield from _derived_curve(setting)
     yield from _stated_forces(setting)
+    yield from _friction_range(setting)
     yield from _deviations(setting)
+    yield from _thirty_periods()
 
 
 def _printed_curve(a: Setting) -> Iterator[Row]:
@@ -162,6 +165,45 @@ def _stated_forces(a: Setting) -> Iterator[Row]:
     yield row(
         "a_viscous_force", "A: mucus drag at 0.5 mm/s", "mN", drag, "consistent", note, paper=s["viscous_force_N"]
     )
+
+
+def _friction_range(a: Setting) -> Iterator[Row]:
+    s = a.stated
+    for end in ("low", "high"):
+        mu, stated = s[f"friction_coefficient_{end}"], s[f"critical_force_{end}_N"]
+        force = s["initial_force_N"] + a.amplitude * mu / s["friction_coefficient"]
+        note = "F_initial + f_c, f_c in proportion to the coefficient (Eq. 8, 11), from 23.23 and 16.56 mN"
+        quantity = f"A: F_critical at a friction coefficient of {mu:g}, Section 5.2"
+        key = f"a_critical_force_friction_{end}"
+        yield row(key, quantity, "mN", force, "reproduced", note, paper=stated)
+
+
+def _thirty_periods() -> Iterator[Row]:
+    """How far the eight periods that a fit may use are from the thirty that the paper gives as one number each."""
+    for name, means in thirty_periods().items():
+        eight = mean_of(_COLUMNS[name])
+        least, most = sorted(abs(eight / mean - 1) for mean in means)
+        note = (
+            "the paper prints the deviation from its curve without a sign: a model that meets the eight exactly is"
+            f" {least:.1%} or {most:.1%} off the thirty (which may contain them); the smaller is shown"
+        )
+        quantity = f"A: {name} of eight periods against that of thirty"
+        yield row(f"a_hold_out_{name}", quantity, "%", least, "finding", note)
+
+
+def thirty_periods() -> dict[str, tuple[float, float]]:
+    """The two means (SI) of period, valley and peak over A's thirty periods that its unsigned deviations allow."""
+    s = load_set("zhang2016_rig")
+    printed = {"period": s["period_s"], "valley": s["initial_force_N"], "peak": s["critical_force_N"]}
+    return {
+        name: (value * (1 - s[f"{name}_deviation_30"]), value * (1 + s[f"{name}_deviation_30"]))
+        for name, value in printed.items()
+    }
+
+
+def best_miss(value: float, means: tuple[float, float]) -> float:
+    """The relative error of `value` against the nearer of two means."""
+    return min((value / mean - 1 for mean in means), key=abs)
 
 
 def _deviations(a: Setting) -> Iterator[Row]:

@@ -8,7 +8,9 @@ from typing import Any
 import plotly.graph_objects as go
 from numpy.typing import ArrayLike
 
-PRINTED, DERIVED, MEASURED, THIRD, FOURTH = "#1f5fa8", "#c2410c", "#111827", "#15803d", "#7c3aed"
+from hil.app.report.theme import INK, styled
+
+PRINTED, DERIVED, MEASURED, THIRD, FOURTH = "#0072b2", "#d55e00", INK, "#009e73", "#cc79a7"
 
 
 @dataclass(frozen=True)
@@ -22,28 +24,10 @@ class Drawing:
 
 def axes(x: str, y: str, **layout: Any) -> Any:
     """An empty figure with titled axes."""
-    figure = go.Figure()
-    style = {
-        "showline": True,
-        "linecolor": "#9ca3af",
-        "gridcolor": "#eef0f3",
-        "zeroline": False,
-        "ticks": "outside",
-        "tickcolor": "#9ca3af",
-    }
-    figure.update_xaxes(title=x, **style)
-    figure.update_yaxes(title=y, **style)
-    margin = {"l": 64, "r": 24, "t": 16, "b": 56}
-    legend = {"orientation": "h", "y": -0.22, "yanchor": "top", "x": 0}
-    base = {
-        "template": "plotly_white",
-        "height": 420,
-        "margin": margin,
-        "legend": legend,
-        "font": {"size": 13, "color": "#1f2937"},
-    }
-    figure.update_layout(**{**base, **layout})
-    return figure
+    figure = styled(go.Figure(), 420, margin={"l": 64, "r": 24, "t": 16, "b": 56})
+    figure.update_layout(legend={"orientation": "h", "y": -0.22, "yanchor": "top", "x": 0}, **layout)
+    figure.update_xaxes(title=x)
+    return figure.update_yaxes(title=y)
 
 
 def line(figure: Any, x: ArrayLike, y: ArrayLike, name: str, colour: str, dash: str = "solid", **where: Any) -> None:

@@ -57,7 +57,12 @@ def flat_car_rows() -> Iterator[Row]:
         "Eq. 8, 9",
         paper=s["amplitude_N"],
     )
-    note = "speed times the median measured period, about 11 mm: what the measurement shows is a period in space"
+    note = (
+        "speed times the median measured period, about 11 mm: if the period is one in space (folds, say), it has this"
+        " length; a period in time looks the same at one speed"
+    )
     spatial = float(np.median(measured_teeth("period"))) * s["capsule_speed_m_s"]
     stated, mean = (t * s["capsule_speed_m_s"] for t in (s["period_s"], period))
-    yield row("c_spatial_period", "C: spatial period", "mm", spatial, "finding", note, paper=stated, measured=mean)
+    yield row(
+        "c_spatial_period", "C: way per period at 10 mm/s", "mm", spatial, "finding", note, paper=stated, measured=mean
+    )

@@ -9,13 +9,13 @@ Verdict = Literal[
     "reproduced",
     "consistent",
     "check value",
-    "inside the measured band",
+    "not comparable",
     "misprint",
     "not reproducible",
     "misses the measurement",
     "finding",
 ]
-_PER_SI = {"1": 1.0, "%": 100.0, "s": 1.0, "mm": 1e3, "mN": 1e3, "N": 1.0, "Pa": 1.0, "MPa": 1e-6}
+_PER_SI = {"1": 1.0, "%": 100.0, "s": 1.0, "mm": 1e3, "mm/s": 1e3, "mN": 1e3, "N": 1.0, "Pa": 1.0, "MPa": 1e-6}
 
 
 @dataclass(frozen=True)

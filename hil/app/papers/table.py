@@ -10,13 +10,14 @@ from hil.app.papers.analytical import analytical_rows
 from hil.app.papers.dma import dma_rows
 from hil.app.papers.flat_car import flat_car_rows
 from hil.app.papers.row import Row
+from hil.app.papers.two_speeds import two_speeds_rows
 from hil.app.papers.viscoelastic import base_rows, viscoelastic_rows
 
 _COLOURS = {
     "reproduced": "green",
     "consistent": "green",
-    "inside the measured band": "green",
     "check value": "dim",
+    "not comparable": "dim",
     "misprint": "yellow",
     "finding": "cyan",
     "not reproducible": "red",
@@ -26,7 +27,7 @@ _COLOURS = {
 
 def seed_rows() -> list[Row]:
     """Every row, computed now."""
-    return [*analytical_rows(), *flat_car_rows(), *viscoelastic_rows(), *dma_rows(), *base_rows()]
+    return [*analytical_rows(), *flat_car_rows(), *viscoelastic_rows(), *dma_rows(), *base_rows(), *two_speeds_rows()]
 
 
 def _number(value: float | None) -> str:

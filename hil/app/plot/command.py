@@ -11,8 +11,9 @@ import numpy as np
 
 from hil.app.console import print_json, summary
 from hil.app.identify.close_loop import read_series
-from hil.app.report.theme import line_colour, styled
-from hil.app.report.words import column_words
+from hil.app.report.document import document, heading
+from hil.app.report.theme import figure_html, line_look, styled
+from hil.app.report.words import column_words, listed
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import check_file, check_targets, write_files
 from hil.formats.channels import refusing
@@ -65,18 +66,20 @@ def page(records: Sequence[Record]) -> str:
     columns = [name for name in dict.fromkeys(name for r in records for name in r.columns) if name != over]
     figure: Any = make_subplots(rows=len(columns), cols=1, shared_xaxes=True, vertical_spacing=0.1 / len(columns))
     for number, record in enumerate(record for record in records if over in record.columns):
-        colour = line_colour(number)
+        look = line_look(number)
         for row, name in ((r, n) for r, n in enumerate(columns, start=1) if n in record.columns):
             x, y = thinned(record[over], record[name])
             figure.add_scatter(
-                x=x, y=y, name=record.name, legendgroup=record.name, showlegend=row == 1, line={"color": colour},
-                mode="lines" if over == "t_s" else "markers", marker={"color": colour}, row=row, col=1,
+                x=x, y=y, name=record.name, legendgroup=record.name, showlegend=row == 1, line=look,
+                mode="lines" if over == "t_s" else "markers", marker={"color": look["color"]}, row=row, col=1,
             )  # fmt: skip
     for row, name in enumerate(columns, start=1):
         figure.update_yaxes(title_text=_title(name), row=row, col=1)
     figure.update_xaxes(title_text=_title(over), row=len(columns), col=1)
-    styled(figure, 120 + 240 * len(columns))
-    return str(figure.to_html(include_plotlyjs=True, full_html=True))
+    styled(figure, 120 + 240 * len(columns), legend={"y": 1 + 24 / (120 + 240 * len(columns))})
+    title = listed(record.name for record in records[:3]) + (" and more" if len(records) > 3 else "")
+    head = heading(f"{len(records)} record{'s' * (len(records) > 1)}", title)
+    return document(title, head, [("columns", "Columns", figure_html(figure, "figure-1"))])
 
 
 def _title(column: str) -> str:

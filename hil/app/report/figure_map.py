@@ -8,9 +8,9 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from hil.app.quantities import scale
 from hil.app.report.panels import Array, Panel
 from hil.app.report.theme import INK, MUTED, STAGE_COLOURS, styled
-from hil.app.report.words import scale
 
 
 def speed_map(drawn: Sequence[Panel], last: str) -> go.Figure | None:

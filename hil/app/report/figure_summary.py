@@ -7,8 +7,9 @@ import math
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from hil.app.quantities import number
 from hil.app.report.theme import FLOOR, MUTED, STAGE_COLOURS, styled
-from hil.app.report.words import STAGE_WORDS, effect_words, error_scale, number
+from hil.app.report.words import STAGE_WORDS, effect_words, error_scale
 from models.identification.finding import STAGES, CandidateRow, Finding
 
 PARTS = {"train": "training", "holdout": "held out"}
@@ -37,16 +38,8 @@ def error_figure(finding: Finding) -> go.Figure:
         )
     if _finite(finding.noise_floor) and finding.noise_floor > 0:
         level = factor * finding.noise_floor
-        figure.add_hline(y=level, line={"color": FLOOR, "dash": "dash", "width": 1.5})
-        figure.add_annotation(
-            x=1,
-            xref="paper",
-            y=math.log10(level) if wide else level,
-            text="noise floor",
-            showarrow=False,
-            yanchor="bottom",
-            xanchor="right",
-        )
+        line = {"color": FLOOR, "dash": "dash", "width": 1.5}
+        figure.add_hline(y=level, line=line, name="noise floor", showlegend=True)
     styled(figure, 340, barmode="group", bargap=0.35, bargroupgap=0.08)
     return figure.update_yaxes(
         title=f"error in {unit}" if unit else "error", type="log" if wide else "linear", rangemode="tozero"
@@ -89,7 +82,7 @@ def candidate_figure(finding: Finding) -> go.Figure | None:
                 row=place,
                 col=column,
             )
-        figure.update_xaxes(ticksuffix=" %", row=place, col=1)
+        figure.update_xaxes(ticksuffix=" %", rangemode="tozero", row=place, col=1)
     styled(figure, _height(sizes), bargap=0.28, margin={"l": 165, "r": 20, "t": 34, "b": 40})
     return figure.update_yaxes(autorange="reversed", tickfont={"color": MUTED}, ticklabelstandoff=6)
 

@@ -6,9 +6,10 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from hil.app.quantities import scale
 from hil.app.report.panels import Array, Panel, thinned
 from hil.app.report.theme import INK, STAGE_COLOURS, styled
-from hil.app.report.words import STAGE_WORDS, column_words, scale
+from hil.app.report.words import STAGE_WORDS, column_words
 
 
 def trace_figure(panel: Panel, points: int, residual: bool = True) -> go.Figure:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from html import escape
 
-from hil.app.report.words import effect_words, listed
+from hil.app.quantities import number
+from hil.app.report.words import effect_words, listed, tidy
 from models.checks.finding import RecordFinding
 from models.identification.finding import Finding
 
@@ -29,11 +30,19 @@ def findings_html(finding: Finding) -> str:
     return cards + (f"<h3>These records cannot show</h3><ul>{hidden}</ul>" if hidden else "")
 
 
-def reasons_html(finding: Finding) -> str:
-    """Why there is no verdict, as a list; empty where there is one."""
-    if not finding.reasons:
+def warning_html(finding: Finding) -> str:
+    """What keeps the report from a verdict, or checks that fail: a warning on top; empty where there is none."""
+    failed = [
+        f"{check.name}: {number(check.value, 3)}, at most {number(check.limit, 3)} allowed ({check.meaning})"
+        for check in finding.checks
+        if not check.ok
+    ]
+    said = [*finding.reasons] or failed
+    if not said:
         return ""
-    return f'<ul class="reasons">{"".join(f"<li>{escape(reason)}</li>" for reason in finding.reasons)}</ul>'
+    some = f"{len(failed)} of {len(finding.checks)} checks fail" if failed else "The records allow no verdict"
+    rows = "".join(f"<li>{escape(tidy(reason))}</li>" for reason in said)
+    return f'<div class="warning" role="note"><p>{some}: do not rely on this model yet.</p><ul>{rows}</ul></div>'
 
 
 def _card(alike: Sequence[RecordFinding]) -> str:

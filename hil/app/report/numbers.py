@@ -7,7 +7,7 @@ from typing import Any
 
 from hil.app.console import plain
 from hil.app.report.words import error_unit
-from models.identification.finding import STAGES, Estimate, Finding, FoundEffect
+from models.identification.finding import NEXT_TOML, STAGES, Estimate, Finding, FoundEffect
 
 
 def report_json(finding: Finding) -> dict[str, Any]:
@@ -24,6 +24,10 @@ def report_json(finding: Finding) -> dict[str, Any]:
             "noise_floor": finding.noise_floor,
         },
         "next_experiment": finding.next_experiment,
+        "next_experiment_file": None if finding.proposal is None else NEXT_TOML,
+        "next_experiment_separates": (
+            [] if finding.proposal is None else [asdict(one) for one in finding.proposal.separations]
+        ),
         "smallest_detectable": finding.smallest_detectable,
         "seconds": finding.seconds,
         "kind": finding.kind,
@@ -58,6 +62,10 @@ def _effect(effect: FoundEffect) -> dict[str, Any]:
         "parameters": {name: _estimate(estimate) for name, estimate in effect.parameters.items()},
         "evidence": effect.evidence,
         "confidence": effect.confidence,
+        "curves": {
+            curve: {name: _estimate(estimate) for name, estimate in parameters.items()}
+            for curve, parameters in effect.curves.items()
+        },
     }
 
 

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from html import escape
-from pathlib import Path
 
-from plotly.offline import get_plotlyjs
-
-from hil.app.report.equations import equations_html
+from hil.app.quantities import number
+from hil.app.report.document import document, heading, table
+from hil.app.report.effect_card import effect_card, symbols_of
 from hil.app.report.figure_map import agreement_figure, speed_map
+from hil.app.report.figure_motion import motion_figure
 from hil.app.report.figure_residuals import residual_figure
 from hil.app.report.figure_summary import candidate_figure, error_figure
 from hil.app.report.figure_traces import trace_figure
-from hil.app.report.findings import findings_html, reasons_html
+from hil.app.report.findings import findings_html, warning_html
+from hil.app.report.mathml import equations_html
 from hil.app.report.panels import Panel, closer, panels
 from hil.app.report.tables import (
     candidate_table,
@@ -25,16 +26,20 @@ from hil.app.report.tables import (
     time_table,
 )
 from hil.app.report.theme import figure_html
-from hil.app.report.words import effect_summary, effect_words, error_story, headline, listed, number, quantities_words
-from models.identification.finding import Finding, FoundEffect
+from hil.app.report.words import (
+    effect_words,
+    error_story,
+    headline,
+    interpolation,
+    listed,
+    parameter_words,
+    quantities_words,
+    tidy,
+)
+from models.identification.finding import NEXT_CSV, NEXT_TOML, Finding
 
-STYLE = Path(__file__).with_name("style.css")
 POINTS, MOST_PANELS = 50_000, 12
 VERDICTS = {"named": "effect named", "none": "nothing missing", "unknown": "no verdict"}
-OPENING = (
-    "document.querySelectorAll('details').forEach(d => d.addEventListener('toggle', () => "
-    "d.querySelectorAll('.js-plotly-plot').forEach(p => Plotly.Plots.resize(p))));"
-)
 
 
 @dataclass
@@ -46,7 +51,7 @@ class _Page:
 
     def figure(self, figure: object) -> str:
         self.figures += 1
-        return f'<div class="figure">{figure_html(figure, f"figure-{self.figures}")}</div>'
+        return figure_html(figure, f"figure-{self.figures}")
 
     def add(self, key: str, title: str, content: str) -> None:
         if content:
@@ -54,51 +59,65 @@ class _Page:
 
 
 def report_html(finding: Finding) -> str:
-    """The page: verdict first, then the error, the records, the residual, the candidates, the new model and how sure it
-    is.
+    """The page: verdict first, then what to measure next, the error, the records, the residual, the candidates, the new
+    model and how sure it is.
     """
     page = _Page()
     drawn = [panel for trace in finding.traces for panel in panels(finding, trace)]
-    page.add("findings", "What the records show of themselves", findings_html(finding))
+    page.add("next", "Next experiment", _next(page, finding))
     page.add("error", "Error before and after", _errors(page, finding))
-    page.add(
-        "effect", "The effect" if len(finding.effects) == 1 else "The effects", "".join(map(_effect, finding.effects))
-    )
+    title = "The effect" if len(finding.effects) == 1 else "The effects"
+    page.add("effect", title, "".join(effect_card(effect, finding) for effect in finding.effects))
+    page.add("sure", "How sure this is", _sure(finding))
+    page.add("findings", "What the records show of themselves", findings_html(finding))
     page.add("records", "What was measured, what the model said", _records(page, finding, drawn))
     page.add("residual", "The residual, and what it depends on", _residuals(page, finding, drawn))
     page.add("candidates", "Candidates and their evidence", _candidates(page, finding))
     page.add("model", "The new model", _model(finding))
-    page.add("sure", "How sure this is", _sure(finding))
     page.add("times", "Where the time went", time_table(finding) if finding.timings else "")
-    return _document(finding, page)
-
-
-def _document(finding: Finding, page: _Page) -> str:
-    links = "".join(f'<a href="#{key}">{title}</a>' for key, title, _ in page.sections)
-    body = "".join(f'<section id="{key}"><h2>{title}</h2>{content}</section>' for key, title, content in page.sections)
-    return (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{escape(headline(finding))}</title><style>{STYLE.read_text(encoding='utf-8')}</style>"
-        f"<script>{get_plotlyjs()}</script></head><body><main>{_hero(finding)}<nav>{links}</nav>{body}</main>"
-        f"<script>{OPENING}</script></body></html>\n"
-    )
+    return document(headline(finding), _hero(finding), page.sections)
 
 
 def _hero(finding: Finding) -> str:
     train = sum(trace.role != "holdout" for trace in finding.traces)
     held = len(finding.traces) - train
     counts = f"{train} training, {held} held out" if finding.traces else ""
-    return (
-        f'<header class="{escape(finding.verdict)}">'
-        f'<p class="eyebrow">Closed loop · {escape(finding.kind.replace("_", " "))} rig · {counts}</p>'
-        f'<h1>{escape(headline(finding))}</h1><p class="story">{escape(error_story(finding))}</p>'
-        f'<p class="chip">{escape(VERDICTS.get(finding.verdict, finding.verdict))}</p>{reasons_html(finding)}</header>'
+    chip = f'<p class="chip">{escape(VERDICTS.get(finding.verdict, finding.verdict))}</p>'
+    return heading(
+        f"Closed loop · {finding.kind.replace('_', ' ')} rig · {counts}",
+        headline(finding),
+        error_story(finding),
+        finding.verdict,
+        chip + warning_html(finding),
     )
 
 
 def _last(finding: Finding) -> str:
     return "augmented" if finding.effects else "calibrated"
+
+
+def _next(page: _Page, finding: Finding) -> str:
+    """What to measure next, and the motion that is proposed."""
+    if not finding.next_experiment:
+        return ""
+    said = f'<div class="next"><p>{escape(tidy(finding.next_experiment))}</p></div>'
+    if finding.proposal is None:
+        return said
+    rows = [
+        [
+            escape(effect_words(one.effect)),
+            escape(effect_words(one.rival)),
+            number(one.standard_deviations, 2),
+            f"{number(one.so_far, 2)} ({escape(one.best_record)})",
+        ]
+        for one in finding.proposal.separations
+    ]
+    head = ["effect", "rival", "expected separation, standard deviations", "best record so far"]
+    return (
+        f"{said}{page.figure(motion_figure(finding.proposal))}{table(head, rows, left=2)}<p><code>{NEXT_CSV}</code>"
+        f" holds this motion, <code>{NEXT_TOML}</code> the same as a reference: <code>capsule track</code>,"
+        f" <code>sil</code> and <code>run</code> follow it with <code>--reference {NEXT_TOML}</code>.</p>"
+    )
 
 
 def _errors(page: _Page, finding: Finding) -> str:
@@ -107,28 +126,9 @@ def _errors(page: _Page, finding: Finding) -> str:
         " says, “calibrated” the same model with its numbers fitted, “augmented” the model with what was found."
         " Held-out records touch no fit, search or threshold.</p>"
     )
-    return words + page.figure(error_figure(finding)) + error_table(finding)
-
-
-def _effect(effect: FoundEffect) -> str:
-    summary, separated = effect_summary(effect.id)
-    alike = (
-        f"<p>These data cannot tell it from <b>{escape(listed(map(effect_words, effect.equivalent)))}</b>.</p>"
-        if effect.equivalent
-        else ""
-    )
-    apart = f"<p>What tells it from its confounded effects: {escape(separated)}.</p>" if separated else ""
-    facts = {"evidence": number(effect.evidence, 3), "confidence": _confidence(effect.confidence)}
-    return (
-        f'<div class="card"><h3>{escape(effect_words(effect.id))} <code>{escape(effect.id)}</code></h3>'
-        f"<p>{escape(summary[:1].upper() + summary[1:])}.</p>"
-        f'<div class="facts">{"".join(f"<div><b>{value}</b>{name}</div>" for name, value in facts.items())}</div>'
-        f"{parameter_table(effect.parameters)}{alike}{apart}</div>"
-    )
-
-
-def _confidence(share: float) -> str:
-    return f"{100 * share:.0f} %" if share < 0.995 else f"{100 * share:.1f} %"
+    said = interpolation(finding)
+    figure = "" if said else page.figure(error_figure(finding))
+    return words + (f"<p><b>{escape(said)}</b></p>" if said else "") + figure + error_table(finding)
 
 
 def _records(page: _Page, finding: Finding, drawn: list[Panel]) -> str:
@@ -173,27 +173,41 @@ def _candidates(page: _Page, finding: Finding) -> str:
         return ""
     words = (
         "<p>Every effect of the catalogue that can act on such a rig was held against the residual (left); the best"
-        " were fitted together with the base and judged on data left out (right).</p>"
+        " were fitted together with the base and judged on data left out (right). Evidence and gain are the natural"
+        " logarithm of the factor by which the misfit on data left out falls.</p>"
     )
     return f"{words}{page.figure(figure)}<details><summary>All candidates</summary>{candidate_table(finding)}</details>"
 
 
 def _model(finding: Finding) -> str:
-    formulas = equations_html(finding.equations) if finding.equations else ""
-    untold = [name for name, estimate in finding.calibration.items() if not estimate.told]
+    lines = finding.symbolic or finding.equations
+    formulas = equations_html(lines, symbols_of(finding)) if lines else ""
+    untold = [parameter_words(name) for name, estimate in finding.calibration.items() if not estimate.told]
     words = f"<p>The data cannot tell {escape(listed(untold))}.</p>" if untold else ""
-    return formulas + (
-        f"<h3>Calibrated parameters</h3>{parameter_table(finding.calibration, finding.nominal)}{words}"
-        if finding.calibration
+    numbers = (
+        f"<details><summary>The same with its numbers, SI units</summary>{equations_html(finding.equations)}</details>"
+        if finding.symbolic and finding.equations
         else ""
+    )
+    return (
+        formulas
+        + numbers
+        + (
+            f"<h3>Calibrated parameters</h3>{parameter_table(finding.calibration, finding.nominal)}{words}"
+            if finding.calibration
+            else ""
+        )
     )
 
 
 def _sure(finding: Finding) -> str:
-    statements = "".join(f"<li>{escape(statement)}</li>" for statement in finding.statements)
+    statements = "".join(f"<li>{escape(tidy(statement))}</li>" for statement in finding.statements)
     out = f"<ul>{statements}</ul>" if statements else ""
-    if finding.next_experiment:
-        out += f'<div class="next"><h3>Next experiment</h3><p>{escape(finding.next_experiment)}</p></div>'
+    failed = sum(not check.ok for check in finding.checks)
+    if finding.checks:
+        number_of = number(len(finding.checks))
+        passed = "all pass" if not failed else f"{failed} fail"
+        out = f"<p>Of {number_of} checks {passed}; they stand below the residual.</p>{out}"
     if finding.smallest_detectable:
         out += (
             f"<details><summary>How small an effect would have been seen</summary>{smallest_table(finding)}</details>"

@@ -5,26 +5,19 @@ times.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
 from html import escape
 
 import numpy as np
 
-from hil.app.report.words import DASH, STAGE_WORDS, effect_words, error_scale, number, scaled
+from hil.app.quantities import DASH, amount, change, number, percent, quantity, scale, told, unit_words
+from hil.app.report.document import table
+from hil.app.report.mathml import symbol_html
+from hil.app.report.words import STAGE_WORDS, effect_words, error_scale, interpolation, parameter_words, scaled
+from models.effects import BY_ID
 from models.identification.finding import STAGES, Estimate, Finding
 
 PARTS = {"train": "training", "holdout": "held out"}
-
-
-def table(head: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> str:
-    """An HTML table; cells are HTML; the first `left` columns are words, the others numbers."""
-    classes = ["word" if column < left else "" for column in range(len(head))]
-    header = "".join(f'<th class="{c}">{h}</th>' for c, h in zip(classes, head, strict=True))
-    body = "".join(
-        "<tr>" + "".join(f'<td class="{c}">{cell}</td>' for c, cell in zip(classes, row, strict=True)) + "</tr>"
-        for row in rows
-    )
-    return f'<div class="scroll"><table><thead><tr>{header}</tr></thead><tbody>{body}</tbody></table></div>'
+_LOG = "log10_"
 
 
 def error_table(finding: Finding) -> str:
@@ -34,32 +27,51 @@ def error_table(finding: Finding) -> str:
     for part, words in PARTS.items():
         errors = finding.error.get(part, {})
         first, last = errors.get("nominal", math.nan), errors.get("augmented", math.nan)
-        gone = f"{100 * (1 - last / first):.0f} %" if first and math.isfinite(first) and math.isfinite(last) else DASH
-        shown = [number(scaled(errors.get(stage), factor), 3) for stage in STAGES]
-        rows.append([words, *shown, gone, number(factor * finding.noise_floor, 3)])
-    head = f"error in {unit}" if unit else "error"
-    return table([head, *(STAGE_WORDS[stage] for stage in STAGES), "gone", "noise floor"], rows)
+        gone = percent(1 - last / first) if first and math.isfinite(first) and math.isfinite(last) else DASH
+        shown = [amount(scaled(errors.get(stage), factor), unit) for stage in STAGES]
+        if part == "train" and interpolation(finding):
+            shown, gone = [shown[0], *(["interpolated"] * 2)], DASH
+        rows.append([words, *shown, gone, amount(factor * finding.noise_floor, unit)])
+    return table(["error", *(STAGE_WORDS[stage] for stage in STAGES), "gone", "noise floor"], rows)
 
 
 def parameter_table(estimates: dict[str, Estimate], nominal: dict[str, float] | None = None) -> str:
-    """Parameters with their 95 % intervals; against the nominal values where there are any."""
+    """Parameters with their 95 % intervals; against the nominal values where there are any. A logarithm is shown as
+    what it is the logarithm of, one unit has one prefix in all rows.
+    """
+    shown = {name: _delogged(name, estimate) for name, estimate in estimates.items()}
+    believed = {
+        name: (10**value if name.startswith(_LOG) else value)
+        for name, value in (nominal or {}).items()
+        if name in shown
+    }
+    units = {
+        unit: scale(
+            (v for name, e in shown.items() if e.unit == unit for v in (e.value, believed.get(name, e.value))), unit
+        )
+        for unit in {estimate.unit for estimate in shown.values()}
+    }
     rows = []
-    for name, estimate in estimates.items():
+    for name, estimate in shown.items():
+        factor, unit = units[estimate.unit]
+        low, high = (factor * end for end in estimate.ci95)
+        words = told(factor * estimate.value, (low, high))
         interval = (
-            f"{number(estimate.ci95[0])} … {number(estimate.ci95[1])}"
-            if estimate.told
-            else '<span class="untold">the data cannot tell</span>'
+            f"{words.low} … {words.high}" if estimate.told else '<span class="untold">the data cannot tell</span>'
         )
-        unit = "" if estimate.unit == "1" else escape(estimate.unit)
-        believed = (
-            [] if nominal is None else [number(nominal.get(name)), _interval_drawing(nominal.get(name), estimate)]
+        before = believed.get(name)
+        compared = (
+            []
+            if nominal is None
+            else [number(None if before is None else factor * before), _interval_drawing(before, estimate)]
         )
-        rows.append(
-            [f"<code>{escape(name)}</code>", unit, *believed[:1], number(estimate.value), interval, *believed[1:]]
-        )
+        first = [symbol_html(name), escape(parameter_words(name)), unit_words(unit)]
+        value = words.value if estimate.told else number(factor * estimate.value, 3)
+        rows.append([*first, *compared[:1], value, interval, *compared[1:]])
     if nominal is None:
-        return table(["parameter", "unit", "value", "95 % interval"], rows, left=2)
-    return table(["parameter", "unit", "nominal", "calibrated", "95 % interval", "change from nominal"], rows, left=2)
+        return table(["", "parameter", "unit", "value", "95 % interval"], rows, left=3)
+    head = ["", "parameter", "unit", "nominal", "calibrated", "95 % interval", "change from nominal"]
+    return table(head, rows, left=3)
 
 
 def check_table(finding: Finding) -> str:
@@ -83,7 +95,7 @@ def check_table(finding: Finding) -> str:
 def candidate_table(finding: Finding) -> str:
     """All candidates of all rounds."""
     rows = [
-        [effect_words(row.id), escape(row.note), str(row.round), f"{100 * row.screened:.3g} %", number(row.gain, 3)]
+        [effect_words(row.id), escape(row.note), str(row.round), percent(row.screened), number(row.gain, 3)]
         for row in finding.candidates
     ]
     return table(["candidate", "what became of it", "round", "screened", "gain"], rows, left=2)
@@ -103,8 +115,12 @@ def record_table(finding: Finding) -> str:
 
 def smallest_table(finding: Finding) -> str:
     """The smallest effect that would have been seen."""
-    rows = [[effect_words(name), number(value, 3)] for name, value in sorted(finding.smallest_detectable.items())]
-    return table(["effect", "smallest amplitude that would have been seen"], rows)
+    rows = []
+    for name, value in sorted(finding.smallest_detectable.items()):
+        amplitude = BY_ID[name].amplitude() if name in BY_ID else None
+        unit = amplitude.unit if amplitude else ""
+        rows.append([effect_words(name), parameter_words(amplitude.name) if amplitude else "", quantity(value, unit)])
+    return table(["effect", "its amplitude", "smallest that would have been seen"], rows, left=2)
 
 
 def time_table(finding: Finding) -> str:
@@ -113,33 +129,39 @@ def time_table(finding: Finding) -> str:
     return table(["step", "time"], [*rows, ["<b>all</b>", f"<b>{finding.seconds:.1f} s</b>"]])
 
 
+def _delogged(name: str, estimate: Estimate) -> Estimate:
+    if not name.startswith(_LOG):
+        return estimate
+    low, high = (10**end for end in estimate.ci95)
+    return Estimate(10**estimate.value, (low, high), estimate.unit.removeprefix("log10 "), estimate.told)
+
+
 def _interval_drawing(nominal: float | None, estimate: Estimate) -> str:
-    """Change from nominal in per cent with its interval as a small drawing of -50 to +50 %."""
+    """Change from nominal with its interval as a small drawing of -50 to +50 %."""
     if not nominal or not math.isfinite(nominal) or not math.isfinite(estimate.value):
         return DASH
-    change, low, high = (100 * (v / nominal - 1) for v in (estimate.value, *estimate.ci95))
+    off, low, high = (100 * (v / nominal - 1) for v in (estimate.value, *estimate.ci95))
     low, high = min(low, high), max(low, high)
     x, a, b = (
-        70 + 1.3 * min(max(v, -50.0), 50.0) if math.isfinite(v) else (5.0 if v < 0 else 135.0)
-        for v in (change, low, high)
+        70 + 1.3 * min(max(v, -50.0), 50.0) if math.isfinite(v) else (5.0 if v < 0 else 135.0) for v in (off, low, high)
     )
-    colour = "#0b7a84" if estimate.told else "#b9c2cc"
+    kind = "own" if estimate.told else "untold"
     drawing = (
-        '<svg width="140" height="16" viewBox="0 0 140 16"><line x1="5" x2="135" y1="8" y2="8" stroke="#e6eaee"/>'
-        '<line x1="70" x2="70" y1="1" y2="15" stroke="#8792a0"/>'
-        f'<line x1="{a:.1f}" x2="{b:.1f}" y1="8" y2="8" stroke="{colour}" stroke-width="3"/>'
-        f'<circle cx="{x:.1f}" cy="8" r="4" fill="{colour}"/></svg>'
+        '<svg width="140" height="16" viewBox="0 0 140 16"><line class="rule" x1="5" x2="135" y1="8" y2="8"/>'
+        '<line class="mark" x1="70" x2="70" y1="1" y2="15"/>'
+        f'<line class="{kind}" x1="{a:.1f}" x2="{b:.1f}" y1="8" y2="8" stroke-width="3"/>'
+        f'<circle class="{kind}" cx="{x:.1f}" cy="8" r="4"/></svg>'
     )
-    return f'<span class="change">{change:+.1f} %</span>{drawing}'.replace(">-", ">−")
+    return f'<span class="change">{change(estimate.value, nominal)}</span>{drawing}'
 
 
 def _bar(value: float, limit: float) -> str:
     share = value / limit if limit and math.isfinite(value) and math.isfinite(limit) else math.nan
     if not math.isfinite(share) or share < 0:
         return ""
-    width, colour = 60 * min(share, 2.0), "#b4492e" if share > 1 else "#0b7a84"
+    width, kind = 60 * min(share, 2.0), "over" if share > 1 else "own"
     return (
-        '<svg width="124" height="12"><rect width="124" height="12" rx="3" fill="#eef1f4"/>'
-        f'<rect width="{width:.1f}" height="12" rx="3" fill="{colour}"/>'
-        '<line x1="60" x2="60" y1="0" y2="12" stroke="#1d2733"/></svg>'
+        '<svg width="124" height="12"><rect class="well" width="124" height="12" rx="3"/>'
+        f'<rect class="{kind}" width="{width:.1f}" height="12" rx="3" stroke="none"/>'
+        '<line class="mark" x1="60" x2="60" y1="0" y2="12"/></svg>'
     )

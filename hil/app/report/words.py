@@ -9,11 +9,16 @@ import re
 from collections.abc import Iterable
 from types import MappingProxyType
 
-from models.effects import EFFECTS
+import numpy as np
+
+from hil.app.quantities import amount, scale
+from models.effects import BY_ID
 from models.identification.finding import Finding
 
 STAGE_WORDS = MappingProxyType({"nominal": "nominal", "calibrated": "calibrated", "augmented": "augmented"})
-DASH = "–"
+_COUNTS = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine")
+_MOST_VALUES = 100_000
+_IDS = re.compile(rf"\b(?:{'|'.join(sorted((name for name in BY_ID if '_' in name), key=len, reverse=True))})\b")
 
 _NAMES = MappingProxyType(
     {
@@ -29,9 +34,20 @@ _NAMES = MappingProxyType(
 )
 _UNITS = MappingProxyType(
     {
-        "_m_s2": "m/s²",
-        "_rad_s": "rad/s",
+        "_N_s_per_m": "N s/m",
+        "_N_per_m3": "N/m3",
         "_N_per_m": "N/m",
+        "_m_per_N": "m/N",
+        "_s_per_m": "s/m",
+        "_per_m3": "1/m3",
+        "_per_m2": "1/m2",
+        "_per_s2": "1/s2",
+        "_per_m": "1/m",
+        "_per_s": "1/s",
+        "_m_s2": "m/s²",
+        "_rad_s2": "rad/s²",
+        "_N_m": "N m",
+        "_rad_s": "rad/s",
         "_m_s": "m/s",
         "_Pa": "Pa",
         "_Hz": "Hz",
@@ -45,42 +61,6 @@ _UNITS = MappingProxyType(
         "_s": "s",
     }
 )
-_PREFIXES = ((1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"))
-_PREFIXED = frozenset({"m", "s", "N", "Pa", "A", "V", "m/s"})
-
-
-def number(value: float | None, digits: int = 4) -> str:
-    """A number with a few significant digits; a dash where there is none."""
-    if value is None or math.isnan(value):
-        return DASH
-    if math.isinf(value):
-        return "∞" if value > 0 else "−∞"
-    text = f"{value:.{digits}g}"
-    if "e" in text:
-        mantissa, exponent = text.split("e")
-        return f"{mantissa}·10^{int(exponent)}".replace("-", "−")
-    return text.replace("-", "−")
-
-
-def scale(values: Iterable[float], unit: str) -> tuple[float, str]:
-    """Factor and prefixed unit that bring the largest of `values` between 1 and 1000."""
-    largest = max((abs(v) for v in values if math.isfinite(v)), default=0.0)
-    if unit not in _PREFIXED or largest == 0:
-        return 1.0, unit
-    for size, prefix in _PREFIXES:
-        if prefix in ("M", "k") and unit in ("s", "m", "m/s"):
-            continue
-        if largest >= size:
-            return 1 / size, prefix + unit
-    return 1e6, "µ" + unit
-
-
-def quantity(value: float | None, unit: str, digits: int = 3) -> str:
-    """A value with its unit, prefixed."""
-    if value is None or not math.isfinite(value):
-        return number(value)
-    factor, prefixed = scale([value], unit)
-    return f"{number(factor * value, digits)} {prefixed}" if prefixed not in ("", "1") else number(value, digits)
 
 
 def column_words(column: str) -> tuple[str, str]:
@@ -90,6 +70,13 @@ def column_words(column: str) -> tuple[str, str]:
             stem = column.removesuffix(ending)
             return _NAMES.get(stem, stem.replace("_", " ")), unit
     return _NAMES.get(column, column.replace("_", " ")), ""
+
+
+def parameter_words(name: str) -> str:
+    """A parameter's name as words: without its unit, a logarithm as what it is the logarithm of."""
+    stem = name.removeprefix("log10_")
+    ending = next((ending for ending in _UNITS if stem.endswith(ending) and stem != ending[1:]), "")
+    return stem.removesuffix(ending).replace("_", " ")
 
 
 def quantities_words(finding: Finding) -> str:
@@ -123,33 +110,69 @@ def effect_words(effect: str) -> str:
     return effect.replace("_", " ")
 
 
+def tidy(text: str) -> str:
+    """A sentence of a finding for the page: effects by their words, no backticks."""
+    return _IDS.sub(lambda match: effect_words(match.group()), text.replace("`", ""))
+
+
+def sentence(text: str) -> str:
+    """`text` from a capital to a full stop."""
+    return f"{text[:1].upper()}{text[1:].rstrip('.')}." if text else ""
+
+
 def effect_summary(effect: str) -> tuple[str, str]:
     """What the catalogue says an effect is, and what would tell it from its confounded effects."""
-    declared = next((e for e in EFFECTS if e.id == effect), None)
+    declared = BY_ID.get(effect)
     return (declared.summary, declared.separated_by) if declared else ("", "")
 
 
-def listed(words: Iterable[str]) -> str:
+def listed(words: Iterable[str], last_word: str = "and") -> str:
     """`a, b and c`."""
     *first, last = list(words) or [""]
-    return f"{', '.join(first)} and {last}" if first else last
+    return f"{', '.join(first)} {last_word} {last}" if first else last
 
 
 def headline(finding: Finding) -> str:
-    """The verdict as a sentence."""
-    names = listed(effect_words(effect.id) for effect in finding.effects)
+    """The verdict as a sentence, which never says more than the records do."""
+    names = listed(listed(map(effect_words, (effect.id, *effect.equivalent)), "or") for effect in finding.effects)
+    open_between = any(effect.equivalent for effect in finding.effects)
     if finding.verdict == "named":
-        return f"What the model lacked: {names}."
+        return f"What the model lacked: {names}{'; these records cannot tell which' if open_between else ''}."
+    if interpolation(finding):
+        return "As many numbers fitted as means measured: an interpolation, no test of the model."
     if finding.verdict == "none":
-        return "Nothing is missing: calibration is enough."
+        return "Nothing is missing that these records would show: calibration is enough."
     failed = {check.id for check in finding.checks if not check.ok}
     if "information" in failed or any(found.id == "no_response" for found in finding.findings):
         left = "These records cannot tell."
-    elif failed & {"residual_size", "whiteness", "validation"}:
+    elif any(name.startswith(("residual_size", "whiteness", "validation")) for name in failed):
         left = "Something structured is left that no known effect explains."
     else:
         left = "What is left is small, but the checks allow no verdict."
     return f"{left} Part of it looks like {names}." if names else left
+
+
+def interpolation(finding: Finding) -> str:
+    """What to say where as many numbers were fitted as the records hold different values to fit; else empty."""
+    fitted = sum(e.told or not math.isnan(e.value) for e in finding.calibration.values())
+    fitted += sum(len(effect.parameters) for effect in finding.effects)
+    last = "augmented" if finding.effects else "calibrated"
+    parts = [
+        np.atleast_2d(t.predicted[last].T).T for t in finding.traces if t.role != "holdout" and last in t.predicted
+    ]
+    if not parts or not fitted or sum(part.size for part in parts) > _MOST_VALUES:
+        return ""
+    means = len(np.unique(np.vstack(parts), axis=0)) * parts[0].shape[1]
+    if fitted < means:
+        return ""
+    return (
+        f"{_counted(fitted)} parameters fitted to {_counted(means).lower()} means: an interpolation, so the error on"
+        " the training records tells nothing of the model."
+    )
+
+
+def _counted(count: int) -> str:
+    return _COUNTS[count] if count < len(_COUNTS) else str(count)
 
 
 def tested_part(finding: Finding) -> str:
@@ -161,11 +184,13 @@ def tested_part(finding: Finding) -> str:
 def error_story(finding: Finding) -> str:
     """How the error went from the nominal to the last model, in one sentence."""
     part = tested_part(finding)
+    if part == "train" and (said := interpolation(finding)):
+        return said
     errors = finding.error.get(part, {})
     factor, prefixed = error_scale(finding)
     where = "on records that no fit has seen" if part == "holdout" else "on the training records (none were held out)"
     stages = ["nominal", "calibrated", *(["augmented"] if finding.effects else [])]
-    steps = [f"{number(scaled(errors.get(stage), factor), 3)} {prefixed} ({STAGE_WORDS[stage]})" for stage in stages]
-    floor = number(factor * finding.noise_floor, 3)
-    floor = f" The noise floor is {floor} {prefixed}." if math.isfinite(finding.noise_floor) else ""
+    steps = [f"{amount(scaled(errors.get(stage), factor), prefixed)} ({STAGE_WORDS[stage]})" for stage in stages]
+    floor = amount(factor * finding.noise_floor, prefixed)
+    floor = f" The noise floor is {floor}." if math.isfinite(finding.noise_floor) else ""
     return f"The error {where} goes from {' to '.join(steps)}.{floor}"

@@ -60,7 +60,9 @@ def _listen(deployment: Deployment, bus: ClockedBus, catalogue: Catalogue) -> li
     good, refused = sum(s.accepted for s in got.values()), sum(s.refused.total() for s in got.values())
     others = receiver.reception.unknown.total()
     words = f"{good} good frames, {refused} refused, {others} of others in {LISTEN_S:g} s{receiver.error_words}"
-    heard = Point("bus", good > 0 and not refused and not receiver.errors, words)
+    told = [said for said in (receiver.refused_words, receiver.other_controller) if said]
+    sound = good > 0 and not refused and not receiver.errors and not receiver.deaf and not receiver.foreign
+    heard = Point("bus", sound, "; ".join([words, *told]))
     doubt = receiver.doubt(clock.now())
     wiring, state = frame_map_of(deployment.rig.kind), receiver.state
     fed = got[wiring.feedback].accepted > 0

@@ -3,55 +3,85 @@
 from __future__ import annotations
 
 import logging
+import time
 from pathlib import Path
+from typing import Final
 
 import can
 
 from hil.app.console import notes, output_to_notes, print_json, summary
 from hil.app.run.check import check, limits_point, rehearse
 from hil.app.run.clock import Clock, ClockedBus
-from hil.app.run.loop import Outcome, Signals, lead, prepare_process
+from hil.app.run.loop import ENDS, Outcome, Signals, lead, prepare_process, reset
 from hil.app.scenario.deployment import BusTable, Deployment, load_deployment
 from hil.app.scenario.model_health import health_words
 from hil.app.scenario.model_health import told as health_told
 from hil.app.scenario.model_offer import offer_words, told
 from hil.app.write import check_file, check_targets
-from hil.bus.catalogue import load_catalogue
+from hil.bus.catalogue import Catalogue, load_catalogue
 from hil.bus.local import LocalBus
-from hil.log.log import FrameLog, keep_older, record_path
+from hil.log.log import FrameLog, record_path
 from hil.log.recorder import Recorder, log_record
 from hil.nodes.cia402.bus import Cia402Bus
 from hil.nodes.cia402.setup import set_up
 from hil.nodes.controller.node import ControllerNode
-from hil.nodes.frame_map import frame_map_of
+from hil.nodes.controller.receive import controllers_frames
+from hil.nodes.frame_map import frame_map_of, plain
 from models.parameter import nearest
 
 ACTIONS = ("lead", "check", "reset")
+QUIET_S: Final = 0.1
+"""How long to listen before anything is sent: five cycles of a controller's slowest frame."""
 _DRIVERS = logging.getLogger("can")
 """What drivers say beside their errors; the errors alone are told."""
 
 
 def run(
-    path: Path, action: str = "lead", *, dry_run: bool = False, log: Path | None = None, json_output: bool = False
+    path: Path,
+    action: str = "lead",
+    *,
+    dry_run: bool = False,
+    log: Path | None = None,
+    json_output: bool = False,
+    reference: Path | None = None,
 ) -> int:
-    """Lead the drive that the rig file `path` names, or only check; 0 where all went as asked, 1 where it did not.
+    """Lead the drive that the rig file `path` names, or only check; 0 where all went as asked, 1 where it did not
+    (`hil.app.run.loop.ENDS`). A `reference` file takes the place of its own.
 
-    The action "reset" leads too, and acknowledges first a fault that the drive has latched: that takes an operator's
+    The action "reset" acknowledges a fault that the drive has latched, and does nothing else: that takes an operator's
     word. With `dry_run` everything is listened to and computed and nothing is sent. Raises ValueError, one sentence,
     for what cannot be used.
     """
     if action not in ACTIONS:
         raise ValueError(f"action must be one of {', '.join(ACTIONS)}; got {action!r}; {nearest(action, ACTIONS)}")
-    deployment, catalogue = load_deployment(path), load_catalogue()
+    deployment, catalogue = load_deployment(path, reference), load_catalogue()
     log = log or Path(f"{deployment.name}.blf")
     if action != "check":
         check_targets([check_file(log, "--log", (".blf",)), record_path(log)], "--log", [path])
     verdict = deployment.verdict
-    if action != "check" and verdict is not None and not verdict.passed and not dry_run:
+    if action == "reset" and dry_run:
+        raise ValueError("--dry-run must go with leading; got 'reset', which does nothing but send")
+    if action == "lead" and verdict is not None and not verdict.passed and not dry_run:
         raise ValueError(f"{path}: model must pass the gate before it leads; got: {verdict.sentence}")
     limits = limits_point(deployment.limits, deployment.rig.kind, catalogue)
     if action != "check" and not limits.good:
         raise ValueError(f"{path}: {limits.words}")
+    try:
+        return _run(path, deployment, catalogue, action, dry_run, log, json_output)
+    except _OtherControllerError as error:
+        return _not_begun(path, str(error), json_output)
+
+
+def _run(
+    path: Path,
+    deployment: Deployment,
+    catalogue: Catalogue,
+    action: str,
+    dry_run: bool,
+    log: Path,
+    json_output: bool,
+) -> int:
+    """As `run`, of what can be used. Raises _OtherControllerError besides."""
     with output_to_notes():
         task = deployment.task()
         try:
@@ -62,7 +92,7 @@ def run(
             if action == "check":
                 points = check(deployment, task, bus, catalogue)
             else:
-                outcome, node, frames_log = _lead(deployment, bus, dry_run, log, reset=action == "reset")
+                outcome, node, frames_log = _lead(deployment, bus, dry_run, log, resets=action == "reset")
         finally:
             bus.shutdown()
     if action == "check":
@@ -80,7 +110,17 @@ def run(
         print_json(found)
     else:
         _say(found)
-    return 0 if outcome.well or (dry_run and outcome.led) else 1
+    return ENDS[str(found["end"])][0]
+
+
+def _not_begun(path: Path, words: str, json_output: bool) -> int:
+    """Say that there is another controller; nothing was sent."""
+    ended = f"nothing to lead: {words}"
+    if json_output:
+        print_json({"rig": str(path), "end": "other_controller", "ended": ended, "led": False, "ticks": 0, "log": None})
+    else:
+        summary().print(f"ended: {ended}", markup=False, soft_wrap=True)
+    return ENDS["other_controller"][0]
 
 
 def open_bus(table: BusTable) -> can.BusABC:
@@ -114,6 +154,9 @@ def _drives_bus(deployment: Deployment, *, listen_only: bool) -> can.BusABC:
     one sentence.
     """
     bus, table = open_bus(deployment.bus), deployment.cia402
+    if not listen_only and (others := _controllers_on(bus)):
+        bus.shutdown()
+        raise _OtherControllerError(f"another controller is on the bus ({', '.join(others)})")
     if table is None:
         return bus
     if not listen_only:
@@ -126,8 +169,27 @@ def _drives_bus(deployment: Deployment, *, listen_only: bool) -> can.BusABC:
     return Cia402Bus(bus, table, load_catalogue())
 
 
+class _OtherControllerError(Exception):
+    """Another controller has been heard before anything was sent."""
+
+
+def _controllers_on(bus: can.BusABC) -> list[str]:
+    """Frames that only a controller sends, heard within `QUIET_S`, by name: this one listens before it speaks."""
+    known, heard = controllers_frames(load_catalogue()), set[str]()
+    began = time.monotonic()
+    while (left := QUIET_S - (time.monotonic() - began)) > 0:
+        try:
+            message = bus.recv(min(left, 0.01))
+        except Exception:  # noqa: BLE001 - drivers of many makers raise whatever they like; the run counts it
+            time.sleep(0.001)
+            continue
+        if message is not None and plain(message) and message.arbitration_id in known:
+            heard.add(known[message.arbitration_id])
+    return sorted(heard)
+
+
 def _lead(
-    deployment: Deployment, bus: ClockedBus, dry_run: bool, path: Path, *, reset: bool
+    deployment: Deployment, bus: ClockedBus, dry_run: bool, path: Path, *, resets: bool
 ) -> tuple[Outcome, ControllerNode, FrameLog]:
     task, catalogue, control = deployment.task(), load_catalogue(), deployment.control
     record = log_record(
@@ -142,30 +204,40 @@ def _lead(
         clock_origin_ns=bus.clock.origin_ns,
     )
     rehearse(task, catalogue)
-    older = keep_older(path)
-    if older is not None:
-        notes().print(f"older log kept as {older}", markup=False, soft_wrap=True)
-    with FrameLog(path, record) as frames_log, Signals().caught() as signals:
+
+    def tell(sentence: str) -> None:
+        notes().print(sentence, markup=False, soft_wrap=True)
+
+    with FrameLog(path, record, tell) as frames_log, Signals().caught() as signals:
+        if frames_log.kept is not None:
+            tell(f"older log kept as {frames_log.kept}")
+        if frames_log.path != path:
+            tell(f"{path} is the log of a run that goes on: this one's is {frames_log.path}")
         recorder = Recorder(frames_log, dry_run)
         node = ControllerNode(task, bus, catalogue=catalogue, observer=recorder, dry_run=dry_run)
         refused = prepare_process(control.priority, control.core)
         if control.priority > 0 and not refused:
             frames_log.hasten(1)
         for sentence in refused:
-            notes().print(sentence, markup=False)
-        notes().print(f"{deployment.name}: leading for {control.duration_s:g} s; Ctrl-C stops", markup=False)
-        outcome = lead(node, bus.clock, control.duration_s, recorder, signals, reset=reset)
+            tell(sentence)
+        if resets:
+            outcome = reset(node, bus.clock, recorder, signals)
+        else:
+            tell(f"{deployment.name}: leading for {control.duration_s:g} s; Ctrl-C stops")
+            outcome = lead(node, bus.clock, control.duration_s, recorder, signals, control.give_up_s)
     return outcome, node, frames_log
 
 
 def _document(
     path: Path, outcome: Outcome, node: ControllerNode, frames_log: FrameLog, dry_run: bool
 ) -> dict[str, object]:
-    grid = outcome.grid
+    grid, missing = outcome.grid, frames_log.dropped + frames_log.lost
+    whole = not missing and not frames_log.troubles
     return {
         "rig": str(path),
         "controller": node.task.controller,
         "dry_run": dry_run,
+        "end": outcome.end if whole or ENDS[outcome.end][0] else "log",
         "ended": outcome.ended,
         "led": outcome.led,
         "ticks": grid.ticks,
@@ -174,10 +246,15 @@ def _document(
         "late_ms": grid.late.document(),
         "tick_ms": outcome.busy.document(),
         "rejected": node.receiver.rejected,
+        "refused_frames": node.receiver.refused,
+        "other_types": dict(node.receiver.strange),
+        "other_controller": dict(node.receiver.foreign),
+        "deaf_ticks": node.receiver.deaf,
         "refused": sum(node.guard.refused.values()),
         "unsent": node.guard.unsent,
         "log": str(frames_log.path),
-        "log_dropped": frames_log.dropped,
+        "log_dropped": missing,
+        "log_troubles": frames_log.troubles,
     }
 
 
@@ -195,7 +272,10 @@ def _say(found: dict[str, object]) -> None:
     console.print(
         f"{found['controller']}: {found['ticks']} ticks, {found['missed_ticks']} missed; ended: {found['ended']}",
         markup=False,
+        soft_wrap=True,
     )
+    for trouble in found["log_troubles"] if isinstance(found["log_troubles"], list) else ():
+        console.print(trouble, markup=False, soft_wrap=True)
     for name, words in (("late_ms", "began late by"), ("tick_ms", "took")):
         times = found[name]
         assert isinstance(times, dict)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import ctypes
 import gc
+import math
 import os
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from types import FrameType
+from types import FrameType, MappingProxyType
 from typing import Any, Final
 
 from hil.app.run.clock import Clock, Grid, Histogram
@@ -22,102 +23,200 @@ LISTEN_S: Final = 2.0
 LEAST_S: Final = 0.3
 REST_S: Final = 0.2
 COME_TO_REST_S: Final = 2.0
+GIVE_UP_S: Final = 5.0
+RESET_S: Final = 1.0
 _MCL_CURRENT_AND_FUTURE: Final = 3
 
 
 @dataclass
 class Signals:
-    """What the operator has said: `wanted` names the first Ctrl-C or SIGTERM; a second one ends the program as ever."""
+    """What the operator has said: `wanted` names the first Ctrl-C, SIGTERM or SIGHUP (the terminal is gone); a second
+    one ends the program as ever. A signal that was ignored before (`nohup`) stays ignored.
+    """
 
     wanted: str = ""
 
     @contextmanager
     def caught(self) -> Iterator[Signals]:
-        """Within it both signals only ask for a controlled stop."""
-        numbers = (signal.SIGINT, signal.SIGTERM)
-        before = {number: signal.getsignal(number) for number in numbers}
+        """Within it these signals only ask for a controlled stop."""
+        before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+        before = {number: handler for number, handler in before.items() if handler != signal.SIG_IGN}
 
         def ask(number: int, _: FrameType | None) -> None:
             self.wanted = signal.Signals(number).name
-            for again in numbers:
+            for again in before:
                 signal.signal(again, signal.SIG_DFL)
 
         try:
-            for number in numbers:
+            for number in before:
                 signal.signal(number, ask)
             yield self
         finally:
-            for number in numbers:
-                signal.signal(number, before[number])
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+
+ENDS: Final[Mapping[str, tuple[int, str]]] = MappingProxyType(
+    {
+        "done": (0, "led for the whole of `duration_s`; with `--dry-run`: would have"),
+        "operator": (0, "led until Ctrl-C, SIGTERM or SIGHUP asked for a controlled stop"),
+        "reset": (0, "`reset`: the drive has no latched fault any more, or had none"),
+        "cancelled": (1, "Ctrl-C, SIGTERM or SIGHUP before the drive was enabled"),
+        "other_controller": (1, "another controller speaks on the bus: before leading nothing was sent"),
+        "no_drive": (1, "no drive that can be led was heard within 2 s: silent, or of another catalogue"),
+        "drive_fault": (1, "the drive has latched a fault: `capsule run RIG.toml reset` acknowledges it"),
+        "not_reset": (1, "`reset`: the fault stays, its cause is still there"),
+        "gave_up": (1, "the drive was not enabled within `control.give_up_s`"),
+        "stopped": (1, "the controller stopped by itself, for the reason in `ended`"),
+        "log": (1, "as asked, but frames are missing in the log"),
+    }
+)
+"""How a run may end: the exit status of `capsule run`, and what it means."""
 
 
 @dataclass
 class Outcome:
-    """How a run ended: `ended` in words, `reason` where the node stopped by itself; pacing, time that ticks took, plans
-    that it `cut`.
+    """How a run ended: `end` (one of `ENDS`), and in words; pacing, time that ticks took, plans that it `cut`; whether
+    the drive was `led`, so asked to move.
     """
 
     grid: Grid
     busy: Histogram = field(default_factory=Histogram)
     cut: int = 0
+    end: str = "no_drive"
     ended: str = ""
-    reason: str = ""
     led: bool = False
-
-    @property
-    def well(self) -> bool:
-        """Whether nothing but time or the operator ended it."""
-        return not self.reason and self.led
 
 
 def lead(
-    node: ControllerNode, clock: Clock, duration_s: float, recorder: Recorder, signals: Signals, *, reset: bool = False
+    node: ControllerNode,
+    clock: Clock,
+    duration_s: float,
+    recorder: Recorder,
+    signals: Signals,
+    give_up_s: float = GIVE_UP_S,
 ) -> Outcome:
-    """Listen until the drive is heard (at most 2 s), start, lead for `duration_s`, stop, tick on until the drive is at
-    rest.
-
-    A drive that has latched a fault is led with `reset` alone: the start then acknowledges the fault.
+    """Listen until the drive is heard (at most 2 s), start, lead for `duration_s` from when the drive is enabled on,
+    stop, tick on until the drive is at rest. Where it is not enabled within `give_up_s` it never will be.
 
     Overruns: a tick that begins a period late skips the points in between (`Grid`); the estimator catches up with at
     most three, after a longer pause the node stops by itself; the drive meanwhile lives on its command's time to live.
     """
     outcome = Outcome(Grid(clock, node.tick_s))
-    began = _tick(node, outcome, recorder)
-    now = began
-    while now - began < LISTEN_S and not signals.wanted and (now - began < LEAST_S or not _heard(node, now, reset)):
-        now = _tick(node, outcome, recorder)
-    if _heard(node, now, reset) and not signals.wanted:
-        recorder.start(now, now)
-        node.start(now, now)
-        outcome.led = True
-        origin = now
-        while node.state == RUNNING and now - origin < duration_s and not signals.wanted:
+    now = _listen(node, outcome, recorder, signals)
+    if _ready(node, now, outcome, signals):
+        recorder.start(now, math.nan)
+        node.start(now)
+        began, enabled = now, now if node.guard.dry else math.nan
+        while node.state == RUNNING and not signals.wanted:
             now = _tick(node, outcome, recorder)
-    outcome.reason = node.reason if node.state == FAULTY else ""
-    fed = node.receiver.evidence(now).feedback_s < HEARTBEAT_LOST_S
-    silent = "no heartbeat of the drive as capsule.dbc has it" if fed else "no feedback of the drive"
-    missing = (_doubt(node, now, reset) or silent) + node.receiver.error_words
-    missing += "; 'capsule run RIG.toml reset' acknowledges it" if missing.startswith("drive fault") else ""
-    outcome.ended = outcome.reason or signals.wanted or ("time is up" if outcome.led else f"nothing to lead: {missing}")
+            enabled = now if math.isnan(enabled) and node.enabled else enabled
+            if now - enabled >= duration_s or (math.isnan(enabled) and now - began >= give_up_s):
+                break
+        outcome.led = node.leads
+        outcome.end, outcome.ended = _ended(node, now, signals, not math.isnan(enabled), give_up_s)
     _come_to_rest(node, outcome, recorder, now)
     return outcome
 
 
-def _doubt(node: ControllerNode, now: float, reset: bool) -> str:
+def reset(node: ControllerNode, clock: Clock, recorder: Recorder, signals: Signals) -> Outcome:
+    """Listen until the drive is heard, acknowledge the fault that it has latched, and see what becomes of it; nothing
+    is enabled.
+    """
+    outcome = Outcome(Grid(clock, node.tick_s))
+    now = _listen(node, outcome, recorder, signals, faulty=True)
+    fault = node.receiver.fault
+    if _ready(node, now, outcome, signals) and not fault:
+        outcome.end, outcome.ended = "reset", "the drive has no fault to acknowledge"
+    elif outcome.end == "drive_fault" and fault:
+        recorder.acknowledge(now)
+        node.acknowledge()
+        since = now
+        while node.receiver.state == FAULT and now - since < RESET_S and not signals.wanted:
+            now = _tick(node, outcome, recorder)
+        stays = node.receiver.state == FAULT
+        outcome.end = "not_reset" if stays else "reset"
+        told = "stays: its cause is still there" if stays else "is acknowledged; the drive stands by"
+        outcome.ended = f"drive fault {fault} {told}"
+    _come_to_rest(node, outcome, recorder, now)
+    return outcome
+
+
+def _listen(
+    node: ControllerNode, outcome: Outcome, recorder: Recorder, signals: Signals, *, faulty: bool = False
+) -> float:
+    """Tick until there is a drive to lead (or, where `faulty`, one with a fault that it has named), or none within 2 s;
+    the time then.
+    """
+
+    def heard(now: float) -> bool:
+        named = faulty and node.receiver.fault > 0 and node.receiver.state == FAULT
+        return named or bool(_stranger(node)) or _fit(node, now)
+
+    began = now = _tick(node, outcome, recorder)
+    while now - began < LISTEN_S and not signals.wanted and (now - began < LEAST_S or not heard(now)):
+        now = _tick(node, outcome, recorder)
+    return now
+
+
+def _ready(node: ControllerNode, now: float, outcome: Outcome, signals: Signals) -> bool:
+    """Whether there is a drive to lead; else why not, in `outcome`."""
+    doubt = _doubt(node, now)
+    if signals.wanted:
+        outcome.end, outcome.ended = "cancelled", f"{signals.wanted} before the drive was enabled"
+    elif other := _stranger(node):
+        outcome.end, outcome.ended = "other_controller", f"nothing to lead: {other}"
+    elif doubt.startswith("drive fault"):
+        outcome.end = "drive_fault"
+        outcome.ended = f"nothing to lead: {doubt}; 'capsule run RIG.toml reset' acknowledges it"
+    elif not _fit(node, now):
+        fed = node.receiver.evidence(now).feedback_s < HEARTBEAT_LOST_S
+        silent = "no heartbeat of the drive as capsule.dbc has it" if fed else "no feedback of the drive"
+        refused = f"; {words}" if not doubt and (words := node.receiver.refused_words) else ""
+        outcome.ended = f"nothing to lead: {doubt or silent}{refused}{node.receiver.error_words}"
+    else:
+        return True
+    return False
+
+
+def _ended(node: ControllerNode, now: float, signals: Signals, enabled: bool, give_up_s: float) -> tuple[str, str]:
+    """How a run ended that had a drive to lead, and in words."""
+    if node.state == FAULTY:
+        other = node.reason == node.receiver.other_controller
+        deaf = f"; {node.receiver.refused_words}" if node.receiver.deaf else ""
+        return "other_controller" if other else "stopped", node.reason + deaf
+    if signals.wanted:
+        return ("operator", signals.wanted) if node.leads else ("cancelled", f"{signals.wanted} before it was enabled")
+    if enabled:
+        return "done", "time is up"
+    age = node.receiver.evidence(now).localisation_s
+    place = (
+        "no localisation"
+        if age == math.inf
+        else f"localisation {age:.2g} s old"
+        if age > node.guard.fence.stop_s
+        else ""
+    )
+    refused = node.receiver.refused_words
+    missing = "; ".join(words for words in (place, refused) if words) or "the drive did not become ready"
+    return "gave_up", f"gave up: the drive was not enabled within {give_up_s:g} s: {missing}"
+
+
+def _stranger(node: ControllerNode) -> str:
+    """That another controller speaks, where that matters: to one that only listens it does not."""
+    return "" if node.guard.dry else node.receiver.other_controller
+
+
+def _doubt(node: ControllerNode, now: float) -> str:
     """Why the drive is not to be led, "" where it is."""
-    doubt = node.receiver.doubt(now) or (
+    return node.receiver.doubt(now) or (
         "drive fault" if node.receiver.state == FAULT and not node.receiver.fault else ""
     )
-    return "" if reset and doubt == f"drive fault {node.receiver.fault}" else doubt
 
 
-def _heard(node: ControllerNode, now: float, reset: bool) -> bool:
+def _fit(node: ControllerNode, now: float) -> bool:
     """Whether there is a drive to lead."""
-    return (
-        not _doubt(node, now, reset)
-        and node.receiver.beating
-        and node.receiver.evidence(now).feedback_s < HEARTBEAT_LOST_S
-    )
+    return not _doubt(node, now) and node.receiver.beating and node.receiver.evidence(now).feedback_s < HEARTBEAT_LOST_S
 
 
 def _come_to_rest(node: ControllerNode, outcome: Outcome, recorder: Recorder, now: float) -> None:

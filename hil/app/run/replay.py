@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 import struct
-import tomllib
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -16,16 +15,17 @@ from typing import Any, Final
 import can
 
 from controller.model.control_model import ControlModel, control_model
-from hil.app.console import output_to_notes, print_json, summary
+from hil.app.console import notes, output_to_notes, print_json, summary
 from hil.app.scenario.bus_scenario import parse_sil_scenario
 from hil.app.scenario.deployment import parse_deployment
 from hil.app.scenario.model_offer import Offered, offer_of
 from hil.bus.catalogue import Catalogue, load_catalogue
-from hil.log.blf_file import NOTED, RECEIVED, Logged
+from hil.log.blf_file import LOST, NOTED, RECEIVED, Logged
 from hil.log.log import FORMAT, record_path
 from hil.log.reader import read_frames, read_log_record
-from hil.log.recorder import CUT, EXACT, START, STOP, UNSOLVED, code_version
+from hil.log.recorder import ACKNOWLEDGED, CUT, EXACT, HEARD, START, STOP, UNSOLVED, code_version
 from hil.nodes.controller.node import ControllerNode, Task
+from models.files.toml import parse_toml
 
 _SHOWN: Final = 5
 
@@ -119,13 +119,24 @@ def replay(path: Path, *, json_output: bool = False) -> int:
     """Run the controller of the log `path` again; 0 where all its frames are the same, else 1. Raises ValueError of one
     sentence.
     """
+    if path.suffix.lower() != ".blf":
+        raise ValueError(
+            f"{path}: log must be the .blf file that a run wrote: other formats keep neither times to the ns nor the"
+            " notes that a replay needs"
+        )
     record, catalogue = read_log_record(path), load_catalogue()
     _fits(record, catalogue, record_path(path))
     try:
         with output_to_notes():
-            found = replayed(read_frames(path), task_of(record, str(path)), catalogue, bool(record.get("dry_run")))
+            frames = read_frames(path, lambda said: notes().print(f"{path}: {said}", markup=False, soft_wrap=True))
+            found = replayed(frames, task_of(record, str(path)), catalogue, bool(record.get("dry_run")))
     except ValueError as error:
         raise ValueError(str(error) if str(error).startswith(str(path)) else f"{record_path(path)}: {error}") from None
+    if not found.ticks:
+        raise ValueError(
+            f"{path}: log must hold ticks that its controller led through, each begun by a SYNC that it sent; got none:"
+            " an empty log, or a recording of what another node heard"
+        )
     code = str(record.get("code", "unknown"))
     lines = [difference.words(catalogue) for difference in found.differences[:_SHOWN]]
     if json_output:
@@ -175,17 +186,25 @@ def task_of(record: Mapping[str, Any], where: str) -> Task:
         if "deployment" in record:
             deployment = replace(parse_deployment(str(record["deployment"]), values), offered=offered)
             return replace(deployment.task(), controller=name, deadline_s=math.inf)
-        scenario = parse_sil_scenario(tomllib.loads(str(record["scenario"]))).loop
+        scenario = parse_sil_scenario(parse_toml(str(record["scenario"]), "scenario")).loop
     except ValueError as error:
         raise ValueError(f"{where}: record must describe a task; got: {error}") from None
 
     def believed(values: Mapping[str, float]) -> ControlModel:
         return control_model(scenario.belief, values, scenario.control.tick_s)
 
-    noise = scenario.instruments.localisation.std
-    offers = (offer_of(offered, believed), *(offer_of(one, believed) for one in learned))
-    told = (scenario.reference, scenario.limits, noise)
-    return Task(believed(values), name, *told, offer=offers[0], learned=tuple(one for one in offers[1:] if one))
+    seen = scenario.instruments.localisation
+    told = (scenario.reference, scenario.limits, seen.std)
+    first, *rest = (offer_of(offered, believed), *(offer_of(one, believed) for one in learned))
+    return Task(
+        believed(values),
+        name,
+        *told,
+        resolution_m=seen.quantum,
+        offer=first,
+        estimator=scenario.control.estimator,
+        learned=tuple(one for one in rest if one),
+    )
 
 
 def replayed(frames: Iterable[Logged], task: Task, catalogue: Catalogue, dry_run: bool = False) -> Replay:
@@ -213,9 +232,11 @@ def _compared(node: ControllerNode, tape: Tape, events: list[TickOfLog | Word]) 
     for k, event in enumerate(events):
         if isinstance(event, Word):
             if event.code == START:
-                node.start(event.time_s, event.value)
+                node.start(event.time_s, None if math.isnan(event.value) else event.value)
             elif event.code == STOP:
                 node.stop()
+            elif event.code == ACKNOWLEDGED:
+                node.acknowledge()
             continue
         sent.clear()
         tape.inbox.extend(event.heard)
@@ -230,36 +251,40 @@ def _compared(node: ControllerNode, tape: Tape, events: list[TickOfLog | Word]) 
 
 
 def ticks_of(frames: Iterable[Logged], sync: int) -> Iterator[TickOfLog | Word]:
-    """The ticks and the operator's words of a log, in order; a tick begins with the SYNC that the node sends."""
+    """The ticks and the operator's words of a log, in order. A tick heard what stands before the SYNC that it sent,
+    back to the one before, and what a note says it heard. Raises ValueError where frames are missing.
+    """
     tick: TickOfLog | None = None
     exact: float | None = None
-    solved = True
+    solved, heard_before = True, False
+    waiting: list[can.Message] = []
     for logged in frames:
-        if logged.way == NOTED:
+        if logged.way == NOTED and logged.id in (EXACT, UNSOLVED, HEARD, LOST, CUT):
             value = struct.unpack("<d", logged.data)[0]
-            if logged.id == EXACT:
-                exact = value
-            elif logged.id == UNSOLVED:
-                solved = False
-            elif logged.id == CUT:
-                if tick is not None and math.isfinite(value):
-                    tick.cut_after = int(value)
-            else:
-                if tick is not None:
-                    yield tick
-                tick = None
-                yield Word(logged.id, logged.time_s, value)
+            if logged.id == LOST:
+                raise ValueError(f"log must be whole to be replayed; frames are missing at {logged.time_s:g} s")
+            exact = value if logged.id == EXACT else exact
+            solved, heard_before = solved and logged.id != UNSOLVED, heard_before or logged.id == HEARD
+            if logged.id == CUT and tick is not None and math.isfinite(value):
+                tick.cut_after = int(value)
             continue
         time_s, exact = logged.time_s if exact is None else exact, None
-        if logged.way != RECEIVED and logged.id == sync:
+        if logged.way == NOTED:
             if tick is not None:
                 yield tick
-            tick, solved = TickOfLog(time_s, solved=solved), True
-        if tick is None:
-            continue
-        if logged.way == RECEIVED:
-            tick.heard.append(can.Message(time_s, logged.id, False, data=logged.data, is_rx=True))
+            tick = None
+            yield Word(logged.id, time_s, struct.unpack("<d", logged.data)[0])
+        elif logged.way == RECEIVED:
+            message = can.Message(time_s, logged.id, False, data=logged.data, is_rx=True)
+            (waiting if tick is None or not heard_before else tick.heard).append(message)
+            heard_before = False
         else:
-            tick.sent.append((logged.id, logged.data))
+            if logged.id == sync:
+                if tick is not None:
+                    yield tick
+                tick, solved = TickOfLog(time_s, heard=waiting, solved=solved), True
+                waiting = []
+            if tick is not None:
+                tick.sent.append((logged.id, logged.data))
     if tick is not None:
         yield tick

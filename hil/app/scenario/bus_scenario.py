@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from hil.app.scenario.deployment import check_tick
+from hil.app.scenario.reference import with_reference
 from hil.app.scenario.scenario import BUS_TABLES, TABLES, TrackScenario, parse_track_scenario
 from hil.nodes.faults.table import Fault, read_faults
 from hil.nodes.frame_map import frame_map_of, frames
 from hil.nodes.plant_node import SLOT_S
 from models.files.tables import from_table
-from models.files.toml import read_toml
+from models.files.toml import read_toml, toml_text
 from models.parameter import nearest
 
 
@@ -42,11 +43,14 @@ class SilScenario:
     faults: tuple[Fault, ...] = ()
 
 
-def load_sil_scenario(path: Path) -> tuple[SilScenario, str]:
-    """Read and check a scenario file; with its text. A ValueError of one sentence says which key, what it must be and
-    what it is.
+def load_sil_scenario(path: Path, reference: Path | None = None) -> tuple[SilScenario, str]:
+    """Read and check a scenario file, with the reference of another one where that is given; with its text. A
+    ValueError of one sentence says which key, what it must be and what it is.
     """
     raw, text = read_toml(path, "scenario")
+    if reference is not None:
+        raw = with_reference(raw, reference, "scenario")
+        text = toml_text(raw)
     try:
         return parse_sil_scenario(raw), text
     except ValueError as error:

@@ -11,11 +11,11 @@ from typing import Any, Final
 
 from controller.limits import Limits
 from controller.model.control_model import ControlModel, control_model
-from controller.registry import CONTROLLERS, leads
+from controller.registry import CONTROLLERS, checked_estimator, leads
 from controller.supervision.acceptance import AcceptanceTest, Verdict
 from controller.trajectory import Trajectory
 from hil.app.scenario.model_offer import Offered, offer_of, read_offer, read_offer_table
-from hil.app.scenario.reference import read_reference
+from hil.app.scenario.reference import read_reference, with_reference
 from hil.bus.catalogue import load_catalogue
 from hil.nodes.cia402.states import Cia402Table
 from hil.nodes.controller.guard import FEEDBACK_S
@@ -23,7 +23,7 @@ from hil.nodes.controller.node import Task
 from hil.nodes.frame_map import FRAME_MAPS, frame_map_of
 from models.files.rig import TABLES, Rig, parse_rig
 from models.files.tables import from_table
-from models.files.toml import parse_toml, read_toml
+from models.files.toml import parse_toml, read_toml, toml_text
 from models.identification.finding import STAGES
 from models.identification.model import read_model, read_report
 from models.parameter import nearest
@@ -51,25 +51,36 @@ class BusTable:
 
 @dataclass(frozen=True)
 class ControlTable:
-    """`[control]`: which controller at which tick, the noise of the localisation, how long; `priority` 1 to 99 asks for
-    SCHED_FIFO, `core` from 0 on for one core alone.
+    """`[control]`: which controller at which tick, the noise of the localisation and its pixels or steps, how long from
+    the drive's being enabled on, and how long to wait for that; `priority` 1 to 99 asks for SCHED_FIFO, `core` from 0
+    on for one core alone.
     """
 
     controller: str = "feedforward"
     tick_s: float = 2e-3
     seen_noise_m: float = 5e-4
+    resolution_m: float = 0.0
     duration_s: float = 10.0
+    give_up_s: float = 5.0
     priority: int = 0
     core: int = -1
+    estimator: str = "default"
 
     def __post_init__(self) -> None:
-        for name, lower, upper in (("tick_s", 5e-4, 0.02), ("seen_noise_m", 0.0, 0.01), ("duration_s", 0.01, 86400.0)):
+        for name, lower, upper in (
+            ("tick_s", 5e-4, 0.02),
+            ("seen_noise_m", 0.0, 0.01),
+            ("resolution_m", 0.0, 0.01),
+            ("duration_s", 0.01, 86400.0),
+            ("give_up_s", 0.5, 3600.0),
+        ):
             if not lower <= getattr(self, name) <= upper:
                 raise ValueError(f"control.{name} must lie in [{lower:g}, {upper:g}]; got {getattr(self, name):g}")
         if not 0 <= self.priority <= 99:
             raise ValueError(f"control.priority must lie in [0, 99]; got {self.priority}")
         if self.core < -1:
             raise ValueError(f"control.core must be a core's number, or -1 for any; got {self.core}")
+        checked_estimator(self.estimator)
         if self.controller not in CONTROLLERS:
             choices = f"one of {', '.join(CONTROLLERS)}"
             raise ValueError(
@@ -143,12 +154,24 @@ class Deployment:
 
         control, offer = self.control, offer_of(self.offered, believed)
         told = (self.reference, self.limits, control.seen_noise_m, PLANNING * control.tick_s)
-        return Task(believed(self.values), control.controller, *told, offer=offer)
+        return Task(
+            believed(self.values),
+            control.controller,
+            *told,
+            resolution_m=control.resolution_m,
+            offer=offer,
+            estimator=control.estimator,
+        )
 
 
-def load_deployment(path: Path) -> Deployment:
-    """Read and check a deployment file; anything wrong is a ValueError of one sentence."""
+def load_deployment(path: Path, reference: Path | None = None) -> Deployment:
+    """Read and check a deployment file, with the reference of another one where that is given; anything wrong is a
+    ValueError of one sentence.
+    """
     raw, text = read_toml(path, "rig file")
+    if reference is not None:
+        raw = with_reference(raw, reference, "control")
+        text = toml_text(raw)
     try:
         values, verdict = _learned(raw, path.parent)
         deployment = parse_deployment(text, values, path.stem, verdict)

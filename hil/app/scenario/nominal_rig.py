@@ -62,6 +62,8 @@ def read_belief(table: Table, kind: str, surface: str) -> Rig:
             if surface == "gut"
             else {"kind": "plate", "friction_coefficient": _PLATE.friction_coefficient}
         )
+    if "lumen_diameter_m" in table.get("tissue", {}) and "tissue" in nominal:
+        nominal["tissue"] = {key: value for key, value in nominal["tissue"].items() if key != "contact_angle_deg"}
     merged = {name: {**nominal.get(name, {}), **table.get(name, {})} for name in {**nominal, **table}}
     if merged["rig"]["kind"] != kind:
         raise ValueError(f"belief.rig.kind must be the plant's, {kind!r}; got {merged['rig']['kind']!r}")

@@ -17,8 +17,9 @@ _MODELS = {"vibro": ("vibro", "vibro_table")}
 @dataclass(frozen=True)
 class Options:
     """`controller` and `seed` are the scenario's where None. `model` is a file that close-loop wrote, of which `stage`
-    is used; without it the controller knows nominal values. `out` is a folder for what is written. `learn`: identify
-    in the background once the model broke.
+    is used; without it the controller knows nominal values. `reference` is a file whose table [reference] takes the
+    scenario's place (`with_reference`). `out` is a folder for what is written. `learn`: identify in the background once
+    the model broke.
     """
 
     controller: str | None = None
@@ -27,6 +28,7 @@ class Options:
     seed: int | None = None
     out: Path | None = None
     json_output: bool = False
+    reference: Path | None = None
     learn: bool = False
 
     def of(self, scenario: TrackScenario) -> tuple[str, int]:

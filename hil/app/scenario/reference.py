@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from controller.limits import Limits
 from controller.trajectory import LONGEST_S, STEP_S, Trajectory, by_speeds, through
 from models.files.tables import choice, from_table
+from models.files.toml import read_toml
 
 MM: Final = 1e-3
 FARTHEST: Final = 1e6
@@ -130,6 +132,32 @@ def read_reference(table: Mapping[str, Any], duration_s: float, limits: Limits |
     if limits is not None:
         _within(trajectory, duration_s, limits)
     return trajectory
+
+
+def with_reference(raw: Mapping[str, Any], file: Path | None, table: str) -> dict[str, Any]:
+    """The tables `raw` of a scenario or deployment with the table [reference] of `file` (as close-loop writes it) in
+    place of theirs; the run, `duration_s` of `table`, lasts until its last waypoint, and checks meant for another
+    reference are left out. Unchanged without a file. Raises ValueError of one sentence.
+    """
+    if file is None:
+        return dict(raw)
+    given, _ = read_toml(file, "reference file")
+    reference = given.get("reference")
+    times = reference.get("times_s") if isinstance(reference, Mapping) else None
+    if not isinstance(reference, Mapping) or reference.get("kind") != "waypoints" or not times:
+        raise ValueError(
+            f"{file}: reference file must have a table [reference] of kind 'waypoints' with times_s and positions_mm,"
+            f" as close-loop writes next_experiment.toml; got {reference!r}"[:300]
+        )
+    try:
+        shape = from_table(Waypoints, reference, "reference", skip=("kind",))
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}") from None
+    kept = {name: content for name, content in raw.items() if name != "checks"}
+    run = raw.get(table, {})
+    return {**kept, table: {**(run if isinstance(run, Mapping) else {}), "duration_s": shape.times_s[-1]}} | {
+        "reference": dict(reference)
+    }
 
 
 def _in_time(

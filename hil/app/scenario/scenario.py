@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any, Final
 
 from controller.limits import Limits
-from controller.registry import CONTROLLERS, leads
+from controller.registry import CONTROLLERS, checked_estimator, leads
 from controller.trajectory import Trajectory
 from hil.app.scenario.checks import CheckTable, read_checks
 from hil.app.scenario.model_offer import OfferTable, read_offer_table
 from hil.app.scenario.nominal_rig import read_belief
-from hil.app.scenario.reference import read_reference
+from hil.app.scenario.reference import read_reference, with_reference
 from models.files.rig import Rig
 from models.files.tables import converted, from_table
 from models.files.toml import read_toml
@@ -47,10 +47,12 @@ class Control:
     tick_s: float = 1e-3
     controller: str = "feedforward"
     judged_from_s: float = 0.5
+    estimator: str = "default"
 
     def __post_init__(self) -> None:
         if not 1e-4 <= self.tick_s <= 0.02:
             raise ValueError(f"control.tick_s must lie in [1e-4, 0.02] s; got {self.tick_s:g}")
+        checked_estimator(self.estimator)
         if not self.judged_from_s >= 0:
             raise ValueError(f"control.judged_from_s must be zero or more; got {self.judged_from_s:g}")
 
@@ -75,9 +77,12 @@ class TrackScenario:
     offer: OfferTable | None = None
 
 
-def load_track_scenario(path: Path) -> TrackScenario:
-    """Read and check a scenario file; a ValueError of one sentence says which key, what it must be and what it is."""
+def load_track_scenario(path: Path, reference: Path | None = None) -> TrackScenario:
+    """Read and check a scenario file, with the reference of another one where that is given; a ValueError of one
+    sentence says which key, what it must be and what it is.
+    """
     raw, _ = read_toml(path, "scenario")
+    raw = with_reference(raw, reference, "scenario")
     try:
         return parse_track_scenario(raw)
     except ValueError as error:
@@ -132,6 +137,8 @@ def _buildable(truth: Truth, raw: Table) -> None:
     """Build the plant once, so that what it refuses is said of the file, under the table in which the number stands."""
     for where, record in (("capsule", truth.capsule), ("tissue", truth.tissue)):
         for name, value in vars(record).items():
+            if isinstance(value, str):
+                continue
             may_be_zero = name in ("friction_coefficient", "nose_force_angle_deg")
             if not (value > 0 or (may_be_zero and value == 0)):
                 raise ValueError(

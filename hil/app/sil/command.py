@@ -31,7 +31,7 @@ def sil(path: Path, asked: Options) -> None:
 
     Raises ValueError, one sentence, for anything that cannot be used.
     """
-    scenario, text = load_sil_scenario(path)
+    scenario, text = load_sil_scenario(path, asked.reference)
     values, used = asked.values(scenario.loop.kind)
     if asked.learn:
         check_learnt(scenario.loop.belief)

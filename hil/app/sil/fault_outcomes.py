@@ -27,7 +27,15 @@ PLACE_S: Final = 0.155
 _RIDDEN: Final = ("duplicate", "reorder", "replay")
 _UNSEEN: Final = (("coil", "biased"), ("vibro", "stuck"), ("vibro", "biased"))
 _OWN_S: Final[Mapping[str, float]] = MappingProxyType(
-    {"babbling": BUS_S, "over_temperature": 0.5, "drive_reset": 0.02, "late_solve": 0.02, "clock_jump": 0.02}
+    {
+        "babbling": BUS_S,
+        "second_master": BUS_S,
+        "player": BUS_S,
+        "over_temperature": 0.5,
+        "drive_reset": 0.02,
+        "late_solve": 0.02,
+        "clock_jump": 0.02,
+    }
 )
 
 
@@ -47,8 +55,12 @@ def limit_s(rig: str, fault: Fault) -> float:
         return math.inf
     if kind in _OWN_S:
         return _OWN_S[kind]
-    if kind in ("killed", "frozen") or (kind in ("drop", "delay", "corrupt") and target in ("commands", "all")):
+    if kind in ("killed", "frozen") or (
+        kind in ("drop", "delay", "corrupt", "retyped") and target in ("commands", "all")
+    ):
         return TO_LIVE_S[rig]
+    if kind == "unreadable":
+        return SEEN_S[rig] if target == "controller" else TO_LIVE_S[rig]
     if kind == "bus_off" and target in ("controller", "drive"):
         return BUS_S
     if kind == "stuck" or (kind, target) == ("biased", "feedback"):
@@ -61,31 +73,45 @@ ROUNDING_S: Final = 1e-9
 
 @dataclass(frozen=True)
 class Outcome:
-    """One fault's outcome. `safe_after_s`: from its begin until the drive was in its safe state (nan where it never had
-    to be: the loop rode through); `since_good_s`: the same from the last good command frame before that. `unsafe`: the
-    true state broke a limit, or a drive that moved when the fault came was in its safe state later than `sil_limits`
-    allows, or moved again afterwards.
+    """What came of `faults` that began together, within a tick: one, or a set. `safe_after_s`: from the first's begin
+    until the drive was in its safe state (nan where it never had to be: the loop rode through); `since_good_s`: the
+    same from the last good command frame before that. `unsafe`: the true state broke a limit, or a drive that moved
+    when the fault came was in its safe state later than `sil_limits` allows, or moved again afterwards.
     """
 
-    fault: Fault
+    faults: tuple[Fault, ...]
     safe_after_s: float
     since_good_s: float
     unsafe: bool
 
+    @property
+    def fault(self) -> Fault:
+        """The one that began first."""
+        return self.faults[0]
+
     def document(self) -> dict[str, Any]:
         """The entry of the JSON's `faults`; `safe_after_ms` is null where no safe state was called for."""
         safe = None if math.isnan(self.safe_after_s) else 1e3 * self.safe_after_s
-        return {"fault": self.fault.name, "at_s": self.fault.at_s, "safe_after_ms": safe, "unsafe": self.unsafe}
+        name = " + ".join(fault.name for fault in self.faults)
+        return {"fault": name, "at_s": self.fault.at_s, "safe_after_ms": safe, "unsafe": self.unsafe}
 
 
 def outcomes(scenario: SilScenario, trace: SilTrace) -> list[Outcome]:
-    """The outcome of each fault; it counts until the next one begins."""
-    faults = scenario.faults
-    ends = [*(f.at_s for f in faults[1:]), math.inf][: len(faults)]
-    return [_outcome(scenario, trace, fault, end) for fault, end in zip(faults, ends, strict=True)]
+    """The outcome of each fault, or of each set of faults that began within a tick; it counts until the next one
+    begins.
+    """
+    sets: list[list[Fault]] = []
+    for fault in scenario.faults:
+        if sets and fault.at_s < sets[-1][0].at_s + scenario.loop.control.tick_s - ROUNDING_S:
+            sets[-1].append(fault)
+        else:
+            sets.append([fault])
+    ends = [*(some[0].at_s for some in sets[1:]), math.inf][: len(sets)]
+    return [_outcome(scenario, trace, tuple(some), end) for some, end in zip(sets, ends, strict=True)]
 
 
-def _outcome(scenario: SilScenario, trace: SilTrace, fault: Fault, end: float) -> Outcome:
+def _outcome(scenario: SilScenario, trace: SilTrace, faults: tuple[Fault, ...], end: float) -> Outcome:
+    fault = faults[0]
     t, safe, good = trace.slots.T
     within = (t > fault.at_s) & (t <= end)
     reached = np.flatnonzero(within & (safe > 0))
@@ -98,8 +124,9 @@ def _outcome(scenario: SilScenario, trace: SilTrace, fault: Fault, end: float) -
     )
     before = np.flatnonzero(t <= fault.at_s + ROUNDING_S)
     if before.size and not safe[before[-1]]:
-        limit = limit_s(scenario.loop.kind, fault)
-        watched = min(fault.duration_s, end - fault.at_s, float(t[-1]) - fault.at_s)
+        limit = min(f.at_s - fault.at_s + limit_s(scenario.loop.kind, f) for f in faults)
+        lasts = max(f.end_s for f in faults) - fault.at_s
+        watched = min(lasts, end - fault.at_s, float(t[-1]) - fault.at_s)
         late = after_s > limit + ROUNDING_S if reached.size else watched > limit
         unsafe = unsafe or late or (reached.size > 0 and not safe[first:].all())
-    return Outcome(fault, after_s, float(t[first] - good[first]) if reached.size else math.nan, bool(unsafe))
+    return Outcome(faults, after_s, float(t[first] - good[first]) if reached.size else math.nan, bool(unsafe))

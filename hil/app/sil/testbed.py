@@ -4,21 +4,26 @@ slot.
 
 from __future__ import annotations
 
+import contextlib
 import math
+import random
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 
 import can
 
 from controller.model.control_model import ControlModel, control_model
 from controller.supervision.model_switch import Offer
 from hil.app.scenario.bus_scenario import SilScenario
-from hil.bus.simulated import BUS_OFF, Medium, SimulatedBus
+from hil.bus.protection import Sender
+from hil.bus.simulated import Medium, SimulatedBus
 from hil.log.recorder import Recorder
 from hil.nodes.controller.node import ControllerNode, Task, Tick
+from hil.nodes.controller.receive import controllers_frames
 from hil.nodes.faults.injection import TAMPERING, FaultInjection
 from hil.nodes.faults.table import Fault
-from hil.nodes.frame_map import frame_map_of, frames
+from hil.nodes.frame_map import ENABLE, FrameMap, frame_map_of, frames
 from hil.nodes.plant_node import SLOT_S, PlantNode
 from plant.sensing.instruments import Reading
 from plant.session import Session
@@ -63,7 +68,10 @@ class Bench:
             SimulatedBus(self.medium, "babbler") if any(f.kind == "babbling" for f in scenario.faults) else None
         )
         self.links: dict[str, FaultInjection] = {}
-        task = Task(model, controller, loop.reference, loop.limits, loop.instruments.localisation.std, offer=offer)
+        self._stranger = _Stranger(self.medium, self.wiring, self.tick_s, {f.kind for f in scenario.faults})
+        seen, estimator = loop.instruments.localisation, loop.control.estimator
+        told = (loop.reference, loop.limits, seen.std)
+        task = Task(model, controller, *told, resolution_m=seen.quantum, offer=offer, estimator=estimator)
         self.node = ControllerNode(task, self._bus("controller", seed), observer=recorder)
         session = Session(loop.truth, replace(loop.instruments, feedback=None), seed, 0.0)
         self.plant = PlantNode(
@@ -73,6 +81,7 @@ class Bench:
             self._bus("drive", seed + 1),
             self.ports["localiser"],
             force_seed=seed if scenario.bus.force_sensor else None,
+            draw=partial(random.Random(seed).getrandbits, 32),
         )
         self.ticks = 0
         self._active: list[Fault] = []
@@ -119,6 +128,8 @@ class Bench:
         """The plant's part of a tick's slot `number`; the time at its begin."""
         at = self.time_s + PHASE_S + number * SLOT_S
         self._change(at)
+        if number == self.slots - 1:
+            self._stranger.speak(at, {fault.kind for fault in self._active})
         if self._babbler is not None and any(f.kind == "babbling" for f in self._active):
             self._babble(self._babbler)
         self.medium.advance(at)
@@ -137,25 +148,29 @@ class Bench:
 
     def _bus(self, name: str, seed: int) -> can.BusABC:
         """The port of a node, behind a link where a fault of the scenario tampers with what it receives."""
-        if not any(f.kind in TAMPERING for f in self.scenario.faults):
+        if not any(f.kind in (*TAMPERING, "unreadable") for f in self.scenario.faults):
             return self.ports[name]
         self.links[name] = FaultInjection(self.ports[name], lambda: self.medium.now_s, seed)
         return self.links[name]
 
     def _change(self, now: float) -> None:
-        """Begin and end faults."""
-        for fault in [f for f in self._active if f.end_s <= now + 1e-9 and f.kind != "killed"]:
-            self._active.remove(fault)
-            self._set(fault, False)
-        while self._due and self._due[0].at_s <= now + 1e-9:
-            self._active.append(self._due[0])
-            self._set(self._due.pop(0), True)
+        """Let the wire run until `now`; faults begin and end on it at their own times."""
+        ends = [(f.end_s, False, f) for f in self._active if f.end_s <= now + 1e-9 and f.kind != "killed"]
+        begins = [(f.at_s, True, f) for f in self._due if f.at_s <= now + 1e-9]
+        self._due = self._due[len(begins) :]
+        ends += [(f.end_s, False, f) for _, _, f in begins if f.end_s <= now + 1e-9 and f.kind != "killed"]
+        for at_s, on, fault in sorted([*ends, *begins], key=lambda change: change[0]):
+            self.medium.advance(at_s)
+            (self._active.append if on else self._active.remove)(fault)
+            self._set(fault, on)
 
     def _set(self, fault: Fault, on: bool) -> None:
         drive = self.plant.drive
         if fault.kind in TAMPERING:
             for link, entry in self._hit(fault):
                 link.faults = [*link.faults, entry] if on else [e for e in link.faults if e[0] is not fault]
+        elif fault.kind == "unreadable":
+            self.links[fault.target].broken = on
         elif fault.kind == "bus_off":
             self._off_bus(self.ports[fault.target], on)
         elif fault.kind in ("stuck", "biased", "nan", "lost"):
@@ -173,9 +188,9 @@ class Bench:
         known, own = frames(), self.wiring
         to_drive = {
             "commands": (own.command,),
-            "all": ("Sync", "SafeStop", "DriveReset", "ControllerHeartbeat", own.command),
+            "all": ("Sync", "SafeStop", "DriveReset", "EnableAnswer", "ControllerHeartbeat", own.command),
         }
-        back = (own.feedback, own.fault, own.heartbeat)
+        back = (own.feedback, own.fault, own.heartbeat, own.challenge)
         to_controller = {
             "feedback": back,
             "localisation": ("CapsuleLocalisation",),
@@ -189,14 +204,65 @@ class Bench:
 
     def _off_bus(self, port: SimulatedBus, off: bool) -> None:
         if off:
-            port.counters.transmit = BUS_OFF
-            port.flush_tx_buffer()
+            self.medium.leave(port)
         else:
             port.recover()
 
     def _babble(self, port: SimulatedBus) -> None:
         while len(port.waiting) < 16:
             port.send(can.Message(arbitration_id=_BABBLE, is_extended_id=False, data=bytes(8), is_rx=False))
+
+
+class _Stranger:
+    """A node that speaks as a controller where a scenario's faults ask for it: one of its own will, or a player of what
+    the true one has said. Its ticks are not those of the true one: it speaks in the last slot of each.
+    """
+
+    def __init__(self, medium: Medium, wiring: FrameMap, tick_s: float, kinds: set[str]) -> None:
+        asked = kinds & {"second_master", "player"}
+        self._port = SimulatedBus(medium, "stranger") if asked else None
+        self._wiring, self._tick_s = wiring, tick_s
+        self._names = ("Sync", "ControllerHeartbeat", wiring.command)
+        self._senders = {name: Sender(frames()[name]) for name in self._names}
+        self._said: list[can.Message] = []
+        self._ticks, self._played, self._since = 0, 0, math.nan
+
+    def speak(self, now: float, kinds: set[str]) -> None:
+        """Its part of a tick, at `now`."""
+        if self._port is None:
+            return
+        own = controllers_frames(frames())
+        while (message := self._port.recv(0)) is not None:
+            if message.arbitration_id in own and "player" not in kinds:
+                self._said.append(message)
+        if "second_master" in kinds:
+            self._lead(self._port)
+        if "player" in kinds and self._said:
+            self._play(self._port, now)
+
+    def _lead(self, port: SimulatedBus) -> None:
+        """A tick of a controller that has begun on its own and wants the drive to move."""
+        self._ticks += 1
+        told = (
+            {"Tick": self._ticks, "Period_s": self._tick_s},
+            {"State": 2, "Uptime_s": self._ticks * self._tick_s, "Catalogue": frames().fingerprint},
+            self._wiring.values(1e-4 * self._ticks, 0.05, ENABLE),
+        )
+        for name, values in zip(self._names, told, strict=True):
+            data = self._senders[name].frame(values)
+            self._send(port, frames()[name].id, data)
+
+    def _play(self, port: SimulatedBus, now: float) -> None:
+        """What was said in the tick that is as long after the recording's begin as `now` is after the player's."""
+        self._since = now if math.isnan(self._since) else self._since
+        until = self._said[0].timestamp + now - self._since + self._tick_s
+        while self._played < len(self._said) and self._said[self._played].timestamp < until:
+            self._send(port, self._said[self._played].arbitration_id, self._said[self._played].data)
+            self._played += 1
+
+    def _send(self, port: SimulatedBus, identifier: int, data: bytes | bytearray) -> None:
+        with contextlib.suppress(can.CanError):
+            port.send(can.Message(arbitration_id=identifier, is_extended_id=False, data=data, is_rx=False))
 
 
 class _Broken:

@@ -96,7 +96,7 @@ def run_loop(
     """
     envelope = envelope_of(model.drive, scenario.limits)
     supervisor = Supervisor(build(controller, model, envelope), envelope)
-    estimator = ModelSwitch(supervisor, controller, model, offer)
+    estimator = ModelSwitch(supervisor, controller, model, offer, estimator=scenario.control.estimator)
     estimator.begin(0.0)
     session = Session(scenario.truth, scenario.instruments, seed, supervisor.issued.command)
     tick_s, ticks = scenario.control.tick_s, round(scenario.duration_s / scenario.control.tick_s)

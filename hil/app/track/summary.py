@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from hil.app.console import summary
+from hil.app.quantities import fixed, number
 from hil.app.scenario.model_health import health_words
 from hil.app.scenario.model_offer import offer_words
 from hil.app.scenario.scenario import TrackScenario
@@ -33,7 +34,7 @@ def say(scenario: TrackScenario, found: Sequence[Found], out: Path | None) -> No
     steps = ("solve ms: median", "p99", "max", "estimate ms: median", "p99", "max")
     _print(console, steps, [[one["controller"], *times(one)] for one in found])
     checks = [
-        [one["controller"], check["check"], f"{check['value']:.4g}", f"{check['limit']:g}", verdict(check)]
+        [one["controller"], check["check"], number(check["value"]), number(check["limit"]), verdict(check)]
         for one in found
         for check in one["checks"]
     ]
@@ -64,7 +65,7 @@ def most_used(found: Found) -> str:
 
 def times(found: Found) -> list[str]:
     """Median, 99th percentile and maximum of the controller's and the estimator's time for a tick, in ms."""
-    return [f"{found[what][key]:.3f}" for what in ("solve_ms", "estimate_ms") for key in ("median", "p99", "max")]
+    return [fixed(found[what][key], 3) for what in ("solve_ms", "estimate_ms") for key in ("median", "p99", "max")]
 
 
 def verdict(check: Mapping[str, Any]) -> str:
@@ -78,9 +79,13 @@ def _change(event: Mapping[str, Any]) -> str:
 
 def _tracking(one: Found) -> list[str]:
     lengths = [
-        f"{1e3 * one[key]:.3f}" for key in ("tracking_rmse_m", "tracking_max_m", "final_error_m", "mean_speed_m_s")
+        fixed(1e3 * one[key], 3) for key in ("tracking_rmse_m", "tracking_max_m", "final_error_m", "mean_speed_m_s")
     ]
-    return [*lengths, *(f"{1e3 * one[key]:.1f}" for key in ("wall_force_max_N", "effort")), str(one["hard_violations"])]
+    return [
+        *lengths,
+        *(fixed(1e3 * one[key], 1) for key in ("wall_force_max_N", "effort")),
+        str(one["hard_violations"]),
+    ]
 
 
 def _print(console: Console, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:

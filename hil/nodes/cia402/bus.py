@@ -30,7 +30,7 @@ from hil.nodes.cia402.states import (
     shown,
     state_of,
 )
-from hil.nodes.frame_map import FASTEST_M_S
+from hil.nodes.frame_map import FASTEST_M_S, plain
 
 _ROOM_TEMPERATURE_C: Final = 20.0
 _ALIVE: Final = struct.pack("B", OPERATIONAL)
@@ -96,7 +96,7 @@ class Cia402Bus(can.BusABC):
             if message is None:
                 return None
             taker = self._takers.get(message.arbitration_id)
-            if taker is None or message.is_extended_id or message.is_error_frame or message.is_remote_frame:
+            if taker is None or not plain(message):
                 return message
             taker(bytes(message.data), message.timestamp)
         return self._ready.popleft()

@@ -30,6 +30,7 @@ from hil.nodes.cia402.states import (
 from hil.nodes.drive.node import HOT_S
 from hil.nodes.drive.power_stage import CarriagePower
 from hil.nodes.drive.state_machine import NO_FAULT, Stage
+from hil.nodes.frame_map import plain
 
 DEADLINE_ERROR, HEARTBEAT_ERROR, TEMPERATURE_ERROR = 0x8250, 0x8130, 0x4310
 _MOST: Final = 256
@@ -87,7 +88,7 @@ class Cia402Drive:
             message = self.bus.recv(0)
             if message is None:
                 break
-            if not (message.is_extended_id or message.is_error_frame or message.is_remote_frame):
+            if plain(message):
                 self.network.notify(message.arbitration_id, bytearray(message.data), message.timestamp)
         if self.node.nmt.state == "OPERATIONAL" and not self._mapped:
             self._map()

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Final
 
@@ -32,7 +32,8 @@ class Fence:
     """What a command is held to: range [`low`, `high`] and `rate` a second in the drive's unit. `rests`: the safe
     command is to stay (carriage), else it is 0. Feedback older than `feedback_s` less the time to brake at `braking` a
     second squared, or localisation older than `stop_s` stop the drive; localisation older than `derate_s` halves range
-    or rate. One missing command is held, from the second on it fades, the `late_stop`-th stops.
+    or rate. One missing command is held, from the second on it fades, the `late_stop`-th stops. `first_share` of the
+    rate (carriage) or range is there when the drive is enabled, and `growth` a second more until it is all (`after`).
     """
 
     low: float
@@ -45,15 +46,36 @@ class Fence:
     derate_s: float = 0.05
     stop_s: float = 0.15
     late_stop: int = 3
+    first_share: float = 1.0
+    growth: float = math.inf
 
     @classmethod
     def of(cls, envelope: Envelope, tick_s: float) -> Fence:
         """The fence that a drive's limits set."""
         rests = envelope.kind == "magnetic"
         patience, braking = FEEDBACK_S[envelope.kind], FRAME_MAPS[envelope.kind].braking_m_s2
+        limits = envelope.limits
         return cls(
-            envelope.low, envelope.high, envelope.rate, rests, tick_s, patience, braking, stop_s=envelope.limits.age_s
+            envelope.low,
+            envelope.high,
+            envelope.rate,
+            rests,
+            tick_s,
+            patience,
+            braking,
+            stop_s=limits.age_s,
+            first_share=limits.first_speed_m_s / limits.carriage_speed_m_s,
+            growth=limits.first_acceleration_m_s2 / limits.carriage_speed_m_s,
         )
+
+    def after(self, since_s: float) -> Fence:
+        """The fence `since_s` s after the drive was enabled on a rig."""
+        share = self.first_share + self.growth * max(since_s, 0.0)
+        if share >= 1.0:
+            return self
+        if self.rests:
+            return replace(self, rate=share * self.rate)
+        return replace(self, low=share * self.low, high=share * self.high)
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,13 +174,24 @@ class Guard:
         self.unsent = 0
         self.sent = Passed(0.0, 0.0, 0)
         self._bus, self._observe = bus, observe
-        allowed = ("SafeStop", "DriveReset", "Sync", "ControllerHeartbeat", "ModelHealth", wiring.command)
+        allowed = (
+            "SafeStop",
+            "DriveReset",
+            "EnableAnswer",
+            "Sync",
+            "ControllerHeartbeat",
+            "ModelHealth",
+            wiring.command,
+        )
         self._senders = {name: (catalogue[name].id, Sender(catalogue[name])) for name in allowed}
         self._time = self._stopped_at = -math.inf
 
-    def command(self, now: float, wanted: object, mode: int, evidence: Evidence) -> Passed:
-        """Send the drive's command for `wanted`, and a safe stop beside one that the guard had to make of it."""
-        out = passed(wanted, mode, evidence, self.sent, now - self._time, self.fence)
+    def command(self, now: float, wanted: object, mode: int, evidence: Evidence, since_s: float = math.inf) -> Passed:
+        """Send the drive's command for `wanted`, `since_s` s after it was enabled, and a safe stop beside one that the
+        guard had to make of it.
+        """
+        fence = self.fence.after(since_s)
+        out = passed(wanted, mode, evidence, self.sent, now - self._time, fence)
         self._time, self.sent = now, out
         self.send(self.wiring.command, self.wiring.values(out.value, out.rate, out.mode), now)
         if out.mode != QUICK_STOP:
@@ -183,7 +216,7 @@ class Guard:
         if not self.dry:
             try:
                 self._bus.send(message, timeout=0)
-            except (can.CanError, OSError):
+            except Exception:  # noqa: BLE001 - drivers of many makers raise whatever they like
                 self.unsent += 1
                 return False
         if self._observe is not None:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import can
+import numpy as np
 
 from controller.drives import envelope_of
 from controller.limits import Envelope, Limits
@@ -21,7 +22,7 @@ from controller.supervision.fallback import Rules
 from controller.supervision.model_switch import ModelSwitch, Offer
 from controller.supervision.supervisor import Supervisor
 from hil.bus.catalogue import Catalogue
-from hil.nodes.controller.guard import Evidence, Fence, Guard, Passed
+from hil.nodes.controller.guard import STOP_PERIOD_S, Evidence, Fence, Guard, Passed
 from hil.nodes.controller.health import HEALTH_S, health_values
 from hil.nodes.controller.plausibility import Plausibility
 from hil.nodes.controller.receive import FrameReceiver
@@ -36,6 +37,7 @@ from hil.nodes.frame_map import (
     STANDBY,
     WAITING,
     Observer,
+    answer_of,
     frame_map_of,
     frames,
 )
@@ -45,8 +47,10 @@ from hil.nodes.frame_map import (
 class Task:
     """What a controller node is built from: the control model (its tick is the bus's), the name of a controller in
     `controller.registry`, where to go, and the limits. `seen_noise_m` is the noise the localisation is believed to
-    have. `deadline_s` is what the MPC's plan may take of a tick (inf, as lockstep needs it, where no clock decides).
-    `offer` is a model that is to take over at a rest, `learned` those that were learned in a run that is replayed.
+    have, `resolution_m` its pixels or steps (0: finer than the bus's). `deadline_s` is what the MPC's plan may take of
+    a tick (inf, as lockstep needs it, where no clock decides). `offer` is a model that is to take over at a rest,
+    `estimator` one of `controller.registry.ESTIMATORS`, `learned` those models that were learned in a run that is
+    replayed.
     """
 
     model: ControlModel
@@ -55,7 +59,9 @@ class Task:
     limits: Limits
     seen_noise_m: float = 5e-4
     deadline_s: float = math.inf
+    resolution_m: float = 0.0
     offer: Offer | None = None
+    estimator: str = "default"
     learned: tuple[Offer, ...] = ()
 
 
@@ -76,14 +82,15 @@ class Tick:
 
 @dataclass(frozen=True, slots=True)
 class Shifted:
-    """A reference that begins at `origin_s` of the node's clock."""
+    """A reference that begins at `origin_s` of the node's clock, `shift_m` from its own place."""
 
     path: Reference
     origin_s: float
+    shift_m: float = 0.0
 
     def position(self, t: Array) -> Array:
         """Position in m at the times `t` in s, same shape."""
-        return self.path.position(t - self.origin_s)
+        return self.path.position(t - self.origin_s) + self.shift_m
 
     def speed(self, t: Array) -> Array:
         """Speed in m/s at the times `t` in s, same shape."""
@@ -96,7 +103,9 @@ IDLE, RUNNING, HALTING, FAULTY = 1, 2, 3, 4
 HEARTBEAT_S: Final = 0.02
 _FOLLOW: Final = {"magnetic": 2e-3, "coil": 0.15, "vibro": math.inf}
 """In the command's unit; of a carriage what 8 ms of delay, which a drive rides through, make of its full rate."""
-_NOISE_M: Final = 2e-5
+OTHER_CONTROLLER: Final = 9
+"""Reason of a SafeStop."""
+_CROWDED_S: Final = 0.1
 _ROUNDING_S: Final = 1e-6
 GRID_SLACK: Final = 1e-3
 """Share of a tick by which a time may lie before its point of the grid, by rounding."""
@@ -111,7 +120,8 @@ class ControllerNode:
     listens, estimates and commands mode "off". `start` leads the drive through ready to enabled, `stop` back. Whatever
     makes it stop by itself is latched with its `reason`, and the drive stays off until `start` is called again; that
     acknowledges a latched fault of the drive first (DriveReset), which then passes through off, ready and enable as at
-    the beginning.
+    the beginning. `acknowledge` does that alone. Another controller on the bus stops it with a SafeStop for all, in the
+    tick in which it is heard and for as long as it speaks.
 
     Ticks that did not take place are caught up with while the last command lives, by the node's clock; whether it does
     by the drive's, the drive says. After a longer step of the clock the node stops: "controller paused" where the
@@ -138,7 +148,9 @@ class ControllerNode:
         self.supervisor = Supervisor(
             build(task.controller, task.model, self.envelope, task.deadline_s), self.envelope, rules
         )
-        self.estimator = ModelSwitch(self.supervisor, task.controller, task.model, task.offer, task.deadline_s)
+        self.estimator = ModelSwitch(
+            self.supervisor, task.controller, task.model, task.offer, task.deadline_s, task.estimator
+        )
         for offer in task.learned:
             self.estimator.propose(offer)
         self.tick_s = task.model.tick_s
@@ -147,24 +159,50 @@ class ControllerNode:
             bus, catalogue, self.wiring, Fence.of(self.envelope, self.tick_s), dry=dry_run, observe=observer
         )
         self.state, self.reason = IDLE, ""
-        self._plausibility = Plausibility(_FOLLOW[self.wiring.kind], task.seen_noise_m > _NOISE_M)
+        self._plausibility = Plausibility(_FOLLOW[self.wiring.kind], task.seen_noise_m, task.resolution_m)
         self._reference: Reference = task.reference
         self._bus, self._catalogue, self._clock = bus, catalogue, clock
         self._began = self._last = self._beat_at = self._health_at = -math.inf
         self._origin, self._index = 0.0, 0
         self._number = 0
         self._led = False
+        self._here = False
+        self._enabled_s = -math.inf
+        self._told_all_at = -math.inf
         self._acknowledge = 0
         self._before = Passed(0.0, 0.0, OFF)
 
     def start(self, now: float, origin_s: float | None = None) -> None:
-        """The operator's word to run; the reference begins at `origin_s`, `now` where None. Ends a latched stop."""
-        origin_s = now if origin_s is None else origin_s
-        self._reference = Shifted(self.task.reference, origin_s)
-        self.estimator.begin(origin_s)
+        """The operator's word to run. Ends a latched stop.
+
+        The reference begins where the capsule is when the drive is enabled, whose rate or range then grows from its
+        first limits on (`Fence.after`); with `origin_s`, for benches, at that time and at its own place, without them.
+        """
+        self._here = origin_s is None
+        self._begin_reference(now if origin_s is None else origin_s)
         self.state, self.reason, self._led = RUNNING, "", False
-        self._acknowledge = 2 if self.receiver.fault else 0
+        self._enabled_s = -math.inf
+        self.receiver.foreign.clear()
         self._plausibility.settle(self.estimator.counts.restarts)
+        self.acknowledge()
+
+    def acknowledge(self) -> None:
+        """Acknowledge a latched fault of the drive, where it has told one; nothing else."""
+        self._acknowledge = 2 if self.receiver.fault else 0
+
+    @property
+    def leads(self) -> bool:
+        """Whether the drive has been asked to move since the last start."""
+        return self._led
+
+    @property
+    def enabled(self) -> bool:
+        """Whether it says that it does."""
+        return self._led and self.receiver.state in MOVING
+
+    def _begin_reference(self, origin_s: float, shift_m: float = 0.0) -> None:
+        self._reference = Shifted(self.task.reference, origin_s, shift_m)
+        self.estimator.begin(origin_s)
 
     def stop(self, reason: str = "operator") -> None:
         """A controlled stop: the drive to its safe state and off, until `start`."""
@@ -190,9 +228,14 @@ class ControllerNode:
         action = self._act(now, mode, estimate) if solved else Action(math.nan, "late")
         end = self._clock()
         self._before = self.guard.sent
-        out = self.guard.command(now, action.command, mode, evidence)
+        if mode == READY and self.receiver.challenge >= 0:
+            answer = answer_of(self.receiver.challenge, self.wiring.target)
+            self.guard.send("EnableAnswer", {"Target": self.wiring.target, "Answer": answer}, now)
+            self.receiver.challenge = -1
+        out = self.guard.command(now, action.command, mode, evidence, now - self._enabled_s)
         if out.mode == QUICK_STOP:
             self._fail(out.reason)
+        self._stop_all(now)
         self._last = now
         return Tick(
             now + self.tick_s, estimate, action, out, self.state, self.supervisor.active, (middle - began, end - middle)
@@ -257,15 +300,29 @@ class ControllerNode:
         """Whether the drive is enabled and was asked to move the tick before."""
         return self.receiver.state in MOVING and self.guard.sent.mode == self._before.mode == ENABLE
 
+    def _place(self, estimate: Estimate) -> float:
+        """Where the capsule is believed to be, in m."""
+        return float(estimate.state[self.task.model.index("x")])
+
     @property
     def _in_force(self) -> float:
         """The command that the drive takes over with this tick's SYNC; where it is, while it is not enabled."""
         return self.guard.sent.value if self.guard.sent.mode == ENABLE else self.receiver.report
 
+    def _stop_all(self, now: float) -> None:
+        """A SafeStop for every drive while another controller speaks beside this one, which has stopped for it."""
+        crowded = not self.guard.dry and self.state == FAULTY and 0 <= now - self.receiver.foreign_at < _CROWDED_S
+        if crowded and not 0 <= now - self._told_all_at < STOP_PERIOD_S - 0.5 * self.tick_s:
+            self._told_all_at = now
+            self.guard.send("SafeStop", {"Target": 0, "Reason": OTHER_CONTROLLER}, now)
+
     def _judge(self, now: float) -> None:
         """Stop for good where there is a reason to."""
+        if self.receiver.foreign and not self.guard.dry:
+            self._fail(self.receiver.other_controller)
         if not self._led:
             return
+        self._plausibility.wanted(float(self._reference.position(np.array([now]))[0]))
         reason = self.receiver.doubt(now) or self._plausibility.reason(self.estimator.counts.restarts)
         if self.receiver.state not in (WAITING, *MOVING):
             reason = reason or "drive left operation"
@@ -305,6 +362,10 @@ class ControllerNode:
             return Action(self.receiver.report, "stopped")
         if not self._led:
             self._led = True
+            if self._here:
+                self._enabled_s = now
+                start_m = float(self.task.reference.position(np.zeros(1))[0])
+                self._begin_reference(now + self.tick_s, self._place(estimate) - start_m)
             self._plausibility.settle(self.estimator.counts.restarts)
             self.supervisor.reset(now, estimate, self.receiver.report)
         self.supervisor.temperature_C = self.receiver.temperature_C

@@ -8,21 +8,41 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-SAME: Final = 3
-"""Readings alike to the last bit, of a sensor with noise, that count as stuck: by chance once in 10^7 with 0.5 mm over
-0.2 um.
-"""
+CHANCE: Final = 1e-7
+"""With which a sound sensor's readings are alike for so long that they count as stuck."""
+STEP_M: Final = 2e-7
+"""Step of the position on the bus: no localisation is finer."""
+LONGEST: Final = 500
+"""Readings alike that count as stuck however coarse the sensor: 5 s of one that reads every 10 ms."""
+FARTHEST_M: Final = 0.01
+"""Way of the wanted position, beyond two of the sensor's steps, over which no reading may stay as it is."""
+
+
+def readings_alike(noise_m: float, resolution_m: float) -> float:
+    """How many readings in a row without any variance mean a stuck sensor: white noise of standard deviation `noise_m`
+    stays within a step of `resolution_m` with the probability `p = erf(r/(2 sqrt(2) s))` at most, so n readings are
+    alike with `p^(n - 1)`. From `LONGEST` on, or without noise, inf: a sensor that coarse may rest.
+    """
+    if noise_m <= 0:
+        return math.inf
+    stays = math.erf(max(resolution_m, STEP_M) / (2 * math.sqrt(2) * noise_m))
+    count = 1 + math.ceil(math.log(CHANCE) / math.log(stays)) if stays < 1 else math.inf
+    return count if count <= LONGEST else math.inf
 
 
 @dataclass
 class Plausibility:
     """`follow` is how far the drive's report may be off the command in its unit, for less than `follow_ticks` in a row;
     a report that is still the same to the last bit after the command has moved by `follow`/20 may be so for as long.
-    `noisy`: the localisation has so much noise that readings alike mean a stuck one.
+
+    The localisation is stuck where its readings, which have noise of `noise_m` and steps of `resolution_m`, show no
+    variance for longer than chance allows (`readings_alike`), or do not move while the wanted position goes
+    `FARTHEST_M` and two steps.
     """
 
     follow: float
-    noisy: bool = True
+    noise_m: float = 5e-4
+    resolution_m: float = 0.0
     follow_ticks: int = 5
     alike: int = 0
     off: int = 0
@@ -31,11 +51,24 @@ class Plausibility:
     _last: float = math.nan
     _report: float = math.nan
     _told: float = math.nan
+    _least: float = math.inf
+    _most: float = -math.inf
+
+    def __post_init__(self) -> None:
+        self._stuck = readings_alike(self.noise_m, self.resolution_m)
+        self._way_m = FARTHEST_M + 2 * self.resolution_m
 
     def saw(self, value: float) -> None:
         """A localisation reading came."""
-        self.alike = self.alike + 1 if value == self._last else 1
+        same = value == self._last
+        self.alike = self.alike + 1 if same else 1
         self._last = value
+        if not same:
+            self._least, self._most = math.inf, -math.inf
+
+    def wanted(self, place_m: float) -> None:
+        """The capsule is wanted at `place_m`, while the drive leads it."""
+        self._least, self._most = min(self._least, place_m), max(self._most, place_m)
 
     def reported(self, value: float, told: float) -> None:
         """The drive reported `value` where it had been `told` something."""
@@ -47,10 +80,11 @@ class Plausibility:
     def settle(self, restarts: int) -> None:
         """Begin anew with a drive that does nothing yet and an estimator that has begun anew `restarts` times."""
         self.off, self.frozen, self.restarts = 0, 0, restarts
+        self._least, self._most = math.inf, -math.inf
 
     def reason(self, restarts: int) -> str:
         """Why to stop, "" where there is no reason; `restarts` of the estimator so far."""
-        if self.noisy and self.alike >= SAME:
+        if self.alike >= self._stuck or self._most - self._least > self._way_m:
             return "localisation stuck"
         if max(self.off, self.frozen) >= self.follow_ticks:
             return "drive does not follow"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
+from collections.abc import Mapping
 from typing import Any, Final
 
 import can
@@ -12,10 +14,17 @@ from hil.bus.catalogue import Catalogue
 from hil.bus.codec import Refusal
 from hil.bus.protection import Receiver, Reception
 from hil.nodes.controller.guard import Evidence
-from hil.nodes.frame_map import BOOT, FrameMap, Observer
+from hil.nodes.frame_map import BOOT, FrameMap, Observer, plain
 
 MOST: Final = 256
 HEARTBEAT_LOST_S: Final = 0.06
+CONTROLLER: Final = "Controller"
+"""The node of the catalogue that this one is."""
+
+
+def controllers_frames(catalogue: Catalogue) -> dict[int, str]:
+    """Identifiers and names of the frames that a controller alone sends."""
+    return {frame.id: frame.name for frame in catalogue.frames.values() if frame.sender == CONTROLLER}
 
 
 class FrameReceiver:
@@ -23,19 +32,28 @@ class FrameReceiver:
 
     `state`, `report` (position in m, current in A, level) and `temperature_C` are the drive's last good feedback;
     `fault` the code that it has latched. `report` is 0 before the first one. `feedbacks` is how many the last `listen`
-    took in.
+    took in. `challenge` is the drive's newest number that has not been answered, -1 for none.
+
+    `foreign` counts the frames that only a controller sends, by name, whatever their bytes: another one speaks on this
+    bus. `strange` counts, by type, what is no classic data frame with an 11-bit identifier; `deaf` the ticks in which
+    the bus raised, `deaf_words` what it said last.
     """
 
     def __init__(
         self, bus: can.BusABC, catalogue: Catalogue, wiring: FrameMap, tick_s: float, observer: Observer | None = None
     ) -> None:
         sensors = ("CapsuleLocalisation", "LocaliserHeartbeat", "ForceReading", "ForceSensorHeartbeat")
-        names = (wiring.feedback, wiring.fault, wiring.heartbeat, *sensors)
+        names = (wiring.feedback, wiring.fault, wiring.heartbeat, wiring.challenge, *sensors)
         self._names = {catalogue[name].id: name for name in names}
         self.reception = Reception({catalogue[name].id: Receiver(catalogue[name]) for name in names})
         self.wiring, self.tick_s = wiring, tick_s
         self.state, self.report, self.temperature_C, self.fault = BOOT, 0.0, 20.0, 0
-        self.deaf, self.feedbacks, self.errors = False, 0, 0
+        self.challenge, self.feedbacks = -1, 0
+        self.deaf, self.deaf_words = 0, ""
+        self.strange: Counter[str] = Counter()
+        self.foreign: Counter[str] = Counter()
+        self.foreign_at = -math.inf
+        self._foreign = controllers_frames(catalogue)
         self._fingerprint, self._other = catalogue.fingerprint, False
         self._bus, self._observer = bus, observer
         self._place_at = self._fed_at = -math.inf
@@ -45,7 +63,12 @@ class FrameReceiver:
     def rejected(self) -> int:
         """Frames refused so far, unknown ones included."""
         refused = sum(r.statistics.refused.total() for r in self.reception.receivers.values())
-        return refused + self.reception.unknown.total()
+        return refused + self.reception.unknown.total() + self.foreign.total()
+
+    @property
+    def errors(self) -> int:
+        """Error frames so far."""
+        return self.strange["error"]
 
     def listen(self, now: float) -> list[Measurement]:
         """The measurements that came in. Never raises; a bus that cannot be read counts as silent."""
@@ -54,15 +77,20 @@ class FrameReceiver:
         for _ in range(MOST):
             try:
                 message = self._bus.recv(0)
-            except (can.CanError, OSError):
-                self.deaf = True
+            except Exception as error:  # noqa: BLE001 - drivers of many makers raise whatever they like
+                self.deaf += 1
+                self.deaf_words = f"{type(error).__name__}: {' '.join(str(error).split())[:120]}"
                 break
             if message is None:
                 break
             if self._observer is not None:
                 self._observer(message)
-            if message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd:
-                self.errors += message.is_error_frame
+            if not plain(message):
+                self.strange[_type_of(message)] += 1
+                continue
+            if message.arbitration_id in self._foreign:
+                self.foreign[self._foreign[message.arbitration_id]] += 1
+                self.foreign_at = now
                 continue
             values = self.reception.accept(message.arbitration_id, message.data, message.timestamp)
             if not isinstance(values, Refusal):
@@ -78,6 +106,25 @@ class FrameReceiver:
     def error_words(self) -> str:
         """How many error frames there were and where they come from; nothing where there were none."""
         return f", {self.errors} error frames: bit rate, wiring, termination" if self.errors else ""
+
+    @property
+    def other_controller(self) -> str:
+        """That another controller speaks on the bus, and by which frames; "" where none has been heard."""
+        return f"another controller is on the bus ({', '.join(sorted(self.foreign))})" if self.foreign else ""
+
+    @property
+    def refused(self) -> dict[str, dict[str, int]]:
+        """How many frames were refused, by name and reason."""
+        found = {r.frame.name: dict(r.statistics.refused) for r in self.reception.receivers.values()}
+        return {name: {str(why): n for why, n in whys.items()} for name, whys in found.items() if whys}
+
+    @property
+    def refused_words(self) -> str:
+        """The same in words, "" where none was."""
+        told = [f"{sum(whys.values())} {name} refused ({_listed(whys)})" for name, whys in self.refused.items()]
+        told += [f"{self.strange.total()} frames of other types ({_listed(self.strange)})"] if self.strange else []
+        told += [f"{self.deaf} times the bus could not be read ({self.deaf_words})"] if self.deaf else []
+        return ", ".join(told)
 
     def evidence(self, now: float) -> Evidence:
         """Ages of localisation and feedback at `now`, and the drive's state."""
@@ -108,6 +155,18 @@ class FrameReceiver:
                 found.append(Measurement(self.wiring.channel, self.report, begin))
         elif name == self.wiring.fault:
             self.fault = int(values["Code"])
+        elif name == self.wiring.challenge:
+            self.challenge = int(values["Number"])
         elif name == self.wiring.heartbeat:
             self._beat_at = stamp
             self._other = values["Catalogue"] != self._fingerprint
+
+
+def _type_of(message: can.Message) -> str:
+    if message.is_error_frame:
+        return "error"
+    return "FD" if message.is_fd else "remote" if message.is_remote_frame else "extended"
+
+
+def _listed(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{reason} {count}" for reason, count in sorted(counts.items()))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import secrets
 from collections.abc import Callable
 from typing import Final
 
@@ -25,7 +26,19 @@ from hil.nodes.drive.state_machine import (
     next_stage,
 )
 from hil.nodes.drive.sync_clock import SyncClock
-from hil.nodes.frame_map import BOOT, DERATED, FAULT, OFF, SELF_TEST, STANDBY, STOPPING, WAITING, FrameMap
+from hil.nodes.frame_map import (
+    BOOT,
+    DERATED,
+    FAULT,
+    OFF,
+    SELF_TEST,
+    STANDBY,
+    STOPPING,
+    WAITING,
+    FrameMap,
+    answer_of,
+    plain,
+)
 from hil.nodes.transmit import FrameTransmitter
 
 HEARTBEAT_S: Final = 0.06
@@ -48,6 +61,11 @@ class DriveNode:
     `derate_C` halves the limits, above `temperature_C` for `HOT_S` is a fault; so is a controller without heartbeat for
     60 ms, and to be off the bus. A fault is latched: after a reset the drive stands by and is enabled step by step
     only. A controller that has begun anew (its uptime has fallen) is told of it again.
+
+    Whenever it comes to stand by it draws a number (`draw`, 32 bits), tells it, and does not become ready before that
+    has been answered: what was recorded before cannot enable it. Frames of another type than classic data with an
+    11-bit identifier are counted (`strange`) and ignored; a bus that raises is a slot in which nothing is heard
+    (`deaf`).
     """
 
     def __init__(
@@ -59,14 +77,17 @@ class DriveNode:
         limits: Limits,
         tick_s: float,
         now: float = 0.0,
+        draw: Callable[[], int] = lambda: secrets.randbits(32),
     ) -> None:
+        self._draw = draw
         self.bus, self.wiring, self.power, self.limits, self.tick_s = bus, wiring, power, limits, tick_s
         self.catalogue = catalogue
         self.temperature_C = _AMBIENT_C
         self.heated_to_C = -math.inf
         self.misread: Callable[[float], float] | None = None
         self._names = {
-            catalogue[n].id: n for n in (wiring.command, "Sync", "SafeStop", "DriveReset", "ControllerHeartbeat")
+            catalogue[n].id: n
+            for n in (wiring.command, "Sync", "SafeStop", "DriveReset", "EnableAnswer", "ControllerHeartbeat")
         }
         self.boot(now)
 
@@ -77,10 +98,13 @@ class DriveNode:
             receiver = self.reception.receivers[self.catalogue[name].id]
             receiver.longest_s = max(receiver.longest_s, 1e-3 * self.wiring.still_ms)
         self.transmitter = FrameTransmitter(
-            self.bus, self.catalogue, (self.wiring.feedback, self.wiring.fault, self.wiring.heartbeat)
+            self.bus,
+            self.catalogue,
+            (self.wiring.feedback, self.wiring.fault, self.wiring.heartbeat, self.wiring.challenge),
         )
         self.stage = Stage(BOOT, now)
-        self.good_at, self.stale = -math.inf, 0
+        self.good_at, self.stale, self.strange, self.deaf = -math.inf, 0, 0, 0
+        self._number, self._answered, self._asked_at = 0, False, -math.inf
         self._metronome = SyncClock()
         self._began, self._last = now, now
         self._mode, self._setpoint, self._taken, self._waiting = OFF, 0.0, OFF, False
@@ -91,7 +115,7 @@ class DriveNode:
     @property
     def rejected(self) -> int:
         """Frames refused so far."""
-        return self.stale + sum(r.statistics.refused.total() for r in self.reception.receivers.values())
+        return self.stale + self.strange + sum(r.statistics.refused.total() for r in self.reception.receivers.values())
 
     @property
     def safe(self) -> bool:
@@ -109,10 +133,12 @@ class DriveNode:
         cause = self._cause(now)
         alive, stopped = now <= self._dies_at, now < self._stop_until
         hot = self.temperature_C > self.limits.derate_C
-        told = Told(self._mode, alive, stopped, self._reset, cause, hot, self.power.at_rest)
+        told = Told(self._mode, alive, stopped, self._reset, cause, hot, self.power.at_rest, self._answered)
         before, self.stage, self._reset = self.stage, next_stage(self.stage, told, now), NO_FAULT
         if self.stage.fault and not before.fault:
             self._tell = 2
+        if self.stage.state == STANDBY != before.state:
+            self._number, self._answered, self._asked_at = self._draw() & 0xFFFFFFFF, False, -math.inf
         self._report(now, self._phase == 0)
 
     def output(self, dt: float, sensed: float) -> float:
@@ -127,16 +153,25 @@ class DriveNode:
         """Take in what has come; whether SYNC was among it."""
         synced = False
         for _ in range(_MOST):
-            message = self.bus.recv(0)
+            try:
+                message = self.bus.recv(0)
+            except Exception:  # noqa: BLE001 - drivers of many makers raise whatever they like
+                self.deaf += 1
+                break
             if message is None:
                 break
+            if not plain(message):
+                self.strange += 1
+                continue
             values = self.reception.accept(message.arbitration_id, message.data, message.timestamp)
             if isinstance(values, Refusal):
                 continue
             name, stamp = self._names[message.arbitration_id], message.timestamp
             counter = self.reception.receivers[message.arbitration_id].counter
             if name == "Sync":
-                self._metronome.sync(counter, int(values["Tick"]), values["Period_s"], stamp)
+                if not self._metronome.sync(counter, int(values["Tick"]), values["Period_s"], stamp):
+                    self.stale += 1
+                    continue
                 self._take_over()
                 synced = True
             elif name == self.wiring.command:
@@ -160,6 +195,9 @@ class DriveNode:
             self._stop_until = stamp + SAFE_STOP_S
         elif name == "DriveReset" and mine:
             self._reset, self._metronome = int(values["Code"]), SyncClock()
+        elif name == "EnableAnswer":
+            if values["Target"] == self.wiring.target and self.stage.state == STANDBY:
+                self._answered = values["Answer"] == answer_of(self._number, self.wiring.target)
         elif name == "ControllerHeartbeat":
             if values["Uptime_s"] < self._uptime_s and self.stage.fault:
                 self._tell = 2
@@ -189,6 +227,9 @@ class DriveNode:
         if self._tell:
             self._tell -= 1
             self.transmitter.say(self.wiring.fault, {"Code": self.stage.fault, "Detail": 0})
+        if self.stage.state == STANDBY and not self._answered and now - self._asked_at >= 0.02 - 0.1 * self.tick_s:
+            self._asked_at = now
+            self.transmitter.say(self.wiring.challenge, {"Number": self._number})
         if due and self.stage.state != BOOT:
             self.transmitter.say(self.wiring.feedback, self._feedback())
         if now - self._beat_at >= 0.02 - 0.1 * self.tick_s and self.stage.state != BOOT:

@@ -43,7 +43,8 @@ class Stage:
 class Told:
     """What a drive knows in one step: the newest command's `mode`, whether that command is still `alive` (time to
     live), `safe_stop` while one is in force, the code of a `reset` (0: none), a present `cause` for a fault (0: none),
-    `hot` from its derating temperature on, and whether it is `at_rest` in its safe state.
+    `hot` from its derating temperature on, whether it is `at_rest` in its safe state, and whether its challenge has
+    been `answered`.
     """
 
     mode: int = OFF
@@ -53,6 +54,7 @@ class Told:
     cause: int = NO_FAULT
     hot: bool = False
     at_rest: bool = True
+    answered: bool = False
 
 
 def next_stage(stage: Stage, told: Told, now: float) -> Stage:
@@ -60,7 +62,7 @@ def next_stage(stage: Stage, told: Told, now: float) -> Stage:
 
     A cause for a fault latches it from everywhere. A fault ends by a reset that names it, once its cause is gone, in
     standby and never beyond; from there on "off", "ready" and "enable" lead up one by one, each while its command
-    lives.
+    lives, "ready" only once the challenge has been answered.
     """
     if told.cause and not stage.fault:
         return Stage(FAULT, now, told.cause)
@@ -81,7 +83,7 @@ def _next_state(stage: Stage, told: Told, now: float) -> int:
     if stage.state == SELF_TEST:
         return STANDBY if now - stage.since_s >= SELF_TEST_S else SELF_TEST
     if stage.state == STANDBY:
-        wanted = stage.armed and told.alive and told.mode == READY and not told.safe_stop
+        wanted = stage.armed and told.answered and told.alive and told.mode == READY and not told.safe_stop
         return WAITING if wanted else STANDBY
     if stage.state == STOPPING:
         return STANDBY if told.at_rest else STOPPING

@@ -15,8 +15,9 @@ SILENCE_S: Final = 0.06
 
 class SyncClock:
     """Tick n of period T begins at o + n T, where o is the least of `stamp - n T` over the SYNC frames so far: those
-    that took the shortest way. It grows by `DRIFT` a second, and begins anew where ticks count back or SYNC has been
-    silent (a drive also begins anew with a reset).
+    that took the shortest way. It grows by `DRIFT` a second, and begins anew once SYNC has been silent (a
+    drive also begins anew with a reset). While it lives no other time is let in: a SYNC that counts back, or whose tick
+    would have begun more than `SILENCE_S` before or after it came, is another controller's or a recording.
 
     A command belongs to the SYNC with its own counter: both count on once a tick, from 0 when the controller begins.
     Counters have 4 bits, so commands that come 16 ticks after SYNC from the beginning on are not told from fresh ones.
@@ -27,12 +28,15 @@ class SyncClock:
         self._stamp = -math.inf
         self._tick, self._counter, self._period_s = -1, 0, 0.0
 
-    def sync(self, counter: int, tick: int, period_s: float, stamp: float) -> None:
-        """SYNC number `tick` came at `stamp`."""
-        if tick <= self._tick or stamp - self._stamp > SILENCE_S:
+    def sync(self, counter: int, tick: int, period_s: float, stamp: float) -> bool:
+        """SYNC number `tick` came at `stamp`; whether it was let in."""
+        if not 0 <= stamp - self._stamp <= SILENCE_S:
             self._offset = math.inf
+        elif tick <= self._tick or abs(stamp - self._offset - tick * period_s) > SILENCE_S:
+            return False
         self._offset = min(self._offset + DRIFT * (stamp - self._stamp), stamp - tick * period_s)
         self._tick, self._counter, self._period_s, self._stamp = tick, counter, period_s, stamp
+        return True
 
     def begin(self, counter: int, stamp: float) -> float:
         """When the tick began whose command, with this `counter`, came at `stamp`: the newest one of which SYNC may be

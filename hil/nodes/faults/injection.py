@@ -19,7 +19,8 @@ _REMEMBERED: Final = 256
 
 
 class FaultInjection(can.BusABC):
-    """Passes `inner` on; while `faults` (fault and the identifiers it hits) are set, `recv` shows what they leave.
+    """Passes `inner` on; while `faults` (fault and the identifiers it hits) are set, `recv` shows what they leave, and
+    while it is `broken` it raises.
 
     `now` gives the time in s of the messages' stamps. A frame that comes late is stamped when it comes. The same seed
     and frames give the same result.
@@ -29,6 +30,7 @@ class FaultInjection(can.BusABC):
         super().__init__(channel=inner.channel_info)
         self.inner, self.channel_info = inner, f"link to {inner.channel_info}"
         self.faults: list[tuple[Fault, frozenset[int]]] = []
+        self.broken = False
         self._now, self._rng = now, random.Random(seed)
         self._ready: deque[can.Message] = deque()
         self._late: list[tuple[float, int, can.Message]] = []
@@ -41,7 +43,11 @@ class FaultInjection(can.BusABC):
         self.inner.send(msg, timeout)
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """The next frame that is left of what `inner` received, None where there is none now."""
+        """The next frame that is left of what `inner` received, None where there is none now. Raises ValueError while
+        broken.
+        """
+        if self.broken:
+            raise ValueError("a line of the interface is garbled")
         now = self._now()
         while True:
             if self._late and self._late[0][0] <= now:
@@ -92,6 +98,23 @@ class FaultInjection(can.BusABC):
             data[bit // 8] ^= 1 << bit % 8
         return [can.Message(frame.timestamp, frame.arbitration_id, False, data=data, is_rx=True, channel=frame.channel)]
 
+    def _retype(self, frame: can.Message, fault: Fault) -> list[can.Message]:
+        self._number += 1
+        kind = self._number % 4
+        return [
+            can.Message(
+                frame.timestamp,
+                frame.arbitration_id,
+                kind == 0,
+                is_remote_frame=kind == 1,
+                is_error_frame=kind == 2,
+                is_fd=kind == 3,
+                data=None if kind == 1 else frame.data,
+                is_rx=True,
+                channel=frame.channel,
+            )
+        ]
+
     def _replay(self, frame: can.Message, fault: Fault) -> list[can.Message]:
         old = [m for m in self._past if m.arbitration_id == frame.arbitration_id]
         back = int(fault.amount)
@@ -134,6 +157,7 @@ _TAMPERING: Final[Mapping[str, Callable[[FaultInjection, can.Message, Fault], li
         "reorder": FaultInjection._reorder,
         "corrupt": FaultInjection._corrupt,
         "replay": FaultInjection._replay,
+        "retyped": FaultInjection._retype,
     }
 )
 TAMPERING: Final = tuple(_TAMPERING)

@@ -40,6 +40,10 @@ KINDS: Mapping[str, FaultKind] = MappingProxyType(
             "bits of frames are flipped behind the bus's own check", LINKS, 1.0, "share of the frames", _SHARE
         ),
         "replay": FaultKind("old frames come again between the true ones", LINKS, 20.0, "frames ago", (1, 32)),
+        "retyped": FaultKind("frames come as extended, remote, error or FD frames in turn, bytes and all", LINKS),
+        "unreadable": FaultKind("the node's interface raises whenever it is read", NODES[:2]),
+        "second_master": FaultKind("another controller speaks on the bus: time, heartbeat, commands that enable"),
+        "player": FaultKind("what the controller has said since the run began is played on the bus"),
         "babbling": FaultKind("a node sends identifier 0, which goes before all others, without pause"),
         "bus_off": FaultKind("a node leaves the bus by its error counters", NODES),
         "stuck": FaultKind("the sensor repeats its last value", SENSORS),

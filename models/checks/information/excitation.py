@@ -92,15 +92,28 @@ def _reversals(e: Excitation) -> str:
 
 def _speeds(e: Excitation) -> str:
     low, high = e.speeds
-    return "" if high > _RANGE * low else f"the motion has one speed only ({1e3 * high:.3g} mm/s)"
+    return "" if high > _RANGE * low else f"the motion has one speed only ({e.views[0].told(high)}/s)"
 
 
 def _places(e: Excitation) -> str:
-    return "" if e.travel > _TRAVEL_M else f"the motion covers {1e3 * e.travel:.3g} mm only"
+    return "" if e.travel > _TRAVEL_M else f"the motion covers {e.views[0].told(e.travel)} only"
 
 
 def _rests(e: Excitation) -> str:
     return "" if e.rests else f"the motion never starts again after a rest of {_REST_S:g} s"
+
+
+def _load(e: Excitation) -> str:
+    names = dict.fromkeys(n for view in e.views for n in view.record.layout.optional if n.startswith("load_"))
+    loads = [np.abs(v.record[n]) for v in e.views for n in names if n in v.record.columns]
+    if not loads:
+        return f"no load is logged (column {' or '.join(names)})" if names else "no load is logged"
+    low, high = np.percentile(np.concatenate(loads), [5, 95])
+    return "" if high > _RANGE * low else f"the logged load is {high:.3g} throughout"
+
+
+def _turning(e: Excitation) -> str:
+    return "" if all(view.turns for view in e.views) else "the axis does not turn"
 
 
 def _time(e: Excitation) -> str:
@@ -115,6 +128,8 @@ NEEDS: Mapping[str, Need] = MappingProxyType(
         "places": _places,
         "rests": _rests,
         "time": _time,
+        "load": _load,
+        "turning": _turning,
     }
 )
 """What an effect may name in `needs`, and how its lack is said of a series."""

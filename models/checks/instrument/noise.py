@@ -11,13 +11,14 @@ from models.checks.instrument.usable import usable
 from models.checks.view import Array, View, grid_step, white_noise
 from models.files.rig import Rig
 
+_STATED = {"force_N": "force_std_N", "position_m": "position_std_m", "torque_N_m": "torque_std_N_m"}
 _OFF = 1.5
 _ABSURD = 0.3  # of the signal's span
 
 
 def stated_noise(rig: Rig, measured: str) -> tuple[str, float] | None:
     """Key and value with which the rig file states the noise of `measured`; None where it does not."""
-    key = {"force_N": "force_std_N", "position_m": "position_std_m"}.get(measured)
+    key = _STATED.get(measured)
     value = getattr(rig.noise, key) if key else None
     return None if key is None or value is None else (key, float(value))
 
@@ -44,7 +45,7 @@ def check_noise(view: View) -> list[RecordFinding]:
     """Noise that is not as the rig file states, or not white."""
     if not view.timed or len(view.y) < 200:
         return []
-    found, told, unit = [], told_noise(view.y[usable(view)]), view.measured.rsplit("_", 1)[1]
+    found, told, unit = [], told_noise(view.y[usable(view)]), view.unit
     stated = stated_noise(view.rig, view.measured)
     if stated is not None and told > _OFF * stated[1]:
         found.append(

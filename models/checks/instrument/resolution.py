@@ -19,8 +19,8 @@ def check_resolution(view: View) -> list[RecordFinding]:
     if step == 0 or step <= _COARSE * view.noise or (view.noise == 0 and np.mean(np.diff(view.y) == 0) < 0.3):
         return []
     levels = round(float(np.ptp(view.y)) / step) + 1
-    unit = view.measured.rsplit("_", 1)[1]
-    key = {"N": "force_std_N", "m": "position_std_m"}.get(unit)
+    unit = view.unit
+    key = {"N": "force_std_N", "m": "position_std_m", "N m": "torque_std_N_m"}.get(unit)
     value = step / np.sqrt(12)
     return [
         view.finding(

@@ -29,7 +29,7 @@ def _strokes(view: View) -> list[tuple[int, int, float]]:
 
 def check_force_sign(view: View) -> list[RecordFinding]:
     """Whether the force of a pull or a stage goes with the motion, as one that overcomes friction does."""
-    if view.kind not in ("pull", "axis") or not view.timed or "force_N" not in view.record.columns:
+    if view.kind not in ("pull", "axis") or not view.timed or view.measured not in view.record.columns:
         return []
     told = _stage(view) if view.kind == "axis" else _pull(view)
     if not told:
@@ -38,11 +38,11 @@ def check_force_sign(view: View) -> list[RecordFinding]:
         view.finding(
             "force_sign",
             "stops",
-            "force_N against position_m, throughout",
-            "force_N opposes the motion that it should drive: friction would give energy; the sign of the force (or of"
-            " the position) is turned round",
+            f"{view.measured} against {view.moving_column}, throughout",
+            f"{view.measured} opposes the motion that it should drive: friction would give energy; the sign of the"
+            f" {view.measured.partition('_')[0]} (or of the {view.moving_column.partition('_')[0]}) is turned round",
             told,
-            _turned("force_N"),
+            _turned(view.measured),
         )
     ]
 
@@ -66,10 +66,11 @@ def _pull(view: View) -> str:
 
 def _stage(view: View) -> str:
     """Signs of mass and of friction in a line through the force."""
-    x, force, n = view.record["position_m"], view.record["force_N"], max(1, round(0.02 / view.dt))
+    x, force, n = view.record[view.moving_column], view.y, max(1, round(0.02 / view.dt))
     v = np.gradient(running_mean(x, n)) / view.dt
     a = np.gradient(running_mean(v, n)) / view.dt
-    rows = np.column_stack([a, np.sign(v) * view.moves, v, np.ones(len(x)), x])
+    place = [np.sin(x), np.cos(x)] if view.turns else []
+    rows = np.column_stack([a, np.sign(v) * view.moves, v, np.ones(len(x)), x, *place])
     scale = np.maximum(np.std(rows, axis=0), 1e-300)
     scale[3] = 1.0
     weights, *_ = np.linalg.lstsq(rows / scale, force, rcond=None)

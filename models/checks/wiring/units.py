@@ -10,7 +10,10 @@ from models.checks.view import View
 _TRAVEL_M = (2e-5, 3.0)
 _SPEED_M_S = (2e-6, 1.0)
 _STAGE_SPEED_M_S = (1e-6, 20.0)
+_TURNING_SPEED_RAD_S = (1e-6, 1e4)
 _FORCE_N = (1e-4, 20.0)
+_NOTHING_M = 1e-7
+_SELDOM_S, _CRAWLS_M_S = 0.5, 2e-5
 _IN_GUT = ("pull", "magnetic", "coil", "vibro")
 
 
@@ -22,12 +25,17 @@ def check_units(view: View) -> list[RecordFinding]:
     travel, fastest = float(np.ptp(x)), float(np.percentile(np.abs(view.speed), 99))
     out = []
     if view.kind in _IN_GUT:
-        if travel > _TRAVEL_M[1] or (0 < travel < _TRAVEL_M[0] and travel > 20 * view.noise):
+        small = 0 < travel < _TRAVEL_M[0] and (travel > 20 * view.noise or travel < _NOTHING_M)
+        if travel > _TRAVEL_M[1] or small:
             out.append(_off(view, view.moving_column, f"travels {travel:.3g} m", _TRAVEL_M, "m"))
         elif fastest > _SPEED_M_S[1]:
             out.append(_off(view, view.moving_column, f"moves at {fastest:.3g} m/s", _SPEED_M_S, "m/s"))
-    elif fastest > _STAGE_SPEED_M_S[1]:
-        out.append(_off(view, view.moving_column, f"moves at {fastest:.3g} m/s", _STAGE_SPEED_M_S, "m/s"))
+        elif view.dt >= _SELDOM_S and 0 < fastest < _CRAWLS_M_S:
+            out.append(_slow(view, fastest))
+    else:
+        usual, unit = (_TURNING_SPEED_RAD_S, "rad/s") if view.turns else (_STAGE_SPEED_M_S, "m/s")
+        if fastest > usual[1]:
+            out.append(_off(view, view.moving_column, f"moves at {fastest:.3g} {unit}", usual, unit))
     if view.kind == "pull" and "force_N" in view.record.columns:
         size = float(np.percentile(np.abs(view.record["force_N"]), 90))
         if size > _FORCE_N[1] or 0 < size < _FORCE_N[0]:
@@ -43,4 +51,15 @@ def _off(view: View, column: str, what: str, usual: tuple[float, float], unit: s
         f"{column} {what}; such rigs do {usual[0]:g} to {usual[1]:g} {unit}: another unit?",
         "size of the values against what a capsule rig can be",
         f'[columns] {column} = {{column = "{column}", unit = "..."}} with the unit of the file',
+    )
+
+
+def _slow(view: View, fastest: float) -> RecordFinding:
+    return view.finding(
+        "time_units",
+        "weakens",
+        "t_s, throughout",
+        f"samples are {view.dt:.3g} s apart and nothing is faster than {fastest:.3g} m/s: is the time in ms?",
+        "interval between stamps and speed against what a capsule rig does",
+        '[columns] t_s = {column = "t_s", unit = "ms"}, where the file is in ms',
     )

@@ -16,7 +16,7 @@ class WallViscosity(Effect):
     id = "wall_viscosity"
     summary = "wall tension depends on the rate of stretch"
     source = "rat gut SLS, WJG 11:4974"
-    kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
+    kinds = frozenset({"pull", "magnetic", "coil", "vibro", "periods"})
     needs = ("speeds",)
     probe = 0.3
     confounders = ("viscous_drag", "small_strain_stiffening")

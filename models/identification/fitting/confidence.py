@@ -58,7 +58,7 @@ def _covariances(fit: Fit, scale: Array) -> tuple[Array, Array]:
     inverse = (vectors / np.maximum(values, 1e-12 * max(values[-1], 1e-300))) @ vectors.T
     scores = np.array([part.T @ r for part, r in zip(_blocks(rows), _blocks(fit.residual), strict=True)])
     scatter = len(scores) / max(len(scores) - len(scale), 1) * scores.T @ scores
-    return inverse * max(fit.chi2, 1.0) * _memory(fit.residual), inverse @ scatter @ inverse
+    return inverse * max(fit.chi2, 1.0) * memory(fit.residual), inverse @ scatter @ inverse
 
 
 def drawn(kind: Kind, fit: Fit, effects: Sequence[str], rng: np.random.Generator) -> dict[str, float]:
@@ -106,8 +106,10 @@ def _blocks(values: np.ndarray) -> list[np.ndarray]:
     return np.array_split(values, min(_BLOCKS, len(values)))
 
 
-def _memory(residual: np.ndarray) -> float:
-    """Samples that count as one: 1 + 2 sum of the autocorrelation until it first dies out, at most 200 lags."""
+def memory(residual: np.ndarray) -> float:
+    """Samples of a residual that count as one: 1 + 2 sum of the autocorrelation until it first dies out, at most 200
+    lags.
+    """
     r = residual - residual.mean()
     n = len(r)
     power = float(r @ r)

@@ -59,11 +59,11 @@ def kind_for(rig: Rig, records: Sequence[Record]) -> AnyKind:
     velocities).
     """
     if rig.kind == "axis":
-        return AxisKind.from_rig(rig)
+        return AxisKind.from_rig(rig, records)
     if rig.kind == "dma":
         return DmaKind.from_rig(rig)
     if rig.kind == "periods":
-        return PeriodsKind.from_rig(rig)
+        return PeriodsKind.from_rig(rig, records)
     if rig.kind == "vibro_table":
         table = VibroTableKind.from_rig(rig)
         return table.settled(records) if records and "mean_velocity_m_s" in records[0].columns else table
@@ -74,4 +74,4 @@ def ready(record: Record, rig: Rig) -> Record:
     """`record` as its kind works on it: what its sensor did not measure filled in, a stage's at even times."""
     with named(record):
         record = cleaned(record, rig)
-        return evened(record, ("position_m", "force_N", USED)) if record.kind == "axis" else record
+        return evened(record, (*record.layout.known(), USED)) if record.kind == "axis" else record

@@ -1,4 +1,4 @@
-"""Both estimators against the plant: position within its noise, late and wild measurements, drop-outs, NaN, and its own
+"""The estimators against the plant: position within its noise, late and wild measurements, drop-outs, NaN, and its own
 doubt.
 """
 
@@ -11,6 +11,7 @@ from controller.estimator.base import Receiver
 from controller.estimator.cubature_filter import Estimator
 from controller.estimator.noise import Noise
 from controller.estimator.particle_filter import ParticleEstimator
+from controller.estimator.ukf import UnscentedEstimator
 from controller.signals import Array, Measurement
 from plant import layout as at
 from plant.drives.kinds import Coil, Magnet
@@ -20,7 +21,7 @@ from plant.session import Instruments, Session
 from tests.controller.loops import model_of
 
 MODEL = model_of().sharp
-both = pytest.mark.parametrize("kind", [Estimator, ParticleEstimator])
+each = pytest.mark.parametrize("kind", [Estimator, ParticleEstimator, UnscentedEstimator])
 
 
 def follow(
@@ -41,7 +42,7 @@ def follow(
     return np.array(off), np.array(lost), np.array(raw)
 
 
-@both
+@each
 def test_position_is_known_better_than_measured(kind: type[Receiver]) -> None:
     """Half of the sensor's noise or less, although tissue and magnet are off, and never lost once begun."""
     estimator = kind(MODEL)
@@ -51,7 +52,7 @@ def test_position_is_known_better_than_measured(kind: type[Receiver]) -> None:
     assert estimator.counts.outliers <= 2
 
 
-@both
+@each
 def test_latency_is_undone(kind: type[Receiver]) -> None:
     """Without noise, positions that are 40 ms late are as good as prompt ones."""
     estimator = kind(MODEL)
@@ -62,7 +63,7 @@ def test_latency_is_undone(kind: type[Receiver]) -> None:
     assert np.mean(raw[2000:]) < -30e-6
 
 
-@both
+@each
 def test_outliers_are_refused(kind: type[Receiver]) -> None:
     """A twentieth of the readings anywhere within 30 mm: refused, and the estimate stays."""
     estimator = kind(MODEL)
@@ -72,7 +73,7 @@ def test_outliers_are_refused(kind: type[Receiver]) -> None:
     assert not lost[1000:].any()
 
 
-@both
+@each
 def test_a_gap_is_bridged_and_said(kind: type[Receiver]) -> None:
     """Lost 150 ms after the last position, the path predicted meanwhile, found again with the first readings."""
     off, lost, _ = follow(kind(MODEL), 5.0, Instrument(gaps_s=(3.0, 1.0)))
@@ -82,7 +83,7 @@ def test_a_gap_is_bridged_and_said(kind: type[Receiver]) -> None:
     assert np.abs(off[3000:4000]).max() < 0.6e-3
 
 
-@both
+@each
 def test_nan_and_unknown_channels_change_nothing(kind: type[Receiver]) -> None:
     """NaN, infinity, far future, far past and unknown channels are counted, not used."""
     estimator = kind(MODEL)
@@ -101,7 +102,7 @@ def test_nan_and_unknown_channels_change_nothing(kind: type[Receiver]) -> None:
     assert after.state == pytest.approx(before.state, abs=1e-6)
 
 
-@both
+@each
 def test_moved_by_hand_it_begins_anew(kind: type[Receiver]) -> None:
     """Readings that stay elsewhere win after `patience`; until they are proven the estimate counts as lost."""
     estimator = kind(MODEL)
@@ -118,7 +119,7 @@ def test_moved_by_hand_it_begins_anew(kind: type[Receiver]) -> None:
     assert places[-1] == pytest.approx(0.05, abs=0.3e-3)
 
 
-@both
+@each
 def test_a_carriage_that_lags_behind_is_believed(kind: type[Receiver]) -> None:
     """Where the drive's own encoder says that the carriage is 1 mm short, the estimate goes by the encoder."""
     found = []
@@ -133,7 +134,7 @@ def test_a_carriage_that_lags_behind_is_believed(kind: type[Receiver]) -> None:
     assert found[0] - found[1] == pytest.approx(1e-3, abs=0.4e-3)
 
 
-@both
+@each
 def test_a_coil_is_followed_too(kind: type[Receiver]) -> None:
     """Voltage in, position and current out: the current near its feedback, the position better than measured."""
     model = model_of("coil").sharp

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from controller.estimator.cubature_filter import Process
 from controller.estimator.cubature_kernels import fuse, root
-from controller.estimator.filterpy_reference import ReferenceFilter, safe_root
 from controller.estimator.noise import Noise
+from controller.estimator.ukf import FilterpyProcess, safe_root
 from tests.controller.loops import model_of
 
 MODEL = model_of().sharp
@@ -16,21 +16,20 @@ MODEL = model_of().sharp
 
 def test_the_same_numbers_as_filterpy() -> None:
     """Through stick and slip, five ticks and a position from the same belief, the two filters agree to rounding."""
-    process, other = (Process(MODEL, Noise(gate=100.0)) for _ in range(2))
-    fast = process.start(0.0, 0.5e-3, 0.0, 0.0)
-    slow = ReferenceFilter(other, fast)
+    process, other = Process(MODEL, Noise(gate=100.0)), FilterpyProcess(MODEL, Noise(gate=100.0))
+    fast, slow = (process.start(0.0, 0.5e-3, 0.0, 0.0) for _ in range(2))
     rng = np.random.default_rng(3)
     modes, agreed = set(), 0
     for k in range(1, 1501):
         command = 4e-3 * min(k / 300, 1.0) + 2e-6 * k
         if k % 5 == 1:
-            slow = ReferenceFilter(other, fast)
+            slow.copy_from(fast)
         process.predict(fast, command)
-        slow.predict(command)
+        other.predict(slow, command)
         if k % 10 == 0:
             value = 1e-6 * k + 0.5e-3 * rng.standard_normal()
             process.see_position(fast, value)
-            slow.see_position(value)
+            other.see_position(slow, value)
         modes.add(float(fast.modes[MODEL.index("slip")]))
         spread = np.sqrt(np.diag(fast.P))
         agreed += bool(

@@ -11,6 +11,7 @@ import pytest
 
 from controller.estimator.base import Receiver
 from controller.estimator.kinematic_filter import KinematicFilter, Kinematics
+from controller.estimator.ukf import UnscentedEstimator
 from controller.registry import estimator_for
 from controller.signals import Measurement
 from tests.controller.loops import model_of
@@ -63,3 +64,5 @@ def test_only_the_classical_controllers_get_it() -> None:
     assert isinstance(estimator_for("pid_friction", MODEL), KinematicFilter)
     for name in ("pid_estimated", "lqr", "feedforward", "mpc"):
         assert isinstance(estimator_for(name, MODEL), Receiver)
+    for name in ("pid", "mpc"):
+        assert isinstance(estimator_for(name, MODEL, "ukf"), UnscentedEstimator)

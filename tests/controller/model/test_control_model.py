@@ -220,6 +220,17 @@ def test_the_wall_holds_what_the_law_says(magnetic: ControlModel) -> None:
     assert magnetic.gap_limit_m == pytest.approx(0.02 / np.sqrt(3))
 
 
+@pytest.mark.parametrize(("regime", "force_N"), [("low", 98.99e-3), ("blend", 125.49e-3), ("high", 125.49e-3)])
+def test_above_20_mm_s_the_regime_of_the_rig_file_holds(regime: str, force_N: float) -> None:
+    """At 60 mm/s: F_e = 125.49 mN with paper V's high-speed moduli, the check value of physics.md."""
+    fast = control_model(
+        parse_rig(tomllib.loads(RIG.replace("[tissue]", f'[tissue]\nregime = "{regime}"'))), {}, TICK_S
+    )
+    x = fast.initial()
+    x[1] = 60e-3
+    assert float(fast.wall_force(x, 0.0)) == pytest.approx(force_N, rel=0.01)
+
+
 @pytest.mark.parametrize(
     ("values", "said"),
     [

@@ -75,7 +75,7 @@ BAD_RECORDS = {
     "axis, dead sensor": ("axis", series(f=0 * F + 3), "force_N must change to tell anything; got 3 throughout"),
     "axis, too short": ("axis", series(T[:100], X[:100], F[:100]), "at least two parts to fit on and to judge by"),
     "axis, huge position": ("axis", series(x=X * 1e150), "line 3: position_m must be between -100 and 100 m"),
-    "axis, huge force": ("axis", series(f=F * 1e200), "line 2: force_N must be between -1000 and 1000 N"),
+    "axis, huge force": ("axis", series(f=F * 1e200), "line 2: force_N must be between -1e6 and 1e6 N"),
     "axis, gap": (
         "axis",
         series(np.where(T > 1.5, T + 3600, T)),
@@ -152,7 +152,7 @@ def test_a_record_that_tells_nothing_is_refused(
     said = refused(["close-loop", str(path), "--rig", rig(kind), "--out", str(tmp_path / "o")], capsys)
     assert "bad" in said
     assert words in said
-    assert not list((tmp_path / "o").iterdir())
+    assert not (tmp_path / "o").exists()
 
 
 @pytest.mark.parametrize(

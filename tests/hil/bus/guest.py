@@ -57,6 +57,19 @@ class Guest:
     initial: Path
 
 
+COVERED = ("/tmp", "/dev", "/proc", "/sys")
+"""Folders over which the guest mounts its own."""
+
+
+def covered(places: Sequence[Path]) -> str:
+    """Why the guest cannot see one of `places`, "" where it sees all."""
+    for place in places:
+        over = next((folder for folder in COVERED if place.resolve().is_relative_to(folder)), None)
+        if over is not None:
+            return f"checkout and Python must lie outside of {', '.join(COVERED)}, which the guest covers; got {place}"
+    return ""
+
+
 def prepare(folder: Path) -> Guest:
     """Fetch what is missing in `folder` and build the initial file system. Raises NoGuestError with the reason."""
     if shutil.which(EMULATOR) is None:

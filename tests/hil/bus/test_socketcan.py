@@ -25,7 +25,8 @@ from hil.log.reader import read_frames
 from hil.nodes.frame_map import FAULT, STANDBY
 from plant.session import Session
 from tests.hil.app.run.deployments import PLANT, deployment
-from tests.hil.bus.guest import NoGuestError, prepare, run_in
+from tests.hil.bus.guest import NoGuestError, covered, prepare, run_in
+from tests.places import ROOT
 
 pytestmark = [
     pytest.mark.slow,
@@ -70,6 +71,8 @@ def environment(work: Path) -> dict[str, str]:
 @pytest.fixture(scope="module")
 def story(work: Path, environment: dict[str, str], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """What happened in the guest."""
+    if hidden := covered([ROOT, Path(sys.executable), Path(sys.prefix)]):
+        pytest.fail(hidden)
     kept = os.environ.get("CAPSULE_QEMU_FOLDER")
     try:
         guest = prepare(Path(kept) if kept else tmp_path_factory.mktemp("kernel"))

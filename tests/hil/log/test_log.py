@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import os
+import resource
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
 
+import can
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.log.blf_file import NOTED, RECEIVED, SENT, WITHHELD, BlfFile, Logged, unpacked
+from hil.log.blf_file import LOST, NOTED, RECEIVED, SENT, WITHHELD, BlfFile, Logged, unpacked
 from hil.log.log import FrameLog, LockstepLog, keep_older, record_path, write_record
 from hil.log.reader import is_log, read_frames, read_log_record
 
@@ -70,7 +72,9 @@ def test_a_log_keeps_order_way_and_record(tmp_path: Path, kind: type[FrameLog] |
         Logged(2_000_000, 0x110, b"", WITHHELD),
     ]
     assert list(read_frames(path)) == expected
-    assert read_log_record(path) == {"format": 1, "rig": "r", "code": "c"}
+    found = read_log_record(path)
+    found.pop("calendar_start_s", None)
+    assert found == {"format": 2, "rig": "r", "code": "c"}
 
 
 def _node(path: Path) -> tuple[subprocess.Popen[str], int, int, float]:
@@ -140,13 +144,76 @@ def test_a_damaged_file_is_one_sentence(tmp_path: Path) -> None:
 
 
 def test_a_dead_writer_does_not_disturb_the_node(tmp_path: Path) -> None:
-    log = FrameLog(tmp_path / "a.blf", {})
-    log._writer.kill()
-    log._writer.wait()
+    """Another one goes on; what the dead one had not flushed is told of, at once and at the end."""
+    told: list[str] = []
+    log = FrameLog(tmp_path / "a.blf", {}, told.append)
+    first = log._writer
     for k in range(100):
         log.sent(1e-3 * k, 1, b"")
-    assert log.dropped == 100
+    began = time.monotonic()
+    while log._on_file < 100 and time.monotonic() - began < 60:
+        time.sleep(0.02)
+    first.kill()
+    first.wait()
+    for k in range(100, 200):
+        log.sent(1e-3 * k, 1, b"")
+    while log._writer is first and time.monotonic() - began < 60:
+        time.sleep(0.02)
+    assert "its writer ended (by signal 9); frames are missing; another one goes on" in told[0]
     log.close()
+    assert (log.dropped, log.lost) == (0, 0)
+    found = list(read_frames(tmp_path / "a.blf"))
+    assert [f.time_ns for f in found if f.way == SENT] == [k * 1_000_000 for k in range(200)]
+    assert [f.id for f in found if f.way == NOTED] == [LOST]
+
+
+def test_a_disk_that_is_full_is_told_at_once_and_what_waits_is_written_later(tmp_path: Path) -> None:
+    """Here the system lets the writer's files grow no further; the next writer has room again."""
+    told: list[str] = []
+    with FrameLog(tmp_path / "a.blf", {}, told.append) as log:
+        log.sent(0.0, 1, b"")
+        began = time.monotonic()
+        while log._on_file < 1 and time.monotonic() - began < 60:
+            time.sleep(0.02)
+        size = (tmp_path / "a.blf").stat().st_size
+        resource.prlimit(log._writer.pid, resource.RLIMIT_FSIZE, (size, size))
+        for k in range(1, 300):
+            log.sent(1e-3 * k, 1, k.to_bytes(8, "little"))
+        while not told and time.monotonic() - began < 60:
+            time.sleep(0.02)
+        assert told, "while the node goes on"
+        log.sent(1.0, 1, b"")
+    assert "frames are missing" in told[0]
+    assert log.lost > 0
+    assert log.troubles[-1].endswith("frames that were handed to its writer are not on file")
+    found = list(read_frames(tmp_path / "a.blf"))
+    assert [f.time_ns for f in found if f.way == SENT][-1] == 1_000_000_000
+    assert LOST in [f.id for f in found if f.way == NOTED]
+
+
+def test_two_logs_of_one_name_are_two_files(tmp_path: Path) -> None:
+    path = tmp_path / "run.blf"
+    with FrameLog(path, {"run": 1}) as first, FrameLog(path, {"run": 2}) as second:
+        first.sent(0.1, 1, b"1")
+        second.sent(0.2, 2, b"2")
+    assert (first.path, second.path, first.kept, second.kept) == (path, tmp_path / "run-run2.blf", None, None)
+    assert [f.id for f in read_frames(first.path)] == [1]
+    assert [f.id for f in read_frames(second.path)] == [2]
+    assert [read_log_record(log.path)["run"] for log in (first, second)] == [1, 2]
+    with FrameLog(path, {"run": 3}) as third:
+        third.sent(0.3, 3, b"3")
+    assert (third.path, third.kept) == (path, tmp_path / "run-1.blf")
+    assert [f.id for f in read_frames(tmp_path / "run-1.blf")] == [1]
+
+
+def test_other_programs_read_the_time_of_day(tmp_path: Path) -> None:
+    path = tmp_path / "run.blf"
+    with FrameLog(path, {}) as log:
+        log.sent(12.5, 1, b"1")
+    with can.LogReader(path) as reader:
+        (message,) = list(reader)
+    assert message.timestamp == pytest.approx(read_log_record(path)["calendar_start_s"] + 12.5, abs=0.01)
+    assert abs(message.timestamp - 12.5 - time.time()) < 600
 
 
 @pytest.mark.parametrize(

@@ -29,6 +29,29 @@ def test_reads_a_magnetic_rig(tmp_path: Path, rig_text: str) -> None:
     assert (rig.noise.position_std_m, rig.noise.force_std_N) == (5e-5, None)
 
 
+def test_lumen_diameter_stands_for_the_contact_angle(tmp_path: Path, rig_text: str) -> None:
+    text = rig_text.replace("contact_angle_deg = 60.0", "lumen_diameter_m = 9e-3")
+    assert read(tmp_path, text).tissue.contact_angle_deg == pytest.approx(46.2, abs=0.02)
+    with pytest.raises(
+        ValueError, match=r"rig.toml: \[tissue\] must have lumen_diameter_m or contact_angle_deg; got both"
+    ):
+        read(
+            tmp_path, rig_text.replace("contact_angle_deg = 60.0", "contact_angle_deg = 60.0\nlumen_diameter_m = 9e-3")
+        )
+    with pytest.raises(
+        ValueError, match=r"lumen_diameter_m must be positive and less than the capsule's 0.013 m; got 0.02"
+    ):
+        read(tmp_path, text.replace("9e-3", "20e-3"))
+
+
+def test_regime_of_the_moduli(tmp_path: Path, rig_text: str) -> None:
+    assert read(tmp_path, rig_text).tissue.regime == "low"
+    text = rig_text.replace("contact_angle_deg = 60.0", 'contact_angle_deg = 60.0\nregime = "blend"')
+    assert read(tmp_path, text).tissue.regime == "blend"
+    with pytest.raises(ValueError, match=r"\[tissue\] regime must be one of 'low', 'high' or 'blend'; got 'fast'"):
+        read(tmp_path, text.replace("blend", "fast"))
+
+
 def test_reads_a_body_on_a_plate(tmp_path: Path) -> None:
     rig = read(tmp_path, VIBRO_TABLE)
     assert rig.capsule.mass_kg == 0.193
@@ -51,11 +74,15 @@ def test_byte_order_mark_is_accepted(tmp_path: Path) -> None:
     ("old", "new", "said"),
     [
         ("radius_m = 6.5e-3", "radius_mm = 6.5", r"\[capsule\].*'radius_mm'.*'radius_m'"),
-        ("radius_m = 6.5e-3", "radius_m = 6.5", r"\[capsule\] radius_m must be at most 0.1"),
+        ("radius_m = 6.5e-3", "radius_m = 6.5", r"\[capsule\] radius_m must be 0.0001 to 0.1 m; got 6.5"),
         ("radius_m = 6.5e-3", "radius_m = '6.5'", r"radius_m must be a finite number"),
         ("radius_m = 6.5e-3", "radius_m = nan", r"radius_m must be a finite number"),
         ("radius_m = 6.5e-3", "radius_m = true", r"radius_m must be a finite number"),
-        ("mass_kg = 4.0e-3", "", r"\[capsule\] must have the key 'mass_kg'; it is missing"),
+        (
+            "mass_kg = 4.0e-3",
+            "",
+            r"must have the key 'mass_kg' \(1e-05 to 0.5 kg; such as 4.0e-3\); it is",
+        ),
         ("magnet_range_m = 0.02", "", r"\[rig\] must have the key 'magnet_range_m'"),
         ("magnet_range_m", "magnet_rnage_m", r"'magnet_rnage_m'; did you mean 'magnet_range_m'"),
         ("[tissue]", "[tisue]", r"'tisue'; did you mean 'tissue'"),
@@ -64,7 +91,7 @@ def test_byte_order_mark_is_accepted(tmp_path: Path) -> None:
         ('"magnetic"', '"pull"', r"'magnet_stiffness_N_per_m', which belongs to kind 'magnetic'"),
         ("kind =", "kinds =", r"must have the key 'kind'; got 'kinds'"),
         ('"jejunum"', '"colon"', r"preset must be one of 'jejunum'; got 'colon'"),
-        ("60.0", "95.0", r"contact_angle_deg must be less than 90"),
+        ("60.0", "95.0", r"contact_angle_deg must be 1 to 89 deg; got 95"),
         ("[rig]", "[rig", r"must be TOML"),
     ],
 )

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from models.files.toml import LARGEST_FILE, read_toml
+from models.files.source import LARGEST_TEXT
+from models.files.toml import read_toml
 
 
 @pytest.mark.parametrize(
@@ -17,7 +18,7 @@ from models.files.toml import LARGEST_FILE, read_toml
         (b"a = " + b"9" * 5000, "thing must be TOML"),
         (b"a = [" * 3000, "thing must be TOML"),
         (b"a = '\xff'", "thing must be UTF-8 text; got another byte at 5"),
-        (b"#" * (LARGEST_FILE + 1), f"must be smaller than {LARGEST_FILE} bytes"),
+        (b"#" * (LARGEST_TEXT + 1), f"must be smaller than {LARGEST_TEXT} bytes"),
     ],
 )
 def test_what_is_no_toml_is_told_in_a_sentence(tmp_path: Path, data: bytes, sentence: str) -> None:
@@ -32,7 +33,7 @@ def test_what_is_no_toml_is_told_in_a_sentence(tmp_path: Path, data: bytes, sent
 def test_only_a_regular_file_is_read(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
-    for path, sentence in ((pipe, "regular file"), (Path("/dev/zero"), "regular file"), (tmp_path, "can be read")):
+    for path, sentence in ((pipe, "regular file"), (Path("/dev/zero"), "regular file"), (tmp_path, "directory")):
         with pytest.raises(ValueError, match=sentence):
             read_toml(path, "thing")
     file = tmp_path / "thing.toml"

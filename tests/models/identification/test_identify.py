@@ -194,3 +194,15 @@ def test_what_is_missing_beside_an_effect_with_held_parameters_is_screened() -> 
     rows = screen(kind, records[:1], ["stribeck"], {**values, **stribeck})
     assert {row.effect for row in rows} == {effect.id for effect in kind.effects} - {"stribeck"}
     assert all(0 <= row.share <= 1 for row in rows)
+
+
+def test_a_force_stamped_late_is_a_calibration_parameter_where_the_rig_file_says_so() -> None:
+    _, records = short_pull()
+    late = [r.with_column("force_N", np.interp(r["t_s"] - 0.02, r["t_s"], r["force_N"])) for r in records]
+    finding, model = close(parse_rig({**PULL, "clock": {"offset_std_s": 0.02}}), late, [], quiet)
+    assert finding.verdict == "none"
+    assert finding.calibration["clock_offset_s"].value == pytest.approx(0.02, abs=2e-3)
+    assert finding.calibration["hoop_stress_factor"].value == pytest.approx(1.1, rel=0.01)
+    assert model.stages["nominal"]["clock_offset_s"] == 0.0
+    known = close(parse_rig({**PULL, "clock": {"offset_s": 0.02}}), late, [], quiet)[0]
+    assert (known.verdict, known.effects) == ("none", ())

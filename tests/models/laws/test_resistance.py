@@ -10,7 +10,14 @@ from scipy.integrate import quad
 
 from models.laws.elastic_nose import elastic_coulomb_limit, initial_resistance
 from models.laws.force_speed import sliding_resistance
-from models.laws.geometry import GRAVITY, Capsule, Tissue, shoulder_position
+from models.laws.geometry import (
+    GRAVITY,
+    Capsule,
+    Tissue,
+    contact_angle_deg,
+    relaxed_diameter,
+    shoulder_position,
+)
 from models.laws.hyperelastic import WallConstants
 from models.laws.mucus import mucus_drag
 from models.laws.resistance import (
@@ -36,7 +43,7 @@ def test_default_capsule_check_values():
 def test_heavy_capsule_check_values():
     low, high = (
         sliding_resistance(SPEEDS, HEAVY, TISSUE),
-        sliding_resistance(np.array([20e-3, 40e-3, 60e-3]), HEAVY, TISSUE, "high"),
+        sliding_resistance(np.array([20e-3, 40e-3, 60e-3]), HEAVY, replace(TISSUE, regime="high")),
     )
     assert low.environmental == pytest.approx(np.array([42.76, 43.68, 55.70, 66.37, 77.19]) * 1e-3, rel=2e-4)
     assert low.coulomb == pytest.approx(np.array([73.76, 73.89, 75.82, 78.78, 84.59]) * 1e-3, rel=2e-4)
@@ -49,15 +56,16 @@ def test_heavy_capsule_check_values():
     ("speed", "regime", "tolerance"), [(0.5e-3, "low", 1e-9), (1e-4, "low", 1e-6), (60e-3, "high", 1e-9)]
 )
 def test_quadrature_against_adaptive_integration(speed, regime, tolerance):
-    shoulder = shoulder_position(CAPSULE, TISSUE)
+    tissue = replace(TISSUE, regime=regime)
+    shoulder = shoulder_position(CAPSULE, tissue)
     span = {"epsabs": 0.0, "epsrel": 1e-11, "limit": 500}
 
     def density(x):
-        return 2 * math.pi * CAPSULE.radius_m * contact_pressure(x, speed, CAPSULE, TISSUE, regime)
+        return 2 * math.pi * CAPSULE.radius_m * contact_pressure(x, speed, CAPSULE, tissue)
 
     parts = np.concatenate([[0.0], np.geomspace(1e-9, shoulder, 12)])
     expected = sum(quad(density, a, b, **span)[0] for a, b in itertools.pairwise(parts))
-    assert pressure_integrals(speed, CAPSULE, TISSUE, regime)[0] == pytest.approx(expected, rel=tolerance)
+    assert pressure_integrals(speed, CAPSULE, tissue)[0] == pytest.approx(expected, rel=tolerance)
 
 
 def test_resistance_is_even_in_speed_and_rises_from_its_limit_of_rest():
@@ -72,11 +80,12 @@ def test_resistance_is_even_in_speed_and_rises_from_its_limit_of_rest():
 
 def test_regimes_and_blend():
     low, high, blend = (
-        environmental_resistance(np.array([5e-3, 20e-3, 40e-3]), CAPSULE, TISSUE, r) for r in ("low", "high", "blend")
+        environmental_resistance(np.array([5e-3, 20e-3, 40e-3]), CAPSULE, replace(TISSUE, regime=r))
+        for r in ("low", "high", "blend")
     )
     assert blend == pytest.approx([low[0], (low[1] + high[1]) / 2, high[2]])
     with pytest.raises(ValueError, match="regime must be low, high or blend; got 'middle'"):
-        environmental_resistance(1e-3, CAPSULE, TISSUE, "middle")
+        replace(TISSUE, regime="middle")
 
 
 def test_shape_is_kept():
@@ -106,3 +115,13 @@ def test_paper_a_forces_do_not_follow_from_its_parameters():
     wall = WallConstants.from_set()
     assert initial_resistance(CAPSULE, tissue, wall) == pytest.approx(502.7e-3, rel=2e-4)
     assert elastic_coulomb_limit(CAPSULE, tissue, wall) == pytest.approx(148.8e-3, rel=5e-4)
+
+
+def test_lumen_diameter_gives_the_contact_angle():
+    """Paper A measured 9 mm; the radius of 6.5 mm is its capsule's."""
+    angle = contact_angle_deg(9e-3, CAPSULE.radius_m)
+    assert angle == pytest.approx(46.2, abs=0.02)
+    assert relaxed_diameter(CAPSULE, replace(TISSUE, contact_angle_deg=angle)) == pytest.approx(9e-3)
+    for diameter in (0.0, 13e-3, math.nan):
+        with pytest.raises(ValueError, match=r"lumen_diameter_m must be positive and less than the capsule's 0\.013 m"):
+            contact_angle_deg(diameter, CAPSULE.radius_m)

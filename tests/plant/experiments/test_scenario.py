@@ -10,7 +10,7 @@ import pytest
 from hil.app.simulate import simulate
 from plant.anatomy import Anatomy, along, random_anatomy
 from plant.experiments.excitation import pulse_width
-from plant.experiments.scenario import parse_scenario
+from plant.experiments.scenario import parse_scenario, parse_truth
 from plant.experiments.series import RECORDS, make_series
 from tests.plant.conftest import read_columns
 
@@ -82,10 +82,10 @@ def test_drive_on_keeps_every_edge(tmp_path: Path) -> None:
         ('kind = "magnetic"', 'kind = "magnetc"', "rig.kind must be one of .*did you mean 'magnetic'"),
         ("[profile]", "[profil]", "did you mean 'profile'"),
         ("seed = 4", "sed = 4", r"keys of \[scenario\] must be among .*did you mean 'seed'"),
-        ("seed = 4", 'seed = "4"', "scenario.seed must be a int; got '4'"),
-        ("duration_s = 1.0", "duration_s = 1e9", "duration_s must be positive and at most"),
+        ("seed = 4", 'seed = "4"', "scenario.seed must be an integer"),
+        ("duration_s = 1.0", "duration_s = 1e9", "duration_s must be 2e-05 to 1000 s"),
         ("duration_s = 1.0", "duration_s = nan", "duration_s must be a finite number"),
-        ("[profile]", "[capsule]\nmass_kg = -1.0\n[profile]", "capsule.mass_kg must be positive; got -1"),
+        ("[profile]", "[capsule]\nmass_kg = -1.0\n[profile]", "capsule.mass_kg must be 1e-05 to 0.5 kg; got -1"),
         ("[profile]", "[effects.spring_damping]\n[profile]", "must be for it; got 'spring_damping'"),
         ("[profile]", "[surface]\nkind = 'ice'\n[profile]", "surface.kind must be one of gut, plate; got 'ice'"),
         ("[profile]", "[sensor]\nrate_hz = 5.0\n[profile]", "did you mean 'rate_Hz'"),
@@ -156,3 +156,12 @@ def test_a_scenario_reads_a_record_as_its_profile(tmp_path: Path) -> None:
     raw["profile"] = {"kind": "record", "path": "drive.csv", "column": "carriage_position_m"}
     values = parse_scenario(raw, tmp_path).profile.values(1.0, 0.25, np.random.default_rng())
     assert values == pytest.approx([0, 0.0025, 0.005, 0.0075, 0.01])
+
+
+def test_tissue_of_a_scenario_has_regime_and_lumen() -> None:
+    tissue = {"regime": "blend", "lumen_diameter_m": 9e-3}
+    _, _, rig = parse_truth({"rig": {"kind": "magnetic"}, "tissue": tissue})
+    assert rig.tissue.regime == "blend"
+    assert rig.tissue.contact_angle_deg == pytest.approx(46.2, abs=0.02)
+    with pytest.raises(ValueError, match=r"tissue\.regime must be one of low, high, blend; got 'fast'"):
+        parse_truth({"rig": {"kind": "magnetic"}, "tissue": {"regime": "fast"}})

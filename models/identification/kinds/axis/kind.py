@@ -1,5 +1,5 @@
-"""A linear stage: the force its motion needs, `F = M a + (F_v v + F_c sgn v) level + offset - effects`, against the
-measured.
+"""A linear stage or an axis that turns: the force its motion needs, `F = M a + (F_v v + F_c sgn v) level + offset -
+effects`, against the measured.
 """
 
 from __future__ import annotations
@@ -16,43 +16,49 @@ from typing import Any, ClassVar
 import numpy as np
 
 from models.checks.instrument.usable import used
-from models.effects import effects_for
 from models.effects.effect import Effect, Signals
 from models.files.record import Record
 from models.files.rig import Rig
 from models.identification.kind import Array, OneByOne, Theta, present
-from models.identification.kinds.axis.effects import VARIANTS
+from models.identification.kinds.axis.coordinates import LINE, TURN, Coordinates, coordinates_of
+from models.identification.kinds.axis.effects import Range, Size, candidates
+from models.identification.kinds.axis.moved import WHOLE, Moved, carried, moved
+from models.identification.kinds.axis.noise import UNTOLD, Noise, band_of, inertia_of, through, told_force, white_part
 from models.identification.kinds.axis.zero_phase import (
-    Motion,
+    BAND_HZ,
     decimate,
     evened,
     motion,
     passed,
-    quiet_roughness,
     repeat_lag,
     sampling_rate,
 )
 from models.identification.kinds.conditions import may_be_left_out
 from models.parameter import Parameter
 
-NOISE, WHOLE = "_noise_N", ("_x_m", "_v_m_s", "_a_m_s2")
-"""Columns that a part of a record carries on from the whole: the force's noise, and the motion filtered before the cut.
-"""
+NOISES = ("_force_noise", "_speed_noise", "_shaken_inertia", "_weight")
+"""Columns that a part of a record carries on from the whole: its noise."""
 _BELIEF = "rig file; without it only a start for the calibration"
 
 
 @dataclass(frozen=True)
 class AxisKind(OneByOne):
-    """The inverse dynamics of a stage from its measured position, filtered as the EMPS authors do.
+    """The inverse dynamics of a stage from its measured position, filtered as the EMPS authors do, in a narrower `band`
+    (Hz) where the position is too noisy for theirs; of an axis that turns alike, with angles, torques and inertia for
+    positions, forces and mass.
 
     An effect's `level` multiplies the whole friction (Coulomb and viscous), its `force` acts on the stage along +x, its
-    `delay` is the time by which the position is read late. `force_std_N` is the force's noise before the filter;
-    without it the repeats of the motion tell it.
+    `delay` is the time by which the position is read late. `force_std` is the force's noise before the filter, without
+    it the repeats of the motion tell it, else its own white part; `position_std` the position's. What an axis at rest
+    holds within its friction tells nothing and counts for nothing.
     """
 
     base: tuple[Parameter, ...]
-    force_std_N: float | None = None
-    effects: tuple[type[Effect], ...] = field(default_factory=lambda: effects_for("axis", VARIANTS))
+    force_std: float | None = None
+    position_std: float | None = None
+    coordinates: Coordinates = LINE
+    band: float = BAND_HZ
+    effects: tuple[type[Effect], ...] = field(default_factory=lambda: candidates(LINE, None))
     name: str = "axis"
     criteria: int = 1
     final: int = 0
@@ -62,18 +68,31 @@ class AxisKind(OneByOne):
     next_share: float = 0.04
     least_gain: float = 0.05
     equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
-    quantity: str = "force_N"
-    unit: str = "N"
-    measure: str = "norm of the force error over norm of the force in %, both low-passed at 40 Hz without phase"
-    _noise: dict[int, tuple[Array, float]] = field(default_factory=dict, repr=False, compare=False)
-    _seen: dict[tuple[int, int], tuple[Record, Motion]] = field(default_factory=dict, repr=False, compare=False)
+    _noise: dict[tuple[int, float | None], tuple[Array, Noise]] = field(default_factory=dict, repr=False, compare=False)
+    _seen: dict[tuple[int, ...], tuple[Record, Moved]] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
-    def from_rig(cls, rig: Rig) -> AxisKind:
-        """The stage that a rig file describes; what it leaves out starts at 10 kg, 100 N s/m, 10 N and 0 N."""
-        axis = rig.axis
-        numbers = (axis.mass_kg, axis.viscous_friction_N_s_per_m, axis.coulomb_friction_N, axis.offset_N)
-        return cls.around(*numbers, force_std_N=rig.noise.force_std_N)
+    def from_rig(cls, rig: Rig, records: Sequence[Record] = ()) -> AxisKind:
+        """The axis that a rig file describes; what it leaves out starts where the size of the `records` puts it,
+        without them at 10 kg, 100 N s/m, 10 N and 0 N (kg m2, N m s/rad and N m).
+
+        Raises ValueError where the rig file states an axis of the other sort than the records are of.
+        """
+        c = coordinates_of(records)
+        stated = {name: value for name, value in rig.axis.model_dump().items() if value is not None}
+        strange = next((name for name in stated if name not in c.base), None)
+        if strange is not None and records:
+            raise ValueError(
+                f"[axis] {strange} must not be there for records with {c.position}, whose keys are {', '.join(c.base)}"
+            )
+        turns = c.turns or (not records and any(name in TURN.base for name in stated))
+        c = TURN if turns else c
+        noise = rig.noise
+        stds = (noise.torque_std_N_m, noise.angle_std_rad) if turns else (noise.force_std_N, noise.position_std_m)
+        known = [record for record in records if c.force in record.columns]
+        band = min((band_of(r["t_s"], r[c.position], stds[1]) for r in records), default=BAND_HZ)
+        size = size_of(c, known, band) if known else None
+        return cls._of(c, [stated.get(name) for name in c.base], size, *stds, band)
 
     @classmethod
     def around(
@@ -85,20 +104,50 @@ class AxisKind(OneByOne):
         force_std_N: float | None = None,
     ) -> AxisKind:
         """A stage with these nominal numbers, all of which a calibration may change."""
+        return cls._of(LINE, (mass_kg, viscous_N_s_per_m, coulomb_N, offset_N), None, force_std_N, None)
 
-        def number(name: str, given: float | None, start: float, unit: str, lower: float, upper: float) -> Parameter:
-            value = start if given is None else given
-            return Parameter(name, value, unit, min(lower, value), max(upper, value), _BELIEF, fit=True)
+    @classmethod
+    def _of(
+        cls,
+        c: Coordinates,
+        given: Sequence[float | None],
+        size: Size | None,
+        force_std: float | None,
+        position_std: float | None,
+        band: float = BAND_HZ,
+    ) -> AxisKind:
+        spans: Sequence[Range] = _SPANS
+        if size is not None:
+            mass, drag = size.force / size.acceleration, size.force / size.speed
+            told = (
+                (0.3 * mass, 1e-4 * mass, 30 * mass),
+                (0.2 * drag, 0.0, 10 * drag),
+                (0.2 * size.force, 0.0, 3 * size.force),
+                (0.0, -3 * size.force, 3 * size.force),
+            )
+            spans = told if c.turns else _both(told)
+        rows = []
+        for name, unit, value, (start, lower, upper) in zip(c.base, c.units, given, spans, strict=True):
+            at = start if value is None else value
+            rows.append(Parameter(name, at, unit, min(lower, at), max(upper, at), _BELIEF, fit=True))
+        return cls(tuple(rows), force_std, position_std, c, band, candidates(c, size))
 
-        return cls(
-            (
-                number("mass_kg", mass_kg, 10.0, "kg", 1e-4, 1e3),
-                number("viscous_friction_N_s_per_m", viscous_N_s_per_m, 100.0, "N s/m", 0.0, 1e4),
-                number("coulomb_friction_N", coulomb_N, 10.0, "N", 0.0, 1e3),
-                number("offset_N", offset_N, 0.0, "N", -1e3, 1e3),
-            ),
-            force_std_N,
-        )
+    @property
+    def quantity(self) -> str:
+        """The measured column."""
+        return self.coordinates.force
+
+    @property
+    def unit(self) -> str:
+        """Its unit."""
+        return self.coordinates.force_unit
+
+    @property
+    def measure(self) -> str:
+        """What `error` is, in words."""
+        word = self.coordinates.names[3]
+        cut = f"{2 * self.band:g} Hz"
+        return f"norm of the {word} error over norm of the {word} in %, both low-passed at {cut} without phase"
 
     def nominal(self) -> dict[str, float]:
         """The base parameters as believed."""
@@ -109,17 +158,19 @@ class AxisKind(OneByOne):
         return record[self.quantity]
 
     def predict(self, record: Record, theta: Theta) -> Array:
-        """Force in N that the measured motion needs, one value a row."""
-        m = self._motion(record)
+        """Force in N (torque in N m) that the measured motion needs, one value a row."""
+        of, c = self._moved(record), self.coordinates
+        m = of.motion
         if not m.even:
-            even = evened(record, ("position_m",))
+            even = evened(record, (c.position, c.velocity, *c.loads))
             return np.interp(record["t_s"], even["t_s"], self.predict(even, theta))
-        s = Signals(t=m.t, x=m.x, v=m.v, direction=np.sign(m.v))
+        load = c.load_in(record.columns)
+        s = Signals(t=m.t, x=m.x, v=m.v, direction=of.direction, load=record[load] if load else 0.0)
         acting = present(self.effects, theta)
-        friction = theta["viscous_friction_N_s_per_m"] * m.v + theta["coulomb_friction_N"] * s.direction
+        friction = theta[c.viscous] * m.v + theta[c.coulomb] * s.direction
         level: Any = reduce(mul, (e.level(s, p, {}) for e, p in acting), 1.0)
         extra: Any = sum(e.force(s, p, {}) for e, p in acting)
-        force = theta["mass_kg"] * m.a + friction * level + theta["offset_N"] - extra
+        force = theta[c.inertia] * m.a + friction * level + theta[c.offset] - extra
         late = sum(float(e.delay(p)) for e, p in acting)
         if late:
             force = np.interp(m.t + late, m.t, force)
@@ -133,53 +184,75 @@ class AxisKind(OneByOne):
 
     def residuals(self, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> list[Array]:
         """`residual` at several points; the filter takes them together."""
-        force = record[self.quantity]
-        known = self._noise.get(id(force))
-        if known is None or known[0] is not force:
-            if len(self._noise) > 64:
-                self._noise.clear()
-            known = self._noise[id(force)] = (force, self.noise_std(record))
-        errors = np.stack([force - self.predict(record, theta) for theta in thetas])
-        errors[:, ~used(record)] = 0.0
-        return list(decimate(errors, self._motion(record).rate) / known[1])
+        errors = np.stack([record[self.quantity] - self.predict(record, theta) for theta in thetas])
+        of = self._moved(record)
+        errors[:, ~used(record) | of.still] = 0.0
+        return list(decimate(errors, of.motion.rate, self.band) / self.noise(record).weight)
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
-        """The authors' relative force error in %, pooled."""
+        """The authors' relative force error in %, pooled; where an axis rests, none is counted."""
         wrong = right = 0.0
         for record, prediction in zip(records, predictions, strict=True):
             rate = sampling_rate(record["t_s"])
-            force = decimate(record[self.quantity], rate)
-            wrong += float(np.sum((force - decimate(prediction, rate)) ** 2))
-            right += float(np.sum(force**2))
+            error = np.where(self._moved(record).still, 0.0, record[self.quantity] - prediction)
+            wrong += float(np.sum(decimate(error, rate, self.band) ** 2))
+            right += float(np.sum(decimate(record[self.quantity], rate, self.band) ** 2))
         return 100 * float(np.sqrt(wrong / right))
 
-    def noise_std(self, record: Record) -> float:
-        """Standard deviation in N of the filtered force's noise: believed, else from the motion's repeats, else its
-        roughness.
-        """
-        rate = sampling_rate(record["t_s"])
-        if self.force_std_N is not None:
-            return self.force_std_N * passed(rate)
-        if NOISE in record.columns:
-            return float(record[NOISE][0])
-        force = decimate(record[self.quantity], rate)
-        lag = repeat_lag(record["position_m"], rate)
-        if lag is None:
-            return max(quiet_roughness(force), 1e-9)
-        full = decimate(record[self.quantity][lag:] - record[self.quantity][:-lag], rate)
-        return max(float(np.std(full)) / math.sqrt(2), 1e-9)
+    def noise(self, record: Record) -> Noise:
+        """What is told of the noise of a record, or of the whole that it is a part of."""
+        force = record[self.quantity]
+        key = (id(force), self.force_std)
+        known = self._noise.get(key)
+        if known is None or known[0] is not force:
+            if len(self._noise) > 64:
+                self._noise.clear()
+            known = self._noise[key] = (force, self._told(record))
+        return known[1]
+
+    def _told(self, record: Record) -> Noise:
+        if NOISES[0] in record.columns:
+            whole, *rest = (float(record[name][0]) for name in NOISES)
+            return Noise(None if np.isnan(whole) else whole, *rest)
+        of, force = self._moved(record), record[self.quantity]
+        m = of.motion
+        told = told_force(force, record[self.coordinates.position], m.rate, self.band, self.force_std)
+        speed = 0.0 if of.logged is None else white_part(of.logged)
+        _, jolt = through(round(m.rate, 3), self.band, of.logged is not None)
+        inertia = inertia_of(force, m, self.band)
+        shaken = inertia * jolt * (of.place if of.logged is None else speed)
+        own = self._believed(record) if told is None else told
+        return Noise(told, speed, inertia if shaken else 0.0, max(float(np.hypot(own, shaken)), 1e-12))
+
+    def _believed(self, record: Record) -> float:
+        """What counts as the noise of a force whose own is not told."""
+        filtered = decimate(record[self.quantity], sampling_rate(record["t_s"]), self.band)
+        return UNTOLD * float(np.sqrt(np.mean(filtered**2)))
 
     def noise_floor(self, records: Sequence[Record]) -> float:
-        """What the force's noise alone, the quietest record's, makes of the error, in %."""
-        forces = np.concatenate([decimate(r[self.quantity], sampling_rate(r["t_s"])) for r in records])
-        return 100 * min(self.noise_std(r) for r in records) / math.sqrt(float(np.mean(forces**2)))
+        """What the noise alone, the quietest record's, makes of the error, in %; not a number where nothing tells the
+        force's.
+        """
+        forces = np.concatenate([decimate(r[self.quantity], sampling_rate(r["t_s"]), self.band) for r in records])
+        noises = [self.noise(r) for r in records]
+        if any(noise.force is None for noise in noises):
+            return math.nan
+        return 100 * min(noise.weight for noise in noises) / math.sqrt(float(np.mean(forces**2)))
 
     def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
-        """The same motion with the force of the model and noise of the same size after the filter."""
-        std = self.noise_std(record)
-        white = std / passed(sampling_rate(record["t_s"])) * rng.standard_normal(len(record))
-        made = record.with_column(self.quantity, self.predict(record, theta) + white)
-        return made.with_column(NOISE, np.full(len(record), std))
+        """The same motion with the force of the model and noise of the same size after the filter: the force's own, and
+        what the position's (or the logged speed's) makes of it.
+        """
+        whole = self._carrying(record)
+        noise, of = self.noise(whole), self._moved(whole)
+        rate = of.motion.rate
+        own = self._believed(record) if noise.force is None else noise.force
+        made = self.predict(whole, theta) + own / passed(rate, self.band) * rng.standard_normal(len(record))
+        if noise.inertia:
+            place = of.place * rng.standard_normal(len(record))
+            speed = None if of.logged is None else noise.speed * rng.standard_normal(len(record))
+            made = made + noise.inertia * motion(of.motion.t, place, speed, self.band).a
+        return whole.with_column(self.quantity, made)
 
     def splits(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
         """By record; where one holds a speed, a direction or a place that no other has, or is the only one, by four
@@ -188,7 +261,7 @@ class AxisKind(OneByOne):
         apart = [([r for r in records if r is not out], [out]) for out in records]
         if len(records) > 1 and all(may_be_left_out(out, rest) for rest, (out,) in apart):
             return apart
-        each = [blocks_of_cycle(self._carrying(record)) for record in records]
+        each = [blocks_of_cycle(self._carrying(record), self.coordinates.position) for record in records]
         return [
             ([r for part, _ in row for r in part], [r for _, held in row for r in held])
             for row in zip(*each, strict=True)
@@ -196,43 +269,75 @@ class AxisKind(OneByOne):
 
     def _carrying(self, record: Record) -> Record:
         """`record` with its noise and its motion as columns, for parts of it."""
-        m = self._motion(record)
-        carried = {
-            NOISE: np.full(len(record), self.noise_std(record)),
-            **dict(zip(WHOLE, (m.x, m.v, m.a), strict=True)),
-        }
-        return replace(record, columns={**record.columns, **carried})
+        if NOISES[0] in record.columns:
+            return record
+        noise, rows = self.noise(record), len(record)
+        force = math.nan if noise.force is None else noise.force
+        told = dict(zip(NOISES, (force, noise.speed, noise.inertia, noise.weight), strict=True))
+        whole = carried(record, self.coordinates, self._moved(record))
+        return replace(whole, columns={**whole.columns, **{name: np.full(rows, v) for name, v in told.items()}})
 
     def signals(self, record: Record) -> dict[str, Array]:
-        """What the residual is drawn against: time, position, speed, acceleration, force."""
-        m = self._motion(record)
-        return {"t_s": m.t, "x_m": m.x, "v_m_s": m.v, "a_m_s2": m.a, "force_N": record[self.quantity]}
+        """What the residual is drawn against: time, position, speed, acceleration, force, a logged load."""
+        m, c = self._moved(record).motion, self.coordinates
+        load = c.load_in(record.columns)
+        drawn = dict(zip(("t_s", *c.names[:3], c.force), (m.t, m.x, m.v, m.a, record[c.force]), strict=True))
+        return drawn | ({load: record[load]} if load else {})
 
     def columns(self, record: Record, predicted: Array) -> dict[str, Array]:
         """The prediction as the columns of a file."""
         return {"t_s": record["t_s"], self.quantity: predicted}
 
-    def _motion(self, record: Record) -> Motion:
-        key = (id(record["t_s"]), id(record["position_m"]))
+    def _moved(self, record: Record) -> Moved:
+        names = ("t_s", self.coordinates.position, self.coordinates.velocity, WHOLE[0])
+        key = tuple(id(record.columns.get(name)) for name in names)
         known = self._seen.get(key)
         if known is not None:
             return known[1]
         if len(self._seen) > 64:
             self._seen.clear()
-        if WHOLE[0] in record.columns:
-            found = Motion(record["t_s"], *(record[column] for column in WHOLE))
-        else:
-            found = motion(record["t_s"], record["position_m"])
+        found = moved(record, self.coordinates, self.position_std, self.band)
         self._seen[key] = (record, found)  # the record is kept so that its arrays' ids stay theirs
         return found
 
 
-def blocks_of_cycle(record: Record, count: int = 4) -> list[tuple[list[Record], list[Record]]]:
+_SPANS = ((10.0, 1e-4, 1e3), (100.0, 0.0, 1e4), (10.0, 0.0, 1e3), (0.0, -1e3, 1e3))
+"""Start, lower and upper bound of the base parameters where no record tells the size of the axis."""
+
+
+def _both(told: Sequence[Range]) -> tuple[Range, ...]:
+    """A stage's ranges where records told theirs: its own starts, and bounds as wide as the wider of the two."""
+    return tuple(
+        (start, min(lower, low), max(upper, high))
+        for (start, lower, upper), (_, low, high) in zip(_SPANS, told, strict=True)
+    )
+
+
+def size_of(c: Coordinates, records: Sequence[Record], band: float) -> Size:
+    """How large the records are: nearly the greatest of each of their signals."""
+    motions = [motion(record["t_s"], record[c.position], band=band) for record in records]
+
+    def most(parts: Sequence[Array]) -> float:
+        return max(float(np.percentile(np.abs(np.concatenate(parts)), 98)), 1e-9)
+
+    loads = [record[load] for record in records if (load := c.load_in(record.columns))]
+    x = np.concatenate([m.x for m in motions])
+    return Size(
+        most([m.v for m in motions]),
+        most([m.a for m in motions]),
+        most([record[c.force] for record in records]),
+        float(x.min()),
+        float(x.max()),
+        most(loads) if loads else 1.0,
+    )
+
+
+def blocks_of_cycle(record: Record, position: str, count: int = 4) -> list[tuple[list[Record], list[Record]]]:
     """Split a record into `count` blocks of its repeating motion (of its length where it does not repeat), each left
     out once.
     """
     rate = sampling_rate(record["t_s"])
-    lag = repeat_lag(record["position_m"], rate) or len(record)
+    lag = repeat_lag(record[position], rate) or len(record)
     block = (np.arange(len(record)) % lag) * count // lag
     edges = [0, *(np.flatnonzero(np.diff(block)) + 1), len(record)]
     pieces = [(int(block[a]), record.rows(slice(a, b))) for a, b in pairwise(edges) if b - a > 0.4 * rate]

@@ -10,32 +10,32 @@ from models.effects.equation import lines_of
 from models.files.record import Record
 from models.identification.kind import Theta
 from models.identification.kinds.axis.kind import AxisKind
+from models.identification.kinds.axis.noise import UNTOLD
 from models.identification.kinds.axis.ripple import Ripple, find_ripple
 from models.identification.kinds.axis.zero_phase import decimate, sampling_rate
 
 
 def equations(kind: AxisKind, theta: Theta) -> list[str]:
     """The model in words and numbers, SI units: the base, then what each effect adds to it."""
-    friction = f"({theta['viscous_friction_N_s_per_m']:.4g} v + {theta['coulomb_friction_N']:.4g} sgn(v))"
+    c = kind.coordinates
+    friction = f"({theta[c.viscous]:.4g} v + {theta[c.coulomb]:.4g} sgn(v))"
     effects = lines_of(kind.effects, theta)
     scaled = " times all friction scales" if any("friction scale" in line for line in effects) else ""
-    added = ", less all added forces" if any("added force" in line for line in effects) else ""
-    return [f"F = {theta['mass_kg']:.5g} a + {friction}{scaled} {theta['offset_N']:+.3g}{added}", *effects]
+    added = f", less all added {c.names[3]}s" if any("added force" in line for line in effects) else ""
+    told = [line.replace("added force in N", f"added {c.names[3]} in {c.force_unit}") for line in effects]
+    head = "T" if c.turns else "F"
+    return [f"{head} = {theta[c.inertia]:.5g} a + {friction}{scaled} {theta[c.offset]:+.3g}{added}", *told]
 
 
 def statements(kind: AxisKind, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:
     """Sentences on what these data cannot tell and what remains."""
     theta = theta_by_stage.get("augmented") or theta_by_stage["calibrated"]
-    floor, left = kind.noise_floor(records), kind.error(records, [kind.predict(r, theta) for r in records])
-    out = [
-        f"Repeats of the same motion leave {floor:.2f} % of the force; the model leaves {left:.2f} %.",
-        _where_it_remains(kind, theta, records),
-    ]
+    out = [_what_is_left(kind, theta, records), _where_it_remains(kind, theta, records)]
     if "directional_asymmetry.asymmetry" in theta:
-        out.append(_asymmetry(theta))
+        out.append(_asymmetry(kind, theta))
     ripples = [found for r in records if (found := find_ripple(kind, r, theta)) is not None]
     if ripples:
-        out.append(_ripples(ripples))
+        out.append(_ripples(kind, ripples))
     if "sensor_delay.delay_s" in theta:
         late = 1e3 * theta["sensor_delay.delay_s"]
         out.append(
@@ -61,9 +61,10 @@ def next_experiment(kind: AxisKind, theta: Theta, records: Sequence[Record]) -> 
         wishes.append(
             "log the motor current with the position (a lag of the drive shows there, a late reading does not)"
         )
-    if "viscous_drag.coefficient_N" in theta:
+    if "viscous_drag.exponent" in theta:
         wishes.append(
-            "sweep slowly from 0.1 to 20 mm/s at constant speeds (film friction or an elastic start of sliding)"
+            f"sweep slowly from 0.1 to 20 m{kind.coordinates.speed_unit} at constant speeds (film friction or an"
+            " elastic start of sliding)"
         )
     return "; ".join(wishes) or None
 
@@ -73,7 +74,7 @@ def _where_it_remains(kind: AxisKind, theta: Theta, records: Sequence[Record]) -
     for record in records:
         rate = sampling_rate(record["t_s"])
         error = kind.residual(record, theta)
-        moving = np.abs(decimate(kind.signals(record)["a_m_s2"], rate))
+        moving = np.abs(decimate(kind.signals(record)[kind.coordinates.names[2]], rate, kind.band))
         fast = moving > 0.1 * np.max(moving)
         squares["accelerating"] += float(np.sum(error[fast] ** 2))
         squares["cruising"] += float(np.sum(error[~fast] ** 2))
@@ -81,21 +82,37 @@ def _where_it_remains(kind: AxisKind, theta: Theta, records: Sequence[Record]) -
     return f"{share:.0f} % of what remains (mean square) lies where the stage accelerates, the rest where it cruises."
 
 
-def _ripples(found: Sequence[Ripple]) -> str:
-    first = found[0]
+def _what_is_left(kind: AxisKind, theta: Theta, records: Sequence[Record]) -> str:
+    word, left = kind.coordinates.names[3], kind.error(records, [kind.predict(r, theta) for r in records])
+    floor = kind.noise_floor(records)
+    if np.isnan(floor):
+        return (
+            f"Nothing tells the noise of the {word} (no repeats that differ, no noise of its own, none stated): it may"
+            f" be the command. No floor is claimed; the model leaves {left:.3g} %, and what is below"
+            f" {100 * UNTOLD:g} % is not looked for."
+        )
+    return f"Noise and repeats of the same motion leave {floor:.2f} % of the {word}; the model leaves {left:.2f} %."
+
+
+def _ripples(kind: AxisKind, found: Sequence[Ripple]) -> str:
+    first, c = found[0], kind.coordinates
+    wave = f"{first.wavelength:.4g} rad" if c.turns else f"{1e3 * first.wavelength:.3f} mm"
     return (
-        f"A force of {first.amplitude_N:.2f} N periodic in position, {1e3 * first.wavelength_m:.3f} mm, the same sign"
+        f"A {c.names[3]} of {first.amplitude:.3g} {c.force_unit} periodic in position, {wave}, the same sign"
         f" going and coming back, makes {100 * first.share:.0f} % of what remains (p = {first.p:.0e}): cogging of the"
         " motor or ripple of the screw. Its phase belongs to where the position was zeroed, which another record need"
         " not share, so it stays out of the model."
     )
 
 
-def _asymmetry(theta: Theta) -> str:
-    share, viscous = theta["directional_asymmetry.asymmetry"], theta["viscous_friction_N_s_per_m"]
-    constant = theta["offset_N"] + share * theta["coulomb_friction_N"]
+def _asymmetry(kind: AxisKind, theta: Theta) -> str:
+    c = kind.coordinates
+    share, viscous = theta["directional_asymmetry.asymmetry"], theta[c.viscous]
+    constant = theta[c.offset] + share * theta[c.coulomb]
+    unit = c.units[1]
     return (
-        "A constant offset and a direction-dependent Coulomb friction are the same force while the stage moves: only"
-        f" their sum, {constant:+.2f} N, is told. What differs between the directions is the friction that grows with"
-        f" speed: {viscous * (1 + share):.0f} N s/m forward, {viscous * (1 - share):.0f} N s/m backward."
+        f"A constant offset and a direction-dependent Coulomb friction are the same {c.names[3]} while the axis moves:"
+        f" only their sum, {constant:+.3g} {c.force_unit}, is told. What differs between the directions is the friction"
+        f" that grows with speed: {viscous * (1 + share):.3g} {unit} forward, {viscous * (1 - share):.3g} {unit}"
+        " backward."
     )

@@ -14,14 +14,18 @@ from models.identification.kinds.axis.zero_phase import decimate, sampling_rate
 
 SHORTEST_M, LONGEST_M = 1.5e-3, 2e-2
 """Leads and pole pitches of usual drives; 2 mm is about the shortest at 0.1 m/s that the 40 Hz filter passes."""
+SHORTEST_RAD, LONGEST_RAD = 2 * math.pi / 100, 2 * math.pi / 4
+"""Poles, slots and teeth of usual motors and gears in a turn."""
 
 
 @dataclass(frozen=True)
 class Ripple:
-    """Amplitude in N, wavelength in m, phase in rad at x = 0, share of the residual's mean square, and its chance."""
+    """Amplitude in N (N m), wavelength in m (rad), phase in rad at x = 0, share of the residual's mean square, and its
+    chance.
+    """
 
-    amplitude_N: float
-    wavelength_m: float
+    amplitude: float
+    wavelength: float
     phase_rad: float
     share: float
     p: float
@@ -34,15 +38,17 @@ def find_ripple(kind: AxisKind, record: Record, theta: Theta) -> Ripple | None:
     Wavelengths a quarter turn apart over the stroke; the chance counts all of them and one independent sample in three.
     """
     rate = sampling_rate(record["t_s"])
-    x = kind.signals(record)["x_m"]
-    e = kind.residual(record, theta) * kind.noise_std(record)
+    c = kind.coordinates
+    x = kind.signals(record)[c.names[0]]
+    e = kind.residual(record, theta) * kind.noise(record).weight
     e = e - e.mean()
     step = 0.25 / max(float(np.ptp(x)), 1e-6)
-    waves = np.arange(1 / LONGEST_M, 1 / SHORTEST_M, step)
+    shortest, longest = (SHORTEST_RAD, LONGEST_RAD) if c.turns else (SHORTEST_M, LONGEST_M)
+    waves = np.arange(1 / longest, 1 / shortest, step)
     best, found = 0.0, None
     for wave in waves:
         angle = 2 * math.pi * wave * x
-        pair = np.column_stack([decimate(np.sin(angle), rate), decimate(np.cos(angle), rate)])
+        pair = np.column_stack([decimate(np.sin(angle), rate, kind.band), decimate(np.cos(angle), rate, kind.band)])
         weights, *_ = np.linalg.lstsq(pair, e, rcond=None)
         share = 1 - float(np.sum((e - pair @ weights) ** 2) / np.sum(e**2))
         if share > best:

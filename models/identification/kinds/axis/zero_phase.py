@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
+from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +17,14 @@ from models.files.record import Record
 
 Array = NDArray[np.float64]
 BAND_HZ = 20.0  # closed-loop bandwidth that the authors' cut-offs are multiples of
-BORDER_S = 0.05  # cut at the ends, where a zero-phase filter has only one side
+BORDER = 1.0  # periods of the bandwidth that are cut at the ends, where a zero-phase filter has only one side
 _SHORT = 2000  # samples that are filtered by a matrix
 _EVEN, _LONGEST = 0.05, 5.0  # share by which steps may differ, and the longest in usual ones that is bridged
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Time in s, position in m, speed in m/s and acceleration in m/s^2 of one record, all of its length."""
+    """Time in s, position in m (rad), speed and acceleration of one record, all of its length."""
 
     t: Array
     x: Array
@@ -82,28 +83,31 @@ def _unevenness(t: Array) -> tuple[int, float]:
     return worst, abs(float(steps[worst]) - usual) / usual
 
 
-def motion(t: Array, position: Array) -> Motion:
-    """Differentiate a measured position: Butterworth of order 4 forward and backward at 100 Hz, then central
-    differences.
+def motion(t: Array, position: Array, velocity: Array | None = None, band: float = BAND_HZ) -> Motion:
+    """Differentiate a measured position: Butterworth of order 4 forward and backward at five times the `band` in Hz,
+    then central differences; the speed is the `velocity` that was logged where there is one, filtered alike.
     """
     rate = sampling_rate(t)
-    b, a = butter(4, min(5 * BAND_HZ / (rate / 2), 0.8))
+    b, a = butter(4, min(5 * band / (rate / 2), 0.8))
     x = filtfilt(b, a, position, padlen=min(12, len(position) - 1))
-    v = np.gradient(x, 1 / rate)
+    if velocity is None:
+        v = np.gradient(x, 1 / rate)
+    else:
+        v = np.asarray(filtfilt(b, a, velocity, padlen=min(12, len(position) - 1)))
     return Motion(t, np.asarray(x), v, np.gradient(v, 1 / rate))
 
 
-def reduction(rate: float) -> int:
-    """Factor of the down-sampling, so that 40 Hz is 0.8 of the Nyquist frequency that is left."""
-    return max(1, round(0.8 * (rate / 2) / (2 * BAND_HZ)))
+def reduction(rate: float, band: float = BAND_HZ) -> int:
+    """Factor of the down-sampling, so that twice the `band` is 0.8 of the Nyquist frequency that is left."""
+    return max(1, round(0.8 * (rate / 2) / (2 * band)))
 
 
-def decimate(signal: Array, rate: float) -> Array:
+def decimate(signal: Array, rate: float, band: float = BAND_HZ) -> Array:
     """The authors' parallel filter, along the last axis: cut the borders, low-pass (Chebyshev I, order 8, 0.05 dB, both
-    ways), down-sample.
+    ways, at twice the `band` in Hz), down-sample.
     """
-    factor = reduction(rate)
-    border = round(BORDER_S * rate)
+    factor = reduction(rate, band)
+    border = round(BORDER / band * rate)
     if signal.shape[-1] < 2 * border + 3 * factor:
         least = (2 * border + 3 * factor) / rate
         raise ValueError(
@@ -126,18 +130,20 @@ def _operator(count: int, factor: int) -> Array:
     return np.ascontiguousarray(_passed_down(np.eye(count), factor))
 
 
-def passed(rate: float) -> float:
+def passed(rate: float, band: float = BAND_HZ) -> float:
     """Standard deviation that `decimate` leaves of white noise of standard deviation 1."""
-    factor = reduction(rate)
+    factor = reduction(rate, band)
     if factor == 1:
         return 1.0
     _, gain = freqz(*_low_pass(factor), 4096)
     return float(np.sqrt(np.mean(np.abs(gain) ** 4)))
 
 
-def quiet_roughness(signal: Array, window: int = 25) -> float:
-    """Standard deviation of a signal's noise from its second differences, in the quietest tenth of its windows."""
-    bends = np.diff(signal, 2) / np.sqrt(6)
+def quiet_roughness(signal: Array, window: int = 25, order: int = 2) -> float:
+    """Standard deviation of a signal's noise from its differences of an `order`, in the quietest tenth of its
+    windows.
+    """
+    bends = np.diff(signal, order) / np.sqrt(comb(2 * order, order))
     parts = bends[: len(bends) // window * window].reshape(-1, window) if len(bends) >= window else bends[None, :]
     return float(np.percentile(np.sqrt(np.mean(parts**2, axis=1)), 10))
 

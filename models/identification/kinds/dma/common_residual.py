@@ -22,7 +22,8 @@ class CommonResidual:
     """Test of "the residual changes with frequency alike in all samples".
 
     F ratio, its chance `p` and the permuted one, the share of the residual's mean square that is common, the
-    frequencies in Hz and the common relative error of storage and loss modulus at each.
+    frequencies in Hz, the common relative error of storage and loss modulus at each, and the measured storage modulus
+    in Pa there.
     """
 
     F: float
@@ -32,6 +33,7 @@ class CommonResidual:
     frequency_Hz: Array
     storage: Array
     loss: Array
+    measured: Array
 
 
 def common_residual(
@@ -64,7 +66,10 @@ def common_residual(
     p_permuted = (1 + sum(x >= F for x in shuffled)) / (1 + permutations)
     mean = raw.mean(0)
     share = samples * float(np.sum(mean**2)) / float(np.sum(raw**2))
-    return CommonResidual(F, p, p_permuted, share, np.array(shared), mean[:, 0], mean[:, 1])
+    storage = np.concatenate([kind.measured(r)[:, 0] for r in records])
+    frequency = np.concatenate([r["frequency_Hz"] for r in records])
+    measured = np.array([storage[frequency == f].mean() for f in shared])
+    return CommonResidual(F, p, p_permuted, share, np.array(shared), mean[:, 0], mean[:, 1], measured)
 
 
 def best_relaxation(kind: DmaKind, records: Sequence[Record]) -> float:

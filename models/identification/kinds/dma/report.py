@@ -8,6 +8,7 @@ import numpy as np
 
 from models.effects.equation import lines_of
 from models.files.record import Record
+from models.identification.fitting.confidence import near
 from models.identification.kind import Theta
 from models.identification.kinds.dma.common_residual import (
     CommonResidual,
@@ -16,6 +17,9 @@ from models.identification.kinds.dma.common_residual import (
     springpot_alone,
 )
 from models.identification.kinds.dma.kind import DmaKind
+
+_LITTLE = 1.1  # two errors that differ by less are told as alike
+_DIP = 0.05  # of the modulus: a smaller one is not told as a dip
 
 
 def equations(kind: DmaKind, theta: Theta) -> list[str]:
@@ -32,46 +36,134 @@ def statements(kind: DmaKind, theta_by_stage: Mapping[str, Theta], records: Sequ
     """Sentences on what no relaxation law explains and what these data cannot tell."""
     theta = theta_by_stage["calibrated"]
     error = kind.error(records, [kind.predict(r, theta) for r in records])
+    floor, best = kind.noise_floor(records), best_relaxation(kind, records)
     out = [
         (
             f"The calibrated five-element law leaves {error:.1f} % of the complex modulus; the best of all relaxation"
-            f" laws with positive moduli, fitted without restraint, would leave {best_relaxation(kind, records):.1f} %:"
-            " a broader spectrum is not what is missing."
+            f" laws with positive moduli, fitted without restraint, would leave {best:.1f} %:"
+            f" {_broader(error, best, floor)}"
         ),
-        f"Scatter between samples accounts for {kind.noise_floor(records):.1f} %.",
+        f"Scatter between samples accounts for {floor:.1f} %.",
     ]
-    folds = kind.splits(records)
-    left_out = np.sqrt(np.mean([springpot_alone(kind, training, validation) ** 2 for training, validation in folds]))
-    in_sample = springpot_alone(kind, records, records)
-    out.append(
-        f"A springpot alone (broad_relaxation, three parameters) leaves {in_sample:.1f} % in sample and "
-        f"{left_out:.1f} % left out: fewer parameters, no better."
-    )
+    out += _springpot(kind, theta, records)
     common = common_residual(kind, records, theta)
     if common is not None and common.p < 0.01:
         out.append(_common(common))
-    out.append(
-        "The frequencies span half a decade: the equilibrium spring and the two relaxation times trade against each "
-        "other; only the modulus within the band is told."
-    )
+    return [*out, *_stopped(kind, theta_by_stage), _told(theta, records)]
+
+
+def _broader(error: float, best: float, floor: float) -> str:
+    """What the least error of any relaxation law says about the five elements'."""
+    if error <= _LITTLE * max(best, floor):
+        return "a broader spectrum is not what is missing."
+    if best <= _LITTLE * floor:
+        return "a broader spectrum is all that is missing."
+    return "a broader spectrum takes away part of it and leaves the rest."
+
+
+def _springpot(kind: DmaKind, theta: Theta, records: Sequence[Record]) -> list[str]:
+    """A springpot against the five elements, both fitted here and both on data left out, as the numbers have it."""
+    folds = [(training, validation) for training, validation in kind.splits(records) if training]
+    inside = springpot_alone(kind, records, records)
+    five = kind.error(records, [kind.predict(r, theta) for r in records])
+    if not folds:
+        return [f"A springpot alone (three parameters) leaves {inside:.1f} % in sample."]
+    left = float(np.sqrt(np.mean([springpot_alone(kind, training, validation) ** 2 for training, validation in folds])))
+    return [
+        f"A springpot alone (broad_relaxation, three parameters) leaves {inside:.1f} % in sample and {left:.1f} % left"
+        f" out, the five elements {five:.1f} % in sample: fewer parameters, {_compared(inside, five)}."
+    ]
+
+
+def _compared(error: float, other: float) -> str:
+    return "better" if error * _LITTLE < other else "worse" if error > _LITTLE * other else "no better"
+
+
+def _stopped(kind: DmaKind, theta_by_stage: Mapping[str, Theta]) -> list[str]:
+    """Moduli and times that a fit moved to a bound, where they would have gone further."""
+    out = []
+    for stage in ("calibrated", "augmented"):
+        theta = theta_by_stage.get(stage, {})
+        at = [
+            f"{p.name.removeprefix('log10_')} at {10**bound:.3g} {p.unit.removeprefix('log10 ')}"
+            for p in kind.base
+            for bound in (p.lower, p.upper)
+            if p.name in theta and near(theta[p.name], bound, p)
+        ]
+        if at:
+            out.append(
+                f"The {stage} fit stops at bounds: {', '.join(at)}. Such an element is no measurement; as far as these"
+                " frequencies tell it may be left out or be beyond what a wall is believed to have."
+            )
     return out
 
 
-def next_experiment(kind: DmaKind, theta: Theta, records: Sequence[Record]) -> str | None:
-    """What would tell an instrument's resonance from the tissue."""
+def _told(theta: Theta, records: Sequence[Record]) -> str:
+    """Which of the relaxation times lie within the frequencies measured."""
+    low, high = _band(records)
+    times = {name: 10 ** theta[f"log10_{name}"] for name in ("tau1", "tau2")}
+    corners = {name: 1 / (2 * np.pi * tau) for name, tau in times.items()}
+    outside = [f"{name} ({times[name]:.2g} s, {f:.2g} Hz)" for name, f in corners.items() if not low <= f <= high]
+    span = f"The frequencies span {_decades(low, high)}, {low:g} to {high:g} Hz"
+    if not outside:
+        return f"{span}; both relaxation times lie within them and are told."
     return (
-        "repeat the sweep in steps of 2 Hz between 30 and 60 Hz with an elastic reference of known modulus and with "
-        "samples of another mass and thickness: a dip that stays where it is belongs to the instrument, one that moves "
-        "with the sample is inertia"
+        f"{span}; {' and '.join(outside)} lie{'s' if len(outside) == 1 else ''} beyond them: the equilibrium spring and"
+        " such times trade against each other, only the modulus within the band is told."
+    )
+
+
+def _band(records: Sequence[Record]) -> tuple[float, float]:
+    frequency = np.concatenate([r["frequency_Hz"] for r in records])
+    return float(frequency.min()), float(frequency.max())
+
+
+def _decades(low: float, high: float) -> str:
+    decades = np.log10(high / low)
+    return "half a decade" if abs(decades - 0.5) < 0.05 else f"{decades:.1f} decades"
+
+
+def next_experiment(kind: DmaKind, theta: Theta, records: Sequence[Record]) -> str | None:
+    """What would tell an instrument's resonance from the tissue where a frequency stands out, else a wider or denser
+    sweep; None where the law leaves no more than the samples scatter.
+    """
+    if not records:
+        return None
+    low, high = _band(records)
+    common = common_residual(kind, records, theta)
+    if common is not None and common.p < 0.01:
+        where = common.frequency_Hz
+        k = int(np.argmax(np.hypot(common.storage, common.loss)))
+        first, last = where[max(k - 1, 0)], where[min(k + 1, len(where) - 1)]
+        return (
+            f"repeat the sweep in ten steps between {first:g} and {last:g} Hz, about {where[k]:g} Hz where most is"
+            " left, with an elastic reference of known modulus and with samples of another mass and thickness: what"
+            " stays where it is belongs to the instrument, what moves with the sample is inertia"
+        )
+    if kind.error(records, [kind.predict(r, theta) for r in records]) <= _LITTLE * kind.noise_floor(records):
+        return None
+    return (
+        f"sweep from {low / 10:.2g} to {high * 10:.2g} Hz, five frequencies a decade, two samples or more: the moduli"
+        " beyond today's frequencies tell the equilibrium spring and the relaxation times apart, the samples tell what"
+        " is the tissue's"
     )
 
 
 def _common(common: CommonResidual) -> str:
     lowest = int(np.argmin(common.storage))
-    return (
+    said = (
         f"What remains is structured and common to the samples: {100 * common.share:.0f} % of its mean square is the"
-        f" same in all of them (F = {common.F:.0f}, p = {common.p:.0e}; by permutation {common.p_permuted:.4f}). The"
-        f" storage modulus dips at {common.frequency_Hz[lowest]:g} Hz, {-100 * common.storage[lowest]:.0f} % of the"
-        " modulus below the law, and no relaxation law can do that: its storage modulus only grows with frequency. No"
-        " known effect explains it."
+        f" same in all of them (F = {common.F:.0f}, p = {common.p:.0e}; by permutation {common.p_permuted:.4f})."
+    )
+    middle = 0 < lowest < len(common.storage) - 1
+    if middle and common.storage[lowest] < -_DIP and common.measured[lowest] < common.measured[lowest - 1]:
+        return (
+            f"{said} The storage modulus dips at {common.frequency_Hz[lowest]:g} Hz,"
+            f" {-100 * common.storage[lowest]:.0f} % of the modulus below the law, and no relaxation law can do that:"
+            " its storage modulus only grows with frequency. No known effect explains it."
+        )
+    most = int(np.argmax(np.hypot(common.storage, common.loss)))
+    return (
+        f"{said} It is largest at {common.frequency_Hz[most]:g} Hz: storage {100 * common.storage[most]:+.0f} %, loss"
+        f" {100 * common.loss[most]:+.0f} % of the modulus beside the law."
     )

@@ -1,4 +1,6 @@
-"""Stick-slip of a capsule pulled at constant speed: period, valley and peak from the wall's tension (paper A)."""
+"""Stick-slip of a capsule pulled at one or more constant speeds: period, valley and peak from the wall's tension (paper
+A).
+"""
 
 from __future__ import annotations
 
@@ -6,9 +8,9 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import ClassVar
 
 import numpy as np
+from scipy.optimize import brentq
 
 from models.effects import effects_for
 from models.effects.effect import Effect, Signals
@@ -27,7 +29,7 @@ COLUMNS = ("period_s", "valley_N", "peak_N")
 SCATTER = (0.25, 0.12, 0.07)
 """Relative standard deviation of one period, valley and peak: paper A Table 2."""
 SPEED, RETURN_SPEED = 0.5e-3, 0.6e-3
-"""Pull and average speed at which the wall draws back in m/s: paper A Table 1."""
+"""Pull and average speed at which the wall draws back in m/s: paper A Table 1, true at this pull alone."""
 EQUIVALENTS = MappingProxyType({"small_strain_stiffening": ("wall_viscosity",)})
 """Effects that give the same period, valley and peak at one speed, whatever is measured."""
 _HELD = "held: one speed cannot tell it"
@@ -54,12 +56,12 @@ class Cycle:
 
 @dataclass(frozen=True)
 class PeriodsKind(OneByOne):
-    """Saw-tooth between `F_e` and `F_e + f_c`: the wall sticks until `T(u_c) = f_c`, then draws back at `v + v_i` to
-    the capsule.
+    """Saw-tooth between `F_e` and `F_e + f_c`: the wall sticks until `T(u_c) = f_c`, then draws back at `v_i = u_c/t_r`
+    within the recovery time `t_r`.
 
-    `F_e = q sin(theta) I1`, `f_c = mu (m g + q (cos(theta) I1 + I2))` with the hoop factor q; period `u_c/v + u_c/(v +
-    v_i)`. Valley and peak identify q and mu; the period then follows from the wall's law and tests it.
-    `return_speed_m_s` None takes the base model's recovery instead, `v_i = u_c/t_r` and a slip of `t_r`.
+    `F_e = q sin(theta) I1`, `f_c = mu (m g + q (cos(theta) I1 + I2))` with the hoop factor q; period `u_c/v + t_r`.
+    Valley and peak identify q and mu; the period then follows from the wall's law and tests it. A `return_speed_m_s`
+    takes paper A's fall instead, `u_c/(v + v_i)` at that v_i whatever the speed.
     """
 
     capsule: Capsule
@@ -67,10 +69,10 @@ class PeriodsKind(OneByOne):
     velocity_m_s: float
     base: tuple[Parameter, ...]
     length_m: float
-    return_speed_m_s: float | None = RETURN_SPEED
+    return_speed_m_s: float | None = None
     scatter: tuple[float, float, float] = SCATTER
     period_std_s: float | None = None
-    effects: tuple[type[Effect], ...] = field(default_factory=lambda: effects_for("periods", (SingleSpeedStiffening,)))
+    effects: tuple[type[Effect], ...] = field(default_factory=lambda: single_speed_effects())
     name: str = "periods"
     criteria: int = 1
     final: int = 0
@@ -80,14 +82,18 @@ class PeriodsKind(OneByOne):
     least_gain: float = 0.05
     quantity: str = "period_s, valley_N and peak_N"
     unit: str = "s, N, N"
-    equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = EQUIVALENTS
+    equivalents: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: EQUIVALENTS)
     measure: str = "rms over period, valley and peak of the relative error of their means in %"
 
     @classmethod
-    def from_rig(cls, rig: Rig) -> PeriodsKind:
-        """The pull that a rig file describes."""
+    def from_rig(cls, rig: Rig, records: Sequence[Record] = ()) -> PeriodsKind:
+        """The pull that a rig file describes; with `records` of several speeds all that several speeds can tell."""
         speed = SPEED if rig.velocity_m_s is None else rig.velocity_m_s
-        return cls.around(rig.capsule, rig.tissue, speed, period_std_s=rig.noise.period_std_s)
+        kind = cls.around(rig.capsule, rig.tissue, speed, period_std_s=rig.noise.period_std_s)
+        speeds = kind.speeds_of(records)
+        if len(speeds) < 2:
+            return replace(kind, velocity_m_s=float(speeds[0])) if len(speeds) else kind
+        return replace(kind, effects=effects_for("periods"), equivalents=MappingProxyType({}))
 
     @classmethod
     def around(
@@ -96,7 +102,7 @@ class PeriodsKind(OneByOne):
         tissue: Tissue = Tissue(),  # noqa: B008
         velocity_m_s: float = SPEED,
         length_m: float | None = None,
-        return_speed_m_s: float | None = RETURN_SPEED,
+        return_speed_m_s: float | None = None,
         period_std_s: float | None = None,
     ) -> PeriodsKind:
         """A pull of this capsule; `length_m` is the stretched length L_s, by default `L + R`."""
@@ -144,15 +150,23 @@ class PeriodsKind(OneByOne):
         load = self.capsule.mass_kg * GRAVITY + math.cos(self.tissue.theta) * nose + cylinder
         return math.sin(self.tissue.theta) * nose, mu * load
 
-    def tension(self, drag: float, theta: Theta) -> float:
-        """Elastic wall tension in N at a drag in m, with the effects in `theta`; the wall slips by it."""
+    def speeds_of(self, records: Sequence[Record]) -> Array:
+        """The speeds of the pull in m/s, each once, rising."""
+        return np.unique(np.concatenate([self._speeds(r) for r in records])) if records else np.zeros(0)
+
+    def tension(self, drag: float, speed: float, theta: Theta) -> float:
+        """Elastic wall tension in N at a drag in m and a pull in m/s, with the effects in `theta`; the wall slips by
+        it.
+        """
         out = float(wall_tension(drag, _WALL, wall_section(self.capsule, self.tissue), self.length_m))
-        s = Signals(drag=drag, drag_rate=self.velocity_m_s, v=self.velocity_m_s, direction=1.0)
+        s = Signals(drag=drag, drag_rate=speed, v=speed, direction=1.0)
         return out * math.prod(float(effect.stiffening(s, p, {})) for effect, p in present(self.effects, theta))
 
-    def viscous(self, drag: float, rate: float, theta: Theta) -> float:
-        """Force in N with which the wall resists a drag in m that grows at `rate` in m/s, beyond its tension."""
-        s = Signals(drag=drag, drag_rate=rate, v=self.velocity_m_s, direction=1.0)
+    def viscous(self, drag: float, rate: float, speed: float, theta: Theta) -> float:
+        """Force in N with which the wall resists a drag in m that grows at `rate` in m/s under a pull at `speed`,
+        beyond its tension.
+        """
+        s = Signals(drag=drag, drag_rate=rate, v=speed, direction=1.0)
         return sum(float(effect.wall_force(s, p, {})) for effect, p in present(self.effects, theta))
 
     def tooth(self, limit: float, speed: float, theta: Theta) -> Tooth:
@@ -161,7 +175,7 @@ class PeriodsKind(OneByOne):
         """
         recoil = self.return_speed_m_s
         try:
-            tooth = stick_slip_tooth(lambda u: self.tension(u, theta), limit, speed, recoil or 1.0)
+            tooth = stick_slip_tooth(lambda u: self.tension(u, speed, theta), limit, speed, recoil or 1.0)
         except ValueError:
             raise ValueError(
                 "force must rise from valley to peak by what the wall's tension can reach at the pull's speed; got"
@@ -185,29 +199,39 @@ class PeriodsKind(OneByOne):
         return ((measured - predicted) / self._std(record)).ravel()
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
-        """Rms over period, valley and peak of the relative error of the mean, in %."""
-        off = relative_errors(np.concatenate([self.measured(r) for r in records]), np.concatenate(list(predictions)))
-        return 100 * float(np.sqrt(np.mean(off**2)))
+        """Rms over speeds and over period, valley and peak of the relative error of the mean, in %."""
+        measured, speeds = np.concatenate([self.measured(r) for r in records]), self._all_speeds(records)
+        predicted = np.concatenate(list(predictions))
+        off = [relative_errors(measured[speeds == v], predicted[speeds == v]) for v in np.unique(speeds)]
+        return 100 * float(np.sqrt(np.mean(np.square(off))))
 
     def noise_floor(self, records: Sequence[Record]) -> float:
         """Standard error of the means through the same measure."""
         measured = np.concatenate([self.measured(r) for r in records])
-        n = len(measured)
-        scatter = measured.std(0, ddof=1) / measured.mean(0) if n > 2 else np.array(self.scatter)
-        return 100 * float(np.sqrt(np.mean(scatter**2) / n))
+        speeds, squares = self._all_speeds(records), []
+        for v in np.unique(speeds):
+            same = measured[speeds == v]
+            scatter = same.std(0, ddof=1) / same.mean(0) if len(same) > 2 else np.array(self.scatter)
+            squares.append(np.mean(scatter**2) / len(same))
+        return 100 * float(np.sqrt(np.mean(squares)))
 
     def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
-        """As many periods of the model, scattered as the measured ones."""
-        made = self.predict(record, theta) + self._std(record) * rng.standard_normal((len(record), 3))
+        """As many periods of the model, scattered about its own values by the share that measured ones scatter."""
+        made = self.predict(record, theta)
+        ideal = record
+        for i, column in enumerate(COLUMNS):
+            ideal = ideal.with_column(column, made[:, i])
+        made += self._std(ideal) * rng.standard_normal((len(record), 3))
         for i, column in enumerate(COLUMNS):
             record = record.with_column(column, made[:, i])
         return record
 
     def splits(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
-        """Periods left out in turn, a quarter at a time, neighbours in different parts."""
+        """Periods left out in turn, a quarter of each speed at a time, neighbours in different parts."""
+        turns = [_turns(self._speeds(r)) for r in records]
         out = []
         for k in range(4):
-            parts = [(r.rows(np.arange(len(r)) % 4 != k), r.rows(np.arange(len(r)) % 4 == k)) for r in records]
+            parts = [(r.rows(turn != k), r.rows(turn == k)) for r, turn in zip(records, turns, strict=True)]
             out.append(([a for a, _ in parts if len(a)], [b for _, b in parts if len(b)]))
         return [(a, b) for a, b in out if a and b]
 
@@ -216,6 +240,7 @@ class PeriodsKind(OneByOne):
         period, valley, peak = self.measured(record).T
         return {
             "period_index": np.arange(1.0, len(record) + 1),
+            "velocity_m_s": self._speeds(record),
             "valley_N": valley,
             "rise_N": peak - valley,
             "period_s": period,
@@ -229,20 +254,50 @@ class PeriodsKind(OneByOne):
     def _speeds(self, record: Record) -> Array:
         return np.abs(record.columns.get("velocity_m_s", np.full(len(record), self.velocity_m_s)))
 
+    def _all_speeds(self, records: Sequence[Record]) -> Array:
+        return np.concatenate([self._speeds(r) for r in records])
+
     def _viscous_ends(self, tooth: Tooth, speed: float, theta: Theta) -> tuple[float, float]:
         """What the wall's viscosity adds to valley and peak in N."""
         recoil = tooth.drag_m / tooth.fall_s if self.return_speed_m_s is None else self.return_speed_m_s
-        low = min(self.viscous(0.0, speed, theta), self.viscous(0.0, -recoil, theta))
-        return low, self.viscous(tooth.drag_m, speed, theta)
+        low = min(self.viscous(0.0, speed, speed, theta), self.viscous(0.0, -recoil, speed, theta))
+        return low, self.viscous(tooth.drag_m, speed, speed, theta)
 
     def _limit(self, height: float, speed: float, theta: Theta) -> float:
-        """Coulomb limit in N of teeth of a measured height in N."""
-        low, high = self._viscous_ends(self.tooth(height, speed, theta), speed, theta)
-        return max(height - high + low, 1e-3 * height)
+        """Coulomb limit in N of teeth of a measured height in N: what the wall's viscosity adds to them taken off."""
+
+        def over(limit: float) -> float:
+            low, high = self._viscous_ends(self.tooth(limit, speed, theta), speed, theta)
+            return limit + high - low - height
+
+        least, most = 1e-3 * height, height
+        if over(most) <= 0:
+            return most
+        return least if over(least) >= 0 else float(brentq(over, least, most, xtol=1e-12))
 
     def _std(self, record: Record) -> Array:
-        std = np.array(self.scatter) * np.abs(self.measured(record).mean(0))
-        return std if self.period_std_s is None else np.array([self.period_std_s, *std[1:]])
+        """Standard deviations (n, 3) of one period, valley and peak at the speed of each row."""
+        measured, speeds = self.measured(record), self._speeds(record)
+        std = np.empty_like(measured)
+        for v in np.unique(speeds):
+            std[speeds == v] = np.array(self.scatter) * np.abs(measured[speeds == v].mean(0))
+        if self.period_std_s is not None:
+            std[:, 0] = self.period_std_s
+        return std
+
+
+def single_speed_effects() -> tuple[type[Effect], ...]:
+    """The candidates of pulls at one speed: none that several speeds alone can show."""
+    known = effects_for("periods", (SingleSpeedStiffening,))
+    return tuple(effect for effect in known if "speeds" not in effect.needs)
+
+
+def _turns(speeds: Array) -> Array:
+    """0, 1, 2, 3, 0, ... along the rows of each speed."""
+    out = np.zeros(len(speeds), dtype=int)
+    for v in np.unique(speeds):
+        out[speeds == v] = np.arange(np.count_nonzero(speeds == v)) % 4
+    return out
 
 
 def relative_errors(measured: Array, predicted: Array) -> Array:

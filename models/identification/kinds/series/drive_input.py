@@ -165,22 +165,12 @@ def switch_delay(drive: Drive, records: Sequence[Record]) -> tuple[Parameter, ..
     return (Parameter(SWITCH_DELAY, 0.5 * dt, "s", 0.0, dt, why, fit=whole),)
 
 
-def clock_offset(clock: Clock) -> tuple[Parameter, ...]:
-    """By how much the measured columns are stamped late, where the rig file states it; fitted, and held to the stated
-    value with the stated standard deviation, where one is stated.
+def clock_offset(clock: Clock | None) -> tuple[Parameter, ...]:
+    """By how much the measured columns are stamped late, where the rig file states it: fitted, and held to the stated
+    value with the stated standard deviation.
     """
-    if not (clock.offset_s or clock.offset_std_s):
+    if clock is None:
         return ()
-    reach = 4 * clock.offset_std_s
-    return (
-        Parameter(
-            CLOCK_OFFSET,
-            clock.offset_s,
-            "s",
-            clock.offset_s - reach,
-            clock.offset_s + reach,
-            "[clock] of the rig file",
-            fit=clock.offset_std_s > 0,
-            spread=clock.offset_std_s or float("inf"),
-        ),
-    )
+    value, std = clock.offset_s, clock.offset_std_s
+    source = "[clock] of the rig file"
+    return (Parameter(CLOCK_OFFSET, value, "s", value - 4 * std, value + 4 * std, source, fit=True, spread=std),)

@@ -26,7 +26,7 @@ from distributed.cli import dask_scheduler, dask_worker
 
 from hil.app.campaign import command as campaign
 from hil.app.campaign.dask_cluster import scheduled
-from hil.app.campaign.file import Job
+from hil.app.campaign.loop import Loop
 from hil.app.main import run
 
 LONGEST_S = 100.0
@@ -146,7 +146,7 @@ def killed(folder: Path) -> dict[str, Any]:
     return {"address": cluster.address, "alone": first, "before": before, "beside": cut("second", before + 2)}
 
 
-class Poison(Job):
+class Poison(Loop):
     """A job that ends whoever unpacks it."""
 
     def __reduce__(self) -> Any:
@@ -179,7 +179,8 @@ def failing(folder: Path) -> dict[str, Any]:
     workers = [cluster.worker(name) for name in "abc"]
     raw = {"rig": {"kind": "nothing"}}
     jobs = [
-        kind(number, "track", raw, 0, {"case": number}, {}, "nominal") for number, kind in enumerate((Poison, Job, Job))
+        kind(number, "track", raw, 0, {"case": number}, {}, "nominal")
+        for number, kind in enumerate((Poison, Loop, Loop))
     ]
 
     def poisoned() -> None:

@@ -18,7 +18,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.app.campaign.file import Job, laid_over, load_campaign, nested
+from hil.app.campaign.file import laid_over, load_campaign, nested
+from hil.app.campaign.loop import Loop
 from hil.app.campaign.page import summary_of, worst_of
 from hil.app.campaign.results import Results, chunks
 from hil.app.campaign.worker import TRIES, pooled, run_job
@@ -164,8 +165,8 @@ def test_chunks_are_all_runs_in_order(count: int, size: int) -> None:
     assert all(1 <= len(part) <= size for part in parts)
 
 
-def job(number: int, raw: dict[str, Any]) -> Job:
-    return Job(number, "track", raw, 0, {"case": number}, {}, "nominal")
+def job(number: int, raw: dict[str, Any]) -> Loop:
+    return Loop(number, "track", raw, 0, {"case": number}, {}, "nominal")
 
 
 class Poison(dict[str, Any]):

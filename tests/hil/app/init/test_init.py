@@ -49,3 +49,16 @@ def test_an_unknown_kind_is_told_with_the_nearest(tmp_path: Path, capsys: pytest
     assert run(["init", "magnet", str(tmp_path / "new")]) == 2
     assert "'magnetic'" in capsys.readouterr().err
     assert not (tmp_path / "new").exists()
+
+
+def test_an_axis_that_turns_has_a_template_of_its_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["init", "axis", str(tmp_path / "joint"), "--rotary", "--json"]) == 0
+    capsys.readouterr()
+    rig = read_rig(tmp_path / "joint" / RIG)
+    assert rig.axis.inertia_kg_m2 == 0.4
+    assert {"angle_rad", "torque_N_m"} <= set(read_record(tmp_path / "joint" / RECORD, rig).columns)
+    text = (tmp_path / "joint" / RIG).read_text()
+    assert "torque_std_N_m" in text
+    assert "mass_kg" not in text
+    assert run(["init", "pull", str(tmp_path / "new"), "--rotary"]) == 2
+    assert "--rotary must go with KIND axis" in capsys.readouterr().err

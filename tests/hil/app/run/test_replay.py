@@ -141,11 +141,11 @@ def test_logs_without_a_task_are_one_sentence(tmp_path: Path, capsys: pytest.Cap
     file.stop()
     assert run(["replay", str(path)]) == 2
     assert "record of the log must be there" in capsys.readouterr().err
-    own = {"format": 1, "catalogue": load_catalogue().fingerprint}
+    own = {"format": 2, "catalogue": load_catalogue().fingerprint}
     scenario = {"values": {}, "scenario": SHORT, **own}
     for record, sentence in (
-        ({}, "format must be 1, as this program has it; got None"),
-        ({**own, "format": 2}, "format must be 1, as this program has it; got 2"),
+        ({}, "format must be 2, as this program has it; got None"),
+        ({**own, "format": 1}, "format must be 2, as this program has it; got 1"),
         ({**own, "catalogue": 7}, f"catalogue must be {own['catalogue']}, as this program has it; got 7"),
         (own, "must have controller, values"),
         ({"controller": "pid", "values": {}, "deployment": "x", **own}, "must describe a task"),

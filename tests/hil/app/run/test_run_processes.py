@@ -108,6 +108,22 @@ def test_the_second_signal_ends_the_program_as_ever() -> None:
     assert signal.getsignal(signal.SIGTERM) == before
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_signals_ask_for_a_controlled_stop_and_ignored_ones_stay_so(number: signal.Signals) -> None:
+    before = signal.getsignal(number)
+    try:
+        signal.signal(number, signal.SIG_DFL)
+        with Signals().caught() as signals:
+            os.kill(os.getpid(), number)
+            assert signals.wanted == number.name
+        signal.signal(number, signal.SIG_IGN)
+        with Signals().caught() as signals:
+            os.kill(os.getpid(), number)
+            assert signals.wanted == ""
+    finally:
+        signal.signal(number, before)
+
+
 def test_a_plant_that_dies_ends_the_run_with_a_reason(
     tmp_path: Path, channel: str, plant: subprocess.Popen[str]
 ) -> None:

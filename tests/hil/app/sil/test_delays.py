@@ -108,12 +108,16 @@ def test_commands_are_dated_while_sync_is_missing() -> None:
         assert ticks.begin(n % 16, 1.0 + 0.002 * n + 0.0004) == pytest.approx(1.0 + 0.002 * n)
 
 
-def test_another_controller_and_one_after_a_silence_begin_anew() -> None:
+def test_another_controller_begins_anew_after_a_silence_and_not_before() -> None:
     ticks = SyncClock()
-    ticks.sync(5, 500, 0.002, 1.0)
-    ticks.sync(0, 0, 0.002, 1.01)
-    assert ticks.begin(0, 1.0104) == pytest.approx(1.01)
-    ticks.sync(3, 3, 0.002, 7.0)
+    assert ticks.sync(5, 500, 0.002, 1.0)
+    for tick in (0, 500, 5000):
+        assert not ticks.sync(0, tick, 0.002, 1.01)
+        assert ticks.begin(5, 1.0004) == pytest.approx(1.0)
+    assert ticks.sync(10, 505, 0.002, 1.01)
+    assert ticks.sync(0, 0, 0.002, 1.08)
+    assert ticks.begin(0, 1.0804) == pytest.approx(1.08)
+    assert ticks.sync(3, 3, 0.002, 7.0)
     assert ticks.begin(3, 7.0004) == pytest.approx(7.0)
 
 

@@ -103,6 +103,7 @@ def test_bad_options_are_one_sentence(
         ('kind = "magnetic"', 'kind = "pull"', "rig.kind must be one of magnetic, coil, vibro"),
         ("duration_s = 2.0", "duration_s = 1e5", "at most 5e+07 steps"),
         ("[reference]", "[control]\ntick_s = 7e-5\n[reference]", "tick_s"),
+        ("[reference]", '[control]\nestimator = "ufk"\n[reference]', "did you mean 'ukf'"),
         ("[reference]", "[belief.rig]\nmagnet_stifness_N_per_m = 3.0\n[reference]", "'magnet_stifness_N_per_m'"),
         ("[reference]", "[localisation]\nrate_Hz = 0.0\n[reference]", "rate_Hz must be positive"),
     ],
@@ -124,6 +125,20 @@ def test_the_same_seed_gives_the_same_run(short: Path) -> None:
     assert np.array_equal(runs[0].rows, runs[1].rows)
     assert np.array_equal(runs[0].command, runs[1].command)
     assert not np.array_equal(runs[0].command, runs[2].command)
+
+
+def test_filterpys_filter_leads_too(short: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Asked for in the scenario: within the localisation's noise of 0.5 mm; what it costs stands in `estimate_ms`."""
+    found = []
+    for text in ("", '[control]\nestimator = "ukf"\n'):
+        file = short.with_name(f"{len(text)}.toml")
+        file.write_text(short.read_text().replace("[reference]", f"{text}[reference]", 1))
+        assert run(["track", str(file), "--json"]) == 0
+        found.append(json.loads(capsys.readouterr().out))
+    own, ukf = found
+    assert ukf["hard_violations"] == 0
+    assert ukf["tracking_rmse_m"] < 0.5e-3
+    assert ukf["estimate_ms"]["median"] > own["estimate_ms"]["median"]
 
 
 def test_belief_is_not_the_truth() -> None:

@@ -53,11 +53,11 @@ def test_checks_that_cannot_be_judged_are_refused(
         (
             "[reference]",
             "[tissue]\nfriction_coefficient = -1.0\n[reference]",
-            "tissue.friction_coefficient must be zero or more",
+            "tissue.friction_coefficient must be 0 to 10; got -1",
         ),
         ("[reference]", "[bus]\n[reference]", "got [bus], which `capsule sil` reads"),
         ("[reference]", "[effects.stenosis]\nexces = 1.0\n[reference]", "numbers of stenosis must be among"),
-        ("[reference]", "[capsule]\nradius_m = -1.0\n[reference]", "capsule.radius_m must be positive"),
+        ("[reference]", "[capsule]\nradius_m = -1.0\n[reference]", "capsule.radius_m must be 0.0001 to 0.1 m; got -1"),
         ("[reference]", "[control]\ncontroller = 'vibro'\n[reference]", "control.controller must be one of pid,"),
         (
             "[reference]",

@@ -3,6 +3,7 @@
 import math
 
 import can
+import numpy as np
 import pytest
 
 from hil.bus.protection import Sender
@@ -86,7 +87,100 @@ def test_doubts() -> None:
     assert doubts.reason(1) == "drive does not follow"
     doubts.reported(1e-7, 2e-4)
     assert doubts.reason(1) == ""
-    coarse = Plausibility(1e-3, noisy=False)
+    coarse = Plausibility(1e-3, noise_m=0.0)
     for _ in range(9):
         coarse.saw(0.1)
     assert coarse.reason(0) == ""
+
+
+@pytest.mark.parametrize(("resolution_m", "alike"), [(0.0, 3), (0.25e-3, 11), (1e-3, 44)])
+def test_a_coarse_localiser_is_stuck_by_its_variance_over_time(resolution_m: float, alike: int) -> None:
+    """Noise of 0.5 mm stays within pixels of that size so often in a row by chance once in 10^7."""
+    rng = np.random.default_rng(3)
+    doubts = Plausibility(1e-3, 5e-4, resolution_m)
+    for value in 5e-4 * rng.standard_normal(20_000):
+        doubts.saw(round(value / resolution_m) * resolution_m if resolution_m else value)
+        assert doubts.reason(0) == ""
+    doubts.saw(9.0)
+    for k in range(1, alike + 1):
+        assert doubts.reason(0) == ""
+        doubts.saw(8.0)
+        assert k < alike or doubts.reason(0) == "localisation stuck"
+
+
+def test_a_localiser_without_noise_is_stuck_by_motion() -> None:
+    doubts = Plausibility(1e-3, 0.0, 1e-3)
+    for k in range(40):
+        doubts.wanted(5e-4 * k)
+        doubts.saw(0.0 if k < 15 else 7e-3)
+        assert doubts.reason(0) == ""
+    doubts.wanted(0.0201)
+    assert doubts.reason(0) == "localisation stuck"
+
+
+def _message(name: str, data: bytes, **kind: bool) -> can.Message:
+    told = {"is_extended_id": False, **kind}
+    return can.Message(arbitration_id=frames()[name].id, data=data, **told)
+
+
+class Garbled(can.BusABC):
+    """Gives what it was filled with; raises what stands among it."""
+
+    def __init__(self, *waiting: can.Message | Exception) -> None:
+        super().__init__(channel="garbled")
+        self.waiting = list(waiting)
+        self.shutdown()
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Nobody hears it."""
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        found = self.waiting.pop(0) if self.waiting else None
+        if isinstance(found, Exception):
+            raise found
+        return found
+
+
+@pytest.mark.parametrize(
+    "error", [ValueError("x"), IndexError("y"), UnicodeDecodeError("ascii", b"\xff", 0, 1, "z"), can.CanError("c")]
+)
+def test_whatever_an_interface_raises_is_a_deaf_tick(error: Exception) -> None:
+    feed = Sender(frames()["CarriageFeedback"])
+    good = feed.frame({"Position_m": 0.05, "Velocity_m_s": 0, "State": ENABLED, "Temperature_degC": 30})
+    receiver = FrameReceiver(
+        Garbled(error, _message("CarriageFeedback", good)), frames(), frame_map_of("magnetic"), TICK
+    )
+    assert receiver.listen(0.0) == []
+    assert (receiver.deaf, receiver.deaf_words.split(":")[0]) == (1, type(error).__name__)
+    assert len(receiver.listen(0.0)) == 1
+    assert "1 times the bus could not be read" in receiver.refused_words
+
+
+def test_what_is_refused_is_told_for_each_frame_and_reason() -> None:
+    """A drive whose frames are too short is not silent."""
+    feed = Sender(frames()["CarriageFeedback"])
+    good = feed.frame({"Position_m": 0.05, "Velocity_m_s": 0, "State": ENABLED, "Temperature_degC": 30})
+    bus = Garbled(
+        *(_message("CarriageFeedback", good[:1]) for _ in range(3)),
+        _message("CarriageFeedback", good[:-1] + b"\xff"),
+        _message("CarriageFeedback", good),
+        _message("CarriageFeedback", good),
+        _message("CarriageFeedback", good, is_fd=True),
+        _message("CarriageFeedback", good, is_extended_id=True),
+    )
+    receiver = FrameReceiver(bus, frames(), frame_map_of("magnetic"), TICK)
+    receiver.listen(0.0)
+    assert receiver.refused == {"CarriageFeedback": {"length": 3, "crc": 1, "repeated": 1}}
+    assert receiver.refused_words == (
+        "5 CarriageFeedback refused (crc 1, length 3, repeated 1), 2 frames of other types (FD 1, extended 1)"
+    )
+
+
+@pytest.mark.parametrize("name", ["Sync", "CoilCommand", "ControllerHeartbeat", "SafeStop"])
+def test_a_controllers_own_frames_from_elsewhere_are_another_controller(name: str) -> None:
+    receiver = FrameReceiver(Garbled(_message(name, bytes(8))), frames(), frame_map_of("magnetic"), TICK)
+    assert receiver.other_controller == ""
+    receiver.listen(0.5)
+    assert (receiver.foreign, receiver.foreign_at) == ({name: 1}, 0.5)
+    assert receiver.other_controller == f"another controller is on the bus ({name})"
+    assert receiver.rejected == 1

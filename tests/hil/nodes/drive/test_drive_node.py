@@ -9,7 +9,20 @@ from hil.bus.simulated import Medium, SimulatedBus
 from hil.nodes.drive.node import HOT_S, DriveNode
 from hil.nodes.drive.power_stage import CarriagePower, CoilPower, InnerMassPower, Power
 from hil.nodes.drive.state_machine import HEARTBEAT_LOST, OVER_CURRENT, OVER_TEMPERATURE, TIME_TO_LIVE
-from hil.nodes.frame_map import BOOT, DERATED, ENABLE, ENABLED, FAULT, OFF, READY, STANDBY, frame_map_of, frames
+from hil.nodes.frame_map import (
+    BOOT,
+    DERATED,
+    ENABLE,
+    ENABLED,
+    FAULT,
+    OFF,
+    READY,
+    SELF_TEST,
+    STANDBY,
+    answer_of,
+    frame_map_of,
+    frames,
+)
 from tests.hil.ticks import SLOT, TICK
 
 
@@ -26,6 +39,7 @@ class Desk:
         self.now, self.mode, self.value = 0.0, OFF, 0.0
         self.alive, self.uptime_s = True, 0.0
         self.heard: list[can.Message] = []
+        self.ticks, self.answers = 0, True
 
     def say(self, name: str, **values: float) -> None:
         data = self.senders[name].frame(values)
@@ -35,7 +49,7 @@ class Desk:
         """Ticks as a controller makes them, as long as it is alive."""
         for _ in range(round(seconds / TICK)):
             if self.alive:
-                self.say("Sync", Tick=0, Period_s=TICK)
+                self.say("Sync", Tick=self.ticks, Period_s=TICK)
                 self.say("ControllerHeartbeat", State=2, Uptime_s=self.uptime_s, Catalogue=frames().fingerprint)
                 self.say(self.wiring.command, **self.wiring.values(self.value, 0.0, self.mode))
             for k in range(2):
@@ -43,9 +57,13 @@ class Desk:
                 self.drive.listen(self.medium.now_s, 2)
                 self.drive.output(SLOT, self.drive.power.output)
             self.now += TICK
+            self.ticks += 1
             self.medium.advance(self.now)
             while (message := self.bus.recv(0)) is not None:
                 self.heard.append(message)
+                if self.answers and message.arbitration_id == frames()[self.wiring.challenge].id:
+                    number = int.from_bytes(message.data, "little") >> 12 & 0xFFFFFFFF
+                    self.say("EnableAnswer", Target=self.wiring.target, Answer=answer_of(number, self.wiring.target))
 
     def enable(self) -> None:
         """Through boot, off and ready to enabled."""
@@ -131,7 +149,7 @@ def test_warm_is_derated_and_hot_is_a_fault(desk: Desk) -> None:
 def test_a_controller_without_heartbeat_or_with_another_dbc_is_not_followed(desk: Desk) -> None:
     desk.say("ControllerHeartbeat", State=2, Uptime_s=0, Catalogue=(frames().fingerprint + 1) % 65536)
     desk.alive = False
-    desk.say("Sync", Tick=0, Period_s=TICK)
+    desk.say("Sync", Tick=desk.ticks, Period_s=TICK)
     desk.say(desk.wiring.command, **desk.wiring.values(0.0, 0.0, ENABLE))
     desk.go(TICK)
     assert (desk.state, desk.drive.stage.fault) == (FAULT, HEARTBEAT_LOST)
@@ -151,3 +169,91 @@ def test_off_the_bus_is_latched(desk: Desk) -> None:
     desk.port.recover()
     desk.go(0.1)
     assert desk.state == FAULT
+
+
+def test_what_was_recorded_never_enables(desk: Desk) -> None:
+    """Every frame that a controller sent while it led, again at its own times: after the drive's boot, and after it has
+    only come to stand by. Each time it asks for another number.
+    """
+    said: list[tuple[float, can.Message]] = []
+    send = desk.bus.send
+    desk.bus.send = lambda msg, timeout=None: (said.append((desk.now, msg)), send(msg, timeout))[1]  # type: ignore
+    desk.drive.boot(desk.now)
+    began = desk.now
+    desk.enable()
+    assert desk.state == ENABLED
+    recording, desk.bus.send = list(said), send  # type: ignore[method-assign]
+    desk.alive = desk.answers = False
+    for boots in (True, False):
+        desk.go(0.2)
+        if boots:
+            desk.drive.boot(desk.now)
+        else:
+            desk.say("DriveReset", Target=desk.wiring.target, Code=desk.drive.stage.fault)
+        shift, left = desk.now - began, list(recording)
+        states = set()
+        while left:
+            while left and left[0][0] + shift <= desk.now + 1e-9:
+                desk.bus.send(left.pop(0)[1])
+            desk.go(TICK)
+            states.add(desk.state)
+        assert states <= {BOOT, SELF_TEST, STANDBY, FAULT}
+        assert STANDBY in states
+        assert desk.drive.power.at_rest
+
+
+def test_a_live_sync_lets_no_other_time_in(desk: Desk) -> None:
+    """One of a recording, whose ticks are others, and one that counts back are refused; the true one goes on."""
+    refused = desk.drive.rejected
+    sync = Sender(frames()["Sync"])
+    for tick in (desk.ticks + 5000, 0):
+        while sync._counter != (desk.senders["Sync"]._counter):
+            sync.frame({"Tick": 0, "Period_s": TICK})
+        data = sync.frame({"Tick": tick, "Period_s": TICK})
+        desk.senders["Sync"].frame({"Tick": 0, "Period_s": TICK})
+        desk.bus.send(can.Message(arbitration_id=frames()["Sync"].id, is_extended_id=False, data=data))
+        desk.medium.advance(desk.now + 1e-4)
+        desk.go(TICK)
+    assert desk.drive.stale >= 2
+    assert desk.drive.rejected > refused
+    desk.go(0.02)
+    assert desk.state == ENABLED
+
+
+class _Ear(can.BusABC):
+    """Gives what it was filled with, then nothing; raises what stands among it."""
+
+    def __init__(self, *waiting: can.Message | Exception) -> None:
+        super().__init__(channel="ear")
+        self.waiting = list(waiting)
+        self.shutdown()
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Nobody hears it."""
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        found = self.waiting.pop(0) if self.waiting else None
+        if isinstance(found, Exception):
+            raise found
+        return found
+
+
+def test_other_types_of_frames_and_a_bus_that_raises_change_nothing(desk: Desk) -> None:
+    """The right identifier, CRC and counter in an extended, remote, error or FD frame; garbled lines of a driver."""
+    sender = desk.senders[desk.wiring.command]
+    data = sender.frame(desk.wiring.values(0.0, 0.0, OFF))
+    other: list[dict[str, bool]] = [{"is_extended_id": True}, {"is_error_frame": True}, {"is_fd": True}]
+    told = [
+        can.Message(
+            timestamp=desk.now,
+            arbitration_id=frames()[desk.wiring.command].id,
+            data=data,
+            **{"is_extended_id": False, **kind},
+        )
+        for kind in other
+    ]
+    before = desk.drive.good_at
+    desk.drive.bus = _Ear(*told, None, ValueError("x"), IndexError(), UnicodeDecodeError("ascii", b"x", 0, 1, "?"))  # type: ignore[arg-type]
+    for _ in range(6):
+        desk.drive.listen(desk.now, 2)
+    assert (desk.drive.strange, desk.drive.deaf, desk.drive.good_at) == (3, 3, before)

@@ -36,7 +36,7 @@ def led(*modes: int, start: Stage | None = None, **more: object) -> Stage:
     """A drive that has been told `modes` one after the other, from standby."""
     stage = start or Stage(STANDBY)
     for mode in modes:
-        stage = next_stage(stage, Told(mode, alive=True, **more), 1.0)  # type: ignore[arg-type]
+        stage = next_stage(stage, Told(mode, **{"alive": True, "answered": True, **more}), 1.0)  # type: ignore[arg-type]
     return stage
 
 
@@ -55,6 +55,7 @@ def test_only_off_ready_enable_in_turn_leads_up() -> None:
     for modes in ((READY, ENABLE), (ENABLE,), (OFF, ENABLE), (OFF, QUICK_STOP, ENABLE), (READY, READY, ENABLE)):
         assert led(*modes).state in (STANDBY, WAITING)
         assert not may_move(led(*modes))
+    assert led(*LEAD, answered=False).state == STANDBY
 
 
 @pytest.mark.parametrize(
@@ -102,6 +103,7 @@ def test_ready_falls_back_to_standby(told: Told) -> None:
             cause=st.sampled_from([0, 0, 0, 1, 2, 5]),
             hot=st.booleans(),
             at_rest=st.booleans(),
+            answered=st.booleans(),
         ),
         max_size=40,
     )
@@ -120,6 +122,8 @@ def test_no_way_around_the_order(told: list[Told]) -> None:
         if may_move(after) and not may_move(stage):
             assert stage.state == WAITING
             assert (one.mode, one.alive, one.safe_stop, one.cause) == (ENABLE, True, False, 0)
+        if after.state == WAITING != stage.state:
+            assert one.answered
         if may_move(after):
             assert (one.alive, one.safe_stop, one.mode) == (True, False, ENABLE)
         assert (after.fault > 0) == (after.state == FAULT)

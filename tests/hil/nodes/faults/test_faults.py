@@ -9,10 +9,14 @@ import numpy as np
 import pytest
 
 from hil.app.sil.fault_outcomes import TO_LIVE_S, limit_s, outcomes
+from hil.app.sil.testbed import Bench
+from hil.bus.protection import Receiver
 from hil.bus.simulated import Medium, SimulatedBus
+from hil.nodes.controller.node import FAULTY, OTHER_CONTROLLER
 from hil.nodes.faults.injection import FaultInjection
 from hil.nodes.faults.table import KINDS, Fault, read_faults
-from tests.hil.app.sil.sil_runs import RIGS, run, scenario_of
+from hil.nodes.frame_map import frames
+from tests.hil.app.sil.sil_runs import RIGS, model_of, run, scenario_of
 
 AT_S, DURATION_S = 0.3, 0.2
 REFUSED = ("duplicate", "reorder", "replay")
@@ -40,7 +44,7 @@ def test_matrix(rig: str, fault: str, target: str) -> None:
     assert found[0].safe_after_s <= allowed_s
     first = np.argmax(t - AT_S >= found[0].safe_after_s - 1e-9)
     assert safe[first:].all(), "a drive must not begin again by itself"
-    if fault in ("drop", "delay", "corrupt", "killed", "frozen") and target in ("", "commands", "all"):
+    if fault in ("drop", "delay", "corrupt", "retyped", "killed", "frozen") and target in ("", "commands", "all"):
         assert found[0].since_good_s <= TO_LIVE_S[rig]
 
 
@@ -93,6 +97,53 @@ def test_each_fault_is_told_on_its_own() -> None:
     assert first == {"fault": "duplicate commands", "at_s": 0.2, "safe_after_ms": None, "unsafe": False}
     assert (second["fault"], second["at_s"]) == ("killed", 0.3)
     assert 0 < second["safe_after_ms"] < 25
+
+
+def test_faults_that_come_together_are_credited_as_a_set() -> None:
+    """Whatever the order in the file: the reaction counts from the first, and the set must be safe as soon as each."""
+    together = [{"kind": "stuck", "at_s": 0.301}, {"kind": "killed", "at_s": 0.3}, {"kind": "drop", "at_s": 0.3}]
+    _, found = run("magnetic", 0.6, *together, {"kind": "duplicate", "at_s": 0.5})
+    first, second = (outcome.document() for outcome in found)
+    assert (first["fault"], first["at_s"], first["unsafe"]) == (
+        "killed + drop commands + stuck localisation",
+        0.3,
+        False,
+    )
+    assert 0 < first["safe_after_ms"] <= 20
+    assert second["fault"] == "duplicate commands"
+
+
+@pytest.mark.parametrize("rig", RIGS)
+@pytest.mark.parametrize("part", range(8))
+def test_a_controller_off_the_bus_in_the_middle_of_a_tick(rig: str, part: int) -> None:
+    """A frame of its on the wire breaks off; it used to bring the node back to the bus as it ended."""
+    trace, found = run(rig, 0.35, {"kind": "bus_off", "at_s": 0.2 + 2.5e-4 * part, "target": "controller"})
+    assert not found[0].unsafe
+    assert 0 < found[0].safe_after_s <= 0.02
+    assert trace.stopped_because == "feedback lost"
+
+
+@pytest.mark.parametrize("kind", ["second_master", "player"])
+def test_another_controller_is_stopped_for_within_a_tick(kind: str) -> None:
+    """The true one says SafeStop to all in the tick in which it hears the other, and stays stopped."""
+    scenario = scenario_of("magnetic", 0.6, {"kind": kind, "at_s": AT_S, "duration_s": 0.1})
+    bench = Bench(scenario, model_of("magnetic"), "feedforward", 1)
+    ear = SimulatedBus(bench.medium, "ear")
+    bench.start()
+    stop = frames()["SafeStop"]
+    at = []
+    for _ in range(round(0.6 / bench.tick_s)):
+        bench.begin_tick()
+        for number in range(bench.slots):
+            bench.slot(number)
+        bench.end_tick()
+        while (message := ear.recv(0)) is not None:
+            at += [message] if message.arbitration_id == stop.id else []
+    own = [m for m in at if m.channel == "controller"]
+    assert own[0].timestamp - AT_S < 2 * bench.tick_s
+    assert Receiver(stop).accept(own[0].data, 0.0) == {"Target": 0, "Reason": OTHER_CONTROLLER}
+    assert (bench.node.state, bench.plant.drive.safe) == (FAULTY, True)
+    assert "another controller is on the bus" in bench.node.reason
 
 
 @pytest.mark.parametrize(

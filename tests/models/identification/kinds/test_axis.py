@@ -14,7 +14,7 @@ from models.effects.effect import Effect
 from models.files.record import Record
 from models.files.rig import parse_rig
 from models.identification.kinds.axis import report
-from models.identification.kinds.axis.kind import NOISE, AxisKind
+from models.identification.kinds.axis.kind import NOISES, AxisKind
 from models.identification.kinds.axis.ripple import find_ripple
 from models.identification.kinds.axis.zero_phase import decimate, passed, repeat_lag
 
@@ -114,11 +114,11 @@ def test_a_late_reading_puts_the_force_before_the_motion() -> None:
 
 def test_noise_is_what_the_repeats_say_and_imitation_has_as_much() -> None:
     record = made(TRUE, noise=1.0)
-    assert KIND.noise_std(record) == pytest.approx(passed(1000.0), rel=0.12)
+    assert KIND.noise(record).weight == pytest.approx(passed(1000.0), rel=0.12)
     imitated = KIND.imitate(record, TRUE, np.random.default_rng(1))
     assert np.mean(KIND.residual(imitated, TRUE) ** 2) == pytest.approx(1.0, abs=0.25)
-    believed = replace(KIND, force_std_N=2.0)
-    assert believed.noise_std(record) == pytest.approx(2 * passed(1000.0))
+    believed = replace(KIND, force_std=2.0)
+    assert believed.noise(record).weight == pytest.approx(2 * passed(1000.0))
 
 
 def test_filter_passes_forty_hertz_of_five_hundred() -> None:
@@ -141,7 +141,7 @@ def test_folds_leave_out_every_repeat_of_a_place_together() -> None:
         assert sum(map(len, training)) + sum(map(len, validation)) == len(record)
         phases = [np.unique((r["t_s"] * 1000).round().astype(int) % 3000 // 750) for r in validation]
         assert all(np.array_equal(p, phases[0]) for p in phases)
-        assert NOISE in validation[0].columns
+        assert NOISES[-1] in validation[0].columns
     assert len(KIND.splits([record, record.with_column("force_N", record["force_N"])])) == 2
 
 
@@ -162,7 +162,7 @@ def test_rig_file_gives_the_nominal_stage() -> None:
     rig = parse_rig({"rig": {"kind": "axis"}, "axis": {"mass_kg": 90.0}, "noise": {"force_std_N": 0.5}})
     kind = AxisKind.from_rig(rig)
     assert kind.nominal()["mass_kg"] == 90.0
-    assert kind.force_std_N == 0.5
+    assert kind.force_std == 0.5
     assert AxisKind.from_rig(parse_rig({"rig": {"kind": "axis"}})).nominal()["offset_N"] == 0.0
 
 
@@ -204,7 +204,7 @@ def test_measured_stage_has_a_delay_and_a_shear_thinning_film_that_hold_on_the_p
     assert 0.1 < full["viscous_drag.exponent"] < 0.5
     assert full["sensor_delay.delay_s"] == pytest.approx(0.77e-3, abs=0.1e-3)
     ripples = [find_ripple(KIND, r, full) for r in (train, pulses)]
-    assert all(r is not None and r.wavelength_m == pytest.approx(2.5e-3, rel=2e-3) for r in ripples)
+    assert all(r is not None and r.wavelength == pytest.approx(2.5e-3, rel=2e-3) for r in ripples)
     words = report.statements(KIND, {"calibrated": TRUE, "augmented": full}, [train])
     assert any("opposite of Stribeck" in w for w in words)
     assert any("2.5" in w and "mm" in w for w in words)
@@ -218,8 +218,8 @@ def test_ripple_is_found_where_there_is_one_only() -> None:
     )
     found = find_ripple(KIND, rippled, TRUE)
     assert found is not None
-    assert found.wavelength_m == pytest.approx(0.004, rel=0.01)
-    assert found.amplitude_N == pytest.approx(0.5, rel=0.2)
+    assert found.wavelength == pytest.approx(0.004, rel=0.01)
+    assert found.amplitude == pytest.approx(0.5, rel=0.2)
 
 
 def test_equations_name_every_effect_present() -> None:

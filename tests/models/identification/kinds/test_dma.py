@@ -13,7 +13,7 @@ from models.files.record import Record
 from models.files.rig import parse_rig
 from models.identification.kinds.dma import report
 from models.identification.kinds.dma.common_residual import best_relaxation, common_residual, springpot_alone
-from models.identification.kinds.dma.kind import DmaKind, moduli_of, samples_of
+from models.identification.kinds.dma.kind import COLUMNS, DmaKind, moduli_of, samples_of
 from models.parameter import SETS
 
 KIND = DmaKind.from_rig(parse_rig({"rig": {"kind": "dma"}}))
@@ -122,5 +122,43 @@ def test_springpot_has_its_angle_and_power() -> None:
 def test_words_and_signals_cover_the_model(calibrated: dict[str, float]) -> None:
     assert "iw" in report.equations(KIND, calibrated)[0]
     assert "*(i*f/10)^0.3" in " ".join(report.equations(KIND, {**calibrated, **BROAD}))
-    assert "elastic reference" in str(report.next_experiment(KIND, calibrated, []))
+    assert "elastic reference" in str(report.next_experiment(KIND, calibrated, [measured()]))
     assert list(KIND.signals(measured())["sample"][:6]) == [1, 1, 1, 1, 1, 2]
+
+
+def three_decades(samples: int = 3) -> Record:
+    """A springpot beside a spring, as a polymer is, from 0.1 to 100 Hz, each sample with its own factor."""
+    frequency = np.tile(np.logspace(-1, 2, 16), samples)
+    sample = np.repeat(np.arange(samples), 16)
+    law = BroadRelaxation().modulus(frequency, {"stiffness_Pa": 3e5, "exponent": 0.3})
+    rng, scale = np.random.default_rng(4), 1 + 0.02 * np.arange(samples)
+    storage, loss = (
+        part * scale[sample] * (1 + 0.005 * rng.standard_normal(len(part))) for part in (law.storage + 1e5, law.loss)
+    )
+    columns = {"frequency_Hz": frequency, "sample": sample.astype(float)}
+    return Record("polymer", "dma", {**columns, COLUMNS[0]: storage, COLUMNS[1]: loss})
+
+
+def test_words_follow_from_the_record_of_three_decades() -> None:
+    record = three_decades()
+    theta = fitted([record], KIND.nominal())
+    words = " ".join(report.statements(KIND, {"calibrated": theta}, [record]))
+    for piece in (
+        "The frequencies span 3.0 decades, 0.1 to 100 Hz",
+        "a broader spectrum is all that is missing",
+        "better",
+    ):
+        assert piece in words
+    for piece in ("half a decade", "dips", "not what is missing", "no better", "No known effect"):
+        assert piece not in words
+    experiment = str(report.next_experiment(KIND, theta, [record]))
+    assert "30 and 60" not in experiment
+    assert "Hz" in experiment
+
+
+def test_moduli_at_a_bound_are_said(calibrated: dict[str, float]) -> None:
+    stopped = {**calibrated, "log10_E3": KIND.base[2].lower, "log10_tau2": KIND.base[4].upper}
+    words = " ".join(report.statements(KIND, {"calibrated": stopped}, [measured()]))
+    assert "The calibrated fit stops at bounds: E3 at 1 Pa, tau2 at 100 s." in words
+    words = " ".join(report.statements(KIND, {"calibrated": KIND.nominal()}, [measured()]))
+    assert "stops at bounds" not in words

@@ -1,0 +1,98 @@
+"""filterpy's unscented Kalman filter on the same process: the textbook's estimator, selectable beside the fast ones,
+and what those are tested against.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar
+
+import numpy as np
+from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
+from numpy.typing import NDArray
+
+from controller.estimator.cubature_filter import CubatureFilter, Estimator, Process
+from controller.estimator.cubature_kernels import root
+from controller.estimator.noise import Noise
+from controller.model.control_model import ControlModel
+
+Array = NDArray[np.float64]
+
+
+def safe_root(P: Array) -> Array:
+    """Upper Cholesky factor (n, n) of `P`, symmetrised first and lifted where rounding made it indefinite: `P = U' U`.
+
+    filterpy takes SciPy's Cholesky as it is, which raises for a covariance that lost its sign by rounding.
+    """
+    L = np.zeros_like(P)
+    root(np.ascontiguousarray(0.5 * (P + P.T)), L)
+    return L.T.copy()
+
+
+class FilterpyProcess(Process):
+    """`Process` with prediction and measurement by filterpy: 2 n points at `sqrt(n)` standard deviations, all of one
+    weight, one of them a call of the model's step.
+    """
+
+    def __init__(self, model: ControlModel, noise: Noise) -> None:
+        super().__init__(model, noise)
+        n = self.size
+        points = MerweScaledSigmaPoints(n, alpha=1.0, beta=0.0, kappa=0.0, sqrt_method=safe_root)
+        self._ukf: Any = UnscentedKalmanFilter(n, 1, model.tick_s, self._place, self._moved, points)
+
+    def predict(self, b: CubatureFilter, command: float) -> None:
+        """As `Process.predict`."""
+        ukf = self._ukf
+        ukf.x, ukf.P, ukf.Q = b.z.copy(), b.P.copy(), np.diag(self._noise_of(b))
+        self._from = (b.modes.copy(), b.command, command, b.time_s)
+        _, b.modes[:] = self.move(b.z, *self._from)
+        ukf.predict()
+        self._keep(b)
+        b.time_s += self.model.tick_s
+        b.command = command
+
+    def see_position(self, b: CubatureFilter, value: float) -> float:
+        """As `Process.see_position`."""
+        size = self._see(b, value, self.noise.position_std_m, lambda z: self._place(z, b))
+        if abs(size) <= self.noise.gate:
+            b.surprise = self.noise.surprised(b.surprise, size)
+        return abs(size)
+
+    def see_state(self, b: CubatureFilter, name: str, value: float) -> float:
+        """As `Process.see_state`."""
+        place = self.names.index(name)
+        return abs(self._see(b, value, self.noise.feedback_std, lambda z: z[place : place + 1]))
+
+    def _see(self, b: CubatureFilter, value: float, std: float, shown: Any) -> float:
+        """Take in a reading unless it is beyond the gate; its normalised difference. filterpy keeps the points of the
+        prediction, which lack its noise: they are drawn anew first.
+        """
+        ukf = self._ukf
+        ukf.x, ukf.P = b.z.copy(), b.P.copy()
+        ukf.sigmas_f = ukf.points_fn.sigma_points(ukf.x, ukf.P)
+        ukf.update(np.array([value]), R=std**2, hx=shown)
+        spread = math.sqrt(max(float(ukf.S[0, 0]), 0.0))
+        size = float(ukf.y[0]) / spread if spread > 0 else math.inf
+        if abs(size) <= self.noise.gate:
+            self._keep(b)
+        return size if size == size else math.inf
+
+    def _keep(self, b: CubatureFilter) -> None:
+        b.z[:], b.P[:] = self._ukf.x, 0.5 * (self._ukf.P + self._ukf.P.T)
+
+    def _moved(self, z: Array, dt: float) -> Array:
+        return self.move(z, *self._from)[0]
+
+    def _place(self, z: Array, b: CubatureFilter) -> Array:
+        """The position that the sensor shows at the point `z` of the belief `b`, shape (1,)."""
+        if self._plain:
+            return z[:1]
+        state = b.modes.copy()
+        state[self.where] = z[:-2]
+        return np.array([float(self._seen(state, b.time_s)[0])])
+
+
+class UnscentedEstimator(Estimator):
+    """`Estimator` with filterpy's arithmetic: the same beliefs and late measurements, at some ten times the cost."""
+
+    process: ClassVar[type[Process]] = FilterpyProcess

@@ -1,0 +1,127 @@
+"""Folders of series: `rig.toml` and its records, those whose names begin with `holdout` or `held_out` held out."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import io
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from hil.app.identify.close_loop import read_series, result_files
+from hil.app.report import report_json
+from hil.app.scenario.deployment import read_deployed_rig
+from hil.app.write import write_files
+from hil.formats.table import format_of
+from hil.log.reader import is_log
+from models.effects import use_effects
+from models.files.csv_reader import ENDINGS
+from models.identification import close
+
+RIG, REPORT = "rig.toml", "report.html"
+HELD_OUT: Final = ("holdout", "held_out")
+TOLD: Final = (
+    "verdict",
+    "effects",
+    "error",
+    "next_experiment",
+    "seconds",
+    "kind",
+    "calibration",
+    "findings",
+    "cannot_show",
+    "reasons",
+)
+"""What a row keeps of `report.json`."""
+
+
+@dataclass(frozen=True)
+class Series:
+    """One rig's folder: `name` among those of the campaign, its records, the folder `out` for its report, the user's
+    `effects`, the `seed`, and as `number` the hash of all that its answer depends on but the program.
+    """
+
+    number: str
+    name: str
+    folder: Path
+    train: tuple[Path, ...]
+    holdout: tuple[Path, ...]
+    out: Path
+    effects: tuple[Path, ...] = ()
+    seed: int = 0
+
+    @property
+    def point(self) -> dict[str, str]:
+        """What sets it apart."""
+        return {"series": self.name}
+
+    def result(self) -> dict[str, Any]:
+        """`close-loop` on it: the report's three files in `out`, and the numbers in short. Raises ValueError."""
+        if not self.train:
+            raise ValueError(f"{self.folder}: folder must hold records to fit to beside {RIG}; got none")
+        with contextlib.redirect_stderr(io.StringIO()):
+            use_effects(self.effects)
+            rig = read_deployed_rig(self.folder / RIG)
+            train, held = read_series(self.train, self.holdout, rig)
+            finding, model = close(rig, train, held, lambda *_: None, seed=self.seed)
+            files = result_files(finding, model)
+        self.out.mkdir(parents=True, exist_ok=True)
+        write_files({self.out / name: content for name, content in files.items()})
+        report = report_json(finding)
+        return {key: report[key] for key in TOLD}
+
+    @property
+    def reported(self) -> bool:
+        """Whether its report is there."""
+        return (self.out / REPORT).is_file()
+
+
+def find_series(folders: Sequence[Path], out: Path, effects: Sequence[Path] = (), seed: int = 0) -> list[Series]:
+    """The series in the folders and below them, by name; reports go to folders of the same names in `out`. Raises
+    ValueError of one sentence where a folder has none.
+    """
+    found: dict[Path, None] = {}
+    for folder in folders:
+        if not folder.is_dir():
+            raise ValueError(f"FOLDER must be a folder with {RIG} and records in it or below it; got {folder}")
+        here = [path.parent for path in sorted(folder.resolve().rglob(RIG))]
+        if not here:
+            raise ValueError(f"{folder}: folder must have a {RIG} in it or below it; got none")
+        found |= dict.fromkeys(here)
+    names = _names(list(found))
+    digest = hashlib.sha256(str(seed).encode())
+    for path in effects:
+        digest.update(path.read_bytes())
+    own = tuple(path.resolve() for path in effects)
+    return [_series(folder, names[folder], out.resolve(), own, seed, digest.copy()) for folder in sorted(found)]
+
+
+def _series(folder: Path, name: str, out: Path, effects: tuple[Path, ...], seed: int, digest: Any) -> Series:
+    records = list(_records(folder))
+    for path in (folder / RIG, *records):
+        digest.update(str(path.relative_to(folder)).encode())
+        for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
+            digest.update(file.read_bytes() if file.is_file() else b"")
+    held = tuple(path for path in records if path.relative_to(folder).parts[0].startswith(HELD_OUT))
+    train = tuple(path for path in records if path not in held)
+    return Series(digest.hexdigest()[:16], name, folder, train, held, out / name, effects, seed)
+
+
+def _records(folder: Path) -> Iterator[Path]:
+    """Files that can be read as records, in the folder and in a folder of those held out."""
+    for path in sorted(folder.iterdir()):
+        if path.name.startswith("."):
+            continue
+        if path.name in HELD_OUT and path.is_dir() and format_of(path) is None:
+            yield from _records(path)
+        elif path.name.lower().endswith(ENDINGS) or format_of(path) or (path.is_file() and is_log(path)):
+            yield path
+
+
+def _names(folders: Sequence[Path]) -> dict[Path, str]:
+    """Each folder's path from where all of them lie."""
+    common = Path(os.path.commonpath([folder.parent for folder in folders]))
+    return {folder: folder.relative_to(common).as_posix() for folder in folders}

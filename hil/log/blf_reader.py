@@ -1,0 +1,146 @@
+"""The CAN frames of a BLF file, read with every size checked: a damaged file ends in a sentence with the place, never
+in a loop.
+
+A file is a header and objects: containers, which unpack to further objects, among them the frames; an object may begin
+in one container and end in the next. The form is Vector's, as python-can's `can/io/blf.py` describes it.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Callable, Generator, Iterator
+from pathlib import Path
+from typing import BinaryIO, Final
+
+from can.io.blf import systemtime_to_timestamp
+
+from hil.log.blf_file import NOTED, RECEIVED, SENT, WITHHELD, Logged, is_own
+from models.files.source import opened
+
+LARGEST_CONTAINER: Final = 1 << 26
+"""Most bytes of a container, packed and unpacked; Vector's and python-can's have 128 kB."""
+MOST_BYTES: Final = 1 << 32
+"""Most bytes of all containers together, unpacked."""
+_FILE: Final = struct.Struct("<4sLBBBBBBBBQQLL8H8H")
+_BASE: Final = struct.Struct("<4sHHLL")
+_STAMP: Final = struct.Struct("<L2HQ")
+_CONTAINER: Final = struct.Struct("<H6xL4x")
+_FRAME: Final = struct.Struct("<HBBL8s")
+_CONTAINERS, _FRAMES = 10, (1, 86)
+_HEADERS: Final = {1: 32, 2: 40}
+"""Bytes of an object's header of each version that there is."""
+_LARGEST_ID, _REMOTE, _DIRECTION, _TEN_US = 0x7FF, 0x80, 0x1, 1
+_WAYS: Final = {2: WITHHELD, 3: NOTED}
+
+Tell = Callable[[str], None]
+
+
+def read_blf(path: Path, tell: Tell) -> Iterator[Logged]:
+    """The classic data frames with 11-bit identifiers of the BLF file `path`. A file that ends in the middle gives what
+    is whole, and `tell` gets a sentence that says so. Raises ValueError of one sentence with the offset for an object
+    that cannot be.
+    """
+    with opened(path, "log") as file:
+        yield from _Reading(path, file, tell).frames()
+
+
+class _Reading:
+    """One file; `place` is the offset of the object of the file that is being read."""
+
+    def __init__(self, path: Path, file: BinaryIO, tell: Tell) -> None:
+        self.path, self.file, self.tell = path, file, tell
+        self.place = self.count = self.unpacked = 0
+        data = file.read(_FILE.size)
+        if len(data) < _FILE.size or data[:4] != b"LOGG":
+            raise ValueError(f"{path}: log must be one in the format that its name ends in; got another content")
+        head = _FILE.unpack(data)
+        self.size = file.seek(0, 2)
+        self.stated = int(head[10])
+        try:
+            self.start_ns = 0 if is_own(data) else round(systemtime_to_timestamp(head[14:22]) * 1e9)
+        except (ValueError, OverflowError):
+            self.start_ns = 0
+        self.place = max(int(head[1]), _FILE.size)
+
+    def frames(self) -> Iterator[Logged]:
+        """All frames."""
+        rest = b""
+        while self.place < self.size:
+            self.file.seek(self.place)
+            head = self.file.read(_BASE.size)
+            if len(head) < _BASE.size:
+                break
+            mark, _, _, size, kind = _BASE.unpack(head)
+            if mark != b"LOBJ":
+                raise self._wrong("an object", "another content")
+            if size < _BASE.size:
+                raise self._wrong(f"an object of {_BASE.size} bytes or more", f"one of {size}")
+            if self.place + size > self.size:
+                break
+            if kind == _CONTAINERS:
+                rest = yield from self._objects(rest + self._content(size - _BASE.size))
+            self.place += size + size % 4
+        if self.place < self.size or rest.strip(b"\0") or self.stated > self.size:
+            self.tell(
+                f"the log is cut off: it ends at byte {self.size}, within what was being written; the {self.count}"
+                " frames before it are read"
+            )
+
+    def _content(self, size: int) -> bytes:
+        """What a container holds."""
+        if size < _CONTAINER.size or size > LARGEST_CONTAINER:
+            raise self._wrong(f"a container of {_CONTAINER.size} to {LARGEST_CONTAINER} bytes", f"one of {size}")
+        data = self.file.read(size)
+        method, _ = _CONTAINER.unpack_from(data)
+        packed = data[_CONTAINER.size :]
+        if method not in (0, 2):
+            raise self._wrong("a container that is packed with zlib, or not at all", f"method {method}")
+        try:
+            content = zlib.decompressobj().decompress(packed, LARGEST_CONTAINER + 1) if method else packed
+        except zlib.error as error:
+            raise ValueError(
+                f"{self.path}: log must be undamaged; got after {self.count} frames, at byte {self.place}: {error}"
+            ) from None
+        self.unpacked += len(content)
+        if len(content) > LARGEST_CONTAINER or self.unpacked > MOST_BYTES:
+            raise self._wrong(f"at most {LARGEST_CONTAINER} bytes, unpacked, {MOST_BYTES} in all", "more")
+        return content
+
+    def _objects(self, data: bytes) -> Generator[Logged, None, bytes]:
+        """The frames among unpacked objects; returns what the next container goes on with."""
+        at = 0
+        while True:
+            found = data.find(b"LOBJ", at, at + 8)
+            if found < 0 and at + 8 > len(data):
+                return data[at:]
+            if found < 0:
+                raise self._wrong("an object", "another content", at)
+            at = found
+            if len(data) - at < _BASE.size:
+                return data[at:]
+            _, _, version, size, kind = _BASE.unpack_from(data, at)
+            if version not in _HEADERS:
+                raise self._wrong("an object with a header of version 1 or 2", f"version {version}", at)
+            if not _HEADERS[version] <= size <= LARGEST_CONTAINER:
+                limits = f"{_HEADERS[version]} to {LARGEST_CONTAINER}"
+                raise self._wrong(f"an object of {limits} bytes", f"one of {size}", at)
+            if at + size > len(data):
+                return data[at:]
+            if kind in _FRAMES and size >= _HEADERS[version] + _FRAME.size:
+                yield from self._frame(data, at, _HEADERS[version])
+            at += size
+
+    def _frame(self, data: bytes, at: int, header: int) -> Iterator[Logged]:
+        unit, _, _, stamp = _STAMP.unpack_from(data, at + _BASE.size)
+        channel, flags, length, number, content = _FRAME.unpack_from(data, at + header)
+        self.count += 1
+        if number > _LARGEST_ID or flags & _REMOTE:
+            return
+        way = _WAYS.get(channel, SENT) if flags & _DIRECTION else RECEIVED
+        time_ns = self.start_ns + stamp * (10_000 if unit == _TEN_US else 1)
+        yield Logged(time_ns, number, content[: min(length, 8)], way)
+
+    def _wrong(self, wanted: str, got: str, within: int | None = None) -> ValueError:
+        place = f"at byte {self.place}" + ("" if within is None else f", byte {within} of what it unpacks to")
+        return ValueError(f"{self.path}: log must have {wanted} {place}; got {got}")

@@ -1,0 +1,87 @@
+"""The one way in which a file that a user names is opened and read: regular files alone, never beyond a bound."""
+
+from __future__ import annotations
+
+import json
+import os
+import stat
+from pathlib import Path
+from typing import Any, BinaryIO, Final
+
+LARGEST_TEXT: Final = 1 << 20
+LARGEST_DATA: Final = 1 << 31
+"""Most bytes of a file of settings, and of a file of samples."""
+_MARKS: Final = (
+    (b"\xff\xfe\x00\x00", "UTF-32"),
+    (b"\x00\x00\xfe\xff", "UTF-32"),
+    (b"\xff\xfe", "UTF-16"),
+    (b"\xfe\xff", "UTF-16"),
+)
+
+
+def opened(path: Path, what: str, largest: int = LARGEST_DATA) -> BinaryIO:
+    """The file `path` for reading bytes. `what` says in the ValueError of one sentence which kind of file it should
+    have been: a regular one of at most `largest` bytes. A pipe or a device is told, never waited for.
+    """
+    try:
+        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    except (OSError, ValueError) as error:  # a name with a zero byte is a plain ValueError
+        told = getattr(error, "strerror", None) or error
+        raise ValueError(f"{path}: {what} must be a file that can be read; got: {told}") from None
+    found = os.fstat(handle)
+    if stat.S_ISREG(found.st_mode) and found.st_size <= largest:
+        return os.fdopen(handle, "rb")
+    os.close(handle)
+    if stat.S_ISREG(found.st_mode):
+        raise ValueError(f"{path}: {what} must be smaller than {largest} bytes; got {found.st_size}")
+    got = "a directory" if stat.S_ISDIR(found.st_mode) else "a device, a pipe or a socket"
+    raise ValueError(f"{path}: {what} must be a regular file; got {got}")
+
+
+def check_source(path: Path, what: str, largest: int = LARGEST_DATA) -> int:
+    """The size in bytes of a file that a library will open by its name. Errors as `opened`."""
+    with opened(path, what, largest) as file:
+        return os.fstat(file.fileno()).st_size
+
+
+def read_bytes(path: Path, what: str, largest: int = LARGEST_TEXT) -> bytes:
+    """The content of a file, of which no more than `largest` bytes are read. Errors as `opened`."""
+    with opened(path, what, largest) as file:
+        try:
+            data = file.read(largest + 1)
+        except OSError as error:
+            raise ValueError(
+                f"{path}: {what} must be a file that can be read; got: {error.strerror or error}"
+            ) from None
+    if len(data) > largest:
+        raise ValueError(f"{path}: {what} must be smaller than {largest} bytes; got {len(data)} or more")
+    return data
+
+
+def read_text(path: Path, what: str, largest: int = LARGEST_TEXT) -> str:
+    """The content of a file of UTF-8 text, with or without a byte-order mark. Errors as `opened`."""
+    data = read_bytes(path, what, largest)
+    check_encoding(path, what, data)
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path}: {what} must be UTF-8 text; got another byte at {error.start}") from None
+
+
+def check_encoding(path: Path, what: str, start: bytes) -> None:
+    """Refuse a text whose first bytes `start` say that it is UTF-16 or UTF-32."""
+    told = next((name for mark, name in _MARKS if start.startswith(mark)), None)
+    if told:
+        raise ValueError(f"{path}: {what} must be UTF-8 text; got {told}: save it as UTF-8")
+
+
+def read_json(path: Path, what: str, largest: int = LARGEST_TEXT) -> dict[str, Any]:
+    """The JSON object of a file. Raises ValueError of one sentence for anything else. Errors as `opened`."""
+    text = read_text(path, what, largest)
+    try:
+        found = json.loads(text)
+    except (ValueError, RecursionError) as error:  # a number of more digits than Python reads is a plain ValueError
+        raise ValueError(f"{path}: {what} must be JSON; got: {' '.join(str(error).split())[:200]}") from None
+    if not isinstance(found, dict):
+        raise ValueError(f"{path}: {what} must be a JSON object; got a {type(found).__name__}")
+    return found

@@ -1,0 +1,1 @@
+"""The next experiment: the motion that tells apart what the records leave confounded."""

@@ -1,0 +1,163 @@
+"""Motions that a rig can make: moves from place to place with rests, within what its records show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from models.files.record import Record
+from models.identification.kind import Array
+
+RAMP_S = 0.05
+"""Time over which a motion's corners are rounded."""
+_SHORTEST_S, _LONGEST_S = 4.0, 60.0
+_FAST = 95  # percentile of the speeds in motion that counts as what the rig is known to do
+_FASTER, _USUAL_M_S = 4.0, 10e-3  # times that speed a proposal may go, as long as capsules usually go as fast
+_MOVES = 0.05  # of the fastest speed, above which a sample counts as motion
+_SLOWEST = 0.05  # of the fast speed, the slowest that is proposed
+_SMALL = 0.2  # of the span, the longest of the short strokes
+_LONG_MOVE = 0.35  # of a motion's length, the longest move or rest
+_RESTS_S = (0.0, 0.0, 0.3, 1.0, 3.0, 6.0)
+
+
+@dataclass(frozen=True)
+class Room:
+    """What a motion may do: places that the records hold, from `low` to `high` in m, from `start` on, up to `speed` in
+    m/s (four times theirs, as long as that is no more than 10 mm/s), over `length` in s with samples every `dt` s in
+    the column `column`.
+    """
+
+    column: str
+    low: float
+    high: float
+    start: float
+    speed: float
+    length: float
+    dt: float
+
+    @classmethod
+    def of(cls, records: Sequence[Record], column: str) -> Room:
+        """The room that `records` leave; a motion is half as long as they are on average."""
+        places = np.concatenate([r[column] for r in records])
+        dt = float(np.median([(r["t_s"][-1] - r["t_s"][0]) / (len(r) - 1) for r in records]))
+        lengths = [float(r["t_s"][-1] - r["t_s"][0]) for r in records]
+        speeds = np.abs(np.concatenate([_speeds(r, column) for r in records]))
+        moving = speeds[speeds > _MOVES * speeds.max(initial=0.0)]
+        fast = float(np.percentile(moving, _FAST)) if len(moving) else 0.0
+        fastest = max(fast, min(_FASTER * fast, _USUAL_M_S))
+        length = float(np.clip(0.5 * np.mean(lengths), _SHORTEST_S, _LONGEST_S))
+        return cls(column, float(places.min()), float(places.max()), float(records[0][column][0]), fastest, length, dt)
+
+    @property
+    def span(self) -> float:
+        """From end to end in m."""
+        return self.high - self.low
+
+
+def _speeds(record: Record, column: str) -> Array:
+    """Mean speeds in m/s over windows of `RAMP_S`."""
+    dt = float(record["t_s"][-1] - record["t_s"][0]) / (len(record) - 1)
+    n = max(1, min(round(RAMP_S / dt), len(record) - 1))
+    x = record[column]
+    return np.asarray((x[n:] - x[:-n]) / (n * dt))
+
+
+@dataclass(frozen=True)
+class Move:
+    """To `place` in m at `speed` in m/s, then a rest of `rest` s."""
+
+    place: float
+    speed: float
+    rest: float
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Moves one after the other, cut off where the room's time is over."""
+
+    room: Room
+    moves: tuple[Move, ...]
+
+    def waypoints(self) -> tuple[Array, Array]:
+        """Times in s (n,) from 0 to the length, and the places in m there (n,)."""
+        times, places = [0.0, 0.3], [self.room.start, self.room.start]
+        for move in self.moves:
+            if move.place != places[-1]:
+                times.append(times[-1] + abs(move.place - places[-1]) / move.speed)
+                places.append(move.place)
+            if move.rest > 0:
+                times.append(times[-1] + move.rest)
+                places.append(places[-1])
+        end = float(np.interp(self.room.length, times, places))
+        kept = [(t, x) for t, x in zip(times, places, strict=True) if t < self.room.length - RAMP_S]
+        t, x = zip(*kept, (self.room.length, end), strict=True)
+        return np.array(t), np.array(x)
+
+    def record(self, kind: str) -> Record:
+        """The motion as the driven columns of a record, corners rounded."""
+        room = self.room
+        n = round(room.length / room.dt) + 1
+        t = room.dt * np.arange(n)
+        width = max(1, round(RAMP_S / room.dt))
+        before = np.interp(np.arange(-width + 1, n) * room.dt, *self.waypoints())
+        sums = np.cumsum(np.concatenate([[0.0], before]))
+        return Record(
+            "next experiment",
+            kind,
+            {"t_s": np.asarray(t), room.column: np.asarray((sums[width:] - sums[:-width]) / width)},
+        )
+
+
+def random_plan(room: Room, rng: np.random.Generator) -> Plan:
+    """A motion of random moves that fills the room's time."""
+    return _filled(room, (), rng)
+
+
+def _filled(room: Room, begun: Sequence[Move], rng: np.random.Generator) -> Plan:
+    """The moves `begun` as long as there is time, then random ones."""
+    moves, here, left = [], room.start, room.length
+    waiting = list(begun)
+    while left > 0:
+        move = waiting.pop(0) if waiting else _random_move(room, here, rng)
+        left -= abs(move.place - here) / move.speed + move.rest
+        moves.append(move)
+        here = move.place
+    return Plan(room, tuple(moves))
+
+
+def varied(plan: Plan, rng: np.random.Generator) -> Plan:
+    """`plan` with one or two of its moves changed, left out or added."""
+    room, moves = plan.room, list(plan.moves)
+    for _ in range(int(rng.integers(1, 3))):
+        k = int(rng.integers(len(moves)))
+        here = moves[k - 1].place if k else room.start
+        match int(rng.integers(5)):
+            case 0:
+                moves[k] = _random_move(room, here, rng)
+            case 1:
+                moves.insert(k, _random_move(room, here, rng))
+            case 2 if len(moves) > 1:
+                del moves[k]
+            case 3:
+                speed = float(np.clip(moves[k].speed * np.exp(rng.normal(0, 0.5)), _SLOWEST * room.speed, room.speed))
+                moves[k] = replace(moves[k], speed=speed)
+            case _:
+                moves[k] = replace(moves[k], rest=_random_rest(room, rng))
+    return _filled(room, moves, rng)
+
+
+def _random_move(room: Room, here: float, rng: np.random.Generator) -> Move:
+    speed = room.speed * float(np.exp(rng.uniform(np.log(_SLOWEST), 0.0)))
+    farthest = min(room.span, _LONG_MOVE * room.length * speed)
+    if rng.random() < 0.25:
+        farthest = min(farthest, _SMALL * room.span)
+    way = float(rng.uniform(0.3, 1.0)) * farthest
+    up, down = here + way <= room.high, here - way >= room.low
+    sign = 1.0 if up and not down else -1.0 if down and not up else float(rng.choice((-1.0, 1.0)))
+    return Move(float(np.clip(here + sign * way, room.low, room.high)), speed, _random_rest(room, rng))
+
+
+def _random_rest(room: Room, rng: np.random.Generator) -> float:
+    return min(float(rng.choice(_RESTS_S)), _LONG_MOVE * room.length)

@@ -1,0 +1,122 @@
+"""The motion that tells best what the records leave confounded: random motions, the best of them varied."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from models.files.columns import COLUMNS
+from models.files.record import Record
+from models.identification.experiment.plan import Plan, Room, random_plan, varied
+from models.identification.experiment.question import Candidate, Question, question, refitted, separation
+from models.identification.finding import NEXT_CSV, Proposal, Separation
+from models.identification.fitting.fit import parallel
+from models.identification.kind import Kind
+from models.identification.search.candidates import Trial
+from models.identification.search.forward_selection import Search
+
+KINDS = ("pull", "magnetic")
+"""Kinds of rig that are led along a path."""
+_QUESTIONS = 3
+_FIRST, _AGAIN, _BEST, _ROUNDS = 32, 12, 4, 5
+_FIRST_SLOW, _AGAIN_SLOW, _BEST_SLOW, _ROUNDS_SLOW = 12, 6, 2, 3  # where a motion takes many times longer to predict
+_READ_S, _READ_SLOW_S = 120.0, 20.0
+
+
+def propose(kind: Kind, records: Sequence[Record], found: Search, rng: np.random.Generator) -> Proposal | None:
+    """A motion for the next record of a rig that is led along a path; None where nothing is confounded and for other
+    kinds of rig.
+
+    It is as long as half a record is, stays within the places and speeds that the `records` hold, and puts the rivals
+    of the effects that are `found` as many standard deviations off as can be found in a bounded search.
+    """
+    pairs = _pairs(found)
+    if not pairs or kind.name not in KINDS:
+        return None
+    room = Room.of(records, COLUMNS[kind.name].driven[0][0])
+    if not room.speed > 0 or not room.span > 0:
+        return None
+    read = _beginnings(records, _READ_SLOW_S if kind.free_only else _READ_S)
+    asked = [question(kind, read, _model(kind, best), _model(kind, other), rng) for best, other in pairs[:_QUESTIONS]]
+    plan, apart = _best(kind, room, asked, read, rng)
+    motion = plan.record(kind.name)
+    times, places = plan.waypoints()
+    return Proposal(
+        column=room.column,
+        times_s=times,
+        places_m=places,
+        motion={name: motion[name] for name in ("t_s", room.column)},
+        separations=tuple(
+            Separation(q.truth.effect, q.rival.effect, sure, *max(q.apart.items(), key=lambda row: row[1]))
+            for q, sure in zip(asked, apart, strict=True)
+        ),
+    )
+
+
+def words_of(proposal: Proposal | None) -> str | None:
+    """What is proposed and what it would tell, in a sentence; None where nothing is."""
+    if proposal is None:
+        return None
+    t, x = proposal.times_s, proposal.places_m
+    steps, spans = np.diff(x), np.diff(t)
+    speeds = np.abs(steps[steps != 0] / spans[steps != 0])
+    turns = int(np.sum(np.diff(np.sign(steps[steps != 0])) != 0))
+    said = [
+        f"{one.effect} from {one.rival} by {one.standard_deviations:.1f} standard deviations, where {one.best_record}"
+        f" tells them by {one.so_far:.1f}"
+        for one in proposal.separations
+    ]
+    return (
+        f"record the motion of {NEXT_CSV} ({t[-1]:.0f} s within {1e3 * x.min():.1f} to {1e3 * x.max():.1f} mm at"
+        f" {1e3 * speeds.min():.2g} to {1e3 * speeds.max():.2g} mm/s, {turns} turns, {spans[steps == 0].sum():.1f} s at"
+        f" rest), which should tell {' and '.join(said)}"
+    )
+
+
+def _pairs(found: Search) -> list[tuple[Trial, Trial]]:
+    """Each effect that is found with each of its class, as they were tried."""
+    pairs = []
+    for name in found.effects:
+        for _, _, trials in found.rounds:
+            rows = {trial.effect: trial for trial in trials}
+            if name in rows:
+                pairs += [(rows[name], rows[other]) for other in found.equivalent.get(name, ()) if other in rows]
+    return pairs
+
+
+def _model(kind: Kind, trial: Trial) -> Candidate:
+    """A trial as a model in question."""
+    theta = {p.name: p.value for p in kind.base} | trial.thetas[0]
+    return Candidate(trial.effect, tuple(dict.fromkeys(name.split(".")[0] for name in theta if "." in name)), theta)
+
+
+def _beginnings(records: Sequence[Record], seconds: float) -> list[Record]:
+    """The beginnings of `records`, `seconds` together."""
+    return [record.beginning(seconds / len(records)) for record in records]
+
+
+def _best(
+    kind: Kind, room: Room, asked: Sequence[Question], read: Sequence[Record], rng: np.random.Generator
+) -> tuple[Plan, list[float]]:
+    """The plan whose least separation is largest, and its separations: of random plans and variations of the best of
+    them to first order, of the best few of these with the rivals truly fitted.
+    """
+
+    def worth(plan: Plan) -> float:
+        motion = plan.record(kind.name)
+        return min(separation(kind, q, motion) for q in asked)
+
+    def judged(plans: Sequence[Plan]) -> list[tuple[float, Plan]]:
+        return list(zip(parallel(worth, plans), plans, strict=True))
+
+    slow = (_FIRST_SLOW, _AGAIN_SLOW, _BEST_SLOW, _ROUNDS_SLOW)
+    first, again, best, rounds = slow if kind.free_only else (_FIRST, _AGAIN, _BEST, _ROUNDS)
+    rows = judged([random_plan(room, rng) for _ in range(first)])
+    for _ in range(rounds):
+        rows = sorted(rows, key=lambda row: -row[0])[:best]
+        rows += judged([varied(rows[k % best][1], rng) for k in range(again)])
+    finals = [plan for _, plan in sorted(rows, key=lambda row: -row[0])[:best]]
+    apart = [[refitted(kind, q, read, plan.record(kind.name)) for q in asked] for plan in finals]
+    farthest = max(range(len(finals)), key=lambda k: min(apart[k]))
+    return finals[farthest], apart[farthest]

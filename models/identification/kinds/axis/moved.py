@@ -1,0 +1,78 @@
+"""How an axis moved in a record, as its inverse dynamics need it: filtered motion, sure directions, rests."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.checks.view import runs_of
+from models.files.record import Record
+from models.identification.kinds.axis.coordinates import Coordinates
+from models.identification.kinds.axis.noise import through, white_part
+from models.identification.kinds.axis.zero_phase import Array, Motion, motion
+
+WHOLE, STILL, PLACE_NOISE = ("_x", "_v", "_a"), "_still", "_place_noise"
+"""Columns that a part of a record carries on from the whole: the motion filtered before the cut, rests, noise."""
+_REST_S, _REST = 0.1, 1e-3  # s, and of the greatest speed: longer and slower than that an axis is at rest
+_AGREES = 0.2  # of the speed, by which a logged one may differ from the position's
+
+
+@dataclass(frozen=True)
+class Moved:
+    """The motion, the sign of its speed as far as the noise of the position (standard deviation `place`) lets it be
+    told, where the axis rests or its direction is unsure, and the logged speed where that agrees with the position's.
+    """
+
+    motion: Motion
+    direction: Array
+    still: NDArray[np.bool_]
+    place: float
+    logged: Array | None
+
+
+def moved(record: Record, c: Coordinates, position_std: float | None, band: float) -> Moved:
+    """The motion of `record`, a whole one or a part that carries the whole's; `position_std` where it is stated,
+    `band` that of the filters in Hz.
+    """
+    if WHOLE[0] in record.columns:
+        m = Motion(record["t_s"], *(record[column] for column in WHOLE))
+        place, still = float(record[PLACE_NOISE][0]), record[STILL] > 0.5
+        return Moved(m, _direction(m, place, band), still, place, record.columns.get(c.velocity))
+    position = record[c.position]
+    m = motion(record["t_s"], position, band=band)
+    logged = record.columns.get(c.velocity)
+    if logged is not None:
+        apart = float(np.sqrt(np.mean((m.v - logged) ** 2)))
+        logged = logged if apart < _AGREES * float(np.sqrt(np.mean(m.v**2))) else None
+    if logged is not None:
+        m = motion(record["t_s"], position, logged, band)
+    place = position_std or white_part(position)
+    return Moved(m, _direction(m, place, band), _still(m, place, band), place, logged)
+
+
+def carried(record: Record, c: Coordinates, of: Moved) -> Record:
+    """`record` with its motion as columns, for parts of it."""
+    told = {**dict(zip(WHOLE, (of.motion.x, of.motion.v, of.motion.a), strict=True)), STILL: of.still.astype(float)}
+    told[PLACE_NOISE] = np.full(len(record), of.place)
+    kept = record if of.logged is not None else record.without((c.velocity,))
+    return replace(kept, columns={**kept.columns, **told})
+
+
+def _unsure(m: Motion, place: float, band: float) -> float:
+    """Speed that the noise of the position may feign, one standard deviation."""
+    return through(round(m.rate, 3), band, False)[0] * place
+
+
+def _direction(m: Motion, place: float, band: float) -> Array:
+    unsure = 2 * _unsure(m, place, band)
+    return np.clip(m.v / unsure, -1, 1) if unsure > 0 else np.sign(m.v)
+
+
+def _still(m: Motion, place: float, band: float) -> NDArray[np.bool_]:
+    fast = np.abs(m.v)
+    out = fast < 2 * _unsure(m, place, band)
+    for a, b in runs_of(fast < max(_REST * float(np.percentile(fast, 99)), 4 * _unsure(m, place, band))):
+        out[a:b] |= (b - a) > _REST_S * m.rate
+    return out

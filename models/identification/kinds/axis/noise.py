@@ -1,0 +1,114 @@
+"""The noise of an axis: of its force, where anything tells it, and what the noise of its position makes of that."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from math import comb
+
+import numpy as np
+
+from models.identification.kinds.axis.zero_phase import (
+    BAND_HZ,
+    Array,
+    Motion,
+    decimate,
+    motion,
+    passed,
+    quiet_roughness,
+    repeat_lag,
+    sampling_rate,
+)
+
+UNTOLD = 0.005
+"""Share of the force that counts as noise where nothing tells it: about what a good motor's torque ripples by."""
+_BEST = 1e-4  # of the force: what is below is rounding; no sensor of a force or a current is that good
+_QUITE = 0.85
+_WHITE = 0.5  # differences of a higher order say as much noise as those of a lower one, if it is white
+_CLEAR, _HALVINGS = 0.1, 5  # share of the acceleration that its noise may be, and how often a band is halved for it
+_ROWS = 8192
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations: `force` of the filtered force (None: nothing tells it), `speed` of a logged speed before the
+    filter, `weight` of the filtered force error of a right model; `inertia` is what a noisy acceleration shakes.
+    """
+
+    force: float | None
+    speed: float
+    inertia: float
+    weight: float
+
+
+def told_force(force: Array, position: Array, rate: float, band: float, stated: float | None) -> float | None:
+    """Noise of the filtered force: as stated, else from the repeats of the motion, else from its roughness; None where
+    all three say nothing, as for a force that is the command.
+    """
+    if stated is not None:
+        return stated * passed(rate, band)
+    filtered = decimate(force, rate)
+    least = _BEST * float(np.sqrt(np.mean(filtered**2)))
+    lag = repeat_lag(position, rate)
+    if lag is not None:
+        std = float(np.std(decimate(force[lag:] - force[:-lag], rate, band))) / np.sqrt(2)
+        return std if std > least else None
+    std, finer = (quiet_roughness(filtered, order=k) / _shown(rate, k) for k in (2, 4))
+    if std < least or finer < _WHITE * std:
+        return None
+    if finer < _QUITE * std or std < _QUITE * finer:  # not quite white: what shows is all that can be claimed
+        std *= _shown(rate, 2)
+    return std * passed(rate, band) / passed(rate)
+
+
+@lru_cache(maxsize=64)
+def _shown(rate: float, order: int) -> float:
+    """What `quiet_roughness` shows of filtered white noise, over its standard deviation."""
+    white = decimate(np.random.default_rng(0).standard_normal(_ROWS), rate)
+    return quiet_roughness(white, order=order) / float(np.std(white))
+
+
+def white_part(signal: Array) -> float:
+    """Standard deviation of the white noise on a sampled signal, 0 where there is none: sixth differences, which motion
+    does not reach, against fourth ones.
+    """
+    if len(signal) < 20:
+        return 0.0
+    fourth, sixth = (float(np.median(np.abs(np.diff(signal, k)))) / 0.6745 / np.sqrt(comb(2 * k, k)) for k in (4, 6))
+    return sixth if sixth > _WHITE * fourth else 0.0
+
+
+@lru_cache(maxsize=32)
+def through(rate: float, band: float, logged: bool) -> tuple[float, float]:
+    """Standard deviations that white noise of standard deviation 1 on the position (on the speed where that is
+    `logged`) leaves on the speed, and on the acceleration after the force's filter; 1/s and 1/s^2 (1 and 1/s).
+    """
+    white = np.random.default_rng(0).standard_normal(_ROWS)
+    t = np.arange(_ROWS) / rate
+    m = motion(t, np.zeros(_ROWS), white, band) if logged else motion(t, white, band=band)
+    return float(np.std(m.v)), float(np.std(decimate(m.a, rate, band)))
+
+
+def band_of(t: Array, position: Array, stated: float | None) -> float:
+    """The widest band in Hz, 20 Hz and halves of it, in which the noise of the position (as `stated`, else as it shows)
+    leaves the acceleration clear; a noisy acceleration would draw the inertia down.
+    """
+    place, rate = stated or white_part(position), round(sampling_rate(t), 3)
+    bands: list[float] = [BAND_HZ / 2**k for k in range(_HALVINGS)]
+    clear = (
+        band
+        for band in bands
+        if place * through(rate, band, False)[1]
+        < _CLEAR * float(np.std(decimate(motion(t, position, band=band).a, rate, band)))
+    )
+    return next(clear, bands[-1])
+
+
+def inertia_of(force: Array, m: Motion, band: float) -> float:
+    """Mass (inertia) that a line through the force gives: enough to tell what a noisy acceleration makes of it."""
+    rows = np.column_stack([m.a, m.v, np.sign(m.v), m.x, np.ones_like(m.a)])
+    filtered = np.column_stack([decimate(column, m.rate, band) for column in rows.T])
+    scale = np.maximum(np.std(filtered, axis=0), 1e-300)
+    scale[-1] = 1.0
+    weights, *_ = np.linalg.lstsq(filtered / scale, decimate(force, m.rate, band), rcond=None)
+    return abs(float(weights[0] / scale[0]))

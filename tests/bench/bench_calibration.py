@@ -1,0 +1,212 @@
+"""Whether what is said with p comes true with p, and how often each verdict is right: simulated series of all kinds.
+
+`python -m tests.bench.bench_calibration --out DIR [--count 300] [--seconds 45] [--workers 2]` draws so many series
+(kinds in turn; a third without an effect, the others with one of the plant's, of which one in six is nothing the
+catalogue has; clean, usual or poor instruments), runs `capsule campaign` over them and prints the tables that
+docs/results quote. A series is known by its number, so a larger count adds series, and the same command goes on after a
+kill; `--table` only prints what is on file. The hidden effects' forms are the plant's own.
+
+What is judged: every effect that a report lists, said with its `confidence`, is right where the hidden effect stands in
+its class. `none` is right where nothing is hidden, `named` where the hidden effect stands in the only class, `unknown`
+where the hidden effect is nothing that the catalogue has. An effect too small to be seen counts like any other.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import io
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from hil.app.main import run as capsule
+from plant.experiments.series import Kind, make_series
+from plant.hidden.registry import HIDDEN, hidden
+from tests.bench.bench_tracing import EFFECTS
+
+NONE_SHARE: Final = 1 / 3
+OUTSIDE_SHARE: Final = 1 / 6
+EDGES: Final = (0.0, 0.5, 0.8, 0.95, 0.99, 1.0)
+INSTRUMENTS: Final = {"clean": (0.3, 500.0), "usual": (1.0, 500.0), "poor": (5.0, 100.0)}
+"""Times the usual noise (1 mN, 50 um), and samples a second."""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """One series to be made."""
+
+    number: int
+    kind: Kind
+    effect: str | None
+    instrument: str
+
+    @property
+    def name(self) -> str:
+        """Its folder's."""
+        return f"{self.number:04d}_{self.kind}_{self.instrument}"
+
+
+@dataclass(frozen=True)
+class Statement:
+    """What was said with `p`, and whether it was right."""
+
+    p: float
+    right: bool
+
+
+def drawn(number: int, seed: int, kinds: Sequence[Kind]) -> Drawn:
+    """Series `number` of the draw `seed`, the same whatever the count is."""
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number,)))
+    kind = kinds[number % len(kinds)]
+    instrument = tuple(INSTRUMENTS)[int(rng.integers(len(INSTRUMENTS)))]
+    drive = kind.removesuffix("_plate")
+    outside = [e.id for e in HIDDEN if not e.published and drive in e.drives]
+    absent, without = rng.random(2)
+    within = EFFECTS[kind] if kind == "vibro_plate" or without >= OUTSIDE_SHARE else outside
+    effect = None if absent < NONE_SHARE else str(rng.choice(within))
+    return Drawn(number, kind, effect, instrument)
+
+
+def made(series: Drawn, seed: int, seconds: float, folder: Path) -> None:
+    """Its files, where they are not there yet."""
+    if not (folder / series.name / "answer.toml").exists():
+        noise, rate = INSTRUMENTS[series.instrument]
+        own = int(np.random.SeedSequence(seed, spawn_key=(series.number, 1)).generate_state(1)[0])
+        make_series(series.kind, series.effect, own, folder / series.name, seconds, noise, rate)
+
+
+def expected_calibration_error(said: Sequence[Statement]) -> float:
+    """Mean over the bins between `EDGES` of how far the share that was right is from the mean p, by their sizes."""
+    return sum(len(b) * abs(_share(b) - float(np.mean([s.p for s in b]))) for _, b in _bins(said)) / len(said)
+
+
+def interval(right: int, count: int) -> tuple[float, float]:
+    """Wilson's 95 % interval of a share."""
+    z2 = 1.96**2
+    centre = (right + z2 / 2) / (count + z2)
+    half = np.sqrt(z2 * (right * (count - right) / count + z2 / 4)) / (count + z2)
+    return float(centre - half), float(centre + half)
+
+
+def statements(result: dict[str, Any], effect: str | None) -> list[Statement]:
+    """Every effect that a report lists, with its confidence."""
+    answer = None if effect is None or not hidden(effect).published else hidden(effect).answer
+    return [Statement(e["confidence"], answer in (e["id"], *e["equivalent"])) for e in result["effects"]]
+
+
+def verdict_right(result: dict[str, Any], effect: str | None) -> bool:
+    """Whether the verdict is the one that it should be."""
+    if effect is None:
+        return bool(result["verdict"] == "none")
+    if not hidden(effect).published:
+        return bool(result["verdict"] == "unknown")
+    said = statements(result, effect)
+    return result["verdict"] == "named" and len(said) == 1 and said[0].right
+
+
+def tables(rows: Sequence[tuple[Drawn, dict[str, Any]]]) -> str:
+    """The tables as Markdown."""
+    said = [s for series, result in rows for s in statements(result, series.effect)]
+    lines = [
+        "| said with p | mean p | effects said | right | share right, 95 % interval |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    for name, part in _bins(said):
+        low, high = interval(sum(s.right for s in part), len(part))
+        mean = float(np.mean([s.p for s in part]))
+        lines.append(
+            f"| {name} | {mean:.3f} | {len(part)} | {sum(s.right for s in part)} | {_share(part):.2f}, {low:.2f} to"
+            f" {high:.2f} |"
+        )
+    error = f"{expected_calibration_error(said):.3f}" if said else "-"
+    lines += [
+        "",
+        f"Expected calibration error {error} over {len(said)} effects said.",
+        "",
+    ]
+    lines += [
+        "| verdict | series | nothing hidden | hidden, right class | hidden, wrong class | not in the catalogue |"
+    ]
+    lines += ["| --- | --- | --- | --- | --- | --- |"]
+    for verdict in ("none", "named", "unknown"):
+        part = [(s, r) for s, r in rows if r["verdict"] == verdict]
+        lines.append(f"| {verdict} | {len(part)} | " + " | ".join(map(str, _kinds_of_truth(part))) + " |")
+    lines += ["", *(_right(f"{verdict} is right", rows, verdict) for verdict in ("none", "named", "unknown"))]
+    for what in ("kind", "instrument"):
+        for value in dict.fromkeys(getattr(series, what) for series, _ in rows):
+            lines.append(_right(f"{what} {value}", [(s, r) for s, r in rows if getattr(s, what) == value]))
+    lines.append(_right("all", rows))
+    return "\n".join(lines)
+
+
+def _right(name: str, rows: Sequence[tuple[Drawn, dict[str, Any]]], verdict: str | None = None) -> str:
+    right = [verdict_right(r, s.effect) for s, r in rows if verdict in (None, r["verdict"])]
+    return f"- {name}: {sum(right)} of {len(right)}"
+
+
+def _kinds_of_truth(rows: Iterable[tuple[Drawn, dict[str, Any]]]) -> list[int]:
+    counts = [0, 0, 0, 0]
+    for series, result in rows:
+        if series.effect is None:
+            counts[0] += 1
+        elif not hidden(series.effect).published:
+            counts[3] += 1
+        else:
+            counts[1 if any(s.right for s in statements(result, series.effect)) else 2] += 1
+    return counts
+
+
+def _bins(said: Sequence[Statement]) -> list[tuple[str, list[Statement]]]:
+    parts = []
+    for low, high in pairwise(EDGES):
+        inside = [s for s in said if low < s.p <= high]
+        if inside:
+            parts.append((f"{low:g} to {high:g}", inside))
+    return parts
+
+
+def _share(said: Sequence[Statement]) -> float:
+    return sum(s.right for s in said) / len(said)
+
+
+def main() -> None:
+    """Make and close what is missing, then print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--count", type=int, default=300)
+    parser.add_argument("--seconds", type=float, default=45.0, help="length of a record")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--kind", nargs="*", choices=tuple(EFFECTS), default=list(EFFECTS))
+    parser.add_argument("--table", action="store_true", help="only print what is on file")
+    asked = parser.parse_args()
+    wanted = {s.name: s for s in (drawn(number, asked.seed, asked.kind) for number in range(asked.count))}
+    folder, campaign = asked.out / "series", asked.out / "campaign"
+    if not asked.table:
+        for series in wanted.values():
+            made(series, asked.seed, asked.seconds, folder)
+        folders = [str(folder / name) for name in wanted]
+        with contextlib.redirect_stdout(io.StringIO()):
+            capsule(["campaign", *folders, "--out", str(campaign), "--workers", str(asked.workers), "--json"])
+    rows = [json.loads(line) for line in (campaign / "results.jsonl").read_text(encoding="utf-8").splitlines()[1:]]
+    ended = {row["point"]["series"]: row for row in rows}
+    told = [(series, ended[name]["result"]) for name, series in wanted.items() if "result" in ended.get(name, {})]
+    for name, series in wanted.items():
+        result = ended.get(name, {}).get("result")
+        if result is not None:
+            mark = "right" if verdict_right(result, series.effect) else "WRONG"
+            said = {" or ".join([e["id"], *e["equivalent"]]): round(e["confidence"], 3) for e in result["effects"]}
+            print(f"{name:26} {series.effect!s:22} {mark} {result['verdict']:8} {said} {result['seconds']:.0f} s")
+        elif name in ended:
+            print(f"{name:26} {series.effect!s:22} refused: {ended[name]['error']}")
+    print(f"\n{len(told)} of {len(wanted)} series of {asked.seconds:g} s a record\n\n{tables(told)}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,300 @@
+"""Every reader on spoiled files: content or one sentence, within bounds of time and memory; never a traceback."""
+
+from __future__ import annotations
+
+import gzip
+import os
+import random
+import resource
+import struct
+import time
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.app.campaign.file import load_campaign
+from hil.app.scenario.bus_scenario import load_sil_scenario
+from hil.app.scenario.deployment import load_deployment, read_deployed_rig
+from hil.app.scenario.scenario import load_track_scenario
+from hil.formats.channels import Channel, Heading
+from hil.formats.table import write_channels
+from hil.log.blf_file import SENT, BlfFile, Logged
+from hil.log.channels import file_channels
+from hil.log.reader import read_frames
+from hil.log.record import read_rig_record
+from models.checks.view import View
+from models.checks.wiring.units import check_units
+from models.files.record import Record
+from models.files.rig import read_rig
+from models.identification.model import Model, read_model, read_report
+from plant.experiments.scenario import load_scenario
+from tests.hil.app.track.track_texts import SHORT
+from tests.rig_texts import GUT
+
+LONGEST_S = 10.0
+MOST_KB = 1 << 20
+PULL = '[rig]\nkind = "pull"\n' + GUT
+SCENARIO = (
+    '[scenario]\nduration_s = 1.0\n[rig]\nkind = "pull"\n'
+    '[profile]\nkind = "sine"\nfrequency_Hz = 1.0\namplitude_m = 0.01\n'
+)
+CAMPAIGN = (
+    '[campaign]\nscenario = "short.toml"\ncases = 2\n[draw."tissue.friction_coefficient"]\nuniform = [0.06, 0.11]\n'
+)
+RECORD = "t_s,position_m,force_N\n" + "".join(f"{0.01 * k:.2f},{0.001 * k:.4f},{0.1:.3f}\n" for k in range(200))
+DEPLOYMENT = Path(__file__).parents[2] / "examples" / "deployment" / "deployment.toml"
+NUMBERS = ("1" * 400, "1" * 5000, "-1", "1e300", "1e-308", "nan", "inf", "true", '"x"', "[0, 0]", "{}", "0")
+
+
+def model_text() -> str:
+    stages = {stage: {"friction_coefficient": 0.08} for stage in ("nominal", "calibrated", "augmented")}
+    return Model("pull", stages).to_toml()
+
+
+READERS: dict[str, tuple[str, Callable[[Path], object], str]] = {
+    "rig": ("rig.toml", read_deployed_rig, PULL),
+    "scenario": ("scenario.toml", load_scenario, SCENARIO),
+    "track": ("track.toml", load_track_scenario, SHORT),
+    "sil": ("sil.toml", load_sil_scenario, SHORT),
+    "deployment": ("deployment.toml", load_deployment, DEPLOYMENT.read_text(encoding="utf-8")),
+    "campaign": ("campaign.toml", load_campaign, CAMPAIGN),
+    "model": ("model.toml", lambda path: read_model(path, "pull"), model_text()),
+    "report": ("report.json", read_report, '{"verdict": "none", "error": {"train": {"nominal": 1.0}}}'),
+    "record": ("record.csv", file_channels, RECORD),
+}
+
+
+def bounded(read: Callable[[Path], object], path: Path) -> str:
+    """What `read` refuses `path` with, within bounds; empty where it is taken."""
+    began, before = time.process_time(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    said = ""
+    try:
+        read(path)
+    except ValueError as error:
+        said = str(error)
+    assert "\n" not in said
+    assert len(said) < 2000
+    assert time.process_time() - began < LONGEST_S
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < MOST_KB
+    return said
+
+
+def spoiled(data: bytes, rng: random.Random) -> bytes:
+    """`data` with a few bytes changed, or a piece lost, repeated or moved."""
+    out = bytearray(data)
+    for _ in range(rng.randint(1, 4)):
+        at, length = rng.randrange(len(out) + 1), rng.randint(1, 16)
+        match rng.randrange(5):
+            case 0:
+                out[at : at + 1] = bytes([rng.randrange(256)])
+            case 1:
+                del out[at : at + length]
+            case 2:
+                out[at:at] = out[at : at + length] * rng.randint(1, 8)
+            case 3:
+                out[at : at + 4] = rng.choice((b"\0\0\0\0", b"\xff\xff\xff\xff", b"\x01\0\0\0"))
+            case _:
+                del out[at:]
+        if not out:
+            break
+    return bytes(out)
+
+
+def spoiled_text(text: str, rng: random.Random) -> str:
+    """`text` with a value put in another's place, or a line lost, repeated or moved."""
+    lines = text.splitlines()
+    k = rng.randrange(len(lines))
+    key = lines[k].split("=")[0]
+    match rng.randrange(4):
+        case 0 | 1 if "=" in lines[k]:
+            lines[k] = f"{key}= {rng.choice(NUMBERS)}"
+        case 2:
+            del lines[k]
+        case _:
+            lines.insert(rng.randrange(len(lines)), lines[k])
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_spoiled_files_are_content_or_one_sentence(tmp_path: Path, name: str) -> None:
+    file, read, text = READERS[name]
+    path, rng = tmp_path / file, random.Random(name)
+    (tmp_path / "short.toml").write_text(SHORT)
+    path.write_text(text, encoding="utf-8")
+    bounded(read, path)
+    few = name in ("track", "sil", "deployment", "campaign")
+    for k in range(15 if few else 60):
+        content = spoiled_text(text, rng).encode() if k % 3 else spoiled(text.encode(), rng)
+        path.write_bytes(content)
+        bounded(read, path)
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_nothing_but_regular_files_of_text_is_read(tmp_path: Path, name: str) -> None:
+    file, read, text = READERS[name]
+    path = tmp_path / file
+    os.mkfifo(path)
+    assert "must be a regular file" in bounded(read, path)
+    for device in ("/dev/zero", "/dev/urandom"):
+        path.unlink()
+        path.symlink_to(device)
+        assert "must be a regular file" in bounded(read, path)
+    path.unlink()
+    path.write_bytes(text.encode("utf-32"))
+    assert "UTF-32" in bounded(read, path)
+
+
+@pytest.mark.parametrize("digits", [400, 5000])
+@pytest.mark.parametrize("name", ["rig", "scenario", "track", "campaign", "model"])
+def test_numbers_of_many_digits_are_refused(tmp_path: Path, name: str, digits: int) -> None:
+    file, read, text = READERS[name]
+    (tmp_path / "short.toml").write_text(SHORT)
+    for line in [line for line in text.splitlines() if "=" in line and line.split("=")[1].strip()[0].isdigit()]:
+        key = line.split("=")[0]
+        (tmp_path / file).write_text(text.replace(line, f"{key}= {'1' * digits}", 1))
+        assert bounded(read, tmp_path / file), line
+
+
+def log(path: Path) -> bytes:
+    file = BlfFile(path)
+    for k in range(300):
+        file.write(Logged(1_000_000 * k, k % 0x7FF, k.to_bytes(8, "little"), SENT))
+    file.stop()
+    return path.read_bytes()
+
+
+def repacked(data: bytes, change: Callable[[bytearray], None]) -> bytes:
+    """A log of one container with what is in it changed."""
+    at = data.index(b"LOBJ")
+    size = struct.unpack_from("<L", data, at + 8)[0]
+    content = bytearray(zlib.decompress(data[at + 32 : at + size]))
+    change(content)
+    packed = zlib.compress(bytes(content))
+    head = bytearray(data[at : at + 32])
+    struct.pack_into("<L", head, 8, 32 + len(packed))
+    return data[:at] + bytes(head) + packed
+
+
+@pytest.mark.parametrize(
+    ("form", "place", "value", "sentence"),
+    [
+        ("<L", 8, 0, "byte 0 of what it unpacks to; got one of 0"),
+        ("<L", 48 * 2 + 8, 3, "byte 96 of what it unpacks to; got one of 3"),
+        ("<H", 6, 7, "header of version 1 or 2 at byte 144, byte 0 of what it unpacks to; got version 7"),
+        ("<4s", 48, b"XXXX", "byte 48 of what it unpacks to; got another content"),
+    ],
+)
+def test_a_log_with_an_impossible_object_is_told_with_its_place(
+    tmp_path: Path, form: str, place: int, value: object, sentence: str
+) -> None:
+    path = tmp_path / "a.blf"
+    data = log(path)
+    path.write_bytes(repacked(data, lambda content: struct.pack_into(form, content, place, value)))
+    assert sentence in bounded(lambda p: list(read_frames(p)), path)
+
+
+def test_a_log_that_is_cut_off_is_told(tmp_path: Path) -> None:
+    path, told = tmp_path / "a.blf", list[str]()
+    data = log(path)
+    assert len(list(read_frames(path, told.append))) == 300
+    assert not told
+    path.write_bytes(data[:-20])
+    list(read_frames(path, told.append))
+    assert len(told) == 1
+    assert f"ends at byte {len(data) - 20}" in told[0]
+
+
+@pytest.mark.parametrize("ending", [".blf", ".asc", ".trc", ".log"])
+def test_spoiled_logs(tmp_path: Path, ending: str) -> None:
+    path, rng = tmp_path / f"a{ending}", random.Random(ending)
+    texts = {
+        ".asc": "date Sat Sep 30 15:06:13.191 2017\nbase hex  timestamps absolute\n"
+        + "".join(f"  {0.01 * k:.4f} 1  123  Rx  d 8 01 02 03 04 05 06 07 08\n" for k in range(50)),
+        ".trc": ";$FILEVERSION=1.1\n" + "".join(f" {k:5d})  {k:8.1f}  Rx  0123  2  01 02\n" for k in range(1, 50)),
+        ".log": "".join(f"(1500000000.{k:06d}) can0 123#0102030405060708\n" for k in range(50)),
+    }
+    data = log(path) if ending == ".blf" else texts[ending].encode()
+    for _ in range(40):
+        path.write_bytes(spoiled(data, rng))
+        bounded(lambda p: list(read_frames(p)), path)
+    if ending == ".blf":
+        for _ in range(40):
+            path.write_bytes(repacked(data, lambda content: _spoil_within(content, rng)))
+            bounded(lambda p: list(read_frames(p)), path)
+
+
+def _spoil_within(content: bytearray, rng: random.Random) -> None:
+    content[:] = spoiled(bytes(content), rng)
+
+
+@pytest.mark.parametrize("ending", [".mf4", ".mcap"])
+def test_spoiled_files_of_channels(tmp_path: Path, ending: str) -> None:
+    t = 0.01 * np.arange(200)
+    channels = [Channel(Heading(name, "m", "g", clocked=True), np.sin(t), t) for name in ("a", "b")]
+    path, rng = tmp_path / f"a{ending}", random.Random(ending)
+    data = write_channels(path, channels)
+    for _ in range(2):
+        path.write_bytes(spoiled(data, rng))
+        bounded(file_channels, path)
+
+
+def test_packed_nothing_is_refused_before_it_is_unpacked(tmp_path: Path) -> None:
+    path = tmp_path / "bomb.csv.gz"
+    with gzip.open(path, "wb") as file:
+        file.write(RECORD.encode())
+        for _ in range(2):
+            file.write(b"\n" * (1 << 20))
+    (tmp_path / "rig.toml").write_text(PULL)
+    rig = read_rig(tmp_path / "rig.toml")
+    assert "empty lines" in bounded(lambda p: read_rig_record(p, rig), path)
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "sentence"),
+    [
+        ("rig", "contact_angle_deg = 60.0", "contact_angle_deg = 1e-308", "contact_angle_deg must be 1 to 89 deg"),
+        ("rig", "mass_kg = 4.0e-3", "mass_kg = 4.0", "mass_kg must be 1e-05 to 0.5 kg"),
+        (
+            "rig",
+            "[rig]",
+            "[noise]\nposition_std_m = 10.0\n[rig]",
+            "position_std_m must be more than 0 and at most 0.1 m",
+        ),
+        ("scenario", "duration_s = 1.0", "duration_s = -1.0", "duration_s must be"),
+        ("scenario", "duration_s = 1.0", "duration_s = -1.0\nstep_s = -1e-5", "step_s must be"),
+        ("scenario", "duration_s = 1.0", "duration_s = 1e-9", "duration_s must be"),
+        ("scenario", "[profile]", "[noise]\nforce_std_N = 1e300\n[profile]", "force_std_N must be"),
+        ("scenario", "[profile]", "[tissue]\ncontact_angle_deg = 1e-308\n[profile]", "contact_angle_deg must be"),
+        ("track", "[reference]", "[localisation]\nstd = 1e300\n[reference]", "localisation.std must lie in"),
+        ("track", "[reference]", "[capsule]\nmass_kg = 4.0\n[reference]", "capsule.mass_kg must be"),
+    ],
+)
+def test_absurd_numbers_are_refused(tmp_path: Path, name: str, old: str, new: str, sentence: str) -> None:
+    file, read, text = READERS[name]
+    assert old in text
+    (tmp_path / file).write_text(text.replace(old, new, 1))
+    assert sentence in bounded(read, tmp_path / file)
+
+
+def test_missing_keys_are_told_all_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "rig.toml"
+    path.write_text('[rig]\nkind = "pull"\n[capsule]\n[tissue]\n')
+    with pytest.raises(ValueError, match=r"'radius_m'.*'cylinder_length_m'.*'mass_kg'.*such as 4.0e-3") as caught:
+        read_rig(path)
+    (pasted,) = caught.value.__notes__
+    assert "mass_kg = 4.0e-3" in pasted
+
+
+@pytest.mark.parametrize(
+    ("time_by", "place_by", "found"), [(1, 1, ""), (1, 1000, "units"), (1, 1e-9, "units"), (1000, 1, "time_units")]
+)
+def test_another_unit_is_a_finding(tmp_path: Path, time_by: float, place_by: float, found: str) -> None:
+    (tmp_path / "rig.toml").write_text(PULL)
+    t = 0.01 * np.arange(2000)
+    x, f = 0.005 * np.sin(t), 0.1 + 0.01 * np.cos(t) + 1e-3 * np.random.default_rng(0).standard_normal(2000)
+    columns = {"t_s": time_by * t, "position_m": place_by * x, "force_N": f}
+    ids = {one.id for one in check_units(View(Record("r", "pull", columns), read_rig(tmp_path / "rig.toml")))}
+    assert ids == ({found} if found else set())

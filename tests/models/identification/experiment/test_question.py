@@ -1,0 +1,54 @@
+"""How far apart a motion puts two models that one pass cannot tell."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from models.effects import BY_ID
+from models.files.record import Record
+from models.files.rig import Rig
+from models.files.rig_tables import Noise
+from models.identification.experiment.plan import Move, Plan, Room
+from models.identification.experiment.question import Candidate, Question, question, refitted, separation
+from models.identification.fitting.fit import WIDE, Problem, narrowing
+from models.identification.kinds.series.kind import SeriesKind
+
+ROOM = Room("position_m", 0.0, 20e-3, 0.0, 8e-3, 10.0, 2e-3)
+KIND = SeriesKind.from_rig(Rig("pull", noise=Noise(force_std_N=1e-3)), [])
+
+
+def model(effect: str, amplitude: float) -> Candidate:
+    name = BY_ID[effect].amplitude().name
+    return Candidate(effect, (effect,), {**KIND.nominal(), **BY_ID[effect].start(), f"{effect}.{name}": amplitude})
+
+
+TAPER, DRYING = model("lumen_taper", 15.0), model("tissue_drying", 0.15)
+
+
+def one_pass() -> Record:
+    t = np.arange(5001) * 2e-3
+    driven = Record("pass", "pull", {"t_s": t, "position_m": 1e-3 * t})
+    return KIND.imitate(driven, TAPER.theta, np.random.default_rng(0))
+
+
+@pytest.fixture(scope="module")
+def asked() -> Question:
+    problem = Problem.of(KIND, [one_pass()], DRYING.effects, KIND.criteria - 1)
+    rival = replace(DRYING, theta=narrowing(problem, DRYING.theta, WIDE).theta)
+    return question(KIND, [one_pass()], TAPER, rival, np.random.default_rng(0))
+
+
+def test_a_return_tells_a_taper_from_drying_and_a_second_pass_does_not(asked: Question) -> None:
+    again = Plan(ROOM, (Move(9.7e-3, 1e-3, 0.0),)).record("pull")
+    back = Plan(ROOM, (Move(10e-3, 4e-3, 1.0), Move(0.0, 4e-3, 0.0))).record("pull")
+    assert separation(KIND, asked, back) > 3 * separation(KIND, asked, again)
+    assert separation(KIND, asked, back) > 10
+    assert asked.apart["pass"] < separation(KIND, asked, back) / 3
+
+
+def test_a_true_fit_promises_no_more(asked: Question) -> None:
+    back = Plan(ROOM, (Move(10e-3, 4e-3, 1.0), Move(0.0, 4e-3, 0.0))).record("pull")
+    assert 3 < refitted(KIND, asked, [one_pass()], back) <= separation(KIND, asked, back)

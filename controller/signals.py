@@ -39,7 +39,8 @@ class Estimate:
     """What the estimator believes at `time_s`: `state` (n,) in the control model's order, its standard deviations `std`
     (n,), a slowly varying `disturbance_N` along +x that the model lacks; `lost` when it should not be acted on.
     `adapted`, where the estimator learns, says the same with other parameters: `disturbance_N` is what the model's own
-    ones lack in the present motion.
+    ones lack in the present motion. `innovations` are by how many standard deviations the positions taken in with it
+    were off what was expected, signed.
     """
 
     time_s: float
@@ -48,6 +49,7 @@ class Estimate:
     disturbance_N: float = 0.0
     lost: bool = False
     adapted: Adapted | None = None
+    innovations: tuple[float, ...] = ()
 
 
 class Reference(Protocol):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -12,7 +13,8 @@ from plant import layout as at
 from plant.anatomy import Anatomy
 from plant.drives.kinds import Drive
 from plant.hidden.carriage import BACKLASH, CARRIAGE_NUMBERS, LAG, real_drive
-from plant.hidden.table import effect_table
+from plant.hidden.registry import ONSET
+from plant.hidden.table import begun, effect_table
 from plant.tables import Floats, tabulate
 
 STEP_S = 20e-6
@@ -44,14 +46,16 @@ class Rig:
 
 class Plant:
     """The state of a rig and its steps. `advance` takes drive values and returns recorded rows in the columns of
-    `plant.layout`.
+    `plant.layout`. An effect that has an onset begins with the step nearest to it.
     """
 
     def __init__(self, rig: Rig) -> None:
         if not rig.step_s > 0:
             raise ValueError(f"step_s must be positive; got {rig.step_s:g}")
         self.rig = rig
-        self.effects = effect_table({name: dict(numbers) for name, numbers in rig.hidden.items()})
+        self._all = effect_table({name: dict(numbers) for name, numbers in rig.hidden.items()})
+        self.effects = begun(self._all, 0.0)
+        self._onsets = sorted(float(t) for t in np.unique(self._all[self._all[:, 0] != 0, ONSET]) if t > 0)
         self.tables = tabulate(rig.capsule, rig.tissue)
         self.profile = np.asarray(rig.anatomy.level, dtype=float)
         self.parameters = _parameters(rig)
@@ -76,7 +80,19 @@ class Plant:
         values = np.ascontiguousarray(drive, dtype=float)
         if values.ndim != 1 or values.size < 2 or not np.isfinite(values).all():
             raise ValueError(f"drive must be two or more finite values in a row; got shape {values.shape}")
+        parts = [0, *self._onset_steps(values.size - 1), values.size - 1]
+        return np.concatenate([self._advance(values[a : b + 1], every) for a, b in itertools.pairwise(parts)])
+
+    def _onset_steps(self, steps: int) -> list[int]:
+        """After how many of the next `steps` steps effects begin, none of them 0."""
+        first = int(self.state[at.S_STEP])
+        begins = {round(t / self.rig.step_s) - first for t in self._onsets}
+        return sorted(step for step in begins if 0 < step < steps)
+
+    def _advance(self, values: Floats, every: int) -> Floats:
         dt, first = self.rig.step_s, int(self.state[at.S_STEP])
+        if self._onsets and self._onsets[0] <= self.time + 0.5 * dt:
+            self._begin_effects(values[0])
         steps = values.size - 1
         if self._behind:
             arrived = real_drive(values[:-1], dt, self.effects, self._carriage)
@@ -85,6 +101,16 @@ class Plant:
         common = (self.state, self.parameters, self.effects, self.tables, self.profile, values, dt, every, out)
         self.rig.drive.advance(self.effects, common)
         return out
+
+    def _begin_effects(self, drive: float) -> None:
+        """Let those effects begin that are due; lag and play begin where the `drive` is."""
+        now = self.time + 0.5 * self.rig.step_s
+        self._onsets = [t for t in self._onsets if t > now]
+        self.effects = begun(self._all, now)
+        behind = bool(self.effects[[LAG, BACKLASH], 0].any())
+        if behind and not self._behind:
+            self._carriage[:] = drive
+        self._behind = behind
 
 
 _POSITIVE = (

@@ -84,10 +84,16 @@ class Receiver(ABC):
         """What became of the measurements so far."""
         return self._watch.counts
 
+    @property
+    def offset(self) -> float:
+        """By how much the drive's report is off what it was told, in the command's unit; 0 within its noise."""
+        return self._offset
+
     def reset(self, now: float, command: float) -> None:
         """Know nothing but the `command` in force at `now`; the first position begins a belief."""
         self._count = 0
         self._command = command
+        self._innovations: list[float] = []
         self._watch = Watch(self.noise, self.counts)
         self._offset = 0.0
 
@@ -101,6 +107,7 @@ class Receiver(ABC):
             self._go_on(now, command)
             self._count = min(self._count + 1, self._kept)
         self._command = command
+        self._innovations.clear()
         for m in sorted(measurements[-_MOST_A_TICK:], key=lambda m: m.stamp_s if m.stamp_s == m.stamp_s else math.inf):
             self._take(m, now)
         estimate = self._estimate(now) if self._count else None
@@ -126,11 +133,13 @@ class Receiver(ABC):
         elif not followed:
             off = m.value - self._told(back)
             self._offset = off if abs(off) > _FOLLOWS * self.noise.carriage_std_m else 0.0
-        elif self._fuse(back, m):
-            if position:
+        else:
+            size = self._fuse(back, m)
+            if position and abs(size) <= self.noise.gate:
                 self._watch.accept(now)
-        elif position and self._watch.refuse():
-            self._start(m.value, now)
+                self._innovations.append(size)
+            elif position and self._watch.refuse():
+                self._start(m.value, now)
 
     def _start(self, position_m: float, now: float) -> None:
         self._begin(position_m, now)
@@ -150,8 +159,10 @@ class Receiver(ABC):
         """What the drive was told `back` ticks ago."""
 
     @abstractmethod
-    def _fuse(self, back: int, m: Measurement) -> bool:
-        """Take in `m`, true `back` ticks ago; False where it is an outlier, which changes nothing."""
+    def _fuse(self, back: int, m: Measurement) -> float:
+        """Take in `m`, true `back` ticks ago; by how many standard deviations it was off what was expected, signed.
+        Beyond the gate, or where that is no number, it is an outlier, which changes nothing.
+        """
 
     @abstractmethod
     def _estimate(self, now: float) -> Estimate | None:

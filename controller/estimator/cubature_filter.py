@@ -130,7 +130,9 @@ class Process:
         return np.append(states[0, self.where], z[-2:]), states[0]
 
     def see_position(self, b: CubatureFilter, value: float) -> float:
-        """Take in a localisation in place; returns its normalised difference, beyond the gate where it was refused."""
+        """Take in a localisation in place; returns its normalised difference, signed, beyond the gate where it was
+        refused.
+        """
         self._H[:] = 0.0
         expected = b.z[0]
         if self._plain:
@@ -140,8 +142,9 @@ class Process:
             expected = float(shown)
             self._H[:-2] = np.asarray(slopes).ravel()[self.where]
         size = float(fuse(b.z, b.P, self._H, value - expected, self.noise.position_std_m**2, self.noise.gate, self._K))
-        if size <= self.noise.gate:
-            b.surprise = self.noise.surprised(b.surprise, math.copysign(size, value - expected))
+        size = math.copysign(size, value - expected)
+        if abs(size) <= self.noise.gate:
+            b.surprise = self.noise.surprised(b.surprise, size)
         return size
 
     def see_state(self, b: CubatureFilter, name: str, value: float) -> float:
@@ -215,19 +218,17 @@ class Estimator(Receiver):
     def _told(self, back: int) -> float:
         return self._at(back).told
 
-    def _fuse(self, back: int, m: Measurement) -> bool:
-        taken = self._see(self._at(back).belief, m)
-        if taken:
+    def _fuse(self, back: int, m: Measurement) -> float:
+        size = self._see(self._at(back).belief, m)
+        if abs(size) <= self.noise.gate:
             self._at(back).seen.append(m)
             self._redo(back)
-        return taken
+        return size
 
-    def _see(self, belief: CubatureFilter, m: Measurement) -> bool:
+    def _see(self, belief: CubatureFilter, m: Measurement) -> float:
         if m.channel == "position_m":
-            size = self._process.see_position(belief, m.value)
-        else:
-            size = self._process.see_state(belief, self.model.states[self._current or 0], m.value)
-        return size <= self.noise.gate
+            return self._process.see_position(belief, m.value)
+        return self._process.see_state(belief, self.model.states[self._current or 0], m.value)
 
     def _redo(self, back: int) -> None:
         """Compute the ticks since `back` ticks ago again, with all that was measured in them."""
@@ -246,4 +247,12 @@ class Estimator(Receiver):
         if not sound:
             return None
         force, adapted = process.adapted(belief)
-        return Estimate(now, process.state(belief), std, force, self._watch.lost(now, float(std[0])), adapted)
+        return Estimate(
+            now,
+            process.state(belief),
+            std,
+            force,
+            self._watch.lost(now, float(std[0])),
+            adapted,
+            tuple(self._innovations),
+        )

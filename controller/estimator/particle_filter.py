@@ -119,14 +119,14 @@ class ParticleCloud:
         self.past[self.newest % self.kept] = shown
 
     def see_position(self, back: int, value: float) -> float:
-        """Take in a localisation that was true `back` ticks ago; returns its normalised difference, beyond the gate
-        where it was refused. NaN where the cloud is no longer made of numbers.
+        """Take in a localisation that was true `back` ticks ago; returns its normalised difference, signed, beyond the
+        gate where it was refused. NaN where the cloud is no longer made of numbers.
         """
         then, variance = self.past[(self.newest - back) % self.kept], self.noise.position_std_m**2
         mean, square = expected(self.weights, then)
-        size = abs(value - mean) / math.sqrt(square + variance)
-        if size <= self.noise.gate:
-            self.surprise = self.noise.surprised(self.surprise, math.copysign(size, value - mean))
+        size = (value - mean) / math.sqrt(square + variance)
+        if abs(size) <= self.noise.gate:
+            self.surprise = self.noise.surprised(self.surprise, size)
             if weigh(self.weights, then, value, variance) < _RENEWED * self.count:
                 self._renew()
         return size
@@ -199,13 +199,13 @@ class ParticleEstimator(Receiver):
     def _told(self, back: int) -> float:
         return float(self._commands[(self._cloud.newest - back) % self._kept])
 
-    def _fuse(self, back: int, m: Measurement) -> bool:
+    def _fuse(self, back: int, m: Measurement) -> float:
         if m.channel == "position_m":
-            return self._cloud.see_position(back, m.value) <= self.noise.gate
+            return self._cloud.see_position(back, m.value)
         off = m.value - self._currents[(self._cloud.newest - back) % self._kept]
         self._cloud.states[:, self._current] += off
         self._currents += off
-        return True
+        return 0.0
 
     def _estimate(self, now: float) -> Estimate | None:
         cloud = self._cloud
@@ -214,4 +214,12 @@ class ParticleEstimator(Receiver):
             return None
         state, level, force = found
         lacking, adapted = cloud.where.adapted(state, cloud.time_s, level, force)
-        return Estimate(now, state, cloud.std.copy(), lacking, self._watch.lost(now, float(cloud.std[0])), adapted)
+        return Estimate(
+            now,
+            state,
+            cloud.std.copy(),
+            lacking,
+            self._watch.lost(now, float(cloud.std[0])),
+            adapted,
+            tuple(self._innovations),
+        )

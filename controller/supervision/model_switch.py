@@ -5,14 +5,17 @@ rest.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
-from controller.estimator.base import Counts
+from controller.estimator.base import Counts, Receiver
 from controller.model.control_model import ControlModel
-from controller.registry import Observer, build, estimator_for
+from controller.monitor.monitor import NOT_WATCHED, Health, Monitor
+from controller.registry import Chain, Observer, build, estimator_for
 from controller.signals import Estimate, Measurement
 from controller.supervision.acceptance import Verdict
+from controller.supervision.history import History
 from controller.supervision.supervisor import Supervisor
 
 
@@ -32,7 +35,9 @@ class ModelSwitch:
 
     `observe` answers with the one in use. From `begin` + `offer.at_s` on the offered one sees the same measurements;
     once it is not lost and the supervisor has seen the capsule at rest long enough, it and the controllers of its model
-    take over in one tick, `taken_at` in s of the reference's time. Both are built here, before the first tick.
+    take over in one tick, `taken_at` in s of the reference's time. A model that is offered later waits until those
+    before it have taken over. An offer's controllers and estimator are built when it is made, that of the constructor
+    before the first tick. `history`, where there is one, keeps what was measured.
     """
 
     def __init__(
@@ -47,17 +52,38 @@ class ModelSwitch:
         """Raises ValueError for a model that this controller cannot use, and for one of another tick than the one in
         use.
         """
-        self._supervisor, self._offer = supervisor, offer
+        self._supervisor, self._controller, self._deadline_s = supervisor, controller, deadline_s
+        self._estimator = estimator
         self._present: Observer = estimator_for(controller, model, estimator)
-        self._next: Observer | None = None
+        self._waiting: deque[tuple[Offer, Chain, Observer]] = deque()
         self._origin, self.taken_at = math.inf, math.nan
+        self._monitor = _monitor_of(self._present)
+        self.history: History | None = None
         if offer is not None:
-            if offer.model.tick_s != model.tick_s:
-                raise ValueError(
-                    f"offered model must have the tick in use, {model.tick_s:g} s; got {offer.model.tick_s:g}"
-                )
-            if supervisor.offer(build(controller, offer.model, supervisor.envelope, deadline_s), offer.verdict):
-                self._next = estimator_for(controller, offer.model, estimator)
+            self.propose(offer)
+
+    def propose(self, offer: Offer) -> None:
+        """Put a model on offer, behind those that are. Errors as the constructor."""
+        tick_s = self._present.model.tick_s
+        if offer.model.tick_s != tick_s:
+            raise ValueError(f"offered model must have the tick in use, {tick_s:g} s; got {offer.model.tick_s:g}")
+        chain = build(self._controller, offer.model, self._supervisor.envelope, self._deadline_s)
+        if not offer.verdict.passed:
+            self._supervisor.offer(chain, offer.verdict)
+            return
+        self._waiting.append((offer, chain, estimator_for(self._controller, offer.model, self._estimator)))
+        if len(self._waiting) == 1:
+            self._supervisor.offer(chain, offer.verdict)
+
+    @property
+    def health(self) -> Health:
+        """What the monitor says of the model in use, times on the clock of `observe`."""
+        return NOT_WATCHED if self._monitor is None else self._monitor.health
+
+    @property
+    def origin_s(self) -> float:
+        """When the reference began, on the clock of `observe`; inf before."""
+        return self._origin
 
     @property
     def counts(self) -> Counts:
@@ -67,22 +93,45 @@ class ModelSwitch:
     def begin(self, origin_s: float) -> None:
         """The reference begins at `origin_s`."""
         self._origin = origin_s
+        if self._monitor is not None:
+            self._monitor.begin(origin_s)
 
     def reset(self, now: float, command: float) -> None:
         """Know nothing but the `command` in force at `now`."""
-        for observer in (self._present, self._next):
-            if observer is not None:
-                observer.reset(now, command)
+        for observer in (self._present, *(observer for _, _, observer in self._waiting)):
+            observer.reset(now, command)
 
     def observe(self, now: float, command: float, measurements: Sequence[Measurement] = ()) -> Estimate:
         """The estimate at `now`, as `Estimator.observe`, by whichever is in use."""
         estimate = self._present.observe(now, command, measurements)
-        if self._next is None or self._offer is None or now < self._origin + self._offer.at_s:
+        if self._monitor is not None and now >= self._origin:
+            self._monitor.look(now, command, estimate)
+        if self.history is not None:
+            self.history.add(measurements)
+        if not self._waiting or now < self._origin + self._waiting[0][0].at_s:
             return estimate
-        fresh = self._next.observe(now, command, measurements)
+        _, _, observer = self._waiting[0]
+        fresh = observer.observe(now, command, measurements)
         if fresh.lost or not self._supervisor.take_offered():
             return estimate
-        for field in fields(Counts):
-            setattr(self._next.counts, field.name, getattr(self._present.counts, field.name))
-        self._present, self._next, self.taken_at = self._next, None, now - self._origin
+        self._take_over(observer, now)
         return fresh
+
+    def _take_over(self, observer: Observer, now: float) -> None:
+        """Go on with the first of the models that wait."""
+        for field in fields(Counts):
+            setattr(observer.counts, field.name, getattr(self._present.counts, field.name))
+        self._waiting.popleft()
+        self._present, self.taken_at = observer, now - self._origin
+        if self._waiting:
+            offer, chain, _ = self._waiting[0]
+            self._supervisor.offer(chain, offer.verdict)
+        alarms = self.health.alarms
+        self._monitor = _monitor_of(self._present)
+        if self._monitor is not None:
+            self._monitor.begin(now, alarms)
+
+
+def _monitor_of(observer: Observer) -> Monitor | None:
+    """The monitor of the model that an estimator believes in; None where it believes in none."""
+    return Monitor(observer) if isinstance(observer, Receiver) else None

@@ -355,6 +355,9 @@ def _sil(
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Folder for sil.json and the log frames.blf.")
     ] = None,
+    learn: Annotated[
+        bool, typer.Option("--learn", help="Once the model breaks, identify in the background and take what passes.")
+    ] = False,
     json_output: Json = False,
     effects: OwnEffects = None,
     controllers: OwnControllers = None,
@@ -367,7 +370,7 @@ def _sil(
 
     use_effects(effects or [])
     use_controllers(controllers or [])
-    sil(scenario, Options(controller, model, stage, seed, out, json_output, reference))
+    sil(scenario, Options(controller, model, stage, seed, out, json_output, reference, learn))
 
 
 @_command("run", "capsule run deployment.toml check")

@@ -112,8 +112,16 @@ class NodeLog(ABC):
     def __init__(self, path: Path, record: Mapping[str, Any]) -> None:
         """Begin the log `path` (.blf) with its `record`. Raises ValueError where they cannot be written."""
         write_record(path, record)
+        self._record = dict(record)
         self.path, self.dropped, self.written = path, 0, 0
         self.before_close: Callable[[], None] = lambda: None
+
+    def add_to_record(self, more: Mapping[str, Any]) -> None:
+        """Write the record anew, with what was known only once the run was over. Raises ValueError as the
+        constructor.
+        """
+        self._record |= more
+        write_record(self.path, self._record)
 
     def received(self, time_s: float, identifier: int, data: bytes | bytearray) -> None:
         """Note a frame that came in at `time_s` of the node's clock."""

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -79,23 +79,27 @@ class Recorder:
     def flush(self) -> None:
         """Write the tick that is over."""
         entries, self._tick = self._tick, []
-        if entries:
-            self._write(sorted(entries, key=lambda e: (e.time_s, e.way != RECEIVED)))
+        heard = [entry for entry in entries if entry.way == RECEIVED]
+        own = [entry for entry in entries if entry.way != RECEIVED]
+        late = next((k for k, entry in enumerate(heard) if entry.time_s > self._began_s), len(heard))
+        self._write([*heard[:late], *own], heard[late:])
 
     def _word(self, now: float, code: int, value: float = 0.0) -> None:
         self.flush()
         self._write([_Entry(now, NOTED, code, _value(value))])
 
-    def _write(self, entries: list[_Entry]) -> None:
-        """Write entries in their order, together, with the notes that they need."""
+    def _write(self, entries: list[_Entry], after: Sequence[_Entry] = ()) -> None:
+        """Write entries in their order, together, with the notes that they need; those of `after` were heard after what
+        the tick sent.
+        """
         frames: list[Logged] = []
-        for entry in entries:
+        for place, entry in enumerate([*entries, *after]):
             if not abs(entry.time_s) <= LATEST_S:
                 self.log.dropped += 1
                 continue
             self._last_s = max(entry.time_s, self._last_s)
             time_ns = round(self._last_s * 1e9)
-            if entry.way == RECEIVED and entry.time_s > self._began_s:
+            if place >= len(entries):
                 frames.append(Logged(time_ns, HEARD, _value(0.0), NOTED))
             if time_ns / 1e9 != entry.time_s:
                 frames.append(Logged(time_ns, EXACT, _value(entry.time_s), NOTED))

@@ -66,10 +66,9 @@ def close(
     spread = intervals(kind, found.augmented, found.model, found.parts)
     rng = np.random.default_rng(seed)
     likely = [drawn(kind, found.augmented, found.model, rng) for _ in range(_DRAWS)]
-    checks = (
-        *residual_checks(kind, train, found.augmented, likely),
-        *model_checks(kind, found, spread, errors["holdout"], findings),
-    )
+    residuals = residual_checks(kind, train, found.augmented, likely)
+    allowed = next((check.limit for check in residuals if check.id == "residual_size"), 0.0)
+    checks = (*residuals, *model_checks(kind, found, spread, errors["holdout"], findings, allowed))
     verdict = verdict_of(found.effects, checks)
     progress("the next experiment", 0.97)
     proposal = propose(kind, kind.searched(train), found, np.random.default_rng(seed))

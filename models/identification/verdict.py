@@ -29,11 +29,18 @@ def model_checks(
     spread: Mapping[str, Estimate],
     held_out: Mapping[str, float],
     findings: Sequence[RecordFinding],
+    allowed: float = 0.0,
 ) -> tuple[Check, ...]:
     """What beside the residual's size and whiteness a verdict rests on: validation, parameters, held-out records, the
     records themselves.
+
+    `allowed` is the mean square that the told uncertainty of the parameters allows of a fit's own residuals. Fitted to
+    a share q of the records, parameters are uncertain by 1/sqrt(q) as much, so records left out may exceed 1 by 1/q
+    times as much.
     """
     limit = CLEAN * (max(found.null_cost, found.sensitivity) if found.effects else min(found.null_cost, NEAR_NOISE))
+    if found.effects:
+        limit = max(limit, 1 + (allowed - 1) / found.trained_share)
     checks = [
         _check("validation", "validation cost", found.after, limit, "mean square on records left out of the fits"),
         _check(

@@ -8,7 +8,7 @@ import math
 from typing import Final
 
 from plant.compiling import compiled
-from plant.hidden.registry import ROWS
+from plant.hidden.registry import ONSET, ROWS
 from plant.layout import S_DRIVE_LAST, S_HYSTERESIS
 from plant.tables import Floats
 
@@ -29,7 +29,7 @@ def coupling(x: float, t: float, h: Floats) -> float:
     if h[DECAY, 0] != 0.0:
         gain *= 1 - 0.5 * h[DECAY, 0] * (1 + math.tanh((x - 5e-3) / h[DECAY, 1]))
     if h[FADE, 0] != 0.0:
-        gain *= 1 - h[FADE, 0] * (1 - math.exp(-t / h[FADE, 1]))
+        gain *= 1 - h[FADE, 0] * (1 - math.exp((h[FADE, ONSET] - t) / h[FADE, 1]))
     return gain
 
 

@@ -230,6 +230,8 @@ HIDDEN: Final[tuple[Hidden, ...]] = (
         GUT_DRIVES,
     ),
 )
+ONSET: Final = 3
+"""Where in an effect's row of numbers the time in s stands from which on it is there, 0: from the beginning."""
 ROWS: Final = {effect.id: row for row, effect in enumerate(HIDDEN)}
 
 

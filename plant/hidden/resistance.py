@@ -8,7 +8,7 @@ import math
 from typing import Final
 
 from plant.compiling import compiled
-from plant.hidden.registry import ROWS
+from plant.hidden.registry import ONSET, ROWS
 from plant.layout import S_ADHESION, S_SINCE_REST, S_TRAVEL, S_WOBBLE
 from plant.tables import Floats
 
@@ -47,7 +47,7 @@ def _along_lumen(x: float, h: Floats) -> float:
 def _with_history(t: float, s: Floats, h: Floats) -> float:
     level = 1.0
     if h[DRYING, 0] != 0.0:
-        level += h[DRYING, 0] * (1 - math.exp(-t / h[DRYING, 1]))
+        level += h[DRYING, 0] * (1 - math.exp((h[DRYING, ONSET] - t) / h[DRYING, 1]))
     if h[PRECONDITIONING, 0] != 0.0:
         level -= h[PRECONDITIONING, 0] * s[S_TRAVEL] / (s[S_TRAVEL] + h[PRECONDITIONING, 1])
     if h[ADHESION, 0] != 0.0:

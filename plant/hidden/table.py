@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from models.parameter import nearest
 from plant.compiling import compiled
-from plant.hidden.registry import HIDDEN, ROWS, hidden
+from plant.hidden.registry import HIDDEN, ONSET, ROWS, hidden
 from plant.tables import Floats
 
 _LEVEL: Final = (ROWS["stribeck"], ROWS["rolling_wobble"] + 1)
@@ -45,11 +46,12 @@ def has_drive(h: Floats) -> bool:
 
 
 SLOTS: Final = 4
+ONSET_KEY: Final = "onset_s"
 
 
 def effect_table(chosen: dict[str, dict[str, float]]) -> NDArray[np.float64]:
     """`h[row, slot]` for the compiled steps: chosen effects with their numbers, a missing one at its middle, all others
-    off.
+    off. `onset_s` among the numbers is when an effect begins; what passes with time counts from there.
 
     Raises `ValueError` for an unknown effect or number, naming the nearest, and for an impossible number.
     """
@@ -59,7 +61,7 @@ def effect_table(chosen: dict[str, dict[str, float]]) -> NDArray[np.float64]:
         table[row, 0] = 0.0
     for name, numbers in chosen.items():
         effect = hidden(name)
-        names = [shape.name for shape in effect.numbers]
+        names = [*(shape.name for shape in effect.numbers), ONSET_KEY]
         for key in numbers:
             if key not in names:
                 raise ValueError(
@@ -67,7 +69,18 @@ def effect_table(chosen: dict[str, dict[str, float]]) -> NDArray[np.float64]:
                 )
         for slot, shape in enumerate(effect.numbers):
             table[ROWS[name], slot] = _possible(numbers.get(shape.name, shape.middle), shape.name, slot == 0, name)
+        onset = numbers.get(ONSET_KEY, 0.0)
+        if not 0 <= onset < math.inf:
+            raise ValueError(f"effects.{name}.{ONSET_KEY} must be zero or more; got {onset:g}")
+        table[ROWS[name], ONSET] = onset
     return table
+
+
+def begun(table: Floats, time_s: float) -> Floats:
+    """`table` with the effects off whose onset lies after `time_s`."""
+    found = table.copy()
+    found[found[:, ONSET] > time_s + 1e-9, 0] = 0.0
+    return found
 
 
 def _possible(value: float, number: str, amplitude: bool, effect: str) -> float:

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plant.hidden.registry import LAG_SHARES, ROWS
+from plant.hidden.registry import LAG_SHARES, ONSET, ROWS
+from plant.hidden.table import begun
 from plant.sensing.sensors import with_hidden_errors
 from plant.tables import Floats
 
@@ -90,6 +91,9 @@ class Stream:
             late = float(hidden[ROWS["sensor_delay"], 0])
         self._offset = hidden is not None and any(hidden[ROWS[name], 0] != 0.0 for name in _OFFSETS)
         self._late = round(late * truth_rate_Hz)
+        rows = [ROWS[name] for name in ("sensor_delay", "sensor_lowpass")]
+        onsets = [0.0, 0.0] if hidden is None else [float(hidden[row, ONSET]) for row in rows]
+        self._late_from, self._smooth_from = onsets
         self._past: list[float] = []
         self._smooth: list[float] = []
         self._samples = 0
@@ -100,13 +104,16 @@ class Stream:
         """
         if not t.size:
             return []
-        values = [self._smoothed(value) for value in y.tolist()] if self._shares else y.tolist()
+        values = y.tolist()
+        if self._shares:
+            smooth = [self._smoothed(value) for value in values]
+            values = [s if when >= self._smooth_from else v for s, v, when in zip(smooth, values, t, strict=True)]
         seen = (self._past or [values[0]] * self._late) + values if self._late else values
         readings: list[Reading] = []
         k = int(t.searchsorted(self._due))
         while k < len(values):
             self._samples += 1
-            reading = self._sample(float(t[k]), seen[k])
+            reading = self._sample(float(t[k]), seen[k] if t[k] >= self._late_from else values[k])
             if reading is not None:
                 readings.append(reading)
             k = max(int(t.searchsorted(self._due)), k + 1)
@@ -130,7 +137,8 @@ class Stream:
         i = self.instrument
         noise, missing, wild, size = self._rng.standard_normal(), *self._rng.random(3)
         if self._hidden is not None and self._offset:
-            value = float(with_hidden_errors(np.array([t]), np.array([value]), self._hidden, i.span)[0])
+            there = begun(self._hidden, t)
+            value = float(with_hidden_errors(np.array([t]), np.array([value]), there, i.span)[0])
         value += i.std * noise
         if wild < i.outlier_share:
             value += i.outlier_size * (2 * size - 1)

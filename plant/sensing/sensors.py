@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plant.hidden.registry import LAG_SHARES, ROWS
+from plant.hidden.registry import LAG_SHARES, ONSET, ROWS
 from plant.tables import Floats
 
 FASTEST_HZ = 1e6
@@ -73,5 +73,5 @@ def with_hidden_errors(t: Floats, y: Floats, h: Floats, span: float) -> Floats:
     """Readings `y` at the times `t` in s with hidden gain and offsets; offsets count in `span`."""
     y = y * (1 + h[ROWS["sensor_scale"], 0]) + h[ROWS["sensor_bias"], 0] * span
     drift, hum = h[ROWS["sensor_drift"]], h[ROWS["mains_hum"], 0]
-    y = y + drift[0] * span * np.log1p(t / drift[1])
+    y = y + drift[0] * span * np.log1p((t - drift[ONSET]) / drift[1])
     return np.asarray(y + hum * span * (np.sin(2 * np.pi * 50 * t) + 0.3 * np.sin(2 * np.pi * 150 * t)))

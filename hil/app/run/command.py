@@ -14,6 +14,8 @@ from hil.app.run.check import check, limits_point, rehearse
 from hil.app.run.clock import Clock, ClockedBus
 from hil.app.run.loop import ENDS, Outcome, Signals, lead, prepare_process, reset
 from hil.app.scenario.deployment import BusTable, Deployment, load_deployment
+from hil.app.scenario.model_health import health_words
+from hil.app.scenario.model_health import told as health_told
 from hil.app.scenario.model_offer import offer_words, told
 from hil.app.write import check_file, check_targets
 from hil.bus.catalogue import Catalogue, load_catalogue
@@ -103,6 +105,7 @@ def _run(
         return 0 if all(p.good for p in points) else 1
     found = _document(path, outcome, node, frames_log, dry_run) | {"overruns": _overruns(bus)}
     found |= told(deployment.offered, node.estimator.taken_at)
+    found["monitor"] = health_told(node.estimator.health, node.estimator.origin_s)
     if json_output:
         print_json(found)
     else:
@@ -282,6 +285,7 @@ def _say(found: dict[str, object]) -> None:
         )
     if found["cut_ticks"]:
         console.print(f"{found['cut_ticks']} plans were cut short by the clock", markup=False)
+    console.print(health_words(found), markup=False)
     if sentence := offer_words(found):
         console.print(sentence, markup=False)
     console.print(f"log: {found['log']}", markup=False, soft_wrap=True)

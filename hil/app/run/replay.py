@@ -182,6 +182,7 @@ def task_of(record: Mapping[str, Any], where: str) -> Task:
         )
     try:
         offered = None if record.get("offered") is None else Offered.of(record["offered"])
+        learned = [Offered.of(one) for one in record.get("learned", [])]
         if "deployment" in record:
             deployment = replace(parse_deployment(str(record["deployment"]), values), offered=offered)
             return replace(deployment.task(), controller=name, deadline_s=math.inf)
@@ -194,8 +195,16 @@ def task_of(record: Mapping[str, Any], where: str) -> Task:
 
     seen = scenario.instruments.localisation
     told = (scenario.reference, scenario.limits, seen.std)
-    offer, estimator = offer_of(offered, believed), scenario.control.estimator
-    return Task(believed(values), name, *told, resolution_m=seen.quantum, offer=offer, estimator=estimator)
+    first, *rest = (offer_of(offered, believed), *(offer_of(one, believed) for one in learned))
+    return Task(
+        believed(values),
+        name,
+        *told,
+        resolution_m=seen.quantum,
+        offer=first,
+        estimator=scenario.control.estimator,
+        learned=tuple(one for one in rest if one),
+    )
 
 
 def replayed(frames: Iterable[Logged], task: Task, catalogue: Catalogue, dry_run: bool = False) -> Replay:

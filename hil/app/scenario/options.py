@@ -18,7 +18,8 @@ _MODELS = {"vibro": ("vibro", "vibro_table")}
 class Options:
     """`controller` and `seed` are the scenario's where None. `model` is a file that close-loop wrote, of which `stage`
     is used; without it the controller knows nominal values. `reference` is a file whose table [reference] takes the
-    scenario's place (`with_reference`). `out` is a folder for what is written.
+    scenario's place (`with_reference`). `out` is a folder for what is written. `learn`: identify in the background once
+    the model broke.
     """
 
     controller: str | None = None
@@ -28,6 +29,7 @@ class Options:
     out: Path | None = None
     json_output: bool = False
     reference: Path | None = None
+    learn: bool = False
 
     def of(self, scenario: TrackScenario) -> tuple[str, int]:
         """The controller's name and the seed for `scenario`."""

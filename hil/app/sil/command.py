@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
 from controller.model.control_model import ControlModel
+from controller.supervision.model_switch import ModelSwitch
 from hil.app.console import json_text, output_to_notes, print_json, progress_bar, summary
+from hil.app.learn.identify import Background
+from hil.app.learn.learner import Learner, check_learnt
 from hil.app.scenario.bus_scenario import SilScenario, load_sil_scenario
+from hil.app.scenario.model_health import health_words
 from hil.app.scenario.model_offer import Offered, offer_of, offer_words, read_offer, told
 from hil.app.scenario.options import Options
 from hil.app.sil.fault_outcomes import outcomes
-from hil.app.sil.loop import SilTrace, run_sil
+from hil.app.sil.loop import Learning, SilTrace, run_sil
 from hil.app.sil.testbed import believed_on_bus
 from hil.app.track.score import document, score
 from hil.app.write import check_folder, write_files
@@ -29,6 +33,8 @@ def sil(path: Path, asked: Options) -> None:
     """
     scenario, text = load_sil_scenario(path, asked.reference)
     values, used = asked.values(scenario.loop.kind)
+    if asked.learn:
+        check_learnt(scenario.loop.belief)
     (name, number), out = asked.of(scenario.loop), asked.out
     if out is not None:
         check_folder(out, "--out")
@@ -41,15 +47,38 @@ def sil(path: Path, asked: Options) -> None:
             _log(out, scenario, text, name, values, number, offered) as log,
         ):
             recorder = None if log is None else Recorder(log)
-            found, trace = judged(scenario, believed, name, number, used, report, offer=offer, recorder=recorder)
+            more = {"offer": offer, "recorder": recorder}
+            with _learning(scenario, values, asked.learn) as learning:
+                found, trace = judged(scenario, believed, name, number, used, report, learning=learning, **more)
             found |= told(offered, trace.taken_at)
+            if asked.learn:
+                found["learned"] = [lesson.document() for lesson in trace.lessons]
         if log is not None and out is not None:
             found["log"] = str(log.path)
+            log.add_to_record({"learned": [one.document() for one in trace.offers]})
             write_files({out / "sil.json": json_text(found)})
     if asked.json_output:
         print_json(found)
     else:
         _say(scenario, found, trace)
+
+
+@contextmanager
+def _learning(scenario: SilScenario, values: Mapping[str, float], wanted: bool) -> Iterator[Learning | None]:
+    """What makes the learner of a run, with its process in the background, where `wanted`."""
+    if not wanted:
+        yield None
+        return
+    rig = scenario.loop.belief
+
+    def learner(switch: ModelSwitch) -> Learner:
+        return Learner(switch, rig, values, lambda new: believed_on_bus(scenario, new), background)
+
+    background = Background()
+    try:
+        yield learner
+    finally:
+        background.close()
 
 
 def _log(
@@ -112,7 +141,10 @@ def _say(scenario: SilScenario, found: dict[str, Any], trace: SilTrace) -> None:
         after = fault["safe_after_ms"]
         came = "rode through" if after is None else f"safe after {after:.1f} ms"
         say(f"fault {fault['fault']} at {fault['at_s']:g} s: {came}{', UNSAFE' if fault['unsafe'] else ''}")
+    say(health_words(found))
     if sentence := offer_words(found):
         say(sentence)
+    for lesson in trace.lessons:
+        say(lesson.words)
     if trace.stopped_because:
         say(f"stopped: {trace.stopped_because}")

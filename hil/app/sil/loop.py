@@ -13,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.model.control_model import ControlModel
-from controller.supervision.model_switch import Offer
+from controller.supervision.model_switch import ModelSwitch, Offer
+from hil.app.learn.learner import Learner, Lesson
 from hil.app.scenario.bus_scenario import SilScenario
+from hil.app.scenario.model_offer import Offered
 from hil.app.sil.testbed import Bench
 from hil.app.sil.timeout import at_most
 from hil.app.track.loop import Array, Progress, Trace
@@ -26,13 +28,16 @@ from hil.nodes.plant_node import SLOT_S
 _REPORTS: Final = 50
 LEAST_S: Final = 60.0
 """A run may take so long by the wall clock however short it is: compilers and busy machines."""
+LEARNING_S: Final = 7200.0
+"""So much longer where it waits for what is learned."""
+Learning = Callable[[ModelSwitch], Learner]
 
 
 @dataclass
 class SilTrace(Trace):
     """What a run over the bus leaves beside `Trace`: `slots` (n, 3) are the end of each of the drive's slots in s,
     whether it was in its safe state, and when the last good command had come; `digest` is the hash of all frames with
-    their times where asked for.
+    their times where asked for; `lessons` and `offers` are what was learned.
     """
 
     slots: Array = field(default_factory=lambda: np.zeros((0, 3)))
@@ -41,6 +46,8 @@ class SilTrace(Trace):
     rejected: int = 0
     stopped_because: str = ""
     digest: str = ""
+    lessons: list[Lesson] = field(default_factory=list)
+    offers: list[Offered] = field(default_factory=list)
 
 
 class _Tap:
@@ -69,8 +76,10 @@ def run_sil(
     offer: Offer | None = None,
     recorder: Recorder | None = None,
     digest: bool = False,
+    learning: Learning | None = None,
 ) -> SilTrace:
-    """Run `scenario` over the simulated bus under the named controller. `recorder` writes the controller node's log.
+    """Run `scenario` over the simulated bus under the named controller. `recorder` writes the controller node's log;
+    `learning` makes what learns from the run and offers models to it.
 
     Raises ValueError for a controller that cannot lead this rig, and for a run that takes longer by the wall clock than
     `[bus]` allows: between two ticks, or, in the main thread, within one.
@@ -78,22 +87,31 @@ def run_sil(
     loop, bench = scenario.loop, Bench(scenario, model, controller, seed, offer=offer, recorder=recorder)
     ticks = round(loop.duration_s / bench.tick_s)
     trace, tap = _empty(ticks, bench.slots), _Tap(bench) if digest else None
-    longest_s = max(LEAST_S, scenario.bus.longest_s_per_s * loop.duration_s)
+    longest_s = max(LEAST_S, scenario.bus.longest_s_per_s * loop.duration_s) + LEARNING_S * (learning is not None)
+    learner = None if learning is None else learning(bench.node.estimator)
     sentence = (
         f"run must take at most {longest_s:g} s by the wall clock (bus.longest_s_per_s, and at least {LEAST_S:g} s); it"
         " took longer"
     )
     began = time.perf_counter()
     with at_most(longest_s, sentence) as look:
-        led = _ticks(trace, bench, controller, tap, report, look)
+        led = _ticks(trace, bench, controller, tap, report, look, learner)
     trace.wall_clock_s = time.perf_counter() - began
     _finish(trace, bench, led)
+    if learner is not None:
+        trace.lessons, trace.offers = learner.lessons, learner.offers
     trace.digest = "" if tap is None else tap.hexdigest()
     return trace
 
 
 def _ticks(
-    trace: SilTrace, bench: Bench, controller: str, tap: _Tap | None, report: Progress | None, look: Callable[[], None]
+    trace: SilTrace,
+    bench: Bench,
+    controller: str,
+    tap: _Tap | None,
+    report: Progress | None,
+    look: Callable[[], None],
+    learner: Learner | None = None,
 ) -> list[int]:
     """Fill `trace`, `look` after every tick; the ticks in which the controller led the drive."""
     states = bench.node.task.model.states
@@ -109,6 +127,9 @@ def _ticks(
                 led.append(k)
             else:
                 trace.status.pop()
+            if learner is not None:
+                wanted = float(bench.scenario.loop.reference.position(np.array([tick.time_s]))[0])
+                learner.step(tick.time_s, bench.node.estimator.health, float(tick.estimate.state[0]) - wanted)
         for number in range(bench.slots):
             at = bench.slot(number)
             trace.slots[k * bench.slots + number] = at + SLOT_S, bench.plant.drive.safe, bench.plant.drive.good_at
@@ -131,7 +152,8 @@ def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:
     """What the bench knows at the end; step times count while the controller leads the drive."""
     trace.rows = np.concatenate(bench.plant.session.rows)
     trace.events = list(bench.node.supervisor.events)
-    trace.counts, trace.taken_at = bench.node.estimator.counts, bench.node.estimator.taken_at
+    estimator = bench.node.estimator
+    trace.counts, trace.taken_at, trace.health = estimator.counts, estimator.taken_at, estimator.health
     trace.frames, trace.load, trace.rejected = bench.frames, bench.medium.load, bench.rejected
     trace.stopped_because = bench.node.reason or ("" if led else _never_led(bench, trace))
     trace.solve_s = trace.solve_s[led] if led else np.zeros(1)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from controller.drives import envelope_of
 from controller.estimator.base import Counts
 from controller.model.control_model import ControlModel, control_model
+from controller.monitor.monitor import Health
 from controller.registry import build
 from controller.signals import Action, Estimate, Measurement
 from controller.supervision.fallback import Event
@@ -30,7 +31,7 @@ _REPORTS = 50
 @dataclass
 class Trace:
     """What a run leaves, an entry a tick: what the controller believed and answered; `rows` is the truth
-    (`plant.layout`).
+    (`plant.layout`), `health` what the monitor says of the model at the end, on the reference's time.
     """
 
     time_s: Array
@@ -49,6 +50,7 @@ class Trace:
     measured: Array = field(default_factory=lambda: np.zeros((0, 2)))
     wall_clock_s: float = 0.0
     taken_at: float = math.nan
+    health: Health = field(default_factory=Health)
 
     @classmethod
     def empty(cls, ticks: int) -> Trace:
@@ -119,5 +121,5 @@ def run_loop(
     trace.wall_clock_s = time.perf_counter() - began
     trace.rows, trace.measured = np.concatenate(session.rows), np.array(places).reshape(-1, 2)
     trace.events = list(supervisor.events)
-    trace.counts, trace.taken_at = estimator.counts, estimator.taken_at
+    trace.counts, trace.taken_at, trace.health = estimator.counts, estimator.taken_at, estimator.health
     return trace

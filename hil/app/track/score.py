@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from controller.limits import Limits
 from controller.signals import Status
+from hil.app.scenario.model_health import told
 from hil.app.scenario.scenario import TrackScenario
 from hil.app.track.loop import Trace
 from plant import layout as at
@@ -32,7 +33,7 @@ class Score:
     """SI. `effort` is the rms of the drive's force in N; `hard_violations` counts ticks in which the truth broke a
     limit, `limit_use` is the largest share of each that was used. `ticks` counts ticks by status, `estimator` what
     became of the measurements; `solve_ms` is the controller's time for a tick, `estimate_ms` the estimator's; `events`
-    are the last change-overs between controllers.
+    are the last change-overs between controllers, `monitor` what became of the model in use.
     """
 
     tracking_rmse_m: float
@@ -50,6 +51,7 @@ class Score:
     estimate_ms: dict[str, float]
     real_time_factor: float
     events: list[dict[str, Any]]
+    monitor: dict[str, Any]
 
 
 def score(scenario: TrackScenario, trace: Trace) -> Score:
@@ -77,6 +79,7 @@ def score(scenario: TrackScenario, trace: Trace) -> Score:
         _times(trace.estimate_s),
         scenario.duration_s / trace.wall_clock_s if trace.wall_clock_s > 0 else math.inf,
         [asdict(event) for event in trace.events],
+        told(trace.health),
     )
 
 

@@ -11,6 +11,7 @@ from rich.table import Table
 
 from hil.app.console import summary
 from hil.app.quantities import fixed, number
+from hil.app.scenario.model_health import health_words
 from hil.app.scenario.model_offer import offer_words
 from hil.app.scenario.scenario import TrackScenario
 from hil.app.track.score import HARD
@@ -42,6 +43,7 @@ def say(scenario: TrackScenario, found: Sequence[Found], out: Path | None) -> No
     for one in found:
         for event in one["events"]:
             console.print(f"{one['controller']}: {_change(event)}", markup=False)
+        console.print(f"{one['controller']}: {health_words(one)}", markup=False)
         if sentence := offer_words(one):
             console.print(f"{one['controller']}: {sentence}", markup=False)
     if out is not None:

@@ -174,7 +174,15 @@ class Guard:
         self.unsent = 0
         self.sent = Passed(0.0, 0.0, 0)
         self._bus, self._observe = bus, observe
-        allowed = ("SafeStop", "DriveReset", "EnableAnswer", "Sync", "ControllerHeartbeat", wiring.command)
+        allowed = (
+            "SafeStop",
+            "DriveReset",
+            "EnableAnswer",
+            "Sync",
+            "ControllerHeartbeat",
+            "ModelHealth",
+            wiring.command,
+        )
         self._senders = {name: (catalogue[name].id, Sender(catalogue[name])) for name in allowed}
         self._time = self._stopped_at = -math.inf
 

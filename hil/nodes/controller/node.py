@@ -23,6 +23,7 @@ from controller.supervision.model_switch import ModelSwitch, Offer
 from controller.supervision.supervisor import Supervisor
 from hil.bus.catalogue import Catalogue
 from hil.nodes.controller.guard import STOP_PERIOD_S, Evidence, Fence, Guard, Passed
+from hil.nodes.controller.health import HEALTH_S, health_values
 from hil.nodes.controller.plausibility import Plausibility
 from hil.nodes.controller.receive import FrameReceiver
 from hil.nodes.frame_map import (
@@ -48,7 +49,8 @@ class Task:
     `controller.registry`, where to go, and the limits. `seen_noise_m` is the noise the localisation is believed to
     have, `resolution_m` its pixels or steps (0: finer than the bus's). `deadline_s` is what the MPC's plan may take of
     a tick (inf, as lockstep needs it, where no clock decides). `offer` is a model that is to take over at a rest,
-    `estimator` one of `controller.registry.ESTIMATORS`.
+    `estimator` one of `controller.registry.ESTIMATORS`, `learned` those models that were learned in a run that is
+    replayed.
     """
 
     model: ControlModel
@@ -60,6 +62,7 @@ class Task:
     resolution_m: float = 0.0
     offer: Offer | None = None
     estimator: str = "default"
+    learned: tuple[Offer, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,6 +151,8 @@ class ControllerNode:
         self.estimator = ModelSwitch(
             self.supervisor, task.controller, task.model, task.offer, task.deadline_s, task.estimator
         )
+        for offer in task.learned:
+            self.estimator.propose(offer)
         self.tick_s = task.model.tick_s
         self.receiver = FrameReceiver(bus, catalogue, self.wiring, self.tick_s, observer)
         self.guard = Guard(
@@ -157,7 +162,7 @@ class ControllerNode:
         self._plausibility = Plausibility(_FOLLOW[self.wiring.kind], task.seen_noise_m, task.resolution_m)
         self._reference: Reference = task.reference
         self._bus, self._catalogue, self._clock = bus, catalogue, clock
-        self._began = self._last = self._beat_at = -math.inf
+        self._began = self._last = self._beat_at = self._health_at = -math.inf
         self._origin, self._index = 0.0, 0
         self._number = 0
         self._led = False
@@ -237,7 +242,7 @@ class ControllerNode:
         )
 
     def _speak(self, now: float) -> None:
-        """SYNC, heartbeat, and the acknowledgement of a fault where `start` asked for one."""
+        """SYNC, heartbeat, the monitor's word, and the acknowledgement of a fault where `start` asked for one."""
         if self._began == -math.inf:
             self._began = now
         self.guard.send("Sync", {"Tick": self._number % (1 << 32), "Period_s": self.tick_s}, now)
@@ -246,6 +251,9 @@ class ControllerNode:
             up = min(max(now - self._began, 0.0), 167772.0)
             beat = {"State": self.state, "Uptime_s": up, "Catalogue": self._catalogue.fingerprint}
             self.guard.send("ControllerHeartbeat", beat, now)
+        if not 0 <= now - self._health_at < HEALTH_S - 0.5 * self.tick_s:
+            self._health_at = now
+            self.guard.send("ModelHealth", health_values(self.estimator.health, self._began), now)
         if self._acknowledge:
             self._acknowledge -= 1
             self.guard.send("DriveReset", {"Target": self.wiring.target, "Code": self.receiver.fault}, now)

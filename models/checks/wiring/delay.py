@@ -8,7 +8,7 @@ from models.checks.finding import RecordFinding
 from models.checks.view import Array, View
 
 _LONGEST_S = 0.15
-_LEAST_SAMPLES = 1.0
+_LEAST_SAMPLES = 2.0
 _LEAST_S = 0.012  # what stick and slip alone may look like
 _GAIN = 0.03  # share of the misfit that the shift must take away
 _REACHES = tuple(0.0004 * 1.8**k for k in range(10))  # of the span

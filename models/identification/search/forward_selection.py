@@ -53,6 +53,7 @@ class Search:
     horizon_s: float = np.inf
     known: Known = field(default_factory=dict)
     parts: list[Part] = field(default_factory=list)
+    trained_share: float = 1.0
 
     @property
     def model(self) -> list[str]:
@@ -88,7 +89,7 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
         (step_on(kind, part, [], base.theta).theta if kind.free_only else refit(kind, part, [], base.theta))
         for part, _ in splits
     ]
-    found = Search(base, base)
+    found = Search(base, base, trained_share=_trained_share(splits))
     task.clock.note("calibration", found)
     model = _named(task, FittedModel.of(kind, splits, [], parts), found)
     if kind.free_only and not found.effects and found.after > CLEAN:
@@ -208,3 +209,9 @@ class _Clock:
         now = time.monotonic()
         found.timings[name] = found.timings.get(name, 0.0) + now - self.last
         self.last = now
+
+
+def _trained_share(splits: Sequence[tuple[Sequence[Record], Sequence[Record]]]) -> float:
+    """Share of the rows that the training parts of `splits` have, on average."""
+    rows = [tuple(sum(map(len, records)) for records in split) for split in splits]
+    return float(np.mean([train / (train + held) for train, held in rows]))

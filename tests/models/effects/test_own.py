@@ -94,7 +94,9 @@ def test_one_bad_file_leaves_no_other_in_use(tmp_path: Path) -> None:
 def test_a_file_that_is_none_is_refused(tmp_path: Path, name: str) -> None:
     (tmp_path / "folder.py").mkdir()
     (tmp_path / "mine.txt").write_text(TEXT)
-    with pytest.raises(ValueError, match="effects must come from a file"):
+    with pytest.raises(
+        ValueError, match=r"must be a regular file|must be a file that can be read|effects must come from a file"
+    ):
         use_effects([tmp_path / name])
 
 

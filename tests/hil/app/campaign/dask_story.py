@@ -24,7 +24,7 @@ import dask
 from distributed import Client
 from distributed.cli import dask_scheduler, dask_worker
 
-from hil.app.campaign import command as campaign
+from hil.app.campaign import running as campaign
 from hil.app.campaign.dask_cluster import scheduled
 from hil.app.campaign.loop import Loop
 from hil.app.main import run

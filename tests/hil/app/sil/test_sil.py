@@ -63,7 +63,7 @@ def test_json_has_the_keys_that_others_rely_on(short: Path, tmp_path: Path, caps
             "ticks",
             "estimator",
         ),
-        *("solve_ms", "estimate_ms", "real_time_factor", "events", "log", "bus", "faults"),
+        *("solve_ms", "estimate_ms", "real_time_factor", "events", "monitor", "log", "bus", "faults"),
     ]
     assert (found["scenario"], found["controller"], found["seed"], found["model"]) == (
         "short",

@@ -38,6 +38,7 @@ KEYS = {
     "estimate_ms": dict,
     "real_time_factor": float,
     "events": list,
+    "monitor": dict,
 }
 
 

@@ -53,6 +53,7 @@ def test_the_whitelist(wire: Wire) -> None:
         ("DriveReset", {"Target": 1, "Code": 4}),
         ("SafeStop", {"Target": 0, "Reason": 0}),
         ("ControllerHeartbeat", {"State": 1, "Uptime_s": 0.0, "Catalogue": 0}),
+        ("ModelHealth", {"State": 2, "Change": 1, "Since_s": 3.0, "Evidence": 1.1, "Alarms": 1}),
     ):
         assert guard.send(name, values, 1.5)
         assert wire.sent[-1].arbitration_id == frames()[name].id

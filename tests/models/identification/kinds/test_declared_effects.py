@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil.app.init.template import template
+from hil.app.init.template import Columns, template
 from models.effects import EFFECTS
 from models.effects.conformance import KINDS
 from models.files.record import Record
@@ -19,12 +19,28 @@ SERIES = ("pull", "magnetic", "coil", "vibro")
 """Kinds whose predictions `tests/models/effects/test_effects.py` looks at, effect by effect."""
 
 
-@pytest.fixture(scope="module", params=KINDS)
+TURNING, TWO_SPEEDS = "axis that turns", "periods at two speeds"
+
+
+@pytest.fixture(scope="module", params=(*(k for k in KINDS if k not in ("axis", "periods")), TURNING, TWO_SPEEDS))
 def made(request: pytest.FixtureRequest) -> tuple[AnyKind, Record]:
-    tables, columns = template(request.param)
+    """Each kind, driven so that every one of its effects can show."""
+    tables, columns = template(request.param.split()[0], rotary=request.param == TURNING)
     rig = parse_rig(tables)
+    if request.param == TURNING:
+        columns = {**columns, "load_N_m": 2 + np.sin(np.arange(len(columns["t_s"])) / 300)}
+    if request.param == TWO_SPEEDS:
+        columns = two_speeds(columns)
     record = Record("template", rig.kind, dict(columns))
     return kind_for(rig, [record]), record
+
+
+def two_speeds(columns: Columns) -> Columns:
+    """The record of periods, and the same at ten times the speed."""
+    both = {name: np.concatenate([values, values]) for name, values in columns.items()}
+    n = len(next(iter(columns.values())))
+    slow = columns.get("velocity_m_s", np.full(n, 5e-4))
+    return both | {"velocity_m_s": np.concatenate([slow, 10 * slow])}
 
 
 def test_every_declared_pair_is_tried(made: tuple[AnyKind, Record]) -> None:

@@ -1,0 +1,1 @@
+"""Whether the model in use still holds, watched while it leads."""

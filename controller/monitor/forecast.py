@@ -1,0 +1,91 @@
+"""What the model in use says the next second will be, and by how much it is off when the second is over."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from controller.model.control_model import ControlModel
+from controller.signals import Estimate
+
+LEAST_READINGS = 5
+"""Positions that must have come in a second for it to be judged."""
+
+
+@dataclass(frozen=True, slots=True)
+class Second:
+    """A second that is over, SI: by how much the forecast of the position was off (`miss_m`) and how uncertain begin
+    and end were (`std_m`), the mean of the estimator's standardised innovations and their number, how far the capsule
+    `moved_m`, and the mean force along +x that the model's own parameters lacked.
+    """
+
+    miss_m: float
+    std_m: float
+    innovation: float
+    readings: int
+    moved_m: float
+    lacking_N: float
+
+
+class Forecast:
+    """Runs the model, with the friction level and force that the estimator has come to believe, for `span_s` from an
+    estimate on, under the commands in force: so far ahead no filter corrects it.
+
+    A second in which the estimate was lost, as it is without positions and after a new start, is no second: sensors are
+    not judged here. One state a tick; nothing is allocated but numbers.
+    """
+
+    def __init__(self, model: ControlModel, span_s: float = 1.0) -> None:
+        self.model, self.span_s = model, span_s
+        self._ticks = max(1, round(span_s / model.tick_s))
+        self._state, self._numbers = np.zeros((1, len(model.states))), model.values.copy()
+        self._force = np.zeros(1)
+        self._from = self._std = self._sum = self._lacking = 0.0
+        self._readings = 0
+        self.drop()
+
+    def drop(self) -> None:
+        """Forget the second that is under way."""
+        self._k, self._time, self._command = -1, math.nan, math.nan
+
+    def step(self, now: float, command: float, estimate: Estimate) -> Second | None:
+        """A tick on, to the `estimate` at `now` which `command` led to; the second that this tick ends, None within
+        one.
+        """
+        if estimate.lost or not math.isfinite(command + float(estimate.state[0])):
+            self.drop()
+            return None
+        if self._k < 0:
+            self._begin(now, command, estimate)
+            return None
+        k, model = self.model.kernels, self.model
+        before = model.left(self._command, command)
+        k.run(self._state, before, command, self._force, self._time, k.tick_s, k.substeps, self._numbers)
+        self._k, self._time, self._command = self._k + 1, now, command
+        self._lacking += estimate.disturbance_N
+        for size in estimate.innovations:
+            self._sum, self._readings = self._sum + size, self._readings + 1
+        if self._k < self._ticks:
+            return None
+        found = self._over(estimate) if self._readings >= LEAST_READINGS else None
+        self._begin(now, command, estimate)
+        return found
+
+    def _begin(self, now: float, command: float, estimate: Estimate) -> None:
+        adapted = estimate.adapted
+        self._state[0] = estimate.state
+        self._numbers[:] = self.model.values if adapted is None else adapted.parameters
+        self._force[0] = estimate.disturbance_N if adapted is None else adapted.disturbance_N
+        self._k, self._time, self._command = 0, now, command
+        self._from, self._std = float(estimate.state[0]), float(estimate.std[0])
+        self._sum, self._readings, self._lacking = 0.0, 0, 0.0
+
+    def _over(self, estimate: Estimate) -> Second | None:
+        at = float(estimate.state[0])
+        miss, std = at - float(self._state[0, 0]), math.hypot(self._std, float(estimate.std[0]))
+        if not math.isfinite(miss + std):
+            return None
+        mean, lacking = self._sum / self._readings, self._lacking / self._k
+        return Second(miss, std, mean, self._readings, at - self._from, lacking)

@@ -1,0 +1,123 @@
+"""Whether the model in use still holds: a sequential test on what it predicts, while it leads."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from controller.estimator.base import Receiver
+from controller.model.friction import mean_friction
+from controller.monitor.expected import EXPECTED, Expected
+from controller.monitor.forecast import Forecast, Second
+from controller.monitor.sums import ABOUT_S, Sum, shifted, wider
+from controller.signals import Estimate
+
+State = Literal["holds", "doubtful", "broken", "not watched"]
+Change = Literal["", "sudden", "slow"]
+FIRST: Final = 16
+"""Seconds of motion each way that say what friction is here: a steady offset is what calibration is for."""
+DOUBTFUL: Final = 0.5
+"""Share of an alarm's evidence from which on the model is doubtful."""
+SHIFT: Final = 2.0
+"""By how many standard deviations the force that is lacking must at least have changed to count as a drift."""
+SURPRISE: Final = 2.3
+"""Standard deviations by which forecast or innovations of a second about the beginning of a drift are off where the
+change is a sudden one: a slow one surprises nobody.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Health:
+    """What the monitor says: the `state` and since when in s, how the model stopped to hold, the `alarms` so far, and
+    the evidence against it as a share of what an alarm takes.
+    """
+
+    state: State = "holds"
+    since_s: float = 0.0
+    change: Change = ""
+    alarms: int = 0
+    evidence: float = 0.0
+
+
+NOT_WATCHED: Final = Health("not watched")
+"""Of a controller that uses no friction model."""
+
+
+class Monitor:
+    """Cumulative sums over seconds in which the capsule moved, all with thresholds of `expected`:
+
+    - forecast: how far off the position was that the model, adapted as it was a second before, foretold;
+    - innovations: how far off the estimator's own expectations were on average;
+    - drift: the force that the model's own parameters lack, less what it was in the first seconds of motion the same
+      way, against the motion and along +x, more and less.
+
+    The first two see a change within seconds; a slow one, which the estimator follows, shows in the drift. A state
+    that is broken stays so until `begin`. Sensors are not judged: without an estimate there is no evidence. `look`
+    never raises, takes bounded time and allocates nothing that grows.
+    """
+
+    def __init__(self, estimator: Receiver, expected: Expected | None = None) -> None:
+        model = estimator.model
+        self._estimator = estimator
+        self._expected = expected or EXPECTED.get(model.drive.name, Expected())
+        self._forecast = Forecast(model)
+        self._friction_N = max(mean_friction(model), 1e-3)
+        self.begin(0.0)
+
+    def begin(self, now: float, alarms: int = 0) -> None:
+        """A model begins to lead at `now`, after so many `alarms`: nothing speaks against it yet."""
+        self.health = Health("holds", now, "", alarms)
+        self._forecast.drop()
+        self._fast = (Sum(), Sum())
+        self._slow = (Sum(), Sum(), Sum(), Sum())
+        self._before, self._seen = [0.0, 0.0], [0, 0]
+        self._recent = [0.0] * int(ABOUT_S)
+
+    def look(self, now: float, command: float, estimate: Estimate) -> Health:
+        """A tick on, to the `estimate` at `now`; `command` was in force since the last tick."""
+        try:
+            second = self._forecast.step(now, command + self._estimator.offset, estimate)
+            if second is not None and self.health.state != "broken":
+                self.judge(now, second)
+        except Exception:  # noqa: BLE001 - a monitor must not stop what it watches
+            self._forecast.drop()
+        return self.health
+
+    def judge(self, now: float, second: Second) -> None:
+        """Add what a `second` that is over at `now` says."""
+        e, began = self._expected, now - self._forecast.span_s
+        if not abs(second.moved_m) >= e.least_m:
+            return
+        sizes = (second.miss_m / math.hypot(second.std_m, e.miss_m), second.innovation / e.innovation)
+        for one, size in zip(self._fast, sizes, strict=True):
+            one.add(wider(size), began)
+        self._recent = [*self._recent[1:], max(abs(size) for size in sizes)]
+        way = int(second.moved_m < 0)
+        lacking = second.lacking_N / self._friction_N
+        self._seen[way] += 1
+        if self._seen[way] <= FIRST:
+            self._before[way] += lacking / FIRST
+        else:
+            more = (lacking - self._before[way]) / e.lacking
+            against = more if way else -more
+            for one, size in zip(self._slow, (against, -against, more, -more), strict=True):
+                one.add(shifted(size, SHIFT), began, max(self._recent))
+        self._say(now)
+
+    def _say(self, now: float) -> None:
+        """The state that the sums come to."""
+        limits = self._expected
+        fast = [s.value / limits.alarm for s in self._fast]
+        slow = [s.value / limits.drift for s in self._slow]
+        evidence = max(*fast, *slow)
+        before = self.health
+        if evidence >= 1:
+            sums, shares = (*self._fast, *self._slow), (*fast, *slow)
+            first = sums[shares.index(evidence)]
+            since, slowly = first.since_s, any(first is one for one in self._slow) and first.surprise < SURPRISE
+            self.health = Health("broken", since, "slow" if slowly else "sudden", before.alarms + 1, evidence)
+            return
+        state: State = "doubtful" if evidence >= DOUBTFUL else "holds"
+        since = before.since_s if state == before.state else now
+        self.health = Health(state, since, "", before.alarms, evidence)

@@ -1,0 +1,50 @@
+"""What was measured while a controller led, for whoever learns from it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from controller.signals import Array, Measurement
+
+ROOM: Final = 1 << 18
+"""Readings that are kept of a channel: nine minutes at 500 Hz."""
+
+
+class _Ring:
+    """The newest readings of one channel."""
+
+    def __init__(self, room: int) -> None:
+        self.times, self.values, self.count = np.full(room, np.nan), np.full(room, np.nan), 0
+
+    def since(self, begin_s: float) -> tuple[Array, Array]:
+        first = self.count % self.times.size if self.count > self.times.size else 0
+        times, values = (np.roll(a, -first)[: min(self.count, a.size)] for a in (self.times, self.values))
+        kept = (times >= begin_s) & np.isfinite(values)
+        later = np.maximum.accumulate(np.append(-np.inf, times[kept]))[:-1]
+        new = times[kept] > later
+        return times[kept][new], values[kept][new]
+
+
+class History:
+    """Keeps the newest `room` readings of each of `channels`; room is there from the start. `add` never raises."""
+
+    def __init__(self, channels: Sequence[str], room: int = ROOM) -> None:
+        self._rings = {name: _Ring(room) for name in channels}
+
+    def add(self, measurements: Sequence[Measurement]) -> None:
+        """Keep what came in; other channels are left out."""
+        for m in measurements:
+            ring = self._rings.get(m.channel)
+            if ring is not None:
+                at = ring.count % ring.times.size
+                ring.times[at], ring.values[at] = m.stamp_s, m.value
+                ring.count += 1
+
+    def since(self, channel: str, begin_s: float) -> tuple[Array, Array]:
+        """Times from `begin_s` on, increasing, and values of a channel, (n,) each; readings out of order are left
+        out.
+        """
+        return self._rings[channel].since(begin_s)

@@ -1,0 +1,118 @@
+"""One identification in the background: records of a run in, a model that passed the gate or the reason why none did
+out.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+from typing import Final
+
+import numpy as np
+
+from controller.signals import Array
+from controller.supervision.acceptance import AcceptanceTest
+from models.files.columns import TIME
+from models.files.record import Record
+from models.files.rig import Rig
+from models.identification import close
+from models.identification.finding import STAGES
+from models.identification.kinds import kind_for, ready
+from models.identification.model import HELD_OUT
+
+NICE: Final = 19
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked: the `columns` of a run of `rig`, rows from `held_from` on held out, the `values` of the model in
+    use.
+    """
+
+    rig: Rig
+    columns: Mapping[str, Array]
+    held_from: int
+    values: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What was found: `values` for a controller, empty where no model passed the gate, the `effects` named, the
+    `verdict`, and in a sentence why it is offered or not.
+    """
+
+    values: Mapping[str, float]
+    effects: tuple[str, ...]
+    verdict: str
+    sentence: str
+
+    @property
+    def passed(self) -> bool:
+        """Whether there is a model to offer."""
+        return bool(self.values)
+
+
+Ask = Callable[[Question], "Future[Answer]"]
+
+
+def answer(question: Question) -> Answer:
+    """Identify on the first rows, judge on those held out. Never raises: what cannot be used is an answer too."""
+    try:
+        return _answer(question)
+    except Exception as error:  # noqa: BLE001 - records of a running rig may be unusable in many ways
+        words = " ".join(str(error).split())[:300] or type(error).__name__
+        return Answer({}, (), "none", f"nothing could be identified: {words}")
+
+
+def _answer(question: Question) -> Answer:
+    rig, cut = question.rig, question.held_from
+    train = [_part("since", rig, question.columns, slice(0, cut))]
+    held = [_part("held out", rig, question.columns, slice(cut, None))]
+    finding, model = close(rig, train, held, lambda _what, _share: None)
+    effects = tuple(effect.id for effect in finding.effects)
+    kind, records = kind_for(rig, []), [ready(record, rig) for record in held]
+    used = {**kind.nominal(), **{k: v for k, v in question.values.items() if k != HELD_OUT}}
+    error = kind.error(records, [kind.predict(r, used) for r in records])
+    report = {"error": finding.error}
+    stage = STAGES[2] if effects else STAGES[1]
+    verdict = AcceptanceTest().judge(report, model, rig, stage=stage, current=float(error))
+    if not verdict.passed:
+        return Answer({}, effects, finding.verdict, verdict.sentence)
+    held_out = finding.error["holdout"][stage]
+    said = f"held-out error {held_out:.4g} against {error:.4g} of the model in use"
+    return Answer(model.believed(stage), effects, finding.verdict, said)
+
+
+def _part(name: str, rig: Rig, columns: Mapping[str, Array], rows: slice) -> Record:
+    part = {key: np.asarray(values[rows]) for key, values in columns.items()}
+    part[TIME] = part[TIME] - part[TIME][0]
+    return Record(name, rig.kind, part)
+
+
+class Background:
+    """A process of lowest priority that identifies, one question at a time; where there are two cores it leaves the one
+    with the lowest number to the controller.
+    """
+
+    def __init__(self) -> None:
+        self._pool = ProcessPoolExecutor(1, get_context("spawn"), _stand_back)
+
+    def __call__(self, question: Question) -> Future[Answer]:
+        """Ask; the answer comes when it comes."""
+        return self._pool.submit(answer, question)
+
+    def close(self) -> None:
+        """End the process; an answer that is still to come is given up."""
+        for process in list(self._pool._processes.values()):
+            process.terminate()
+        self._pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _stand_back() -> None:
+    os.nice(NICE)
+    cores = sorted(os.sched_getaffinity(0))
+    if len(cores) > 1:
+        os.sched_setaffinity(0, cores[1:])

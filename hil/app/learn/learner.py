@@ -1,0 +1,192 @@
+"""From a model that broke to a better one: gather, identify in the background, offer, watch, take back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from dataclasses import asdict, dataclass, field
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from controller.model.control_model import ControlModel
+from controller.monitor.monitor import Health
+from controller.signals import Array
+from controller.supervision.acceptance import Verdict
+from controller.supervision.history import History
+from controller.supervision.model_switch import ModelSwitch, Offer
+from hil.app.learn.identify import Answer, Ask, Question
+from hil.app.scenario.model_offer import Offered
+from hil.log.record import SOURCES
+from models.files.columns import TIME
+from models.files.rig import Rig
+
+LEARNT: Final = ("magnetic", "coil")
+"""Kinds of rig whose runs are records that can be identified on."""
+Phase = Literal["watching", "gathering", "identifying", "offered", "on trial"]
+
+
+def check_learnt(rig: Rig) -> None:
+    """Raises ValueError for a rig whose runs make no record."""
+    if rig.kind not in LEARNT:
+        raise ValueError(f"--learn must stand with a rig of kind {' or '.join(LEARNT)}; got {rig.kind}")
+
+
+@dataclass(frozen=True)
+class Pace:
+    """All in s: how much of motion and rest is `gathered_s` since the model broke, of which the last `held_out_s` are
+    held out; how long an answer may take (`answer_s`: simulated time then waits for it; inf: it comes when it comes);
+    how long a learned model is on trial. It is taken back where its tracking error is `worse` times what it was over as
+    long before.
+    """
+
+    gathered_s: float = 45.0
+    held_out_s: float = 15.0
+    answer_s: float = 60.0
+    trial_s: float = 60.0
+    worse: float = 1.0
+
+
+@dataclass
+class Lesson:
+    """One model that was learned, or not; times in s of the reference's time, None where it did not come to that."""
+
+    broken_at_s: float
+    effects: tuple[str, ...] = ()
+    verdict: str = ""
+    sentence: str = ""
+    offered_at_s: float | None = None
+    taken_at_s: float | None = None
+    withdrawn_at_s: float | None = None
+
+    def document(self) -> dict[str, Any]:
+        """As a run's JSON object has it."""
+        return {**asdict(self), "effects": list(self.effects)}
+
+    @property
+    def words(self) -> str:
+        """The same in a sentence."""
+        what = ", ".join(self.effects) or "no effect"
+        said = f"learned since {self.broken_at_s:.1f} s: "
+        if self.offered_at_s is None:
+            return said + (f"{what}, not offered: {self.sentence}" if self.sentence else "nothing before the run ended")
+        taken = "not taken, there was no rest" if self.taken_at_s is None else f"taken at {self.taken_at_s:.1f} s"
+        back = "" if self.withdrawn_at_s is None else f", taken back at {self.withdrawn_at_s:.1f} s"
+        return f"{said}{what} ({self.verdict}), {taken}{back}; {self.sentence}"
+
+
+class _Errors:
+    """Squared tracking errors of the newest seconds, one number a second."""
+
+    def __init__(self, seconds: int) -> None:
+        self._sums, self._counts = np.zeros(seconds), np.zeros(seconds)
+        self._second = -1
+
+    def add(self, now: float, error_m: float) -> None:
+        second = math.floor(now)
+        at = second % self._sums.size
+        if second != self._second:
+            self._second, self._sums[at], self._counts[at] = second, 0.0, 0.0
+        if math.isfinite(error_m):
+            self._sums[at] += error_m * error_m
+            self._counts[at] += 1
+
+    @property
+    def rms_m(self) -> float:
+        count = float(self._counts.sum())
+        return math.sqrt(float(self._sums.sum()) / count) if count else math.nan
+
+
+@dataclass
+class Learner:
+    """`step` once a tick, after the node's. Lessons are learned one at a time; what is offered passed the gate on data
+    that no fit has seen, and comes in by `ModelSwitch` at a rest, within the limits that are. `offers` are all models
+    that were offered so far with their times, for a replay.
+    """
+
+    switch: ModelSwitch
+    rig: Rig
+    values: Mapping[str, float]
+    believed: Callable[[Mapping[str, float]], ControlModel]
+    ask: Ask
+    pace: Pace = field(default_factory=Pace)
+
+    def __post_init__(self) -> None:
+        check_learnt(self.rig)
+        sources = SOURCES[self.rig.kind]
+        self._driven, self._measured = sources.driven.column, sources.measured.column
+        self.switch.history = History((self._driven, self._measured))
+        self.lessons: list[Lesson] = []
+        self.offers: list[Offered] = []
+        self._phase: Phase = "watching"
+        self._errors = _Errors(round(self.pace.trial_s))
+        self._future: Future[Answer] | None = None
+        self._due = self._before = math.nan
+        self._old: Mapping[str, float] = self.values
+        self._new: Mapping[str, float] = self.values
+
+    def step(self, now: float, health: Health, error_m: float) -> None:
+        """A tick on, to `now` in s of the reference's time; `health` has times of the same clock, `error_m` is the
+        tracking error as the estimator sees it.
+        """
+        self._errors.add(now, error_m)
+        if self._phase == "watching" and health.state == "broken":
+            self.lessons.append(Lesson(health.since_s))
+            self._due, self._phase = max(health.since_s + self.pace.gathered_s, now), "gathering"
+        elif self._phase == "gathering" and now >= self._due:
+            self._question(now)
+        elif self._phase == "identifying":
+            self._wait(now)
+        elif self._phase == "offered" and self.switch.taken_at > (self.lessons[-1].offered_at_s or 0.0):
+            self.lessons[-1].taken_at_s = self.switch.taken_at
+            self._before, self._due, self._phase = self._errors.rms_m, now + self.pace.trial_s, "on trial"
+        elif self._phase == "on trial" and (now >= self._due or health.state == "broken"):
+            self._try(now)
+
+    def _question(self, now: float) -> None:
+        columns = self._columns(self.lessons[-1].broken_at_s)
+        held_from = int(np.searchsorted(columns[TIME], now - self.pace.held_out_s))
+        self._future = self.ask(Question(self.rig, columns, held_from, dict(self._new)))
+        self._due, self._phase = now + self.pace.answer_s, "identifying"
+
+    def _columns(self, begin_s: float) -> dict[str, Array]:
+        """Rows at the measured values' own times, what drove them straight between its reports."""
+        assert self.switch.history is not None
+        times, values = self.switch.history.since(self._measured, begin_s)
+        at, driven = self.switch.history.since(self._driven, begin_s - 1.0)
+        inside = (times >= at[0]) & (times <= at[-1]) if at.size else np.zeros(times.shape, dtype=bool)
+        return {
+            TIME: times[inside],
+            self._driven: np.interp(times[inside], at, driven) if at.size else times[inside],
+            self._measured: values[inside],
+        }
+
+    def _wait(self, now: float) -> None:
+        assert self._future is not None
+        if math.isinf(self.pace.answer_s):
+            if not self._future.done():
+                return
+        elif now < self._due:
+            return
+        found = self._future.result()
+        lesson = self.lessons[-1]
+        lesson.effects, lesson.verdict, lesson.sentence = found.effects, found.verdict, found.sentence
+        if not found.passed:
+            self._phase = "gathering"
+            self._due = now + self.pace.gathered_s
+            return
+        self._old, self._new = self._new, found.values
+        self._offer(now, found.values)
+        lesson.offered_at_s, self._phase = now, "offered"
+
+    def _offer(self, now: float, values: Mapping[str, float]) -> None:
+        self.offers.append(Offered(dict(values), now))
+        self.switch.propose(Offer(self.believed(values), Verdict(), now))
+
+    def _try(self, now: float) -> None:
+        """The learned model stays, or goes where it turned out worse."""
+        if self._errors.rms_m > self.pace.worse * self._before:
+            self._offer(now, self._old)
+            self.lessons[-1].withdrawn_at_s, self._new = now, self._old
+        self._phase = "watching"

@@ -1,0 +1,137 @@
+"""From broken to better: gathered, asked, offered, taken at a rest, kept or taken back; nothing without the gate."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+
+from controller.model.control_model import ControlModel
+from controller.monitor.monitor import Health
+from controller.signals import Measurement
+from controller.supervision.history import History
+from controller.supervision.model_switch import Offer
+from hil.app.learn.identify import Answer, Question, answer
+from hil.app.learn.learner import Learner, Pace
+from models.files.columns import TIME
+from models.files.rig import Rig
+from tests.controller.loops import believed, model_of
+
+PACE = Pace(gathered_s=20.0, held_out_s=5.0, answer_s=10.0, trial_s=10.0)
+FOUND = Answer({"magnet_stiffness_N_per_m": 24.0}, ("fold_periodic",), "named", "held-out error lower")
+NOTHING = Answer({}, (), "none", "held-out error must be lower")
+TICK = 0.01
+
+
+@dataclass
+class Switch:
+    """A model switch that takes over when it is told to."""
+
+    history: History | None = None
+    taken_at: float = float("nan")
+    proposed: list[Offer] = field(default_factory=list)
+
+    def propose(self, offer: Offer) -> None:
+        self.proposed.append(offer)
+
+
+@dataclass
+class Story:
+    """A learner, and what it asked."""
+
+    found: Answer
+    pace: Pace = PACE
+    asked: list[Question] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.switch = Switch()
+        rig: Rig = believed("magnetic")
+        model: ControlModel = model_of()
+        self.learner = Learner(self.switch, rig, {}, lambda values: model, self.ask, self.pace)  # type: ignore[arg-type]
+
+    def ask(self, question: Question) -> Future[Answer]:
+        self.asked.append(question)
+        future: Future[Answer] = Future()
+        future.set_result(self.found)
+        return future
+
+    def run(self, begin: float, end: float, health: Health, error_m: float) -> None:
+        assert self.switch.history is not None
+        for k in range(round((end - begin) / TICK)):
+            now = begin + k * TICK
+            place = [Measurement("position_m", 1e-3 * now, now), Measurement("carriage_position_m", 2e-3 * now, now)]
+            self.switch.history.add(place)
+            self.learner.step(now, health, error_m)
+
+
+BROKEN = Health("broken", 8.0, "sudden", 1, 1.1)
+
+
+def test_the_whole_way_and_a_better_model_stays() -> None:
+    story = Story(FOUND)
+    story.run(0.0, 10.0, Health(), 1e-3)
+    story.run(10.0, 29.0, BROKEN, 1e-3)
+    (question,) = story.asked
+    assert question.columns[TIME][0] == pytest.approx(8.0, abs=0.02)
+    assert question.columns[TIME][question.held_from] == pytest.approx(23.0, abs=0.02)
+    assert np.allclose(question.columns["carriage_position_m"], 2 * question.columns["position_m"])
+    assert not story.switch.proposed, "simulated time waits for the answer no shorter than it was to take"
+    story.run(29.0, 40.0, BROKEN, 1e-3)
+    assert [round(one.at_s, 1) for one in story.switch.proposed] == [38.0]
+    story.switch.taken_at = 40.0
+    story.run(40.0, 60.0, Health("holds", 40.0, "", 1), 0.5e-3)
+    (lesson,) = story.learner.lessons
+    assert (lesson.effects, lesson.taken_at_s, lesson.withdrawn_at_s) == (("fold_periodic",), 40.0, None)
+    assert [one.at_s for one in story.learner.offers] == [pytest.approx(38.0)]
+    assert lesson.document()["broken_at_s"] == 8.0
+    assert "taken at 40.0 s" in lesson.words
+
+
+def test_a_model_that_turns_out_worse_is_taken_back() -> None:
+    story = Story(FOUND)
+    story.run(8.0, 40.0, BROKEN, 1e-3)
+    story.switch.taken_at = 40.0
+    story.run(40.0, 60.0, Health("holds", 40.0, "", 1), 2e-3)
+    (lesson,) = story.learner.lessons
+    assert lesson.withdrawn_at_s == pytest.approx(50.0, abs=0.1)
+    assert [one.values for one in story.learner.offers] == [FOUND.values, {}]
+    assert len(story.switch.proposed) == 2
+
+
+def test_what_does_not_pass_the_gate_is_not_offered_and_asked_again_with_more() -> None:
+    story = Story(NOTHING)
+    story.run(8.0, 90.0, BROKEN, 1e-3)
+    assert not story.switch.proposed
+    assert len(story.asked) >= 2
+    assert story.asked[1].columns[TIME].size > story.asked[0].columns[TIME].size
+    assert story.learner.lessons[0].words.endswith("not offered: held-out error must be lower")
+
+
+def test_nothing_is_asked_while_the_model_holds() -> None:
+    story = Story(FOUND)
+    story.run(0.0, 60.0, Health(), 1e-3)
+    story.run(60.0, 90.0, Health("doubtful", 60.0, "", 0, 0.7), 1e-3)
+    assert (story.asked, story.learner.lessons) == ([], [])
+
+
+def test_records_that_cannot_be_used_are_an_answer() -> None:
+    found = answer(Question(believed("magnetic"), {TIME: np.arange(3.0)}, 2, {}))
+    assert not found.passed
+    assert found.sentence.startswith("nothing could be identified: ")
+
+
+def test_a_rig_that_makes_no_record_is_refused() -> None:
+    with pytest.raises(ValueError, match="--learn must stand with a rig of kind magnetic or coil; got vibro"):
+        Learner(Switch(), replace(believed(), kind="vibro"), {}, lambda values: model_of(), Story(FOUND).ask)  # type: ignore[arg-type]
+
+
+def test_a_history_keeps_the_newest_in_order() -> None:
+    history = History(["position_m"], room=4)
+    history.add([Measurement("position_m", float(k), t) for k, t in enumerate([0.0, 1.0, 3.0, 2.0, 4.0, 5.0])])
+    history.add([Measurement("coil_current_A", 1.0, 6.0)])
+    times, values = history.since("position_m", 0.0)
+    assert times.tolist() == [3.0, 4.0, 5.0]
+    assert values.tolist() == [2.0, 4.0, 5.0]
+    assert history.since("position_m", 4.5)[0].tolist() == [5.0]

@@ -1,0 +1,220 @@
+"""False alarms and power of every check of `capsule check`.
+
+`python -m tests.bench.bench_checks [--series 12] [--seconds 20]` makes so many series of the plant without a hidden
+effect and with one (kinds in turn, noise from 0.3 to 5 times the usual), looks at each record as it is, and then with
+one fault at each of three sizes. Prints, as Markdown, the share of clean records in which a check says something, and
+the share of spoiled ones in which the check for that fault does. Where the shared measured records are found
+(CAPSULE_SHARED), what the checks say of those follows, record by record.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from models.checks.examine import examine
+from models.checks.view import Array, View
+from models.files.record import Record, read_record
+from models.files.rig import Rig, parse_rig, read_rig
+from plant.experiments.series import Kind, make_series
+from plant.hidden.registry import HIDDEN, hidden
+from tests.places import SHARED
+
+KINDS: Final[tuple[Kind, ...]] = ("pull", "magnetic", "coil", "vibro_plate")
+NOISES: Final = (0.3, 1.0, 5.0)
+
+Spoil = Callable[[View, float, np.random.Generator], Record]
+
+
+@dataclass(frozen=True)
+class Fault:
+    """How a record is spoiled, the checks that may say so, sizes from weak to strong with their unit, and kinds of rig
+    (all where empty).
+    """
+
+    spoil: Spoil
+    check: str
+    sizes: tuple[float, ...]
+    unit: str
+    kinds: tuple[str, ...] = ()
+
+
+def _measured(view: View, values: Array) -> Record:
+    return view.record.with_column(view.measured, values)
+
+
+def _rows(view: View, rows: Array) -> Record:
+    columns = {name: values[rows] for name, values in view.record.columns.items()}
+    return Record(view.record.name, view.record.kind, columns)
+
+
+def turned(view: View, size: float, rng: np.random.Generator) -> Record:
+    """Sign of the measured column turned round."""
+    return _measured(view, -view.y)
+
+
+def clipped(view: View, size: float, rng: np.random.Generator) -> Record:
+    """A share `size` of the samples beyond the range of the amplifier."""
+    return _measured(view, np.clip(view.y, *np.quantile(view.y, [size / 2, 1 - size / 2])))
+
+
+def held(view: View, size: float, rng: np.random.Generator) -> Record:
+    """Each value written `size` times."""
+    n = int(size)
+    return _measured(view, np.repeat(view.y[::n], n)[: len(view.y)])
+
+
+def coarse(view: View, size: float, rng: np.random.Generator) -> Record:
+    """A resolution of `size` standard deviations of the noise."""
+    step = size * view.noise
+    return _measured(view, step * np.round(view.y / step))
+
+
+def spiked(view: View, size: float, rng: np.random.Generator) -> Record:
+    """Five single samples off by `size` times the span."""
+    values = view.y.copy()
+    at = rng.choice(np.arange(20, len(values) - 20), 5, replace=False)
+    values[at] += size * np.ptp(values) * rng.choice([-1, 1], 5)
+    return _measured(view, values)
+
+
+def humming(view: View, size: float, rng: np.random.Generator) -> Record:
+    """Mains of `size` standard deviations of the noise."""
+    return _measured(view, view.y + size * view.noise * np.sin(2 * np.pi * 50 * view.t))
+
+
+def noisy(view: View, size: float, rng: np.random.Generator) -> Record:
+    """Noise `size` times the stated one."""
+    extra = np.sqrt(size**2 - 1) * view.noise
+    return _measured(view, view.y + extra * rng.standard_normal(len(view.y)))
+
+
+def restarted(view: View, size: float, rng: np.random.Generator) -> Record:
+    """Stamps that begin again at a share `size` of the record."""
+    t, k = view.t.copy(), int(size * len(view.t))
+    t[k:] -= t[k]
+    return view.record.with_column("t_s", t)
+
+
+def uneven(view: View, size: float, rng: np.random.Generator) -> Record:
+    """Stamps off by up to `size` of the interval."""
+    return view.record.with_column("t_s", view.t + size * view.dt * rng.uniform(-1, 1, len(view.t)))
+
+
+def lost(view: View, size: float, rng: np.random.Generator) -> Record:
+    """A share `size` of the samples missing."""
+    return _rows(view, np.flatnonzero(rng.random(len(view.t)) >= size))
+
+
+def paused(view: View, size: float, rng: np.random.Generator) -> Record:
+    """A gap of `size` s in the middle."""
+    return _rows(view, np.flatnonzero(np.abs(view.t - np.mean(view.t)) > size / 2))
+
+
+def late(view: View, size: float, rng: np.random.Generator) -> Record:
+    """The measured column late by `size` s."""
+    return _measured(view, np.interp(view.t - size, view.t, view.y))
+
+
+def scaled(view: View, size: float, rng: np.random.Generator) -> Record:
+    """The moving column in another unit, `size` times larger."""
+    return view.record.with_column(view.moving_column, size * view.record[view.moving_column])
+
+
+def silent(view: View, size: float, rng: np.random.Generator) -> Record:
+    """A constant and noise of `size` times what it was."""
+    return _measured(view, np.mean(view.y) + size * view.noise * rng.standard_normal(len(view.y)))
+
+
+FAULTS: Final = {
+    "sign turned round": Fault(turned, "force_sign drive_sign", (1.0,), "", ("pull", "magnetic")),
+    "clipping": Fault(clipped, "clipping", (0.005, 0.02, 0.1), "of the samples"),
+    "held values": Fault(held, "held_values", (3.0, 5.0, 10.0), "times"),
+    "coarse resolution": Fault(coarse, "resolution", (3.0, 10.0, 30.0), "std of noise"),
+    "outliers": Fault(spiked, "outliers", (0.1, 0.3, 1.0), "of the span"),
+    "mains": Fault(humming, "tone", (0.3, 1.0, 3.0), "std of noise", ("pull",)),
+    "more noise than stated": Fault(noisy, "noise_stated", (1.5, 2.0, 4.0), "times"),
+    "stamps begin again": Fault(restarted, "stamps_restart", (0.5,), "of the record"),
+    "uneven stamps": Fault(uneven, "stamps_uneven", (0.03, 0.1, 0.3), "of the interval"),
+    "missing samples": Fault(lost, "stamps_missing", (0.001, 0.01, 0.05), "of the samples"),
+    "pause": Fault(paused, "pause", (0.1, 0.5, 2.0), "s"),
+    "late force": Fault(late, "clock_offset", (0.01, 0.02, 0.04), "s", ("pull",)),
+    "other unit": Fault(scaled, "units", (1000.0, 1e-3), "times", ("pull", "magnetic", "coil")),
+    "no response": Fault(silent, "no_response", (1.0, 5.0), "times the noise", ("pull", "magnetic")),
+}
+
+
+def records(count: int, seconds: float, folder: Path) -> Iterator[tuple[str, View]]:
+    """So many series in turn of each kind, noise and hidden effect (every other one has none)."""
+    for k in range(count):
+        kind, noise = KINDS[k % len(KINDS)], NOISES[k // len(KINDS) % len(NOISES)]
+        able = [e.id for e in HIDDEN if kind.removesuffix("_plate") in hidden(e.id).drives]
+        effect = able[k % len(able)] if k % 2 else None
+        out = make_series(kind, effect, 9000 + k, folder / f"{k}", seconds, noise, 100.0 if noise > 1 else 500.0)
+        rig = read_rig(out / "rig.toml")
+        for path in sorted(out.glob("*.csv.gz")):
+            yield kind, View(read_record(path, rig), rig)
+
+
+def said_of(record: Record, rig: Rig) -> set[str]:
+    """Ids of the findings."""
+    return {finding.id for finding in examine(rig, [record])}
+
+
+def tables(count: int, seconds: float) -> str:
+    """Both tables as Markdown."""
+    clean: Counter[str] = Counter()
+    hit: dict[tuple[str, float], list[bool]] = defaultdict(list)
+    seen = 0
+    rng = np.random.default_rng(1)
+    with tempfile.TemporaryDirectory() as folder:
+        for kind, view in records(count, seconds, Path(folder)):
+            before = said_of(view.record, view.rig)
+            clean.update(before)
+            seen += 1
+            for name, fault in FAULTS.items():
+                if fault.kinds and kind not in fault.kinds:
+                    continue
+                if before & set(fault.check.split()):  # told already: nothing to learn
+                    continue
+                for size in fault.sizes:
+                    found = said_of(fault.spoil(view, size, rng), view.rig)
+                    hit[name, size].append(bool(found & set(fault.check.split())))
+    checks = sorted({c for fault in FAULTS.values() for c in fault.check.split()} | set(clean))
+    lines = [f"{seen} records as the plant makes them:", "", "| check | says something in |", "| --- | --- |"]
+    lines += [f"| `{check}` | {clean[check]} of {seen} |" for check in checks]
+    lines += ["", "The same with one fault each:", "", "| fault | size | told in |", "| --- | --- | --- |"]
+    for (name, size), told in hit.items():
+        lines.append(f"| {name} | {size:g} {FAULTS[name].unit} | {sum(told)} of {len(told)} |")
+    return "\n".join(lines)
+
+
+def measured() -> Iterator[str]:
+    """What the checks say of the shared measured records."""
+    rig = parse_rig({"rig": {"kind": "axis"}})
+    for path in sorted((SHARED / "data" / "emps").glob("*.csv")):
+        said = said_of(read_record(path, rig), rig)
+        yield f"EMPS {path.stem}: {', '.join(sorted(said)) or 'nothing'}"
+
+
+def main() -> None:
+    """Read the options and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])  # type: ignore[union-attr]
+    parser.add_argument("--series", type=int, default=12)
+    parser.add_argument("--seconds", type=float, default=20.0)
+    options = parser.parse_args()
+    print(tables(options.series, options.seconds))
+    print()
+    for line in measured():
+        print(line)
+
+
+if __name__ == "__main__":
+    main()

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from scipy.signal import lfilter
 
 from models.checks.examine import examine
 from models.checks.view import Array, View
@@ -96,6 +97,12 @@ def noisy(view: View, size: float, rng: np.random.Generator) -> Record:
     return _measured(view, view.y + extra * rng.standard_normal(len(view.y)))
 
 
+def coloured(view: View, size: float, rng: np.random.Generator) -> Record:
+    """More noise, as much as there is, of which each sample keeps a share `size` of the one before."""
+    extra = lfilter([np.sqrt(1 - size**2)], [1, -size], rng.standard_normal(len(view.y)))
+    return _measured(view, view.y + view.noise * extra)
+
+
 def restarted(view: View, size: float, rng: np.random.Generator) -> Record:
     """Stamps that begin again at a share `size` of the record."""
     t, k = view.t.copy(), int(size * len(view.t))
@@ -141,6 +148,7 @@ FAULTS: Final = {
     "outliers": Fault(spiked, "outliers", (0.1, 0.3, 1.0), "of the span"),
     "mains": Fault(humming, "tone", (0.3, 1.0, 3.0), "std of noise", ("pull",)),
     "more noise than stated": Fault(noisy, "noise_stated", (1.5, 2.0, 4.0), "times"),
+    "coloured noise": Fault(coloured, "noise_coloured", (0.5, 0.8, 0.95), "of the sample before", ("pull", "magnetic")),
     "stamps begin again": Fault(restarted, "stamps_restart", (0.5,), "of the record"),
     "uneven stamps": Fault(uneven, "stamps_uneven", (0.03, 0.1, 0.3), "of the interval"),
     "missing samples": Fault(lost, "stamps_missing", (0.001, 0.01, 0.05), "of the samples"),

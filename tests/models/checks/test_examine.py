@@ -88,6 +88,11 @@ def humming(c: Columns) -> Columns:
     return c | {"force_N": c["force_N"] + 3e-3 * np.sin(2 * np.pi * 50 * c["t_s"])}
 
 
+def filtered(c: Columns) -> Columns:
+    clean, noise = pull(noise=0.0)["force_N"], c["force_N"] - pull(noise=0.0)["force_N"]
+    return c | {"force_N": clean + np.convolve(noise, np.ones(4) / 2, mode="same")}
+
+
 def noisy(c: Columns) -> Columns:
     return pull(noise=4 * NOISE)
 
@@ -143,6 +148,7 @@ CORRUPTIONS: dict[str, tuple[Callable[[Columns], Columns], str, str]] = {
     "a coarse converter": (coarse, "resolution", "weakens"),
     "three spikes": (spiked, "outliers", "note"),
     "mains": (humming, "tone", "note"),
+    "a sensor that filters": (filtered, "noise_coloured", "note"),
     "four times the stated noise": (noisy, "noise_stated", "note"),
     "a logger that began again": (restarted, "stamps_restart", "stops"),
     "a stamp that stands twice": (repeated, "stamps_repeated", "stops"),

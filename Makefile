@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV ?= .venv
 INSTALLED := $(VENV)/.installed
 
-.PHONY: demo test docs setup lint
+.PHONY: demo test docs setup lint sbom audit
 demo: setup
 	$(VENV)/bin/capsule demo --out out/demo
 
@@ -29,4 +29,18 @@ $(INSTALLED): pyproject.toml constraints.txt
 
 $(VENV)/.installed-docs: $(INSTALLED)
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
+	@touch $@
+
+# What a release ships with: the packages of the environment as CycloneDX, and those of them with known weaknesses.
+TOOLS := build/release-tools
+sbom: setup $(TOOLS)/.installed
+	$(TOOLS)/bin/cyclonedx-py environment --pyproject pyproject.toml --output-reproducible -o build/sbom.json $(VENV)/bin/python
+
+# asks the Python advisory database, so it needs the network
+audit: $(TOOLS)/.installed
+	$(TOOLS)/bin/pip-audit --no-deps --disable-pip -r constraints.txt
+
+$(TOOLS)/.installed: pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(TOOLS)
+	$(TOOLS)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt cyclonedx-bom pip-audit
 	@touch $@

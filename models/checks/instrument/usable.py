@@ -13,6 +13,8 @@ from models.files.rig import Rig
 
 USED = "_used"
 """Column of a cleaned record: 1 where the measured value counts, 0 where it was filled in."""
+RUN_IN = "_run_in"
+"""Column of a record that is judged from its middle on: 1 in what comes before, which is only run through."""
 _WHOLE = 0.99
 _SWITCHED = ("drive_on", "coil_voltage_V")
 
@@ -43,6 +45,16 @@ def cleaned(record: Record, rig: Rig) -> Record:
 def used(record: Record) -> Mask:
     """The rows of a record whose measured value counts; all of one that was not cleaned."""
     return record[USED] > _WHOLE if USED in record.columns else np.ones(len(record), dtype=bool)
+
+
+def counted(record: Record) -> Mask:
+    """The rows of a record whose residuals count: used, and no run-in."""
+    return used(record) & (record[RUN_IN] < _WHOLE) if RUN_IN in record.columns else used(record)
+
+
+def from_row(record: Record, row: int) -> Record:
+    """`record`, of which only the rows from `row` on count: what a model needs in order to know its state there."""
+    return record.with_column(RUN_IN, np.arange(len(record)) < row)
 
 
 def filled(record: Record, column: str) -> Record:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from models.checks.instrument.usable import counted
 from models.files.record import Record
 from models.identification.fitting.confidence import Part
 from models.identification.fitting.fit import FINE, Fit, Problem, narrowing
@@ -213,5 +214,5 @@ class _Clock:
 
 def _trained_share(splits: Sequence[tuple[Sequence[Record], Sequence[Record]]]) -> float:
     """Share of the rows that the training parts of `splits` have, on average."""
-    rows = [tuple(sum(map(len, records)) for records in split) for split in splits]
+    rows = [tuple(sum(int(counted(r).sum()) for r in records) for records in split) for split in splits]
     return float(np.mean([train / (train + held) for train, held in rows]))

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from models.checks.instrument.noise import noise_used, told_noise
-from models.checks.instrument.usable import filled, used
+from models.checks.instrument.usable import counted, filled, from_row, used
 from models.compiled.kernel import LANES
 from models.drives.drive import Drive
 from models.drives.from_rig import drive_of, surface_of
@@ -185,7 +185,7 @@ class SeriesKind:
         if criterion == self.criteria:
             dt = interval(record)
             return np.asarray(low_passed(r, dt)[:: max(1, round(1 / (_PER_PERIOD * LOW_PASS_HZ * dt)))])
-        r = averages(r[used(record)], self.averaged)
+        r = averages(r[counted(record)], self.averaged)
         return np.asarray(np.sign(r) * _TAIL * np.sqrt(2 * (np.sqrt(1 + (r / _TAIL) ** 2) - 1)))
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
@@ -212,12 +212,16 @@ class SeriesKind:
 
     def splits(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
         """The last record validates the others; where it holds a speed, a direction or a place that no other has, or
-        is the only one, the second halves of all records validate the first ones.
+        is the only one, the second halves of all records validate the first ones. The state of a wall that is pulled
+        follows from what came before: such a second half is run from the record's start.
         """
         if len(records) > 1 and may_be_left_out(records[-1], records[:-1]):
             return [(list(records[:-1]), [records[-1]])]
-        halves = [(r.rows(slice(0, len(r) // 2)), r.rows(slice(len(r) // 2, None))) for r in records]
-        return [([first for first, _ in halves], [second for _, second in halves])]
+        halves = [len(r) // 2 for r in records]
+        first = [r.rows(slice(0, half)) for r, half in zip(records, halves, strict=True)]
+        if self.free_only:
+            return [(first, [r.rows(slice(half, None)) for r, half in zip(records, halves, strict=True)])]
+        return [(first, [from_row(r, half) for r, half in zip(records, halves, strict=True)])]
 
     def signals(self, record: Record) -> dict[str, Array]:
         """What the residual is drawn against."""

@@ -81,7 +81,8 @@ class Recorder:
         entries, self._tick = self._tick, []
         heard = [entry for entry in entries if entry.way == RECEIVED]
         own = [entry for entry in entries if entry.way != RECEIVED]
-        late = next((k for k, entry in enumerate(heard) if entry.time_s > self._began_s), len(heard))
+        sent = any(entry.way != NOTED for entry in own)  # else the bus took nothing: the next tick hears this
+        late = next((k for k, entry in enumerate(heard) if sent and entry.time_s > self._began_s), len(heard))
         self._write([*heard[:late], *own], heard[late:])
 
     def _word(self, now: float, code: int, value: float = 0.0) -> None:

@@ -22,6 +22,7 @@ FORMAT: Final = 2
 _F_SETPIPE_SZ: Final = 1031
 _STOP_S: Final = 30.0
 _AGAIN_S: Final = 1.0
+_BEGINS_S = 10.0
 _TOGETHER: Final = 4096 // PACKED.size
 """Frames that the pipe takes together or not at all."""
 _MOST_NAMES: Final = 1000
@@ -162,11 +163,12 @@ class FrameLog(NodeLog):
     """A log that a process of its own writes: the node only hands frames to a pipe, which takes a microsecond and never
     waits.
 
-    The writer puts whole containers on file at least twice a second and, once the node is gone, by whatever means, what
-    is left in the pipe: a killed node loses nothing, a killed writer at most the last second. A writer that dies, also
-    of a full disk, is followed by another one, at once and then once a second; until then frames wait in the pipe (1
-    MiB, 43,690 frames), and what no longer fits is dropped. Each such thing is a sentence for `tell`, at once, and in
-    `troubles`; `lost` counts, once the log is closed, frames that were taken and never came on file.
+    The log begins once its writer does, or after 10 s. The writer puts whole containers on file at least twice a
+    second and, once the node is gone, by whatever means, what is left in the pipe: a killed node loses nothing, a
+    killed writer at most the last second. A writer that dies, also of a full disk, is followed by another one, at once
+    and then once a second; until then frames wait in the pipe (1 MiB, 43,690 frames), and what no longer fits is
+    dropped. Each such thing is a sentence for `tell`, at once, and in `troubles`; `lost` counts, once the log is closed,
+    frames that were taken and never came on file.
     """
 
     def __init__(
@@ -192,9 +194,11 @@ class FrameLog(NodeLog):
         self.troubles: list[str] = []
         self.lost = 0
         self._tell, self._priority, self._on_file, self._closing = tell, 0, 0, threading.Event()
+        self._begun = threading.Event()
         self._writer = self._begin()
         self._watch = threading.Thread(target=self._watched, daemon=True)
         self._watch.start()
+        self._begun.wait(_BEGINS_S)
 
     def _begin(self, *how: str) -> subprocess.Popen[str]:
         command = [sys.executable, "-m", "hil.log.writer_process", str(self.path.absolute()), str(self._calendar_s)]
@@ -220,6 +224,7 @@ class FrameLog(NodeLog):
                 for line in said:
                     word = line.strip()
                     self._on_file = before + int(word) if word.isdigit() else self._on_file
+                    self._begun.set()
             status = self._writer.wait()
             if status == 0 or self._closing.is_set():
                 return

@@ -27,11 +27,12 @@ def write_until_end(
     append: bool = False,
     told: Callable[[int], object] = lambda count: None,
 ) -> int:
-    """Write the frames that come from the file descriptor `source` to `path`, on file every `flush_s`, when `told` gets
-    how many are; their number. With `append` it goes on with the file, after a note that frames are missing. Raises
-    OSError where the disk does not take them.
+    """Write the frames that come from the file descriptor `source` to `path`, on file every `flush_s`. `told` gets how
+    many are, at the begin and after each time; the whole number is returned. With `append` it goes on with the file,
+    after a note that frames are missing. Raises OSError where the disk does not take them.
     """
     file, rest, count = BlfFile(path, calendar_s, append=append), b"", 0
+    told(count)
     due = time.monotonic() + flush_s
     while True:
         ready, _, _ = select.select([source], [], [], max(due - time.monotonic(), 0.0))

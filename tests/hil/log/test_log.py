@@ -83,7 +83,8 @@ def _node(path: Path) -> tuple[subprocess.Popen[str], int, int, float]:
     """
     node = subprocess.Popen([sys.executable, "-c", NODE, str(path)], stdout=subprocess.PIPE, text=True)
     assert node.stdout is not None
-    began, words = time.monotonic(), ["0", "0"]
+    words = node.stdout.readline().split()  # the log has begun
+    began = time.monotonic()
     while time.monotonic() - began < 2.5:
         words = node.stdout.readline().split()
     return node, int(words[1]), int(words[0]), int(words[0]) / (time.monotonic() - began)

@@ -167,7 +167,7 @@ class FrameLog(NodeLog):
     second and, once the node is gone, by whatever means, what is left in the pipe: a killed node loses nothing, a
     killed writer at most the last second. A writer that dies, also of a full disk, is followed by another one, at once
     and then once a second; until then frames wait in the pipe (1 MiB, 43,690 frames), and what no longer fits is
-    dropped. Each such thing is a sentence for `tell`, at once, and in `troubles`; `lost` counts, once the log is closed,
+    dropped. Each such thing is a sentence for `tell`, at once, and in `troubles`; once the log is closed, `lost` counts
     frames that were taken and never came on file.
     """
 

@@ -92,7 +92,7 @@ class LoopStory:
             )[0]
         report("done", 1.0)
         truth = runs[MISSION].get("effects", {})
-        return Told(finding, gate, missions, tuple(truth), truth)
+        return Told(finding, gate, missions, tuple(truth), truth=truth)
 
 
 def admitted(finding: Finding, model: Model, rig: Rig) -> Iterator[tuple[str, Verdict]]:

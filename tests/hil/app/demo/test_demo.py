@@ -97,6 +97,8 @@ def test_a_loop_is_driven_logged_judged_and_driven_again(driven: Driven) -> None
     assert errors["augmented"] < 0.5 * errors["calibrated"]
     assert {mission.numbers["seed"] for mission in one.missions.values()} == {3001}
     assert one.hidden == ("fold_periodic",)
+    assert one.caution == ""
+    assert one.truth["fold_periodic"]["wavelength_m"] > 0
     shares = [share for _, share in said]
     assert shares == sorted(shares)
     assert said[-1] == ("done", 1.0)

@@ -56,12 +56,12 @@ class FilterpyProcess(Process):
         size = self._see(b, value, self.noise.position_std_m, lambda z: self._place(z, b))
         if abs(size) <= self.noise.gate:
             b.surprise = self.noise.surprised(b.surprise, size)
-        return abs(size)
+        return size
 
     def see_state(self, b: CubatureFilter, name: str, value: float) -> float:
         """As `Process.see_state`."""
         place = self.names.index(name)
-        return abs(self._see(b, value, self.noise.feedback_std, lambda z: z[place : place + 1]))
+        return self._see(b, value, self.noise.feedback_std, lambda z: z[place : place + 1])
 
     def _see(self, b: CubatureFilter, value: float, std: float, shown: Any) -> float:
         """Take in a reading unless it is beyond the gate; its normalised difference. filterpy keeps the points of the

@@ -43,6 +43,18 @@ def follow(
 
 
 @each
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_an_innovation_has_the_sign_of_what_was_measured_beyond_what_was_expected(
+    kind: type[Receiver], side: float
+) -> None:
+    estimator = kind(MODEL)
+    for k in range(50):
+        estimator.observe(1e-3 * k, 0.0, [Measurement("position_m", 0.0, 1e-3 * k)])
+    (innovation,) = estimator.observe(0.05, 0.0, [Measurement("position_m", 5e-4 * side, 0.05)]).innovations
+    assert side * innovation > 0.3
+
+
+@each
 def test_position_is_known_better_than_measured(kind: type[Receiver]) -> None:
     """Half of the sensor's noise or less, although tissue and magnet are off, and never lost once begun."""
     estimator = kind(MODEL)

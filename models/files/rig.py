@@ -89,7 +89,8 @@ HEADS: Mapping[str, type[_Head]] = {
 }
 """The table `[rig]` of each kind."""
 _IN_THE_GUT = ("pull", "magnetic", "coil")
-_SIMULATED = (*_IN_THE_GUT, "vibro")
+CAPSULE_SERIES = (*_IN_THE_GUT, "vibro")
+"""Kinds whose records are time series of a capsule."""
 
 
 def read_rig(path: Path) -> Rig:
@@ -111,7 +112,7 @@ def parse_rig(raw: Mapping[str, Any], where: str = "rig") -> Rig:
     file = _File(raw, where, kind)
     head = file.read("rig", HEADS[kind])
     rig = replace(_parts(file, kind, head), checks=file.read("checks", Checks, optional=True))
-    if kind in _SIMULATED and "clock" in raw:
+    if kind in CAPSULE_SERIES and "clock" in raw:
         rig = replace(rig, clock=file.read("clock", Clock))
     columns = file.columns()
     file.refuse_rest()

@@ -6,6 +6,7 @@ import numpy as np
 
 from models.checks.finding import RecordFinding
 from models.checks.view import View
+from models.files.rig import CAPSULE_SERIES
 
 _TRAVEL_M = (2e-5, 3.0)
 _SPEED_M_S = (2e-6, 1.0)
@@ -14,7 +15,6 @@ _TURNING_SPEED_RAD_S = (1e-6, 1e4)
 _FORCE_N = (1e-4, 20.0)
 _NOTHING_M = 1e-7
 _SELDOM_S, _CRAWLS_M_S = 0.5, 2e-5
-_IN_GUT = ("pull", "magnetic", "coil", "vibro")
 
 
 def check_units(view: View) -> list[RecordFinding]:
@@ -24,7 +24,7 @@ def check_units(view: View) -> list[RecordFinding]:
     x = view.record[view.moving_column]
     travel, fastest = float(np.ptp(x)), float(np.percentile(np.abs(view.speed), 99))
     out = []
-    if view.kind in _IN_GUT:
+    if view.kind in CAPSULE_SERIES:
         small = 0 < travel < _TRAVEL_M[0] and (travel > 20 * view.noise or travel < _NOTHING_M)
         if travel > _TRAVEL_M[1] or small:
             out.append(_off(view, view.moving_column, f"travels {travel:.3g} m", _TRAVEL_M, "m"))

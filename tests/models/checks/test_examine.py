@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable
 
 import numpy as np
@@ -14,6 +15,7 @@ from models.checks.instrument.usable import USED, cleaned
 from models.effects import effects_for
 from models.files.record import Record
 from models.files.rig import Rig, parse_rig
+from tests.rig_texts import GUT
 
 Array = NDArray[np.float64]
 Columns = dict[str, Array]
@@ -41,21 +43,7 @@ def record(columns: Columns) -> Record:
 
 
 def rig(**tables: object) -> Rig:
-    return parse_rig({"rig": {"kind": "pull"}, "noise": {"force_std_N": NOISE}, **_GUT, **tables})
-
-
-_GUT = {
-    "capsule": {"radius_m": 6.5e-3, "cylinder_length_m": 20e-3, "mass_kg": 4e-3},
-    "tissue": {
-        "preset": "jejunum",
-        "wall_thickness_m": 2.5e-3,
-        "contact_angle_deg": 60.0,
-        "nose_force_angle_deg": 30.0,
-        "friction_coefficient": 0.082,
-        "mucus_thickness_m": 30e-6,
-        "recovery_time_s": 0.05,
-    },
-}
+    return parse_rig({"rig": {"kind": "pull"}, "noise": {"force_std_N": NOISE}, **tomllib.loads(GUT), **tables})
 
 
 def turned(c: Columns) -> Columns:

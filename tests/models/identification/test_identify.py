@@ -16,6 +16,7 @@ from models.identification.finding import Finding
 from models.identification.model import HELD_OUT
 from models.laws.geometry import Capsule, Tissue
 from models.sets import measured_path
+from tests.rig_texts import GUT
 
 
 def quiet(stage: str, fraction: float) -> None:
@@ -99,20 +100,7 @@ def short_pull(noise: float = 1e-3, hoop: float = 1.1, mu: float = 0.075, seed: 
     return rig, [kind.imitate(blank, truth, rng), kind.imitate(blank, truth, rng)]
 
 
-PULL = {
-    "capsule": {"radius_m": 6.5e-3, "cylinder_length_m": 20e-3, "mass_kg": 4e-3},
-    "tissue": {
-        "preset": "jejunum",
-        "wall_thickness_m": 2.5e-3,
-        "contact_angle_deg": 60.0,
-        "nose_force_angle_deg": 30.0,
-        "friction_coefficient": 0.082,
-        "mucus_thickness_m": 30e-6,
-        "recovery_time_s": 0.05,
-    },
-    "rig": {"kind": "pull"},
-    "noise": {"force_std_N": 1e-3},
-}
+PULL = {**tomllib.loads(GUT), "rig": {"kind": "pull"}, "noise": {"force_std_N": 1e-3}}
 
 
 def test_a_right_model_lacks_nothing_and_finds_its_numbers_again() -> None:

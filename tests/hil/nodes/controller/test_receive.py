@@ -11,6 +11,7 @@ from hil.bus.simulated import Medium, SimulatedBus
 from hil.nodes.controller.plausibility import Plausibility
 from hil.nodes.controller.receive import FrameReceiver
 from hil.nodes.frame_map import ENABLED, FAULT, frame_map_of, frames
+from tests.hil.scripted_bus import ScriptedBus
 from tests.hil.ticks import TICK
 
 
@@ -123,24 +124,6 @@ def _message(name: str, data: bytes, **kind: bool) -> can.Message:
     return can.Message(arbitration_id=frames()[name].id, data=data, **told)
 
 
-class Garbled(can.BusABC):
-    """Gives what it was filled with; raises what stands among it."""
-
-    def __init__(self, *waiting: can.Message | Exception) -> None:
-        super().__init__(channel="garbled")
-        self.waiting = list(waiting)
-        self.shutdown()
-
-    def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Nobody hears it."""
-
-    def recv(self, timeout: float | None = None) -> can.Message | None:
-        found = self.waiting.pop(0) if self.waiting else None
-        if isinstance(found, Exception):
-            raise found
-        return found
-
-
 @pytest.mark.parametrize(
     "error", [ValueError("x"), IndexError("y"), UnicodeDecodeError("ascii", b"\xff", 0, 1, "z"), can.CanError("c")]
 )
@@ -148,7 +131,7 @@ def test_whatever_an_interface_raises_is_a_deaf_tick(error: Exception) -> None:
     feed = Sender(frames()["CarriageFeedback"])
     good = feed.frame({"Position_m": 0.05, "Velocity_m_s": 0, "State": ENABLED, "Temperature_degC": 30})
     receiver = FrameReceiver(
-        Garbled(error, _message("CarriageFeedback", good)), frames(), frame_map_of("magnetic"), TICK
+        ScriptedBus(error, _message("CarriageFeedback", good)), frames(), frame_map_of("magnetic"), TICK
     )
     assert receiver.listen(0.0) == []
     assert (receiver.deaf, receiver.deaf_words.split(":")[0]) == (1, type(error).__name__)
@@ -160,7 +143,7 @@ def test_what_is_refused_is_told_for_each_frame_and_reason() -> None:
     """A drive whose frames are too short is not silent."""
     feed = Sender(frames()["CarriageFeedback"])
     good = feed.frame({"Position_m": 0.05, "Velocity_m_s": 0, "State": ENABLED, "Temperature_degC": 30})
-    bus = Garbled(
+    bus = ScriptedBus(
         *(_message("CarriageFeedback", good[:1]) for _ in range(3)),
         _message("CarriageFeedback", good[:-1] + b"\xff"),
         _message("CarriageFeedback", good),
@@ -178,7 +161,7 @@ def test_what_is_refused_is_told_for_each_frame_and_reason() -> None:
 
 @pytest.mark.parametrize("name", ["Sync", "CoilCommand", "ControllerHeartbeat", "SafeStop"])
 def test_a_controllers_own_frames_from_elsewhere_are_another_controller(name: str) -> None:
-    receiver = FrameReceiver(Garbled(_message(name, bytes(8))), frames(), frame_map_of("magnetic"), TICK)
+    receiver = FrameReceiver(ScriptedBus(_message(name, bytes(8))), frames(), frame_map_of("magnetic"), TICK)
     assert receiver.other_controller == ""
     receiver.listen(0.5)
     assert (receiver.foreign, receiver.foreign_at) == ({name: 1}, 0.5)

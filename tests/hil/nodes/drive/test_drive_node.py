@@ -23,6 +23,7 @@ from hil.nodes.frame_map import (
     frame_map_of,
     frames,
 )
+from tests.hil.scripted_bus import ScriptedBus
 from tests.hil.ticks import SLOT, TICK
 
 
@@ -220,24 +221,6 @@ def test_a_live_sync_lets_no_other_time_in(desk: Desk) -> None:
     assert desk.state == ENABLED
 
 
-class _Ear(can.BusABC):
-    """Gives what it was filled with, then nothing; raises what stands among it."""
-
-    def __init__(self, *waiting: can.Message | Exception) -> None:
-        super().__init__(channel="ear")
-        self.waiting = list(waiting)
-        self.shutdown()
-
-    def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Nobody hears it."""
-
-    def recv(self, timeout: float | None = None) -> can.Message | None:
-        found = self.waiting.pop(0) if self.waiting else None
-        if isinstance(found, Exception):
-            raise found
-        return found
-
-
 def test_other_types_of_frames_and_a_bus_that_raises_change_nothing(desk: Desk) -> None:
     """The right identifier, CRC and counter in an extended, remote, error or FD frame; garbled lines of a driver."""
     sender = desk.senders[desk.wiring.command]
@@ -253,7 +236,9 @@ def test_other_types_of_frames_and_a_bus_that_raises_change_nothing(desk: Desk) 
         for kind in other
     ]
     before = desk.drive.good_at
-    desk.drive.bus = _Ear(*told, None, ValueError("x"), IndexError(), UnicodeDecodeError("ascii", b"x", 0, 1, "?"))  # type: ignore[arg-type]
+    desk.drive.bus = ScriptedBus(
+        *told, None, ValueError("x"), IndexError(), UnicodeDecodeError("ascii", b"x", 0, 1, "?")
+    )  # type: ignore[arg-type]
     for _ in range(6):
         desk.drive.listen(desk.now, 2)
     assert (desk.drive.strange, desk.drive.deaf, desk.drive.good_at) == (3, 3, before)

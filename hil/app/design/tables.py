@@ -48,6 +48,7 @@ def _complex(rate: complex) -> str:
 
 
 def margin_table(found: Study) -> Table:
+    """Gain, phase and delay margins of each loop, a row for a loop and state of the wall."""
     table = Table(title=f"margins with {1e3 * found.delay_s:g} ms of delay", title_justify="left")
     for column in (
         "",
@@ -74,6 +75,7 @@ def margin_table(found: Study) -> Table:
 
 
 def cycle_table(found: Study) -> Table:
+    """Limit cycles of each controller under set-valued friction, a row for a run."""
     table = Table(title="set-valued friction, no noise: error in the last half", title_justify="left")
     for column in ("", "run", "peak to peak in µm", "period in s", "rms in µm", "hunts"):
         table.add_column(column, justify="left" if column in ("", "run") else "right")

@@ -298,6 +298,7 @@ def mean_velocity(period_s: float, duty: float, cycles: int, settle: int, step: 
 
 @nb.njit(cache=True, nogil=True)
 def table(period_s: Array, duty: Array, cycles: Array, settle: int, step: float, q: VibroCycle) -> Array:
+    """Mean speeds in m/s (n,) at periods in s, duties and numbers of cycles (n,), each after `settle` cycles."""
     speeds = np.empty(period_s.size)
     for i in range(period_s.size):
         speeds[i] = mean_velocity(period_s[i], duty[i], int(cycles[i]), settle, step, q)

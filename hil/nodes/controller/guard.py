@@ -181,6 +181,7 @@ class Guard:
             "Sync",
             "ControllerHeartbeat",
             "ModelHealth",
+            "OperatorStatus",
             wiring.command,
         )
         self._senders = {name: (catalogue[name].id, Sender(catalogue[name])) for name in allowed}

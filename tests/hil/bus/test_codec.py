@@ -210,7 +210,7 @@ def test_the_longest_frame_is_135_bits() -> None:
 
 def test_the_catalogue_fits_the_bus_with_margin() -> None:
     everything = bus_load(CATALOGUE)
-    assert sum(share.load for share in everything) == pytest.approx(0.630, abs=1e-3)
+    assert sum(share.load for share in everything) == pytest.approx(0.639, abs=1e-3)
     nodes = {"Controller", "Carriage", "Localiser", "ForceSensor"}
     others = {"CoilCommand", "InnerMassCommand"}
     assert sum(s.load for s in bus_load(CATALOGUE, nodes) if s.name not in others) == pytest.approx(0.332, abs=1e-3)

@@ -11,12 +11,17 @@ from typing import Any, Final
 from controller.limits import Limits
 from controller.registry import CONTROLLERS, ESTIMATORS
 from hil.app.docs.meanings import MEANINGS, UNITS
-from hil.app.scenario.deployment import BusTable, ControlTable, ModelTable, PlantTable
+from hil.app.scenario.deployment import BUS_RANGES, BusTable, ControlTable, ModelTable, PlantTable
 from hil.app.scenario.model_offer import OfferTable
 from hil.app.scenario.reference import REFERENCES
 from hil.app.scenario.scenario import Control
 from hil.formats.table import FORMATS
+from hil.nodes.actuators import ACTUATORS
 from hil.nodes.cia402.states import Cia402Table
+from hil.nodes.moteus.actuator import RANGES as MOTEUS_RANGES
+from hil.nodes.moteus.actuator import MoteusTable
+from hil.nodes.odrive.actuator import HOMES, OdriveTable
+from hil.nodes.odrive.actuator import RANGES as ODRIVE_RANGES
 from models.files.columns import ABOVE, COLUMNS, RANGES, TIME, VARIANTS
 from models.files.rig_tables import (
     Axis,
@@ -60,7 +65,7 @@ DEPLOYMENT_TABLES: Final[Mapping[str, Any]] = {
     "[limits]": Limits,
     "[model]": ModelTable,
     "[offer]": OfferTable,
-    "[cia402]": Cia402Table,
+    **{f"[{name}]": table for name, table in ACTUATORS.items()},
     "[plant]": PlantTable,
 }
 
@@ -73,9 +78,11 @@ _CHOICES: Final[Mapping[str, tuple[str, ...]]] = {
     "controller": tuple(CONTROLLERS),
     "estimator": ESTIMATORS,
     "stage": STAGES,
+    "home": HOMES,
 }
 
 CHECKED: Final[Mapping[tuple[type[Any], str], tuple[float, float]]] = {
+    **{(BusTable, name): (lower, upper) for name, lower, upper in BUS_RANGES},
     (ControlTable, "tick_s"): (5e-4, 0.02),
     (ControlTable, "seen_noise_m"): (0.0, 0.01),
     (ControlTable, "resolution_m"): (0.0, 0.01),
@@ -88,6 +95,8 @@ CHECKED: Final[Mapping[tuple[type[Any], str], tuple[float, float]]] = {
     (OfferTable, "at_s"): (0.0, math.inf),
     (Cia402Table, "node_id"): (1, 15),
     (PlantTable, "priority"): (0, 99),
+    **{(OdriveTable, name): (lower, upper) for name, lower, upper in ODRIVE_RANGES},
+    **{(MoteusTable, name): (lower, upper) for name, lower, upper in MOTEUS_RANGES},
 }
 """Ranges that a table checks as it is made; the test of the page tries both ends of each."""
 

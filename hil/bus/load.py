@@ -30,6 +30,17 @@ def frame_bits(identifier: int, data: bytes | bytearray) -> int:
     return int(_stuffed(identifier << 7 | len(data), int.from_bytes(data, "big", signed=True), 8 * len(data))) + _TAIL
 
 
+def fd_frame_bits(extended: bool, length: int, ratio: float) -> int:
+    """Bits, at the bus's bit rate, of a CAN FD frame of `length` bytes whose data go `ratio` times as fast, with every
+    stuff bit that there may be, and the space after it.
+    """
+    head = 36 if extended else 17
+    checksum = 17 if length <= 16 else 21
+    free = 5 + 8 * length
+    fast = free + free // 4 + 4 + checksum + (4 + checksum + 3) // 4
+    return head + head // 4 + math.ceil(fast / ratio) + _TAIL
+
+
 def _compiled(signature: str) -> Any:
     return numba.njit(signature, cache=True)
 

@@ -22,7 +22,11 @@ import can
 from models.compiled.private_folder import private_folder
 
 INTERFACE: Final = "capsule_local"
-_PACKET: Final = struct.Struct("<dHB8s")
+_HEAD: Final = struct.Struct("<dIB")
+"""Time, identifier, type; the data follow."""
+_EXTENDED, _FD, _SWITCHED = 1, 2, 4
+"""Bits of the type."""
+_MOST_DATA: Final = 64
 _LONGEST_PATH: Final = 100
 _NODES: Final = 64
 _BUFFER: Final = 1 << 20
@@ -36,13 +40,16 @@ class LocalBus(can.BusABC):
     not read fills its own queue only; what no longer fits is lost to it and counted in `overruns`, as in a CAN
     controller. Nodes come and go at any time, also by SIGKILL. Not modelled: arbitration, bit time, errors,
     acknowledgement (a lonely sender hears no complaint). Times of frames are the sender's `time.time()`. Classic data
-    frames with 11-bit identifiers alone.
+    frames with 11-bit identifiers alone may be sent; with `fd` CAN FD's and 29-bit identifiers too, which every node
+    hears.
     """
 
-    def __init__(self, channel: str = "capsule", receive_own_messages: bool = False, **kwargs: Any) -> None:
+    def __init__(
+        self, channel: str = "capsule", receive_own_messages: bool = False, fd: bool = False, **kwargs: Any
+    ) -> None:
         """Join the bus. Raises can.CanInitializationError where that cannot be done."""
         self.overruns = 0
-        self._own = receive_own_messages
+        self._own, self._fd = receive_own_messages, fd
         self._inbox: deque[can.Message] = deque()
         self._peers: dict[int, socket.socket] = {}
         self._poll = select.epoll()
@@ -100,12 +107,15 @@ class LocalBus(can.BusABC):
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Hand a frame to every other node; never waits. Raises ValueError for anything but a classic data frame of 11
-        bits.
+        bits, with `fd` for anything but a data frame.
         """
-        if msg.is_extended_id or msg.is_remote_frame or msg.is_fd or msg.is_error_frame or len(msg.data) > 8:
-            raise ValueError(f"message must be a classic data frame with an 11-bit identifier; got {msg}")
+        fit = self._fd or not (msg.is_extended_id or msg.is_fd)
+        if not fit or msg.is_remote_frame or msg.is_error_frame or len(msg.data) > (_MOST_DATA if msg.is_fd else 8):
+            wanted = "data frame" if self._fd else "classic data frame with an 11-bit identifier"
+            raise ValueError(f"message must be a {wanted}; got {msg}")
         self._greet()
-        packet = _PACKET.pack(time.time(), msg.arbitration_id, len(msg.data), bytes(msg.data))
+        kind = _EXTENDED * msg.is_extended_id + _FD * msg.is_fd + _SWITCHED * msg.bitrate_switch
+        packet = _HEAD.pack(time.time(), msg.arbitration_id, kind) + bytes(msg.data)
         for number, peer in list(self._peers.items()):
             try:
                 peer.send(packet)
@@ -140,19 +150,28 @@ class LocalBus(can.BusABC):
         peer = self._peers[number]
         while True:
             try:
-                packet = peer.recv(_PACKET.size)
+                packet = peer.recv(_HEAD.size + _MOST_DATA)
             except BlockingIOError:
                 return
             except OSError:
                 packet = b""
-            if len(packet) != _PACKET.size:
+            if len(packet) < _HEAD.size:
                 self._forget(number)
                 return
             self._inbox.append(self._message(packet, is_rx=True))
 
     def _message(self, packet: bytes, is_rx: bool) -> can.Message:
-        stamp, identifier, length, data = _PACKET.unpack(packet)
-        return can.Message(stamp, identifier, False, data=data[:length], is_rx=is_rx, channel=self.channel_info)
+        stamp, identifier, kind = _HEAD.unpack_from(packet)
+        return can.Message(
+            stamp,
+            identifier,
+            bool(kind & _EXTENDED),
+            is_fd=bool(kind & _FD),
+            bitrate_switch=bool(kind & _SWITCHED),
+            data=packet[_HEAD.size :],
+            is_rx=is_rx,
+            channel=self.channel_info,
+        )
 
     def fileno(self) -> int:
         """Readable while a frame (or a node that joins) waits."""

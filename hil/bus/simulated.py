@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import can
 
-from hil.bus.load import frame_bits
+from hil.bus.load import fd_frame_bits, frame_bits
 
 PASSIVE, BUS_OFF = 128, 256
 ERROR_BITS = 23
@@ -46,7 +46,7 @@ class Counters:
 class _Waiting(NamedTuple):
     """A frame in a node's queue, in order of priority; no two have the same `number`."""
 
-    id: int
+    rank: int
     number: int
     queued: int
     message: can.Message
@@ -58,13 +58,16 @@ class Medium:
     Modelled: arbitration by identifier, every frame's own length with stuff bits, error signalling with retransmission,
     error counters (+8 and -1 for the sender, +1 and -1 for receivers), passive nodes' pause, bus-off without automatic
     return, a collision of two senders of one identifier, a sender without anybody to acknowledge. Not modelled:
-    propagation, sampling, overload frames, remote frames, different views of one error. Only 11-bit data frames.
+    propagation, sampling, overload frames, remote frames, different views of one error. Only 11-bit data frames; with a
+    `data_bit_rate` CAN FD's too, whose data it switches to and which every node understands.
     """
 
-    def __init__(self, bit_rate: int = 1_000_000, disturb: Disturb | None = None) -> None:
+    def __init__(self, bit_rate: int = 1_000_000, disturb: Disturb | None = None, data_bit_rate: int = 0) -> None:
         if not 10_000 <= bit_rate <= 1_000_000:
             raise ValueError(f"bit_rate must lie in [10000, 1000000] bit/s; got {bit_rate}")
-        self.bit_rate, self.disturb = bit_rate, disturb
+        if data_bit_rate and not bit_rate <= data_bit_rate <= 8_000_000:
+            raise ValueError(f"data_bit_rate must lie in [{bit_rate}, 8000000] bit/s, or be 0; got {data_bit_rate}")
+        self.bit_rate, self.disturb, self.data_bit_rate = bit_rate, disturb, data_bit_rate
         self.ports: list[SimulatedBus] = []
         self.busy_bits = 0
         self._now = self._free = 0
@@ -96,7 +99,7 @@ class Medium:
     def queue(self, port: SimulatedBus, message: can.Message) -> None:
         """Put a node's frame into its queue."""
         self._number += 1
-        heapq.heappush(port.waiting, _Waiting(message.arbitration_id, self._number, self._now, message))
+        heapq.heappush(port.waiting, _Waiting(_rank(message), self._number, self._now, message))
 
     def leave(self, port: SimulatedBus) -> None:
         """Take a node off the bus, as its error counters would: its queue is forgotten, and a frame that it has on the
@@ -134,7 +137,14 @@ class Medium:
         sender.counters.longest_s = max(sender.counters.longest_s, (last - waiting.queued) / self.bit_rate)
         sent = waiting.message
         got = can.Message(
-            last / self.bit_rate, sent.arbitration_id, False, data=sent.data, is_rx=True, channel=sender.name
+            last / self.bit_rate,
+            sent.arbitration_id,
+            sent.is_extended_id,
+            is_fd=sent.is_fd,
+            bitrate_switch=sent.bitrate_switch,
+            data=sent.data,
+            is_rx=True,
+            channel=sender.name,
         )
         for port in self.ports:
             counters = port.counters
@@ -162,7 +172,7 @@ class Medium:
         self._now = max(self._now, start)
         winner = min(ready, key=_first) if len(ready) > 1 else ready[0]
         waiting = _first(winner)
-        rivals = [p for p in ready if p is not winner and _first(p).id == waiting.id] if len(ready) > 1 else []
+        rivals = [p for p in ready if p is not winner and _first(p).rank == waiting.rank] if len(ready) > 1 else []
         if any(_first(p).message.data != waiting.message.data for p in rivals):
             self._fail(start, [winner, *rivals], waiting)
         elif not any(p is not winner and self.online(p) for p in self.ports):
@@ -170,7 +180,7 @@ class Medium:
         elif self.disturb is not None and self.disturb(start / self.bit_rate, winner.name, waiting.message):
             self._fail(start, [winner], waiting)
         else:
-            length = frame_bits(waiting.id, waiting.message.data)
+            length = self._bits(waiting.message)
             self._occupy(start, length)
             self._flying = (start + length - SPACE_BITS, winner, heapq.heappop(winner.waiting))
             for rival in rivals:
@@ -183,7 +193,7 @@ class Medium:
         """An error frame: counters move, the frame stays in the queue for another try unless its sender has left the
         bus.
         """
-        self._occupy(start, frame_bits(waiting.id, waiting.message.data) // 2 + ERROR_BITS)
+        self._occupy(start, self._bits(waiting.message) // 2 + ERROR_BITS)
         for port in self.ports:
             if port in senders:
                 if acknowledged or port.counters.transmit < PASSIVE:
@@ -196,9 +206,21 @@ class Medium:
             elif self.online(port):
                 port.counters.receive = min(port.counters.receive + 1, PASSIVE)
 
+    def _bits(self, message: can.Message) -> int:
+        """Bits of a frame at the bus's bit rate."""
+        if message.is_fd:
+            ratio = self.data_bit_rate / self.bit_rate if message.bitrate_switch else 1.0
+            return fd_frame_bits(message.is_extended_id, len(message.data), ratio)
+        return frame_bits(message.arbitration_id, message.data)
+
     def _occupy(self, start: int, bits: int) -> None:
         self._free = start + bits
         self.busy_bits += bits
+
+
+def _rank(message: can.Message) -> int:
+    """What arbitration goes by, the least first: the 11 leading bits, then 11-bit frames before 29-bit ones."""
+    return message.arbitration_id << 1 | 1 if message.is_extended_id else message.arbitration_id << 19
 
 
 def _first(port: SimulatedBus) -> _Waiting:
@@ -223,9 +245,10 @@ class SimulatedBus(can.BusABC):
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Queue a frame; raises CanOperationError with 64 frames waiting or off the bus, ValueError for anything but a
-        data frame of 11 bits.
+        data frame of 11 bits, or one of CAN FD where the medium has a data bit rate.
         """
-        if msg.is_extended_id or msg.is_remote_frame or msg.is_fd or msg.is_error_frame or len(msg.data) > 8:
+        fit = msg.is_fd if self.medium.data_bit_rate and msg.is_fd else not msg.is_extended_id and not msg.is_fd
+        if not fit or msg.is_remote_frame or msg.is_error_frame or len(msg.data) > (64 if msg.is_fd else 8):
             raise ValueError(f"message must be a classic data frame with an 11-bit identifier; got {msg}")
         if not self.medium.online(self):
             raise can.CanOperationError(f"node {self.name} is off the bus")

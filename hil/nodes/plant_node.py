@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 import secrets
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import can
 import numpy as np
@@ -17,14 +17,12 @@ from hil.bus.catalogue import Catalogue
 from hil.nodes.drive.node import DriveNode
 from hil.nodes.drive.power_stage import CarriagePower, CoilPower, InnerMassPower, Power
 from hil.nodes.frame_map import frame_map_of, frames
+from hil.nodes.simulated_drives import SimulatedDrive
 from hil.nodes.transmit import FrameTransmitter
 from plant import layout as at
 from plant.drives.kinds import Coil, Magnet, Vibro
 from plant.sensing.instruments import Reading
 from plant.session import Session
-
-if TYPE_CHECKING:
-    from hil.nodes.cia402.drive import Cia402Drive
 
 SLOT_S: Final = 1e-3
 """The drives' firmware runs this often."""
@@ -66,7 +64,7 @@ class PlantNode:
         *,
         force_seed: int | None = None,
         catalogue: Catalogue | None = None,
-        drive: Cia402Drive | None = None,
+        drive: SimulatedDrive | None = None,
         draw: Callable[[], int] = lambda: secrets.randbits(32),
     ) -> None:
         """`force_seed` None: without a force sensor. `drive`: another one than the catalogue's. `draw` makes the
@@ -79,7 +77,7 @@ class PlantNode:
         catalogue = catalogue or frames()
         kind, power = power_of(session, limits)
         self.session, self.tamper = session, None
-        self.drive: DriveNode | Cia402Drive = drive or DriveNode(
+        self.drive: SimulatedDrive = drive or DriveNode(
             drive_bus, catalogue, frame_map_of(kind), power, limits, tick_s, draw=draw
         )
         self._parts = _COIL_PARTS if kind == "coil" else 1

@@ -11,13 +11,18 @@ from typing import Any, Final
 from controller.limits import Limits
 from controller.registry import CONTROLLERS, ESTIMATORS
 from hil.app.docs.meanings import MEANINGS, UNITS
-from hil.app.scenario.deployment import BusTable, ControlTable, ModelTable, PlantTable
+from hil.app.scenario.deployment import BUS_RANGES, BusTable, ControlTable, ModelTable, PlantTable
 from hil.app.scenario.model_offer import OfferTable
 from hil.app.scenario.reference import REFERENCES
 from hil.app.scenario.scenario import Control
 from hil.formats.table import FORMATS
+from hil.nodes.actuators import ACTUATORS
 from hil.nodes.cia402.states import Cia402Table
 from hil.nodes.controller.operator import OperatorLimits
+from hil.nodes.moteus.actuator import RANGES as MOTEUS_RANGES
+from hil.nodes.moteus.actuator import MoteusTable
+from hil.nodes.odrive.actuator import HOMES, OdriveTable
+from hil.nodes.odrive.actuator import RANGES as ODRIVE_RANGES
 from models.files.columns import ABOVE, COLUMNS, RANGES, TIME, VARIANTS
 from models.files.rig_tables import (
     Axis,
@@ -62,7 +67,7 @@ DEPLOYMENT_TABLES: Final[Mapping[str, Any]] = {
     "[model]": ModelTable,
     "[offer]": OfferTable,
     "[operator]": OperatorLimits,
-    "[cia402]": Cia402Table,
+    **{f"[{name}]": table for name, table in ACTUATORS.items()},
     "[plant]": PlantTable,
 }
 
@@ -75,9 +80,11 @@ _CHOICES: Final[Mapping[str, tuple[str, ...]]] = {
     "controller": tuple(CONTROLLERS),
     "estimator": ESTIMATORS,
     "stage": STAGES,
+    "home": HOMES,
 }
 
 CHECKED: Final[Mapping[tuple[type[Any], str], tuple[float, float]]] = {
+    **{(BusTable, name): (lower, upper) for name, lower, upper in BUS_RANGES},
     (ControlTable, "tick_s"): (5e-4, 0.02),
     (ControlTable, "seen_noise_m"): (0.0, 0.01),
     (ControlTable, "resolution_m"): (0.0, 0.01),
@@ -93,6 +100,8 @@ CHECKED: Final[Mapping[tuple[type[Any], str], tuple[float, float]]] = {
     (OperatorLimits, "speed_m_s"): (1e-4, 0.4),
     (OperatorLimits, "acceleration_m_s2"): (1e-3, 10.0),
     (OperatorLimits, "stop_after_s"): (0.05, 60.0),
+    **{(OdriveTable, name): (lower, upper) for name, lower, upper in ODRIVE_RANGES},
+    **{(MoteusTable, name): (lower, upper) for name, lower, upper in MOTEUS_RANGES},
 }
 """Ranges that a table checks as it is made; the test of the page tries both ends of each."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import can
 
@@ -22,16 +22,18 @@ from hil.bus.catalogue import Catalogue, load_catalogue
 from hil.bus.local import LocalBus
 from hil.log.log import FrameLog, record_path
 from hil.log.recorder import Recorder, log_record
-from hil.nodes.cia402.bus import Cia402Bus
-from hil.nodes.cia402.setup import set_up
+from hil.nodes.actuators import carriage_bus, set_up
+from hil.nodes.carriage_bus import CarriageBus
 from hil.nodes.controller.node import ControllerNode
 from hil.nodes.controller.receive import controllers_frames
-from hil.nodes.frame_map import frame_map_of, plain
+from hil.nodes.frame_map import plain
 from models.parameter import nearest
 
 ACTIONS = ("lead", "check", "reset")
 QUIET_S: Final = 0.1
 """How long to listen before anything is sent: five cycles of a controller's slowest frame."""
+TIMED: Final = ("pcan", "kvaser", "vector")
+"""Interfaces whose CAN FD bit timing python-can sets."""
 _DRIVERS = logging.getLogger("can")
 """What drivers say beside their errors; the errors alone are told."""
 
@@ -93,6 +95,8 @@ def _run(
                 points = check(deployment, task, bus, catalogue)
             else:
                 outcome, node, frames_log = _lead(deployment, bus, dry_run, log, resets=action == "reset")
+                if ENDS[outcome.end][0] and (trouble := _told_by_drive(bus)):
+                    outcome.ended += f"; {trouble}"
         finally:
             bus.shutdown()
     if action == "check":
@@ -137,13 +141,13 @@ def open_bus(table: BusTable) -> can.BusABC:
         )
     try:
         return can.Bus(
-            interface=table.interface, channel=None if table.channel == "" else table.channel, bitrate=table.bitrate
+            interface=table.interface, channel=None if table.channel == "" else table.channel, **_rate(table)
         )
     except Exception as error:  # noqa: BLE001 - drivers of many makers raise whatever they like
         words = " ".join(str(error).split())[:200] or type(error).__name__
         up = (
-            f"; 'ip link set {table.channel} up type can bitrate {table.bitrate}' brings it up, in a kernel that"
-            " knows CAN"
+            f"; 'ip link set {table.channel} up type can bitrate {table.bitrate}{_fd_words(table)}' brings it up, in a"
+            " kernel that knows CAN"
         )
         remedy = up if table.interface == "socketcan" and table.channel != "" else ""
         raise ValueError(
@@ -151,11 +155,29 @@ def open_bus(table: BusTable) -> can.BusABC:
         ) from None
 
 
+def _rate(table: BusTable) -> dict[str, Any]:
+    """How python-can is told the bit rate: makers' adapters take a CAN FD timing, SocketCAN's is the kernel's."""
+    if not table.fd:
+        return {"bitrate": table.bitrate}
+    if table.interface in TIMED:
+        return {"fd": True, "timing": table.timing()}
+    if table.interface == "socketcan":
+        mtu = Path(f"/sys/class/net/{table.channel}/mtu")
+        if mtu.is_file() and mtu.read_text(encoding="ascii").strip() == "16":
+            raise can.CanInitializationError("the interface is up for classic CAN alone")
+    return {"fd": True, "bitrate": table.bitrate, "data_bitrate": table.data_bitrate}
+
+
+def _fd_words(table: BusTable) -> str:
+    points = f" sample-point {table.sample_point:g} dsample-point {table.data_sample_point:g}"
+    return f"{points} dbitrate {table.data_bitrate} fd on" if table.fd else ""
+
+
 def _drives_bus(deployment: Deployment, *, listen_only: bool) -> can.BusABC:
-    """The deployment's bus; a CiA 402 drive on it is set up first, but where nothing may be sent. Raises ValueError of
-    one sentence.
+    """The deployment's bus; another maker's drive on it is set up first, but where nothing may be sent. Raises
+    ValueError of one sentence.
     """
-    bus, table = open_bus(deployment.bus), deployment.cia402
+    bus, table = open_bus(deployment.bus), deployment.drive
     if not listen_only and (others := _controllers_on(bus)):
         bus.shutdown()
         raise _OtherControllerError(f"another controller is on the bus ({', '.join(others)})")
@@ -163,12 +185,11 @@ def _drives_bus(deployment: Deployment, *, listen_only: bool) -> can.BusABC:
         return bus
     if not listen_only:
         try:
-            shortest_ms = frame_map_of(deployment.rig.kind).life_ms(deployment.limits.carriage_speed_m_s)
-            set_up(bus, table, deployment.limits, deployment.control.tick_s, shortest_ms)
+            set_up(bus, table, deployment.limits, deployment.control.tick_s)
         except ValueError:
             bus.shutdown()
             raise
-    return Cia402Bus(bus, table, load_catalogue())
+    return carriage_bus(bus, table, load_catalogue(), deployment.control.tick_s)
 
 
 class _OtherControllerError(Exception):
@@ -264,9 +285,14 @@ def _overruns(bus: can.BusABC) -> int:
     """Frames for which there was no room in another node's queue, as far as the interface counts them: the local bus
     does.
     """
-    while isinstance(bus, ClockedBus | Cia402Bus):
+    while isinstance(bus, ClockedBus | CarriageBus):
         bus = bus.inner
     return bus.overruns if isinstance(bus, LocalBus) else 0
+
+
+def _told_by_drive(bus: ClockedBus) -> str:
+    """What another maker's drive says is wrong, "" where nothing is."""
+    return bus.inner.trouble if isinstance(bus.inner, CarriageBus) else ""
 
 
 def _say(found: dict[str, object]) -> None:

@@ -5,26 +5,21 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import can
 import numpy as np
 
-from controller.limits import Limits
 from hil.app.console import output_to_notes, print_json
 from hil.app.run.clock import Clock, ClockedBus, Grid
 from hil.app.run.command import open_bus
 from hil.app.run.loop import Signals, prepare_process
 from hil.app.scenario.deployment import BusTable, read_plant
 from hil.app.scenario.scenario import load_track_scenario
-from hil.nodes.cia402.states import Cia402Table
-from hil.nodes.drive.power_stage import CarriagePower
+from hil.nodes.actuators import ActuatorTable
 from hil.nodes.plant_node import SLOT_S, PlantNode, power_of
+from hil.nodes.simulated_drives import simulated_drive
 from plant import layout as at
 from plant.session import Session
-
-if TYPE_CHECKING:
-    from hil.nodes.cia402.drive import Cia402Drive
 
 
 def plant(path: Path, seconds: float | None = None, *, json_output: bool = False) -> None:
@@ -45,7 +40,7 @@ def plant(path: Path, seconds: float | None = None, *, json_output: bool = False
                 deployed.bus,
                 seconds or float("inf"),
                 deployed.priority,
-                cia402=deployed.cia402,
+                drive=deployed.drive,
                 ready=lambda: print("ready", file=told, flush=True),
             )
         except ValueError as error:
@@ -60,12 +55,12 @@ def run_plant(
     seconds: float,
     priority: int = 0,
     *,
-    cia402: Cia402Table | None = None,
+    drive: ActuatorTable | None = None,
     ready: Callable[[], None] = lambda: None,
 ) -> dict[str, Any]:
     """Put the plant of a scenario on a bus for `seconds` or until a signal; what became of it, the truth included.
 
-    With `cia402` it is a carriage that speaks CANopen. The plant's time is the wall clock's, `priority` as in a
+    With `drive` it is that maker's carriage. The plant's time is the wall clock's, `priority` as in a
     deployment: slots that come late are made up for at once, so it never runs slow.
     """
     scenario = load_track_scenario(scenario_path)
@@ -74,8 +69,9 @@ def run_plant(
     clock = Clock()
     bus = ClockedBus(raw, clock)
     session = Session(scenario.truth, scenario.instruments, scenario.seed, 0.0)
-    carriage = None if cia402 is None else _cia402(session, scenario.limits, bus, cia402)
-    node = PlantNode(session, scenario.limits, 2 * SLOT_S, bus, bus, drive=carriage)
+    _, power = power_of(session, scenario.limits)
+    foreign = None if drive is None else simulated_drive(bus, drive, power, scenario.limits, 2 * SLOT_S)
+    node = PlantNode(session, scenario.limits, 2 * SLOT_S, bus, bus, drive=foreign)
     prepare_process(priority, -1)
     ready()
     grid, slots = Grid(clock, SLOT_S), 0
@@ -99,13 +95,3 @@ def run_plant(
         "fault": node.drive.stage.fault,
         "moved_m": float(place[-1] - place[0]),
     }
-
-
-def _cia402(session: Session, limits: Limits, bus: can.BusABC, table: Cia402Table) -> Cia402Drive:
-    """The scenario's carriage as a CANopen drive. Raises ValueError for another kind of drive."""
-    from hil.nodes.cia402.drive import Cia402Drive
-
-    kind, power = power_of(session, limits)
-    if not isinstance(power, CarriagePower):
-        raise ValueError(f"[cia402] must be a carriage; got a rig of kind {kind}")
-    return Cia402Drive(bus, table, power, limits, 2 * SLOT_S)

@@ -1,4 +1,6 @@
-"""SCENARIO.toml on the bus: a closed loop as `capsule track` reads it, with the tables `[bus]` and `[[faults]]`."""
+"""SCENARIO.toml on the bus: a closed loop as `capsule track` reads it, with the tables `[bus]` and `[[faults]]`, and
+the drive's own where that is another maker's.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +12,7 @@ from typing import Any
 from hil.app.scenario.deployment import check_tick
 from hil.app.scenario.reference import with_reference
 from hil.app.scenario.scenario import BUS_TABLES, TABLES, TrackScenario, parse_track_scenario
+from hil.nodes.actuators import ACTUATORS, ActuatorTable, read_actuator
 from hil.nodes.faults.table import Fault, read_faults
 from hil.nodes.frame_map import frame_map_of, frames
 from hil.nodes.plant_node import SLOT_S
@@ -35,12 +38,13 @@ class BusTable:
 @dataclass(frozen=True)
 class SilScenario:
     """A closed `loop` over the bus and what goes wrong in it. Its tick is the cycle of the drive's command frame where
-    the file names none.
+    the file names none. `drive` is another maker's, which then is set up already.
     """
 
     loop: TrackScenario
     bus: BusTable = BusTable()
     faults: tuple[Fault, ...] = ()
+    drive: ActuatorTable | None = None
 
 
 def load_sil_scenario(path: Path, reference: Path | None = None) -> tuple[SilScenario, str]:
@@ -59,11 +63,12 @@ def load_sil_scenario(path: Path, reference: Path | None = None) -> tuple[SilSce
 
 def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
     """A loop over the bus from parsed TOML. Errors as `load_sil_scenario`."""
-    known = (*TABLES, *BUS_TABLES)
+    own = (*BUS_TABLES, *ACTUATORS)
+    known = (*TABLES, *own)
     for name in raw:
         if name not in known:
             raise ValueError(f"tables must be among {', '.join(known)}; got [{name}]; {nearest(name, known)}")
-    loop = parse_track_scenario({name: table for name, table in raw.items() if name not in BUS_TABLES})
+    loop = parse_track_scenario({name: table for name, table in raw.items() if name not in own})
     if "tick_s" not in raw.get("control", {}):
         cycle = frames()[frame_map_of(loop.kind).command].cycle_s
         loop = replace(loop, control=replace(loop.control, tick_s=cycle))
@@ -75,4 +80,4 @@ def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
     if not isinstance(bus, Mapping):
         raise ValueError(f"bus must be a table; got {bus!r}")
     faults = read_faults(raw.get("faults", []), loop.duration_s)
-    return SilScenario(loop, from_table(BusTable, bus, "bus"), faults)
+    return SilScenario(loop, from_table(BusTable, bus, "bus"), faults, read_actuator(raw, loop.kind))

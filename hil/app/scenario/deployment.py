@@ -9,6 +9,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
+import can
+
 from controller.limits import Limits
 from controller.model.control_model import ControlModel, control_model
 from controller.registry import CONTROLLERS, checked_estimator, leads
@@ -17,7 +19,7 @@ from controller.trajectory import Trajectory
 from hil.app.scenario.model_offer import Offered, offer_of, read_offer, read_offer_table
 from hil.app.scenario.reference import read_reference, with_reference
 from hil.bus.catalogue import load_catalogue
-from hil.nodes.cia402.states import Cia402Table
+from hil.nodes.actuators import ACTUATORS, ActuatorTable, needs_fd, read_actuator
 from hil.nodes.controller.guard import FEEDBACK_S
 from hil.nodes.controller.node import Task
 from hil.nodes.controller.operator import OperatorLimits
@@ -33,21 +35,58 @@ PLANNING: Final = 0.4
 """Share of a tick within which a plan has to be made. At 1 kHz listening, estimate, limits and sending take a quarter
 of it.
 """
-OWN_TABLES: Final = ("bus", "cia402", "control", "reference", "limits", "model", "offer", "operator", "plant")
+OWN_TABLES: Final = ("bus", *ACTUATORS, "control", "reference", "limits", "model", "offer", "operator", "plant")
 
 
 @dataclass(frozen=True)
 class BusTable:
-    """`[bus]`: a python-can interface, its channel and the bit rate, which must be the catalogue's."""
+    """`[bus]`: a python-can interface, its channel and the bit rate, which must be the catalogue's. `fd` opens it for
+    CAN FD, whose data go at `data_bitrate`; the sample points are shares of a bit.
+    """
 
     interface: str
     channel: str | int = ""
     bitrate: int = 1_000_000
+    fd: bool = False
+    data_bitrate: int = 5_000_000
+    sample_point: float = 0.667
+    data_sample_point: float = 0.667
 
     def __post_init__(self) -> None:
         rate = load_catalogue().bit_rate
         if self.bitrate != rate:
             raise ValueError(f"bus.bitrate must be {rate}, as capsule.dbc has it; got {self.bitrate}")
+        for name, lower, upper in BUS_RANGES:
+            if not lower <= getattr(self, name) <= upper:
+                raise ValueError(f"bus.{name} must lie in [{lower:g}, {upper:g}]; got {getattr(self, name):g}")
+        if self.fd:
+            self.timing()
+
+    def timing(self) -> can.BitTimingFd:
+        """The bit timing of CAN FD by a clock of 80 MHz. Raises ValueError where that cannot make it."""
+        rates = f"{self.bitrate} and {self.data_bitrate} bit/s at {self.sample_point:g} and {self.data_sample_point:g}"
+        try:
+            found = can.BitTimingFd.from_sample_point(
+                80_000_000, self.bitrate, 100 * self.sample_point, self.data_bitrate, 100 * self.data_sample_point
+            )
+        except ValueError as error:
+            raise ValueError(f"bus.data_bitrate must be one that 80 MHz can make ({rates}); got: {error}") from None
+        for name, made in (("sample_point", found.nom_sample_point), ("data_sample_point", found.data_sample_point)):
+            if abs(made / 100 - getattr(self, name)) > NEAR_POINT:
+                raise ValueError(
+                    f"bus.{name} must be within {NEAR_POINT:g} of one that 80 MHz can make ({rates}); the nearest is"
+                    f" {made / 100:.3f}"
+                )
+        return found
+
+
+BUS_RANGES: Final = (
+    ("data_bitrate", 1_000_000, 8_000_000),
+    ("sample_point", 0.5, 0.9),
+    ("data_sample_point", 0.5, 0.9),
+)
+NEAR_POINT: Final = 0.05
+"""By how much a sample point may be off what is asked for."""
 
 
 @dataclass(frozen=True)
@@ -121,19 +160,19 @@ class PlantTable:
 
 @dataclass(frozen=True)
 class DeployedPlant:
-    """The drive side that a deployment file names: a scenario's plant on a bus; `cia402` where it speaks CANopen."""
+    """The drive side that a deployment file names: a scenario's plant on a bus; `drive` where it is another maker's."""
 
     scenario: Path
     bus: BusTable
     priority: int = 0
-    cia402: Cia402Table | None = None
+    drive: ActuatorTable | None = None
 
 
 @dataclass(frozen=True)
 class Deployment:
     """A controller to run on a bus. `values` are the learned model's parameters, none where nominal; `verdict` the
-    gate's, where asked; `cia402` the carriage's settings where it is a CANopen drive; `operator` what setpoints from
-    the bus are held to.
+    gate's, where asked; `drive` the carriage's settings where it is another maker's; `operator` what setpoints
+    from the bus are held to.
     """
 
     name: str
@@ -145,7 +184,7 @@ class Deployment:
     limits: Limits
     values: Mapping[str, float]
     verdict: Verdict | None = None
-    cia402: Cia402Table | None = None
+    drive: ActuatorTable | None = None
     offered: Offered | None = None
     operator: OperatorLimits = OperatorLimits()
 
@@ -202,7 +241,8 @@ def read_plant(path: Path) -> DeployedPlant:
             )
         table = from_table(PlantTable, raw["plant"], "plant")
         bus = from_table(BusTable, raw.get("bus", {}), "bus")
-        return DeployedPlant(path.parent / table.scenario, bus, table.priority, _drive(raw, _rig(raw).kind))
+        drive = _drive(raw, _rig(raw).kind, bus)
+        return DeployedPlant(path.parent / table.scenario, bus, table.priority, drive)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
@@ -220,17 +260,18 @@ def parse_deployment(
     limits = from_table(Limits, raw.get("limits", {}), "limits")
     if rig.kind in FRAME_MAPS:
         check_tick(control.tick_s, rig.kind, limits)
+    bus = from_table(BusTable, raw.get("bus", {}), "bus")
     return Deployment(
         name,
         text,
         rig,
-        from_table(BusTable, raw.get("bus", {}), "bus"),
+        bus,
         control,
         read_reference(raw.get("reference", {}), control.duration_s),
         limits,
         values,
         verdict,
-        _drive(raw, rig.kind),
+        _drive(raw, rig.kind, bus),
         operator=_operator(raw, limits),
     )
 
@@ -290,13 +331,12 @@ def check_tick(tick_s: float, kind: str, limits: Limits) -> None:
         )
 
 
-def _drive(raw: Mapping[str, Any], kind: str) -> Cia402Table | None:
-    """The CANopen drive that the file names."""
-    if "cia402" not in raw:
-        return None
-    if kind != "magnetic":
-        raise ValueError(f"cia402 must stand with rig.kind magnetic, whose carriage it is; got {kind!r}")
-    return from_table(Cia402Table, raw["cia402"], "cia402")
+def _drive(raw: Mapping[str, Any], kind: str, bus: BusTable) -> ActuatorTable | None:
+    """The drive that the file names, on a bus that carries its frames."""
+    table = read_actuator(raw, kind)
+    if needs_fd(table) and not bus.fd:
+        raise ValueError("bus.fd must be true with [moteus], whose frames are CAN FD; got false")
+    return table
 
 
 def _rig(raw: Mapping[str, Any], where: str = "rig file") -> Rig:

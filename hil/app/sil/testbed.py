@@ -19,12 +19,15 @@ from hil.app.scenario.bus_scenario import SilScenario
 from hil.bus.protection import Sender
 from hil.bus.simulated import Medium, SimulatedBus
 from hil.log.recorder import Recorder
+from hil.nodes.actuators import carriage_bus, needs_fd
+from hil.nodes.carriage_bus import CarriageBus
 from hil.nodes.controller.node import ControllerNode, Task, Tick
 from hil.nodes.controller.receive import controllers_frames
 from hil.nodes.faults.injection import TAMPERING, FaultInjection
 from hil.nodes.faults.table import Fault
 from hil.nodes.frame_map import ENABLE, FrameMap, frame_map_of, frames
-from hil.nodes.plant_node import SLOT_S, PlantNode
+from hil.nodes.plant_node import SLOT_S, PlantNode, power_of
+from hil.nodes.simulated_drives import simulated_drive
 from plant.sensing.instruments import Reading
 from plant.session import Session
 
@@ -62,7 +65,7 @@ class Bench:
         self._recorder = recorder
         loop, self.scenario = scenario.loop, scenario
         self.tick_s, self.wiring = loop.control.tick_s, frame_map_of(loop.kind)
-        self.medium = Medium(frames().bit_rate)
+        self.medium = Medium(frames().bit_rate, data_bit_rate=5_000_000 if needs_fd(scenario.drive) else 0)
         self.ports = {name: SimulatedBus(self.medium, name) for name in ("controller", "drive", "localiser")}
         self._babbler = (
             SimulatedBus(self.medium, "babbler") if any(f.kind == "babbling" for f in scenario.faults) else None
@@ -72,15 +75,22 @@ class Bench:
         seen, estimator = loop.instruments.localisation, loop.control.estimator
         told = (loop.reference, loop.limits, seen.std)
         task = Task(model, controller, *told, resolution_m=seen.quantum, offer=offer, estimator=estimator)
-        self.node = ControllerNode(task, self._bus("controller", seed), observer=recorder)
+        ends, drive = {name: self._bus(name, seed + k) for k, name in enumerate(("controller", "drive"))}, None
         session = Session(loop.truth, replace(loop.instruments, feedback=None), seed, 0.0)
+        if scenario.drive is not None:
+            _, power = power_of(session, loop.limits)
+            drive = simulated_drive(ends["drive"], scenario.drive, power, loop.limits, self.tick_s)
+            ends["controller"] = carriage_bus(ends["controller"], scenario.drive, frames(), self.tick_s)
+        self.carriage = ends["controller"] if isinstance(ends["controller"], CarriageBus) else None
+        self.node = ControllerNode(task, ends["controller"], observer=recorder)
         self.plant = PlantNode(
             session,
             loop.limits,
             self.tick_s,
-            self._bus("drive", seed + 1),
+            ends["drive"],
             self.ports["localiser"],
             force_seed=seed if scenario.bus.force_sensor else None,
+            drive=drive,
             draw=partial(random.Random(seed).getrandbits, 32),
         )
         self.ticks = 0

@@ -36,8 +36,8 @@ class Power(Protocol):
 @dataclass
 class CarriagePower:
     """A linear axis: in a straight line to each setpoint within speed and travel. Safe state: at rest where it is,
-    reached by braking; it is not drawn back, for the magnet's pull on a resting capsule is bounded and a carriage that
-    moves by itself is not.
+    reached by braking at `braking_m_s2`; it is not drawn back, for the magnet's pull on a resting capsule is bounded
+    and a carriage that moves by itself is not.
     """
 
     speed_m_s: float
@@ -45,6 +45,7 @@ class CarriagePower:
     output: float = 0.0
     rate: float = 0.0
     overload: bool = False
+    braking_m_s2: float = QUICK_STOP_M_S2
     _target: float = 0.0
     _left_s: float = 0.0
 
@@ -59,7 +60,7 @@ class CarriagePower:
             self._left_s = max(self._left_s - dt, 0.0)
             self.output += self.rate * dt
         else:
-            before, brake = self.rate, QUICK_STOP_M_S2 * dt
+            before, brake = self.rate, self.braking_m_s2 * dt
             self.rate = math.copysign(max(abs(before) - brake, 0.0), before)
             self.output += 0.5 * (before + self.rate) * dt
             self._target, self._left_s = self.output, 0.0

@@ -4,6 +4,7 @@ may do.
 
 from __future__ import annotations
 
+import copy
 import heapq
 import random
 from collections import deque
@@ -96,7 +97,9 @@ class FaultInjection(can.BusABC):
         data = bytearray(frame.data)
         for bit in self._rng.sample(range(8 * len(data)), self._rng.randint(1, 8)):
             data[bit // 8] ^= 1 << bit % 8
-        return [can.Message(frame.timestamp, frame.arbitration_id, False, data=data, is_rx=True, channel=frame.channel)]
+        frame = copy.copy(frame)
+        frame.data = data
+        return [frame]
 
     def _retype(self, frame: can.Message, fault: Fault) -> list[can.Message]:
         self._number += 1
@@ -146,7 +149,9 @@ class FaultInjection(can.BusABC):
 
 
 def _stamped(message: can.Message, time_s: float) -> can.Message:
-    return can.Message(time_s, message.arbitration_id, False, data=message.data, is_rx=True, channel=message.channel)
+    later = copy.copy(message)
+    later.timestamp = time_s
+    return later
 
 
 _TAMPERING: Final[Mapping[str, Callable[[FaultInjection, can.Message, Fault], list[can.Message]]]] = MappingProxyType(

@@ -1,0 +1,71 @@
+"""Drives of other makers that a deployment or a scenario may name by a table of their own: how the controller's side
+sets one up and speaks with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any, Final
+
+import can
+
+from controller.limits import Limits
+from hil.bus.catalogue import Catalogue
+from hil.nodes.carriage_bus import CarriageBus
+from hil.nodes.cia402.bus import Cia402Bus
+from hil.nodes.cia402.setup import set_up as set_up_cia402
+from hil.nodes.cia402.states import Cia402Table
+from hil.nodes.frame_map import frame_map_of
+from hil.nodes.moteus.actuator import MoteusBus, MoteusTable
+from hil.nodes.moteus.actuator import set_up as set_up_moteus
+from hil.nodes.odrive.actuator import OdriveBus, OdriveTable
+from hil.nodes.odrive.actuator import set_up as set_up_odrive
+from models.files.tables import from_table
+
+ActuatorTable = Cia402Table | OdriveTable | MoteusTable
+ACTUATORS: Final[Mapping[str, type[ActuatorTable]]] = MappingProxyType(
+    {"cia402": Cia402Table, "odrive": OdriveTable, "moteus": MoteusTable}
+)
+"""The tables by their name in a file."""
+
+
+def read_actuator(raw: Mapping[str, Any], kind: str) -> ActuatorTable | None:
+    """The drive that a file's tables name for a rig of `kind`, None where it is the catalogue's own. Raises ValueError
+    of one sentence.
+    """
+    named = [name for name in ACTUATORS if name in raw]
+    if not named:
+        return None
+    if len(named) > 1:
+        raise ValueError(f"tables must name one drive; got [{'], ['.join(named)}]")
+    if kind != "magnetic":
+        raise ValueError(f"{named[0]} must stand with rig.kind magnetic, whose carriage it is; got {kind!r}")
+    found: ActuatorTable = from_table(ACTUATORS[named[0]], raw[named[0]], named[0])
+    return found
+
+
+def needs_fd(table: ActuatorTable | None) -> bool:
+    """Whether the drive's frames are CAN FD."""
+    return isinstance(table, MoteusTable)
+
+
+def set_up(bus: can.BusABC, table: ActuatorTable, limits: Limits, tick_s: float) -> None:
+    """Set the drive up and see that it stops by itself without commands; it stays disabled. Raises ValueError of one
+    sentence.
+    """
+    if isinstance(table, Cia402Table):
+        set_up_cia402(bus, table, limits, tick_s, frame_map_of("magnetic").life_ms(limits.carriage_speed_m_s))
+    elif isinstance(table, OdriveTable):
+        set_up_odrive(bus, table, limits, tick_s)
+    else:
+        set_up_moteus(bus, table)
+
+
+def carriage_bus(inner: can.BusABC, table: ActuatorTable, catalogue: Catalogue, tick_s: float) -> CarriageBus:
+    """The bus on which the drive is the catalogue's carriage."""
+    if isinstance(table, Cia402Table):
+        return Cia402Bus(inner, table, catalogue)
+    if isinstance(table, OdriveTable):
+        return OdriveBus(inner, table, catalogue, tick_s)
+    return MoteusBus(inner, table, catalogue, tick_s)

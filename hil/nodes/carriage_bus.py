@@ -1,0 +1,182 @@
+"""A bus on which a drive of another maker speaks as the catalogue's carriage: the controller behind it, its guard and
+its log stay as they are.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections import deque
+from typing import Any, Final
+
+import can
+
+from hil.bus.catalogue import Catalogue
+from hil.bus.codec import Codec
+from hil.bus.protection import Sender
+from hil.nodes.frame_map import BOOT, FASTEST_M_S, FAULT, QUICK_STOP_M_S2, STANDBY, STOPPING, WAITING
+
+ROOM_TEMPERATURE_C: Final = 20.0
+_SPOKEN: Final = ("CarriageFeedback", "CarriageHeartbeat", "CarriageFault")
+_HEARD: Final = ("CarriageCommand", "ControllerHeartbeat", "DriveReset", "SafeStop", "Sync")
+_NODE_STATES: Final = {BOOT: 0, STANDBY: 1, WAITING: 1, STOPPING: 3, FAULT: 4}
+_LONGEST_S: Final = 167772.0
+
+
+class BrakePath:
+    """The way to rest at `QUICK_STOP_M_S2`, a step each `tick_s`, for a drive that follows places."""
+
+    def __init__(self, tick_s: float) -> None:
+        self._tick_s = tick_s
+        self._place_m = self._rate_m_s = math.nan
+        self._ended = False
+
+    def leave(self) -> None:
+        """Brake no more."""
+        self._rate_m_s, self._ended = math.nan, False
+
+    def step(self, place_m: float, speed_m_s: float) -> tuple[float, float] | None:
+        """The next place and rate, beginning at `place_m` with `speed_m_s`; None once at rest, until `leave`."""
+        if self._ended:
+            return None
+        if math.isnan(self._rate_m_s):
+            self._place_m, self._rate_m_s = place_m, speed_m_s
+        before = self._rate_m_s
+        self._rate_m_s = math.copysign(max(abs(before) - QUICK_STOP_M_S2 * self._tick_s, 0.0), before)
+        self._place_m += 0.5 * (before + self._rate_m_s) * self._tick_s
+        self._ended = before == 0.0
+        return None if self._ended else (self._place_m, self._rate_m_s)
+
+
+class CarriageBus(can.BusABC):
+    """Passes `inner` on, but for the carriage's frames: a subclass says what the controller's become on the wire, and
+    what of the catalogue the drive's own become.
+
+    The frames made here are protected anew, so CRC and counter guard nothing beyond this process; on the wire such a
+    drive has the bus's own CRC alone. None of them tells a temperature that a limit of ours is for: they look after
+    that themselves.
+    """
+
+    def __init__(self, inner: can.BusABC, name: str, catalogue: Catalogue) -> None:
+        super().__init__(channel=inner.channel_info)
+        self.inner = inner
+        self.channel_info = f"{name} on {inner.channel_info}"
+        self._names = {catalogue[heard].id: heard for heard in _HEARD}
+        self._codecs = {heard: Codec(catalogue[heard]) for heard in _HEARD}
+        self._speakers = {spoken: (catalogue[spoken].id, Sender(catalogue[spoken])) for spoken in _SPOKEN}
+        self._fingerprint = catalogue.fingerprint
+        self._ready: deque[can.Message] = deque()
+        self._began_s = math.nan
+
+    @property
+    def trouble(self) -> str:
+        """What is wrong with the drive in its maker's words, "" where nothing is."""
+        return ""
+
+    @abstractmethod
+    def command(self, mode: int, place_m: float, timeout: float | None) -> None:
+        """The controller wants the drive in `mode` and the carriage at `place_m` from the next SYNC on."""
+
+    @abstractmethod
+    def synchronise(self, timeout: float | None) -> None:
+        """A tick begins."""
+
+    @abstractmethod
+    def acknowledge(self, timeout: float | None) -> None:
+        """The operator acknowledges the drive's fault."""
+
+    @abstractmethod
+    def halt(self, timeout: float | None) -> None:
+        """A SafeStop for the carriage."""
+
+    @abstractmethod
+    def take(self, message: can.Message) -> bool:
+        """Take a frame in where it is the drive's; whether it was."""
+
+    def live(self, timeout: float | None) -> None:
+        """The controller's heartbeat is due."""
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Send a frame of the catalogue, the carriage's as the drive's own. Raises can.CanError as `inner`."""
+        name = self._names.get(msg.arbitration_id, "")
+        values = self._codecs[name].decode(int.from_bytes(msg.data, "little")) if name else None
+        if not isinstance(values, dict):
+            self.inner.send(msg, timeout)
+        elif name == "CarriageCommand":
+            self.command(int(values["Mode"]), values["Position_m"], timeout)
+        elif name == "ControllerHeartbeat":
+            self.live(timeout)
+        elif name == "DriveReset":
+            if values["Target"] in (0, 1):
+                self.acknowledge(timeout)
+        else:
+            if name == "SafeStop" and values["Target"] in (0, 1):
+                self.halt(timeout)
+            self.inner.send(msg, timeout)
+            if name == "Sync":
+                self.synchronise(timeout)
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """The next frame, the drive's own as the catalogue has it; None where there is none."""
+        while not self._ready:
+            message = self.inner.recv(timeout)
+            if message is None:
+                return None
+            if not self.take(message):
+                return message
+        return self._ready.popleft()
+
+    def feed(self, state: int, place_m: float, speed_m_s: float, stamp: float) -> None:
+        """Let the controller hear a feedback, `state` in the catalogue's numbers."""
+        speed = min(max(speed_m_s, -FASTEST_M_S), FASTEST_M_S)
+        temperature = {"State": float(state), "Temperature_degC": ROOM_TEMPERATURE_C}
+        self._hear("CarriageFeedback", {"Position_m": place_m, "Velocity_m_s": speed, **temperature}, stamp)
+
+    def beat(self, state: int, stamp: float, *, anew: bool = False) -> None:
+        """Let it hear a heartbeat; `anew` where the drive has just booted."""
+        self._began_s = stamp if math.isnan(self._began_s) or anew else self._began_s
+        up = min(max(stamp - self._began_s, 0.0), _LONGEST_S)
+        told = {"State": _NODE_STATES.get(state, 2), "Uptime_s": up, "Catalogue": self._fingerprint}
+        self._hear("CarriageHeartbeat", told, stamp)
+
+    def fail(self, code: int, detail: int, stamp: float) -> None:
+        """Let it hear a fault, twice as every drive tells one."""
+        for _ in range(2):
+            self._hear("CarriageFault", {"Code": code, "Detail": detail & 0xFFFF}, stamp)
+
+    def _hear(self, name: str, values: dict[str, float], stamp: float) -> None:
+        """Put a frame before the controller; one that does not fit its range is left out, as a corrupt one would be."""
+        identifier, sender = self._speakers[name]
+        try:
+            data = sender.frame(values)
+        except ValueError:
+            return
+        self._ready.append(can.Message(stamp, identifier, False, data=data, is_rx=True))
+
+    def say(self, identifier: int, data: bytes, timeout: float | None) -> None:
+        """Send one of the drive's own frames, classic, with an 11-bit identifier."""
+        self.inner.send(can.Message(arbitration_id=identifier, is_extended_id=False, data=data, is_rx=False), timeout)
+
+    def send_periodic(self, *_: Any, **__: Any) -> Any:
+        """Refused, as everywhere."""
+        raise NotImplementedError("frames are sent one by one")
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        return self.recv(timeout), False
+
+    def __del__(self) -> None:
+        """Nothing to release, so nothing to warn of."""
+
+    @property
+    def state(self) -> can.BusState:
+        """As `inner`."""
+        return self.inner.state
+
+    @state.setter
+    def state(self, new_state: can.BusState) -> None:
+        self.inner.state = new_state
+
+    def shutdown(self) -> None:
+        """Shut `inner` down."""
+        super().shutdown()
+        self.inner.shutdown()

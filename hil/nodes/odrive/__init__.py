@@ -1,0 +1,1 @@
+"""A carriage that is an ODrive: its actuator, and a simulated one."""

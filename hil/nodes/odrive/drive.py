@@ -1,0 +1,186 @@
+"""A carriage as an ODrive, simulated after the maker's description of CANSimple in firmware 0.6: what
+`hil.nodes.odrive.actuator` sets up and leads, written apart from it.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable
+from typing import Final
+
+import can
+
+from controller.limits import Limits
+from hil.nodes.drive.power_stage import CarriagePower
+from hil.nodes.drive.state_machine import NO_FAULT, Stage
+from hil.nodes.frame_map import BOOT, ENABLED, FAULT, STANDBY, plain
+from hil.nodes.odrive.actuator import OdriveTable, code_of
+
+ENABLE_WATCHDOG, WATCHDOG_TIMEOUT = 417, 418
+"""Endpoint ids of this simulated firmware where the table states none."""
+FIRMWARE: Final = (0, 6, 11)
+BOOT_S: Final = 0.05
+HEARTBEAT_EVERY, ESTIMATES_EVERY = 10, 2
+"""In runs of the firmware of 1 ms."""
+UNDEFINED, AXIS_IDLE, CLOSED_LOOP_CONTROL = 0, 1, 8
+INITIALIZING, MISSING_ESTIMATE, INVERTER_OVER_TEMP, WATCHDOG, ESTOP = 0x1, 0x8, 0x4000, 0x1000000, 0x2000000
+_MOST: Final = 256
+_AMBIENT_C: Final = 25.0
+
+
+class OdriveDrive:
+    """Behaves as a `DriveNode` to the plant: `listen` once a slot, `output` for the plant's command.
+
+    It has no SYNC: a position acts at once, its reports leave in its own cycle. A command feeds the watchdog, which
+    counts in closed loop control alone and is off unless `watchdog` says otherwise, as the maker ships it. An error
+    disarms: the axis is idle, the carriage coasts. An error whose cause is gone vanishes by itself; the reason of the
+    disarming stays until Clear_Errors or the next arming.
+    """
+
+    def __init__(
+        self,
+        bus: can.BusABC,
+        table: OdriveTable,
+        power: CarriagePower,
+        limits: Limits,
+        tick_s: float,
+        *,
+        watchdog: bool = True,
+    ) -> None:
+        self.bus, self.table, self.power, self.limits, self.tick_s = bus, table, power, limits, tick_s
+        self.heated_to_C, self.misread = -math.inf, None
+        self.node_id, self.broken = table.node_id, False
+        self.watchdog_on, self.watchdog_s = watchdog, table.watchdog_s
+        self.rejected = 0
+        power.braking_m_s2 = table.coast_m_s2
+        self.boot(0.0)
+
+    misread: Callable[[float], float] | None
+
+    def boot(self, now: float) -> None:
+        """Begin anew, as after a loss of supply."""
+        self.axis, self.errors, self.disarmed_by, self.result = UNDEFINED, INITIALIZING, 0, 0
+        self._now = self._since = self._began = now
+        self._runs = 0
+        self.fed_at = self.good_at = -math.inf
+
+    @property
+    def safe(self) -> bool:
+        """Whether the drive follows no command and is at rest."""
+        return self.axis != CLOSED_LOOP_CONTROL and self.power.at_rest
+
+    @property
+    def temperature_C(self) -> float:
+        """Temperature of its inverter."""
+        return max(_AMBIENT_C, self.heated_to_C)
+
+    @property
+    def stage(self) -> Stage:
+        """State and fault in the catalogue's numbers."""
+        told = (self.errors & ~INITIALIZING) | self.disarmed_by
+        idle = FAULT if told else BOOT if self.axis == UNDEFINED else STANDBY
+        state = ENABLED if self.axis == CLOSED_LOOP_CONTROL else idle
+        return Stage(state, self._since, code_of(told) if told else NO_FAULT)
+
+    def listen(self, now: float, slots: int) -> None:
+        """One run of the firmware: take frames in, judge, report."""
+        self._now = now
+        if self.axis == UNDEFINED and now - self._began >= BOOT_S:
+            self._become(AXIS_IDLE)
+        for _ in range(_MOST):
+            message = self.bus.recv(0)
+            if message is None:
+                break
+            if plain(message) and message.arbitration_id >> 5 == self.node_id:
+                self._take(message.arbitration_id & 0x1F, bytes(message.data))
+        self._judge()
+        self._runs += 1
+        if now - self._began < 0.5 * BOOT_S:
+            return
+        if self._runs % HEARTBEAT_EVERY == 0:
+            self._say(0x01, struct.pack("<IBBBB", self.errors, self.axis, self.result, 0, 0))
+        if self._runs % ESTIMATES_EVERY == 0:
+            place, speed = self.power.output, self.power.rate
+            place = place if self.misread is None else self.misread(place)
+            scale = self.table.turns_per_m
+            told = (math.nan, math.nan) if self.broken else (place * scale, speed * scale)
+            self._say(0x09, struct.pack("<ff", *told))
+
+    def output(self, dt: float, sensed: float) -> float:
+        """The plant's command for the next `dt` s."""
+        return self.power.step(dt, float(self.axis == CLOSED_LOOP_CONTROL), sensed)
+
+    def _judge(self) -> None:
+        """What is wrong at this moment; it disarms an armed axis."""
+        wrong = INITIALIZING if self.axis == UNDEFINED else 0
+        wrong |= MISSING_ESTIMATE if self.broken else 0
+        wrong |= INVERTER_OVER_TEMP if self.temperature_C > self.limits.temperature_C else 0
+        armed = self.axis == CLOSED_LOOP_CONTROL
+        if armed and self.watchdog_on and self._now - self.fed_at > self.watchdog_s:
+            wrong |= WATCHDOG
+        self.errors = wrong
+        if armed and wrong:
+            self.disarmed_by = wrong
+            self._become(AXIS_IDLE)
+
+    def _take(self, command: int, data: bytes) -> None:
+        """A frame for this node; one whose length is not its own is refused."""
+        lengths = {0x00: 0, 0x07: 4, 0x0B: 8, 0x0C: 8, 0x0F: 8, 0x19: 4}
+        if command in lengths and len(data) != lengths[command]:
+            self.rejected += 1
+        elif command == 0x00:
+            self._say(0x00, bytes((2, 4, 4, 58, *FIRMWARE, 0)))
+        elif command == 0x02:
+            self.errors |= ESTOP
+            self.disarmed_by |= ESTOP
+            self._become(AXIS_IDLE)
+        elif command == 0x03 and not data:
+            self._say(0x03, struct.pack("<II", self.errors & ~INITIALIZING, self.disarmed_by))
+        elif command == 0x04 and len(data) >= 4:
+            self._read(*struct.unpack_from("<BH", data))
+        elif command == 0x07:
+            self._request(struct.unpack("<I", data)[0])
+        elif command == 0x0C:
+            self.fed_at = self.good_at = self._now
+            place = struct.unpack("<fhh", data)[0] / self.table.turns_per_m
+            if self.axis == CLOSED_LOOP_CONTROL and math.isfinite(place):
+                self.power.aim(place, self.tick_s)
+        elif command == 0x0F:
+            fastest = struct.unpack("<ff", data)[0] / abs(self.table.turns_per_m)
+            self.power.speed_m_s = min(fastest, self.limits.carriage_speed_m_s)
+        elif command == 0x18:
+            self.disarmed_by = 0
+
+    def _request(self, wanted: int) -> None:
+        """Set_Axis_State."""
+        self.fed_at = self._now
+        if wanted == AXIS_IDLE:
+            self._become(AXIS_IDLE)
+        elif wanted == CLOSED_LOOP_CONTROL and self.axis == AXIS_IDLE:
+            if self.errors or not self.power.at_rest:
+                self.result = 3
+            else:
+                self.disarmed_by, self.result = 0, 0
+                self.power.aim(self.power.output, self.tick_s)
+                self._become(CLOSED_LOOP_CONTROL)
+
+    def _read(self, opcode: int, endpoint: int) -> None:
+        """RxSdo: only reading is simulated."""
+        known = {
+            self.table.enable_watchdog_endpoint or ENABLE_WATCHDOG: struct.pack("<?", self.watchdog_on),
+            self.table.watchdog_timeout_endpoint or WATCHDOG_TIMEOUT: struct.pack("<f", self.watchdog_s),
+        }
+        if opcode == 0 and endpoint in known:
+            self._say(0x05, struct.pack("<BHB", 0, endpoint, 0) + known[endpoint])
+
+    def _become(self, axis: int) -> None:
+        if axis != self.axis:
+            self.axis, self._since = axis, self._now
+
+    def _say(self, command: int, data: bytes) -> None:
+        identifier = self.node_id << 5 | command
+        try:
+            self.bus.send(can.Message(arbitration_id=identifier, is_extended_id=False, data=data, is_rx=False), 0)
+        except (can.CanError, OSError):
+            self.rejected += 1

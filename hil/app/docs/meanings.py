@@ -96,6 +96,7 @@ MEANINGS: Final[Mapping[str, str]] = {
     "interface": "name of the python-can interface, such as `socketcan`, or `capsule_local` between processes",
     "channel": "its channel, such as `can0`",
     "bitrate": "bit rate, which must be that of `hil/capsule.dbc`",
+    "key_file": "file with the key of authenticated frames, this user's alone (0600), relative to this one; needs `fd`",
     "controller": "name of the controller",
     "estimator": "`default` goes with the controller; `ukf` is filterpy's unscented Kalman filter, about ten times as"
     " costly, to compare with",

@@ -48,7 +48,7 @@ def jog(
         raise ValueError("capsule jog must be run in a terminal, for its keys; got another input: --script - reads it")
     planned = [] if script is None else _planned(script)
     try:
-        bus = open_bus(table)
+        bus = open_bus(table, path.parent)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     with bus, Signals().caught() as signals:

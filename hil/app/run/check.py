@@ -14,6 +14,7 @@ from controller.limits import Limits
 from hil.app.run.clock import ClockedBus, Histogram
 from hil.app.run.replay import Tape
 from hil.app.scenario.deployment import Deployment
+from hil.bus.authenticated import AuthenticatedBus
 from hil.bus.catalogue import Catalogue
 from hil.bus.protection import Sender
 from hil.nodes.controller.node import ControllerNode, Task
@@ -44,6 +45,7 @@ def check(deployment: Deployment, task: Task, bus: ClockedBus, catalogue: Catalo
     """All points. Nothing is sent: sensors that sample at SYNC alone are heard only while something else sends it."""
     return [
         *_listen(deployment, bus, catalogue),
+        *_authentication(bus),
         limits_point(deployment.limits, deployment.rig.kind, catalogue),
         _model(deployment),
         _time(task, catalogue),
@@ -84,6 +86,15 @@ def limits_point(limits: Limits, kind: str, catalogue: Catalogue) -> Point:
                 "limits", False, f"{name} must be at most {field.upper:g} of {frame.name} {signal}; got {most:g}"
             )
     return Point("limits", True, f"within {frame.name}")
+
+
+def _authentication(bus: ClockedBus) -> list[Point]:
+    """Whether what was heard is genuine, on a bus with a key."""
+    if not isinstance(bus.inner, AuthenticatedBus):
+        return []
+    refused = bus.inner.refused
+    told = ", ".join(f"{count} {reason}" for reason, count in sorted(refused.items()))
+    return [Point("authentication", not refused, f"frames without it: {told or 'none'}")]
 
 
 def _model(deployment: Deployment) -> Point:

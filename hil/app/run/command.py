@@ -18,7 +18,9 @@ from hil.app.scenario.model_health import health_words
 from hil.app.scenario.model_health import told as health_told
 from hil.app.scenario.model_offer import offer_words, told
 from hil.app.write import check_file, check_targets
+from hil.bus.authenticated import AuthenticatedBus, authenticator
 from hil.bus.catalogue import Catalogue, load_catalogue
+from hil.bus.key import next_epoch, read_key
 from hil.bus.local import LocalBus
 from hil.log.log import FrameLog, record_path
 from hil.log.recorder import Recorder, log_record
@@ -87,7 +89,7 @@ def _run(
     with output_to_notes():
         task = deployment.task()
         try:
-            bus = ClockedBus(_drives_bus(deployment, listen_only=dry_run or action == "check"), Clock())
+            bus = ClockedBus(_drives_bus(deployment, path.parent, listen_only=dry_run or action == "check"), Clock())
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
         try:
@@ -109,6 +111,8 @@ def _run(
         return 0 if all(p.good for p in points) else 1
     found = _document(path, outcome, node, frames_log, dry_run) | {"overruns": _overruns(bus)}
     found |= told(deployment.offered, node.estimator.taken_at)
+    if isinstance(bus.inner, AuthenticatedBus):
+        found["unauthenticated"] = dict(bus.inner.refused)
     if node.operator is not None:
         found["operator"] = node.operator.document()
     found["monitor"] = health_told(node.estimator.health, node.estimator.origin_s)
@@ -129,8 +133,25 @@ def _not_begun(path: Path, words: str, json_output: bool) -> int:
     return ENDS["other_controller"][0]
 
 
-def open_bus(table: BusTable) -> can.BusABC:
-    """The bus that `[bus]` names. Raises ValueError of one sentence where there is none."""
+def open_bus(table: BusTable, folder: Path = Path()) -> can.BusABC:
+    """The bus that `[bus]` of a file in `folder` names, authenticated where it names a key. Raises ValueError of one
+    sentence where there is none.
+    """
+    if not table.key_file:
+        return _plain_bus(table)
+    key_file = folder / table.key_file
+    key = read_key(key_file)
+    authenticator(key)
+    inner = _plain_bus(table)
+    try:
+        return AuthenticatedBus(inner, key, next_epoch(key_file))
+    except ValueError:
+        inner.shutdown()
+        raise
+
+
+def _plain_bus(table: BusTable) -> can.BusABC:
+    """The same without authentication."""
     if not _DRIVERS.handlers:
         _DRIVERS.addHandler(logging.NullHandler())
     if table.interface not in can.VALID_INTERFACES:
@@ -173,11 +194,11 @@ def _fd_words(table: BusTable) -> str:
     return f"{points} dbitrate {table.data_bitrate} fd on" if table.fd else ""
 
 
-def _drives_bus(deployment: Deployment, *, listen_only: bool) -> can.BusABC:
+def _drives_bus(deployment: Deployment, folder: Path, *, listen_only: bool) -> can.BusABC:
     """The deployment's bus; another maker's drive on it is set up first, but where nothing may be sent. Raises
     ValueError of one sentence.
     """
-    bus, table = open_bus(deployment.bus), deployment.drive
+    bus, table = open_bus(deployment.bus, folder), deployment.drive
     if not listen_only and (others := _controllers_on(bus)):
         bus.shutdown()
         raise _OtherControllerError(f"another controller is on the bus ({', '.join(others)})")
@@ -285,7 +306,7 @@ def _overruns(bus: can.BusABC) -> int:
     """Frames for which there was no room in another node's queue, as far as the interface counts them: the local bus
     does.
     """
-    while isinstance(bus, ClockedBus | CarriageBus):
+    while isinstance(bus, ClockedBus | CarriageBus | AuthenticatedBus):
         bus = bus.inner
     return bus.overruns if isinstance(bus, LocalBus) else 0
 

@@ -15,6 +15,7 @@ from hil.app.run.command import open_bus
 from hil.app.run.loop import Signals, prepare_process
 from hil.app.scenario.deployment import BusTable, read_plant
 from hil.app.scenario.scenario import load_track_scenario
+from hil.bus.authenticated import AuthenticatedBus
 from hil.nodes.actuators import ActuatorTable
 from hil.nodes.plant_node import SLOT_S, PlantNode, power_of
 from hil.nodes.simulated_drives import simulated_drive
@@ -41,6 +42,7 @@ def plant(path: Path, seconds: float | None = None, *, json_output: bool = False
                 seconds or float("inf"),
                 deployed.priority,
                 drive=deployed.drive,
+                folder=path.parent,
                 ready=lambda: print("ready", file=told, flush=True),
             )
         except ValueError as error:
@@ -56,6 +58,7 @@ def run_plant(
     priority: int = 0,
     *,
     drive: ActuatorTable | None = None,
+    folder: Path = Path(),
     ready: Callable[[], None] = lambda: None,
 ) -> dict[str, Any]:
     """Put the plant of a scenario on a bus for `seconds` or until a signal; what became of it, the truth included.
@@ -65,7 +68,7 @@ def run_plant(
     """
     scenario = load_track_scenario(scenario_path)
     Session(scenario.truth, scenario.instruments, scenario.seed, 0.0).advance(0.0, SLOT_S)
-    raw = open_bus(bus_table)
+    raw = open_bus(bus_table, folder)
     clock = Clock()
     bus = ClockedBus(raw, clock)
     session = Session(scenario.truth, scenario.instruments, scenario.seed, 0.0)
@@ -90,6 +93,7 @@ def run_plant(
         "missed": grid.missed,
         "late_ms": grid.late.document(),
         "rejected": node.drive.rejected,
+        "unauthenticated": dict(raw.refused) if isinstance(raw, AuthenticatedBus) else {},
         "state": node.drive.stage.state,
         "slots_in_state": states,
         "fault": node.drive.stage.fault,

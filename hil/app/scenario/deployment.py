@@ -41,7 +41,8 @@ OWN_TABLES: Final = ("bus", *ACTUATORS, "control", "reference", "limits", "model
 @dataclass(frozen=True)
 class BusTable:
     """`[bus]`: a python-can interface, its channel and the bit rate, which must be the catalogue's. `fd` opens it for
-    CAN FD, whose data go at `data_bitrate`; the sample points are shares of a bit.
+    CAN FD, whose data go at `data_bitrate`; the sample points are shares of a bit. With `key_file`, relative to the
+    deployment file, every frame is authenticated.
     """
 
     interface: str
@@ -51,6 +52,7 @@ class BusTable:
     data_bitrate: int = 5_000_000
     sample_point: float = 0.667
     data_sample_point: float = 0.667
+    key_file: str = ""
 
     def __post_init__(self) -> None:
         rate = load_catalogue().bit_rate
@@ -59,6 +61,10 @@ class BusTable:
         for name, lower, upper in BUS_RANGES:
             if not lower <= getattr(self, name) <= upper:
                 raise ValueError(f"bus.{name} must lie in [{lower:g}, {upper:g}]; got {getattr(self, name):g}")
+        if self.key_file and not self.fd:
+            raise ValueError(
+                "bus.fd must be true with bus.key_file: classic CAN has no room for an authenticator; got false"
+            )
         if self.fd:
             self.timing()
 
@@ -334,6 +340,8 @@ def check_tick(tick_s: float, kind: str, limits: Limits) -> None:
 def _drive(raw: Mapping[str, Any], kind: str, bus: BusTable) -> ActuatorTable | None:
     """The drive that the file names, on a bus that carries its frames."""
     table = read_actuator(raw, kind)
+    if table is not None and bus.key_file:
+        raise ValueError("bus.key_file must be left out with another maker's drive, which knows no such key; got one")
     if needs_fd(table) and not bus.fd:
         raise ValueError("bus.fd must be true with [moteus], whose frames are CAN FD; got false")
     return table

@@ -1,0 +1,154 @@
+"""Frames that only who has the key can make, and nobody can make again: the catalogue's frames inside CAN FD, with a
+freshness value and an authenticator, after AUTOSAR's Secure Onboard Communication.
+"""
+
+from __future__ import annotations
+
+import hmac
+import struct
+import time
+from collections import Counter
+from collections.abc import Callable
+from typing import Any, Final
+
+import can
+
+PAYLOAD: Final = 8
+"""Bytes of a frame of the catalogue: they come first, as they are."""
+LENGTH: Final = 24
+"""Bytes of a frame on the wire: payload, freshness (count, then epoch), authenticator."""
+_FRESHNESS: Final = struct.Struct("<II")
+_IDENTIFIER: Final = struct.Struct("<H")
+_CODE: Final = 8
+_COUNTS: Final = 1 << 32
+_SENDERS: Final = 8
+_MOST: Final = 64
+
+
+def authenticator(key: bytes) -> Callable[[int, bytes], bytes]:
+    """The function that makes the authenticator of a frame: the first 8 bytes of AES-CMAC (RFC 4493) with `key` over
+    its identifier (2 bytes, least first), payload and freshness. Raises ValueError of one sentence without the package
+    cryptography.
+    """
+    try:
+        from cryptography.hazmat.primitives.ciphers.algorithms import AES
+        from cryptography.hazmat.primitives.cmac import CMAC
+    except ImportError:
+        raise ValueError(
+            "bus.key_file must go with the package cryptography; it is missing: pip install 'capsule-control[secure]'"
+        ) from None
+    begun = CMAC(AES(key))
+
+    def code(identifier: int, body: bytes) -> bytes:
+        made = begun.copy()
+        made.update(_IDENTIFIER.pack(identifier) + body)
+        return made.finalize()[:_CODE]
+
+    return code
+
+
+class AuthenticatedBus(can.BusABC):
+    """Another bus, of CAN FD, on which each frame carries 64 bits of freshness and 64 of authenticator. What is sent
+    and received here are the catalogue's classic frames; on the wire they are FD frames of 24 bytes with a switched bit
+    rate.
+
+    The freshness is the `epoch` of this start (`hil.bus.key.next_epoch`) and a count of the frames since: it only
+    grows, over reboots too. Of each identifier a frame is taken whose epoch is greater than any before, or known with a
+    greater count; what this node has said itself counts, so nobody can say it back. A receiver that has begun anew
+    knows no freshness: that is what the drives' challenge is for, whose answer no recording has.
+
+    `refused` counts what was not taken: `classic` (no FD frame), `type` (extended or remote), `length`, `forged` (wrong
+    authenticator), `replayed` (not fresh). At most 64 of them are looked at in one `recv`. Error frames are passed on.
+    """
+
+    def __init__(self, inner: can.BusABC, key: bytes, epoch: int) -> None:
+        """Raises ValueError without the package cryptography."""
+        self._code = authenticator(key)
+        super().__init__(channel=inner.channel_info)
+        self.inner, self.channel_info = inner, inner.channel_info
+        self.refused: Counter[str] = Counter()
+        self._epoch, self._count = epoch, 0
+        self._seen: dict[int, dict[int, int]] = {}
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """As the inner bus. Raises ValueError for what is no frame of the catalogue, and after 2^32 frames."""
+        if msg.is_extended_id or msg.is_remote_frame or msg.is_fd or msg.is_error_frame or len(msg.data) != PAYLOAD:
+            raise ValueError(
+                f"message must be a classic data frame of {PAYLOAD} bytes with an 11-bit identifier; got {msg}"
+            )
+        if self._count + 1 >= _COUNTS:
+            raise ValueError("count of authenticated frames must stay below 2^32; begin anew")
+        self._count += 1
+        self._seen.setdefault(msg.arbitration_id, {})[self._epoch] = self._count
+        body = bytes(msg.data) + _FRESHNESS.pack(self._count, self._epoch)
+        wire = can.Message(
+            arbitration_id=msg.arbitration_id,
+            is_extended_id=False,
+            is_fd=True,
+            bitrate_switch=True,
+            data=body + self._code(msg.arbitration_id, body),
+            is_rx=False,
+        )
+        self.inner.send(wire, timeout)
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """The next frame that is genuine and fresh, as a classic one; raises what the inner bus raises."""
+        end = None if timeout is None else time.monotonic() + timeout
+        for _ in range(_MOST):
+            message = self.inner.recv(None if end is None else max(end - time.monotonic(), 0.0))
+            if message is None:
+                return None
+            found = self._opened(message)
+            if isinstance(found, can.Message):
+                return found
+            self.refused[found] += 1
+        return None
+
+    def _opened(self, wire: can.Message) -> can.Message | str:
+        """The frame inside, or why it is refused."""
+        if wire.is_error_frame:
+            return wire
+        if wire.is_extended_id or wire.is_remote_frame:
+            return "type"
+        if not wire.is_fd:
+            return "classic"
+        data = bytes(wire.data)
+        if len(data) != LENGTH:
+            return "length"
+        identifier, body = wire.arbitration_id, data[:-_CODE]
+        if not hmac.compare_digest(self._code(identifier, body), data[-_CODE:]):
+            return "forged"
+        if not self._fresh(identifier, *_FRESHNESS.unpack(body[PAYLOAD:])):
+            return "replayed"
+        return can.Message(
+            wire.timestamp, identifier, False, data=body[:PAYLOAD], is_rx=wire.is_rx, channel=wire.channel
+        )
+
+    def _fresh(self, identifier: int, count: int, epoch: int) -> bool:
+        """Whether a genuine frame is later than those before; it then is the latest."""
+        seen = self._seen.setdefault(identifier, {})
+        if epoch in seen:
+            if count <= seen[epoch]:
+                return False
+        elif seen and epoch < max(seen):
+            return False
+        elif len(seen) == _SENDERS:
+            del seen[min(seen)]
+        seen[epoch] = count
+        return True
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        return self.recv(timeout), True
+
+    def fileno(self) -> int:
+        """As the inner bus."""
+        return self.inner.fileno()
+
+    def send_periodic(self, *_: Any, **__: Any) -> Any:
+        """Refused: a frame that is sent again is not fresh."""
+        raise NotImplementedError("frames of an authenticated bus are sent one by one")
+
+    def shutdown(self) -> None:
+        """Close both."""
+        super().shutdown()
+        self.inner.shutdown()

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 from controller.estimator.base import Counts, Receiver
 from controller.model.control_model import ControlModel
@@ -28,6 +28,19 @@ class Offer:
     model: ControlModel
     verdict: Verdict
     at_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """An offer with the controllers and the estimator of its model."""
+
+    offer: Offer
+    chain: Chain
+    observer: Observer
+
+    def at(self, at_s: float) -> Prepared:
+        """The same from another time on, in s of the reference's time."""
+        return replace(self, offer=replace(self.offer, at_s=at_s))
 
 
 class ModelSwitch:
@@ -55,7 +68,7 @@ class ModelSwitch:
         self._supervisor, self._controller, self._deadline_s = supervisor, controller, deadline_s
         self._estimator = estimator
         self._present: Observer = estimator_for(controller, model, estimator)
-        self._waiting: deque[tuple[Offer, Chain, Observer]] = deque()
+        self._waiting: deque[Prepared] = deque()
         self._origin, self.taken_at = math.inf, math.nan
         self._monitor = _monitor_of(self._present)
         self.history: History | None = None
@@ -64,21 +77,31 @@ class ModelSwitch:
 
     def propose(self, offer: Offer) -> None:
         """Put a model on offer, behind those that are. Errors as the constructor."""
-        tick_s = self._present.model.tick_s
-        if offer.model.tick_s != tick_s:
-            raise ValueError(f"offered model must have the tick in use, {tick_s:g} s; got {offer.model.tick_s:g}")
+        self.put(self.prepare(offer))
+
+    def prepare(self, offer: Offer) -> Prepared:
+        """All that takes long about an offer; another thread may do it beside the ticks. Errors as the constructor."""
+        if offer.model.tick_s != self.tick_s:
+            raise ValueError(f"offered model must have the tick in use, {self.tick_s:g} s; got {offer.model.tick_s:g}")
         chain = build(self._controller, offer.model, self._supervisor.envelope, self._deadline_s)
-        if not offer.verdict.passed:
-            self._supervisor.offer(chain, offer.verdict)
-            return
-        self._waiting.append((offer, chain, estimator_for(self._controller, offer.model, self._estimator)))
-        if len(self._waiting) == 1:
-            self._supervisor.offer(chain, offer.verdict)
+        return Prepared(offer, chain, estimator_for(self._controller, offer.model, self._estimator))
+
+    def put(self, prepared: Prepared) -> None:
+        """Put what was prepared on offer, behind those that are."""
+        if prepared.offer.verdict.passed:
+            self._waiting.append(prepared)
+        if not prepared.offer.verdict.passed or len(self._waiting) == 1:
+            self._supervisor.offer(prepared.chain, prepared.offer.verdict)
 
     @property
     def health(self) -> Health:
         """What the monitor says of the model in use, times on the clock of `observe`."""
         return NOT_WATCHED if self._monitor is None else self._monitor.health
+
+    @property
+    def tick_s(self) -> float:
+        """Tick in s of the models."""
+        return self._present.model.tick_s
 
     @property
     def origin_s(self) -> float:
@@ -98,7 +121,7 @@ class ModelSwitch:
 
     def reset(self, now: float, command: float) -> None:
         """Know nothing but the `command` in force at `now`."""
-        for observer in (self._present, *(observer for _, _, observer in self._waiting)):
+        for observer in (self._present, *(waiting.observer for waiting in self._waiting)):
             observer.reset(now, command)
 
     def observe(self, now: float, command: float, measurements: Sequence[Measurement] = ()) -> Estimate:
@@ -108,9 +131,9 @@ class ModelSwitch:
             self._monitor.look(now, command, estimate)
         if self.history is not None:
             self.history.add(measurements)
-        if not self._waiting or now < self._origin + self._waiting[0][0].at_s:
+        if not self._waiting or now < self._origin + self._waiting[0].offer.at_s:
             return estimate
-        _, _, observer = self._waiting[0]
+        observer = self._waiting[0].observer
         fresh = observer.observe(now, command, measurements)
         if fresh.lost or not self._supervisor.take_offered():
             return estimate
@@ -124,8 +147,8 @@ class ModelSwitch:
         self._waiting.popleft()
         self._present, self.taken_at = observer, now - self._origin
         if self._waiting:
-            offer, chain, _ = self._waiting[0]
-            self._supervisor.offer(chain, offer.verdict)
+            first = self._waiting[0]
+            self._supervisor.offer(first.chain, first.offer.verdict)
         alarms = self.health.alarms
         self._monitor = _monitor_of(self._present)
         if self._monitor is not None:

@@ -29,6 +29,9 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
+Learn = Annotated[
+    bool, typer.Option("--learn", help="Once the model breaks, identify in the background and take what passes.")
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else there.")]
 RigFile = Annotated[
     Path, typer.Option("--rig", metavar="RIG.toml", help="What the experimenter believes about the rig.")
@@ -355,9 +358,7 @@ def _sil(
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Folder for sil.json and the log frames.blf.")
     ] = None,
-    learn: Annotated[
-        bool, typer.Option("--learn", help="Once the model breaks, identify in the background and take what passes.")
-    ] = False,
+    learn: Learn = False,
     json_output: Json = False,
     effects: OwnEffects = None,
     controllers: OwnControllers = None,
@@ -392,6 +393,7 @@ def _run(
     json_output: Json = False,
     effects: OwnEffects = None,
     controllers: OwnControllers = None,
+    learn: Learn = False,
 ) -> int:
     """The controller alone, on a real actuator bus."""
     from controller.registry import use_controllers
@@ -400,7 +402,7 @@ def _run(
 
     use_effects(effects or [])
     use_controllers(controllers or [])
-    return run(rig, action, dry_run=dry_run, log=log, json_output=json_output, reference=reference)
+    return run(rig, action, dry_run=dry_run, log=log, json_output=json_output, reference=reference, learn=learn)
 
 
 @_command("plant", "capsule plant examples/deployment/deployment.toml --seconds 60")

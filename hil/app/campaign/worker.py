@@ -8,10 +8,10 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import get_context, parent_process
-from os import _exit
-from threading import Thread
+from multiprocessing import get_context
 from typing import Any, Final, Protocol
+
+from hil.app.child_process import end_with_parent
 
 TRIES: Final = 3
 Row = dict[str, Any]
@@ -57,7 +57,7 @@ def pooled(parts: Sequence[Sequence[Job]], workers: int) -> Iterator[list[Row]]:
     """
     waiting = [(tuple(part), 0) for part in reversed(parts)]
     while waiting:
-        with ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_end_with_parent) as pool:
+        with ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=end_with_parent) as pool:
             flying: dict[Future[list[Row]], tuple[tuple[Job, ...], int]] = {}
             try:
                 while waiting or flying:
@@ -95,15 +95,3 @@ def lost(job: Job, deaths: int) -> Row:
         "error": f"its worker died {deaths} times",
         "seconds": 0.0,
     }
-
-
-def _end_with_parent() -> None:
-    """A worker must not outlive a campaign that was killed: it would wait for work for ever."""
-
-    def watch() -> None:
-        parent = parent_process()
-        if parent is not None:
-            parent.join()
-            _exit(1)
-
-    Thread(target=watch, daemon=True).start()

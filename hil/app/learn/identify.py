@@ -5,6 +5,7 @@ out.
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ import numpy as np
 
 from controller.signals import Array
 from controller.supervision.acceptance import AcceptanceTest
+from hil.app.child_process import end_with_parent
 from models.files.columns import TIME
 from models.files.record import Record
 from models.files.rig import Rig
@@ -100,6 +102,10 @@ class Background:
     def __init__(self) -> None:
         self._pool = ProcessPoolExecutor(1, get_context("spawn"), _stand_back)
 
+    def begin(self) -> None:
+        """Start the process now, not with the first question."""
+        self._pool.submit(os.getpid).result()
+
     def __call__(self, question: Question) -> Future[Answer]:
         """Ask; the answer comes when it comes."""
         return self._pool.submit(answer, question)
@@ -112,6 +118,10 @@ class Background:
 
 
 def _stand_back() -> None:
+    """Of lowest priority, deaf to Ctrl-C (which asks the controller for a controlled stop), never longer than it."""
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
+    end_with_parent()
     os.nice(NICE)
     cores = sorted(os.sched_getaffinity(0))
     if len(cores) > 1:

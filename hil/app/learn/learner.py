@@ -15,7 +15,7 @@ from controller.monitor.monitor import Health
 from controller.signals import Array
 from controller.supervision.acceptance import Verdict
 from controller.supervision.history import History
-from controller.supervision.model_switch import ModelSwitch, Offer
+from controller.supervision.model_switch import ModelSwitch, Offer, Prepared
 from hil.app.learn.identify import Answer, Ask, Question
 from hil.app.scenario.model_offer import Offered
 from hil.log.record import SOURCES
@@ -24,7 +24,19 @@ from models.files.rig import Rig
 
 LEARNT: Final = ("magnetic", "coil")
 """Kinds of rig whose runs are records that can be identified on."""
-Phase = Literal["watching", "gathering", "identifying", "offered", "on trial"]
+Phase = Literal["watching", "gathering", "identifying", "preparing", "offered", "on trial"]
+Beside = Callable[[Callable[[], Prepared]], "Future[Prepared]"]
+"""Runs what takes long, beside the ticks or at once."""
+
+
+def at_once(work: Callable[[], Prepared]) -> Future[Prepared]:
+    """Where simulated time waits."""
+    done: Future[Prepared] = Future()
+    try:
+        done.set_result(work())
+    except Exception as error:  # noqa: BLE001 - told where the result is asked for, as of another thread's
+        done.set_exception(error)
+    return done
 
 
 def check_learnt(rig: Rig) -> None:
@@ -102,7 +114,8 @@ class _Errors:
 class Learner:
     """`step` once a tick, after the node's. Lessons are learned one at a time; what is offered passed the gate on data
     that no fit has seen, and comes in by `ModelSwitch` at a rest, within the limits that are. `offers` are all models
-    that were offered so far with their times, for a replay.
+    that were offered so far with their times, for a replay; `keep` hears of each that is added. Controllers of a new
+    model are made `beside` the ticks, which never wait for them.
     """
 
     switch: ModelSwitch
@@ -111,6 +124,8 @@ class Learner:
     believed: Callable[[Mapping[str, float]], ControlModel]
     ask: Ask
     pace: Pace = field(default_factory=Pace)
+    beside: Beside = at_once
+    keep: Callable[[list[Offered]], object] = lambda offers: None
 
     def __post_init__(self) -> None:
         check_learnt(self.rig)
@@ -122,22 +137,27 @@ class Learner:
         self._phase: Phase = "watching"
         self._errors = _Errors(round(self.pace.trial_s))
         self._future: Future[Answer] | None = None
-        self._due = self._before = math.nan
+        self._made: Future[Prepared] | None = None
+        self._next: tuple[Mapping[str, float], Phase] = (self.values, "offered")
+        self._due = self._before = self._since = math.nan
         self._old: Mapping[str, float] = self.values
         self._new: Mapping[str, float] = self.values
 
     def step(self, now: float, health: Health, error_m: float) -> None:
-        """A tick on, to `now` in s of the reference's time; `health` has times of the same clock, `error_m` is the
-        tracking error as the estimator sees it.
+        """A tick on, to `now` in s of the switch's clock, which those of `health` are of too; `error_m` is the
+        tracking error as the estimator sees it. What is told of it is in s of the reference's time.
         """
         self._errors.add(now, error_m)
         if self._phase == "watching" and health.state == "broken":
-            self.lessons.append(Lesson(health.since_s))
+            self.lessons.append(Lesson(self._told(health.since_s)))
+            self._since = health.since_s
             self._due, self._phase = max(health.since_s + self.pace.gathered_s, now), "gathering"
         elif self._phase == "gathering" and now >= self._due:
             self._question(now)
         elif self._phase == "identifying":
             self._wait(now)
+        elif self._phase == "preparing":
+            self._put(now)
         elif self._phase == "offered" and self.switch.taken_at > (self.lessons[-1].offered_at_s or 0.0):
             self.lessons[-1].taken_at_s = self.switch.taken_at
             self._before, self._due, self._phase = self._errors.rms_m, now + self.pace.trial_s, "on trial"
@@ -145,7 +165,7 @@ class Learner:
             self._try(now)
 
     def _question(self, now: float) -> None:
-        columns = self._columns(self.lessons[-1].broken_at_s)
+        columns = self._columns(self._since)
         held_from = int(np.searchsorted(columns[TIME], now - self.pace.held_out_s))
         self._future = self.ask(Question(self.rig, columns, held_from, dict(self._new)))
         self._due, self._phase = now + self.pace.answer_s, "identifying"
@@ -177,16 +197,42 @@ class Learner:
             self._due = now + self.pace.gathered_s
             return
         self._old, self._new = self._new, found.values
-        self._offer(now, found.values)
-        lesson.offered_at_s, self._phase = now, "offered"
+        self._prepare(now, found.values, "offered")
 
-    def _offer(self, now: float, values: Mapping[str, float]) -> None:
-        self.offers.append(Offered(dict(values), now))
-        self.switch.propose(Offer(self.believed(values), Verdict(), now))
+    def _prepare(self, now: float, values: Mapping[str, float], then: Phase) -> None:
+        """Have the controllers of a model made, which is on offer `then`."""
+        self._next, self._phase = (values, then), "preparing"
+        self._made = self.beside(lambda: self.switch.prepare(Offer(self.believed(values), Verdict())))
+        self._put(now)
+
+    def _put(self, now: float) -> None:
+        """The model that was prepared on offer, once it is: from between this tick and the next on."""
+        assert self._made is not None
+        if not self._made.done():
+            return
+        values, self._phase = self._next
+        lesson, error = self.lessons[-1], self._made.exception()
+        if error is not None:
+            lesson.sentence, self._phase = f"no controller can use it: {error}", "watching"
+            return
+        at_s = self._told(now) + 0.5 * self.switch.tick_s
+        self.switch.put(self._made.result().at(at_s))
+        self.offers.append(Offered(dict(values), at_s))
+        self.keep(self.offers)
+        if self._phase == "offered":
+            lesson.offered_at_s = at_s
+        else:
+            lesson.withdrawn_at_s = at_s
+
+    def _told(self, at: float) -> float:
+        """A time of the switch's clock in s of the reference's."""
+        origin = self.switch.origin_s
+        return at - origin if math.isfinite(origin) else at
 
     def _try(self, now: float) -> None:
         """The learned model stays, or goes where it turned out worse."""
         if self._errors.rms_m > self.pace.worse * self._before:
-            self._offer(now, self._old)
-            self.lessons[-1].withdrawn_at_s, self._new = now, self._old
-        self._phase = "watching"
+            self._new = self._old
+            self._prepare(now, self._old, "watching")
+        else:
+            self._phase = "watching"

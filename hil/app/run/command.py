@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import logging
+import math
+import sys
 import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Final
 
 import can
 
 from hil.app.console import notes, output_to_notes, print_json, summary
+from hil.app.learn.identify import Background
+from hil.app.learn.learner import Learner, Lesson, Pace, check_learnt
 from hil.app.run.check import check, limits_point, rehearse
 from hil.app.run.clock import Clock, ClockedBus
 from hil.app.run.loop import ENDS, Outcome, Signals, lead, prepare_process, reset
 from hil.app.scenario.deployment import BusTable, Deployment, load_deployment
 from hil.app.scenario.model_health import health_words
 from hil.app.scenario.model_health import told as health_told
-from hil.app.scenario.model_offer import offer_words, told
+from hil.app.scenario.model_offer import Offered, offer_words, told
 from hil.app.write import check_file, check_targets
 from hil.bus.authenticated import AuthenticatedBus, authenticator
 from hil.bus.catalogue import Catalogue, load_catalogue
@@ -34,6 +41,7 @@ from models.parameter import nearest
 ACTIONS = ("lead", "check", "reset")
 QUIET_S: Final = 0.1
 """How long to listen before anything is sent: five cycles of a controller's slowest frame."""
+_TURN_S: Final = 1e-4
 TIMED: Final = ("pcan", "kvaser", "vector")
 """Interfaces whose CAN FD bit timing python-can sets."""
 _DRIVERS = logging.getLogger("can")
@@ -48,13 +56,15 @@ def run(
     log: Path | None = None,
     json_output: bool = False,
     reference: Path | None = None,
+    learn: bool = False,
 ) -> int:
     """Lead the drive that the rig file `path` names, or only check; 0 where all went as asked, 1 where it did not
     (`hil.app.run.loop.ENDS`). A `reference` file takes the place of its own.
 
     The action "reset" acknowledges a fault that the drive has latched, and does nothing else: that takes an operator's
-    word. With `dry_run` everything is listened to and computed and nothing is sent. Raises ValueError, one sentence,
-    for what cannot be used.
+    word. With `dry_run` everything is listened to and computed and nothing is sent. With `learn` a model that breaks is
+    identified anew in the background, and a better one taken at a rest. Raises ValueError, one sentence, for what
+    cannot be used.
     """
     if action not in ACTIONS:
         raise ValueError(f"action must be one of {', '.join(ACTIONS)}; got {action!r}; {nearest(action, ACTIONS)}")
@@ -62,6 +72,10 @@ def run(
     log = log or Path(f"{deployment.name}.blf")
     if action != "check":
         check_targets([check_file(log, "--log", (".blf",)), record_path(log)], "--log", [path])
+    if learn:
+        check_learnt(deployment.rig)
+        if action != "lead" or dry_run:
+            raise ValueError("--learn must go with leading; got it with check, reset or --dry-run")
     verdict = deployment.verdict
     if action == "reset" and dry_run:
         raise ValueError("--dry-run must go with leading; got 'reset', which does nothing but send")
@@ -71,7 +85,7 @@ def run(
     if action != "check" and not limits.good:
         raise ValueError(f"{path}: {limits.words}")
     try:
-        return _run(path, deployment, catalogue, action, dry_run, log, json_output)
+        return _run(path, deployment, catalogue, action, dry_run, log, json_output, learn)
     except _OtherControllerError as error:
         return _not_begun(path, str(error), json_output)
 
@@ -84,6 +98,7 @@ def _run(
     dry_run: bool,
     log: Path,
     json_output: bool,
+    learn: bool,
 ) -> int:
     """As `run`, of what can be used. Raises _OtherControllerError besides."""
     with output_to_notes():
@@ -96,7 +111,8 @@ def _run(
             if action == "check":
                 points = check(deployment, task, bus, catalogue)
             else:
-                outcome, node, frames_log = _lead(deployment, bus, dry_run, log, resets=action == "reset")
+                led = _lead(deployment, bus, dry_run, log, resets=action == "reset", learns=learn)
+                outcome, node, frames_log, lessons = led
                 if ENDS[outcome.end][0] and (trouble := _told_by_drive(bus)):
                     outcome.ended += f"; {trouble}"
         finally:
@@ -113,13 +129,15 @@ def _run(
     found |= told(deployment.offered, node.estimator.taken_at)
     if isinstance(bus.inner, AuthenticatedBus):
         found["unauthenticated"] = dict(bus.inner.refused)
+    if learn:
+        found["learned"] = [lesson.document() for lesson in lessons]
     if node.operator is not None:
         found["operator"] = node.operator.document()
     found["monitor"] = health_told(node.estimator.health, node.estimator.origin_s)
     if json_output:
         print_json(found)
     else:
-        _say(found)
+        _say(found, lessons)
     return ENDS[str(found["end"])][0]
 
 
@@ -233,8 +251,8 @@ def _controllers_on(bus: can.BusABC) -> list[str]:
 
 
 def _lead(
-    deployment: Deployment, bus: ClockedBus, dry_run: bool, path: Path, *, resets: bool
-) -> tuple[Outcome, ControllerNode, FrameLog]:
+    deployment: Deployment, bus: ClockedBus, dry_run: bool, path: Path, *, resets: bool, learns: bool
+) -> tuple[Outcome, ControllerNode, FrameLog, list[Lesson]]:
     task, catalogue, control = deployment.task(), load_catalogue(), deployment.control
     record = log_record(
         {"deployment": deployment.text},
@@ -252,13 +270,14 @@ def _lead(
     def tell(sentence: str) -> None:
         notes().print(sentence, markup=False, soft_wrap=True)
 
-    with FrameLog(path, record, tell) as frames_log, Signals().caught() as signals:
+    with FrameLog(path, record, tell) as frames_log, Signals().caught() as signals, ExitStack() as beside:
         if frames_log.kept is not None:
             tell(f"older log kept as {frames_log.kept}")
         if frames_log.path != path:
             tell(f"{path} is the log of a run that goes on: this one's is {frames_log.path}")
         recorder = Recorder(frames_log, dry_run)
         node = ControllerNode(task, bus, catalogue=catalogue, observer=recorder, dry_run=dry_run)
+        learner = beside.enter_context(_learning(deployment, node, frames_log)) if learns else None
         refused = prepare_process(control.priority, control.core)
         if control.priority > 0 and not refused:
             frames_log.hasten(1)
@@ -268,8 +287,39 @@ def _lead(
             outcome = reset(node, bus.clock, recorder, signals)
         else:
             tell(f"{deployment.name}: leading for {control.duration_s:g} s; Ctrl-C stops")
-            outcome = lead(node, bus.clock, control.duration_s, recorder, signals, control.give_up_s)
-    return outcome, node, frames_log
+            outcome = lead(node, bus.clock, control.duration_s, recorder, signals, control.give_up_s, learner)
+    return outcome, node, frames_log, [] if learner is None else learner.lessons
+
+
+@contextmanager
+def _learning(deployment: Deployment, node: ControllerNode, frames_log: FrameLog) -> Iterator[Learner]:
+    """What learns from a run: a process that identifies, and a thread that makes the controllers of a new model and
+    writes to the record which were offered when. Both are there before the first tick; a thread that holds the
+    interpreter gives it back within `_TURN_S`.
+    """
+    background, maker, turn_s = Background(), ThreadPoolExecutor(1), sys.getswitchinterval()
+
+    def keep(offers: list[Offered]) -> None:
+        maker.submit(frames_log.add_to_record, {"learned": [one.document() for one in offers]})
+
+    try:
+        background.begin()
+        maker.submit(int).result()
+        sys.setswitchinterval(_TURN_S)
+        yield Learner(
+            node.estimator,
+            deployment.rig,
+            deployment.values,
+            deployment.believed,
+            background,
+            Pace(answer_s=math.inf),
+            maker.submit,
+            keep,
+        )
+    finally:
+        sys.setswitchinterval(turn_s)
+        background.close()
+        maker.shutdown(cancel_futures=False)
 
 
 def _document(
@@ -316,7 +366,7 @@ def _told_by_drive(bus: ClockedBus) -> str:
     return bus.inner.trouble if isinstance(bus.inner, CarriageBus) else ""
 
 
-def _say(found: dict[str, object]) -> None:
+def _say(found: dict[str, object], lessons: Sequence[Lesson]) -> None:
     console = summary()
     console.print(
         f"{found['controller']}: {found['ticks']} ticks, {found['missed_ticks']} missed; ended: {found['ended']}",
@@ -337,4 +387,6 @@ def _say(found: dict[str, object]) -> None:
     console.print(health_words(found), markup=False)
     if sentence := offer_words(found):
         console.print(sentence, markup=False)
+    for lesson in lessons:
+        console.print(lesson.words, markup=False, soft_wrap=True)
     console.print(f"log: {found['log']}", markup=False, soft_wrap=True)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from types import FrameType, MappingProxyType
 from typing import Any, Final
 
+from hil.app.learn.learner import Learner
 from hil.app.run.clock import Clock, Grid, Histogram
 from hil.log.recorder import Recorder
 from hil.nodes.controller.node import FAULTY, RUNNING, ControllerNode
@@ -95,12 +96,14 @@ def lead(
     recorder: Recorder,
     signals: Signals,
     give_up_s: float = GIVE_UP_S,
+    learner: Learner | None = None,
 ) -> Outcome:
     """Listen until the drive is heard (at most 2 s), start, lead for `duration_s` from when the drive is enabled on,
     stop, tick on until the drive is at rest. Where it is not enabled within `give_up_s` it never will be.
 
     Overruns: a tick that begins a period late skips the points in between (`Grid`); the estimator catches up with at
     most three, after a longer pause the node stops by itself; the drive meanwhile lives on its command's time to live.
+    A `learner` looks on while the drive is led.
     """
     outcome = Outcome(Grid(clock, node.tick_s))
     now = _listen(node, outcome, recorder, signals)
@@ -109,7 +112,7 @@ def lead(
         node.start(now)
         began, enabled = now, now if node.guard.dry else math.nan
         while node.state == RUNNING and not signals.wanted:
-            now = _tick(node, outcome, recorder)
+            now = _tick(node, outcome, recorder, learner)
             enabled = now if math.isnan(enabled) and node.enabled else enabled
             if now - enabled >= duration_s or (math.isnan(enabled) and now - began >= give_up_s):
                 break
@@ -230,11 +233,14 @@ def _come_to_rest(node: ControllerNode, outcome: Outcome, recorder: Recorder, no
             rested = now
 
 
-def _tick(node: ControllerNode, outcome: Outcome, recorder: Recorder) -> float:
+def _tick(node: ControllerNode, outcome: Outcome, recorder: Recorder, learner: Learner | None = None) -> float:
     now = outcome.grid.wait()
-    action = node.tick(now).action
-    recorder.ticked(now, action)
-    outcome.cut += action.cut_after is not None
+    tick = node.tick(now)
+    recorder.ticked(now, tick.action)
+    if learner is not None and node.enabled:
+        error_m = float(tick.estimate.state[0]) - node.wanted_m(tick.time_s)
+        learner.step(tick.time_s, node.estimator.health, error_m)
+    outcome.cut += tick.action.cut_after is not None
     outcome.busy.add(outcome.grid.clock.now() - now)
     return now
 

@@ -185,7 +185,9 @@ def task_of(record: Mapping[str, Any], where: str) -> Task:
         learned = [Offered.of(one) for one in record.get("learned", [])]
         if "deployment" in record:
             deployment = replace(parse_deployment(str(record["deployment"]), values), offered=offered)
-            return replace(deployment.task(), controller=name, deadline_s=math.inf)
+            offers = (offer_of(one, deployment.believed) for one in learned)
+            task = replace(deployment.task(), controller=name, deadline_s=math.inf)
+            return replace(task, learned=tuple(one for one in offers if one))
         scenario = parse_sil_scenario(parse_toml(str(record["scenario"]), "scenario")).loop
     except ValueError as error:
         raise ValueError(f"{where}: record must describe a task; got: {error}") from None

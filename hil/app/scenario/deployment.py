@@ -196,14 +196,10 @@ class Deployment:
 
     def task(self) -> Task:
         """What the controller node is built from. Raises ValueError for a rig that cannot be controlled."""
-
-        def believed(values: Mapping[str, float]) -> ControlModel:
-            return control_model(self.rig, values, self.control.tick_s)
-
-        control, offer = self.control, offer_of(self.offered, believed)
+        control, offer = self.control, offer_of(self.offered, self.believed)
         told = (self.reference, self.limits, control.seen_noise_m, PLANNING * control.tick_s)
         return Task(
-            believed(self.values),
+            self.believed(self.values),
             control.controller,
             *told,
             resolution_m=control.resolution_m,
@@ -211,6 +207,12 @@ class Deployment:
             estimator=control.estimator,
             operator=self.operator if self.operator.accept else None,
         )
+
+    def believed(self, values: Mapping[str, float]) -> ControlModel:
+        """The control model of its rig with the `values` of a model's parameters. Raises ValueError for a rig that
+        cannot be controlled.
+        """
+        return control_model(self.rig, values, self.control.tick_s)
 
 
 def load_deployment(path: Path, reference: Path | None = None) -> Deployment:

@@ -128,8 +128,8 @@ def _ticks(
             else:
                 trace.status.pop()
             if learner is not None:
-                wanted = float(bench.scenario.loop.reference.position(np.array([tick.time_s]))[0])
-                learner.step(tick.time_s, bench.node.estimator.health, float(tick.estimate.state[0]) - wanted)
+                error_m = float(tick.estimate.state[0]) - bench.node.wanted_m(tick.time_s)
+                learner.step(tick.time_s, bench.node.estimator.health, error_m)
         for number in range(bench.slots):
             at = bench.slot(number)
             trace.slots[k * bench.slots + number] = at + SLOT_S, bench.plant.drive.safe, bench.plant.drive.good_at

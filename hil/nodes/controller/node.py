@@ -210,6 +210,10 @@ class ControllerNode:
         """Whether it says that it does."""
         return self._led and self.receiver.state in MOVING
 
+    def wanted_m(self, at_s: float) -> float:
+        """Where the reference has the capsule at a time of the node's clock, in m."""
+        return float(self._reference.position(np.array([at_s]))[0])
+
     def _begin_reference(self, origin_s: float, shift_m: float = 0.0) -> None:
         self._reference = Shifted(self.task.reference, origin_s, shift_m)
         self.estimator.begin(origin_s)

@@ -12,7 +12,7 @@ from controller.model.control_model import ControlModel
 from controller.monitor.monitor import Health
 from controller.signals import Measurement
 from controller.supervision.history import History
-from controller.supervision.model_switch import Offer
+from controller.supervision.model_switch import Offer, Prepared
 from hil.app.learn.identify import Answer, Question, answer
 from hil.app.learn.learner import Learner, Pace
 from models.files.columns import TIME
@@ -31,10 +31,15 @@ class Switch:
 
     history: History | None = None
     taken_at: float = float("nan")
+    origin_s: float = 0.0
+    tick_s: float = TICK
     proposed: list[Offer] = field(default_factory=list)
 
-    def propose(self, offer: Offer) -> None:
-        self.proposed.append(offer)
+    def prepare(self, offer: Offer) -> Prepared:
+        return Prepared(offer, [], None)  # type: ignore[arg-type]
+
+    def put(self, prepared: Prepared) -> None:
+        self.proposed.append(prepared.offer)
 
 
 @dataclass
@@ -84,7 +89,7 @@ def test_the_whole_way_and_a_better_model_stays() -> None:
     story.run(40.0, 60.0, Health("holds", 40.0, "", 1), 0.5e-3)
     (lesson,) = story.learner.lessons
     assert (lesson.effects, lesson.taken_at_s, lesson.withdrawn_at_s) == (("fold_periodic",), 40.0, None)
-    assert [one.at_s for one in story.learner.offers] == [pytest.approx(38.0)]
+    assert [one.at_s for one in story.learner.offers] == [pytest.approx(38.0, abs=TICK)]
     assert lesson.document()["broken_at_s"] == 8.0
     assert "taken at 40.0 s" in lesson.words
 

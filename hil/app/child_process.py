@@ -1,0 +1,21 @@
+"""What a child process does so that it never outlives the command that began it."""
+
+from __future__ import annotations
+
+from multiprocessing import parent_process
+from os import _exit
+from threading import Thread
+
+
+def end_with_parent() -> None:
+    """End this process when its parent has ended: one that was killed can tell nobody, and the child would wait for
+    work for ever.
+    """
+
+    def watch() -> None:
+        parent = parent_process()
+        if parent is not None:
+            parent.join()
+            _exit(1)
+
+    Thread(target=watch, daemon=True).start()

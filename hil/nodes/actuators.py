@@ -15,10 +15,11 @@ from hil.bus.catalogue import Catalogue
 from hil.nodes.carriage_bus import CarriageBus
 from hil.nodes.cia402.bus import Cia402Bus
 from hil.nodes.cia402.setup import set_up as set_up_cia402
-from hil.nodes.cia402.states import Cia402Table
+from hil.nodes.cia402.states import MASTER_NODE, SYNC_ID, Cia402Table
 from hil.nodes.frame_map import frame_map_of
 from hil.nodes.moteus.actuator import MoteusBus, MoteusTable
 from hil.nodes.moteus.actuator import set_up as set_up_moteus
+from hil.nodes.moteus.registers import HOST, REPLY_WANTED
 from hil.nodes.odrive.actuator import OdriveBus, OdriveTable
 from hil.nodes.odrive.actuator import set_up as set_up_odrive
 from models.files.tables import from_table
@@ -48,6 +49,19 @@ def read_actuator(raw: Mapping[str, Any], kind: str) -> ActuatorTable | None:
 def needs_fd(table: ActuatorTable | None) -> bool:
     """Whether the drive's frames are CAN FD."""
     return isinstance(table, MoteusTable)
+
+
+def identifiers(table: ActuatorTable) -> tuple[frozenset[int], frozenset[int]]:
+    """The identifiers by which the drive is spoken to, and those by which it speaks."""
+    node = table.node_id
+    if isinstance(table, Cia402Table):
+        return frozenset({0x200 + node, SYNC_ID, 0x700 + MASTER_NODE}), frozenset(
+            {0x180 + node, 0x280 + node, 0x700 + node}
+        )
+    if isinstance(table, OdriveTable):
+        both = frozenset(node << 5 | command for command in range(32))
+        return both, both
+    return frozenset({REPLY_WANTED | HOST << 8 | node}), frozenset({node << 8 | HOST})
 
 
 def set_up(bus: can.BusABC, table: ActuatorTable, limits: Limits, tick_s: float) -> None:

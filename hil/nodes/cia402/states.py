@@ -11,7 +11,19 @@ from types import MappingProxyType
 from typing import Final
 
 from hil.nodes.drive.state_machine import HEARTBEAT_LOST, OVER_CURRENT, OVER_TEMPERATURE, TIME_TO_LIVE
-from hil.nodes.frame_map import BOOT, DERATED, ENABLE, ENABLED, FAULT, OFF, QUICK_STOP, STANDBY, STOPPING, WAITING
+from hil.nodes.frame_map import (
+    BOOT,
+    DERATED,
+    ENABLE,
+    ENABLED,
+    FAULT,
+    OFF,
+    QUICK_STOP,
+    STANDBY,
+    STOPPING,
+    WAITING,
+    frame_map_of,
+)
 
 DISABLED, READY_TO_SWITCH_ON, SWITCHED_ON, OPERATION, QUICK_STOPPING, REACTING, FAULTED = range(1, 8)
 """States of the power drive system; 0 is "not ready to switch on"."""
@@ -45,8 +57,9 @@ TPDO_STATE: Final = struct.Struct("<Hi")
 TPDO_MORE: Final = struct.Struct("<iH")
 """Actual velocity 0x606C, error code 0x603F."""
 INTERNAL: Final = 11
+SENSOR: Final = 7
 _ERRORS: Final[Mapping[int, int]] = MappingProxyType(
-    {0x2300: OVER_CURRENT, 0x4300: OVER_TEMPERATURE, 0x8250: TIME_TO_LIVE, 0x8130: HEARTBEAT_LOST}
+    {0x2300: OVER_CURRENT, 0x4300: OVER_TEMPERATURE, 0x7300: SENSOR, 0x8250: TIME_TO_LIVE, 0x8130: HEARTBEAT_LOST}
 )
 _STATES: Final[Mapping[int, int]] = MappingProxyType(
     {NOT_READY: BOOT, DISABLED: STANDBY, READY_TO_SWITCH_ON: WAITING, SWITCHED_ON: WAITING, OPERATION: ENABLED}
@@ -63,6 +76,11 @@ class Cia402Table:
     node_id: int = 1
     counts_per_m: float = 1e6
     answers_s: float = 2.0
+
+    def stops_s(self, speed_m_s: float) -> float:
+        """The longest time in s from the last command to the carriage at rest, from `speed_m_s`."""
+        wiring = frame_map_of("magnetic")
+        return 1e-3 * wiring.life_ms(speed_m_s) + 2 * abs(speed_m_s) / wiring.braking_m_s2
 
     def __post_init__(self) -> None:
         if not 1 <= self.node_id <= 15:

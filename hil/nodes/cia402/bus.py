@@ -49,12 +49,14 @@ class Cia402Bus(CarriageBus):
         }
         self._statusword, self._speed_m_s, self._place = 0, 0.0, 0
         self._error = 0
-        self._reset = self._told = False
+        self._reset = self._told = self._known = False
+        self._anew = ""
 
     @property
     def trouble(self) -> str:
-        """The error code 0x603F of the drive's fault."""
-        return f"cia402 node {self.table.node_id}: error code 0x{self._error:04X}" if self._told else ""
+        """The error code 0x603F of the drive's fault, or that it has booted."""
+        told = f"error code 0x{self._error:04X}" if self._told else self._anew
+        return f"cia402 node {self.table.node_id}: {told}" if told else ""
 
     def command(self, mode: int, place_m: float, timeout: float | None) -> None:
         """Controlword and target."""
@@ -108,6 +110,8 @@ class Cia402Bus(CarriageBus):
 
     def _beat(self, data: bytes, stamp: float) -> None:
         if len(data) == 1:
+            self._anew = "it booted anew" if self._known and data[0] == 0 else self._anew
+            self._known = True
             self.beat(_NMT.get(data[0] & 0x7F, BOOT), stamp, anew=data[0] == 0)
 
     def _command(self, word: int, counts: int, timeout: float | None) -> None:

@@ -17,7 +17,8 @@ from hil.app.scenario.reference import REFERENCES
 from hil.app.scenario.scenario import Control
 from hil.formats.table import FORMATS
 from hil.nodes.actuators import ACTUATORS
-from hil.nodes.cia402.states import Cia402Table
+from hil.nodes.cia402.states import MODES, Cia402Table
+from hil.nodes.cia402.states import RANGES as CIA402_RANGES
 from hil.nodes.moteus.actuator import RANGES as MOTEUS_RANGES
 from hil.nodes.moteus.actuator import MoteusTable
 from hil.nodes.odrive.actuator import HOMES, OdriveTable
@@ -79,6 +80,7 @@ _CHOICES: Final[Mapping[str, tuple[str, ...]]] = {
     "estimator": ESTIMATORS,
     "stage": STAGES,
     "home": HOMES,
+    "mode": tuple(MODES),
 }
 
 CHECKED: Final[Mapping[tuple[type[Any], str], tuple[float, float]]] = {
@@ -94,6 +96,7 @@ CHECKED: Final[Mapping[tuple[type[Any], str], tuple[float, float]]] = {
     (Control, "judged_from_s"): (0.0, math.inf),
     (OfferTable, "at_s"): (0.0, math.inf),
     (Cia402Table, "node_id"): (1, 15),
+    **{(Cia402Table, name): (lower, upper) for name, lower, upper in CIA402_RANGES},
     (PlantTable, "priority"): (0, 99),
     **{(OdriveTable, name): (lower, upper) for name, lower, upper in ODRIVE_RANGES},
     **{(MoteusTable, name): (lower, upper) for name, lower, upper in MOTEUS_RANGES},
@@ -201,6 +204,7 @@ def _dataclass(cls: type[Any]) -> Iterator[tuple[str, str, str, str]]:
             span = "> 0"
         else:
             numbers = "list of numbers" if "tuple" in str(hints[field.name]) else ""
+            numbers = '`"index.sub" = value`' if field.name == "options" else numbers
             span = {str: "text", float: "number"}.get(hints[field.name], numbers)
         missing = field.default is dataclasses.MISSING
         yield field.name, span, "required" if missing else _value(field.default), field.metadata.get("source", "")
@@ -211,6 +215,6 @@ def _value(value: Any) -> str:
         return str(value).lower()
     if isinstance(value, str):
         return f"`{value}`" if value else "empty"
-    if isinstance(value, list):
+    if isinstance(value, list | tuple):
         return ", ".join(map(_value, value)) or "empty list"
     return f"{value:.9g}"

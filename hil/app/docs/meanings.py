@@ -140,6 +140,12 @@ MEANINGS: Final[Mapping[str, str]] = {
     "node_id": "node of the carriage's drive, clear of the catalogue's identifiers",
     "counts_per_m": "its position counts, per metre",
     "answers_s": "how long it may take to answer",
+    "mode": "what the drive is led by: places or speeds, both cyclic and synchronous",
+    "velocity_gain_Hz": "led by `velocity`: share of what the carriage is off its place that a second makes up for",
+    "homing_method": "object 0x6098: how the drive finds its zero as it is set up, by its own motion; 0: not at all",
+    "homing_speed_m_s": "object 0x6099: its speed then",
+    "homing_s": "how long that may take",
+    "options": "objects of the drive's own, index and sub hexadecimal, each written and read back",
     "turns_per_m": "its motor's turns, per metre of the carriage; negative: the other way",
     "firmware": "its firmware, whose endpoint ids the next two are; another one is refused",
     "enable_watchdog_endpoint": "endpoint id of `axis0.config.enable_watchdog` in its `flat_endpoints.json`; 0: not"

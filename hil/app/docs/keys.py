@@ -21,7 +21,7 @@ from hil.nodes.cia402.states import MODES, Cia402Table
 from hil.nodes.cia402.states import RANGES as CIA402_RANGES
 from hil.nodes.moteus.actuator import RANGES as MOTEUS_RANGES
 from hil.nodes.moteus.actuator import MoteusTable
-from hil.nodes.odrive.actuator import HOMES, OdriveTable
+from hil.nodes.odrive.actuator import FREE_NODES, HOMES, OdriveTable
 from hil.nodes.odrive.actuator import RANGES as ODRIVE_RANGES
 from models.files.columns import ABOVE, COLUMNS, RANGES, TIME, VARIANTS
 from models.files.rig_tables import (
@@ -200,6 +200,8 @@ def _dataclass(cls: type[Any]) -> Iterator[tuple[str, str, str, str]]:
             span = f">= {lower:g}" + (f", <= {upper:g}" if math.isfinite(upper) else "")
         elif field.name in _CHOICES:
             span = ", ".join(f"`{name}`" for name in _CHOICES[field.name])
+        elif (cls, field.name) == (OdriveTable, "node_id"):
+            span = ", ".join(map(str, FREE_NODES))
         elif cls is Limits:
             span = "> 0"
         else:

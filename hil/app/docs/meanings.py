@@ -13,7 +13,6 @@ UNITS: Final[Mapping[str, str]] = {
     "_N": "N",
     "_deg": "deg",
     "_N_m": "N m",
-    "_Nm": "N m",
     "_rad": "rad",
     "_kg_m2": "kg m2",
     "_N_m_s_per_rad": "N m s/rad",
@@ -153,7 +152,8 @@ MEANINGS: Final[Mapping[str, str]] = {
     "watchdog_timeout_endpoint": "endpoint id of `axis0.config.watchdog_timeout`, likewise",
     "watchdog_s": "longest time without a command after which its own watchdog must have stopped it",
     "coast_m_s2": "deceleration of the carriage without torque, by the friction of its guide and screw: measure it",
-    "torque_Nm": "most torque at its output",
+    "motor_current_A": "most current of its motor (Set_Limits)",
+    "most_torque_N_m": "most torque at its output",
     "home": "`kept`: its own zero; `here`: the place where it stands as it is set up",
     "scenario": "scenario whose plant `capsule plant` simulates, relative to this file; the controller never reads it",
 }

@@ -60,14 +60,14 @@ _WATCHDOG: Final = ("watchdog expired (mode 11, timeout)", TIME_TO_LIVE)
 @dataclass(frozen=True)
 class MoteusTable:
     """`[moteus]`: the carriage is a moteus controller of this `node_id`, whose output does `turns_per_m` (negative: the
-    other way) with at most `torque_Nm`. Each command is worth something for `watchdog_s`. `coast_m_s2` is the
+    other way) with at most `most_torque_N_m`. Each command is worth something for `watchdog_s`. `coast_m_s2` is the
     deceleration of the carriage without torque, as after a fault. `home` "here" makes the present place zero.
     `answers_s`: how long it may take to be found.
     """
 
     node_id: int = 1
     turns_per_m: float = 100.0
-    torque_Nm: float = 0.5
+    most_torque_N_m: float = 0.5
     watchdog_s: float = 0.02
     coast_m_s2: float = 5.0
     home: str = "kept"
@@ -90,7 +90,7 @@ class MoteusTable:
 RANGES: Final = (
     ("node_id", 1, 126),
     ("turns_per_m", 1.0, 1e5),
-    ("torque_Nm", 0.001, 100.0),
+    ("most_torque_N_m", 0.001, 100.0),
     ("watchdog_s", 0.004, 0.1),
     ("coast_m_s2", 0.1, 100.0),
     ("answers_s", 0.1, 60.0),
@@ -236,7 +236,7 @@ class MoteusBus(CarriageBus):
 
     def _aim(self, place_m: float, rate_m_s: float, timeout: float | None) -> None:
         scale, table = self.table.turns_per_m, self.table
-        self._tell(wire.command(place_m * scale, rate_m_s * scale, table.torque_Nm, table.watchdog_s), timeout)
+        self._tell(wire.command(place_m * scale, rate_m_s * scale, table.most_torque_N_m, table.watchdog_s), timeout)
 
     def _tell(self, data: bytes, timeout: float | None) -> None:
         self.inner.send(wire.frame_to(self.table.node_id, data), timeout)

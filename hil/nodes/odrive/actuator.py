@@ -89,7 +89,7 @@ class OdriveTable:
     enable_watchdog_endpoint: int = 0
     watchdog_timeout_endpoint: int = 0
     watchdog_s: float = 0.02
-    current_A: float = 10.0
+    motor_current_A: float = 10.0
     coast_m_s2: float = 5.0
     home: str = "kept"
     answers_s: float = 2.0
@@ -118,7 +118,7 @@ RANGES: Final = (
     ("enable_watchdog_endpoint", 0, 65535),
     ("watchdog_timeout_endpoint", 0, 65535),
     ("watchdog_s", 0.004, 0.1),
-    ("current_A", 0.1, 200.0),
+    ("motor_current_A", 0.1, 200.0),
     ("coast_m_s2", 0.1, 100.0),
     ("answers_s", 0.1, 60.0),
 )
@@ -319,7 +319,7 @@ def set_up(bus: can.BusABC, table: OdriveTable, limits: Limits, tick_s: float) -
         )
     ask.tell(SET_CONTROLLER_MODE, struct.pack("<II", POSITION_CONTROL, PASSTHROUGH))
     fastest = abs(table.turns_per_m) * limits.carriage_speed_m_s
-    ask.tell(SET_LIMITS, struct.pack("<ff", fastest, table.current_A))
+    ask.tell(SET_LIMITS, struct.pack("<ff", fastest, table.motor_current_A))
     if table.home == "here":
         ask.tell(SET_ABSOLUTE_POSITION, struct.pack("<f", 0.0))
 

@@ -48,6 +48,11 @@ class LocalBus(can.BusABC):
         self, channel: str = "capsule", receive_own_messages: bool = False, fd: bool = False, **kwargs: Any
     ) -> None:
         """Join the bus. Raises can.CanInitializationError where that cannot be done."""
+        if not hasattr(socket, "AF_UNIX") or not hasattr(socket, "SOCK_SEQPACKET"):
+            raise can.CanInitializationError(
+                f"local bus {channel!r} needs sockets of AF_UNIX with SOCK_SEQPACKET, which this system lacks; take"
+                " interface udp_multicast, or another of python-can's"
+            )
         self.overruns = 0
         self._own, self._fd = receive_own_messages, fd
         self._inbox: deque[can.Message] = deque()

@@ -21,6 +21,7 @@ _SPOKEN: Final = ("CarriageFeedback", "CarriageHeartbeat", "CarriageFault")
 _HEARD: Final = ("CarriageCommand", "ControllerHeartbeat", "DriveReset", "SafeStop", "Sync")
 _NODE_STATES: Final = {BOOT: 0, STANDBY: 1, WAITING: 1, STOPPING: 3, FAULT: 4}
 _LONGEST_S: Final = 167772.0
+_SETTLE: Final = 2
 
 
 class BrakePath:
@@ -29,23 +30,25 @@ class BrakePath:
     def __init__(self, tick_s: float) -> None:
         self._tick_s = tick_s
         self._place_m = self._rate_m_s = math.nan
-        self._ended = False
+        self._rested = 0
 
     def leave(self) -> None:
         """Brake no more."""
-        self._rate_m_s, self._ended = math.nan, False
+        self._rate_m_s, self._rested = math.nan, 0
 
     def step(self, place_m: float, speed_m_s: float) -> tuple[float, float] | None:
-        """The next place and rate, beginning at `place_m` with `speed_m_s`; None once at rest, until `leave`."""
-        if self._ended:
-            return None
+        """The next place and rate, beginning at `place_m` with `speed_m_s`; None once the drive has had `_SETTLE` steps
+        to come to rest there, until `leave`.
+        """
         if math.isnan(self._rate_m_s):
             self._place_m, self._rate_m_s = place_m, speed_m_s
+        if self._rested >= _SETTLE:
+            return None
         before = self._rate_m_s
         self._rate_m_s = math.copysign(max(abs(before) - QUICK_STOP_M_S2 * self._tick_s, 0.0), before)
         self._place_m += 0.5 * (before + self._rate_m_s) * self._tick_s
-        self._ended = before == 0.0
-        return None if self._ended else (self._place_m, self._rate_m_s)
+        self._rested += before == 0.0
+        return self._place_m, self._rate_m_s
 
 
 class CarriageBus(can.BusABC):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import can
 
@@ -23,6 +23,8 @@ class SimulatedDrive(Protocol):
     heated_to_C: float
     misread: Callable[[float], float] | None
     good_at: float
+    broken: bool
+    node_id: int
 
     @property
     def power(self) -> Power:
@@ -54,6 +56,15 @@ class SimulatedDrive(Protocol):
 
     def output(self, dt: float, sensed: float) -> float:
         """The plant's command for the next `dt` s."""
+        ...
+
+
+@runtime_checkable
+class Configured(Protocol):
+    """A drive that does nothing before it has been set up."""
+
+    def configure(self, time_to_live_ms: int) -> None:
+        """Set it up, in simulation, for commands that live so long."""
         ...
 
 

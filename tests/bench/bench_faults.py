@@ -1,8 +1,9 @@
 """Every fault in every state of every kind of drive, at several phases of the tick: the worst time to the safe state,
 and what was unsafe.
 
-`python -m tests.bench.bench_faults [magnetic coil vibro] [--phases N] [--faults KIND ...] [--states STATE ...]`; a
-line a fault, the worst over states that move and phases.
+`python -m tests.bench.bench_faults [magnetic coil vibro] [--drives cia402 odrive moteus] [--phases N] [--faults KIND
+...] [--states STATE ...]`; a line a fault, the worst over states that move and phases. `--drives`: the magnetic rig
+with other makers' drives instead, and the faults through which each of them goes.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from hil.nodes.faults.table import KINDS
+from hil.nodes.actuators import ACTUATORS
+from hil.nodes.faults.table import KINDS, MAKERS_ROWS, OWN_KINDS
 from tests.hil.app.sil.sil_runs import RIGS, run
 
 LENGTH_S: Final = 0.2
@@ -54,6 +56,7 @@ def main() -> int:
     parser.add_argument("kinds", nargs="*", default=list(RIGS))
     parser.add_argument("--phases", type=int, default=8, help="times over the whole tick at which the fault begins")
     parser.add_argument("--faults", nargs="*", default=list(KINDS), help="kinds of faults")
+    parser.add_argument("--drives", nargs="*", default=[], choices=list(ACTUATORS), help="other makers' drives")
     parser.add_argument("--states", nargs="*", default=list(STATES), help="states of the drive")
     options = parser.parse_args()
     unsafe = runs = 0
@@ -61,8 +64,10 @@ def main() -> int:
         f"{'drive':9s} {'fault':24s} {'worst ms':>9s} {'since good':>11s}  {'worst in':18s} {'runs':>5s} {'rode':>5s}"
         f" {'unsafe':>7s}"
     )
-    for rig in options.kinds:
-        for kind, target in ((k, t) for k in options.faults for t in KINDS[k].targets):
+    own = [(k, t) for k in options.faults if k in OWN_KINDS for t in KINDS[k].targets]
+    makers = [(k, t) for k, t in MAKERS_ROWS if k in options.faults]
+    for rig in options.drives or options.kinds:
+        for kind, target in makers if options.drives else own:
             worst = Worst()
             for state, at_s, before in cases(options.phases, options.states):
                 judge(worst, rig, state, {"kind": kind, "at_s": at_s, "duration_s": LENGTH_S, "target": target}, before)
@@ -93,7 +98,8 @@ def judge(worst: Worst, rig: str, state: str, fault: Mapping[str, Any], before: 
     while it lasts.
     """
     at_s = float(fault["at_s"])
-    trace, found = run(rig, at_s + LENGTH_S + 0.05, *before, fault)
+    drive = {rig: {}} if rig in ACTUATORS else {}
+    trace, found = run("magnetic" if drive else rig, at_s + LENGTH_S + 0.05, *before, fault, **drive)
     outcome = next(o for o in found if o.fault.kind == fault["kind"] and o.fault.at_s == at_s)
     worst.runs += 1
     worst.unsafe += outcome.unsafe

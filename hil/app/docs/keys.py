@@ -17,11 +17,12 @@ from hil.app.scenario.reference import REFERENCES
 from hil.app.scenario.scenario import Control
 from hil.formats.table import FORMATS
 from hil.nodes.actuators import ACTUATORS
-from hil.nodes.cia402.states import Cia402Table
+from hil.nodes.cia402.states import MODES, Cia402Table
+from hil.nodes.cia402.states import RANGES as CIA402_RANGES
 from hil.nodes.controller.operator import OperatorLimits
 from hil.nodes.moteus.actuator import RANGES as MOTEUS_RANGES
 from hil.nodes.moteus.actuator import MoteusTable
-from hil.nodes.odrive.actuator import HOMES, OdriveTable
+from hil.nodes.odrive.actuator import FREE_NODES, HOMES, OdriveTable
 from hil.nodes.odrive.actuator import RANGES as ODRIVE_RANGES
 from models.files.columns import ABOVE, COLUMNS, RANGES, TIME, VARIANTS
 from models.files.rig_tables import (
@@ -81,6 +82,7 @@ _CHOICES: Final[Mapping[str, tuple[str, ...]]] = {
     "estimator": ESTIMATORS,
     "stage": STAGES,
     "home": HOMES,
+    "mode": tuple(MODES),
 }
 
 CHECKED: Final[Mapping[tuple[type[Any], str], tuple[float, float]]] = {
@@ -96,6 +98,7 @@ CHECKED: Final[Mapping[tuple[type[Any], str], tuple[float, float]]] = {
     (Control, "judged_from_s"): (0.0, math.inf),
     (OfferTable, "at_s"): (0.0, math.inf),
     (Cia402Table, "node_id"): (1, 15),
+    **{(Cia402Table, name): (lower, upper) for name, lower, upper in CIA402_RANGES},
     (PlantTable, "priority"): (0, 99),
     (OperatorLimits, "speed_m_s"): (1e-4, 0.4),
     (OperatorLimits, "acceleration_m_s2"): (1e-3, 10.0),
@@ -202,11 +205,14 @@ def _dataclass(cls: type[Any]) -> Iterator[tuple[str, str, str, str]]:
             span = f">= {lower:g}" + (f", <= {upper:g}" if math.isfinite(upper) else "")
         elif field.name in _CHOICES:
             span = ", ".join(f"`{name}`" for name in _CHOICES[field.name])
+        elif (cls, field.name) == (OdriveTable, "node_id"):
+            span = ", ".join(map(str, FREE_NODES))
         elif cls is Limits:
             span = "> 0"
         else:
             listed = "list of text" if "str" in str(hints[field.name]) else "list of numbers"
             other = listed if "tuple" in str(hints[field.name]) else ""
+            other = '`"index.sub" = value`' if field.name == "options" else other
             span = {str: "text", float: "number", bool: "true or false"}.get(hints[field.name], other)
         missing = field.default is dataclasses.MISSING
         yield field.name, span, "required" if missing else _value(field.default), field.metadata.get("source", "")

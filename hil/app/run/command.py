@@ -224,7 +224,8 @@ def _drives_bus(deployment: Deployment, folder: Path, *, listen_only: bool) -> c
         return bus
     if not listen_only:
         try:
-            set_up(bus, table, deployment.limits, deployment.control.tick_s)
+            for sentence in set_up(bus, table, deployment.limits, deployment.control.tick_s):
+                notes().print(sentence, markup=False, soft_wrap=True)
         except ValueError:
             bus.shutdown()
             raise

@@ -13,7 +13,7 @@ from hil.app.scenario.deployment import check_tick
 from hil.app.scenario.reference import with_reference
 from hil.app.scenario.scenario import BUS_TABLES, TABLES, TrackScenario, parse_track_scenario
 from hil.nodes.actuators import ACTUATORS, ActuatorTable, read_actuator
-from hil.nodes.faults.table import Fault, read_faults
+from hil.nodes.faults.table import KINDS, Fault, read_faults
 from hil.nodes.frame_map import frame_map_of, frames
 from hil.nodes.plant_node import SLOT_S
 from models.files.tables import from_table
@@ -80,4 +80,8 @@ def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
     if not isinstance(bus, Mapping):
         raise ValueError(f"bus must be a table; got {bus!r}")
     faults = read_faults(raw.get("faults", []), loop.duration_s)
-    return SilScenario(loop, from_table(BusTable, bus, "bus"), faults, read_actuator(raw, loop.kind))
+    drive = read_actuator(raw, loop.kind)
+    makers = [fault.kind for fault in faults if KINDS[fault.kind].makers]
+    if makers and drive is None:
+        raise ValueError(f"faults.kind {makers[0]} must stand with one of [{'], ['.join(ACTUATORS)}], whose it is")
+    return SilScenario(loop, from_table(BusTable, bus, "bus"), faults, drive)

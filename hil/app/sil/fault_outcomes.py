@@ -10,9 +10,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from controller.limits import Limits
 from hil.app.scenario.bus_scenario import SilScenario
 from hil.app.sil.loop import SilTrace
 from hil.app.track.score import violations
+from hil.nodes.actuators import ActuatorTable
 from hil.nodes.faults.table import KINDS, Fault
 from plant import layout as at
 
@@ -68,6 +70,14 @@ def limit_s(rig: str, fault: Fault) -> float:
     return SEEN_S[rig] if target == "feedback" else PLACE_S
 
 
+def makers_limit_s(drive: ActuatorTable, limits: Limits, fault: Fault) -> float:
+    """The same for another maker's carriage, which comes to rest as its table states: from the last command, or from
+    when the controller had to see it.
+    """
+    seen = fault.target in ("feedback", "localisation", "localiser") or fault.kind in ("over_temperature", "late_solve")
+    return drive.stops_s(limits.carriage_speed_m_s) + (limit_s("magnetic", fault) if seen else 0.0)
+
+
 ROUNDING_S: Final = 1e-9
 
 
@@ -110,6 +120,12 @@ def outcomes(scenario: SilScenario, trace: SilTrace) -> list[Outcome]:
     return [_outcome(scenario, trace, tuple(some), end) for some, end in zip(sets, ends, strict=True)]
 
 
+def _limit_s(scenario: SilScenario, fault: Fault) -> float:
+    if scenario.drive is None:
+        return limit_s(scenario.loop.kind, fault)
+    return makers_limit_s(scenario.drive, scenario.loop.limits, fault)
+
+
 def _outcome(scenario: SilScenario, trace: SilTrace, faults: tuple[Fault, ...], end: float) -> Outcome:
     fault = faults[0]
     t, safe, good = trace.slots.T
@@ -124,7 +140,7 @@ def _outcome(scenario: SilScenario, trace: SilTrace, faults: tuple[Fault, ...], 
     )
     before = np.flatnonzero(t <= fault.at_s + ROUNDING_S)
     if before.size and not safe[before[-1]]:
-        limit = min(f.at_s - fault.at_s + limit_s(scenario.loop.kind, f) for f in faults)
+        limit = min(f.at_s - fault.at_s + _limit_s(scenario, f) for f in faults)
         lasts = max(f.end_s for f in faults) - fault.at_s
         watched = min(lasts, end - fault.at_s, float(t[-1]) - fault.at_s)
         late = after_s > limit + ROUNDING_S if reached.size else watched > limit

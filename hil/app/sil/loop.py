@@ -156,6 +156,8 @@ def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:
     trace.counts, trace.taken_at, trace.health = estimator.counts, estimator.taken_at, estimator.health
     trace.frames, trace.load, trace.rejected = bench.frames, bench.medium.load, bench.rejected
     trace.stopped_because = bench.node.reason or ("" if led else _never_led(bench, trace))
+    if trace.stopped_because and bench.carriage is not None and bench.carriage.trouble:
+        trace.stopped_because += f"; {bench.carriage.trouble}"
     trace.solve_s = trace.solve_s[led] if led else np.zeros(1)
 
 

@@ -19,7 +19,7 @@ from hil.app.scenario.bus_scenario import SilScenario
 from hil.bus.protection import Sender
 from hil.bus.simulated import Medium, SimulatedBus
 from hil.log.recorder import Recorder
-from hil.nodes.actuators import carriage_bus, needs_fd
+from hil.nodes.actuators import carriage_bus, identifiers, needs_fd
 from hil.nodes.carriage_bus import CarriageBus
 from hil.nodes.controller.node import ControllerNode, Task, Tick
 from hil.nodes.controller.receive import controllers_frames
@@ -27,7 +27,7 @@ from hil.nodes.faults.injection import TAMPERING, FaultInjection
 from hil.nodes.faults.table import Fault
 from hil.nodes.frame_map import ENABLE, FrameMap, frame_map_of, frames
 from hil.nodes.plant_node import SLOT_S, PlantNode, power_of
-from hil.nodes.simulated_drives import simulated_drive
+from hil.nodes.simulated_drives import Configured, simulated_drive
 from plant.sensing.instruments import Reading
 from plant.session import Session
 
@@ -35,6 +35,8 @@ PHASE_S = 0.2e-3
 """The drives' firmware runs this long after the tick's begin: SYNC has arrived by then, the tick's own command has not.
 """
 _BABBLE = 0
+_ERRORS = 15
+"""Errors by which a receiver gets passive: 8 counts each to 128."""
 
 
 def believed_on_bus(scenario: SilScenario, values: Mapping[str, float]) -> ControlModel:
@@ -80,6 +82,8 @@ class Bench:
         if scenario.drive is not None:
             _, power = power_of(session, loop.limits)
             drive = simulated_drive(ends["drive"], scenario.drive, power, loop.limits, self.tick_s)
+            if isinstance(drive, Configured):
+                drive.configure(self.wiring.life_ms(loop.limits.carriage_speed_m_s))
             ends["controller"] = carriage_bus(ends["controller"], scenario.drive, frames(), self.tick_s)
         self.carriage = ends["controller"] if isinstance(ends["controller"], CarriageBus) else None
         self.node = ControllerNode(task, ends["controller"], observer=recorder)
@@ -192,10 +196,21 @@ class Bench:
             drive.heated_to_C = fault.amount if on else -math.inf
         elif fault.kind == "drive_reset" and on:
             drive.boot(self.medium.now_s)
+        elif fault.kind == "encoder_error":
+            drive.broken = on
+        elif fault.kind == "wrong_node":
+            drive.node_id += 1 if on else -1
+        elif fault.kind == "wrong_bit_rate":
+            self.medium.disturb = _Burst() if on else None
+            self._off_bus(self.ports["drive"], on)
 
     def _hit(self, fault: Fault) -> list[tuple[FaultInjection, tuple[Fault, frozenset[int]]]]:
         """The links that a fault tampers with, and the identifiers there."""
         known, own = frames(), self.wiring
+        if self.scenario.drive is not None and fault.target in ("commands", "feedback"):
+            told, says = identifiers(self.scenario.drive)
+            link, hit_by = ("drive", told) if fault.target == "commands" else ("controller", says)
+            return [(self.links[link], (fault, hit_by))]
         to_drive = {
             "commands": (own.command,),
             "all": ("Sync", "SafeStop", "DriveReset", "EnableAnswer", "ControllerHeartbeat", own.command),
@@ -221,6 +236,17 @@ class Bench:
     def _babble(self, port: SimulatedBus) -> None:
         while len(port.waiting) < 16:
             port.send(can.Message(arbitration_id=_BABBLE, is_extended_id=False, data=bytes(8), is_rx=False))
+
+
+class _Burst:
+    """What a node at another bit rate does to the others' frames: each one is an error until it is passive."""
+
+    def __init__(self) -> None:
+        self._left = _ERRORS
+
+    def __call__(self, start_s: float, sender: str, message: can.Message) -> bool:
+        self._left -= 1
+        return self._left >= 0
 
 
 class _Stranger:

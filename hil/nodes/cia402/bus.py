@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from typing import Final
 
@@ -10,6 +11,7 @@ import can
 from hil.bus.catalogue import Catalogue
 from hil.nodes.carriage_bus import CarriageBus
 from hil.nodes.cia402.states import (
+    ENABLE_OPERATION,
     FAULTED,
     HALT_QUICKLY,
     MASTER_NODE,
@@ -25,7 +27,7 @@ from hil.nodes.cia402.states import (
     shown,
     state_of,
 )
-from hil.nodes.frame_map import BOOT, ENABLED, STANDBY, STOPPING, plain
+from hil.nodes.frame_map import BOOT, ENABLED, FASTEST_M_S, STANDBY, STOPPING, plain
 
 _ALIVE: Final = struct.pack("B", OPERATIONAL)
 _NMT: Final = {4: STOPPING, OPERATIONAL: ENABLED, 127: STANDBY}
@@ -39,9 +41,9 @@ class Cia402Bus(CarriageBus):
     the same frames feed. Its warning shows as "derated".
     """
 
-    def __init__(self, inner: can.BusABC, table: Cia402Table, catalogue: Catalogue) -> None:
+    def __init__(self, inner: can.BusABC, table: Cia402Table, catalogue: Catalogue, tick_s: float) -> None:
         super().__init__(inner, f"CiA 402 node {table.node_id}", catalogue)
-        self.table = table
+        self.table, self._tick_s, self._wanted_m = table, tick_s, math.nan
         self._takers = {
             0x180 + table.node_id: self._moved,
             0x280 + table.node_id: self._more,
@@ -49,18 +51,28 @@ class Cia402Bus(CarriageBus):
         }
         self._statusword, self._speed_m_s, self._place = 0, 0.0, 0
         self._error = 0
-        self._reset = self._told = False
+        self._reset = self._told = self._known = False
+        self._anew = ""
 
     @property
     def trouble(self) -> str:
-        """The error code 0x603F of the drive's fault."""
-        return f"cia402 node {self.table.node_id}: error code 0x{self._error:04X}" if self._told else ""
+        """The error code 0x603F of the drive's fault, or that it has booted."""
+        told = f"error code 0x{self._error:04X}" if self._told else self._anew
+        return f"cia402 node {self.table.node_id}: {told}" if told else ""
 
     def command(self, mode: int, place_m: float, timeout: float | None) -> None:
-        """Controlword and target."""
+        """Controlword and target: the place, or the speed that leads there within the tick and, by
+        `velocity_gain_Hz`, makes up for what the drive was off the place before.
+        """
         word = controlword(mode, state_of(self._statusword), reset=self._reset)
         self._reset = False
-        self._command(word, round(place_m * self.table.counts_per_m), timeout)
+        before, self._wanted_m = self._wanted_m, place_m if word == ENABLE_OPERATION else math.nan
+        target = place_m
+        if self.table.mode == "velocity":
+            off = 0.0 if math.isnan(before) else before - self._place / self.table.counts_per_m
+            rate = 0.0 if math.isnan(before) else (place_m - before) / self._tick_s
+            target = min(max(rate + self.table.velocity_gain_Hz * off, -FASTEST_M_S), FASTEST_M_S)
+        self._command(word, round(target * self.table.counts_per_m), timeout)
 
     def synchronise(self, timeout: float | None) -> None:
         """CANopen's own SYNC beside the catalogue's."""
@@ -77,7 +89,7 @@ class Cia402Bus(CarriageBus):
     def halt(self, timeout: float | None) -> None:
         """Brake where it moves."""
         if state_of(self._statusword) == OPERATION:
-            self._command(HALT_QUICKLY, self._place, timeout)
+            self._command(HALT_QUICKLY, 0 if self.table.mode == "velocity" else self._place, timeout)
 
     def take(self, message: can.Message) -> bool:
         """TPDOs and heartbeat of the node."""
@@ -108,6 +120,8 @@ class Cia402Bus(CarriageBus):
 
     def _beat(self, data: bytes, stamp: float) -> None:
         if len(data) == 1:
+            self._anew = "it booted anew" if self._known and data[0] == 0 else self._anew
+            self._known = True
             self.beat(_NMT.get(data[0] & 0x7F, BOOT), stamp, anew=data[0] == 0)
 
     def _command(self, word: int, counts: int, timeout: float | None) -> None:

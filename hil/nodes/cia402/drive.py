@@ -4,6 +4,7 @@ Needs canopen.
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable
 from typing import Any, Final
@@ -16,7 +17,9 @@ from controller.limits import Limits
 from hil.nodes.cia402.setup import PROFILE, entries
 from hil.nodes.cia402.states import (
     CYCLIC_SYNCHRONOUS_POSITION,
+    CYCLIC_SYNCHRONOUS_VELOCITY,
     DISABLED,
+    HOMING_MODE,
     NOT_READY,
     OPERATION,
     REACTING,
@@ -32,12 +35,13 @@ from hil.nodes.drive.power_stage import CarriagePower
 from hil.nodes.drive.state_machine import NO_FAULT, Stage
 from hil.nodes.frame_map import plain
 
-DEADLINE_ERROR, HEARTBEAT_ERROR, TEMPERATURE_ERROR = 0x8250, 0x8130, 0x4310
+DEADLINE_ERROR, HEARTBEAT_ERROR, TEMPERATURE_ERROR, SENSOR_ERROR = 0x8250, 0x8130, 0x4310, 0x7300
 _MOST: Final = 256
+_LED: Final = (HOMING_MODE, CYCLIC_SYNCHRONOUS_POSITION, CYCLIC_SYNCHRONOUS_VELOCITY)
 _AMBIENT_C: Final = 25.0
 _TYPES: Final = {1: datatypes.UNSIGNED8, 2: datatypes.UNSIGNED16, 4: datatypes.UNSIGNED32}
 _SIGNED: Final = {1: datatypes.INTEGER8, 2: datatypes.INTEGER16, 4: datatypes.INTEGER32}
-_NEGATIVE: Final = (0x607D, 0x6064, 0x606C, 0x607A, 0x6060, 0x6061)
+_NEGATIVE: Final = (0x607D, 0x6064, 0x606C, 0x607A, 0x60FF, 0x6060, 0x6061, 0x6098)
 
 
 class Cia402Drive:
@@ -53,6 +57,8 @@ class Cia402Drive:
     ) -> None:
         self.bus, self.table, self.power, self.limits, self.tick_s = bus, table, power, limits, tick_s
         self.heated_to_C, self.misread = -math.inf, None
+        self.home_m = 0.0
+        self.broken, self.node_id = False, table.node_id
         self.rejected = 0
         self.boot(0.0)
 
@@ -67,9 +73,16 @@ class Cia402Drive:
         self.state, self.error, self.temperature_C = NOT_READY, 0, _AMBIENT_C
         self._now = self._since = now
         self._hot_since, self._word, self._mapped = math.inf, 0, False
+        self.zero_m, self.homed = 0.0, False
         self.good_at = self._heard_at = -math.inf
         self.node.nmt.state = "INITIALISING"
         self.node.nmt.state = "PRE-OPERATIONAL"
+
+    def configure(self, time_to_live_ms: int) -> None:
+        """Set it up in its own process, as `hil.nodes.cia402.setup` would over the bus."""
+        for entry in entries(self.table, self.limits, self.tick_s, time_to_live_ms):
+            self.node.set_data(entry.index, entry.sub, entry.data)
+        self.node.nmt.state = "OPERATIONAL"
 
     @property
     def safe(self) -> bool:
@@ -88,12 +101,18 @@ class Cia402Drive:
             message = self.bus.recv(0)
             if message is None:
                 break
-            if plain(message):
+            if plain(message) and self.node_id == self.table.node_id:
                 self.network.notify(message.arbitration_id, bytearray(message.data), message.timestamp)
         if self.node.nmt.state == "OPERATIONAL" and not self._mapped:
             self._map()
         self.temperature_C = max(_AMBIENT_C, self.heated_to_C)
-        self._go(self._word, self._word)
+        before = self._word
+        if not self._mapped:
+            self._word = int(self.node.sdo[0x6040].raw)
+        self._go(self._word, before)
+        if not self._mapped and self.state == OPERATION and self.node.sdo[0x6060].raw == HOMING_MODE:
+            self._home()
+        self.node.sdo[0x6041].raw = self._statusword()
         self.network.beat(now)
 
     def output(self, dt: float, sensed: float) -> float:
@@ -106,7 +125,17 @@ class Cia402Drive:
         return self.temperature_C > self.limits.derate_C
 
     def _statusword(self) -> int:
-        return statusword_of(self.state, warning=self._warm)
+        return statusword_of(self.state, warning=self._warm) | (1 << 12 if self.homed and not self._mapped else 0)
+
+    def _home(self) -> None:
+        """Method 35 and 37 take the present place as zero; every other one moves to `home_m`."""
+        moves = self.node.sdo[0x6098].raw not in (35, 37)
+        left = self.home_m - self.power.output if moves else 0.0
+        if self._word & 0x10 and not self.homed:
+            step = 1e-3 * int(self.node.sdo[0x6099][1].raw) / self.table.counts_per_m
+            self.power.aim(self.power.output + min(max(left, -step), step), 1e-3)
+            if abs(left) <= step:
+                self.zero_m, self.homed = self.power.output + left, True
 
     def _map(self) -> None:
         """Take the process data as it was set up."""
@@ -129,23 +158,28 @@ class Cia402Drive:
             before, self._word = self._word, int(self.node.rpdo[1][0x6040].raw)
             self._go(self._word, before)
             if self.state == OPERATION:
-                self.power.aim(self.node.rpdo[1][0x607A].raw / self.table.counts_per_m, self.tick_s)
-        place, speed = self.power.output, self.power.rate
+                self._follow()
+        place, speed = self.power.output - self.zero_m, self.power.rate
         place = place if self.misread is None else self.misread(place)
         first, second = self.node.tpdo[1], self.node.tpdo[2]
         first[0x6041].raw, first[0x6064].raw = self._statusword(), round(place * self.table.counts_per_m)
         second[0x606C].raw, second[0x603F].raw = round(speed * self.table.counts_per_m), self.error
-        try:
-            first.transmit()
-            second.transmit()
-        except (can.CanError, OSError):
-            self.rejected += 1
+        first.transmit()
+        second.transmit()
+
+    def _follow(self) -> None:
+        """Take the target over: a place, or a speed for a tick."""
+        if self.node.sdo[0x6060].raw == CYCLIC_SYNCHRONOUS_VELOCITY:
+            speed = self.node.rpdo[1][0x60FF].raw / self.table.counts_per_m
+            self.power.aim(self.power.output + speed * self.tick_s, self.tick_s)
+        else:
+            self.power.aim(self.zero_m + self.node.rpdo[1][0x607A].raw / self.table.counts_per_m, self.tick_s)
 
     def _go(self, word: int, before: int) -> None:
         """One step of the state machine."""
         cause, state = self._cause(), self.state
         self.state = next_state(state, word, before, cause=bool(cause), at_rest=self.power.at_rest)
-        if self.state == OPERATION and self.node.sdo[0x6060].raw != CYCLIC_SYNCHRONOUS_POSITION:
+        if self.state == OPERATION and self.node.sdo[0x6060].raw not in _LED:
             self.state = SWITCHED_ON
         if self.state == REACTING and state != REACTING:
             self.error = cause
@@ -162,7 +196,13 @@ class Cia402Drive:
         )
         if self._now - self._hot_since >= HOT_S:
             return TEMPERATURE_ERROR
-        if self.state == OPERATION and self._now - self.good_at > 1e-3 * int(self.node.sdo[0x1400][5].raw):
+        if self.broken:
+            return SENSOR_ERROR
+        if (
+            self.state == OPERATION
+            and self._mapped
+            and self._now - self.good_at > 1e-3 * int(self.node.sdo[0x1400][5].raw)
+        ):
             return DEADLINE_ERROR
         late = (
             self._now - self._heard_at > 1e-3 * (int(self.node.sdo[0x1016][1].raw) & 0xFFFF) if self._mapped else False
@@ -181,6 +221,11 @@ class _Polled(canopen.Network):  # type: ignore[misc]
         """Remember what is to be sent."""
         self._beats.append(_Beat(self, can_id, bytes(data), period))
         return self._beats[-1]
+
+    def send_message(self, can_id: int, data: Any, remote: bool = False) -> None:
+        """Send a frame; a drive that is off the bus goes on without it."""
+        with contextlib.suppress(can.CanError, OSError):
+            super().send_message(can_id, data, remote)
 
     def beat(self, now: float) -> None:
         """Send what is due."""
@@ -215,11 +260,12 @@ def _dictionary(table: Cia402Table, limits: Limits, tick_s: float) -> canopen.Ob
     """The drive's objects: all that may be set, at the values that leave it still, and what it tells."""
     found = canopen.ObjectDictionary()
     tells = [(0x1000, 4, PROFILE | 2 << 16), (0x1001, 1, 0), (0x603F, 2, 0), (0x6040, 2, 0), (0x6041, 2, 0)]
-    tells += [(0x6061, 1, 0), (0x6064, 4, 0), (0x606C, 4, 0), (0x607A, 4, 0), (0x6502, 4, 1 << 7)]
+    tells += [(0x6061, 1, 0), (0x6064, 4, 0), (0x606C, 4, 0), (0x607A, 4, 0), (0x60FF, 4, 0), (0x6502, 4, 1 << 7)]
+    tells += [(0x6098, 1, 0)] * (not table.homing_method) + [(0x2000, 2, 0)]
     for index, size, value in tells:
         found.add_object(_variable(index, 0, size, value))
     for entry in entries(table, limits, tick_s, 1):
-        many = entry.index in (0x1016, 0x607D, 0x60C2) or 0x1400 <= entry.index < 0x1B00
+        many = entry.index in (0x1016, 0x607D, 0x6099, 0x60C2) or 0x1400 <= entry.index < 0x1B00
         if not many:
             found.add_object(_variable(entry.index, 0, entry.size, 0))
             continue

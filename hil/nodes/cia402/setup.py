@@ -5,13 +5,33 @@ the package canopen.
 from __future__ import annotations
 
 import logging
+import time
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import can
 
 from controller.limits import Limits
-from hil.nodes.cia402.states import CYCLIC_SYNCHRONOUS_POSITION, MASTER_NODE, SYNC_ID, Cia402Table
+from hil.nodes.cia402.states import (
+    DISABLE_VOLTAGE,
+    DISABLED,
+    ENABLE_OPERATION,
+    FAULTED,
+    HALT_QUICKLY,
+    HOMING_MODE,
+    MASTER_NODE,
+    MODES,
+    OPERATION,
+    OPERATIONAL,
+    REACTING,
+    READY_TO_SWITCH_ON,
+    SHUTDOWN,
+    SWITCH_ON,
+    SWITCHED_ON,
+    SYNC_ID,
+    Cia402Table,
+    state_of,
+)
 from hil.nodes.frame_map import QUICK_STOP_M_S2
 
 HEARTBEAT_MS: Final = 20
@@ -20,6 +40,10 @@ PROFILE: Final = 0x192
 _INVALID: Final = 1 << 31
 _SYNCHRONOUS: Final = 1
 _MAPPED: Final = {0x1600: (0x60400010, 0x607A0020), 0x1A00: (0x60410010, 0x60640020), 0x1A01: (0x606C0020, 0x603F0010)}
+_BY_VELOCITY: Final = (0x60400010, 0x60FF0020)
+ROUNDED: Final = (0x1017, 0x607D, 0x607F, 0x6085, 0x6099)
+"""Objects, beside the table's options, that a drive may hold rounded: off by one, or by a thousandth."""
+_ATTAINED, _HOMING_ERROR, _START_HOMING = 1 << 12, 1 << 13, 1 << 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,11 +69,13 @@ def entries(table: Cia402Table, limits: Limits, tick_s: float, time_to_live_ms: 
     """
     node, counts = table.node_id, table.counts_per_m
     travel, speed = round(limits.travel_m * counts), round(limits.carriage_speed_m_s * counts)
+    slow = max(round(table.homing_speed_m_s * counts), 1)
+    homing = (Entry(0x6098, 0, 1, table.homing_method), Entry(0x6099, 1, 4, slow), Entry(0x6099, 2, 4, slow))
     return (
         Entry(0x1005, 0, 4, SYNC_ID),
         Entry(0x1016, 1, 4, MASTER_NODE << 16 | HEARTBEAT_LOST_MS),
         Entry(0x1017, 0, 2, HEARTBEAT_MS),
-        *_mapping(0x1400, 0x1600, 0x200 + node, Entry(0x1400, 5, 2, time_to_live_ms)),
+        *_mapping(0x1400, 0x1600, 0x200 + node, Entry(0x1400, 5, 2, time_to_live_ms), by=table.mode),
         *_mapping(0x1800, 0x1A00, 0x180 + node),
         *_mapping(0x1801, 0x1A01, 0x280 + node),
         Entry(0x6007, 0, 2, 1),
@@ -61,13 +87,14 @@ def entries(table: Cia402Table, limits: Limits, tick_s: float, time_to_live_ms: 
         Entry(0x6085, 0, 4, round(QUICK_STOP_M_S2 * counts)),
         Entry(0x60C2, 1, 1, round(1e4 * tick_s)),
         Entry(0x60C2, 2, 1, -4),
-        Entry(0x6060, 0, 1, CYCLIC_SYNCHRONOUS_POSITION),
+        *(homing if table.homing_method else ()),
+        Entry(0x6060, 0, 1, MODES[table.mode]),
     )
 
 
-def _mapping(parameters: int, mapping: int, identifier: int, *more: Entry) -> tuple[Entry, ...]:
+def _mapping(parameters: int, mapping: int, identifier: int, *more: Entry, by: str = "position") -> tuple[Entry, ...]:
     """A process data object: off, its contents, on."""
-    objects = _MAPPED[mapping]
+    objects = _BY_VELOCITY if mapping == 0x1600 and by == "velocity" else _MAPPED[mapping]
     return (
         Entry(parameters, 1, 4, _INVALID | identifier),
         Entry(parameters, 2, 1, _SYNCHRONOUS),
@@ -79,9 +106,9 @@ def _mapping(parameters: int, mapping: int, identifier: int, *more: Entry) -> tu
     )
 
 
-def set_up(bus: can.BusABC, table: Cia402Table, limits: Limits, tick_s: float, time_to_live_ms: int) -> None:
-    """Set the drive up, read back what it has taken, and start its PDOs; it stays disabled. Blocks, at most some
-    seconds.
+def set_up(bus: can.BusABC, table: Cia402Table, limits: Limits, tick_s: float, time_to_live_ms: int) -> list[str]:
+    """Set the drive up, read back what it has taken, home it where the table says so, and start its PDOs; it stays
+    disabled. Blocks, at most some seconds and the time to home. Gives a sentence for each object that it took rounded.
 
     Raises ValueError of one sentence where canopen is missing, no drive answers, or it does not take what it must.
     """
@@ -101,17 +128,67 @@ def set_up(bus: can.BusABC, table: Cia402Table, limits: Limits, tick_s: float, t
         kind = int.from_bytes(node.sdo.upload(0x1000, 0), "little") & 0xFFFF
         if kind != PROFILE:
             raise ValueError(f"cia402: node {table.node_id} must be a drive of profile 402; got profile {kind}")
-        for entry in entries(table, limits, tick_s, time_to_live_ms):
-            node.sdo.download(entry.index, entry.sub, entry.data)
-            held = node.sdo.upload(entry.index, entry.sub)
-            if held != entry.data:
-                where = f"0x{entry.index:04X}:{entry.sub:02X}"
-                raise ValueError(
-                    f"cia402: node {table.node_id} must take {entry.value} at {where}; it holds {held.hex()}"
-                )
+        told = [_set(node, table, entry) for entry in entries(table, limits, tick_s, time_to_live_ms)]
+        for index, sub, value in table.options:
+            size = len(node.sdo.upload(index, sub))
+            told.append(_set(node, table, Entry(index, sub, size, value), rounded=True))
+        if table.homing_method:
+            _home(node, network, table)
         node.nmt.state = "OPERATIONAL"
+        return [sentence for sentence in told if sentence]
     except (canopen.SdoCommunicationError, canopen.SdoAbortedError, can.CanError, OSError) as error:
         raise ValueError(f"cia402: node {table.node_id} must answer and take its settings; got: {error}") from None
     finally:
         if network.notifier is not None:
             network.notifier.stop(2 * network.NOTIFIER_CYCLE)
+
+
+def _set(node: Any, table: Cia402Table, entry: Entry, *, rounded: bool = False) -> str:
+    """Write an object and read it back; a sentence where the drive holds it rounded and may. Raises ValueError where it
+    holds another value.
+    """
+    where = f"0x{entry.index:04X}:{entry.sub:02X}"
+    try:
+        node.sdo.download(entry.index, entry.sub, entry.data)
+    except OverflowError:
+        raise ValueError(f"cia402.options: {where} must fit into {entry.size} bytes; got {entry.value}") from None
+    data = node.sdo.upload(entry.index, entry.sub)
+    if data == entry.data:
+        return ""
+    held = int.from_bytes(data, "little", signed=entry.value < 0)
+    near = abs(held - entry.value) <= max(1, abs(entry.value) // 1000) and len(data) == entry.size
+    if near and (rounded or entry.index in ROUNDED):
+        return f"cia402: node {table.node_id} holds {held} at {where}, rounded from {entry.value}"
+    raise ValueError(f"cia402: node {table.node_id} must take {entry.value} at {where}; it holds {data.hex()}")
+
+
+def _home(node: Any, network: Any, table: Cia402Table) -> None:
+    """Let the drive home itself, under our heartbeat, and disable it again; whatever goes wrong stops it. Raises
+    ValueError.
+    """
+    _set(node, table, Entry(0x6060, 0, 1, HOMING_MODE))
+    end, status = time.monotonic() + table.homing_s, 0
+    try:
+        while not status & _ATTAINED:
+            network.send_message(0x700 + MASTER_NODE, bytes((OPERATIONAL,)))
+            status = int.from_bytes(node.sdo.upload(0x6041, 0), "little")
+            if status & _HOMING_ERROR or state_of(status) in (REACTING, FAULTED):
+                raise ValueError(f"cia402: node {table.node_id} must home; got statusword 0x{status:04X}")
+            if time.monotonic() > end:
+                raise ValueError(f"cia402: node {table.node_id} must be home within {table.homing_s:g} s")
+            word = _HOMING_WORDS.get(state_of(status), DISABLE_VOLTAGE)
+            node.sdo.download(0x6040, 0, word.to_bytes(2, "little"))
+            time.sleep(0.005)
+    finally:
+        for word in (HALT_QUICKLY, DISABLE_VOLTAGE):
+            node.sdo.download(0x6040, 0, word.to_bytes(2, "little"))
+            time.sleep(0.05)
+    _set(node, table, Entry(0x6060, 0, 1, MODES[table.mode]))
+
+
+_HOMING_WORDS: Final = {
+    DISABLED: SHUTDOWN,
+    READY_TO_SWITCH_ON: SWITCH_ON,
+    SWITCHED_ON: ENABLE_OPERATION,
+    OPERATION: ENABLE_OPERATION | _START_HOMING,
+}

@@ -11,7 +11,20 @@ from types import MappingProxyType
 from typing import Final
 
 from hil.nodes.drive.state_machine import HEARTBEAT_LOST, OVER_CURRENT, OVER_TEMPERATURE, TIME_TO_LIVE
-from hil.nodes.frame_map import BOOT, DERATED, ENABLE, ENABLED, FAULT, OFF, QUICK_STOP, STANDBY, STOPPING, WAITING
+from hil.nodes.frame_map import (
+    BOOT,
+    DERATED,
+    ENABLE,
+    ENABLED,
+    FAULT,
+    OFF,
+    QUICK_STOP,
+    STANDBY,
+    STOPPING,
+    WAITING,
+    frame_map_of,
+)
+from models.parameter import nearest
 
 DISABLED, READY_TO_SWITCH_ON, SWITCHED_ON, OPERATION, QUICK_STOPPING, REACTING, FAULTED = range(1, 8)
 """States of the power drive system; 0 is "not ready to switch on"."""
@@ -37,16 +50,21 @@ SYNC_ID: Final = 0x6A0
 """CANopen's SYNC goes by a free identifier: by its usual one 0x80 the catalogue's own Sync goes."""
 MASTER_NODE: Final = 127
 OPERATIONAL: Final = 5
-CYCLIC_SYNCHRONOUS_POSITION: Final = 8
+HOMING_MODE, CYCLIC_SYNCHRONOUS_POSITION, CYCLIC_SYNCHRONOUS_VELOCITY = 6, 8, 9
+"""Modes of operation."""
+MODES: Final[Mapping[str, int]] = MappingProxyType(
+    {"position": CYCLIC_SYNCHRONOUS_POSITION, "velocity": CYCLIC_SYNCHRONOUS_VELOCITY}
+)
 RPDO: Final = struct.Struct("<Hi")
-"""Controlword 0x6040, target position 0x607A."""
+"""Controlword 0x6040, target position 0x607A or target velocity 0x60FF."""
 TPDO_STATE: Final = struct.Struct("<Hi")
 """Statusword 0x6041, actual position 0x6064."""
 TPDO_MORE: Final = struct.Struct("<iH")
 """Actual velocity 0x606C, error code 0x603F."""
 INTERNAL: Final = 11
+SENSOR: Final = 7
 _ERRORS: Final[Mapping[int, int]] = MappingProxyType(
-    {0x2300: OVER_CURRENT, 0x4300: OVER_TEMPERATURE, 0x8250: TIME_TO_LIVE, 0x8130: HEARTBEAT_LOST}
+    {0x2300: OVER_CURRENT, 0x4300: OVER_TEMPERATURE, 0x7300: SENSOR, 0x8250: TIME_TO_LIVE, 0x8130: HEARTBEAT_LOST}
 )
 _STATES: Final[Mapping[int, int]] = MappingProxyType(
     {NOT_READY: BOOT, DISABLED: STANDBY, READY_TO_SWITCH_ON: WAITING, SWITCHED_ON: WAITING, OPERATION: ENABLED}
@@ -57,22 +75,68 @@ _STATES: Final[Mapping[int, int]] = MappingProxyType(
 @dataclass(frozen=True)
 class Cia402Table:
     """`[cia402]`: the carriage is a CANopen drive of this `node_id`, whose position counts `counts_per_m`; `answers_s`
-    is how long it may take to be found.
+    is how long it may take to be found. It is led in the cyclic synchronous `mode`; by velocity with `velocity_gain_Hz`
+    on what is left of the way. `homing_method` (0x6098, 0: none) is run as it is set up, at `homing_speed_m_s` (0x6099)
+    and for at most `homing_s`. `options` are objects of its own: index, sub, value.
     """
 
     node_id: int = 1
     counts_per_m: float = 1e6
     answers_s: float = 2.0
+    mode: str = "position"
+    velocity_gain_Hz: float = 20.0
+    homing_method: int = 0
+    homing_speed_m_s: float = 0.01
+    homing_s: float = 30.0
+    options: tuple[tuple[int, int, int], ...] = ()
 
     def __post_init__(self) -> None:
         if not 1 <= self.node_id <= 15:
             raise ValueError(
                 f"cia402.node_id must lie in [1, 15], clear of the catalogue's identifiers; got {self.node_id}"
             )
-        if not 1e3 <= self.counts_per_m <= 1e9:
-            raise ValueError(f"cia402.counts_per_m must lie in [1e3, 1e9]; got {self.counts_per_m:g}")
-        if not 0.1 <= self.answers_s <= 60.0:
-            raise ValueError(f"cia402.answers_s must lie in [0.1, 60]; got {self.answers_s:g}")
+        for name, lower, upper in RANGES:
+            if not lower <= getattr(self, name) <= upper:
+                raise ValueError(f"cia402.{name} must lie in [{lower:g}, {upper:g}]; got {getattr(self, name):g}")
+        if self.mode not in MODES:
+            choices = f"one of {', '.join(MODES)}"
+            raise ValueError(f"cia402.mode must be {choices}; got {self.mode!r}; {nearest(self.mode, MODES)}")
+
+    def stops_s(self, speed_m_s: float) -> float:
+        """The longest time in s from the last command to the carriage at rest, from `speed_m_s`."""
+        wiring = frame_map_of("magnetic")
+        return 1e-3 * wiring.life_ms(speed_m_s) + 2 * abs(speed_m_s) / wiring.braking_m_s2
+
+
+RANGES: Final = (
+    ("counts_per_m", 1e3, 1e9),
+    ("answers_s", 0.1, 60.0),
+    ("velocity_gain_Hz", 0.1, 200.0),
+    ("homing_method", -128, 127),
+    ("homing_speed_m_s", 1e-4, 0.1),
+    ("homing_s", 0.1, 600.0),
+)
+
+
+def options_of(raw: object) -> tuple[tuple[int, int, int], ...]:
+    """`[cia402.options]`: index, sub and value of each `"index.sub" = value`, the first two hexadecimal. Raises
+    ValueError.
+    """
+    if not isinstance(raw, Mapping):
+        raise ValueError(f'cia402.options must be a table of "index.sub" = value; got {raw!r}')
+    found = []
+    for key, value in raw.items():
+        index, _, sub = str(key).partition(".")
+        try:
+            place = int(index, 16), int(sub, 16)
+        except ValueError:
+            place = (-1, -1)
+        if not (0x1000 <= place[0] <= 0xFFFF and 0 <= place[1] <= 0xFF):
+            raise ValueError(f'cia402.options must have keys as "6083.0", index and sub hexadecimal; got {key!r}')
+        if isinstance(value, bool) or not isinstance(value, int) or not -(1 << 31) <= value < 1 << 32:
+            raise ValueError(f"cia402.options {key} must be an integer of at most 32 bits; got {value!r}")
+        found.append((*place, value))
+    return tuple(found)
 
 
 def state_of(statusword: int) -> int:

@@ -85,6 +85,7 @@ class DriveNode:
         self.temperature_C = _AMBIENT_C
         self.heated_to_C = -math.inf
         self.misread: Callable[[float], float] | None = None
+        self.broken, self.node_id = False, wiring.target
         self._names = {
             catalogue[n].id: n
             for n in (wiring.command, "Sync", "SafeStop", "DriveReset", "EnableAnswer", "ControllerHeartbeat")

@@ -20,7 +20,7 @@ _SHARE: Final = (1e-6, 1.0)
 @dataclass(frozen=True)
 class FaultKind:
     """What a kind of fault does, the targets it may have (the first one where none is named), what its `value` means,
-    and the least and the most that makes sense.
+    and the least and the most that makes sense. `makers`: only another maker's drive can have it.
     """
 
     summary: str
@@ -28,6 +28,7 @@ class FaultKind:
     value: float = math.nan
     meaning: str = ""
     range: tuple[float, float] = (-math.inf, math.inf)
+    makers: bool = False
 
 
 KINDS: Mapping[str, FaultKind] = MappingProxyType(
@@ -52,12 +53,32 @@ KINDS: Mapping[str, FaultKind] = MappingProxyType(
         "lost": FaultKind("the localisation says nothing", SENSORS[:1]),
         "over_temperature": FaultKind("the drive gets hot", value=60.0, meaning="degC", range=(-40.0, 150.0)),
         "drive_reset": FaultKind("the drive boots anew"),
+        "encoder_error": FaultKind("the drive's encoder tells nothing", makers=True),
+        "wrong_node": FaultKind("the drive answers to another node's number", makers=True),
+        "wrong_bit_rate": FaultKind("the drive's end of the bus goes at another bit rate", makers=True),
         "killed": FaultKind("the controller's process is gone"),
         "frozen": FaultKind("the controller's process stands still"),
         "late_solve": FaultKind("the controller's solutions come too late"),
         "clock_jump": FaultKind("the controller's clock jumps", value=0.5, meaning="s", range=(-1000.0, 1000.0)),
     }
 )
+
+OWN_KINDS: Final = tuple(name for name, kind in KINDS.items() if not kind.makers)
+"""Faults that the catalogue's own drives can have."""
+MAKERS_ROWS: Final = (
+    ("drop", "commands"),
+    ("drop", "feedback"),
+    ("killed", ""),
+    ("frozen", ""),
+    ("encoder_error", ""),
+    ("over_temperature", ""),
+    ("wrong_node", ""),
+    ("wrong_bit_rate", ""),
+    ("drive_reset", ""),
+    ("bus_off", "controller"),
+    ("late_solve", ""),
+)
+"""Faults and targets through which every drive of another maker goes."""
 
 
 @dataclass(frozen=True)

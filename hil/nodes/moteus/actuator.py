@@ -60,14 +60,14 @@ _WATCHDOG: Final = ("watchdog expired (mode 11, timeout)", TIME_TO_LIVE)
 @dataclass(frozen=True)
 class MoteusTable:
     """`[moteus]`: the carriage is a moteus controller of this `node_id`, whose output does `turns_per_m` (negative: the
-    other way) with at most `torque_Nm`. Each command is worth something for `watchdog_s`. `coast_m_s2` is the
+    other way) with at most `most_torque_N_m`. Each command is worth something for `watchdog_s`. `coast_m_s2` is the
     deceleration of the carriage without torque, as after a fault. `home` "here" makes the present place zero.
     `answers_s`: how long it may take to be found.
     """
 
     node_id: int = 1
     turns_per_m: float = 100.0
-    torque_Nm: float = 0.5
+    most_torque_N_m: float = 0.5
     watchdog_s: float = 0.02
     coast_m_s2: float = 5.0
     home: str = "kept"
@@ -90,7 +90,7 @@ class MoteusTable:
 RANGES: Final = (
     ("node_id", 1, 126),
     ("turns_per_m", 1.0, 1e5),
-    ("torque_Nm", 0.001, 100.0),
+    ("most_torque_N_m", 0.001, 100.0),
     ("watchdog_s", 0.004, 0.1),
     ("coast_m_s2", 0.1, 100.0),
     ("answers_s", 0.1, 60.0),
@@ -112,7 +112,8 @@ class MoteusBus(CarriageBus):
         self._watchdog_s = struct.unpack("<f", struct.pack("<f", table.watchdog_s))[0]
         self._servo, self._held_s = -1, math.nan
         self._place_m = self._speed_m_s = 0.0
-        self._wanted_m, self._last_m, self._fresh = 0.0, math.nan, False
+        self._wanted_m, self._fresh = 0.0, False
+        self._last_m = self._rate_m_s = math.nan
         self._armed = self._led = False
         self._asked, self._forgiven, self._unanswered = 0, 0, 0
         self._latched, self._left = "", ""
@@ -142,6 +143,7 @@ class MoteusBus(CarriageBus):
             self._wanted_m, self._fresh = place_m, True
         elif mode == READY and self.shown == STANDBY:
             self._armed, self._led, self._asked, self._left = True, False, 0, ""
+            self._last_m = math.nan
         elif mode not in (READY, ENABLE):
             self._armed = False
         if not self._armed:
@@ -170,9 +172,8 @@ class MoteusBus(CarriageBus):
         self._tell(wire.mode_write(wire.STOPPED), timeout)
 
     def halt(self, timeout: float | None) -> None:
-        """Brake, as on any stop."""
+        """Brake, with the next command: there is one a tick."""
         self._armed = False
-        self._rest(timeout)
 
     def take(self, message: can.Message) -> bool:
         """The node's replies."""
@@ -191,8 +192,7 @@ class MoteusBus(CarriageBus):
         self._unanswered = 0
         if self._led and self._servo == wire.STOPPED and (self._armed or self._left == "silent"):
             self._armed = False
-            anew = self._held_s != self._watchdog_s
-            self._left = "it booted anew" if anew else "it stopped by itself"
+            self._left = "it was silent, perhaps booted anew" if self._left else "it stopped by itself"
         self._forgiven = max(self._forgiven - 1, 0)
         self._judge(int(values.get(wire.FAULT_CODE, 0.0)), stamp)
         scale = self.table.turns_per_m
@@ -215,7 +215,7 @@ class MoteusBus(CarriageBus):
     def _lead(self, timeout: float | None) -> None:
         """Position mode: from the last place in a straight line to the wanted one within the tick."""
         begin = self._wanted_m if self._servo != wire.POSITION_MODE else self._last_m
-        rate = (self._wanted_m - begin) / self._tick_s
+        self._rate_m_s = rate = (self._wanted_m - begin) / self._tick_s
         self._last_m = self._wanted_m
         self._asked = 0 if self._servo == wire.POSITION_MODE else self._asked + 1
         if self._asked > _GIVE_UP_TICKS:
@@ -226,7 +226,9 @@ class MoteusBus(CarriageBus):
         """A step of the way to rest of a drive that operates; at rest it is stopped."""
         if self._latched or self._servo <= wire.FAULTED:
             return
-        step = self._braking.step(self._place_m, self._speed_m_s) if self._servo == wire.POSITION_MODE else None
+        led = not math.isnan(self._last_m)
+        onward = (self._last_m, self._rate_m_s) if led else (self._place_m, self._speed_m_s)
+        step = self._braking.step(*onward) if self._servo == wire.POSITION_MODE else None
         if step is None:
             self._tell(wire.mode_write(wire.STOPPED), timeout)
         else:
@@ -234,7 +236,7 @@ class MoteusBus(CarriageBus):
 
     def _aim(self, place_m: float, rate_m_s: float, timeout: float | None) -> None:
         scale, table = self.table.turns_per_m, self.table
-        self._tell(wire.command(place_m * scale, rate_m_s * scale, table.torque_Nm, table.watchdog_s), timeout)
+        self._tell(wire.command(place_m * scale, rate_m_s * scale, table.most_torque_N_m, table.watchdog_s), timeout)
 
     def _tell(self, data: bytes, timeout: float | None) -> None:
         self.inner.send(wire.frame_to(self.table.node_id, data), timeout)

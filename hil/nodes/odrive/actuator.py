@@ -89,7 +89,7 @@ class OdriveTable:
     enable_watchdog_endpoint: int = 0
     watchdog_timeout_endpoint: int = 0
     watchdog_s: float = 0.02
-    current_A: float = 10.0
+    motor_current_A: float = 10.0
     coast_m_s2: float = 5.0
     home: str = "kept"
     answers_s: float = 2.0
@@ -118,7 +118,7 @@ RANGES: Final = (
     ("enable_watchdog_endpoint", 0, 65535),
     ("watchdog_timeout_endpoint", 0, 65535),
     ("watchdog_s", 0.004, 0.1),
-    ("current_A", 0.1, 200.0),
+    ("motor_current_A", 0.1, 200.0),
     ("coast_m_s2", 0.1, 100.0),
     ("answers_s", 0.1, 60.0),
 )
@@ -155,7 +155,8 @@ class OdriveBus(CarriageBus):
         self._wanted_m, self._fresh, self._mode = 0.0, False, 0
         self._armed = self._led = False
         self._asked = 0
-        self._last_m, self._braking = math.nan, BrakePath(tick_s)
+        self._last_m = self._rate_m_s = math.nan
+        self._braking = BrakePath(tick_s)
         self._heard_at, self._others_at, self._others = -math.inf, -math.inf, set[int]()
         self._left = ""
 
@@ -185,6 +186,7 @@ class OdriveBus(CarriageBus):
             self._wanted_m, self._fresh = place_m, True
         elif mode == READY and self.shown == STANDBY:
             self._armed, self._led, self._asked, self._left = True, False, 0, ""
+            self._last_m = math.nan
         elif mode not in (READY, ENABLE):
             self._armed = False
         if not self._armed and self._axis == CLOSED_LOOP:
@@ -195,7 +197,8 @@ class OdriveBus(CarriageBus):
         fresh, self._fresh = self._fresh, False
         if not fresh or not self._armed:
             return
-        rate = 0.0 if self._asked else (self._wanted_m - self._last_m) / self._tick_s
+        begin = self._wanted_m if self._asked or math.isnan(self._last_m) else self._last_m
+        self._rate_m_s = (self._wanted_m - begin) / self._tick_s
         self._last_m = self._wanted_m
         self._braking.leave()
         if self._axis != CLOSED_LOOP:
@@ -204,7 +207,7 @@ class OdriveBus(CarriageBus):
             self._asked += 1
             if self._asked > _GIVE_UP_TICKS:
                 self._armed, self._left = False, "it did not enter closed loop control"
-        self._place(self._wanted_m, rate, timeout)
+        self._place(self._wanted_m, self._rate_m_s, timeout)
 
     def acknowledge(self, timeout: float | None) -> None:
         """Clear_Errors; what is still wrong then is latched again."""
@@ -216,10 +219,8 @@ class OdriveBus(CarriageBus):
         self._tell(GET_ERROR, b"", timeout)
 
     def halt(self, timeout: float | None) -> None:
-        """Brake, as on any stop."""
+        """Brake, with the next command: there is one a tick."""
         self._armed = False
-        if self._axis == CLOSED_LOOP:
-            self._brake(timeout)
 
     def take(self, message: can.Message) -> bool:
         """The node's frames; that other nodes speak is remembered."""
@@ -246,8 +247,8 @@ class OdriveBus(CarriageBus):
         """A heartbeat: axis error and state."""
         errors, axis = struct.unpack_from("<IB", data)
         anew = bool(errors & _INITIALIZING) or axis == 0
-        if self._armed and (anew or (self._led and axis == IDLE)):
-            self._armed = False
+        if self._led and (anew or (self._armed and axis == IDLE)):
+            self._armed = self._led = False
             self._left = "it booted anew" if anew else "it left closed loop control by itself"
         self._axis, self._errors = axis, errors
         self._led = self._led or (self._armed and axis == CLOSED_LOOP)
@@ -269,7 +270,9 @@ class OdriveBus(CarriageBus):
     def _brake(self, timeout: float | None) -> None:
         """A step of the way to rest; at rest the axis is made idle."""
         scale = self.table.turns_per_m
-        step = self._braking.step(self._turns / scale, self._turns_s / scale)
+        led = not math.isnan(self._last_m)
+        onward = (self._last_m, self._rate_m_s) if led else (self._turns / scale, self._turns_s / scale)
+        step = self._braking.step(*onward)
         if step is None:
             self._tell(SET_AXIS_STATE, struct.pack("<I", IDLE), timeout)
         else:
@@ -278,7 +281,7 @@ class OdriveBus(CarriageBus):
     def _place(self, place_m: float, rate_m_s: float, timeout: float | None) -> None:
         """Set_Input_Pos: position, and its rate in thousandths of a turn a second."""
         scale = self.table.turns_per_m
-        ahead = round(1e3 * rate_m_s * scale) if math.isfinite(rate_m_s) else 0
+        ahead = round(1e3 * rate_m_s * scale)
         self._tell(SET_INPUT_POS, struct.pack("<fhh", place_m * scale, min(max(ahead, -32768), 32767), 0), timeout)
 
     def _tell(self, command: int, data: bytes, timeout: float | None) -> None:
@@ -316,7 +319,7 @@ def set_up(bus: can.BusABC, table: OdriveTable, limits: Limits, tick_s: float) -
         )
     ask.tell(SET_CONTROLLER_MODE, struct.pack("<II", POSITION_CONTROL, PASSTHROUGH))
     fastest = abs(table.turns_per_m) * limits.carriage_speed_m_s
-    ask.tell(SET_LIMITS, struct.pack("<ff", fastest, table.current_A))
+    ask.tell(SET_LIMITS, struct.pack("<ff", fastest, table.motor_current_A))
     if table.home == "here":
         ask.tell(SET_ABSOLUTE_POSITION, struct.pack("<f", 0.0))
 

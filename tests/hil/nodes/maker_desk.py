@@ -18,6 +18,7 @@ from hil.nodes.actuators import ActuatorTable, carriage_bus
 from hil.nodes.controller.receive import FrameReceiver
 from hil.nodes.drive.power_stage import CarriagePower
 from hil.nodes.frame_map import ENABLE, OFF, READY, frame_map_of
+from hil.nodes.plant_node import SLOT_S
 from hil.nodes.simulated_drives import SimulatedDrive, simulated_drive
 from tests.hil.ticks import TICK
 
@@ -42,9 +43,12 @@ class Running:
         self._thread.start()
 
     def _run(self) -> None:
+        slots = 0
         while not self._over.is_set():
-            self.drive.listen(self.bus.clock.now(), 2)
-            time.sleep(1e-3)
+            while slots * SLOT_S <= self.bus.clock.now():
+                self.drive.listen(slots * SLOT_S, 2)
+                slots += 1
+            time.sleep(SLOT_S)
 
     def close(self) -> None:
         self._over.set()

@@ -26,10 +26,10 @@ LIMITS, TABLE = Limits(), Cia402Table()
 class Ends:
     """An adapter with its two ends: `far` is where the drive hears and speaks."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, table: Cia402Table = TABLE) -> None:
         self.far = can.Bus(interface="virtual", channel=name)
         self.catalogue = load_catalogue()
-        self.near = Cia402Bus(can.Bus(interface="virtual", channel=name), TABLE, self.catalogue)
+        self.near = Cia402Bus(can.Bus(interface="virtual", channel=name), table, self.catalogue, TICK)
         self._senders: dict[str, Sender] = {}
 
     def say(self, name: str, values: dict[str, float]) -> None:
@@ -66,11 +66,11 @@ def command(mode: int, place: float) -> dict[str, float]:
 class Polled:
     """A simulated drive whose firmware runs in a thread of its own."""
 
-    def __init__(self, channel: str) -> None:
+    def __init__(self, channel: str, table: Cia402Table = TABLE) -> None:
         drive = pytest.importorskip("hil.nodes.cia402.drive", reason="needs the package canopen (extra canopen)")
         self.bus = ClockedBus(can.Bus(interface="virtual", channel=channel), Clock())
         power = CarriagePower(LIMITS.carriage_speed_m_s, LIMITS.travel_m)
-        self.drive = drive.Cia402Drive(self.bus, TABLE, power, LIMITS, TICK)
+        self.drive = drive.Cia402Drive(self.bus, table, power, LIMITS, TICK)
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._run)
         self._thread.start()

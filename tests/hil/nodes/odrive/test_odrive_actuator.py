@@ -66,7 +66,7 @@ def test_it_is_led_and_stopped() -> None:
     desk.ticks(100, ENABLE, 0.1)
     assert desk.drive.power.output == pytest.approx(desk.place, abs=2 * 0.1 * TICK)
     assert desk.heard.report == pytest.approx(desk.drive.power.output, abs=0.1 * 3 * TICK)
-    assert desk.until_safe(QUICK_STOP) <= 0.1 / 25.0 + 4 * TICK
+    assert desk.until_safe(QUICK_STOP) <= 0.1 / 25.0 + 6 * TICK
     desk.ticks(20, OFF)
     assert (desk.heard.state, desk.bus.trouble, desk.heard.fault) == (STANDBY, "", 0)
 

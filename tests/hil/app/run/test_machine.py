@@ -1,0 +1,78 @@
+"""What `check` says of a machine: settings of the interface from what `ip` tells, and the tick that it holds."""
+
+from __future__ import annotations
+
+import math
+import os
+import socket
+from typing import Any
+
+import can
+import pytest
+
+from hil.app.run.clock import Histogram
+from hil.app.run.machine import lateness, link_advice, link_faults, link_of, priority_words, tick_to_hold
+from hil.app.scenario.deployment import BusTable, ControlTable
+from hil.bus.local import LocalBus
+
+TABLE = BusTable("socketcan", "can0", fd=True)
+
+
+def link(txqlen: int = 10, **data: Any) -> dict[str, Any]:
+    """As `ip -json -details link show can0` has it."""
+    return {"ifname": "can0", "txqlen": txqlen, "linkinfo": {"info_kind": "can", "info_data": data}}
+
+
+def test_an_interface_as_the_kernel_makes_it_is_told_what_it_lacks() -> None:
+    fresh = link(bittiming={"bitrate": 1_000_000}, data_bittiming={"bitrate": 2_000_000}, restart_ms=0)
+    assert link_faults(fresh, TABLE) == ["data_bittiming of can0 must be 5000000; got 2000000"]
+    assert link_advice(fresh, TABLE) == [
+        "a queue of 10 frames: ip link set can0 txqueuelen 128",
+        "no return after bus-off: ip link set can0 type can restart-ms 100, while it is down",
+    ]
+    assert link_faults(link(bittiming={"bitrate": 500_000}), BusTable("socketcan", "can0")) == [
+        "bittiming of can0 must be 1000000; got 500000"
+    ]
+    good = link(1000, bittiming={"bitrate": 1_000_000}, data_bittiming={"bitrate": 5_000_000}, restart_ms=100)
+    assert link_faults(good, TABLE) == link_advice(good, TABLE) == []
+
+
+def test_a_virtual_interface_and_none_are_left_alone() -> None:
+    virtual = {"ifname": "vcan0", "txqlen": 1000, "linkinfo": {"info_kind": "vcan"}}
+    assert link_faults(virtual, TABLE) == link_advice(virtual, TABLE) == []
+    assert link_of(BusTable("socketcan", "nocan9")) == {}
+    assert link_of(BusTable("capsule_local", "x")) == {}
+    assert link_faults({}, TABLE) == link_advice({}, TABLE) == []
+
+
+def histogram(*seconds: float) -> Histogram:
+    found = Histogram()
+    for one in seconds:
+        found.add(one)
+    return found
+
+
+def test_the_tick_that_is_held() -> None:
+    assert tick_to_hold(histogram(*[5e-5] * 200), 2e-4, 0.5) == 5e-4
+    assert tick_to_hold(histogram(*[5e-5] * 200), 9e-4, 0.5) == 2e-3
+    assert tick_to_hold(histogram(*[5e-5] * 200, 3e-3), 2e-4, 0.5) == 4e-3, "the longest counts"
+    assert math.isinf(tick_to_hold(histogram(0.05), 2e-4, 0.5))
+    assert lateness(0.02).counts.sum() == 20
+
+
+def test_priority_is_tried_and_given_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = os.sched_getscheduler(0)
+    priority_words(ControlTable(priority=20))
+    assert os.sched_getscheduler(0) == before
+
+    def refused(*_: object) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "sched_setscheduler", refused)
+    assert priority_words(ControlTable(priority=20)).startswith("real-time priority 20 is not to be had: ")
+
+
+def test_a_system_without_such_sockets_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr(socket, "SOCK_SEQPACKET")
+    with pytest.raises(can.CanInitializationError, match="which this system lacks; take interface udp_multicast"):
+        LocalBus("none")

@@ -49,7 +49,8 @@ def wall_force(v: float, hoop: float, s: Floats, p: Floats, h: Floats, tab: Floa
 @compiled
 def move_wall(v: float, dt: float, hoop: float, s: Floats, p: Floats, h: Floats, tab: Floats) -> None:
     """Advance `u` by one step at the capsule's speed `v`, from stick to slip or back inside the step, where the base
-    model says so.
+    model says so: the wall slips where `|T(u)| >= f_c` and the capsule does not push it back faster than it draws back,
+    `s v > -v_i`.
 
     The tension is taken as linear in the step; the rest of the step is spent in the other mode, so that the teeth's
     period does not grow with the step.
@@ -62,8 +63,8 @@ def move_wall(v: float, dt: float, hoop: float, s: Floats, p: Floats, h: Floats,
         u += dt * v
         pull = tension(tab, u) * stiffening(u, h)
         limit = wall_limit(v, hoop, p, tab)
-        if abs(pull) >= limit:
-            side = 1.0 if pull > 0 else -1.0
+        side = 1.0 if pull > 0 else -1.0
+        if abs(pull) >= limit and side * v > -draw_back_speed(v, hoop, s, p, h, tab):
             s[S_SLIP] = side
             rest = dt * min(1.0, (abs(pull) - limit) / max(abs(pull) - before, 1e-15))
             s[S_U] = u - rest * v
@@ -74,7 +75,7 @@ def move_wall(v: float, dt: float, hoop: float, s: Floats, p: Floats, h: Floats,
         if slip * u <= 0.0:
             u = v * min(dt, abs(u) / max(back, 1e-15))
             s[S_SLIP] = 0.0
-        elif slip * v < -back:
+        elif slip * v <= -back:
             u = s[S_U] + dt * v
             s[S_SLIP] = 0.0
     s[S_U] = u

@@ -8,12 +8,14 @@ import pytest
 from models.assembly.model import assemble
 from models.drives.coil import VoltageCoil, Winding
 from models.drives.magnetic import Magnetic
+from models.drives.pull import Pull
 from models.drives.vibro import Stop, Vibro, VoltageVibro
 from models.laws.geometry import Capsule, Regime, Tissue
 from models.surfaces import plate
 from models.surfaces.gut import Wall
 from plant import layout as at
 from plant.drives.kinds import Coil, Magnet
+from plant.drives.kinds import Pull as PlantPull
 from plant.drives.kinds import Vibro as PlantVibro
 from plant.rig import Plant, Plate, Rig
 from plant.tables import resistance
@@ -56,6 +58,23 @@ def test_model_and_plant_take_the_regime_of_the_tissue(regime: Regime, force_N: 
     tissue = Tissue(regime=regime)
     assert resistance(Plant(Rig(Magnet(25.0, 0.02), tissue=tissue)).tables, 60e-3) == pytest.approx(force_N, rel=2e-4)
     assert Wall.around(Capsule(), tissue).grip(60e-3, 1.0, 0.082)[0] == pytest.approx(force_N, rel=2e-4)
+
+
+def test_a_wall_that_the_capsule_overtakes_stays_stuck_above_its_slip_limit() -> None:
+    """Torn off at 20 mm/s, T = f_c(20) = 47.5 mN, and pushed back at 10 mm/s, where f_c = 41.7 mN and v_i = 5.7 mm/s:
+    it sticks at once and goes with the capsule. At 1 mm/s it is not overtaken, and slips on.
+    """
+    wall = Wall.around(Capsule(), Tissue())
+    torn = int(wall.drag_at(wall.grip(20e-3, 1.0, 0.082)[1]) / (20e-3 * STEP_S)) + 5
+    for back, stuck in ((10e-3, True), (1e-3, False)):
+        place = np.concatenate([[0.0], np.cumsum(np.repeat([20e-3, -back], [torn, 200]) * STEP_S)])
+        u = Plant(Rig(PlantPull())).advance(np.append(place, place[-1]))[:, at.O_U]
+        limit = wall.grip(back, 1.0, 0.082)[1]
+        assert wall.tension(u[torn + 25]) > 1.02 * limit
+        rate = -back if stuck else -wall.drag_at(limit) / 0.05
+        assert np.diff(u[torn + 2 : torn + 25]) / STEP_S == pytest.approx(rate, rel=1e-3)
+        model = run(assemble(wall, Pull()), place, STEP_S, watch="u")
+        assert np.max(np.abs(model[: u.size] - u)) < 1e-6
 
 
 @pytest.mark.parametrize("stops", [False, True])

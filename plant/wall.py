@@ -6,7 +6,7 @@ from typing import Final
 
 from plant.compiling import compiled
 from plant.hidden.wall import rate_tension, recovery_speed, stiffening
-from plant.layout import GUT, P_MU, P_RECOVERY, P_SURFACE, P_WEIGHT, S_SLIP, S_U
+from plant.layout import GUT, P_MU, P_RECOVERY, P_SURFACE, P_WEIGHT, S_PRESSING, S_SLIP, S_U
 from plant.tables import Floats, drag_at, film_drag, pressure_load, tension
 
 _MOST: Final = 200
@@ -14,15 +14,15 @@ _SETTLED_M: Final = 1e-9
 
 
 @compiled
-def wall_limit(v: float, hoop: float, p: Floats, tab: Floats) -> float:
+def wall_limit(v: float, hoop: float, s: Floats, p: Floats, tab: Floats) -> float:
     """`f_c = mu N(|v|)` in N, the pressure part of N scaled by the hoop factor `hoop`."""
-    return float(p[P_MU] * (p[P_WEIGHT] + hoop * pressure_load(tab, v)))
+    return float(p[P_MU] * (p[P_WEIGHT] + s[S_PRESSING] + hoop * pressure_load(tab, v)))
 
 
 @compiled
 def draw_back_speed(v: float, hoop: float, s: Floats, p: Floats, h: Floats, tab: Floats) -> float:
     """`v_i = u_c/t_r` in m/s with `T(u_c) = f_c(|v|)` of this moment."""
-    limit = wall_limit(v, hoop, p, tab)
+    limit = wall_limit(v, hoop, s, p, tab)
     u_c = drag_at(tab, limit)
     if stiffening(u_c, h) != 1.0:
         for _ in range(_MOST):
@@ -62,7 +62,7 @@ def move_wall(v: float, dt: float, hoop: float, s: Floats, p: Floats, h: Floats,
         before = abs(tension(tab, u) * stiffening(u, h))
         u += dt * v
         pull = tension(tab, u) * stiffening(u, h)
-        limit = wall_limit(v, hoop, p, tab)
+        limit = wall_limit(v, hoop, s, p, tab)
         side = 1.0 if pull > 0 else -1.0
         if abs(pull) >= limit and side * v > -draw_back_speed(v, hoop, s, p, h, tab):
             s[S_SLIP] = side

@@ -7,6 +7,7 @@ import pytest
 
 from models.assembly.model import assemble
 from models.drives.coil import VoltageCoil, Winding
+from models.drives.magnet_pair import MagnetPair
 from models.drives.magnetic import Magnetic
 from models.drives.pull import Pull
 from models.drives.vibro import Stop, Vibro, VoltageVibro
@@ -15,6 +16,7 @@ from models.surfaces import plate
 from models.surfaces.gut import Wall
 from plant import layout as at
 from plant.drives.kinds import Coil, Magnet
+from plant.drives.kinds import MagnetPair as PlantPair
 from plant.drives.kinds import Pull as PlantPull
 from plant.drives.kinds import Vibro as PlantVibro
 from plant.rig import Plant, Plate, Rig
@@ -75,6 +77,26 @@ def test_a_wall_that_the_capsule_overtakes_stays_stuck_above_its_slip_limit() ->
         assert np.diff(u[torn + 2 : torn + 25]) / STEP_S == pytest.approx(rate, rel=1e-3)
         model = run(assemble(wall, Pull()), place, STEP_S, watch="u")
         assert np.max(np.abs(model[: u.size] - u)) < 1e-6
+
+
+@pytest.mark.parametrize("on_plate", [False, True])
+@pytest.mark.parametrize("along", [False, True])
+def test_a_pair_of_magnets_pulls_and_presses_as_in_the_plant(along: bool, on_plate: bool) -> None:
+    """Closed forms of the pull against the vectors of two dipoles; the attraction adds to the friction, so that the
+    capsule stays behind by more than the pull alone tells.
+    """
+    t = np.arange(0.0, 3.0, STEP_S)
+    carriage = 0.03 * np.sin(2 * t)
+    pair = PlantPair(400.0, 1.0, 0.1, along)
+    rows = Plant(Rig(pair, surface=Plate(0.2) if on_plate else None)).advance(carriage)
+    k = pair.numbers()["magnet_stiffness_N_per_m"]
+    drive = MagnetPair(k, height_m=0.1, orientation="along" if along else "across")
+    surface = plate.Plate(4e-3, 0.2) if on_plate else Wall.around(Capsule(), Tissue())
+    x = run(assemble(surface, drive), carriage, STEP_S)[: rows.shape[0]]
+    assert np.max(np.abs(x - rows[:, at.O_X])) < 5e-3 * np.ptp(rows[:, at.O_X])
+    unpressed = run(assemble(surface, Magnetic(k, drive.gap_limit_m * 3**0.5)), carriage, STEP_S)[: rows.shape[0]]
+    lag, free = (np.sqrt(np.mean((carriage[: x.size] - path) ** 2)) for path in (x, unpressed))
+    assert lag > 1.2 * free
 
 
 @pytest.mark.parametrize("stops", [False, True])

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
+from models.files.rig import read_magnets
 from models.files.rig_tables import BodyTable, CapsuleTable, TissueTable, check_range
 from models.files.rig_tables import Noise as NoiseTable
 from models.files.rig_tables import Table as RigTable
@@ -15,7 +16,7 @@ from models.files.toml import read_toml
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import nearest
 from plant.anatomy import Anatomy, along, random_anatomy
-from plant.drives.kinds import DRIVES, Drive
+from plant.drives.kinds import DRIVES, Drive, MagnetPair
 from plant.experiments.profile import PROFILES, Profile, Recorded
 from plant.hidden.registry import hidden
 from plant.rig import STEP_S, Plate, Rig
@@ -143,9 +144,19 @@ def _in_range(table: Table, model: type[RigTable], where: str) -> None:
 
 def _drive(kind: str, raw: Table) -> Drive:
     rig, drive = raw.get("rig", {}), raw.get("drive", {})
+    if kind == "magnetic" and "magnet" in rig:
+        return _magnets(rig)
     where = "drive" if kind in ("vibro", "coil") else "rig"
     table = {**drive, **{key: value for key, value in rig.items() if key != "kind"}}
     return from_table(DRIVES[kind], table, where)
+
+
+def _magnets(rig: Table) -> MagnetPair:
+    further = next((key for key in rig if key not in ("kind", "magnet")), None)
+    if further is not None:
+        raise ValueError(f"[rig] with a table [rig.magnet] must have no further key but kind; got {further!r}")
+    both = read_magnets(rig["magnet"], "scenario")
+    return MagnetPair(both.moment("outer"), both.moment("inner"), both.height_m, both.moments == "along")
 
 
 def _tissue(table: Table, capsule: Capsule) -> tuple[Tissue, float]:

@@ -34,9 +34,9 @@ _NUMBERS: Final = ("inner_mass_kg", "spring_stiffness_N_per_m", "force_N", "reac
 _DRIVE: Final = {name: getattr(_VIBRO, name) for name in _NUMBERS}
 
 
-def read_belief(table: Table, kind: str, surface: str) -> Rig:
-    """What the controller is told of a rig of `kind` on `surface`: `[belief.*]` over nominal values. Raises
-    ValueError.
+def read_belief(table: Table, kind: str, surface: str, magnets: Table | None = None) -> Rig:
+    """What the controller is told of a rig of `kind` on `surface`: `[belief.*]` over nominal values, those of a pair of
+    magnets being its data sheet's, `[rig.magnet]`. Raises ValueError.
     """
     for name, content in table.items():
         if name not in RIG_TABLES:
@@ -52,7 +52,9 @@ def read_belief(table: Table, kind: str, surface: str) -> Rig:
     capsule = dict(_CAPSULE)
     if kind == "vibro":
         capsule["mass_kg"] = _PLATE.mass_kg
-    nominal: dict[str, Table] = {"capsule": capsule, "rig": {"kind": kind, **_HEAD[kind]}}
+    told = table.get("rig", {}).get("magnet", None if "magnet_range_m" in table.get("rig", {}) else magnets)
+    head = _HEAD[kind] if told is None else {"magnet": told}
+    nominal: dict[str, Table] = {"capsule": capsule, "rig": {"kind": kind, **head}}
     if kind != "vibro" or surface == "gut":
         nominal["tissue"] = _TISSUE
     if kind == "vibro":

@@ -124,7 +124,7 @@ def parse_track_scenario(raw: Table) -> TrackScenario:
         kind=kind,
         truth=truth,
         instruments=instruments,
-        belief=read_belief(raw.get("belief", {}), kind, surface),
+        belief=read_belief(raw.get("belief", {}), kind, surface, raw.get("rig", {}).get("magnet")),
         reference=reference,
         limits=limits,
         control=control,

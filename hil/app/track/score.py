@@ -18,7 +18,7 @@ from hil.app.scenario.model_health import told
 from hil.app.scenario.scenario import TrackScenario
 from hil.app.track.loop import Trace
 from plant import layout as at
-from plant.drives.kinds import Coil, Magnet, Vibro
+from plant.drives.kinds import MAGNETS, Coil, Vibro
 from plant.rig import Rig
 
 Array = NDArray[np.float64]
@@ -110,8 +110,8 @@ def shares(truth: Rig, limits: Limits, rows: Array) -> dict[str, Array]:
     found = {"speed": np.abs(rows[:, at.O_V]) / limits.speed_m_s}
     if truth.drive.pushes:
         found["force"] = np.abs(wall_force(truth, rows)) / limits.force_N
-    if isinstance(truth.drive, Magnet):
-        found["gap"] = np.abs(rows[:, at.O_DRIVE] - rows[:, at.O_X]) * math.sqrt(3) / truth.drive.magnet_range_m
+    if isinstance(truth.drive, MAGNETS):
+        found["gap"] = np.abs(rows[:, at.O_DRIVE] - rows[:, at.O_X]) / truth.drive.gap_limit_m
     if isinstance(truth.drive, Coil):
         found["current"] = np.abs(rows[:, at.O_CURRENT]) / limits.current_A
     return found
@@ -121,7 +121,7 @@ def limit_use(scenario: TrackScenario, trace: Trace) -> dict[str, float]:
     """The largest of `shares`; a carriage's speed, acceleration and travel beside them, as commanded."""
     limits, tick = scenario.limits, scenario.control.tick_s
     used = {name: float(np.max(share)) for name, share in shares(scenario.truth, limits, trace.rows).items()}
-    if isinstance(scenario.truth.drive, Magnet):
+    if isinstance(scenario.truth.drive, MAGNETS):
         command = trace.command[np.isfinite(trace.command)]
         speed = np.abs(np.diff(command)) / tick / limits.carriage_speed_m_s
         acceleration = np.abs(np.diff(command, 2)) / tick**2 / limits.carriage_acceleration_m_s2

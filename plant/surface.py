@@ -9,7 +9,9 @@ from plant.tables import Floats, resistance
 
 @compiled
 def sliding_limit(v: float, hoop: float, s: Floats, p: Floats, tab: Floats) -> float:
-    """`F_e(|v|)` of the gut or `mu N` of a plate in N, times the level `hoop`; a plate at `v = 0` has its static one."""
+    """`F_e(|v|)` of the gut or `mu N` of a plate in N, times the level `hoop`; a plate at `v = 0` has its static
+    one.
+    """
     if p[P_SURFACE] == GUT:
         return hoop * resistance(tab, v)
     return float(hoop * (p[P_MU_STATIC] if v == 0.0 else p[P_MU]) * (p[P_WEIGHT] + s[S_PRESSING]))

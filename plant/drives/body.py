@@ -89,7 +89,7 @@ def pair_force(gap: float, s: Floats, p: Floats) -> float:
     scale = 3e-7 / (r2 * r2 * math.sqrt(r2))
     rest = ab - 5 * a * b / r2
     s[S_PRESSING] = max(scale * (a * bz + b * az + rest * rz), 0.0)
-    return scale * (a * bx + b * ax + rest * rx)
+    return float(scale * (a * bx + b * ax + rest * rx))
 
 
 @compiled
@@ -114,7 +114,7 @@ def _hidden_drive_force(
 ) -> float:
     """The same with what is hidden between drive and body."""
     x, v = s[S_X], s[S_V]
-    if kind == MAGNET or kind == PAIR:
+    if kind in (MAGNET, PAIR):
         remember_drive(value - x, s, h)
         pulled = _magnet_force(value - x, p) if kind == MAGNET else pair_force(value - x, s, p)
         return delivered(coupling(x, t, h) * pulled, s, h)
@@ -144,10 +144,10 @@ def advance_body(
     steps.
 
     `m a = F_act - R Sgn(v) - F_v(w) - T(u) + F_hidden`, R set-valued: the impulse that would stop the body is clipped
-    to what R can give. `drive` is a carriage position in m (MAGNET: `k g/(1 + (g/r)^2)^2`; PAIR: two dipoles), a voltage in V (COIL: `F =
-    K i`, `L i' = U - R i - e`), a force in N (FORCE) or an imposed position in m (LINK), one more value than steps
-    done. State `s` is changed in place; returns the rows written. First order in `dt`. Steps that cannot change
-    anything (a resting body under the same drive as before) are passed over.
+    to what R can give. `drive` is a carriage position in m (MAGNET: `k g/(1 + (g/r)^2)^2`; PAIR: two dipoles), a
+    voltage in V (COIL: `F = K i`, `L i' = U - R i - e`), a force in N (FORCE) or an imposed position in m (LINK), one
+    more value than steps done. State `s` is changed in place; returns the rows written. First order in `dt`. Steps that
+    cannot change anything (a resting body under the same drive as before) are passed over.
     """
     rows = 0
     step = int(s[S_STEP])
@@ -179,7 +179,7 @@ def advance_body(
             limit = resistance_at_nose(limit, v, h)
             hoop = hoop_at_slip(hoop, x, h)
         net = force - wall_force(v, hoop, s, p, h, tab)
-        if kind == MAGNET or kind == PAIR:
+        if kind in (MAGNET, PAIR):
             limit += sideways_load(drive[k] - x, h)
         if forced:
             net += hidden_force(x, v, t, s, p, h)

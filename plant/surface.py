@@ -22,7 +22,7 @@ def kinetic_limit(v: float, limit: float, p: Floats) -> float:
     """What resists in N once a body at speed `v` under the limit `limit` slides on: less than the limit where a plate
     lets go.
     """
-    if p[P_SURFACE] != GUT and v == 0.0:
+    if p[P_SURFACE] != GUT and v == 0.0 and limit > 0.0:
         return float(limit * p[P_MU] / p[P_MU_STATIC])
     return limit
 

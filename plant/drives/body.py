@@ -12,6 +12,7 @@ from plant.compiling import compiled
 from plant.hidden.actuation import (
     coupling,
     delivered,
+    dipole_load,
     effective_current,
     hidden_emf,
     link_force,
@@ -116,7 +117,11 @@ def _hidden_drive_force(
     x, v = s[S_X], s[S_V]
     if kind in (MAGNET, PAIR):
         remember_drive(value - x, s, h)
-        pulled = _magnet_force(value - x, p) if kind == MAGNET else pair_force(value - x, s, p)
+        if kind == MAGNET:
+            pulled = _magnet_force(value - x, p)
+            s[S_PRESSING] = dipole_load(value - x, h)
+        else:
+            pulled = pair_force(value - x, s, p)
         return delivered(coupling(x, t, h) * pulled, s, h)
     if kind == COIL:
         s[S_CURRENT] = coil_current(value, p[P_COIL_EMF] * v + hidden_emf(v, h), dt, s[S_CURRENT], p)

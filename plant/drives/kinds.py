@@ -111,6 +111,9 @@ class Magnet(Drive):
     def numbers(self) -> dict[str, float]:
         return {"magnet_stiffness_N_per_m": self.magnet_stiffness_N_per_m}
 
+    def varied(self, force: float, spring: float) -> Drive:
+        return replace(self, magnet_stiffness_N_per_m=self.magnet_stiffness_N_per_m * force)
+
     @property
     def gap_limit_m(self) -> float:
         """The gap in m at which the magnet pulls most."""

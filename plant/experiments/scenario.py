@@ -117,7 +117,7 @@ def parse_truth(raw: Table) -> tuple[Run, str, Rig]:
             f" steps of {run.step_s:g} s; got {run.duration_s:g} s"
         )
     kind = choice(raw.get("rig", {}), "rig.kind", tuple(DRIVES))
-    body = BodyTable if raw.get("surface", {}).get("kind") == "plate" else CapsuleTable
+    body = BodyTable if raw.get("surface", {}).get("kind", "gut") != "gut" else CapsuleTable
     for name, model in (("capsule", body), ("tissue", TissueTable), ("noise", NoiseTable)):
         _in_range(raw.get(name, {}), model, name)
     capsule = from_table(Capsule, raw.get("capsule", {}), "capsule")
@@ -171,11 +171,13 @@ def _tissue(table: Table, capsule: Capsule) -> tuple[Tissue, float]:
 
 
 def _surface(table: Table) -> Plate | None:
-    kind = choice(table, "surface.kind", ("gut", "plate"))
-    if kind == "gut" and len(table) > 1:
+    kind = choice(table, "surface.kind", ("gut", "plate", "air"))
+    if kind != "plate" and len(table) > 1:
         raise ValueError(
-            f"[surface] of kind gut must have no further keys; got {', '.join(k for k in table if k != 'kind')}"
+            f"[surface] of kind {kind} must have no further keys; got {', '.join(k for k in table if k != 'kind')}"
         )
+    if kind == "air":
+        return Plate(0.0)
     return None if kind == "gut" else from_table(Plate, table, "surface", skip=("kind",))
 
 

@@ -55,15 +55,14 @@ def read_belief(table: Table, kind: str, surface: str, magnets: Table | None = N
     told = table.get("rig", {}).get("magnet", None if "magnet_range_m" in table.get("rig", {}) else magnets)
     head = _HEAD[kind] if told is None else {"magnet": told}
     nominal: dict[str, Table] = {"capsule": capsule, "rig": {"kind": kind, **head}}
-    if kind != "vibro" or surface == "gut":
+    if surface == "gut":
         nominal["tissue"] = _TISSUE
     if kind == "vibro":
         nominal["drive"] = _DRIVE
-        nominal["surface"] = (
-            {"kind": "gut"}
-            if surface == "gut"
-            else {"kind": "plate", "friction_coefficient": _PLATE.friction_coefficient}
-        )
+    if surface != "gut":
+        nominal["surface"] = {"kind": "plate", "friction_coefficient": _PLATE.friction_coefficient}
+    elif kind == "vibro":
+        nominal["surface"] = {"kind": "gut"}
     if "lumen_diameter_m" in table.get("tissue", {}) and "tissue" in nominal:
         nominal["tissue"] = {key: value for key, value in nominal["tissue"].items() if key != "contact_angle_deg"}
     merged = {name: {**nominal.get(name, {}), **table.get(name, {})} for name in {**nominal, **table}}

@@ -54,8 +54,7 @@ def _magnetic(rig: Rig, by_voltage: bool) -> Drive:
     k, r, both = magnet.magnet_stiffness_N_per_m, magnet.magnet_range_m, rig.magnets
     if both is None:
         return Magnetic(k, r)
-    heights = None if both.height_range_m is None else (both.height_range_m[0], both.height_range_m[1])
-    return MagnetPair(k, r, both.height_m, both.moments, heights)
+    return MagnetPair(k, r, both.height_m, both.moments)
 
 
 def _there(table: T | None, rig: Rig) -> T:

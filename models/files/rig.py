@@ -183,6 +183,20 @@ def _spring(magnets: Magnets, stiffness: float | None) -> Magnet:
     )
 
 
+def at_height(rig: Rig, height_m: float) -> Rig:
+    """The same rig with its magnets at another height: the stiffness goes with its inverse fifth power, the range with
+    it. Raises ValueError for a rig without `[rig.magnet]`.
+    """
+    if rig.magnets is None or rig.magnet is None:
+        raise ValueError("rig must have a table [rig.magnet] to have another height; got none")
+    share = height_m / rig.magnets.height_m
+    spring = Magnet(
+        magnet_stiffness_N_per_m=rig.magnet.magnet_stiffness_N_per_m / share**5,
+        magnet_range_m=rig.magnet.magnet_range_m * share,
+    )
+    return replace(rig, magnet=spring, magnets=rig.magnets.model_copy(update={"height_m": height_m}))
+
+
 def read_magnets(content: Any, where: str) -> Magnets:
     """A table `[rig.magnet]`, checked. Raises ValueError of one sentence."""
     if not isinstance(content, Mapping):

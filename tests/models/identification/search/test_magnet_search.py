@@ -39,7 +39,7 @@ def left(folder: Path, *effects: str) -> tuple[float, dict[str, float]]:
 
 @pytest.mark.parametrize("name", ["magnetic_plate", "coil_plate"])
 def test_nothing_hidden_on_a_plate_leaves_noise(name: str, tmp_path: Path) -> None:
-    assert left(make_series(name, None, 2, tmp_path, 8.0, rate_Hz=200.0))[0] < NEAR_NOISE  # type: ignore[arg-type]
+    assert left(make_series(name, None, 2, tmp_path, 5.0, rate_Hz=200.0))[0] < NEAR_NOISE  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("name", ["magnetic_plate", "coil_plate"])
@@ -51,7 +51,7 @@ def test_a_drag_on_a_plate_is_found(name: str, tmp_path: Path) -> None:
 
 def test_a_magnet_that_presses_the_capsule_on_the_wall_is_found(tmp_path: Path) -> None:
     """The plant's load is a dipole's; the catalogue's fall over the gap is another one."""
-    folder = make_series("magnetic", "dipole_load", 3, tmp_path, 8.0, rate_Hz=200.0)
+    folder = make_series("magnetic", "dipole_load", 3, tmp_path, 5.0, rate_Hz=200.0)
     without, (with_load, fit) = left(folder)[0], left(folder, "magnet_normal_load")
     assert without > 10 * with_load
     assert fit["magnet_normal_load.load_N"] == pytest.approx(0.55, rel=0.3)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Final
 
 from controller.limits import Envelope, Limits
@@ -36,8 +36,7 @@ class CarriageActuator(Actuator):
     """The carriage's position in m on the stable branch of the magnet."""
 
     def command(self, force: float, x: float, v: float) -> float:
-        now = replace(self._drive, stiffness_N_per_m=self._p["magnet_stiffness_N_per_m"])
-        return x + math.copysign(gap_of_force(abs(force), now, self._envelope.gap_m), force)
+        return x + math.copysign(gap_of_force(abs(force), self._drive, self._p, self._envelope.gap_m), force)
 
 
 class CoilActuator(Actuator):
@@ -56,11 +55,13 @@ class CoilActuator(Actuator):
         return super().force(command, x, v)
 
 
-def gap_of_force(force: float, drive: Any, most: float) -> float:
-    """The gap in m up to `most` <= r/sqrt(3) at which the magnet pulls `force` in N; `most` where it never does."""
+def gap_of_force(force: float, drive: Drive, p: Numbers, most: float) -> float:
+    """The gap in m up to `most`, on the stable branch, at which the magnet with the parameters `p` pulls `force` in N;
+    `most` where it never does.
+    """
 
     def pull(gap: float) -> float:
-        return float(drive.stiffness_N_per_m * gap / (1 + (gap / drive.range_m) ** 2) ** 2)
+        return float(drive.force(0.0, 0.0, gap, p))
 
     if pull(most) <= force:
         return most
@@ -72,7 +73,8 @@ def gap_of_force(force: float, drive: Any, most: float) -> float:
 
 
 def _carriage(drive: Any, limits: Limits) -> Envelope:
-    gap = gap_of_force(limits.force_N, drive, limits.gap_share * drive.range_m / math.sqrt(3))
+    nominal = {p.name: p.value for p in drive.parameters()}
+    gap = gap_of_force(limits.force_N, drive, nominal, limits.gap_share * drive.gap_limit_m)
     speed, acceleration = limits.carriage_speed_m_s, limits.carriage_acceleration_m_s2
     return Envelope("magnetic", -limits.travel_m, limits.travel_m, speed, acceleration, gap, 1.0, limits)
 
@@ -117,10 +119,10 @@ def bodies() -> tuple[str, ...]:
 def envelope_of(drive: Drive, limits: Limits | None = None) -> Envelope:
     """`limits` (the default ones where None) in the unit of `drive`'s command.
 
-    Carriage: position within `travel_m`, and the gap at which the magnet pulls `force_N`, at most `gap_share
-    r/sqrt(3)`. Coil: current within `current_A` and `force_N/k`, or the voltage that holds it. Inner mass: a switch
-    from 0 to the rated command; what it puts on the tissue is the body's friction, which `force_N` does not reach.
-    Raises ValueError for a drive without a command to limit.
+    Carriage: position within `travel_m`, and the gap at which the magnet pulls `force_N`, at most `gap_share`
+    of that of the greatest pull. Coil: current within `current_A` and `force_N/k`, or the voltage that holds it. Inner
+    mass: a switch from 0 to the rated command; what it puts on the tissue is the body's friction, which `force_N` does
+    not reach. Raises ValueError for a drive without a command to limit.
     """
     if drive.name not in DRIVES:
         *others, last = DRIVES

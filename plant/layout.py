@@ -17,6 +17,10 @@ from typing import Final
     P_RECOVERY,  # s, t_r
     P_MAGNET_K,  # N/m
     P_MAGNET_RANGE,  # m
+    P_OUTER_MOMENT,  # A m2, magnet on the carriage
+    P_INNER_MOMENT,  # A m2, magnet in the capsule
+    P_MAGNET_HEIGHT,  # m, across the lumen between both
+    P_MAGNET_ALONG,  # 1: moments along the lumen, opposite; 0: across it
     P_LINK_K,  # N/m, elastic link of a pull
     P_LINK_C,  # N s/m
     P_COIL_GAIN,  # N/A
@@ -34,8 +38,8 @@ from typing import Final
     P_REACTION,  # 1: the drive's reaction acts on the body, 0: outer field
     P_PROFILE_START,  # m
     P_PROFILE_STEP,  # m
-) = range(26)
-P_COUNT: Final = 26
+) = range(30)
+P_COUNT: Final = 30
 GUT: Final = 0.0
 PLATE: Final = 1.0
 
@@ -57,8 +61,9 @@ PLATE: Final = 1.0
     S_WOBBLE,  # rad
     S_HYSTERESIS,  # 1
     S_DRIVE_LAST,  # last drive value, for its rate
-) = range(16)
-S_COUNT: Final = 16
+    S_PRESSING,  # N, with which a magnet presses the body on its surface
+) = range(17)
+S_COUNT: Final = 17
 
 # recorded columns
 O_T, O_X, O_V, O_U, O_FORCE, O_DRIVE, O_CURRENT, O_INNER_X, O_INNER_V = range(9)

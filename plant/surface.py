@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from plant.compiling import compiled
-from plant.layout import GUT, P_MU, P_MU_STATIC, P_SURFACE, P_WEIGHT
+from plant.layout import GUT, P_MU, P_MU_STATIC, P_SURFACE, P_WEIGHT, S_PRESSING
 from plant.tables import Floats, resistance
 
 
 @compiled
-def sliding_limit(v: float, hoop: float, p: Floats, tab: Floats) -> float:
-    """`F_e(|v|)` of the gut or `mu m g` of a plate in N, times the level `hoop`; a plate at `v = 0` has its static
+def sliding_limit(v: float, hoop: float, s: Floats, p: Floats, tab: Floats) -> float:
+    """`F_e(|v|)` of the gut or `mu N` of a plate in N, times the level `hoop`; a plate at `v = 0` has its static
     one.
     """
     if p[P_SURFACE] == GUT:
         return hoop * resistance(tab, v)
-    return float(hoop * (p[P_MU_STATIC] if v == 0.0 else p[P_MU]) * p[P_WEIGHT])
+    return float(hoop * (p[P_MU_STATIC] if v == 0.0 else p[P_MU]) * (p[P_WEIGHT] + s[S_PRESSING]))
 
 
 @compiled
@@ -22,7 +22,7 @@ def kinetic_limit(v: float, limit: float, p: Floats) -> float:
     """What resists in N once a body at speed `v` under the limit `limit` slides on: less than the limit where a plate
     lets go.
     """
-    if p[P_SURFACE] != GUT and v == 0.0:
+    if p[P_SURFACE] != GUT and v == 0.0 and limit > 0.0:
         return float(limit * p[P_MU] / p[P_MU_STATIC])
     return limit
 

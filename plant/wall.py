@@ -6,7 +6,7 @@ from typing import Final
 
 from plant.compiling import compiled
 from plant.hidden.wall import rate_tension, recovery_speed, stiffening
-from plant.layout import GUT, P_MU, P_RECOVERY, P_SURFACE, P_WEIGHT, S_SLIP, S_U
+from plant.layout import GUT, P_MU, P_RECOVERY, P_SURFACE, P_WEIGHT, S_PRESSING, S_SLIP, S_U
 from plant.tables import Floats, drag_at, film_drag, pressure_load, tension
 
 _MOST: Final = 200
@@ -14,15 +14,15 @@ _SETTLED_M: Final = 1e-9
 
 
 @compiled
-def wall_limit(v: float, hoop: float, p: Floats, tab: Floats) -> float:
+def wall_limit(v: float, hoop: float, s: Floats, p: Floats, tab: Floats) -> float:
     """`f_c = mu N(|v|)` in N, the pressure part of N scaled by the hoop factor `hoop`."""
-    return float(p[P_MU] * (p[P_WEIGHT] + hoop * pressure_load(tab, v)))
+    return float(p[P_MU] * (p[P_WEIGHT] + s[S_PRESSING] + hoop * pressure_load(tab, v)))
 
 
 @compiled
 def draw_back_speed(v: float, hoop: float, s: Floats, p: Floats, h: Floats, tab: Floats) -> float:
     """`v_i = u_c/t_r` in m/s with `T(u_c) = f_c(|v|)` of this moment."""
-    limit = wall_limit(v, hoop, p, tab)
+    limit = wall_limit(v, hoop, s, p, tab)
     u_c = drag_at(tab, limit)
     if stiffening(u_c, h) != 1.0:
         for _ in range(_MOST):
@@ -49,7 +49,8 @@ def wall_force(v: float, hoop: float, s: Floats, p: Floats, h: Floats, tab: Floa
 @compiled
 def move_wall(v: float, dt: float, hoop: float, s: Floats, p: Floats, h: Floats, tab: Floats) -> None:
     """Advance `u` by one step at the capsule's speed `v`, from stick to slip or back inside the step, where the base
-    model says so.
+    model says so: the wall slips where `|T(u)| >= f_c` and the capsule does not push it back faster than it draws back,
+    `s v > -v_i`.
 
     The tension is taken as linear in the step; the rest of the step is spent in the other mode, so that the teeth's
     period does not grow with the step.
@@ -61,9 +62,9 @@ def move_wall(v: float, dt: float, hoop: float, s: Floats, p: Floats, h: Floats,
         before = abs(tension(tab, u) * stiffening(u, h))
         u += dt * v
         pull = tension(tab, u) * stiffening(u, h)
-        limit = wall_limit(v, hoop, p, tab)
-        if abs(pull) >= limit:
-            side = 1.0 if pull > 0 else -1.0
+        limit = wall_limit(v, hoop, s, p, tab)
+        side = 1.0 if pull > 0 else -1.0
+        if abs(pull) >= limit and side * v > -draw_back_speed(v, hoop, s, p, h, tab):
             s[S_SLIP] = side
             rest = dt * min(1.0, (abs(pull) - limit) / max(abs(pull) - before, 1e-15))
             s[S_U] = u - rest * v
@@ -74,7 +75,7 @@ def move_wall(v: float, dt: float, hoop: float, s: Floats, p: Floats, h: Floats,
         if slip * u <= 0.0:
             u = v * min(dt, abs(u) / max(back, 1e-15))
             s[S_SLIP] = 0.0
-        elif slip * v < -back:
+        elif slip * v <= -back:
             u = s[S_U] + dt * v
             s[S_SLIP] = 0.0
     s[S_U] = u

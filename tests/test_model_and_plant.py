@@ -7,13 +7,17 @@ import pytest
 
 from models.assembly.model import assemble
 from models.drives.coil import VoltageCoil, Winding
+from models.drives.magnet_pair import MagnetPair
 from models.drives.magnetic import Magnetic
+from models.drives.pull import Pull
 from models.drives.vibro import Stop, Vibro, VoltageVibro
 from models.laws.geometry import Capsule, Regime, Tissue
 from models.surfaces import plate
 from models.surfaces.gut import Wall
 from plant import layout as at
 from plant.drives.kinds import Coil, Magnet
+from plant.drives.kinds import MagnetPair as PlantPair
+from plant.drives.kinds import Pull as PlantPull
 from plant.drives.kinds import Vibro as PlantVibro
 from plant.rig import Plant, Plate, Rig
 from plant.tables import resistance
@@ -56,6 +60,43 @@ def test_model_and_plant_take_the_regime_of_the_tissue(regime: Regime, force_N: 
     tissue = Tissue(regime=regime)
     assert resistance(Plant(Rig(Magnet(25.0, 0.02), tissue=tissue)).tables, 60e-3) == pytest.approx(force_N, rel=2e-4)
     assert Wall.around(Capsule(), tissue).grip(60e-3, 1.0, 0.082)[0] == pytest.approx(force_N, rel=2e-4)
+
+
+def test_a_wall_that_the_capsule_overtakes_stays_stuck_above_its_slip_limit() -> None:
+    """Torn off at 20 mm/s, T = f_c(20) = 47.5 mN, and pushed back at 10 mm/s, where f_c = 41.7 mN and v_i = 5.7 mm/s:
+    it sticks at once and goes with the capsule. At 1 mm/s it is not overtaken, and slips on.
+    """
+    wall = Wall.around(Capsule(), Tissue())
+    torn = int(wall.drag_at(wall.grip(20e-3, 1.0, 0.082)[1]) / (20e-3 * STEP_S)) + 5
+    for back, stuck in ((10e-3, True), (1e-3, False)):
+        place = np.concatenate([[0.0], np.cumsum(np.repeat([20e-3, -back], [torn, 200]) * STEP_S)])
+        u = Plant(Rig(PlantPull())).advance(np.append(place, place[-1]))[:, at.O_U]
+        limit = wall.grip(back, 1.0, 0.082)[1]
+        assert wall.tension(u[torn + 25]) > 1.02 * limit
+        rate = -back if stuck else -wall.drag_at(limit) / 0.05
+        assert np.diff(u[torn + 2 : torn + 25]) / STEP_S == pytest.approx(rate, rel=1e-3)
+        model = run(assemble(wall, Pull()), place, STEP_S, watch="u")
+        assert np.max(np.abs(model[: u.size] - u)) < 1e-6
+
+
+@pytest.mark.parametrize("on_plate", [False, True])
+@pytest.mark.parametrize("along", [False, True])
+def test_a_pair_of_magnets_pulls_and_presses_as_in_the_plant(along: bool, on_plate: bool) -> None:
+    """Closed forms of the pull against the vectors of two dipoles; the attraction adds to the friction, so that the
+    capsule stays behind by more than the pull alone tells.
+    """
+    t = np.arange(0.0, 3.0, STEP_S)
+    carriage = 0.03 * np.sin(2 * t)
+    pair = PlantPair(400.0, 1.0, 0.1, along)
+    rows = Plant(Rig(pair, surface=Plate(0.2) if on_plate else None)).advance(carriage)
+    k = pair.numbers()["magnet_stiffness_N_per_m"]
+    drive = MagnetPair(k, height_m=0.1, orientation="along" if along else "across")
+    surface = plate.Plate(4e-3, 0.2) if on_plate else Wall.around(Capsule(), Tissue())
+    x = run(assemble(surface, drive), carriage, STEP_S)[: rows.shape[0]]
+    assert np.max(np.abs(x - rows[:, at.O_X])) < 5e-3 * np.ptp(rows[:, at.O_X])
+    unpressed = run(assemble(surface, Magnetic(k, drive.gap_limit_m * 3**0.5)), carriage, STEP_S)[: rows.shape[0]]
+    lag, free = (np.sqrt(np.mean((carriage[: x.size] - path) ** 2)) for path in (x, unpressed))
+    assert lag > 1.2 * free
 
 
 @pytest.mark.parametrize("stops", [False, True])

@@ -97,8 +97,8 @@ class ControlModel:
 
     @property
     def gap_limit_m(self) -> float | None:
-        """Largest useful gap of carriage and capsule, `r/sqrt(3)`; beyond it the magnet's force falls."""
-        return None if self.rig.magnet is None else self.rig.magnet.magnet_range_m / math.sqrt(3)
+        """Largest useful gap of carriage and capsule; beyond it the magnet's force falls."""
+        return self.drive.gap_limit_m
 
     @property
     def force_per_command(self) -> float:

@@ -15,7 +15,8 @@ def mean_friction(model: ControlModel, speed_m_s: float = 1e-3) -> float:
     """
     p = dict(zip((p.name for p in model.symbols.parameters), model.values.tolist(), strict=True))
     surface = surface_of(model.rig)
-    friction, onset = surface.hold(speed_m_s, p, model.drive.carried_kg)
+    pressing = model.drive.pressing(0.0, 0.0, p)
+    friction, onset = surface.hold(speed_m_s, p, model.drive.carried_kg, pressing=pressing)
     return float(friction + 0.5 * onset)
 
 

@@ -70,15 +70,15 @@ class _Model:
         p = dict(self.p) | {"unmodelled.force_N": self.d}
         return Stepper(self.surface, self.drive, Active((*self.effects, Unmodelled), p, hidden), None, self.smoothing)
 
-    def signals(self, stepper: Stepper, t: Any) -> Signals:
-        """What effects see of the state as it stands."""
+    def signals(self, stepper: Stepper, t: Any, command: Any = None) -> Signals:
+        """What effects see of the state as it stands, under a `command` without force where none is given."""
         n = self.now
         s = Signals(
             t,
             n["x"],
             n["v"],
             n["direction"],
-            0.0,
+            self.drive.neutral(n["x"]) if command is None else command,
             0.0,
             n["travelled"],
             stepper.tension(n["u"]),
@@ -96,7 +96,7 @@ class _Model:
     def advance(self, c0: Any, c1: Any, t: Any, h: Any) -> dict[str, Any]:
         """The states a sub-step later; unlike the assembled model's they hold no rates, which follow from the rest."""
         stepper = self.stepper()
-        rate = self.signals(stepper, t).drag_rate
+        rate = self.signals(stepper, t, c0).drag_rate
         new, _ = stepper.advance({**self.now, "a": 0.0, "u_rate": rate}, c0, c1, t, h)
         return new
 

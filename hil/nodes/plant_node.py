@@ -20,7 +20,7 @@ from hil.nodes.frame_map import frame_map_of, frames
 from hil.nodes.simulated_drives import SimulatedDrive
 from hil.nodes.transmit import FrameTransmitter
 from plant import layout as at
-from plant.drives.kinds import Coil, Magnet, Vibro
+from plant.drives.kinds import MAGNETS, Coil, Vibro
 from plant.sensing.instruments import Reading
 from plant.session import Session
 
@@ -34,7 +34,7 @@ Tamper = Callable[[Reading], Reading | None]
 def power_of(session: Session, limits: Limits) -> tuple[str, Power]:
     """Kind and power stage of the session's drive. Raises ValueError for one that no frame describes."""
     drive = session.plant.rig.drive
-    if isinstance(drive, Magnet):
+    if isinstance(drive, MAGNETS):
         return "magnetic", CarriagePower(limits.carriage_speed_m_s, limits.travel_m, session.command)
     if isinstance(drive, Coil):
         return "coil", CoilPower(limits.current_A, drive.resistance_ohm, drive.inductance_H)

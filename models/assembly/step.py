@@ -70,7 +70,8 @@ class Stepper:
     def grip(self, s: Signals) -> Grip:
         """Friction and slip limit at `s`, with what effects make of them."""
         levels = self.active.levels(s)
-        friction, onset = self.surface.hold(np.abs(s.v), self.active.p, self.drive.carried_kg, levels)
+        pressing = self.drive.pressing(s.x, s.command, self.active.p) + self.active.total("normal_load", s)
+        friction, onset = self.surface.hold(np.abs(s.v), self.active.p, self.drive.carried_kg, levels, pressing)
         if not self.surface.dragged:
             return Grip(friction, levels[0])
         u_c = self.slipping_drag(onset, s)
@@ -136,9 +137,12 @@ class Stepper:
         command = active_next.command(s)
         if imposed:
             v_now = (command - now["x"]) / h
-        push = Push(0.0) if imposed else self.push(now, replace(s, v=v_now), command - 0.5 * h * rate, h)
+        middle = command - 0.5 * h * rate
+        push = Push(0.0) if imposed else self.push(now, replace(s, v=v_now), middle, h)
         rest = _REST_IMPOSED if imposed else _REST
-        s = replace(s, v=v_now, direction=np.where(np.abs(v_now) > rest, np.sign(v_now), self._faced(now, push)))
+        s = replace(
+            s, v=v_now, command=middle, direction=np.where(np.abs(v_now) > rest, np.sign(v_now), self._faced(now, push))
+        )
         grip = self.grip(s)
         s = replace(s, drag_rate=drag_rate(drag, v_now, grip.recovery))
         T, F_v = self.held(s, drag, T_quiet)

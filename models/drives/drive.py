@@ -92,6 +92,11 @@ class Drive:
         """Mass in kg that the body carries beside its own."""
         return 0.0
 
+    @property
+    def gap_limit_m(self) -> float | None:
+        """The gap between command and body in m at which a magnet pulls most; None where there is no such gap."""
+        return None
+
     def parameters(self) -> tuple[Parameter, ...]:
         """What calibration may fit of the drive."""
         return ()
@@ -112,6 +117,14 @@ class Drive:
 
     def force(self, x: Any, v: Any, command: Any, p: Values) -> Any:
         """Force on the capsule along +x in N."""
+        return 0.0
+
+    def neutral(self, x: Any) -> Any:
+        """The command that puts no force on a body at `x` in m."""
+        return 0.0
+
+    def pressing(self, x: Any, command: Any, p: Values) -> Any:
+        """Force in N with which the drive presses the body on its surface, beside the weights."""
         return 0.0
 
     def push(self, at: Actuation) -> Push:

@@ -7,10 +7,12 @@ from typing import Final, TypeVar
 
 from models.drives.coil import Coil, VoltageCoil, Winding
 from models.drives.drive import Drive
+from models.drives.magnet_pair import MagnetPair
 from models.drives.magnetic import Magnetic
 from models.drives.pull import Pull
 from models.drives.vibro import RatedVibro, Stop, Vibro, VoltageVibro
 from models.files.rig import Rig
+from models.surfaces.air import Air
 from models.surfaces.gut import Wall
 from models.surfaces.plate import Plate
 from models.surfaces.surface import Surface
@@ -49,7 +51,10 @@ def _plate(rig: Rig) -> Surface:
 
 def _magnetic(rig: Rig, by_voltage: bool) -> Drive:
     magnet = _there(rig.magnet, rig)
-    return Magnetic(magnet.magnet_stiffness_N_per_m, magnet.magnet_range_m)
+    k, r, both = magnet.magnet_stiffness_N_per_m, magnet.magnet_range_m, rig.magnets
+    if both is None:
+        return Magnetic(k, r)
+    return MagnetPair(k, r, both.height_m, both.moments)
 
 
 def _there(table: T | None, rig: Rig) -> T:
@@ -104,7 +109,11 @@ def _vibro(rig: Rig, by_voltage: bool) -> Vibro:
     return VoltageVibro(*numbers, d.force_constant_N_per_A, winding)
 
 
-SURFACES: Final[dict[str, Callable[[Rig], Surface]]] = {"gut": _gut, "plate": _plate}
+SURFACES: Final[dict[str, Callable[[Rig], Surface]]] = {
+    "gut": _gut,
+    "plate": _plate,
+    "air": lambda rig: Air(rig.capsule.mass_kg),
+}
 """The surfaces, by `kind` of `[surface]`."""
 DRIVES: Final[dict[str, Callable[[Rig, bool], Drive]]] = {
     "pull": lambda rig, by_voltage: Pull(),

@@ -25,6 +25,13 @@ class Magnetic(Drive):
     stiffness_N_per_m: float = 25.0
     range_m: float = 0.02
 
+    @property
+    def gap_limit_m(self) -> float:
+        return self.range_m / float(np.sqrt(3))
+
+    def neutral(self, x: Any) -> Any:
+        return x
+
     def parameters(self) -> tuple[Parameter, ...]:
         k = self.stiffness_N_per_m
         return (

@@ -141,6 +141,7 @@ def _silent(effect: type[Effect], known: Collection[str]) -> str | None:
     e, s = effect(), Signals(**SIGNALS)
     z = z | e.advance(s, p, z, 1e-3) | e.follow(s, p, z, 0.03, 1e-3)
     silence = {"level": 1.0, "stiffening": 1.0, "gain": 1.0, "force": 0.0, "wall_force": 0.0, "delay": 0.0}
+    silence["normal_load"] = 0.0
     silence |= {"command": SIGNALS["command"], "measured": 0.03, "recovery": 5e-3, "suspension": 0.0, "reach": 1.0}
     for hook, value in answers(effect, p, z, SIGNALS).items():
         if hook in silence and not np.isclose(float(value), silence[hook], rtol=1e-6, atol=0.0):

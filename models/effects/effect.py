@@ -112,6 +112,10 @@ class Effect:
         """Extra force on the capsule along +x in N; a resistance has the sign of -v."""
         return 0.0
 
+    def normal_load(self, s: Signals, p: Values, z: Values) -> Any:
+        """Extra force in N that presses the capsule on its surface, beside the weights."""
+        return 0.0
+
     def stiffening(self, s: Signals, p: Values, z: Values) -> Any:
         """Factor on the wall's tension T(u)."""
         return 1.0

@@ -19,6 +19,7 @@ LEFT: Final[Mapping[str, str]] = MappingProxyType(
         "weight": "factor on mu m g",
         "pressed": "factor on mu N_p",
         "force": "added force in N",
+        "normal_load": "added normal load in N",
         "stiffening": "factor on T(u)",
         "wall_force": "added wall force in N",
         "recovery": "v_i",
@@ -109,7 +110,7 @@ def answered(
     `given` by the names of `ARGUMENTS`; a state's as `advance.NAME` or `follow.NAME`.
     """
     e, signals = effect(), Signals(**s)
-    for hook in ("level", "force", "stiffening", "wall_force", "command", "gain"):
+    for hook in ("level", "force", "normal_load", "stiffening", "wall_force", "command", "gain"):
         if effect.answers(hook):
             yield hook, getattr(e, hook)(signals, p, z)
     if effect.answers("recovery"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -23,9 +24,11 @@ from models.files.rig_tables import (
     ColumnTable,
     Drive,
     Magnet,
+    Magnets,
     Noise,
     PaperCapsuleTable,
     PaperTissueTable,
+    Positive,
     Surface,
     Table,
     TissueTable,
@@ -33,6 +36,7 @@ from models.files.rig_tables import (
 )
 from models.files.tables import shown, with_contact_angle
 from models.files.toml import read_toml
+from models.laws.dipole import PAIRINGS
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import nearest
 
@@ -53,6 +57,7 @@ class Rig:
     checks: Checks = field(default_factory=Checks)
     clock: Clock | None = None
     magnet: Magnet | None = None
+    magnets: Magnets | None = None
     coil: Coil | None = None
     drive: Drive | None = None
     surface: Surface | None = None
@@ -73,6 +78,12 @@ class _MagneticHead(_Head, Magnet):
     pass
 
 
+class _MagnetsHead(_Head):
+    """`[rig]` of a magnetic kind with a table `[rig.magnet]`: a measured stiffness may stand beside it."""
+
+    magnet_stiffness_N_per_m: Positive | None = None
+
+
 class _CoilHead(_Head, Coil):
     pass
 
@@ -88,8 +99,7 @@ HEADS: Mapping[str, type[_Head]] = {
     "periods": _PeriodsHead,
 }
 """The table `[rig]` of each kind."""
-_IN_THE_GUT = ("pull", "magnetic", "coil")
-CAPSULE_SERIES = (*_IN_THE_GUT, "vibro")
+CAPSULE_SERIES = ("pull", "magnetic", "coil", "vibro")
 """Kinds whose records are time series of a capsule."""
 
 
@@ -110,8 +120,11 @@ def parse_rig(raw: Mapping[str, Any], where: str = "rig") -> Rig:
             raise ValueError(f"{where}: [{table}] must be a table; got {shown(content)}")
     kind = _kind(raw, where)
     file = _File(raw, where, kind)
-    head = file.read("rig", HEADS[kind])
+    magnets = file.magnets()
+    head = file.read("rig", HEADS[kind] if magnets is None else _MagnetsHead)
     rig = replace(_parts(file, kind, head), checks=file.read("checks", Checks, optional=True))
+    if isinstance(head, _MagnetsHead) and magnets is not None:
+        rig = replace(rig, magnets=magnets, magnet=_spring(magnets, head.magnet_stiffness_N_per_m))
     if kind in CAPSULE_SERIES and "clock" in raw:
         rig = replace(rig, clock=file.read("clock", Clock))
     columns = file.columns()
@@ -140,19 +153,17 @@ def _kind(raw: Mapping[str, Any], where: str) -> str:
 
 def _parts(file: _File, kind: str, head: _Head) -> Rig:
     noise = file.read("noise", Noise, optional=True)
-    if kind in _IN_THE_GUT:
-        return Rig(kind, *file.gut(), noise, magnet=_part(head, Magnet), coil=_part(head, Coil), name=head.name)
+    if kind == "pull":
+        return Rig(kind, *file.gut(), noise, name=head.name)
+    if kind in ("magnetic", "coil"):
+        surface = file.read("surface", Surface) if "surface" in file.raw else None
+        parts = file.on(surface)
+        return Rig(
+            kind, *parts, noise, magnet=_part(head, Magnet), coil=_part(head, Coil), surface=surface, name=head.name
+        )
     if kind in ("vibro", "vibro_table"):
         drive, surface = file.read("drive", Drive), file.read("surface", Surface)
-        if surface.kind == "gut":
-            return Rig(kind, *file.gut(), noise, drive=drive, surface=surface, name=head.name)
-        if surface.friction_coefficient is None:
-            raise ValueError(
-                f"{file.where}: [surface] must have the key 'friction_coefficient' where its kind is 'plate'; it is"
-                " missing"
-            )
-        capsule = file.read("capsule", BodyTable).capsule()
-        return Rig(kind, capsule, file.paper_tissue(capsule), noise, drive=drive, surface=surface, name=head.name)
+        return Rig(kind, *file.on(surface), noise, drive=drive, surface=surface, name=head.name)
     if kind == "periods":
         capsule = file.read("capsule", PaperCapsuleTable, optional=True).capsule()
         return Rig(
@@ -161,6 +172,41 @@ def _parts(file: _File, kind: str, head: _Head) -> Rig:
     capsule = file.read("capsule", PaperCapsuleTable, optional=True).capsule()
     axis = file.read("axis", Axis, optional=True) if kind == "axis" else Axis()
     return Rig(kind, capsule, file.paper_tissue(capsule), noise, axis=axis, name=head.name)
+
+
+def _spring(magnets: Magnets, stiffness: float | None) -> Magnet:
+    """The spring with the stiffness of two magnets (or a measured one) and their gap of greatest pull."""
+    k = magnets.stiffness_N_per_m() if stiffness is None else stiffness
+    return Magnet(
+        magnet_stiffness_N_per_m=k,
+        magnet_range_m=math.sqrt(3) * PAIRINGS[magnets.moments].peak * magnets.height_m,
+    )
+
+
+def at_height(rig: Rig, height_m: float) -> Rig:
+    """The same rig with its magnets at another height: the stiffness goes with its inverse fifth power, the range with
+    it. Raises ValueError for a rig without `[rig.magnet]`.
+    """
+    if rig.magnets is None or rig.magnet is None:
+        raise ValueError("rig must have a table [rig.magnet] to have another height; got none")
+    share = height_m / rig.magnets.height_m
+    spring = Magnet(
+        magnet_stiffness_N_per_m=rig.magnet.magnet_stiffness_N_per_m / share**5,
+        magnet_range_m=rig.magnet.magnet_range_m * share,
+    )
+    return replace(rig, magnet=spring, magnets=rig.magnets.model_copy(update={"height_m": height_m}))
+
+
+def read_magnets(content: Any, where: str) -> Magnets:
+    """A table `[rig.magnet]`, checked. Raises ValueError of one sentence."""
+    if not isinstance(content, Mapping):
+        raise ValueError(f"{where}: [rig.magnet] must be a table; got {shown(content)}")
+    magnets = _File({}, where, "magnetic").checked("rig.magnet", Magnets, content)
+    try:
+        magnets.check()
+    except ValueError as error:
+        raise ValueError(f"{where}: {error}") from None
+    return magnets
 
 
 def _part(head: _Head, table: type[T]) -> T | None:
@@ -189,6 +235,27 @@ class _File:
         """Capsule and gut of a rig that has both."""
         capsule = self.read("capsule", CapsuleTable).capsule()
         return capsule, self._tissue(TissueTable, capsule)
+
+    def on(self, surface: Surface | None) -> tuple[Capsule, Tissue]:
+        """Body and gut of a rig whose body lies on `surface`, the gut where nothing is said."""
+        if surface is None or surface.kind == "gut":
+            return self.gut()
+        if surface.kind == "plate" and surface.friction_coefficient is None:
+            raise ValueError(
+                f"{self.where}: [surface] must have the key 'friction_coefficient' where its kind is 'plate'; it is"
+                " missing"
+            )
+        capsule = self.read("capsule", BodyTable).capsule()
+        return capsule, self.paper_tissue(capsule)
+
+    def magnets(self) -> Magnets | None:
+        """`[rig.magnet]` of a magnetic rig, taken out of `[rig]`; None where there is none."""
+        if self.kind != "magnetic" or "magnet" not in self.raw["rig"]:
+            return None
+        head = dict(self.raw["rig"])
+        magnets = read_magnets(head.pop("magnet"), self.where)
+        self.raw = {**self.raw, "rig": head}
+        return magnets
 
     def paper_tissue(self, capsule: Capsule) -> Tissue:
         """The gut where it matters little: paper A's but for what is given."""

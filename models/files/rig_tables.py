@@ -10,6 +10,7 @@ from annotated_types import Ge, Gt, Le, Lt
 from pydantic import BaseModel, ConfigDict, Field
 
 from models.files.units import unit_of
+from models.laws.dipole import Cylinder, Orientation, moment_A_m2, stiffness_N_per_m
 from models.laws.geometry import Capsule, Regime, Tissue
 
 Positive = Annotated[float, Field(gt=0, lt=1e9)]
@@ -19,6 +20,7 @@ Mass = Annotated[float, Field(gt=0, le=1000)]
 CapsuleMass = Annotated[float, Field(ge=1e-5, le=0.5)]
 Friction = Annotated[float, Field(ge=0, le=10)]
 Angle = Annotated[float, Field(ge=1, le=89)]
+Remanence = Annotated[float, Field(gt=0, le=3)]
 Real = Annotated[float, Field(gt=-1e9, lt=1e9)]
 
 
@@ -89,9 +91,9 @@ class Drive(Table):
 
 
 class Surface(Table):
-    """What the body of a vibro-impact drive lies on: a rigid plate with Coulomb friction, or the gut of `[tissue]`."""
+    """What the body lies on: a rigid plate with Coulomb friction, the gut of `[tissue]`, or nothing (in the air)."""
 
-    kind: Literal["plate", "gut"]
+    kind: Literal["plate", "gut", "air"]
     friction_coefficient: Friction | None = None
 
 
@@ -100,6 +102,70 @@ class Magnet(Table):
 
     magnet_stiffness_N_per_m: Positive
     magnet_range_m: Length
+
+
+class Magnets(Table):
+    """`[rig.magnet]`: the magnet on the carriage (outer) and the capsule's (inner), each by its moment or by size and
+    remanence of a cylinder that is magnetised along its axis, and the height across the lumen between their centres.
+
+    Moments lie `across` the lumen, towards each other, or `along` it, opposite. `height_range_m` is where the carriage
+    may lift the magnet to, `pressing_limit_N` the most that it may then press the capsule on the tissue.
+    """
+
+    height_m: Length
+    moments: Orientation = "across"
+    outer_moment_A_m2: Positive | None = None
+    outer_diameter_m: Length | None = None
+    outer_length_m: Length | None = None
+    outer_remanence_T: Remanence | None = None
+    inner_moment_A_m2: Positive | None = None
+    inner_diameter_m: Length | None = None
+    inner_length_m: Length | None = None
+    inner_remanence_T: Remanence | None = None
+    height_range_m: Annotated[list[Length], Field(min_length=2, max_length=2)] | None = None
+    pressing_limit_N: Positive | None = None
+
+    def moment(self, side: Literal["outer", "inner"]) -> float:
+        """The moment of one magnet in A m^2. Raises ValueError where it is stated neither way or both."""
+        moment = getattr(self, f"{side}_moment_A_m2")
+        names = [f"{side}_{name}" for name in ("remanence_T", "diameter_m", "length_m")]
+        size = [getattr(self, name) for name in names]
+        given = [name for name, value in zip(names, size, strict=True) if value is not None]
+        if moment is not None and not given:
+            return float(moment)
+        if moment is None and len(given) == len(names):
+            return moment_A_m2(*size)
+        raise ValueError(
+            f"[rig.magnet] must have {side}_moment_A_m2, or {', '.join(names)}, and not both; got"
+            f" {', '.join([f'{side}_moment_A_m2'] * (moment is not None) + given) or 'neither'}"
+        )
+
+    def cylinders(self) -> tuple[Cylinder, Cylinder] | None:
+        """Both magnets' sizes; None where one is only known by its moment."""
+        sizes = (self.outer_diameter_m, self.outer_length_m, self.inner_diameter_m, self.inner_length_m)
+        if any(size is None for size in sizes):
+            return None
+        return Cylinder(*sizes[:2]), Cylinder(*sizes[2:])  # type: ignore[arg-type]
+
+    def stiffness_N_per_m(self) -> float:
+        """Stiffness of the pull at `height_m`."""
+        return stiffness_N_per_m(self.moment("outer") * self.moment("inner"), self.height_m, self.moments)
+
+    def check(self) -> None:
+        """Raises ValueError of one sentence for numbers that do not go together."""
+        self.stiffness_N_per_m()
+        if self.height_range_m is not None:
+            low, high = self.height_range_m
+            if not low <= self.height_m <= high:
+                raise ValueError(
+                    f"[rig.magnet] height_range_m must be the lowest and the highest height, with height_m ="
+                    f" {self.height_m:g} between; got [{low:g}, {high:g}]"
+                )
+            if self.pressing_limit_N is None:
+                raise ValueError(
+                    "[rig.magnet] must have the key 'pressing_limit_N', the most that the magnet may press on the"
+                    " tissue, where height_range_m lets the height be commanded; it is missing"
+                )
 
 
 class Coil(Table):
@@ -201,6 +267,7 @@ EXAMPLES: Final[Mapping[str, str]] = {
     "recovery_time_s": "0.05",
     "magnet_stiffness_N_per_m": "25.0",
     "magnet_range_m": "0.02",
+    "height_m": "0.15",
     "force_constant_N_per_A": "0.5",
     "inner_mass_kg": "0.074",
     "spring_stiffness_N_per_m": "256.0",

@@ -89,11 +89,17 @@ class Wall(Surface):
     def parameters(self) -> tuple[Parameter, ...]:
         return base_parameters(self.tissue)
 
-    def hold(self, speed: Any, p: Values, carried_kg: float = 0.0, levels: Levels = (1.0, 1.0, 1.0)) -> tuple[Any, Any]:
+    def hold(
+        self,
+        speed: Any,
+        p: Values,
+        carried_kg: float = 0.0,
+        levels: Levels = (1.0, 1.0, 1.0),
+        pressing: Any = 0.0,
+    ) -> tuple[Any, Any]:
         mu = p["friction_coefficient"]
         friction, onset = self.grip(speed, p["hoop_stress_factor"], mu, levels)
-        load = carried_kg * GRAVITY
-        return friction, onset + mu * load if load else onset
+        return friction, onset + mu * (carried_kg * GRAVITY + pressing)
 
     def mucus(self, w: Any) -> Any:
         return mucus_drag(w, self.tissue.mucus_thickness_m)
@@ -104,7 +110,7 @@ class Wall(Surface):
             "m a = F_act - F_e(|v|) Sgn(v) - F_v(w) - T(u)",
             f"F_e = {hoop} sin(theta) I1(|v|)",
             f"f_c = {mu} (m g + {hoop} (cos(theta) I1(|v|) + I2(|v|)))",
-            "stick: u' = v until |T(u)| = f_c; slip: u' = -v_i, v_i = u_c/t_r, until u = 0",
+            "stick: u' = v until |T(u)| = f_c; slip: u' = -s v_i, v_i = u_c/t_r, until u = 0 or s v <= -v_i",
         ]
 
     def nose(self, speed: Any) -> Any:
@@ -164,17 +170,18 @@ def step_drag(state: Drag, v: Any, h: Any, limit: Any, tension: Any, recovery_sp
     `tension` maps u to the wall's tension in N; `recovery_speed` is `v_i = u_c/t_r` in m/s with `T(u_c) = f_c` at the
     present speed. An event inside the step is placed by linear interpolation and the rest of the step is spent in the
     other mode, so the error is second order in `h`. The wall sticks again too when the capsule overtakes it backwards,
-    `s v < -v_i`.
+    and stays stuck while it does, `s v <= -v_i`, whatever the tension.
     """
     dragged = state.u + v * h
     before, after = np.abs(tension(state.u)), np.abs(tension(dragged))
-    late = np.where(after >= limit, np.clip((after - limit) / np.maximum(after - before, _TINY), 0.0, 1.0), 0.0)
-    side = np.where(after >= limit, np.sign(dragged), 0.0)
+    torn = np.where(np.sign(dragged) * v > -recovery_speed, after >= limit, False)
+    late = np.where(torn, np.clip((after - limit) / np.maximum(after - before, _TINY), 0.0, 1.0), 0.0)
+    side = np.where(torn, np.sign(dragged), 0.0)
     stick = Drag(dragged - late * h * (v + side * recovery_speed), side)
     drawn = state.u - state.slip * recovery_speed * h
     over = -state.slip * drawn
     rest = np.clip(over / np.maximum(recovery_speed * h, _TINY), 0.0, 1.0)
-    overtaken = state.slip * v < -recovery_speed
+    overtaken = state.slip * v <= -recovery_speed
     slip = Drag(
         np.where(overtaken, dragged, np.where(over >= 0, v * rest * h, drawn)),
         np.where(overtaken, 0.0, np.where(over >= 0, 0.0, state.slip)),

@@ -25,9 +25,16 @@ class Plate(Surface):
         mu = self.friction_coefficient
         return (Parameter("friction_coefficient", mu, "1", 0.5 * mu, 2.0 * mu, "rig file", fit=True),)
 
-    def hold(self, speed: Any, p: Values, carried_kg: float = 0.0, levels: Levels = (1.0, 1.0, 1.0)) -> tuple[Any, Any]:
-        load = carried_kg * GRAVITY
+    def hold(
+        self,
+        speed: Any,
+        p: Values,
+        carried_kg: float = 0.0,
+        levels: Levels = (1.0, 1.0, 1.0),
+        pressing: Any = 0.0,
+    ) -> tuple[Any, Any]:
+        load = carried_kg * GRAVITY + pressing
         return p["friction_coefficient"] * (self.mass_kg * GRAVITY + load) * levels[0], 0.0
 
     def equations(self, p: Values) -> list[str]:
-        return [f"m a = F_act - {p['friction_coefficient']:.4g} N Sgn(v), N the weight of all that lies on the plate"]
+        return [f"m a = F_act - {p['friction_coefficient']:.4g} N Sgn(v), N the load on the plate"]

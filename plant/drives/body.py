@@ -1,7 +1,10 @@
-"""One driven body: magnet on a carriage, coil, plain force, or an elastic link to an imposed position."""
+"""One driven body: magnet on a carriage, a pair of magnets, coil, plain force, or an elastic link to an imposed
+position.
+"""
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from plant.anatomy import profile_level
@@ -9,6 +12,7 @@ from plant.compiling import compiled
 from plant.hidden.actuation import (
     coupling,
     delivered,
+    dipole_load,
     effective_current,
     hidden_emf,
     link_force,
@@ -25,12 +29,17 @@ from plant.layout import (
     P_COIL_LIMIT,
     P_COIL_R,
     P_HOOP,
+    P_INNER_MOMENT,
     P_LINK_C,
     P_LINK_K,
+    P_MAGNET_ALONG,
+    P_MAGNET_HEIGHT,
     P_MAGNET_K,
     P_MAGNET_RANGE,
+    P_OUTER_MOMENT,
     S_CURRENT,
     S_DIRECTION,
+    S_PRESSING,
     S_SLIP,
     S_STEP,
     S_V,
@@ -45,6 +54,7 @@ MAGNET: Final = 0
 COIL: Final = 1
 FORCE: Final = 2
 LINK: Final = 3
+PAIR: Final = 4
 
 
 @compiled
@@ -67,11 +77,30 @@ def _magnet_force(gap: float, p: Floats) -> float:
 
 
 @compiled
+def pair_force(gap: float, s: Floats, p: Floats) -> float:
+    """Force in N along the lumen between two dipoles, `3 mu_0/(4 pi r^5) ((m1 r) m2 + (m2 r) m1 + (m1 m2) r - 5 (m1 r)
+    (m2 r) r/r^2)` with r from magnet to capsule; its part across the lumen presses the body on its surface.
+    """
+    rx, rz = -gap, -p[P_MAGNET_HEIGHT]
+    along = p[P_MAGNET_ALONG]
+    ax, az = p[P_OUTER_MOMENT] * along, p[P_OUTER_MOMENT] * (1 - along)
+    bx, bz = -p[P_INNER_MOMENT] * along, p[P_INNER_MOMENT] * (1 - along)
+    r2 = rx * rx + rz * rz
+    a, b, ab = ax * rx + az * rz, bx * rx + bz * rz, ax * bx + az * bz
+    scale = 3e-7 / (r2 * r2 * math.sqrt(r2))
+    rest = ab - 5 * a * b / r2
+    s[S_PRESSING] = max(scale * (a * bz + b * az + rest * rz), 0.0)
+    return float(scale * (a * bx + b * ax + rest * rx))
+
+
+@compiled
 def _drive_force(kind: int, value: float, rate: float, dt: float, s: Floats, p: Floats) -> float:
     """Force of a drive without hidden effects; a coil's current moves on."""
     x, v = s[S_X], s[S_V]
     if kind == MAGNET:
         return _magnet_force(value - x, p)
+    if kind == PAIR:
+        return pair_force(value - x, s, p)
     if kind == COIL:
         s[S_CURRENT] = coil_current(value, p[P_COIL_EMF] * v, dt, s[S_CURRENT], p)
         return float(p[P_COIL_GAIN] * s[S_CURRENT])
@@ -86,9 +115,14 @@ def _hidden_drive_force(
 ) -> float:
     """The same with what is hidden between drive and body."""
     x, v = s[S_X], s[S_V]
-    if kind == MAGNET:
+    if kind in (MAGNET, PAIR):
         remember_drive(value - x, s, h)
-        return delivered(coupling(x, t, h) * _magnet_force(value - x, p), s, h)
+        if kind == MAGNET:
+            pulled = _magnet_force(value - x, p)
+            s[S_PRESSING] = dipole_load(value - x, h)
+        else:
+            pulled = pair_force(value - x, s, p)
+        return delivered(coupling(x, t, h) * pulled, s, h)
     if kind == COIL:
         s[S_CURRENT] = coil_current(value, p[P_COIL_EMF] * v + hidden_emf(v, h), dt, s[S_CURRENT], p)
         remember_drive(s[S_CURRENT], s, h)
@@ -115,10 +149,10 @@ def advance_body(
     steps.
 
     `m a = F_act - R Sgn(v) - F_v(w) - T(u) + F_hidden`, R set-valued: the impulse that would stop the body is clipped
-    to what R can give. `drive` is a carriage position in m (MAGNET: `k g/(1 + (g/r)^2)^2`), a voltage in V (COIL: `F =
-    K i`, `L i' = U - R i - e`), a force in N (FORCE) or an imposed position in m (LINK), one more value than steps
-    done. State `s` is changed in place; returns the rows written. First order in `dt`. Steps that cannot change
-    anything (a resting body under the same drive as before) are passed over.
+    to what R can give. `drive` is a carriage position in m (MAGNET: `k g/(1 + (g/r)^2)^2`; PAIR: two dipoles), a
+    voltage in V (COIL: `F = K i`, `L i' = U - R i - e`), a force in N (FORCE) or an imposed position in m (LINK), one
+    more value than steps done. State `s` is changed in place; returns the rows written. First order in `dt`. Steps that
+    cannot change anything (a resting body under the same drive as before) are passed over.
     """
     rows = 0
     step = int(s[S_STEP])
@@ -145,12 +179,12 @@ def advance_body(
         hoop = p[P_HOOP] * profile_level(x, p, profile)
         if leveled:
             hoop *= resistance_level(x, v, t, s, h)
-        limit = sliding_limit(v, hoop, p, tab)
+        limit = sliding_limit(v, hoop, s, p, tab)
         if leveled:
             limit = resistance_at_nose(limit, v, h)
             hoop = hoop_at_slip(hoop, x, h)
         net = force - wall_force(v, hoop, s, p, h, tab)
-        if kind == MAGNET:
+        if kind in (MAGNET, PAIR):
             limit += sideways_load(drive[k] - x, h)
         if forced:
             net += hidden_force(x, v, t, s, p, h)

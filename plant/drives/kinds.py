@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Final
 
+import numpy as np
+
 from plant import layout as at
-from plant.drives.body import COIL, FORCE, LINK, MAGNET, advance_body
+from plant.drives.body import COIL, FORCE, LINK, MAGNET, PAIR, advance_body, pair_force
 from plant.drives.pull import advance_pull
 from plant.drives.vibro import BY_FORCE, BY_VOLTAGE, advance_vibro
 from plant.hidden.registry import ROWS
@@ -107,6 +110,59 @@ class Magnet(Drive):
 
     def numbers(self) -> dict[str, float]:
         return {"magnet_stiffness_N_per_m": self.magnet_stiffness_N_per_m}
+
+    def varied(self, force: float, spring: float) -> Drive:
+        return replace(self, magnet_stiffness_N_per_m=self.magnet_stiffness_N_per_m * force)
+
+    @property
+    def gap_limit_m(self) -> float:
+        """The gap in m at which the magnet pulls most."""
+        return self.magnet_range_m / math.sqrt(3)
+
+
+@dataclass(frozen=True)
+class MagnetPair(Drive):
+    """A carriage magnet and the capsule's as two dipoles at a height across the lumen, whose attraction presses the
+    capsule on its surface. `along`: the moments lie along the lumen, opposite to each other, else across it.
+    """
+
+    free: ClassVar[bool] = True
+    straight: ClassVar[bool] = True
+    outer_moment_A_m2: float = 400.0
+    inner_moment_A_m2: float = 1.0
+    height_m: float = 0.15
+    along: bool = False
+
+    @property
+    def feedback(self) -> str:
+        return "carriage_position_m"
+
+    def advance(self, effects: Floats, common: tuple[Any, ...]) -> None:
+        advance_body(PAIR, *common)
+
+    def fill(self, p: Floats) -> None:
+        p[at.P_OUTER_MOMENT], p[at.P_INNER_MOMENT] = self.outer_moment_A_m2, self.inner_moment_A_m2
+        p[at.P_MAGNET_HEIGHT], p[at.P_MAGNET_ALONG] = self.height_m, float(self.along)
+
+    def columns(self, commanded: Floats, mean: Floats, reading: Floats, current: Floats) -> dict[str, Floats]:
+        return {"carriage_position_m": commanded, "position_m": reading}
+
+    def forces(self, gap_m: Floats) -> tuple[Floats, Floats]:
+        """Pull along the lumen and attraction across it in N at the gaps (n,)."""
+        p, s = np.zeros(at.P_COUNT), np.zeros(at.S_COUNT)
+        self.fill(p)
+        pairs = [(pair_force(gap, s, p), s[at.S_PRESSING]) for gap in gap_m.tolist()]
+        return np.array([pull for pull, _ in pairs]), np.array([press for _, press in pairs])
+
+    @property
+    def gap_limit_m(self) -> float:
+        """The gap in m at which the magnet pulls most."""
+        gaps = np.linspace(0.0, self.height_m, 2001)
+        return float(gaps[np.argmax(self.forces(gaps)[0])])
+
+    def numbers(self) -> dict[str, float]:
+        small = 1e-4 * self.height_m
+        return {"magnet_stiffness_N_per_m": float(self.forces(np.array([small]))[0][0]) / small}
 
 
 @dataclass(frozen=True)
@@ -209,5 +265,7 @@ class Vibro(Drive):
         return replace(self, force_N=self.force_N * force, spring_stiffness_N_per_m=stiffness)
 
 
+MAGNETS: Final = (Magnet, MagnetPair)
+"""The drives that pull from a carriage."""
 DRIVES: Final[dict[str, type[Drive]]] = {"pull": Pull, "magnetic": Magnet, "coil": Coil, "vibro": Vibro}
 """The drives that a scenario can name, by the kind of rig."""

@@ -51,7 +51,7 @@ def advance_pull(
             came = s[S_V]
             seen = hoop * resistance_level(x, came, t, s, h) if leveled else hoop
             force = inertia(p, h) * (v - came) / dt
-            limit = sliding_limit(came, seen, p, tab)
+            limit = sliding_limit(came, seen, s, p, tab)
             if leveled:
                 limit = resistance_at_nose(limit, came, h)
                 seen = hoop_at_slip(seen, x, h)

@@ -95,7 +95,7 @@ def advance_vibro(
         hoop = p[P_HOOP] * profile_level(x, p, profile)
         if leveled:
             hoop *= resistance_level(x, v, t, s, h)
-        limit = sliding_limit(v, hoop, p, tab)
+        limit = sliding_limit(v, hoop, s, p, tab)
         net = spring - p[P_REACTION] * force - wall_force(v, hoop, s, p, h, tab)
         if forced:
             net += hidden_force(x, v, t, s, p, h)

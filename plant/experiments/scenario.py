@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
+from models.files.rig import read_magnets
 from models.files.rig_tables import BodyTable, CapsuleTable, TissueTable, check_range
 from models.files.rig_tables import Noise as NoiseTable
 from models.files.rig_tables import Table as RigTable
@@ -15,7 +16,7 @@ from models.files.toml import read_toml
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import nearest
 from plant.anatomy import Anatomy, along, random_anatomy
-from plant.drives.kinds import DRIVES, Drive
+from plant.drives.kinds import DRIVES, Drive, MagnetPair
 from plant.experiments.profile import PROFILES, Profile, Recorded
 from plant.hidden.registry import hidden
 from plant.rig import STEP_S, Plate, Rig
@@ -116,7 +117,7 @@ def parse_truth(raw: Table) -> tuple[Run, str, Rig]:
             f" steps of {run.step_s:g} s; got {run.duration_s:g} s"
         )
     kind = choice(raw.get("rig", {}), "rig.kind", tuple(DRIVES))
-    body = BodyTable if raw.get("surface", {}).get("kind") == "plate" else CapsuleTable
+    body = BodyTable if raw.get("surface", {}).get("kind", "gut") != "gut" else CapsuleTable
     for name, model in (("capsule", body), ("tissue", TissueTable), ("noise", NoiseTable)):
         _in_range(raw.get(name, {}), model, name)
     capsule = from_table(Capsule, raw.get("capsule", {}), "capsule")
@@ -143,9 +144,19 @@ def _in_range(table: Table, model: type[RigTable], where: str) -> None:
 
 def _drive(kind: str, raw: Table) -> Drive:
     rig, drive = raw.get("rig", {}), raw.get("drive", {})
+    if kind == "magnetic" and "magnet" in rig:
+        return _magnets(rig)
     where = "drive" if kind in ("vibro", "coil") else "rig"
     table = {**drive, **{key: value for key, value in rig.items() if key != "kind"}}
     return from_table(DRIVES[kind], table, where)
+
+
+def _magnets(rig: Table) -> MagnetPair:
+    further = next((key for key in rig if key not in ("kind", "magnet")), None)
+    if further is not None:
+        raise ValueError(f"[rig] with a table [rig.magnet] must have no further key but kind; got {further!r}")
+    both = read_magnets(rig["magnet"], "scenario")
+    return MagnetPair(both.moment("outer"), both.moment("inner"), both.height_m, both.moments == "along")
 
 
 def _tissue(table: Table, capsule: Capsule) -> tuple[Tissue, float]:
@@ -160,11 +171,13 @@ def _tissue(table: Table, capsule: Capsule) -> tuple[Tissue, float]:
 
 
 def _surface(table: Table) -> Plate | None:
-    kind = choice(table, "surface.kind", ("gut", "plate"))
-    if kind == "gut" and len(table) > 1:
+    kind = choice(table, "surface.kind", ("gut", "plate", "air"))
+    if kind != "plate" and len(table) > 1:
         raise ValueError(
-            f"[surface] of kind gut must have no further keys; got {', '.join(k for k in table if k != 'kind')}"
+            f"[surface] of kind {kind} must have no further keys; got {', '.join(k for k in table if k != 'kind')}"
         )
+    if kind == "air":
+        return Plate(0.0)
     return None if kind == "gut" else from_table(Plate, table, "surface", skip=("kind",))
 
 

@@ -27,7 +27,7 @@ from plant.rig import STEP_S, Plant, Rig
 from plant.sensing.sensors import Sensor
 from plant.tables import Floats
 
-Kind = Literal["pull", "magnetic", "coil", "vibro", "vibro_plate"]
+Kind = Literal["pull", "magnetic", "coil", "vibro", "vibro_plate", "magnetic_plate", "coil_plate"]
 KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 RECORDS: Final = ("train_1", "train_2", "train_3", "holdout")
 FORCE_STD_N: Final = 1e-3
@@ -51,11 +51,12 @@ def make_series(
     folder `out`.
 
     The truth's hoop stress factor and friction differ from nominal by up to 15 %, the magnet's stiffness by up to 5 %,
-    a coil's or inner mass's force and spring by up to 7 %; `vibro` is a capsule in the gut, `vibro_plate` the capsubot
-    on a plate. `effect` is a hidden effect's id with numbers drawn from its ranges, or None. Samples at
-    `rate_Hz`; noise `noise` times 1 mN on a pull's force, 50 um on a position, as the rig file states it. The same seed
-    gives the same bytes; its rig, drive and noise stay the same with another effect. Raises `ValueError` for an unknown
-    kind or effect, or one that the drive cannot have.
+    a coil's or inner mass's force and spring (a magnet's on a plate too) by up to 7 %; `vibro` is a capsule in the gut,
+    `vibro_plate` the capsubot on a plate, `magnetic_plate` and `coil_plate` a capsule on one. `effect` is a hidden
+    effect's id with numbers drawn from its ranges, or None. Samples at `rate_Hz`; noise `noise` times 1 mN on a pull's
+    force, 50 um on a position, as the rig file states it. The same seed gives the same bytes; its rig, drive and noise
+    stay the same with another effect. Raises `ValueError` for an unknown kind or effect, or one that the drive cannot
+    have.
     """
     if kind not in KINDS:
         raise ValueError(f"kind must be one of {', '.join(KINDS)}; got {kind!r}")

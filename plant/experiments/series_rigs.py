@@ -1,18 +1,18 @@
-"""The rigs of made-up experiments under a coil or an inner mass: what their experimenter believes, what is true, what
-drives them.
+"""The rigs of made-up experiments under a coil or an inner mass, or on a plate: what their experimenter believes, what
+is true, what drives them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from models.laws.geometry import Capsule, Tissue
-from plant.drives.kinds import Coil, Vibro
-from plant.experiments.profile import Profile, RandomPulses, RandomVoltage
+from plant.drives.kinds import Coil, Magnet, Vibro
+from plant.experiments.profile import Profile, RandomPulses, RandomVoltage, Wander
 from plant.rig import Plate, Rig
 
 FINE_STEP_S: Final = 5e-6
@@ -43,15 +43,18 @@ class Believed:
     def tables(self) -> list[str]:
         """Lines of the rig file from `[rig]` on, `[surface]` among them."""
         drive, plate = self.nominal.drive, self.nominal.surface
-        if isinstance(drive, Coil):
-            return _table("rig", {"kind": self.kind, "force_constant_N_per_A": drive.gain_N_per_A})
-        assert isinstance(drive, Vibro)
-        names = ("inner_mass_kg", "spring_stiffness_N_per_m", "spring_damping_N_s_per_m", "force_N", "reaction_on_body")
         surface: Mapping[str, object] = (
             {"kind": "gut"} if plate is None else {"kind": "plate", "friction_coefficient": plate.friction_coefficient}
         )
+        below = _table("surface", surface)
+        if isinstance(drive, Coil):
+            return [*_table("rig", {"kind": self.kind, "force_constant_N_per_A": drive.gain_N_per_A}), *below]
+        if isinstance(drive, Magnet):
+            return [*_table("rig", {"kind": self.kind, **asdict(drive)}), *below]
+        assert isinstance(drive, Vibro)
+        names = ("inner_mass_kg", "spring_stiffness_N_per_m", "spring_damping_N_s_per_m", "force_N", "reaction_on_body")
         head = _table("rig", {"kind": self.kind})
-        return [*head, *_table("drive", {name: getattr(drive, name) for name in names}), *_table("surface", surface)]
+        return [*head, *_table("drive", {name: getattr(drive, name) for name in names}), *below]
 
 
 def _table(name: str, values: Mapping[str, object]) -> list[str]:
@@ -63,6 +66,12 @@ def _table(name: str, values: Mapping[str, object]) -> list[str]:
 
 BELIEVED: Final = {
     "coil": Believed("coil", Rig(Coil(back_emf_V_s_per_m=0.0), step_s=FINE_STEP_S), RandomVoltage()),
+    "magnetic_plate": Believed("magnetic", Rig(Magnet(), Capsule(mass_kg=0.02), surface=Plate(0.29)), Wander()),
+    "coil_plate": Believed(
+        "coil",
+        Rig(Coil(back_emf_V_s_per_m=0.0), Capsule(mass_kg=0.02), surface=Plate(0.29), step_s=FINE_STEP_S),
+        RandomVoltage(1.0),
+    ),
     "vibro": Believed(
         "vibro",
         Rig(Vibro(0.01, 150.0, 0.2, 0.5), Capsule(mass_kg=0.02), Tissue(), step_s=FINE_STEP_S),

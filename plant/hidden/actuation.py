@@ -19,6 +19,7 @@ SATURATION: Final = ROWS["actuator_saturation"]
 HYSTERESIS: Final = ROWS["magnetic_hysteresis"]
 BACK_EMF: Final = ROWS["back_emf"]
 ATTRACTION: Final = ROWS["attraction_load"]
+DIPOLE: Final = ROWS["dipole_load"]
 STRING: Final = ROWS["string_compliance"]
 
 
@@ -73,6 +74,17 @@ def sideways_load(gap: float, h: Floats) -> float:
     if h[ATTRACTION, 0] == 0.0:
         return 0.0
     return float(h[ATTRACTION, 0] * (gap / h[ATTRACTION, 1]) ** 2)
+
+
+@compiled
+def dipole_load(gap: float, h: Floats) -> float:
+    """Force in N with which a magnet presses the capsule on its surface: `a (1 - 3/2 q)/(1 + q)^(7/2)`, no less than
+    0.
+    """
+    if h[DIPOLE, 0] == 0.0:
+        return 0.0
+    q = (gap / h[DIPOLE, 1]) ** 2
+    return float(h[DIPOLE, 0] * max(1 - 1.5 * q, 0.0) / (1 + q) ** 3.5)
 
 
 @compiled

@@ -195,6 +195,13 @@ HIDDEN: Final[tuple[Hidden, ...]] = (
         (Shape("share", 0.2, 0.4), Shape("time_s", 12.0, 30.0)),
         ("magnetic", "coil"),
     ),
+    Hidden(
+        "dipole_load",
+        "load a (1 - 3/2 q)/(1 + q)^(7/2) across the lumen, q = (g/h)^2 on the gap g",
+        (Shape("load_N", 0.5, 1.0), Shape("height_m", 12e-3, 20e-3)),
+        ("magnetic",),
+        called="magnet_normal_load",
+    ),
     Hidden("actuator_lag", IN_A_ROW, (Shape("time_s", 0.06, 0.16),), (*CARRIED, "coil")),
     Hidden("carriage_backlash", "play of width a whose ends are rounded", (Shape("width_m", 1.0e-3, 2.5e-3),), CARRIED),
     Hidden("actuator_dead_zone", "current below a does nothing, rounded", (Shape("current_A", 0.05, 0.12),), ("coil",)),

@@ -202,8 +202,9 @@ def test_a_current_stays_within_its_range_and_rate() -> None:
 def test_a_strong_magnet_is_held_where_it_pulls_the_force_limit() -> None:
     drive = Magnetic(400.0, 0.05)
     gap = envelope_of(drive).gap_m
-    assert drive.force(0.0, 0.0, gap, {"magnet_stiffness_N_per_m": 400.0}) == pytest.approx(LIMITS.force_N, rel=1e-9)
-    assert gap_of_force(1e9, drive, 0.01) == 0.01
+    p = {"magnet_stiffness_N_per_m": 400.0}
+    assert drive.force(0.0, 0.0, gap, p) == pytest.approx(LIMITS.force_N, rel=1e-9)
+    assert gap_of_force(1e9, drive, p, 0.01) == 0.01
 
 
 @pytest.mark.parametrize(("gain", "speed"), [(0.5, 0.4), (0.5, -0.4), (-2.0, 0.4), (-2.0, -0.4)])

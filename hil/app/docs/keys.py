@@ -35,6 +35,7 @@ from models.files.rig_tables import (
     ColumnTable,
     Drive,
     Magnet,
+    Magnets,
     Noise,
     PaperCapsuleTable,
     PaperTissueTable,
@@ -48,6 +49,7 @@ RIG_TABLES: Final[Mapping[str, tuple[type[Table], ...]]] = {
     "[capsule]": (CapsuleTable, BodyTable, PaperCapsuleTable),
     "[tissue]": (TissueTable, PaperTissueTable),
     "[rig] of kind magnetic": (Magnet,),
+    "[rig.magnet] of kind magnetic, in place of those": (Magnets,),
     "[rig] of kind coil": (Coil,),
     "[drive]": (Drive,),
     "[surface]": (Surface,),
@@ -193,6 +195,8 @@ def span(schema: Mapping[str, Any]) -> str:
         return " or ".join(f"`{value}`" for value in inner.get("enum", [inner.get("const")]))
     if inner.get("type") == "boolean":
         return "true or false"
+    if "minItems" in inner:
+        return f"list of {inner['minItems']}, each {span(inner['items'])}"
     bounds = (("exclusiveMinimum", ">"), ("minimum", ">="), ("exclusiveMaximum", "<"), ("maximum", "<="))
     return ", ".join(f"{sign} {inner[name]:g}" for name, sign in bounds if name in inner)
 

@@ -34,9 +34,9 @@ _NUMBERS: Final = ("inner_mass_kg", "spring_stiffness_N_per_m", "force_N", "reac
 _DRIVE: Final = {name: getattr(_VIBRO, name) for name in _NUMBERS}
 
 
-def read_belief(table: Table, kind: str, surface: str) -> Rig:
-    """What the controller is told of a rig of `kind` on `surface`: `[belief.*]` over nominal values. Raises
-    ValueError.
+def read_belief(table: Table, kind: str, surface: str, magnets: Table | None = None) -> Rig:
+    """What the controller is told of a rig of `kind` on `surface`: `[belief.*]` over nominal values, those of a pair of
+    magnets being its data sheet's, `[rig.magnet]`. Raises ValueError.
     """
     for name, content in table.items():
         if name not in RIG_TABLES:
@@ -52,16 +52,17 @@ def read_belief(table: Table, kind: str, surface: str) -> Rig:
     capsule = dict(_CAPSULE)
     if kind == "vibro":
         capsule["mass_kg"] = _PLATE.mass_kg
-    nominal: dict[str, Table] = {"capsule": capsule, "rig": {"kind": kind, **_HEAD[kind]}}
-    if kind != "vibro" or surface == "gut":
+    told = table.get("rig", {}).get("magnet", None if "magnet_range_m" in table.get("rig", {}) else magnets)
+    head = _HEAD[kind] if told is None else {"magnet": told}
+    nominal: dict[str, Table] = {"capsule": capsule, "rig": {"kind": kind, **head}}
+    if surface == "gut":
         nominal["tissue"] = _TISSUE
     if kind == "vibro":
         nominal["drive"] = _DRIVE
-        nominal["surface"] = (
-            {"kind": "gut"}
-            if surface == "gut"
-            else {"kind": "plate", "friction_coefficient": _PLATE.friction_coefficient}
-        )
+    if surface != "gut":
+        nominal["surface"] = {"kind": "plate", "friction_coefficient": _PLATE.friction_coefficient}
+    elif kind == "vibro":
+        nominal["surface"] = {"kind": "gut"}
     if "lumen_diameter_m" in table.get("tissue", {}) and "tissue" in nominal:
         nominal["tissue"] = {key: value for key, value in nominal["tissue"].items() if key != "contact_angle_deg"}
     merged = {name: {**nominal.get(name, {}), **table.get(name, {})} for name in {**nominal, **table}}

@@ -105,8 +105,8 @@ def parse_track_scenario(raw: Table) -> TrackScenario:
     if kind not in DRIVEN:
         raise ValueError(f"rig.kind must be one of {', '.join(DRIVEN)} to be controlled; got {kind!r}")
     surface = raw.get("surface", {}).get("kind", "gut")
-    if kind != "vibro" and surface != "gut":
-        raise ValueError(f"surface.kind must be 'gut' for a {kind} rig to be controlled; got {surface!r}")
+    if surface == "air":
+        raise ValueError("surface.kind must be 'gut' or 'plate' for a rig to be controlled; got 'air'")
     if run.seed < 0:
         raise ValueError(f"scenario.seed must be zero or more; got {run.seed}")
     _buildable(truth, raw)
@@ -124,7 +124,7 @@ def parse_track_scenario(raw: Table) -> TrackScenario:
         kind=kind,
         truth=truth,
         instruments=instruments,
-        belief=read_belief(raw.get("belief", {}), kind, surface),
+        belief=read_belief(raw.get("belief", {}), kind, surface, raw.get("rig", {}).get("magnet")),
         reference=reference,
         limits=limits,
         control=control,

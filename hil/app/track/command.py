@@ -47,7 +47,7 @@ def track(path: Path, asked: Options, compare: bool = False) -> int:
     with output_to_notes():
         believed = believed_model(scenario, values)
         offered = read_offer(scenario.offer, path.parent, scenario.belief, values)
-        offer = offer_of(offered, lambda new: believed_model(scenario, new))
+        offer = offer_of(offered, lambda new: believed_model(scenario, new, believed))
         late, latest = scenario.instruments.localisation.latency_s, noise_of(scenario.kind).latest_s
         if late >= latest:
             notes().print(
@@ -62,6 +62,8 @@ def track(path: Path, asked: Options, compare: bool = False) -> int:
                 worth = score(scenario, trace)
                 found = document(scenario, scenario.name, name, number, used, worth, log)
                 found |= told(offered, trace.taken_at)
+                if believed.rig.magnets is not None:
+                    found["height_m"] = believed.rig.magnets.height_m
                 found["checks"] = [one.document() for one in verdicts(scenario, name, trace, worth)]
                 runs.append((found, trace))
         documents: Any = [found for found, _ in runs] if compare else runs[0][0]

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from controller.drives import envelope_of
 from controller.estimator.base import Counts
+from controller.height import choose_height, values_at
 from controller.model.control_model import ControlModel, control_model
 from controller.monitor.monitor import Health
 from controller.registry import build
@@ -21,6 +22,9 @@ from controller.supervision.model_switch import ModelSwitch, Offer
 from controller.supervision.supervisor import Supervisor
 from controller.vibro.table_values import in_time
 from hil.app.scenario.scenario import DRIVEN, TrackScenario
+from models.files.rig import at_height
+from plant.drives.kinds import MagnetPair
+from plant.rig import Rig
 from plant.session import Session
 
 Array = NDArray[np.float64]
@@ -31,7 +35,8 @@ _REPORTS = 50
 @dataclass
 class Trace:
     """What a run leaves, an entry a tick: what the controller believed and answered; `rows` is the truth
-    (`plant.layout`), `health` what the monitor says of the model at the end, on the reference's time.
+    (`plant.layout`), `health` what the monitor says of the model at the end, on the reference's time, `truth` the rig
+    that it was, its magnet at the height asked for.
     """
 
     time_s: Array
@@ -51,6 +56,7 @@ class Trace:
     wall_clock_s: float = 0.0
     taken_at: float = math.nan
     health: Health = field(default_factory=Health)
+    truth: Rig | None = None
 
     @classmethod
     def empty(cls, ticks: int) -> Trace:
@@ -71,12 +77,39 @@ class Trace:
         self.estimate_s[k], self.solve_s[k] = times
 
 
-def believed_model(scenario: TrackScenario, values: Mapping[str, float]) -> ControlModel:
+def believed_model(
+    scenario: TrackScenario, values: Mapping[str, float], before: ControlModel | None = None
+) -> ControlModel:
     """The control model of what the scenario's controller believes, with the `values` of one stage of a model file;
     those of a `vibro_table` are turned into a drive's in time.
     """
     belief, numbers = in_time(scenario.belief, values) if scenario.kind == "vibro" else (scenario.belief, values)
+    height = _height_m(scenario, numbers, before)
+    if height is not None:
+        belief, numbers = at_height(belief, height), values_at(belief, numbers, height)
     return control_model(belief, numbers, scenario.control.tick_s, driven=DRIVEN[scenario.kind])
+
+
+def _height_m(scenario: TrackScenario, values: Mapping[str, float], before: ControlModel | None) -> float | None:
+    """The height in m that is asked for where it is a command: that of the model `before`, else a new choice."""
+    if before is not None and before.rig.magnets is not None:
+        return before.rig.magnets.height_m
+    chosen = choose_height(scenario.belief, values, _fastest(scenario))
+    return None if chosen is None else chosen.height_m
+
+
+def _fastest(scenario: TrackScenario) -> float:
+    """The greatest speed in m/s that the reference asks for."""
+    times = np.arange(0.0, scenario.duration_s, scenario.control.tick_s)
+    return float(np.max(np.abs(scenario.reference.speed(times))))
+
+
+def _lifted(scenario: TrackScenario, model: ControlModel) -> Rig:
+    """The true rig with its magnet lifted by as much as the controller asked for."""
+    drive, told, asked = scenario.truth.drive, scenario.belief.magnets, model.rig.magnets
+    if not isinstance(drive, MagnetPair) or told is None or asked is None:
+        return scenario.truth
+    return replace(scenario.truth, drive=replace(drive, height_m=drive.height_m + asked.height_m - told.height_m))
 
 
 def run_loop(
@@ -98,7 +131,8 @@ def run_loop(
     supervisor = Supervisor(build(controller, model, envelope), envelope)
     estimator = ModelSwitch(supervisor, controller, model, offer, estimator=scenario.control.estimator)
     estimator.begin(0.0)
-    session = Session(scenario.truth, scenario.instruments, seed, supervisor.issued.command)
+    truth = _lifted(scenario, model)
+    session = Session(truth, scenario.instruments, seed, supervisor.issued.command)
     tick_s, ticks = scenario.control.tick_s, round(scenario.duration_s / scenario.control.tick_s)
     trace = Trace.empty(ticks)
     wall = model.index("u") if "u" in model.states else None
@@ -120,6 +154,6 @@ def run_loop(
             report(controller, k / ticks)
     trace.wall_clock_s = time.perf_counter() - began
     trace.rows, trace.measured = np.concatenate(session.rows), np.array(places).reshape(-1, 2)
-    trace.events = list(supervisor.events)
+    trace.events, trace.truth = list(supervisor.events), truth
     trace.counts, trace.taken_at, trace.health = estimator.counts, estimator.taken_at, estimator.health
     return trace

@@ -18,7 +18,7 @@ from hil.app.scenario.model_health import told
 from hil.app.scenario.scenario import TrackScenario
 from hil.app.track.loop import Trace
 from plant import layout as at
-from plant.drives.kinds import Coil, Magnet, Vibro
+from plant.drives.kinds import MAGNETS, Coil, MagnetPair, Vibro
 from plant.rig import Rig
 
 Array = NDArray[np.float64]
@@ -26,6 +26,7 @@ HARD: Final = ("speed", "force", "gap", "current")
 """Limits of the true state, those of `shares`; the others are the command's, which the last step before the drive
 holds.
 """
+_SELDOM = 100  # rows between those at which a magnet's attraction is looked at
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,7 @@ class Score:
 
 def score(scenario: TrackScenario, trace: Trace) -> Score:
     """The numbers of `trace`; errors are those of the true position from `[control] judged_from_s` on."""
-    rows = trace.rows
+    rows, truth = trace.rows, trace.truth or scenario.truth
     t, x = rows[:, at.O_T], rows[:, at.O_X]
     judged = t >= scenario.control.judged_from_s
     target = scenario.reference.position(t)
@@ -69,9 +70,9 @@ def score(scenario: TrackScenario, trace: Trace) -> Score:
         float(error[-1]),
         float((x[judged][-1] - x[judged][0]) / span),
         float((target[judged][-1] - target[judged][0]) / span),
-        float(np.max(np.abs(wall_force(scenario.truth, rows)))),
+        float(np.max(np.abs(wall_force(truth, rows)))),
         float(np.sqrt(np.mean(rows[judged, at.O_FORCE] ** 2))),
-        violations(scenario.truth, scenario.limits, rows, scenario.control.tick_s),
+        violations(truth, scenario.limits, rows, scenario.control.tick_s),
         limit_use(scenario, trace),
         {status: statuses[status] for status in get_args(Status)},
         asdict(trace.counts),
@@ -110,8 +111,8 @@ def shares(truth: Rig, limits: Limits, rows: Array) -> dict[str, Array]:
     found = {"speed": np.abs(rows[:, at.O_V]) / limits.speed_m_s}
     if truth.drive.pushes:
         found["force"] = np.abs(wall_force(truth, rows)) / limits.force_N
-    if isinstance(truth.drive, Magnet):
-        found["gap"] = np.abs(rows[:, at.O_DRIVE] - rows[:, at.O_X]) * math.sqrt(3) / truth.drive.magnet_range_m
+    if isinstance(truth.drive, MAGNETS):
+        found["gap"] = np.abs(rows[:, at.O_DRIVE] - rows[:, at.O_X]) / truth.drive.gap_limit_m
     if isinstance(truth.drive, Coil):
         found["current"] = np.abs(rows[:, at.O_CURRENT]) / limits.current_A
     return found
@@ -119,9 +120,13 @@ def shares(truth: Rig, limits: Limits, rows: Array) -> dict[str, Array]:
 
 def limit_use(scenario: TrackScenario, trace: Trace) -> dict[str, float]:
     """The largest of `shares`; a carriage's speed, acceleration and travel beside them, as commanded."""
-    limits, tick = scenario.limits, scenario.control.tick_s
-    used = {name: float(np.max(share)) for name, share in shares(scenario.truth, limits, trace.rows).items()}
-    if isinstance(scenario.truth.drive, Magnet):
+    limits, tick, truth = scenario.limits, scenario.control.tick_s, trace.truth or scenario.truth
+    used = {name: float(np.max(share)) for name, share in shares(truth, limits, trace.rows).items()}
+    magnets = scenario.belief.magnets
+    if isinstance(truth.drive, MagnetPair) and magnets is not None and magnets.pressing_limit_N is not None:
+        gap = (trace.rows[:, at.O_DRIVE] - trace.rows[:, at.O_X])[::_SELDOM]
+        used["pressing"] = float(np.max(truth.drive.forces(gap)[1])) / magnets.pressing_limit_N
+    if isinstance(truth.drive, MAGNETS):
         command = trace.command[np.isfinite(trace.command)]
         speed = np.abs(np.diff(command)) / tick / limits.carriage_speed_m_s
         acceleration = np.abs(np.diff(command, 2)) / tick**2 / limits.carriage_acceleration_m_s2

@@ -203,3 +203,16 @@ def test_motion_at_one_speed_and_one_way_cannot_show_what_needs_more() -> None:
     assert "one speed" in hidden["stribeck"]
     assert "one way" in hidden["directional_asymmetry"]
     assert "folds" not in hidden
+
+
+def test_magnets_too_near_to_be_dipoles_are_told() -> None:
+    t = np.arange(0, 10, 1 / RATE)
+    carriage = 0.02 * np.sin(t)
+    near = {"outer_remanence_T": 1.3, "outer_diameter_m": 0.1, "outer_length_m": 0.1, "inner_remanence_T": 1.2}
+    near |= {"inner_diameter_m": 8e-3, "inner_length_m": 12e-3}
+    made = {"t_s": t, "carriage_position_m": carriage, "position_m": 0.9 * carriage}
+    for height, told in ((0.08, True), (0.15, False)):
+        paired = rig(rig={"kind": "magnetic", "magnet": {**near, "height_m": height}}, noise={})
+        findings = [f for f in examine(paired, [Record("r", "magnetic", made)]) if f.id == "near_magnets"]
+        assert bool(findings) == told
+        assert all("too strong" in finding.sentence and "from 0.13 m on" in finding.sentence for finding in findings)

@@ -71,8 +71,15 @@ class Slab(Surface):
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("slab_friction", MU, "1", 0.1, 1.0, "known"),)
 
-    def hold(self, speed: Any, p: Values, carried_kg: float = 0.0, levels: Levels = (1.0, 1.0, 1.0)) -> tuple[Any, Any]:
-        return p["slab_friction"] * (self.mass_kg + carried_kg) * GRAVITY * levels[0], 0.0
+    def hold(
+        self,
+        speed: Any,
+        p: Values,
+        carried_kg: float = 0.0,
+        levels: Levels = (1.0, 1.0, 1.0),
+        pressing: Any = 0.0,
+    ) -> tuple[Any, Any]:
+        return p["slab_friction"] * ((self.mass_kg + carried_kg) * GRAVITY + pressing) * levels[0], 0.0
 
     def equations(self, p: Values) -> list[str]:
         return [f"m a = F_act - {p['slab_friction']:.4g} m g Sgn(v)"]

@@ -29,6 +29,65 @@ def test_reads_a_magnetic_rig(tmp_path: Path, rig_text: str) -> None:
     assert (rig.noise.position_std_m, rig.noise.force_std_N) == (5e-5, None)
 
 
+PAIR = """[rig.magnet]
+outer_moment_A_m2 = 400.0
+inner_moment_A_m2 = 1.0
+height_m = 0.15
+"""
+
+
+def paired(rig_text: str, pair: str = PAIR) -> str:
+    return rig_text.replace("magnet_stiffness_N_per_m = 25.0\nmagnet_range_m = 0.02\n", pair)
+
+
+def test_two_magnets_give_stiffness_and_range(tmp_path: Path, rig_text: str) -> None:
+    """12 mu_0/(4 pi) m_1 m_2/h^5, and sqrt(3) times the gap of greatest pull, 0.389 h."""
+    rig = read(tmp_path, paired(rig_text))
+    assert rig.magnet is not None
+    assert rig.magnet.magnet_stiffness_N_per_m == pytest.approx(12e-7 * 400 / 0.15**5)
+    assert rig.magnet.magnet_range_m == pytest.approx(3**0.5 * 0.3893 * 0.15, rel=1e-3)
+    along = read(tmp_path, paired(rig_text, PAIR + 'moments = "along"\n'))
+    assert along.magnet is not None
+    assert along.magnet.magnet_stiffness_N_per_m == pytest.approx(9e-7 * 400 / 0.15**5)
+    size = "outer_remanence_T = 1.3\nouter_diameter_m = 0.1\nouter_length_m = 0.1\n"
+    sized = read(tmp_path, paired(rig_text, PAIR.replace("outer_moment_A_m2 = 400.0\n", size)))
+    assert sized.magnets is not None
+    assert sized.magnets.moment("outer") == pytest.approx(812.5, rel=1e-3)
+    measured = read(tmp_path, paired(rig_text, "magnet_stiffness_N_per_m = 7.0\n" + PAIR))
+    assert measured.magnet is not None
+    assert measured.magnet.magnet_stiffness_N_per_m == 7.0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("outer_moment_A_m2 = 400.0", "", r"must have outer_moment_A_m2, or .* and not both; got neither"),
+        ("height_m", "outer_length_m = 0.1\nheight_m", "not both; got outer_moment_A_m2, outer_length_m"),
+        ("height_m = 0.15", "", r"\[rig.magnet\] must have the key 'height_m'"),
+        ("height_m = 0.15", "heigth_m = 0.15", r"'heigth_m'; did you mean 'height_m'"),
+        ("[rig.magnet]", "magnet_range_m = 0.02\n[rig.magnet]", "'magnet_range_m'"),
+        ("height_m = 0.15", "height_m = 0.15\nheight_range_m = [0.16, 0.2]", "with height_m = 0.15 between"),
+        ("height_m = 0.15", "height_m = 0.15\nheight_range_m = [0.1, 0.2]", "'pressing_limit_N'"),
+        ("height_m = 0.15", 'height_m = 0.15\nmoments = "up"', "moments must be one of 'across' or 'along'"),
+    ],
+)
+def test_what_is_wrong_with_two_magnets_is_one_sentence(
+    tmp_path: Path, rig_text: str, old: str, new: str, message: str
+) -> None:
+    with pytest.raises(ValueError, match=f"rig.toml: .*{message}"):
+        read(tmp_path, paired(rig_text, PAIR.replace(old, new)))
+
+
+@pytest.mark.parametrize("kind", ["plate", "air", "gut"])
+def test_a_magnetic_rig_may_lie_on_a_surface(tmp_path: Path, rig_text: str, kind: str) -> None:
+    friction = "friction_coefficient = 0.3\n" if kind == "plate" else ""
+    rig = read(tmp_path, rig_text + f'\n[surface]\nkind = "{kind}"\n{friction}')
+    assert rig.surface is not None
+    assert rig.surface.kind == kind
+    with pytest.raises(ValueError, match=r"\[surface\] must have the key 'friction_coefficient'"):
+        read(tmp_path, rig_text + '\n[surface]\nkind = "plate"\n')
+
+
 def test_lumen_diameter_stands_for_the_contact_angle(tmp_path: Path, rig_text: str) -> None:
     text = rig_text.replace("contact_angle_deg = 60.0", "lumen_diameter_m = 9e-3")
     assert read(tmp_path, text).tissue.contact_angle_deg == pytest.approx(46.2, abs=0.02)

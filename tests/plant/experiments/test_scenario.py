@@ -87,7 +87,7 @@ def test_drive_on_keeps_every_edge(tmp_path: Path) -> None:
         ("duration_s = 1.0", "duration_s = nan", "duration_s must be a finite number"),
         ("[profile]", "[capsule]\nmass_kg = -1.0\n[profile]", "capsule.mass_kg must be 1e-05 to 0.5 kg; got -1"),
         ("[profile]", "[effects.spring_damping]\n[profile]", "must be for it; got 'spring_damping'"),
-        ("[profile]", "[surface]\nkind = 'ice'\n[profile]", "surface.kind must be one of gut, plate; got 'ice'"),
+        ("[profile]", "[surface]\nkind = 'ice'\n[profile]", "surface.kind must be one of gut, plate, air; got 'ice'"),
         ("[profile]", "[sensor]\nrate_hz = 5.0\n[profile]", "did you mean 'rate_Hz'"),
     ],
 )

@@ -22,7 +22,7 @@ DRIVES: dict[str, Drive] = {
     "pull": Pull(),
     "magnetic": Magnet(),
     "coil": Coil(),
-    "vibro": Vibro(0.0231, 360.0, force_N=0.8),
+    "vibro": Vibro(0.0231, 360.0, force_N=0.6),
 }
 
 
@@ -36,7 +36,7 @@ def reading(kind: str, chosen: dict[str, dict[str, float]]) -> Floats:
     elif kind == "coil":
         drive = 4.0 * np.sin(STEP_S * np.arange(200_001) * 2.0)
     else:
-        drive = 0.8 * pulse_width(0.08, 0.3, 4.0, STEP_S)
+        drive = 0.6 * pulse_width(0.08, 0.3, 4.0, STEP_S)
     plant = Plant(rig)
     rows = plant.advance(drive, 50)
     _, y = Sensor().measure(rows[:, at.O_T], rows[:, at.O_FORCE if kind == "pull" else at.O_X], rng, plant.effects)

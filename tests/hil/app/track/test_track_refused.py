@@ -61,8 +61,8 @@ def test_checks_that_cannot_be_judged_are_refused(
         ("[reference]", "[control]\ncontroller = 'vibro'\n[reference]", "control.controller must be one of pid,"),
         (
             "[reference]",
-            "[surface]\nkind = 'plate'\n[reference]",
-            "surface.kind must be 'gut' for a magnetic rig to be controlled",
+            "[surface]\nkind = 'air'\n[reference]",
+            "surface.kind must be 'gut' or 'plate' for a rig to be controlled",
         ),
         (
             "[reference]",

@@ -1,0 +1,69 @@
+"""The height of the carriage's magnet, a command beside its place: as high as the asked pull allows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from models.drives.from_rig import drive_of, surface_of
+from models.files.rig import Rig, at_height
+
+RESERVE: Final = 2.0
+"""Times the friction at the speed asked for that the magnet must be able to pull (choice: folds and narrow places)."""
+STIFFNESS: Final = "magnet_stiffness_N_per_m"
+_HEIGHTS: Final = 61
+
+
+@dataclass(frozen=True)
+class Height:
+    """A height in m with what the magnet can pull there at the most, the friction it meets and with what it presses the
+    capsule on the tissue, all in N.
+    """
+
+    height_m: float
+    pull_N: float
+    friction_N: float
+    pressing_N: float
+
+
+def choose_height(rig: Rig, values: Mapping[str, float], speed_m_s: float) -> Height | None:
+    """The greatest height within `[rig.magnet] height_range_m` at which the magnet pulls `RESERVE` times the friction
+    at `speed_m_s`, its own attraction's part included; None for a rig whose height is no command.
+
+    The attraction falls with the height as the greatest pull does, so the greatest height that pulls enough is the
+    gentlest one. No height is taken that presses with more than `pressing_limit_N`; where the magnet cannot pull so
+    much within that, the lowest one left is taken. `values` are a stage of a model file. Raises ValueError where every
+    height presses too much.
+    """
+    magnets = rig.magnets
+    if magnets is None or magnets.height_range_m is None or magnets.pressing_limit_N is None:
+        return None
+    low, high = magnets.height_range_m
+    heights = [_at(rig, values, float(h), speed_m_s) for h in np.geomspace(high, low, _HEIGHTS)]
+    gentle = [one for one in heights if one.pressing_N <= magnets.pressing_limit_N]
+    if not gentle:
+        raise ValueError(
+            f"[rig.magnet] height_range_m must reach a height at which the magnet presses with at most pressing_limit_N"
+            f" = {magnets.pressing_limit_N:g} N; got {heights[0].pressing_N:.3g} N at {high:g} m"
+        )
+    return next((one for one in gentle if one.pull_N >= RESERVE * one.friction_N), gentle[-1])
+
+
+def values_at(rig: Rig, values: Mapping[str, float], height_m: float) -> dict[str, float]:
+    """A model's `values`, found at the rig file's height, at `height_m`."""
+    if rig.magnets is None or STIFFNESS not in values:
+        return dict(values)
+    return {**values, STIFFNESS: values[STIFFNESS] * (rig.magnets.height_m / height_m) ** 5}
+
+
+def _at(rig: Rig, values: Mapping[str, float], height_m: float, speed_m_s: float) -> Height:
+    lifted = at_height(rig, height_m)
+    drive, surface = drive_of(lifted), surface_of(lifted)
+    p = {q.name: q.value for q in (*surface.parameters(), *drive.parameters())} | values_at(rig, values, height_m)
+    pressing = float(drive.pressing(0.0, 0.0, p))
+    friction, onset = surface.hold(speed_m_s, p, pressing=pressing)
+    most = float(drive.force(0.0, 0.0, drive.gap_limit_m, p))
+    return Height(height_m, most, float(friction + onset), pressing)

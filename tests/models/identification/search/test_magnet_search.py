@@ -1,0 +1,82 @@
+"""Magnets and coils on a plate, in the air, and pressing on the wall: series of the plant's own through the loop's
+parts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from models.effects import BY_ID
+from models.files.record import Record
+from models.files.rig import parse_rig
+from models.identification.kinds import kind_for
+from models.identification.kinds.series.kind import SeriesKind
+from models.identification.search.refit import refit
+from models.identification.search.validation import NEAR_NOISE, judged
+from plant import layout as at
+from plant.drives.kinds import Magnet
+from plant.experiments.series import make_series
+from plant.rig import STEP_S, Plant, Plate, Rig
+from tests.models.identification.search.test_vibro_search import read_series
+
+
+def left(folder: Path, *effects: str) -> tuple[float, dict[str, float]]:
+    """What a joint fit of base and `effects` leaves of a record: its mean square in units of the noise; and the fit."""
+    rig, records, _ = read_series(folder)
+    full = kind_for(rig, records)
+    assert isinstance(full, SeriesKind)
+    kind = replace(full, effects=tuple(BY_ID[name] for name in effects))
+    start = kind.nominal()
+    for name in effects:
+        start |= BY_ID[name].start() | {f"{name}.{BY_ID[name].amplitude().name}": BY_ID[name].probe}
+    fit = refit(kind, records[:1], list(effects), start)
+    return float(judged(kind, records[:1], fit).mean()), fit
+
+
+@pytest.mark.parametrize("name", ["magnetic_plate", "coil_plate"])
+def test_nothing_hidden_on_a_plate_leaves_noise(name: str, tmp_path: Path) -> None:
+    assert left(make_series(name, None, 2, tmp_path, 5.0, rate_Hz=200.0))[0] < NEAR_NOISE  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", ["magnetic_plate", "coil_plate"])
+def test_a_drag_on_a_plate_is_found(name: str, tmp_path: Path) -> None:
+    folder = make_series(name, "viscous_drag", 2, tmp_path, 8.0, rate_Hz=200.0)  # type: ignore[arg-type]
+    without, with_drag = left(folder)[0], left(folder, "viscous_drag")[0]
+    assert without > 3 * with_drag
+
+
+def test_a_magnet_that_presses_the_capsule_on_the_wall_is_found(tmp_path: Path) -> None:
+    """The plant's load is a dipole's; the catalogue's fall over the gap is another one."""
+    folder = make_series("magnetic", "dipole_load", 3, tmp_path, 5.0, rate_Hz=200.0)
+    without, (with_load, fit) = left(folder)[0], left(folder, "magnet_normal_load")
+    assert without > 10 * with_load
+    assert fit["magnet_normal_load.load_N"] == pytest.approx(0.55, rel=0.3)
+
+
+def test_a_magnet_swings_a_capsule_in_the_air() -> None:
+    """Nothing but a drag damps it: stiffness and drag follow from the swing."""
+    t = np.arange(0.0, 6.0, STEP_S)
+    carriage = 2e-3 * np.sin(9 * t) + 3e-3 * np.sin(2 * t)
+    drag = {"viscous_drag": {"force_N": 0.02}}
+    rows = Plant(Rig(Magnet(24.0), surface=Plate(0.0), hidden=drag)).advance(carriage, 250)
+    place = rows[:, at.O_X] + 2e-5 * np.random.default_rng(1).standard_normal(rows.shape[0])
+    rig = parse_rig(
+        {
+            "capsule": {"mass_kg": 4e-3},
+            "rig": {"kind": "magnetic", "magnet_stiffness_N_per_m": 25.0, "magnet_range_m": 0.02},
+            "surface": {"kind": "air"},
+            "noise": {"position_std_m": 2e-5},
+        }
+    )
+    columns = {"t_s": rows[:, at.O_T], "carriage_position_m": rows[:, at.O_DRIVE], "position_m": place}
+    record = Record("swing", "magnetic", columns)
+    kind = replace(kind_for(rig, [record]), effects=(BY_ID["viscous_drag"],))
+    base = refit(kind, [record], [], kind.nominal())
+    start = kind.nominal() | BY_ID["viscous_drag"].start() | {"viscous_drag.coefficient_N": 0.01}
+    fit = refit(kind, [record], ["viscous_drag"], start)
+    assert float(judged(kind, [record], fit).mean()) < NEAR_NOISE < float(judged(kind, [record], base).mean())
+    assert fit["magnet_stiffness_N_per_m"] == pytest.approx(24.0, rel=0.02)

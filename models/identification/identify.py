@@ -23,6 +23,7 @@ from models.identification.fitting.confidence import drawn, intervals
 from models.identification.kinds import AnyKind, kind_for, ready, report_of
 from models.identification.model import Model, own_effects_of
 from models.identification.record_checks import check_parts, check_records
+from models.identification.residual.dependence import dependence_of
 from models.identification.residual_tests import residual_checks
 from models.identification.search.forward_selection import CLEAN, Search, search
 from models.identification.verdict import model_checks, verdict_of
@@ -70,6 +71,7 @@ def close(
     allowed = next((check.limit for check in residuals if check.id == "residual_size"), 0.0)
     checks = (*residuals, *model_checks(kind, found, spread, errors["holdout"], findings, allowed))
     verdict = verdict_of(found.effects, checks)
+    dependence = dependence_of(kind, train, thetas["augmented"], seed) if verdict == "unknown" else None
     progress("the next experiment", 0.97)
     proposal = propose(kind, kind.searched(train), found, np.random.default_rng(seed))
     told = {"records": ", ".join(r.name for r in train), "seed": str(seed)}
@@ -99,7 +101,10 @@ def close(
             findings, verdict, (words_of(proposal), words.next_experiment(kind, thetas["augmented"], train))
         ),
         statements=tuple(
-            _statements(found, verdict) + held_out(found, errors["holdout"]) + words.statements(kind, thetas, train)
+            _statements(found, verdict)
+            + _proposed(found, train, holdout)
+            + held_out(found, errors["holdout"])
+            + words.statements(kind, thetas, train)
         ),
         equations=tuple(words.equations(kind, thetas["augmented"])),
         symbolic=tuple(words.equations(kind, symbols_of(thetas["augmented"], spread))),
@@ -111,6 +116,7 @@ def close(
         cannot_show=hidden,
         reasons=_reasons(verdict, checks, findings),
         proposal=proposal,
+        dependence=dependence,
     )
     progress("done", 1.0)
     return finding, model
@@ -194,6 +200,27 @@ def _statements(found: Search, verdict: str) -> list[str]:
             if found.after >= CLEAN * found.null_cost
             else (
                 "Fits leave as much of the model's own predictions: an effect that is smaller than that cannot be seen."
+            )
+        )
+    return said
+
+
+def _proposed(found: Search, train: Sequence[Record], holdout: Sequence[Record]) -> list[str]:
+    """Which records an effect was proposed on, where it was proposed from a residual, and what that means here."""
+    said = []
+    for name in found.effects:
+        on = BY_ID[name].proposed_on
+        again = [r.name for r in train if r.name in on]
+        if not on:
+            continue
+        tested = [r.name for r in holdout if r.name not in on]
+        said.append(
+            f"The effect {name} was proposed on the residual of {', '.join(on)}; it was selected here on "
+            + (f"the same ({', '.join(again)}), which favours it" if again else "other records")
+            + (
+                f"; {', '.join(tested)} had no part in the proposal and test it."
+                if tested
+                else "; nothing else tests it."
             )
         )
     return said

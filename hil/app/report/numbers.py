@@ -44,6 +44,7 @@ def report_json(finding: Finding) -> dict[str, Any]:
         "statements": list(finding.statements),
         "equations": list(finding.equations),
         "records": [{"name": trace.name, "role": trace.role, "rows": len(trace.measured)} for trace in finding.traces],
+        "residual": None if finding.dependence is None else asdict(finding.dependence),
         "timings": finding.timings,
     }
     cleaned: dict[str, Any] = plain(document)

@@ -24,9 +24,9 @@ from models.identification.kinds import AnyKind, kind_for, ready, report_of
 from models.identification.model import Model, own_effects_of
 from models.identification.record_checks import check_parts, check_records
 from models.identification.residual.dependence import dependence_of
-from models.identification.residual_tests import residual_checks
+from models.identification.residual_tests import chance_error, residual_checks
 from models.identification.search.forward_selection import CLEAN, Search, search
-from models.identification.verdict import model_checks, verdict_of
+from models.identification.verdict import at_bounds, model_checks, setback_findings, setbacks, verdict_of
 
 _DRAWS = 5
 _AS_LIKELY_AS_NOT = 0.5  # that an effect which explains but a part is there: what is unknown may look like it
@@ -68,8 +68,13 @@ def close(
     rng = np.random.default_rng(seed)
     likely = [drawn(kind, found.augmented, found.model, rng) for _ in range(_DRAWS)]
     residuals = residual_checks(kind, train, found.augmented, likely)
+    chance = np.nan if found.effects else chance_error(kind, holdout, found.augmented, likely)
+    floor = kind.noise_floor(holdout or train)
+    worse = setbacks(errors["holdout"], floor)
+    said = {stage: words for stage, words in worse.items() if found.effects or stage != "augmented"}
+    findings = (*setback_findings(said, holdout, at_bounds(kind, found.augmented, found.model)), *findings)
     allowed = next((check.limit for check in residuals if check.id == "residual_size"), 0.0)
-    checks = (*residuals, *model_checks(kind, found, spread, errors["holdout"], findings, allowed))
+    checks = (*residuals, *model_checks(kind, found, spread, errors["holdout"], findings, allowed, chance))
     verdict = verdict_of(found.effects, checks)
     dependence = dependence_of(kind, train, thetas["augmented"], seed) if verdict == "unknown" else None
     progress("the next experiment", 0.97)
@@ -82,6 +87,7 @@ def close(
         told,
         {stage: float(e) for stage, e in errors["holdout"].items() if np.isfinite(e)},
         own_effects_of(thetas),
+        worse,
     )
     finding = Finding(
         kind=kind.name,
@@ -93,7 +99,7 @@ def close(
         calibration={name: estimate for name, estimate in spread.items() if "." not in name},
         nominal=thetas["nominal"],
         error=errors,
-        noise_floor=kind.noise_floor(holdout or train),
+        noise_floor=floor,
         checks=checks,
         candidates=tuple(_rows(found)),
         smallest_detectable=found.detectable,
@@ -101,10 +107,7 @@ def close(
             findings, verdict, (words_of(proposal), words.next_experiment(kind, thetas["augmented"], train))
         ),
         statements=tuple(
-            _statements(found, verdict)
-            + _proposed(found, train, holdout)
-            + held_out(found, errors["holdout"])
-            + words.statements(kind, thetas, train)
+            _statements(found, verdict) + _proposed(found, train, holdout) + words.statements(kind, thetas, train)
         ),
         equations=tuple(words.equations(kind, thetas["augmented"])),
         symbolic=tuple(words.equations(kind, symbols_of(thetas["augmented"], spread))),
@@ -224,16 +227,6 @@ def _proposed(found: Search, train: Sequence[Record], holdout: Sequence[Record])
             )
         )
     return said
-
-
-def held_out(found: Search, error: Mapping[str, float]) -> list[str]:
-    """What the held-out records say against the effects, if anything; they decide nothing."""
-    if not found.effects or not error or error["augmented"] < error["calibrated"]:
-        return []
-    return [
-        "On the held-out records the augmented model errs no less than the calibrated one; no controller takes it over"
-        " that one."
-    ]
 
 
 def _trace(kind: AnyKind, record: Record, role: str, thetas: Mapping[str, Mapping[str, float]]) -> Trace:

@@ -151,7 +151,7 @@ def _stage_values(kind: AnyKind, found: Search) -> dict[str, dict[str, float]]:
 
 def _effect(name: str, found: Search, spread: Mapping[str, Estimate], verdict: str) -> FoundEffect:
     curves = {curve: _own(curve, spread) for curve in found.refinements if curve in BY_ID[name].refined_by}
-    sure = found.confidence[name] if verdict == "named" else min(found.confidence[name], _AS_LIKELY_AS_NOT)
+    sure = found.score[name] if verdict == "named" else min(found.score[name], _AS_LIKELY_AS_NOT)
     return FoundEffect(name, found.equivalent[name], _own(name, spread), found.gains[name], sure, curves)
 
 

@@ -28,7 +28,8 @@ class Estimate:
 @dataclass(frozen=True)
 class FoundEffect:
     """An effect that was added, with what the data cannot tell it apart from; `curves` are the numbers of what refines
-    its shape, by id.
+    its shape, by id. `confidence` is what the search's `score` is worth, as a probability where it is `calibrated`;
+    `meaning` says it in words.
     """
 
     id: str
@@ -37,6 +38,9 @@ class FoundEffect:
     evidence: float
     confidence: float
     curves: dict[str, dict[str, Estimate]] = field(default_factory=dict)
+    score: float = float("nan")
+    calibrated: bool = False
+    meaning: str = ""
 
 
 @dataclass(frozen=True)

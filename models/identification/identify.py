@@ -17,6 +17,7 @@ from models.effects import BY_ID
 from models.effects.equation import symbols_of
 from models.files.record import Record
 from models.files.rig import Rig
+from models.identification.confidence_map import confidence_map
 from models.identification.experiment.propose import propose, words_of
 from models.identification.finding import STAGES, CandidateRow, Check, Estimate, Finding, FoundEffect, Trace
 from models.identification.fitting.confidence import drawn, intervals
@@ -151,8 +152,20 @@ def _stage_values(kind: AnyKind, found: Search) -> dict[str, dict[str, float]]:
 
 def _effect(name: str, found: Search, spread: Mapping[str, Estimate], verdict: str) -> FoundEffect:
     curves = {curve: _own(curve, spread) for curve in found.refinements if curve in BY_ID[name].refined_by}
-    sure = found.score[name] if verdict == "named" else min(found.score[name], _AS_LIKELY_AS_NOT)
-    return FoundEffect(name, found.equivalent[name], _own(name, spread), found.gains[name], sure, curves)
+    score = found.score[name] if verdict == "named" else min(found.score[name], _AS_LIKELY_AS_NOT)
+    known = confidence_map()
+    sure = known.probability(score)
+    return FoundEffect(
+        name,
+        found.equivalent[name],
+        _own(name, spread),
+        found.gains[name],
+        sure,
+        curves,
+        score,
+        known.calibrated,
+        known.words(sure),
+    )
 
 
 def _own(name: str, spread: Mapping[str, Estimate]) -> dict[str, Estimate]:

@@ -63,6 +63,9 @@ def _effect(effect: FoundEffect) -> dict[str, Any]:
         "parameters": {name: _estimate(estimate) for name, estimate in effect.parameters.items()},
         "evidence": effect.evidence,
         "confidence": effect.confidence,
+        "confidence_score": effect.score,
+        "confidence_calibrated": effect.calibrated,
+        "confidence_meaning": effect.meaning,
         "curves": {
             curve: {name: _estimate(estimate) for name, estimate in parameters.items()}
             for curve, parameters in effect.curves.items()

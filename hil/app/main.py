@@ -195,16 +195,34 @@ def _check(
 @_command("effects", "capsule effects check my_effect.py")
 def _effects(
     action: Annotated[
-        str, typer.Argument(metavar="[check]", help="check: run the conformance checks on a file of your own.")
+        str,
+        typer.Argument(
+            metavar="[check/propose]",
+            help="check: run the conformance checks on a file of your own; propose: write what a report proposes for"
+            " its residual as such a file.",
+        ),
     ] = "list",
-    file: Annotated[Path | None, typer.Argument(metavar="[FILE.py]", help="The file to check.")] = None,
+    file: Annotated[
+        Path | None, typer.Argument(metavar="[FILE.py/DIR]", help="The file to check, or the folder of the report.")
+    ] = None,
     effects: OwnEffects = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE.py", help="Where propose writes the effect.")
+    ] = None,
     json_output: Json = False,
 ) -> None:
-    """The catalogue: what a search can find; or whether effects of your own keep to the rules."""
+    """The catalogue: what a search can find; whether effects of your own keep to the rules; an effect that a report
+    proposes.
+    """
     from hil.app.effects.command import effects as command
+    from hil.app.effects.propose import propose
 
-    command(action, file, effects or [], json_output=json_output)
+    if (action == "propose") != (out is not None) or (action == "propose" and file is None):
+        raise ValueError(f"--out FILE.py must stand with propose DIR alone; got {action}, {file or 'no folder'}")
+    if action == "propose" and file is not None and out is not None:
+        propose(file, out, json_output=json_output)
+    else:
+        command(action, file, effects or [], json_output=json_output)
 
 
 @_command("plot", "capsule plot run_1.csv run_2.csv --rig rig.toml --out records.html")

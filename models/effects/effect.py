@@ -48,7 +48,7 @@ class Effect:
     names the states that are at the "command" or the "position" after a long rest; the others are at 0. A refinement
     `of` one effect gets that effect's values too. `needs` names what the motion must offer for the effect to show:
     "both_ways", "reversals", "speeds", "places", "rests", "time", "load" (a logged one that changes), "turning" (an
-    axis that turns; only its search tries such an effect).
+    axis that turns; only its search tries such an effect). `proposed_on` names the records whose residual proposed it.
     """
 
     id: ClassVar[str] = ""
@@ -65,6 +65,7 @@ class Effect:
     of: ClassVar[str] = ""
     by_speed: ClassVar[bool] = False
     needs: ClassVar[tuple[str, ...]] = ()
+    proposed_on: ClassVar[tuple[str, ...]] = ()
 
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:

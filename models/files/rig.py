@@ -34,20 +34,21 @@ from models.files.rig_tables import (
     TissueTable,
     range_words,
 )
-from models.files.tables import shown, with_contact_angle
+from models.files.tables import is_number, shown, with_contact_angle
 from models.files.toml import read_toml
 from models.laws.dipole import PAIRINGS
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import nearest
 
-TABLES = ("capsule", "tissue", "rig", "noise", "drive", "surface", "axis", "checks", "clock", "columns")
+TABLES = ("capsule", "tissue", "rig", "noise", "drive", "surface", "axis", "checks", "clock", "prior", "columns")
 T = TypeVar("T", bound=Table)
+_STD = "_std"
 
 
 @dataclass(frozen=True)
 class Rig:
     """A rig of one kind with its nominal values; a part that this kind does not have is None or the default capsule and
-    gut.
+    gut. `prior` has the standard deviations with which nominal values of what calibration fits are known, by name.
     """
 
     kind: str
@@ -65,6 +66,7 @@ class Rig:
     velocity_m_s: float | None = None
     name: str = ""
     columns: ColumnMap = ColumnMap()
+    prior: Mapping[str, float] = field(default_factory=dict)
 
 
 class _Head(Table):
@@ -127,9 +129,9 @@ def parse_rig(raw: Mapping[str, Any], where: str = "rig") -> Rig:
         rig = replace(rig, magnets=magnets, magnet=_spring(magnets, head.magnet_stiffness_N_per_m))
     if kind in CAPSULE_SERIES and "clock" in raw:
         rig = replace(rig, clock=file.read("clock", Clock))
-    columns = file.columns()
+    columns, prior = file.columns(), file.prior()
     file.refuse_rest()
-    return replace(rig, columns=columns)
+    return replace(rig, columns=columns, prior=prior)
 
 
 def _kind(raw: Mapping[str, Any], where: str) -> str:
@@ -302,6 +304,18 @@ class _File:
             except ValueError as error:
                 raise ValueError(f"{self.where}: [columns] {error}") from None
         return ColumnMap(tuple(entries))
+
+    def prior(self) -> dict[str, float]:
+        """`[prior]`: standard deviations by the name of what calibration fits, as `friction_coefficient_std`."""
+        self.used.add("prior")
+        content = self.raw.get("prior", {})
+        for key, std in content.items():
+            if not key.endswith(_STD) or not is_number(std) or not std > 0:
+                raise ValueError(
+                    f"{self.where}: [prior] must hold the name of a calibrated parameter with '{_STD}' and a standard"
+                    f" deviation above 0; got {key} = {shown(std)}"
+                )
+        return {key.removesuffix(_STD): float(std) for key, std in content.items()}
 
     def checked(self, table: str, model: type[T], content: Mapping[str, Any]) -> T:
         """The content of a table as its model, else a ValueError of one sentence."""

@@ -28,7 +28,8 @@ class Estimate:
 @dataclass(frozen=True)
 class FoundEffect:
     """An effect that was added, with what the data cannot tell it apart from; `curves` are the numbers of what refines
-    its shape, by id.
+    its shape, by id. `confidence` is what the search's `score` is worth, as a probability where it is `calibrated`;
+    `meaning` says it in words.
     """
 
     id: str
@@ -37,6 +38,9 @@ class FoundEffect:
     evidence: float
     confidence: float
     curves: dict[str, dict[str, Estimate]] = field(default_factory=dict)
+    score: float = float("nan")
+    calibrated: bool = False
+    meaning: str = ""
 
 
 @dataclass(frozen=True)
@@ -106,6 +110,85 @@ class Proposal:
 
 
 @dataclass(frozen=True)
+class Curve:
+    """What is left over one `variable`: local means `values` (n,) at `centres` (n,) with their 95 % intervals from
+    `low` to `high`. `along`: as what is left stands, "+x", or against the motion, "-v". `share` of what is left that
+    the curve foretells on stretches it was not made on.
+    """
+
+    variable: str
+    along: str
+    share: float
+    centres: Array
+    values: Array
+    low: Array
+    high: Array
+
+    @property
+    def sized(self) -> bool:
+        """Whether it stands over the size of the variable: a resistance over a speed or a gap, which have a sign."""
+        return self.along == "-v" and self.variable.startswith(("v_", "gap"))
+
+
+@dataclass(frozen=True)
+class Surface:
+    """What is left over two `variables`, as `Curve` over one: `values` (n, m) at `centres`, half the width of their
+    95 % intervals `half`; not a number where the records never were.
+    """
+
+    variables: tuple[str, str]
+    along: str
+    share: float
+    centres: tuple[Array, Array]
+    values: Array
+    half: Array
+
+
+@dataclass(frozen=True)
+class Term:
+    """A term that follows a curve: `amplitude (offset + shape)`, the function `form` of `models.effects.shapes` over
+    `variable` (`sized`: over its size) with the fitted `numbers` and those that are `given`; `level` is the resistance
+    that it is held against where it acts against the motion (`along` "-v"). `text` is all of it as a formula, `left`
+    the share of the curve's variance beyond its own uncertainty that it does not follow.
+    """
+
+    variable: str
+    along: str
+    sized: bool
+    form: str
+    text: str
+    amplitude: Estimate
+    offset: float
+    numbers: dict[str, Estimate]
+    given: dict[str, float | tuple[float, ...]]
+    level: float
+    left: float
+
+
+@dataclass(frozen=True)
+class Tone:
+    """A line in the spectrum of what is left that all records have."""
+
+    frequency_Hz: float
+    share: float
+
+
+@dataclass(frozen=True)
+class Dependence:
+    """What is left of the training `records` and what it depends on: `quantity` in `unit`, the `curves` from the one
+    that foretells most on, a `surface` where two variables foretell clearly more, a `tone`, and the proposed `term`.
+    """
+
+    quantity: str
+    unit: str
+    records: tuple[str, ...]
+    curves: tuple[Curve, ...]
+    surface: Surface | None = None
+    tone: Tone | None = None
+    term: Term | None = None
+
+
+@dataclass(frozen=True)
 class Finding:
     """The whole answer of `close-loop`; `equations` with numbers, `symbolic` the same with the fitted parameters'
     names.
@@ -135,3 +218,4 @@ class Finding:
     reasons: tuple[str, ...] = ()
     proposal: Proposal | None = None
     symbolic: tuple[str, ...] = ()
+    dependence: Dependence | None = None

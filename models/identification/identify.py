@@ -17,15 +17,17 @@ from models.effects import BY_ID
 from models.effects.equation import symbols_of
 from models.files.record import Record
 from models.files.rig import Rig
+from models.identification.confidence_map import confidence_map
 from models.identification.experiment.propose import propose, words_of
 from models.identification.finding import STAGES, CandidateRow, Check, Estimate, Finding, FoundEffect, Trace
 from models.identification.fitting.confidence import drawn, intervals
 from models.identification.kinds import AnyKind, kind_for, ready, report_of
 from models.identification.model import Model, own_effects_of
 from models.identification.record_checks import check_parts, check_records
-from models.identification.residual_tests import residual_checks
+from models.identification.residual.dependence import dependence_of
+from models.identification.residual_tests import chance_error, residual_checks
 from models.identification.search.forward_selection import CLEAN, Search, search
-from models.identification.verdict import model_checks, verdict_of
+from models.identification.verdict import at_bounds, model_checks, setback_findings, setbacks, verdict_of
 
 _DRAWS = 5
 _AS_LIKELY_AS_NOT = 0.5  # that an effect which explains but a part is there: what is unknown may look like it
@@ -67,9 +69,15 @@ def close(
     rng = np.random.default_rng(seed)
     likely = [drawn(kind, found.augmented, found.model, rng) for _ in range(_DRAWS)]
     residuals = residual_checks(kind, train, found.augmented, likely)
+    chance = np.nan if found.effects else chance_error(kind, holdout, found.augmented, likely)
+    floor = kind.noise_floor(holdout or train)
+    worse = setbacks(errors["holdout"], floor)
+    said = {stage: words for stage, words in worse.items() if found.effects or stage != "augmented"}
+    findings = (*setback_findings(said, holdout, at_bounds(kind, found.augmented, found.model)), *findings)
     allowed = next((check.limit for check in residuals if check.id == "residual_size"), 0.0)
-    checks = (*residuals, *model_checks(kind, found, spread, errors["holdout"], findings, allowed))
+    checks = (*residuals, *model_checks(kind, found, spread, errors["holdout"], findings, allowed, chance))
     verdict = verdict_of(found.effects, checks)
+    dependence = dependence_of(kind, train, thetas["augmented"], seed) if verdict == "unknown" else None
     progress("the next experiment", 0.97)
     proposal = propose(kind, kind.searched(train), found, np.random.default_rng(seed))
     told = {"records": ", ".join(r.name for r in train), "seed": str(seed)}
@@ -80,6 +88,7 @@ def close(
         told,
         {stage: float(e) for stage, e in errors["holdout"].items() if np.isfinite(e)},
         own_effects_of(thetas),
+        worse,
     )
     finding = Finding(
         kind=kind.name,
@@ -91,7 +100,7 @@ def close(
         calibration={name: estimate for name, estimate in spread.items() if "." not in name},
         nominal=thetas["nominal"],
         error=errors,
-        noise_floor=kind.noise_floor(holdout or train),
+        noise_floor=floor,
         checks=checks,
         candidates=tuple(_rows(found)),
         smallest_detectable=found.detectable,
@@ -99,7 +108,7 @@ def close(
             findings, verdict, (words_of(proposal), words.next_experiment(kind, thetas["augmented"], train))
         ),
         statements=tuple(
-            _statements(found, verdict) + held_out(found, errors["holdout"]) + words.statements(kind, thetas, train)
+            _statements(found, verdict) + _proposed(found, train, holdout) + words.statements(kind, thetas, train)
         ),
         equations=tuple(words.equations(kind, thetas["augmented"])),
         symbolic=tuple(words.equations(kind, symbols_of(thetas["augmented"], spread))),
@@ -111,6 +120,7 @@ def close(
         cannot_show=hidden,
         reasons=_reasons(verdict, checks, findings),
         proposal=proposal,
+        dependence=dependence,
     )
     progress("done", 1.0)
     return finding, model
@@ -142,8 +152,20 @@ def _stage_values(kind: AnyKind, found: Search) -> dict[str, dict[str, float]]:
 
 def _effect(name: str, found: Search, spread: Mapping[str, Estimate], verdict: str) -> FoundEffect:
     curves = {curve: _own(curve, spread) for curve in found.refinements if curve in BY_ID[name].refined_by}
-    sure = found.confidence[name] if verdict == "named" else min(found.confidence[name], _AS_LIKELY_AS_NOT)
-    return FoundEffect(name, found.equivalent[name], _own(name, spread), found.gains[name], sure, curves)
+    score = found.score[name] if verdict == "named" else min(found.score[name], _AS_LIKELY_AS_NOT)
+    known = confidence_map()
+    sure = known.probability(score)
+    return FoundEffect(
+        name,
+        found.equivalent[name],
+        _own(name, spread),
+        found.gains[name],
+        sure,
+        curves,
+        score,
+        known.calibrated,
+        known.words(sure),
+    )
 
 
 def _own(name: str, spread: Mapping[str, Estimate]) -> dict[str, Estimate]:
@@ -199,14 +221,25 @@ def _statements(found: Search, verdict: str) -> list[str]:
     return said
 
 
-def held_out(found: Search, error: Mapping[str, float]) -> list[str]:
-    """What the held-out records say against the effects, if anything; they decide nothing."""
-    if not found.effects or not error or error["augmented"] < error["calibrated"]:
-        return []
-    return [
-        "On the held-out records the augmented model errs no less than the calibrated one; no controller takes it over"
-        " that one."
-    ]
+def _proposed(found: Search, train: Sequence[Record], holdout: Sequence[Record]) -> list[str]:
+    """Which records an effect was proposed on, where it was proposed from a residual, and what that means here."""
+    said = []
+    for name in found.effects:
+        on = BY_ID[name].proposed_on
+        again = [r.name for r in train if r.name in on]
+        if not on:
+            continue
+        tested = [r.name for r in holdout if r.name not in on]
+        said.append(
+            f"The effect {name} was proposed on the residual of {', '.join(on)}; it was selected here on "
+            + (f"the same ({', '.join(again)}), which favours it" if again else "other records")
+            + (
+                f"; {', '.join(tested)} had no part in the proposal and test it."
+                if tested
+                else "; nothing else tests it."
+            )
+        )
+    return said
 
 
 def _trace(kind: AnyKind, record: Record, role: str, thetas: Mapping[str, Mapping[str, float]]) -> Trace:

@@ -148,6 +148,20 @@ class Kind(Protocol):
         """
         ...
 
+    def measured(self, record: Record) -> Array:
+        """The measured column, or columns, (n,) or (n, m)."""
+        ...
+
+    def signals(self, record: Record) -> dict[str, Array]:
+        """What the residual may depend on, by name."""
+        ...
+
+    def extra_force(self, record: Record, theta: Theta) -> tuple[Array, Array] | None:
+        """What the model at `theta` leaves of `record` as a force along +x that acts beyond it, and the force that
+        moves the body, both (n,) in N (torques in N m); None where what is left is not one.
+        """
+        ...
+
     def searched(self, records: Sequence[Record]) -> list[Record]:
         """What of `records` a search looks at: all of them, or their beginnings where a run takes long and a short one
         tells as much.
@@ -174,6 +188,10 @@ class OneByOne:
     def residuals(self: _Residual, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> list[Array]:
         """`residual` at several points."""
         return [self.residual(record, theta, criterion) for theta in thetas]
+
+    def extra_force(self, record: Record, theta: Theta) -> tuple[Array, Array] | None:
+        """None: what is left is no force."""
+        return None
 
     def searched(self, records: Sequence[Record]) -> list[Record]:
         """All of them."""

@@ -58,7 +58,8 @@ HELD_OUT = "held_out_error"
 class Model:
     """`stages` maps nominal, calibrated and augmented to values: base parameters by name, effects' as `effect_id.name`.
     `held_out` maps them to the error of the free-running prediction of held-out records, in the measured column's unit;
-    empty where none were held out. `own_effects` names file and SHA-256 of each effect from outside that it uses.
+    empty where none were held out; `cautions` say of a stage that it errs more there than an earlier one.
+    `own_effects` names file and SHA-256 of each effect from outside that it uses.
     """
 
     kind: str
@@ -67,6 +68,7 @@ class Model:
     provenance: dict[str, str] = field(default_factory=dict)
     held_out: dict[str, float] = field(default_factory=dict)
     own_effects: dict[str, dict[str, str]] = field(default_factory=dict)
+    cautions: dict[str, str] = field(default_factory=dict)
 
     def believed(self, stage: str) -> dict[str, float]:
         """The values of `stage` for a controller, with its held-out error as `HELD_OUT` where that is known."""
@@ -79,6 +81,8 @@ class Model:
             lines += ["[provenance]", *(f"{key} = {json.dumps(value)}" for key, value in self.provenance.items()), ""]
         if self.held_out:
             lines += ["[held_out]", *(f"{stage} = {error!r}" for stage, error in self.held_out.items()), ""]
+        if self.cautions:
+            lines += ["[cautions]", *(f"{stage} = {json.dumps(said)}" for stage, said in self.cautions.items()), ""]
         for name, origin in self.own_effects.items():
             lines += [f"[own_effects.{name}]", *(f"{key} = {json.dumps(value)}" for key, value in origin.items()), ""]
         for stage in STAGES:
@@ -103,9 +107,8 @@ class Model:
         if not isinstance(provenance, dict):
             raise ValueError(f"model must have a table [provenance]; got {provenance!r}")
         told = {str(k): str(v) for k, v in provenance.items()}
-        return cls(
-            raw["kind"], stages, str(raw.get("verdict", "")), told, _errors(raw.get("held_out", {})), own_effects
-        )
+        errors, cautions = _errors(raw.get("held_out", {})), _cautions(raw.get("cautions", {}))
+        return cls(raw["kind"], stages, str(raw.get("verdict", "")), told, errors, own_effects, cautions)
 
     def predict(self, rig: Rig, record: Record, stage: str = "augmented") -> dict[str, NDArray[np.float64]]:
         """The measured columns as this model predicts them from the driven columns of `record` alone."""
@@ -167,6 +170,16 @@ def _errors(raw: object) -> dict[str, float]:
         if not is_number(error) or error < 0:
             raise ValueError(f"model [held_out] {stage} must be a finite number, zero or more; got {shown(error)}")
     return {str(stage): float(error) for stage, error in raw.items()}
+
+
+def _cautions(raw: object) -> dict[str, str]:
+    if not isinstance(raw, Mapping) or not all(
+        stage in STAGES and isinstance(said, str) for stage, said in raw.items()
+    ):
+        raise ValueError(
+            f"model must have a table [cautions] with sentences under {', '.join(STAGES)}, or none; got {raw!r}"[:200]
+        )
+    return {str(stage): said for stage, said in raw.items()}
 
 
 def own_effects_of(thetas: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, str]]:

@@ -49,6 +49,19 @@ def residual_checks(
     )
 
 
+def chance_error(
+    kind: Kind, records: Sequence[Record], fit: Fit, likely: Sequence[Mapping[str, float]], seed: int = 0
+) -> float:
+    """The largest reported error of `fit` on imitations of `records` on models `likely`; not a number where there are
+    no records.
+    """
+    if not records:
+        return float("nan")
+    rng = np.random.default_rng(seed)
+    foreseen = [kind.predict(record, fit.theta) for record in records]
+    return max(kind.error([kind.imitate(r, theta, rng) for r in records], foreseen) for theta in likely)
+
+
 def _numbers(residual: np.ndarray) -> np.ndarray:
     r = residual - residual.mean()
     power = max(float(r @ r), 1e-300)

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Final
 
 import numpy as np
 
 from models.checks.finding import RecordFinding
 from models.effects import BY_ID
-from models.identification.finding import Check, Estimate
+from models.files.record import Record
+from models.identification.finding import STAGES, Check, Estimate
 from models.identification.fitting.confidence import near
 from models.identification.fitting.fit import Fit, axes
 from models.identification.kind import Kind
 from models.identification.search.forward_selection import CLEAN, Search
 from models.identification.search.validation import NEAR_NOISE
+
+_BEYOND_CHANCE = 2.0  # times what imitations leave of held-out records, up to which nothing is missing
 
 
 def verdict_of(effects: Sequence[str], checks: Sequence[Check]) -> str:
@@ -30,11 +34,13 @@ def model_checks(
     held_out: Mapping[str, float],
     findings: Sequence[RecordFinding],
     allowed: float = 0.0,
+    chance: float = np.nan,
 ) -> tuple[Check, ...]:
     """What beside the residual's size and whiteness a verdict rests on: validation, parameters, held-out records, the
     records themselves.
 
-    `allowed` is the mean square that the told uncertainty of the parameters allows of a fit's own residuals. Fitted to
+    `chance` is the held-out error that imitated records give (not a number: none held out). `allowed` is the mean
+    square that the told uncertainty of the parameters allows of a fit's own residuals. Fitted to
     a share q of the records, parameters are uncertain by 1/sqrt(q) as much, so records left out may exceed 1 by 1/q
     times as much.
     """
@@ -60,13 +66,23 @@ def model_checks(
             )
         )
         if held_out:
-            gain = held_out["augmented"] / max(held_out["calibrated"], 1e-300)
+            before = max(min(held_out["calibrated"], held_out["nominal"]), 1e-300)
             checks.append(
-                _check("held_out", "held-out error, augmented over calibrated", gain, 1, "of records never used before")
+                _check(
+                    "held_out",
+                    "held-out error, augmented over the better without",
+                    held_out["augmented"] / before,
+                    1,
+                    "of records never used before",
+                )
             )
     else:
         weak = sum(finding.severity == "weakens" for finding in findings)
         checks.append(_check("records", "findings that weaken a verdict", weak, 0, "see the findings on the records"))
+        if np.isfinite(chance):
+            held = held_out["calibrated"] / max(chance, 1e-300)
+            words = "of the free run, by the most that noise and uncertain parameters make of it"
+            checks.append(_check("held_out", "held-out error over chance", held, _BEYOND_CHANCE, words))
     base = [estimate.told for name, estimate in spread.items() if "." not in name]
     if base:
         share = float(np.mean([not told for told in base]))
@@ -76,6 +92,49 @@ def model_checks(
             )
         )
     return tuple(checks)
+
+
+WORSE: Final = "worse_on_held_out_records"
+"""Id of the finding on a stage of the model that errs more on held-out records than one before it."""
+_CLEARLY = 1.01  # times the error of another stage, from which on one is worse
+_NEAR_FLOOR = 1.25  # noise floors, up to which a difference is none
+
+
+def setbacks(error: Mapping[str, float], floor: float) -> dict[str, str]:
+    """A sentence for each stage whose held-out `error` is clearly above that of an earlier one and the noise `floor`;
+    none where nothing was held out. It decides nothing of the model, and is told wherever the stage is offered.
+    """
+    said: dict[str, str] = {}
+    known = [stage for stage in STAGES if np.isfinite(error.get(stage, np.nan))]
+    for place, stage in enumerate(known):
+        better = min(known[:place], key=lambda name: error[name], default=stage)
+        least = _NEAR_FLOOR * floor if np.isfinite(floor) else 0.0
+        if error[stage] > max(_CLEARLY * error[better], least):
+            said[stage] = (
+                f"the {stage} model predicts held-out records worse than the {better} one"
+                f" ({error[stage]:.3g} against {error[better]:.3g})"
+            )
+    return said
+
+
+def setback_findings(
+    said: Mapping[str, str], holdout: Sequence[Record], bounds: Sequence[str]
+) -> tuple[RecordFinding, ...]:
+    """`setbacks` as findings that head a report; `bounds` are the parameters that ran to theirs."""
+    at = f" (at their bounds: {', '.join(bounds)})" if bounds else ""
+    return tuple(
+        RecordFinding(
+            WORSE,
+            "weakens",
+            ", ".join(record.name for record in holdout),
+            f"stage [{stage}] of model.toml",
+            f"{sentence[:1].upper()}{sentence[1:]}{at}",
+            "error of the free-running prediction of records that no fit has seen",
+            "state how well the nominal values are known as [prior] NAME_std = ... in the rig file, record more, or use"
+            " the better stage (--stage)",
+        )
+        for stage, sentence in said.items()
+    )
 
 
 def at_bounds(kind: Kind, fit: Fit, effects: Sequence[str]) -> list[str]:

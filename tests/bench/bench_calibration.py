@@ -4,9 +4,10 @@
 (kinds in turn; a third without an effect, the others with one of the plant's, of which one in six is nothing the
 catalogue has; clean, usual or poor instruments), runs `capsule campaign` over them and prints the tables that
 docs/results quote. A series is known by its number, so a larger count adds series, and the same command goes on after a
-kill; `--table` only prints what is on file. The hidden effects' forms are the plant's own.
+kill; `--table` only prints what is on file, `--fit MAP.toml` fits the map from score to probability to it. The hidden
+effects' forms are the plant's own.
 
-What is judged: every effect that a report lists, said with its `confidence`, is right where the hidden effect stands in
+What is judged: every effect that a report lists, said with its score, is right where the hidden effect stands in
 its class. `none` is right where nothing is hidden, `named` where the hidden effect stands in the only class, `unknown`
 where the hidden effect is nothing that the catalogue has. An effect too small to be seen counts like any other.
 """
@@ -15,6 +16,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import datetime
 import io
 import json
 from collections.abc import Iterable, Sequence
@@ -24,8 +26,10 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from scipy.optimize import isotonic_regression
 
 from hil.app.main import run as capsule
+from models.identification.confidence_map import FEWEST, ConfidenceMap
 from plant.experiments.series import Kind, make_series
 from plant.hidden.registry import HIDDEN, hidden
 from tests.bench.bench_tracing import EFFECTS
@@ -33,6 +37,8 @@ from tests.bench.bench_tracing import EFFECTS
 NONE_SHARE: Final = 1 / 3
 OUTSIDE_SHARE: Final = 1 / 6
 EDGES: Final = (0.0, 0.5, 0.8, 0.95, 0.99, 1.0)
+POOL: Final = 10
+FOLDS: Final = 5
 INSTRUMENTS: Final = {"clean": (0.3, 500.0), "usual": (1.0, 500.0), "poor": (5.0, 100.0)}
 """Times the usual noise (1 mN, 50 um), and samples a second."""
 
@@ -54,7 +60,7 @@ class Drawn:
 
 @dataclass(frozen=True)
 class Statement:
-    """What was said with `p`, and whether it was right."""
+    """What was said with the score `p`, and whether it was right."""
 
     p: float
     right: bool
@@ -81,6 +87,35 @@ def made(series: Drawn, seed: int, seconds: float, folder: Path) -> None:
         make_series(series.kind, series.effect, own, folder / series.name, seconds, noise, rate)
 
 
+def isotonic(said: Sequence[Statement], series: int, date: str) -> ConfidenceMap:
+    """The map from score to the share that was right, never falling: pools of an isotonic regression, each of at least
+    `POOL` statements (k of n right: Laplace's (k + 1)/(n + 2)) and a knot at its mean score.
+    """
+    rows = sorted(said, key=lambda s: s.p)
+    fit = isotonic_regression([float(s.right) for s in rows])
+    pools: list[list[Statement]] = []
+    for begin, end in pairwise(fit.blocks):
+        if pools and len(pools[-1]) < POOL:
+            pools[-1] += rows[begin:end]
+        else:
+            pools.append(list(rows[begin:end]))
+    if len(pools) > 1 and len(pools[-1]) < POOL:
+        last = pools.pop()
+        pools[-1] += last
+    score = [float(np.mean([s.p for s in pool])) for pool in pools]
+    right = np.maximum.accumulate([(sum(s.right for s in pool) + 1) / (len(pool) + 2) for pool in pools])
+    return ConfidenceMap(series, len(rows), date, tuple(score), tuple(float(r) for r in right))
+
+
+def cross_validated(said: Sequence[Statement], series: int) -> list[Statement]:
+    """Each statement with the probability of a map that was fitted to the other four fifths."""
+    out = []
+    for fold in range(FOLDS):
+        made = isotonic([s for i, s in enumerate(said) if i % FOLDS != fold], max(series, FEWEST), "")
+        out += [Statement(made.probability(s.p), s.right) for i, s in enumerate(said) if i % FOLDS == fold]
+    return out
+
+
 def expected_calibration_error(said: Sequence[Statement]) -> float:
     """Mean over the bins between `EDGES` of how far the share that was right is from the mean p, by their sizes."""
     return sum(len(b) * abs(_share(b) - float(np.mean([s.p for s in b]))) for _, b in _bins(said)) / len(said)
@@ -95,9 +130,9 @@ def interval(right: int, count: int) -> tuple[float, float]:
 
 
 def statements(result: dict[str, Any], effect: str | None) -> list[Statement]:
-    """Every effect that a report lists, with its confidence."""
+    """Every effect that a report lists, with its score."""
     answer = None if effect is None or not hidden(effect).published else hidden(effect).answer
-    return [Statement(e["confidence"], answer in (e["id"], *e["equivalent"])) for e in result["effects"]]
+    return [Statement(e["confidence_score"], answer in (e["id"], *e["equivalent"])) for e in result["effects"]]
 
 
 def verdict_right(result: dict[str, Any], effect: str | None) -> bool:
@@ -184,6 +219,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--kind", nargs="*", choices=tuple(EFFECTS), default=list(EFFECTS))
+    parser.add_argument("--fit", type=Path, metavar="MAP.toml", help="fit the map to what is on file, and write it")
     parser.add_argument("--table", action="store_true", help="only print what is on file")
     asked = parser.parse_args()
     wanted = {s.name: s for s in (drawn(number, asked.seed, asked.kind) for number in range(asked.count))}
@@ -201,10 +237,18 @@ def main() -> None:
         result = ended.get(name, {}).get("result")
         if result is not None:
             mark = "right" if verdict_right(result, series.effect) else "WRONG"
-            said = {" or ".join([e["id"], *e["equivalent"]]): round(e["confidence"], 3) for e in result["effects"]}
+            said = {
+                " or ".join([e["id"], *e["equivalent"]]): round(e["confidence_score"], 3) for e in result["effects"]
+            }
             print(f"{name:26} {series.effect!s:22} {mark} {result['verdict']:8} {said} {result['seconds']:.0f} s")
         elif name in ended:
             print(f"{name:26} {series.effect!s:22} refused: {ended[name]['error']}")
+    said = [s for series, result in told for s in statements(result, series.effect)]
+    if asked.fit is not None:
+        fitted = isotonic(said, len(told), datetime.date.today().isoformat())
+        asked.fit.write_text(fitted.to_toml(), encoding="utf-8")
+        error = expected_calibration_error(cross_validated(said, len(told)))
+        print(f"{asked.fit}: {len(fitted.score)} knots; expected calibration error {error:.3f} (cross-validated)")
     print(f"\n{len(told)} of {len(wanted)} series of {asked.seconds:g} s a record\n\n{tables(told)}")
 
 

@@ -22,7 +22,9 @@ def effects(action: str, file: Path | None, own: Sequence[Path] = (), *, json_ou
     effects of `file` ("check"). Raises ValueError, one sentence, for a file whose effects cannot be used.
     """
     if action not in ("list", "check"):
-        raise ValueError(f"action must be list or check; got {action!r}; {nearest(action, ('list', 'check'))}")
+        raise ValueError(
+            f"action must be list, check or propose; got {action!r}; {nearest(action, ('list', 'check', 'propose'))}"
+        )
     if (file is None) == (action == "check"):
         raise ValueError(f"a file must stand with check alone; got {file or 'none'}")
     found = use_effects([file] if file is not None else own)

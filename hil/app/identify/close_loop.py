@@ -14,6 +14,7 @@ from hil.app.console import json_text, notes, output_to_notes, print_json, progr
 from hil.app.identify.next_experiment import next_toml
 from hil.app.quantities import amount
 from hil.app.report import headline, report_html, report_json
+from hil.app.report.dependence import story
 from hil.app.report.findings import grouped
 from hil.app.report.words import STAGE_WORDS, error_scale, interpolation, scaled
 from hil.app.scenario.deployment import read_deployed_rig
@@ -129,6 +130,10 @@ def print_summary(finding: Finding, out: Path) -> None:
     console.print(headline(finding), markup=False)
     for reason in finding.reasons:
         console.print(f"  {reason}", markup=False, soft_wrap=True)
+    for sentence in story(finding.dependence) if finding.dependence else ():
+        console.print(f"  {sentence}", markup=False, soft_wrap=True)
+    if finding.dependence and finding.dependence.term:
+        console.print(f"  as an effect file: capsule effects propose {out} --out my_effect.py", markup=False)
     for alike in grouped(finding.findings):
         more = f" (and {len(alike) - 1} more)" if len(alike) > 1 else ""
         console.print(f"{alike[0].severity}: {alike[0].sentence}{more}", markup=False, soft_wrap=True)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.app.console import output_to_notes, print_json, summary
+from hil.app.console import notes, output_to_notes, print_json, summary
 from hil.app.identify.close_loop import read_told
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import check_file, check_targets, write_table
@@ -33,6 +33,8 @@ def predict(
         learned.check(belief, driven)
     except ValueError as error:
         raise ValueError(f"{model}: {error}") from None
+    if stage in learned.cautions:
+        notes().print(f"{model}: {learned.cautions[stage]}", markup=False, soft_wrap=True)
     with output_to_notes():
         columns = learned.predict(belief, driven, stage)
     write_table(out, columns)

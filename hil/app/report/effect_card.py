@@ -15,12 +15,11 @@ from hil.app.report.words import effect_summary, effect_words, listed, sentence,
 from models.effects import BY_ID
 from models.effects.effect import Signals
 from models.effects.equation import ARGUMENTS, equations_of
+from models.identification.confidence_map import confidence_map
 from models.identification.finding import Finding, FoundEffect
 
 _MOST: Final = math.log(1000)
 _MARKS: Final = ((0.0, "1"), (math.log(2), "1/2"), (math.log(10), "1/10"), (math.log(100), "1/100"), (_MOST, "1/1000"))
-_SURE: Final = 0.99
-"""Confidence above which only that it is more is said: no finite record carries more."""
 
 
 def effect_card(effect: FoundEffect, finding: Finding) -> str:
@@ -95,12 +94,9 @@ def _anchor(at: float) -> str:
 
 
 def _confidence(effect: FoundEffect, finding: Finding) -> str:
-    said = f"over {percent(_SURE)}" if effect.confidence > _SURE else percent(effect.confidence)
-    what = (
-        "it or one of those that act alike" if effect.equivalent else "it rather than another effect of the catalogue"
-    )
+    """What the confidence is worth: never more than the series tell that its map rests on."""
+    said = percent(effect.confidence) if effect.calibrated else "not calibrated"
+    what = "it or one of those that act alike" if effect.equivalent else "it and no other effect of the catalogue"
     doubt = " Checks of this report fail, so it may be less." if any(not check.ok for check in finding.checks) else ""
-    return (
-        f'<div class="facts"><div><b>{said}</b>confidence: of a hundred such findings about so many are {what}, as far'
-        f" as the records left out tell.{doubt}</div></div>"
-    )
+    meaning = f"{escape(effect.meaning)} {escape(confidence_map().origin)}" if effect.meaning else ""
+    return f'<div class="facts"><div><b>{said}</b>confidence that it is {what}. {meaning}{doubt}</div></div>'

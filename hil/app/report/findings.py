@@ -9,6 +9,7 @@ from hil.app.quantities import number
 from hil.app.report.words import effect_words, listed, tidy
 from models.checks.finding import RecordFinding
 from models.identification.finding import Finding
+from models.identification.verdict import WORSE
 
 SEVERITIES = {"stops": "stops a fit", "weakens": "weakens the verdict", "note": "note"}
 
@@ -38,9 +39,11 @@ def warning_html(finding: Finding) -> str:
         if not check.ok
     ]
     said = [*finding.reasons] or failed
+    said += [found.sentence for found in finding.findings if found.id == WORSE and found.sentence not in said]
     if not said:
         return ""
-    some = f"{len(failed)} of {len(finding.checks)} checks fail" if failed else "The records allow no verdict"
+    no_verdict = "The records allow no verdict" if finding.verdict == "unknown" else "A stage of the model is worse"
+    some = f"{len(failed)} of {len(finding.checks)} checks fail" if failed else no_verdict
     rows = "".join(f"<li>{escape(tidy(reason))}</li>" for reason in said)
     return f'<div class="warning" role="note"><p>{some}: do not rely on this model yet.</p><ul>{rows}</ul></div>'
 

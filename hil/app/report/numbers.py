@@ -44,6 +44,7 @@ def report_json(finding: Finding) -> dict[str, Any]:
         "statements": list(finding.statements),
         "equations": list(finding.equations),
         "records": [{"name": trace.name, "role": trace.role, "rows": len(trace.measured)} for trace in finding.traces],
+        "residual": None if finding.dependence is None else asdict(finding.dependence),
         "timings": finding.timings,
     }
     cleaned: dict[str, Any] = plain(document)
@@ -62,6 +63,9 @@ def _effect(effect: FoundEffect) -> dict[str, Any]:
         "parameters": {name: _estimate(estimate) for name, estimate in effect.parameters.items()},
         "evidence": effect.evidence,
         "confidence": effect.confidence,
+        "confidence_score": effect.score,
+        "confidence_calibrated": effect.calibrated,
+        "confidence_meaning": effect.meaning,
         "curves": {
             curve: {name: _estimate(estimate) for name, estimate in parameters.items()}
             for curve, parameters in effect.curves.items()

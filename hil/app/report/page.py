@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from html import escape
 
 from hil.app.quantities import number
+from hil.app.report.dependence import curves_figure, dependence_html, surface_figure
 from hil.app.report.document import document, heading, table
 from hil.app.report.effect_card import effect_card, symbols_of
 from hil.app.report.figure_map import agreement_figure, speed_map
@@ -71,7 +72,8 @@ def report_html(finding: Finding) -> str:
     page.add("sure", "How sure this is", _sure(finding))
     page.add("findings", "What the records show of themselves", findings_html(finding))
     page.add("records", "What was measured, what the model said", _records(page, finding, drawn))
-    page.add("residual", "The residual, and what it depends on", _residuals(page, finding, drawn))
+    page.add("depends", "What is unknown, and what it depends on", _depends(page, finding))
+    page.add("residual", "The residual over every signal", _residuals(page, finding, drawn))
     page.add("candidates", "Candidates and their evidence", _candidates(page, finding))
     page.add("model", "The new model", _model(finding))
     page.add("times", "Where the time went", time_table(finding) if finding.timings else "")
@@ -165,6 +167,14 @@ def _residuals(page: _Page, finding: Finding, drawn: list[Panel]) -> str:
             " signal.</p>" + page.figure(figure)
         )
     return checks + (f"<h3>Checks against chance</h3>{check_table(finding)}" if finding.checks else "")
+
+
+def _depends(page: _Page, finding: Finding) -> str:
+    found = finding.dependence
+    if found is None:
+        return ""
+    figures = (figure for figure in (curves_figure(found), surface_figure(found)) if figure is not None)
+    return dependence_html(found, map(page.figure, figures))
 
 
 def _candidates(page: _Page, finding: Finding) -> str:

@@ -137,7 +137,9 @@ def headline(finding: Finding) -> str:
     names = listed(listed(map(effect_words, (effect.id, *effect.equivalent)), "or") for effect in finding.effects)
     open_between = any(effect.equivalent for effect in finding.effects)
     if finding.verdict == "named":
-        return f"What the model lacked: {names}{'; these records cannot tell which' if open_between else ''}."
+        doubtful = min(finding.effects, key=lambda effect: effect.confidence)
+        which = "; these records cannot tell which" if open_between else ""
+        return f"What the model lacked: {names}{which}. {doubtful.meaning}".rstrip()
     if interpolation(finding):
         return "As many numbers fitted as means measured: an interpolation, no test of the model."
     if finding.verdict == "none":

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from hil.app.console import notes
 from hil.app.scenario.scenario import TrackScenario
 from models.identification.finding import STAGES
 from models.identification.model import read_model
@@ -47,4 +48,7 @@ class Options:
                 raise ValueError(f"--stage must stand with --model unless it is nominal; got {self.stage!r} alone")
             return {}, "nominal"
         stage = self.stage or "augmented"
-        return read_model(self.model, *_MODELS.get(kind, (kind,))).believed(stage), stage
+        model = read_model(self.model, *_MODELS.get(kind, (kind,)))
+        if stage in model.cautions:
+            notes().print(f"{self.model}: {model.cautions[stage]}", markup=False, soft_wrap=True)
+        return model.believed(stage), stage

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Final, Protocol
 
 from models.checks.instrument.usable import USED, cleaned
@@ -20,6 +21,7 @@ from models.identification.kinds.series import report as series_report
 from models.identification.kinds.series.kind import SeriesKind
 from models.identification.kinds.vibro_table import report as vibro_table_report
 from models.identification.kinds.vibro_table.kind import VibroTableKind
+from models.parameter import nearest
 
 AnyKind = AxisKind | DmaKind | SeriesKind | PeriodsKind | VibroTableKind
 
@@ -56,8 +58,24 @@ def report_of(kind: AnyKind) -> Report:
 
 def kind_for(rig: Rig, records: Sequence[Record]) -> AnyKind:
     """The kind that a rig file describes; `records` settle what only data can (noise, the sign of a table's
-    velocities).
+    velocities). What the rig file states of how well a nominal value is known holds a calibration to it; a ValueError
+    where it states it of something else.
     """
+    kind = _unheld(rig, records)
+    if not rig.prior:
+        return kind
+    fitted = [p.name for p in kind.base if p.fit]
+    strange = next((name for name in rig.prior if name not in fitted), None)
+    if strange is not None:
+        raise ValueError(
+            f"[prior] must name what calibration fits on a {rig.kind} rig, each with '_std'; got {strange + '_std'!r};"
+            f" {nearest(strange, fitted)}"
+        )
+    return replace(kind, base=tuple(replace(p, spread=rig.prior.get(p.name, p.spread)) for p in kind.base))
+
+
+def _unheld(rig: Rig, records: Sequence[Record]) -> AnyKind:
+    """The kind, held to nothing."""
     if rig.kind == "axis":
         return AxisKind.from_rig(rig, records)
     if rig.kind == "dma":

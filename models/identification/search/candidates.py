@@ -168,11 +168,10 @@ def _entry(model: FittedModel, row: Screened) -> tuple[float, list[dict[str, flo
     if kind.free_only:
         part = prefixes(part[:1], BEGINNINGS_S[-1])
         openings = [
-            min((_opening(kind, part, (base,), row.effect, start) for start in row.starts), key=_first)
-            for base in bases
+            min((opening(kind, part, (base,), row.effect, start) for start in row.starts), key=_first) for base in bases
         ]
     else:
-        openings = [_opening(kind, part, bases, row.effect, start) for start in row.starts]
+        openings = [opening(kind, part, bases, row.effect, start) for start in row.starts]
     criterion, width = (middle_criterion(kind), WIDE[0]) if kind.free_only else (0, NARROW[0])
     problem = Problem.of(kind, part, [*model.effects, row.effect], criterion)
     fits = [descend(problem, point, width, 3) for _, point in openings]
@@ -217,7 +216,7 @@ def _with_each(start: dict[str, float], companions: Sequence[str]) -> list[dict[
     ]
 
 
-def _opening(
+def opening(
     kind: Kind, part: Sequence[Record], bases: Sequence[Mapping[str, float]], name: str, start: Mapping[str, float]
 ) -> tuple[float, dict[str, float]]:
     """Cost and place of the best amplitude of the effect `name` in the shape `start` at the best of `bases` (a

@@ -21,8 +21,9 @@ from models.identification.search.fitted_model import FittedModel
 from models.identification.search.predictability import predictable, sensitivity_cost
 from models.identification.search.refinement import Known, refined, refined_at_last
 from models.identification.search.refit import finished, refit, step_on, whole
+from models.identification.search.rivals import NEVER, rivals_of
 from models.identification.search.screening import Screened, null_distribution, records_for_null, screen
-from models.identification.search.validation import APART, NEAR_NOISE, ahead, judged_cost
+from models.identification.search.validation import NEAR_NOISE, judged_cost
 
 Progress = Callable[[str, float], None]
 
@@ -43,7 +44,7 @@ class Search:
     refinements: list[str] = field(default_factory=list)
     gains: dict[str, float] = field(default_factory=dict)
     equivalent: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    confidence: dict[str, float] = field(default_factory=dict)
+    score: dict[str, float] = field(default_factory=dict)
     rounds: list[tuple[int, list[Screened], list[Trial]]] = field(default_factory=list)
     threshold: float = 0.0
     detectable: dict[str, float] = field(default_factory=dict)
@@ -105,10 +106,14 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
         if found.horizon_s < np.inf:
             parts = [refit(kind, part, [], base.theta) for part, _ in splits]
             model = _named(task, FittedModel.of(kind, splits, [], parts), found)
-    progress("fitting the model on all records", 0.85)
     if found.effects:
         found.refinements, model = refined(model, found.known)
         found.after = model.cost
+        task.clock.note("finer shapes", found)
+        progress("rivals of what was found", 0.82)
+        _compare_rivals(model, found)
+        task.clock.note("rivals", found)
+        progress("fitting the model on all records", 0.85)
         reached = _AS_BEFORE * judged_cost(kind, model.part, model.thetas[0]) if found.refinements else 0.0
         start = {**base.theta, **model.thetas[0]}
         found.augmented = whole(kind, train, found.model, start, max(NEAR_NOISE, reached))
@@ -117,6 +122,7 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
         )
         found.refinements += added
     else:
+        progress("fitting the model on all records", 0.85)
         found.augmented = finished(kind, train, [], base)
     rows = sum(map(len, train))
     found.parts = [(sum(map(len, part)) / rows, theta) for part, theta in model.parts]
@@ -159,7 +165,7 @@ def _named(task: _Task, model: FittedModel, found: Search) -> FittedModel:
         clock.note("fitting candidates", found)
         if not trials or not _accept(kind, found, trials[0]):
             break
-        _add(kind, found, trials)
+        _add(found, trials[0])
         found.after = float(trials[0].blocks.mean())
         model = _test_again(model.fitted(trials[0].thetas, found.effects), found)
         clock.note("testing again", found)
@@ -188,21 +194,22 @@ def _accept(kind: Kind, found: Search, trial: Trial) -> bool:
     return trial.gain > enough and trial.drop > LEAST_DROP
 
 
-def _add(kind: Kind, found: Search, trials: Sequence[Trial]) -> None:
-    best = trials[0]
-    rivals = {t.effect: ahead(best.blocks, t.blocks) for t in trials[1:]}
-    close = tuple(name for name, z in rivals.items() if z < APART and _gain_of(trials, name) > 0.7 * best.gain)
-    apart = [z for name, z in rivals.items() if name not in close]
+def _add(found: Search, best: Trial) -> None:
     found.effects.append(best.effect)
     found.gains[best.effect] = best.gain
     found.known.update(best.companions)
-    found.equivalent[best.effect] = tuple(dict.fromkeys((*close, *kind.equivalents.get(best.effect, ()))))
-    z = min(apart, default=6.0)
-    found.confidence[best.effect] = float(np.clip(1 - 0.5 * np.exp(-0.5 * z**2), 0.5, 0.999))
 
 
-def _gain_of(trials: Sequence[Trial], name: str) -> float:
-    return next(t.gain for t in trials if t.effect == name)
+def _compare_rivals(model: FittedModel, found: Search) -> None:
+    """What the records cannot tell from each effect of `found`, and how sure it is against all others."""
+    for effect in found.effects:
+        _, screened, trials = next(row for row in found.rounds if row[2] and row[2][0].effect == effect)
+        rivals = rivals_of(model, effect, found.gains[effect], screened, trials)
+        alike = sorted((rival for rival in rivals if rival.alike), key=lambda rival: rival.apart)
+        named = [rival.effect for rival in alike if rival.effect not in found.effects]
+        found.equivalent[effect] = tuple(dict.fromkeys((*named, *model.kind.equivalents.get(effect, ()))))
+        nearest = min((rival.apart for rival in rivals if not rival.alike), default=NEVER)
+        found.score[effect] = float(1 - 0.5 * np.exp(-0.5 * max(nearest, 0.0) ** 2))
 
 
 class _Clock:

@@ -9,9 +9,9 @@ import json
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from types import ModuleType
+from types import MappingProxyType, ModuleType
 
 import numpy as np
 import pytest
@@ -35,6 +35,7 @@ class FakeModel:
     """A model that predicts zeros."""
 
     kind = "axis"
+    cautions: Mapping[str, str] = MappingProxyType({})
 
     def to_toml(self) -> str:
         return 'kind = "axis"\n'

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from models.files.rig import Rig, parse_rig, read_rig
 from models.identification import Model, close
 from models.identification.finding import Finding
 from models.identification.model import HELD_OUT
+from models.identification.verdict import WORSE
 from models.laws.geometry import Capsule, Tissue
 from models.sets import measured_path
 from tests.rig_texts import GUT
@@ -194,6 +196,34 @@ def test_a_force_stamped_late_is_a_calibration_parameter_where_the_rig_file_says
     assert model.stages["nominal"]["clock_offset_s"] == 0.0
     known = close(parse_rig({**PULL, "clock": {"offset_s": 0.02}}), late, [], quiet)[0]
     assert (known.verdict, known.effects) == ("none", ())
+
+
+def test_what_the_rig_file_says_of_a_nominal_value_holds_a_calibration_to_it() -> None:
+    _, records = short_pull(noise=1e-3)
+    short = [replace(record, columns={name: c[:600] for name, c in record.columns.items()}) for record in records]
+    free, _ = close(parse_rig(PULL), short, [], quiet)
+    held, _ = close(parse_rig({**PULL, "prior": {"hoop_stress_factor_std": 1e-4}}), short, [], quiet)
+    assert abs(held.calibration["hoop_stress_factor"].value - 1) < 0.01
+    assert abs(free.calibration["hoop_stress_factor"].value - 1) > 0.05
+    with pytest.raises(
+        ValueError, match=r"\[prior\] must name what calibration fits.*did you mean 'hoop_stress_factor'"
+    ):
+        close(parse_rig({**PULL, "prior": {"hoop_factor_std": 0.1}}), short, [], quiet)
+    for bad in ({"hoop_stress_factor": 0.1}, {"hoop_stress_factor_std": 0.0}, {"hoop_stress_factor_std": "a"}):
+        with pytest.raises(ValueError, match=r"\[prior\] must hold"):
+            parse_rig({**PULL, "prior": bad})
+
+
+def test_a_calibration_that_predicts_worse_than_nominal_is_told_in_report_and_model() -> None:
+    _, records = short_pull()
+    true = short_pull(hoop=1.0, mu=0.082)[1][1]
+    finding, model = close(parse_rig(PULL), records[:1], [replace(true, name="held")], quiet)
+    assert finding.error["holdout"]["calibrated"] > finding.error["holdout"]["nominal"]
+    assert finding.findings[0].id == WORSE
+    assert finding.verdict == "unknown"
+    assert "worse than the nominal" in finding.reasons[0]
+    assert set(model.cautions) == {"calibrated", "augmented"}
+    assert Model.from_toml(model.to_toml()) == model
 
 
 def test_records_that_tell_nothing_end_unknown_and_say_what_to_record() -> None:

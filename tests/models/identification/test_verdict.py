@@ -10,10 +10,9 @@ from models.effects.effect import Effect
 from models.effects.friction.stribeck import Stribeck
 from models.identification.finding import Check, Estimate
 from models.identification.fitting.fit import Fit
-from models.identification.identify import held_out
 from models.identification.kinds.axis.kind import AxisKind
 from models.identification.search.forward_selection import Search
-from models.identification.verdict import at_bounds, model_checks, verdict_of
+from models.identification.verdict import at_bounds, model_checks, setback_findings, setbacks, verdict_of
 
 KIND = AxisKind.around(1.0, 2.0, 3.0, 0.1)
 THETA = {p.name: p.value for p in KIND.base}
@@ -38,7 +37,8 @@ def said(
     theta = FOUND if effect else THETA
     found = Search(fit(theta), fit(theta), effects=names, after=after, null_cost=chance, sensitivity=sensitivity)
     given = {"spread": {**TOLD, **AMPLITUDE} if effect else TOLD, "held_out": HELD, "findings": (), **changed}
-    checks = model_checks(KIND, found, given["spread"], given["held_out"], given["findings"])  # type: ignore[arg-type]
+    chance_of_held = float(given.get("chance_error", np.nan))  # type: ignore[arg-type]
+    checks = model_checks(KIND, found, given["spread"], given["held_out"], given["findings"], 0.0, chance_of_held)  # type: ignore[arg-type]
     return verdict_of(names, checks), failed(*checks)
 
 
@@ -84,9 +84,23 @@ def test_a_parameter_at_its_bound_is_told_but_the_zero_of_a_law_is_none() -> Non
     assert at_bounds(KIND, fit({**THETA, "mass_kg": 1e3}), []) == ["mass_kg"]
 
 
-def test_a_report_says_where_held_out_records_speak_against_what_was_named() -> None:
-    found = Search(fit(FOUND), fit(FOUND), effects=["stribeck"])
-    assert held_out(found, {"nominal": 1.6, "calibrated": 0.46, "augmented": 0.67})
-    assert not held_out(found, {"nominal": 1.6, "calibrated": 0.46, "augmented": 0.1})
-    assert not held_out(found, {})
-    assert not held_out(Search(fit(THETA), fit(THETA)), {"nominal": 1.6, "calibrated": 0.46, "augmented": 0.46})
+def test_a_stage_that_errs_more_on_held_out_records_than_one_before_it_is_told() -> None:
+    assert list(setbacks({"nominal": 1.6, "calibrated": 0.46, "augmented": 0.67}, 0.1)) == ["augmented"]
+    assert list(setbacks({"nominal": 1.0, "calibrated": 1.3, "augmented": 0.2}, 0.1)) == ["calibrated"]
+    assert not setbacks({"nominal": 1.6, "calibrated": 0.46, "augmented": 0.1}, 0.1)
+    assert not setbacks({}, 0.1)
+    assert not setbacks({"nominal": 0.10, "calibrated": 0.12, "augmented": 0.12}, 0.1)  # both leave the noise
+    assert list(setbacks({"nominal": 0.10, "calibrated": 0.12, "augmented": 0.12}, float("nan"))) == [
+        "calibrated",
+        "augmented",
+    ]
+    told = setback_findings({"calibrated": "the calibrated model predicts worse"}, [], ["mass_kg"])
+    assert told[0].severity == "weakens"
+    assert "mass_kg" in told[0].sentence
+    worse = {"nominal": 0.3, "calibrated": 0.46, "augmented": 0.4}
+    assert said(1.0, effect=Stribeck, held_out=worse) == ("unknown", {"held_out"})
+
+
+def test_held_out_records_far_beyond_chance_never_end_in_none() -> None:
+    assert said(1.0, chance_error=0.3)[0] == "none"
+    assert said(1.0, chance_error=0.1) == ("unknown", {"held_out"})

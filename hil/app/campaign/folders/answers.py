@@ -47,6 +47,14 @@ class Answer:
         return listed(" or ".join(map(effect_words, (e["id"], *e["equivalent"]))) for e in self.effects)
 
     @property
+    def sure(self) -> str:
+        """How sure its effects are, where that is calibrated; empty where there are none."""
+        if not self.effects:
+            return ""
+        told = all(e.get("confidence_calibrated", False) for e in self.effects)
+        return f"{100 * self.confidence:.3g}\u00a0%" if told else "not calibrated"
+
+    @property
     def confidence(self) -> float:
         """Of the least sure of the effects; NaN where there are none."""
         return min((float(e["confidence"]) for e in self.effects), default=math.nan)

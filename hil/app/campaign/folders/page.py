@@ -115,7 +115,7 @@ def _line(answer: Answer, axis: Axis) -> list[str]:
     unit = answer.result["error"].get("unit") or ""
     first, last = (quantity(answer.errors[stage], unit) for stage in ("nominal", "augmented"))
     held = "" if answer.part == "holdout" else "<small>on training records</small>"
-    sure = f"{100 * answer.confidence:.3g}&nbsp;%" if answer.effects else DASH
+    sure = answer.sure or DASH
     times = f"{number(answer.better, 3)}&nbsp;×" if math.isfinite(answer.better) else DASH
     return [
         _link(answer) + kind,

@@ -284,6 +284,10 @@ class AxisKind(OneByOne):
         drawn = dict(zip(("t_s", *c.names[:3], c.force), (m.t, m.x, m.v, m.a, record[c.force]), strict=True))
         return drawn | ({load: record[load]} if load else {})
 
+    def extra_force(self, record: Record, theta: Theta) -> tuple[Array, Array] | None:
+        """What was predicted beyond the measured force, and that force."""
+        return self.predict(record, theta) - record[self.quantity], record[self.quantity]
+
     def columns(self, record: Record, predicted: Array) -> dict[str, Array]:
         """The prediction as the columns of a file."""
         return {"t_s": record["t_s"], self.quantity: predicted}

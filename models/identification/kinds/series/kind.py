@@ -227,12 +227,26 @@ class SeriesKind:
         """What the residual is drawn against."""
         t, x = record["t_s"], record[self.drive.commanded if self.drive.imposed else self.quantity]
         step = interval(record)
-        out = {"t_s": t, "x_m": x, "v_m_s": np.gradient(low_passed(x, step), step)}
+        path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(low_passed(x, step))))])
+        out = {"t_s": t, "x_m": x, "v_m_s": np.gradient(low_passed(x, step), step), "travelled_m": path}
         if self.drive.imposed:
             return out | {"force_N": record[self.quantity]}
         if drifts(self.drive):
             return out | {self.drive.commanded: record[self.drive.commanded]}
         return out | {"gap_m": record[self.drive.commanded] - x}
+
+    def extra_force(self, record: Record, theta: Theta) -> tuple[Array, Array] | None:
+        """See `Kind.extra_force`: of a measured force what was predicted beyond it; of a place that a magnet holds, by
+        how much its force is less there than where the capsule was predicted.
+        """
+        predicted, measured = self.predict(record, theta), record[self.quantity]
+        if self.drive.imposed:
+            return predicted - measured, measured
+        if not self.drive.anchored:
+            return None
+        command = record[self.drive.commanded] / self.drive.command_unit
+        there, foreseen = (np.asarray(self.drive.force(x, 0.0, command, theta)) for x in (measured, predicted))
+        return foreseen - there, there
 
     def foresight_rms(self, records: Sequence[Record], theta: Theta, memory: float | None) -> float:
         """Rms error of `records` under an observer with the time constant `memory` in s; None: free-running."""

@@ -1,0 +1,201 @@
+"""`capsule effects propose`: the term that a report proposes for its residual, as an effect file of one's own."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from string import Template
+from typing import Any, Final
+
+from hil.app.console import print_json, summary
+from hil.app.write import check_file, check_targets, write_files
+from models.effects import BY_ID
+from models.effects.conformance import CHECKS, first_failure
+from models.effects.own import effects_in
+from models.files.tables import is_number
+from models.identification.model import read_report
+from models.identification.residual.term import FORMS, SYMBOLS, UNITS
+
+REPORT: Final = "report.json"
+_RANGE = 5.0  # times a fitted size, as far as a new fit may go
+_SHARE = 3.0  # of the resistance, the most that a level may be off
+_WORDS: Final = {
+    "t": "time",
+    "x": "place",
+    "v": "speed",
+    "gap": "gap to the magnet",
+    "travelled": "path so far",
+    "load": "load",
+}
+_FILE: Final = Template('''\
+"""A term that close-loop proposed for what no known effect explained; `capsule effects propose` wrote it."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from models.effects import shapes
+from models.effects.effect import Effect, Signals, Values
+from models.parameter import Parameter
+
+TERM = $text
+
+
+@dataclass(frozen=True)
+class $name(Effect):
+    """`size (offset + shape)` of one signal; its numbers begin where the residual's curve has them."""
+
+    id = "$id"
+    summary = "what is left over the $words"
+    source = f"proposed from a residual: {TERM}"
+    kinds = frozenset({$kind})
+    proposed_on = $records
+    separated_by = "records that the proposal was not made on"
+    probe = $probe
+
+$parameters
+
+    def $hook(self, s: Signals, p: Values, z: Values) -> Any:
+        """$doc"""
+        over = $signal
+        shape = shapes.$form(over$arguments)
+        return $answer
+''')
+
+
+def propose(folder: Path, out: Path, *, json_output: bool = False) -> None:
+    """Write the term that the report of `folder` (or the report.json itself) proposes to the effect file `out`, which
+    has passed the conformance checks. Raises ValueError, one sentence, where none is proposed.
+    """
+    report = folder / REPORT if folder.is_dir() else folder
+    check_file(out, "--out", (".py",))
+    check_targets([out], "--out", [report])
+    text = effect_text(read_report(report), out.stem, str(report))
+    _check(text, out)
+    write_files({out: text})
+    told = {"file": str(out), "id": out.stem, "checks": list(CHECKS)}
+    if json_output:
+        print_json(told)
+        return
+    console = summary()
+    console.print(f"{out}: effect {out.stem}, passed {len(CHECKS)} checks", markup=False, soft_wrap=True)
+    console.print(f"use it: capsule close-loop RECORD... --rig RIG.toml --effects {out}", markup=False, soft_wrap=True)
+
+
+def _check(text: str, out: Path) -> None:
+    """Load the file from elsewhere first, so that nothing is written that does not keep to the rules."""
+    with tempfile.TemporaryDirectory() as folder:
+        draft = Path(folder) / out.name
+        draft.write_text(text, encoding="utf-8")
+        for origin in effects_in(draft):
+            failure = first_failure(origin.effect, BY_ID)
+            if failure is not None:
+                raise ValueError(f"{out}: {failure}")
+
+
+@dataclass(frozen=True)
+class _Number:
+    """A parameter of the file."""
+
+    name: str
+    value: float
+    unit: str
+    lower: float
+    upper: float
+    fit: bool = True
+
+    def line(self) -> str:
+        ends = ", ".join(f"{value:.6g}" for value in (self.value, self.lower, self.upper))
+        value, lower, upper = ends.split(", ")
+        return (
+            f'    {self.name}: Parameter = Parameter("{self.name}", {value}, "{self.unit}", {lower}, {upper}, TERM,'
+            f" fit={self.fit})"
+        )
+
+
+def effect_text(report: Mapping[str, Any], name: str, where: str) -> str:
+    """The Python file of the effect called `name` that the object of a report.json proposes. Raises ValueError of one
+    sentence, which begins with `where`, for a report without a term or a name that no effect can have.
+    """
+    if not name.isidentifier() or name != name.lower() or name in BY_ID:
+        raise ValueError(
+            f"--out must be a file named like a new effect, in lower-case letters, digits and underscores; got {name!r}"
+        )
+    left = report.get("residual")
+    term = left.get("term") if isinstance(left, Mapping) else None
+    if not isinstance(term, Mapping):
+        raise ValueError(
+            f"{where}: report must have a term that is proposed for a residual, as one of a verdict 'unknown' may; got"
+            f" verdict {report.get('verdict')!r} and none"
+        )
+    try:
+        return _text(report, term, name)
+    except (KeyError, TypeError, ValueError, StopIteration, IndexError) as error:
+        raise ValueError(f"{where}: term must stand as close-loop writes it; got {type(error).__name__}") from None
+
+
+def _text(report: Mapping[str, Any], term: Mapping[str, Any], name: str) -> str:
+    symbol, signal = SYMBOLS[term["variable"]]
+    against = term["along"] == "-v"
+    if term["sized"]:
+        signal = f"np.abs({signal})"
+    size = _finite(term["amplitude"]["value"])
+    if against:
+        size /= _finite(term["level"])
+    left = report["residual"]
+    centres = next(curve["centres"] for curve in left["curves"] if curve["variable"] == term["variable"])
+    numbers = [_number(row, _finite(told["value"]), UNITS[symbol], centres) for row, told in term["numbers"].items()]
+    most = max(_RANGE * abs(size), _SHARE if against else 0.0)
+    offset = _finite(term["offset"])
+    amplitude = _Number("size", 0.0, "1" if against else "N", -most, most)
+    constant = _Number("offset", offset, "1", min(offset, 0) - _RANGE, max(offset, 0) + _RANGE, fit=not against)
+    given = ", ".join(f"{key}={_written(value)}" for key, value in term["given"].items())
+    own = ", ".join(f'{n.name}=p["{n.name}"]' for n in numbers)
+    extra = 'p["size"] * (p["offset"] + shape)'
+    form = str(term["form"])
+    if form not in (*(f.name for f in FORMS), "knots"):
+        raise ValueError(form)
+    return _FILE.substitute(
+        name="".join(part.capitalize() for part in name.split("_")),
+        id=name,
+        kind=repr(str(report["kind"])),
+        words=_WORDS[symbol],
+        text=repr(str(term["text"])),
+        records=repr(tuple(str(record) for record in left["records"])),
+        probe=f"{size:.6g}",
+        parameters="\n".join(number.line() for number in (amplitude, constant, *numbers)),
+        hook="level" if against else "force",
+        doc="Factor on the resistance." if against else "Extra force along +x in N.",
+        signal=signal,
+        form=form,
+        arguments="".join(f", {part}" for part in (own, given) if part),
+        answer=f"1 + {extra}" if against else extra,
+    )
+
+
+def _number(name: str, value: float, unit: str, centres: Sequence[float]) -> _Number:
+    """A number of the form, free within what its meaning allows."""
+    if name == "middle":
+        span = max(centres) - min(centres)
+        return _Number(name, value, unit, min(value, *centres) - span, max(value, *centres) + span)
+    if name == "phase":
+        return _Number(name, value, "1", value - math.pi, value + math.pi)
+    if name == "slope":
+        return _Number(name, value, "1", _RANGE * min(value, 0.0) - 1, _RANGE * max(value, 0.0) + 1)
+    return _Number(name, value, unit, value / _RANGE, _RANGE * value)
+
+
+def _finite(value: object) -> float:
+    if not is_number(value):
+        raise ValueError(value)
+    return float(value)  # type: ignore[arg-type]
+
+
+def _written(value: Any) -> str:
+    if isinstance(value, list):
+        return "(" + ", ".join(f"{_finite(v):.6g}" for v in value) + ")"
+    return f"{_finite(value):.6g}"

@@ -1,0 +1,163 @@
+"""What the residual of an `unknown` depends on, and the term that is proposed for it, on the page and in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from html import escape
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from hil.app.quantities import number, percent, scale
+from hil.app.report.document import table
+from hil.app.report.mathml import equations_html
+from hil.app.report.theme import STAGE_COLOURS, styled
+from hil.app.report.words import column_words, listed
+from models.effects.conformance import SIGNALS
+from models.identification.finding import Curve, Dependence, Surface, Term
+
+COMMAND = "capsule effects propose REPORT_DIR --out my_effect.py"
+_SHOWN = 4
+_TELLS = 0.01
+_BAND = "rgba(14, 110, 115, 0.18)"
+_FORMS = {
+    "line": "a straight line",
+    "parabola": "a parabola",
+    "decay": "an exponential",
+    "step": "a step with rounded edges",
+    "bump": "a bump",
+    "wave": "a wave",
+    "line_and_decay": "a straight line and an exponential",
+    "knots": "no short form: straight lines between knots",
+}
+
+
+def story(found: Dependence) -> list[str]:
+    """What the residual depends on, in sentences for page and terminal."""
+    return [
+        sentence for sentence in (_best(found), _two(found.surface), _line(found), _proposed(found.term)) if sentence
+    ]
+
+
+def _best(found: Dependence) -> str:
+    told = [c for c in found.curves if c.share >= _TELLS]
+    if not told:
+        return "No curve over one signal foretells what is left on stretches that it was not made on."
+    rows = [f"{_over(c)} {percent(c.share)}" for c in told[:_SHOWN]]
+    return f"Of what is left a curve foretells, on stretches it was not made on: {listed(rows)}."
+
+
+def _over(curve: Curve) -> str:
+    words, _ = column_words(curve.variable)
+    return f"over {words}{', as a resistance,' if curve.along == '-v' else ''}"
+
+
+def _two(surface: Surface | None) -> str:
+    if surface is None:
+        return ""
+    names = listed(column_words(name)[0] for name in surface.variables)
+    return f"Two signals matter together: a surface over {names} foretells {percent(surface.share)}."
+
+
+def _line(found: Dependence) -> str:
+    if found.tone is None:
+        return ""
+    return f"{percent(found.tone.share)} of its power is a tone of {number(found.tone.frequency_Hz, 3)} Hz."
+
+
+def _proposed(term: Term | None) -> str:
+    if term is None:
+        return ""
+    return f"Proposed term, {_FORMS[term.form]}: {term.text}, in {term.amplitude.unit} and SI units."
+
+
+def curves_figure(found: Dependence) -> go.Figure | None:
+    """The curves that foretell most, each with its 95 % interval."""
+    shown = [c for c in found.curves if c.share >= _TELLS][:_SHOWN]
+    if not shown:
+        return None
+    factor, unit = scale(np.concatenate([c.values for c in shown]), found.unit)
+    figure = make_subplots(rows=1, cols=len(shown), shared_yaxes=True, horizontal_spacing=0.03)
+    for col, curve in enumerate(shown, start=1):
+        words, own = column_words(curve.variable)
+        along, prefixed = scale(curve.centres, own)
+        x = along * curve.centres
+        band = {"mode": "lines", "line": {"width": 0}, "hoverinfo": "skip", "showlegend": False}
+        figure.add_scatter(x=x, y=factor * curve.low, row=1, col=col, **band)
+        figure.add_scatter(x=x, y=factor * curve.high, fill="tonexty", fillcolor=_BAND, row=1, col=col, **band)
+        figure.add_scatter(
+            x=x,
+            y=factor * curve.values,
+            mode="lines+markers",
+            line={"color": STAGE_COLOURS["augmented"], "width": 2},
+            marker={"size": 4},
+            showlegend=False,
+            row=1,
+            col=col,
+        )
+        size = "size of " if curve.sized else ""
+        figure.update_xaxes(title=f"{size}{words} in {prefixed}", row=1, col=col)
+    resisting = all(curve.along == "-v" for curve in shown)
+    styled(figure, 320)
+    return figure.update_yaxes(title=f"{'resistance left' if resisting else found.quantity} in {unit}", row=1, col=1)
+
+
+def surface_figure(found: Dependence) -> go.Figure | None:
+    """What is left over two signals, where they matter together."""
+    surface = found.surface
+    if surface is None:
+        return None
+    factor, unit = scale(surface.values[np.isfinite(surface.values)], found.unit)
+    ends = [scale(c, column_words(n)[1]) for c, n in zip(surface.centres, surface.variables, strict=True)]
+    figure = go.Figure(
+        go.Heatmap(
+            x=ends[0][0] * surface.centres[0],
+            y=ends[1][0] * surface.centres[1],
+            z=factor * surface.values.T,
+            customdata=factor * surface.half.T,
+            colorscale="RdBu",
+            zmid=0,
+            colorbar={"title": {"text": f"in {unit}", "side": "right"}, "thickness": 14},
+            hovertemplate=f"%{{z:.3g}} +- %{{customdata:.2g}} {unit}<extra></extra>",
+        )
+    )
+    styled(figure, 380)
+    for update, (_, own), name in zip((figure.update_xaxes, figure.update_yaxes), ends, surface.variables, strict=True):
+        update(title=f"{column_words(name)[0]} in {own}")
+    return figure
+
+
+def dependence_html(found: Dependence, figures: Iterator[str]) -> str:
+    """The section: sentences, `figures` as HTML, the proposed term with its numbers and the command."""
+    said = "".join(f"<li>{escape(sentence)}</li>" for sentence in story(found))
+    term = "" if found.term is None else _term_html(found.term)
+    return (
+        f"<p>Made on the training records alone, while the capsule moves. Bands are 95 % intervals.</p><ul>{said}</ul>"
+        f"{''.join(figures)}{term}"
+    )
+
+
+def _term_html(term: Term) -> str:
+    symbols = {*SIGNALS, "gap", "f_extra", "q1"}
+    rows = [
+        [
+            escape(name),
+            escape(estimate.unit),
+            number(estimate.value, 3),
+            f"{number(estimate.ci95[0], 3)} … {number(estimate.ci95[1], 3)}",
+            "" if estimate.told else "the curve cannot tell",
+        ]
+        for name, estimate in {"amplitude": term.amplitude, **term.numbers}.items()
+    ]
+    given = "".join(
+        f"<p>{escape(name)}: {escape(', '.join(number(v, 4) for v in np.atleast_1d(value)))}</p>"
+        for name, value in term.given.items()
+    )
+    return (
+        f"<h3>Proposed term</h3>{equations_html([term.text], symbols)}"
+        f"{table(['number', 'unit', 'value', '95 % interval', ''], rows, left=2)}{given}"
+        f"<p>It leaves {percent(term.left)} of the curve. As an effect of your own, which <code>close-loop"
+        f" --effects</code> tries beside the catalogue's: <code>{COMMAND}</code>. It was made on the training records,"
+        " so a search on the same records favours it; held-out records test it.</p>"
+    )

@@ -1,0 +1,82 @@
+"""What a residual that no known effect explains depends on: state, time, a tone; and the term that is proposed."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from scipy.signal import welch
+
+from models.files.columns import TIME
+from models.files.record import Record
+from models.identification.finding import Curve, Dependence, Surface, Tone
+from models.identification.kind import Array, Kind, Theta
+from models.identification.residual.curve import curve_of, ranked, surface_of
+from models.identification.residual.left import Left, left_of
+from models.identification.residual.term import SYMBOLS, term_of
+
+WAYS: Final = ("-v", "+x")
+_TELLS = 0.1  # share of what is left that a curve must foretell before a term is proposed for it
+_MORE = 0.1  # share that a second variable must add before a surface is shown
+_PAIRED = 4  # variables that foretell most, of which pairs are looked at
+_TONE = 0.2  # share of the power of what is left, the least of a tone
+_OF_THE_MOTION = 0.25  # times that share: a line that the motion has as well is no tone
+_CYCLES = 3  # of a tone in a record, the fewest
+
+
+def dependence_of(kind: Kind, records: Sequence[Record], theta: Theta, seed: int = 0) -> Dependence | None:
+    """What the model at `theta` leaves of the training `records` depends on; None where it is no series in time."""
+    left = left_of(kind, records, theta) if records else None
+    if left is None or len(left.values) < 2:
+        return None
+    rng = np.random.default_rng(seed)
+    curves = ranked([curve_of(left, name, way, rng) for name in left.signals for way in WAYS])
+    proposed = next((c for c in curves if c.variable in SYMBOLS and c.share >= _TELLS), None)
+    term = None
+    if proposed is not None and kind.extra_force(records[0], theta) is not None:
+        term = term_of(proposed, left.unit, float(left.acting.mean()))
+    return Dependence(
+        left.quantity,
+        left.unit,
+        tuple(record.name for record in records),
+        curves,
+        _surface(left, curves, rng),
+        _tone(kind, records, theta),
+        term,
+    )
+
+
+def _surface(left: Left, curves: Sequence[Curve], rng: np.random.Generator) -> Surface | None:
+    """The best surface over two of the variables that foretell most, where it foretells clearly more than a curve."""
+    if not curves:
+        return None
+    names = [curve.variable for curve in curves[:_PAIRED]]
+    pairs = [surface_of(left, pair, way, rng) for pair in itertools.combinations(names, 2) for way in WAYS]
+    best = max(pairs, key=lambda surface: surface.share, default=None)
+    return best if best is not None and best.share > curves[0].share + _MORE else None
+
+
+def _tone(kind: Kind, records: Sequence[Record], theta: Theta) -> Tone | None:
+    """The strongest line of the spectrum of what is left that the motion does not have."""
+    if any(TIME not in record.columns for record in records):
+        return None
+    rows = min(map(len, records))
+    spectra: list[Array] = []
+    motions: list[Array] = []
+    for record in records:
+        step = float(record[TIME][-1] - record[TIME][0]) / (len(record) - 1)
+        own = kind.signals(record)
+        place = next((signal for name, signal in own.items() if name.startswith("x_")), np.zeros(len(record)))
+        for found, signal in ((spectra, kind.measured(record) - kind.predict(record, theta)), (motions, place)):
+            f, power = welch(np.nan_to_num(signal), 1 / step, nperseg=rows, detrend="linear")
+            found.append(power / max(float(power.sum()), 1e-300))
+    spectrum, motion = np.mean(spectra, axis=0), np.mean(motions, axis=0)
+    peak = _CYCLES + int(np.argmax(spectrum[_CYCLES:])) if len(spectrum) > _CYCLES else 0
+    if not peak:
+        return None
+    line = slice(peak - 1, peak + 2)
+    share = float(spectrum[line].sum())
+    told = share >= _TONE and float(motion[line].sum()) < _OF_THE_MOTION * share
+    return Tone(float(f[peak]), share) if told else None

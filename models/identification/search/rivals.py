@@ -1,0 +1,104 @@
+"""Which other candidates explain the records as well as a named effect: each is put in its place, fitted, compared."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.effects import BY_ID
+from models.identification.fitting.fit import NARROW, Problem, costs_of, descend
+from models.identification.search.candidates import BEHIND, FINAL, POOL, Trial, opening, without
+from models.identification.search.fitted_model import FittedModel
+from models.identification.search.refit import step_on
+from models.identification.search.screening import Screened
+from models.identification.search.validation import APART, TOLD, Array, ahead, judged, middle_criterion
+
+_GAIN = 0.3  # of the effect's gain in the logarithm of the cost, the most that a rival may leave
+_SCREENED = 0.3  # of the effect's share of the residual when screened, the least that a rival must explain
+NEVER = 6.0
+"""Standard errors at which a rival counts that no fit brought near."""
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A candidate in the place of a named effect: `apart`, the standard errors by which the model with the effect is
+    ahead of it, on the records left out or on those fitted, whichever tells more; `alike` where the records cannot
+    tell it.
+    """
+
+    effect: str
+    apart: float
+    alike: bool
+
+
+def rivals_of(
+    model: FittedModel, effect: str, gain: float, screened: Sequence[Screened], trials: Sequence[Trial]
+) -> list[Rival]:
+    """Every candidate beside those in `model` in the place of its `effect`, which gained `gain`, from where the
+    candidates' screening and `trials` have them. What explains too little of the residual, or stays far behind after
+    a short fit, is not fitted further.
+    """
+    own = {effect, *BY_ID[effect].refined_by}
+    rest = [name for name in model.effects if name not in own]
+    fits = [*_screened_rivals(model, effect, own, rest, screened), *_tried_rivals(model, rest, trials)]
+    best: dict[str, FittedModel] = {}
+    for name, fitted in fits:
+        if name != effect and (name not in best or fitted.cost < best[name].cost):
+            best[name] = fitted
+    training = _training_blocks(model)
+    return [_compared(model, training, name, fitted, gain) for name, fitted in best.items()]
+
+
+def _screened_rivals(
+    model: FittedModel, effect: str, own: set[str], rest: Sequence[str], screened: Sequence[Screened]
+) -> Iterator[tuple[str, FittedModel]]:
+    """Local fits from where screening would start, of the candidates that a short one brings near."""
+    kind, part, criterion = model.kind, model.part, middle_criterion(model.kind)
+    bases = [{k: v for k, v in theta.items() if k.partition(".")[0] not in own} for theta in model.thetas]
+    share = max((row.share for row in screened if row.effect == effect), default=0.0)
+    near = [
+        row for row in screened if row.effect not in (*own, *rest) and row.starts and row.share >= _SCREENED * share
+    ]
+    limit = BEHIND * costs_of(kind, part, [model.thetas[0]], criterion)[0]
+    begun = []
+    for row in near[: 2 * POOL]:
+        _, point = min((opening(kind, part, bases[:1], row.effect, start) for start in row.starts), key=lambda o: o[0])
+        fit = descend(Problem.of(kind, part, [*rest, row.effect], criterion), point, NARROW[0], 3)
+        if fit.cost <= limit:
+            begun.append((fit.cost, row.effect, fit.theta))
+    for _, name, theta in sorted(begun, key=lambda entry: entry[0])[: 2 * FINAL]:
+        numbers = {key: value for key, value in theta.items() if key.startswith(f"{name}.")}
+        starts = [theta, *({**base, **numbers} for base in bases[1:])]
+        ends = [
+            step_on(kind, records, [*rest, name], start).theta
+            for (records, _), start in zip(model.splits, starts, strict=True)
+        ]
+        yield name, model.fitted(ends, [*rest, name])
+
+
+def _tried_rivals(
+    model: FittedModel, rest: Sequence[str], trials: Sequence[Trial]
+) -> Iterator[tuple[str, FittedModel]]:
+    """Fits that the search made of candidates beside the same other effects, also with their companions."""
+    for trial in trials:
+        if set(rest) == {key.partition(".")[0] for key in without(trial.thetas[0], trial.effect) if "." in key}:
+            yield trial.effect, model.fitted(trial.thetas, [*rest, trial.effect])
+            for effects, fits in trial.companions.items():
+                yield trial.effect, model.fitted(fits, effects)
+
+
+def _compared(model: FittedModel, training: Array, name: str, fitted: FittedModel, gain: float) -> Rival:
+    """Alike where the difference is chance, or so small that it tells a finer shape and no other effect: the forms are
+    no truer than that.
+    """
+    on_training = _training_blocks(fitted)
+    behind = float(np.log(fitted.cost / model.cost))
+    apart = max(ahead(model.blocks, fitted.blocks), ahead(training, on_training))
+    small = max(behind, float(np.log(on_training.sum() / training.sum()))) < TOLD
+    return Rival(name, apart, bool(behind < _GAIN * gain and (apart < APART or small)))
+
+
+def _training_blocks(model: FittedModel) -> Array:
+    return np.concatenate([judged(model.kind, part, theta) for part, theta in model.parts])

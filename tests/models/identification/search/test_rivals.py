@@ -1,0 +1,73 @@
+"""What stands in a class: every candidate that explains the records as well in the place of a named effect."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from models.effects.effect import Effect
+from models.effects.force.spring_over_position import SpringOverPosition
+from models.effects.friction.lumen_taper import LumenTaper
+from models.files.record import Record
+from models.files.rig import parse_rig
+from models.identification.kinds import kind_for
+from models.identification.kinds.axis.kind import AxisKind
+from models.identification.search.candidates import Trial
+from models.identification.search.fitted_model import FittedModel
+from models.identification.search.refit import refit
+from models.identification.search.rivals import rivals_of
+from models.identification.search.screening import screen
+from models.identification.search.validation import block_costs
+
+RIG = parse_rig({"rig": {"kind": "axis"}, "noise": {"force_std_N": 0.1}})
+SPRING = "spring_over_position"
+
+
+def record(seed: int, to_and_fro: bool) -> Record:
+    """A stage on a spring, pushed one way or to and fro."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0, 10, 1e-2)
+    if to_and_fro:
+        x = 0.05 * np.sin(2 * np.pi * 0.2 * t + seed) + 0.01 * np.sin(2 * np.pi * t)
+    else:
+        x = 0.02 * t - 0.1 + 2e-3 * np.sin(2 * np.pi * 0.7 * t + seed)
+    v = np.gradient(x, t)
+    force = 3 * np.gradient(v, t) + 20 * v + 8 * np.sign(v) + 25 * x + 0.1 * rng.standard_normal(len(t))
+    return Record(f"r{seed}", "axis", {"t_s": t, "position_m": x, "force_N": force})
+
+
+@pytest.mark.parametrize("to_and_fro", [False, True])
+def test_a_rival_that_no_round_tried_stands_in_the_class_where_the_records_cannot_tell(to_and_fro: bool) -> None:
+    records = [record(seed, to_and_fro) for seed in (1, 2)]
+    kind = kind_for(RIG, records)
+    assert isinstance(kind, AxisKind)
+    splits = kind.splits(records)
+    nominal = {p.name: p.value for p in kind.base}
+    base = FittedModel.of(kind, splits, [], [refit(kind, part, [], nominal) for part, _ in splits])
+    screened = screen(kind, base.part, [], base.thetas[0])
+    begun = next(row for row in screened if row.effect == SPRING).starts[0]
+    model = base.fitted([refit(kind, part, [SPRING], {**theta, **begun}) for part, theta in base.parts], [SPRING])
+    gain = float(np.log(base.cost / model.cost))
+    assert gain > 2
+    rivals = {rival.effect: rival for rival in rivals_of(model, SPRING, gain, screened, [])}
+    alike = {name for name, rival in rivals.items() if rival.alike}
+    assert alike == (set() if to_and_fro else {LumenTaper.id})
+    assert SPRING not in rivals
+
+
+def test_what_the_search_tried_counts_as_it_was_fitted() -> None:
+    records = [record(seed, False) for seed in (1, 2)]
+    kind = kind_for(RIG, records)
+    splits = kind.splits(records)
+    nominal = {p.name: p.value for p in kind.base}
+
+    def fitted(effect: type[Effect], **values: float) -> list[dict[str, float]]:
+        start = {**nominal, **effect.start(), **{f"{effect.id}.{name}": value for name, value in values.items()}}
+        return [refit(kind, part, [effect.id], start) for part, _ in splits]
+
+    model = FittedModel.of(kind, splits, [SPRING], fitted(SpringOverPosition, stiffness_N_per_m=10.0))
+    taper = fitted(LumenTaper, slope_per_m=2.0, reach_m=0.2)
+    trial = Trial(LumenTaper.id, tuple(taper), 2.0, 1.0, block_costs(kind, splits, taper))
+    (rival,) = rivals_of(model, SPRING, 4.0, [], [trial])
+    assert rival.effect == LumenTaper.id
+    assert rival.alike

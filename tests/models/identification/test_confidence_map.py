@@ -1,0 +1,60 @@
+"""From score to probability: what is said is what was right, and never more than the series allow."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from models.identification.confidence_map import FEWEST, ConfidenceMap, confidence_map, read_map
+from tests.bench.bench_calibration import Statement, cross_validated, expected_calibration_error, isotonic
+
+
+def said(count: int, seed: int = 0) -> list[Statement]:
+    """Statements that are right with the square of their score."""
+    rng = np.random.default_rng(seed)
+    scores = rng.uniform(0.5, 1.0, count)
+    return [Statement(float(p), bool(rng.random() < p * p)) for p in scores]
+
+
+def test_without_enough_series_nothing_is_called_calibrated() -> None:
+    few = ConfidenceMap(FEWEST - 1, 40, "2026-01-01", (0.5, 1.0), (0.4, 0.9))
+    assert not few.calibrated
+    assert "not calibrated" in few.words(few.probability(0.9))
+    none = ConfidenceMap(0, 0, "", (), ())
+    assert none.probability(0.999) == 0.5
+
+
+def test_the_map_in_use_is_one() -> None:
+    known = confidence_map()
+    assert known.calibrated == (known.series >= FEWEST)
+    assert 0 <= known.probability(1.0) <= known.most < 1
+
+
+def test_a_fitted_map_says_what_came_true_and_no_more() -> None:
+    rows = said(400)
+    made = isotonic(rows, 300, "2026-01-01")
+    assert made.calibrated
+    assert 2 <= len(made.score) <= 41
+    assert made.probability(0.9) == pytest.approx(0.81, abs=0.1)
+    assert "about" in made.words(0.87)
+    assert "87" in made.words(0.87)
+    assert expected_calibration_error(cross_validated(rows, 300)) < 0.08
+    sure = isotonic([Statement(0.9 + 1e-4 * i, True) for i in range(50)], 100, "")
+    assert sure.probability(1.0) <= 51 / 52
+
+
+def test_a_map_survives_its_file(tmp_path: Path) -> None:
+    made = isotonic(said(200), 150, "2026-01-01")
+    path = tmp_path / "map.toml"
+    path.write_text(made.to_toml())
+    again = read_map(path)
+    assert (again.series, again.statements, again.date) == (150, 200, "2026-01-01")
+    np.testing.assert_allclose(again.right, made.right, rtol=1e-3)
+    path.write_text(path.read_text().replace("series = 150", ""))
+    with pytest.raises(ValueError, match="must have series"):
+        read_map(path)
+    path.write_text('series = 1\nstatements = 1\ndate = ""\nscore = [0.9, 0.5]\nright = [0.1, 0.2]\n')
+    with pytest.raises(ValueError, match="both ascending"):
+        read_map(path)

@@ -181,6 +181,9 @@ class Guard:
             "Sync",
             "ControllerHeartbeat",
             "ModelHealth",
+            "BelievedMotion",
+            "BelievedForces",
+            "WantedMotion",
             wiring.command,
         )
         self._senders = {name: (catalogue[name].id, Sender(catalogue[name])) for name in allowed}

@@ -419,6 +419,24 @@ def _plant(
     plant(deployment, seconds, json_output=json_output)
 
 
+@_command("cockpit", "capsule cockpit deployment.toml")
+def _cockpit(
+    source: Annotated[
+        Path,
+        typer.Argument(metavar="DEPLOYMENT.toml | LOG", help="A deployment file, whose bus is watched; or a CAN log."),
+    ],
+    host: Annotated[
+        str, typer.Option("--host", metavar="ADDRESS", help="Where to listen; else this machine alone can see it.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option("--port", metavar="N", help="0: a free one.")] = 8420,
+    json_output: Json = False,
+) -> None:
+    """A page in the browser: a bus while it runs, or a log to scrub through; steers with the token that it prints."""
+    from hil.app.cockpit.command import cockpit
+
+    cockpit(source, host, port, json_output=json_output)
+
+
 @_command("replay", "capsule replay run.blf")
 def _replay(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="A log of the controller, its record beside it.")],

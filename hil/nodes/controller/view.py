@@ -33,8 +33,8 @@ def force_values(model: ControlModel, estimate: Estimate, command: float, now: f
     """The signals of BelievedForces in N, with `command` in the drive's unit in force at `now` in s."""
     names = (q.name for q in model.symbols.parameters)
     p = dict(zip(names, model.values.tolist(), strict=True))
-    at = (float(estimate.state[model.index(name)]) for name in ("x", "v"))
-    drive = model.drive.force(*at, command / model.drive.command_unit, p)
+    x, v = (float(estimate.state[model.index(name)]) for name in ("x", "v"))
+    drive = model.drive.force(x, v, command / model.drive.command_unit, p)
     wall = model.symbols.wall_force(estimate.state, now, model.values)
     forces = {"Drive_N": drive, "Wall_N": wall, "Lacking_N": estimate.disturbance_N}
     return {name: _within(float(force), _STRONGEST_N) for name, force in forces.items()}

@@ -53,6 +53,9 @@ ReferenceFile = Annotated[
         "--reference", metavar="FILE.toml", help="Where to go, instead of its own: next_experiment.toml of close-loop."
     ),
 ]
+McapFile = Annotated[
+    Path | None, typer.Option("--mcap", metavar="FILE.mcap", help="The bus's signals as MCAP, too, while it runs.")
+]
 RunSeed = Annotated[int | None, typer.Option("--seed", min=0, help="Sets every random number; else the scenario's.")]
 
 
@@ -358,6 +361,7 @@ def _sil(
     learn: Annotated[
         bool, typer.Option("--learn", help="Once the model breaks, identify in the background and take what passes.")
     ] = False,
+    mcap: McapFile = None,
     json_output: Json = False,
     effects: OwnEffects = None,
     controllers: OwnControllers = None,
@@ -370,7 +374,7 @@ def _sil(
 
     use_effects(effects or [])
     use_controllers(controllers or [])
-    sil(scenario, Options(controller, model, stage, seed, out, json_output, reference, learn))
+    sil(scenario, Options(controller, model, stage, seed, out, json_output, reference, learn, mcap))
 
 
 @_command("run", "capsule run deployment.toml check")
@@ -388,6 +392,7 @@ def _run(
     log: Annotated[
         Path | None, typer.Option("--log", metavar="LOG.blf", help="Where the log goes; else beside you.")
     ] = None,
+    mcap: McapFile = None,
     reference: ReferenceFile = None,
     json_output: Json = False,
     effects: OwnEffects = None,
@@ -400,7 +405,7 @@ def _run(
 
     use_effects(effects or [])
     use_controllers(controllers or [])
-    return run(rig, action, dry_run=dry_run, log=log, json_output=json_output, reference=reference)
+    return run(rig, action, dry_run=dry_run, log=log, json_output=json_output, reference=reference, mcap=mcap)
 
 
 @_command("plant", "capsule plant examples/deployment/deployment.toml --seconds 60")

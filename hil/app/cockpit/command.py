@@ -27,6 +27,8 @@ from hil.nodes.cia402.bus import Cia402Bus
 from hil.nodes.frame_map import frame_map_of
 
 PORT: Final = 8420
+OLDEST_S: Final = 5.0
+"""A page that the processor was taken from does not say of its late frames that their counters were wrong."""
 EXTRA: Final = "cockpit"
 
 
@@ -78,7 +80,7 @@ def _source(path: Path) -> Iterator[BusSource | LogSource]:
     wiring = frame_map_of(deployment.rig.kind)
     clock = Clock()
     try:
-        bus: can.BusABC = ClockedBus(open_bus(deployment.bus), clock)
+        bus: can.BusABC = ClockedBus(open_bus(deployment.bus), clock, OLDEST_S)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     if deployment.cia402 is not None:

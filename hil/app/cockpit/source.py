@@ -59,7 +59,7 @@ class BusSource:
         """The state for the page's cards."""
         now = self.clock.now()
         quiet = now - self._heard
-        heard = "nothing heard yet" if self._heard < 0 else f"the bus is quiet since {quiet:.0f} s"
+        heard = "nothing heard yet" if self._heard < 0 else f"nothing heard on the bus for {quiet:.0f} s"
         trouble = self._trouble or (heard if self._heard < 0 or quiet > QUIET_S else "")
         return {**self.watch.document(), "time_s": round(now, 3), "trouble": trouble}
 

@@ -150,10 +150,11 @@ class Watch:
             told.insert(0, f"since {clock(health['Since_s'])} of the controller's time")
         if change := int(health["Change"]):
             told.insert(0, f"a {self.catalogue['ModelHealth'].field('Change').names[change]} change")
-        short = told[-2] if state == "holds" else told[0]
+        old = self.newest("ModelHealth") is None
+        short = f"was {words(state)}" if old else told[-2] if state == "holds" else told[0]
         return {
-            "state": words(state),
-            "grade": grade_of(state),
+            "state": "not heard" if old else words(state),
+            "grade": "note" if old else grade_of(state),
             "number": number,
             "words": "; ".join(told),
             "short": short,

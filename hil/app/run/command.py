@@ -17,7 +17,7 @@ from hil.app.scenario.deployment import BusTable, Deployment, load_deployment
 from hil.app.scenario.model_health import health_words
 from hil.app.scenario.model_health import told as health_told
 from hil.app.scenario.model_offer import offer_words, told
-from hil.app.write import check_file, check_targets
+from hil.app.write import check_file, check_mcap, check_targets
 from hil.bus.catalogue import Catalogue, load_catalogue
 from hil.bus.local import LocalBus
 from hil.log.log import FrameLog, record_path
@@ -44,9 +44,10 @@ def run(
     log: Path | None = None,
     json_output: bool = False,
     reference: Path | None = None,
+    mcap: Path | None = None,
 ) -> int:
     """Lead the drive that the rig file `path` names, or only check; 0 where all went as asked, 1 where it did not
-    (`hil.app.run.loop.ENDS`). A `reference` file takes the place of its own.
+    (`hil.app.run.loop.ENDS`). A `reference` file takes the place of its own. The log's writer writes `mcap`, too.
 
     The action "reset" acknowledges a fault that the drive has latched, and does nothing else: that takes an operator's
     word. With `dry_run` everything is listened to and computed and nothing is sent. Raises ValueError, one sentence,
@@ -58,6 +59,8 @@ def run(
     log = log or Path(f"{deployment.name}.blf")
     if action != "check":
         check_targets([check_file(log, "--log", (".blf",)), record_path(log)], "--log", [path])
+    if mcap is not None:
+        check_mcap(mcap, [path, log])
     verdict = deployment.verdict
     if action == "reset" and dry_run:
         raise ValueError("--dry-run must go with leading; got 'reset', which does nothing but send")
@@ -67,7 +70,7 @@ def run(
     if action != "check" and not limits.good:
         raise ValueError(f"{path}: {limits.words}")
     try:
-        return _run(path, deployment, catalogue, action, dry_run, log, json_output)
+        return _run(path, deployment, catalogue, action, dry_run, (log, mcap), json_output)
     except _OtherControllerError as error:
         return _not_begun(path, str(error), json_output)
 
@@ -78,7 +81,7 @@ def _run(
     catalogue: Catalogue,
     action: str,
     dry_run: bool,
-    log: Path,
+    logs: tuple[Path, Path | None],
     json_output: bool,
 ) -> int:
     """As `run`, of what can be used. Raises _OtherControllerError besides."""
@@ -92,7 +95,7 @@ def _run(
             if action == "check":
                 points = check(deployment, task, bus, catalogue)
             else:
-                outcome, node, frames_log = _lead(deployment, bus, dry_run, log, resets=action == "reset")
+                outcome, node, frames_log = _lead(deployment, bus, dry_run, logs, resets=action == "reset")
         finally:
             bus.shutdown()
     if action == "check":
@@ -189,8 +192,9 @@ def _controllers_on(bus: can.BusABC) -> list[str]:
 
 
 def _lead(
-    deployment: Deployment, bus: ClockedBus, dry_run: bool, path: Path, *, resets: bool
+    deployment: Deployment, bus: ClockedBus, dry_run: bool, logs: tuple[Path, Path | None], *, resets: bool
 ) -> tuple[Outcome, ControllerNode, FrameLog]:
+    path, mcap = logs
     task, catalogue, control = deployment.task(), load_catalogue(), deployment.control
     record = log_record(
         {"deployment": deployment.text},
@@ -208,7 +212,7 @@ def _lead(
     def tell(sentence: str) -> None:
         notes().print(sentence, markup=False, soft_wrap=True)
 
-    with FrameLog(path, record, tell) as frames_log, Signals().caught() as signals:
+    with FrameLog(path, record, tell, mcap) as frames_log, Signals().caught() as signals:
         if frames_log.kept is not None:
             tell(f"older log kept as {frames_log.kept}")
         if frames_log.path != path:

@@ -442,6 +442,33 @@ def _cockpit(
     cockpit(source, host, port, json_output=json_output)
 
 
+@_command("jog", "capsule jog examples/deployment/deployment.toml")
+def _jog(
+    deployment: Annotated[
+        Path, typer.Argument(metavar="DEPLOYMENT.toml", help="A deployment file with [operator] accept = true.")
+    ],
+    source: Annotated[
+        str, typer.Option("--source", metavar="NAME", help="Sender: keyboard, cockpit, joystick, ros, script, other.")
+    ] = "keyboard",
+    script: Annotated[
+        str | None,
+        typer.Option(
+            "--script",
+            metavar="FILE",
+            help="Lines 'speed MM_S SECONDS', 'position MM SECONDS', 'release SECONDS' instead of keys; - for stdin.",
+        ),
+    ] = None,
+    life_ms: Annotated[
+        float, typer.Option("--life", metavar="MS", help="How long a setpoint counts; 1 to 200.")
+    ] = 100.0,
+    json_output: Json = False,
+) -> int:
+    """Steer a controller that leads: the arrow keys while held, or a script."""
+    from hil.app.jog.command import jog
+
+    return jog(deployment, source, script, life_ms, json_output=json_output)
+
+
 @_command("replay", "capsule replay run.blf")
 def _replay(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="A log of the controller, its record beside it.")],

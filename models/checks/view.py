@@ -99,10 +99,10 @@ class View:
         noise = max(white_noise(x), grid_step(x) / np.sqrt(12))
         for window in _WINDOWS_S:
             n = max(1, round(window / 2 / self.dt))
-            smooth = running_mean(x, n)
+            smooth, centre = running_mean(x, n), running_mean(np.arange(len(x), dtype=np.float64), n)
             ahead = np.minimum(np.arange(len(x)) + n, len(x) - 1)
             back = np.maximum(np.arange(len(x)) - n, 0)
-            speed = (smooth[ahead] - smooth[back]) / (np.maximum(ahead - back, 1) * self.dt)
+            speed = (smooth[ahead] - smooth[back]) / (np.maximum(centre[ahead] - centre[back], 0.5) * self.dt)
             left = noise * float(np.sqrt(2 / (2 * n + 1))) / (2 * n * self.dt)
             if 5 * left < _SHOWN * float(np.percentile(np.abs(speed), 90)):
                 break

@@ -83,8 +83,9 @@ def converted(value: Any, hint: Any, where: str) -> Any:
         return value
     if typing.get_origin(hint) is tuple:
         if not isinstance(value, list):
-            raise ValueError(f"{where} must be a list of numbers; got {shown(value)}")
-        return tuple(converted(item, float, where) for item in value)
+            words = "text" if typing.get_args(hint)[0] is str else "numbers"
+            raise ValueError(f"{where} must be a list of {words}; got {shown(value)}")
+        return tuple(converted(item, typing.get_args(hint)[0], where) for item in value)
     if isinstance(hint, type) and is_dataclass(hint):
         return from_table(hint, value, where)
     if hint is bool:

@@ -95,10 +95,9 @@ def close(
         checks=checks,
         candidates=tuple(_rows(found)),
         smallest_detectable=found.detectable,
-        next_experiment="; ".join(
-            said for said in (words_of(proposal), words.next_experiment(kind, thetas["augmented"], train)) if said
-        )
-        or None,
+        next_experiment=_next(
+            findings, verdict, (words_of(proposal), words.next_experiment(kind, thetas["augmented"], train))
+        ),
         statements=tuple(
             _statements(found, verdict) + held_out(found, errors["holdout"]) + words.statements(kind, thetas, train)
         ),
@@ -118,12 +117,18 @@ def close(
 
 
 def _reasons(verdict: str, checks: Sequence[Check], findings: Sequence[RecordFinding]) -> tuple[str, ...]:
-    """Why the verdict is `unknown`: the checks that fail, and what weakens the records."""
+    """Why the verdict is `unknown`: what weakens the records, and the checks that fail."""
     if verdict != "unknown":
         return ()
     failed = [f"{c.name}: {c.value:.3g}, at most {c.limit:.3g} allowed ({c.meaning})" for c in checks if not c.ok]
     weak = dict.fromkeys(finding.sentence for finding in findings if finding.severity == "weakens")
-    return (*failed, *weak)
+    return (*weak, *failed)
+
+
+def _next(findings: Sequence[RecordFinding], verdict: str, told: Sequence[str | None]) -> str | None:
+    """What to record next: for `unknown`, what mends the records where they weaken it; then what else is `told`."""
+    weak = [finding.remedy for finding in findings if finding.severity == "weakens" and verdict == "unknown"]
+    return "; ".join(dict.fromkeys(words for words in (*weak, *told) if words)) or None
 
 
 def _stage_values(kind: AnyKind, found: Search) -> dict[str, dict[str, float]]:

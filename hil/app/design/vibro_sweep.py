@@ -15,6 +15,7 @@ from typing import Any, Final
 
 import numpy as np
 import plotly.graph_objects as go
+from plotly.subplots import make_subplots
 
 from hil.app.report.document import document, heading
 from hil.app.report.theme import INK, figure_html, styled
@@ -52,6 +53,7 @@ HARDLY_M_S: Final = 0.5e-3  # below: it does not move to speak of
 SLOW_SHARE: Final = 0.2  # the claim holds when slow drives reach less than this share of the fast ones' speed
 _SETTLE_S, _MEASURE_S, _EVERY = 1.0, 3.0, 10
 _BODY: Final = Capsule(mass_kg=1.67e-3)
+_COLOURS: Final = {True: "#0072b2", False: "#d55e00"}
 
 
 @dataclass(frozen=True)
@@ -132,25 +134,46 @@ def vibro_sweep(out: Path) -> dict[str, Any]:
     }
     write_text(out / "vibro_sweep.json", json.dumps(found, indent=1) + "\n")
     counts = ", ".join(f"{len(names)} {verdict}" for verdict, names in found["verdicts"].items())
-    head = heading(f"{len(results)} drives", "Vibro drives on the gut", f"{CLAIM}: {counts}.")
+    head = heading(
+        f"{len(results)} drives",
+        "Vibro drives on the gut",
+        f"{CLAIM}: {counts}. The dashed line is a period of 0.05 s.",
+    )
     figure = figure_html(_figure(found), "figure-1")
     write_text(out / "vibro_sweep.html", document("Vibro drives", head, [("speed", "Mean speed", figure)]))
     return found
 
 
 def _figure(found: dict[str, Any]) -> go.Figure:
-    colours = {"holds": "#0072b2", "fails": "#d55e00", "does not move": "#9aa0a6"}
-    figure = go.Figure()
-    for drive in found["drives"]:
-        speed = 1e3 * np.asarray(drive["mean_speed_m_s"])
-        line = {"color": colours[drive["claim"]], "dash": "solid" if drive["on_board"] else "dot", "width": 1.3}
-        figure.add_scatter(x=found["frequency_Hz"], y=speed, name=f"{drive['name']}: {drive['claim']}", line=line)
+    """A panel for each verdict, a line for each drive (named where the pointer is), the median of the sizes in all."""
+    verdicts = [(verdict, names) for verdict, names in found["verdicts"].items() if names]
+    titles = [f"{verdict} ({len(names)} drives)" for verdict, names in verdicts]
+    figure = make_subplots(rows=len(verdicts), cols=1, shared_xaxes=True, vertical_spacing=0.08, subplot_titles=titles)
+    rows = {verdict: row for row, (verdict, _) in enumerate(verdicts, 1)}
     median = 1e3 * np.asarray(found["median_speed_m_s"])
-    figure.add_scatter(x=found["frequency_Hz"], y=median, name="median of the sizes", line={"color": INK, "width": 3})
-    figure.add_vline(x=WALL_HZ, line_dash="dash", annotation_text="period 0.05 s")
-    styled(figure, 900, legend={"orientation": "v", "x": 0, "y": -0.12, "yanchor": "top"}, margin={"b": 60})
-    figure.update_xaxes(title="drive frequency in Hz")
-    figure.update_yaxes(title="mean speed in mm/s")
+    seen: set[bool] = set()
+    for drive in found["drives"]:
+        on_board = bool(drive["on_board"])
+        figure.add_scatter(
+            x=found["frequency_Hz"],
+            y=1e3 * np.asarray(drive["mean_speed_m_s"]),
+            name="driven on board" if on_board else "driven by a field",
+            line={"color": _COLOURS[on_board], "dash": "solid" if on_board else "dot", "width": 1.3},
+            hovertemplate=f"{drive['name']}: %{{y:.3g}} mm/s at %{{x}} Hz<extra></extra>",
+            showlegend=on_board not in seen,
+            row=rows[drive["claim"]],
+            col=1,
+        )
+        seen.add(on_board)
+    for row in rows.values():
+        figure.add_scatter(
+            x=found["frequency_Hz"], y=median, name="median of all sizes", line={"color": INK, "width": 2.5},
+            showlegend=row == 1, row=row, col=1,
+        )  # fmt: skip
+        figure.add_vline(x=WALL_HZ, line_dash="dash", line_width=1, row=row, col=1)
+        figure.update_yaxes(title="mean speed in mm/s", row=row, col=1)
+    styled(figure, 300 * len(rows))
+    figure.update_xaxes(title="drive frequency in Hz", row=len(rows), col=1)
     return figure
 
 

@@ -17,6 +17,7 @@ from hil.app.scenario.reference import REFERENCES
 from hil.app.scenario.scenario import Control
 from hil.formats.table import FORMATS
 from hil.nodes.cia402.states import Cia402Table
+from hil.nodes.controller.operator import OperatorLimits
 from models.files.columns import ABOVE, COLUMNS, RANGES, TIME, VARIANTS
 from models.files.rig_tables import (
     Axis,
@@ -60,6 +61,7 @@ DEPLOYMENT_TABLES: Final[Mapping[str, Any]] = {
     "[limits]": Limits,
     "[model]": ModelTable,
     "[offer]": OfferTable,
+    "[operator]": OperatorLimits,
     "[cia402]": Cia402Table,
     "[plant]": PlantTable,
 }
@@ -88,6 +90,9 @@ CHECKED: Final[Mapping[tuple[type[Any], str], tuple[float, float]]] = {
     (OfferTable, "at_s"): (0.0, math.inf),
     (Cia402Table, "node_id"): (1, 15),
     (PlantTable, "priority"): (0, 99),
+    (OperatorLimits, "speed_m_s"): (1e-4, 0.4),
+    (OperatorLimits, "acceleration_m_s2"): (1e-3, 10.0),
+    (OperatorLimits, "stop_after_s"): (0.05, 60.0),
 }
 """Ranges that a table checks as it is made; the test of the page tries both ends of each."""
 
@@ -191,8 +196,9 @@ def _dataclass(cls: type[Any]) -> Iterator[tuple[str, str, str, str]]:
         elif cls is Limits:
             span = "> 0"
         else:
-            numbers = "list of numbers" if "tuple" in str(hints[field.name]) else ""
-            span = {str: "text", float: "number"}.get(hints[field.name], numbers)
+            listed = "list of text" if "str" in str(hints[field.name]) else "list of numbers"
+            other = listed if "tuple" in str(hints[field.name]) else ""
+            span = {str: "text", float: "number", bool: "true or false"}.get(hints[field.name], other)
         missing = field.default is dataclasses.MISSING
         yield field.name, span, "required" if missing else _value(field.default), field.metadata.get("source", "")
 
@@ -202,6 +208,6 @@ def _value(value: Any) -> str:
         return str(value).lower()
     if isinstance(value, str):
         return f"`{value}`" if value else "empty"
-    if isinstance(value, list):
+    if isinstance(value, list | tuple):
         return ", ".join(map(_value, value)) or "empty list"
     return f"{value:.9g}"

@@ -85,7 +85,8 @@ MEANINGS: Final[Mapping[str, str]] = {
     "modulus_std_Pa": "standard deviation of a modulus; left out: estimated",
     "offset_s": "how much later than the driven columns the measured ones are stamped; negative: earlier",
     "offset_std_s": "how well that is known: a calibration looks for it within four of these",
-    "accept": "findings of `capsule check`, by id, that no longer stop a fit; they weaken its verdict",
+    "accept": "in `[checks]`, findings of `capsule check`, by id, that no longer stop a fit; they weaken its verdict;"
+    " in `[operator]`, whether the controller takes setpoints from the bus",
     "column": "name of the column in the files, exactly as it stands there",
     "unit": "unit of that column, such as `mm`, `gf`, `ms`; left out: the one that the file states or that the column's"
     " name ends in, else that of our column",
@@ -113,7 +114,13 @@ MEANINGS: Final[Mapping[str, str]] = {
     "position_mm": "position to hold",
     "dwell_s": "rest at each position",
     "times_s": "time of each position",
-    "speed_m_s": "greatest speed of the capsule",
+    "speed_m_s": "greatest speed of the capsule; in `[operator]`, of the reference that setpoints lead",
+    "sources": "senders whose setpoints are taken, by the names of `OperatorSetpoint`; empty: all",
+    "acceleration_m_s2": "greatest acceleration of that reference",
+    "lowest_m": "lowest position that it goes to, as the localiser tells it",
+    "highest_m": "highest position",
+    "stop_after_s": "how long the capsule is held after the dead-man switch has been released, or a setpoint has come"
+    " late, before the drive is stopped",
     "carriage_speed_m_s": "greatest speed of the carriage",
     "first_speed_m_s": "speed of the carriage that is allowed as a run on a rig enables it; of a coil's or inner mass's"
     " range the same share",

@@ -108,6 +108,8 @@ def _run(
         return 0 if all(p.good for p in points) else 1
     found = _document(path, outcome, node, frames_log, dry_run) | {"overruns": _overruns(bus)}
     found |= told(deployment.offered, node.estimator.taken_at)
+    if node.operator is not None:
+        found["operator"] = node.operator.document()
     found["monitor"] = health_told(node.estimator.health, node.estimator.origin_s)
     if json_output:
         print_json(found)

@@ -20,6 +20,7 @@ from hil.bus.catalogue import load_catalogue
 from hil.nodes.cia402.states import Cia402Table
 from hil.nodes.controller.guard import FEEDBACK_S
 from hil.nodes.controller.node import Task
+from hil.nodes.controller.operator import OperatorLimits
 from hil.nodes.frame_map import FRAME_MAPS, frame_map_of
 from models.files.rig import TABLES, Rig, parse_rig
 from models.files.tables import from_table
@@ -32,7 +33,7 @@ PLANNING: Final = 0.4
 """Share of a tick within which a plan has to be made. At 1 kHz listening, estimate, limits and sending take a quarter
 of it.
 """
-OWN_TABLES: Final = ("bus", "cia402", "control", "reference", "limits", "model", "offer", "plant")
+OWN_TABLES: Final = ("bus", "cia402", "control", "reference", "limits", "model", "offer", "operator", "plant")
 
 
 @dataclass(frozen=True)
@@ -131,7 +132,8 @@ class DeployedPlant:
 @dataclass(frozen=True)
 class Deployment:
     """A controller to run on a bus. `values` are the learned model's parameters, none where nominal; `verdict` the
-    gate's, where asked; `cia402` the carriage's settings where it is a CANopen drive.
+    gate's, where asked; `cia402` the carriage's settings where it is a CANopen drive; `operator` what setpoints from
+    the bus are held to.
     """
 
     name: str
@@ -145,6 +147,7 @@ class Deployment:
     verdict: Verdict | None = None
     cia402: Cia402Table | None = None
     offered: Offered | None = None
+    operator: OperatorLimits = OperatorLimits()
 
     def task(self) -> Task:
         """What the controller node is built from. Raises ValueError for a rig that cannot be controlled."""
@@ -161,6 +164,7 @@ class Deployment:
             resolution_m=control.resolution_m,
             offer=offer,
             estimator=control.estimator,
+            operator=self.operator if self.operator.accept else None,
         )
 
 
@@ -227,7 +231,42 @@ def parse_deployment(
         values,
         verdict,
         _drive(raw, rig.kind),
+        operator=_operator(raw, limits),
     )
+
+
+def _operator(raw: Mapping[str, Any], limits: Limits) -> OperatorLimits:
+    """What setpoints of an operator are held to, within `limits`."""
+    operator = from_table(OperatorLimits, raw.get("operator", {}), "operator")
+    operator.check_sources(load_catalogue())
+    if not operator.accept:
+        return operator
+    fastest, farthest = min(limits.speed_m_s, limits.carriage_speed_m_s), limits.travel_m
+    if operator.speed_m_s > fastest:
+        raise ValueError(
+            f"operator.speed_m_s must be at most {fastest:g}, as [limits] have it; got {operator.speed_m_s:g}"
+        )
+    for name in ("lowest_m", "highest_m"):
+        if abs(getattr(operator, name)) > farthest:
+            raise ValueError(
+                f"operator.{name} must lie within limits.travel_m, {farthest:g} m; got {getattr(operator, name):g}"
+            )
+    return operator
+
+
+def read_operator(path: Path) -> tuple[BusTable, OperatorLimits]:
+    """The bus of the deployment file `path` and what setpoints are held to there; ValueError of one sentence where none
+    are accepted.
+    """
+    raw, _ = read_toml(path, "deployment file")
+    try:
+        _check_tables(raw)
+        operator = _operator(raw, from_table(Limits, raw.get("limits", {}), "limits"))
+        if not operator.accept:
+            raise ValueError("operator.accept must be true, or the controller takes no setpoints; got false")
+        return from_table(BusTable, raw.get("bus", {}), "bus"), operator
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
 
 
 def _check_tables(raw: Mapping[str, Any]) -> None:

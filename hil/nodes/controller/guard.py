@@ -184,6 +184,7 @@ class Guard:
             "BelievedMotion",
             "BelievedForces",
             "WantedMotion",
+            "OperatorStatus",
             wiring.command,
         )
         self._senders = {name: (catalogue[name].id, Sender(catalogue[name])) for name in allowed}

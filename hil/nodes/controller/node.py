@@ -24,6 +24,7 @@ from controller.supervision.supervisor import Supervisor
 from hil.bus.catalogue import Catalogue
 from hil.nodes.controller.guard import STOP_PERIOD_S, Evidence, Fence, Guard, Passed
 from hil.nodes.controller.health import HEALTH_S, health_values
+from hil.nodes.controller.operator import STATUS, STATUS_S, Operator, OperatorLimits
 from hil.nodes.controller.plausibility import Plausibility
 from hil.nodes.controller.receive import FrameReceiver
 from hil.nodes.controller.view import VIEW_S, force_values, motion_values, wanted_values
@@ -51,7 +52,7 @@ class Task:
     have, `resolution_m` its pixels or steps (0: finer than the bus's). `deadline_s` is what the MPC's plan may take of
     a tick (inf, as lockstep needs it, where no clock decides). `offer` is a model that is to take over at a rest,
     `estimator` one of `controller.registry.ESTIMATORS`, `learned` those models that were learned in a run that is
-    replayed.
+    replayed, `operator` what setpoints from the bus are held to, where they are accepted.
     """
 
     model: ControlModel
@@ -64,6 +65,7 @@ class Task:
     offer: Offer | None = None
     estimator: str = "default"
     learned: tuple[Offer, ...] = ()
+    operator: OperatorLimits | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,9 +128,14 @@ class ControllerNode:
 
     Ticks that did not take place are caught up with while the last command lives, by the node's clock; whether it does
     by the drive's, the drive says. After a longer step of the clock the node stops: "controller paused" where the
-    drive's feedback filled the time (a report for each two ticks at least), "clock jumped" where it did not. `tick`
-    never raises, never sleeps and takes bounded time. `observer` sees every frame in and out, `clock` times estimate
-    and solve alone.
+    drive's feedback filled the time (a report for each two ticks at least), "clock jumped" where it did not.
+
+    Where the task accepts an `operator`, the reference is the task's own until one takes charge, then the operator's.
+    While nobody has been in charge for long enough the drive is stopped; it is enabled again as at first, with the
+    reference where the capsule is, once somebody is.
+
+    `tick` never raises, never sleeps and takes bounded time. `observer` sees every frame in and out, `clock` times
+    estimate and solve alone.
     """
 
     def __init__(
@@ -155,7 +162,8 @@ class ControllerNode:
         for offer in task.learned:
             self.estimator.propose(offer)
         self.tick_s = task.model.tick_s
-        self.receiver = FrameReceiver(bus, catalogue, self.wiring, self.tick_s, observer)
+        self.operator = None if task.operator is None else Operator(task.operator, catalogue)
+        self.receiver = FrameReceiver(bus, catalogue, self.wiring, self.tick_s, observer, self.operator)
         self.guard = Guard(
             bus, catalogue, self.wiring, Fence.of(self.envelope, self.tick_s), dry=dry_run, observe=observer
         )
@@ -163,10 +171,10 @@ class ControllerNode:
         self._plausibility = Plausibility(_FOLLOW[self.wiring.kind], task.seen_noise_m, task.resolution_m)
         self._reference: Reference = task.reference
         self._bus, self._catalogue, self._clock = bus, catalogue, clock
-        self._began = self._last = self._beat_at = self._health_at = self._view_at = -math.inf
+        self._began = self._last = self._beat_at = self._health_at = self._view_at = self._status_at = -math.inf
         self._origin, self._index = 0.0, 0
         self._number = 0
-        self._led = False
+        self._led = self._rested = False
         self._here = False
         self._enabled_s = -math.inf
         self._told_all_at = -math.inf
@@ -181,7 +189,9 @@ class ControllerNode:
         """
         self._here = origin_s is None
         self._begin_reference(now if origin_s is None else origin_s)
-        self.state, self.reason, self._led = RUNNING, "", False
+        self.state, self.reason, self._led, self._rested = RUNNING, "", False, False
+        if self.operator is not None:
+            self.operator.begin()
         self._enabled_s = -math.inf
         self.receiver.foreign.clear()
         self._plausibility.settle(self.estimator.counts.restarts)
@@ -194,7 +204,7 @@ class ControllerNode:
     @property
     def leads(self) -> bool:
         """Whether the drive has been asked to move since the last start."""
-        return self._led
+        return self._led or self._rested
 
     @property
     def enabled(self) -> bool:
@@ -223,9 +233,10 @@ class ControllerNode:
         arrived = self.receiver.listen(now)
         estimate = self._estimated(now, arrived, missed)
         middle = self._clock()
+        self._steer(now, estimate)
         self._judge(now)
         evidence = self.receiver.evidence(now)
-        mode = self._mode(evidence, estimate)
+        mode = self._mode(now, evidence, estimate)
         action = self._act(now, mode, estimate) if solved else Action(math.nan, "late")
         end = self._clock()
         self._before = self.guard.sent
@@ -244,7 +255,9 @@ class ControllerNode:
         )
 
     def _speak(self, now: float) -> None:
-        """SYNC, heartbeat, the monitor's word, and the acknowledgement of a fault where `start` asked for one."""
+        """SYNC, heartbeat, the monitor's word, the answer to an operator, and the acknowledgement of a fault where
+        `start` asked for one.
+        """
         if self._began == -math.inf:
             self._began = now
         self.guard.send("Sync", {"Tick": self._number % (1 << 32), "Period_s": self.tick_s}, now)
@@ -256,6 +269,9 @@ class ControllerNode:
         if not 0 <= now - self._health_at < HEALTH_S - 0.5 * self.tick_s:
             self._health_at = now
             self.guard.send("ModelHealth", health_values(self.estimator.health, self._began), now)
+        if self.operator is not None and not 0 <= now - self._status_at < STATUS_S - 0.5 * self.tick_s:
+            self._status_at = now
+            self.guard.send(STATUS, self.operator.status(now, self._reference, self.state == RUNNING), now)
         if self._acknowledge:
             self._acknowledge -= 1
             self.guard.send("DriveReset", {"Target": self.wiring.target, "Code": self.receiver.fault}, now)
@@ -329,16 +345,28 @@ class ControllerNode:
             self._told_all_at = now
             self.guard.send("SafeStop", {"Target": 0, "Reason": OTHER_CONTROLLER}, now)
 
+    def _steer(self, now: float, estimate: Estimate) -> None:
+        """Let whoever is in charge lead the reference, and the drive rest where nobody has been for long enough."""
+        if self.operator is None:
+            return
+        self.operator.expire(now)
+        if self._led and self.operator.resting(now):
+            self._led, self._rested = False, True
+        if self._led:
+            self._reference = self.operator.follow(now, self._reference, self._place(estimate))
+
     def _judge(self, now: float) -> None:
         """Stop for good where there is a reason to."""
         if self.receiver.foreign and not self.guard.dry:
             self._fail(self.receiver.other_controller)
-        if not self._led:
+        if not self.leads:
             return
-        self._plausibility.wanted(float(self._reference.position(np.array([now]))[0]))
-        reason = self.receiver.doubt(now) or self._plausibility.reason(self.estimator.counts.restarts)
-        if self.receiver.state not in (WAITING, *MOVING):
-            reason = reason or "drive left operation"
+        reason = self.receiver.doubt(now)
+        if self._led:
+            self._plausibility.wanted(float(self._reference.position(np.array([now]))[0]))
+            reason = reason or self._plausibility.reason(self.estimator.counts.restarts)
+            if self.receiver.state not in (WAITING, *MOVING):
+                reason = reason or "drive left operation"
         if reason:
             self._fail(reason)
 
@@ -347,7 +375,7 @@ class ControllerNode:
         if self.state == RUNNING:
             self.state, self.reason = FAULTY, reason
 
-    def _mode(self, evidence: Evidence, estimate: Estimate) -> int:
+    def _mode(self, now: float, evidence: Evidence, estimate: Estimate) -> int:
         """What the drive is asked for: up through its states one by one while running, off else (quick stop while it
         still moves).
         """
@@ -355,6 +383,8 @@ class ControllerNode:
             return OFF
         if self._led:
             return ENABLE
+        if self.operator is not None and self.operator.resting(now):
+            return OFF
         if (
             not self.receiver.beating
             or evidence.feedback_s > self.guard.fence.feedback_s
@@ -375,7 +405,11 @@ class ControllerNode:
             return Action(self.receiver.report, "stopped")
         if not self._led:
             self._led = True
-            if self._here:
+            if self.operator is not None and self.operator.taken:
+                self._enabled_s = now
+                self._reference = self.operator.enabled(self._place(estimate))
+                self.estimator.begin(now + self.tick_s)
+            elif self._here:
                 self._enabled_s = now
                 start_m = float(self.task.reference.position(np.zeros(1))[0])
                 self._begin_reference(now + self.tick_s, self._place(estimate) - start_m)

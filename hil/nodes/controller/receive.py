@@ -14,6 +14,7 @@ from hil.bus.catalogue import Catalogue
 from hil.bus.codec import Refusal
 from hil.bus.protection import Receiver, Reception
 from hil.nodes.controller.guard import Evidence
+from hil.nodes.controller.operator import SETPOINT, Operator
 from hil.nodes.frame_map import BOOT, FrameMap, Observer, plain
 
 MOST: Final = 256
@@ -36,11 +37,17 @@ class FrameReceiver:
 
     `foreign` counts the frames that only a controller sends, by name, whatever their bytes: another one speaks on this
     bus. `strange` counts, by type, what is no classic data frame with an 11-bit identifier; `deaf` the ticks in which
-    the bus raised, `deaf_words` what it said last.
+    the bus raised, `deaf_words` what it said last. `operator`, where there is one, takes its setpoints in.
     """
 
     def __init__(
-        self, bus: can.BusABC, catalogue: Catalogue, wiring: FrameMap, tick_s: float, observer: Observer | None = None
+        self,
+        bus: can.BusABC,
+        catalogue: Catalogue,
+        wiring: FrameMap,
+        tick_s: float,
+        observer: Observer | None = None,
+        operator: Operator | None = None,
     ) -> None:
         sensors = ("CapsuleLocalisation", "LocaliserHeartbeat", "ForceReading", "ForceSensorHeartbeat")
         names = (wiring.feedback, wiring.fault, wiring.heartbeat, wiring.challenge, *sensors)
@@ -55,7 +62,7 @@ class FrameReceiver:
         self.foreign_at = -math.inf
         self._foreign = controllers_frames(catalogue)
         self._fingerprint, self._other = catalogue.fingerprint, False
-        self._bus, self._observer = bus, observer
+        self._bus, self._observer, self.operator = bus, observer, operator
         self._place_at = self._fed_at = -math.inf
         self._beat_at = math.nan
 
@@ -63,7 +70,8 @@ class FrameReceiver:
     def rejected(self) -> int:
         """Frames refused so far, unknown ones included."""
         refused = sum(r.statistics.refused.total() for r in self.reception.receivers.values())
-        return refused + self.reception.unknown.total() + self.foreign.total()
+        operator = 0 if self.operator is None else self.operator.refused.total()
+        return refused + operator + self.reception.unknown.total() + self.foreign.total()
 
     @property
     def errors(self) -> int:
@@ -92,6 +100,9 @@ class FrameReceiver:
                 self.foreign[self._foreign[message.arbitration_id]] += 1
                 self.foreign_at = now
                 continue
+            if self.operator is not None and message.arbitration_id == self.operator.id:
+                self.operator.accept(message.data, message.timestamp, now)
+                continue
             values = self.reception.accept(message.arbitration_id, message.data, message.timestamp)
             if not isinstance(values, Refusal):
                 self._take(self._names[message.arbitration_id], values, message.timestamp, now, found)
@@ -115,7 +126,12 @@ class FrameReceiver:
     @property
     def refused(self) -> dict[str, dict[str, int]]:
         """How many frames were refused, by name and reason."""
-        found = {r.frame.name: dict(r.statistics.refused) for r in self.reception.receivers.values()}
+        found: dict[str, Mapping[str, int]] = {
+            r.frame.name: {str(why): n for why, n in r.statistics.refused.items()}
+            for r in self.reception.receivers.values()
+        }
+        if self.operator is not None:
+            found[SETPOINT] = self.operator.refused
         return {name: {str(why): n for why, n in whys.items()} for name, whys in found.items() if whys}
 
     @property

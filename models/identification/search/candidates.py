@@ -53,8 +53,10 @@ class Trial:
 
 def compare_candidates(model: FittedModel, screened: Sequence[Screened]) -> list[Trial]:
     """Joint fits of `model` with one more effect, from short ones of every candidate to full ones of the best three and
-    of the declared confounded effects of the best; best gain first.
+    of the declared confounded effects of the best; best gain first. None where no candidate passed the screening.
     """
+    if not screened:
+        return []
     entries = {row.effect: _entry(model, row) for row in screened}
     entered = sorted(entries, key=lambda name: entries[name][0])
     fitted = _heats(model, {name: entries[name][1] for name in _with_confounders(model.kind, entered)})

@@ -194,3 +194,20 @@ def test_a_force_stamped_late_is_a_calibration_parameter_where_the_rig_file_says
     assert model.stages["nominal"]["clock_offset_s"] == 0.0
     known = close(parse_rig({**PULL, "clock": {"offset_s": 0.02}}), late, [], quiet)[0]
     assert (known.verdict, known.effects) == ("none", ())
+
+
+def test_records_that_tell_nothing_end_unknown_and_say_what_to_record() -> None:
+    rng = np.random.default_rng(0)
+    t = 0.01 * np.arange(400)
+    columns = {"t_s": t, "position_m": 1e-3 * t}
+    records = [
+        Record(f"r{k}", "pull", {**columns, "force_N": 0.05 + 1e-3 * rng.standard_normal(400)}) for k in range(2)
+    ]
+    finding, _ = close(parse_rig(PULL), records, [], quiet)
+    assert finding.verdict == "unknown"
+    assert not finding.effects
+    assert "nothing in it follows the motion" in finding.reasons[0]
+    assert finding.next_experiment is not None
+    assert "strokes to and fro" in finding.next_experiment
+    start = next(f for f in finding.findings if f.id == "starts_in_motion")
+    assert "at 1 mm/s" in start.sentence

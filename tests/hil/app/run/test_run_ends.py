@@ -9,6 +9,7 @@ import math
 import threading
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ from hil.log.log import LockstepLog
 from hil.log.reader import read_frames
 from hil.log.recorder import Recorder
 from hil.nodes.controller.node import ControllerNode, Tick
+from hil.nodes.controller.operator import OperatorLimits
 from hil.nodes.frame_map import ENABLED, FAULT, STANDBY
 from plant import layout as at
 from tests.hil.app.run.deployments import deployment, rig_file
@@ -65,20 +67,28 @@ class Lockstep(Clock):
 
 
 def rig_of(
-    log: Recorder | None, *faults: Mapping[str, Any], kind: str = "magnetic", **tables: Any
+    log: Recorder | None,
+    *faults: Mapping[str, Any],
+    kind: str = "magnetic",
+    operator: OperatorLimits | None = None,
+    **tables: Any,
 ) -> tuple[Rig, Clock]:
     """A controller that nobody has started, and its clock."""
     bench = Bench(scenario_of(kind, 20.0, *faults, **tables), model_of(kind), "feedforward", 1)
     own = bench.node
-    node = Rig(own.task, bench.ports["controller"], observer=log)
+    node = Rig(replace(own.task, operator=operator), bench.ports["controller"], observer=log)
     node.bench, node.each = bench, lambda now: None
     return node, Lockstep(bench)
 
 
 def led(
-    folder: Path, *faults: Mapping[str, Any], each: Callable[[Rig, Signals, float], None] | None = None, **more: Any
+    folder: Path,
+    *faults: Mapping[str, Any],
+    each: Callable[[Rig, Signals, float], None] | None = None,
+    seconds: float = 1.0,
+    **more: Any,
 ) -> tuple[Outcome, Rig]:
-    """A run of one second, and its log replayed: identical."""
+    """A run of one second (or `seconds`), and its log replayed: identical."""
     signals = Signals()
     task = None
     with LockstepLog(folder / "run.blf", {}) as log:
@@ -87,7 +97,7 @@ def led(
         task = node.task
         if each is not None:
             node.each = lambda now: each(node, signals, now)
-        outcome = lead(node, clock, 1.0, recorder, signals, 3.0)
+        outcome = lead(node, clock, seconds, recorder, signals, 3.0)
     frames = list(read_frames(folder / "run.blf"))
     times = [frame.time_ns for frame in frames]
     assert times == sorted(times), "in order of time"

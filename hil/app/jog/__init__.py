@@ -1,0 +1,1 @@
+"""`capsule jog`: steering by hand over the bus."""

@@ -1,0 +1,142 @@
+"""`capsule jog`: steer a controller that leads, from the keyboard or by a script."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Final
+
+from hil.app.console import notes, print_json, summary
+from hil.app.jog.keyboard import keys, raw_terminal
+from hil.app.jog.script import Step, steps
+from hil.app.run.command import open_bus
+from hil.app.run.loop import Signals
+from hil.app.scenario.deployment import read_operator
+from hil.nodes.controller.operator import OperatorLimits
+from hil.nodes.operator_sender import CYCLE_S, OperatorSender
+
+HELD_S: Final = 0.15
+"""A key counts as held for this long after the terminal has last told of it; they repeat every 30 ms or so."""
+GREETING_S: Final = 0.1
+PARTING_S: Final = 0.1
+_FASTER: Final = 1.25
+_SHOWN_S: Final = 0.1
+
+
+def jog(
+    path: Path,
+    source: str = "keyboard",
+    script: str | None = None,
+    life_ms: float = 100.0,
+    *,
+    json_output: bool = False,
+) -> int:
+    """Send setpoints on the bus of the deployment file `path` as `source`: of the arrow keys, or of `script`, a file
+    ("-": standard input). 0 where a controller has answered, else 1.
+
+    Raises ValueError, one sentence, for what cannot be used, and where the keys are to come from no terminal.
+    """
+    table, limits = read_operator(path)
+    if limits.sources and source not in limits.sources:
+        raise ValueError(
+            f"{path}: --source must be among operator.sources, {', '.join(limits.sources)}; got {source!r}"
+        )
+    if script is None and not sys.stdin.isatty():
+        raise ValueError("capsule jog must be run in a terminal, for its keys; got another input: --script - reads it")
+    planned = [] if script is None else _planned(script)
+    try:
+        bus = open_bus(table)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    with bus, Signals().caught() as signals:
+        sender = OperatorSender(bus, source, life_ms)
+        _send(sender, [Step("release", 0.0, GREETING_S)], signals)
+        if script is None:
+            notes().print("left and right steer while held, up and down set the speed, q ends", markup=False)
+            with raw_terminal(sys.stdin.fileno()):
+                _by_keys(sender, limits, signals)
+            sys.stderr.write("\n")
+        else:
+            _send(sender, planned, signals)
+        signals.wanted = ""
+        _send(sender, [Step("release", 0.0, PARTING_S)], signals)
+    return _told(path, sender, json_output)
+
+
+def _planned(script: str) -> list[Step]:
+    """The steps of a script. Raises ValueError where it cannot be read."""
+    if script == "-":
+        return list(steps(sys.stdin, "standard input"))
+    try:
+        return list(steps(Path(script).read_text(encoding="utf-8").splitlines(), script))
+    except (OSError, UnicodeDecodeError) as error:
+        raise ValueError(f"{script}: script must be a text file that can be read; got: {error}") from None
+
+
+def _cycles(signals: Signals, seconds: float = math.inf) -> Iterator[float]:
+    """The time in s of `time.monotonic`, once a cycle, for `seconds` or until a signal."""
+    begin, cycle = time.monotonic(), 0
+    while cycle * CYCLE_S < seconds and not signals.wanted:
+        left = begin + cycle * CYCLE_S - time.monotonic()
+        if left > 0:
+            time.sleep(left)
+        yield time.monotonic()
+        cycle += 1
+
+
+def _send(sender: OperatorSender, planned: Iterable[Step], signals: Signals) -> None:
+    for step in planned:
+        for _ in _cycles(signals, step.seconds):
+            if step.mode == "speed":
+                sender.speed(step.value)
+            elif step.mode == "position":
+                sender.position(step.value)
+            else:
+                sender.release()
+            sender.listen()
+
+
+def _by_keys(sender: OperatorSender, limits: OperatorLimits, signals: Signals) -> None:
+    speed, direction, until, shown = limits.speed_m_s, 0.0, -math.inf, -math.inf
+    for now in _cycles(signals):
+        for key in keys(sys.stdin.fileno()):
+            if key == "quit":
+                return
+            if key in ("left", "right"):
+                direction, until = (1.0 if key == "right" else -1.0), now + HELD_S
+            elif key == "release":
+                until = now
+            else:
+                speed = min(speed * _FASTER, limits.speed_m_s) if key == "up" else speed / _FASTER
+        if now < until:
+            sender.speed(direction * speed)
+        else:
+            sender.release()
+        sender.listen()
+        if now - shown >= _SHOWN_S:
+            shown = now
+            sys.stderr.write(f"\r\x1b[K{1e3 * speed:.2f} mm/s  {_words(sender)}")
+            sys.stderr.flush()
+
+
+def _words(sender: OperatorSender) -> str:
+    answer = sender.answer
+    if answer is None:
+        return "no controller answers"
+    refused = f"  refused: {answer.refused}" if answer.refused != "none" else ""
+    return f"{answer.state} by {answer.source} at {1e3 * answer.position_m:.2f} mm{refused}"
+
+
+def _told(path: Path, sender: OperatorSender, json_output: bool) -> int:
+    answer, unsent = sender.answer, sender.transmitter.unsent
+    if json_output:
+        last = None if answer is None else {name: getattr(answer, name) for name in answer.__slots__}
+        counts = {"sent": sender.sent - unsent, "unsent": unsent, "answers": sender.answers}
+        print_json({"deployment": str(path), **counts, "last": last})
+    else:
+        words = f"{sender.sent - unsent} setpoints sent; {_words(sender)}"
+        summary().print(words, markup=False, soft_wrap=True)
+    return 0 if answer is not None else 1

@@ -1,0 +1,216 @@
+"""Setpoints that a person or a program sends while the controller leads: who is in charge, and what that makes of the
+reference.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from controller.move import Move, brake, move, rest
+from controller.signals import Reference
+from hil.bus.catalogue import Catalogue
+from hil.bus.codec import Refusal
+from hil.bus.protection import Receiver
+from models.parameter import nearest
+
+SETPOINT: Final = "OperatorSetpoint"
+STATUS: Final = "OperatorStatus"
+STATUS_S: Final = 0.05
+AHEAD_M: Final = 2e-3
+"""A reference that is held is at most this far from where the capsule is believed to be."""
+_TOLD_S: Final = 0.2
+NOBODY: Final = 0
+OFF, READY, MOVING, HELD, STOPPED = range(5)
+"""What the controller makes of setpoints, in the numbers of OperatorStatus."""
+_REACH_M, _FASTEST_M_S = 1.1, 0.4
+
+
+@dataclass(frozen=True)
+class OperatorLimits:
+    """`[operator]`: whether setpoints from the bus are taken, from which `sources` (none: from all), and within what:
+    speed and acceleration of the reference, its lowest and highest position. The drive is stopped `stop_after_s` after
+    the dead-man switch has been released, or a setpoint has come late.
+    """
+
+    accept: bool = False
+    sources: tuple[str, ...] = ()
+    speed_m_s: float = 0.005
+    acceleration_m_s2: float = 0.05
+    lowest_m: float = -0.05
+    highest_m: float = 0.05
+    stop_after_s: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name, lower, upper in (
+            ("speed_m_s", 1e-4, _FASTEST_M_S),
+            ("acceleration_m_s2", 1e-3, 10.0),
+            ("stop_after_s", 0.05, 60.0),
+        ):
+            if not lower <= getattr(self, name) <= upper:
+                raise ValueError(f"operator.{name} must lie in [{lower:g}, {upper:g}]; got {getattr(self, name):g}")
+        if not -_REACH_M <= self.lowest_m < self.highest_m <= _REACH_M:
+            raise ValueError(
+                f"operator.lowest_m must lie below highest_m, both within {_REACH_M:g} m either way; got"
+                f" {self.lowest_m:g} and {self.highest_m:g}"
+            )
+
+    def check_sources(self, catalogue: Catalogue) -> None:
+        """Raises ValueError for a source that the frame does not know, naming the nearest."""
+        known = list(catalogue[SETPOINT].field("Source").names.values())
+        for name in self.sources:
+            if name not in known:
+                raise ValueError(
+                    f"operator.sources must be among {', '.join(known)}; got {name!r}; {nearest(name, known)}"
+                )
+
+
+class Operator:
+    """Takes OperatorSetpoint frames in and turns them into a reference; never raises, takes bounded time.
+
+    One source is in charge: the one that presses its dead-man switch while no other holds its own, after it has been
+    heard released. It is so until it releases, or its setpoint has lived; then the reference is held from the next tick
+    on, and `resting` after `stop_after_s`: the drive is to be stopped, until somebody presses again. A source that was
+    late, or that was refused because of another, must be heard released before it counts. `taken` says whether anybody
+    has ever been in charge since `begin`: until then the reference is the deployment's own.
+
+    `refused` counts frames by reason: those of the protection (length, crc, counter, repeated, range), `source` (not
+    accepted here), `busy` (another one is in charge), `late` (older than its time to live when it was read),
+    `not_released`. `presses` and `expired` count how often somebody took charge and how often a setpoint's life ended
+    it.
+    """
+
+    def __init__(self, limits: OperatorLimits, catalogue: Catalogue) -> None:
+        frame = catalogue[SETPOINT]
+        source = frame.field("Source")
+        self.id, self.limits = frame.id, limits
+        self.refused: Counter[str] = Counter()
+        self.presses = self.expired = 0
+        self._shift, self._mask = source.start, (1 << source.length) - 1
+        self._receivers = {raw: Receiver(frame) for raw in source.names}
+        self._nameless = Receiver(frame)
+        names = source.names
+        self._accepted = {raw for raw in names if not limits.sources or names[raw] in limits.sources}
+        self._reasons = {name: raw for raw, name in catalogue[STATUS].field("Refused").names.items()}
+        self._speed = frame.field("Mode").number("speed")
+        self._why, self._why_at = 0, -math.inf
+        self.begin()
+
+    def begin(self) -> None:
+        """Nobody is in charge, and the deployment's reference is in force."""
+        self.source, self.taken = NOBODY, False
+        self._armed: set[int] = set()
+        self._dies_at = -math.inf
+        self._let_go_at = math.inf
+        self._wanted = (0, 0.0, 0.0)
+        self._followed: tuple[int, float, float] | None = None
+
+    def accept(self, data: bytes | bytearray, stamp: float, now: float) -> None:
+        """Take the frame in that came at `stamp` and is read at `now`, both in s."""
+        source = int.from_bytes(data, "little") >> self._shift & self._mask
+        values = self._receivers.get(source, self._nameless).accept(data, stamp)
+        if isinstance(values, Refusal):
+            self._refuse(values.reason, now)
+        elif source not in self._accepted:
+            self._refuse("source", now)
+        elif not values["DeadMan"]:
+            self._armed.add(source)
+            if source == self.source:
+                self._let_go(now)
+        elif not stamp <= now <= stamp + 1e-3 * values["TimeToLive_ms"]:
+            self._refuse("late", now)
+        elif self.source not in (NOBODY, source):
+            self._armed.discard(source)
+            self._refuse("busy", now)
+        elif source not in self._armed:
+            self._refuse("not_released", now)
+        else:
+            self.presses += self.source == NOBODY
+            self.source, self.taken = source, True
+            self._dies_at = stamp + 1e-3 * values["TimeToLive_ms"]
+            self._wanted = (int(values["Mode"]), values["Position_m"], values["Velocity_m_s"])
+
+    def expire(self, now: float) -> None:
+        """End the charge of a source whose setpoint has lived."""
+        if self.source != NOBODY and not now <= self._dies_at:
+            self.expired += 1
+            self._armed.discard(self.source)
+            self._let_go(now)
+
+    def resting(self, now: float) -> bool:
+        """Whether the drive is to be stopped, because nobody has been in charge for long enough."""
+        return self.taken and self.source == NOBODY and now - self._let_go_at >= self.limits.stop_after_s
+
+    def enabled(self, place_m: float) -> Reference:
+        """The reference as the drive is enabled with the capsule at `place_m`, where somebody has taken charge."""
+        self._followed = None
+        return rest(place_m)
+
+    def follow(self, now: float, reference: Reference, place_m: float) -> Reference:
+        """The reference from `now` on after `reference`, the capsule being believed at `place_m`; the same object where
+        nothing has changed.
+        """
+        if not self.taken:
+            return reference
+        wanted = self._wanted if self.source != NOBODY else None
+        if wanted == self._followed and isinstance(reference, Move):
+            return reference
+        self._followed = wanted
+        at = np.array([now])
+        place, speed = float(reference.position(at)[0]), float(reference.speed(at)[0])
+        if wanted is None:
+            return rest(_held(place, place_m))
+        return self._move(wanted, place, speed, now)
+
+    def status(self, now: float, reference: Reference, leading: bool) -> dict[str, float]:
+        """The signals of OperatorStatus at `now`."""
+        at = np.array([now])
+        state = HELD if self.taken else READY
+        state = STOPPED if self.resting(now) else MOVING if self.source != NOBODY else state
+        told = 0 <= now - self._why_at <= _TOLD_S
+        return {
+            "State": state if leading else OFF,
+            "Source": self.source,
+            "Refused": self._why if told else 0,
+            "Position_m": _within(float(reference.position(at)[0]), _REACH_M),
+            "Velocity_m_s": _within(float(reference.speed(at)[0]), _FASTEST_M_S),
+        }
+
+    def document(self) -> dict[str, object]:
+        """What became of setpoints, for the document of a run."""
+        accepted = sum(receiver.statistics.accepted for receiver in self._receivers.values())
+        refused = {"accepted": accepted, "refused": dict(self.refused)}
+        return {"presses": self.presses, "expired": self.expired, **refused}
+
+    def _move(self, wanted: tuple[int, float, float], place: float, speed: float, now: float) -> Move:
+        mode, position, velocity = wanted
+        limits = self.limits
+        low, high = min(limits.lowest_m, place), max(limits.highest_m, place)
+        fastest = min(abs(velocity), limits.speed_m_s)
+        if mode == self._speed and not fastest:
+            return brake(place, speed, limits.acceleration_m_s2, now)
+        if mode == self._speed:
+            goal = high if velocity > 0 else low
+        else:
+            goal = min(max(position, limits.lowest_m), limits.highest_m)
+        return move(goal, place, speed, fastest or limits.speed_m_s, limits.acceleration_m_s2, now)
+
+    def _let_go(self, now: float) -> None:
+        self.source, self._let_go_at = NOBODY, now
+
+    def _refuse(self, reason: str, now: float) -> None:
+        self.refused[reason] += 1
+        self._why, self._why_at = self._reasons.get(reason, 0), now
+
+
+def _held(place: float, believed: float) -> float:
+    """Where a reference at `place` is held."""
+    return min(max(place, believed - AHEAD_M), believed + AHEAD_M) if math.isfinite(believed) else place
+
+
+def _within(value: float, most: float) -> float:
+    return min(max(value, -most), most) if math.isfinite(value) else 0.0

@@ -1,0 +1,94 @@
+"""Who steers by hand, as a node on the bus: setpoints out, the controller's answer in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import can
+
+from hil.bus.catalogue import Catalogue
+from hil.bus.codec import Refusal
+from hil.bus.protection import Receiver
+from hil.nodes.controller.operator import SETPOINT, STATUS
+from hil.nodes.frame_map import frames, plain
+from hil.nodes.transmit import FrameTransmitter
+
+CYCLE_S: Final = 0.02
+"""How often a setpoint is to be sent, released ones too."""
+_MOST: Final = 256
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What the controller said last: `state` (off, ready, moving, held, stopped), the `source` in charge ("nobody"),
+    why a setpoint was `refused` within the last 0.2 s ("none"), and the wanted position and speed.
+    """
+
+    state: str
+    source: str
+    refused: str
+    position_m: float
+    speed_m_s: float
+
+
+class OperatorSender:
+    """Sends OperatorSetpoint on `bus` as `source`, one of the frame's names; each setpoint lives for `life_ms`, 1 to
+    200.
+
+    Call one of `speed`, `position`, `release` every `CYCLE_S`, and `listen` as often: a sender is heard only once it
+    has sent `release`, and whatever ends this program ends the motion within `life_ms`. `unsent` of `transmitter`
+    counts what the bus did not take. Raises ValueError for a source that the frame does not know.
+    """
+
+    def __init__(
+        self, bus: can.BusABC, source: str = "script", life_ms: float = 100.0, catalogue: Catalogue | None = None
+    ) -> None:
+        catalogue = catalogue or frames()
+        frame = catalogue[SETPOINT]
+        life = frame.field("TimeToLive_ms")
+        if not life.lower <= life_ms <= life.upper:
+            raise ValueError(f"life_ms must lie in [{life.lower:g}, {life.upper:g}]; got {life_ms:g}")
+        self.bus, self.answer, self.answers, self.sent = bus, None, 0, 0
+        self.transmitter = FrameTransmitter(bus, catalogue, (SETPOINT,))
+        self._common = {"TimeToLive_ms": life_ms, "Source": float(frame.field("Source").number(source))}
+        self._modes = {raw: float(frame.field("Mode").number(raw)) for raw in ("position", "speed")}
+        status = catalogue[STATUS]
+        self._id, self._receiver = status.id, Receiver(status)
+        self._names = {name: status.field(name).names for name in ("State", "Source", "Refused")}
+
+    answer: Answer | None
+
+    def speed(self, speed_m_s: float) -> None:
+        """Steer at a speed, dead-man switch held; the controller keeps it within the deployment's limits."""
+        self._say("speed", 0.0, speed_m_s, held=True)
+
+    def position(self, position_m: float, speed_m_s: float = 0.0) -> None:
+        """Go to a position, no faster than `speed_m_s` (0: the deployment's speed), dead-man switch held."""
+        self._say("position", position_m, speed_m_s, held=True)
+
+    def release(self) -> None:
+        """The dead-man switch is released: the capsule is held at once, and the drive stopped after a while."""
+        self._say("speed", 0.0, 0.0, held=False)
+
+    def listen(self) -> Answer | None:
+        """Take in what has come; the controller's last answer, None before the first. Raises what the bus raises."""
+        for _ in range(_MOST):
+            message = self.bus.recv(0)
+            if message is None:
+                break
+            if plain(message) and message.arbitration_id == self._id:
+                self._take(message)
+        return self.answer
+
+    def _take(self, message: can.Message) -> None:
+        values = self._receiver.accept(message.data, message.timestamp)
+        if not isinstance(values, Refusal):
+            state, source, refused = (self._names[name][int(values[name])] for name in self._names)
+            self.answer = Answer(state, source, refused, values["Position_m"], values["Velocity_m_s"])
+            self.answers += 1
+
+    def _say(self, mode: str, position_m: float, speed_m_s: float, *, held: bool) -> None:
+        values = {"Mode": self._modes[mode], "Position_m": position_m, "Velocity_m_s": speed_m_s}
+        self.transmitter.say(SETPOINT, values | self._common | {"DeadMan": float(held)})
+        self.sent += 1

@@ -13,6 +13,7 @@ from typing import Final
 import can
 
 from hil.app.cockpit.facts import Facts, models_of, wiring_of
+from hil.app.cockpit.hands import Hands
 from hil.app.cockpit.source import BusSource, LogSource
 from hil.app.console import notes, output_to_notes, print_json, summary
 from hil.app.run.clock import Clock, ClockedBus
@@ -45,11 +46,11 @@ def cockpit(path: Path, host: str = "127.0.0.1", port: int = PORT, *, json_outpu
     from hil.app.cockpit.server import Cockpit, bind, serve
 
     listener = bind(host, port)
-    with listener, _source(path) as source, Signals().caught() as signals:
-        page = Cockpit(source)
+    with listener, _source(path) as (source, hands), Signals().caught() as signals:
+        page = Cockpit(source, hands=hands)
         shown = f"[{host}]" if ":" in host else host
         address = f"http://{shown}:{listener.getsockname()[1]}/"
-        _begin(f"{address}?token={page.token}", address, json_output)
+        _begin(f"{address}?token={page.token}" if hands else address, address, json_output)
         os.nice(5)
         serve(page, listener, host, lambda: bool(signals.wanted))
 
@@ -62,15 +63,17 @@ def _begin(address: str, watch_only: str, json_output: bool) -> None:
         return
     console = summary()
     console.print(f"cockpit: {address}", markup=False, soft_wrap=True)
-    console.print(f"to watch alone, without commands: {watch_only}; Ctrl-C ends it", markup=False, soft_wrap=True)
+    if address != watch_only:
+        console.print(f"to watch alone, without commands: {watch_only}", markup=False, soft_wrap=True)
+    console.print("Ctrl-C ends it", markup=False)
     sys.stdout.flush()
 
 
 @contextmanager
-def _source(path: Path) -> Iterator[BusSource | LogSource]:
-    """The bus or the log."""
+def _source(path: Path) -> Iterator[tuple[BusSource | LogSource, Hands | None]]:
+    """The bus, with what may command it, or the log."""
     if path.suffix.lower() in ENDINGS and is_log(path):
-        yield _log(path, load_catalogue())
+        yield _log(path, load_catalogue()), None
         return
     if path.suffix.lower() != ".toml":
         raise ValueError(
@@ -91,7 +94,12 @@ def _source(path: Path) -> Iterator[BusSource | LogSource]:
         with output_to_notes():
             models = models_of(deployment.task())
         facts = Facts(deployment.name, about, wiring, load_catalogue(), models)
-        yield BusSource(bus, clock, facts)
+        source = BusSource(bus, clock, facts)
+        hands = Hands(source, path, deployment.operator if deployment.operator.accept else None)
+        try:
+            yield source, hands
+        finally:
+            hands.close()
     finally:
         bus.shutdown()
 

@@ -16,9 +16,11 @@ import tornado.ioloop
 import tornado.web
 import tornado.websocket
 
+from hil.app.cockpit.hands import Hands
 from hil.app.cockpit.series import BIN_S, KEPT_S
 from hil.app.cockpit.source import BusSource, LogSource
 from hil.app.report.document import STYLE
+from hil.nodes.operator_sender import CYCLE_S
 
 Source = BusSource | LogSource
 _HERE: Final = Path(__file__).parent
@@ -35,9 +37,11 @@ _POLICY: Final = "default-src 'self'; img-src 'self' data:; frame-ancestors 'non
 class Cockpit:
     """Pages of one source. `picture` is called every `BIN_S` while a bus is watched."""
 
-    def __init__(self, source: Source, token: str | None = None) -> None:
-        """`token` is what a page must have to command; drawn at random where None."""
-        self.source = source
+    def __init__(self, source: Source, token: str | None = None, hands: Hands | None = None) -> None:
+        """`token` is what a page must have to command; drawn at random where None. `hands` do it, where there are
+        any.
+        """
+        self.source, self.hands = source, hands
         self.token = secrets.token_urlsafe(18) if token is None else token
         self.pages: set[Page] = set()
         self.pictures = 0
@@ -126,7 +130,8 @@ class Page(_Handler, tornado.websocket.WebSocketHandler):
             self.close(1013, f"at most {_PAGES} pages")
             return
         token = self.get_query_argument("token", "")
-        self.commands = hmac.compare_digest(token.encode(), self.cockpit.token.encode())
+        known = hmac.compare_digest(token.encode(), self.cockpit.token.encode())
+        self.commands = known and self.cockpit.hands is not None
         self.cockpit.pages.add(self)
         self._say(self.cockpit.hello(self.commands))
         if isinstance(self.cockpit.source, BusSource):
@@ -140,12 +145,18 @@ class Page(_Handler, tornado.websocket.WebSocketHandler):
             if kind == "window" and isinstance(self.cockpit.source, LogSource):
                 times = (float(asked["begin_s"]), float(asked["end_s"]))
                 self._answer(self.cockpit.source, *times, int(asked["pixels"]))
+            elif self.commands and self.cockpit.hands is not None:
+                refused = self.cockpit.hands.asked(self, asked)
+                if refused:
+                    self._say({"kind": "refused", "words": refused})
         except (ValueError, KeyError, TypeError, OverflowError):
             return
 
     def on_close(self) -> None:
         """The page is gone."""
         self.cockpit.pages.discard(self)
+        if self.cockpit.hands is not None:
+            self.cockpit.hands.left(self)
 
     def send_new(self, state: dict[str, Any] | None) -> None:
         """The bins and events since the last time, and the `state` where there is one."""
@@ -154,7 +165,9 @@ class Page(_Handler, tornado.websocket.WebSocketHandler):
         if self._busy:
             return
         if state is not None:
-            self._say({**state, "events": self._new_events()})
+            hands = self.cockpit.hands
+            more = {"operator": hands.document(self)} if self.commands and hands is not None else {}
+            self._say({**state, **more, "events": self._new_events()})
         if source.ring.head > self.next_bin:
             self._write(source.ring.since(self.next_bin))
             self.next_bin = source.ring.head
@@ -216,6 +229,8 @@ def serve(cockpit: Cockpit, listener: socket.socket, host: str, until: Callable[
     calls = [tornado.ioloop.PeriodicCallback(look, 100)]
     if isinstance(cockpit.source, BusSource):
         calls.append(tornado.ioloop.PeriodicCallback(cockpit.picture, 1e3 * BIN_S))
+    if cockpit.hands is not None:
+        calls.append(tornado.ioloop.PeriodicCallback(cockpit.hands.cycle, 1e3 * CYCLE_S))
     for call in calls:
         call.start()
     try:

@@ -49,6 +49,10 @@ class BusSource:
         self.watch.tick(now)
         self.ring.close(now)
 
+    def tell(self, words: str, grade: str = "note") -> None:
+        """Add an event of the cockpit's own."""
+        self.watch.say(self.clock.now(), words, grade)
+
     def _take(self, message: can.Message) -> None:
         self._heard = message.timestamp
         good = self.watch.take(message.timestamp, message.arbitration_id, bytes(message.data))

@@ -1,4 +1,4 @@
-"""The log's frames as MCAP: by the writer's process while a run goes on, by `sil`, and as `capsule convert` has them."""
+"""A log's frames as MCAP: by the writer's process while a run goes on, by `sil`, as `capsule convert` has them."""
 
 from __future__ import annotations
 

@@ -61,7 +61,8 @@ function take(told) {
     show(told);
     flag();
     soon();
-  } else if (told.kind === "command") document.dispatchEvent(new CustomEvent("cockpit-command", { detail: told }));
+    document.dispatchEvent(new CustomEvent("cockpit-state", { detail: told }));
+  } else if (told.kind === "refused") document.dispatchEvent(new CustomEvent("cockpit-refused", { detail: told }));
 }
 
 function greet(told) {
@@ -325,9 +326,10 @@ function addEvents(events) {
 
 // ---- begin
 
+// Scripts that follow this one listen, too: the connection begins once they do.
+addEventListener("DOMContentLoaded", connect);
 colours();
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { colours(); soon(); });
 addEventListener("resize", () => { ask(); soon(); });
 addEventListener("scroll", soon, { passive: true });
 setInterval(flag, 500);
-connect();

@@ -59,7 +59,9 @@ class Hands:
     # ---- what pages ask for
 
     def asked(self, page: object, asked: dict[str, Any]) -> str:
-        """Do what a page asks for; why not, "" where it is done. Raises ValueError, KeyError, TypeError for nonsense."""
+        """Do what a page asks for; why not, "" where it is done. Raises ValueError, KeyError or TypeError for
+        nonsense.
+        """
         kind = asked["ask"]
         if kind == "arm":
             return self._arm(page) if asked["on"] else self.left(page)
@@ -109,8 +111,8 @@ class Hands:
             return "a run that was started here goes on"
         if self.source.watch.newest("ControllerHeartbeat") is not None:
             return "a controller leads already"
-        self._said = (tempfile.TemporaryFile(), tempfile.TemporaryFile())
-        out, error = self._said
+        out, error = tempfile.TemporaryFile(), tempfile.TemporaryFile()  # noqa: SIM115 - open until the run ends
+        self._said = (out, error)
         words = [sys.executable, "-m", "hil.app.start", "run", str(self.path), "--json"]
         self._run = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=out, stderr=error, start_new_session=True)
         self.source.tell("capsule run started by this cockpit")

@@ -24,7 +24,7 @@ from hil.nodes.operator_sender import CYCLE_S
 
 Source = BusSource | LogSource
 _HERE: Final = Path(__file__).parent
-_FILES: Final = {"/": "page.html", "/cockpit.css": "cockpit.css", "/cockpit.js": "cockpit.js", "/draw.js": "draw.js"}
+_FILES: Final = ("cockpit.css", "draw.js", "cockpit.js", "steer.js")
 _TYPES: Final = {".html": "text/html", ".css": "text/css", ".js": "text/javascript"}
 LOOPBACK: Final = ("127.0.0.1", "localhost", "::1")
 STATE_EVERY: Final = 5
@@ -49,9 +49,10 @@ class Cockpit:
     def application(self, loopback: bool) -> tornado.web.Application:
         """The web application; with `loopback` only this machine's own names are answered."""
         told = {"cockpit": self, "loopback": loopback}
-        files = [(path, File, {**told, "name": name}) for path, name in _FILES.items()]
+        named = {"/": "page.html", "/style.css": str(STYLE), **{f"/{name}": name for name in _FILES}}
+        files = [(path, File, {**told, "name": name}) for path, name in named.items()]
         return tornado.web.Application(
-            [*files, ("/style.css", File, {**told, "name": str(STYLE)}), ("/socket", Page, told)],
+            [*files, ("/socket", Page, told)],
             websocket_max_message_size=_LONGEST,
             websocket_ping_interval=5,
             log_function=lambda handler: None,

@@ -13,6 +13,7 @@ from hil.bus.catalogue import Catalogue
 from hil.bus.codec import Refusal
 from hil.bus.load import frame_bits
 from hil.bus.protection import Receiver, Reception
+from hil.nodes.controller.operator import SETPOINT, STATUS
 from hil.nodes.controller.receive import HEARTBEAT_LOST_S
 
 KEPT: Final = 200
@@ -58,6 +59,8 @@ class Watch:
         self.events: deque[Event] = deque(maxlen=kept)
         self.count = self.events_count = 0
         self.now = 0.0
+        self._setpoint = catalogue[SETPOINT]
+        self._setpoints: dict[int, Receiver] = {}
         self._names = {frame.id: frame.name for frame in catalogue.frames.values()}
         self._silent: set[str] = set()
         self._refused: set[tuple[str, str]] = set()
@@ -69,7 +72,10 @@ class Watch:
         self.now = max(self.now, time_s)
         self.count += 1
         self._weigh(time_s, identifier, data)
-        values = self.reception.accept(identifier, data, time_s)
+        if identifier == self._setpoint.id:
+            values = self._by_source(data).accept(data, time_s)
+        else:
+            values = self.reception.accept(identifier, data, time_s)
         name = self._names.get(identifier, "")
         if isinstance(values, Refusal):
             self._refuse(time_s, name or hex(identifier), values)
@@ -110,10 +116,19 @@ class Watch:
             "bus": self._bus(),
             "refused": [
                 [r.frame.name, str(why), n]
-                for r in self.reception.receivers.values()
+                for r in self._receivers()
                 for why, n in sorted(r.statistics.refused.items())
             ],
         }
+
+    def _by_source(self, data: bytes) -> Receiver:
+        """The receiver of setpoints of the source that a frame says: each source counts its own."""
+        source = self._setpoint.field("Source")
+        number = int.from_bytes(data, "little") >> source.start & ((1 << source.length) - 1)
+        return self._setpoints.setdefault(number, Receiver(self._setpoint))
+
+    def _receivers(self) -> list[Receiver]:
+        return [*self.reception.receivers.values(), *self._setpoints.values()]
 
     def _nodes(self) -> list[dict[str, Any]]:
         """Every node that has been heard, with its drive's state where it is a drive."""
@@ -164,7 +179,7 @@ class Watch:
         span = sum(s for s, _, _ in self._seconds)
         frames, bits = (sum(one[k] for one in self._seconds) for k in (1, 2))
         rate, load = (frames / span, bits / span / self.catalogue.bit_rate) if span else (0.0, 0.0)
-        statistics = [r.statistics for r in self.reception.receivers.values()]
+        statistics = [r.statistics for r in self._receivers()]
         return {
             "rate": f"{fixed(rate, 0)} /s",
             "load": f"{fixed(100 * load, 1)} %",
@@ -227,7 +242,9 @@ class Watch:
         self, t: float, name: str, sender: str, before: Mapping[str, float] | None, values: Mapping[str, float]
     ) -> None:
         state = self._named(name, "State", values)
-        what = "model" if name == "ModelHealth" else sender if name.endswith(_FEEDBACK) else f"node {sender}"
+        who = words(self._named(name, "Source", values)) if name == STATUS else ""
+        what = {"ModelHealth": "model", STATUS: f"operator ({who})"}.get(name, f"node {sender}")
+        what = sender if name.endswith(_FEEDBACK) else what
         came = "" if before is None else f"{words(self._named(name, 'State', before))} → "
         change = self._named(name, "Change", values) if values.get("Change") else ""
         told = f" ({change} change)" if change and state in ("doubtful", "broken") else ""

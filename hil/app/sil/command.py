@@ -96,7 +96,7 @@ def _log(
     seed: int,
     offered: Offered | None,
 ) -> AbstractContextManager[LockstepLog | None]:
-    """The log `frames.blf` in the folder `out`, with what `capsule replay` needs beside it; `mcap` gets its frames, too."""
+    """The log `frames.blf` in the folder `out`, with what a replay needs beside it; `mcap` gets its frames, too."""
     if out is None:
         return nullcontext()
     record = log_record(

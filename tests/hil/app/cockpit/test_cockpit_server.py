@@ -7,6 +7,7 @@ import json
 import re
 import socket
 from collections.abc import Awaitable, Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -18,10 +19,12 @@ import tornado.httpserver  # noqa: E402
 import tornado.websocket  # noqa: E402
 
 from hil.app.cockpit.facts import Facts  # noqa: E402
+from hil.app.cockpit.hands import Hands  # noqa: E402
 from hil.app.cockpit.server import Cockpit, bind  # noqa: E402
 from hil.app.cockpit.source import BusSource, LogSource  # noqa: E402
 from hil.app.run.clock import Clock, ClockedBus  # noqa: E402
 from hil.bus.local import LocalBus  # noqa: E402
+from hil.nodes.controller.operator import OperatorLimits  # noqa: E402
 from hil.nodes.frame_map import FRAME_MAPS  # noqa: E402
 from tests.hil.app.cockpit.played import played  # noqa: E402
 from tests.hil.app.cockpit.story import CATALOGUE, story  # noqa: E402
@@ -63,13 +66,19 @@ async def left(page: Any) -> None:
         pass
 
 
+async def come(address: str) -> tuple[Any, dict[str, Any]]:
+    """A page, and what it is told first."""
+    page = await tornado.websocket.websocket_connect(address)
+    return page, json.loads(await page.read_message())
+
+
 def test_the_page_is_whole_and_asks_nobody_else(log: LogSource) -> None:
     async def talk(_: Cockpit, where: str) -> None:
         page = await fetched(f"http://{where}/")
         assert page.code == 200
         assert page.headers["Content-Security-Policy"].startswith("default-src 'self'")
         linked = re.findall(r'(?:src|href)="(/[^"]+)"', page.body.decode())
-        assert len(linked) == 4
+        assert len(linked) == 5
         for path in linked:
             found = await fetched(f"http://{where}{path}")
             assert found.code == 200
@@ -93,8 +102,7 @@ def test_another_name_for_this_machine_is_not_answered(log: LogSource) -> None:
 
 def test_a_log_is_asked_for_a_window_at_a_time(log: LogSource) -> None:
     async def talk(cockpit: Cockpit, where: str) -> None:
-        page = await tornado.websocket.websocket_connect(f"ws://{where}/socket")
-        hello = json.loads(await page.read_message())
+        page, hello = await come(f"ws://{where}/socket")
         assert (hello["live"], hello["commands"]) == (False, False)
         for nonsense in (
             "",
@@ -118,9 +126,8 @@ def test_a_bus_is_watched_and_a_picture_is_small(channel: str) -> None:
     """Each page gets each bin once; nothing is sent on the bus."""
 
     async def talk(cockpit: Cockpit, where: str) -> None:
-        page = await tornado.websocket.websocket_connect(f"ws://{where}/socket?token={cockpit.token}")
-        hello = json.loads(await page.read_message())
-        assert hello["commands"] is True
+        page, hello = await come(f"ws://{where}/socket?token={cockpit.token}")
+        assert hello["commands"] is False  # there are no hands
         sizes, states, bins = [], [], 0
         for _ in range(30):
             cockpit.picture()
@@ -148,13 +155,27 @@ def test_a_bus_is_watched_and_a_picture_is_small(channel: str) -> None:
         assert all(message.arbitration_id in known for message in iter(lambda: quiet.recv(0), None))
 
 
-def test_a_wrong_token_only_watches(log: LogSource) -> None:
-    async def talk(_: Cockpit, where: str) -> None:
-        page = await tornado.websocket.websocket_connect(f"ws://{where}/socket?token=wrong")
-        assert json.loads(await page.read_message())["commands"] is False
-        await left(page)
+def test_only_the_right_token_commands(channel: str) -> None:
+    async def talk(cockpit: Cockpit, where: str) -> list[bool]:
+        found = []
+        for token in ("wrong", "", cockpit.token):
+            page, hello = await come(f"ws://{where}/socket?token={token}")
+            found.append(hello["commands"])
+            await page.write_message(json.dumps({"ask": "arm", "on": True}))
+            await page.write_message(json.dumps({"ask": "hold", "mode": "speed", "value": 1e-3}))
+            await asyncio.sleep(0.1)
+            assert cockpit.hands is not None
+            cockpit.hands.cycle()
+            await left(page)
+        return found
 
-    served(Cockpit(log, "right"), talk)
+    setpoint = CATALOGUE["OperatorSetpoint"].id
+    with LocalBus(channel) as bus, LocalBus(channel) as ear:
+        source = BusSource(bus, Clock(), FACTS)
+        hands = Hands(source, Path("x.toml"), OperatorLimits(accept=True))
+        assert served(Cockpit(source, hands=hands), talk) == [False, False, True]
+        heard = list(iter(lambda: ear.recv(0), None))
+        assert [message.arbitration_id for message in heard] == [setpoint]
 
 
 def test_a_port_that_is_taken_is_a_sentence() -> None:

@@ -9,6 +9,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import IO, Any, Final
 
@@ -35,7 +36,8 @@ class Hands:
     has said so within `HOLD_S`: a page that is hidden, closed or cut off is one that has let go. A safe stop is the
     bus's own SafeStop for all, reason operator; the controller takes it for another one's and ends. A controlled stop
     is the signal that Ctrl-C is to a run that was started here; to another run it is a short press at speed 0, after
-    whose release the controller stops the drive.
+    whose release the controller stops the drive. Runs are started by a thread that has the niceness which this process
+    had when these hands were made, however nice it is later.
     """
 
     def __init__(
@@ -54,6 +56,8 @@ class Hands:
         self._held_at, self._wanted = -float("inf"), ("speed", 0.0)
         self._sends_until = self._presses_from = self._safe_until = -float("inf")
         self._run: subprocess.Popen[bytes] | None = None
+        self._starter = ThreadPoolExecutor(1)
+        self._starter.submit(int).result()
         self._said: tuple[IO[bytes], IO[bytes]] | None = None
 
     # ---- what pages ask for
@@ -70,8 +74,8 @@ class Hands:
         if kind == "let_go":
             self._held_at = -float("inf") if page is self._steers else self._held_at
             return ""
-        if kind == "start":
-            return self._start()
+        if kind in ("start", "reset"):
+            return self._start([] if kind == "start" else ["reset"])
         if kind == "stop":
             return self._stop()
         if kind == "safe_stop":
@@ -106,16 +110,21 @@ class Hands:
         self._steers, self._held_at, self._wanted = page, now, (mode, value)
         return ""
 
-    def _start(self) -> str:
+    def _start(self, action: list[str]) -> str:
         if self._run is not None:
             return "a run that was started here goes on"
         if self.source.watch.newest("ControllerHeartbeat") is not None:
             return "a controller leads already"
         out, error = tempfile.TemporaryFile(), tempfile.TemporaryFile()  # noqa: SIM115 - open until the run ends
         self._said = (out, error)
-        words = [sys.executable, "-m", "hil.app.start", "run", str(self.path), "--json"]
-        self._run = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=out, stderr=error, start_new_session=True)
-        self.source.tell("capsule run started by this cockpit")
+        words = [sys.executable, "-m", "hil.app.start", "run", str(self.path), *action, "--json"]
+
+        def begin() -> subprocess.Popen[bytes]:
+            nothing = subprocess.DEVNULL
+            return subprocess.Popen(words, stdin=nothing, stdout=out, stderr=error, start_new_session=True)
+
+        self._run = self._starter.submit(begin).result()
+        self.source.tell(f"{' '.join(['capsule run', *action])} started by this cockpit")
         return ""
 
     def _stop(self) -> str:
@@ -171,6 +180,7 @@ class Hands:
             "armed": page in self._armed,
             "held": self._steers is page and self._clock() - self._held_at <= HOLD_S,
             "run": self._run is not None,
+            "fault": self.source.watch.state(self.source.facts.wiring.feedback) == "fault",
             "leads": self.source.watch.newest("ControllerHeartbeat") is not None,
             "answer": answer and [self.source.watch.state(STATUS, name) for name in ("State", "Source", "Refused")],
             "limits": limits and [1e3 * limits.speed_m_s, 1e3 * limits.lowest_m, 1e3 * limits.highest_m],
@@ -186,6 +196,7 @@ class Hands:
             except subprocess.TimeoutExpired:
                 self._run.kill()
                 self._run.wait()
+        self._starter.shutdown()
         for file in self._said or ():
             file.close()
 

@@ -18,6 +18,8 @@ from hil.nodes.frame_map import plain
 _MOST: Final = 20_000
 """Frames that one picture takes in: more than a bus of 1 Mbit/s carries in two seconds."""
 QUIET_S: Final = 0.5
+AWAY_S: Final = 0.5
+"""After such a pause a bus's queue may have run over: what is refused then is this process's doing."""
 SNAPSHOTS: Final = 2000
 LOG_EVENTS: Final = 5000
 SHORTEST_S: Final = 0.1
@@ -31,7 +33,7 @@ class BusSource:
         self.bus, self.clock, self.facts = bus, clock, facts
         self.watch = Watch(facts.catalogue)
         self.ring = Ring(_feed(facts))
-        self._trouble, self._heard = "", -1.0
+        self._trouble, self._heard, self._polled = "", -1.0, clock.now()
 
     def poll(self) -> None:
         """Take in what has come since the last time; a bus that raises is told of and tried again."""
@@ -46,6 +48,9 @@ class BusSource:
         except Exception as error:  # noqa: BLE001 - drivers of many makers raise whatever they like
             self._trouble = f"the bus cannot be read: {' '.join(str(error).split())[:160] or type(error).__name__}"
         now = self.clock.now()
+        if now - self._polled > AWAY_S:
+            self.tell(f"this cockpit was away for {now - self._polled:.1f} s: it may have missed frames", "doubt")
+        self._polled = now
         self.watch.tick(now)
         self.ring.close(now)
 

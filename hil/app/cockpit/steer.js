@@ -46,6 +46,7 @@ $("speed").oninput = tellSpeed;
 function tellSpeed() { $("speed_told").textContent = `${written(Number($("speed").value), 2)} mm/s`; }
 
 $("start").onclick = () => send({ ask: "start" });
+$("reset").onclick = () => send({ ask: "reset" });
 $("stop").onclick = () => { letGo(); send({ ask: "stop" }); };
 $("safe").onclick = () => { letGo(); send({ ask: "safe_stop" }); };
 $("arm").onchange = () => { letGo(); send({ ask: "arm", on: $("arm").checked }); };
@@ -67,7 +68,9 @@ document.addEventListener("cockpit-state", event => {
     Object.assign($("place"), { min: lowest, max: highest, value: 0 });
     tellSpeed();
   }
-  $("start").disabled = told.leads || told.run;
+  $("start").disabled = $("reset").disabled = told.leads || told.run;
+  $("start").hidden = told.fault && !told.leads;
+  $("reset").hidden = !$("start").hidden;
   $("stop").disabled = !told.run && !told.answer;
   $("hand").hidden = !told.armed;
   if (!told.armed) letGo();

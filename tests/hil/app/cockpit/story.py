@@ -31,7 +31,7 @@ def story(seconds: float, *, bad: bool = True) -> list[Logged]:
     senders = {name: Sender(frame) for name, frame in CATALOGUE.frames.items()}
     found: list[Logged] = []
     for ms in range(round(1e3 * seconds)):
-        for name, values in _said(ms):
+        for name, values in said(ms):
             data = bytearray(senders[name].frame(values))
             if bad and name == "CapsuleLocalisation" and ms % 1000 == 500:
                 data[3] ^= 0x10
@@ -40,7 +40,7 @@ def story(seconds: float, *, bad: bool = True) -> list[Logged]:
     return found
 
 
-def _said(ms: int) -> Iterator[tuple[str, dict[str, float]]]:
+def said(ms: int) -> Iterator[tuple[str, dict[str, float]]]:
     """Who says what in a millisecond."""
     t, leads = 1e-3 * ms, 1e-3 * ms >= UP_S
     x, state = wanted(t) + 2e-4 * math.sin(4 * t), ENABLED if leads else WAITING if t > 0.1 else STANDBY

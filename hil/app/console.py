@@ -8,13 +8,17 @@ import contextlib
 import json
 import math
 import sys
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 WIDTH = 110
+QUIET_S = 10.0
+"""Off a terminal, a stage that goes on says so after so long."""
+_FIRST_SHARE = 0.02  # of the work, before how long it takes is told
 
 
 class InterruptionError(Exception):
@@ -64,13 +68,14 @@ def output_to_notes() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def progress_bar(title: str) -> Iterator[Callable[[str, float], None]]:
-    """Show progress on standard error: a bar on a terminal, else a line for each new stage. Yields `report(stage,
-    fraction)`.
+def progress_bar(title: str, *, even: bool = False) -> Iterator[Callable[[str, float], None]]:
+    """Show progress on standard error: a bar on a terminal, else a line for each new stage and every `QUIET_S` within
+    one. Where the work is `even`, every share of it taking as long, it tells how long it has still to go. Yields
+    `report(stage, fraction)`; what follows a colon in a stage is a step within it.
     """
     console = notes()
     if not console.is_terminal:
-        yield _stage_lines(console, title)
+        yield stage_lines(console, title, even=even)
         return
     columns = (
         SpinnerColumn(),
@@ -78,6 +83,7 @@ def progress_bar(title: str) -> Iterator[Callable[[str, float], None]]:
         BarColumn(),
         TextColumn("{task.percentage:3.0f} %"),
         TimeElapsedColumn(),
+        *([TextColumn("to go"), TimeRemainingColumn()] if even else []),
     )
     with Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task(title, total=1.0)
@@ -88,14 +94,25 @@ def progress_bar(title: str) -> Iterator[Callable[[str, float], None]]:
         yield report
 
 
-def _stage_lines(console: Console, title: str) -> Callable[[str, float], None]:
+def stage_lines(
+    console: Console, title: str, *, even: bool = False, clock: Callable[[], float] = time.monotonic
+) -> Callable[[str, float], None]:
+    """`report(stage, fraction)` that prints lines, as `progress_bar` has them off a terminal."""
+    began = said = clock()
     last = ""
 
     def report(stage: str, fraction: float) -> None:
-        nonlocal last
-        if stage != last:
-            last = stage
-            console.print(f"{title}: {100 * min(max(fraction, 0.0), 1.0):3.0f} %  {stage}", markup=False)
+        nonlocal last, said
+        now, part = clock(), min(max(fraction, 0.0), 1.0)
+        head = stage.partition(":")[0]
+        if head == last and now - said < QUIET_S:
+            return
+        last, said = head, now
+        spent = now - began
+        words = f", {spent:.0f} s so far" if spent >= QUIET_S else ""
+        if even and words and _FIRST_SHARE < part < 1.0:
+            words += f", about {spent * (1 - part) / part:.0f} s to go"
+        console.print(f"{title}: {100 * part:3.0f} %  {stage}{words}", markup=False)
 
     return report
 

@@ -36,7 +36,7 @@ def run_missing(
     over = len(jobs) - len(missing)
     parts = [tuple(jobs[which] for which in part) for part in chunks(missing, chunk)]
     try:
-        with output_to_notes(), progress_bar(title) as report:
+        with output_to_notes(), progress_bar(title, even=True) as report:
             for rows in _ended(parts, workers, scheduler):
                 results.add(rows)
                 over += len(rows)

@@ -15,7 +15,7 @@ from typing import Final
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from hil.app.console import notes, output_to_notes
+from hil.app.console import notes, output_to_notes, stage_lines
 from hil.app.demo.story import Story, Told
 
 WORKERS: Final = 2
@@ -128,11 +128,11 @@ def story_bars(names: Sequence[str]) -> Iterator[Reporter]:
 
 
 def _lines() -> Reporter:
-    last: dict[str, str] = {}
+    lines: dict[str, Callable[[str, float], None]] = {}
 
     def report(name: str, stage: str, share: float) -> None:
-        if last.get(name) != stage:
-            last[name] = stage
-            notes().print(f"{name}: {100 * min(max(share, 0.0), 1.0):3.0f} %  {stage}", markup=False)
+        if name not in lines:
+            lines[name] = stage_lines(notes(), name)
+        lines[name](stage, share)
 
     return report

@@ -48,7 +48,7 @@ def sil(path: Path, asked: Options) -> None:
         offered = read_offer(scenario.loop.offer, path.parent, scenario.loop.belief, values)
         offer = offer_of(offered, lambda new: believed_on_bus(scenario, new))
         with (
-            progress_bar(scenario.loop.name) as report,
+            progress_bar(scenario.loop.name, even=True) as report,
             _log(out, asked.mcap, scenario, text, name, values, number, offered) as log,
         ):
             recorder = None if log is None else Recorder(log)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +12,17 @@ from hil.app.console import json_text, notes, output_to_notes, print_json, progr
 from hil.app.scenario.model_offer import offer_of, read_offer, told
 from hil.app.scenario.options import Options
 from hil.app.scenario.scenario import load_track_scenario
-from hil.app.track.loop import Trace, believed_model, run_loop
+from hil.app.track.loop import Progress, Trace, believed_model, run_loop
 from hil.app.track.page import page_html
 from hil.app.track.score import document, score
 from hil.app.track.summary import say
 from hil.app.track.verdicts import verdicts
 from hil.app.write import check_folder, write_files
+
+
+def _part(report: Progress, number: int, count: int, stage: str, share: float) -> None:
+    """Progress of run `number` of `count`."""
+    report(stage, (number + share) / count)
 
 
 def track(path: Path, asked: Options, compare: bool = False) -> int:
@@ -48,9 +54,10 @@ def track(path: Path, asked: Options, compare: bool = False) -> int:
                 f"localisation comes {late:g} s late and is not used: the filter goes back {latest:g} s at most",
                 markup=False,
             )
-        with progress_bar(scenario.name) as report:
-            for name in names:
-                trace = run_loop(scenario, believed, name, number, report, offer=offer)
+        with progress_bar(scenario.name, even=True) as report:
+            for k, name in enumerate(names):
+                part = partial(_part, report, k, len(names))
+                trace = run_loop(scenario, believed, name, number, part, offer=offer)
                 log = None if out is None else str(out / "track.json")
                 worth = score(scenario, trace)
                 found = document(scenario, scenario.name, name, number, used, worth, log)

@@ -45,6 +45,7 @@ def page_html(scenario: TrackScenario, runs: Sequence[Run]) -> str:
         ("numbers", "Numbers", _table(runs)),
         ("limits", "Largest use of each limit, %", _uses(runs)),
         *([("checks", "Checks", checks)] if (checks := _checks(runs)) else []),
+        ("ticks", "Time in a tick, ms", _ticks(runs)),
         ("paths", "Path and error", _paths_words(runs) + figure_html(_paths(scenario, runs), "figure-0")),
         ("inside", "Behind it", figure_html(_inside(scenario, runs), "figure-1")),
     ]
@@ -61,19 +62,18 @@ def _table(runs: Sequence[Run]) -> str:
         ("effort, mN", False),
         ("hard violations", False),
         ("ticks not ok", True),
-        ("solve, ms: median / p99 / max", False),
-        ("estimate, ms: median / p99 / max", False),
     )
     rows = []
     for found, _ in runs:
         numbers = [fixed(1e3 * found[key], 3) for key in ("tracking_rmse_m", "tracking_max_m", "final_error_m")]
         numbers += [fixed(1e3 * found[key], 1) for key in ("wall_force_max_N", "effort")]
-        each = times(found)
-        spans = [" / ".join(each[:3]), " / ".join(each[3:])]
-        rows.append(
-            [escape(found["controller"]), *numbers, str(found["hard_violations"]), escape(not_ok(found)), *spans]
-        )
+        rows.append([escape(found["controller"]), *numbers, str(found["hard_violations"]), escape(not_ok(found))])
     return mixed_table(heads, rows)
+
+
+def _ticks(runs: Sequence[Run]) -> str:
+    heads = ("controller", *(f"{what}, {which}" for what in ("plan", "estimate") for which in ("median", "p99", "max")))
+    return table(heads, [[escape(found["controller"]), *times(found)] for found, _ in runs])
 
 
 def _uses(runs: Sequence[Run]) -> str:

@@ -5,7 +5,7 @@ records.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -33,6 +33,13 @@ POOL = 6
 ALIKE = 2
 FINAL = 3
 BEHIND = 6.0
+Moved = Callable[[str, float], None]
+
+
+def _quiet(name: str, share: float) -> None:
+    pass
+
+
 _MULTIPLES = tuple(2.0**k for k in range(6))
 
 
@@ -51,15 +58,19 @@ class Trial:
     companions: Mapping[tuple[str, ...], list[dict[str, float]]] = field(default_factory=dict)
 
 
-def compare_candidates(model: FittedModel, screened: Sequence[Screened]) -> list[Trial]:
+def compare_candidates(model: FittedModel, screened: Sequence[Screened], moved: Moved = _quiet) -> list[Trial]:
     """Joint fits of `model` with one more effect, from short ones of every candidate to full ones of the best three and
     of the declared confounded effects of the best; best gain first. None where no candidate passed the screening.
+    `moved` hears of each candidate that comes next, and the share of the work that is done.
     """
     if not screened:
         return []
-    entries = {row.effect: _entry(model, row) for row in screened}
+    entries = {}
+    for k, row in enumerate(screened):
+        moved(row.effect, 0.4 * k / len(screened))
+        entries[row.effect] = _entry(model, row)
     entered = sorted(entries, key=lambda name: entries[name][0])
-    fitted = _heats(model, {name: entries[name][1] for name in _with_confounders(model.kind, entered)})
+    fitted = _heats(model, {name: entries[name][1] for name in _with_confounders(model.kind, entered)}, moved)
     ranking = sorted(fitted, key=lambda name: fitted[name].cost)
     alike = BY_ID[ranking[0]].confounders
     finalists = [
@@ -67,7 +78,10 @@ def compare_candidates(model: FittedModel, screened: Sequence[Screened]) -> list
         for k, name in enumerate(ranking)
         if fitted[name].cost <= BEHIND * fitted[ranking[0]].cost and (k < FINAL or name in alike)
     ]
-    trials = [_judge(model, name, fitted[name].theta) for name in finalists]
+    trials = []
+    for k, name in enumerate(finalists):
+        moved(name, 0.8 + 0.2 * k / len(finalists))
+        trials.append(_judge(model, name, fitted[name].theta))
     mendable = min((trial.blocks.mean() for trial in trials), default=0.0) > NEAR_NOISE
     helped = [_with_companions(model, trial, fitted[trial.effect].theta if mendable else {}) for trial in trials]
     trials = from_the_best(model, trials, helped) if model.kind.free_only else helped
@@ -170,7 +184,7 @@ def _first(row: tuple[float, dict[str, float]]) -> float:
     return row[0]
 
 
-def _heats(model: FittedModel, starts: Mapping[str, Sequence[dict[str, float]]]) -> dict[str, Fit]:
+def _heats(model: FittedModel, starts: Mapping[str, Sequence[dict[str, float]]], moved: Moved) -> dict[str, Fit]:
     """Fits of `model` with each candidate good enough to rank by; without those that fell behind on the way. One that
     changes the resistance is looked for from where the slip limit follows it, and from where it does not.
     """
@@ -183,9 +197,10 @@ def _heats(model: FittedModel, starts: Mapping[str, Sequence[dict[str, float]]])
             name: [place for start in own for place in _with_each(start, beside[name])] for name, own in starts.items()
         }
         climbs = {name: GrowingHorizon(kind, models[name], every[name], criterion, QUICK, name) for name in starts}
-        return eliminate(part, climbs, FINAL, BEHIND)
+        return eliminate(part, climbs, FINAL, BEHIND, lambda name, share: moved(name, 0.4 + 0.4 * share))
     fits = {}
-    for name, own in starts.items():
+    for k, (name, own) in enumerate(starts.items()):
+        moved(name, 0.4 + 0.4 * k / len(starts))
         places = _with_each(own[0], beside[name])
         costs = costs_of(kind, part, places, criterion) if len(places) > 1 else [0.0]
         problem = Problem.of(kind, part, models[name], criterion)

@@ -7,6 +7,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -77,6 +78,10 @@ class _Task:
     clock: _Clock
     rng: np.random.Generator
 
+    def moved(self, stage: str, begun: float, name: str, share: float) -> None:
+        """The candidate `name` is next; `share` of the stage is done, which began at `begun`."""
+        self.progress(f"{stage}: {name}", begun + 0.15 * share)
+
 
 def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.random.Generator) -> Search:
     """Calibrate on `train`, then add effects one at a time while validation records gain beyond what chance gives."""
@@ -145,8 +150,8 @@ def _named(task: _Task, model: FittedModel, found: Search) -> FittedModel:
         task.progress(f"screening, round {number}", 0.2 + 0.15 * (number - 1))
         screened = screen(kind, model.part, [*found.effects], model.thetas[0], found.dropped)
         clock.note("screening", found)
-        task.progress(f"fitting candidates, round {number}", 0.3 + 0.15 * (number - 1))
-        trials, model = fair(model, compare_candidates(model, screened))
+        moved = partial(task.moved, f"fitting candidates, round {number}", 0.3 + 0.15 * (number - 1))
+        trials, model = fair(model, compare_candidates(model, screened, moved))
         found.after = model.cost
         if not found.effects:
             found.before = found.after

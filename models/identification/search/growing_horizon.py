@@ -4,7 +4,7 @@ little late, over many it is out of step, and least squares sees no way.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -115,15 +115,21 @@ def grow_horizon(
 
 
 def eliminate(
-    records: Sequence[Record], climbs: Mapping[str, GrowingHorizon], counting: int, behind: float
+    records: Sequence[Record],
+    climbs: Mapping[str, GrowingHorizon],
+    counting: int,
+    behind: float,
+    moved: Callable[[str, float], None] = lambda name, share: None,
 ) -> dict[str, Fit]:
     """Fits on the whole records of those `climbs` that stay in reach of the first `counting`, or are declared
     confounded effects of the first one, and leave at most `behind` times what the first one does; the rest end on their
     way: on short beginnings only where the first one leaves about the noise and they `behind` times as much again.
+    `moved` hears of each climb that goes on, and the share of the work that is done.
     """
     running = dict(climbs)
     for number, length, parts in _lengths(records):
-        for climb in running.values():
+        for k, (name, climb) in enumerate(running.items()):
+            moved(name, (number + k / len(running)) / (len(BEGINNINGS_S) + 1))
             climb.on(number, length, parts)
         costs = {name: climb.fits[0].chi2 for name, climb in running.items()}
         if length >= _TELLING_S:

@@ -81,26 +81,24 @@ def _source(path: Path) -> Iterator[tuple[BusSource | LogSource, Hands | None]]:
         )
     deployment = load_deployment(path)
     wiring = frame_map_of(deployment.rig.kind)
+    table = deployment.bus
+    about = f"{deployment.rig.kind} rig, {deployment.control.controller}, {table.interface} {table.channel}"
+    with output_to_notes():
+        models = models_of(deployment.task())
+    facts = Facts(deployment.name, about, wiring, load_catalogue(), models)
     clock = Clock()
     try:
-        bus: can.BusABC = ClockedBus(open_bus(deployment.bus), clock, OLDEST_S)
+        bus: can.BusABC = ClockedBus(open_bus(table), clock, OLDEST_S)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     if deployment.cia402 is not None:
         bus = Cia402Bus(bus, deployment.cia402, load_catalogue())
-    table = deployment.bus
-    about = f"{deployment.rig.kind} rig, {deployment.control.controller}, {table.interface} {table.channel}"
+    source = BusSource(bus, clock, facts)
+    hands = Hands(source, path, deployment.operator if deployment.operator.accept else None)
     try:
-        with output_to_notes():
-            models = models_of(deployment.task())
-        facts = Facts(deployment.name, about, wiring, load_catalogue(), models)
-        source = BusSource(bus, clock, facts)
-        hands = Hands(source, path, deployment.operator if deployment.operator.accept else None)
-        try:
-            yield source, hands
-        finally:
-            hands.close()
+        yield source, hands
     finally:
+        hands.close()
         bus.shutdown()
 
 

@@ -97,8 +97,8 @@ class Plot {
 
   // The range of the values in sight; kept while they fill half of it.
   extent(store) {
-    const { begin, end } = this.box, marks = this.panel.marks;
-    let low = Infinity, high = -Infinity;
+    const { begin, end } = this.box;
+    let low = Math.min(...this.panel.marks), high = Math.max(...this.panel.marks);
     const from = Math.max(store.number(begin), store.first), to = Math.min(store.number(end) + 1, store.head);
     this.panel.lines.forEach((_, k) => {
       for (let n = from; n < to; n++) {
@@ -107,7 +107,7 @@ class Plot {
         if (b > high) high = b;
       }
     });
-    if (low > high) [low, high] = marks.length > 1 || this.panel.marks[0] ? [Math.min(0, ...marks), Math.max(0, ...marks)] : [0, 0];
+    if (low > high) [low, high] = [0, 0];
     if (this.panel.places === 0) low = Math.min(low, 0);
     const missing = this.panel.span - (high - low);
     if (missing > 0) {

@@ -15,10 +15,10 @@ from hil.app.run.clock import Clock
 from hil.log.blf_file import NOTED, Logged
 from hil.nodes.frame_map import plain
 
-_MOST: Final = 20_000
-"""Frames that one picture takes in: more than a bus of 1 Mbit/s carries in two seconds."""
+BUSY_S: Final = 0.02
+"""What one picture may take of the time to take frames in; the rest waits for the next, as pages and signals do not."""
 QUIET_S: Final = 0.5
-AWAY_S: Final = 0.5
+AWAY_S: Final = 0.25
 """After such a pause a bus's queue may have run over: what is refused then is this process's doing."""
 SNAPSHOTS: Final = 2000
 LOG_EVENTS: Final = 5000
@@ -37,11 +37,9 @@ class BusSource:
 
     def poll(self) -> None:
         """Take in what has come since the last time; a bus that raises is told of and tried again."""
+        until = self.clock.now() + BUSY_S
         try:
-            for _ in range(_MOST):
-                message = self.bus.recv(0)
-                if message is None:
-                    break
+            while self.clock.now() < until and (message := self.bus.recv(0)) is not None:
                 if plain(message):
                     self._take(message)
             self._trouble = ""

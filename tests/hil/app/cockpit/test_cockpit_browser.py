@@ -43,7 +43,7 @@ FAULTS = """() => {
   document.querySelectorAll("canvas").forEach(one => { if (!one.width) found.push("a panel is not drawn"); });
   return [...new Set(found)];
 }"""
-DRAWN = "Number(document.documentElement.dataset.drawn || 0) > 3"
+DRAWN = "document.querySelectorAll('.fact b').length === 6 && Number(document.documentElement.dataset.drawn || 0) > 0"
 
 
 @contextmanager

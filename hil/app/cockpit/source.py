@@ -37,20 +37,24 @@ class BusSource:
 
     def poll(self) -> None:
         """Take in what has come since the last time; a bus that raises is told of and tried again."""
-        until = self.clock.now() + BUSY_S
+        until, waits = self.clock.now() + BUSY_S, True
         try:
-            while self.clock.now() < until and (message := self.bus.recv(0)) is not None:
-                if plain(message):
+            while waits and self.clock.now() < until:
+                message = self.bus.recv(0)
+                waits = message is not None
+                if message is not None and plain(message):
                     self._take(message)
             self._trouble = ""
         except Exception as error:  # noqa: BLE001 - drivers of many makers raise whatever they like
+            waits = False
             self._trouble = f"the bus cannot be read: {' '.join(str(error).split())[:160] or type(error).__name__}"
         now = self.clock.now()
         if now - self._polled > AWAY_S:
             self.tell(f"this cockpit was away for {now - self._polled:.1f} s: it may have missed frames", "doubt")
         self._polled = now
-        self.watch.tick(now)
-        self.ring.close(now)
+        reached = max(self._heard, 0.0) if waits else now
+        self.watch.tick(reached)
+        self.ring.close(reached)
 
     def tell(self, words: str, grade: str = "note") -> None:
         """Add an event of the cockpit's own."""

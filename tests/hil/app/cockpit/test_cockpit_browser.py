@@ -129,7 +129,7 @@ def test_a_bus_is_watched_steered_and_stopped(opened: Open, rig: str, channel: s
         position = "parseFloat(document.querySelector('.fact b').textContent.replace('−', '-'))"
         first = page.evaluate(position)
         shows(page, f"{position} > {first} + 2")
-        event(page, "model: holds → broken")
+        event(page, "broken (sudden change)")
         assert page.inner_text("#refused") == ""
 
         page.check("#arm")
@@ -181,7 +181,7 @@ def test_the_page_is_whole_in_every_window(opened: Open, rig: str, channel: str,
     with cockpit_on(rig) as (_, address), puppet_on(channel):
         page = opened(address, width, scheme)
         page.check("#arm")
-        event(page, "model: holds → broken")
+        event(page, "broken (sudden change)")
         page.wait_for_selector("#forth:visible", timeout=LONG_MS)
         assert page.evaluate(FAULTS) == []
         keep(page, f"live_{width}_{scheme}")

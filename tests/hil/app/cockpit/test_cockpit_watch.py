@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import can
+
 from hil.app.cockpit.facts import Facts
 from hil.app.cockpit.source import BusSource, LogSource
 from hil.app.cockpit.watch import KEPT, Watch
@@ -79,3 +81,18 @@ def test_a_log_has_the_state_of_any_time() -> None:
     early, late = log.document(1.0), log.document(2.9)
     assert (early["model"]["state"], late["model"]["state"]) == ("holds", "broken")
     assert early["refused"] == [["CapsuleLocalisation", "crc", 1]]
+
+
+def test_a_picture_takes_bounded_time_and_calls_nobody_silent_whose_frames_still_wait() -> None:
+    frames = story(10.0, bad=False)
+    messages = [can.Message(frame.time_s, frame.id, False, data=frame.data) for frame in frames]
+    clock = Clock()
+    source = BusSource(ScriptedBus(*messages), clock, FACTS)
+    clock.origin_ns -= 20 * 10**9  # all of it was said long ago
+    source.poll()
+    assert 0 < source.watch.count < len(messages)
+    assert "controller is silent" not in [event.words for event in source.watch.events]
+    while source.watch.count < len(messages):
+        source.poll()
+    source.poll()
+    assert "controller is silent" in [event.words for event in source.watch.events]

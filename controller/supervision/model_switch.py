@@ -35,9 +35,9 @@ class ModelSwitch:
 
     `observe` answers with the one in use. From `begin` + `offer.at_s` on the offered one sees the same measurements;
     once it is not lost and the supervisor has seen the capsule at rest long enough, it and the controllers of its model
-    take over in one tick, `taken_at` in s of the reference's time; `switches` counts how often. A model that is offered later waits until those
-    before it have taken over. An offer's controllers and estimator are built when it is made, that of the constructor
-    before the first tick. `history`, where there is one, keeps what was measured.
+    take over in one tick, `taken_at` in s of the reference's time; `switches` counts how often. A model that is offered
+    later waits until those before it have taken over. An offer's controllers and estimator are built when it is made,
+    that of the constructor before the first tick. `history`, where there is one, keeps what was measured.
     """
 
     def __init__(

@@ -48,9 +48,9 @@ class ModelSwitch:
 
     `observe` answers with the one in use. From `begin` + `offer.at_s` on the offered one sees the same measurements;
     once it is not lost and the supervisor has seen the capsule at rest long enough, it and the controllers of its model
-    take over in one tick, `taken_at` in s of the reference's time. A model that is offered later waits until those
-    before it have taken over. An offer's controllers and estimator are built when it is made, that of the constructor
-    before the first tick. `history`, where there is one, keeps what was measured.
+    take over in one tick, `taken_at` in s of the reference's time; `switches` counts how often. A model that is offered
+    later waits until those before it have taken over. An offer's controllers and estimator are built when it is made,
+    that of the constructor before the first tick. `history`, where there is one, keeps what was measured.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class ModelSwitch:
         self._estimator = estimator
         self._present: Observer = estimator_for(controller, model, estimator)
         self._waiting: deque[Prepared] = deque()
-        self._origin, self.taken_at = math.inf, math.nan
+        self._origin, self.taken_at, self.switches = math.inf, math.nan, 0
         self._monitor = _monitor_of(self._present)
         self.history: History | None = None
         if offer is not None:
@@ -102,6 +102,11 @@ class ModelSwitch:
     def tick_s(self) -> float:
         """Tick in s of the models."""
         return self._present.model.tick_s
+
+    @property
+    def model(self) -> ControlModel:
+        """The model in use."""
+        return self._present.model
 
     @property
     def origin_s(self) -> float:
@@ -146,6 +151,7 @@ class ModelSwitch:
             setattr(observer.counts, field.name, getattr(self._present.counts, field.name))
         self._waiting.popleft()
         self._present, self.taken_at = observer, now - self._origin
+        self.switches += 1
         if self._waiting:
             first = self._waiting[0]
             self._supervisor.offer(first.chain, first.offer.verdict)

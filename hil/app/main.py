@@ -56,6 +56,9 @@ ReferenceFile = Annotated[
         "--reference", metavar="FILE.toml", help="Where to go, instead of its own: next_experiment.toml of close-loop."
     ),
 ]
+McapFile = Annotated[
+    Path | None, typer.Option("--mcap", metavar="FILE.mcap", help="The bus's signals as MCAP, too, while it runs.")
+]
 RunSeed = Annotated[int | None, typer.Option("--seed", min=0, help="Sets every random number; else the scenario's.")]
 
 
@@ -377,6 +380,7 @@ def _sil(
         Path | None, typer.Option("--out", metavar="DIR", help="Folder for sil.json and the log frames.blf.")
     ] = None,
     learn: Learn = False,
+    mcap: McapFile = None,
     json_output: Json = False,
     effects: OwnEffects = None,
     controllers: OwnControllers = None,
@@ -389,7 +393,7 @@ def _sil(
 
     use_effects(effects or [])
     use_controllers(controllers or [])
-    sil(scenario, Options(controller, model, stage, seed, out, json_output, reference, learn))
+    sil(scenario, Options(controller, model, stage, seed, out, json_output, reference, learn, mcap))
 
 
 @_command("run", "capsule run deployment.toml check")
@@ -407,6 +411,7 @@ def _run(
     log: Annotated[
         Path | None, typer.Option("--log", metavar="LOG.blf", help="Where the log goes; else beside you.")
     ] = None,
+    mcap: McapFile = None,
     reference: ReferenceFile = None,
     json_output: Json = False,
     effects: OwnEffects = None,
@@ -420,7 +425,9 @@ def _run(
 
     use_effects(effects or [])
     use_controllers(controllers or [])
-    return run(rig, action, dry_run=dry_run, log=log, json_output=json_output, reference=reference, learn=learn)
+    return run(
+        rig, action, dry_run=dry_run, log=log, json_output=json_output, reference=reference, learn=learn, mcap=mcap
+    )
 
 
 @_command("plant", "capsule plant examples/deployment/deployment.toml --seconds 60")
@@ -437,6 +444,24 @@ def _plant(
     from hil.app.run.simulated_plant import plant
 
     plant(deployment, seconds, json_output=json_output)
+
+
+@_command("cockpit", "capsule cockpit deployment.toml")
+def _cockpit(
+    source: Annotated[
+        Path,
+        typer.Argument(metavar="DEPLOYMENT.toml | LOG", help="A deployment file, whose bus is watched; or a CAN log."),
+    ],
+    host: Annotated[
+        str, typer.Option("--host", metavar="ADDRESS", help="Where to listen; else this machine alone can see it.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option("--port", metavar="N", help="0: a free one.")] = 8420,
+    json_output: Json = False,
+) -> None:
+    """A page in the browser: a bus while it runs, or a log to scrub through; steers with the token that it prints."""
+    from hil.app.cockpit.command import cockpit
+
+    cockpit(source, host, port, json_output=json_output)
 
 
 @_command("jog", "capsule jog examples/deployment/deployment.toml")

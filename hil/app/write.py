@@ -10,6 +10,7 @@ import os
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -101,6 +102,13 @@ def check_targets(outputs: Sequence[Path], option: str, inputs: Sequence[Path]) 
             raise ValueError(f"{option} must leave the name {out.name} free for a file; got the folder {out}")
         if out.exists() and any(path.exists() and out.samefile(path) for path in inputs):
             raise ValueError(f"{option} must not be a file that is read, which would be overwritten; got {out}")
+
+
+def check_mcap(path: Path, inputs: Sequence[Path]) -> None:
+    """Refuse an `--mcap` that cannot be written, as `check_file` and `check_targets`, and without its library."""
+    check_targets([check_file(path, "--mcap", (".mcap",))], "--mcap", inputs)
+    if find_spec("mcap") is None:
+        raise ValueError("--mcap needs the package mcap, which is not installed: pip install '.[mcap]'")
 
 
 def _written(path: Path, data: bytes) -> Path:

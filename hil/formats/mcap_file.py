@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from hil.formats.channels import Channel, Pick, RefusedError, library
 from hil.formats.clock import by_clock
@@ -47,28 +48,45 @@ def _decoder(schema: Any, channel: Any) -> Callable[[bytes], Any]:
 
 def write(path: Path, channels: Sequence[Channel]) -> None:
     """Write channels as JSON messages with schemas: a topic a group and clock, a message a sample."""
-    writer_module = library("mcap.writer", EXTRA)
-
     with path.open("wb") as file:
-        writer = writer_module.Writer(file)
-        writer.start(profile="", library="capsule")
+        topics = McapTopics(file)
         for number, (group, time_s, members) in enumerate(by_clock(channels)):
-            _write_topic(writer, group or (_UNNAMED if not number else f"{_UNNAMED}_{number}"), time_s, members)
-        writer.finish()
+            topic = group or (_UNNAMED if not number else f"{_UNNAMED}_{number}")
+            names = [c.heading.name.removeprefix(f"{topic}/") for c in members]
+            topics.add(topic, {name: c.heading.unit for name, c in zip(names, members, strict=True)})
+            rows = zip(*(c.values.tolist() for c in members), strict=True)
+            for at, row in zip(time_s.tolist(), rows, strict=True):
+                topics.write(topic, max(round(at * 1e9), 0), dict(zip(names, row, strict=True)))
+        topics.finish()
 
 
-def _write_topic(writer: Any, topic: str, time_s: Any, members: Sequence[Channel]) -> None:
-    names = [c.heading.name.removeprefix(f"{topic}/") for c in members]
-    rows = zip(*(c.values.tolist() for c in members), strict=True)
-    properties = {
-        name: {"type": "number", **({"description": c.heading.unit} if c.heading.unit else {})}
-        for name, c in zip(names, members, strict=True)
-    }
-    schema = {"type": "object", "title": topic, "properties": properties}
-    number = writer.register_schema(name=topic, encoding="jsonschema", data=json.dumps(schema).encode())
-    channel = writer.register_channel(topic=topic, message_encoding="json", schema_id=number)
-    for sequence, (at, row) in enumerate(zip(time_s.tolist(), rows, strict=True)):
-        stamp = max(round(at * 1e9), 0)
-        told = {name: value for name, value in zip(names, row, strict=True) if math.isfinite(value)}
-        data = json.dumps(told).encode()
-        writer.add_message(channel, log_time=stamp, publish_time=stamp, data=data, sequence=sequence)
+class McapTopics:
+    """JSON messages with schemas on an open `file`: a topic a kind of message. What stands in a chunk that is full can
+    be read while the file is still being written.
+    """
+
+    def __init__(self, file: BinaryIO, chunk_bytes: int = 1 << 20) -> None:
+        """Begin. Raises RefusedError where the library is not installed."""
+        self._writer = library("mcap.writer", EXTRA).Writer(file, chunk_size=chunk_bytes)
+        self._writer.start(profile="", library="capsule")
+        self._channels: dict[str, tuple[int, count[int]]] = {}
+
+    def add(self, topic: str, units: Mapping[str, str]) -> None:
+        """A topic whose messages have numbers of these names and units."""
+        properties = {
+            name: {"type": "number", **({"description": unit} if unit else {})} for name, unit in units.items()
+        }
+        schema = {"type": "object", "title": topic, "properties": properties}
+        number = self._writer.register_schema(name=topic, encoding="jsonschema", data=json.dumps(schema).encode())
+        channel = self._writer.register_channel(topic=topic, message_encoding="json", schema_id=number)
+        self._channels[topic] = (channel, count())
+
+    def write(self, topic: str, time_ns: int, values: Mapping[str, float]) -> None:
+        """One message; numbers that are not finite are left out."""
+        channel, sequence = self._channels[topic]
+        data = json.dumps({name: value for name, value in values.items() if math.isfinite(value)}).encode()
+        self._writer.add_message(channel, log_time=time_ns, publish_time=time_ns, data=data, sequence=next(sequence))
+
+    def finish(self) -> None:
+        """End the file with its index."""
+        self._writer.finish()

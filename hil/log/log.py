@@ -13,9 +13,13 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final, Self
+from typing import TYPE_CHECKING, Any, Final, Self
 
 from hil.log.blf_file import LATEST_S, PACKED, RECEIVED, SENT, WITHHELD, BlfFile, Logged
+from hil.log.writer_process import TROUBLE
+
+if TYPE_CHECKING:
+    from hil.log.mcap_log import McapLog
 
 ROOM: Final = 1 << 20
 FORMAT: Final = 2
@@ -172,10 +176,14 @@ class FrameLog(NodeLog):
     """
 
     def __init__(
-        self, path: Path, record: Mapping[str, Any], tell: Callable[[str], object] = lambda sentence: None
+        self,
+        path: Path,
+        record: Mapping[str, Any],
+        tell: Callable[[str], object] = lambda sentence: None,
+        mcap: Path | None = None,
     ) -> None:
-        """Begin the log at `path`, or, where another run is writing there, at a name beside it (`claim`). Errors as
-        `NodeLog`.
+        """Begin the log at `path`, or, where another run is writing there, at a name beside it (`claim`). The writer
+        writes `mcap`, too, where it is asked for. Errors as `NodeLog`.
         """
         self._lock, path, self.kept = claim(path)
         self._calendar_s = time.time()
@@ -192,7 +200,7 @@ class FrameLog(NodeLog):
             fcntl.fcntl(self._pipe, _F_SETPIPE_SZ, ROOM)
         os.set_blocking(self._pipe, False)
         self.troubles: list[str] = []
-        self.lost = 0
+        self.lost, self._mcap = 0, mcap
         self._tell, self._priority, self._on_file, self._closing = tell, 0, 0, threading.Event()
         self._begun = threading.Event()
         self._writer = self._begin()
@@ -201,7 +209,9 @@ class FrameLog(NodeLog):
         self._begun.wait(_BEGINS_S)
 
     def _begin(self, *how: str) -> subprocess.Popen[str]:
-        command = [sys.executable, "-m", "hil.log.writer_process", str(self.path.absolute()), str(self._calendar_s)]
+        beside = "" if self._mcap is None else str(_unused(self._mcap) if how else self._mcap.absolute())
+        program = [sys.executable, "-m", "hil.log.writer_process"]
+        command = [*program, str(self.path.absolute()), str(self._calendar_s), beside]
         writer = subprocess.Popen(
             [*command, *how],
             stdin=self._reading,
@@ -223,6 +233,10 @@ class FrameLog(NodeLog):
             with self._writer.stdout as said:
                 for line in said:
                     word = line.strip()
+                    if word.startswith(TROUBLE):
+                        self.troubles.append(word.removeprefix(TROUBLE))
+                        self._tell(self.troubles[-1])
+                        continue
                     self._on_file = before + int(word) if word.isdigit() else self._on_file
                     self._begun.set()
             status = self._writer.wait()
@@ -277,17 +291,31 @@ class FrameLog(NodeLog):
             self.troubles.append(f"log {self.path}: {self.lost} frames that were handed to its writer are not on file")
 
 
+def _unused(path: Path) -> Path:
+    """A name beside `path` that no file has."""
+    number = 2
+    while (other := path.with_name(f"{path.stem}-{number}{path.suffix}")).exists():
+        number += 1
+    return other.absolute()
+
+
 class LockstepLog(NodeLog):
     """The same log written at once, in the node's own process: for simulated time, which waits."""
 
-    def __init__(self, path: Path, record: Mapping[str, Any], flush_s: float = 1.0) -> None:
-        """Begin the log; a container every `flush_s` of the node's clock. Errors as `NodeLog`."""
+    def __init__(
+        self, path: Path, record: Mapping[str, Any], flush_s: float = 1.0, mcap: McapLog | None = None
+    ) -> None:
+        """Begin the log; a container every `flush_s` of the node's clock; frames go to `mcap`, too. Errors as
+        `NodeLog`.
+        """
         super().__init__(path, record)
-        self._file, self._flush_s, self._flushed_s = BlfFile(path), flush_s, 0.0
+        self._file, self._flush_s, self._flushed_s, self._mcap = BlfFile(path), flush_s, 0.0, mcap
 
     def _write(self, frames: Sequence[Logged]) -> int:
         for frame in frames:
             self._file.write(frame)
+            if self._mcap is not None:
+                self._mcap.write(frame)
         if frames[-1].time_s - self._flushed_s >= self._flush_s:
             self._file.flush()
             self._flushed_s = frames[-1].time_s
@@ -297,3 +325,5 @@ class LockstepLog(NodeLog):
         """End the log."""
         self.before_close()
         self._file.stop()
+        if self._mcap is not None:
+            self._mcap.close()

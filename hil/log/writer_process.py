@@ -1,4 +1,6 @@
-"""The process that writes a log: frames from standard input to a BLF file until the input ends."""
+"""The process that writes a log: frames from standard input to a BLF file, and to an MCAP file where one is asked for,
+until the input ends.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +11,18 @@ import signal
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from hil.log.blf_file import LOST, NOTED, PACKED, BlfFile, Logged, unpacked
 
+if TYPE_CHECKING:
+    from hil.log.mcap_log import McapLog
+
 FLUSH_S: Final = 0.4
+TROUBLE: Final = "trouble: "
+"""What a line on standard output begins with that is neither a number of frames nor the end."""
 _BLOCK: Final = PACKED.size * 2048
 
 
@@ -25,13 +33,16 @@ def write_until_end(
     *,
     calendar_s: float = 0.0,
     append: bool = False,
+    mcap: Path | None = None,
     told: Callable[[int], object] = lambda count: None,
 ) -> int:
     """Write the frames that come from the file descriptor `source` to `path`, on file every `flush_s`. `told` gets how
     many are, at the begin and after each time; the whole number is returned. With `append` it goes on with the file,
-    after a note that frames are missing. Raises OSError where the disk does not take them.
+    after a note that frames are missing. `mcap` gets the good frames, too, as long as it takes them. Raises OSError
+    where the disk does not take them.
     """
     file, rest, count = BlfFile(path, calendar_s, append=append), b"", 0
+    beside = None if mcap is None else _Beside(mcap)
     told(count)
     due = time.monotonic() + flush_s
     while True:
@@ -48,29 +59,69 @@ def write_until_end(
                     file.write(Logged(frame.time_ns, LOST, bytes(8), NOTED))
                 file.write(frame)
                 count += 1
+                if beside is not None:
+                    beside.write(frame)
         if time.monotonic() >= due:
             file.flush()
             told(count)
             due = time.monotonic() + flush_s
     file.flush()
     file.stop()
+    if beside is not None:
+        beside.close()
     told(count)
     return count
 
 
+class _Beside:
+    """An MCAP file that a log does not hang on: once it fails, that is said, and no more is written to it."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._file: McapLog | None = None
+        self._doing(self._begin)
+
+    def _begin(self) -> None:
+        from hil.log.mcap_log import McapLog
+
+        self._file = McapLog(self._path)
+
+    def write(self, frame: Logged) -> None:
+        """Add a frame."""
+        if self._file is not None:
+            self._doing(partial(self._file.write, frame))
+
+    def close(self) -> None:
+        """End the file."""
+        if self._file is not None:
+            self._doing(self._file.close)
+
+    def _doing(self, work: Callable[[], None]) -> None:
+        try:
+            work()
+        except (OSError, ValueError) as error:
+            self._file = None
+            words = error.strerror if isinstance(error, OSError) and error.strerror else " ".join(str(error).split())
+            with contextlib.suppress(OSError):
+                print(f"{TROUBLE}{self._path}: MCAP file is not whole: {words}", flush=True)
+
+
 def main() -> int:
-    """`PATH CALENDAR_S [append]`; says on standard output how many frames are on file, or what is wrong with it."""
+    """`PATH CALENDAR_S MCAP [append]`, MCAP "" for none; says on standard output how many frames are on file, or what
+    is wrong with it.
+    """
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     os.nice(5)
-    path, calendar_s, append = Path(sys.argv[1]), float(sys.argv[2]), sys.argv[3:] == ["append"]
+    path, calendar_s, append = Path(sys.argv[1]), float(sys.argv[2]), sys.argv[4:] == ["append"]
+    mcap = Path(sys.argv[3]) if sys.argv[3] else None
 
     def told(count: int) -> None:
         with contextlib.suppress(OSError):
             print(count, flush=True)
 
     try:
-        write_until_end(sys.stdin.fileno(), path, calendar_s=calendar_s, append=append, told=told)
+        write_until_end(sys.stdin.fileno(), path, calendar_s=calendar_s, append=append, mcap=mcap, told=told)
     except OSError as error:
         print(error.strerror or error, flush=True)
         os._exit(1)

@@ -16,6 +16,7 @@ from hil.formats.channels import Channel, Heading, refusing
 from hil.formats.clock import by_clock, one_table
 from hil.formats.table import WRITTEN, write_channels
 from hil.log.channels import file_channels
+from hil.log.reader import is_log
 from hil.log.record import read_rig_record
 from models.files.columns import COLUMNS, TIME
 from models.files.rig import Rig
@@ -114,7 +115,7 @@ def _content(one: Converted) -> bytes:
     """The content of the file to be written."""
     if not one.out.name.lower().endswith(_TABLES):
         return write_channels(one.out, one.channels)
-    clocks = by_clock([channel for channel in one.channels if channel.time_s is not None])
+    clocks = [] if is_log(one.path) else by_clock([c for c in one.channels if c.time_s is not None])
     if len({len(times) for _, times, _ in clocks}) > 1 or any((times != clocks[0][1]).any() for _, times, _ in clocks):
         raise ValueError(
             f"{one.path}: channels must have one clock to become the rows of a CSV file; got {len(clocks)}: give --rig"
@@ -123,7 +124,8 @@ def _content(one: Converted) -> bytes:
     titles = {channel.heading.name: _title(channel.heading) for channel in one.channels}
     with refusing(one.path, "one that can be told as a table"):
         table = {titles.get(name, name): column for name, column in one_table(one.channels).items()}
-    data = table_text(table).encode()
+    head, end, rows = table_text(table).partition("\n")
+    data = f"{head}{end}{rows.replace('nan', '')}".encode()
     return gzip.compress(data, mtime=0) if one.out.name.lower().endswith(".gz") else data
 
 

@@ -29,14 +29,14 @@ class Clock:
 
 
 class ClockedBus(can.BusABC):
-    """Another bus whose received frames carry times of `clock`: the driver's stamp where it is at most 0.1 s old by the
-    calendar, else the moment of reading. So a step of the calendar's clock never reaches the node. What is received
-    counts as received: SocketCAN marks frames of another process on the same machine as this machine's own.
+    """Another bus whose received frames carry times of `clock`: the driver's stamp where it is at most `oldest_s`
+    old by the calendar, else the moment of reading. So a step of the calendar's clock never reaches the node. What is
+    received counts as received: SocketCAN marks frames of another process on the same machine as this machine's own.
     """
 
-    def __init__(self, inner: can.BusABC, clock: Clock) -> None:
+    def __init__(self, inner: can.BusABC, clock: Clock, oldest_s: float = OLDEST_S) -> None:
         super().__init__(channel=inner.channel_info)
-        self.inner, self.clock, self.unstamped = inner, clock, 0
+        self.inner, self.clock, self.oldest_s, self.unstamped = inner, clock, oldest_s, 0
         self.channel_info = inner.channel_info
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
@@ -48,7 +48,7 @@ class ClockedBus(can.BusABC):
         message = self.inner.recv(timeout)
         if message is not None:
             age, now = time.time() - message.timestamp, self.clock.now()
-            if not 0 <= age <= OLDEST_S:
+            if not 0 <= age <= self.oldest_s:
                 age, self.unstamped = 0.0, self.unstamped + 1
             message.timestamp = max(round((now - age) * 1e9), 0) / 1e9
             message.is_rx = True

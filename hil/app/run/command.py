@@ -24,7 +24,7 @@ from hil.app.scenario.deployment import BusTable, Deployment, load_deployment
 from hil.app.scenario.model_health import health_words
 from hil.app.scenario.model_health import told as health_told
 from hil.app.scenario.model_offer import Offered, offer_words, told
-from hil.app.write import check_file, check_targets
+from hil.app.write import check_file, check_mcap, check_targets
 from hil.bus.authenticated import AuthenticatedBus, authenticator
 from hil.bus.catalogue import Catalogue, load_catalogue
 from hil.bus.key import next_epoch, read_key
@@ -57,9 +57,10 @@ def run(
     json_output: bool = False,
     reference: Path | None = None,
     learn: bool = False,
+    mcap: Path | None = None,
 ) -> int:
     """Lead the drive that the rig file `path` names, or only check; 0 where all went as asked, 1 where it did not
-    (`hil.app.run.loop.ENDS`). A `reference` file takes the place of its own.
+    (`hil.app.run.loop.ENDS`). A `reference` file takes the place of its own. The log's writer writes `mcap`, too.
 
     The action "reset" acknowledges a fault that the drive has latched, and does nothing else: that takes an operator's
     word. With `dry_run` everything is listened to and computed and nothing is sent. With `learn` a model that breaks is
@@ -76,6 +77,8 @@ def run(
         check_learnt(deployment.rig)
         if action != "lead" or dry_run:
             raise ValueError("--learn must go with leading; got it with check, reset or --dry-run")
+    if mcap is not None:
+        check_mcap(mcap, [path, log])
     verdict = deployment.verdict
     if action == "reset" and dry_run:
         raise ValueError("--dry-run must go with leading; got 'reset', which does nothing but send")
@@ -85,7 +88,7 @@ def run(
     if action != "check" and not limits.good:
         raise ValueError(f"{path}: {limits.words}")
     try:
-        return _run(path, deployment, catalogue, action, dry_run, log, json_output, learn)
+        return _run(path, deployment, catalogue, action, dry_run, (log, mcap), json_output, learn)
     except _OtherControllerError as error:
         return _not_begun(path, str(error), json_output)
 
@@ -96,7 +99,7 @@ def _run(
     catalogue: Catalogue,
     action: str,
     dry_run: bool,
-    log: Path,
+    logs: tuple[Path, Path | None],
     json_output: bool,
     learn: bool,
 ) -> int:
@@ -111,7 +114,7 @@ def _run(
             if action == "check":
                 points = check(deployment, task, bus, catalogue)
             else:
-                led = _lead(deployment, bus, dry_run, log, resets=action == "reset", learns=learn)
+                led = _lead(deployment, bus, dry_run, logs, resets=action == "reset", learns=learn)
                 outcome, node, frames_log, lessons = led
                 if ENDS[outcome.end][0] and (trouble := _told_by_drive(bus)):
                     outcome.ended += f"; {trouble}"
@@ -252,8 +255,15 @@ def _controllers_on(bus: can.BusABC) -> list[str]:
 
 
 def _lead(
-    deployment: Deployment, bus: ClockedBus, dry_run: bool, path: Path, *, resets: bool, learns: bool
+    deployment: Deployment,
+    bus: ClockedBus,
+    dry_run: bool,
+    logs: tuple[Path, Path | None],
+    *,
+    resets: bool,
+    learns: bool,
 ) -> tuple[Outcome, ControllerNode, FrameLog, list[Lesson]]:
+    path, mcap = logs
     task, catalogue, control = deployment.task(), load_catalogue(), deployment.control
     record = log_record(
         {"deployment": deployment.text},
@@ -271,7 +281,7 @@ def _lead(
     def tell(sentence: str) -> None:
         notes().print(sentence, markup=False, soft_wrap=True)
 
-    with FrameLog(path, record, tell) as frames_log, Signals().caught() as signals, ExitStack() as beside:
+    with FrameLog(path, record, tell, mcap) as frames_log, Signals().caught() as signals, ExitStack() as beside:
         if frames_log.kept is not None:
             tell(f"older log kept as {frames_log.kept}")
         if frames_log.path != path:

@@ -20,8 +20,9 @@ from hil.app.sil.fault_outcomes import outcomes
 from hil.app.sil.loop import Learning, SilTrace, run_sil
 from hil.app.sil.testbed import believed_on_bus
 from hil.app.track.score import document, score
-from hil.app.write import check_folder, write_files
+from hil.app.write import check_folder, check_mcap, write_files
 from hil.log.log import LockstepLog
+from hil.log.mcap_log import McapLog
 from hil.log.recorder import Recorder, log_record
 from hil.nodes.frame_map import frames
 
@@ -38,13 +39,17 @@ def sil(path: Path, asked: Options) -> None:
     (name, number), out = asked.of(scenario.loop), asked.out
     if out is not None:
         check_folder(out, "--out")
+    if asked.mcap is not None:
+        if out is None:
+            raise ValueError(f"--mcap must go with --out, where the log goes; got --mcap {asked.mcap} alone")
+        check_mcap(asked.mcap, [path])
     with output_to_notes():
         believed = believed_on_bus(scenario, values)
         offered = read_offer(scenario.loop.offer, path.parent, scenario.loop.belief, values)
         offer = offer_of(offered, lambda new: believed_on_bus(scenario, new))
         with (
             progress_bar(scenario.loop.name, even=True) as report,
-            _log(out, scenario, text, name, values, number, offered) as log,
+            _log(out, asked.mcap, scenario, text, name, values, number, offered) as log,
         ):
             recorder = None if log is None else Recorder(log)
             more = {"offer": offer, "recorder": recorder}
@@ -83,6 +88,7 @@ def _learning(scenario: SilScenario, values: Mapping[str, float], wanted: bool) 
 
 def _log(
     out: Path | None,
+    mcap: Path | None,
     scenario: SilScenario,
     text: str,
     name: str,
@@ -90,7 +96,7 @@ def _log(
     seed: int,
     offered: Offered | None,
 ) -> AbstractContextManager[LockstepLog | None]:
-    """The log `frames.blf` in the folder `out`, with what `capsule replay` needs beside it."""
+    """The log `frames.blf` in the folder `out`, with what a replay needs beside it; `mcap` gets its frames, too."""
     if out is None:
         return nullcontext()
     record = log_record(
@@ -102,7 +108,7 @@ def _log(
         seed=seed,
         offered=offered and offered.document(),
     )
-    return LockstepLog(out / "frames.blf", record)
+    return LockstepLog(out / "frames.blf", record, mcap=None if mcap is None else McapLog(mcap))
 
 
 def judged(

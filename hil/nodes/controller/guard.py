@@ -181,6 +181,9 @@ class Guard:
             "Sync",
             "ControllerHeartbeat",
             "ModelHealth",
+            "BelievedMotion",
+            "BelievedForces",
+            "WantedMotion",
             "OperatorStatus",
             wiring.command,
         )

@@ -27,6 +27,7 @@ from hil.nodes.controller.health import HEALTH_S, health_values
 from hil.nodes.controller.operator import STATUS, STATUS_S, Operator, OperatorLimits
 from hil.nodes.controller.plausibility import Plausibility
 from hil.nodes.controller.receive import FrameReceiver
+from hil.nodes.controller.view import VIEW_S, force_values, motion_values, wanted_values
 from hil.nodes.frame_map import (
     BOOT,
     ENABLE,
@@ -170,7 +171,7 @@ class ControllerNode:
         self._plausibility = Plausibility(_FOLLOW[self.wiring.kind], task.seen_noise_m, task.resolution_m)
         self._reference: Reference = task.reference
         self._bus, self._catalogue, self._clock = bus, catalogue, clock
-        self._began = self._last = self._beat_at = self._health_at = self._status_at = -math.inf
+        self._began = self._last = self._beat_at = self._health_at = self._view_at = self._status_at = -math.inf
         self._origin, self._index = 0.0, 0
         self._number = 0
         self._led = self._rested = False
@@ -251,6 +252,7 @@ class ControllerNode:
         if out.mode == QUICK_STOP:
             self._fail(out.reason)
         self._stop_all(now)
+        self._show(now, estimate)
         self._last = now
         return Tick(
             now + self.tick_s, estimate, action, out, self.state, self.supervisor.active, (middle - began, end - middle)
@@ -279,6 +281,17 @@ class ControllerNode:
             self.guard.send("DriveReset", {"Target": self.wiring.target, "Code": self.receiver.fault}, now)
             if not self._acknowledge:
                 self.receiver.fault = 0
+
+    def _show(self, now: float, estimate: Estimate) -> None:
+        """What is believed and wanted, once in `VIEW_S`, for those who watch."""
+        if 0 <= now - self._view_at < VIEW_S - 0.5 * self.tick_s:
+            return
+        self._view_at, then = now, np.array([now + self.tick_s])
+        wanted = (float(self._reference.position(then)[0]), float(self._reference.speed(then)[0]))
+        model, follows = self.estimator.model, self.state == RUNNING and self._led
+        self.guard.send("BelievedMotion", motion_values(model, estimate), now)
+        self.guard.send("BelievedForces", force_values(model, estimate, self._in_force, now), now)
+        self.guard.send("WantedMotion", wanted_values(*wanted, follows, self.estimator.switches), now)
 
     def _estimated(self, now: float, arrived: list[Measurement], missed: int) -> Estimate:
         """The estimate for the begin of the next tick, from what is in force until then, after `missed` ticks."""

@@ -1,0 +1,124 @@
+"""`capsule cockpit`: a bus or a log on a page in the browser."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Final
+
+import can
+
+from hil.app.cockpit.facts import Facts, models_of, wiring_of
+from hil.app.cockpit.hands import Hands
+from hil.app.cockpit.source import BusSource, LogSource
+from hil.app.console import notes, output_to_notes, print_json, summary
+from hil.app.run.clock import Clock, ClockedBus
+from hil.app.run.command import open_bus
+from hil.app.run.loop import Signals
+from hil.app.run.replay import task_of
+from hil.app.scenario.deployment import load_deployment
+from hil.bus.catalogue import Catalogue, load_catalogue
+from hil.log.log import record_path
+from hil.log.reader import ENDINGS, is_log, read_frames, read_log_record
+from hil.nodes.actuators import carriage_bus
+from hil.nodes.frame_map import frame_map_of
+
+PORT: Final = 8420
+OLDEST_S: Final = 5.0
+"""A page that the processor was taken from does not say of its late frames that their counters were wrong."""
+EXTRA: Final = "cockpit"
+
+
+def cockpit(path: Path, host: str = "127.0.0.1", port: int = PORT, *, json_output: bool = False) -> None:
+    """Serve a page on the bus that the deployment file `path` names, or on the log `path`, until Ctrl-C.
+
+    Raises ValueError of one sentence for what cannot be used: extra not installed, port taken, bus not there, log
+    unreadable.
+    """
+    if find_spec("tornado") is None:
+        raise ValueError(f"cockpit needs the package tornado, which is not installed: pip install '.[{EXTRA}]'")
+    if not 0 <= port <= 65535:
+        raise ValueError(f"--port must lie in [0, 65535]; got {port}")
+    from hil.app.cockpit.server import Cockpit, bind, serve
+
+    listener = bind(host, port)
+    with listener, _source(path) as (source, hands), Signals().caught() as signals:
+        page = Cockpit(source, hands=hands)
+        shown = f"[{host}]" if ":" in host else host
+        address = f"http://{shown}:{listener.getsockname()[1]}/"
+        _begin(f"{address}?token={page.token}" if hands else address, address, json_output)
+        os.nice(5)
+        serve(page, listener, host, lambda: bool(signals.wanted))
+
+
+def _begin(address: str, watch_only: str, json_output: bool) -> None:
+    """Say where the page is."""
+    if json_output:
+        print_json({"address": address, "watch_only": watch_only})
+        sys.stdout.flush()
+        return
+    console = summary()
+    console.print(f"cockpit: {address}", markup=False, soft_wrap=True)
+    if address != watch_only:
+        console.print(f"to watch alone, without commands: {watch_only}", markup=False, soft_wrap=True)
+    console.print("Ctrl-C ends it", markup=False)
+    sys.stdout.flush()
+
+
+@contextmanager
+def _source(path: Path) -> Iterator[tuple[BusSource | LogSource, Hands | None]]:
+    """The bus, with what may command it, or the log."""
+    if path.suffix.lower() in ENDINGS and is_log(path):
+        yield _log(path, load_catalogue()), None
+        return
+    if path.suffix.lower() != ".toml":
+        raise ValueError(
+            f"{path}: source must be a deployment file (.toml) or a CAN log ({', '.join(ENDINGS)}); got another ending"
+        )
+    deployment = load_deployment(path)
+    wiring = frame_map_of(deployment.rig.kind)
+    table = deployment.bus
+    about = f"{deployment.rig.kind} rig, {deployment.control.controller}, {table.interface} {table.channel}"
+    with output_to_notes():
+        models = models_of(deployment.task())
+    facts = Facts(deployment.name, about, wiring, load_catalogue(), models)
+    clock = Clock()
+    try:
+        bus: can.BusABC = ClockedBus(open_bus(table, path.parent), clock, OLDEST_S)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    if deployment.drive is not None:
+        bus = carriage_bus(bus, deployment.drive, load_catalogue(), deployment.control.tick_s)
+    source = BusSource(bus, clock, facts)
+    hands = Hands(source, path, deployment.operator if deployment.operator.accept else None)
+    try:
+        yield source, hands
+    finally:
+        hands.close()
+        bus.shutdown()
+
+
+def _log(path: Path, catalogue: Catalogue) -> LogSource:
+    """The whole log, read, and what the record beside it says."""
+
+    def tell(words: str) -> None:
+        notes().print(f"{path}: {words}", markup=False, soft_wrap=True)
+
+    frames = list(read_frames(path, tell))
+    if record_path(path).exists():
+        record = read_log_record(path)
+        with output_to_notes():
+            task = task_of(record, str(path))
+        wiring, models = frame_map_of(task.model.drive.name), models_of(task)
+        about = f"{task.model.drive.name} rig, {task.controller}"
+    else:
+        names = {catalogue.by_id()[frame.id].name for frame in frames if frame.id in catalogue.by_id()}
+        wiring, models, about = wiring_of(names), (), "no record beside the log says what the model is"
+    source = LogSource(frames, Facts(path.name, about, wiring, catalogue, models))
+    if not source.watch.last:
+        raise ValueError(f"{path}: log must hold good frames of {Path(catalogue.source).name}; got none")
+    return source

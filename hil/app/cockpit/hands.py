@@ -1,0 +1,207 @@
+"""What a page with the token may do: start and stop a run, and steer with a dead-man switch. Nothing is sent before."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import IO, Any, Final
+
+from hil.app.cockpit.source import BusSource
+from hil.nodes.controller.operator import STATUS, OperatorLimits
+from hil.nodes.operator_sender import OperatorSender
+from hil.nodes.transmit import FrameTransmitter
+
+HOLD_S: Final = 0.12
+"""How long a page's word that its button is held counts; it says so every 40 ms."""
+LIFE_MS: Final = 100.0
+PARTING_S: Final = 0.2
+PRESS_S: Final = 0.15
+SAFE_S: Final = 0.5
+SAFE_STOP: Final = {"Target": 0.0, "Reason": 0.0}
+ENDS_S: Final = 10.0
+_OTHER: Final = "another page steers"
+
+
+class Hands:
+    """Commands on the bus of `source`, whose deployment file is `path`. `limits` None: the file accepts no setpoints.
+
+    `cycle` is called every 20 ms. While a page is armed it sends OperatorSetpoint, held only while the page that steers
+    has said so within `HOLD_S`: a page that is hidden, closed or cut off is one that has let go. A safe stop is the
+    bus's own SafeStop for all, reason operator; the controller takes it for another one's and ends. A controlled stop
+    is the signal that Ctrl-C is to a run that was started here; to another run it is a short press at speed 0, after
+    whose release the controller stops the drive. Runs are started by a thread that has the niceness which this process
+    had when these hands were made, however nice it is later.
+    """
+
+    def __init__(
+        self,
+        source: BusSource,
+        path: Path,
+        limits: OperatorLimits | None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.source, self.path, self.limits = source, path, limits
+        self._clock = clock
+        self._sender = OperatorSender(source.bus, "cockpit", LIFE_MS, source.facts.catalogue)
+        self._stops = FrameTransmitter(source.bus, source.facts.catalogue, ("SafeStop",))
+        self._armed: set[object] = set()
+        self._steers: object | None = None
+        self._held_at, self._wanted = -float("inf"), ("speed", 0.0)
+        self._sends_until = self._presses_from = self._safe_until = -float("inf")
+        self._run: subprocess.Popen[bytes] | None = None
+        self._starter = ThreadPoolExecutor(1)
+        self._starter.submit(int).result()
+        self._said: tuple[IO[bytes], IO[bytes]] | None = None
+
+    # ---- what pages ask for
+
+    def asked(self, page: object, asked: dict[str, Any]) -> str:
+        """Do what a page asks for; why not, "" where it is done. Raises ValueError, KeyError or TypeError for
+        nonsense.
+        """
+        kind = asked["ask"]
+        if kind == "arm":
+            return self._arm(page) if asked["on"] else self.left(page)
+        if kind == "hold":
+            return self._hold(page, str(asked["mode"]), float(asked["value"]))
+        if kind == "let_go":
+            self._held_at = -float("inf") if page is self._steers else self._held_at
+            return ""
+        if kind in ("start", "reset"):
+            return self._start([] if kind == "start" else ["reset"])
+        if kind == "stop":
+            return self._stop()
+        if kind == "safe_stop":
+            self._safe_until = self._clock() + SAFE_S
+            self.source.tell("safe stop sent to all by this cockpit", "bad")
+            return ""
+        raise ValueError(kind)
+
+    def _arm(self, page: object) -> str:
+        if self.limits is None:
+            return "the deployment file accepts no setpoints: [operator] accept = true"
+        if self.limits.sources and "cockpit" not in self.limits.sources:
+            return f"operator.sources of the deployment file must have cockpit; it has {', '.join(self.limits.sources)}"
+        self._armed.add(page)
+        return ""
+
+    def left(self, page: object) -> str:
+        """A page has disarmed, or is gone."""
+        if page in self._armed:
+            self._armed.discard(page)
+            self._sends_until = self._clock() + PARTING_S
+        if page is self._steers:
+            self._steers, self._held_at = None, -float("inf")
+        return ""
+
+    def _hold(self, page: object, mode: str, value: float) -> str:
+        now = self._clock()
+        if page not in self._armed or mode not in ("speed", "position") or not abs(value) < 10.0:
+            raise ValueError(mode)
+        if self._steers is not page and now - self._held_at <= HOLD_S:
+            return _OTHER
+        self._steers, self._held_at, self._wanted = page, now, (mode, value)
+        return ""
+
+    def _start(self, action: list[str]) -> str:
+        if self._run is not None:
+            return "a run that was started here goes on"
+        if self.source.watch.newest("ControllerHeartbeat") is not None:
+            return "a controller leads already"
+        out, error = tempfile.TemporaryFile(), tempfile.TemporaryFile()  # noqa: SIM115 - open until the run ends
+        self._said = (out, error)
+        words = [sys.executable, "-m", "hil.app.start", "run", str(self.path), *action, "--json"]
+
+        def begin() -> subprocess.Popen[bytes]:
+            nothing = subprocess.DEVNULL
+            return subprocess.Popen(words, stdin=nothing, stdout=out, stderr=error, start_new_session=True)
+
+        self._run = self._starter.submit(begin).result()
+        self.source.tell(f"{' '.join(['capsule run', *action])} started by this cockpit")
+        return ""
+
+    def _stop(self) -> str:
+        if self._run is not None:
+            self._run.send_signal(signal.SIGINT)
+        elif self.limits is None or self.source.watch.newest(STATUS) is None:
+            return "this controller takes no setpoints: Ctrl-C in its terminal, or a safe stop here"
+        else:
+            self._presses_from = self._clock() + PARTING_S
+            self._sends_until = self._presses_from + PRESS_S + PARTING_S
+        self.source.tell("controlled stop asked for by this cockpit", "doubt")
+        return ""
+
+    # ---- what goes out
+
+    def cycle(self) -> None:
+        """Send what is due, and see what became of a run that was started."""
+        now = self._clock()
+        if now <= self._safe_until:
+            self._stops.say("SafeStop", SAFE_STOP)
+        if self._armed or now <= self._sends_until:
+            self._send(now)
+        if self._run is not None and self._run.poll() is not None:
+            self._ended(self._run.returncode)
+
+    def _send(self, now: float) -> None:
+        mode, value = self._wanted
+        if 0 <= now - self._presses_from <= PRESS_S:
+            self._sender.speed(0.0)
+        elif now - self._held_at > HOLD_S or now <= max(self._safe_until, self._presses_from):
+            self._sender.release()
+        elif mode == "speed":
+            self._sender.speed(value)
+        else:
+            self._sender.position(value)
+
+    def _ended(self, status: int) -> None:
+        """Tell of the end of a run that was started here."""
+        assert self._said is not None
+        out, error = (_text(file) for file in self._said)
+        self._run = self._said = None
+        try:
+            words = str(json.loads(out)["ended"])
+        except (ValueError, KeyError, TypeError):
+            words = (error.strip().splitlines() or [f"status {status}"])[-1].removeprefix("capsule: ")
+        self.source.tell(f"capsule run ended: {words}", "note" if status == 0 else "bad")
+
+    def document(self, page: object) -> dict[str, Any]:
+        """What a page's operator card shows."""
+        answer = self.source.watch.newest(STATUS)
+        limits = self.limits
+        return {
+            "armed": page in self._armed,
+            "held": self._steers is page and self._clock() - self._held_at <= HOLD_S,
+            "run": self._run is not None,
+            "fault": self.source.watch.state(self.source.facts.wiring.feedback) == "fault",
+            "leads": self.source.watch.newest("ControllerHeartbeat") is not None,
+            "answer": answer and [self.source.watch.state(STATUS, name) for name in ("State", "Source", "Refused")],
+            "limits": limits and [1e3 * limits.speed_m_s, 1e3 * limits.lowest_m, 1e3 * limits.highest_m],
+        }
+
+    def close(self) -> None:
+        """A run that was started here ends with the cockpit, by a controlled stop."""
+        self._armed.clear()
+        if self._run is not None:
+            self._run.send_signal(signal.SIGINT)
+            try:
+                self._run.wait(ENDS_S)
+            except subprocess.TimeoutExpired:
+                self._run.kill()
+                self._run.wait()
+        self._starter.shutdown()
+        for file in self._said or ():
+            file.close()
+
+
+def _text(file: IO[bytes]) -> str:
+    with file:
+        file.seek(0)
+        return file.read(1 << 20).decode("utf-8", "replace")

@@ -1,0 +1,188 @@
+"""What the page draws: its panels and their lines, each from the signals of a frame of the catalogue."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from hil.app.cockpit.watch import grade_of, words
+from hil.bus.catalogue import Catalogue
+from hil.nodes.frame_map import FrameMap
+
+Values = Mapping[str, float]
+Span = tuple[float, float]
+STDS: Final = 2.0
+"""Half the width of the estimate's band, in standard deviations."""
+_MM, _MN, _PERCENT = 1e3, 1e3, 100.0
+_DRIVES: Final = {"magnetic": ("Carriage", "mm", _MM), "coil": ("Current", "A", 1.0), "vibro": ("Level", "%", _PERCENT)}
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line: with each good `frame`, `of(its values, the last values of all frames)` gives the least and the largest
+    value in the panel's unit, which are alike unless the line is a band; None where there is none. It `holds` for so
+    many cycles of its frame. `names` says what numbers stand for where it is a strip of states.
+    """
+
+    name: str
+    frame: str
+    of: Callable[[Values, Mapping[str, Values]], Span | None]
+    colour: str
+    look: str = "line"
+    names: Mapping[int, str] | None = None
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Lines over one axis: `unit`, the `places` behind the point that its readings have, the least `span` that it
+    shows, and dashed `marks`.
+    """
+
+    title: str
+    unit: str
+    lines: tuple[Line, ...]
+    places: int = 2
+    span: float = 0.0
+    marks: tuple[float, ...] = ()
+    strips: bool = False
+
+    def document(self) -> dict[str, Any]:
+        """The panel as the page is told of it."""
+        lines: list[dict[str, Any]] = [
+            {
+                "name": one.name,
+                "colour": one.colour,
+                "look": one.look,
+                "names": one.names and {raw: [words(name), grade_of(name)] for raw, name in one.names.items()},
+            }
+            for one in self.lines
+        ]
+        told = {"title": self.title, "unit": self.unit, "places": self.places, "span": self.span}
+        return {**told, "marks": list(self.marks), "strips": self.strips, "lines": lines}
+
+
+def panels_of(wiring: FrameMap, catalogue: Catalogue) -> tuple[Panel, ...]:
+    """The panels of a rig whose drive is `wiring`."""
+    word, unit, factor = _DRIVES[wiring.kind]
+    fed = "Current_A" if wiring.kind == "vibro" else wiring.signal
+    reported = () if wiring.kind == "vibro" else (Line("reported", wiring.feedback, _signal(fed, factor), "blue"),)
+
+    def strip(name: str, frame: str, signal: str) -> Line:
+        names = catalogue[frame].field(signal).names
+        return Line(name, frame, _signal(signal), signal.lower(), "strip", names)
+
+    return (
+        Panel(
+            "Position",
+            "mm",
+            (
+                Line("localisation", "CapsuleLocalisation", _vouched("Position_m", _MM), "grey", "faint"),
+                Line(f"estimate ± {STDS:g}σ", "BelievedMotion", _band, "teal", "band"),
+                Line("estimate", "BelievedMotion", _believed("Position_m", _MM), "teal"),
+                Line("reference", "WantedMotion", _wanted, "amber", "dash"),
+            ),
+            3,
+            1.0,
+        ),
+        Panel("Estimate less reference", "mm", (Line("error", "WantedMotion", _error, "red"),), 3, 0.1, (0.0,)),
+        Panel(
+            f"{word}",
+            unit,
+            (*reported, Line("command", wiring.command, _signal(wiring.signal, factor), "amber", "dash")),
+            3,
+            0.01,
+        ),
+        Panel(
+            "Forces on the capsule",
+            "mN",
+            (
+                Line("force sensor", "ForceReading", _vouched("Force_N", _MN), "grey", "faint"),
+                *(() if wiring.kind == "vibro" else (Line("drive", "BelievedForces", _force("Drive_N"), "blue"),)),
+                Line("wall", "BelievedForces", _force("Wall_N"), "red"),
+                Line("lacking in the model", "BelievedForces", _force("Lacking_N"), "violet"),
+            ),
+            1,
+            2.0,
+            (0.0,),
+        ),
+        Panel(
+            "Residual", "σ", (Line("surprise", "BelievedMotion", _believed("Surprise"), "blue"),), 1, 6.0, (-3.0, 3.0)
+        ),
+        Panel(
+            "Evidence against the model",
+            "% of an alarm",
+            (Line("evidence", "ModelHealth", _signal("Evidence", _PERCENT), "red"),),
+            0,
+            110.0,
+            (100.0,),
+        ),
+        Panel(
+            "States",
+            "",
+            (
+                strip("controller", "ControllerHeartbeat", "State"),
+                strip(wiring.node.lower(), wiring.feedback, "State"),
+                strip("wall", "BelievedMotion", "Wall"),
+                strip("model", "ModelHealth", "State"),
+            ),
+            strips=True,
+        ),
+    )
+
+
+def _signal(name: str, factor: float = 1.0) -> Callable[[Values, Mapping[str, Values]], Span | None]:
+    def of(values: Values, _: Mapping[str, Values]) -> Span:
+        return factor * values[name], factor * values[name]
+
+    return of
+
+
+def _vouched(name: str, factor: float) -> Callable[[Values, Mapping[str, Values]], Span | None]:
+    """Of a sensor, where it vouches for the value."""
+
+    def of(values: Values, _: Mapping[str, Values]) -> Span | None:
+        return (factor * values[name], factor * values[name]) if values["Valid"] else None
+
+    return of
+
+
+def _lost(values: Values) -> bool:
+    return values["Wall"] == 3
+
+
+def _believed(name: str, factor: float = 1.0) -> Callable[[Values, Mapping[str, Values]], Span | None]:
+    def of(values: Values, _: Mapping[str, Values]) -> Span | None:
+        return None if _lost(values) else (factor * values[name], factor * values[name])
+
+    return of
+
+
+def _band(values: Values, _: Mapping[str, Values]) -> Span | None:
+    middle, half = _MM * values["Position_m"], _MM * STDS * values["Std_m"]
+    return None if _lost(values) else (middle - half, middle + half)
+
+
+def _force(name: str) -> Callable[[Values, Mapping[str, Values]], Span | None]:
+    """Of forces that are believed, while the estimate is not lost."""
+
+    def of(values: Values, last: Mapping[str, Values]) -> Span | None:
+        if "BelievedMotion" not in last or _lost(last["BelievedMotion"]):
+            return None
+        return _MN * values[name], _MN * values[name]
+
+    return of
+
+
+def _wanted(values: Values, _: Mapping[str, Values]) -> Span | None:
+    place = _MM * values["Position_m"]
+    return (place, place) if values["Following"] else None
+
+
+def _error(values: Values, last: Mapping[str, Values]) -> Span | None:
+    """Of the same tick: BelievedMotion goes out before WantedMotion."""
+    motion = last.get("BelievedMotion")
+    if motion is None or _lost(motion) or not values["Following"]:
+        return None
+    off = _MM * (motion["Position_m"] - values["Position_m"])
+    return off, off

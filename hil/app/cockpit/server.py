@@ -1,0 +1,244 @@
+"""The page's server: its files, and a socket that sends each page what is new, 25 times a second at most."""
+
+from __future__ import annotations
+
+import hmac
+import json
+import secrets
+import socket
+from collections.abc import Awaitable, Callable
+from itertools import islice
+from pathlib import Path
+from typing import Any, Final
+
+import tornado.httpserver
+import tornado.ioloop
+import tornado.web
+import tornado.websocket
+
+from hil.app.cockpit.hands import Hands
+from hil.app.cockpit.series import BIN_S, KEPT_S
+from hil.app.cockpit.source import BusSource, LogSource
+from hil.app.report.document import STYLE
+from hil.nodes.operator_sender import CYCLE_S
+
+Source = BusSource | LogSource
+_HERE: Final = Path(__file__).parent
+_FILES: Final = ("cockpit.css", "draw.js", "cockpit.js", "steer.js")
+_TYPES: Final = {".html": "text/html", ".css": "text/css", ".js": "text/javascript"}
+LOOPBACK: Final = ("127.0.0.1", "localhost", "::1")
+STATE_EVERY: Final = 5
+"""Pictures from one state of the cards to the next."""
+_PAGES: Final = 16
+_LONGEST: Final = 4096
+_POLICY: Final = "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
+
+
+class Cockpit:
+    """Pages of one source. `picture` is called every `BIN_S` while a bus is watched."""
+
+    def __init__(self, source: Source, token: str | None = None, hands: Hands | None = None) -> None:
+        """`token` is what a page must have to command; drawn at random where None. `hands` do it, where there are
+        any.
+        """
+        self.source, self.hands = source, hands
+        self.token = secrets.token_urlsafe(18) if token is None else token
+        self.pages: set[Page] = set()
+        self.pictures = 0
+
+    def application(self, loopback: bool) -> tornado.web.Application:
+        """The web application; with `loopback` only this machine's own names are answered."""
+        told = {"cockpit": self, "loopback": loopback}
+        named = {"/": "page.html", "/style.css": str(STYLE), **{f"/{name}": name for name in _FILES}}
+        files = [(path, File, {**told, "name": name}) for path, name in named.items()]
+        return tornado.web.Application(
+            [*files, ("/socket", Page, told)],
+            websocket_max_message_size=_LONGEST,
+            websocket_ping_interval=5,
+            log_function=lambda handler: None,
+        )
+
+    def picture(self) -> None:
+        """Take in what the bus has said, and send it on."""
+        assert isinstance(self.source, BusSource)
+        self.source.poll()
+        self.pictures += 1
+        state = self.state() if self.pictures % STATE_EVERY == 0 else None
+        for page in tuple(self.pages):
+            page.send_new(state)
+
+    def state(self) -> dict[str, Any]:
+        """The state of the cards while a bus is watched."""
+        assert isinstance(self.source, BusSource)
+        return {"kind": "state", **self.source.document()}
+
+    def hello(self, commands: bool) -> dict[str, Any]:
+        """What a page is told first; `commands` says whether it may command."""
+        live = isinstance(self.source, BusSource)
+        span = {} if isinstance(self.source, BusSource) else {"end_s": self.source.end_s}
+        facts = self.source.facts.document()
+        return {"kind": "hello", "live": live, "kept_s": KEPT_S, "bin_s": BIN_S, "commands": commands, **span, **facts}
+
+
+class _Handler(tornado.web.RequestHandler):
+    """What files and the socket have in common: who is answered."""
+
+    cockpit: Cockpit
+    loopback: bool
+
+    def initialize(self, cockpit: Cockpit, loopback: bool) -> None:
+        """Called by tornado for each request."""
+        self.cockpit, self.loopback = cockpit, loopback
+
+    def prepare(self) -> Awaitable[None] | None:
+        """Refuse a page of another site that got this machine's address by a name of its own."""
+        name = self.request.host_name.strip("[]")
+        if self.loopback and name not in LOOPBACK:
+            raise tornado.web.HTTPError(403)
+        return None
+
+
+class File(_Handler):
+    """One of the page's own files."""
+
+    def initialize(self, cockpit: Cockpit, loopback: bool, name: str = "") -> None:
+        """Called by tornado for each request."""
+        super().initialize(cockpit, loopback)
+        self.file = _HERE / name
+
+    def set_default_headers(self) -> None:
+        """Nothing from elsewhere, nothing kept."""
+        self.set_header("Content-Security-Policy", _POLICY)
+        self.set_header("X-Content-Type-Options", "nosniff")
+        self.set_header("Referrer-Policy", "no-referrer")
+        self.set_header("Cache-Control", "no-store")
+
+    def get(self) -> None:
+        """The file."""
+        self.set_header("Content-Type", f"{_TYPES[self.file.suffix]}; charset=utf-8")
+        self.finish(self.file.read_bytes())
+
+
+class Page(_Handler, tornado.websocket.WebSocketHandler):
+    """One open page. Its socket never queues more than a picture: what the page does not take in time waits in the
+    ring and comes with the next.
+    """
+
+    def open(self, *_: str, **__: str) -> None:
+        """A page has come."""
+        self.next_bin, self.next_event, self._busy = 0, 0, False
+        if len(self.cockpit.pages) >= _PAGES:
+            self.close(1013, f"at most {_PAGES} pages")
+            return
+        token = self.get_query_argument("token", "")
+        known = hmac.compare_digest(token.encode(), self.cockpit.token.encode())
+        self.commands = known and self.cockpit.hands is not None
+        self.cockpit.pages.add(self)
+        self._say(self.cockpit.hello(self.commands))
+        if isinstance(self.cockpit.source, BusSource):
+            self.send_new(self.cockpit.state())
+
+    def on_message(self, message: str | bytes) -> None:
+        """What the page asks for; what is no such thing is left unanswered."""
+        try:
+            asked = json.loads(message)
+            kind = asked["ask"]
+            if kind == "window" and isinstance(self.cockpit.source, LogSource):
+                times = (float(asked["begin_s"]), float(asked["end_s"]))
+                self._answer(self.cockpit.source, *times, int(asked["pixels"]))
+            elif self.commands and self.cockpit.hands is not None:
+                refused = self.cockpit.hands.asked(self, asked)
+                if refused:
+                    self._say({"kind": "refused", "words": refused})
+        except (ValueError, KeyError, TypeError, OverflowError):
+            return
+
+    def on_close(self) -> None:
+        """The page is gone."""
+        self.cockpit.pages.discard(self)
+        if self.cockpit.hands is not None:
+            self.cockpit.hands.left(self)
+
+    def send_new(self, state: dict[str, Any] | None) -> None:
+        """The bins and events since the last time, and the `state` where there is one."""
+        source = self.cockpit.source
+        assert isinstance(source, BusSource)
+        if self._busy:
+            return
+        if state is not None:
+            hands = self.cockpit.hands
+            more = {"operator": hands.document(self)} if self.commands and hands is not None else {}
+            self._say({**state, **more, "events": self._new_events()})
+        if source.ring.head > self.next_bin:
+            self._write(source.ring.since(self.next_bin))
+            self.next_bin = source.ring.head
+
+    def _answer(self, source: LogSource, begin_s: float, end_s: float, pixels: int) -> None:
+        if not 0 < end_s - begin_s < float("inf"):
+            return
+        self._write(source.window(begin_s, end_s, pixels))
+        self._say({"kind": "state", **source.document(min(end_s, source.end_s)), "events": self._new_events()})
+
+    def _new_events(self) -> list[list[Any]]:
+        watch = self.cockpit.source.watch
+        new = min(watch.events_count - self.next_event, len(watch.events))
+        self.next_event = watch.events_count
+        return [one.document() for one in islice(watch.events, len(watch.events) - new, None)]
+
+    def _say(self, document: dict[str, Any]) -> None:
+        self._write(json.dumps(document, allow_nan=False))
+
+    def _write(self, message: str | bytes) -> None:
+        try:
+            sent = self.write_message(message, binary=isinstance(message, bytes))
+        except tornado.websocket.WebSocketClosedError:
+            return
+        self._busy = True
+
+        async def wait() -> None:
+            try:
+                await sent
+            except tornado.websocket.WebSocketClosedError:
+                return
+            self._busy = False
+
+        tornado.ioloop.IOLoop.current().add_callback(wait)
+
+
+def bind(host: str, port: int) -> socket.socket:
+    """A socket that listens there. Raises ValueError of one sentence where that cannot be."""
+    try:
+        listener = socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
+        listener.setblocking(False)
+        return listener
+    except OSError as error:
+        remedy = "; --port 0 takes a free one" if port else ""
+        words = error.strerror or str(error)
+        raise ValueError(f"--host and --port must be free to listen on; got {host} {port}: {words}{remedy}") from None
+
+
+def serve(cockpit: Cockpit, listener: socket.socket, host: str, until: Callable[[], bool]) -> None:
+    """Serve until `until` says so, which is asked every tenth of a second."""
+    loop = tornado.ioloop.IOLoop.current()
+    server = tornado.httpserver.HTTPServer(cockpit.application(host in LOOPBACK), max_body_size=_LONGEST)
+    server.add_socket(listener)
+
+    def look() -> None:
+        if until():
+            loop.stop()
+
+    calls = [tornado.ioloop.PeriodicCallback(look, 100)]
+    if isinstance(cockpit.source, BusSource):
+        calls.append(tornado.ioloop.PeriodicCallback(cockpit.picture, 1e3 * BIN_S))
+    if cockpit.hands is not None:
+        calls.append(tornado.ioloop.PeriodicCallback(cockpit.hands.cycle, 1e3 * CYCLE_S))
+    for call in calls:
+        call.start()
+    try:
+        loop.start()
+    finally:
+        for call in calls:
+            call.stop()
+        server.stop()
+        for page in tuple(cockpit.pages):
+            page.close(1001, "the cockpit has ended")

@@ -1,0 +1,90 @@
+"use strict";
+// The operator's card. What moves the capsule is a dead-man switch: the page says every 40 ms that a button is held, and
+// lets go when the pointer leaves it, the page is hidden or loses the focus, or the connection drops.
+
+const SAID_MS = 40;
+const hand = { held: null, timer: 0, armed: false, limits: null, refusedAt: 0 };
+
+function letGo() {
+  if (!hand.held) return;
+  hand.held.classList.remove("held");
+  hand.held = null;
+  clearInterval(hand.timer);
+  send({ ask: "let_go" });
+}
+
+function hold(button, wanted) {
+  if (hand.held || button.disabled || !connected()) return;
+  hand.held = button;
+  button.classList.add("held");
+  const say = () => { if (connected()) send({ ask: "hold", ...wanted() }); else letGo(); };
+  say();
+  hand.timer = setInterval(say, SAID_MS);
+}
+
+function deadMan(button, wanted) {
+  button.addEventListener("pointerdown", event => {
+    if (event.button) return;
+    if (button.hasPointerCapture(event.pointerId)) button.releasePointerCapture(event.pointerId);
+    hold(button, wanted);
+  });
+  for (const name of ["pointerup", "pointerleave", "pointercancel", "contextmenu", "blur"]) button.addEventListener(name, letGo);
+  button.addEventListener("keydown", event => { if (event.key === " " || event.key === "Enter") { event.preventDefault(); if (!event.repeat) hold(button, wanted); } });
+  button.addEventListener("keyup", letGo);
+}
+
+function speed() { return Number($("speed").value) / 1000; }
+
+deadMan($("back"), () => ({ mode: "speed", value: -speed() }));
+deadMan($("forth"), () => ({ mode: "speed", value: speed() }));
+deadMan($("go"), () => ({ mode: "position", value: Number($("place").value) / 1000 }));
+for (const name of ["blur", "pagehide"]) addEventListener(name, letGo);
+document.addEventListener("visibilitychange", () => { if (document.hidden) letGo(); });
+document.addEventListener("cockpit-lost", letGo);
+
+$("speed").oninput = tellSpeed;
+function tellSpeed() { $("speed_told").textContent = `${written(Number($("speed").value), 2)} mm/s`; }
+
+$("start").onclick = () => send({ ask: "start" });
+$("reset").onclick = () => send({ ask: "reset" });
+$("stop").onclick = () => { letGo(); send({ ask: "stop" }); };
+$("safe").onclick = () => { letGo(); send({ ask: "safe_stop" }); };
+$("arm").onchange = () => { letGo(); send({ ask: "arm", on: $("arm").checked }); };
+
+document.addEventListener("cockpit-hello", () => {
+  $("operator").hidden = !page.hello.commands;
+  hand.limits = null;
+  if (page.hello.commands && $("arm").checked) send({ ask: "arm", on: true });
+});
+
+document.addEventListener("cockpit-state", event => {
+  const told = event.detail.operator;
+  if (!told) return;
+  if (told.limits && !hand.limits) {
+    [hand.limits] = [told.limits];
+    const [fastest, lowest, highest] = told.limits;
+    $("speed").max = fastest;
+    $("speed").value = fastest / 2;
+    Object.assign($("place"), { min: lowest, max: highest, value: 0 });
+    tellSpeed();
+  }
+  $("start").disabled = $("reset").disabled = told.leads || told.run;
+  $("start").hidden = told.fault && !told.leads;
+  $("reset").hidden = !$("start").hidden;
+  $("stop").disabled = !told.run && !told.answer;
+  $("hand").hidden = !told.armed;
+  if (!told.armed) letGo();
+  const [state, source, refused] = told.answer || [];
+  $("answer").textContent = !told.answer ? "no controller answers" : refused !== "none" ? `refused: ${refused.replace("_", " ")}`
+    : source === "nobody" ? state : `${state} by ${source}`;
+  if (performance.now() - hand.refusedAt > 6000) $("refused").hidden = true;
+});
+
+document.addEventListener("cockpit-refused", event => {
+  $("refused").textContent = event.detail.words;
+  $("refused").hidden = false;
+  hand.refusedAt = performance.now();
+  letGo();
+  if (!$("hand").hidden || !$("arm").checked) return;
+  $("arm").checked = false;
+});

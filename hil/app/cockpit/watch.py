@@ -1,0 +1,294 @@
+"""What frames tell, one after the other: states of all nodes, what was refused and why, and the events worth a line."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from hil.app.quantities import DASH, fixed, quantity
+from hil.bus.catalogue import Catalogue
+from hil.bus.codec import Refusal
+from hil.bus.load import frame_bits
+from hil.bus.protection import Receiver, Reception
+from hil.nodes.controller.operator import SETPOINT, STATUS
+from hil.nodes.controller.receive import HEARTBEAT_LOST_S
+
+KEPT: Final = 200
+"""Events that are kept while a bus is watched, and kinds of refusals that are told apart."""
+SILENT_S: Final = 2 * HEARTBEAT_LOST_S
+"""How long a node that sends heartbeats may be quiet before it is called silent."""
+BURST_S: Final = 0.5
+_LOAD_S: Final = 1.0
+_FRESH: Final = 10
+_LOST: Final = 3
+_BEAT, _FAULT, _FEEDBACK = "Heartbeat", "Fault", "Feedback"
+_GRADES: Final[Mapping[str, tuple[str, ...]]] = {
+    "bad": ("fault", "quick_stop", "broken", "lost"),
+    "doubt": ("derated", "stopping", "doubtful"),
+    "good": ("enabled", "running", "holds"),
+    "move": ("slips_forward", "slips_backward"),
+}
+
+
+@dataclass(frozen=True)
+class Event:
+    """One line of the page's list: `grade` is note, good, doubt or bad."""
+
+    time_s: float
+    words: str
+    grade: str = "note"
+
+    def document(self) -> list[Any]:
+        """As the page gets it."""
+        return [round(self.time_s, 3), self.words, self.grade]
+
+
+class Watch:
+    """Takes frames in order of time and never raises; its memory is bounded. `last` holds each frame's last good
+    values.
+    """
+
+    def __init__(self, catalogue: Catalogue, kept: int = KEPT) -> None:
+        self.catalogue = catalogue
+        self.reception = Reception({frame.id: Receiver(frame) for frame in catalogue.frames.values()})
+        self.last: dict[str, dict[str, float]] = {}
+        self.at: dict[str, float] = {}
+        self.events: deque[Event] = deque(maxlen=kept)
+        self.count = self.events_count = 0
+        self.now = 0.0
+        self._setpoint = catalogue[SETPOINT]
+        self._setpoints: dict[int, Receiver] = {}
+        self._names = {frame.id: frame.name for frame in catalogue.frames.values()}
+        self._silent: set[str] = set()
+        self._refused: set[tuple[str, str]] = set()
+        self._seconds: deque[tuple[float, int, int]] = deque()
+        self._open = [0.0, 0, 0]
+
+    def take(self, time_s: float, identifier: int, data: bytes) -> tuple[str, dict[str, float]] | None:
+        """The name and values of a good frame, None for one that is refused."""
+        self.now = max(self.now, time_s)
+        self.count += 1
+        self._weigh(time_s, identifier, data)
+        if identifier == self._setpoint.id:
+            values = self._by_source(data).accept(data, time_s)
+        else:
+            values = self.reception.accept(identifier, data, time_s)
+        name = self._names.get(identifier, "")
+        if isinstance(values, Refusal):
+            self._refuse(time_s, name or hex(identifier), values)
+            return None
+        before, since = self.last.get(name), time_s - self.at.get(name, -math.inf)
+        self.last[name], self.at[name] = values, time_s
+        self._tell(time_s, name, before, values, since)
+        return name, values
+
+    def tick(self, now: float) -> None:
+        """The time goes on; who has fallen silent is told of."""
+        self.now = max(self.now, now)
+        for name, at in self.at.items():
+            if name.endswith(_BEAT) and now - at > SILENT_S and name not in self._silent:
+                self._silent.add(name)
+                self.say(now, f"{self._sender(name)} is silent", "bad")
+
+    def say(self, time_s: float, words: str, grade: str = "note") -> None:
+        """Add an event."""
+        self.events.append(Event(time_s, words, grade))
+        self.events_count += 1
+
+    def state(self, name: str, signal: str = "State") -> str:
+        """A state's name, "" where it has not been heard of."""
+        return self._named(name, signal, self.last[name]) if name in self.last else ""
+
+    def newest(self, name: str) -> dict[str, float] | None:
+        """The values of a cyclic frame of this name, where one has come within ten cycles."""
+        late = self.now - self.at.get(name, -math.inf) > _FRESH * self.catalogue[name].cycle_s
+        return None if late else self.last[name]
+
+    def document(self) -> dict[str, Any]:
+        """What the page's cards show."""
+        return {
+            "nodes": self._nodes(),
+            "readings": readings(self),
+            "model": self._model(),
+            "bus": self._bus(),
+            "refused": [
+                [r.frame.name, str(why), n]
+                for r in self._receivers()
+                for why, n in sorted(r.statistics.refused.items())
+            ],
+        }
+
+    def _by_source(self, data: bytes) -> Receiver:
+        """The receiver of setpoints of the source that a frame says: each source counts its own."""
+        source = self._setpoint.field("Source")
+        number = int.from_bytes(data, "little") >> source.start & ((1 << source.length) - 1)
+        return self._setpoints.setdefault(number, Receiver(self._setpoint))
+
+    def _receivers(self) -> list[Receiver]:
+        return [*self.reception.receivers.values(), *self._setpoints.values()]
+
+    def _nodes(self) -> list[dict[str, Any]]:
+        """Every node that has been heard, with its drive's state where it is a drive."""
+        found = []
+        for name in [n for n in self.at if n.endswith(_BEAT)]:
+            node = name.removesuffix(_BEAT)
+            silent, feedback = name in self._silent, self.last.get(f"{node}{_FEEDBACK}")
+            state = self.state(f"{node}{_FEEDBACK}" if feedback else name)
+            more = []
+            if feedback:
+                more.append(f"{fixed(feedback['Temperature_degC'], 0)} °C")
+            if state == "fault" and f"{node}{_FAULT}" in self.last:
+                more.append(words(self.state(f"{node}{_FAULT}", "Code")))
+            if self.last[name]["Catalogue"] != self.catalogue.fingerprint:
+                more.append("another DBC")
+            up = self.last[name]["Uptime_s"]
+            shown = "silent" if silent else words(state)
+            grade = "bad" if silent else grade_of(state)
+            role = "drive" if feedback else "sensor"
+            told = {"state": shown, "grade": grade, "more": more, "up": clock(up), "role": role}
+            found.append({"node": words(node), **told})
+        return found
+
+    def _model(self) -> dict[str, Any]:
+        """The monitor's word, and which model is in use."""
+        health, wanted = self.last.get("ModelHealth"), self.last.get("WantedMotion")
+        number = int(wanted["Model"]) if wanted else 0
+        if health is None:
+            return {"state": "", "grade": "note", "number": number, "words": "", "short": "not heard"}
+        state = self.state("ModelHealth")
+        alarms = int(health["Alarms"])
+        told = [f"{fixed(100 * health['Evidence'], 0)} % of an alarm", f"{alarms} alarm{'' if alarms == 1 else 's'}"]
+        if state in ("doubtful", "broken"):
+            told.insert(0, f"since {clock(health['Since_s'])} of the controller's time")
+        if change := int(health["Change"]):
+            told.insert(0, f"a {self.catalogue['ModelHealth'].field('Change').names[change]} change")
+        old = self.newest("ModelHealth") is None
+        short = f"was {words(state)}" if old else told[-2] if state == "holds" else told[0]
+        return {
+            "state": "not heard" if old else words(state),
+            "grade": "note" if old else grade_of(state),
+            "number": number,
+            "words": "; ".join(told),
+            "short": short,
+        }
+
+    def _bus(self) -> dict[str, Any]:
+        span = sum(s for s, _, _ in self._seconds)
+        frames, bits = (sum(one[k] for one in self._seconds) for k in (1, 2))
+        rate, load = (frames / span, bits / span / self.catalogue.bit_rate) if span else (0.0, 0.0)
+        statistics = [r.statistics for r in self._receivers()]
+        return {
+            "rate": f"{fixed(rate, 0)} /s",
+            "load": f"{fixed(100 * load, 1)} %",
+            "good": sum(s.accepted for s in statistics),
+            "lost": sum(s.lost for s in statistics),
+            "refused": sum(s.refused.total() for s in statistics),
+            "unknown": self.reception.unknown.total(),
+        }
+
+    def _weigh(self, time_s: float, identifier: int, data: bytes) -> None:
+        """Count frames and bits, a tenth of a second at a time, over the last second."""
+        part = self._open
+        if not 0 <= time_s - part[0] < 0.1:
+            if part[1]:
+                self._seconds.append((min(max(time_s - part[0], 0.1), 10.0), int(part[1]), int(part[2])))
+            while len(self._seconds) > round(_LOAD_S / 0.1):
+                self._seconds.popleft()
+            self._open = part = [time_s, 0, 0]
+        part[1] += 1
+        part[2] += frame_bits(identifier, data) if len(data) <= 8 else 0
+
+    def _refuse(self, time_s: float, name: str, refusal: Refusal) -> None:
+        """The first of each kind is an event, the rest are counted."""
+        if (name, refusal.reason) not in self._refused and len(self._refused) < KEPT:
+            self._refused.add((name, refusal.reason))
+            why = f"{refusal.reason}: {refusal.detail}" if refusal.detail else refusal.reason
+            self.say(time_s, f"first {name} refused ({why})", "doubt")
+
+    def _tell(
+        self, t: float, name: str, before: Mapping[str, float] | None, values: Mapping[str, float], since: float
+    ) -> None:
+        """The events that a good frame is."""
+        sender = self._sender(name)
+        if name.endswith(_BEAT) and name in self._silent:
+            self._silent.discard(name)
+            self.say(t, f"{sender} is heard again", "good")
+        if name.endswith(_FAULT):
+            if since > BURST_S or before != values:
+                self.say(t, f"{sender} latched a fault: {words(self._named(name, 'Code', values))}", "bad")
+        elif name == "SafeStop":
+            if since > BURST_S:
+                who, why = (words(self._named(name, signal, values)) for signal in ("Target", "Reason"))
+                self.say(t, f"safe stop of {who}: {why}", "bad")
+        elif name == "DriveReset":
+            if since > BURST_S:
+                self.say(t, f"reset of {words(self._named(name, 'Target', values))}")
+        elif name == "WantedMotion":
+            self._tell_motion(t, before, values)
+        elif "State" in values and (before is None or before["State"] != values["State"]):
+            self._tell_state(t, name, sender, before, values)
+
+    def _tell_motion(self, t: float, before: Mapping[str, float] | None, values: Mapping[str, float]) -> None:
+        follows = bool(values["Following"])
+        if follows != bool(before and before["Following"]):
+            self.say(t, "controller leads the capsule" if follows else "controller leads no longer", "note")
+        if before and values["Model"] > before["Model"]:
+            self.say(t, f"model {int(values['Model']) + 1} took over", "good")
+
+    def _tell_state(
+        self, t: float, name: str, sender: str, before: Mapping[str, float] | None, values: Mapping[str, float]
+    ) -> None:
+        state = self._named(name, "State", values)
+        who = words(self._named(name, "Source", values)) if name == STATUS else ""
+        what = {"ModelHealth": "model", STATUS: f"operator ({who})"}.get(name, f"node {sender}")
+        what = sender if name.endswith(_FEEDBACK) else what
+        came = "" if before is None else f"{words(self._named(name, 'State', before))} → "
+        change = self._named(name, "Change", values) if values.get("Change") else ""
+        told = f" ({change} change)" if change and state in ("doubtful", "broken") else ""
+        self.say(t, f"{what}: {came}{words(state)}{told}", grade_of(state))
+
+    def _sender(self, name: str) -> str:
+        return words(self.catalogue[name].sender)
+
+    def _named(self, name: str, signal: str, values: Mapping[str, float]) -> str:
+        return self.catalogue[name].field(signal).names.get(int(values[signal]), "?")
+
+
+def readings(watch: Watch) -> dict[str, str]:
+    """The page's large numbers; dashes for what is not known or no longer so."""
+    motion, wanted = (watch.newest(name) for name in ("BelievedMotion", "WantedMotion"))
+    if motion is None or motion["Wall"] == _LOST:
+        place, band = DASH, ""
+    else:
+        place, band = f"{fixed(1e3 * motion['Position_m'], 2)} mm", f"± {quantity(2 * motion['Std_m'], 'm', 2)} (2σ)"
+    if wanted is None or not wanted["Following"]:
+        return {"position": place, "band": band, "reference": DASH, "speed": "", "error": DASH}
+    off = DASH if place == DASH or motion is None else quantity(motion["Position_m"] - wanted["Position_m"], "m", 2)
+    return {
+        "position": place,
+        "band": band,
+        "reference": f"{fixed(1e3 * wanted['Position_m'], 2)} mm",
+        "speed": f"{fixed(1e3 * wanted['Velocity_m_s'], 2)} mm/s",
+        "error": off,
+    }
+
+
+def grade_of(state: str) -> str:
+    """How a state is to be shown."""
+    return next((grade for grade, states in _GRADES.items() if state in states), "note")
+
+
+def words(name: str) -> str:
+    """A name of the catalogue as words: `quick_stop` as "quick stop", `InnerMass` as "inner mass"."""
+    spaced = "".join(f" {c.lower()}" if c.isupper() and k else c.lower() for k, c in enumerate(name))
+    return spaced.replace("_", " ")
+
+
+def clock(seconds: float) -> str:
+    """A time as minutes and seconds, with hours where there are some."""
+    whole = int(max(seconds, 0.0))
+    hours, minutes = divmod(whole // 60, 60)
+    return f"{hours}:{minutes:02d}:{whole % 60:02d}" if hours else f"{minutes}:{whole % 60:02d}"

@@ -1,0 +1,50 @@
+"""The good frames of a log as MCAP while it is written: a topic a frame, as `capsule convert` has them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from hil.bus.catalogue import load_catalogue
+from hil.bus.codec import Refusal
+from hil.bus.protection import Receiver, Reception
+from hil.formats.mcap_file import McapTopics
+from hil.log.blf_file import RECEIVED, SENT, Logged
+
+_CHUNK: Final = 1 << 16
+"""Bytes of a chunk, which is on file once it is full: half a second at 500 Hz."""
+
+
+class McapLog:
+    """An MCAP file of the node's frames, times on its clock. A topic begins with the first frame of its name."""
+
+    def __init__(self, path: Path) -> None:
+        """Begin the file. Raises OSError where it cannot be written, RefusedError without the library."""
+        catalogue = load_catalogue()
+        self._frames = catalogue.by_id()
+        self._reception = Reception({number: Receiver(frame) for number, frame in self._frames.items()})
+        self._begun: set[int] = set()
+        self._file = path.open("wb")
+        self._topics = McapTopics(self._file, _CHUNK)
+
+    def write(self, frame: Logged) -> None:
+        """Add a frame; notes, what a dry run withheld and what protection refuses are left out."""
+        if frame.way not in (RECEIVED, SENT):
+            return
+        values = self._reception.accept(frame.id, frame.data, frame.time_s)
+        if isinstance(values, Refusal):
+            return
+        known = self._frames[frame.id]
+        if frame.id not in self._begun:
+            self._begun.add(frame.id)
+            self._topics.add(known.name, {field.name: field.unit for field in known.fields})
+        self._topics.write(known.name, frame.time_ns, values)
+
+    def flush(self) -> None:
+        """Hand what is in whole chunks to the operating system."""
+        self._file.flush()
+
+    def close(self) -> None:
+        """End the file with its index."""
+        self._topics.finish()
+        self._file.close()

@@ -1,0 +1,61 @@
+"""What the controller believes and wants, as the frames for those who watch say it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
+
+from controller.model.control_model import ControlModel
+from controller.signals import Estimate
+
+VIEW_S: Final = 0.04
+WALL: Final[Mapping[str, int]] = MappingProxyType({"sticks": 0, "slips_forward": 1, "slips_backward": 2, "lost": 3})
+_FARTHEST_M, _WIDEST_M, _FASTEST_M_S, _STRONGEST_N, _MOST_STDS = 1.1, 0.0819, 0.4, 6.5, 10.0
+
+
+def motion_values(model: ControlModel, estimate: Estimate) -> dict[str, float]:
+    """The signals of BelievedMotion: position and its standard deviation in m, what the wall does, and by how many
+    standard deviations the newest position was off.
+    """
+    x = model.index("x")
+    surprise = estimate.innovations[-1] if estimate.innovations else 0.0
+    return {
+        "Position_m": _within(estimate.state[x], _FARTHEST_M),
+        "Std_m": abs(_within(estimate.std[x], _WIDEST_M)),
+        "Wall": WALL["lost"] if estimate.lost else _wall(model, estimate),
+        "Surprise": _within(surprise, _MOST_STDS),
+    }
+
+
+def force_values(model: ControlModel, estimate: Estimate, command: float, now: float) -> dict[str, float]:
+    """The signals of BelievedForces in N, with `command` in the drive's unit in force at `now` in s."""
+    names = (q.name for q in model.symbols.parameters)
+    p = dict(zip(names, model.values.tolist(), strict=True))
+    x, v = (float(estimate.state[model.index(name)]) for name in ("x", "v"))
+    drive = model.drive.force(x, v, command / model.drive.command_unit, p)
+    wall = model.symbols.wall_force(estimate.state, now, model.values)
+    forces = {"Drive_N": drive, "Wall_N": wall, "Lacking_N": estimate.disturbance_N}
+    return {name: _within(float(force), _STRONGEST_N) for name, force in forces.items()}
+
+
+def wanted_values(position_m: float, speed_m_s: float, follows: bool, switches: int) -> dict[str, float]:
+    """The signals of WantedMotion."""
+    return {
+        "Position_m": _within(position_m, _FARTHEST_M),
+        "Velocity_m_s": _within(speed_m_s, _FASTEST_M_S),
+        "Following": float(follows),
+        "Model": min(switches, 255),
+    }
+
+
+def _wall(model: ControlModel, estimate: Estimate) -> int:
+    """What the wall does; on a surface that is not dragged along, whether the capsule moves."""
+    name, least = ("slip", 0.5) if "slip" in model.states else ("v", 5 * model.smoothing)
+    slip = float(estimate.state[model.index(name)])
+    return WALL["slips_forward"] if slip > least else WALL["slips_backward"] if slip < -least else WALL["sticks"]
+
+
+def _within(value: float, most: float) -> float:
+    return min(max(float(value), -most), most) if math.isfinite(value) else 0.0

@@ -1,0 +1,158 @@
+"""What a page may command: nothing before it has armed, nothing once it is silent, one page at a time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import can
+import pytest
+
+from hil.app.cockpit.facts import Facts
+from hil.app.cockpit.hands import HOLD_S, PARTING_S, SAFE_S, Hands
+from hil.app.cockpit.source import BusSource
+from hil.app.run.clock import Clock
+from hil.bus.protection import Receiver
+from hil.nodes.controller.operator import OperatorLimits
+from hil.nodes.frame_map import FRAME_MAPS
+from tests.hil.app.cockpit.story import CATALOGUE
+from tests.hil.scripted_bus import ScriptedBus
+
+FACTS = Facts("test", "", FRAME_MAPS["magnetic"], CATALOGUE)
+SETPOINT, SAFE_STOP = CATALOGUE["OperatorSetpoint"], CATALOGUE["SafeStop"]
+SPEED = {"ask": "hold", "mode": "speed", "value": 0.002}
+ARM = {"ask": "arm", "on": True}
+
+
+class Keeping(ScriptedBus):
+    """Keeps what is sent."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.sent: list[can.Message] = []
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        self.sent.append(msg)
+
+
+@dataclass
+class Bench:
+    """Hands on a bus that keeps what is sent, and a clock that is set."""
+
+    limits: OperatorLimits | None = field(default_factory=lambda: OperatorLimits(accept=True))
+    now: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.bus = Keeping()
+        self.hands = Hands(BusSource(self.bus, Clock(), FACTS), Path("x.toml"), self.limits, lambda: self.now)
+
+    def told(self, seconds: float) -> list[dict[str, float]]:
+        """The setpoints of so many seconds."""
+        self.bus.sent.clear()
+        for _ in range(round(seconds / 0.02)):
+            self.hands.cycle()
+            self.now += 0.02
+        found: list[dict[str, float]] = []
+        receiver = Receiver(SETPOINT)
+        for k, message in enumerate(m for m in self.bus.sent if m.arbitration_id == SETPOINT.id):
+            values = receiver.accept(message.data, 0.02 * k)
+            assert isinstance(values, dict)
+            found.append(values)
+        return found
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+def test_nothing_is_sent_before_a_page_has_armed(bench: Bench) -> None:
+    assert bench.told(0.5) == []
+    with pytest.raises(ValueError, match="speed"):
+        bench.hands.asked("page", SPEED)
+    assert bench.told(0.5) == []
+
+
+def test_a_held_button_steers_and_silence_lets_go(bench: Bench) -> None:
+    assert bench.hands.asked("page", ARM) == ""
+    assert {one["DeadMan"] for one in bench.told(0.2)} == {0.0}
+    bench.hands.asked("page", SPEED)
+    held = [one["DeadMan"] for one in bench.told(0.4)]
+    assert held.count(1.0) == pytest.approx(HOLD_S / 0.02, abs=1.01)
+    assert held[-1] == 0.0
+    bench.hands.asked("page", SPEED)
+    first = bench.told(0.02)[0]
+    assert first["Velocity_m_s"] == pytest.approx(0.002)
+    assert first["TimeToLive_ms"] == 100
+    bench.hands.asked("page", {"ask": "let_go"})
+    assert bench.told(0.02)[0]["DeadMan"] == 0.0
+
+
+def test_a_position_is_held_as_well(bench: Bench) -> None:
+    bench.hands.asked("page", ARM)
+    bench.hands.asked("page", {"ask": "hold", "mode": "position", "value": 0.01})
+    told = bench.told(0.02)[0]
+    assert (told["Mode"], told["DeadMan"]) == (0.0, 1.0)
+    assert told["Position_m"] == pytest.approx(0.01)
+
+
+def test_a_page_that_is_gone_lets_go_and_then_nothing_is_sent(bench: Bench) -> None:
+    bench.hands.asked("page", ARM)
+    bench.hands.asked("page", SPEED)
+    bench.told(0.04)
+    bench.hands.left("page")
+    told = bench.told(1.0)
+    assert {one["DeadMan"] for one in told} == {0.0}
+    assert len(told) == pytest.approx(PARTING_S / 0.02, abs=1.01)
+
+
+def test_one_page_at_a_time(bench: Bench) -> None:
+    for page in ("one", "other"):
+        bench.hands.asked(page, ARM)
+    bench.hands.asked("one", SPEED)
+    assert bench.hands.asked("other", SPEED) == "another page steers"
+    bench.told(0.3)
+    assert bench.hands.asked("other", SPEED) == ""
+
+
+def test_a_safe_stop_goes_to_all_and_lets_go(bench: Bench) -> None:
+    bench.hands.asked("page", ARM)
+    bench.hands.asked("page", SPEED)
+    bench.hands.asked("page", {"ask": "safe_stop"})
+    assert {one["DeadMan"] for one in bench.told(0.1)} == {0.0}
+    stops = [m for m in bench.bus.sent if m.arbitration_id == SAFE_STOP.id]
+    assert len(stops) == 5
+    assert Receiver(SAFE_STOP).accept(stops[0].data, 0.0) == {"Target": 0.0, "Reason": 0.0}
+    bench.told(2 * SAFE_S)
+    bench.told(0.1)
+    assert not [m for m in bench.bus.sent if m.arbitration_id == SAFE_STOP.id]
+
+
+def test_what_cannot_be_is_a_sentence() -> None:
+    closed = Bench(None)
+    assert "accepts no setpoints" in closed.hands.asked("page", ARM)
+    assert "takes no setpoints" in closed.hands.asked("page", {"ask": "stop"})
+    other = Bench(OperatorLimits(accept=True, sources=("joystick",)))
+    assert "operator.sources of the deployment file must have cockpit" in other.hands.asked("page", ARM)
+
+
+@pytest.mark.parametrize(
+    "asked", [{}, {"ask": "dance"}, {"ask": "hold", "mode": "speed", "value": float("nan")}, {"ask": "arm"}]
+)
+def test_nonsense_is_nothing(bench: Bench, asked: dict[str, Any]) -> None:
+    bench.hands.asked("page", ARM)
+    with pytest.raises((ValueError, KeyError)):
+        bench.hands.asked("page", asked)
+
+
+def test_a_run_that_cannot_begin_is_told(bench: Bench) -> None:
+    bench.hands.asked("page", {"ask": "start"})
+    assert bench.hands.document("page")["run"]
+    assert bench.hands.asked("page", {"ask": "start"}) == "a run that was started here goes on"
+    assert bench.hands._run is not None
+    bench.hands._run.wait(60)
+    bench.hands.cycle()
+    assert not bench.hands.document("page")["run"]
+    assert "x.toml" in bench.hands.source.watch.events[-1].words
+    bench.hands.close()

@@ -1,0 +1,186 @@
+"""The page's server: what it gives to whom, how little it sends, and sentences for what cannot be."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import re
+import socket
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+web = pytest.importorskip("tornado.web", reason="needs tornado (extra `cockpit`)")
+
+import tornado.httpclient  # noqa: E402
+import tornado.httpserver  # noqa: E402
+import tornado.websocket  # noqa: E402
+
+from hil.app.cockpit.facts import Facts  # noqa: E402
+from hil.app.cockpit.hands import Hands  # noqa: E402
+from hil.app.cockpit.server import Cockpit, bind  # noqa: E402
+from hil.app.cockpit.source import BusSource, LogSource  # noqa: E402
+from hil.app.run.clock import Clock, ClockedBus  # noqa: E402
+from hil.bus.local import LocalBus  # noqa: E402
+from hil.nodes.controller.operator import OperatorLimits  # noqa: E402
+from hil.nodes.frame_map import FRAME_MAPS  # noqa: E402
+from tests.hil.app.cockpit.played import played  # noqa: E402
+from tests.hil.app.cockpit.story import CATALOGUE, story  # noqa: E402
+
+FACTS = Facts("test", "", FRAME_MAPS["magnetic"], CATALOGUE)
+Talk = Callable[[Cockpit, str], Awaitable[Any]]
+
+
+def served(cockpit: Cockpit, talk: Talk) -> Any:
+    """What `talk(cockpit, "127.0.0.1:PORT")` comes to while the cockpit is served."""
+
+    async def go() -> Any:
+        listener = bind("127.0.0.1", 0)
+        server = tornado.httpserver.HTTPServer(cockpit.application(True))
+        server.add_socket(listener)
+        try:
+            return await asyncio.wait_for(talk(cockpit, f"127.0.0.1:{listener.getsockname()[1]}"), 20)
+        finally:
+            server.stop()
+            await server.close_all_connections()
+            await asyncio.sleep(0.1)  # both ends of a socket close in the loop's next rounds
+
+    return asyncio.run(go())
+
+
+@pytest.fixture(scope="module")
+def log() -> LogSource:
+    return LogSource(story(3.0), FACTS)
+
+
+async def fetched(address: str, **more: Any) -> Any:
+    return await tornado.httpclient.AsyncHTTPClient().fetch(address, raise_error=False, **more)
+
+
+async def left(page: Any) -> None:
+    """The page goes away."""
+    page.close()
+    while await page.read_message() is not None:
+        pass
+
+
+async def come(address: str) -> tuple[Any, dict[str, Any]]:
+    """A page, and what it is told first."""
+    page = await tornado.websocket.websocket_connect(address)
+    return page, json.loads(await page.read_message())
+
+
+def test_the_page_is_whole_and_asks_nobody_else(log: LogSource) -> None:
+    async def talk(_: Cockpit, where: str) -> None:
+        page = await fetched(f"http://{where}/")
+        assert page.code == 200
+        assert page.headers["Content-Security-Policy"].startswith("default-src 'self'")
+        linked = re.findall(r'(?:src|href)="(/[^"]+)"', page.body.decode())
+        assert len(linked) == 5
+        for path in linked:
+            found = await fetched(f"http://{where}{path}")
+            assert found.code == 200
+            for address in re.findall(r"https?://[^\s\"'`)]+", found.body.decode()):
+                assert address.startswith("http://www.w3.org/")
+        assert (await fetched(f"http://{where}/../command.py")).code in (400, 404)
+
+    served(Cockpit(log), talk)
+
+
+def test_another_name_for_this_machine_is_not_answered(log: LogSource) -> None:
+    async def talk(_: Cockpit, where: str) -> None:
+        assert (await fetched(f"http://{where}/", headers={"Host": "evil.example"})).code == 403
+        assert (await fetched(f"http://{where}/", headers={"Host": "localhost:80"})).code == 200
+        upgrade = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13"}
+        other = {**upgrade, "Sec-WebSocket-Key": "x", "Origin": "http://evil.example"}
+        assert (await fetched(f"http://{where}/socket", headers=other)).code == 403
+
+    served(Cockpit(log), talk)
+
+
+def test_a_log_is_asked_for_a_window_at_a_time(log: LogSource) -> None:
+    async def talk(cockpit: Cockpit, where: str) -> None:
+        page, hello = await come(f"ws://{where}/socket")
+        assert (hello["live"], hello["commands"]) == (False, False)
+        for nonsense in (
+            "",
+            "[]",
+            "{}",
+            '{"ask": "window"}',
+            '{"ask": "window", "begin_s": 2, "end_s": 1, "pixels": 9}',
+        ):
+            await page.write_message(nonsense)
+        await page.write_message(json.dumps({"ask": "window", "begin_s": 0.0, "end_s": 3.0, "pixels": 300}))
+        spans, state = await page.read_message(), json.loads(await page.read_message())
+        assert len(spans) < 24 + 300 * 8 * sum(len(panel["lines"]) for panel in hello["panels"]) + 1
+        assert state["model"]["state"] == "broken"
+        assert any("broken" in words for _, words, _ in state["events"])
+        await left(page)
+
+    served(Cockpit(log), talk)
+
+
+def test_a_bus_is_watched_and_a_picture_is_small(channel: str) -> None:
+    """Each page gets each bin once; nothing is sent on the bus."""
+
+    async def talk(cockpit: Cockpit, where: str) -> None:
+        page, hello = await come(f"ws://{where}/socket?token={cockpit.token}")
+        assert hello["commands"] is False  # there are no hands
+        sizes, states, bins = [], [], 0
+        for _ in range(30):
+            cockpit.picture()
+            await asyncio.sleep(0.04)
+        page.write_message("{}")
+        while len(sizes) < 20:
+            told = await page.read_message()
+            if isinstance(told, bytes):
+                sizes.append(len(told))
+                assert int.from_bytes(told[:4], "little") == bins
+                bins += int.from_bytes(told[4:8], "little")
+            else:
+                states.append(json.loads(told))
+        lines = sum(len(panel["lines"]) for panel in hello["panels"])
+        assert sorted(sizes[1:])[len(sizes) // 2] <= 24 + 3 * 8 * lines
+        assert states[-1]["readings"]["reference"].endswith(" mm")
+        await left(page)
+
+    with LocalBus(channel) as quiet, played(story(4.0)[800:], channel):
+        clock = Clock()
+        bus = ClockedBus(LocalBus(channel), clock)
+        served(Cockpit(BusSource(bus, clock, FACTS)), talk)
+        bus.shutdown()
+        known = {frame.id for frame in story(0.2)}
+        assert all(message.arbitration_id in known for message in iter(lambda: quiet.recv(0), None))
+
+
+def test_only_the_right_token_commands(channel: str) -> None:
+    async def talk(cockpit: Cockpit, where: str) -> list[bool]:
+        found = []
+        for token in ("wrong", "", cockpit.token):
+            page, hello = await come(f"ws://{where}/socket?token={token}")
+            found.append(hello["commands"])
+            await page.write_message(json.dumps({"ask": "arm", "on": True}))
+            await page.write_message(json.dumps({"ask": "hold", "mode": "speed", "value": 1e-3}))
+            await asyncio.sleep(0.1)
+            assert cockpit.hands is not None
+            cockpit.hands.cycle()
+            await left(page)
+        return found
+
+    setpoint = CATALOGUE["OperatorSetpoint"].id
+    with LocalBus(channel) as bus, LocalBus(channel) as ear:
+        source = BusSource(bus, Clock(), FACTS)
+        hands = Hands(source, Path("x.toml"), OperatorLimits(accept=True))
+        assert served(Cockpit(source, hands=hands), talk) == [False, False, True]
+        heard = list(iter(lambda: ear.recv(0), None))
+        assert [message.arbitration_id for message in heard] == [setpoint]
+
+
+def test_a_port_that_is_taken_is_a_sentence() -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        with pytest.raises(ValueError, match=r"must be free to listen on; got 127\.0\.0\.1"):
+            bind("127.0.0.1", taken.getsockname()[1])

@@ -39,9 +39,8 @@ class ConfidenceMap:
         return (self.statements + 1) / (self.statements + 2)
 
     def probability(self, score: float) -> float:
-        """The share that was right of what was said with `score`; without a map the score, as far as `most` goes."""
-        told = float(np.interp(score, self.score, self.right)) if self.calibrated else score
-        return min(told, self.most)
+        """The share that was right of what was said with `score`, as far as `most` goes; without a map the score."""
+        return min(float(np.interp(score, self.score, self.right)), self.most) if self.calibrated else score
 
     def words(self, probability: float) -> str:
         """What `probability` means, in a sentence."""

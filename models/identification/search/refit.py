@@ -7,13 +7,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy.stats import qmc
 
 from models.effects import BY_ID, REFINEMENTS
 from models.files.record import Record
-from models.identification.fitting.fit import FINE, NARROW, WIDE, Fit, Problem, descend, narrowing
+from models.identification.fitting.fit import FINE, NARROW, WIDE, Fit, Problem, costs_of, descend, narrowing
 from models.identification.kind import Kind
 from models.identification.search.growing_horizon import QUICK, grow_horizon
 from models.identification.search.validation import NEAR_NOISE, SHAPED, judged_cost, middle_criterion
+
+_BASES = 64
+_OFF = 0.25  # of a nominal value, what a base may be off by
 
 
 def refit(
@@ -25,8 +29,8 @@ def refit(
 ) -> dict[str, float]:
     """The best of several ways to a fit on `records`, as judged: stepped on from where it is; down the criteria where
     the kind has observers that can be trusted; and, where these leave more than `enough` (about the noise), from where
-    it is and from the nominal base with wide secants or, where only the free run judges, on ever longer beginnings,
-    there also with the newest effect as it is declared.
+    it is, from the nominal base and from the best of many bases with wide secants or, where only the free run judges,
+    on ever longer beginnings, there also with the newest effect as it is declared.
     """
     criterion = middle_criterion(kind)
     if kind.criteria == 1:
@@ -41,7 +45,7 @@ def refit(
         else:
             fits += [
                 narrowing(Problem.of(kind, records, effects, criterion), begin, WIDE).theta
-                for begin in begins(kind, start)
+                for begin in (*begins(kind, start), _best_base(kind, records, start))
             ]
         costs = [judged_cost(kind, records, theta) for theta in fits]
     return fits[int(np.argmin(costs))]
@@ -98,6 +102,25 @@ def _lengthened(
     if newest:
         starts.append({**starts[-1], **BY_ID[newest].start()})
     return grow_horizon(kind, records, effects, starts, middle_criterion(kind), fresh=newest).theta
+
+
+def _best_base(kind: Kind, records: Sequence[Record], start: Mapping[str, float]) -> dict[str, float]:
+    """`start` at the best of many bases around the nominal one: a descent from afar may end in a valley of its own."""
+    fitted = [p for p in kind.base if p.fit]
+    if not fitted:
+        return dict(start)
+    shares = qmc.Sobol(len(fitted), seed=0).random(_BASES)
+    places = [
+        {
+            **start,
+            **{
+                p.name: float(np.clip(p.value * (1 + _OFF * (2 * s - 1)), p.lower, p.upper))
+                for p, s in zip(fitted, row, strict=True)
+            },
+        }
+        for row in shares
+    ]
+    return places[int(np.argmin(costs_of(kind, records, places, middle_criterion(kind))))]
 
 
 def begins(kind: Kind, theta: Mapping[str, float]) -> list[dict[str, float]]:

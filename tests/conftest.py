@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -30,6 +32,13 @@ def shared() -> Path:
     if not (SHARED / "reference").is_dir():
         pytest.skip(f"needs the shared reference data: no folder {SHARED}; set CAPSULE_SHARED to where it is")
     return SHARED
+
+
+@pytest.fixture
+def short_path() -> Iterator[Path]:
+    """A folder of its own with a short name, as the sockets of a local bus need one."""
+    with tempfile.TemporaryDirectory(prefix="c") as folder:
+        yield Path(folder)
 
 
 RIG = f"""{GUT}

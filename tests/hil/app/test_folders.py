@@ -23,13 +23,13 @@ def test_a_folder_is_for_one_command_and_goes_where_nothing_came(tmp_path: Path)
 
 
 def test_a_folder_that_others_can_write_to_is_not_used(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    short_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    wide = tmp_path / "wide"
+    wide = short_path / "wide"
     wide.mkdir()
     wide.chmod(0o777)
-    link = tmp_path / "link"
-    link.symlink_to(tmp_path)
+    link = short_path / "link"
+    link.symlink_to(short_path)
     for folder in (wide, link):
         with pytest.raises(OSError, match="must be"):
             private_folder(folder)
@@ -38,4 +38,4 @@ def test_a_folder_that_others_can_write_to_is_not_used(
     monkeypatch.setenv("CAPSULE_CACHE", str(wide))
     assert cache_folder() == cache_folder() != wide
     assert capsys.readouterr().err.count("compiled code is not kept in") == 1
-    assert private_folder(tmp_path / "new").stat().st_mode & 0o777 == 0o700
+    assert private_folder(short_path / "new").stat().st_mode & 0o777 == 0o700

@@ -132,10 +132,10 @@ def test_what_the_bus_does_not_carry_is_refused(channel: str, tmp_path: Path) ->
         LocalBus(str(tmp_path / "file" / "bus"))
 
 
-def test_fd_frames_arrive_whole(tmp_path: Path) -> None:
+def test_fd_frames_arrive_whole(short_path: Path) -> None:
     """64 bytes, 29 bits and the bit-rate switch; a node that was not opened for them sends none."""
     sent = can.Message(arbitration_id=0x8001, is_fd=True, bitrate_switch=True, data=bytes(range(64)))
-    with LocalBus(str(tmp_path), fd=True) as near, LocalBus(str(tmp_path)) as far:
+    with LocalBus(str(short_path), fd=True) as near, LocalBus(str(short_path)) as far:
         near.send(sent)
         got = far.recv(1.0)
         assert got is not None

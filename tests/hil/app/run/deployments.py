@@ -21,11 +21,15 @@ PLANT = f"[scenario]\nduration_s = 60.0\nseed = 1\n{TRUTH}"
 
 
 def deployment(
-    channel: str = "test", interface: str = "capsule_local", control: str = "duration_s = 1.0", more: str = ""
+    channel: str = "test",
+    interface: str = "capsule_local",
+    control: str = "duration_s = 1.0",
+    more: str = "",
+    bus: str = "",
 ) -> str:
-    """A rig file of a magnetic rig on a bus."""
+    """A rig file of a magnetic rig on a bus, with `more` tables and more lines of `[bus]`."""
     tables = (
-        f'[bus]\ninterface = "{interface}"\nchannel = "{channel}"\n[control]\n{control}\n[reference]\nkind ='
+        f'[bus]\ninterface = "{interface}"\nchannel = "{channel}"\n{bus}\n[control]\n{control}\n[reference]\nkind ='
         ' "ramp"\nspeed_mm_s = 2.0\n'
     )
     return f"{RIG}\n{tables}\n{more}"

@@ -38,11 +38,12 @@ HELD_UP = (
 
 
 @contextmanager
-def plant_on(folder: Path, channel: str, drive: str = "") -> Iterator[subprocess.Popen[str]]:
+def plant_on(folder: Path, channel: str, drive: str = "", bus: str = "") -> Iterator[subprocess.Popen[str]]:
     """A plant with its drive, ready, for the time of the block."""
     (folder / "plant.toml").write_text(PLANT)
     deployed = folder / "deployed.toml"
-    deployed.write_text(deployment(channel, more=f'[plant]\nscenario = "plant.toml"\npriority = 20\n{drive}'))
+    plant = f'[plant]\nscenario = "plant.toml"\npriority = 20\n{drive}'
+    deployed.write_text(deployment(channel, more=plant, bus=bus))
     command = [*CAPSULE, "plant", str(deployed), "--seconds", "60", "--json"]
     child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:

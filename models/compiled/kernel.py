@@ -81,6 +81,7 @@ class Kernel:
 
     @cached_property
     def many(self) -> Loop:
+        """The loop of `LANES` parameter sets, compiled when first asked for."""
         return self._compiled(LANES)
 
     def one(

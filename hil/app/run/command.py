@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import math
 import sys
-import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
@@ -36,6 +35,7 @@ from hil.nodes.carriage_bus import CarriageBus
 from hil.nodes.controller.node import ControllerNode
 from hil.nodes.controller.receive import controllers_frames
 from hil.nodes.frame_map import plain
+from hil.nodes.listening import heard_for
 from models.parameter import nearest
 
 ACTIONS = ("lead", "check", "reset")
@@ -242,14 +242,8 @@ class _OtherControllerError(Exception):
 def _controllers_on(bus: can.BusABC) -> list[str]:
     """Frames that only a controller sends, heard within `QUIET_S`, by name: this one listens before it speaks."""
     known, heard = controllers_frames(load_catalogue()), set[str]()
-    began = time.monotonic()
-    while (left := QUIET_S - (time.monotonic() - began)) > 0:
-        try:
-            message = bus.recv(min(left, 0.01))
-        except Exception:  # noqa: BLE001 - drivers of many makers raise whatever they like; the run counts it
-            time.sleep(0.001)
-            continue
-        if message is not None and plain(message) and message.arbitration_id in known:
+    for message in heard_for(bus, QUIET_S):
+        if plain(message) and message.arbitration_id in known:
             heard.add(known[message.arbitration_id])
     return sorted(heard)
 

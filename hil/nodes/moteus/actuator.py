@@ -18,9 +18,9 @@ from hil.bus.catalogue import Catalogue
 from hil.nodes.carriage_bus import BrakePath, CarriageBus
 from hil.nodes.drive.state_machine import OVER_CURRENT, OVER_TEMPERATURE, TIME_TO_LIVE
 from hil.nodes.frame_map import BOOT, ENABLE, ENABLED, FAULT, READY, STANDBY, STOPPING, WAITING
+from hil.nodes.listening import heard_for, silent
 from hil.nodes.moteus import registers as wire
-from hil.nodes.odrive.actuator import HOMES
-from models.parameter import nearest
+from hil.nodes.turning import Turning
 
 BRAKING_MODES: Final = (10, 12, 15)
 """Values of servo.timeout_mode by which it brakes: hold position, zero velocity, phases shorted."""
@@ -58,7 +58,7 @@ _WATCHDOG: Final = ("watchdog expired (mode 11, timeout)", TIME_TO_LIVE)
 
 
 @dataclass(frozen=True)
-class MoteusTable:
+class MoteusTable(Turning):
     """`[moteus]`: the carriage is a moteus controller of this `node_id`, whose output does `turns_per_m` (negative: the
     other way) with at most `most_torque_N_m`. Each command is worth something for `watchdog_s`. `coast_m_s2` is the
     deceleration of the carriage without torque, as after a fault. `home` "here" makes the present place zero.
@@ -74,17 +74,7 @@ class MoteusTable:
     answers_s: float = 2.0
 
     def __post_init__(self) -> None:
-        for name, lower, upper in RANGES:
-            value = getattr(self, name)
-            if not lower <= (abs(value) if name == "turns_per_m" else value) <= upper:
-                raise ValueError(f"moteus.{name} must lie in [{lower:g}, {upper:g}]; got {value:g}")
-        if self.home not in HOMES:
-            choices = f"one of {', '.join(HOMES)}"
-            raise ValueError(f"moteus.home must be {choices}; got {self.home!r}; {nearest(self.home, HOMES)}")
-
-    def stops_s(self, speed_m_s: float) -> float:
-        """The longest time in s from the last command to the carriage at rest, from `speed_m_s`."""
-        return self.watchdog_s + abs(speed_m_s) / self.coast_m_s2
+        self.check("moteus", RANGES)
 
 
 RANGES: Final = (
@@ -320,11 +310,9 @@ class _Questions:
     def _silent(self) -> ValueError:
         """That nobody answers, and who does instead."""
         self._reply(wire.QUERY, 0.2, wire.BROADCAST)
-        others = f"; node {', '.join(map(str, sorted(self._others)))} speaks" if self._others else ""
-        errors = f"; {self._errors} error frames: both bit rates, sample points, termination" if self._errors else ""
-        silent = "" if others or errors else "; silence: supply, wiring, bit rates 1 and 5 Mbit/s"
-        number, longest = self._table.node_id, self._table.answers_s
-        return ValueError(f"moteus: node {number} must answer within {longest:g} s{others}{errors}{silent}")
+        causes = "both bit rates, sample points, termination", "supply, wiring, bit rates 1 and 5 Mbit/s"
+        node = f"moteus: node {self._table.node_id}"
+        return silent(node, self._table.answers_s, self._others, self._errors, causes)
 
     def _reply(self, data: bytes, seconds: float, node: int = 0) -> bytes:
         """The next reply within `seconds`, empty where there is none; what came before is let go."""
@@ -334,15 +322,7 @@ class _Questions:
             self._bus.send(wire.frame_to(node or self._table.node_id, data), timeout=0.1)
         except (can.CanError, OSError, ValueError) as error:
             raise ValueError(f"moteus: node {self._table.node_id} must be reached; got: {error}") from None
-        end = time.monotonic() + seconds
-        while (left := end - time.monotonic()) > 0:
-            try:
-                message = self._bus.recv(left)
-            except Exception:  # noqa: BLE001 - drivers of many makers raise whatever they like
-                time.sleep(0.001)
-                continue
-            if message is None:
-                continue
+        for message in heard_for(self._bus, seconds):
             self._errors += message.is_error_frame
             speaker = wire.replier(message)
             if speaker == self._table.node_id:

@@ -30,7 +30,8 @@ from hil.nodes.frame_map import (
     frames,
     plain,
 )
-from models.parameter import nearest
+from hil.nodes.listening import heard_for, silent
+from hil.nodes.turning import Turning
 
 GET_VERSION, HEARTBEAT, GET_ERROR, RX_SDO, TX_SDO, SET_AXIS_STATE = 0x00, 0x01, 0x03, 0x04, 0x05, 0x07
 GET_ENCODER_ESTIMATES, SET_CONTROLLER_MODE, SET_INPUT_POS, SET_LIMITS = 0x09, 0x0B, 0x0C, 0x0F
@@ -39,7 +40,6 @@ CLEAR_ERRORS, SET_ABSOLUTE_POSITION = 0x18, 0x19
 IDLE, CLOSED_LOOP = 1, 8
 """Axis states; every other one is on the way to one of them or a calibration."""
 POSITION_CONTROL, PASSTHROUGH = 3, 1
-HOMES: Final = ("kept", "here")
 HEARTBEAT_S: Final = 0.02
 LISTEN_S: Final = 0.3
 _INITIALIZING: Final = 1
@@ -76,7 +76,7 @@ ERRORS: Final[Mapping[int, tuple[str, int]]] = MappingProxyType(
 
 
 @dataclass(frozen=True)
-class OdriveTable:
+class OdriveTable(Turning):
     """`[odrive]`: the carriage is an ODrive of this `node_id`, whose motor does `turns_per_m` (negative: the other
     way). `firmware` and the two endpoint ids, of `flat_endpoints.json` of that firmware, are what its watchdog is read
     back by; that one must expire within `watchdog_s`. `coast_m_s2` is the deceleration of the carriage without torque,
@@ -100,17 +100,7 @@ class OdriveTable:
             raise ValueError(
                 f"odrive.node_id must be one of {free}, clear of the catalogue's identifiers; got {self.node_id}"
             )
-        for name, lower, upper in RANGES:
-            value = getattr(self, name)
-            if not lower <= (abs(value) if name == "turns_per_m" else value) <= upper:
-                raise ValueError(f"odrive.{name} must lie in [{lower:g}, {upper:g}]; got {value:g}")
-        if self.home not in HOMES:
-            choices = f"one of {', '.join(HOMES)}"
-            raise ValueError(f"odrive.home must be {choices}; got {self.home!r}; {nearest(self.home, HOMES)}")
-
-    def stops_s(self, speed_m_s: float) -> float:
-        """The longest time in s from the last command to the carriage at rest, from `speed_m_s`."""
-        return self.watchdog_s + abs(speed_m_s) / self.coast_m_s2
+        self.check("odrive", RANGES)
 
 
 RANGES: Final = (
@@ -366,12 +356,9 @@ class _Questions:
             for told, got in self._hear(0.1):
                 if told == answer and fits(got):
                     return got
-        others = f"; node {', '.join(map(str, sorted(self._others)))} speaks" if self._others else ""
-        errors = f"; {self._errors} error frames: bit rate, wiring, termination" if self._errors else ""
-        silent = "" if others or errors else "; silence: supply, wiring, bit rate"
-        raise ValueError(
-            f"odrive: node {self._table.node_id} must answer within {self._table.answers_s:g} s{others}{errors}{silent}"
-        )
+        causes = "bit rate, wiring, termination", "supply, wiring, bit rate"
+        node = f"odrive: node {self._table.node_id}"
+        raise silent(node, self._table.answers_s, self._others, self._errors, causes)
 
     def endpoint(self, number: int, kind: str) -> float:
         """The value of an endpoint, read over SDO."""
@@ -394,15 +381,8 @@ class _Questions:
 
     def _hear(self, seconds: float) -> list[tuple[int, bytes]]:
         """The node's frames within `seconds`, until an answer may be among them."""
-        end, found = time.monotonic() + seconds, list[tuple[int, bytes]]()
-        while (left := end - time.monotonic()) > 0:
-            try:
-                message = self._bus.recv(left)
-            except Exception:  # noqa: BLE001 - drivers of many makers raise whatever they like
-                time.sleep(0.001)
-                continue
-            if message is None:
-                continue
+        found = list[tuple[int, bytes]]()
+        for message in heard_for(self._bus, seconds):
             self._errors += message.is_error_frame
             if not plain(message):
                 continue

@@ -111,7 +111,7 @@ class Proposal:
 
 @dataclass(frozen=True)
 class Curve:
-    """What is left over one `variable`: local means `values` (n,) at `centres` (n,) with their 95 % intervals from
+    """The residual over one `variable`: local means `values` (n,) at `centres` (n,) with their 95 % intervals from
     `low` to `high`. `along`: as what is left stands, "+x", or against the motion, "-v". `share` of what is left that
     the curve foretells on stretches it was not made on.
     """
@@ -132,7 +132,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Surface:
-    """What is left over two `variables`, as `Curve` over one: `values` (n, m) at `centres`, half the width of their
+    """The residual over two `variables`, as `Curve` over one: `values` (n, m) at `centres`, half the width of their
     95 % intervals `half`; not a number where the records never were.
     """
 

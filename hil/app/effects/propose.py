@@ -50,7 +50,7 @@ class $name(Effect):
     """`size (offset + shape)` of one signal; its numbers begin where the residual's curve has them."""
 
     id = "$id"
-    summary = "what is left over the $words"
+    summary = "the residual over the $words"
     source = f"proposed from a residual: {TERM}"
     kinds = frozenset({$kind})
     proposed_on = $records

@@ -29,7 +29,7 @@ _DIVISION = "Eq. 18-20 multiply by powers of the stretch where Eq. 1 and 3 divid
 
 @dataclass(frozen=True)
 class Setting:
-    """Paper A's capsule, tissue, wall and stated results, and the teeth that follow from them."""
+    """Paper A's capsule, tissue, wall and stated results, and the stick-slip cycle that follows from them."""
 
     stated: ParameterSet
     capsule: Capsule

@@ -104,7 +104,7 @@ def curves_figure(found: Dependence) -> go.Figure | None:
 
 
 def surface_figure(found: Dependence) -> go.Figure | None:
-    """What is left over two signals, where they matter together."""
+    """The residual over two signals, where they matter together."""
     surface = found.surface
     if surface is None:
         return None

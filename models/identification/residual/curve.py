@@ -1,4 +1,4 @@
-"""Curves and surfaces of what is left over one or two signals, each with the share of it that they foretell."""
+"""Curves and surfaces of the residual over one or two signals, each with the share of it that they foretell."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Index = NDArray[np.int64]
 
 
 def curve_of(left: Left, variable: str, way: str, rng: np.random.Generator) -> Curve | None:
-    """What is left over `variable`, along the motion's axis or against the motion (`way`); None where too few stretches
+    """The residual over `variable`, along the motion's axis or against the motion (`way`); None where too few stretches
     share a bin. Intervals by bootstrap of whole stretches, which keeps what neighbours have in common.
     """
     signal, y = _over(left, variable, way), left.along(way)

@@ -46,7 +46,7 @@ class Watch:
         """A position that does not; whether a new belief should begin with it."""
         self.counts.outliers += 1
         self.refused += 1
-        wrong = self.refused >= self.noise.patience
+        wrong = self.refused >= self.noise.outliers_in_a_row
         self.counts.restarts += wrong
         return wrong
 

@@ -1,4 +1,4 @@
-"""What the filter assumes about noise, gates and patience."""
+"""What the filter assumes about noise, gates and outliers."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ class Noise:
     positions come out on one side of what was expected: something pushes. While they are far off on one side the
     position wanders by `slip_wander_m`, too: strokes carry the capsule further, or less far, than believed.
 
-    A measurement further than `gate` standard deviations from what was expected is an outlier; `patience` of them in a
-    row mean that the belief is wrong, not they. The estimate is lost without an accepted position for `age_s`, above
-    `lost_std_m`, and until `proof` positions in a row were accepted after a new start. A reading later than `latest_s`
-    is not used.
+    A measurement further than `gate` standard deviations from what was expected is an outlier; that many
+    (`outliers_in_a_row`) one after the other mean that the belief is wrong, not they. The estimate is lost without an
+    accepted position for `age_s`, above `lost_std_m`, and until `proof` positions in a row were accepted after a new
+    start. A reading later than `latest_s` is not used.
     """
 
     position_std_m: float = 0.5e-3
@@ -58,7 +58,7 @@ class Noise:
     fitted_level_std: float = 0.05
     other_wander: float = 1e-3
     gate: float = 5.0
-    patience: int = 12
+    outliers_in_a_row: int = 12
     proof: int = 5
     age_s: float = 0.15
     lost_std_m: float = 2e-3

@@ -239,8 +239,8 @@ def control_model(
     delay = sum(float(effect.delay(its)) for effect, its in own)
     response = sum(float(effect.response(its)) for effect, its in own)
     vector = np.array(list(numbers.values()))
-    mended = any(value != 0 for name, value in values.items() if name.split(".")[0] == LevelOverSpeed.id)
-    error = None if mended else values.get(HELD_OUT)
+    corrected = any(value != 0 for name, value in values.items() if name.split(".")[0] == LevelOverSpeed.id)
+    error = None if corrected else values.get(HELD_OUT)
     return ControlModel(rig, drive, symbols, vector, checked_tick(tick_s), float(smoothing), delay, response, error)
 
 

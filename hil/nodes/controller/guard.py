@@ -53,7 +53,7 @@ class Fence:
     def of(cls, envelope: Envelope, tick_s: float) -> Fence:
         """The fence that a drive's limits set."""
         rests = envelope.kind == "magnetic"
-        patience, braking = FEEDBACK_S[envelope.kind], FRAME_MAPS[envelope.kind].braking_m_s2
+        feedback_s, braking = FEEDBACK_S[envelope.kind], FRAME_MAPS[envelope.kind].braking_m_s2
         limits = envelope.limits
         return cls(
             envelope.low,
@@ -61,7 +61,7 @@ class Fence:
             envelope.rate,
             rests,
             tick_s,
-            patience,
+            feedback_s,
             braking,
             stop_s=limits.age_s,
             first_share=limits.first_speed_m_s / limits.carriage_speed_m_s,

@@ -1,5 +1,5 @@
-"""Which candidate it is: joint fits in heats, the better ones going on to the next, the last ones judged on validation
-records.
+"""Which candidate it is: joint fits by successive elimination, the better ones going on to a longer stretch, the last
+ones judged on validation records.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ _MULTIPLES = tuple(2.0**k for k in range(6))
 class Trial:
     """A model with one more effect: what it adds on validation records, `gain` = ln(cost without/cost with), and its
     drop for each residual; `thetas` are the fits, one a split, `blocks` the validation cost by block for comparing
-    trials, and `companions` the fits of the models with the effect's own companions that were made on the way.
+    trials, and `refinements` the fits of the models with the refinements of the effect that were made on the way.
     """
 
     effect: str
@@ -55,7 +55,7 @@ class Trial:
     gain: float
     drop: float
     blocks: np.ndarray
-    companions: Mapping[tuple[str, ...], list[dict[str, float]]] = field(default_factory=dict)
+    refinements: Mapping[tuple[str, ...], list[dict[str, float]]] = field(default_factory=dict)
 
 
 def compare_candidates(model: FittedModel, screened: Sequence[Screened], moved: Moved = _quiet) -> list[Trial]:
@@ -70,7 +70,7 @@ def compare_candidates(model: FittedModel, screened: Sequence[Screened], moved: 
         moved(row.effect, 0.4 * k / len(screened))
         entries[row.effect] = _entry(model, row)
     entered = sorted(entries, key=lambda name: entries[name][0])
-    fitted = _heats(model, {name: entries[name][1] for name in _with_confounders(model.kind, entered)}, moved)
+    fitted = _survivors(model, {name: entries[name][1] for name in _with_confounders(model.kind, entered)}, moved)
     ranking = sorted(fitted, key=lambda name: fitted[name].cost)
     alike = BY_ID[ranking[0]].confounders
     finalists = [
@@ -82,13 +82,13 @@ def compare_candidates(model: FittedModel, screened: Sequence[Screened], moved: 
     for k, name in enumerate(finalists):
         moved(name, 0.8 + 0.2 * k / len(finalists))
         trials.append(_judge(model, name, fitted[name].theta))
-    mendable = min((trial.blocks.mean() for trial in trials), default=0.0) > NEAR_NOISE
-    helped = [_with_companions(model, trial, fitted[trial.effect].theta if mendable else {}) for trial in trials]
+    refinable = min((trial.blocks.mean() for trial in trials), default=0.0) > NEAR_NOISE
+    helped = [_with_refinements(model, trial, fitted[trial.effect].theta if refinable else {}) for trial in trials]
     trials = from_the_best(model, trials, helped) if model.kind.free_only else helped
     return sorted(trials, key=lambda trial: -trial.gain)
 
 
-def _companions(kind: Kind, name: str) -> list[str]:
+def _refinements(kind: Kind, name: str) -> list[str]:
     """What may have to stand beside a candidate before it can be told: of what refines it, what is in the catalogue
     itself and what says how much of a changed resistance the slip limit feels.
     """
@@ -98,30 +98,31 @@ def _companions(kind: Kind, name: str) -> list[str]:
     ]
 
 
-def _with_companions(so_far: FittedModel, trial: Trial, sought: Mapping[str, float]) -> Trial:
-    """`trial` as its companions would leave it, also from where its heat `sought` it, where that is better: of two
-    candidates of which neither is quite right, the one that its refinements complete. It has none where `sought` is
-    empty. One without companions is looked for from more places where it leaves more than the noise.
+def _with_refinements(so_far: FittedModel, trial: Trial, sought: Mapping[str, float]) -> Trial:
+    """`trial` as its refinements would leave it, also from where its elimination round `sought` it, where that is
+    better: of two candidates of which neither is quite right, the one that its refinements complete. It has none
+    where `sought` is empty. One without refinements is looked for from more places where it leaves more than the
+    noise.
     """
     kind, splits = so_far.kind, so_far.splits
-    companions = [c for c in _companions(kind, trial.effect) if c not in so_far.effects] if sought else []
-    if not companions and not kind.free_only:
+    refinements = [c for c in _refinements(kind, trial.effect) if c not in so_far.effects] if sought else []
+    if not refinements and not kind.free_only:
         return trial
-    model = [*so_far.effects, trial.effect, *companions]
+    model = [*so_far.effects, trial.effect, *refinements]
     fits = []
     for (part, _), theta in zip(splits, trial.thetas, strict=True):
-        ends = [refit(kind, part, model, start) for start in (theta, *([dict(sought)] if companions else []))]
+        ends = [refit(kind, part, model, start) for start in (theta, *([dict(sought)] if refinements else []))]
         fits.append(min(ends, key=lambda end: judged_cost(kind, part, end)))
     again = against(so_far.blocks, trial.effect, tuple(fits), block_costs(kind, splits, fits))
-    if not companions:
+    if not refinements:
         return again
-    trial = replace(trial, companions={tuple(model): fits})
+    trial = replace(trial, refinements={tuple(model): fits})
     return replace(trial, gain=again.gain, drop=again.drop, blocks=again.blocks) if again.gain > trial.gain else trial
 
 
 def from_the_best(model: FittedModel, alone: Sequence[Trial], helped: Sequence[Trial]) -> list[Trial]:
-    """The `helped` trials, the confounded effects of the best one and its companions from the catalogue also fitted
-    from where it has its base: none may win by a luckier search. Where such a companion does about as well without the
+    """The `helped` trials, the confounded effects of the best one and its refinements from the catalogue also fitted
+    from where it has its base: none may win by a luckier search. Where such a refinement does about as well without the
     best one, that is judged as it is `alone`.
     """
     kind, splits, effects = model.kind, model.splits, model.effects
@@ -129,8 +130,8 @@ def from_the_best(model: FittedModel, alone: Sequence[Trial], helped: Sequence[T
     if not rows:
         return []
     best = max(helped, key=lambda trial: trial.gain)
-    both = next(iter(best.companions.values()), None)
-    beside = [c for c in _companions(kind, best.effect) if BY_ID[c] not in REFINEMENTS] if both else []
+    both = next(iter(best.refinements.values()), None)
+    beside = [c for c in _refinements(kind, best.effect) if BY_ID[c] not in REFINEMENTS] if both else []
     alike = [name for name in rows if name in BY_ID[best.effect].confounders or best.effect in BY_ID[name].confounders]
     for name in dict.fromkeys((*beside, *alike)):
         owns = both if both and name in beside else rows[name].thetas
@@ -158,7 +159,7 @@ def _numbers(theta: Mapping[str, float], effect: str) -> dict[str, float]:
 
 
 def _entry(model: FittedModel, row: Screened) -> tuple[float, list[dict[str, float]]]:
-    """Where the heat of a candidate may start, best first, and what that point costs: after a short fit from each
+    """Where the fit of a candidate may start, best first, and what that point costs: after a short fit from each
     opening, to an observer that forgets fast. Where no such observer is to be had (a kind with `free_only`: a strong
     effect that the free run follows throws its observer out of step) from the best opening at either base, to the free
     run of the first record's longest beginning, with wide secants.
@@ -183,13 +184,13 @@ def _first(row: tuple[float, dict[str, float]]) -> float:
     return row[0]
 
 
-def _heats(model: FittedModel, starts: Mapping[str, Sequence[dict[str, float]]], moved: Moved) -> dict[str, Fit]:
+def _survivors(model: FittedModel, starts: Mapping[str, Sequence[dict[str, float]]], moved: Moved) -> dict[str, Fit]:
     """Fits of `model` with each candidate good enough to rank by; without those that fell behind on the way. One that
     changes the resistance is looked for from where the slip limit follows it, and from where it does not.
     """
     kind, part = model.kind, model.part
     criterion = middle_criterion(kind)
-    beside = {name: [c for c in _companions(kind, name) if BY_ID[c] in REFINEMENTS] for name in starts}
+    beside = {name: [c for c in _refinements(kind, name) if BY_ID[c] in REFINEMENTS] for name in starts}
     models = {name: [*model.effects, name, *beside[name]] for name in starts}
     if kind.free_only:
         every = {
@@ -207,9 +208,9 @@ def _heats(model: FittedModel, starts: Mapping[str, Sequence[dict[str, float]]],
     return fits
 
 
-def _with_each(start: dict[str, float], companions: Sequence[str]) -> list[dict[str, float]]:
-    """`start`, and with each shape on the companions' grids."""
-    grid = {f"{c}.{name}": values for c in companions for name, values in BY_ID[c].grid.items()}
+def _with_each(start: dict[str, float], refinements: Sequence[str]) -> list[dict[str, float]]:
+    """`start`, and with each shape on the refinements' grids."""
+    grid = {f"{c}.{name}": values for c in refinements for name, values in BY_ID[c].grid.items()}
     return [
         start,
         *({**start, **dict(zip(grid, row, strict=True))} for row in itertools.product(*grid.values()) if row),
@@ -290,5 +291,5 @@ def fair(model: FittedModel, trials: Sequence[Trial]) -> tuple[list[Trial], Fitt
     best = model
     for trial in trials[:2]:
         best = better_without(best, trial.effect, trial.thetas)
-    again = [replace(against(best.blocks, t.effect, t.thetas, t.blocks), companions=t.companions) for t in trials]
+    again = [replace(against(best.blocks, t.effect, t.thetas, t.blocks), refinements=t.refinements) for t in trials]
     return sorted(again, key=lambda trial: -trial.gain), best

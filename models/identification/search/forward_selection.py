@@ -197,7 +197,7 @@ def _accept(kind: Kind, found: Search, trial: Trial) -> bool:
 def _add(found: Search, best: Trial) -> None:
     found.effects.append(best.effect)
     found.gains[best.effect] = best.gain
-    found.known.update(best.companions)
+    found.known.update(best.refinements)
 
 
 def _compare_rivals(model: FittedModel, found: Search) -> None:

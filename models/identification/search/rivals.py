@@ -81,11 +81,11 @@ def _screened_rivals(
 def _tried_rivals(
     model: FittedModel, rest: Sequence[str], trials: Sequence[Trial]
 ) -> Iterator[tuple[str, FittedModel]]:
-    """Fits that the search made of candidates beside the same other effects, also with their companions."""
+    """Fits that the search made of candidates beside the same other effects, also with their refinements."""
     for trial in trials:
         if set(rest) == {key.partition(".")[0] for key in without(trial.thetas[0], trial.effect) if "." in key}:
             yield trial.effect, model.fitted(trial.thetas, [*rest, trial.effect])
-            for effects, fits in trial.companions.items():
+            for effects, fits in trial.refinements.items():
                 yield trial.effect, model.fitted(fits, effects)
 
 

@@ -116,7 +116,7 @@ def test_nan_and_unknown_channels_change_nothing(kind: type[Receiver]) -> None:
 
 @each
 def test_moved_by_hand_it_begins_anew(kind: type[Receiver]) -> None:
-    """Readings that stay elsewhere win after `patience`; until they are proven the estimate counts as lost."""
+    """Readings that stay elsewhere win after `outliers_in_a_row`; until they are proven the estimate counts as lost."""
     estimator = kind(MODEL)
     lost, places = [], []
     for k in range(1, 1001):

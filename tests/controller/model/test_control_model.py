@@ -254,10 +254,10 @@ def test_a_free_curve_over_speed_is_left_out_and_with_it_what_its_model_proved()
         HELD_OUT: 1e-5,
     }
     curve = {f"level_over_speed.{side}_{k}": 0.08 * (-1) ** k for side in ("even", "odd") for k in range(1, 9)}
-    mended, plain = (control_model(rig_of("magnetic"), values, TICK_S) for values in (named | curve, named))
-    assert [p.name for p in mended.symbols.parameters] == [p.name for p in plain.symbols.parameters]
+    corrected, plain = (control_model(rig_of("magnetic"), values, TICK_S) for values in (named | curve, named))
+    assert [p.name for p in corrected.symbols.parameters] == [p.name for p in plain.symbols.parameters]
     assert plain.held_out_error == 1e-5
-    assert mended.held_out_error is None
+    assert corrected.held_out_error is None
 
 
 @pytest.mark.parametrize("compiled", [True, False])

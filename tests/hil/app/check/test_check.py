@@ -43,8 +43,8 @@ def test_a_turned_sign_stops_with_the_file_and_the_remedy(tmp_path: Path, capfd:
 def test_the_remedy_as_written_into_the_rig_file_mends_the_record(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    mended = RIG + '\n[columns]\nforce_N = {column = "force_N", sign = -1}\n'
-    assert run(["check", *written(tmp_path, turned(pull()), mended), "--json"]) == 0
+    corrected = RIG + '\n[columns]\nforce_N = {column = "force_N", sign = -1}\n'
+    assert run(["check", *written(tmp_path, turned(pull()), corrected), "--json"]) == 0
     assert json.loads(capfd.readouterr().out)["findings"] == []
 
 

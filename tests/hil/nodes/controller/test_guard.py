@@ -19,12 +19,12 @@ class Wire(can.BusABC):
     def __init__(self) -> None:
         super().__init__(channel="wire")
         self.sent: list[can.Message] = []
-        self.patience: set[float | None] = set()
+        self.timeouts: set[float | None] = set()
         self.dead: Exception | None = None
         self.shutdown()
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        self.patience.add(timeout)
+        self.timeouts.add(timeout)
         if self.dead is not None:
             raise self.dead
         self.sent.append(msg)
@@ -58,7 +58,7 @@ def test_the_whitelist(wire: Wire) -> None:
         assert guard.send(name, values, 1.5)
         assert wire.sent[-1].arbitration_id == frames()[name].id
         assert (wire.sent[-1].timestamp, wire.sent[-1].is_extended_id, wire.sent[-1].is_rx) == (1.5, False, False)
-    assert wire.patience == {0}, "the control path never waits for the bus"
+    assert wire.timeouts == {0}, "the control path never waits for the bus"
 
 
 def test_what_does_not_fit_its_frame_is_not_sent(wire: Wire) -> None:

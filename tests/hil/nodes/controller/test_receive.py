@@ -1,4 +1,4 @@
-"""What the controller node hears on the bus, and when it doubts it."""
+"""What the controller node hears on the bus, and when it plausibility it."""
 
 import math
 
@@ -67,27 +67,27 @@ def test_error_frames_are_counted_and_only_a_heartbeat_says_that_a_drive_is_know
 
 
 def test_doubts() -> None:
-    doubts = Plausibility(1e-3)
+    plausibility = Plausibility(1e-3)
     for value in (0.1, 0.2, 0.2, 0.3, 0.3, 0.3):
-        assert doubts.reason(0) == ""
-        doubts.saw(value)
-    assert doubts.reason(0) == "localisation stuck"
-    doubts.saw(0.4)
+        assert plausibility.reason(0) == ""
+        plausibility.saw(value)
+    assert plausibility.reason(0) == "localisation stuck"
+    plausibility.saw(0.4)
     for k in range(5):
-        assert doubts.reason(0) == ""
-        doubts.reported(0.0, math.nan if k == 2 else 2e-3)
-    assert doubts.reason(0) == "drive does not follow"
-    doubts.reported(0.0, 1e-3)
-    assert (doubts.reason(0), doubts.reason(1)) == ("", "localisation jumped")
-    doubts.settle(1)
-    assert doubts.reason(1) == ""
+        assert plausibility.reason(0) == ""
+        plausibility.reported(0.0, math.nan if k == 2 else 2e-3)
+    assert plausibility.reason(0) == "drive does not follow"
+    plausibility.reported(0.0, 1e-3)
+    assert (plausibility.reason(0), plausibility.reason(1)) == ("", "localisation jumped")
+    plausibility.settle(1)
+    assert plausibility.reason(1) == ""
     for told in (0.0, 4e-5, 6e-5, 7e-5, 8e-5, 9e-5):
-        doubts.reported(5e-7, told)
-        assert doubts.reason(1) == ""
-    doubts.reported(5e-7, 1e-4)
-    assert doubts.reason(1) == "drive does not follow"
-    doubts.reported(1e-7, 2e-4)
-    assert doubts.reason(1) == ""
+        plausibility.reported(5e-7, told)
+        assert plausibility.reason(1) == ""
+    plausibility.reported(5e-7, 1e-4)
+    assert plausibility.reason(1) == "drive does not follow"
+    plausibility.reported(1e-7, 2e-4)
+    assert plausibility.reason(1) == ""
     coarse = Plausibility(1e-3, noise_m=0.0)
     for _ in range(9):
         coarse.saw(0.1)
@@ -98,25 +98,25 @@ def test_doubts() -> None:
 def test_a_coarse_localiser_is_stuck_by_its_variance_over_time(resolution_m: float, alike: int) -> None:
     """Noise of 0.5 mm stays within pixels of that size so often in a row by chance once in 10^7."""
     rng = np.random.default_rng(3)
-    doubts = Plausibility(1e-3, 5e-4, resolution_m)
+    plausibility = Plausibility(1e-3, 5e-4, resolution_m)
     for value in 5e-4 * rng.standard_normal(20_000):
-        doubts.saw(round(value / resolution_m) * resolution_m if resolution_m else value)
-        assert doubts.reason(0) == ""
-    doubts.saw(9.0)
+        plausibility.saw(round(value / resolution_m) * resolution_m if resolution_m else value)
+        assert plausibility.reason(0) == ""
+    plausibility.saw(9.0)
     for k in range(1, alike + 1):
-        assert doubts.reason(0) == ""
-        doubts.saw(8.0)
-        assert k < alike or doubts.reason(0) == "localisation stuck"
+        assert plausibility.reason(0) == ""
+        plausibility.saw(8.0)
+        assert k < alike or plausibility.reason(0) == "localisation stuck"
 
 
 def test_a_localiser_without_noise_is_stuck_by_motion() -> None:
-    doubts = Plausibility(1e-3, 0.0, 1e-3)
+    plausibility = Plausibility(1e-3, 0.0, 1e-3)
     for k in range(40):
-        doubts.wanted(5e-4 * k)
-        doubts.saw(0.0 if k < 15 else 7e-3)
-        assert doubts.reason(0) == ""
-    doubts.wanted(0.0201)
-    assert doubts.reason(0) == "localisation stuck"
+        plausibility.wanted(5e-4 * k)
+        plausibility.saw(0.0 if k < 15 else 7e-3)
+        assert plausibility.reason(0) == ""
+    plausibility.wanted(0.0201)
+    assert plausibility.reason(0) == "localisation stuck"
 
 
 def _message(name: str, data: bytes, **kind: bool) -> can.Message:

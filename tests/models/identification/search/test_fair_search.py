@@ -1,4 +1,4 @@
-"""No candidate is named because its search was luckier, nor for what its companion does."""
+"""No candidate is named because its search was luckier, nor for what its refinement does."""
 
 from __future__ import annotations
 

@@ -13,6 +13,7 @@ from hil.app.write import check_file, check_folder, check_targets, table_text, w
 from models.parameter import nearest
 
 FORMS: Final = ("fmu", "table", "mujoco")
+VOLTAGE: Final = "coil_voltage_V"
 TABLE: Final = ("friction.csv", "friction.json")
 
 
@@ -41,7 +42,9 @@ def export(asked: Asked, *, json_output: bool = False) -> None:
     if asked.scenario is not None and asked.form != "fmu":
         raise ValueError(f"export {asked.form} must have --model and --rig; a plant's truth goes into an FMU alone")
     if asked.scenario is None and (asked.model is None or asked.rig is None):
-        raise ValueError("export must have SCENARIO.toml, or --model MODEL.toml and --rig RIG.toml; got neither in full")
+        raise ValueError("export must have SCENARIO.toml, or both --model MODEL.toml and --rig RIG.toml; got neither")
+    if asked.driven not in ("", VOLTAGE) or (asked.driven and (asked.form != "fmu" or asked.scenario is not None)):
+        raise ValueError(f"--driven must be {VOLTAGE} and stand with export fmu --model; got {asked.driven!r}")
     targets = _targets(asked)
     check_targets(targets, "--out", [p for p in (asked.scenario, asked.model, asked.rig) if p is not None])
     with output_to_notes():

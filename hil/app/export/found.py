@@ -63,9 +63,7 @@ def read_found(rig: Path, model: Path, stage: str, driven: str = "") -> Found:
     learned = read_model(model, belief.kind)
     values = learned.stages[stage]
     names = sorted({name.split(".")[0] for name in values if "." in name})
-    found = Found(
-        belief, surface_of(belief), drive_of(belief, driven), tuple(BY_ID[n] for n in names), values, stage
-    )
+    found = Found(belief, surface_of(belief), drive_of(belief, driven), tuple(BY_ID[n] for n in names), values, stage)
     _check(found, learned, model)
     return found
 
@@ -83,3 +81,8 @@ def _check(found: Found, learned: Model, path: Path) -> None:
     for p in assembly.parameters:
         if p.name not in found.values and p.fit:
             raise ValueError(f"{path}: model [{found.stage}] must have the key {p.name!r}; it is missing")
+        if p.name in found.values and not p.holds(found.values[p.name]):
+            raise ValueError(
+                f"{path}: model [{found.stage}] {p.name} must lie in [{p.lower:g}, {p.upper:g}] {p.unit};"
+                f" got {found.values[p.name]:g}"
+            )

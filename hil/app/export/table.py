@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from hil.app.export.found import Found
 from models.assembly.effects import Active
 from models.assembly.step import Stepper
+from models.effects import BY_ID
 from models.effects.effect import Effect, Signals
 from models.surfaces.gut import Drag
 
@@ -93,7 +94,8 @@ def _steady(effect: type[Effect]) -> bool:
     """Whether what an effect adds to friction follows from speed, direction and place alone."""
     names = ("t", "travelled", "dwell", "tension", "drag", "drag_rate", "rate", "load")
     history = {name: ca.SX.sym(name) for name in names}
-    p = {q.name: ca.SX.sym(q.name) for q in effect.parameters()}
+    owners = [effect, *([BY_ID[effect.of]] if effect.of else [])]
+    p = {q.name: ca.SX.sym(q.name) for owner in owners for q in owner.parameters()}
     z = {name: ca.SX.sym(name) for name in effect.states}
     s = Signals(x=ca.SX.sym("x"), v=ca.SX.sym("v"), direction=ca.SX.sym("d"), command=0.0, **history)
     asked = [getattr(effect(), hook)(s, p, z) for hook in ("level", "force", "normal_load")]

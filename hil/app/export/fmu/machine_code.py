@@ -1,4 +1,4 @@
-"""A compiled function of the plant as an object file that needs no Python: the code that runs here, linked elsewhere."""
+"""A compiled function of the plant as an object file that needs no Python: the code that runs here, for elsewhere."""
 
 from __future__ import annotations
 
@@ -34,9 +34,7 @@ def object_code(function: Any, signature: tuple[Any, ...], symbol: str) -> bytes
         if not entry.is_declaration and entry.name != symbol:
             entry.linkage = "internal"
     cpu = _PROCESSORS.get(platform.machine().lower(), "")
-    machine = llvm.Target.from_default_triple().create_target_machine(
-        cpu=cpu, opt=3, reloc="pic", codemodel="default"
-    )
+    machine = llvm.Target.from_default_triple().create_target_machine(cpu=cpu, opt=3, reloc="pic", codemodel="default")
     passes = llvm.create_new_module_pass_manager()
     passes.add_global_dead_code_eliminate_pass()
     passes.run(module, llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options()))

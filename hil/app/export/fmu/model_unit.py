@@ -32,14 +32,15 @@ def model_unit(name: str, found: Found) -> Unit:
         Variable(drive.commanded, "input", _unit(drive.commanded), f"command, {way} a communication step"),
         Variable(drive.measured, "output", _unit(drive.measured), "what the rig measures, as predicted"),
         *(Variable(n, "output", unit, why) for n, unit, why in shown.values()),
-        *(Variable(p.name, "parameter", p.unit or "1", p.source or p.name, values[p.name]) for p in assembly.parameters),
+        *(
+            Variable(p.name, "parameter", p.unit or "1", p.source or p.name, values[p.name])
+            for p in assembly.parameters
+        ),
     ]
     step = internal_step(drive, drive.imposed and "string_compliance" not in {e.id for e in found.effects})
     header = _header(found, assembly, variables, {s: told[0] for s, told in shown.items()}, step)
     about = f"{found.stage} model of a {found.rig.kind} rig, found by capsule close-loop"
     return Unit(name, about, variables, header, _CORE, step, 20.0, 2e-3)
-
-
 
 
 def _unit(column: str) -> str:

@@ -74,9 +74,7 @@ def fmu(unit: Unit) -> bytes:
     """The archive. Raises ValueError of one sentence where there is no C compiler, or one that fails."""
     digest = hashlib.sha256(unit.header.encode() + b"".join(unit.objects.values())).hexdigest()
     token = "{" + str(uuid.uuid5(uuid.NAMESPACE_OID, digest)) + "}"
-    source = "\n".join(
-        (f'#define TOKEN "{token}"', unit.header, unit.core.read_text("utf-8"), _FMI.read_text("utf-8"))
-    )
+    source = "\n".join((f'#define TOKEN "{token}"', unit.header, unit.core.read_text("utf-8"), _FMI.read_text("utf-8")))
     folder, ending = _platform()
     files = {
         "modelDescription.xml": model_description(unit, token).encode(),

@@ -32,7 +32,7 @@ _INNER: Final = (
     ("inner_position_m", "m", "inner mass along the lumen", at.S_INNER_X),
     ("inner_velocity_m_s", "m/s", "inner mass's speed", at.S_INNER_V),
 )
-FORCE: Final = Variable("force_N", "output", "N", "drive's force on the capsule (of a pull: the pull's) in the last step")
+FORCE: Final = Variable("force_N", "output", "N", "drive's force (a pull's own) in the last step")
 
 
 def input_of(drive: Drive) -> Variable:
@@ -58,9 +58,7 @@ def plant_unit(name: str, rig: Rig, duration_s: float) -> Unit:
     stages = plant.stages()
     loops = {rig.drive.loop(effects) for _, effects in stages}
     if len(loops) > 1:
-        raise ValueError(
-            "effects.string_compliance must be there from the start in an FMU; got one that begins later at a rigid pull"
-        )
+        raise ValueError("effects.string_compliance must begin with the run in an FMU; got an onset at a rigid pull")
     function, kind = loops.pop()
     command, shown = input_of(rig.drive), outputs_of(rig.drive)
     variables = [command, *(Variable(n, "output", unit, why) for n, unit, why, _ in shown), FORCE]

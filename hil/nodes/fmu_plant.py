@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import shutil
+import tempfile
+import weakref
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -83,11 +85,12 @@ class FmuPlant:
 
         self.rig, self._path, self._file = rig, path, read_fmu(path, rig)
         self.state: Floats = np.zeros(at.S_COUNT)
-        self._folder = TemporaryDirectory(prefix="capsule-fmu-")
+        unpacked = tempfile.mkdtemp(prefix="capsule-fmu-")
+        weakref.finalize(self, shutil.rmtree, unpacked, ignore_errors=True)
         told, self._third = self._file.description, self._file.description.fmiVersion.startswith("3.")
         kind = FMU3Slave if self._third else FMU2Slave
         try:
-            folder = fmpy.extract(str(path), unzipdir=self._folder.name)
+            folder = fmpy.extract(str(path), unzipdir=unpacked)
             self._unit = kind(
                 guid=told.guid,
                 unzipDirectory=folder,

@@ -133,7 +133,10 @@ def _seeds(
 @_command("init", "capsule init magnetic my_rig")
 def _init(
     kind: Annotated[
-        str, typer.Argument(metavar="KIND", help="pull, magnetic, coil, vibro, vibro_table, axis, periods or dma.")
+        str,
+        typer.Argument(
+            metavar="KIND", help="pull, magnetic, coil, vibro, vibro_table, axis, periods, friction or dma."
+        ),
     ],
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the files; made where there is none.")],
     rotary: Annotated[

@@ -9,6 +9,7 @@ from plant.hidden.registry import LAG_SHARES, ROWS
 from plant.tables import Floats
 
 LAG: Final = ROWS["actuator_lag"]
+DRIVER: Final = ROWS["driver_lag"]
 BACKLASH: Final = ROWS["carriage_backlash"]
 CARRIAGE_NUMBERS: Final = 2 + len(LAG_SHARES)
 
@@ -40,8 +41,9 @@ def real_drive(values: Floats, dt: float, h: Floats, memory: Floats) -> Floats:
     first values at rest) carries over from call to call and is changed in place.
     """
     arrived = values.copy()
-    if h[LAG, 0] != 0.0:
-        _lags(arrived, dt, h[LAG, 0], memory)
+    for row in (LAG, DRIVER):
+        if h[row, 0] != 0.0:
+            _lags(arrived, dt, h[row, 0], memory)
     if h[BACKLASH, 0] != 0.0:
         _rounded_play(arrived, h[BACKLASH, 0], memory)
     return arrived

@@ -133,7 +133,10 @@ def _seeds(
 @_command("init", "capsule init magnetic my_rig")
 def _init(
     kind: Annotated[
-        str, typer.Argument(metavar="KIND", help="pull, magnetic, coil, vibro, vibro_table, axis, periods or dma.")
+        str,
+        typer.Argument(
+            metavar="KIND", help="pull, magnetic, coil, vibro, vibro_table, axis, periods, friction or dma."
+        ),
     ],
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the files; made where there is none.")],
     rotary: Annotated[
@@ -411,6 +414,10 @@ def _sil(
     ] = None,
     learn: Learn = False,
     mcap: McapFile = None,
+    watch: Annotated[
+        str | None,
+        typer.Option("--watch", metavar="CHANNEL", help="In real time, its frames on this local bus: for cockpit."),
+    ] = None,
     json_output: Json = False,
     effects: OwnEffects = None,
     controllers: OwnControllers = None,
@@ -423,7 +430,7 @@ def _sil(
 
     use_effects(effects or [])
     use_controllers(controllers or [])
-    sil(scenario, Options(controller, model, stage, seed, out, json_output, reference, learn, mcap))
+    sil(scenario, Options(controller, model, stage, seed, out, json_output, reference, learn, mcap, watch))
 
 
 @_command("run", "capsule run deployment.toml check")
@@ -480,18 +487,25 @@ def _plant(
 def _cockpit(
     source: Annotated[
         Path,
-        typer.Argument(metavar="DEPLOYMENT.toml | LOG", help="A deployment file, whose bus is watched; or a CAN log."),
+        typer.Argument(
+            metavar="DEPLOYMENT.toml | LOG | SCENARIO.toml",
+            help="A deployment file, whose bus is watched; a CAN log; or, with --watch, the scenario of a sil.",
+        ),
     ],
     host: Annotated[
         str, typer.Option("--host", metavar="ADDRESS", help="Where to listen; else this machine alone can see it.")
     ] = "127.0.0.1",
     port: Annotated[int, typer.Option("--port", metavar="N", help="0: a free one.")] = 8420,
+    watch: Annotated[
+        str | None,
+        typer.Option("--watch", metavar="CHANNEL", help="The local bus on which `capsule sil --watch` runs SOURCE."),
+    ] = None,
     json_output: Json = False,
 ) -> None:
     """A page in the browser: a bus while it runs, or a log to scrub through; steers with the token that it prints."""
     from hil.app.cockpit.command import cockpit
 
-    cockpit(source, host, port, json_output=json_output)
+    cockpit(source, host, port, watch, json_output=json_output)
 
 
 @_command("jog", "capsule jog examples/deployment/deployment.toml")

@@ -59,7 +59,8 @@ class Medium:
     error counters (+8 and -1 for the sender, +1 and -1 for receivers), passive nodes' pause, bus-off without automatic
     return, a collision of two senders of one identifier, a sender without anybody to acknowledge. Not modelled:
     propagation, sampling, overload frames, remote frames, different views of one error. Only 11-bit data frames; with a
-    `data_bit_rate` CAN FD's too, whose data it switches to and which every node understands.
+    `data_bit_rate` CAN FD's too, whose data it switches to and which every node understands. `shown` is called with
+    every frame that was sent, and takes no part in the bus.
     """
 
     def __init__(self, bit_rate: int = 1_000_000, disturb: Disturb | None = None, data_bit_rate: int = 0) -> None:
@@ -69,6 +70,7 @@ class Medium:
             raise ValueError(f"data_bit_rate must lie in [{bit_rate}, 8000000] bit/s, or be 0; got {data_bit_rate}")
         self.bit_rate, self.disturb, self.data_bit_rate = bit_rate, disturb, data_bit_rate
         self.ports: list[SimulatedBus] = []
+        self.shown: Callable[[can.Message], None] | None = None
         self.busy_bits = 0
         self._now = self._free = 0
         self._number = 0
@@ -146,6 +148,8 @@ class Medium:
             is_rx=True,
             channel=sender.name,
         )
+        if self.shown is not None:
+            self.shown(got)
         for port in self.ports:
             counters = port.counters
             if port is not sender and counters.transmit < BUS_OFF and self._now >= port.offline_until:

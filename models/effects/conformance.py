@@ -14,7 +14,7 @@ import numpy as np
 from models.effects.effect import Effect, InnerMassEffect, Signals
 from models.effects.equation import disagreement
 
-KINDS: Final = ("pull", "magnetic", "coil", "vibro", "vibro_table", "axis", "periods", "dma")
+KINDS: Final = ("pull", "magnetic", "coil", "vibro", "vibro_table", "axis", "periods", "friction", "dma")
 SIGNALS: Final[Mapping[str, float]] = {
     "t": 0.7,
     "x": 4e-3,

@@ -64,6 +64,7 @@ COLUMNS = MappingProxyType(
         "vibro_table": Columns((("period_s",), ("duty",), ("cycles",)), ("mean_velocity_m_s",), False, 4),
         "axis": Columns((("position_m",),), ("force_N",), True, 100, optional=("velocity_m_s", "load_N")),
         "periods": Columns((), ("period_s", "valley_N", "peak_N"), False, 3, ("velocity_m_s",)),
+        "friction": Columns((("velocity_m_s",),), ("force_N",), False, 4, optional=("load_N",)),
         "dma": Columns((("frequency_Hz",),), ("storage_modulus_Pa", "loss_modulus_Pa"), False, 3),
     }
 )
@@ -72,10 +73,13 @@ VARIANTS: Mapping[str, tuple[Columns, ...]] = MappingProxyType(
     {
         "axis": (
             Columns((("angle_rad",),), ("torque_N_m",), True, 100, optional=("velocity_rad_s", "load_N_m", "load_N")),
-        )
+        ),
+        "friction": (Columns((("velocity_m_s",),), ("friction_coefficient",), False, 4, optional=("load_N",)),),
     }
 )
-"""What a record of a kind may hold in place of its columns in `COLUMNS`: an axis that turns."""
+"""What a record of a kind may hold in place of its columns in `COLUMNS`: an axis that turns, a coefficient of friction
+for a force.
+"""
 
 _FORCE = (-1e3, 1e3, "between -1000 and 1000 N")
 _LOAD = (-1e9, 1e9, "between -1e9 and 1e9 N")
@@ -103,6 +107,7 @@ RANGES = MappingProxyType(
         "torque_N_m": (-1e6, 1e6, "between -1e6 and 1e6 N m"),
         "velocity_rad_s": (-1e5, 1e5, "between -1e5 and 1e5 rad/s"),
         "load_N": _LOAD,
+        "friction_coefficient": (0.0, 100.0, "not negative, at most 100"),
         "load_N_m": (*_LOAD[:2], "between -1e9 and 1e9 N m"),
     }
 )
@@ -110,9 +115,14 @@ _RANGES_OF = MappingProxyType(
     {
         ("axis", "velocity_m_s"): (-1e3, 1e3, "between -1000 and 1000 m/s"),
         ("axis", "force_N"): (-1e6, 1e6, "between -1e6 and 1e6 N"),
+        ("friction", "velocity_m_s"): (-1e3, 1e3, "between -1000 and 1000 m/s and not 0"),
+        ("friction", "force_N"): (-1e6, 1e6, "between -1e6 and 1e6 N"),
+        ("friction", "load_N"): (0.0, 1e9, "positive, at most 1e9 N"),
     }
 )
 """Ranges of columns that one kind has otherwise than the others."""
+NOT_ZERO = frozenset({("friction", "velocity_m_s"), ("friction", "load_N")})
+"""Columns of a kind in which 0 is no value: there is no steady sliding at rest."""
 ABOVE = frozenset({"velocity_m_s", "period_s", "frequency_Hz", "storage_modulus_Pa"})
 """Columns whose lower bound is not a value itself."""
 _TIME_NAMES = ("time", "timestamp", "seconds", "sec")
@@ -143,6 +153,8 @@ def first_wrong(kind: str, name: str, values: NDArray[np.float64]) -> int | None
     lower, upper, _ = limits
     above = name in ABOVE and lower == 0
     good = ((values > lower) if above else (values >= lower)) & (values <= upper)
+    if (kind, name) in NOT_ZERO:
+        good &= values != 0
     return None if good.all() else int(np.argmin(good))
 
 

@@ -22,6 +22,7 @@ from models.files.rig_tables import (
     Clock,
     Coil,
     ColumnTable,
+    Contact,
     Drive,
     Magnet,
     Magnets,
@@ -40,7 +41,20 @@ from models.laws.dipole import PAIRINGS
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import nearest
 
-TABLES = ("capsule", "tissue", "rig", "noise", "drive", "surface", "axis", "checks", "clock", "prior", "columns")
+TABLES = (
+    "capsule",
+    "tissue",
+    "rig",
+    "noise",
+    "drive",
+    "surface",
+    "axis",
+    "contact",
+    "checks",
+    "clock",
+    "prior",
+    "columns",
+)
 T = TypeVar("T", bound=Table)
 _STD = "_std"
 
@@ -63,6 +77,7 @@ class Rig:
     drive: Drive | None = None
     surface: Surface | None = None
     axis: Axis = field(default_factory=Axis)
+    contact: Contact = field(default_factory=Contact)
     velocity_m_s: float | None = None
     name: str = ""
     columns: ColumnMap = ColumnMap()
@@ -173,7 +188,8 @@ def _parts(file: _File, kind: str, head: _Head) -> Rig:
         )
     capsule = file.read("capsule", PaperCapsuleTable, optional=True).capsule()
     axis = file.read("axis", Axis, optional=True) if kind == "axis" else Axis()
-    return Rig(kind, capsule, file.paper_tissue(capsule), noise, axis=axis, name=head.name)
+    contact = file.read("contact", Contact, optional=True) if kind == "friction" else Contact()
+    return Rig(kind, capsule, file.paper_tissue(capsule), noise, axis=axis, contact=contact, name=head.name)
 
 
 def _spring(magnets: Magnets, stiffness: float | None) -> Magnet:

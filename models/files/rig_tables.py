@@ -196,6 +196,16 @@ class Axis(Table):
     offset_N_m: Real | None = None
 
 
+class Contact(Table):
+    """Nominal numbers of a steady contact: the coefficient of friction, or the friction force where no load is known,
+    and the load where no column has it; all may be left out.
+    """
+
+    friction_coefficient: NotNegative | None = None
+    friction_N: NotNegative | None = None
+    load_N: Positive | None = None
+
+
 class CapsuleTable(Table):
     """`[capsule]` of a capsule in the gut."""
 

@@ -23,6 +23,7 @@ _PARTS = MappingProxyType(
     {
         "axis": "more records, or one of at least four stretches of motion that last more than 0.4 s each",
         "vibro_table": "runs at more pairs of period_s and duty",
+        "friction": "more speeds or loads",
         "dma": "more samples or frequencies",
         "periods": "more periods",
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from models.identification.search.validation import middle_criterion
 
 _LAGS = 40
 _WIDER = 1.3
+_NUMBERS = 5000
 _UNSEEN = 0.1  # mean square below which what is left is too far below the noise for its structure to count
 
 
@@ -21,15 +23,20 @@ def residual_checks(
     kind: Kind, records: Sequence[Record], fit: Fit, likely: Sequence[Mapping[str, float]], seed: int = 0
 ) -> tuple[Check, ...]:
     """Size and whiteness of what is left, with limits from records imitated on models `likely` (values that the fit's
-    own uncertainty leaves open) and held against the fit.
+    own uncertainty leaves open) and held against the fit: from each of them once, from tables of few numbers, whose
+    scatter is wide and whose imitation is quick, again until `_NUMBERS` were drawn.
     """
     criterion = middle_criterion(kind)
     rng = np.random.default_rng(seed)
-    actual = _numbers(evaluate(kind, records, fit.theta, criterion))
-    imitated = [
-        _numbers(evaluate(kind, [kind.imitate(record, theta, rng) for record in records], fit.theta, criterion))
-        for theta in likely
-    ]
+    residual = evaluate(kind, records, fit.theta, criterion)
+    actual, rounds = _numbers(residual), max(1, _NUMBERS // (len(residual) * len(likely)))
+    imitated = []
+    for theta in [theta for theta in likely for _ in range(rounds)]:
+        with suppress(ValueError):  # by chance out of what the kind takes: such a record would have been refused
+            made = [kind.imitate(record, theta, rng) for record in records]
+            imitated.append(_numbers(evaluate(kind, made, fit.theta, criterion)))
+    if not imitated:
+        raise ValueError("records must be such that the fitted model can give their like; it gives none that is read")
     limits = _WIDER * np.max(imitated, axis=0)
     words = (
         (

@@ -99,7 +99,7 @@ class Wall(Surface):
     ) -> tuple[Any, Any]:
         mu = p["friction_coefficient"]
         friction, onset = self.grip(speed, p["hoop_stress_factor"], mu, levels)
-        return friction, onset + mu * (carried_kg * GRAVITY + pressing)
+        return friction, onset + mu * (levels[1] * carried_kg * GRAVITY + pressing)
 
     def mucus(self, w: Any) -> Any:
         return mucus_drag(w, self.tissue.mucus_thickness_m)

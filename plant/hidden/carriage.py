@@ -9,13 +9,13 @@ from plant.hidden.registry import LAG_SHARES, ROWS
 from plant.tables import Floats
 
 LAG: Final = ROWS["actuator_lag"]
+DRIVER: Final = ROWS["driver_lag"]
 BACKLASH: Final = ROWS["carriage_backlash"]
 CARRIAGE_NUMBERS: Final = 2 + len(LAG_SHARES)
 
 
 @compiled
 def lags(values: Floats, dt: float, time: float, memory: Floats) -> None:
-    """Lags in a row of `values`, one a step of `dt` s, in place; see `real_drive`."""
     """Lags in a row of `values`, one a step of `dt` s, in place; see `real_drive`."""
     for k in range(values.shape[0]):
         value = values[k]
@@ -43,8 +43,9 @@ def real_drive(values: Floats, dt: float, h: Floats, memory: Floats) -> Floats:
     first values at rest) carries over from call to call and is changed in place.
     """
     arrived = values.copy()
-    if h[LAG, 0] != 0.0:
-        lags(arrived, dt, h[LAG, 0], memory)
+    for row in (LAG, DRIVER):
+        if h[row, 0] != 0.0:
+            lags(arrived, dt, h[row, 0], memory)
     if h[BACKLASH, 0] != 0.0:
         rounded_play(arrived, h[BACKLASH, 0], memory)
     return arrived

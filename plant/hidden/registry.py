@@ -203,6 +203,7 @@ HIDDEN: Final[tuple[Hidden, ...]] = (
         called="magnet_normal_load",
     ),
     Hidden("actuator_lag", IN_A_ROW, (Shape("time_s", 0.06, 0.16),), (*CARRIED, "coil")),
+    Hidden("driver_lag", IN_A_ROW, (Shape("time_s", 2e-3, 6e-3),), ("vibro",), called="actuator_lag"),
     Hidden("carriage_backlash", "play of width a whose ends are rounded", (Shape("width_m", 1.0e-3, 2.5e-3),), CARRIED),
     Hidden("actuator_dead_zone", "current below a does nothing, rounded", (Shape("current_A", 0.05, 0.12),), ("coil",)),
     Hidden("actuator_saturation", "force F/(1 + |F/a|^3)^(1/3)", (Shape("force_N", 0.08, 0.12),), ("magnetic", "coil")),

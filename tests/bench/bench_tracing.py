@@ -94,6 +94,7 @@ EFFECTS: Final[dict[Kind, tuple[str, ...]]] = {
         "incline_gravity",
         "tissue_drying",
         "viscous_drag",
+        "driver_lag",
     ),
     "vibro_plate": (
         "spring_damping",
@@ -102,6 +103,7 @@ EFFECTS: Final[dict[Kind, tuple[str, ...]]] = {
         "directional_asymmetry",
         "fold_periodic",
         "incline_gravity",
+        "driver_lag",
     ),
 }
 

@@ -20,8 +20,10 @@ from hil.app.run.clock import Clock, ClockedBus
 from hil.app.run.command import open_bus
 from hil.app.run.loop import Signals
 from hil.app.run.replay import task_of
+from hil.app.scenario.bus_scenario import load_sil_scenario
 from hil.app.scenario.deployment import load_deployment
 from hil.bus.catalogue import Catalogue, load_catalogue
+from hil.bus.local import LocalBus
 from hil.log.log import record_path
 from hil.log.reader import ENDINGS, is_log, read_frames, read_log_record
 from hil.nodes.actuators import carriage_bus
@@ -33,8 +35,11 @@ OLDEST_S: Final = 5.0
 EXTRA: Final = "cockpit"
 
 
-def cockpit(path: Path, host: str = "127.0.0.1", port: int = PORT, *, json_output: bool = False) -> None:
-    """Serve a page on the bus that the deployment file `path` names, or on the log `path`, until Ctrl-C.
+def cockpit(
+    path: Path, host: str = "127.0.0.1", port: int = PORT, watch: str | None = None, *, json_output: bool = False
+) -> None:
+    """Serve a page on the bus that the deployment file `path` names, on the log `path`, or on the local bus `watch` on
+    which `capsule sil` shows its run of the scenario `path`, until Ctrl-C.
 
     Raises ValueError of one sentence for what cannot be used: extra not installed, port taken, bus not there, log
     unreadable.
@@ -46,7 +51,7 @@ def cockpit(path: Path, host: str = "127.0.0.1", port: int = PORT, *, json_outpu
     from hil.app.cockpit.server import Cockpit, bind, serve
 
     listener = bind(host, port)
-    with listener, _source(path) as (source, hands), Signals().caught() as signals:
+    with listener, _source(path, watch) as (source, hands), Signals().caught() as signals:
         page = Cockpit(source, hands=hands)
         shown = f"[{host}]" if ":" in host else host
         address = f"http://{shown}:{listener.getsockname()[1]}/"
@@ -70,8 +75,12 @@ def _begin(address: str, watch_only: str, json_output: bool) -> None:
 
 
 @contextmanager
-def _source(path: Path) -> Iterator[tuple[BusSource | LogSource, Hands | None]]:
-    """The bus, with what may command it, or the log."""
+def _source(path: Path, watch: str | None = None) -> Iterator[tuple[BusSource | LogSource, Hands | None]]:
+    """The bus, with what may command it, or the log; of a run in simulated time its frames alone."""
+    if watch is not None:
+        with _simulated(path, watch) as source:
+            yield source, None
+        return
     if path.suffix.lower() in ENDINGS and is_log(path):
         yield _log(path, load_catalogue()), None
         return
@@ -99,6 +108,25 @@ def _source(path: Path) -> Iterator[tuple[BusSource | LogSource, Hands | None]]:
         yield source, hands
     finally:
         hands.close()
+        bus.shutdown()
+
+
+@contextmanager
+def _simulated(path: Path, channel: str) -> Iterator[BusSource]:
+    """What `capsule sil` of the scenario `path` shows on the local bus `channel`."""
+    scenario, _ = load_sil_scenario(path)
+    loop, clock, catalogue = scenario.loop, Clock(), load_catalogue()
+    about = f"{loop.kind} rig, simulated, {loop.control.controller}, local bus {channel}"
+    facts = Facts(loop.name, about, frame_map_of(loop.kind), catalogue)
+    try:
+        bus: can.BusABC = ClockedBus(LocalBus(channel, fd=True), clock, OLDEST_S)
+    except can.CanInitializationError as error:
+        raise ValueError(f"--watch must name a local bus that opens; got {channel!r}: {error}") from None
+    if scenario.drive is not None:
+        bus = carriage_bus(bus, scenario.drive, catalogue, loop.control.tick_s)
+    try:
+        yield BusSource(bus, clock, facts)
+    finally:
         bus.shutdown()
 
 

@@ -49,7 +49,7 @@ MEANINGS: Final[Mapping[str, str]] = {
     "regime": "moduli of the wall: `low` those measured below 20 mm/s, `high` those above, `blend` each where it was"
     " measured; for speeds above 20 mm/s take `blend`",
     "nose_force_angle_deg": "direction of the wall's force on the nose",
-    "friction_coefficient": "Coulomb friction; required for a plate",
+    "friction_coefficient": "coefficient of Coulomb friction; required for a plate",
     "mucus_thickness_m": "thickness of the mucus film",
     "recovery_time_s": "time in which a wall that slipped draws back",
     "magnet_stiffness_N_per_m": "stiffness k of the magnet's pull `k g/(1 + (g/r)^2)^2` on the gap g between carriage"
@@ -87,6 +87,8 @@ MEANINGS: Final[Mapping[str, str]] = {
     "kind": "`plate` is rigid with Coulomb friction; `gut` needs `[tissue]`; in the `air` nothing holds the body",
     "viscous_friction_N_s_per_m": "nominal viscous friction",
     "coulomb_friction_N": "nominal Coulomb friction",
+    "friction_N": "nominal friction force of a contact whose load is not known",
+    "load_N": "load on the contact where no column has it",
     "offset_N": "nominal constant force",
     "inertia_kg_m2": "moment of inertia of an axis that turns",
     "viscous_friction_N_m_s_per_rad": "its nominal viscous friction",

@@ -16,6 +16,7 @@ from models.files.rig_tables import (
     Axis,
     BodyTable,
     CapsuleTable,
+    Contact,
     Drive,
     Noise,
     PaperCapsuleTable,
@@ -39,6 +40,7 @@ _TABLES: Final[Mapping[str, Mapping[str, type[Table]]]] = {
     "vibro_table": {"capsule": BodyTable, "drive": Drive, "surface": Surface},
     "axis": {"axis": Axis},
     "periods": _OF_PAPER,
+    "friction": {"contact": Contact},
     "dma": {},
 }
 

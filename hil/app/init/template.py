@@ -79,6 +79,16 @@ def _dma(rng: np.random.Generator) -> tuple[Tables, Columns]:
     return _imitated({"rig": {"kind": "dma"}}, {"frequency_Hz": frequencies, **blank}, rng)
 
 
+def _friction(rng: np.random.Generator) -> tuple[Tables, Columns]:
+    """Twelve speeds over two decades under three loads, three readings each, with the Stribeck curve of a lubricated
+    contact and 2 % of scatter.
+    """
+    v, load = (np.repeat(a.ravel(), 3) for a in np.meshgrid(np.geomspace(2e-4, 2e-2, 12), (0.1, 0.2, 0.5)))
+    force = 0.09 * load * (1 + 0.5 * np.exp(-v / 2e-3)) * (1 + 0.02 * rng.standard_normal(v.size))
+    tables: Tables = {"rig": {"kind": "friction"}, "contact": {"friction_coefficient": 0.1}}
+    return tables, {"velocity_m_s": v, "load_N": load, "force_N": force}
+
+
 def _vibro_table(rng: np.random.Generator) -> tuple[Tables, Columns]:
     """Runs of a capsubot on a plate at seven periods and three duties, two each."""
     tables: Tables = {
@@ -108,6 +118,7 @@ def _imitated(tables: Tables, columns: Columns, rng: np.random.Generator) -> tup
 _MADE: Final[Mapping[str, Callable[[np.random.Generator], tuple[Tables, Columns]]]] = {
     "axis": _axis,
     "periods": _periods,
+    "friction": _friction,
     "dma": _dma,
     "vibro_table": _vibro_table,
 }

@@ -19,6 +19,7 @@ from hil.app.scenario.options import Options
 from hil.app.sil.fault_outcomes import outcomes
 from hil.app.sil.loop import Learning, SilTrace, run_sil
 from hil.app.sil.testbed import believed_on_bus
+from hil.app.sil.watched import Watched
 from hil.app.track.score import document, score
 from hil.app.write import check_folder, check_mcap, write_files
 from hil.log.log import LockstepLog
@@ -52,9 +53,10 @@ def sil(path: Path, asked: Options) -> None:
             _log(out, asked.mcap, scenario, text, name, values, number, offered) as log,
         ):
             recorder = None if log is None else Recorder(log)
-            more = {"offer": offer, "recorder": recorder}
-            with _learning(scenario, values, asked.learn) as learning:
-                found, trace = judged(scenario, believed, name, number, used, report, learning=learning, **more)
+            more: dict[str, Any] = {"offer": offer, "recorder": recorder}
+            with _learning(scenario, values, asked.learn) as learning, _shown(asked.watch) as shown:
+                more |= {"learning": learning, "shown": shown}
+                found, trace = judged(scenario, believed, name, number, used, report, **more)
             found |= told(offered, trace.taken_at)
             if asked.learn:
                 found["learned"] = [lesson.document() for lesson in trace.lessons]
@@ -84,6 +86,11 @@ def _learning(scenario: SilScenario, values: Mapping[str, float], wanted: bool) 
         yield learner
     finally:
         background.close()
+
+
+def _shown(channel: str | None) -> AbstractContextManager[Watched | None]:
+    """What shows the run's frames on a local bus, where that is asked for."""
+    return nullcontext() if channel is None else Watched(channel)
 
 
 def _log(

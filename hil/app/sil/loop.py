@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
+import can
 import numpy as np
 from numpy.typing import NDArray
 
@@ -77,14 +78,16 @@ def run_sil(
     recorder: Recorder | None = None,
     digest: bool = False,
     learning: Learning | None = None,
+    shown: Callable[[can.Message], None] | None = None,
 ) -> SilTrace:
     """Run `scenario` over the simulated bus under the named controller. `recorder` writes the controller node's log;
-    `learning` makes what learns from the run and offers models to it.
+    `learning` makes what learns from the run and offers models to it; `shown` is called with every frame.
 
     Raises ValueError for a controller that cannot lead this rig, and for a run that takes longer by the wall clock than
     `[bus]` allows: between two ticks, or, in the main thread, within one.
     """
     loop, bench = scenario.loop, Bench(scenario, model, controller, seed, offer=offer, recorder=recorder)
+    bench.medium.shown = shown
     ticks = round(loop.duration_s / bench.tick_s)
     trace, tap = _empty(ticks, bench.slots), _Tap(bench) if digest else None
     longest_s = max(LEAST_S, scenario.bus.longest_s_per_s * loop.duration_s) + LEARNING_S * (learning is not None)

@@ -20,11 +20,11 @@ class ActuatorLag(Effect):
     id = "actuator_lag"
     summary = "first-order lag of the drive"
     source = "first-order drive"
-    kinds = frozenset({"pull", "magnetic", "coil"})
+    kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     states = ("command",)
     follows: ClassVar[Mapping[str, str]] = MappingProxyType({"command": "command"})
     probe = 0.005
-    confounders: ClassVar[tuple[str, ...]] = ("sensor_delay", "sensor_lowpass", "carriage_backlash")
+    confounders: ClassVar[tuple[str, ...]] = ("sensor_delay", "sensor_lowpass", "carriage_backlash", "coil_lag")
     separated_by = "time-stamped edges; phase against frequency"
     refined_by: ClassVar[tuple[str, ...]] = ("sensor_delay", "further_lag")
 

@@ -13,7 +13,7 @@ from models.parameter import Parameter
 
 @dataclass(frozen=True)
 class CouplingDecay(Effect):
-    """Drive gain `1 + g x`."""
+    """Drive gain `1 + g x + b x^2`."""
 
     id = "coupling_decay"
     summary = "the magnet's grip changes along the track"
@@ -24,7 +24,8 @@ class CouplingDecay(Effect):
     confounders = ("lumen_taper",)
     separated_by = "the drive off: a taper stays"
 
-    slope_per_m: Parameter = Parameter("slope_per_m", 0.0, "1/m", -12.0, 12.0, "tracing catalogue 23", fit=True)
+    slope_per_m: Parameter = Parameter("slope_per_m", 0.0, "1/m", -30.0, 30.0, "tracing catalogue 23", fit=True)
+    bend_per_m2: Parameter = Parameter("bend_per_m2", 0.0, "1/m^2", -600.0, 600.0, "tracing catalogue 23", fit=True)
 
     def gain(self, s: Signals, p: Values, z: Values) -> Any:
-        return np.maximum(1 + p["slope_per_m"] * s.x, 0.05)
+        return np.maximum(1 + (p["slope_per_m"] + p["bend_per_m2"] * s.x) * s.x, 0.05)

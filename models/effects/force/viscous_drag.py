@@ -21,7 +21,7 @@ class ViscousDrag(Effect):
     id = "viscous_drag"
     summary = "extra resistance that grows with speed"
     source = "Tribol. Lett. 51:377; shear-thinning mucus n 0.3 to 0.6"
-    kinds = frozenset({"pull", "magnetic", "coil", "vibro", "vibro_table", "axis"})
+    kinds = frozenset({"pull", "magnetic", "coil", "vibro", "vibro_table", "axis", "friction"})
     needs = ("speeds",)
     grid = MappingProxyType({"exponent": (0.5, 1.0, 1.5)})
     probe = 0.002

@@ -16,7 +16,7 @@ class DirectionalAsymmetry(Effect):
     id = "directional_asymmetry"
     summary = "resistance differs between forward and backward"
     source = "tracing catalogue 14; EMPS, Janot et al. 2019"
-    kinds = frozenset({"pull", "magnetic", "coil", "vibro", "vibro_table", "axis"})
+    kinds = frozenset({"pull", "magnetic", "coil", "vibro", "vibro_table", "axis", "friction"})
     needs = ("both_ways",)
     probe = 0.05
     confounders = ("incline_gravity", "sensor_bias")

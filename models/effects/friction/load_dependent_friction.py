@@ -20,10 +20,10 @@ class LoadDependentFriction(Effect):
     id = "load_dependent_friction"
     summary = "friction that grows with the logged load"
     source = _SOURCE
-    kinds = frozenset({"axis"})
+    kinds = frozenset({"axis", "friction"})
     needs = ("load",)
     probe = 0.1
-    confounders = ("directional_asymmetry", "lumen_taper")
+    confounders = ("directional_asymmetry", "lumen_taper", "adhesive_contact", "hertzian_contact")
     separated_by = "the same motion under loads that differ by a factor of two and more"
 
     growth_per_load: Parameter = Parameter("growth_per_load", 0.0, "1/(N or N m)", -1e3, 1e3, _SOURCE, fit=True)

@@ -23,7 +23,7 @@ class Stribeck(Effect):
     id = "stribeck"
     summary = "extra resistance at low speed that fades as speed grows"
     source = "Stribeck curve; Monatsh. Chem. 2016 for mucus"
-    kinds = frozenset({"pull", "magnetic", "coil", "vibro", "vibro_table", "axis"})
+    kinds = frozenset({"pull", "magnetic", "coil", "vibro", "vibro_table", "axis", "friction"})
     needs = ("speeds",)
     grid = MappingProxyType({"speed_m_s": (0.001, 0.003, 0.01)})
     by_speed = True

@@ -15,6 +15,8 @@ from models.identification.kinds.axis.kind import AxisKind
 from models.identification.kinds.axis.zero_phase import evened
 from models.identification.kinds.dma import report as dma_report
 from models.identification.kinds.dma.kind import DmaKind
+from models.identification.kinds.friction import report as friction_report
+from models.identification.kinds.friction.kind import FrictionKind
 from models.identification.kinds.periods import report as periods_report
 from models.identification.kinds.periods.kind import PeriodsKind
 from models.identification.kinds.series import report as series_report
@@ -23,7 +25,7 @@ from models.identification.kinds.vibro_table import report as vibro_table_report
 from models.identification.kinds.vibro_table.kind import VibroTableKind
 from models.parameter import nearest
 
-AnyKind = AxisKind | DmaKind | SeriesKind | PeriodsKind | VibroTableKind
+AnyKind = AxisKind | DmaKind | FrictionKind | SeriesKind | PeriodsKind | VibroTableKind
 
 
 class Report(Protocol):
@@ -45,6 +47,7 @@ class Report(Protocol):
 _REPORTS: Final[Mapping[type, Report]] = {
     AxisKind: axis_report,
     DmaKind: dma_report,
+    FrictionKind: friction_report,
     PeriodsKind: periods_report,
     VibroTableKind: vibro_table_report,
     SeriesKind: series_report,
@@ -80,6 +83,8 @@ def _unheld(rig: Rig, records: Sequence[Record]) -> AnyKind:
         return AxisKind.from_rig(rig, records)
     if rig.kind == "dma":
         return DmaKind.from_rig(rig)
+    if rig.kind == "friction":
+        return FrictionKind.from_rig(rig, records)
     if rig.kind == "periods":
         return PeriodsKind.from_rig(rig, records)
     if rig.kind == "vibro_table":

@@ -22,6 +22,7 @@ from tests.rig_texts import GUT, PLATE
 TABLES = {
     "axis": "",
     "dma": "",
+    "friction": "",
     "periods": "velocity_m_s = 0.0005\n",
     "pull": GUT,
     "magnetic": "magnet_stiffness_N_per_m = 25.0\nmagnet_range_m = 0.02\n" + GUT,
@@ -40,6 +41,7 @@ HEADS = {
     "periods": "period_s,valley_N,peak_N\n",
     "dma": "frequency_Hz,sample,storage_modulus_Pa,loss_modulus_Pa\n",
     "vibro_table": "period_s,duty,cycles,mean_velocity_m_s\n",
+    "friction": "velocity_m_s,load_N,force_N\n",
 }
 
 
@@ -98,6 +100,17 @@ BAD_RECORDS = {
         "dma",
         HEADS["dma"] + "20,1,5e5,4e5\n30,1,6e5,4e5\n40,1,7e5,4e5\n",
         "more numbers than the 5 that are fitted",
+    ),
+    "friction, one condition": ("friction", HEADS["friction"] + "0.001,0.2,0.02\n" * 6, "at least two parts"),
+    "friction, at rest": (
+        "friction",
+        HEADS["friction"] + "0,0.2,0.02\n" + "0.001,0.2,0.02\n0.002,0.2,0.02\n" * 3,
+        "between -1000 and 1000 m/s and not 0",
+    ),
+    "friction, no load": (
+        "friction",
+        HEADS["friction"] + "0.001,0,0.02\n0.001,0.2,0.02\n0.002,0.2,0.02\n" * 2,
+        "positive, at most 1e9 N",
     ),
     "table, one condition": ("vibro_table", HEADS["vibro_table"] + "0.03,0.3,100,0.003\n" * 6, "at least two parts"),
     "table, two conditions": (
@@ -185,6 +198,7 @@ def driven(kind: str) -> str:
     rows = {
         "periods": "velocity_m_s\n0.0005\n",
         "dma": "frequency_Hz\n20\n",
+        "friction": "velocity_m_s,load_N\n0.001,0.2\n",
         "vibro_table": "period_s,duty,cycles\n0.05,0.3,2\n",
     }
     column = {"magnetic": "carriage_position_m", "coil": "coil_current_A", "vibro": "drive_on"}.get(kind, "position_m")

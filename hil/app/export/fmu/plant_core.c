@@ -33,10 +33,11 @@ typedef struct {
 static void arrive(double *values, int64_t n, const double *effects, double *memory) {
     void *none = NULL, *error = NULL;
     if (effects[LAG] != 0) capsule_lags(&none, &error, V(values, n), DT, effects[LAG], V(memory, CARRIAGE));
+    if (effects[DRIVER] != 0) capsule_lags(&none, &error, V(values, n), DT, effects[DRIVER], V(memory, CARRIAGE));
     if (effects[PLAY] != 0) capsule_play(&none, &error, V(values, n), effects[PLAY], V(memory, CARRIAGE));
 }
 
-static int lagging(const double *effects) { return effects[LAG] != 0 || effects[PLAY] != 0; }
+static int lagging(const double *effects) { return effects[LAG] != 0 || effects[DRIVER] != 0 || effects[PLAY] != 0; }
 
 static void tell(Core *c, double *values) {
     for (size_t k = 0; k < sizeof OUTPUTS / sizeof OUTPUTS[0]; k++) values[OUTPUTS[k][0]] = c->state[OUTPUTS[k][1]];

@@ -85,6 +85,7 @@ def _header(plant: Plant, stages: list[tuple[int, Floats]], kind: tuple[int, ...
         "SCALE": float(drive.command_scale).hex(),
         "CARRIAGE": carriage.CARRIAGE_NUMBERS,
         "LAG": carriage.LAG * h.shape[1],
+        "DRIVER": carriage.DRIVER * h.shape[1],
         "PLAY": carriage.BACKLASH * h.shape[1],
         "H_ROWS": h.shape[0],
         "H_SLOTS": h.shape[1],

@@ -107,6 +107,7 @@ FULL: dict[str, Any] = {
     "drive": {"inner_mass_kg": 0.01, "spring_stiffness_N_per_m": 80.0, "force_N": 1.0, "reaction_on_body": True},
     "surface": {},
     "axis": {},
+    "contact": {},
     "noise": {},
 }
 HEADS: dict[str, dict[str, float]] = {

@@ -25,6 +25,23 @@ seed = 3
 kind = "ramp"
 speed_mm_s = 5.0
 """
+SHAKEN = """
+[scenario]
+duration_s = 2.0
+[capsule]
+mass_kg = 0.193
+[drive]
+inner_mass_kg = 0.074
+spring_stiffness_N_per_m = 256.23
+force_N = 1.25
+[surface]
+kind = "plate"
+friction_coefficient = 0.29
+[rig]
+kind = "vibro"
+[effects.driver_lag]
+time_s = 4e-3
+"""
 BASE = {"hoop_stress_factor": 1.0, "friction_coefficient": 0.082}
 FOLDS = BY_ID["fold_periodic"].start() | {"fold_periodic.depth": 0.2, "fold_periodic.wavelength_m": 7.3e-3}
 """Values of a found model on a gut; a magnet's stiffness comes with its rig."""

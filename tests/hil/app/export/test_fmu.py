@@ -16,7 +16,7 @@ from models.identification.model import Model
 from plant import layout as at
 from plant.experiments.scenario import parse_truth
 from plant.session import Session
-from tests.hil.app.export.conftest import BASE, FOLDS, MAGNET, PULL, SCENARIO, played
+from tests.hil.app.export.conftest import BASE, FOLDS, MAGNET, PULL, SCENARIO, SHAKEN, played
 
 pytest.importorskip("fmpy")
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
@@ -61,6 +61,16 @@ def test_plant_in_fmu_sticks_and_slips_as_here(tmp_path: Path, capsys: pytest.Ca
     assert 0.02 < np.mean(here[1] == 0) < 0.98  # it sticks and it slips
     for name, values in zip(("position_m", "velocity_m_s", "wall_displacement_m"), here, strict=True):
         np.testing.assert_allclose(there[name][1:], values, rtol=0, atol=1e-9, err_msg=name)
+
+
+@pytest.mark.slow
+def test_shaken_plant_in_fmu_moves_as_here(tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_text(SHAKEN)
+    assert run(["export", "fmu", str(tmp_path / "s.toml"), "--out", str(tmp_path / "p.fmu")]) == 0
+    commands = (np.arange(2000) % 107 < 30) * 1.0
+    there, here = played(tmp_path / "p.fmu", commands, 1e-3), own(SHAKEN, commands, 1e-3)
+    assert np.ptp(here[0]) > 3e-3
+    np.testing.assert_allclose(there["position_m"][1:], here[0], rtol=0, atol=1e-9)
 
 
 @pytest.mark.slow

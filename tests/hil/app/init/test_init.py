@@ -28,7 +28,7 @@ def test_rig_file_and_record_are_read_as_they_stand(
     assert all(f"{key} =" in text for key in HEADS[kind].model_fields)
 
 
-@pytest.mark.parametrize("kind", ["axis", "dma", "periods"])
+@pytest.mark.parametrize("kind", ["axis", "dma", "periods", "friction"])
 def test_the_command_that_it_prints_runs(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["init", kind, str(tmp_path), "--json"]) == 0
     command = json.loads(capsys.readouterr().out)["command"].split()

@@ -31,6 +31,9 @@ def made(request: pytest.FixtureRequest) -> tuple[AnyKind, Record]:
         columns = {**columns, "load_N_m": 2 + np.sin(np.arange(len(columns["t_s"])) / 300)}
     if request.param == TWO_SPEEDS:
         columns = two_speeds(columns)
+    if request.param == "friction":
+        way = np.where(np.arange(len(columns["force_N"])) % 2, -1, 1)
+        columns = {**columns, **{name: way * columns[name] for name in ("velocity_m_s", "force_N")}}
     record = Record("template", rig.kind, dict(columns))
     return kind_for(rig, [record]), record
 

@@ -1,0 +1,1 @@
+"""Steady friction of a contact over speed and load."""

@@ -1,0 +1,112 @@
+"""The catalogue's effects on a steady contact, in ranges that follow from its records."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any, Final
+
+import numpy as np
+
+from models.effects import effects_for
+from models.effects.effect import Effect
+from models.parameter import Parameter
+
+_RATIO: Final = 3.0
+"""Speeds, or loads, that span less cannot show what depends on them."""
+_REFERENCE_M_S: Final = 0.01  # the speed at which viscous_drag states its force
+_STEEPEST: Final = 3.0
+
+
+@dataclass(frozen=True)
+class Extent:
+    """What a table covers: slowest and fastest speed in m/s, lowest and highest load and greatest friction in N, and
+    whether both directions of sliding are in it.
+    """
+
+    slow: float
+    fast: float
+    light: float
+    heavy: float
+    friction: float
+    both_ways: bool
+
+    @property
+    def lacks(self) -> Mapping[str, str]:
+        """What these records lack, by the name that an effect gives it in `needs`."""
+        told = {
+            "speeds": ""
+            if self.fast > _RATIO * self.slow
+            else f"its speeds lie between {_span(self.slow, self.fast)} m/s",
+            "load": ""
+            if self.heavy > _RATIO * self.light
+            else f"its loads lie between {_span(self.light, self.heavy)} N",
+            "both_ways": "" if self.both_ways else "it slides one way only",
+        }
+        return {name: words for name, words in told.items() if words}
+
+
+def _span(low: float, high: float) -> str:
+    return f"{low:.3g} and {high:.3g}"
+
+
+def candidates(extent: Extent | None) -> tuple[type[Effect], ...]:
+    """The effects that a search tries on a table of this extent; all of them, as declared, where it is not known."""
+    declared = effects_for("friction")
+    if extent is None:
+        return declared
+    ranges, grids = _ranges(extent), _grids(extent)
+    return tuple(_ranged(e, ranges, grids) for e in declared if not extent.lacks.keys() & set(e.needs))
+
+
+def cannot_show(extent: Extent) -> dict[str, str]:
+    """Why a table of this extent cannot show an effect, by the effect's id."""
+    return {
+        e.id: "; ".join(extent.lacks[need] for need in e.needs if need in extent.lacks)
+        for e in effects_for("friction")
+        if extent.lacks.keys() & set(e.needs)
+    }
+
+
+def _ranges(x: Extent) -> Mapping[str, tuple[float, float, float]]:
+    """Value and bounds of parameters that follow from the extent, by `effect.parameter`."""
+    drag = 3 * x.friction * max(1.0, _REFERENCE_M_S / x.fast) ** _STEEPEST
+    return {
+        "stribeck.excess": (0.0, 0.0, 10.0),
+        "stribeck.speed_m_s": (float(np.sqrt(x.slow * x.fast)), 0.3 * x.slow, 3 * x.fast),
+        "viscous_drag.coefficient_N": (0.0, 0.0, drag),
+        "viscous_drag.exponent": (0.5, 0.1, _STEEPEST),
+        "load_dependent_friction.growth_per_load": (0.0, -0.95 / x.heavy, 20 / x.heavy),
+        "hertzian_contact.reference_N": (float(np.sqrt(x.light * x.heavy)), 1e-6, 1e9),
+        "adhesive_contact.load_N": (0.0, -0.9 * x.light, 5 * x.heavy),
+    }
+
+
+def _grids(x: Extent) -> Mapping[str, Mapping[str, tuple[float, ...]]]:
+    return {
+        "stribeck": {"speed_m_s": tuple(float(v) for v in np.geomspace(x.slow, x.fast, 5))},
+        "viscous_drag": {"exponent": (0.2, 0.5, 1.0, 2.0)},
+    }
+
+
+def _ranged(
+    effect: type[Effect],
+    ranges: Mapping[str, tuple[float, float, float]],
+    grids: Mapping[str, Mapping[str, tuple[float, ...]]],
+) -> type[Effect]:
+    """The same law with other ranges."""
+    parameters = tuple(_parameter(p, ranges.get(f"{effect.id}.{p.name}")) for p in effect.parameters())
+    upper = parameters[0].upper
+    space: dict[str, Any] = {
+        "__doc__": effect.__doc__,
+        "grid": MappingProxyType(dict(grids.get(effect.id, effect.grid))),
+        "probe": min(effect.probe, 0.05 * upper),
+        "parameters": classmethod(lambda cls: parameters),
+    }
+    made: type[Effect] = type(effect.__name__, (effect,), space)
+    return made
+
+
+def _parameter(p: Parameter, told: tuple[float, float, float] | None) -> Parameter:
+    return p if told is None else replace(p, value=told[0], lower=told[1], upper=told[2])

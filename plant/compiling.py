@@ -12,7 +12,7 @@ from typing import Any, Final, TypeVar
 
 from numba import njit
 
-_OPTIONS: Final[dict[str, Any]] = {
+OPTIONS: Final[dict[str, Any]] = {
     "cache": True,
     "nogil": True,
     "error_model": "numpy",
@@ -41,7 +41,7 @@ def compiled(function: F) -> F:
     Without numba's memory manager (`_nrt`) no array can be made inside, nor are references counted at each call: that
     took three quarters of a step's time.
     """
-    dispatcher: Any = njit(**_OPTIONS)(function)
+    dispatcher: Any = njit(**OPTIONS)(function)
     stored = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
     if stored is not None and hasattr(stored, "_source_stamp"):
         stored._source_stamp = source_digest()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -68,6 +69,12 @@ class Plant:
     def time(self) -> float:
         """Seconds simulated so far."""
         return float(self.state[at.S_STEP] * self.rig.step_s)
+
+    def stages(self) -> list[tuple[int, Floats]]:
+        """The tables of hidden effects in use, each with the step before which it comes into use, the first with 0."""
+        dt = self.rig.step_s
+        later = [(max(math.ceil(t / dt - 0.5), 0), begun(self._all, t)) for t in self._onsets]
+        return [(0, begun(self._all, 0.0)), *later]
 
     def advance(self, drive: Floats, every: int = 1) -> Floats:
         """Do `len(drive) - 1` steps with the drive's values at each step's start (the last one only gives the last

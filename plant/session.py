@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 
@@ -16,6 +16,27 @@ from plant.tables import Floats
 _EVERY: Final = 10  # steps between rows of the truth
 LOCALISATION: Final = Instrument()
 FEEDBACK: Final = Instrument(rate_Hz=500.0, std=0.0, latency_s=0.0)
+
+
+class Stepped(Protocol):
+    """What a session steps: a `Plant`, or what stands in for it. `state` in the places of `plant.layout`, `advance` as
+    `Plant.advance`.
+    """
+
+    @property
+    def rig(self) -> Rig:
+        """What is true of the rig."""
+
+    @property
+    def state(self) -> Floats:
+        """The state now."""
+
+    @property
+    def time(self) -> float:
+        """Seconds simulated so far."""
+
+    def advance(self, drive: Floats, every: int = 1) -> Floats:
+        """Go on under `drive`; the recorded rows."""
 
 
 @dataclass(frozen=True)
@@ -38,14 +59,21 @@ class Session:
     give the same numbers, whatever the ticks; so does `Plant.advance` in one go.
     """
 
-    def __init__(self, rig: Rig, instruments: Instruments | None = None, seed: int = 0, command: float = 0.0) -> None:
-        """At rest at 0 with `command` in force. Raises ValueError for a rig whose capsule is not free, or numbers that
-        cannot be.
+    def __init__(
+        self,
+        rig: Rig,
+        instruments: Instruments | None = None,
+        seed: int = 0,
+        command: float = 0.0,
+        plant: Stepped | None = None,
+    ) -> None:
+        """At rest at 0 with `command` in force; `plant` steps in place of the rig's own. Raises ValueError for a rig
+        whose capsule is not free, or numbers that cannot be.
         """
         if not rig.drive.free:
             raise ValueError(f"rig must have a free capsule (magnetic, coil, vibro); got {type(rig.drive).__name__}")
         instruments = instruments or Instruments()
-        self.plant = Plant(rig)
+        self.plant: Stepped = plant or Plant(rig)
         self.command = float(command)
         self.rows: list[Floats] = []
         rate = 1 / (_EVERY * rig.step_s)

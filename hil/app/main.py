@@ -301,6 +301,36 @@ def _predict(
     predict(record, rig, model, out, stage=stage, json_output=json_output)
 
 
+@_command("export", "capsule export fmu hil/scenarios/sil_magnetic_drop.toml --out plant.fmu")
+def _export(
+    form: Annotated[str, typer.Argument(metavar="fmu/table/mujoco", help="What to write.")],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="FILE/DIR", help="An .fmu, an .xml for mujoco, a folder for table.")
+    ],
+    scenario: Annotated[
+        Path | None, typer.Argument(metavar="[SCENARIO.toml]", help="The scenario whose plant becomes an FMU.")
+    ] = None,
+    model: LearnedModel = None,
+    rig: Annotated[
+        Path | None, typer.Option("--rig", metavar="RIG.toml", help="The rig file that the model belongs to.")
+    ] = None,
+    stage: Annotated[
+        str, typer.Option("--stage", metavar="nominal/calibrated/augmented", help="Which model.")
+    ] = "augmented",
+    driven: Annotated[
+        str, typer.Option("--driven", metavar="COLUMN", help="coil_voltage_V: a coil is commanded by its voltage.")
+    ] = "",
+    json_output: Json = False,
+    effects: OwnEffects = None,
+) -> None:
+    """A plant or a found model for other programs: an FMU (FMI 3.0), a friction table, a MuJoCo body."""
+    from hil.app.export.command import Asked, export
+    from models.effects import use_effects
+
+    use_effects(effects or [])
+    export(Asked(form, scenario, model, rig, out, stage, driven), json_output=json_output)
+
+
 @_command("simulate", "capsule simulate hil/scenarios/pull_over_folds.toml --out record.csv")
 def _simulate(
     scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.toml", help="Rig, drive and hidden effects.")],

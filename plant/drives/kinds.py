@@ -45,8 +45,13 @@ class Drive(ABC):
         return 1.0
 
     @abstractmethod
+    def loop(self, effects: Floats) -> tuple[Any, tuple[int, ...]]:
+        """The compiled loop that does this drive's steps under the hidden `effects`, and its first arguments."""
+
     def advance(self, effects: Floats, common: tuple[Any, ...]) -> None:
         """Do the steps of `common`, the arrays that `Plant.advance` hands to the compiled loops."""
+        function, kind = self.loop(effects)
+        function(*kind, *common)
 
     @abstractmethod
     def fill(self, p: Floats) -> None:
@@ -75,9 +80,9 @@ class Pull(Drive):
     link_stiffness_N_per_m: float = 0.0
     link_damping_N_s_per_m: float = 0.05
 
-    def advance(self, effects: Floats, common: tuple[Any, ...]) -> None:
+    def loop(self, effects: Floats) -> tuple[Any, tuple[int, ...]]:
         elastic = self.link_stiffness_N_per_m > 0 or effects[ROWS["string_compliance"], 0] > 0
-        advance_body(LINK, *common) if elastic else advance_pull(*common)
+        return (advance_body, (LINK,)) if elastic else (advance_pull, ())
 
     def fill(self, p: Floats) -> None:
         p[at.P_LINK_K], p[at.P_LINK_C] = self.link_stiffness_N_per_m, self.link_damping_N_s_per_m
@@ -99,8 +104,8 @@ class Magnet(Drive):
     def feedback(self) -> str:
         return "carriage_position_m"
 
-    def advance(self, effects: Floats, common: tuple[Any, ...]) -> None:
-        advance_body(MAGNET, *common)
+    def loop(self, effects: Floats) -> tuple[Any, tuple[int, ...]]:
+        return advance_body, (MAGNET,)
 
     def fill(self, p: Floats) -> None:
         p[at.P_MAGNET_K], p[at.P_MAGNET_RANGE] = self.magnet_stiffness_N_per_m, self.magnet_range_m
@@ -137,8 +142,8 @@ class MagnetPair(Drive):
     def feedback(self) -> str:
         return "carriage_position_m"
 
-    def advance(self, effects: Floats, common: tuple[Any, ...]) -> None:
-        advance_body(PAIR, *common)
+    def loop(self, effects: Floats) -> tuple[Any, tuple[int, ...]]:
+        return advance_body, (PAIR,)
 
     def fill(self, p: Floats) -> None:
         p[at.P_OUTER_MOMENT], p[at.P_INNER_MOMENT] = self.outer_moment_A_m2, self.inner_moment_A_m2
@@ -180,8 +185,8 @@ class Coil(Drive):
     def feedback(self) -> str:
         return "coil_current_A"
 
-    def advance(self, effects: Floats, common: tuple[Any, ...]) -> None:
-        advance_body(COIL, *common)
+    def loop(self, effects: Floats) -> tuple[Any, tuple[int, ...]]:
+        return advance_body, (COIL,)
 
     def fill(self, p: Floats) -> None:
         p[at.P_COIL_GAIN], p[at.P_COIL_R], p[at.P_COIL_L] = self.gain_N_per_A, self.resistance_ohm, self.inductance_H
@@ -201,8 +206,8 @@ class Coil(Drive):
 class Force(Drive):
     """A force in N on the body, nothing else."""
 
-    def advance(self, effects: Floats, common: tuple[Any, ...]) -> None:
-        advance_body(FORCE, *common)
+    def loop(self, effects: Floats) -> tuple[Any, tuple[int, ...]]:
+        return advance_body, (FORCE,)
 
     def fill(self, p: Floats) -> None:
         return
@@ -241,8 +246,8 @@ class Vibro(Drive):
     def command_scale(self) -> float:
         return self.force_N if self.coil is None else 1.0
 
-    def advance(self, effects: Floats, common: tuple[Any, ...]) -> None:
-        advance_vibro(BY_FORCE if self.coil is None else BY_VOLTAGE, *common)
+    def loop(self, effects: Floats) -> tuple[Any, tuple[int, ...]]:
+        return advance_vibro, (BY_FORCE if self.coil is None else BY_VOLTAGE,)
 
     def fill(self, p: Floats) -> None:
         p[at.P_INNER_MASS], p[at.P_SPRING_K] = self.inner_mass_kg, self.spring_stiffness_N_per_m

@@ -15,7 +15,8 @@ CARRIAGE_NUMBERS: Final = 2 + len(LAG_SHARES)
 
 
 @compiled
-def _lags(values: Floats, dt: float, time: float, memory: Floats) -> None:
+def lags(values: Floats, dt: float, time: float, memory: Floats) -> None:
+    """Lags in a row of `values`, one a step of `dt` s, in place; see `real_drive`."""
     for k in range(values.shape[0]):
         value = values[k]
         for i in range(len(LAG_SHARES)):
@@ -25,7 +26,8 @@ def _lags(values: Floats, dt: float, time: float, memory: Floats) -> None:
 
 
 @compiled
-def _rounded_play(values: Floats, width: float, memory: Floats) -> None:
+def rounded_play(values: Floats, width: float, memory: Floats) -> None:
+    """The play of `values` within `width`, in place; see `real_drive`."""
     for k in range(values.shape[0]):
         change = values[k] - memory[1]
         memory[1] = values[k]
@@ -43,7 +45,7 @@ def real_drive(values: Floats, dt: float, h: Floats, memory: Floats) -> Floats:
     arrived = values.copy()
     for row in (LAG, DRIVER):
         if h[row, 0] != 0.0:
-            _lags(arrived, dt, h[row, 0], memory)
+            lags(arrived, dt, h[row, 0], memory)
     if h[BACKLASH, 0] != 0.0:
-        _rounded_play(arrived, h[BACKLASH, 0], memory)
+        rounded_play(arrived, h[BACKLASH, 0], memory)
     return arrived

@@ -11,6 +11,7 @@ from typing import Any, Final
 from controller.limits import Limits
 from controller.registry import CONTROLLERS, ESTIMATORS
 from hil.app.docs.meanings import MEANINGS, UNITS
+from hil.app.scenario.bus_scenario import FmuTable
 from hil.app.scenario.deployment import BUS_RANGES, BusTable, ControlTable, ModelTable, PlantTable
 from hil.app.scenario.model_offer import OfferTable
 from hil.app.scenario.reference import REFERENCES
@@ -75,6 +76,7 @@ DEPLOYMENT_TABLES: Final[Mapping[str, Any]] = {
     "[operator]": OperatorLimits,
     **{f"[{name}]": table for name, table in ACTUATORS.items()},
     "[plant]": PlantTable,
+    "[plant] of a scenario": FmuTable,
 }
 
 _WHERE: Final[Mapping[type[Table], str]] = {

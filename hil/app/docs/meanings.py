@@ -181,5 +181,6 @@ MEANINGS: Final[Mapping[str, str]] = {
     "motor_current_A": "most current of its motor (Set_Limits)",
     "most_torque_N_m": "most torque at its output",
     "home": "`kept`: its own zero; `here`: the place where it stands as it is set up",
+    "fmu": "FMU that stands in for the simulated plant, relative to the scenario; `capsule sil` alone reads it",
     "scenario": "scenario whose plant `capsule plant` simulates, relative to this file; the controller never reads it",
 }

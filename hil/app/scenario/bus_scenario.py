@@ -14,6 +14,7 @@ from hil.app.scenario.reference import with_reference
 from hil.app.scenario.scenario import BUS_TABLES, TABLES, TrackScenario, parse_track_scenario
 from hil.nodes.actuators import ACTUATORS, ActuatorTable, read_actuator
 from hil.nodes.faults.table import KINDS, Fault, read_faults
+from hil.nodes.fmu_plant import read_fmu
 from hil.nodes.frame_map import frame_map_of, frames
 from hil.nodes.plant_node import SLOT_S
 from models.files.tables import from_table
@@ -36,6 +37,15 @@ class BusTable:
 
 
 @dataclass(frozen=True)
+class FmuTable:
+    """Table `[plant]`: the FMU, relative to the scenario, that steps in place of the simulated plant. What is sensed
+    and how, and what hides in the sensors, stays the scenario's.
+    """
+
+    fmu: str
+
+
+@dataclass(frozen=True)
 class SilScenario:
     """A closed `loop` over the bus and what goes wrong in it. Its tick is the cycle of the drive's command frame where
     the file names none. `drive` is another maker's, which then is set up already.
@@ -45,6 +55,7 @@ class SilScenario:
     bus: BusTable = BusTable()
     faults: tuple[Fault, ...] = ()
     drive: ActuatorTable | None = None
+    plant: FmuTable | None = None
 
 
 def load_sil_scenario(path: Path, reference: Path | None = None) -> tuple[SilScenario, str]:
@@ -56,9 +67,18 @@ def load_sil_scenario(path: Path, reference: Path | None = None) -> tuple[SilSce
         raw = with_reference(raw, reference, "scenario")
         text = toml_text(raw)
     try:
-        return parse_sil_scenario(raw), text
+        return _with_fmu(parse_sil_scenario(raw), path.parent), text
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+
+
+def _with_fmu(scenario: SilScenario, folder: Path) -> SilScenario:
+    """The scenario with the path of its FMU as it counts from here, which is one that it can have."""
+    if scenario.plant is None:
+        return scenario
+    path = folder / scenario.plant.fmu
+    read_fmu(path, scenario.loop.truth)
+    return replace(scenario, plant=FmuTable(str(path)))
 
 
 def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
@@ -84,4 +104,5 @@ def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
     makers = [fault.kind for fault in faults if KINDS[fault.kind].makers]
     if makers and drive is None:
         raise ValueError(f"faults.kind {makers[0]} must stand with one of [{'], ['.join(ACTUATORS)}], whose it is")
-    return SilScenario(loop, from_table(BusTable, bus, "bus"), faults, drive)
+    plant = from_table(FmuTable, raw["plant"], "plant") if "plant" in raw else None
+    return SilScenario(loop, from_table(BusTable, bus, "bus"), faults, drive, plant)

@@ -10,6 +10,7 @@ import random
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import can
 
@@ -25,6 +26,7 @@ from hil.nodes.controller.node import ControllerNode, Task, Tick
 from hil.nodes.controller.receive import controllers_frames
 from hil.nodes.faults.injection import TAMPERING, FaultInjection
 from hil.nodes.faults.table import Fault
+from hil.nodes.fmu_plant import FmuPlant
 from hil.nodes.frame_map import ENABLE, FrameMap, frame_map_of, frames
 from hil.nodes.plant_node import SLOT_S, PlantNode, power_of
 from hil.nodes.simulated_drives import Configured, simulated_drive
@@ -78,7 +80,8 @@ class Bench:
         told = (loop.reference, loop.limits, seen.std)
         task = Task(model, controller, *told, resolution_m=seen.quantum, offer=offer, estimator=estimator)
         ends, drive = {name: self._bus(name, seed + k) for k, name in enumerate(("controller", "drive"))}, None
-        session = Session(loop.truth, replace(loop.instruments, feedback=None), seed, 0.0)
+        plant = None if scenario.plant is None else FmuPlant(Path(scenario.plant.fmu), loop.truth)
+        session = Session(loop.truth, replace(loop.instruments, feedback=None), seed, 0.0, plant)
         if scenario.drive is not None:
             _, power = power_of(session, loop.limits)
             drive = simulated_drive(ends["drive"], scenario.drive, power, loop.limits, self.tick_s)

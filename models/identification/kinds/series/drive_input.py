@@ -94,7 +94,12 @@ class Feed:
         return output[self.first :: self.every]
 
 
-def _step(drive: Drive, fine: bool) -> float:
+def internal_step(drive: Drive, rigid: bool, fine: bool = True) -> float:
+    """Length in s of a model's steps; 0 where it takes one from sample to sample: an imposed motion, `rigid`."""
+    if drive.held:
+        return _SHAKEN_STEP
+    if rigid:
+        return 0.0
     if drifts(drive):
         return _DRIFTING_STEP
     if drive.imposed:
@@ -107,9 +112,10 @@ def feed(drive: Drive, record: Record, rigid: bool, delay: float, fine: bool = T
     switch that is logged as on or off alone; `fine` steps take longer and lose fewer teeth.
     """
     command, dt = record[drive.commanded], interval(record)
+    step = internal_step(drive, rigid, fine)
+    pieces = max(1, round(dt / step)) if step else 1
     if not drive.held:
-        return Feed(command, dt, 1 if rigid else max(1, round(dt / _step(drive, fine))))
-    pieces = max(1, round(dt / _SHAKEN_STEP))
+        return Feed(command, dt, pieces)
     mean = held(command, dt, pieces, delay if logged_whole(command) else 0.0)
     return Feed(np.concatenate([[0.0], mean, mean[-1:]]), dt / pieces, 1, 1, pieces)
 

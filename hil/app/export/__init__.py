@@ -1,0 +1,1 @@
+"""`capsule export`: plants and found models in forms that other programs read."""

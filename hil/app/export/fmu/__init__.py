@@ -1,0 +1,1 @@
+"""FMI 3.0 Co-Simulation units."""

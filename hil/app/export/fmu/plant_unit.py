@@ -1,0 +1,130 @@
+"""The simulated plant of a scenario as an FMU: its own compiled loops, its numbers, nothing of Python."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final
+
+from hil.app.export.fmu.machine_code import MATRIX, REAL, VECTOR, WHOLE, object_code
+from hil.app.export.fmu.package import Unit, Variable, c_array, reference, start_values
+from hil.app.scenario.scenario import BUS_TABLES, TABLES, TRUTH_TABLES
+from hil.nodes.actuators import ACTUATORS
+from models.files.toml import read_toml
+from models.parameter import nearest
+from plant import layout as at
+from plant.drives.kinds import Coil, Drive, Pull, Vibro
+from plant.experiments.scenario import TABLES as OF_SIMULATE
+from plant.experiments.scenario import Run, parse_truth
+from plant.hidden import carriage
+from plant.rig import Plant, Rig
+from plant.tables import Floats
+
+_CORE: Final = Path(__file__).with_name("plant_core.c")
+_PLACES: Final = ("S_STEP", "S_DIRECTION", "S_COUNT", "P_COUNT", "O_FORCE", "O_COUNT", "L_COUNT", "NODES")
+_OUTPUTS: Final = (
+    ("position_m", "m", "capsule along the lumen", at.S_X),
+    ("velocity_m_s", "m/s", "capsule's speed", at.S_V),
+    ("wall_displacement_m", "m", "by which the wall is dragged", at.S_U),
+)
+_CURRENT: Final = ("coil_current_A", "A", "coil's current", at.S_CURRENT)
+_INNER: Final = (
+    ("inner_position_m", "m", "inner mass along the lumen", at.S_INNER_X),
+    ("inner_velocity_m_s", "m/s", "inner mass's speed", at.S_INNER_V),
+)
+FORCE: Final = Variable("force_N", "output", "N", "drive's force (a pull's own) in the last step")
+
+
+def input_of(drive: Drive) -> Variable:
+    """The command of a drive."""
+    if isinstance(drive, Pull):
+        return Variable("pull_position_m", "input", "m", "imposed position, reached at the end of a communication step")
+    if isinstance(drive, Coil) or (isinstance(drive, Vibro) and drive.coil is not None):
+        return Variable("coil_voltage_V", "input", "V", "coil's voltage, held over a communication step")
+    if isinstance(drive, Vibro):
+        return Variable("drive_on", "input", "1", "share 0..1 of the drive's force, held over a communication step")
+    return Variable("carriage_position_m", "input", "m", "carriage, reached at the end of a communication step")
+
+
+def outputs_of(drive: Drive) -> list[tuple[str, str, str, int]]:
+    """Name, unit, meaning and place in the state of what a rig with this drive shows, beside the force."""
+    coil = isinstance(drive, Coil) or (isinstance(drive, Vibro) and drive.coil is not None)
+    return [*_OUTPUTS, *([_CURRENT] if coil else []), *(_INNER if isinstance(drive, Vibro) else [])]
+
+
+def plant_unit(name: str, rig: Rig, duration_s: float) -> Unit:
+    """The FMU of `rig` at rest at 0. Raises ValueError where its drive changes its kind when a hidden effect begins."""
+    plant = Plant(rig)
+    stages = plant.stages()
+    loops = {rig.drive.loop(effects) for _, effects in stages}
+    if len(loops) > 1:
+        raise ValueError("effects.string_compliance must begin with the run in an FMU; got an onset at a rigid pull")
+    function, kind = loops.pop()
+    command, shown = input_of(rig.drive), outputs_of(rig.drive)
+    variables = [command, *(Variable(n, "output", unit, why) for n, unit, why, _ in shown), FORCE]
+    common = (VECTOR, VECTOR, MATRIX, MATRIX, VECTOR, VECTOR, REAL, WHOLE, MATRIX)
+    objects = {
+        "advance.o": object_code(function, (*[WHOLE] * len(kind), *common), "capsule_advance"),
+        "lags.o": object_code(carriage.lags, (VECTOR, REAL, REAL, VECTOR), "capsule_lags"),
+        "play.o": object_code(carriage.rounded_play, (VECTOR, REAL, VECTOR), "capsule_play"),
+    }
+    header = _header(plant, stages, kind, variables)
+    return Unit(name, f"simulated plant {name}", variables, header, _CORE, rig.step_s, duration_s, 1e-3, objects)
+
+
+def _header(plant: Plant, stages: list[tuple[int, Floats]], kind: tuple[int, ...], variables: list[Variable]) -> str:
+    drive, h = plant.rig.drive, stages[0][1]
+    straight = drive.straight or isinstance(drive, Pull)
+    defines = {name: int(getattr(at, name)) for name in _PLACES} | {
+        "VARIABLES": 1 + len(variables),
+        "INPUT": 1,
+        "PARAMETERS_FROM": 1 + len(variables),
+        "FORCE": reference(variables, FORCE.name),
+        "DT": plant.rig.step_s.hex(),
+        "STRAIGHT": int(straight),
+        "SCALE": float(drive.command_scale).hex(),
+        "CARRIAGE": carriage.CARRIAGE_NUMBERS,
+        "LAG": carriage.LAG * h.shape[1],
+        "DRIVER": carriage.DRIVER * h.shape[1],
+        "PLAY": carriage.BACKLASH * h.shape[1],
+        "H_ROWS": h.shape[0],
+        "H_SLOTS": h.shape[1],
+        "STAGES": len(stages),
+        "PROFILE_COUNT": plant.profile.size,
+    }
+    defines |= {"KIND": kind[0]} if kind else {}
+    pairs = ", ".join(f"{{{reference(variables, n)}, {place}}}" for n, _, _, place in outputs_of(drive))
+    tables = ",\n".join("{" + ", ".join(float(v).hex() for v in t.ravel()) + "}" for _, t in stages)
+    return "\n".join(
+        [
+            "#include <stdint.h>",
+            *(f"#define {name} {value}" for name, value in defines.items()),
+            f"static const int OUTPUTS[][2] = {{{pairs}}};",
+            c_array("double", "START", start_values(variables)),
+            c_array("double", "PARAMETERS", plant.parameters.tolist()),
+            c_array("double", "PROFILE", plant.profile.tolist()),
+            c_array("double", "TABLES", plant.tables.ravel().tolist()),
+            c_array("int64_t", "BEGINS", [begin for begin, _ in stages]),
+            f"static const double EFFECTS[{len(stages)}][{h.size}] = {{{tables}}};",
+        ]
+    )
+
+
+def read_truth(path: Path) -> tuple[Run, Rig]:
+    """How long the scenario file `path`, one of `simulate`, `track` or `sil`, runs, and its plant. Raises ValueError of
+    one sentence.
+    """
+    raw, _ = read_toml(path, "scenario")
+    tables = {name: table for name, table in raw.items() if name in TRUTH_TABLES}
+    try:
+        for name, table in raw.items():
+            if name not in (*TABLES, *BUS_TABLES, *OF_SIMULATE, *ACTUATORS):
+                known = (*TABLES, *BUS_TABLES)
+                raise ValueError(f"tables must be among {', '.join(known)}; got [{name}]; {nearest(name, known)}")
+            if name in tables and not isinstance(table, Mapping):
+                raise ValueError(f"{name} must be a table; got {table!r}")
+        run, _, rig = parse_truth(tables)
+        Plant(rig)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    return run, rig

@@ -1,0 +1,88 @@
+"""A found model for export: its assembly, the values of a stage, and what of it no export can carry."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from hil.app.scenario.deployment import read_deployed_rig
+from models.assembly.model import Assembly, assemble
+from models.drives.drive import Drive
+from models.drives.from_rig import DRIVES, drive_of, surface_of
+from models.effects import BY_ID
+from models.effects.effect import Effect
+from models.files.rig import Rig
+from models.identification.finding import STAGES
+from models.identification.kinds.series.drive_input import OF_THE_LOG
+from models.identification.model import Model, read_model
+from models.parameter import nearest
+from models.surfaces.surface import Surface
+
+LOG_WORDS: Final = "how a record was logged (delay of the measurement's stamps), no part of the rig"
+LATE_WORDS: Final = "delay of the measurement: the output comes at once"
+
+
+@dataclass(frozen=True)
+class Found:
+    """A model's parts at one stage: `values` by parameter name."""
+
+    rig: Rig
+    surface: Surface
+    drive: Drive
+    effects: tuple[type[Effect], ...]
+    values: Mapping[str, float]
+    stage: str
+
+    def assembled(self) -> Assembly:
+        """The model as one step function."""
+        return assemble(self.surface, self.drive, self.effects)
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """Every parameter of surface, drive and effects, declared values where the stage has none."""
+        return {p.name: float(self.values.get(p.name, p.value)) for p in self.assembled().parameters}
+
+    def late(self) -> dict[str, str]:
+        """What delays the measurement and is not in the step: name and why."""
+        told = {name: LOG_WORDS for name in OF_THE_LOG if self.values.get(name)}
+        return told | {e.id: LATE_WORDS for e in self.effects if e.answers("delay")}
+
+
+def read_found(rig: Path, model: Path, stage: str, driven: str = "") -> Found:
+    """A model that close-loop wrote with its rig; `driven` is `coil_voltage_V` where that is the command.
+
+    Raises ValueError of one sentence.
+    """
+    if stage not in STAGES:
+        raise ValueError(f"--stage must be one of {', '.join(STAGES)}; got {stage!r}; {nearest(stage, STAGES)}")
+    belief = read_deployed_rig(rig)
+    if belief.kind not in DRIVES:
+        raise ValueError(f"{rig}: rig.kind must be one of {', '.join(DRIVES)} to be exported; got {belief.kind!r}")
+    learned = read_model(model, belief.kind)
+    values = learned.stages[stage]
+    names = sorted({name.split(".")[0] for name in values if "." in name})
+    found = Found(belief, surface_of(belief), drive_of(belief, driven), tuple(BY_ID[n] for n in names), values, stage)
+    _check(found, learned, model)
+    return found
+
+
+def _check(found: Found, learned: Model, path: Path) -> None:
+    """Refuse a model of another rig: one with names that this rig does not have, or without those that it has."""
+    assembly = found.assembled()
+    known = {p.name for p in assembly.parameters} | set(OF_THE_LOG)
+    strange = next((name for name in found.values if name not in known), None)
+    if strange is not None:
+        raise ValueError(
+            f"{path}: model [{found.stage}] must have parameters of its rig and effects; got {strange!r};"
+            f" {nearest(strange, sorted(known))}"
+        )
+    for p in assembly.parameters:
+        if p.name not in found.values and p.fit:
+            raise ValueError(f"{path}: model [{found.stage}] must have the key {p.name!r}; it is missing")
+        if p.name in found.values and not p.holds(found.values[p.name]):
+            raise ValueError(
+                f"{path}: model [{found.stage}] {p.name} must lie in [{p.lower:g}, {p.upper:g}] {p.unit};"
+                f" got {found.values[p.name]:g}"
+            )

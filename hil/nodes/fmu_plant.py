@@ -1,0 +1,150 @@
+"""An FMU in the place of the simulated plant: a program of somebody else's that is stepped as ours is."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import weakref
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Final
+
+import numpy as np
+
+from plant import layout as at
+from plant.drives.kinds import Coil, Vibro
+from plant.rig import Rig
+from plant.tables import Floats
+
+_EVERY: Final = MappingProxyType({"position_m": at.O_X, "velocity_m_s": at.O_V, "force_N": at.O_FORCE})
+_OPTIONAL: Final = MappingProxyType({"wall_displacement_m": at.O_U})
+_COIL: Final = MappingProxyType({"coil_current_A": at.O_CURRENT})
+_INNER: Final = MappingProxyType({"inner_position_m": at.O_INNER_X, "inner_velocity_m_s": at.O_INNER_V})
+
+
+def variables_of(rig: Rig) -> tuple[str, Mapping[str, int]]:
+    """The input that a plant of this rig takes, and the outputs that it must show, with their columns."""
+    drive = rig.drive
+    if isinstance(drive, Coil):
+        return "coil_voltage_V", {**_EVERY, **_COIL}
+    if isinstance(drive, Vibro):
+        own = _INNER if drive.coil is None else {**_INNER, **_COIL}
+        return "drive_on" if drive.coil is None else "coil_voltage_V", {**_EVERY, **own}
+    return "carriage_position_m", _EVERY
+
+
+@dataclass(frozen=True)
+class FmuFile:
+    """What an FMU says of itself, and the value references of what a plant needs of it."""
+
+    description: Any
+    command: int
+    outputs: Mapping[int, int]
+
+
+def read_fmu(path: Path, rig: Rig) -> FmuFile:
+    """The FMU `path` for a plant like `rig`, Co-Simulation of FMI 2 or 3. Raises ValueError of one sentence for a file
+    that is none, or one with other variables.
+    """
+    if find_spec("fmpy") is None:
+        raise ValueError("plant.fmu needs the package fmpy, which is not installed: pip install '.[fmu]'")
+    import fmpy
+
+    if not path.is_file():
+        raise ValueError(f"plant.fmu must be a file; got {path}, which is not there")
+    try:
+        told = fmpy.read_model_description(str(path))
+    except Exception as error:  # noqa: BLE001  zip, XML, schema: whatever FMPy meets
+        raise ValueError(f"plant.fmu must be an FMU; got {path}: {str(error).splitlines()[0]}") from None
+    if told.coSimulation is None or not told.fmiVersion.startswith(("2.", "3.")):
+        raise ValueError(f"plant.fmu must be one for Co-Simulation, FMI 2 or 3; got {path}, FMI {told.fmiVersion}")
+    command, wanted = variables_of(rig)
+    there = {(v.name, v.causality): v.valueReference for v in told.modelVariables}
+    missing = [f"input {command}"] if (command, "input") not in there else []
+    missing += [f"output {name}" for name in wanted if (name, "output") not in there]
+    if missing:
+        needed = ", ".join([f"input {command}", *(f"output {name}" for name in wanted)])
+        raise ValueError(f"plant.fmu must have the variables {needed}; got {path} without {', '.join(missing)}")
+    columns = {**wanted, **{name: column for name, column in _OPTIONAL.items() if (name, "output") in there}}
+    return FmuFile(told, there[command, "input"], {there[n, "output"]: column for n, column in columns.items()})
+
+
+class FmuPlant:
+    """`plant.session.Stepped` by an FMU at rest at 0. A row has what its outputs show at that time; between rows the
+    drive's command is set to what it is at the step's end.
+    """
+
+    def __init__(self, path: Path, rig: Rig) -> None:
+        """Raises ValueError as `read_fmu`, and for one that does not start."""
+        import fmpy
+        from fmpy.fmi2 import FMU2Slave
+        from fmpy.fmi3 import FMU3Slave
+
+        self.rig, self._path, self._file = rig, path, read_fmu(path, rig)
+        self.state: Floats = np.zeros(at.S_COUNT)
+        unpacked = tempfile.mkdtemp(prefix="capsule-fmu-")
+        weakref.finalize(self, shutil.rmtree, unpacked, ignore_errors=True)
+        told, self._third = self._file.description, self._file.description.fmiVersion.startswith("3.")
+        kind = FMU3Slave if self._third else FMU2Slave
+        try:
+            folder = fmpy.extract(str(path), unzipdir=unpacked)
+            self._unit = kind(
+                guid=told.guid,
+                unzipDirectory=folder,
+                modelIdentifier=told.coSimulation.modelIdentifier,
+                instanceName="plant",
+            )
+            self._unit.instantiate()
+            if not self._third:
+                self._unit.setupExperiment(startTime=0.0)
+            self._unit.enterInitializationMode()
+            self._unit.exitInitializationMode()
+            self._seen = self._outputs()
+        except Exception as error:  # noqa: BLE001  a foreign program: whatever it does
+            raise ValueError(f"plant.fmu must start; got {path}: {error}") from None
+
+    @property
+    def time(self) -> float:
+        """Seconds simulated so far."""
+        return float(self.state[at.S_STEP] * self.rig.step_s)
+
+    def advance(self, drive: Floats, every: int = 1) -> Floats:
+        """Do `len(drive) - 1` steps of the rig's length; see `Plant.advance`. Raises ValueError where the FMU fails."""
+        rows, first, steps = [], int(self.state[at.S_STEP]), drive.size - 1
+        stops = [*(k for k in range(1, steps) if (first + k) % every == 0), steps]
+        at_step = 0
+        for stop in stops:
+            if (first + at_step) % every == 0:
+                rows.append(self._row(float(drive[at_step])))
+            self._step(float(drive[stop]) / self.rig.drive.command_scale, stop - at_step)
+            at_step = stop
+        return np.array(rows).reshape(-1, at.O_COUNT)
+
+    def _step(self, command: float, steps: int) -> None:
+        dt = self.rig.step_s
+        try:
+            if self._third:
+                self._unit.setFloat64([self._file.command], [command])
+            else:
+                self._unit.setReal([self._file.command], [command])
+            self._unit.doStep(self.time, steps * dt)
+            self.state[at.S_STEP] += steps
+            self._seen = self._outputs()
+        except Exception as error:  # noqa: BLE001  a foreign program: whatever it does
+            raise ValueError(f"plant.fmu must go on; got {self._path} at {self.time:g} s: {error}") from None
+        if not np.isfinite(self._seen).all():
+            raise ValueError(f"plant.fmu must show finite numbers; got {self._path} at {self.time:g} s")
+        self.state[at.S_CURRENT] = self._row(command)[at.O_CURRENT]
+
+    def _outputs(self) -> Floats:
+        references = list(self._file.outputs)
+        return np.array(self._unit.getFloat64(references) if self._third else self._unit.getReal(references))
+
+    def _row(self, drive: float) -> Floats:
+        row = np.zeros(at.O_COUNT)
+        row[list(self._file.outputs.values())] = self._seen
+        row[at.O_T], row[at.O_DRIVE] = self.time, drive
+        return row

@@ -1,0 +1,88 @@
+"""Small scenarios and models to export, and a program that plays an FMU."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from models.effects import BY_ID
+from models.identification.model import Model
+from tests.rig_texts import GUT
+
+MAGNET = '[rig]\nkind = "magnetic"\nmagnet_stiffness_N_per_m = 25.0\nmagnet_range_m = 0.02\n'
+PULL = '[rig]\nkind = "pull"\n'
+SCENARIO = f"""
+[scenario]
+name = "small plant"
+duration_s = 2.0
+seed = 3
+{GUT.replace('preset = "jejunum"', "")}
+{MAGNET}
+[reference]
+kind = "ramp"
+speed_mm_s = 5.0
+"""
+SHAKEN = """
+[scenario]
+duration_s = 2.0
+[capsule]
+mass_kg = 0.193
+[drive]
+inner_mass_kg = 0.074
+spring_stiffness_N_per_m = 256.23
+force_N = 1.25
+[surface]
+kind = "plate"
+friction_coefficient = 0.29
+[rig]
+kind = "vibro"
+[effects.driver_lag]
+time_s = 4e-3
+"""
+BASE = {"hoop_stress_factor": 1.0, "friction_coefficient": 0.082}
+FOLDS = BY_ID["fold_periodic"].start() | {"fold_periodic.depth": 0.2, "fold_periodic.wavelength_m": 7.3e-3}
+"""Values of a found model on a gut; a magnet's stiffness comes with its rig."""
+
+
+@pytest.fixture
+def folder_with(tmp_path: Path) -> Callable[..., Path]:
+    """A folder with rig.toml and model.toml of these values in every stage."""
+
+    def made(kind: str, rig: str, values: dict[str, float]) -> Path:
+        (tmp_path / "rig.toml").write_text(GUT + rig)
+        stages = dict.fromkeys(("nominal", "calibrated", "augmented"), values)
+        (tmp_path / "model.toml").write_text(Model(kind, stages).to_toml())
+        return tmp_path
+
+    return made
+
+
+def played(path: Path, commands: Sequence[float], step_s: float, first: float = 0.0) -> dict[str, np.ndarray]:
+    """All outputs of the FMU at the start and after each step, one of `commands` set before each."""
+    fmpy = pytest.importorskip("fmpy")
+    from fmpy.fmi3 import FMU3Slave
+
+    told, folder = fmpy.read_model_description(str(path)), fmpy.extract(str(path))
+    references = {v.name: v.valueReference for v in told.modelVariables if v.causality == "output"}
+    command = next(v.valueReference for v in told.modelVariables if v.causality == "input")
+    unit = FMU3Slave(
+        guid=told.guid,
+        unzipDirectory=folder,
+        modelIdentifier=told.coSimulation.modelIdentifier,
+        instanceName="played",
+    )
+    unit.instantiate()
+    unit.enterInitializationMode()
+    unit.setFloat64([command], [first])
+    unit.exitInitializationMode()
+    rows = [unit.getFloat64(list(references.values()))]
+    for k, value in enumerate(commands):
+        unit.setFloat64([command], [float(value)])
+        unit.doStep(k * step_s, step_s)
+        rows.append(unit.getFloat64(list(references.values())))
+    unit.terminate()
+    unit.freeInstance()
+    return dict(zip(references, np.array(rows).T, strict=True))

@@ -1,0 +1,138 @@
+"""`capsule export fmu`: what FMPy plays is what runs here."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.app.main import run
+from models.files.record import record_of
+from models.files.rig import read_rig
+from models.identification.model import Model
+from plant import layout as at
+from plant.experiments.scenario import parse_truth
+from plant.session import Session
+from tests.hil.app.export.conftest import BASE, FOLDS, MAGNET, PULL, SCENARIO, SHAKEN, played
+
+pytest.importorskip("fmpy")
+pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+
+HIDDEN = """
+[effects.fold_periodic]
+excess = 0.3
+[effects.carriage_backlash]
+width_m = 4e-4
+onset_s = 1.0
+"""
+
+
+def own(text: str, commands: np.ndarray, step_s: float) -> np.ndarray:
+    """Position, speed and wall of the plant itself under the same commands."""
+    import tomllib
+
+    raw = tomllib.loads(text)
+    session = Session(parse_truth({k: v for k, v in raw.items() if k != "reference"})[2])
+    rows = []
+    for k, value in enumerate(commands):
+        session.advance(float(value), (k + 1) * step_s)
+        rows.append(session.plant.state[[at.S_X, at.S_V, at.S_U]].copy())
+    return np.array(rows).T
+
+
+@pytest.mark.slow
+def test_plant_in_fmu_sticks_and_slips_as_here(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from fmpy.validation import validate_fmu
+
+    (tmp_path / "s.toml").write_text(SCENARIO + HIDDEN)
+    out = tmp_path / "plant.fmu"
+    assert run(["export", "fmu", str(tmp_path / "s.toml"), "--out", str(out), "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert [v["name"] for v in said["variables"]][:2] == ["carriage_position_m", "position_m"]
+    assert "sensors" in said["not_mapped"]
+    assert validate_fmu(str(out)) == []
+    t = 1e-3 * np.arange(1, 2001)
+    commands = 5e-3 * np.sin(2 * np.pi * 0.8 * t)
+    there, here = played(out, commands, 1e-3), own(SCENARIO + HIDDEN, commands, 1e-3)
+    assert np.ptp(here[0]) > 3e-3
+    assert 0.02 < np.mean(here[1] == 0) < 0.98  # it sticks and it slips
+    for name, values in zip(("position_m", "velocity_m_s", "wall_displacement_m"), here, strict=True):
+        np.testing.assert_allclose(there[name][1:], values, rtol=0, atol=1e-9, err_msg=name)
+
+
+@pytest.mark.slow
+def test_shaken_plant_in_fmu_moves_as_here(tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_text(SHAKEN)
+    assert run(["export", "fmu", str(tmp_path / "s.toml"), "--out", str(tmp_path / "p.fmu")]) == 0
+    commands = (np.arange(2000) % 107 < 30) * 1.0
+    there, here = played(tmp_path / "p.fmu", commands, 1e-3), own(SHAKEN, commands, 1e-3)
+    assert np.ptp(here[0]) > 3e-3
+    np.testing.assert_allclose(there["position_m"][1:], here[0], rtol=0, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_same_numbers_at_any_communication_step(tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_text(SCENARIO)
+    assert run(["export", "fmu", str(tmp_path / "s.toml"), "--out", str(tmp_path / "p.fmu")]) == 0
+    t = 1e-3 * np.arange(1, 1001)
+    fine = played(tmp_path / "p.fmu", 4e-3 * t, 1e-3)["position_m"]
+    coarse = played(tmp_path / "p.fmu", 4e-3 * t[24::25], 25e-3)["position_m"]
+    np.testing.assert_allclose(coarse, fine[::25], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(("kind", "rig"), [("pull", PULL), ("magnetic", MAGNET)])
+def test_found_model_in_fmu_predicts_as_here(kind: str, rig: str, folder_with: Callable[..., Path]) -> None:
+    from fmpy.validation import validate_fmu
+
+    values = BASE | FOLDS | ({"magnet_stiffness_N_per_m": 24.0} if kind == "magnetic" else {})
+    folder = folder_with(kind, rig, values)
+    model, out = str(folder / "model.toml"), folder / "found.fmu"
+    assert run(["export", "fmu", "--model", model, "--rig", str(folder / "rig.toml"), "--out", str(out)]) == 0
+    assert validate_fmu(str(out)) == []
+    t = 2e-3 * np.arange(2001)
+    command = 6e-3 * np.sin(2 * np.pi * 0.4 * t)
+    believed = read_rig(folder / "rig.toml")
+    driven, measured = ("position_m", "force_N") if kind == "pull" else ("carriage_position_m", "position_m")
+    record = record_of("made", {"t_s": t, driven: command}, believed, driven_only=True)
+    here = Model.from_toml(Path(model).read_text()).predict(believed, record)[measured]
+    there = played(out, command[1:], 2e-3, first=command[0])[measured]
+    assert np.ptp(here) > (0.05 if kind == "pull" else 5e-3)
+    np.testing.assert_allclose(there, here, rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("args", "said"),
+    [
+        (["export", "fmi", "s.toml", "--out", "a.fmu"], "did you mean 'fmu'?"),
+        (["export", "fmu", "--out", "a.fmu"], "--model MODEL.toml and --rig RIG.toml"),
+        (["export", "fmu", "s.toml", "--out", "a.zip"], "ends in .fmu"),
+        (["export", "table", "s.toml", "--out", "t"], "--model and --rig"),
+        (["export", "fmu", "missing.toml", "--out", "a.fmu"], "missing.toml"),
+        (["export", "fmu", "bad.toml", "--out", "a.fmu"], "'scenario'"),
+    ],
+)
+def test_refusals_are_a_sentence(
+    args: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "s.toml").write_text(SCENARIO)
+    (tmp_path / "bad.toml").write_text(SCENARIO.replace("[scenario]", "[scenrio]"))
+    assert run(args) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert len(error.strip().splitlines()) == 1
+    assert not list(tmp_path.glob("*.fmu"))
+
+
+def test_no_compiler_is_said(
+    folder_with: Callable[..., Path], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = folder_with("pull", PULL, BASE)
+    monkeypatch.setenv("CAPSULE_COMPILER", "none")
+    files = ["--model", str(folder / "model.toml"), "--rig", str(folder / "rig.toml")]
+    assert run(["export", "fmu", *files, "--out", str(folder / "a.fmu")]) == 2
+    assert "C compiler" in capsys.readouterr().err
+    assert not (folder / "a.fmu").exists()

@@ -43,13 +43,14 @@ class Question:
 @dataclass(frozen=True)
 class Answer:
     """What was found: `values` for a controller, empty where no model passed the gate, the `effects` named, the
-    `verdict`, and in a sentence why it is offered or not.
+    `verdict`, in a sentence why it is offered or not, and what to drive next to tell more (`wanted`).
     """
 
     values: Mapping[str, float]
     effects: tuple[str, ...]
     verdict: str
     sentence: str
+    wanted: str = ""
 
     @property
     def passed(self) -> bool:
@@ -82,7 +83,7 @@ def _answer(question: Question) -> Answer:
     stage = STAGES[2] if effects else STAGES[1]
     verdict = AcceptanceTest().judge(report, model, rig, stage=stage, current=float(error))
     if not verdict.passed:
-        return Answer({}, effects, finding.verdict, verdict.sentence)
+        return Answer({}, effects, finding.verdict, verdict.sentence, finding.next_experiment or "")
     held_out = finding.error["holdout"][stage]
     said = f"held-out error {held_out:.4g} against {error:.4g} of the model in use"
     return Answer(model.believed(stage), effects, finding.verdict, said)

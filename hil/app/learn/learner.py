@@ -62,7 +62,10 @@ class Pace:
 
 @dataclass
 class Lesson:
-    """One model that was learned, or not; times in s of the reference's time, None where it did not come to that."""
+    """One model that was learned, or not; times in s of the reference's time, None where it did not come to that.
+    `wanted` is the experiment that the search asks for where what was gathered did not suffice; `answers` are how often
+    it was asked.
+    """
 
     broken_at_s: float
     effects: tuple[str, ...] = ()
@@ -71,6 +74,10 @@ class Lesson:
     offered_at_s: float | None = None
     taken_at_s: float | None = None
     withdrawn_at_s: float | None = None
+    asked_at_s: float | None = None
+    answered_at_s: float | None = None
+    answers: int = 0
+    wanted: str = ""
 
     def document(self) -> dict[str, Any]:
         """As a run's JSON object has it."""
@@ -82,7 +89,10 @@ class Lesson:
         what = ", ".join(self.effects) or "no effect"
         said = f"learned since {self.broken_at_s:.1f} s: "
         if self.offered_at_s is None:
-            return said + (f"{what}, not offered: {self.sentence}" if self.sentence else "nothing before the run ended")
+            wanted = f"; to tell more: {self.wanted}" if self.wanted else ""
+            return said + (
+                f"{what}, not offered: {self.sentence}{wanted}" if self.sentence else "nothing before the run ended"
+            )
         taken = "not taken, there was no rest" if self.taken_at_s is None else f"taken at {self.taken_at_s:.1f} s"
         back = "" if self.withdrawn_at_s is None else f", taken back at {self.withdrawn_at_s:.1f} s"
         return f"{said}{what} ({self.verdict}), {taken}{back}; {self.sentence}"
@@ -167,6 +177,7 @@ class Learner:
     def _question(self, now: float) -> None:
         columns = self._columns(self._since)
         held_from = int(np.searchsorted(columns[TIME], now - self.pace.held_out_s))
+        self.lessons[-1].asked_at_s = self._told(now)
         self._future = self.ask(Question(self.rig, columns, held_from, dict(self._new)))
         self._due, self._phase = now + self.pace.answer_s, "identifying"
 
@@ -192,6 +203,8 @@ class Learner:
         found = self._future.result()
         lesson = self.lessons[-1]
         lesson.effects, lesson.verdict, lesson.sentence = found.effects, found.verdict, found.sentence
+        lesson.answered_at_s, lesson.wanted = self._told(now), found.wanted
+        lesson.answers += 1
         if not found.passed:
             self._phase = "gathering"
             self._due = now + self.pace.gathered_s

@@ -18,6 +18,7 @@ from hil.app.scenario.model_offer import Offered, offer_of, offer_words, read_of
 from hil.app.scenario.options import Options
 from hil.app.sil.fault_outcomes import outcomes
 from hil.app.sil.loop import Learning, SilTrace, run_sil
+from hil.app.sil.story import story_files
 from hil.app.sil.testbed import believed_on_bus
 from hil.app.sil.watched import Watched
 from hil.app.track.score import document, score
@@ -63,7 +64,8 @@ def sil(path: Path, asked: Options) -> None:
         if log is not None and out is not None:
             found["log"] = str(log.path)
             log.add_to_record({"learned": [one.document() for one in trace.offers]})
-            write_files({out / "sil.json": json_text(found)})
+            pages = story_files(out, scenario, found, trace) if asked.learn else {}
+            write_files({out / "sil.json": json_text(found), **pages})
     if asked.json_output:
         print_json(found)
     else:

@@ -1,0 +1,181 @@
+"""A run that learned, on one page: tracking error over time, what happened when, the models before and after."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import plotly.graph_objects as go
+
+from hil.app.console import json_text
+from hil.app.learn.learner import Lesson
+from hil.app.quantities import DASH, quantity
+from hil.app.report.document import document, heading, table
+from hil.app.report.theme import INK, figure_html, line_colour, styled
+from hil.app.scenario.bus_scenario import SilScenario
+from hil.app.scenario.model_facts import model_facts
+from hil.app.sil.loop import SilTrace
+from hil.app.sil.testbed import believed_on_bus
+from plant import layout as at
+
+PAGE: Final = "learning.html"
+NUMBERS: Final = "learning.json"
+WINDOW_S: Final = 60.0
+_HEIGHT: Final = 460
+_CLOSE: Final = 0.04
+"""Share of the run within which two labels would overlap: the later one stands lower."""
+
+
+def story_files(out: Path, scenario: SilScenario, found: dict[str, Any], trace: SilTrace) -> dict[Path, str]:
+    """The page and its numbers, by the files in `out` to which they go."""
+    seconds, errors_m = error_by_second(scenario, trace)
+    marks = instants(scenario, trace.lessons)
+    numbers = {
+        "second": seconds.tolist(),
+        "rms_error_m": errors_m.tolist(),
+        "instants": [{"t_s": t, "what": what} for t, what in marks],
+        "parts": parts(seconds, errors_m, marks),
+        "learned": found["learned"],
+    }
+    return {out / PAGE: page_html(scenario, found, trace, numbers), out / NUMBERS: json_text(numbers)}
+
+
+def error_by_second(scenario: SilScenario, trace: SilTrace) -> tuple[np.ndarray, np.ndarray]:
+    """Begins of whole seconds (n,) and the rms of the capsule's true place against the reference over each, in m."""
+    t, x = trace.rows[:, at.O_T], trace.rows[:, at.O_X]
+    squares = (x - scenario.loop.reference.position(t)) ** 2
+    second = t.astype(np.int64)
+    count = np.bincount(second)
+    whole = np.flatnonzero(count)
+    return whole.astype(float), np.sqrt(np.bincount(second, squares)[whole] / count[whole])
+
+
+def instants(scenario: SilScenario, lessons: Sequence[Lesson]) -> list[tuple[float, str]]:
+    """Time in s and what happened, in order of time: when hidden effects begin (the plant's
+    secret, from the scenario file), and what monitor, learner and model switch did.
+    """
+    marks = [
+        (values["onset_s"], f"{effect} begins")
+        for effect, values in scenario.loop.truth.hidden.items()
+        if values.get("onset_s", 0.0) > 0
+    ]
+    for one in lessons:
+        told = (
+            (one.broken_at_s, "model broken since"),
+            (one.asked_at_s, "identification begins"),
+            (one.offered_at_s, "offered"),
+            (one.taken_at_s, "taken"),
+            (one.withdrawn_at_s, "taken back"),
+        )
+        marks += [(when, what) for when, what in told if when is not None]
+    return sorted(marks)
+
+
+def parts(
+    seconds: np.ndarray, errors_m: np.ndarray, marks: Sequence[tuple[float, str]]
+) -> list[dict[str, float | str | None]]:
+    """The rms error in m over the last minute, or less, before each instant and before the end."""
+    ends = [*marks, (float(seconds[-1]) + 1.0, "end of the run")]
+    rows: list[dict[str, float | str | None]] = []
+    for before, (end, what) in pairwise([(0.0, ""), *ends]):
+        begin = max(before[0], end - WINDOW_S)
+        part = (seconds >= np.ceil(begin)) & (seconds + 1 <= end)
+        rms = float(np.sqrt(np.mean(errors_m[part] ** 2))) if part.any() else None
+        rows.append({"until": what, "from_s": begin, "to_s": end, "rms_error_m": rms})
+    return rows
+
+
+def page_html(scenario: SilScenario, found: dict[str, Any], trace: SilTrace, numbers: dict[str, Any]) -> str:
+    """One self-contained page."""
+    taken = [one for one in trace.lessons if one.taken_at_s is not None]
+    kept = [one for one in taken if one.withdrawn_at_s is None]
+    title = f"{scenario.loop.name}: {_headline(trace.lessons, taken, kept)}"
+    warning = f'<div class="warning"><p>{escape(trace.stopped_because)}</p></div>' if trace.stopped_because else ""
+    eyebrow = f"Learning in a run · {scenario.loop.kind} rig in simulation · seed {found['seed']}"
+    sections = [
+        ("error", "Tracking error over time", figure_html(_figure(numbers), "figure-0")),
+        ("parts", "Error between the instants", _parts(numbers)),
+        ("lessons", "What was learned", _lessons(trace.lessons)),
+        ("models", "The models", _models(scenario, trace)),
+        ("limits", "Limits", _limits(found)),
+    ]
+    return document(title, heading(eyebrow, title, more=warning), sections)
+
+
+def _headline(lessons: Sequence[Lesson], taken: Sequence[Lesson], kept: Sequence[Lesson]) -> str:
+    if not lessons:
+        return "the model held, nothing was learned"
+    names = ", ".join(dict.fromkeys(name for one in kept for name in one.effects)) or "a calibration"
+    if kept:
+        return f"{names} learned and taken at {kept[0].taken_at_s:.0f} s"
+    return "a learned model was taken back" if taken else "the model broke, and no better one was taken"
+
+
+def _figure(numbers: dict[str, Any]) -> go.Figure:
+    t, error = np.array(numbers["second"]), 1e3 * np.array(numbers["rms_error_m"])
+    figure = go.Figure(go.Scatter(x=t + 0.5, y=error, mode="lines", line={"color": INK, "width": 1.5}, name="error"))
+    top, before, level = float(error.max(initial=0.0)) or 1.0, -np.inf, 0
+    for mark in numbers["instants"]:
+        level = level + 1 if mark["t_s"] - before < _CLOSE * (t[-1] + 1) else 0
+        before = mark["t_s"]
+        colour = line_colour(_COLOURS.get(mark["what"], 3))
+        figure.add_vline(x=mark["t_s"], line={"color": colour, "width": 1.2, "dash": "dot"})
+        figure.add_annotation(
+            x=mark["t_s"],
+            y=top * (1.42 - 0.08 * (level % 5)),
+            text=mark["what"],
+            showarrow=False,
+            xanchor="left" if mark["t_s"] < 0.7 * t[-1] else "right",
+            font={"color": colour, "size": 12},
+        )
+    figure.update_yaxes(title_text="rms error of each second in mm", range=[0, 1.5 * top])
+    figure.update_xaxes(title_text="time in s")
+    return styled(figure, _HEIGHT, showlegend=False)
+
+
+_COLOURS: Final = {
+    "model broken since": 1,
+    "identification begins": 4,
+    "offered": 0,
+    "taken": 2,
+    "taken back": 1,
+}
+
+
+def _parts(numbers: dict[str, Any]) -> str:
+    rows = [
+        [escape(str(p["until"])), f"{p['from_s']:.0f} to {p['to_s']:.0f} s", quantity(p["rms_error_m"], "m")]
+        for p in numbers["parts"]
+    ]
+    words = "<p>Over the last minute, or less, before each instant; of the capsule's true place.</p>"
+    return words + table(("until", "from, to", "rms error"), rows, left=2)
+
+
+def _lessons(lessons: Sequence[Lesson]) -> str:
+    if not lessons:
+        return "<p>The monitor saw no reason to doubt the model.</p>"
+    return "".join(f"<p>{escape(one.words[0].upper() + one.words[1:])}.</p>" for one in lessons)
+
+
+def _models(scenario: SilScenario, trace: SilTrace) -> str:
+    """What each model that was offered is made of, beside the one before it."""
+    models = [model_facts(believed_on_bus(scenario, offer.values)) for offer in trace.offers]
+    if not models:
+        return "<p>The model of the start was used throughout.</p>"
+    names = dict.fromkeys(row[0] for model in models for row in model["rows"])
+    columns = [{row[0]: row[1] for row in model["rows"]} for model in models]
+    nominal = {row[0]: row[2] for model in models for row in model["rows"]}
+    head = ("parameter", "rig file", *(f"offered at {offer.at_s:.0f} s" for offer in trace.offers))
+    rows = [[escape(name), nominal[name], *(own.get(name, DASH) for own in columns)] for name in names]
+    made = "".join(f"<li>{escape(model['made'])}</li>" for model in models)
+    return f"<ol>{made}</ol>" + table(head, rows)
+
+
+def _limits(found: dict[str, Any]) -> str:
+    rows = [[escape(name), f"{100 * share:.0f} %"] for name, share in found.get("limit_use", {}).items()]
+    words = f"<p>Hard limits broken: {found['hard_violations']}. No limit is changed by what is learned.</p>"
+    return words + (table(("largest use of", "share"), rows) if rows else "")

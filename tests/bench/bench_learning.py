@@ -1,0 +1,174 @@
+"""Learning while it runs: effects that begin at a time nobody declared, with and without `--learn`, over the bus.
+
+`python -m tests.bench.bench_learning --out FILE.jsonl [--kinds magnetic coil] [--effects none fold_periodic ...]
+[--seeds 1] [--onset 70]` leads each rig to and fro through a gut that differs from the nominal one in stiffness,
+friction and, by a few percent, from place to place. The effects are the plant's own forms, `A+B` one after the other
+(B begins 120 s after A, and the run is as much longer). Each row is the same run twice, and a line of FILE; finished
+ones are not repeated. `--table` prints what FILE holds.
+
+Errors are rms of the capsule's true place against the reference: over the minute before the onset, and over the last
+minute, which ends three minutes after the (last) onset, without and with learning.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from controller.supervision.model_switch import ModelSwitch
+from hil.app.learn.identify import Background
+from hil.app.learn.learner import Learner
+from hil.app.scenario.bus_scenario import SilScenario
+from hil.app.scenario.reference import Steps
+from hil.app.scenario.scenario import load_track_scenario
+from hil.app.sil.loop import SilTrace, run_sil
+from hil.app.sil.testbed import believed_on_bus
+from hil.app.track.score import score
+from plant import layout as at
+from tests.bench.bench_monitor import FOLDER, RIGS, gut, numbers
+
+EFFECTS: Final = (
+    "fold_periodic", "coupling_fade", "incline_gravity", "directional_asymmetry", "tissue_drying", "actuator_lag",
+    "carriage_backlash", "stenosis", "peristaltic_wave", "sensor_delay", "none", "fold_periodic+incline_gravity",
+)  # fmt: skip
+WINDOW_S: Final = 60.0
+SECOND_S: Final = 120.0
+AFTER_S: Final = 180.0
+Row = dict[str, Any]
+
+
+def scenario_of(kind: str, effects: str, seed: int, onset_s: float) -> SilScenario:
+    """The rig with the effects, led to and fro until three minutes after the last onset."""
+    name, _, far, speed = RIGS[kind]
+    plain = load_track_scenario(FOLDER / f"track_{name}.toml")
+    named = effects.split("+")
+    seconds = onset_s + SECOND_S * (len(named) - 1) + AFTER_S
+    places = tuple(far * (k % 2 == 0) for k in range(int((seconds - 1) / (far / speed + 1.0))))
+    hidden: dict[str, dict[str, float]] = {}
+    for k, effect in enumerate(named):
+        hidden |= numbers(effect, 1.0, onset_s + SECOND_S * k)
+    loop = replace(
+        plain,
+        duration_s=seconds,
+        reference=Steps(places, speed, 1.0).trajectory(seconds),
+        truth=replace(gut(plain, seed), hidden=hidden),
+    )
+    return SilScenario(loop)
+
+
+def led(scenario: SilScenario, controller: str, seed: int, learns: bool) -> tuple[SilTrace, Any]:
+    """One run, and what it scores."""
+    model = believed_on_bus(scenario, {})
+    believed = partial(believed_on_bus, scenario)
+    if not learns:
+        trace = run_sil(scenario, model, controller, seed)
+        return trace, score(scenario.loop, trace)
+    background = Background()
+    try:
+
+        def learner(switch: ModelSwitch) -> Learner:
+            return Learner(switch, scenario.loop.belief, {}, believed, background)
+
+        trace = run_sil(scenario, model, controller, seed, learning=learner)
+    finally:
+        background.close()
+    return trace, score(scenario.loop, trace)
+
+
+def rms_mm(trace: SilTrace, scenario: SilScenario, begin_s: float, end_s: float) -> float:
+    """Rms error in mm of the true place from `begin_s` to `end_s`."""
+    t, x = trace.rows[:, at.O_T], trace.rows[:, at.O_X]
+    part = (t >= begin_s) & (t < end_s)
+    wanted = scenario.loop.reference.position(t[part])
+    return 1e3 * float(np.sqrt(np.mean((x[part] - wanted) ** 2))) if part.any() else float("nan")
+
+
+def row_of(kind: str, effects: str, seed: int, onset_s: float) -> Row:
+    """The same run without and with learning."""
+    scenario, began = scenario_of(kind, effects, seed, onset_s), time.monotonic()
+    controller = RIGS[kind][1]
+    end = scenario.loop.duration_s
+    row: Row = {"kind": kind, "effects": effects, "seed": seed, "onset_s": onset_s, "seconds": end}
+    for name, learns in (("without", False), ("with", True)):
+        trace, found = led(scenario, controller, seed, learns)
+        row[name] = {
+            "before_mm": rms_mm(trace, scenario, onset_s - WINDOW_S + 5.0, onset_s),
+            "after_mm": rms_mm(trace, scenario, end - WINDOW_S, end),
+            "violations": found.hard_violations,
+            "stopped": trace.stopped_because,
+            "lessons": [lesson.document() for lesson in trace.lessons],
+        }
+    row["ratio"] = row["with"]["after_mm"] / row["without"]["after_mm"]
+    row["wall_s"] = round(time.monotonic() - began, 1)
+    return row
+
+
+def told(row: Row) -> str:
+    """A row in words."""
+    head = f"{row['kind']:9s} {row['effects']:30s} {row['seed']:4d}"
+    plain, learned = row["without"], row["with"]
+    errors = f"{plain['before_mm']:8.3f} {plain['after_mm']:8.3f} {learned['after_mm']:8.3f} {row['ratio']:6.2f}"
+    lines = [
+        f"broken {one['broken_at_s']:.0f} s, {'+'.join(one['effects']) or 'nothing'} ({one['verdict'] or 'no answer'})"
+        + (f", taken {one['taken_at_s']:.0f} s" if one["taken_at_s"] is not None else "")
+        + (f", back {one['withdrawn_at_s']:.0f} s" if one["withdrawn_at_s"] is not None else "")
+        for one in learned["lessons"]
+    ]
+    stops = "".join(f"; {name}: {row[name]['stopped']}" for name in ("without", "with") if row[name]["stopped"])
+    broken = learned["violations"] + plain["violations"]
+    return f"{head} {errors} {broken:4d} {row['wall_s']:6.0f}  {'; '.join(lines) or 'nothing learned'}{stops}"
+
+
+def table(rows: Sequence[Row]) -> int:
+    """Print the rows; 1 where a limit was broken or a model was taken where nothing is hidden."""
+    print(
+        f"{'rig':9s} {'effects':30s} {'seed':>4s} {'before':>8s} {'without':>8s} {'with':>8s} ratio  hard   wall  mm, s"
+    )
+    for row in rows:
+        print(told(row))
+    real = [row for row in rows if row["effects"] != "none"]
+    switched = [r for r in rows if r["effects"] == "none" and any(x["taken_at_s"] for x in r["with"]["lessons"])]
+    halved = sum(row["ratio"] <= 0.5 for row in real)
+    nulls = len(rows) - len(real)
+    broken = sum(row[name]["violations"] for row in rows for name in ("with", "without"))
+    print(
+        f"at most half the error: {halved} of {len(real)}; models taken where nothing is hidden: {len(switched)} of"
+        f" {nulls}; hard limits broken: {broken}"
+    )
+    return int(bool(switched) or broken > 0)
+
+
+def main() -> int:
+    """Run what is not on file yet, print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--kinds", nargs="*", default=["magnetic", "coil"], choices=["magnetic", "coil"])
+    parser.add_argument("--effects", nargs="*", default=list(EFFECTS))
+    parser.add_argument("--seeds", nargs="*", type=int, default=[1])
+    parser.add_argument("--onset", type=float, default=70.0)
+    parser.add_argument("--table", action="store_true", help="run nothing")
+    options = parser.parse_args()
+    rows = [json.loads(line) for line in options.out.read_text().splitlines()] if options.out.exists() else []
+    done = {(row["kind"], row["effects"], row["seed"]) for row in rows}
+    wanted = [(k, e, s) for k in options.kinds for s in options.seeds for e in options.effects]
+    for kind, effects, seed in [] if options.table else wanted:
+        if (kind, effects, seed) in done:
+            continue
+        rows.append(row_of(kind, effects, seed, options.onset))
+        with options.out.open("a") as file:
+            file.write(json.dumps(rows[-1]) + "\n")
+        print(told(rows[-1]), flush=True)
+    return table(rows)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

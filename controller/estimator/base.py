@@ -6,6 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from enum import Enum
 
 from controller.estimator.noise import Noise, trusting
 from controller.model.control_model import ControlModel
@@ -20,35 +21,60 @@ class Counts:
     outliers: int = 0
     unusable: int = 0
     restarts: int = 0
+    followed: int = 0
+
+
+class Wrong(Enum):
+    """What refused positions say of the belief: nothing yet, that the capsule is elsewhere, that all of it is wrong."""
+
+    NOTHING = 0
+    PLACE = 1
+    ALL = 2
 
 
 @dataclass(slots=True)
 class Watch:
-    """Counts positions taken and refused. Many refused in a row mean that the belief is wrong, not they."""
+    """Counts positions taken and refused. Many refused in a row mean that the belief is wrong, not they: a few where
+    the capsule may have gone from each reading to the next (it slipped, or stuck, where the model did not), else
+    `outliers_in_a_row`: then the readings jumped.
+    """
 
     noise: Noise
     counts: Counts = field(default_factory=Counts)
     accepted_at: float = -math.inf
     refused: int = 0
     proven: int = 0
+    jumped: bool = False
+    last_m: float = math.nan
+    last_s: float = math.nan
 
     def begin(self, now: float) -> None:
         """A new belief, still to be proven."""
-        self.refused, self.proven, self.accepted_at = 0, 0, now
+        self.refused, self.proven, self.accepted_at, self.jumped = 0, 0, now, False
 
-    def accept(self, now: float) -> None:
+    def accept(self, m: Measurement, now: float) -> None:
         """A position that fits."""
         self.counts.accepted += 1
-        self.refused, self.accepted_at = 0, now
+        self.refused, self.accepted_at, self.jumped = 0, now, False
         self.proven += 1
+        self.last_m, self.last_s = m.value, m.stamp_s
 
-    def refuse(self) -> bool:
-        """A position that does not; whether a new belief should begin with it."""
+    def refuse(self, m: Measurement, now: float) -> Wrong:
+        """A position that does not; what it makes of the belief."""
         self.counts.outliers += 1
         self.refused += 1
-        wrong = self.refused >= self.noise.outliers_in_a_row
-        self.counts.restarts += wrong
-        return wrong
+        n = self.noise
+        way_m = n.slip_m_s * abs(m.stamp_s - self.last_s) + _APART * math.sqrt(2) * n.position_std_m
+        self.jumped = self.jumped or not abs(m.value - self.last_m) <= way_m
+        self.last_m, self.last_s = m.value, m.stamp_s
+        if not self.jumped and self.refused >= n.slips_in_a_row:
+            self.counts.followed += 1
+            self.refused, self.accepted_at = 0, now
+            return Wrong.PLACE
+        if self.refused >= n.outliers_in_a_row:
+            self.counts.restarts += 1
+            return Wrong.ALL
+        return Wrong.NOTHING
 
     def lost(self, now: float, std_m: float) -> bool:
         """Too long without a position, too uncertain, or not proven yet."""
@@ -57,6 +83,7 @@ class Watch:
 
 
 CURRENT = "coil_current_A"
+_APART = 4.0
 _MOST_A_TICK = 8
 _FOLLOWS = 3.0
 
@@ -136,10 +163,17 @@ class Receiver(ABC):
         else:
             size = self._fuse(back, m)
             if position and abs(size) <= self.noise.gate:
-                self._watch.accept(now)
+                self._watch.accept(m, now)
                 self._innovations.append(size)
-            elif position and self._watch.refuse():
-                self._start(m.value, now)
+            elif position:
+                self._refused(m, back, now)
+
+    def _refused(self, m: Measurement, back: int, now: float) -> None:
+        wrong = self._watch.refuse(m, now)
+        if wrong is Wrong.ALL:
+            self._start(m.value, now)
+        elif wrong is Wrong.PLACE:
+            self._shift(back, m.value)
 
     def _start(self, position_m: float, now: float) -> None:
         self._begin(position_m, now)
@@ -149,6 +183,10 @@ class Receiver(ABC):
     @abstractmethod
     def _begin(self, position_m: float, now: float) -> None:
         """A new belief: at rest at `position_m` under the command in force."""
+
+    @abstractmethod
+    def _shift(self, back: int, position_m: float) -> None:
+        """The capsule was at `position_m` `back` ticks ago: the belief since, moved there; all else stays."""
 
     @abstractmethod
     def _go_on(self, now: float, command: float) -> None:

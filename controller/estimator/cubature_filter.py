@@ -129,6 +129,10 @@ class Process:
         k.run(states, before, command, np.array([z[-2]]), t, k.tick_s, k.substeps, numbers)
         return np.append(states[0, self.where], z[-2:]), states[0]
 
+    def shown(self, b: CubatureFilter) -> float:
+        """What localisation reads of `b`, in m."""
+        return float(b.z[0] if self._plain else self._seen(self.state(b), b.time_s)[0])
+
     def see_position(self, b: CubatureFilter, value: float) -> float:
         """Take in a localisation in place; returns its normalised difference, signed, beyond the gate where it was
         refused.
@@ -204,6 +208,13 @@ class Estimator(Receiver):
         self._at(0).belief.copy_from(start)
         self._at(0).told = self._command
         self._at(0).seen.clear()
+
+    def _shift(self, back: int, position_m: float) -> None:
+        off = position_m - self._process.shown(self._at(back).belief)
+        for k in range(back + 1):
+            belief = self._at(k).belief
+            belief.z[0] += off
+            belief.P[0, 0] += self.noise.position_std_m**2
 
     def _go_on(self, now: float, command: float) -> None:
         last = self._at(0).belief

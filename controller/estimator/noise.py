@@ -37,9 +37,10 @@ class Noise:
     position wanders by `slip_wander_m`, too: strokes carry the capsule further, or less far, than believed.
 
     A measurement further than `gate` standard deviations from what was expected is an outlier; that many
-    (`outliers_in_a_row`) one after the other mean that the belief is wrong, not they. The estimate is lost without an
-    accepted position for `age_s`, above `lost_std_m`, and until `proof` positions in a row were accepted after a new
-    start. A reading later than `latest_s` is not used.
+    (`outliers_in_a_row`) one after the other mean that the belief is wrong, not they; after `slips_in_a_row` the
+    believed place follows them where the capsule may have gone from one to the next, `slip_m_s` fast. The estimate is
+    lost without an accepted position for `age_s`, above `lost_std_m`, and until `proof` positions in a row were
+    accepted after a new start. A reading later than `latest_s` is not used.
     """
 
     position_std_m: float = 0.5e-3
@@ -59,6 +60,8 @@ class Noise:
     other_wander: float = 1e-3
     gate: float = 5.0
     outliers_in_a_row: int = 12
+    slips_in_a_row: int = 3
+    slip_m_s: float = 0.2
     proof: int = 5
     age_s: float = 0.15
     lost_std_m: float = 2e-3

@@ -131,6 +131,12 @@ class ParticleCloud:
                 self._renew()
         return size
 
+    def shift(self, back: int, value: float) -> None:
+        """Move all particles, and where they were since, by what a localisation `back` ticks ago was off their mean."""
+        off = value - expected(self.weights, self.past[(self.newest - back) % self.kept])[0]
+        self.states[:, 0] += off + self.noise.position_std_m * self.draws.standard_normal(self.count)
+        self.past += off
+
     def _renew(self) -> None:
         chosen = self._chosen
         draw(self.weights, self.draws.random(), chosen)
@@ -185,6 +191,9 @@ class ParticleEstimator(Receiver):
     def _begin(self, position_m: float, now: float) -> None:
         self._cloud.begin(position_m, self._command, now)
         self._keep(self._command)
+
+    def _shift(self, back: int, position_m: float) -> None:
+        self._cloud.shift(back, position_m)
 
     def _go_on(self, now: float, command: float) -> None:
         self._cloud.move(command + self._offset, now)

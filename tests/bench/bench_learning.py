@@ -34,7 +34,7 @@ from hil.app.sil.loop import SilTrace, run_sil
 from hil.app.sil.testbed import believed_on_bus
 from hil.app.track.score import score
 from plant import layout as at
-from tests.bench.bench_monitor import FOLDER, RIGS, gut, numbers
+from tests.bench.bench_monitor import FOLDER, RIGS, TICK_S, gut, numbers
 
 EFFECTS: Final = (
     "fold_periodic", "coupling_fade", "incline_gravity", "directional_asymmetry", "tissue_drying", "actuator_lag",
@@ -61,6 +61,7 @@ def scenario_of(kind: str, effects: str, seed: int, onset_s: float) -> SilScenar
         duration_s=seconds,
         reference=Steps(places, speed, 1.0).trajectory(seconds),
         truth=replace(gut(plain, seed), hidden=hidden),
+        control=replace(plain.control, tick_s=TICK_S),
     )
     return SilScenario(loop)
 

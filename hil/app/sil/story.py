@@ -27,7 +27,14 @@ NUMBERS: Final = "learning.json"
 WINDOW_S: Final = 60.0
 _HEIGHT: Final = 460
 _CLOSE: Final = 0.04
-"""Share of the run within which two labels would overlap: the later one stands lower."""
+"""Share of the run within which two numbers would overlap: the later one stands lower."""
+_COLOURS: Final = {
+    "model broken since": 1,
+    "identification begins": 4,
+    "offered": 0,
+    "taken": 2,
+    "taken back": 1,
+}
 
 
 def story_files(out: Path, scenario: SilScenario, found: dict[str, Any], trace: SilTrace) -> dict[Path, str]:
@@ -116,43 +123,30 @@ def _headline(lessons: Sequence[Lesson], taken: Sequence[Lesson], kept: Sequence
 
 
 def _figure(numbers: dict[str, Any]) -> go.Figure:
+    """Each instant is a dotted line with the number that it has in the table below."""
     t, error = np.array(numbers["second"]), 1e3 * np.array(numbers["rms_error_m"])
     figure = go.Figure(go.Scatter(x=t + 0.5, y=error, mode="lines", line={"color": INK, "width": 1.5}, name="error"))
-    top, before, level = float(error.max(initial=0.0)) or 1.0, -np.inf, 0
-    for mark in numbers["instants"]:
-        level = level + 1 if mark["t_s"] - before < _CLOSE * (t[-1] + 1) else 0
-        before = mark["t_s"]
+    top, right, level = float(error.max(initial=0.0)) or 1.0, -np.inf, 0
+    for number, mark in enumerate(numbers["instants"], start=1):
+        level = level + 1 if mark["t_s"] - right < _CLOSE * (t[-1] + 1) else 0
+        right = mark["t_s"]
         colour = line_colour(_COLOURS.get(mark["what"], 3))
         figure.add_vline(x=mark["t_s"], line={"color": colour, "width": 1.2, "dash": "dot"})
         figure.add_annotation(
-            x=mark["t_s"],
-            y=top * (1.42 - 0.08 * (level % 5)),
-            text=mark["what"],
-            showarrow=False,
-            xanchor="left" if mark["t_s"] < 0.7 * t[-1] else "right",
-            font={"color": colour, "size": 12},
+            x=mark["t_s"], y=top * (1.42 - 0.1 * (level % 4)), text=str(number), showarrow=False, xanchor="left"
         )
     figure.update_yaxes(title_text="rms error of each second in mm", range=[0, 1.5 * top])
     figure.update_xaxes(title_text="time in s")
     return styled(figure, _HEIGHT, showlegend=False)
 
 
-_COLOURS: Final = {
-    "model broken since": 1,
-    "identification begins": 4,
-    "offered": 0,
-    "taken": 2,
-    "taken back": 1,
-}
-
-
 def _parts(numbers: dict[str, Any]) -> str:
     rows = [
-        [escape(str(p["until"])), f"{p['from_s']:.0f} to {p['to_s']:.0f} s", quantity(p["rms_error_m"], "m")]
-        for p in numbers["parts"]
+        [str(k), escape(str(p["until"])), f"{p['from_s']:.0f} to {p['to_s']:.0f} s", quantity(p["rms_error_m"], "m")]
+        for k, p in enumerate(numbers["parts"], start=1)
     ]
     words = "<p>Over the last minute, or less, before each instant; of the capsule's true place.</p>"
-    return words + table(("until", "from, to", "rms error"), rows, left=2)
+    return words + table(("no.", "until", "from, to", "rms error"), rows, left=3)
 
 
 def _lessons(lessons: Sequence[Lesson]) -> str:

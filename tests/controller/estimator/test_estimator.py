@@ -132,6 +132,23 @@ def test_moved_by_hand_it_begins_anew(kind: type[Receiver]) -> None:
 
 
 @each
+def test_a_slip_that_the_model_does_not_know_is_followed_within_four_readings(kind: type[Receiver]) -> None:
+    """The capsule lies still, then slips 8 mm at 0.12 m/s under a carriage that stays."""
+    estimator = kind(MODEL)
+    for k in range(1, 601):
+        t = k * 1e-3
+        x = 0.12 * min(max(t - 0.5, 0.0), 8e-3 / 0.12)
+        seen = [Measurement("position_m", x, t)] if k % 10 == 0 else []
+        estimate = estimator.observe(t, 0.0, seen)
+        if k == 490:
+            assert estimate.state[0] == pytest.approx(0.0, abs=0.3e-3)
+        if k == 580:
+            assert estimate.state[0] == pytest.approx(x, abs=2.5e-3)
+    assert estimator.counts.followed > 0
+    assert estimator.counts.restarts == 0
+
+
+@each
 def test_a_carriage_that_lags_behind_is_believed(kind: type[Receiver]) -> None:
     """Where the drive's own encoder says that the carriage is 1 mm short, the estimate goes by the encoder."""
     found = []

@@ -27,9 +27,11 @@ from hil.app.demo.story import Mission, Told
 from hil.app.design.vibro_sweep import vibro_sweep
 from hil.app.papers.page import write_page
 from hil.app.report import report_html
+from hil.app.sil.story import PAGE
 from tests.conftest import RIG
 from tests.hil.app.campaign.test_campaign_folders import answer
 from tests.hil.app.design.test_design import VIBRO
+from tests.hil.app.sil.test_story import learned_pages
 from tests.hil.findings import pull_finding, spectrum_finding, table_finding
 from tests.places import ROOT, SCENARIOS
 
@@ -150,6 +152,12 @@ def sweep_page(folder: Path) -> Path:
     return folder / "vibro_sweep.html"
 
 
+def learning_page(folder: Path) -> Path:
+    path = folder / PAGE
+    path.write_text(learned_pages(folder)[1][PAGE], encoding="utf-8")
+    return path
+
+
 TRACK = str(SCENARIOS / "track_magnetic_ramp_2.toml")
 MAKERS: dict[str, Callable[[Path], Path]] = {
     "report": text(lambda: report_html(pull_finding(seconds=10.0))),
@@ -157,6 +165,7 @@ MAKERS: dict[str, Callable[[Path], Path]] = {
     "table": text(lambda: report_html(table_finding())),
     "spectrum": text(lambda: report_html(spectrum_finding())),
     "campaign": text(campaign_page),
+    "learning": learning_page,
     "folders": text(
         lambda: folders_html(
             [answer(f"rig_{k:02}", {"viscous_drag": 0.02} if k % 3 else {}, friction=1 + k / 50) for k in range(12)]

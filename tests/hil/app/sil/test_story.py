@@ -21,9 +21,9 @@ from tests.hil.app.sil.test_sil import SHORT
 TOLD = Lesson(0.1, ("fold_periodic",), "named", "held-out error lower", 0.3, 0.4, asked_at_s=0.2, answers=1)
 
 
-@pytest.fixture(scope="module")
-def story(tmp_path_factory: pytest.TempPathFactory) -> tuple[SilScenario, dict[str, str]]:
-    path = tmp_path_factory.mktemp("story") / "short.toml"
+def learned_pages(folder: Path) -> tuple[SilScenario, dict[str, str]]:
+    """A scenario, and page and numbers of a short run of it in which something was learned."""
+    path = folder / "short.toml"
     path.write_text(SHORT)
     scenario, _ = load_sil_scenario(path)
     hidden = {"fold_periodic": {"excess": 0.2, "onset_s": 0.05}}
@@ -37,6 +37,11 @@ def story(tmp_path_factory: pytest.TempPathFactory) -> tuple[SilScenario, dict[s
     assert seconds.tolist() == [0.0]
     assert errors == pytest.approx([wanted])
     return scenario, {file.name: text for file, text in story_files(Path(), scenario, found, trace).items()}
+
+
+@pytest.fixture(scope="module")
+def story(tmp_path_factory: pytest.TempPathFactory) -> tuple[SilScenario, dict[str, str]]:
+    return learned_pages(tmp_path_factory.mktemp("story"))
 
 
 def test_the_instants_stand_in_order_of_time(story: tuple[SilScenario, dict[str, str]]) -> None:

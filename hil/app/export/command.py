@@ -43,12 +43,16 @@ def export(asked: Asked, *, json_output: bool = False) -> None:
         raise ValueError(f"export {asked.form} must have --model and --rig; a plant's truth goes into an FMU alone")
     if asked.scenario is None and (asked.model is None or asked.rig is None):
         raise ValueError("export must have SCENARIO.toml, or both --model MODEL.toml and --rig RIG.toml; got neither")
-    if asked.driven not in ("", VOLTAGE) or (asked.driven and (asked.form != "fmu" or asked.scenario is not None)):
-        raise ValueError(f"--driven must be {VOLTAGE} and stand with export fmu --model; got {asked.driven!r}")
+    if asked.driven not in ("", VOLTAGE):
+        raise ValueError(f"--driven must be {VOLTAGE}; got {asked.driven!r}")
+    if asked.driven and (asked.form != "fmu" or asked.scenario is not None):
+        raise ValueError(f"--driven must stand with export fmu --model; got it with export {asked.form}")
     targets = _targets(asked)
     check_targets(targets, "--out", [p for p in (asked.scenario, asked.model, asked.rig) if p is not None])
     with output_to_notes():
         files, found = _made(asked)
+    if asked.form == "table":
+        check_folder(asked.out, "--out")
     write_files(files)
     found = {"form": asked.form, "files": [str(path) for path in targets], **found}
     if json_output:
@@ -63,7 +67,8 @@ def export(asked: Asked, *, json_output: bool = False) -> None:
 
 def _targets(asked: Asked) -> list[Path]:
     if asked.form == "table":
-        check_folder(asked.out, "--out")
+        if asked.out.exists():
+            check_folder(asked.out, "--out")
         return [asked.out / name for name in TABLE]
     return [check_file(asked.out, "--out", (".fmu",) if asked.form == "fmu" else (".xml",))]
 

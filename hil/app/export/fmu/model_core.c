@@ -22,7 +22,7 @@ static void once(Core *c, double *values, double c0, double c1, double t, double
 
 static void core_begin(Core *c, double *values) {
     double h = STEP_S > 0 ? STEP_S : 1e-3;
-    c->command = values[INPUT];
+    c->command = HELD ? 0 : values[INPUT]; /* a switch was off before */
     for (int k = 0; k < STATES; k++) c->state[k] = FOLLOWS[k] ? c->command : INITIAL[k];
     once(c, values, c->command, c->command, -h, h);
 }

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from hil.app.main import run
+from models.drives.from_rig import drive_of, surface_of
 from models.files.record import record_of
 from models.files.rig import read_rig
 from models.identification.model import Model
@@ -17,10 +18,21 @@ from plant import layout as at
 from plant.experiments.scenario import parse_truth
 from plant.session import Session
 from tests.hil.app.export.conftest import BASE, FOLDS, MAGNET, PULL, SCENARIO, SHAKEN, played
+from tests.rig_texts import GUT, PLATE
 
 pytest.importorskip("fmpy")
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
 
+VOLTAGE = "coil_voltage_V"
+COIL = """
+[rig]
+kind = "coil"
+force_constant_N_per_A = 0.5
+coil_resistance_Ohm = 10.0
+coil_inductance_H = 0.01
+current_limit_A = 1.0
+"""
+VIBRO = PLATE + '[rig]\nkind = "vibro"\n'
 HIDDEN = """
 [effects.fold_periodic]
 excess = 0.3
@@ -101,6 +113,68 @@ def test_found_model_in_fmu_predicts_as_here(kind: str, rig: str, folder_with: C
     there = played(out, command[1:], 2e-3, first=command[0])[measured]
     assert np.ptp(here) > (0.05 if kind == "pull" else 5e-3)
     np.testing.assert_allclose(there, here, rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("driven", ["coil_voltage_V", "drive_on"])
+def test_found_model_of_a_free_body_predicts_as_here(driven: str, tmp_path: Path) -> None:
+    kind, rig, step_s, atol = ("coil", GUT + COIL, 2e-3, 2e-6) if driven == VOLTAGE else ("vibro", VIBRO, 5e-5, 1e-9)
+    (tmp_path / "rig.toml").write_text(rig)
+    believed = read_rig(tmp_path / "rig.toml")
+    numbers = (*surface_of(believed).parameters(), *drive_of(believed, driven).parameters())
+    values = {p.name: p.value for p in numbers}
+    model = Model(kind, dict.fromkeys(("nominal", "calibrated", "augmented"), values))
+    (tmp_path / "model.toml").write_text(model.to_toml())
+    files = ["--model", str(tmp_path / "model.toml"), "--rig", str(tmp_path / "rig.toml")]
+    more = ["--driven", driven] if driven == VOLTAGE else []
+    assert run(["export", "fmu", *files, *more, "--out", str(tmp_path / "m.fmu")]) == 0
+    k = np.arange(4001)
+    command = 2.5 * np.sin(2 * np.pi * 0.7 * step_s * k) if driven == VOLTAGE else (k % 1200 < 360) * 1.0
+    record = record_of("made", {"t_s": step_s * k, driven: command}, believed, driven_only=True)
+    here = model.predict(believed, record)["position_m"]
+    there = played(tmp_path / "m.fmu", command[1:], step_s)["position_m"]
+    assert np.ptp(here) > 1e-3
+    np.testing.assert_allclose(there, here, rtol=0, atol=atol)
+
+
+def test_parameters_may_be_set_and_states_kept(folder_with: Callable[..., Path]) -> None:
+    import fmpy
+    from fmpy.fmi3 import FMU3Slave
+
+    folder = folder_with("pull", PULL, BASE)
+    files = ["--model", str(folder / "model.toml"), "--rig", str(folder / "rig.toml")]
+    assert run(["export", "fmu", *files, "--out", str(folder / "m.fmu")]) == 0
+    told = fmpy.read_model_description(str(folder / "m.fmu"))
+    places = {v.name: v.valueReference for v in told.modelVariables}
+
+    def force(friction: float) -> float:
+        unit = FMU3Slave(
+            guid=told.guid,
+            unzipDirectory=fmpy.extract(str(folder / "m.fmu")),
+            modelIdentifier=told.coSimulation.modelIdentifier,
+            instanceName="one",
+        )
+        unit.instantiate()
+        unit.setFloat64([places["friction_coefficient"]], [friction])
+        unit.enterInitializationMode()
+        unit.exitInitializationMode()
+
+        def on(first: int, last: int) -> float:
+            forces = []
+            for k in range(first, last):
+                unit.setFloat64([places["position_m"]], [1e-5 * (k + 1)])
+                unit.doStep(1e-3 * k, 1e-3)
+                forces.append(unit.getFloat64([places["force_N"]])[0])
+            return float(max(forces))
+
+        on(0, 100)
+        kept = unit.getFMUState()
+        found = on(100, 300)
+        unit.setFMUState(kept)
+        assert on(100, 300) == found
+        unit.freeInstance()
+        return found
+
+    assert force(0.15) > 1.1 * force(0.082)
 
 
 @pytest.mark.parametrize(

@@ -55,6 +55,14 @@ def test_table_is_the_friction_that_a_pull_of_the_model_shows(
         assert np.ptp(rows["force_N"][within]) > 0.2 * np.mean(rows["force_N"])  # the folds
 
 
+def test_refused_table_leaves_nothing(folder_with: Callable[..., Path], capsys: pytest.CaptureFixture[str]) -> None:
+    folder = folder_with("pull", PULL, BASE | {"friction_coefficient": -1.0})
+    files = ["--model", str(folder / "model.toml"), "--rig", str(folder / "rig.toml")]
+    assert run(["export", "table", *files, "--out", str(folder / "t")]) == 2
+    assert "friction_coefficient must lie in" in capsys.readouterr().err
+    assert not (folder / "t").exists()
+
+
 def test_what_a_table_cannot_hold_is_said(folder_with: Callable[..., Path], capsys: pytest.CaptureFixture[str]) -> None:
     effects = ("viscous_drag", "tissue_drying", "carriage_backlash", "sensor_delay")
     values = BASE | {"magnet_stiffness_N_per_m": 24.0}

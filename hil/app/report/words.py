@@ -13,6 +13,7 @@ import numpy as np
 
 from hil.app.quantities import amount, scale
 from models.effects import BY_ID
+from models.files.columns import COLUMNS
 from models.identification.finding import Finding
 
 STAGE_WORDS = MappingProxyType({"nominal": "nominal", "calibrated": "calibrated", "augmented": "augmented"})
@@ -90,8 +91,10 @@ def quantity_columns(finding: Finding) -> list[str]:
 
 
 def error_unit(finding: Finding) -> str:
-    """The unit of the reported error: per cent where the measure is relative, else the quantity's."""
-    return "%" if "%" in finding.measure else finding.unit
+    """The unit of the reported error: per cent where the measure is relative, else the quantity's; none for a pure
+    number.
+    """
+    return "%" if "%" in finding.measure else finding.unit.removeprefix("1")
 
 
 def error_scale(finding: Finding) -> tuple[float, str]:
@@ -159,12 +162,17 @@ def interpolation(finding: Finding) -> str:
     fitted = sum(e.told or not math.isnan(e.value) for e in finding.calibration.values())
     fitted += sum(len(effect.parameters) for effect in finding.effects)
     last = "augmented" if finding.effects else "calibrated"
-    parts = [
-        np.atleast_2d(t.predicted[last].T).T for t in finding.traces if t.role != "holdout" and last in t.predicted
-    ]
-    if not parts or not fitted or sum(part.size for part in parts) > _MOST_VALUES:
+    layout = COLUMNS[finding.kind]
+    driven = (*(name for names in layout.driven for name in names), *layout.optional)
+    shown = [t for t in finding.traces if t.role != "holdout" and last in t.predicted]
+    values = [np.atleast_2d(t.predicted[last].T).T for t in shown]
+    if not values or not fitted or sum(part.size for part in values) > _MOST_VALUES:
         return ""
-    means = len(np.unique(np.vstack(parts), axis=0)) * parts[0].shape[1]
+    conditions = [
+        np.column_stack([part, *(t.signals[name] for name in driven if name in t.signals)])
+        for t, part in zip(shown, values, strict=True)
+    ]
+    means = len(np.unique(np.vstack(conditions), axis=0)) * values[0].shape[1]
     if fitted < means:
         return ""
     return (

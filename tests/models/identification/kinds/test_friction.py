@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from hil import api
+from hil.app.report.words import interpolation
 from models.files.record import Record
 from models.files.rig import parse_rig
 from models.identification.finding import Finding
@@ -55,6 +56,12 @@ def test_what_the_law_holds_is_named(law: str, verdict: str, effects: set[str]) 
 
 def test_a_law_out_of_the_catalogue_is_unknown() -> None:
     assert found(table(LAWS["ripples"]())).verdict == "unknown"
+
+
+def test_one_number_fitted_to_many_speeds_is_no_interpolation() -> None:
+    finding = found(table(MU))
+    assert finding.verdict == "none"
+    assert interpolation(finding) == ""
 
 
 def test_a_coefficient_says_the_same_as_its_force() -> None:

@@ -23,21 +23,25 @@ def residual_checks(
     kind: Kind, records: Sequence[Record], fit: Fit, likely: Sequence[Mapping[str, float]], seed: int = 0
 ) -> tuple[Check, ...]:
     """Size and whiteness of what is left, with limits from records imitated on models `likely` (values that the fit's
-    own uncertainty leaves open) and held against the fit: from each of them once, from tables of few numbers, whose
-    scatter is wide and whose imitation is quick, again until `_NUMBERS` were drawn.
+    own uncertainty leaves open) and held against the fit: the largest of one from each; of tables of few
+    numbers, whose scatter is wide and whose imitation is quick, the mean of as many such as make `_NUMBERS` numbers.
     """
     criterion = middle_criterion(kind)
     rng = np.random.default_rng(seed)
     residual = evaluate(kind, records, fit.theta, criterion)
     actual, rounds = _numbers(residual), max(1, _NUMBERS // (len(residual) * len(likely)))
-    imitated = []
-    for theta in [theta for theta in likely for _ in range(rounds)]:
-        with suppress(ValueError):  # by chance out of what the kind takes: such a record would have been refused
-            made = [kind.imitate(record, theta, rng) for record in records]
-            imitated.append(_numbers(evaluate(kind, made, fit.theta, criterion)))
-    if not imitated:
+    largest = []
+    for _ in range(rounds):
+        imitated = []
+        for theta in likely:
+            with suppress(ValueError):  # by chance out of what the kind takes: such a record would have been refused
+                made = [kind.imitate(record, theta, rng) for record in records]
+                imitated.append(_numbers(evaluate(kind, made, fit.theta, criterion)))
+        if imitated:
+            largest.append(np.max(imitated, axis=0))
+    if not largest:
         raise ValueError("records must be such that the fitted model can give their like; it gives none that is read")
-    limits = _WIDER * np.max(imitated, axis=0)
+    limits = _WIDER * np.mean(largest, axis=0)
     words = (
         (
             "residual_size",

@@ -19,7 +19,7 @@ FOLDER = ROOT / "examples" / "deployment"
 
 def test_it_names_every_table_of_a_deployment() -> None:
     text = (FOLDER / "deployment.toml").read_text()
-    of_records, of_other_rigs = {"checks", "clock", "columns", "prior"}, {"drive", "surface", "axis"}
+    of_records, of_other_rigs = {"checks", "clock", "columns", "prior"}, {"drive", "surface", "axis", "contact"}
     tables = {*OWN_TABLES, *TABLES} - of_records - of_other_rigs
     assert all(f"[{table}]" in text for table in tables)
 

@@ -13,7 +13,7 @@ from models.laws.geometry import GRAVITY, Capsule, Tissue
 from plant import layout as at
 from plant.anatomy import Anatomy
 from plant.drives.kinds import Drive
-from plant.hidden.carriage import BACKLASH, CARRIAGE_NUMBERS, DRIVER, LAG, real_drive
+from plant.hidden.carriage import BEHIND, CARRIAGE_NUMBERS, real_drive
 from plant.hidden.registry import ONSET
 from plant.hidden.table import begun, effect_table
 from plant.tables import Floats, tabulate
@@ -63,7 +63,7 @@ class Plant:
         self.state = np.zeros(at.S_COUNT)
         self.state[at.S_DIRECTION] = 1.0
         self._carriage = np.zeros(CARRIAGE_NUMBERS)
-        self._behind = bool(self.effects[[LAG, DRIVER, BACKLASH], 0].any())
+        self._behind = bool(self.effects[BEHIND, 0].any())
 
     @property
     def time(self) -> float:
@@ -114,7 +114,7 @@ class Plant:
         now = self.time + 0.5 * self.rig.step_s
         self._onsets = [t for t in self._onsets if t > now]
         self.effects = begun(self._all, now)
-        behind = bool(self.effects[[LAG, DRIVER, BACKLASH], 0].any())
+        behind = bool(self.effects[BEHIND, 0].any())
         if behind and not self._behind:
             self._carriage[:] = drive
         self._behind = behind

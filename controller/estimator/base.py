@@ -12,6 +12,9 @@ from controller.estimator.noise import Noise, trusting
 from controller.model.control_model import ControlModel
 from controller.signals import Estimate, Measurement
 
+_APART = 4 * math.sqrt(2)
+"""Standard deviations of a reading by which two of the same place may differ: four of their difference's."""
+
 
 @dataclass(slots=True)
 class Counts:
@@ -52,21 +55,21 @@ class Watch:
         """A new belief, still to be proven."""
         self.refused, self.proven, self.accepted_at, self.jumped = 0, 0, now, False
 
-    def accept(self, m: Measurement, now: float) -> None:
-        """A position that fits."""
+    def accept(self, place_m: float, stamp_s: float, now: float) -> None:
+        """A position that fits, true at `stamp_s`."""
         self.counts.accepted += 1
         self.refused, self.accepted_at, self.jumped = 0, now, False
         self.proven += 1
-        self.last_m, self.last_s = m.value, m.stamp_s
+        self.last_m, self.last_s = place_m, stamp_s
 
-    def refuse(self, m: Measurement, now: float) -> Wrong:
+    def refuse(self, place_m: float, stamp_s: float, now: float) -> Wrong:
         """A position that does not; what it makes of the belief."""
         self.counts.outliers += 1
         self.refused += 1
         n = self.noise
-        way_m = n.slip_m_s * abs(m.stamp_s - self.last_s) + _APART * math.sqrt(2) * n.position_std_m
-        self.jumped = self.jumped or not abs(m.value - self.last_m) <= way_m
-        self.last_m, self.last_s = m.value, m.stamp_s
+        way_m = n.slip_m_s * abs(stamp_s - self.last_s) + _APART * n.position_std_m
+        self.jumped = self.jumped or not abs(place_m - self.last_m) <= way_m
+        self.last_m, self.last_s = place_m, stamp_s
         if not self.jumped and self.refused >= n.slips_in_a_row:
             self.counts.followed += 1
             self.refused, self.accepted_at = 0, now
@@ -83,7 +86,6 @@ class Watch:
 
 
 CURRENT = "coil_current_A"
-_APART = 4.0
 _MOST_A_TICK = 8
 _FOLLOWS = 3.0
 
@@ -163,13 +165,13 @@ class Receiver(ABC):
         else:
             size = self._fuse(back, m)
             if position and abs(size) <= self.noise.gate:
-                self._watch.accept(m, now)
+                self._watch.accept(m.value, m.stamp_s, now)
                 self._innovations.append(size)
             elif position:
                 self._refused(m, back, now)
 
     def _refused(self, m: Measurement, back: int, now: float) -> None:
-        wrong = self._watch.refuse(m, now)
+        wrong = self._watch.refuse(m.value, m.stamp_s, now)
         if wrong is Wrong.ALL:
             self._start(m.value, now)
         elif wrong is Wrong.PLACE:

@@ -86,14 +86,14 @@ class KinematicFilter:
         pxv, pvv = self._pxv + dt * self._pvv + q * dt * dt / 2, self._pvv + q * dt
         innovation, spread = value - self._x - self._v * dt, pxx + self.noise.position_std_m**2
         if innovation * innovation > self.noise.gate**2 * spread:
-            if self._watch.refuse(Measurement("position_m", value, stamp), now) is not Wrong.NOTHING:
+            if self._watch.refuse(value, stamp, now) is not Wrong.NOTHING:
                 self._begin(value, stamp, now)
             return
         kx, kv = pxx / spread, pxv / spread
         self._x, self._v = self._x + self._v * dt + kx * innovation, self._v + kv * innovation
         self._pxx, self._pxv, self._pvv = (1 - kx) * pxx, (1 - kx) * pxv, pvv - kv * pxv
         self._stamp = stamp
-        self._watch.accept(Measurement("position_m", value, stamp), now)
+        self._watch.accept(value, stamp, now)
 
     def _begin(self, value: float, stamp: float, now: float) -> None:
         self._x, self._v, self._stamp = value, 0.0, stamp

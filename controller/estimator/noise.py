@@ -36,11 +36,11 @@ class Noise:
     positions come out on one side of what was expected: something pushes. While they are far off on one side the
     position wanders by `slip_wander_m`, too: strokes carry the capsule further, or less far, than believed.
 
-    A measurement further than `gate` standard deviations from what was expected is an outlier; that many
-    (`outliers_in_a_row`) one after the other mean that the belief is wrong, not they; after `slips_in_a_row` the
-    believed place follows them where the capsule may have gone from one to the next, `slip_m_s` fast. The estimate is
-    lost without an accepted position for `age_s`, above `lost_std_m`, and until `proof` positions in a row were
-    accepted after a new start. A reading later than `latest_s` is not used.
+    A measurement further than `gate` standard deviations from what was expected is an outlier. After `slips_in_a_row`
+    of them the believed place follows, where the capsule may have gone from one to the next at `slip_m_s`; else
+    `outliers_in_a_row` mean that the belief is wrong, not they. The estimate is lost without an accepted position for
+    `age_s`, above `lost_std_m`, and until `proof` positions in a row were accepted after a new start. A reading later
+    than `latest_s` is not used.
     """
 
     position_std_m: float = 0.5e-3

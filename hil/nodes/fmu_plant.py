@@ -9,31 +9,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
+from hil.nodes.plant_variables import FORCE, WALL, input_of, outputs_of
 from plant import layout as at
-from plant.drives.kinds import Coil, Vibro
 from plant.rig import Rig
 from plant.tables import Floats
-
-_EVERY: Final = MappingProxyType({"position_m": at.O_X, "velocity_m_s": at.O_V, "force_N": at.O_FORCE})
-_OPTIONAL: Final = MappingProxyType({"wall_displacement_m": at.O_U})
-_COIL: Final = MappingProxyType({"coil_current_A": at.O_CURRENT})
-_INNER: Final = MappingProxyType({"inner_position_m": at.O_INNER_X, "inner_velocity_m_s": at.O_INNER_V})
-
-
-def variables_of(rig: Rig) -> tuple[str, Mapping[str, int]]:
-    """The input that a plant of this rig takes, and the outputs that it must show, with their columns."""
-    drive = rig.drive
-    if isinstance(drive, Coil):
-        return "coil_voltage_V", {**_EVERY, **_COIL}
-    if isinstance(drive, Vibro):
-        own = _INNER if drive.coil is None else {**_INNER, **_COIL}
-        return "drive_on" if drive.coil is None else "coil_voltage_V", {**_EVERY, **own}
-    return "carriage_position_m", _EVERY
 
 
 @dataclass(frozen=True)
@@ -61,15 +44,17 @@ def read_fmu(path: Path, rig: Rig) -> FmuFile:
         raise ValueError(f"plant.fmu must be an FMU; got {path}: {str(error).splitlines()[0]}") from None
     if told.coSimulation is None or not told.fmiVersion.startswith(("2.", "3.")):
         raise ValueError(f"plant.fmu must be one for Co-Simulation, FMI 2 or 3; got {path}, FMI {told.fmiVersion}")
-    command, wanted = variables_of(rig)
+    command = input_of(rig.drive).name
+    outputs = {v.name: v.column for v in (*outputs_of(rig.drive), FORCE)}
+    wanted = [name for name in outputs if name != WALL.name]
     there = {(v.name, v.causality): v.valueReference for v in told.modelVariables}
     missing = [f"input {command}"] if (command, "input") not in there else []
     missing += [f"output {name}" for name in wanted if (name, "output") not in there]
     if missing:
         needed = ", ".join([f"input {command}", *(f"output {name}" for name in wanted)])
         raise ValueError(f"plant.fmu must have the variables {needed}; got {path} without {', '.join(missing)}")
-    columns = {**wanted, **{name: column for name, column in _OPTIONAL.items() if (name, "output") in there}}
-    return FmuFile(told, there[command, "input"], {there[n, "output"]: column for n, column in columns.items()})
+    columns = {there[name, "output"]: column for name, column in outputs.items() if (name, "output") in there}
+    return FmuFile(told, there[command, "input"], columns)
 
 
 class FmuPlant:

@@ -75,8 +75,7 @@ def close(
     said = {stage: words for stage, words in worse.items() if found.effects or stage != "augmented"}
     findings = (*setback_findings(said, holdout, at_bounds(kind, found.augmented, found.model)), *findings)
     allowed = next((check.limit for check in residuals if check.id == "residual_size"), 0.0)
-    numbers = sum(len(kind.residual(record, found.augmented.theta)) for record in train)
-    checks = (*residuals, *model_checks(kind, found, spread, errors["holdout"], findings, allowed, chance, numbers))
+    checks = (*residuals, *model_checks(kind, found, spread, errors["holdout"], findings, allowed, chance))
     verdict = verdict_of(found.effects, checks)
     dependence = dependence_of(kind, train, thetas["augmented"], seed) if verdict == "unknown" else None
     progress("the next experiment", 0.97)

@@ -18,7 +18,7 @@ from models.identification.kind import Kind
 from models.identification.search.forward_selection import CLEAN, Search
 from models.identification.search.validation import NEAR_NOISE
 
-_LEVEL = 0.995
+_LEVEL = 0.995  # of chi-square: up to which a mean square of residuals is chance
 _BEYOND_CHANCE = 2.0  # times what imitations leave of held-out records, up to which nothing is missing
 
 
@@ -37,7 +37,6 @@ def model_checks(
     findings: Sequence[RecordFinding],
     allowed: float = 0.0,
     chance: float = np.nan,
-    numbers: int = 1_000_000,
 ) -> tuple[Check, ...]:
     """What beside the residual's size and whiteness a verdict rests on: validation, parameters, held-out records, the
     records themselves.
@@ -45,13 +44,12 @@ def model_checks(
     `chance` is the held-out error that imitated records give (not a number: none held out). `allowed` is the mean
     square that the told uncertainty of the parameters allows of a fit's own residuals. Fitted to
     a share q of the records, parameters are uncertain by 1/sqrt(q) as much, so records left out may exceed 1 by 1/q
-    times as much. The mean square of few `numbers`, of which there are as many as residuals, scatters as chi-square
-    has it, which is allowed, too.
+    times as much. The mean square of few residuals scatters as chi-square has it, which is allowed, too.
     """
     limit = CLEAN * (max(found.null_cost, found.sensitivity) if found.effects else min(found.null_cost, NEAR_NOISE))
     if found.effects:
         limit = max(limit, 1 + (allowed - 1) / found.trained_share)
-    limit = max(limit, float(chi2.ppf(_LEVEL, numbers)) / numbers)
+    limit = max(limit, float(chi2.ppf(_LEVEL, found.augmented.count)) / found.augmented.count)
     checks = [
         _check("validation", "validation cost", found.after, limit, "mean square on records left out of the fits"),
         _check(

@@ -11,6 +11,8 @@ from plant.tables import Floats
 LAG: Final = ROWS["actuator_lag"]
 DRIVER: Final = ROWS["driver_lag"]
 BACKLASH: Final = ROWS["carriage_backlash"]
+BEHIND: Final = [LAG, DRIVER, BACKLASH]
+"""Effects between the commanded and the real drive."""
 CARRIAGE_NUMBERS: Final = 2 + len(LAG_SHARES)
 
 
@@ -43,9 +45,9 @@ def real_drive(values: Floats, dt: float, h: Floats, memory: Floats) -> Floats:
     first values at rest) carries over from call to call and is changed in place.
     """
     arrived = values.copy()
-    for row in (LAG, DRIVER):
-        if h[row, 0] != 0.0:
-            lags(arrived, dt, h[row, 0], memory)
+    time = h[LAG, 0] + h[DRIVER, 0]  # a drive has one of them
+    if time != 0.0:
+        lags(arrived, dt, time, memory)
     if h[BACKLASH, 0] != 0.0:
         rounded_play(arrived, h[BACKLASH, 0], memory)
     return arrived

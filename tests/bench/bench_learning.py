@@ -22,8 +22,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
-
 from controller.supervision.model_switch import ModelSwitch
 from hil.app.learn.identify import Background
 from hil.app.learn.learner import Learner
@@ -31,9 +29,9 @@ from hil.app.scenario.bus_scenario import SilScenario
 from hil.app.scenario.reference import Steps
 from hil.app.scenario.scenario import load_track_scenario
 from hil.app.sil.loop import SilTrace, run_sil
+from hil.app.sil.story import error_by_second, rms_m
 from hil.app.sil.testbed import believed_on_bus
 from hil.app.track.score import score
-from plant import layout as at
 from tests.bench.bench_monitor import FOLDER, RIGS, TICK_S, gut, numbers
 
 EFFECTS: Final = (
@@ -86,11 +84,9 @@ def led(scenario: SilScenario, controller: str, seed: int, learns: bool) -> tupl
 
 
 def rms_mm(trace: SilTrace, scenario: SilScenario, begin_s: float, end_s: float) -> float:
-    """Rms error in mm of the true place from `begin_s` to `end_s`."""
-    t, x = trace.rows[:, at.O_T], trace.rows[:, at.O_X]
-    part = (t >= begin_s) & (t < end_s)
-    wanted = scenario.loop.reference.position(t[part])
-    return 1e3 * float(np.sqrt(np.mean((x[part] - wanted) ** 2))) if part.any() else float("nan")
+    """Rms error in mm of the true place from `begin_s` to `end_s`, whole seconds."""
+    found = rms_m(*error_by_second(scenario, trace), begin_s, end_s)
+    return float("nan") if found is None else 1e3 * found
 
 
 def row_of(kind: str, effects: str, seed: int, onset_s: float) -> Row:

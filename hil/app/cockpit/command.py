@@ -20,10 +20,9 @@ from hil.app.run.clock import Clock, ClockedBus
 from hil.app.run.command import open_bus
 from hil.app.run.loop import Signals
 from hil.app.run.replay import task_of
-from hil.app.scenario.bus_scenario import load_sil_scenario
+from hil.app.scenario.bus_scenario import load_sil_scenario, watched_bus
 from hil.app.scenario.deployment import load_deployment
 from hil.bus.catalogue import Catalogue, load_catalogue
-from hil.bus.local import LocalBus
 from hil.log.log import record_path
 from hil.log.reader import ENDINGS, is_log, read_frames, read_log_record
 from hil.nodes.actuators import carriage_bus
@@ -118,10 +117,7 @@ def _simulated(path: Path, channel: str) -> Iterator[BusSource]:
     loop, clock, catalogue = scenario.loop, Clock(), load_catalogue()
     about = f"{loop.kind} rig, simulated, {loop.control.controller}, local bus {channel}"
     facts = Facts(loop.name, about, frame_map_of(loop.kind), catalogue)
-    try:
-        bus: can.BusABC = ClockedBus(LocalBus(channel, fd=True), clock, OLDEST_S)
-    except can.CanInitializationError as error:
-        raise ValueError(f"--watch must name a local bus that opens; got {channel!r}: {error}") from None
+    bus: can.BusABC = ClockedBus(watched_bus(channel), clock, OLDEST_S)
     if scenario.drive is not None:
         bus = carriage_bus(bus, scenario.drive, catalogue, loop.control.tick_s)
     try:

@@ -9,9 +9,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import can
+
 from hil.app.scenario.deployment import check_tick
 from hil.app.scenario.reference import with_reference
 from hil.app.scenario.scenario import BUS_TABLES, TABLES, TrackScenario, parse_track_scenario
+from hil.bus.local import LocalBus
 from hil.nodes.actuators import ACTUATORS, ActuatorTable, read_actuator
 from hil.nodes.faults.table import KINDS, Fault, read_faults
 from hil.nodes.fmu_plant import read_fmu
@@ -56,6 +59,16 @@ class SilScenario:
     faults: tuple[Fault, ...] = ()
     drive: ActuatorTable | None = None
     plant: FmuTable | None = None
+
+
+def watched_bus(channel: str) -> LocalBus:
+    """The local bus on which `capsule sil` shows a run and `capsule cockpit` sees it. Raises ValueError where there can
+    be none.
+    """
+    try:
+        return LocalBus(channel, fd=True)
+    except can.CanInitializationError as error:
+        raise ValueError(f"--watch must name a local bus that opens; got {channel!r}: {error}") from None
 
 
 def load_sil_scenario(path: Path, reference: Path | None = None) -> tuple[SilScenario, str]:

@@ -20,8 +20,8 @@ class Options:
     """`controller` and `seed` are the scenario's where None. `model` is a file that close-loop wrote, of which `stage`
     is used; without it the controller knows nominal values. `reference` is a file whose table [reference] takes the
     scenario's place (`with_reference`). `out` is a folder for what is written. `learn`: identify in the background once
-    the model broke. `mcap` is a file for the frames beside the log in `out`, `watch` a local
-    bus on which they are shown.
+    the model broke. `mcap` is a file for the frames beside the log in `out`, `watch` a local bus on which they
+    are shown.
     """
 
     controller: str | None = None

@@ -50,14 +50,14 @@ def sil(path: Path, asked: Options) -> None:
         offered = read_offer(scenario.loop.offer, path.parent, scenario.loop.belief, values)
         offer = offer_of(offered, lambda new: believed_on_bus(scenario, new))
         with (
+            _shown(asked.watch) as shown,
             progress_bar(scenario.loop.name, even=True) as report,
             _log(out, asked.mcap, scenario, text, name, values, number, offered) as log,
         ):
             recorder = None if log is None else Recorder(log)
-            more: dict[str, Any] = {"offer": offer, "recorder": recorder}
-            with _learning(scenario, values, asked.learn) as learning, _shown(asked.watch) as shown:
-                more |= {"learning": learning, "shown": shown}
-                found, trace = judged(scenario, believed, name, number, used, report, **more)
+            more = {"offer": offer, "recorder": recorder, "shown": shown}
+            with _learning(scenario, values, asked.learn) as learning:
+                found, trace = judged(scenario, believed, name, number, used, report, learning=learning, **more)
             found |= told(offered, trace.taken_at)
             if asked.learn:
                 found["learned"] = [lesson.document() for lesson in trace.lessons]

@@ -13,7 +13,7 @@ import plotly.graph_objects as go
 
 from hil.app.console import json_text
 from hil.app.learn.learner import Lesson
-from hil.app.quantities import DASH, quantity
+from hil.app.quantities import quantity
 from hil.app.report.document import document, heading, table
 from hil.app.report.theme import INK, figure_html, line_colour, styled
 from hil.app.scenario.bus_scenario import SilScenario
@@ -82,17 +82,22 @@ def instants(scenario: SilScenario, lessons: Sequence[Lesson]) -> list[tuple[flo
     return sorted(marks)
 
 
+def rms_m(seconds: np.ndarray, errors_m: np.ndarray, begin_s: float, end_s: float) -> float | None:
+    """Rms of the errors of the whole seconds from `begin_s` to `end_s`, in m; None where there is none."""
+    part = (seconds >= begin_s) & (seconds + 1 <= end_s)
+    return float(np.sqrt(np.mean(errors_m[part] ** 2))) if part.any() else None
+
+
 def parts(
     seconds: np.ndarray, errors_m: np.ndarray, marks: Sequence[tuple[float, str]]
 ) -> list[dict[str, float | str | None]]:
     """The rms error in m over the last minute, or less, before each instant and before the end."""
     ends = [*marks, (float(seconds[-1]) + 1.0, "end of the run")]
     rows: list[dict[str, float | str | None]] = []
-    for before, (end, what) in pairwise([(0.0, ""), *ends]):
-        begin = max(before[0], end - WINDOW_S)
-        part = (seconds >= np.ceil(begin)) & (seconds + 1 <= end)
-        rms = float(np.sqrt(np.mean(errors_m[part] ** 2))) if part.any() else None
-        rows.append({"until": what, "from_s": begin, "to_s": end, "rms_error_m": rms})
+    for (before, _), (end, what) in pairwise([(0.0, ""), *ends]):
+        begin = max(before, end - WINDOW_S)
+        row = {"from_s": begin, "to_s": end, "rms_error_m": rms_m(seconds, errors_m, begin, end)}
+        rows.append({"until": what, **row})
     return rows
 
 
@@ -156,17 +161,17 @@ def _lessons(lessons: Sequence[Lesson]) -> str:
 
 
 def _models(scenario: SilScenario, trace: SilTrace) -> str:
-    """What each model that was offered is made of, beside the one before it."""
-    models = [model_facts(believed_on_bus(scenario, offer.values)) for offer in trace.offers]
-    if not models:
+    """What each model that was offered is made of, beside the rig file."""
+    if not trace.offers:
         return "<p>The model of the start was used throughout.</p>"
-    names = dict.fromkeys(row[0] for model in models for row in model["rows"])
-    columns = [{row[0]: row[1] for row in model["rows"]} for model in models]
-    nominal = {row[0]: row[2] for model in models for row in model["rows"]}
-    head = ("parameter", "rig file", *(f"offered at {offer.at_s:.0f} s" for offer in trace.offers))
-    rows = [[escape(name), nominal[name], *(own.get(name, DASH) for own in columns)] for name in names]
-    made = "".join(f"<li>{escape(model['made'])}</li>" for model in models)
-    return f"<ol>{made}</ol>" + table(head, rows)
+    return "".join(_model(model_facts(believed_on_bus(scenario, one.values)), one.at_s) for one in trace.offers)
+
+
+def _model(facts: dict[str, Any], at_s: float) -> str:
+    head = f"<h3>Offered at {at_s:.0f} s: {escape(facts['made'])}</h3>"
+    return head + table(
+        ("parameter", "rig file", "learned"), [[escape(n), nominal, v] for n, v, nominal in facts["rows"]]
+    )
 
 
 def _limits(found: dict[str, Any]) -> str:

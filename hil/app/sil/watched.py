@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
 import time
 from typing import Any
 
 import can
 
-from hil.bus.local import LocalBus
+from hil.app.scenario.bus_scenario import watched_bus
 
 
 class Watched:
@@ -19,16 +21,13 @@ class Watched:
 
     def __init__(self, channel: str) -> None:
         """Raises ValueError where there can be no such bus."""
-        try:
-            self._bus = LocalBus(channel, fd=True)
-        except can.CanInitializationError as error:
-            raise ValueError(f"--watch must name a local bus that opens; got {channel!r}: {error}") from None
-        self._zero_s = float("nan")
+        self._bus = watched_bus(channel)
+        self._zero_s = math.nan
 
     def __call__(self, message: can.Message) -> None:
         """One frame, as it leaves the wire."""
         now = time.monotonic()
-        if self._zero_s != self._zero_s:
+        if math.isnan(self._zero_s):
             self._zero_s = now - message.timestamp
         time.sleep(max(0.0, self._zero_s + message.timestamp - now))
         shown = can.Message(
@@ -38,17 +37,11 @@ class Watched:
             bitrate_switch=message.bitrate_switch,
             data=message.data,
         )
-        try:
+        with contextlib.suppress(can.CanError):
             self._bus.send(shown)
-        except can.CanError:
-            return
-
-    def close(self) -> None:
-        """Leave the local bus."""
-        self._bus.shutdown()
 
     def __enter__(self) -> Watched:
         return self
 
     def __exit__(self, *_: Any) -> None:
-        self.close()
+        self._bus.shutdown()

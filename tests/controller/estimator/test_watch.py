@@ -6,7 +6,6 @@ import pytest
 
 from controller.estimator.base import Watch, Wrong
 from controller.estimator.noise import Noise
-from controller.signals import Measurement
 
 NOISE = Noise(position_std_m=1e-4)
 EVERY_S = 0.01
@@ -15,10 +14,10 @@ EVERY_S = 0.01
 def told(values_m: list[float]) -> list[Wrong]:
     """What is said of positions that are all refused, one every 10 ms, after one at 0 that fitted."""
     watch = Watch(NOISE)
-    watch.accept(Measurement("position_m", 0.0, 0.0), 0.0)
+    watch.accept(0.0, 0.0, 0.0)
     said = []
     for k, value in enumerate(values_m, start=1):
-        said.append(watch.refuse(Measurement("position_m", value, EVERY_S * k), EVERY_S * k))
+        said.append(watch.refuse(value, EVERY_S * k, EVERY_S * k))
         if said[-1] is Wrong.ALL:
             watch.begin(EVERY_S * k)
     return said
@@ -42,10 +41,10 @@ def test_readings_to_and_fro_are_never_followed(far_m: float) -> None:
 
 def test_a_reading_that_fits_ends_a_jump() -> None:
     watch = Watch(NOISE)
-    watch.accept(Measurement("position_m", 0.0, 0.0), 0.0)
-    watch.refuse(Measurement("position_m", 0.05, 0.01), 0.01)
-    watch.accept(Measurement("position_m", 0.0, 0.02), 0.02)
-    said = [watch.refuse(Measurement("position_m", 1e-3 * k, 0.02 + EVERY_S * k), 0.0) for k in range(1, 4)]
+    watch.accept(0.0, 0.0, 0.0)
+    watch.refuse(0.05, 0.01, 0.01)
+    watch.accept(0.0, 0.02, 0.02)
+    said = [watch.refuse(1e-3 * k, 0.02 + EVERY_S * k, 0.0) for k in range(1, 4)]
     assert said[-1] is Wrong.PLACE
     assert watch.counts.followed == 1
     assert watch.counts.restarts == 0

@@ -23,7 +23,7 @@ HELD = {"nominal": 1.6, "calibrated": 0.46, "augmented": 0.1}
 
 
 def fit(theta: dict[str, float]) -> Fit:
-    return Fit(theta, 1.0, 1, np.zeros((1, 0)), np.ones(1))
+    return Fit(theta, 1000.0, 1000, np.zeros((1000, 0)), np.ones(1000))
 
 
 def failed(*checks: Check) -> set[str]:

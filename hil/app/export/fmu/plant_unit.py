@@ -10,10 +10,11 @@ from hil.app.export.fmu.machine_code import MATRIX, REAL, VECTOR, WHOLE, object_
 from hil.app.export.fmu.package import Unit, Variable, c_array, reference, start_values
 from hil.app.scenario.scenario import BUS_TABLES, TABLES, TRUTH_TABLES
 from hil.nodes.actuators import ACTUATORS
+from hil.nodes.plant_variables import FORCE, input_of, outputs_of
 from models.files.toml import read_toml
 from models.parameter import nearest
 from plant import layout as at
-from plant.drives.kinds import Coil, Drive, Pull, Vibro
+from plant.drives.kinds import Pull
 from plant.experiments.scenario import TABLES as OF_SIMULATE
 from plant.experiments.scenario import Run, parse_truth
 from plant.hidden import carriage
@@ -22,34 +23,6 @@ from plant.tables import Floats
 
 _CORE: Final = Path(__file__).with_name("plant_core.c")
 _PLACES: Final = ("S_STEP", "S_DIRECTION", "S_COUNT", "P_COUNT", "O_FORCE", "O_COUNT", "L_COUNT", "NODES")
-_OUTPUTS: Final = (
-    ("position_m", "m", "capsule along the lumen", at.S_X),
-    ("velocity_m_s", "m/s", "capsule's speed", at.S_V),
-    ("wall_displacement_m", "m", "by which the wall is dragged", at.S_U),
-)
-_CURRENT: Final = ("coil_current_A", "A", "coil's current", at.S_CURRENT)
-_INNER: Final = (
-    ("inner_position_m", "m", "inner mass along the lumen", at.S_INNER_X),
-    ("inner_velocity_m_s", "m/s", "inner mass's speed", at.S_INNER_V),
-)
-FORCE: Final = Variable("force_N", "output", "N", "drive's force (a pull's own) in the last step")
-
-
-def input_of(drive: Drive) -> Variable:
-    """The command of a drive."""
-    if isinstance(drive, Pull):
-        return Variable("pull_position_m", "input", "m", "imposed position, reached at the end of a communication step")
-    if isinstance(drive, Coil) or (isinstance(drive, Vibro) and drive.coil is not None):
-        return Variable("coil_voltage_V", "input", "V", "coil's voltage, held over a communication step")
-    if isinstance(drive, Vibro):
-        return Variable("drive_on", "input", "1", "share 0..1 of the drive's force, held over a communication step")
-    return Variable("carriage_position_m", "input", "m", "carriage, reached at the end of a communication step")
-
-
-def outputs_of(drive: Drive) -> list[tuple[str, str, str, int]]:
-    """Name, unit, meaning and place in the state of what a rig with this drive shows, beside the force."""
-    coil = isinstance(drive, Coil) or (isinstance(drive, Vibro) and drive.coil is not None)
-    return [*_OUTPUTS, *([_CURRENT] if coil else []), *(_INNER if isinstance(drive, Vibro) else [])]
 
 
 def plant_unit(name: str, rig: Rig, duration_s: float) -> Unit:
@@ -61,7 +34,10 @@ def plant_unit(name: str, rig: Rig, duration_s: float) -> Unit:
         raise ValueError("effects.string_compliance must begin with the run in an FMU; got an onset at a rigid pull")
     function, kind = loops.pop()
     command, shown = input_of(rig.drive), outputs_of(rig.drive)
-    variables = [command, *(Variable(n, "output", unit, why) for n, unit, why, _ in shown), FORCE]
+    variables = [
+        Variable(command.name, "input", command.unit, command.description),
+        *(Variable(v.name, "output", v.unit, v.description) for v in (*shown, FORCE)),
+    ]
     common = (VECTOR, VECTOR, MATRIX, MATRIX, VECTOR, VECTOR, REAL, WHOLE, MATRIX)
     objects = {
         "advance.o": object_code(function, (*[WHOLE] * len(kind), *common), "capsule_advance"),
@@ -93,7 +69,7 @@ def _header(plant: Plant, stages: list[tuple[int, Floats]], kind: tuple[int, ...
         "PROFILE_COUNT": plant.profile.size,
     }
     defines |= {"KIND": kind[0]} if kind else {}
-    pairs = ", ".join(f"{{{reference(variables, n)}, {place}}}" for n, _, _, place in outputs_of(drive))
+    pairs = ", ".join(f"{{{reference(variables, v.name)}, {v.place}}}" for v in outputs_of(drive))
     tables = ",\n".join("{" + ", ".join(float(v).hex() for v in t.ravel()) + "}" for _, t in stages)
     return "\n".join(
         [

@@ -17,6 +17,7 @@ from models.effects.force.viscous_drag import ViscousDrag
 from models.effects.friction.stribeck import Stribeck
 from models.effects.sensor.sensor_delay import SensorDelay
 from models.identification.kinds.axis.coordinates import Coordinates, turned_name, turned_unit
+from models.identification.kinds.variant import Range, variant
 from models.parameter import Parameter
 
 
@@ -68,10 +69,6 @@ class Size:
     def travel(self) -> float:
         """Span of the places."""
         return max(self.high - self.low, 1e-9)
-
-
-Range = tuple[float, float, float]
-"""Value, lower and upper bound of a parameter."""
 
 
 def candidates(c: Coordinates, size: Size | None) -> tuple[type[Effect], ...]:
@@ -151,17 +148,9 @@ def _variant(
     names = {p.name: turned_name(p.name) if turns else p.name for p in effect.parameters()}
     parameters = tuple(_parameter(effect, p, names[p.name], turns, ranges) for p in effect.parameters())
     told = {names[name]: values for name, values in (effect.grid if grid is None else grid).items()}
-    space: dict[str, Any] = {
-        "__doc__": effect.__doc__,
-        "grid": MappingProxyType(told),
-        "probe": effect.probe if probe is None else probe,
-        "parameters": classmethod(lambda cls: parameters),
-    }
     ours = {old: new for old, new in names.items() if old != new}
-    if ours:
-        space |= {hook: _renamed(getattr(effect, hook), ours) for hook in _HOOKS if effect.answers(hook)}
-    made: type[Effect] = type(effect.__name__, (effect,), space)
-    return made
+    hooks = {hook: _renamed(getattr(effect, hook), ours) for hook in _HOOKS if ours and effect.answers(hook)}
+    return variant(effect, parameters, told, probe, **hooks)
 
 
 def _parameter(effect: type[Effect], p: Parameter, name: str, turns: bool, ranges: Mapping[str, Range]) -> Parameter:

@@ -21,7 +21,7 @@ from models.files.record import Record
 from models.files.rig import Rig
 from models.identification.kind import Array, OneByOne, Theta, present
 from models.identification.kinds.axis.coordinates import LINE, TURN, Coordinates, coordinates_of
-from models.identification.kinds.axis.effects import Range, Size, candidates
+from models.identification.kinds.axis.effects import Size, candidates
 from models.identification.kinds.axis.moved import WHOLE, Moved, carried, moved
 from models.identification.kinds.axis.noise import UNTOLD, Noise, band_of, inertia_of, through, told_force, white_part
 from models.identification.kinds.axis.zero_phase import (
@@ -34,6 +34,7 @@ from models.identification.kinds.axis.zero_phase import (
     sampling_rate,
 )
 from models.identification.kinds.conditions import may_be_left_out
+from models.identification.kinds.variant import Range
 from models.parameter import Parameter
 
 NOISES = ("_force_noise", "_speed_noise", "_shaken_inertia", "_weight")

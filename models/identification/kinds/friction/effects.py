@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from models.effects import effects_for
 from models.effects.effect import Effect
+from models.identification.kinds.variant import Range, variant
 from models.parameter import Parameter
 
 _RATIO: Final = 3.0
@@ -69,7 +69,7 @@ def cannot_show(extent: Extent) -> dict[str, str]:
     }
 
 
-def _ranges(x: Extent) -> Mapping[str, tuple[float, float, float]]:
+def _ranges(x: Extent) -> Mapping[str, Range]:
     """Value and bounds of parameters that follow from the extent, by `effect.parameter`."""
     drag = 3 * x.friction * max(1.0, _REFERENCE_M_S / x.fast) ** _STEEPEST
     return {
@@ -91,22 +91,12 @@ def _grids(x: Extent) -> Mapping[str, Mapping[str, tuple[float, ...]]]:
 
 
 def _ranged(
-    effect: type[Effect],
-    ranges: Mapping[str, tuple[float, float, float]],
-    grids: Mapping[str, Mapping[str, tuple[float, ...]]],
+    effect: type[Effect], ranges: Mapping[str, Range], grids: Mapping[str, Mapping[str, tuple[float, ...]]]
 ) -> type[Effect]:
     """The same law with other ranges."""
     parameters = tuple(_parameter(p, ranges.get(f"{effect.id}.{p.name}")) for p in effect.parameters())
-    upper = parameters[0].upper
-    space: dict[str, Any] = {
-        "__doc__": effect.__doc__,
-        "grid": MappingProxyType(dict(grids.get(effect.id, effect.grid))),
-        "probe": min(effect.probe, 0.05 * upper),
-        "parameters": classmethod(lambda cls: parameters),
-    }
-    made: type[Effect] = type(effect.__name__, (effect,), space)
-    return made
+    return variant(effect, parameters, grids.get(effect.id), min(effect.probe, 0.05 * parameters[0].upper))
 
 
-def _parameter(p: Parameter, told: tuple[float, float, float] | None) -> Parameter:
+def _parameter(p: Parameter, told: Range | None) -> Parameter:
     return p if told is None else replace(p, value=told[0], lower=told[1], upper=told[2])

@@ -19,6 +19,7 @@ from models.files.record import Record
 from models.files.rig import Rig
 from models.identification.kind import Array, OneByOne, Theta, present
 from models.identification.kinds.friction.effects import Extent, candidates
+from models.identification.kinds.repeats import Index, distinct, left_out_in_turn, means, pooled_rms
 from models.parameter import Parameter
 
 FORCE, COEFFICIENT, SPEED, LOAD = "force_N", "friction_coefficient", "velocity_m_s", "load_N"
@@ -118,29 +119,31 @@ class FrictionKind(OneByOne):
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
         """Difference of each condition's mean from the model in standard deviations; there is one criterion."""
         _, index = conditions(record, self.load)
-        difference = _means(index, record[self.quantity] - self.predict(record, theta))
-        return difference / np.sqrt(_means(index, self.scatter(record) ** 2) / np.bincount(index))
+        difference = means(index, record[self.quantity] - self.predict(record, theta))
+        return difference / np.sqrt(means(index, self.scatter(record) ** 2) / np.bincount(index))
 
     def scatter(self, record: Record) -> Array:
         """Standard deviation of a single reading, one a row, in the measured unit."""
         if self.std is not None:
             return np.full(len(record), self.std)
         _, index = conditions(record, self.load)
-        return np.maximum(self.relative * np.abs(_means(index, record[self.quantity]))[index], 1e-12)
+        return np.maximum(self.relative * np.abs(means(index, record[self.quantity]))[index], 1e-12)
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
         """Rms over conditions, pooled over the records."""
-        wrong = [
-            _means(conditions(r, self.load)[1], r[self.quantity] - p) for r, p in zip(records, predictions, strict=True)
-        ]
-        return float(np.sqrt(np.mean(np.concatenate(wrong) ** 2)))
+        return pooled_rms(
+            [
+                means(conditions(r, self.load)[1], r[self.quantity] - p)
+                for r, p in zip(records, predictions, strict=True)
+            ]
+        )
 
     def noise_floor(self, records: Sequence[Record]) -> float:
         """What a reading's scatter leaves of the error."""
         parts = []
         for r in records:
             _, index = conditions(r, self.load)
-            parts.append(_means(index, self.scatter(r) ** 2) / np.bincount(index))
+            parts.append(means(index, self.scatter(r) ** 2) / np.bincount(index))
         return float(np.sqrt(np.mean(np.concatenate(parts))))
 
     def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
@@ -153,22 +156,14 @@ class FrictionKind(OneByOne):
         slowest or fastest speed, or under the lightest or heaviest load, is always fitted to.
         """
         keys = np.concatenate([_keys(r, self.load) for r in records])
-        runs, index = np.unique(keys, axis=0, return_inverse=True)
+        runs, index = distinct(keys)
         alone = np.any(
             [_only_end(size) for size in np.abs(runs).T if np.ptp(size) > 0] or [np.zeros(len(runs), bool)], 0
         )
         inner = np.flatnonzero(~alone) if np.sum(~alone) >= 2 else np.arange(len(runs))
         part = np.full(len(runs), -1)
         part[inner] = np.random.default_rng(0).permutation(len(inner)) % min(FOLDS, len(inner))
-        belongs = np.split(part[index.ravel()], np.cumsum([len(r) for r in records])[:-1])
-        pairs = list(zip(records, belongs, strict=True))
-        return [
-            (
-                [r.rows(b != fold) for r, b in pairs if np.any(b != fold)],
-                [r.rows(b == fold) for r, b in pairs if np.any(b == fold)],
-            )
-            for fold in range(int(part.max()) + 1)
-        ]
+        return left_out_in_turn(records, index, part)
 
     def signals(self, record: Record) -> dict[str, Array]:
         """What the residual is drawn against."""
@@ -179,10 +174,9 @@ class FrictionKind(OneByOne):
         return {**self.signals(record), self.quantity: predicted}
 
 
-def conditions(record: Record, load: float | None) -> tuple[Array, NDArray[np.intp]]:
+def conditions(record: Record, load: float | None) -> tuple[Array, Index]:
     """The different (speed, load) of a record, (k, 2) in m/s and N, and for each row which one it is, (n,)."""
-    runs, index = np.unique(_keys(record, load), axis=0, return_inverse=True)
-    return runs, index.ravel()
+    return distinct(_keys(record, load))
 
 
 def _keys(record: Record, load: float | None) -> Array:
@@ -197,10 +191,6 @@ def _only_end(values: Array) -> NDArray[np.bool_]:
 
 def _loads(record: Record, load: float | None) -> Array:
     return record[LOAD] if LOAD in record.columns else np.full(len(record), 1.0 if load is None else load)
-
-
-def _means(index: NDArray[np.intp], values: Array) -> Array:
-    return np.asarray(np.bincount(index, values) / np.bincount(index), dtype=float)
 
 
 def _size(records: Sequence[Record], quantity: str, load: float | None) -> float:
@@ -233,7 +223,7 @@ def _scatter(records: Sequence[Record], quantity: str) -> float:
     squares, freedom, off = 0.0, 0, list[Array]()
     for r in records:
         runs, index = conditions(r, None)
-        mean = _means(index, r[quantity])
+        mean = means(index, r[quantity])
         usable = mean[index] != 0
         squares += float(np.sum((r[quantity][usable] / mean[index][usable] - 1) ** 2))
         freedom += len(r) - len(runs)

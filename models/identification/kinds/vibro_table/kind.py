@@ -6,18 +6,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from models.effects import effects_for
 from models.effects.effect import Effect
 from models.files.record import Record
 from models.files.rig import Rig
 from models.identification.kind import Array, OneByOne, Theta
+from models.identification.kinds.repeats import Index, distinct, left_out_in_turn, means, pooled_rms
 from models.identification.kinds.vibro_table.effects import VARIANTS, vibro_cycle
 from models.identification.kinds.vibro_table.mean_speed import STEP_S, mean_velocities
 from models.parameter import Parameter
@@ -166,8 +165,7 @@ class VibroTableKind(OneByOne):
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
         """Rms over conditions in m/s, pooled over the records."""
-        wrong = [self.errors(r, p) for r, p in zip(records, predictions, strict=True)]
-        return float(np.sqrt(np.mean(np.concatenate(wrong) ** 2)))
+        return pooled_rms([self.errors(r, p) for r, p in zip(records, predictions, strict=True)])
 
     def errors(self, record: Record, predicted: Array) -> Array:
         """Measured minus predicted speed in m/s, one a condition."""
@@ -190,16 +188,9 @@ class VibroTableKind(OneByOne):
     def splits(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
         """Eight parts by whole (period, duty), drawn once and for all, never by repeats."""
         keys = [np.column_stack((r["period_s"], r["duty"])) for r in records]
-        conditions, index = np.unique(np.concatenate(keys), axis=0, return_inverse=True)
+        conditions, index = distinct(np.concatenate(keys))
         part = np.random.default_rng(0).permutation(len(conditions)) % min(FOLDS, len(conditions))
-        belongs = np.split(part[index.ravel()], np.cumsum([len(k) for k in keys])[:-1])
-        out = []
-        for fold in range(int(part.max()) + 1):
-            training = [r.rows(b != fold) for r, b in zip(records, belongs, strict=True) if np.any(b != fold)]
-            out.append(
-                (training, [r.rows(b == fold) for r, b in zip(records, belongs, strict=True) if np.any(b == fold)])
-            )
-        return out
+        return left_out_in_turn(records, index, part)
 
     def signals(self, record: Record) -> dict[str, Array]:
         """What the residual is drawn against."""
@@ -216,20 +207,11 @@ def _softened(r: Array) -> Array:
     return np.asarray(np.sign(r) * OUTLYING * np.sqrt(2 * (np.sqrt(1 + (r / OUTLYING) ** 2) - 1)), dtype=float)
 
 
-def _conditions(record: Record) -> tuple[Array, NDArray[np.intp]]:
+def _conditions(record: Record) -> tuple[Array, Index]:
     """The different (period, duty, cycles) of a record, and for each row which one it is."""
-    return _different(np.column_stack((record["period_s"], record["duty"], record["cycles"])).tobytes())
-
-
-@lru_cache(maxsize=64)
-def _different(rows: bytes) -> tuple[Array, NDArray[np.intp]]:
-    runs, index = np.unique(np.frombuffer(rows).reshape(-1, 3), axis=0, return_inverse=True)
-    index = index.ravel()
-    runs.flags.writeable = index.flags.writeable = False
-    return runs, index
+    return distinct(np.column_stack((record["period_s"], record["duty"], record["cycles"])))
 
 
 def _means(record: Record, values: Array) -> Array:
     """Means of `values` over the rows of each condition."""
-    _, index = _conditions(record)
-    return np.asarray(np.bincount(index, values) / np.bincount(index), dtype=float)
+    return means(_conditions(record)[1], values)

@@ -10,7 +10,7 @@ import pytest
 
 from models.effects import BY_ID
 from models.identification.model import Model
-from tests.rig_texts import GUT
+from tests.rig_texts import GUT, PLATE
 
 MAGNET = '[rig]\nkind = "magnetic"\nmagnet_stiffness_N_per_m = 25.0\nmagnet_range_m = 0.02\n'
 PULL = '[rig]\nkind = "pull"\n'
@@ -25,18 +25,10 @@ seed = 3
 kind = "ramp"
 speed_mm_s = 5.0
 """
-SHAKEN = """
+SHAKEN = f"""
 [scenario]
 duration_s = 2.0
-[capsule]
-mass_kg = 0.193
-[drive]
-inner_mass_kg = 0.074
-spring_stiffness_N_per_m = 256.23
-force_N = 1.25
-[surface]
-kind = "plate"
-friction_coefficient = 0.29
+{PLATE}
 [rig]
 kind = "vibro"
 [effects.driver_lag]

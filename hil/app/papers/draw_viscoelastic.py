@@ -40,7 +40,7 @@ def _force(speed: Any, regime: Regime) -> Resistance:
 def _band(figure: Any) -> None:
     valley, peak = (f * _MN for f in measured_band())
     half = (peak - valley) / 2
-    name = f"measured at 10 mm/s with C's capsule of 3.9 g: {valley:.0f} to {peak:.0f} mN (A Section 5.1)"
+    name = f"measured at 10 mm/s with C's capsule of 3.9 g:<br>{valley:.0f} to {peak:.0f} mN (A Section 5.1)"
     marker = {"color": MEASURED, "size": 9}
     spread = {"type": "data", "array": [half], "thickness": 2, "width": 8, "color": MEASURED}
     place = {"x": [BAND_SPEED * 1e3], "y": [valley + half]}

@@ -9,15 +9,22 @@
     if (narrow.matches && layout.legend) layout.legend.font = { size: 11 };
     Plotly.newPlot(plot, data, layout, config);
   };
-  const packed = Uint8Array.from(atob(document.getElementById("plotly").textContent), c => c.charCodeAt(0));
-  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
+  const packed = await fetch(`data:application/gzip;base64,${document.getElementById("plotly").textContent}`);
+  const library = await new Response(packed.body.pipeThrough(new DecompressionStream("gzip"))).blob();
   const script = document.createElement("script");
-  script.text = await new Response(stream).text();
-  document.head.append(script);
-  const watch = new IntersectionObserver(seen => seen.filter(one => one.isIntersecting).forEach(one => {
-    watch.unobserve(one.target);
-    draw(one.target);
-  }), { rootMargin: "600px" });
+  script.src = URL.createObjectURL(library);
+  await new Promise(loaded => {
+    script.onload = loaded;
+    document.head.append(script);
+  });
+  const watch = new IntersectionObserver(seen => {
+    seen.filter(one => one.isIntersecting).forEach(({ target, boundingClientRect: box }) => {
+      watch.unobserve(target);
+      if (box.top < innerHeight && box.bottom > 0) draw(target);
+      else requestAnimationFrame(() => setTimeout(draw, 0, target));
+    });
+    document.documentElement.dataset.ready = "yes";
+  }, { rootMargin: "600px" });
   plots.forEach(plot => watch.observe(plot));
   let opened = [];
   addEventListener("beforeprint", () => {
@@ -29,5 +36,4 @@
     opened.forEach(one => { one.open = false; });
     plots.forEach(plot => Plotly.relayout(plot, { width: null, autosize: true }));
   });
-  document.documentElement.dataset.ready = "yes";
 })();

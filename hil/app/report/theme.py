@@ -17,6 +17,8 @@ SYMBOLS = ("circle", "diamond", "square", "triangle-up", "cross", "x", "star")
 FONT = "Inter, 'Segoe UI', system-ui, -apple-system, 'Helvetica Neue', Arial, sans-serif"
 LEGEND_LINE = 19
 """Height of a legend's line, px."""
+ROOM_BELOW = 56
+"""Of a figure, px: a tick, a label with a power and a title. Plotly draws a figure twice whose labels need more."""
 
 
 def line_colour(number: int) -> str:
@@ -40,7 +42,7 @@ def styled(figure: go.Figure, height: int, **layout: Any) -> go.Figure:
         template="none",
         height=height,
         font={"family": FONT, "size": 13, "color": INK},
-        margin={"l": 70, "r": 20, "t": 34, "b": 52},
+        margin={"l": 70, "r": 20, "t": 34, "b": ROOM_BELOW},
         plot_bgcolor="rgba(0,0,0,0)",
         paper_bgcolor="rgba(0,0,0,0)",
         legend={"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom", "bgcolor": "rgba(0,0,0,0)"},

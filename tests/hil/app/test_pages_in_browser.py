@@ -49,11 +49,16 @@ OWN = ROOT / "examples" / "own_record"
 SCROLL = """async () => {
   document.querySelectorAll("details").forEach(one => { one.open = true; });
   const wait = ms => new Promise(r => setTimeout(r, ms));
-  for (let y = 0; y < document.body.scrollHeight; y += 600) { scrollTo(0, y); await wait(60); }
+  const frame = () => new Promise(requestAnimationFrame);
+  for (let y = 0; y < document.body.scrollHeight; y += 600) {
+    scrollTo({ top: y, behavior: "instant" });
+    for (let k = 0; k < 3; k++) await frame();
+  }
   for (let k = 0; k < 50 && document.querySelector(".plot:not(.js-plotly-plot)"); k++)
     await wait(100);
-  scrollTo(0, 0);
+  scrollTo({ top: 0, behavior: "instant" });
 }"""
+"""Through the whole page, each place shown for some frames, however slow these come."""
 FAULTS = """() => {
   const found = [];
   if (document.scripts.length && !document.documentElement.dataset.ready) found.push("figures are not ready");
@@ -235,13 +240,30 @@ def test_page_in_a_browser(browser: Any, pages: Callable[[str], Path], kind: str
         page.close()
 
 
+DRAWN = "[...document.querySelectorAll('.plot')].map(one => Boolean(one.querySelector('.main-svg')))"
+
+
+def test_figures_are_drawn_when_scrolled_to(browser: Any, pages: Callable[[str], Path]) -> None:
+    page = browser.new_page(viewport={"width": 1400, "height": 900})
+    page.goto(pages("seeds").as_uri())
+    page.wait_for_selector("html[data-ready=yes]")
+    first, *_, last = page.evaluate(DRAWN)
+    assert first
+    assert not last
+    page.evaluate("[...document.querySelectorAll('.plot')].at(-1).scrollIntoView({ behavior: 'instant' })")
+    page.wait_for_function(f"{DRAWN}.at(-1)")
+    page.close()
+
+
 def test_print_holds_whole_figures(browser: Any, pages: Callable[[str], Path]) -> None:
     page = browser.new_page(viewport={"width": 1400, "height": 900})
     page.goto(pages("report").as_uri())
     page.wait_for_selector("html[data-ready=yes]")
+    assert not all(page.evaluate(DRAWN))
     page.emulate_media(media="print")
     page.evaluate("dispatchEvent(new Event('beforeprint'))")
     time.sleep(0.5)
+    assert all(page.evaluate(DRAWN))
     widths = page.evaluate(
         "[...document.querySelectorAll('.plot .main-svg')].map(one => one.getBoundingClientRect().width)"
     )

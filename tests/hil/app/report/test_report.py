@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import re
 from xml.etree import ElementTree
@@ -10,17 +11,19 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from plotly.offline import get_plotlyjs_version
 
 from hil.app.console import json_text
 from hil.app.quantities import amount, change, fixed, number, percent, quantity, scale, told
 from hil.app.report import headline, report_html, report_json
+from hil.app.report.document import PLOTLY
 from hil.app.report.mathml import equations_html, math_html
 from hil.app.report.panels import binned, panels, thinned
 from hil.app.report.words import column_words, error_story, interpolation
 from models.identification.finding import Estimate, Finding
 from tests.hil.findings import pull_finding, spectrum_finding, table_finding
 
-PLOTLY_BYTES = 2_000_000
+PLOTLY_BYTES = 700_000
 
 
 @pytest.fixture(scope="module")
@@ -34,11 +37,16 @@ def without_plotly(page: str) -> str:
 
 def test_page_is_self_contained_and_small(page: str) -> None:
     own = without_plotly(page)
-    assert len(own) < len(page) - 1_000_000
+    assert len(own) < len(page) - 600_000
     assert "http" not in own.replace("http://www.w3.org", "")
     assert own.count("<link") == own.count('<link rel="icon" href="data:,">') == 1
     assert "src=" not in own
-    assert len(page.encode()) < 3_000_000
+    assert len(page.encode()) < 1_700_000
+
+
+def test_library_of_the_pages_is_of_the_release_that_makes_the_figures() -> None:
+    major = get_plotlyjs_version().split(".")[0]
+    assert f"plotly.js (cartesian - minified) v{major}." in gzip.decompress(PLOTLY.read_bytes())[:200].decode()
 
 
 def test_page_tells_the_whole_story(page: str) -> None:

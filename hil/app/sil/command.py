@@ -134,6 +134,10 @@ def judged(
     trace = run_sil(scenario, model, name, seed, report, **more)
     found = document(scenario.loop, scenario.loop.name, name, seed, used, score(scenario.loop, trace), None)
     found["bus"] = {"frames": trace.frames, "load": trace.load, "rejected": trace.rejected}
+    if scenario.bus.key_file:
+        found["bus"]["unauthenticated"] = trace.unauthenticated
+    if trace.operator is not None:
+        found["operator"] = trace.operator
     found["faults"] = [outcome.document() for outcome in outcomes(scenario, trace)]
     return found, trace
 
@@ -152,6 +156,10 @@ def _say(scenario: SilScenario, found: dict[str, Any], trace: SilTrace) -> None:
         f" {found['real_time_factor']:.1f} x real time"
     )
     say(f"bus: {bus['frames']} frames, load {100 * bus['load']:.1f} %, {bus['rejected']} rejected")
+    if kinds := bus.get("unauthenticated"):
+        say(f"not authentic: {', '.join(f'{count} {kind}' for kind, count in sorted(kinds.items()))}")
+    if steered := found.get("operator"):
+        say(f"operator: {steered['presses']} presses, {steered['expired']} late, {steered['accepted']} setpoints taken")
     for fault in found["faults"]:
         after = fault["safe_after_ms"]
         came = "rode through" if after is None else f"safe after {after:.1f} ms"

@@ -80,7 +80,6 @@ class JogTable:
             raise ValueError(
                 f"jog.source must be one of {', '.join(known)}; got {self.source!r}; {nearest(self.source, known)}"
             )
-        self.planned()
 
     def planned(self) -> tuple[Step, ...]:
         """What is sent, one after the other. Raises ValueError for a line that says nothing."""
@@ -164,8 +163,10 @@ def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
     plant = from_table(FmuTable, raw["plant"], "plant") if "plant" in raw else None
     operator = operator_limits(raw, loop.limits) if "operator" in raw else None
     jog = from_table(JogTable, raw["jog"], "jog") if "jog" in raw else None
-    if jog is not None and not (operator and operator.accept):
-        raise ValueError("operator.accept must be true with [jog], or the controller takes no setpoints; got false")
+    if jog is not None:
+        jog.planned()
+        if not (operator and operator.accept):
+            raise ValueError("operator.accept must be true with [jog], or the controller takes no setpoints; got false")
     _there({MAKER: drive is not None, OPERATOR: jog is not None, KEY: bool(bus.key_file)}, faults)
     return SilScenario(loop, bus, faults, drive, plant, operator if operator and operator.accept else None, jog)
 

@@ -157,6 +157,8 @@ def _outcome(scenario: SilScenario, trace: SilTrace, faults: tuple[Fault, ...], 
     t, safe, good = trace.slots.T
     within = (t > fault.at_s) & (t <= end)
     reached = np.flatnonzero(within & (safe > 0))
+    if reached.size and _by_hand(scenario, trace, faults, float(t[reached[0]])):
+        reached = reached[:0]
     first = int(reached[0]) if reached.size else -1
     after_s = float(t[first] - fault.at_s) if reached.size else math.nan
     rows = trace.rows[(trace.rows[:, at.O_T] >= fault.at_s) & (trace.rows[:, at.O_T] < end)]
@@ -178,7 +180,7 @@ def _outcome(scenario: SilScenario, trace: SilTrace, faults: tuple[Fault, ...], 
 
 def _limit_s(scenario: SilScenario, trace: SilTrace, fault: Fault) -> float:
     """`limit_of`; a fault of an operator who is not in charge calls for nothing."""
-    if fault.needs == OPERATOR and not trace.steered[_tick(scenario, fault.at_s), SOURCE]:
+    if fault.needs == OPERATOR and not trace.steered[_tick(scenario, trace, fault.at_s), SOURCE]:
         return math.inf
     return limit_of(scenario, fault)
 
@@ -190,7 +192,7 @@ def _missteered(scenario: SilScenario, trace: SilTrace, fault: Fault, end: float
     operator, jog, tick_s = scenario.operator, scenario.jog, scenario.loop.control.tick_s
     assert operator is not None
     assert jog is not None
-    begin, until = _tick(scenario, fault.at_s), math.ceil(min(end, trace.slots[-1, 0]) / tick_s)
+    begin, until = _tick(scenario, trace, fault.at_s), math.ceil(min(end, trace.slots[-1, 0]) / tick_s)
     wanted, source, presses, pressed = trace.steered[begin:until].T
     if np.any(presses > pressed) or (source[0] and np.any((source != source[0]) & (source != 0))):
         return True
@@ -206,11 +208,18 @@ def _missteered(scenario: SilScenario, trace: SilTrace, fault: Fault, end: float
     return bool(np.ptp(trace.steered[math.ceil(held / tick_s) : math.floor(last / tick_s), WANTED]) > 0)
 
 
+def _by_hand(scenario: SilScenario, trace: SilTrace, faults: tuple[Fault, ...], time_s: float) -> bool:
+    """Whether the drive rests at `time_s` because an operator has let go, not because of `faults`, which are over."""
+    if scenario.jog is None or any(f.needs == OPERATOR or f.end_s >= time_s for f in faults):
+        return False
+    return not trace.steered[_tick(scenario, trace, time_s - scenario.loop.control.tick_s), SOURCE]
+
+
 def _pressed_after(scenario: SilScenario, trace: SilTrace, time_s: float) -> bool:
     """Whether an operator has pressed after `time_s`, and so asked for the drive again."""
-    return bool(trace.steered[-1, PRESSED] > trace.steered[_tick(scenario, time_s), PRESSED])
+    return bool(trace.steered[-1, PRESSED] > trace.steered[_tick(scenario, trace, time_s), PRESSED])
 
 
-def _tick(scenario: SilScenario, time_s: float) -> int:
-    """The tick within which `time_s` lies."""
-    return math.floor(time_s / scenario.loop.control.tick_s + ROUNDING_S)
+def _tick(scenario: SilScenario, trace: SilTrace, time_s: float) -> int:
+    """The tick within which `time_s` lies, at most the last."""
+    return min(math.floor(time_s / scenario.loop.control.tick_s + ROUNDING_S), len(trace.steered) - 1)

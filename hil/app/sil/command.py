@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -129,10 +130,13 @@ def judged(
     report: Any = None,
     **more: Any,
 ) -> tuple[dict[str, Any], SilTrace]:
-    """One run and its JSON object, in the keys of interfaces.md; `more` goes to `run_sil`."""
+    """One run and its JSON object, in the keys of interfaces.md; `more` goes to `run_sil`. Where an operator may steer,
+    tracking is judged by the reference that was in force.
+    """
     name = controller or scenario.loop.control.controller
     trace = run_sil(scenario, model, name, seed, report, **more)
-    found = document(scenario.loop, scenario.loop.name, name, seed, used, score(scenario.loop, trace), None)
+    loop = scenario.loop if scenario.operator is None else replace(scenario.loop, reference=trace.led_by_hand)
+    found = document(loop, loop.name, name, seed, used, score(loop, trace), None)
     found["bus"] = {"frames": trace.frames, "load": trace.load, "rejected": trace.rejected}
     if scenario.bus.key_file:
         found["bus"]["unauthenticated"] = trace.unauthenticated

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from controller.model.control_model import ControlModel
 from controller.supervision.model_switch import ModelSwitch, Offer
+from controller.trajectory import STEP_S, Trajectory
 from hil.app.learn.learner import Learner, Lesson
 from hil.app.scenario.bus_scenario import SilScenario
 from hil.app.scenario.model_offer import Offered
@@ -54,6 +55,12 @@ class SilTrace(Trace):
     digest: str = ""
     lessons: list[Lesson] = field(default_factory=list)
     offers: list[Offered] = field(default_factory=list)
+
+    @property
+    def led_by_hand(self) -> Trajectory:
+        """The reference that was in force at each time, with an operator in charge or without."""
+        ticks = np.linspace(0.0, self.slots[-1, 0], len(self.steered), endpoint=False)
+        return Trajectory(np.interp(np.arange(0.0, self.slots[-1, 0], STEP_S), ticks, self.steered[:, 0]))
 
 
 class _Tap:

@@ -55,6 +55,7 @@ def test_steered_held_and_stopped(tmp_path: Path, capsys: pytest.CaptureFixture[
     found = told(written(tmp_path), capsys, "--out", str(tmp_path / "out"))
     assert found["operator"] == {"presses": 1, "expired": 0, "accepted": 60, "refused": {}}
     assert found["hard_violations"] == 0
+    assert found["tracking_max_m"] < 1e-3, "of what the operator wanted, not of the file's rest"
     assert "unauthenticated" not in found["bus"]
     assert capsule(["replay", found["log"], "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["identical"]

@@ -5,13 +5,16 @@ ends in the safe state. And what the judge says where a check is gone.
 import hmac
 import math
 
+import can
 import pytest
 
 from hil.app.scenario.bus_scenario import parse_sil_scenario
 from hil.app.sil.fault_outcomes import Outcome, limit_of
-from hil.app.sil.loop import SilTrace
+from hil.app.sil.loop import SilTrace, run_sil
 from hil.bus.authenticated import AuthenticatedBus, inside
-from tests.hil.app.sil.sil_runs import RIGS, keyed, run, scenario_of
+from hil.bus.protection import Receiver
+from hil.nodes.frame_map import frames
+from tests.hil.app.sil.sil_runs import RIGS, keyed, model_of, run, scenario_of
 
 AT_S = 0.3
 REASONS = {
@@ -98,3 +101,15 @@ def test_a_fault_of_the_authenticator_needs_a_key() -> None:
     raw = {"scenario": {"name": "a", "duration_s": 1.0}, **RIGS["magnetic"]}
     with pytest.raises(ValueError, match=r"faults\.kind forged commands must stand with bus\.key_file"):
         parse_sil_scenario({**raw, "faults": [{"kind": "forged", "at_s": 0.3}]})
+
+
+def test_who_looks_on_sees_the_catalogues_frames() -> None:
+    """As `capsule sil --watch` shows them."""
+    seen: list[can.Message] = []
+    scenario = scenario_of("magnetic", 0.3, bus=keyed())
+    run_sil(scenario, model_of("magnetic"), "feedforward", 1, shown=seen.append)
+    assert len(seen) > 100
+    assert {(len(message.data), message.is_fd) for message in seen} == {(8, False)}
+    sync = frames()["Sync"]
+    receiver = Receiver(sync)
+    assert all(isinstance(receiver.accept(m.data, m.timestamp), dict) for m in seen if m.arbitration_id == sync.id)

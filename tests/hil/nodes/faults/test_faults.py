@@ -147,7 +147,10 @@ def test_another_controller_is_stopped_for_within_a_tick(kind: str) -> None:
     ("table", "words"),
     [
         ({"kind": "dorp", "at_s": 1.0}, "got 'dorp'; did you mean 'drop'"),
-        ({"kind": "drop", "at_s": 1.0, "target": "coil"}, "one of commands, feedback, localisation, all; got 'coil'"),
+        (
+            {"kind": "drop", "at_s": 1.0, "target": "coil"},
+            "one of commands, feedback, localisation, all, setpoints; got 'coil'",
+        ),
         ({"kind": "killed", "at_s": 1.0, "target": "drive"}, "must be left out; got 'drive'"),
         ({"kind": "drop", "at_s": -1.0}, "at_s must be zero or more"),
         ({"kind": "drop", "at_s": 9.0}, "within the run of 2 s; got 9"),

@@ -188,3 +188,17 @@ def test_a_drive_is_not_enabled_for_one_who_has_let_go() -> None:
     assert trace.steered[20, SOURCE] == 5 or trace.steered[19, SOURCE] == 5
     assert trace.slots[:, 1].all()
     assert not outcome.unsafe
+
+
+@pytest.mark.parametrize("kind", ["drop", "released"])
+@pytest.mark.parametrize("rig", RIGS)
+def test_in_time_wherever_in_the_operators_cycle_it_begins(rig: str, kind: str) -> None:
+    """A setpoint comes every 20 ms; the longest time is from just after one."""
+    target = "setpoints" if kind == "drop" else ""
+    worst = 0.0
+    for part in range(10):
+        fault = {"kind": kind, "at_s": 0.2005 + 2e-3 * part, "target": target}
+        _, (outcome,) = run(rig, 0.45, fault)
+        assert not outcome.unsafe
+        worst = max(worst, outcome.safe_after_s)
+    assert 0.07 < worst <= (0.115 if kind == "drop" else 0.09)

@@ -47,6 +47,32 @@ def authenticator(key: bytes) -> Callable[[int, bytes], bytes]:
     return code
 
 
+def sealed(
+    code: Callable[[int, bytes], bytes], identifier: int, payload: bytes | bytearray, count: int, epoch: int
+) -> bytes:
+    """The 24 bytes on the wire of a frame with `payload`, `code` being the function of `authenticator`."""
+    body = bytes(payload) + _FRESHNESS.pack(count, epoch)
+    return body + code(identifier, body)
+
+
+def freshness(data: bytes | bytearray) -> tuple[int, int]:
+    """Count and epoch of a frame of 24 bytes."""
+    count, epoch = _FRESHNESS.unpack(data[PAYLOAD:-_CODE])
+    return count, epoch
+
+
+def inside(wire: can.Message) -> can.Message:
+    """The classic frame inside a frame of the wire, genuine or not."""
+    return can.Message(
+        wire.timestamp,
+        wire.arbitration_id,
+        False,
+        data=wire.data[:PAYLOAD],
+        is_rx=wire.is_rx,
+        channel=wire.channel,
+    )
+
+
 class AuthenticatedBus(can.BusABC):
     """Another bus, of CAN FD, on which each frame carries 64 bits of freshness and 64 of authenticator. What is sent
     and received here are the catalogue's classic frames; on the wire they are FD frames of 24 bytes with a switched bit
@@ -80,13 +106,12 @@ class AuthenticatedBus(can.BusABC):
             raise ValueError("count of authenticated frames must stay below 2^32; begin anew")
         self._count += 1
         self._seen.setdefault(msg.arbitration_id, {})[self._epoch] = self._count
-        body = bytes(msg.data) + _FRESHNESS.pack(self._count, self._epoch)
         wire = can.Message(
             arbitration_id=msg.arbitration_id,
             is_extended_id=False,
             is_fd=True,
             bitrate_switch=True,
-            data=body + self._code(msg.arbitration_id, body),
+            data=sealed(self._code, msg.arbitration_id, msg.data, self._count, self._epoch),
             is_rx=False,
         )
         self.inner.send(wire, timeout)
@@ -118,11 +143,7 @@ class AuthenticatedBus(can.BusABC):
         identifier, body = wire.arbitration_id, data[:-_CODE]
         if not hmac.compare_digest(self._code(identifier, body), data[-_CODE:]):
             return "forged"
-        if not self._fresh(identifier, *_FRESHNESS.unpack(body[PAYLOAD:])):
-            return "replayed"
-        return can.Message(
-            wire.timestamp, identifier, False, data=body[:PAYLOAD], is_rx=wire.is_rx, channel=wire.channel
-        )
+        return inside(wire) if self._fresh(identifier, *freshness(data)) else "replayed"
 
     def _fresh(self, identifier: int, count: int, epoch: int) -> bool:
         """Whether a genuine frame is later than those before; it then is the latest."""
@@ -140,6 +161,15 @@ class AuthenticatedBus(can.BusABC):
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         return self.recv(timeout), True
 
+    @property
+    def state(self) -> can.BusState:
+        """As the inner bus."""
+        return self.inner.state
+
+    @state.setter
+    def state(self, new_state: can.BusState) -> None:
+        self.inner.state = new_state
+
     def fileno(self) -> int:
         """As the inner bus."""
         return self.inner.fileno()
@@ -147,6 +177,9 @@ class AuthenticatedBus(can.BusABC):
     def send_periodic(self, *_: Any, **__: Any) -> Any:
         """Refused: a frame that is sent again is not fresh."""
         raise NotImplementedError("frames of an authenticated bus are sent one by one")
+
+    def __del__(self) -> None:
+        """Nothing of its own to release; the inner bus warns where it was not closed."""
 
     def shutdown(self) -> None:
         """Close both."""

@@ -2,8 +2,9 @@
 and what was unsafe.
 
 `python -m tests.bench.bench_faults [magnetic coil vibro] [--drives cia402 odrive moteus] [--phases N] [--faults KIND
-...] [--states STATE ...]`; a line a fault, the worst over states that move and phases. `--drives`: the magnetic rig
-with other makers' drives instead, and the faults through which each of them goes.
+...] [--targets TARGET ...] [--states STATE ...]`; a line a fault, the worst over states that move and phases.
+`--drives`: the magnetic rig with other makers' drives instead, and the faults through which each of them goes. Faults
+of an operator come to a run that somebody steers, faults of frames' authenticators to one over an authenticated bus.
 """
 
 from __future__ import annotations
@@ -56,6 +57,7 @@ def main() -> int:
     parser.add_argument("kinds", nargs="*", default=list(RIGS))
     parser.add_argument("--phases", type=int, default=8, help="times over the whole tick at which the fault begins")
     parser.add_argument("--faults", nargs="*", default=list(KINDS), help="kinds of faults")
+    parser.add_argument("--targets", nargs="*", help="targets of faults; all where left out")
     parser.add_argument("--drives", nargs="*", default=[], choices=list(ACTUATORS), help="other makers' drives")
     parser.add_argument("--states", nargs="*", default=list(STATES), help="states of the drive")
     options = parser.parse_args()
@@ -66,6 +68,8 @@ def main() -> int:
     )
     own = [(k, t) for k in options.faults if k in OWN_KINDS for t in KINDS[k].targets]
     makers = [(k, t) for k, t in MAKERS_ROWS if k in options.faults]
+    if options.targets is not None:
+        own, makers = ([(k, t) for k, t in rows if t in options.targets] for rows in (own, makers))
     for rig in options.drives or options.kinds:
         for kind, target in makers if options.drives else own:
             worst = Worst()

@@ -11,7 +11,8 @@ from typing import Any, Final
 from controller.limits import Limits
 from controller.registry import CONTROLLERS, ESTIMATORS
 from hil.app.docs.meanings import MEANINGS, UNITS
-from hil.app.scenario.bus_scenario import FmuTable
+from hil.app.scenario.bus_scenario import BusTable as SimulatedBusTable
+from hil.app.scenario.bus_scenario import FmuTable, JogTable
 from hil.app.scenario.deployment import BUS_RANGES, BusTable, ControlTable, ModelTable, PlantTable
 from hil.app.scenario.model_offer import OfferTable
 from hil.app.scenario.reference import REFERENCES
@@ -67,6 +68,7 @@ RIG_TABLES: Final[Mapping[str, tuple[type[Table], ...]]] = {
 
 DEPLOYMENT_TABLES: Final[Mapping[str, Any]] = {
     "[bus]": BusTable,
+    "[bus] of a scenario": SimulatedBusTable,
     "[control]": ControlTable,
     "[control] of a scenario": Control,
     **{f'[reference] with kind = "{kind}"': shape for kind, shape in REFERENCES.items()},
@@ -74,6 +76,7 @@ DEPLOYMENT_TABLES: Final[Mapping[str, Any]] = {
     "[model]": ModelTable,
     "[offer]": OfferTable,
     "[operator]": OperatorLimits,
+    "[jog] of a scenario": JogTable,
     **{f"[{name}]": table for name, table in ACTUATORS.items()},
     "[plant]": PlantTable,
     "[plant] of a scenario": FmuTable,
@@ -94,6 +97,8 @@ _CHOICES: Final[Mapping[str, tuple[str, ...]]] = {
 
 CHECKED: Final[Mapping[tuple[type[Any], str], tuple[float, float]]] = {
     **{(BusTable, name): (lower, upper) for name, lower, upper in BUS_RANGES},
+    (SimulatedBusTable, "data_bitrate"): BUS_RANGES[0][1:],
+    (JogTable, "life_ms"): (1, 200),
     (ControlTable, "tick_s"): (5e-4, 0.02),
     (ControlTable, "seen_noise_m"): (0.0, 0.01),
     (ControlTable, "resolution_m"): (0.0, 0.01),

@@ -10,6 +10,8 @@ UNITS: Final[Mapping[str, str]] = {
     "_mm": "mm",
     "_kg": "kg",
     "_s": "s",
+    "_ms": "ms",
+    "_s_per_s": "s/s",
     "_N": "N",
     "_deg": "deg",
     "_N_m": "N m",
@@ -113,6 +115,12 @@ MEANINGS: Final[Mapping[str, str]] = {
     "interface": "name of the python-can interface, such as `socketcan`, or `capsule_local` between processes",
     "channel": "its channel, such as `can0`",
     "bitrate": "bit rate, which must be that of `hil/capsule.dbc`",
+    "force_sensor": "whether the force sensor speaks, too",
+    "longest_s_per_s": "wall clock that a simulated second may take before the run is failed; a run has 60 s at least",
+    "script": "what an operator does from the run's begin on, in lines as `capsule jog --script` reads them:"
+    " `speed MM_S SECONDS`, `position MM SECONDS`, `release SECONDS`, which comes first; released after them",
+    "source": "who steers, by the names of `OperatorSetpoint`",
+    "life_ms": "how long each setpoint counts from its arrival on",
     "key_file": "file with the key of authenticated frames, this user's alone (0600), relative to this one; needs `fd`",
     "controller": "name of the controller",
     "estimator": "`default` goes with the controller; `ukf` is filterpy's unscented Kalman filter, about ten times as"

@@ -11,10 +11,10 @@ from typing import Final
 
 from hil.app.console import notes, print_json, summary
 from hil.app.jog.keyboard import keys, raw_terminal
-from hil.app.jog.script import Step, steps
 from hil.app.run.command import open_bus
 from hil.app.run.loop import Signals
 from hil.app.scenario.deployment import read_operator
+from hil.app.scenario.jog_script import Step, steps
 from hil.nodes.controller.operator import OperatorLimits
 from hil.nodes.operator_sender import CYCLE_S, OperatorSender
 

@@ -188,7 +188,8 @@ def task_of(record: Mapping[str, Any], where: str) -> Task:
             offers = (offer_of(one, deployment.believed) for one in learned)
             task = replace(deployment.task(), controller=name, deadline_s=math.inf)
             return replace(task, learned=tuple(one for one in offers if one))
-        scenario = parse_sil_scenario(parse_toml(str(record["scenario"]), "scenario")).loop
+        on_bus = parse_sil_scenario(parse_toml(str(record["scenario"]), "scenario"))
+        scenario = on_bus.loop
     except ValueError as error:
         raise ValueError(f"{where}: record must describe a task; got: {error}") from None
 
@@ -206,6 +207,7 @@ def task_of(record: Mapping[str, Any], where: str) -> Task:
         offer=first,
         estimator=scenario.control.estimator,
         learned=tuple(one for one in rest if one),
+        operator=on_bus.operator,
     )
 
 

@@ -1,5 +1,5 @@
-"""SCENARIO.toml on the bus: a closed loop as `capsule track` reads it, with the tables `[bus]` and `[[faults]]`, and
-the drive's own where that is another maker's.
+"""SCENARIO.toml on the bus: a closed loop as `capsule track` reads it, with the tables `[bus]` and `[[faults]]`, those
+of an operator, and the drive's own where that is another maker's.
 """
 
 from __future__ import annotations
@@ -7,16 +7,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import Any, Final
 
 import can
 
-from hil.app.scenario.deployment import check_tick
+from hil.app.scenario.deployment import BUS_RANGES, check_key, check_no_key, check_tick, operator_limits
+from hil.app.scenario.jog_script import Step, steps
 from hil.app.scenario.reference import with_reference
 from hil.app.scenario.scenario import BUS_TABLES, TABLES, TrackScenario, parse_track_scenario
+from hil.bus.authenticated import authenticator
+from hil.bus.key import read_key
 from hil.bus.local import LocalBus
 from hil.nodes.actuators import ACTUATORS, ActuatorTable, read_actuator
-from hil.nodes.faults.table import KINDS, Fault, read_faults
+from hil.nodes.controller.operator import SETPOINT, OperatorLimits
+from hil.nodes.faults.table import KEY, MAKER, OPERATOR, Fault, read_faults
 from hil.nodes.fmu_plant import read_fmu
 from hil.nodes.frame_map import frame_map_of, frames
 from hil.nodes.plant_node import SLOT_S
@@ -28,13 +33,21 @@ from models.parameter import nearest
 @dataclass(frozen=True)
 class BusTable:
     """Table `[bus]`: whether the force sensor speaks too, and how many s of wall clock a simulated s may take before
-    the run is failed; a run has at least 60 s.
+    the run is failed; a run has at least 60 s. `fd`, `data_bitrate` and `key_file` as in a deployment's; the path is
+    relative to the scenario, and every node begins with the same epoch, which is not kept.
     """
 
     force_sensor: bool = False
     longest_s_per_s: float = 60.0
+    fd: bool = False
+    data_bitrate: int = 5_000_000
+    key_file: str = ""
 
     def __post_init__(self) -> None:
+        name, lower, upper = BUS_RANGES[0]
+        if not lower <= self.data_bitrate <= upper:
+            raise ValueError(f"bus.{name} must lie in [{lower:g}, {upper:g}]; got {self.data_bitrate:g}")
+        check_key(self.key_file, self.fd)
         if not self.longest_s_per_s > 0:
             raise ValueError(f"bus.longest_s_per_s must be positive; got {self.longest_s_per_s:g}")
 
@@ -49,9 +62,35 @@ class FmuTable:
 
 
 @dataclass(frozen=True)
+class JogTable:
+    """Table `[jog]`: an operator who steers as `source`, with setpoints that live for `life_ms`: the lines of a
+    `script` as `capsule jog --script` reads it, from the run's begin on; the dead-man switch is released after them.
+    """
+
+    script: tuple[str, ...]
+    source: str = "script"
+    life_ms: float = 100.0
+
+    def __post_init__(self) -> None:
+        frame = frames()[SETPOINT]
+        life, known = frame.field("TimeToLive_ms"), list(frame.field("Source").names.values())
+        if not life.lower <= self.life_ms <= life.upper:
+            raise ValueError(f"jog.life_ms must lie in [{life.lower:g}, {life.upper:g}]; got {self.life_ms:g}")
+        if self.source not in known:
+            raise ValueError(
+                f"jog.source must be one of {', '.join(known)}; got {self.source!r}; {nearest(self.source, known)}"
+            )
+
+    def planned(self) -> tuple[Step, ...]:
+        """What is sent, one after the other. Raises ValueError for a line that says nothing."""
+        return tuple(steps(self.script, "jog.script"))
+
+
+@dataclass(frozen=True)
 class SilScenario:
     """A closed `loop` over the bus and what goes wrong in it. Its tick is the cycle of the drive's command frame where
-    the file names none. `drive` is another maker's, which then is set up already.
+    the file names none. `drive` is another maker's, which then is set up already; `operator` is what setpoints are held
+    to, and `jog` who sends them.
     """
 
     loop: TrackScenario
@@ -59,6 +98,8 @@ class SilScenario:
     faults: tuple[Fault, ...] = ()
     drive: ActuatorTable | None = None
     plant: FmuTable | None = None
+    operator: OperatorLimits | None = None
+    jog: JogTable | None = None
 
 
 def watched_bus(channel: str) -> LocalBus:
@@ -80,18 +121,22 @@ def load_sil_scenario(path: Path, reference: Path | None = None) -> tuple[SilSce
         raw = with_reference(raw, reference, "scenario")
         text = toml_text(raw)
     try:
-        return _with_fmu(parse_sil_scenario(raw), path.parent), text
+        return _with_files(parse_sil_scenario(raw), path.parent), text
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
 
-def _with_fmu(scenario: SilScenario, folder: Path) -> SilScenario:
-    """The scenario with the path of its FMU as it counts from here, which is one that it can have."""
-    if scenario.plant is None:
-        return scenario
-    path = folder / scenario.plant.fmu
-    read_fmu(path, scenario.loop.truth)
-    return replace(scenario, plant=FmuTable(str(path)))
+def _with_files(scenario: SilScenario, folder: Path) -> SilScenario:
+    """The scenario with the paths of its FMU and its key as they count from here, both of which can be used."""
+    if scenario.plant is not None:
+        path = folder / scenario.plant.fmu
+        read_fmu(path, scenario.loop.truth)
+        scenario = replace(scenario, plant=FmuTable(str(path)))
+    if scenario.bus.key_file:
+        key_file = folder / scenario.bus.key_file
+        authenticator(read_key(key_file))
+        scenario = replace(scenario, bus=replace(scenario.bus, key_file=str(key_file)))
+    return scenario
 
 
 def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
@@ -109,13 +154,34 @@ def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
     if round(slots) < 1 or abs(slots - round(slots)) > 1e-6:
         raise ValueError(f"control.tick_s must be a multiple of {SLOT_S:g} s on the bus; got {loop.control.tick_s:g}")
     check_tick(loop.control.tick_s, loop.kind, loop.limits)
-    bus = raw.get("bus", {})
-    if not isinstance(bus, Mapping):
-        raise ValueError(f"bus must be a table; got {bus!r}")
-    faults = read_faults(raw.get("faults", []), loop.duration_s)
+    table = raw.get("bus", {})
+    if not isinstance(table, Mapping):
+        raise ValueError(f"bus must be a table; got {table!r}")
+    bus, faults = from_table(BusTable, table, "bus"), read_faults(raw.get("faults", []), loop.duration_s)
     drive = read_actuator(raw, loop.kind)
-    makers = [fault.kind for fault in faults if KINDS[fault.kind].makers]
-    if makers and drive is None:
-        raise ValueError(f"faults.kind {makers[0]} must stand with one of [{'], ['.join(ACTUATORS)}], whose it is")
+    check_no_key(drive, bus.key_file)
     plant = from_table(FmuTable, raw["plant"], "plant") if "plant" in raw else None
-    return SilScenario(loop, from_table(BusTable, bus, "bus"), faults, drive, plant)
+    operator = operator_limits(raw, loop.limits) if "operator" in raw else None
+    jog = from_table(JogTable, raw["jog"], "jog") if "jog" in raw else None
+    if jog is not None:
+        jog.planned()
+        if not (operator and operator.accept):
+            raise ValueError("operator.accept must be true with [jog], or the controller takes no setpoints; got false")
+    _there({MAKER: drive is not None, OPERATOR: jog is not None, KEY: bool(bus.key_file)}, faults)
+    return SilScenario(loop, bus, faults, drive, plant, operator if operator and operator.accept else None, jog)
+
+
+_MISSING: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        MAKER: f"with one of [{'], ['.join(ACTUATORS)}], whose it is",
+        OPERATOR: "with the table [jog], the operator",
+        KEY: "with bus.key_file, whose frames it spoils",
+    }
+)
+
+
+def _there(has: Mapping[str, bool], faults: tuple[Fault, ...]) -> None:
+    """Refuse a fault of what the scenario has not."""
+    for fault in faults:
+        if fault.needs and not has[fault.needs]:
+            raise ValueError(f"faults.kind {fault.name} must stand {_MISSING[fault.needs]}")

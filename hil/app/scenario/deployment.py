@@ -61,10 +61,7 @@ class BusTable:
         for name, lower, upper in BUS_RANGES:
             if not lower <= getattr(self, name) <= upper:
                 raise ValueError(f"bus.{name} must lie in [{lower:g}, {upper:g}]; got {getattr(self, name):g}")
-        if self.key_file and not self.fd:
-            raise ValueError(
-                "bus.fd must be true with bus.key_file: classic CAN has no room for an authenticator; got false"
-            )
+        check_key(self.key_file, self.fd)
         if self.fd:
             self.timing()
 
@@ -280,12 +277,12 @@ def parse_deployment(
         values,
         verdict,
         _drive(raw, rig.kind, bus),
-        operator=_operator(raw, limits),
+        operator=operator_limits(raw, limits),
     )
 
 
-def _operator(raw: Mapping[str, Any], limits: Limits) -> OperatorLimits:
-    """What setpoints of an operator are held to, within `limits`."""
+def operator_limits(raw: Mapping[str, Any], limits: Limits) -> OperatorLimits:
+    """`[operator]`: what setpoints of an operator are held to, within `limits`. Raises ValueError of one sentence."""
     operator = from_table(OperatorLimits, raw.get("operator", {}), "operator")
     operator.check_sources(load_catalogue())
     if not operator.accept:
@@ -310,7 +307,7 @@ def read_operator(path: Path) -> tuple[BusTable, OperatorLimits]:
     raw, _ = read_toml(path, "deployment file")
     try:
         _check_tables(raw)
-        operator = _operator(raw, from_table(Limits, raw.get("limits", {}), "limits"))
+        operator = operator_limits(raw, from_table(Limits, raw.get("limits", {}), "limits"))
         if not operator.accept:
             raise ValueError("operator.accept must be true, or the controller takes no setpoints; got false")
         return from_table(BusTable, raw.get("bus", {}), "bus"), operator
@@ -342,11 +339,24 @@ def check_tick(tick_s: float, kind: str, limits: Limits) -> None:
 def _drive(raw: Mapping[str, Any], kind: str, bus: BusTable) -> ActuatorTable | None:
     """The drive that the file names, on a bus that carries its frames."""
     table = read_actuator(raw, kind)
-    if table is not None and bus.key_file:
-        raise ValueError("bus.key_file must be left out with another maker's drive, which knows no such key; got one")
+    check_no_key(table, bus.key_file)
     if needs_fd(table) and not bus.fd:
         raise ValueError("bus.fd must be true with [moteus], whose frames are CAN FD; got false")
     return table
+
+
+def check_key(key_file: str, fd: bool) -> None:
+    """Refuse a key on a classic bus. Raises ValueError."""
+    if key_file and not fd:
+        raise ValueError(
+            "bus.fd must be true with bus.key_file: classic CAN has no room for an authenticator; got false"
+        )
+
+
+def check_no_key(drive: ActuatorTable | None, key_file: str) -> None:
+    """Refuse a key beside another maker's drive. Raises ValueError."""
+    if drive is not None and key_file:
+        raise ValueError("bus.key_file must be left out with another maker's drive, which knows no such key; got one")
 
 
 def _rig(raw: Mapping[str, Any], where: str = "rig file") -> Rig:

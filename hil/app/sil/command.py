@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -129,11 +130,18 @@ def judged(
     report: Any = None,
     **more: Any,
 ) -> tuple[dict[str, Any], SilTrace]:
-    """One run and its JSON object, in the keys of interfaces.md; `more` goes to `run_sil`."""
+    """One run and its JSON object, in the keys of interfaces.md; `more` goes to `run_sil`. Where an operator may steer,
+    tracking is judged by the reference that was in force.
+    """
     name = controller or scenario.loop.control.controller
     trace = run_sil(scenario, model, name, seed, report, **more)
-    found = document(scenario.loop, scenario.loop.name, name, seed, used, score(scenario.loop, trace), None)
+    loop = scenario.loop if scenario.operator is None else replace(scenario.loop, reference=trace.led_by_hand)
+    found = document(loop, loop.name, name, seed, used, score(loop, trace), None)
     found["bus"] = {"frames": trace.frames, "load": trace.load, "rejected": trace.rejected}
+    if scenario.bus.key_file:
+        found["bus"]["unauthenticated"] = trace.unauthenticated
+    if trace.operator is not None:
+        found["operator"] = trace.operator
     found["faults"] = [outcome.document() for outcome in outcomes(scenario, trace)]
     return found, trace
 
@@ -152,6 +160,10 @@ def _say(scenario: SilScenario, found: dict[str, Any], trace: SilTrace) -> None:
         f" {found['real_time_factor']:.1f} x real time"
     )
     say(f"bus: {bus['frames']} frames, load {100 * bus['load']:.1f} %, {bus['rejected']} rejected")
+    if kinds := bus.get("unauthenticated"):
+        say(f"not authentic: {', '.join(f'{count} {kind}' for kind, count in sorted(kinds.items()))}")
+    if steered := found.get("operator"):
+        say(f"operator: {steered['presses']} presses, {steered['expired']} late, {steered['accepted']} setpoints taken")
     for fault in found["faults"]:
         after = fault["safe_after_ms"]
         came = "rode through" if after is None else f"safe after {after:.1f} ms"

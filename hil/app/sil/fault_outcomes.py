@@ -11,13 +11,17 @@ from typing import Any, Final
 import numpy as np
 
 from controller.limits import Limits
-from hil.app.scenario.bus_scenario import SilScenario
+from hil.app.scenario.bus_scenario import JogTable, SilScenario
 from hil.app.sil.loop import SilTrace
 from hil.app.track.score import violations
 from hil.nodes.actuators import ActuatorTable
-from hil.nodes.faults.table import KINDS, Fault
+from hil.nodes.controller.operator import AHEAD_M, OperatorLimits
+from hil.nodes.faults.table import KEY, KINDS, OPERATOR, Fault
+from hil.nodes.operator_sender import CYCLE_S
 from plant import layout as at
 
+WANTED, SOURCE, _, PRESSED = range(4)
+"""Columns of `SilTrace.steered`."""
 TO_LIVE_S: Final[Mapping[str, float]] = MappingProxyType({"magnetic": 0.020, "coil": 0.010, "vibro": 0.010})
 """From the last good command frame to the safe state, for each kind of rig."""
 SEEN_S: Final[Mapping[str, float]] = MappingProxyType({"magnetic": 0.025, "coil": 0.010, "vibro": 0.010})
@@ -26,7 +30,8 @@ BUS_S: Final = 0.02
 STUCK_S: Final = 0.05
 PLACE_S: Final = 0.155
 """150 ms without localisation, and the next tick's way to the drive."""
-_RIDDEN: Final = ("duplicate", "reorder", "replay")
+_RIDDEN: Final = ("duplicate", "reorder", "replay", "beyond_limits", "second_operator")
+_STRANGERS: Final = ("second_master", "player")
 _UNSEEN: Final = (("coil", "biased"), ("vibro", "stuck"), ("vibro", "biased"))
 _OWN_S: Final[Mapping[str, float]] = MappingProxyType(
     {
@@ -44,7 +49,7 @@ _OWN_S: Final[Mapping[str, float]] = MappingProxyType(
 def limit_s(rig: str, fault: Fault) -> float:
     """The longest time in s from the fault's begin to the safe state, inf where the loop may ride through: doubled and
     old frames, of frames that changed places each second one is taken; a report that nothing acts on; and a fault
-    weaker than its kind's own value.
+    weaker than its kind's own value. Not for faults of an operator (`operator_limit_s`).
     """
     kind, target = fault.kind, fault.target
     if (
@@ -58,7 +63,7 @@ def limit_s(rig: str, fault: Fault) -> float:
     if kind in _OWN_S:
         return _OWN_S[kind]
     if kind in ("killed", "frozen") or (
-        kind in ("drop", "delay", "corrupt", "retyped") and target in ("commands", "all")
+        (kind in ("drop", "delay", "corrupt", "retyped") or KINDS[kind].needs == KEY) and target in ("commands", "all")
     ):
         return TO_LIVE_S[rig]
     if kind == "unreadable":
@@ -76,6 +81,20 @@ def makers_limit_s(drive: ActuatorTable, limits: Limits, fault: Fault) -> float:
     """
     seen = fault.target in ("feedback", "localisation", "localiser") or fault.kind in ("over_temperature", "late_solve")
     return drive.stops_s(limits.carriage_speed_m_s) + (limit_s("magnetic", fault) if seen else 0.0)
+
+
+def hold_s(jog: JogTable, fault: Fault) -> float:
+    """The longest time in s from the begin of an operator's fault until the reference is held: what the last setpoint
+    has to live, or the next one to come; inf where the controller may go on.
+    """
+    if fault.kind in _RIDDEN or abs(fault.amount) < KINDS[fault.kind].value:
+        return math.inf
+    return CYCLE_S if fault.kind == "released" else 1e-3 * jog.life_ms
+
+
+def operator_limit_s(jog: JogTable, operator: OperatorLimits, fault: Fault) -> float:
+    """The longest time in s from the begin of an operator's fault until the drive is in its safe state."""
+    return hold_s(jog, fault) + operator.stop_after_s + BUS_S
 
 
 ROUNDING_S: Final = 1e-9
@@ -120,7 +139,14 @@ def outcomes(scenario: SilScenario, trace: SilTrace) -> list[Outcome]:
     return [_outcome(scenario, trace, tuple(some), end) for some, end in zip(sets, ends, strict=True)]
 
 
-def _limit_s(scenario: SilScenario, fault: Fault) -> float:
+def limit_of(scenario: SilScenario, fault: Fault) -> float:
+    """The longest time in s from the fault's begin to the safe state in `scenario`, inf where it may ride through; on
+    an authenticated bus it does so through strangers, who are not heard.
+    """
+    if fault.needs == OPERATOR and scenario.jog is not None and scenario.operator is not None:
+        return operator_limit_s(scenario.jog, scenario.operator, fault)
+    if fault.kind in _STRANGERS and scenario.bus.key_file:
+        return math.inf
     if scenario.drive is None:
         return limit_s(scenario.loop.kind, fault)
     return makers_limit_s(scenario.drive, scenario.loop.limits, fault)
@@ -131,6 +157,8 @@ def _outcome(scenario: SilScenario, trace: SilTrace, faults: tuple[Fault, ...], 
     t, safe, good = trace.slots.T
     within = (t > fault.at_s) & (t <= end)
     reached = np.flatnonzero(within & (safe > 0))
+    if reached.size and _by_hand(scenario, trace, faults, float(t[reached[0]])):
+        reached = reached[:0]
     first = int(reached[0]) if reached.size else -1
     after_s = float(t[first] - fault.at_s) if reached.size else math.nan
     rows = trace.rows[(trace.rows[:, at.O_T] >= fault.at_s) & (trace.rows[:, at.O_T] < end)]
@@ -138,11 +166,60 @@ def _outcome(scenario: SilScenario, trace: SilTrace, faults: tuple[Fault, ...], 
         rows.shape[0] > 1
         and violations(scenario.loop.truth, scenario.loop.limits, rows, scenario.loop.control.tick_s) > 0
     )
+    unsafe = unsafe or any(_missteered(scenario, trace, f, end) for f in faults if f.needs == OPERATOR)
     before = np.flatnonzero(t <= fault.at_s + ROUNDING_S)
     if before.size and not safe[before[-1]]:
-        limit = min(f.at_s - fault.at_s + _limit_s(scenario, f) for f in faults)
+        limit = min(f.at_s - fault.at_s + _limit_s(scenario, trace, f) for f in faults)
         lasts = max(f.end_s for f in faults) - fault.at_s
         watched = min(lasts, end - fault.at_s, float(t[-1]) - fault.at_s)
         late = after_s > limit + ROUNDING_S if reached.size else watched > limit
-        unsafe = unsafe or late or (reached.size > 0 and not safe[first:].all())
+        again = reached.size > 0 and not safe[first:].all() and not _pressed_after(scenario, trace, float(t[first]))
+        unsafe = unsafe or late or again
     return Outcome(faults, after_s, float(t[first] - good[first]) if reached.size else math.nan, bool(unsafe))
+
+
+def _limit_s(scenario: SilScenario, trace: SilTrace, fault: Fault) -> float:
+    """`limit_of`; a fault of an operator who is not in charge calls for nothing."""
+    if fault.needs == OPERATOR and not trace.steered[_tick(scenario, trace, fault.at_s), SOURCE]:
+        return math.inf
+    return limit_of(scenario, fault)
+
+
+def _missteered(scenario: SilScenario, trace: SilTrace, fault: Fault, end: float) -> bool:
+    """Whether, from an operator's fault on, the reference went farther or faster than `[operator]` allows, somebody was
+    in charge who had not pressed or was another one, or it was not held in time.
+    """
+    operator, jog, tick_s = scenario.operator, scenario.jog, scenario.loop.control.tick_s
+    assert operator is not None
+    assert jog is not None
+    begin, until = _tick(scenario, trace, fault.at_s), math.ceil(min(end, trace.slots[-1, 0]) / tick_s)
+    wanted, source, presses, pressed = trace.steered[begin:until].T
+    if np.any(presses > pressed) or (source[0] and np.any((source != source[0]) & (source != 0))):
+        return True
+    led = np.flatnonzero(source)
+    low, high = min(operator.lowest_m, wanted[0]) - AHEAD_M, max(operator.highest_m, wanted[0]) + AHEAD_M
+    reach = operator.speed_m_s * tick_s * np.arange(wanted.size) + AHEAD_M
+    if np.any((wanted[led] < low) | (wanted[led] > high) | (np.abs(wanted - wanted[0])[led] > reach[led])):
+        return True
+    held = fault.at_s + hold_s(jog, fault) + 2 * tick_s
+    last = min(end, fault.end_s, float(trace.slots[-1, 0]))
+    if not source[0] or held >= last:
+        return False
+    return bool(np.ptp(trace.steered[math.ceil(held / tick_s) : math.floor(last / tick_s), WANTED]) > 0)
+
+
+def _by_hand(scenario: SilScenario, trace: SilTrace, faults: tuple[Fault, ...], time_s: float) -> bool:
+    """Whether the drive rests at `time_s` because an operator has let go, not because of `faults`, which are over."""
+    if scenario.jog is None or any(f.needs == OPERATOR or f.end_s >= time_s for f in faults):
+        return False
+    return not trace.steered[_tick(scenario, trace, time_s - scenario.loop.control.tick_s), SOURCE]
+
+
+def _pressed_after(scenario: SilScenario, trace: SilTrace, time_s: float) -> bool:
+    """Whether an operator has pressed after `time_s`, and so asked for the drive again."""
+    return bool(trace.steered[-1, PRESSED] > trace.steered[_tick(scenario, trace, time_s), PRESSED])
+
+
+def _tick(scenario: SilScenario, trace: SilTrace, time_s: float) -> int:
+    """The tick within which `time_s` lies, at most the last."""
+    return min(math.floor(time_s / scenario.loop.control.tick_s + ROUNDING_S), len(trace.steered) - 1)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from controller.model.control_model import ControlModel
 from controller.supervision.model_switch import ModelSwitch, Offer
+from controller.trajectory import STEP_S, Trajectory
 from hil.app.learn.learner import Learner, Lesson
 from hil.app.scenario.bus_scenario import SilScenario
 from hil.app.scenario.model_offer import Offered
@@ -37,11 +38,16 @@ Learning = Callable[[ModelSwitch], Learner]
 @dataclass
 class SilTrace(Trace):
     """What a run over the bus leaves beside `Trace`: `slots` (n, 3) are the end of each of the drive's slots in s,
-    whether it was in its safe state, and when the last good command had come; `digest` is the hash of all frames with
-    their times where asked for; `lessons` and `offers` are what was learned.
+    whether it was in its safe state, and when the last good command had come; `steered` (ticks, 4) are `Bench.steered`
+    at the ticks' begins; `operator` says what became of setpoints, `unauthenticated` what was not taken on an
+    authenticated bus; `digest` is the hash of all frames with their times where asked for; `lessons` and `offers` are
+    what was learned.
     """
 
     slots: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    steered: Array = field(default_factory=lambda: np.zeros((0, 4)))
+    unauthenticated: dict[str, int] = field(default_factory=dict)
+    operator: dict[str, object] | None = None
     frames: int = 0
     load: float = 0.0
     rejected: int = 0
@@ -49,6 +55,12 @@ class SilTrace(Trace):
     digest: str = ""
     lessons: list[Lesson] = field(default_factory=list)
     offers: list[Offered] = field(default_factory=list)
+
+    @property
+    def led_by_hand(self) -> Trajectory:
+        """The reference that was in force at each time, with an operator in charge or without."""
+        ticks = np.linspace(0.0, self.slots[-1, 0], len(self.steered), endpoint=False)
+        return Trajectory(np.interp(np.arange(0.0, self.slots[-1, 0], STEP_S), ticks, self.steered[:, 0]))
 
 
 class _Tap:
@@ -87,7 +99,7 @@ def run_sil(
     `[bus]` allows: between two ticks, or, in the main thread, within one.
     """
     loop, bench = scenario.loop, Bench(scenario, model, controller, seed, offer=offer, recorder=recorder)
-    bench.medium.shown = shown
+    bench.show(shown)
     ticks = round(loop.duration_s / bench.tick_s)
     trace, tap = _empty(ticks, bench.slots), _Tap(bench) if digest else None
     longest_s = max(LEAST_S, scenario.bus.longest_s_per_s * loop.duration_s) + LEARNING_S * (learning is not None)
@@ -123,6 +135,7 @@ def _ticks(
     bench.start()
     for k in range(ticks):
         tick = bench.begin_tick()
+        trace.steered[k] = bench.steered
         if tick is not None:
             trace.note(k, tick.time_s, tick.estimate, tick.action, wall, tick.seconds)
             trace.active.append(tick.active)
@@ -148,7 +161,19 @@ def _ticks(
 def _empty(ticks: int, slots: int) -> SilTrace:
     nothing: list[NDArray[np.float64]] = [np.full(ticks, math.nan) for _ in range(7)]
     a, b, c, d, e, f, g = nothing
-    return SilTrace(a, b, c, d, e, np.zeros(ticks, dtype=bool), [], f, g, slots=np.zeros((ticks * slots, 3)))
+    return SilTrace(
+        a,
+        b,
+        c,
+        d,
+        e,
+        np.zeros(ticks, dtype=bool),
+        [],
+        f,
+        g,
+        slots=np.zeros((ticks * slots, 3)),
+        steered=np.zeros((ticks, 4)),
+    )
 
 
 def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:
@@ -158,6 +183,8 @@ def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:
     estimator = bench.node.estimator
     trace.counts, trace.taken_at, trace.health = estimator.counts, estimator.taken_at, estimator.health
     trace.frames, trace.load, trace.rejected = bench.frames, bench.medium.load, bench.rejected
+    trace.unauthenticated = dict(bench.unauthenticated)
+    trace.operator = None if bench.node.operator is None else bench.node.operator.document()
     trace.stopped_because = bench.node.reason or ("" if led else _never_led(bench, trace))
     if trace.stopped_because and bench.carriage is not None and bench.carriage.trouble:
         trace.stopped_because += f"; {bench.carriage.trouble}"

@@ -4,10 +4,10 @@ slot.
 
 from __future__ import annotations
 
-import contextlib
 import math
 import random
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -17,17 +17,20 @@ import can
 from controller.model.control_model import ControlModel, control_model
 from controller.supervision.model_switch import Offer
 from hil.app.scenario.bus_scenario import SilScenario
-from hil.bus.protection import Sender
+from hil.app.sil.hand import Hand, SecondOperator
+from hil.app.sil.stranger import Stranger
+from hil.bus.authenticated import AuthenticatedBus, inside
+from hil.bus.key import read_key
 from hil.bus.simulated import Medium, SimulatedBus
 from hil.log.recorder import Recorder
 from hil.nodes.actuators import carriage_bus, identifiers, needs_fd
 from hil.nodes.carriage_bus import CarriageBus
 from hil.nodes.controller.node import ControllerNode, Task, Tick
-from hil.nodes.controller.receive import controllers_frames
+from hil.nodes.controller.operator import SETPOINT
 from hil.nodes.faults.injection import TAMPERING, FaultInjection
-from hil.nodes.faults.table import Fault
+from hil.nodes.faults.table import SETPOINTS, Fault
 from hil.nodes.fmu_plant import FmuPlant
-from hil.nodes.frame_map import ENABLE, FrameMap, frame_map_of, frames
+from hil.nodes.frame_map import frame_map_of, frames
 from hil.nodes.plant_node import SLOT_S, PlantNode, power_of
 from hil.nodes.simulated_drives import Configured, simulated_drive
 from plant.sensing.instruments import Reading
@@ -37,6 +40,8 @@ PHASE_S = 0.2e-3
 """The drives' firmware runs this long after the tick's begin: SYNC has arrived by then, the tick's own command has not.
 """
 _BABBLE = 0
+_EPOCH = 2
+"""Of every node's start on an authenticated bus; a fault goes back from it."""
 _ERRORS = 15
 """Errors by which a receiver gets passive: 8 counts each to 128."""
 
@@ -69,16 +74,26 @@ class Bench:
         self._recorder = recorder
         loop, self.scenario = scenario.loop, scenario
         self.tick_s, self.wiring = loop.control.tick_s, frame_map_of(loop.kind)
-        self.medium = Medium(frames().bit_rate, data_bit_rate=5_000_000 if needs_fd(scenario.drive) else 0)
+        bus = scenario.bus
+        fd = bus.fd or needs_fd(scenario.drive)
+        self.medium = Medium(frames().bit_rate, data_bit_rate=bus.data_bitrate if fd else 0)
         self.ports = {name: SimulatedBus(self.medium, name) for name in ("controller", "drive", "localiser")}
-        self._babbler = (
-            SimulatedBus(self.medium, "babbler") if any(f.kind == "babbling" for f in scenario.faults) else None
-        )
+        self._key = read_key(Path(bus.key_file)) if bus.key_file else b""
+        self._kinds = {f.kind for f in scenario.faults}
+        self._babbler = SimulatedBus(self.medium, "babbler") if "babbling" in self._kinds else None
         self.links: dict[str, FaultInjection] = {}
-        self._stranger = _Stranger(self.medium, self.wiring, self.tick_s, {f.kind for f in scenario.faults})
+        self._stranger = Stranger(self.medium, self.wiring, self.tick_s, self._kinds)
         seen, estimator = loop.instruments.localisation, loop.control.estimator
         told = (loop.reference, loop.limits, seen.std)
-        task = Task(model, controller, *told, resolution_m=seen.quantum, offer=offer, estimator=estimator)
+        task = Task(
+            model,
+            controller,
+            *told,
+            resolution_m=seen.quantum,
+            offer=offer,
+            estimator=estimator,
+            operator=scenario.operator,
+        )
         ends, drive = {name: self._bus(name, seed + k) for k, name in enumerate(("controller", "drive"))}, None
         plant = None if scenario.plant is None else FmuPlant(Path(scenario.plant.fmu), loop.truth)
         session = Session(loop.truth, replace(loop.instruments, feedback=None), seed, 0.0, plant)
@@ -95,11 +110,18 @@ class Bench:
             loop.limits,
             self.tick_s,
             ends["drive"],
-            self.ports["localiser"],
+            self._authentic(self.ports["localiser"]),
             force_seed=seed if scenario.bus.force_sensor else None,
             drive=drive,
             draw=partial(random.Random(seed).getrandbits, 32),
         )
+        self.ends = ends
+        jog = scenario.jog
+        self.hand = None if jog is None else Hand(self._authentic(SimulatedBus(self.medium, "operator")), jog)
+        self.second = None
+        if jog is not None and "second_operator" in self._kinds:
+            second = self._authentic(SimulatedBus(self.medium, "second operator"))
+            self.second = SecondOperator(second, jog, frames())
         self.ticks = 0
         self._active: list[Fault] = []
         self._due = list(scenario.faults)
@@ -118,6 +140,26 @@ class Bench:
     def rejected(self) -> int:
         """Frames that controller and drive refused so far."""
         return self.node.receiver.rejected + self.plant.drive.rejected
+
+    @property
+    def unauthenticated(self) -> Counter[str]:
+        """Frames that controller and drive did not take because of their authenticator, so far, by reason."""
+        refused = (end.refused for end in self.ends.values() if isinstance(end, AuthenticatedBus))
+        return sum(refused, Counter())
+
+    @property
+    def steered(self) -> tuple[float, float, float, float]:
+        """Where the reference is now in m, the source in charge, how often one took charge, and how often an operator
+        pressed.
+        """
+        pressed = (0 if self.hand is None else self.hand.presses) + (0 if self.second is None else self.second.presses)
+        operator = self.node.operator
+        source, presses = (0, 0) if operator is None else (operator.source, operator.presses)
+        return self.node.wanted_m(self.time_s), source, presses, pressed
+
+    def show(self, shown: Callable[[can.Message], None] | None) -> None:
+        """Call `shown` with every frame that is sent, as a classic one of the catalogue on an authenticated bus."""
+        self.medium.shown = shown if shown is None or not self._key else lambda wire: shown(inside(wire))
 
     def start(self) -> None:
         """The operator's word, with the reference beginning at 0."""
@@ -147,6 +189,11 @@ class Bench:
         self._change(at)
         if number == self.slots - 1:
             self._stranger.speak(at, {fault.kind for fault in self._active})
+        if self.hand is not None:
+            self.hand.speak(at)
+        for fault in self._active:
+            if self.second is not None and fault.kind == "second_operator":
+                self.second.speak(at, fault.target)
         if self._babbler is not None and any(f.kind == "babbling" for f in self._active):
             self._babble(self._babbler)
         self.medium.advance(at)
@@ -164,11 +211,15 @@ class Bench:
         return self.plant.slots
 
     def _bus(self, name: str, seed: int) -> can.BusABC:
-        """The port of a node, behind a link where a fault of the scenario tampers with what it receives."""
-        if not any(f.kind in (*TAMPERING, "unreadable") for f in self.scenario.faults):
-            return self.ports[name]
-        self.links[name] = FaultInjection(self.ports[name], lambda: self.medium.now_s, seed)
-        return self.links[name]
+        """The bus of a node: its port, behind a link where a fault of the scenario tampers with what it receives."""
+        if not self._kinds & {*TAMPERING, "unreadable"}:
+            return self._authentic(self.ports[name])
+        self.links[name] = FaultInjection(self.ports[name], lambda: self.medium.now_s, seed, self._key)
+        return self._authentic(self.links[name])
+
+    def _authentic(self, wire: can.BusABC) -> can.BusABC:
+        """The bus of a node on a `wire`, authenticated where the scenario has a key."""
+        return AuthenticatedBus(wire, self._key, _EPOCH) if self._key else wire
 
     def _change(self, now: float) -> None:
         """Let the wire run until `now`; faults begin and end on it at their own times."""
@@ -199,6 +250,8 @@ class Bench:
             drive.heated_to_C = fault.amount if on else -math.inf
         elif fault.kind == "drive_reset" and on:
             drive.boot(self.medium.now_s)
+        elif fault.kind == "released" and self.hand is not None:
+            self.hand.let_go = True
         elif fault.kind == "encoder_error":
             drive.broken = on
         elif fault.kind == "wrong_node":
@@ -222,6 +275,7 @@ class Bench:
         to_controller = {
             "feedback": back,
             "localisation": ("CapsuleLocalisation",),
+            SETPOINTS: (SETPOINT,),
             "all": (*back, "CapsuleLocalisation"),
         }
         hit = []
@@ -250,58 +304,6 @@ class _Burst:
     def __call__(self, start_s: float, sender: str, message: can.Message) -> bool:
         self._left -= 1
         return self._left >= 0
-
-
-class _Stranger:
-    """A node that speaks as a controller where a scenario's faults ask for it: one of its own will, or a player of what
-    the true one has said. Its ticks are not those of the true one: it speaks in the last slot of each.
-    """
-
-    def __init__(self, medium: Medium, wiring: FrameMap, tick_s: float, kinds: set[str]) -> None:
-        asked = kinds & {"second_master", "player"}
-        self._port = SimulatedBus(medium, "stranger") if asked else None
-        self._wiring, self._tick_s = wiring, tick_s
-        self._names = ("Sync", "ControllerHeartbeat", wiring.command)
-        self._senders = {name: Sender(frames()[name]) for name in self._names}
-        self._said: list[can.Message] = []
-        self._ticks, self._played, self._since = 0, 0, math.nan
-
-    def speak(self, now: float, kinds: set[str]) -> None:
-        """Its part of a tick, at `now`."""
-        if self._port is None:
-            return
-        own = controllers_frames(frames())
-        while (message := self._port.recv(0)) is not None:
-            if message.arbitration_id in own and "player" not in kinds:
-                self._said.append(message)
-        if "second_master" in kinds:
-            self._lead(self._port)
-        if "player" in kinds and self._said:
-            self._play(self._port, now)
-
-    def _lead(self, port: SimulatedBus) -> None:
-        """A tick of a controller that has begun on its own and wants the drive to move."""
-        self._ticks += 1
-        told = (
-            {"Tick": self._ticks, "Period_s": self._tick_s},
-            {"State": 2, "Uptime_s": self._ticks * self._tick_s, "Catalogue": frames().fingerprint},
-            self._wiring.values(1e-4 * self._ticks, 0.05, ENABLE),
-        )
-        for name, values in zip(self._names, told, strict=True):
-            data = self._senders[name].frame(values)
-            self._send(port, frames()[name].id, data)
-
-    def _play(self, port: SimulatedBus, now: float) -> None:
-        """What was said in the tick that is as long after the recording's begin as `now` is after the player's."""
-        self._since = now if math.isnan(self._since) else self._since
-        until = self._said[0].timestamp + now - self._since + self._tick_s
-        while self._played < len(self._said) and self._said[self._played].timestamp < until:
-            self._send(port, self._said[self._played].arbitration_id, self._said[self._played].data)
-            self._played += 1
-
-    def _send(self, port: SimulatedBus, identifier: int, data: bytes | bytearray) -> None:
-        with contextlib.suppress(can.CanError):
-            port.send(can.Message(arbitration_id=identifier, is_extended_id=False, data=data, is_rx=False))
 
 
 class _Broken:

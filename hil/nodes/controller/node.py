@@ -240,7 +240,7 @@ class ControllerNode:
         self._steer(now, estimate)
         self._judge(now)
         evidence = self.receiver.evidence(now)
-        mode = self._mode(now, evidence, estimate)
+        mode = self._mode(evidence, estimate)
         action = self._act(now, mode, estimate) if solved else Action(math.nan, "late")
         end = self._clock()
         self._before = self.guard.sent
@@ -379,7 +379,7 @@ class ControllerNode:
         if self.state == RUNNING:
             self.state, self.reason = FAULTY, reason
 
-    def _mode(self, now: float, evidence: Evidence, estimate: Estimate) -> int:
+    def _mode(self, evidence: Evidence, estimate: Estimate) -> int:
         """What the drive is asked for: up through its states one by one while running, off else (quick stop while it
         still moves).
         """
@@ -387,7 +387,7 @@ class ControllerNode:
             return OFF
         if self._led:
             return ENABLE
-        if self.operator is not None and self.operator.resting(now):
+        if self.operator is not None and self.operator.let_go:
             return OFF
         if (
             not self.receiver.beating

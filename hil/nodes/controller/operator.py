@@ -24,6 +24,8 @@ STATUS_S: Final = 0.05
 AHEAD_M: Final = 2e-3
 """A reference that is held is at most this far from where the capsule is believed to be."""
 _TOLD_S: Final = 0.2
+_COUNTED: Final = ("counter", "repeated")
+"""Reasons of the protection for a frame whose length and CRC are right."""
 NOBODY: Final = 0
 OFF, READY, MOVING, HELD, STOPPED = range(5)
 """What the controller makes of setpoints, in the numbers of OperatorStatus."""
@@ -75,7 +77,9 @@ class Operator:
     One source is in charge: the one that presses its dead-man switch while no other holds its own, after it has been
     heard released. It is so until it releases, or its setpoint has lived; then the reference is held from the next tick
     on, and `resting` after `stop_after_s`: the drive is to be stopped, until somebody presses again. A source that was
-    late, or that was refused because of another, must be heard released before it counts. `taken` says whether anybody
+    late, or that was refused because of another, must be heard released before it counts. A release by the one in
+    charge counts whatever its counter, so also from a second node that sends as the same source; the source must then
+    be heard released in turn. `taken` says whether anybody
     has ever been in charge since `begin`: until then the reference is the deployment's own.
 
     `refused` counts frames by reason: those of the protection (length, crc, counter, repeated, range), `source` (not
@@ -96,7 +100,7 @@ class Operator:
         names = source.names
         self._accepted = {raw for raw in names if not limits.sources or names[raw] in limits.sources}
         self._reasons = {name: raw for raw, name in catalogue[STATUS].field("Refused").names.items()}
-        self._speed = frame.field("Mode").number("speed")
+        self._speed, self._switch = frame.field("Mode").number("speed"), 1 << frame.field("DeadMan").start
         self._why, self._why_at = 0, -math.inf
         self.begin()
 
@@ -111,10 +115,14 @@ class Operator:
 
     def accept(self, data: bytes | bytearray, stamp: float, now: float) -> None:
         """Take the frame in that came at `stamp` and is read at `now`, both in s."""
-        source = int.from_bytes(data, "little") >> self._shift & self._mask
+        bits = int.from_bytes(data, "little")
+        source = bits >> self._shift & self._mask
         values = self._receivers.get(source, self._nameless).accept(data, stamp)
         if isinstance(values, Refusal):
             self._refuse(values.reason, now)
+            if values.reason in _COUNTED and source == self.source and not bits & self._switch:
+                self._armed.discard(source)
+                self._let_go(now)
         elif source not in self._accepted:
             self._refuse("source", now)
         elif not values["DeadMan"]:
@@ -141,9 +149,14 @@ class Operator:
             self._armed.discard(self.source)
             self._let_go(now)
 
+    @property
+    def let_go(self) -> bool:
+        """Whether nobody is in charge any more: a drive that is not enabled stays so."""
+        return self.taken and self.source == NOBODY
+
     def resting(self, now: float) -> bool:
         """Whether the drive is to be stopped, because nobody has been in charge for long enough."""
-        return self.taken and self.source == NOBODY and now - self._let_go_at >= self.limits.stop_after_s
+        return self.let_go and now - self._let_go_at >= self.limits.stop_after_s
 
     def enabled(self, place_m: float) -> Reference:
         """The reference as the drive is enabled with the capsule at `place_m`, where somebody has taken charge."""

@@ -7,16 +7,21 @@ from __future__ import annotations
 import copy
 import heapq
 import random
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, Final
 
 import can
 
+from hil.bus.authenticated import PAYLOAD, authenticator, freshness, inside, sealed
+from hil.bus.catalogue import Field
+from hil.bus.protection import COUNTS, crc8
+from hil.nodes.controller.operator import SETPOINT
 from hil.nodes.faults.table import Fault
+from hil.nodes.frame_map import frames
 
-_REMEMBERED: Final = 256
+_REMEMBERED: Final = 32
 
 
 class FaultInjection(can.BusABC):
@@ -24,10 +29,10 @@ class FaultInjection(can.BusABC):
     while it is `broken` it raises.
 
     `now` gives the time in s of the messages' stamps. A frame that comes late is stamped when it comes. The same seed
-    and frames give the same result.
+    and frames give the same result. `key` is that of an authenticated bus, of which `inner` is the wire.
     """
 
-    def __init__(self, inner: can.BusABC, now: Callable[[], float], seed: int = 0) -> None:
+    def __init__(self, inner: can.BusABC, now: Callable[[], float], seed: int = 0, key: bytes = b"") -> None:
         super().__init__(channel=inner.channel_info)
         self.inner, self.channel_info = inner, f"link to {inner.channel_info}"
         self.faults: list[tuple[Fault, frozenset[int]]] = []
@@ -36,7 +41,9 @@ class FaultInjection(can.BusABC):
         self._ready: deque[can.Message] = deque()
         self._late: list[tuple[float, int, can.Message]] = []
         self._held: dict[int, can.Message] = {}
-        self._past: deque[can.Message] = deque(maxlen=_REMEMBERED)
+        self._recorded: dict[int, list[can.Message]] = {}
+        self._key = key
+        self._past: defaultdict[int, deque[can.Message]] = defaultdict(lambda: deque(maxlen=_REMEMBERED))
         self._number = 0
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
@@ -61,7 +68,8 @@ class FaultInjection(can.BusABC):
                 return None
             if not self.faults:
                 self._held.clear()
-                self._past.append(message_in)
+                self._recorded.clear()
+                self._past[message_in.arbitration_id].append(message_in)
                 return message_in
             self._ready.extend(self._tampered(message_in))
 
@@ -70,7 +78,7 @@ class FaultInjection(can.BusABC):
         for fault, identifiers in self.faults:
             if message.arbitration_id in identifiers:
                 frames = [out for frame in frames for out in _TAMPERING[fault.kind](self, frame, fault)]
-        self._past.append(message)
+        self._past[message.arbitration_id].append(message)
         return frames
 
     def _drop(self, frame: can.Message, fault: Fault) -> list[can.Message]:
@@ -119,9 +127,49 @@ class FaultInjection(can.BusABC):
         ]
 
     def _replay(self, frame: can.Message, fault: Fault) -> list[can.Message]:
-        old = [m for m in self._past if m.arbitration_id == frame.arbitration_id]
-        back = int(fault.amount)
+        old, back = self._past[frame.arbitration_id], int(fault.amount)
         return [frame] if len(old) < back else [frame, _stamped(old[-back], frame.timestamp)]
+
+    def _freeze(self, frame: can.Message, fault: Fault) -> list[can.Message]:
+        return [_stamped(self._recording(frame)[-1], frame.timestamp)]
+
+    def _miscount(self, frame: can.Message, fault: Fault) -> list[can.Message]:
+        return [_rewritten(frame, lambda bits: bits ^ COUNTS // 2 << 8)]
+
+    def _overreach(self, frame: can.Message, fault: Fault) -> list[can.Message]:
+        place = frames()[SETPOINT].field("Position_m")
+        return [_rewritten(frame, lambda bits: _with(bits, place, place.raw_upper + 1))]
+
+    def _overask(self, frame: can.Message, fault: Fault) -> list[can.Message]:
+        speed = frames()[SETPOINT].field("Velocity_m_s")
+        return [_rewritten(frame, lambda bits: _with(bits, speed, speed.raw_upper))]
+
+    def _forge(self, frame: can.Message, fault: Fault) -> list[can.Message]:
+        return [_holding(frame, frame.data[:-1] + bytes([frame.data[-1] ^ 1]))]
+
+    def _other_key(self, frame: can.Message, fault: Fault) -> list[can.Message]:
+        return [self._resealed(frame, bytes(byte ^ 0xFF for byte in self._key), *freshness(frame.data))]
+
+    def _record(self, frame: can.Message, fault: Fault) -> list[can.Message]:
+        recording = self._recording(frame)
+        recording.append(recording.pop(0))
+        return [_stamped(recording[-1], frame.timestamp)]
+
+    def _recording(self, frame: can.Message) -> list[can.Message]:
+        """The last frames like `frame` before the fault, as many as there are counters; else it alone."""
+        old = list(self._past[frame.arbitration_id])[-COUNTS:]
+        return self._recorded.setdefault(frame.arbitration_id, old or [frame])
+
+    def _unkey(self, frame: can.Message, fault: Fault) -> list[can.Message]:
+        return [inside(frame)]
+
+    def _turn_back(self, frame: can.Message, fault: Fault) -> list[can.Message]:
+        count, epoch = freshness(frame.data)
+        return [self._resealed(frame, self._key, count, epoch - 1)]
+
+    def _resealed(self, frame: can.Message, key: bytes, count: int, epoch: int) -> can.Message:
+        code = authenticator(key)
+        return _holding(frame, sealed(code, frame.arbitration_id, frame.data[:PAYLOAD], count, epoch))
 
     @property
     def state(self) -> can.BusState:
@@ -154,6 +202,24 @@ def _stamped(message: can.Message, time_s: float) -> can.Message:
     return later
 
 
+def _holding(message: can.Message, data: bytes | bytearray) -> can.Message:
+    other = copy.copy(message)
+    other.data = bytearray(data)
+    return other
+
+
+def _rewritten(message: can.Message, change: Callable[[int], int]) -> can.Message:
+    """A setpoint of which a sender has changed the bits before it made the CRC."""
+    data = bytearray(change(int.from_bytes(message.data[:PAYLOAD], "little")).to_bytes(PAYLOAD, "little"))
+    data[0] = crc8(memoryview(data)[1:], frames()[SETPOINT].data_id)
+    return _holding(message, data + message.data[PAYLOAD:])
+
+
+def _with(bits: int, field: Field, raw: int) -> int:
+    mask = (1 << field.length) - 1
+    return bits & ~(mask << field.start) | (raw & mask) << field.start
+
+
 _TAMPERING: Final[Mapping[str, Callable[[FaultInjection, can.Message, Fault], list[can.Message]]]] = MappingProxyType(
     {
         "drop": FaultInjection._drop,
@@ -163,6 +229,15 @@ _TAMPERING: Final[Mapping[str, Callable[[FaultInjection, can.Message, Fault], li
         "corrupt": FaultInjection._corrupt,
         "replay": FaultInjection._replay,
         "retyped": FaultInjection._retype,
+        "frozen_setpoint": FaultInjection._freeze,
+        "miscounted": FaultInjection._miscount,
+        "out_of_range": FaultInjection._overreach,
+        "beyond_limits": FaultInjection._overask,
+        "forged": FaultInjection._forge,
+        "wrong_key": FaultInjection._other_key,
+        "recorded": FaultInjection._record,
+        "unkeyed": FaultInjection._unkey,
+        "epoch_back": FaultInjection._turn_back,
     }
 )
 TAMPERING: Final = tuple(_TAMPERING)

@@ -14,6 +14,12 @@ from models.parameter import nearest
 LINKS: Final = ("commands", "feedback", "localisation", "all")
 SENSORS: Final = ("localisation", "feedback")
 NODES: Final = ("controller", "drive", "localiser")
+SETPOINTS: Final = "setpoints"
+"""The way from the operator to the controller."""
+_WAYS: Final = (*LINKS, SETPOINTS)
+_KEYED: Final = LINKS[:3]
+MAKER, OPERATOR, KEY = "maker", "operator", "key"
+"""What a scenario must have beside a fault: another maker's drive, somebody who steers, an authenticated bus."""
 _SHARE: Final = (1e-6, 1.0)
 
 
@@ -28,20 +34,20 @@ class FaultKind:
     value: float = math.nan
     meaning: str = ""
     range: tuple[float, float] = (-math.inf, math.inf)
-    makers: bool = False
+    needs: str = ""
 
 
 KINDS: Mapping[str, FaultKind] = MappingProxyType(
     {
-        "drop": FaultKind("frames are lost on their way", LINKS, 1.0, "share of the frames", _SHARE),
-        "delay": FaultKind("frames come late", LINKS, 0.03, "s", (1e-4, 10.0)),
-        "duplicate": FaultKind("frames come twice", LINKS),
-        "reorder": FaultKind("each two frames change places", LINKS),
+        "drop": FaultKind("frames are lost on their way", _WAYS, 1.0, "share of the frames", _SHARE),
+        "delay": FaultKind("frames come late", _WAYS, 0.03, "s", (1e-4, 10.0)),
+        "duplicate": FaultKind("frames come twice", _WAYS),
+        "reorder": FaultKind("each two frames change places", _WAYS),
         "corrupt": FaultKind(
-            "bits of frames are flipped behind the bus's own check", LINKS, 1.0, "share of the frames", _SHARE
+            "bits of frames are flipped behind the bus's own check", _WAYS, 1.0, "share of the frames", _SHARE
         ),
-        "replay": FaultKind("old frames come again between the true ones", LINKS, 20.0, "frames ago", (1, 32)),
-        "retyped": FaultKind("frames come as extended, remote, error or FD frames in turn, bytes and all", LINKS),
+        "replay": FaultKind("old frames come again between the true ones", _WAYS, 20.0, "frames ago", (1, 32)),
+        "retyped": FaultKind("frames come as extended, remote, error or FD frames in turn, bytes and all", _WAYS),
         "unreadable": FaultKind("the node's interface raises whenever it is read", NODES[:2]),
         "second_master": FaultKind("another controller speaks on the bus: time, heartbeat, commands that enable"),
         "player": FaultKind("what the controller has said since the run began is played on the bus"),
@@ -53,17 +59,32 @@ KINDS: Mapping[str, FaultKind] = MappingProxyType(
         "lost": FaultKind("the localisation says nothing", SENSORS[:1]),
         "over_temperature": FaultKind("the drive gets hot", value=60.0, meaning="degC", range=(-40.0, 150.0)),
         "drive_reset": FaultKind("the drive boots anew"),
-        "encoder_error": FaultKind("the drive's encoder tells nothing", makers=True),
-        "wrong_node": FaultKind("the drive answers to another node's number", makers=True),
-        "wrong_bit_rate": FaultKind("the drive's end of the bus goes at another bit rate", makers=True),
+        "encoder_error": FaultKind("the drive's encoder tells nothing", needs=MAKER),
+        "wrong_node": FaultKind("the drive answers to another node's number", needs=MAKER),
+        "wrong_bit_rate": FaultKind("the drive's end of the bus goes at another bit rate", needs=MAKER),
         "killed": FaultKind("the controller's process is gone"),
         "frozen": FaultKind("the controller's process stands still"),
         "late_solve": FaultKind("the controller's solutions come too late"),
+        "released": FaultKind("the operator lets the dead-man switch go, for good", needs=OPERATOR),
+        "frozen_setpoint": FaultKind("the operator's node repeats one frame", (SETPOINTS,), needs=OPERATOR),
+        "miscounted": FaultKind("counters of setpoints are 8 off, their CRC fits", (SETPOINTS,), needs=OPERATOR),
+        "out_of_range": FaultKind("positions of setpoints are out of range", (SETPOINTS,), needs=OPERATOR),
+        "beyond_limits": FaultKind("setpoints ask for 0.4 m/s", (SETPOINTS,), needs=OPERATOR),
+        "second_operator": FaultKind(
+            "somebody else steers, too: as another source, or as the same one", ("other", "same"), needs=OPERATOR
+        ),
+        "forged": FaultKind("frames have a wrong authenticator", _KEYED, needs=KEY),
+        "wrong_key": FaultKind("frames are authenticated with another key", _KEYED, needs=KEY),
+        "recorded": FaultKind(
+            "genuine frames of before, whose counters fit, come in place of the true ones", _KEYED, needs=KEY
+        ),
+        "unkeyed": FaultKind("frames are classic ones, without an authenticator", _KEYED, needs=KEY),
+        "epoch_back": FaultKind("the sender has begun anew with an earlier epoch", _KEYED, needs=KEY),
         "clock_jump": FaultKind("the controller's clock jumps", value=0.5, meaning="s", range=(-1000.0, 1000.0)),
     }
 )
 
-OWN_KINDS: Final = tuple(name for name, kind in KINDS.items() if not kind.makers)
+OWN_KINDS: Final = tuple(name for name, kind in KINDS.items() if kind.needs != MAKER)
 """Faults that the catalogue's own drives can have."""
 MAKERS_ROWS: Final = (
     ("drop", "commands"),
@@ -125,6 +146,11 @@ class Fault:
     def amount(self) -> float:
         """The `value`, or the kind's own where none is given."""
         return KINDS[self.kind].value if math.isnan(self.value) else self.value
+
+    @property
+    def needs(self) -> str:
+        """What the scenario must have for it."""
+        return OPERATOR if self.target == SETPOINTS else KINDS[self.kind].needs
 
     @property
     def end_s(self) -> float:

@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from hil.app.jog.keyboard import keys, raw_terminal
-from hil.app.jog.script import Step, steps
 from hil.app.main import run
+from hil.app.scenario.jog_script import Step, steps
 from hil.bus.catalogue import load_catalogue
 from hil.bus.codec import Refusal
 from hil.bus.local import LocalBus

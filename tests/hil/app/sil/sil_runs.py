@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import atexit
+import tempfile
+from collections.abc import Iterable, Mapping
 from functools import cache
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -12,6 +15,7 @@ from hil.app.scenario.bus_scenario import SilScenario, parse_sil_scenario
 from hil.app.sil.fault_outcomes import Outcome, outcomes
 from hil.app.sil.loop import SilTrace, run_sil
 from hil.app.sil.testbed import believed_on_bus
+from hil.nodes.faults.table import KEY, OPERATOR, Fault
 
 RIGS: Final[Mapping[str, Mapping[str, Any]]] = MappingProxyType(
     {
@@ -31,6 +35,40 @@ RIGS: Final[Mapping[str, Mapping[str, Any]]] = MappingProxyType(
     }
 )
 
+JOG: Final = {"script": ["release 0.02", "speed 0 0.08", "speed 3 60"], "life_ms": 45.0}
+"""Somebody who is in charge from 0.02 s on and steers at 3 mm/s from 0.1 s on."""
+
+
+@cache
+def key_file() -> str:
+    """A file with a key, the same one for all runs."""
+    folder = tempfile.TemporaryDirectory(prefix="capsule-key-")
+    atexit.register(folder.cleanup)
+    path = Path(folder.name) / "bus.key"
+    path.touch(0o600)
+    path.write_text(bytes(range(16)).hex(), encoding="utf-8")
+    return str(path)
+
+
+def keyed() -> dict[str, Any]:
+    """The table `[bus]` of an authenticated bus."""
+    return {"fd": True, "key_file": key_file()}
+
+
+def tables_for(faults: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
+    """The tables of a scenario that has what its `faults` need."""
+    needs = {Fault(str(f["kind"]), 0.0, target=str(f.get("target", ""))).needs for f in faults}
+    tables: dict[str, Any] = {}
+    if OPERATOR in needs:
+        tables |= {
+            "reference": {"kind": "hold", "start_s": 0.1},
+            "operator": {"accept": True, "stop_after_s": 0.05},
+            "jog": JOG,
+        }
+    if KEY in needs:
+        tables["bus"] = keyed()
+    return tables
+
 
 def scenario_of(kind: str, duration_s: float, *faults: Mapping[str, Any], **tables: Any) -> SilScenario:
     """A run of `duration_s` s of a rig of `kind`."""
@@ -41,6 +79,7 @@ def scenario_of(kind: str, duration_s: float, *faults: Mapping[str, Any], **tabl
             **RIGS[kind],
             "control": control,
             "faults": list(faults),
+            **tables_for(faults),
             **tables,
         }
     )

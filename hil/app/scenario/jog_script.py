@@ -1,4 +1,4 @@
-"""What `capsule jog --script` reads: one setpoint a line, and for how long."""
+"""What `capsule jog --script` and the table `[jog]` of a scenario read: one setpoint a line, and for how long."""
 
 from __future__ import annotations
 

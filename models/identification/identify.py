@@ -21,7 +21,7 @@ from models.identification.confidence_map import confidence_map
 from models.identification.experiment.propose import propose, words_of
 from models.identification.finding import STAGES, CandidateRow, Check, Estimate, Finding, FoundEffect, Trace
 from models.identification.fitting.confidence import drawn, intervals
-from models.identification.kinds import AnyKind, kind_for, ready, report_of
+from models.identification.kinds import NOTHING_KNOWN, AnyKind, Known, kind_for, ready, report_of
 from models.identification.model import Model, own_effects_of
 from models.identification.record_checks import check_parts, check_records
 from models.identification.residual.dependence import dependence_of
@@ -34,12 +34,19 @@ _AS_LIKELY_AS_NOT = 0.5  # that an effect which explains but a part is there: wh
 
 
 def close(
-    rig: Rig, train: Sequence[Record], holdout: Sequence[Record], progress: Callable[[str, float], None], seed: int = 0
+    rig: Rig,
+    train: Sequence[Record],
+    holdout: Sequence[Record],
+    progress: Callable[[str, float], None],
+    seed: int = 0,
+    known: Known = NOTHING_KNOWN,
 ) -> tuple[Finding, Model]:
     """Calibrate the rig's model on `train`, find what it lacks, and report the errors before and after; `holdout` is
     looked through for what makes it unusable, then not opened until the end.
 
-    The same records and `seed` give the same numbers. Raises ValueError for records that cannot tell anything.
+    Base parameters that are `known` from elsewhere take the place of the rig file's and hold the calibration as its
+    `[prior]` does. The same records and `seed` give the same numbers. Raises ValueError for records that cannot tell
+    anything.
     """
     began = time.monotonic()
     findings = examine(rig, [*train, *holdout])
@@ -48,7 +55,7 @@ def close(
         raise ValueError(f"{stop.file}: {stop.sentence} ({stop.where}); {stop.remedy}")
     check_records(train, holdout)
     train, holdout = [ready(r, rig) for r in train], [ready(r, rig) for r in holdout]
-    kind = kind_for(rig, train)
+    kind = kind_for(rig, train, known)
     hidden = cannot_show(rig, train, kind.effects)
     if hidden:
         kind = replace(kind, effects=tuple(effect for effect in kind.effects if effect.id not in hidden))

@@ -1,13 +1,15 @@
 """Learning while it runs: effects that begin at a time nobody declared, with and without `--learn`, over the bus.
 
 `python -m tests.bench.bench_learning --out FILE.jsonl [--kinds magnetic coil] [--effects none fold_periodic ...]
-[--seeds 1] [--onset 70]` leads each rig to and fro through a gut that differs from the nominal one in stiffness,
-friction and, by a few percent, from place to place. The effects are the plant's own forms, `A+B` one after the other
-(B begins 120 s after A, and the run is as much longer). Each row is the same run twice, and a line of FILE; finished
-ones are not repeated. `--table` prints what FILE holds.
+[--seeds 1] [--noise 0.0002] [--speed 4] [--onset 30]` leads each rig to and fro over 18 mm through a gut that differs
+from the nominal one in stiffness, friction and, by a few percent, from place to place. The effects are the plant's own
+forms, `A+B` one after the other (B begins 100 s after A, and the run is as much longer). Each row is the same run
+twice, and a line of FILE; finished ones are not repeated. `--table` prints what FILE holds. The pace is that of
+`hil/scenarios/demo_learning.toml`; at a tenth of its speed or with much more noise there is less to tell effects by,
+and the learner should gather longer.
 
-Errors are rms of the capsule's true place against the reference: over the minute before the onset, and over the last
-minute, which ends three minutes after the (last) onset, without and with learning.
+Errors are rms of the capsule's true place against the reference: over the 25 s before the onset, and over the last
+30 s, which end 100 s after the (last) onset, without and with learning.
 """
 
 from __future__ import annotations
@@ -23,45 +25,49 @@ from pathlib import Path
 from typing import Any, Final
 
 from controller.supervision.model_switch import ModelSwitch
-from hil.app.learn.identify import Background
+from hil.app.learn.identify import at_once
 from hil.app.learn.learner import Learner
-from hil.app.scenario.bus_scenario import SilScenario
+from hil.app.scenario.bus_scenario import SilScenario, load_sil_scenario
 from hil.app.scenario.reference import Steps
 from hil.app.scenario.scenario import load_track_scenario
 from hil.app.sil.loop import SilTrace, run_sil
 from hil.app.sil.story import error_by_second, rms_m
 from hil.app.sil.testbed import believed_on_bus
 from hil.app.track.score import score
-from tests.bench.bench_monitor import FOLDER, RIGS, TICK_S, gut, numbers
+from tests.bench.bench_monitor import FOLDER, RIGS, gut, numbers
 
 EFFECTS: Final = (
     "fold_periodic", "coupling_fade", "incline_gravity", "directional_asymmetry", "tissue_drying", "actuator_lag",
     "carriage_backlash", "stenosis", "peristaltic_wave", "sensor_delay", "none", "fold_periodic+incline_gravity",
 )  # fmt: skip
-WINDOW_S: Final = 60.0
-SECOND_S: Final = 120.0
-AFTER_S: Final = 180.0
+FAR_MM: Final = 18.0
+DWELL_S: Final = 1.0
+BEFORE_S: Final = 25.0
+LAST_S: Final = 30.0
+AFTER_S: Final = 100.0
+TICK_S: Final = 5e-3
+PACE: Final = load_sil_scenario(FOLDER / "demo_learning.toml")[0].pace
 Row = dict[str, Any]
 
 
-def scenario_of(kind: str, effects: str, seed: int, onset_s: float) -> SilScenario:
-    """The rig with the effects, led to and fro until three minutes after the last onset."""
-    name, _, far, speed = RIGS[kind]
-    plain = load_track_scenario(FOLDER / f"track_{name}.toml")
+def scenario_of(kind: str, effects: str, seed: int, options: argparse.Namespace) -> SilScenario:
+    """The rig with the effects, led to and fro until `AFTER_S` after the last onset."""
+    plain = load_track_scenario(FOLDER / f"track_{RIGS[kind][0]}.toml")
     named = effects.split("+")
-    seconds = onset_s + SECOND_S * (len(named) - 1) + AFTER_S
-    places = tuple(far * (k % 2 == 0) for k in range(int((seconds - 1) / (far / speed + 1.0))))
+    seconds = options.onset + AFTER_S * len(named)
+    places = tuple(FAR_MM * (k % 2 == 0) for k in range(int((seconds - 1) / (FAR_MM / options.speed + DWELL_S))))
     hidden: dict[str, dict[str, float]] = {}
     for k, effect in enumerate(named):
-        hidden |= numbers(effect, 1.0, onset_s + SECOND_S * k)
+        hidden |= numbers(effect, 1.0, options.onset + AFTER_S * k)
     loop = replace(
         plain,
         duration_s=seconds,
-        reference=Steps(places, speed, 1.0).trajectory(seconds),
+        reference=Steps(places, options.speed, DWELL_S).trajectory(seconds),
+        instruments=replace(plain.instruments, localisation=replace(plain.instruments.localisation, std=options.noise)),
         truth=replace(gut(plain, seed), hidden=hidden),
         control=replace(plain.control, tick_s=TICK_S),
     )
-    return SilScenario(loop)
+    return SilScenario(loop, pace=PACE)
 
 
 def led(scenario: SilScenario, controller: str, seed: int, learns: bool) -> tuple[SilTrace, Any]:
@@ -71,15 +77,11 @@ def led(scenario: SilScenario, controller: str, seed: int, learns: bool) -> tupl
     if not learns:
         trace = run_sil(scenario, model, controller, seed)
         return trace, score(scenario.loop, trace)
-    background = Background()
-    try:
 
-        def learner(switch: ModelSwitch) -> Learner:
-            return Learner(switch, scenario.loop.belief, {}, believed, background)
+    def learner(switch: ModelSwitch) -> Learner:
+        return Learner(switch, scenario.loop.belief, {}, believed, at_once, scenario.pace)
 
-        trace = run_sil(scenario, model, controller, seed, learning=learner)
-    finally:
-        background.close()
+    trace = run_sil(scenario, model, controller, seed, learning=learner)
     return trace, score(scenario.loop, trace)
 
 
@@ -89,17 +91,17 @@ def rms_mm(trace: SilTrace, scenario: SilScenario, begin_s: float, end_s: float)
     return float("nan") if found is None else 1e3 * found
 
 
-def row_of(kind: str, effects: str, seed: int, onset_s: float) -> Row:
+def row_of(kind: str, effects: str, seed: int, options: argparse.Namespace) -> Row:
     """The same run without and with learning."""
-    scenario, began = scenario_of(kind, effects, seed, onset_s), time.monotonic()
-    controller = RIGS[kind][1]
+    scenario, began = scenario_of(kind, effects, seed, options), time.monotonic()
+    controller, onset_s = RIGS[kind][1], options.onset
     end = scenario.loop.duration_s
     row: Row = {"kind": kind, "effects": effects, "seed": seed, "onset_s": onset_s, "seconds": end}
     for name, learns in (("without", False), ("with", True)):
         trace, found = led(scenario, controller, seed, learns)
         row[name] = {
-            "before_mm": rms_mm(trace, scenario, onset_s - WINDOW_S + 5.0, onset_s),
-            "after_mm": rms_mm(trace, scenario, end - WINDOW_S, end),
+            "before_mm": rms_mm(trace, scenario, onset_s - BEFORE_S, onset_s),
+            "after_mm": rms_mm(trace, scenario, end - LAST_S, end),
             "violations": found.hard_violations,
             "stopped": trace.stopped_because,
             "lessons": [lesson.document() for lesson in trace.lessons],
@@ -115,7 +117,8 @@ def told(row: Row) -> str:
     plain, learned = row["without"], row["with"]
     errors = f"{plain['before_mm']:8.3f} {plain['after_mm']:8.3f} {learned['after_mm']:8.3f} {row['ratio']:6.2f}"
     lines = [
-        f"broken {one['broken_at_s']:.0f} s, {'+'.join(one['effects']) or 'nothing'} ({one['verdict'] or 'no answer'})"
+        f"broken {one['broken_at_s']:.0f} s, {'+'.join(one['effects']) or 'nothing'} ({one['verdict'] or 'no answer'},"
+        f" {one['searched_s']:.0f} s of search)"
         + (f", taken {one['taken_at_s']:.0f} s" if one["taken_at_s"] is not None else "")
         + (f", back {one['withdrawn_at_s']:.0f} s" if one["withdrawn_at_s"] is not None else "")
         for one in learned["lessons"]
@@ -151,7 +154,9 @@ def main() -> int:
     parser.add_argument("--kinds", nargs="*", default=["magnetic", "coil"], choices=["magnetic", "coil"])
     parser.add_argument("--effects", nargs="*", default=list(EFFECTS))
     parser.add_argument("--seeds", nargs="*", type=int, default=[1])
-    parser.add_argument("--onset", type=float, default=70.0)
+    parser.add_argument("--onset", type=float, default=30.0)
+    parser.add_argument("--noise", type=float, default=2e-4, help="std of the localisation in m")
+    parser.add_argument("--speed", type=float, default=4.0, help="of the reference in mm/s")
     parser.add_argument("--table", action="store_true", help="run nothing")
     options = parser.parse_args()
     rows = [json.loads(line) for line in options.out.read_text().splitlines()] if options.out.exists() else []
@@ -160,7 +165,7 @@ def main() -> int:
     for kind, effects, seed in [] if options.table else wanted:
         if (kind, effects, seed) in done:
             continue
-        rows.append(row_of(kind, effects, seed, options.onset))
+        rows.append(row_of(kind, effects, seed, options))
         with options.out.open("a") as file:
             file.write(json.dumps(rows[-1]) + "\n")
         print(told(rows[-1]), flush=True)

@@ -13,19 +13,22 @@ from typing import Any, Final
 from rich.table import Table
 
 from hil.app.console import json_text, print_json, summary
+from hil.app.demo.learning import LEARNING, LearningStory
 from hil.app.demo.loop import LOOPS, LoopStory
 from hil.app.demo.page import demo_html
-from hil.app.demo.story import PRINTED, Story, Told
+from hil.app.demo.story import PRINTED, Learned, Story, Told
 from hil.app.demo.worker import story_bars, told
 from hil.app.identify.close_loop import NUMBERS, REPORT
 from hil.app.quantities import DASH, amount, quantity
 from hil.app.report import headline, report_json
 from hil.app.report.words import STAGE_WORDS, effect_words, error_scale, interpolation, listed, scaled, tested_part
+from hil.app.sil.story import NUMBERS as LEARNED_NUMBERS
+from hil.app.sil.story import PAGE as LEARNED
 from hil.app.write import check_folder, write_files
 from models.identification.finding import STAGES
 
 PAGE, PAGE_NUMBERS = "demo.html", "demo.json"
-STORIES: Final[tuple[Story, ...]] = (*PRINTED, *LOOPS)
+STORIES: Final[tuple[Story, ...]] = (*PRINTED, *LOOPS, LEARNING)
 
 
 def demo(out: Path, *, json_output: bool = False, seed: int = 0, stories: Sequence[Story] = STORIES) -> None:
@@ -38,24 +41,29 @@ def demo(out: Path, *, json_output: bool = False, seed: int = 0, stories: Sequen
     with TemporaryDirectory(dir=out, prefix=".demo-") as hidden:
         work = Path(hidden)
         longest_first = sorted(
-            stories, key=lambda story: (not isinstance(story, LoopStory), story.name != LOOPS[-1].name)
+            stories, key=lambda s: (not isinstance(s, LoopStory | LearningStory), s.name != LOOPS[-1].name)
         )
         with story_bars([story.name for story in stories]) as report:
             found = told(longest_first, work, seed, report)
-        lines = [(story, found[story.name]) for story in stories]
+        both = [(story, found[story.name]) for story in stories]
+        lines = [(story, one) for story, one in both if isinstance(one, Told)]
+        learned = [(story, one) for story, one in both if isinstance(one, Learned)]
         seconds = time.monotonic() - began
         document = {
-            "stories": [_numbers(story, one, out / story.name) for story, one in lines],
+            "stories": [
+                *(_numbers(story, one, out / story.name) for story, one in lines),
+                *(_learned_numbers(story, one, out / story.name) for story, one in learned),
+            ],
             "report": str(out / PAGE),
             "seed": seed,
             "seconds": seconds,
         }
-        write_files({work / PAGE: demo_html(lines, seconds), work / PAGE_NUMBERS: json_text(document)})
+        write_files({work / PAGE: demo_html(lines, seconds, learned), work / PAGE_NUMBERS: json_text(document)})
         _put(work, out)
     if json_output:
         print_json(document)
     else:
-        _say(lines, out, seconds)
+        _say(lines, learned, out, seconds)
 
 
 def _put(work: Path, out: Path) -> None:
@@ -90,7 +98,23 @@ def _numbers(story: Story, one: Told, folder: Path) -> dict[str, Any]:
     return document
 
 
-def _say(lines: Sequence[tuple[Story, Told]], out: Path, seconds: float) -> None:
+def _learned_numbers(story: Story, one: Learned, folder: Path) -> dict[str, Any]:
+    """A run that learned as JSON."""
+    return {
+        "story": story.name,
+        "title": story.title,
+        "report": str(folder / LEARNED),
+        "numbers": str(folder / LEARNED_NUMBERS),
+        "hidden": ", ".join(one.hidden) or None,
+        "came_to": one.sentence,
+        "hard_violations": one.found["hard_violations"],
+        **{key: one.numbers[key] for key in ("instants", "parts", "learned")},
+    }
+
+
+def _say(
+    lines: Sequence[tuple[Story, Told]], learned: Sequence[tuple[Story, Learned]], out: Path, seconds: float
+) -> None:
     console = summary()
     table = Table(title="Before and after", title_justify="left", show_lines=True)
     table.add_column("story")
@@ -108,6 +132,8 @@ def _say(lines: Sequence[tuple[Story, Told]], out: Path, seconds: float) -> None
         if one.hidden:
             words = listed(effect_words(name) for name in one.hidden)
             console.print(f"  what the simulated rig kept to itself: {words}", markup=False)
+    for story, learnt in learned:
+        console.print(f"{story.name}: {learnt.sentence}: {out / story.name / LEARNED}", markup=False, soft_wrap=True)
     console.print(f"all: {out / PAGE}", markup=False, soft_wrap=True)
     console.print(f"{seconds:.0f} s", markup=False)
 

@@ -9,7 +9,7 @@ from html import escape
 from typing import Final
 
 from hil.app.demo.figures import improvement_figure, left_over_figure, mission_figure
-from hil.app.demo.story import Mission, Story, Told
+from hil.app.demo.story import Learned, Mission, Story, Told
 from hil.app.identify.close_loop import MODEL, REPORT
 from hil.app.quantities import DASH, amount, quantity, scale, unit_words
 from hil.app.quantities import told as numbers_told
@@ -30,6 +30,8 @@ from hil.app.report.words import (
     scaled,
     tested_part,
 )
+from hil.app.sil.story import PAGE as LEARNED
+from hil.app.sil.story import error_figure, parts_table
 from models.identification.finding import STAGES
 
 POINTS: Final = 4000
@@ -40,8 +42,8 @@ _LINES: Final = (
 Line = tuple[Story, Told]
 
 
-def demo_html(lines: Sequence[Line], seconds: float) -> str:
-    """The page for all stories, driven ones first and in full."""
+def demo_html(lines: Sequence[Line], seconds: float, learned: Sequence[tuple[Story, Learned]] = ()) -> str:
+    """The page for all stories, driven ones first and in full, then those that `learned` while they ran."""
     loops = [line for line in lines if line[1].missions]
     sections = [
         (
@@ -51,14 +53,18 @@ def demo_html(lines: Sequence[Line], seconds: float) -> str:
         )
     ]
     sections += [(story.name, story.title[:1].upper() + story.title[1:], _loop(story, told)) for story, told in loops]
+    sections += [
+        (story.name, story.title[:1].upper() + story.title[1:], _learned(story, one)) for story, one in learned
+    ]
     title = "Drive, record, find what the model lacks, drive again"
     story = " ".join(
         [
             *(_sentence(story, told) for story, told in loops),
             *(f"{story.title.capitalize()}: {told.caution}" for story, told in lines if told.caution),
+            *(f"{story.title.capitalize()}: {one.sentence}." for story, one in learned),
         ]
     )
-    head = heading(f"Capsule demo · {len(lines)} stories · {seconds:.0f} s", title, story, "named")
+    head = heading(f"Capsule demo · {len(lines) + len(learned)} stories · {seconds:.0f} s", title, story, "named")
     return document(title, head, sections)
 
 
@@ -137,6 +143,20 @@ def _loop(story: Story, told: Told) -> str:
         ),
     ]
     return "".join(parts)
+
+
+def _learned(story: Story, one: Learned) -> str:
+    """A run that learned: error over time with its instants, and the error between them."""
+    kept = listed(map(effect_words, one.hidden)) or "nothing"
+    return "".join(
+        [
+            f"<p>Kept from controller, model and search: <b>{escape(kept)}</b>, which began on the way."
+            f" What came of it: {escape(one.sentence)}.</p>",
+            _figure(error_figure(one.numbers), f"{story.name}-error"),
+            parts_table(one.numbers),
+            f'<p><a href="{story.name}/{LEARNED}">The whole story</a>.</p>',
+        ]
+    )
 
 
 def _truth_table(told: Told) -> str:

@@ -51,6 +51,18 @@ class Told:
     truth: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class Learned:
+    """What came of a run that learned, in a sentence; `numbers` are those of its page, `found` its JSON object,
+    `hidden` what the simulated plant kept to itself.
+    """
+
+    sentence: str
+    numbers: Mapping[str, Any]
+    found: Mapping[str, Any]
+    hidden: tuple[str, ...]
+
+
 class Story(Protocol):
     """One line of the demo."""
 
@@ -64,7 +76,7 @@ class Story(Protocol):
         """What it is about, in words."""
         ...
 
-    def tell(self, folder: Path, seed: int, report: Progress) -> Told:
+    def tell(self, folder: Path, seed: int, report: Progress) -> Told | Learned:
         """Do it all, with every file in `folder`."""
         ...
 

@@ -16,7 +16,7 @@ from typing import Final
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from hil.app.console import notes, output_to_notes, stage_lines
-from hil.app.demo.story import Story, Told
+from hil.app.demo.story import Learned, Story, Told
 
 WORKERS: Final = 2
 Reporter = Callable[[str, str, float], None]
@@ -29,14 +29,14 @@ class _Worker:
     words: Connection
 
 
-def told(stories: Sequence[Story], folder: Path, seed: int, report: Reporter) -> dict[str, Told]:
+def told(stories: Sequence[Story], folder: Path, seed: int, report: Reporter) -> dict[str, Told | Learned]:
     """What came of each story by name, told in processes of their own; the first ones begin first. Each has
     `folder`/name to itself.
 
     Raises a story's ValueError or OSError, RuntimeError where its process died; no process goes on after that or an
     interruption.
     """
-    waiting, working, found = list(stories), list[_Worker](), dict[str, Told]()
+    waiting, working, found = list(stories), list[_Worker](), dict[str, Told | Learned]()
     try:
         while waiting or working:
             while waiting and len(working) < WORKERS:
@@ -44,7 +44,7 @@ def told(stories: Sequence[Story], folder: Path, seed: int, report: Reporter) ->
             ready = wait([worker.words for worker in working])
             for worker in [w for w in working if w.words in ready]:
                 word = _heard(worker)
-                if isinstance(word, Told):
+                if isinstance(word, Told | Learned):
                     found[worker.story.name] = word
                     worker.process.join()
                     working.remove(worker)
@@ -71,7 +71,7 @@ def _begin(story: Story, folder: Path, seed: int) -> _Worker:
     return _Worker(story, process, ours)
 
 
-def _heard(worker: _Worker) -> Told | tuple[str, float]:
+def _heard(worker: _Worker) -> Told | Learned | tuple[str, float]:
     try:
         word = worker.words.recv()
     except EOFError:
@@ -81,7 +81,7 @@ def _heard(worker: _Worker) -> Told | tuple[str, float]:
         ) from None
     if isinstance(word, ValueError | OSError):
         raise word
-    answer: Told | tuple[str, float] = word
+    answer: Told | Learned | tuple[str, float] = word
     return answer
 
 

@@ -14,6 +14,7 @@ from hil.app.docs.meanings import MEANINGS, UNITS
 from hil.app.scenario.bus_scenario import BusTable as SimulatedBusTable
 from hil.app.scenario.bus_scenario import FmuTable, JogTable
 from hil.app.scenario.deployment import BUS_RANGES, BusTable, ControlTable, ModelTable, PlantTable
+from hil.app.scenario.learning import PACE_RANGES, Pace
 from hil.app.scenario.model_offer import OfferTable
 from hil.app.scenario.reference import REFERENCES
 from hil.app.scenario.scenario import Control
@@ -77,6 +78,7 @@ DEPLOYMENT_TABLES: Final[Mapping[str, Any]] = {
     "[offer]": OfferTable,
     "[operator]": OperatorLimits,
     "[jog] of a scenario": JogTable,
+    "[learning]": Pace,
     **{f"[{name}]": table for name, table in ACTUATORS.items()},
     "[plant]": PlantTable,
     "[plant] of a scenario": FmuTable,
@@ -109,6 +111,7 @@ CHECKED: Final[Mapping[tuple[type[Any], str], tuple[float, float]]] = {
     (Control, "tick_s"): (1e-4, 0.02),
     (Control, "judged_from_s"): (0.0, math.inf),
     (OfferTable, "at_s"): (0.0, math.inf),
+    **{(Pace, name): (lower, upper) for name, lower, upper in PACE_RANGES},
     (Cia402Table, "node_id"): (1, 15),
     **{(Cia402Table, name): (lower, upper) for name, lower, upper in CIA402_RANGES},
     (PlantTable, "priority"): (0, 99),

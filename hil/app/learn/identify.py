@@ -26,24 +26,30 @@ from models.identification.kinds import kind_for, ready
 from models.identification.model import HELD_OUT
 
 NICE: Final = 19
+KNOWN: Final = 0.01
+"""Standard deviation, as a share, with which the base parameters of a model that held are known."""
+PARTLY: Final = 0.8
+"""Share of the held-out error of the model in use that one may leave whose verdict is `unknown`."""
 
 
 @dataclass(frozen=True)
 class Question:
     """What is asked: the `columns` of a run of `rig`, rows from `held_from` on held out, the `values` of the model in
-    use.
+    use; `base_holds` where its base parameters are taken as known, as the model was right until it broke.
     """
 
     rig: Rig
     columns: Mapping[str, Array]
     held_from: int
     values: Mapping[str, float]
+    base_holds: bool = True
 
 
 @dataclass(frozen=True)
 class Answer:
     """What was found: `values` for a controller, empty where no model passed the gate, the `effects` named, the
-    `verdict`, in a sentence why it is offered or not, and what to drive next to tell more (`wanted`).
+    `verdict`, in a sentence why it is offered or not, what to drive next to tell more (`wanted`), and how many
+    `seconds` the search took.
     """
 
     values: Mapping[str, float]
@@ -51,6 +57,7 @@ class Answer:
     verdict: str
     sentence: str
     wanted: str = ""
+    seconds: float = 0.0
 
     @property
     def passed(self) -> bool:
@@ -70,23 +77,35 @@ def answer(question: Question) -> Answer:
         return Answer({}, (), "none", f"nothing could be identified: {words}")
 
 
+def at_once(question: Question) -> Future[Answer]:
+    """The answer in this process, where simulated time waits for it anyway."""
+    done: Future[Answer] = Future()
+    done.set_result(answer(question))
+    return done
+
+
 def _answer(question: Question) -> Answer:
     rig, cut = question.rig, question.held_from
     train = [_part("since", rig, question.columns, slice(0, cut))]
     held = [_part("held out", rig, question.columns, slice(cut, None))]
-    finding, model = close(rig, train, held, lambda _what, _share: None)
-    effects = tuple(effect.id for effect in finding.effects)
     kind, records = kind_for(rig, []), [ready(record, rig) for record in held]
+    in_use = {p.name: question.values.get(p.name, p.value) for p in kind.base if p.fit}
+    holds = question.base_holds
+    known = {name: (value, KNOWN * abs(value)) for name, value in in_use.items() if holds and value}
+    finding, model = close(rig, train, held, lambda _what, _share: None, known=known)
+    effects = tuple(effect.id for effect in finding.effects)
     used = {**kind.nominal(), **{k: v for k, v in question.values.items() if k != HELD_OUT}}
     error = kind.error(records, [kind.predict(r, used) for r in records])
     report = {"error": finding.error}
     stage = STAGES[2] if effects else STAGES[1]
-    verdict = AcceptanceTest().judge(report, model, rig, stage=stage, current=float(error))
+    test = AcceptanceTest(share=PARTLY) if finding.verdict == "unknown" else AcceptanceTest()
+    verdict = test.judge(report, model, rig, stage=stage, current=float(error))
     if not verdict.passed:
-        return Answer({}, effects, finding.verdict, verdict.sentence, finding.next_experiment or "")
+        wanted = finding.next_experiment or ""
+        return Answer({}, effects, finding.verdict, verdict.sentence, wanted, finding.seconds)
     held_out = finding.error["holdout"][stage]
     said = f"held-out error {held_out:.4g} against {error:.4g} of the model in use"
-    return Answer(model.believed(stage), effects, finding.verdict, said)
+    return Answer(model.believed(stage), effects, finding.verdict, said, seconds=finding.seconds)
 
 
 def _part(name: str, rig: Rig, columns: Mapping[str, Array], rows: slice) -> Record:

@@ -17,6 +17,7 @@ from controller.supervision.acceptance import Verdict
 from controller.supervision.history import History
 from controller.supervision.model_switch import ModelSwitch, Offer, Prepared
 from hil.app.learn.identify import Answer, Ask, Question
+from hil.app.scenario.learning import Pace
 from hil.app.scenario.model_offer import Offered
 from hil.log.record import SOURCES
 from models.files.columns import TIME
@@ -45,26 +46,11 @@ def check_learnt(rig: Rig) -> None:
         raise ValueError(f"--learn must stand with a rig of kind {' or '.join(LEARNT)}; got {rig.kind}")
 
 
-@dataclass(frozen=True)
-class Pace:
-    """All in s: how much of motion and rest is `gathered_s` since the model broke, of which the last `held_out_s` are
-    held out; how long an answer may take (`answer_s`: simulated time then waits for it; inf: it comes when it comes);
-    how long a learned model is on trial. It is taken back where its tracking error is `worse` times what it was over as
-    long before.
-    """
-
-    gathered_s: float = 45.0
-    held_out_s: float = 15.0
-    answer_s: float = 60.0
-    trial_s: float = 60.0
-    worse: float = 1.0
-
-
 @dataclass
 class Lesson:
     """One model that was learned, or not; times in s of the reference's time, None where it did not come to that.
     `wanted` is the experiment that the search asks for where what was gathered did not suffice; `answers` are how often
-    it was asked.
+    it was asked, `searched_s` how long the last search took on this machine.
     """
 
     broken_at_s: float
@@ -78,6 +64,7 @@ class Lesson:
     answered_at_s: float | None = None
     answers: int = 0
     wanted: str = ""
+    searched_s: float = 0.0
 
     def document(self) -> dict[str, Any]:
         """As a run's JSON object has it."""
@@ -176,9 +163,10 @@ class Learner:
 
     def _question(self, now: float) -> None:
         columns = self._columns(self._since)
-        held_from = int(np.searchsorted(columns[TIME], now - self.pace.held_out_s))
+        held_from = int(np.searchsorted(columns[TIME], now - self.pace.held_out_share * self.pace.gathered_s))
         self.lessons[-1].asked_at_s = self._told(now)
-        self._future = self.ask(Question(self.rig, columns, held_from, dict(self._new)))
+        base_holds = self.lessons[-1].answers % 2 == 0
+        self._future = self.ask(Question(self.rig, columns, held_from, dict(self._new), base_holds))
         self._due, self._phase = now + self.pace.answer_s, "identifying"
 
     def _columns(self, begin_s: float) -> dict[str, Array]:
@@ -204,7 +192,7 @@ class Learner:
         lesson = self.lessons[-1]
         lesson.effects, lesson.verdict, lesson.sentence = found.effects, found.verdict, found.sentence
         lesson.answered_at_s, lesson.wanted = self._told(now), found.wanted
-        lesson.answers += 1
+        lesson.answers, lesson.searched_s = lesson.answers + 1, round(found.seconds, 1)
         if not found.passed:
             self._phase = "gathering"
             self._due = now + self.pace.gathered_s

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,7 +16,7 @@ import can
 
 from hil.app.console import notes, output_to_notes, print_json, summary
 from hil.app.learn.identify import Background
-from hil.app.learn.learner import Learner, Lesson, Pace, check_learnt
+from hil.app.learn.learner import Learner, Lesson, check_learnt
 from hil.app.run.check import check, limits_point, rehearse
 from hil.app.run.clock import Clock, ClockedBus
 from hil.app.run.loop import ENDS, Outcome, Signals, lead, prepare_process, reset
@@ -317,7 +318,7 @@ def _learning(deployment: Deployment, node: ControllerNode, frames_log: FrameLog
             deployment.values,
             deployment.believed,
             background,
-            Pace(answer_s=math.inf),
+            replace(deployment.pace, answer_s=math.inf),
             maker.submit,
             keep,
         )

@@ -14,6 +14,7 @@ import can
 
 from hil.app.scenario.deployment import BUS_RANGES, check_key, check_no_key, check_tick, operator_limits
 from hil.app.scenario.jog_script import Step, steps
+from hil.app.scenario.learning import Pace, read_pace
 from hil.app.scenario.reference import with_reference
 from hil.app.scenario.scenario import BUS_TABLES, TABLES, TrackScenario, parse_track_scenario
 from hil.bus.authenticated import authenticator
@@ -90,7 +91,7 @@ class JogTable:
 class SilScenario:
     """A closed `loop` over the bus and what goes wrong in it. Its tick is the cycle of the drive's command frame where
     the file names none. `drive` is another maker's, which then is set up already; `operator` is what setpoints are held
-    to, and `jog` who sends them.
+    to, and `jog` who sends them; `pace` is that of a run that learns.
     """
 
     loop: TrackScenario
@@ -100,6 +101,7 @@ class SilScenario:
     plant: FmuTable | None = None
     operator: OperatorLimits | None = None
     jog: JogTable | None = None
+    pace: Pace = Pace()
 
 
 def watched_bus(channel: str) -> LocalBus:
@@ -168,7 +170,8 @@ def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
         if not (operator and operator.accept):
             raise ValueError("operator.accept must be true with [jog], or the controller takes no setpoints; got false")
     _there({MAKER: drive is not None, OPERATOR: jog is not None, KEY: bool(bus.key_file)}, faults)
-    return SilScenario(loop, bus, faults, drive, plant, operator if operator and operator.accept else None, jog)
+    held = operator if operator and operator.accept else None
+    return SilScenario(loop, bus, faults, drive, plant, held, jog, read_pace(raw))
 
 
 _MISSING: Final[Mapping[str, str]] = MappingProxyType(

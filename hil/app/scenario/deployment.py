@@ -16,6 +16,7 @@ from controller.model.control_model import ControlModel, control_model
 from controller.registry import CONTROLLERS, checked_estimator, leads
 from controller.supervision.acceptance import AcceptanceTest, Verdict
 from controller.trajectory import Trajectory
+from hil.app.scenario.learning import Pace, read_pace
 from hil.app.scenario.model_offer import Offered, offer_of, read_offer, read_offer_table
 from hil.app.scenario.reference import read_reference, with_reference
 from hil.bus.catalogue import load_catalogue
@@ -35,7 +36,9 @@ PLANNING: Final = 0.4
 """Share of a tick within which a plan has to be made. At 1 kHz listening, estimate, limits and sending take a quarter
 of it.
 """
-OWN_TABLES: Final = ("bus", *ACTUATORS, "control", "reference", "limits", "model", "offer", "operator", "plant")
+OWN_TABLES: Final = (
+    "bus", *ACTUATORS, "control", "reference", "limits", "model", "offer", "operator", "learning", "plant",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -175,7 +178,7 @@ class DeployedPlant:
 class Deployment:
     """A controller to run on a bus. `values` are the learned model's parameters, none where nominal; `verdict` the
     gate's, where asked; `drive` the carriage's settings where it is another maker's; `operator` what setpoints
-    from the bus are held to.
+    from the bus are held to, `pace` that of a run that learns.
     """
 
     name: str
@@ -190,6 +193,7 @@ class Deployment:
     drive: ActuatorTable | None = None
     offered: Offered | None = None
     operator: OperatorLimits = OperatorLimits()
+    pace: Pace = Pace()
 
     def task(self) -> Task:
         """What the controller node is built from. Raises ValueError for a rig that cannot be controlled."""
@@ -278,6 +282,7 @@ def parse_deployment(
         verdict,
         _drive(raw, rig.kind, bus),
         operator=operator_limits(raw, limits),
+        pace=read_pace(raw),
     )
 
 

@@ -30,7 +30,7 @@ Table = Mapping[str, Any]
 TRUTH_TABLES: Final = ("scenario", "capsule", "tissue", "rig", "drive", "surface", "anatomy", "effects")
 OWN_TABLES: Final = ("reference", "belief", "control", "limits", "localisation", "feedback", "checks", "offer")
 TABLES: Final = TRUTH_TABLES + OWN_TABLES
-BUS_TABLES: Final = ("bus", "faults", "plant", "operator", "jog")
+BUS_TABLES: Final = ("bus", "faults", "plant", "operator", "jog", "learning")
 """Tables that a scenario on the bus may have beside these."""
 SAMPLE_STEPS: Final = 10
 """Steps of the plant between samples of the truth (`plant.session`)."""

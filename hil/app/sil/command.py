@@ -82,7 +82,7 @@ def _learning(scenario: SilScenario, values: Mapping[str, float], wanted: bool) 
     rig = scenario.loop.belief
 
     def learner(switch: ModelSwitch) -> Learner:
-        return Learner(switch, rig, values, lambda new: believed_on_bus(scenario, new), background)
+        return Learner(switch, rig, values, lambda new: believed_on_bus(scenario, new), background, scenario.pace)
 
     background = Background()
     try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from itertools import pairwise
 from pathlib import Path
@@ -39,16 +39,21 @@ _COLOURS: Final = {
 
 def story_files(out: Path, scenario: SilScenario, found: dict[str, Any], trace: SilTrace) -> dict[Path, str]:
     """The page and its numbers, by the files in `out` to which they go."""
+    numbers = story_numbers(scenario, found, trace)
+    return {out / PAGE: page_html(scenario, found, trace, numbers), out / NUMBERS: json_text(numbers)}
+
+
+def story_numbers(scenario: SilScenario, found: Mapping[str, Any], trace: SilTrace) -> dict[str, Any]:
+    """The error of each second, what happened when, and the error between."""
     seconds, errors_m = error_by_second(scenario, trace)
     marks = instants(scenario, trace.lessons)
-    numbers = {
+    return {
         "second": seconds.tolist(),
         "rms_error_m": errors_m.tolist(),
         "instants": [{"t_s": t, "what": what} for t, what in marks],
         "parts": parts(seconds, errors_m, marks),
         "learned": found["learned"],
     }
-    return {out / PAGE: page_html(scenario, found, trace, numbers), out / NUMBERS: json_text(numbers)}
 
 
 def error_by_second(scenario: SilScenario, trace: SilTrace) -> tuple[np.ndarray, np.ndarray]:
@@ -103,14 +108,12 @@ def parts(
 
 def page_html(scenario: SilScenario, found: dict[str, Any], trace: SilTrace, numbers: dict[str, Any]) -> str:
     """One self-contained page."""
-    taken = [one for one in trace.lessons if one.taken_at_s is not None]
-    kept = [one for one in taken if one.withdrawn_at_s is None]
-    title = f"{scenario.loop.name}: {_headline(trace.lessons, taken, kept)}"
+    title = f"{scenario.loop.name}: {came_to(trace.lessons)}"
     warning = f'<div class="warning"><p>{escape(trace.stopped_because)}</p></div>' if trace.stopped_because else ""
     eyebrow = f"Learning in a run · {scenario.loop.kind} rig in simulation · seed {found['seed']}"
     sections = [
-        ("error", "Tracking error over time", figure_html(_figure(numbers), "figure-0")),
-        ("parts", "Error between the instants", _parts(numbers)),
+        ("error", "Tracking error over time", figure_html(error_figure(numbers), "figure-0")),
+        ("parts", "Error between the instants", parts_table(numbers)),
         ("lessons", "What was learned", _lessons(trace.lessons)),
         ("models", "The models", _models(scenario, trace)),
         ("limits", "Limits", _limits(found)),
@@ -118,7 +121,10 @@ def page_html(scenario: SilScenario, found: dict[str, Any], trace: SilTrace, num
     return document(title, heading(eyebrow, title, more=warning), sections)
 
 
-def _headline(lessons: Sequence[Lesson], taken: Sequence[Lesson], kept: Sequence[Lesson]) -> str:
+def came_to(lessons: Sequence[Lesson]) -> str:
+    """What came of `lessons`, in words."""
+    taken = [one for one in lessons if one.taken_at_s is not None]
+    kept = [one for one in taken if one.withdrawn_at_s is None]
     if not lessons:
         return "the model held, nothing was learned"
     names = ", ".join(dict.fromkeys(name for one in kept for name in one.effects)) or "a calibration"
@@ -127,8 +133,10 @@ def _headline(lessons: Sequence[Lesson], taken: Sequence[Lesson], kept: Sequence
     return "a learned model was taken back" if taken else "the model broke, and no better one was taken"
 
 
-def _figure(numbers: dict[str, Any]) -> go.Figure:
-    """Each instant is a dotted line with the number that it has in the table below."""
+def error_figure(numbers: Mapping[str, Any]) -> go.Figure:
+    """The error of each second, of the numbers of `story_files`; each instant is a dotted line with the number that it
+    has in the table below.
+    """
     t, error = np.array(numbers["second"]), 1e3 * np.array(numbers["rms_error_m"])
     figure = go.Figure(go.Scatter(x=t + 0.5, y=error, mode="lines", line={"color": INK, "width": 1.5}, name="error"))
     top, right, level = float(error.max(initial=0.0)) or 1.0, -np.inf, 0
@@ -145,7 +153,8 @@ def _figure(numbers: dict[str, Any]) -> go.Figure:
     return styled(figure, _HEIGHT, showlegend=False)
 
 
-def _parts(numbers: dict[str, Any]) -> str:
+def parts_table(numbers: Mapping[str, Any]) -> str:
+    """The errors between the instants, of the numbers of `story_files`, as a table of a page."""
     rows = [
         [str(k), escape(str(p["until"])), f"{p['from_s']:.0f} to {p['to_s']:.0f} s", quantity(p["rms_error_m"], "m")]
         for k, p in enumerate(numbers["parts"], start=1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any, Final, Protocol
 
 from models.checks.instrument.usable import USED, cleaned
@@ -23,9 +24,14 @@ from models.identification.kinds.series import report as series_report
 from models.identification.kinds.series.kind import SeriesKind
 from models.identification.kinds.vibro_table import report as vibro_table_report
 from models.identification.kinds.vibro_table.kind import VibroTableKind
-from models.parameter import nearest
+from models.parameter import Parameter, nearest
 
 AnyKind = AxisKind | DmaKind | FrictionKind | SeriesKind | PeriodsKind | VibroTableKind
+
+
+Known = Mapping[str, tuple[float, float]]
+"""Values of base parameters by name, each with its standard deviation."""
+NOTHING_KNOWN: Final[Known] = MappingProxyType({})
 
 
 class Report(Protocol):
@@ -59,12 +65,14 @@ def report_of(kind: AnyKind) -> Report:
     return _REPORTS[type(kind)]
 
 
-def kind_for(rig: Rig, records: Sequence[Record]) -> AnyKind:
+def kind_for(rig: Rig, records: Sequence[Record], known: Known = NOTHING_KNOWN) -> AnyKind:
     """The kind that a rig file describes; `records` settle what only data can (noise, the sign of a table's
-    velocities). What the rig file states of how well a nominal value is known holds a calibration to it; a ValueError
-    where it states it of something else.
+    velocities). Base parameters that are `known` take the place of the rig file's. What the rig file states of how well
+    a nominal value is known holds a calibration to it; a ValueError where it states it of something else.
     """
     kind = _unheld(rig, records)
+    if known:
+        kind = replace(kind, base=tuple(_known(p, known) for p in kind.base))
     if not rig.prior:
         return kind
     fitted = [p.name for p in kind.base if p.fit]
@@ -75,6 +83,14 @@ def kind_for(rig: Rig, records: Sequence[Record]) -> AnyKind:
             f" {nearest(strange, fitted)}"
         )
     return replace(kind, base=tuple(replace(p, spread=rig.prior.get(p.name, p.spread)) for p in kind.base))
+
+
+def _known(p: Parameter, known: Known) -> Parameter:
+    """`p` with the value and spread that are known, within its bounds."""
+    if p.name not in known:
+        return p
+    value, spread = known[p.name]
+    return replace(p, value=min(max(value, p.lower), p.upper), spread=spread)
 
 
 def _unheld(rig: Rig, records: Sequence[Record]) -> AnyKind:

@@ -19,7 +19,7 @@ from models.files.columns import TIME
 from models.files.rig import Rig
 from tests.controller.loops import believed, model_of
 
-PACE = Pace(gathered_s=20.0, held_out_s=5.0, answer_s=10.0, trial_s=10.0)
+PACE = Pace(gathered_s=20.0, held_out_share=0.25, answer_s=10.0, trial_s=10.0)
 FOUND = Answer({"magnet_stiffness_N_per_m": 24.0}, ("fold_periodic",), "named", "held-out error lower")
 NOTHING = Answer({}, (), "none", "held-out error must be lower")
 TICK = 0.01

@@ -1,0 +1,43 @@
+"""The table `[learning]`: how a run with `--learn` goes about it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from models.files.tables import from_table
+
+PACE_RANGES: Final = (
+    ("gathered_s", 10.0, 240.0),
+    ("held_out_share", 0.1, 0.5),
+    ("answer_s", 1.0, math.inf),
+    ("trial_s", 5.0, 600.0),
+    ("worse", 0.5, 2.0),
+)
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How much of motion and rest is gathered since the model broke (`gathered_s`), of which the last `held_out_share`
+    is held out; how long an answer may take (`answer_s`: simulated time then waits for it; inf: it comes when it
+    comes); how long a learned model is on trial (`trial_s`). It is taken back where its tracking error is `worse` times
+    what it was over as long before.
+    """
+
+    gathered_s: float = 75.0
+    held_out_share: float = 0.2
+    answer_s: float = 60.0
+    trial_s: float = 60.0
+    worse: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name, lower, upper in PACE_RANGES:
+            if not lower <= getattr(self, name) <= upper:
+                raise ValueError(f"learning.{name} must lie in [{lower:g}, {upper:g}]; got {getattr(self, name):g}")
+
+
+def read_pace(raw: Mapping[str, Any]) -> Pace:
+    """The table of a deployment or a scenario; ValueError of one sentence for what it cannot be."""
+    return from_table(Pace, raw.get("learning", {}), "learning")

@@ -71,10 +71,6 @@ def kind_for(rig: Rig, records: Sequence[Record], known: Known = NOTHING_KNOWN) 
     a nominal value is known holds a calibration to it; a ValueError where it states it of something else.
     """
     kind = _unheld(rig, records)
-    if known:
-        kind = replace(kind, base=tuple(_known(p, known) for p in kind.base))
-    if not rig.prior:
-        return kind
     fitted = [p.name for p in kind.base if p.fit]
     strange = next((name for name in rig.prior if name not in fitted), None)
     if strange is not None:
@@ -82,14 +78,14 @@ def kind_for(rig: Rig, records: Sequence[Record], known: Known = NOTHING_KNOWN) 
             f"[prior] must name what calibration fits on a {rig.kind} rig, each with '_std'; got {strange + '_std'!r};"
             f" {nearest(strange, fitted)}"
         )
-    return replace(kind, base=tuple(replace(p, spread=rig.prior.get(p.name, p.spread)) for p in kind.base))
+    if not (rig.prior or known):
+        return kind
+    return replace(kind, base=tuple(_held(p, rig.prior.get(p.name, p.spread), known.get(p.name)) for p in kind.base))
 
 
-def _known(p: Parameter, known: Known) -> Parameter:
-    """`p` with the value and spread that are known, within its bounds."""
-    if p.name not in known:
-        return p
-    value, spread = known[p.name]
+def _held(p: Parameter, spread: float, known: tuple[float, float] | None) -> Parameter:
+    """`p` with the spread that the rig file states, or with value, within the bounds, and spread that are known."""
+    value, spread = (p.value, spread) if known is None else known
     return replace(p, value=min(max(value, p.lower), p.upper), spread=spread)
 
 

@@ -205,6 +205,8 @@ def test_what_the_rig_file_says_of_a_nominal_value_holds_a_calibration_to_it() -
     held, _ = close(parse_rig({**PULL, "prior": {"hoop_stress_factor_std": 1e-4}}), short, [], quiet)
     assert abs(held.calibration["hoop_stress_factor"].value - 1) < 0.01
     assert abs(free.calibration["hoop_stress_factor"].value - 1) > 0.05
+    known = close(parse_rig(PULL), short, [], quiet, known={"hoop_stress_factor": (1.2, 1e-4)})[0]
+    assert abs(known.calibration["hoop_stress_factor"].value - 1.2) < 0.01
     with pytest.raises(
         ValueError, match=r"\[prior\] must name what calibration fits.*did you mean 'hoop_stress_factor'"
     ):

@@ -21,10 +21,13 @@ import hil.app.demo.command as demo_module
 import hil.app.demo.story as story_module
 from controller.supervision.acceptance import Verdict
 from hil.app.demo.command import demo
+from hil.app.demo.learning import LEARNING, LearningStory
 from hil.app.demo.loop import LOOPS, SCENARIOS, Excitation, LoopStory, admitted
 from hil.app.demo.page import demo_html
 from hil.app.demo.story import PRINTED, Mission, Progress, Told
 from hil.app.demo.worker import told
+from hil.app.learn import identify
+from hil.app.learn.identify import Answer
 from hil.app.main import run
 from hil.app.scenario.bus_scenario import load_sil_scenario, parse_sil_scenario
 from models.files.rig import parse_rig, read_rig
@@ -189,6 +192,33 @@ class Quick:
         time_s, at_m, to_m = (finding.traces[0].signals[name][:50] for name in ("t_s", "x_m", "x_m"))
         missions = {stage: Mission(numbers, time_s, at_m, to_m) for stage in STAGES}
         return Told(finding, {stage: Verdict() for stage in STAGES[1:]}, missions, ("fold_periodic",))
+
+
+def test_a_run_learns_and_its_story_stands_in_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    raw = tomllib.loads(LEARNING.scenario.read_text(encoding="utf-8"))
+    raw["scenario"]["duration_s"] = 32.0
+    raw["effects"]["fold_periodic"] |= {"excess": 0.4, "onset_s": 6.0}
+    raw["reference"]["positions_mm"] = raw["reference"]["positions_mm"][:5]
+    raw["learning"] = {"gathered_s": 10.0, "answer_s": 1.0, "trial_s": 5.0}
+    (tmp_path / "scenario.toml").write_text(toml_text(raw))
+    found = Answer({**TRUTH, **FOLDS}, ("fold_periodic",), "named", "lower held-out error", seconds=1.0)
+    monkeypatch.setattr(identify, "answer", lambda question: found)
+    (tmp_path / "out").mkdir()
+    one = LearningStory("learning", "a run that learns", tmp_path / "scenario.toml").tell(
+        tmp_path / "out", 2, lambda stage, share: None
+    )
+    assert one.found["seed"] == 2001
+    assert one.hidden == ("fold_periodic",)
+    assert "fold_periodic learned and taken at" in one.sentence
+    lesson, *_ = one.numbers["learned"]
+    assert 6.0 <= lesson["broken_at_s"] < 12.0
+    assert lesson["taken_at_s"] > lesson["asked_at_s"] + 1.0
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
+        "learning.html", "learning.json", "scenario.toml", "sil.json",
+    ]  # fmt: skip
+    page = demo_html([], 1.0, [(Quick("learning"), one)])
+    assert one.sentence in page
+    assert "learning/learning.html" in page
 
 
 def test_the_demo_leaves_page_numbers_and_reports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,10 +14,13 @@ from controller.monitor.monitor import Health
 from controller.signals import Measurement
 from controller.supervision.history import History
 from controller.supervision.model_switch import Offer, Prepared
+from hil.app.learn import identify
 from hil.app.learn.identify import Answer, Question, answer
 from hil.app.learn.learner import Learner, Pace
 from models.files.columns import TIME
 from models.files.rig import Rig
+from models.identification import Model
+from models.identification.kinds import kind_for, ready
 from tests.controller.loops import believed, model_of
 
 PACE = Pace(gathered_s=20.0, held_out_share=0.25, answer_s=10.0, trial_s=10.0)
@@ -111,6 +115,7 @@ def test_what_does_not_pass_the_gate_is_not_offered_and_asked_again_with_more() 
     assert not story.switch.proposed
     assert len(story.asked) >= 2
     assert story.asked[1].columns[TIME].size > story.asked[0].columns[TIME].size
+    assert [one.base_holds for one in story.asked[:2]] == [True, False]
     assert story.learner.lessons[0].words.endswith("not offered: held-out error must be lower")
 
 
@@ -125,6 +130,38 @@ def test_records_that_cannot_be_used_are_an_answer() -> None:
     found = answer(Question(believed("magnetic"), {TIME: np.arange(3.0)}, 2, {}))
     assert not found.passed
     assert found.sentence.startswith("nothing could be identified: ")
+
+
+@pytest.mark.parametrize(("verdict", "share", "offered"), [("named", 0.9, True), ("unknown", 0.9, False)])
+def test_a_model_that_explains_a_part_must_gain_more(
+    monkeypatch: pytest.MonkeyPatch, verdict: str, share: float, offered: bool
+) -> None:
+    rig = believed("magnetic")
+    kind = kind_for(rig, [])
+    t = np.arange(0.0, 4.0, 0.01)
+    columns = {TIME: t, "carriage_position_m": 1e-3 * t, "position_m": 1e-3 * t}
+    nominal = dict(kind.nominal())
+    seen: dict[str, object] = {}
+
+    def found(*given: object, known: dict[str, tuple[float, float]]) -> tuple[object, Model]:
+        seen.update(known)
+        held = [ready(record, rig) for record in given[2]]  # type: ignore[attr-defined]
+        error = kind.error(held, [kind.predict(record, nominal) for record in held])
+        stages = {"nominal": nominal, "calibrated": nominal, "augmented": nominal}
+        finding = SimpleNamespace(
+            effects=[SimpleNamespace(id="fold_periodic")],
+            error={"holdout": {"augmented": share * error}},
+            verdict=verdict,
+            next_experiment="faster",
+            seconds=1.0,
+        )
+        return finding, Model("magnetic", stages, verdict)
+
+    monkeypatch.setattr(identify, "close", found)
+    answered = answer(Question(rig, columns, 300, {"friction_coefficient": 0.09}))
+    assert answered.passed == offered
+    assert seen["friction_coefficient"] == (0.09, pytest.approx(9e-4))
+    assert "at most 0.8 of the current model's" in answered.sentence or offered
 
 
 def test_a_rig_that_makes_no_record_is_refused() -> None:

@@ -17,6 +17,7 @@ import numpy as np
 from controller.signals import Array
 from controller.supervision.acceptance import AcceptanceTest
 from hil.app.child_process import end_with_parent
+from hil.app.quantities import quantity
 from models.files.columns import TIME
 from models.files.record import Record
 from models.files.rig import Rig
@@ -104,7 +105,9 @@ def _answer(question: Question) -> Answer:
         wanted = finding.next_experiment or ""
         return Answer({}, effects, finding.verdict, verdict.sentence, wanted, finding.seconds)
     held_out = finding.error["holdout"][stage]
-    said = f"held-out error {held_out:.4g} against {error:.4g} of the model in use"
+    said = (
+        f"held-out error {quantity(held_out, finding.unit)} against {quantity(error, finding.unit)} of the model in use"
+    )
     return Answer(model.believed(stage), effects, finding.verdict, said, seconds=finding.seconds)
 
 

@@ -16,6 +16,7 @@ from hil.app.learn.learner import Lesson
 from hil.app.quantities import quantity
 from hil.app.report.document import document, heading, table
 from hil.app.report.theme import INK, figure_html, line_colour, styled
+from hil.app.report.words import effect_words, listed
 from hil.app.scenario.bus_scenario import SilScenario
 from hil.app.scenario.model_facts import model_facts
 from hil.app.sil.loop import SilTrace
@@ -127,7 +128,7 @@ def came_to(lessons: Sequence[Lesson]) -> str:
     kept = [one for one in taken if one.withdrawn_at_s is None]
     if not lessons:
         return "the model held, nothing was learned"
-    names = ", ".join(dict.fromkeys(name for one in kept for name in one.effects)) or "a calibration"
+    names = listed(dict.fromkeys(effect_words(name) for one in kept for name in one.effects)) or "a calibration"
     if kept:
         return f"{names} learned and taken at {kept[0].taken_at_s:.0f} s"
     return "a learned model was taken back" if taken else "the model broke, and no better one was taken"

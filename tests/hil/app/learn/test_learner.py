@@ -154,6 +154,7 @@ def test_a_model_that_explains_a_part_must_gain_more(
             verdict=verdict,
             next_experiment="faster",
             seconds=1.0,
+            unit="m",
         )
         return finding, Model("magnetic", stages, verdict)
 

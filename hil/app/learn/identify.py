@@ -29,7 +29,7 @@ from models.identification.model import HELD_OUT
 NICE: Final = 19
 KNOWN: Final = 0.01
 """Standard deviation, as a share, with which the base parameters of a model that held are known."""
-PARTLY: Final = 0.8
+PARTLY: Final = 0.5
 """Share of the held-out error of the model in use that one may leave whose verdict is `unknown`."""
 
 

@@ -162,7 +162,7 @@ def test_a_model_that_explains_a_part_must_gain_more(
     answered = answer(Question(rig, columns, 300, {"friction_coefficient": 0.09}))
     assert answered.passed == offered
     assert seen["friction_coefficient"] == (0.09, pytest.approx(9e-4))
-    assert "at most 0.8 of the current model's" in answered.sentence or offered
+    assert "at most 0.5 of the current model's" in answered.sentence or offered
 
 
 def test_a_rig_that_makes_no_record_is_refused() -> None:

@@ -32,7 +32,7 @@ class Tuning:
     position_index: int = 0
     sample_s: float = 9.5e-3
     catch_up: float = 0.03
-    catch_up_stopped: float = 0.08
+    catch_up_stopped: float = 0.12
     catch_up_s: float = 0.7
     near_m: float = 0.4e-3
     blind_s: float = 1.0

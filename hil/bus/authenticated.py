@@ -13,6 +13,8 @@ from typing import Any, Final
 
 import can
 
+from hil.bus.wrapping import WrappingBus
+
 PAYLOAD: Final = 8
 """Bytes of a frame of the catalogue: they come first, as they are."""
 LENGTH: Final = 24
@@ -73,7 +75,7 @@ def inside(wire: can.Message) -> can.Message:
     )
 
 
-class AuthenticatedBus(can.BusABC):
+class AuthenticatedBus(WrappingBus):
     """Another bus, of CAN FD, on which each frame carries 64 bits of freshness and 64 of authenticator. What is sent
     and received here are the catalogue's classic frames; on the wire they are FD frames of 24 bytes with a switched bit
     rate.
@@ -90,8 +92,7 @@ class AuthenticatedBus(can.BusABC):
     def __init__(self, inner: can.BusABC, key: bytes, epoch: int) -> None:
         """Raises ValueError without the package cryptography."""
         self._code = authenticator(key)
-        super().__init__(channel=inner.channel_info)
-        self.inner, self.channel_info = inner, inner.channel_info
+        super().__init__(inner, inner.channel_info)
         self.refused: Counter[str] = Counter()
         self._epoch, self._count = epoch, 0
         self._seen: dict[int, dict[int, int]] = {}
@@ -158,18 +159,6 @@ class AuthenticatedBus(can.BusABC):
         seen[epoch] = count
         return True
 
-    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
-        return self.recv(timeout), True
-
-    @property
-    def state(self) -> can.BusState:
-        """As the inner bus."""
-        return self.inner.state
-
-    @state.setter
-    def state(self, new_state: can.BusState) -> None:
-        self.inner.state = new_state
-
     def fileno(self) -> int:
         """As the inner bus."""
         return self.inner.fileno()
@@ -177,11 +166,3 @@ class AuthenticatedBus(can.BusABC):
     def send_periodic(self, *_: Any, **__: Any) -> Any:
         """Refused: a frame that is sent again is not fresh."""
         raise NotImplementedError("frames of an authenticated bus are sent one by one")
-
-    def __del__(self) -> None:
-        """Nothing of its own to release; the inner bus warns where it was not closed."""
-
-    def shutdown(self) -> None:
-        """Close both."""
-        super().shutdown()
-        self.inner.shutdown()

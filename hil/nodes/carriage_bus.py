@@ -7,13 +7,14 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections import deque
-from typing import Any, Final
+from typing import Final
 
 import can
 
 from hil.bus.catalogue import Catalogue
 from hil.bus.codec import Codec
 from hil.bus.protection import Sender
+from hil.bus.wrapping import WrappingBus
 from hil.nodes.frame_map import BOOT, FASTEST_M_S, FAULT, QUICK_STOP_M_S2, STANDBY, STOPPING, WAITING
 
 ROOM_TEMPERATURE_C: Final = 20.0
@@ -51,7 +52,7 @@ class BrakePath:
         return self._place_m, self._rate_m_s
 
 
-class CarriageBus(can.BusABC):
+class CarriageBus(WrappingBus):
     """Passes `inner` on, but for the carriage's frames: a subclass says what the controller's become on the wire, and
     what of the catalogue the drive's own become.
 
@@ -61,9 +62,7 @@ class CarriageBus(can.BusABC):
     """
 
     def __init__(self, inner: can.BusABC, name: str, catalogue: Catalogue) -> None:
-        super().__init__(channel=inner.channel_info)
-        self.inner = inner
-        self.channel_info = f"{name} on {inner.channel_info}"
+        super().__init__(inner, f"{name} on {inner.channel_info}")
         self._names = {catalogue[heard].id: heard for heard in _HEARD}
         self._codecs = {heard: Codec(catalogue[heard]) for heard in _HEARD}
         self._speakers = {spoken: (catalogue[spoken].id, Sender(catalogue[spoken])) for spoken in _SPOKEN}
@@ -159,27 +158,3 @@ class CarriageBus(can.BusABC):
     def say(self, identifier: int, data: bytes, timeout: float | None) -> None:
         """Send one of the drive's own frames, classic, with an 11-bit identifier."""
         self.inner.send(can.Message(arbitration_id=identifier, is_extended_id=False, data=data, is_rx=False), timeout)
-
-    def send_periodic(self, *_: Any, **__: Any) -> Any:
-        """Refused, as everywhere."""
-        raise NotImplementedError("frames are sent one by one")
-
-    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
-        return self.recv(timeout), False
-
-    def __del__(self) -> None:
-        """Nothing to release, so nothing to warn of."""
-
-    @property
-    def state(self) -> can.BusState:
-        """As `inner`."""
-        return self.inner.state
-
-    @state.setter
-    def state(self, new_state: can.BusState) -> None:
-        self.inner.state = new_state
-
-    def shutdown(self) -> None:
-        """Shut `inner` down."""
-        super().shutdown()
-        self.inner.shutdown()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, fields, is_dataclass
 from typing import Any, Final, TypeVar
 
@@ -50,6 +50,16 @@ def from_table(cls: type[R], table: Table, where: str, skip: tuple[str, ...] = (
     if missing:
         raise ValueError(f"[{where}] must have {', '.join(missing)}; got {', '.join(table) or 'nothing'}")
     return cls(**values)
+
+
+def check_ranges(table: object, where: str, ranges: Iterable[tuple[str, float, float]]) -> None:
+    """Raises ValueError of one sentence for a field of `table`, the table `[where]`, that is out of its range: name,
+    lowest and highest value.
+    """
+    for name, lower, upper in ranges:
+        value = getattr(table, name)
+        if not lower <= value <= upper:
+            raise ValueError(f"{where}.{name} must lie in [{lower:g}, {upper:g}]; got {value:g}")
 
 
 def with_contact_angle(table: Table, radius_m: float, where: str) -> Table:

@@ -20,17 +20,14 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-from controller.supervision.model_switch import ModelSwitch
-from hil.app.learn.identify import at_once
-from hil.app.learn.learner import Learner
+from hil.app.learn.identify import answer_at_once
 from hil.app.scenario.bus_scenario import SilScenario, load_sil_scenario
 from hil.app.scenario.reference import Steps
 from hil.app.scenario.scenario import load_track_scenario
-from hil.app.sil.loop import SilTrace, run_sil
+from hil.app.sil.loop import SilTrace, learning_of, run_sil
 from hil.app.sil.story import error_by_second, rms_m
 from hil.app.sil.testbed import believed_on_bus
 from hil.app.track.score import score
@@ -73,15 +70,8 @@ def scenario_of(kind: str, effects: str, seed: int, options: argparse.Namespace)
 def led(scenario: SilScenario, controller: str, seed: int, learns: bool) -> tuple[SilTrace, Any]:
     """One run, and what it scores."""
     model = believed_on_bus(scenario, {})
-    believed = partial(believed_on_bus, scenario)
-    if not learns:
-        trace = run_sil(scenario, model, controller, seed)
-        return trace, score(scenario.loop, trace)
-
-    def learner(switch: ModelSwitch) -> Learner:
-        return Learner(switch, scenario.loop.belief, {}, believed, at_once, scenario.pace)
-
-    trace = run_sil(scenario, model, controller, seed, learning=learner)
+    learning = learning_of(scenario, {}, answer_at_once) if learns else None
+    trace = run_sil(scenario, model, controller, seed, learning=learning)
     return trace, score(scenario.loop, trace)
 
 
@@ -95,8 +85,9 @@ def row_of(kind: str, effects: str, seed: int, options: argparse.Namespace) -> R
     """The same run without and with learning."""
     scenario, began = scenario_of(kind, effects, seed, options), time.monotonic()
     controller, onset_s = RIGS[kind][1], options.onset
+    conditions = {"onset_s": onset_s, "noise_m": options.noise, "speed_mm_s": options.speed}
     end = scenario.loop.duration_s
-    row: Row = {"kind": kind, "effects": effects, "seed": seed, "onset_s": onset_s, "seconds": end}
+    row: Row = {"kind": kind, "effects": effects, "seed": seed, **conditions, "seconds": end}
     for name, learns in (("without", False), ("with", True)):
         trace, found = led(scenario, controller, seed, learns)
         row[name] = {
@@ -160,7 +151,8 @@ def main() -> int:
     parser.add_argument("--table", action="store_true", help="run nothing")
     options = parser.parse_args()
     rows = [json.loads(line) for line in options.out.read_text().splitlines()] if options.out.exists() else []
-    done = {(row["kind"], row["effects"], row["seed"]) for row in rows}
+    conditions = {"onset_s": options.onset, "noise_m": options.noise, "speed_mm_s": options.speed}
+    done = {(row["kind"], row["effects"], row["seed"]) for row in rows if conditions.items() <= row.items()}
     wanted = [(k, e, s) for k in options.kinds for s in options.seeds for e in options.effects]
     for kind, effects, seed in [] if options.table else wanted:
         if (kind, effects, seed) in done:

@@ -29,7 +29,7 @@ from plant import layout as at
 SCENARIOS: Final = Path(__file__).parents[2] / "scenarios"
 MISSION, HOLDOUT = "mission", "holdout"
 _DRIVEN, _FOUND = 0.12, 0.75
-_SEEDS = 1000
+SEEDS = 1000
 Tables = dict[str, Any]
 
 
@@ -57,7 +57,7 @@ class LoopStory:
     def runs(self, seed: int) -> dict[str, Tables]:
         """The scenario's tables by name of the run."""
         mission: Tables = tomllib.loads(self.scenario.read_text(encoding="utf-8"))
-        first = mission["scenario"].get("seed", 0) + _SEEDS * seed
+        first = mission["scenario"].get("seed", 0) + SEEDS * seed
         driven = {**{f"train_{k}": one for k, one in enumerate(self.training, start=1)}, HOLDOUT: self.holdout}
         runs = {MISSION: {**mission, "scenario": {**mission["scenario"], "seed": first}}}
         for number, (name, one) in enumerate(driven.items(), start=1):

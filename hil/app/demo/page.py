@@ -52,10 +52,9 @@ def demo_html(lines: Sequence[Line], seconds: float, learned: Sequence[tuple[Sto
             _table(lines) + _figure(improvement_figure(loops), "improvement") if loops else _table(lines),
         )
     ]
-    sections += [(story.name, story.title[:1].upper() + story.title[1:], _loop(story, told)) for story, told in loops]
-    sections += [
-        (story.name, story.title[:1].upper() + story.title[1:], _learned(story, one)) for story, one in learned
-    ]
+    parts = [(story, _loop(story, told)) for story, told in loops]
+    parts += [(story, _learned(story, one)) for story, one in learned]
+    sections += [(story.name, story.title[:1].upper() + story.title[1:], part) for story, part in parts]
     title = "Drive, record, find what the model lacks, drive again"
     story = " ".join(
         [

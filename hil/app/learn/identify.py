@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from models.identification.finding import STAGES
 from models.identification.kinds import kind_for, ready
 from models.identification.model import HELD_OUT
 
+T = TypeVar("T")
 NICE: Final = 19
 KNOWN: Final = 0.01
 """Standard deviation, as a share, with which the base parameters of a model that held are known."""
@@ -78,11 +79,19 @@ def answer(question: Question) -> Answer:
         return Answer({}, (), "none", f"nothing could be identified: {words}")
 
 
-def at_once(question: Question) -> Future[Answer]:
-    """The answer in this process, where simulated time waits for it anyway."""
-    done: Future[Answer] = Future()
-    done.set_result(answer(question))
+def at_once(work: Callable[[], T]) -> Future[T]:
+    """What `work` returns or raises, where simulated time waits for it."""
+    done: Future[T] = Future()
+    try:
+        done.set_result(work())
+    except Exception as error:  # noqa: BLE001 - told where the result is asked for, as of another thread's
+        done.set_exception(error)
     return done
+
+
+def answer_at_once(question: Question) -> Future[Answer]:
+    """The answer, in this process."""
+    return at_once(lambda: answer(question))
 
 
 def _answer(question: Question) -> Answer:

@@ -16,7 +16,7 @@ from controller.signals import Array
 from controller.supervision.acceptance import Verdict
 from controller.supervision.history import History
 from controller.supervision.model_switch import ModelSwitch, Offer, Prepared
-from hil.app.learn.identify import Answer, Ask, Question
+from hil.app.learn.identify import Answer, Ask, Question, at_once
 from hil.app.scenario.learning import Pace
 from hil.app.scenario.model_offer import Offered
 from hil.log.record import SOURCES
@@ -28,16 +28,6 @@ LEARNT: Final = ("magnetic", "coil")
 Phase = Literal["watching", "gathering", "identifying", "preparing", "offered", "on trial"]
 Beside = Callable[[Callable[[], Prepared]], "Future[Prepared]"]
 """Runs what takes long, beside the ticks or at once."""
-
-
-def at_once(work: Callable[[], Prepared]) -> Future[Prepared]:
-    """Where simulated time waits."""
-    done: Future[Prepared] = Future()
-    try:
-        done.set_result(work())
-    except Exception as error:  # noqa: BLE001 - told where the result is asked for, as of another thread's
-        done.set_exception(error)
-    return done
 
 
 def check_learnt(rig: Rig) -> None:

@@ -26,7 +26,7 @@ from hil.nodes.faults.table import KEY, MAKER, OPERATOR, Fault, read_faults
 from hil.nodes.fmu_plant import read_fmu
 from hil.nodes.frame_map import frame_map_of, frames
 from hil.nodes.plant_node import SLOT_S
-from models.files.tables import from_table
+from models.files.tables import check_ranges, from_table
 from models.files.toml import read_toml, toml_text
 from models.parameter import nearest
 
@@ -45,9 +45,7 @@ class BusTable:
     key_file: str = ""
 
     def __post_init__(self) -> None:
-        name, lower, upper = BUS_RANGES[0]
-        if not lower <= self.data_bitrate <= upper:
-            raise ValueError(f"bus.{name} must lie in [{lower:g}, {upper:g}]; got {self.data_bitrate:g}")
+        check_ranges(self, "bus", BUS_RANGES[:1])
         check_key(self.key_file, self.fd)
         if not self.longest_s_per_s > 0:
             raise ValueError(f"bus.longest_s_per_s must be positive; got {self.longest_s_per_s:g}")

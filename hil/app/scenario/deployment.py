@@ -26,7 +26,7 @@ from hil.nodes.controller.node import Task
 from hil.nodes.controller.operator import OperatorLimits
 from hil.nodes.frame_map import FRAME_MAPS, frame_map_of
 from models.files.rig import TABLES, Rig, parse_rig
-from models.files.tables import from_table
+from models.files.tables import check_ranges, from_table
 from models.files.toml import parse_toml, read_toml, toml_text
 from models.identification.finding import STAGES
 from models.identification.model import read_model, read_report
@@ -61,9 +61,7 @@ class BusTable:
         rate = load_catalogue().bit_rate
         if self.bitrate != rate:
             raise ValueError(f"bus.bitrate must be {rate}, as capsule.dbc has it; got {self.bitrate}")
-        for name, lower, upper in BUS_RANGES:
-            if not lower <= getattr(self, name) <= upper:
-                raise ValueError(f"bus.{name} must lie in [{lower:g}, {upper:g}]; got {getattr(self, name):g}")
+        check_ranges(self, "bus", BUS_RANGES)
         check_key(self.key_file, self.fd)
         if self.fd:
             self.timing()
@@ -113,15 +111,14 @@ class ControlTable:
     estimator: str = "default"
 
     def __post_init__(self) -> None:
-        for name, lower, upper in (
+        ranges = (
             ("tick_s", 5e-4, 0.02),
             ("seen_noise_m", 0.0, 0.01),
             ("resolution_m", 0.0, 0.01),
             ("duration_s", 0.01, 86400.0),
             ("give_up_s", 0.5, 3600.0),
-        ):
-            if not lower <= getattr(self, name) <= upper:
-                raise ValueError(f"control.{name} must lie in [{lower:g}, {upper:g}]; got {getattr(self, name):g}")
+        )
+        check_ranges(self, "control", ranges)
         if not 0 <= self.priority <= 99:
             raise ValueError(f"control.priority must lie in [0, 99]; got {self.priority}")
         if self.core < -1:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from models.files.tables import from_table
+from models.files.tables import check_ranges, from_table
 
 PACE_RANGES: Final = (
     ("gathered_s", 10.0, 240.0),
@@ -33,9 +33,7 @@ class Pace:
     worse: float = 1.0
 
     def __post_init__(self) -> None:
-        for name, lower, upper in PACE_RANGES:
-            if not lower <= getattr(self, name) <= upper:
-                raise ValueError(f"learning.{name} must lie in [{lower:g}, {upper:g}]; got {getattr(self, name):g}")
+        check_ranges(self, "learning", PACE_RANGES)
 
 
 def read_pace(raw: Mapping[str, Any]) -> Pace:

@@ -9,16 +9,15 @@ from pathlib import Path
 from typing import Any
 
 from controller.model.control_model import ControlModel
-from controller.supervision.model_switch import ModelSwitch
 from hil.app.console import json_text, output_to_notes, print_json, progress_bar, summary
 from hil.app.learn.identify import Background
-from hil.app.learn.learner import Learner, check_learnt
+from hil.app.learn.learner import check_learnt
 from hil.app.scenario.bus_scenario import SilScenario, load_sil_scenario
 from hil.app.scenario.model_health import health_words
 from hil.app.scenario.model_offer import Offered, offer_of, offer_words, read_offer, told
 from hil.app.scenario.options import Options
 from hil.app.sil.fault_outcomes import outcomes
-from hil.app.sil.loop import Learning, SilTrace, run_sil
+from hil.app.sil.loop import Learning, SilTrace, learning_of, run_sil
 from hil.app.sil.story import story_files
 from hil.app.sil.testbed import believed_on_bus
 from hil.app.sil.watched import Watched
@@ -79,14 +78,9 @@ def _learning(scenario: SilScenario, values: Mapping[str, float], wanted: bool) 
     if not wanted:
         yield None
         return
-    rig = scenario.loop.belief
-
-    def learner(switch: ModelSwitch) -> Learner:
-        return Learner(switch, rig, values, lambda new: believed_on_bus(scenario, new), background, scenario.pace)
-
     background = Background()
     try:
-        yield learner
+        yield learning_of(scenario, values, background)
     finally:
         background.close()
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Final
 
 import can
@@ -16,10 +17,11 @@ from numpy.typing import NDArray
 from controller.model.control_model import ControlModel
 from controller.supervision.model_switch import ModelSwitch, Offer
 from controller.trajectory import STEP_S, Trajectory
+from hil.app.learn.identify import Ask
 from hil.app.learn.learner import Learner, Lesson
 from hil.app.scenario.bus_scenario import SilScenario
 from hil.app.scenario.model_offer import Offered
-from hil.app.sil.testbed import Bench
+from hil.app.sil.testbed import Bench, believed_on_bus
 from hil.app.sil.timeout import at_most
 from hil.app.track.loop import Array, Progress, Trace
 from hil.bus.simulated import SimulatedBus
@@ -33,6 +35,13 @@ LEAST_S: Final = 60.0
 LEARNING_S: Final = 7200.0
 """So much longer where it waits for what is learned."""
 Learning = Callable[[ModelSwitch], Learner]
+
+
+def learning_of(scenario: SilScenario, values: Mapping[str, float], ask: Ask) -> Learning:
+    """What makes the learner of a run of `scenario` that begins with the `values` of a model's parameters."""
+    return lambda switch: Learner(
+        switch, scenario.loop.belief, values, partial(believed_on_bus, scenario), ask, scenario.pace
+    )
 
 
 @dataclass

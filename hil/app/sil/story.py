@@ -40,21 +40,16 @@ _COLOURS: Final = {
 
 def story_files(out: Path, scenario: SilScenario, found: dict[str, Any], trace: SilTrace) -> dict[Path, str]:
     """The page and its numbers, by the files in `out` to which they go."""
-    numbers = story_numbers(scenario, found, trace)
-    return {out / PAGE: page_html(scenario, found, trace, numbers), out / NUMBERS: json_text(numbers)}
-
-
-def story_numbers(scenario: SilScenario, found: Mapping[str, Any], trace: SilTrace) -> dict[str, Any]:
-    """The error of each second, what happened when, and the error between."""
     seconds, errors_m = error_by_second(scenario, trace)
     marks = instants(scenario, trace.lessons)
-    return {
+    numbers = {
         "second": seconds.tolist(),
         "rms_error_m": errors_m.tolist(),
         "instants": [{"t_s": t, "what": what} for t, what in marks],
         "parts": parts(seconds, errors_m, marks),
         "learned": found["learned"],
     }
+    return {out / PAGE: page_html(scenario, found, trace, numbers), out / NUMBERS: json_text(numbers)}
 
 
 def error_by_second(scenario: SilScenario, trace: SilTrace) -> tuple[np.ndarray, np.ndarray]:

@@ -24,6 +24,7 @@ from hil.nodes.frame_map import (
     WAITING,
     frame_map_of,
 )
+from models.files.tables import check_ranges
 from models.parameter import nearest
 
 DISABLED, READY_TO_SWITCH_ON, SWITCHED_ON, OPERATION, QUICK_STOPPING, REACTING, FAULTED = range(1, 8)
@@ -95,9 +96,7 @@ class Cia402Table:
             raise ValueError(
                 f"cia402.node_id must lie in [1, 15], clear of the catalogue's identifiers; got {self.node_id}"
             )
-        for name, lower, upper in RANGES:
-            if not lower <= getattr(self, name) <= upper:
-                raise ValueError(f"cia402.{name} must lie in [{lower:g}, {upper:g}]; got {getattr(self, name):g}")
+        check_ranges(self, "cia402", RANGES)
         if self.mode not in MODES:
             choices = f"one of {', '.join(MODES)}"
             raise ValueError(f"cia402.mode must be {choices}; got {self.mode!r}; {nearest(self.mode, MODES)}")

@@ -16,6 +16,7 @@ from controller.signals import Reference
 from hil.bus.catalogue import Catalogue
 from hil.bus.codec import Refusal
 from hil.bus.protection import Receiver
+from models.files.tables import check_ranges
 from models.parameter import nearest
 
 SETPOINT: Final = "OperatorSetpoint"
@@ -48,13 +49,12 @@ class OperatorLimits:
     stop_after_s: float = 1.0
 
     def __post_init__(self) -> None:
-        for name, lower, upper in (
+        ranges = (
             ("speed_m_s", 1e-4, _FASTEST_M_S),
             ("acceleration_m_s2", 1e-3, 10.0),
             ("stop_after_s", 0.05, 60.0),
-        ):
-            if not lower <= getattr(self, name) <= upper:
-                raise ValueError(f"operator.{name} must lie in [{lower:g}, {upper:g}]; got {getattr(self, name):g}")
+        )
+        check_ranges(self, "operator", ranges)
         if not -_REACH_M <= self.lowest_m < self.highest_m <= _REACH_M:
             raise ValueError(
                 f"operator.lowest_m must lie below highest_m, both within {_REACH_M:g} m either way; got"

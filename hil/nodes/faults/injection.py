@@ -10,13 +10,14 @@ import random
 from collections import defaultdict, deque
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Final
 
 import can
 
 from hil.bus.authenticated import PAYLOAD, authenticator, freshness, inside, sealed
 from hil.bus.catalogue import Field
 from hil.bus.protection import COUNTS, crc8
+from hil.bus.wrapping import WrappingBus
 from hil.nodes.controller.operator import SETPOINT
 from hil.nodes.faults.table import Fault
 from hil.nodes.frame_map import frames
@@ -24,7 +25,7 @@ from hil.nodes.frame_map import frames
 _REMEMBERED: Final = 32
 
 
-class FaultInjection(can.BusABC):
+class FaultInjection(WrappingBus):
     """Passes `inner` on; while `faults` (fault and the identifiers it hits) are set, `recv` shows what they leave, and
     while it is `broken` it raises.
 
@@ -33,8 +34,7 @@ class FaultInjection(can.BusABC):
     """
 
     def __init__(self, inner: can.BusABC, now: Callable[[], float], seed: int = 0, key: bytes = b"") -> None:
-        super().__init__(channel=inner.channel_info)
-        self.inner, self.channel_info = inner, f"link to {inner.channel_info}"
+        super().__init__(inner, f"link to {inner.channel_info}")
         self.faults: list[tuple[Fault, frozenset[int]]] = []
         self.broken = False
         self._now, self._rng = now, random.Random(seed)
@@ -45,10 +45,6 @@ class FaultInjection(can.BusABC):
         self._key = key
         self._past: defaultdict[int, deque[can.Message]] = defaultdict(lambda: deque(maxlen=_REMEMBERED))
         self._number = 0
-
-    def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """As `inner`."""
-        self.inner.send(msg, timeout)
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """The next frame that is left of what `inner` received, None where there is none now. Raises ValueError while
@@ -170,30 +166,6 @@ class FaultInjection(can.BusABC):
     def _resealed(self, frame: can.Message, key: bytes, count: int, epoch: int) -> can.Message:
         code = authenticator(key)
         return _holding(frame, sealed(code, frame.arbitration_id, frame.data[:PAYLOAD], count, epoch))
-
-    @property
-    def state(self) -> can.BusState:
-        """As `inner`."""
-        return self.inner.state
-
-    @state.setter
-    def state(self, new_state: can.BusState) -> None:
-        self.inner.state = new_state
-
-    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
-        return self.recv(timeout), False
-
-    def send_periodic(self, *_: Any, **__: Any) -> Any:
-        """Refused, as everywhere."""
-        raise NotImplementedError("frames are sent one by one")
-
-    def __del__(self) -> None:
-        """Nothing to release, so nothing to warn of."""
-
-    def shutdown(self) -> None:
-        """Shut `inner` down."""
-        super().shutdown()
-        self.inner.shutdown()
 
 
 def _stamped(message: can.Message, time_s: float) -> can.Message:

@@ -1,0 +1,47 @@
+"""A bus around another one: what all of them pass on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import can
+
+
+class WrappingBus(can.BusABC):
+    """Passes frames, state and the end on to `inner`; a subclass changes what it is there to change."""
+
+    def __init__(self, inner: can.BusABC, channel_info: str) -> None:
+        super().__init__(channel=inner.channel_info)
+        self.inner, self.channel_info = inner, channel_info
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """As `inner`."""
+        self.inner.send(msg, timeout)
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """As `inner`."""
+        return self.inner.recv(timeout)
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        return self.recv(timeout), False
+
+    @property
+    def state(self) -> can.BusState:
+        """As `inner`."""
+        return self.inner.state
+
+    @state.setter
+    def state(self, new_state: can.BusState) -> None:
+        self.inner.state = new_state
+
+    def send_periodic(self, *_: Any, **__: Any) -> Any:
+        """Refused, as everywhere."""
+        raise NotImplementedError("frames are sent one by one")
+
+    def __del__(self) -> None:
+        """Nothing of its own to release; `inner` warns where it was not closed."""
+
+    def shutdown(self) -> None:
+        """Close both."""
+        super().shutdown()
+        self.inner.shutdown()

@@ -76,7 +76,7 @@ def _carriage(drive: Any, limits: Limits) -> Envelope:
     nominal = {p.name: p.value for p in drive.parameters()}
     gap = gap_of_force(limits.force_N, drive, nominal, limits.gap_share * drive.gap_limit_m)
     speed, acceleration = limits.carriage_speed_m_s, limits.carriage_acceleration_m_s2
-    return Envelope("magnetic", -limits.travel_m, limits.travel_m, speed, acceleration, gap, 1.0, limits)
+    return Envelope("magnetic", -limits.travel_m, limits.travel_m, speed, acceleration, gap, 1.0, limits, placed=True)
 
 
 def _coil(drive: Any, limits: Limits) -> Envelope:

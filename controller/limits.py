@@ -73,7 +73,8 @@ class Limits:
 class Envelope:
     """`Limits` as one drive's command knows them (`controller.drives`): range [`low`, `high`], `rate` a second,
     `acceleration` a second squared, largest `gap_m` between carriage and capsule, each inf where it does not apply;
-    `sense` is the sign of the force of a positive command. `kind`: magnetic, coil or vibro.
+    `sense` is the sign of the force of a positive command. `kind`: magnetic, coil or vibro. `placed`: the command is
+    the place of a carriage, which rests where it is; every other one rests at 0.
     """
 
     kind: str
@@ -84,12 +85,13 @@ class Envelope:
     gap_m: float
     sense: float
     limits: Limits
+    placed: bool = False
 
     def neutral(self, position_m: float) -> float:
         """The command without force: the carriage above the capsule (at mid-travel where `position_m` is not finite),
         else 0.
         """
-        if self.kind != "magnetic":
+        if not self.placed:
             return 0.0
         return _within(position_m, self.low, self.high) if math.isfinite(position_m) else 0.5 * (self.low + self.high)
 
@@ -158,7 +160,7 @@ def limited(
     if blind:
         broken.append("estimate")
     if blind or not math.isfinite(aim):
-        aim = before if envelope.kind == "magnetic" else 0.0
+        aim = before if envelope.placed else 0.0
     aim = _in_range(aim, share, envelope, broken)
     low, high = envelope.low, envelope.high
     if not blind:
@@ -188,13 +190,13 @@ def _possible(x: float, envelope: Envelope) -> bool:
     its travel.
     """
     return math.isfinite(x) and (
-        envelope.kind != "magnetic" or envelope.low - envelope.gap_m <= x <= envelope.high + envelope.gap_m
+        not envelope.placed or envelope.low - envelope.gap_m <= x <= envelope.high + envelope.gap_m
     )
 
 
 def _in_range(aim: float, share: float, envelope: Envelope, broken: list[str]) -> float:
     """`aim` within the range, which a current gives up in proportion to `share`."""
-    left = 1.0 if envelope.kind == "magnetic" else share
+    left = 1.0 if envelope.placed else share
     clipped = _within(aim, left * envelope.low, left * envelope.high)
     if clipped != aim:
         broken.append("range")
@@ -206,7 +208,7 @@ def _room(x: float, std: float, envelope: Envelope) -> tuple[float, float]:
     of other drives.
     """
     low, high = envelope.low, envelope.high
-    if envelope.kind != "magnetic":
+    if not envelope.placed:
         return low, high
     margin = envelope.limits.gap_stds * std
     gap = max(envelope.gap_m - margin, 0.0) if margin >= 0 else 0.0
@@ -218,12 +220,12 @@ def _held(
 ) -> float:
     """`aim` that neither pushes on a capsule that is too fast nor lets the magnet lose it."""
     held = aim
-    if envelope.kind == "magnetic":
+    if envelope.placed:
         held = _within(aim, *room)
         if held != aim:
             broken.append("gap")
     if abs(v) > envelope.limits.speed_m_s and envelope.kind != "vibro":
-        most = before if envelope.kind == "magnetic" else 0.0
+        most = before if envelope.placed else 0.0
         slower = min(held, most) if v * envelope.sense > 0 else max(held, most)
         if slower != held:
             broken.append("speed")
@@ -251,7 +253,7 @@ def _reached(
     if dt == 0 or math.isinf(envelope.rate):
         command, new_rate = (before, rate) if dt == 0 else (aim, 0.0)
     else:
-        fastest = envelope.rate * (share if envelope.kind == "magnetic" else 1.0)
+        fastest = envelope.rate * (share if envelope.placed else 1.0)
         able, a = _within((aim - before) / dt, -fastest, fastest), envelope.acceleration
         if math.isfinite(a):
             along = _within((aim - last_aim) / dt, -fastest, fastest) if math.isfinite(last_aim) else 0.0

@@ -91,7 +91,7 @@ class LQR(Controller):
         self.gains = lqr_gains(linearise(model, "slip")) if gains is None else gains
         self._pick = np.array([model.index(name) for name in self.gains.states])
         self._low, self._high = envelope.low, envelope.high
-        self._gap = envelope.gap_m if envelope.kind == "magnetic" else math.inf
+        self._gap = envelope.gap_m if envelope.placed else math.inf
         self._sum = 0.0
         self._start: float | None = None
 

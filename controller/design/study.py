@@ -79,5 +79,5 @@ def study(model: ControlModel, speed_m_s: float = 1e-3, delay_s: float = 0.015, 
 
 def _law(model: ControlModel, name: str, pid: Pid, gains: Gains) -> Law:
     if name == "pid":
-        return pid_law(pid, model.tick_s, model.drive.name == "magnetic")
+        return pid_law(pid, model.tick_s, model.drive.anchored)
     return lqr_law(LQR(model, envelope_of(model.drive), gains))

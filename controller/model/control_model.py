@@ -115,7 +115,7 @@ class ControlModel:
         """From where the command goes in a tick that `command` ends: a carriage from the one `before`, all others are
         held.
         """
-        return before if self.drive.name == "magnetic" else command
+        return before if self.drive.anchored else command
 
     def index(self, name: str) -> int:
         """Where the state `name` stands; ValueError for a state that the model does not have."""

@@ -36,7 +36,7 @@ class Inverse:
         self._parameters = self._kernels.parameters
         self._state = np.zeros((1, len(model.states)))
         self._d = np.zeros(1)
-        self._remembers = envelope.kind == "magnetic" and any("." in name for name in model.states)
+        self._remembers = envelope.placed and any("." in name for name in model.states)
         self._before = math.nan
 
     def command(
@@ -79,7 +79,7 @@ class Inverse:
 
     def _bracket(self, x: Array) -> tuple[float, float]:
         e = self._envelope
-        if e.kind != "magnetic":
+        if not e.placed:
             return e.low, e.high
         return max(e.low, float(x[0]) - e.gap_m), min(e.high, float(x[0]) + e.gap_m)
 

@@ -178,7 +178,7 @@ class Supervisor:
         self._note(self._chain[rung].name, "tried again" if 0 <= rung < self._active else self._reason)
         self._active, self._stopped_at = rung, math.inf
         if self.envelope.kind != "vibro":
-            running = self.issued.rate * self._tick if self.envelope.kind == "magnetic" else 0.0
+            running = self.issued.rate * self._tick if self.envelope.placed else 0.0
             self._blend.begin(self.issued.command + running - command, self._elapsed)
 
     def _stop(self, reason: str) -> Action:
@@ -187,7 +187,7 @@ class Supervisor:
             self._note("stop", reason)
             self._reason = "recovered"
             self._active, self._late, self._stopped_at, self._stop_from = -1, 0, self._elapsed, self.issued.command
-        if self.envelope.kind == "magnetic":
+        if self.envelope.placed:
             return Action(self.issued.command, "stopped")
         since = self._elapsed - self._stopped_at
         left = (

@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 _WINDOWS_S = (0.1, 0.2, 0.4, 0.8)
 _SHOWN = 0.3
+_STRETCH_S = 0.2
 _STILL = 0.02  # of the fastest speed, below which a motion counts as rest
 
 
@@ -123,6 +124,17 @@ class View:
         """Where the motion is faster than rest and its own noise."""
         fastest = float(np.percentile(np.abs(self.speed), 99))
         return np.asarray(np.abs(self.speed) > max(_STILL * fastest, 5 * self.speed_noise, 1e-7))
+
+    @cached_property
+    def strokes(self) -> list[tuple[int, int, float]]:
+        """Stretches of motion one way (first row, row after the last, direction) that last 0.2 s or more."""
+        least = max(3, round(_STRETCH_S / self.dt))
+        return [
+            (a, b, direction)
+            for direction in (1.0, -1.0)
+            for a, b in runs_of(self.moves & (np.sign(self.speed) == direction))
+            if b - a >= least
+        ]
 
     def finding(self, name: str, severity: Severity, where: str, sentence: str, how: str, remedy: str) -> RecordFinding:
         """A finding about this record."""

@@ -163,11 +163,19 @@ def missing_columns(kind: str, header: Sequence[str], with_measured: bool = True
     return [names for names in columns_of(kind, header).required(with_measured) if not set(names) & set(header)]
 
 
-def missing_in_variants(kind: str, header: Sequence[str]) -> list[list[tuple[str, ...]]]:
-    """The columns that `header` lacks to be a record of each variant of `kind` that none of its columns rules out."""
+def missing_in_variants(kind: str, header: Sequence[str]) -> list[tuple[list[tuple[str, ...]], tuple[str, ...]]]:
+    """The columns that `header` lacks to be a record of each variant of `kind` that none of its columns rules out, and
+    those that it may have besides.
+    """
     held = (COLUMNS[kind], *VARIANTS.get(kind, ()))
     fitting = [one for one in held if set(one.own()) & set(header)] or held
-    return [[names for names in one.required() if not set(names) & set(header)] for one in fitting]
+    return [
+        (
+            [names for names in one.required() if not set(names) & set(header)],
+            tuple(name for name in one.optional if name not in header),
+        )
+        for one in fitting
+    ]
 
 
 def check_header(where: str, kind: str, header: Sequence[str], with_measured: bool = True) -> None:

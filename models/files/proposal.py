@@ -15,7 +15,10 @@ WORDS: Final[Mapping[str, tuple[str, ...]]] = {
     "t": ("time", "timestamp", "elapsed", "seconds", "clock", "zeit"),
     "position": ("position", "displacement", "distance", "extension", "travel", "stroke", "place", "x", "weg"),
     "carriage": ("carriage", "magnet", "stage", "slide", "motor", "actuator", "driven"),
-    "force": ("force", "load", "kraft", "pull", "fx", "fy", "fz"),
+    "force": ("force", "load", "kraft", "pull", "fx", "fy", "fz", "ft", "tangential", "friction"),
+    "load": ("load", "normal", "fn", "last", "weight"),
+    "friction": ("friction", "mu", "cof", "reibung", "reibwert", "traction"),
+    "coefficient": ("coefficient", "coeff", "mu", "cof", "reibwert"),
     "angle": ("angle", "joint", "rotation", "position", "theta", "phi", "winkel"),
     "torque": ("torque", "moment", "effort", "tau", "drehmoment"),
     "current": ("current", "i", "strom"),
@@ -31,27 +34,44 @@ WORDS: Final[Mapping[str, tuple[str, ...]]] = {
 """Words with which people name what a part of our columns' names means; a beginning of one (`pos`, `disp`) will do."""
 
 
-def proposed(header: Sequence[str], missing: Sequence[Sequence[str]], units: Mapping[str, str]) -> list[MappedColumn]:
-    """A source in `header` for each of the `missing` columns, alternatives side by side, where one is recognised.
+def proposed(
+    header: Sequence[str], missing: Sequence[Sequence[str]], units: Mapping[str, str], optional: Sequence[str] = ()
+) -> list[MappedColumn]:
+    """A source in `header` for each of the `missing` columns, alternatives side by side, where one is recognised, and
+    for the `optional` ones in what is left.
 
-    `units` are those that the file states by column. A column is recognised by its unit and the words of its name, or
-    as the only one left whose unit fits.
+    `units` are those that the file states by column. A column is recognised by its unit and the words of its name; one
+    that is missing also as the only one left whose unit fits.
     """
     free = {name: _read(name, units.get(name, "")) for name in header if name}
-    wanted = {name: group for group in missing for name in group}
-    pairs = sorted(
-        ((-score, targets.index(target), target, name) for targets in [list(wanted)] for target in wanted
-         for name, (stem, stated) in free.items() if (score := _likeness(target, stem, stated))),
-    )  # fmt: skip
+    wanted = {name: tuple(group) for group in missing for name in group}
+    further = {name: (name,) for name in optional}
     found: dict[tuple[str, ...], MappedColumn] = {}
-    for _, _, target, name in pairs:
-        _take(found, tuple(wanted[target]), target, name, free)
+    _take_likeliest(found, wanted, free)
     for target, group in wanted.items():
         fitting = [name for name, (_, stated) in free.items() if stated and _fits(stated, target)]
         if len(fitting) == 1:
-            _take(found, tuple(group), target, fitting[0], free)
-    order = list(wanted)
+            _take(found, group, target, fitting[0], free)
+    _take_likeliest(found, further, free)
+    order = [*wanted, *further]
     return sorted(found.values(), key=lambda entry: order.index(entry.target))
+
+
+def _take_likeliest(
+    found: dict[tuple[str, ...], MappedColumn],
+    wanted: Mapping[str, tuple[str, ...]],
+    free: dict[str, tuple[str, str]],
+) -> None:
+    """Sources by name for what is `wanted` with its alternatives, the likeliest first."""
+    targets = list(wanted)
+    likely = [
+        (-score, targets.index(target), name)
+        for target in targets
+        for name, (stem, stated) in free.items()
+        if (score := _likeness(target, stem, stated))
+    ]
+    for _, k, name in sorted(likely):
+        _take(found, wanted[targets[k]], targets[k], name, free)
 
 
 def _take(
@@ -94,12 +114,14 @@ def _fits(stated: str, target: str) -> bool:
 
 
 def _likeness(target: str, stem: str, stated: str) -> int:
-    """How many parts of our name the words of another's name stand for; 0 where the units contradict."""
+    """How well the words of another's name stand for the parts of ours, each 2 where it is the same word and 1 where it
+    means the same; 0 where the units contradict.
+    """
     if stated and not _fits(stated, target):
         return 0
     words = [word.lower() for word in re.findall(r"[A-Z]?[a-z']+|[A-Z]+(?![a-z])|[A-Za-z']+", stem)]
     parts = split_unit(target)[0].split("_")
-    return sum(any(_means(word, part) for word in words) for part in parts)
+    return sum(max((1 + (word == part) for word in words if _means(word, part)), default=0) for part in parts)
 
 
 def _means(word: str, part: str) -> bool:

@@ -172,7 +172,8 @@ def _with_proposal(
     good = {target: source for target, source in sources.items() if _agrees(where, target, source, units)}
     used = {source.column for source in good.values()}
     free = [name for name in header if name not in used]
-    found = max((proposed(free, missing, units) for missing in missing_in_variants(rig.kind, list(good))), key=len)
+    variants = missing_in_variants(rig.kind, list(good))
+    found = max((proposed(free, missing, units, optional) for missing, optional in variants), key=len)
     if not found or "columns of kind" in str(error):
         return error
     entries = [*(source for source in good.values() if not source.plain), *found]

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from models.checks.examine import examine
@@ -51,7 +52,7 @@ def _measured(view: View, values: Array) -> Record:
     return view.record.with_column(view.measured, values)
 
 
-def _rows(view: View, rows: Array) -> Record:
+def _rows(view: View, rows: NDArray[np.int64]) -> Record:
     columns = {name: values[rows] for name, values in view.record.columns.items()}
     return Record(view.record.name, view.record.kind, columns)
 
@@ -140,6 +141,47 @@ def silent(view: View, size: float, rng: np.random.Generator) -> Record:
     return _measured(view, np.mean(view.y) + size * view.noise * rng.standard_normal(len(view.y)))
 
 
+def cut_off(view: View, size: float, rng: np.random.Generator) -> Record:
+    """The measured column held for `size` s in the middle."""
+    middle = np.abs(view.t - np.mean(view.t)) <= size / 2
+    return _measured(view, np.where(middle, view.y[np.flatnonzero(middle)[0]], view.y))
+
+
+def unanswered(view: View, size: float, rng: np.random.Generator) -> Record:
+    """`size` samples of -999 in the middle."""
+    values = view.y.copy()
+    values[len(values) // 2 :][: int(size)] = -999.0
+    return _measured(view, values)
+
+
+def jumping(view: View, size: float, rng: np.random.Generator) -> Record:
+    """A measured place that jumps by `size` m in the middle."""
+    return _measured(view, view.y + np.where(view.t > np.mean(view.t), size, 0.0))
+
+
+def offset(view: View, size: float, rng: np.random.Generator) -> Record:
+    """A measured column off by `size` times its span."""
+    return _measured(view, view.y + size * np.ptp(view.y))
+
+
+def exchanged(view: View, size: float, rng: np.random.Generator) -> Record:
+    """The measured column for the driven one, and the other way round."""
+    return _measured(view, view.record[str(view.driven)]).with_column(str(view.driven), view.y)
+
+
+def stepped(view: View, size: float, rng: np.random.Generator) -> Record:
+    """An encoder of the driven place with a step of `size` m."""
+    return view.record.with_column(str(view.driven), size * np.round(view.record[str(view.driven)] / size))
+
+
+def stuck(view: View, size: float, rng: np.random.Generator) -> Record:
+    """A driven place that stands still over the last share `size` of the record."""
+    k = int((1 - size) * len(view.t))
+    place = view.record[str(view.driven)].copy()
+    place[k:] = place[k]
+    return view.record.with_column(str(view.driven), place)
+
+
 FAULTS: Final = {
     "sign turned round": Fault(turned, "force_sign drive_sign", (1.0,), "", ("pull", "magnetic")),
     "clipping": Fault(clipped, "clipping", (0.005, 0.02, 0.1), "of the samples"),
@@ -155,6 +197,13 @@ FAULTS: Final = {
     "pause": Fault(paused, "pause", (0.1, 0.5, 2.0), "s"),
     "late force": Fault(late, "clock_offset", (0.01, 0.02, 0.04), "s", ("pull",)),
     "other unit": Fault(scaled, "units", (1000.0, 1e-3), "times", ("pull", "magnetic", "coil")),
+    "sensor lost": Fault(cut_off, "sensor_silent", (0.2, 1.0, 4.0), "s"),
+    "no value": Fault(unanswered, "no_values", (1.0, 10.0, 100.0), "samples"),
+    "place jumps": Fault(jumping, "place_jumps", (1e-3, 5e-3, 20e-3), "m", ("magnetic", "coil", "vibro_plate")),
+    "zero elsewhere": Fault(offset, "zeros_apart", (0.5, 1.0, 2.0), "of the span", ("pull", "magnetic")),
+    "columns exchanged": Fault(exchanged, "columns_exchanged units", (1.0,), "", ("pull", "magnetic")),
+    "coarse encoder": Fault(stepped, "driven_resolution", (2e-5, 1e-4, 5e-4), "m", ("pull", "magnetic")),
+    "encoder stuck": Fault(stuck, "driven_stuck", (0.2, 0.4, 0.6), "of the record", ("pull",)),
     "no response": Fault(silent, "no_response", (1.0, 5.0), "times the noise", ("pull", "magnetic")),
 }
 

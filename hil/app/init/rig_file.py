@@ -16,8 +16,10 @@ from models.files.rig_tables import (
     Axis,
     BodyTable,
     CapsuleTable,
+    Clock,
     Contact,
     Drive,
+    Magnets,
     Noise,
     PaperCapsuleTable,
     PaperTissueTable,
@@ -43,11 +45,22 @@ _TABLES: Final[Mapping[str, Mapping[str, type[Table]]]] = {
     "friction": {"contact": Contact},
     "dma": {},
 }
+_OPTIONAL: Final[Mapping[str, Mapping[str, type[Table]]]] = {
+    "pull": {"clock": Clock},
+    "magnetic": {"rig.magnet": Magnets, "surface": Surface, "clock": Clock},
+    "coil": {"surface": Surface, "clock": Clock},
+    "vibro": {"clock": Clock},
+}
+_INSTEAD: Final[Mapping[str, str]] = {
+    "rig.magnet": "the magnets by their own numbers, in place of magnet_stiffness_N_per_m and magnet_range_m",
+    "surface": "a plate under the capsule, or nothing but air, in place of the gut",
+    "clock": "how late the measured columns are stamped",
+}
 
 
 def commented(kind: str, values: Tables, columns: Sequence[str]) -> str:
     """The text of a rig file of `kind` with `values` by table and key, for records with `columns`; a key without a
-    value stands as a comment.
+    value stands as a comment, and so does a table that a rig may do without.
     """
     lines = [f"# A rig of kind {kind}: what you believe about it, in SI units. Put your values in place of these."]
     lines += ["", "[rig]", f'kind = "{kind}"']
@@ -57,6 +70,8 @@ def commented(kind: str, values: Tables, columns: Sequence[str]) -> str:
     measured = columns_of(kind, columns).measured
     stated = [key for key in Noise.model_fields if any(key.partition("_std_")[0] in column for column in measured)]
     lines += ["", "[noise]", *(_line(key, Noise, values.get("noise", {})) for key in stated)]
+    for name, model in _OPTIONAL.get(kind, {}).items():
+        lines += ["", f"# [{name}]  {_INSTEAD[name]}", *(_line(key, model, {}) for key in model.model_fields)]
     return "\n".join([*lines, ""])
 
 

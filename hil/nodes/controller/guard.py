@@ -52,7 +52,7 @@ class Fence:
     @classmethod
     def of(cls, envelope: Envelope, tick_s: float) -> Fence:
         """The fence that a drive's limits set."""
-        rests = envelope.kind == "magnetic"
+        rests = envelope.placed
         feedback_s, braking = FEEDBACK_S[envelope.kind], FRAME_MAPS[envelope.kind].braking_m_s2
         limits = envelope.limits
         return cls(

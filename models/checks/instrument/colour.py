@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from models.checks.finding import RecordFinding
+from models.checks.instrument.tones import tones
 from models.checks.view import View, runs_of
 
 _SETTLED_S = 0.3  # after a motion, in which a wall may still draw back
@@ -15,8 +16,8 @@ _SURE = 5.0  # standard errors
 
 
 def neighbours_correlation(view: View) -> tuple[float, int]:
-    """Correlation of neighbouring samples of the measured column at rest, without what a parabola over 40 samples
-    follows, and the number of samples that it rests on; 0 of 0 where there is too little rest.
+    """Correlation of neighbouring samples of the measured column at rest, without its tones and what a parabola over 40
+    samples follows, and the number of samples that it rests on; 0 of 0 where there is too little rest.
     """
     after = round(_SETTLED_S / view.dt)
     windows = [
@@ -28,12 +29,14 @@ def neighbours_correlation(view: View) -> tuple[float, int]:
     if len(windows) < _LEAST:
         return 0.0, 0
     rows = np.array(windows)
-    basis, _ = np.linalg.qr(np.vander(np.arange(_WINDOW), 3).astype(float))
+    at = np.arange(_WINDOW)
+    waves = [turned(2 * np.pi * hertz * view.dt * at) for hertz, _ in tones(view) for turned in (np.sin, np.cos)]
+    basis, _ = np.linalg.qr(np.column_stack([np.vander(at, 3).astype(float), *waves]))
     left = rows - rows @ basis @ basis.T
     power = float(np.sum(left**2))
     if power <= 0:
         return 0.0, 0
-    lost = 3 / _WINDOW  # white noise less a parabola is correlated by about minus this
+    lost = basis.shape[1] / _WINDOW  # white noise less what a basis follows is correlated by about minus this
     return float(np.sum(left[:, 1:] * left[:, :-1])) / power + lost, rows.size
 
 

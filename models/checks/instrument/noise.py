@@ -28,8 +28,15 @@ def told_noise(y: Array) -> float:
     stretches (teeth and slips only add), and at least what its resolution makes.
     """
     pieces = np.array_split(y, max(1, min(40, len(y) // 100)))
+    step = grid_step(y)
     quiet = float(np.percentile([white_noise(piece) for piece in pieces], 40))
-    return max(quiet, grid_step(y) / math.sqrt(12))
+    if step > 0.5 * quiet:  # a median of steps is a step
+        quiet = float(np.percentile([_mean_noise(piece) for piece in pieces], 40))
+    return max(quiet, step / math.sqrt(12))
+
+
+def _mean_noise(x: Array) -> float:
+    return float(np.mean(np.abs(np.diff(x, 2)))) * math.sqrt(math.pi / 12) if len(x) > 2 else 0.0
 
 
 def noise_used(stated: float | None, told: float, span: float) -> float:

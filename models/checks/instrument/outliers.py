@@ -1,4 +1,4 @@
-"""Single samples far off both neighbours."""
+"""Single samples far off both neighbours, and values that are none: -999 of a logger that got no answer."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ _FAR = 12.0  # standard deviations of the noise
 _BEYOND = 8.0  # times what nineteen in twenty samples reach
 _VISIBLE = 0.05  # of the span of nearly all samples
 _MOST_SHARE = 0.02
+_APART = 10.0  # times as far from the median as all others: no value of the sensor's
+_MOST_APART = 0.05
 
 
 def spikes(view: View, values: Array) -> Mask:
@@ -35,6 +37,41 @@ def spikes(view: View, values: Array) -> Mask:
     return mask
 
 
+def beyond(values: Array) -> Mask:
+    """Where `values` lie ten times as far from their median as all the others do, shape (n,): at most a twentieth of
+    them.
+    """
+    far = np.abs(values - np.median(values))
+    ranked = np.sort(far)
+    last = ranked[-1 - round(_MOST_APART * len(far)) :]
+    gaps = np.flatnonzero((last[1:] > _APART * last[:-1]) & (last[:-1] > 0))
+    return np.asarray(far > last[gaps[0]] if len(gaps) else np.zeros(len(far), dtype=bool))
+
+
+def off(view: View) -> Mask:
+    """Where the measured column holds an outlier of either kind."""
+    return spikes(view, view.y) | beyond(view.y) if view.timed else np.zeros(len(view.y), dtype=bool)
+
+
+def check_no_values(view: View) -> list[RecordFinding]:
+    """Values of the measured column that no sensor gave."""
+    where = beyond(view.y) if view.timed else np.zeros(0, dtype=bool)
+    if not where.any():
+        return []
+    shown = ", ".join(f"{value:.6g}" for value in np.unique(view.y[where])[:3])
+    return [
+        view.finding(
+            "no_values",
+            "note",
+            f"{view.measured}, {view.at(np.flatnonzero(where))}",
+            f"{int(where.sum())} samples of {view.measured} are {shown}, far from all others: a logger's sign for no"
+            " value; they are left out of every fit",
+            f"{_APART:g} times as far from the median as every other sample",
+            "leave such rows out of the file",
+        )
+    ]
+
+
 def check_outliers(view: View) -> list[RecordFinding]:
     """Outliers of the measured and of the driven columns."""
     found = []
@@ -42,6 +79,8 @@ def check_outliers(view: View) -> list[RecordFinding]:
         if name in ("drive_on", "coil_voltage_V"):  # a switch has edges of its own
             continue
         where = spikes(view, view.record[name]) & ~clipped(view)
+        if name == view.measured:
+            where &= ~beyond(view.y)
         if where.any():
             found.append(
                 view.finding(

@@ -5,10 +5,51 @@ from __future__ import annotations
 import numpy as np
 
 from models.checks.finding import RecordFinding
-from models.checks.view import View, grid_step
+from models.checks.view import Array, View, grid_step, running_mean
 
-_COARSE = 2.0  # steps wider than this many standard deviations of the noise
+PLACES = ("position_m", "carriage_position_m", "angle_rad")
+"""Driven columns that say where something is."""
+_COARSE = 1.5  # steps wider than this many standard deviations of the noise
 _FEW_LEVELS = 25
+_WIDE = 2.0  # samples that a step of a driven place lasts
+_LONGEST_S = 0.2
+
+
+def _half_step(view: View, x: Array) -> int:
+    """Half the samples that a step of the place `x` lasts at the usual speed; 0 where it has no such steps."""
+    step = grid_step(x)
+    speed = float(np.median(np.abs(view.speed[view.moves]))) if view.moves.any() else 0.0
+    if step == 0 or speed == 0 or step <= _WIDE * speed * view.dt:
+        return 0
+    return max(1, round(0.5 * min(step / speed, _LONGEST_S) / view.dt))
+
+
+def without_steps(view: View, x: Array) -> Array:
+    """The place `x` (n,) over time without the steps of a coarse scale: a running mean as long as one lasts; `x` itself
+    where it has none.
+    """
+    half = _half_step(view, x)
+    return running_mean(x, half) if half else x
+
+
+def check_driven_resolution(view: View) -> list[RecordFinding]:
+    """A driven place that goes in steps."""
+    if not view.timed or view.driven is None or view.driven not in PLACES:
+        return []
+    half = _half_step(view, view.record[view.driven])
+    if not half:
+        return []
+    return [
+        view.finding(
+            "driven_resolution",
+            "note",
+            f"{view.driven}, throughout",
+            f"{view.driven} goes in steps of {view.told(grid_step(view.record[view.driven]))}, each"
+            f" {1e3 * 2 * half * view.dt:.3g} ms long at the usual speed; fits take a running mean of that length",
+            "all values lie on one grid",
+            "log the command or a finer encoder",
+        )
+    ]
 
 
 def check_resolution(view: View) -> list[RecordFinding]:

@@ -6,7 +6,9 @@ import numpy as np
 
 from models.checks.instrument.clipping import clipped
 from models.checks.instrument.held_values import fresh
-from models.checks.instrument.outliers import spikes
+from models.checks.instrument.outliers import off, spikes
+from models.checks.instrument.resolution import PLACES, without_steps
+from models.checks.instrument.silence import silent
 from models.checks.view import Mask, View
 from models.files.record import Record
 from models.files.rig import Rig
@@ -20,8 +22,8 @@ _SWITCHED = ("drive_on", "coil_voltage_V")
 
 
 def usable(view: View) -> Mask:
-    """Where the measured column holds a value of its own: new, not clipped, no outlier."""
-    return np.asarray(fresh(view) & ~clipped(view) & ~spikes(view, view.y))
+    """Where the measured column holds a value of its own: new, not clipped, no outlier, not filled in."""
+    return np.asarray(fresh(view) & ~clipped(view) & ~off(view) & ~silent(view))
 
 
 def cleaned(record: Record, rig: Rig) -> Record:
@@ -39,6 +41,8 @@ def cleaned(record: Record, rig: Rig) -> Record:
         if far.any():
             at = view.t
             record = record.with_column(view.driven, np.interp(at, at[~far], record[view.driven][~far]))
+    if view.driven in PLACES:
+        record = record.with_column(view.driven, without_steps(view, record[view.driven]))
     return record
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from models.checks.finding import RecordFinding
+from models.checks.instrument.resolution import without_steps
 from models.checks.view import Array, View
 
 _LONGEST_S = 0.15
@@ -46,7 +47,7 @@ def clock_offset(view: View) -> tuple[float, float] | None:
     if np.sum(np.diff(strokes) != 0) < 3 or length < 20 * _LONGEST_S:
         return None
     even = np.arange(view.t[0], view.t[-1], max(view.dt, length / _ROWS))
-    x = np.interp(even, view.t, view.record["position_m"])
+    x = np.interp(even, view.t, without_steps(view, view.record["position_m"]))
     basis = _loop(x, float(even[1] - even[0]))
     inner = (even > even[0] + _LONGEST_S) & (even < even[-1] - _LONGEST_S)
 

@@ -5,26 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from models.checks.finding import RecordFinding
-from models.checks.view import Array, View, running_mean, runs_of
+from models.checks.view import Array, View, running_mean
 
-_STRETCH_S = 0.2
 _SURE = 4.0  # standard errors
 _AGAINST = -0.3  # correlation of displacement with the drive's
 
 
 def _turned(column: str) -> str:
     return f'[columns] {column} = {{column = "{column}", sign = -1}}, or change the wire over'
-
-
-def _strokes(view: View) -> list[tuple[int, int, float]]:
-    """Stretches of motion one way (first row, row after the last, direction) that last long enough."""
-    least = max(3, round(_STRETCH_S / view.dt))
-    return [
-        (a, b, direction)
-        for direction in (1.0, -1.0)
-        for a, b in runs_of(view.moves & (np.sign(view.speed) == direction))
-        if b - a >= least
-    ]
 
 
 def check_force_sign(view: View) -> list[RecordFinding]:
@@ -50,12 +38,12 @@ def check_force_sign(view: View) -> list[RecordFinding]:
 def _pull(view: View) -> str:
     """A stroke's force towards its end, where friction has built up, times its direction."""
     force = view.record["force_N"]
-    ends = np.array([d * float(np.mean(force[(a + b) // 2 : b])) for a, b, d in _strokes(view)])
+    ends = np.array([d * float(np.mean(force[(a + b) // 2 : b])) for a, b, d in view.strokes])
     if not len(ends):
         return ""
-    directions = {d for _, _, d in _strokes(view)}
+    directions = {d for _, _, d in view.strokes}
     if len(directions) == 1 and len(ends) < 2:
-        a, b, d = _strokes(view)[0]
+        a, b, d = view.strokes[0]
         ends = np.array([d * float(np.mean(piece)) for piece in np.array_split(force[(a + b) // 2 : b], 8)])
     error = max(float(np.std(ends)) / np.sqrt(len(ends)), 3 * view.noise / np.sqrt(len(force)), 1e-15)
     mean = float(np.mean(ends))

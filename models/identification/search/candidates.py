@@ -29,9 +29,11 @@ from models.identification.search.validation import (
     middle_criterion,
 )
 
+ENTERED = 12
 POOL = 6
 ALIKE = 2
 FINAL = 3
+_ROUNDS = 2
 BEHIND = 6.0
 Moved = Callable[[str, float], None]
 
@@ -65,12 +67,8 @@ def compare_candidates(model: FittedModel, screened: Sequence[Screened], moved: 
     """
     if not screened:
         return []
-    entries = {}
-    for k, row in enumerate(screened):
-        moved(row.effect, 0.4 * k / len(screened))
-        entries[row.effect] = _entry(model, row)
-    entered = sorted(entries, key=lambda name: entries[name][0])
-    fitted = _survivors(model, {name: entries[name][1] for name in _with_confounders(model.kind, entered)}, moved)
+    entries = _entries(model, screened, moved)
+    fitted = _survivors(model, {name: entries[name] for name in _with_confounders(model.kind, list(entries))}, moved)
     ranking = sorted(fitted, key=lambda name: fitted[name].cost)
     alike = BY_ID[ranking[0]].confounders
     finalists = [
@@ -158,26 +156,34 @@ def _numbers(theta: Mapping[str, float], effect: str) -> dict[str, float]:
     return {name: value for name, value in theta.items() if name.startswith(f"{effect}.")}
 
 
-def _entry(model: FittedModel, row: Screened) -> tuple[float, list[dict[str, float]]]:
-    """Where the fit of a candidate may start, best first, and what that point costs: after a short fit from each
-    opening, to an observer that forgets fast. Where no such observer is to be had (a kind with `free_only`: a strong
-    effect that the free run follows throws its observer out of step) from the best opening at either base, to the free
-    run of the first record's longest beginning, with wide secants.
+def _entries(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> dict[str, list[dict[str, float]]]:
+    """Where the fit of each candidate may start, the best candidate and its best start first: one round of descent from
+    every opening, and a few more of those candidates that came lowest by it. To an observer that forgets fast; where no
+    such observer is to be had (a kind with `free_only`: a strong effect that the free run follows throws its observer
+    out of step) from the best opening at either base, to the free run of the first record's longest beginning, with
+    wide secants.
     """
-    kind, part = model.kind, model.part
-    bases = begins(kind, model.thetas[0])
+    kind, part, bases = model.kind, model.part, begins(model.kind, model.thetas[0])
+    criterion, width, groups = 0, NARROW[0], [bases]
     if kind.free_only:
-        part = prefixes(part[:1], BEGINNINGS_S[-1])
-        openings = [
-            min((opening(kind, part, (base,), row.effect, start) for start in row.starts), key=_first) for base in bases
-        ]
-    else:
-        openings = [opening(kind, part, bases, row.effect, start) for start in row.starts]
-    criterion, width = (middle_criterion(kind), WIDE[0]) if kind.free_only else (0, NARROW[0])
-    problem = Problem.of(kind, part, [*model.effects, row.effect], criterion)
-    fits = [descend(problem, point, width, 3) for _, point in openings]
-    fits.sort(key=lambda fit: fit.cost)
-    return fits[0].cost, [fit.theta for fit in fits]
+        part, groups = prefixes(part[:1], BEGINNINGS_S[-1]), [[base] for base in bases]
+        criterion, width = middle_criterion(kind), WIDE[0]
+
+    def descended(name: str, points: Sequence[Mapping[str, float]], rounds: int) -> list[Fit]:
+        problem = Problem.of(kind, part, [*model.effects, name], criterion)
+        return sorted((descend(problem, point, width, rounds) for point in points), key=lambda fit: fit.cost)
+
+    fits = {}
+    for k, row in enumerate(screened):
+        moved(row.effect, 0.3 * k / len(screened))
+        openings = [[opening(kind, part, group, row.effect, start) for start in row.starts] for group in groups]
+        best = [min(some, key=_first) for some in openings] if kind.free_only else openings[0]
+        fits[row.effect] = descended(row.effect, [point for _, point in best], 1)
+    lowest = sorted(fits, key=lambda name: fits[name][0].cost)[:ENTERED]
+    for k, name in enumerate(lowest):
+        moved(name, 0.3 + 0.1 * k / len(lowest))
+        fits[name] = descended(name, [fit.theta for fit in fits[name]][: None if kind.free_only else 1], _ROUNDS)
+    return {name: [fit.theta for fit in fits[name]] for name in sorted(fits, key=lambda name: fits[name][0].cost)}
 
 
 def _first(row: tuple[float, dict[str, float]]) -> float:

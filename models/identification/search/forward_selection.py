@@ -93,7 +93,7 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
     nominal = {p.name: p.value for p in kind.base}
     base = narrowing(Problem.of(kind, told, [], kind.criteria - 1), refit(kind, told, [], nominal), FINE)
     parts = [
-        (step_on(kind, part, [], base.theta).theta if kind.free_only else refit(kind, part, [], base.theta))
+        (step_on(kind, part, [], base.theta).theta if kind.free_only else refit(kind, part, [], base.theta, np.inf))
         for part, _ in splits
     ]
     found = Search(base, base, trained_share=_trained_share(splits))

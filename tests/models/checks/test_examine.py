@@ -128,6 +128,32 @@ def in_motion(c: Columns) -> Columns:
     return {name: values[1900:] for name, values in c.items()}
 
 
+def lost(c: Columns) -> Columns:
+    return c | {"force_N": np.where((c["t_s"] > 12) & (c["t_s"] < 13), c["force_N"][2400], c["force_N"])}
+
+
+def filled_in(c: Columns) -> Columns:
+    t = c["t_s"]
+    there = (t < 12) | (t > 20)
+    return c | {"force_N": np.interp(t, t[there], c["force_N"][there])}
+
+
+def no_answer(c: Columns) -> Columns:
+    return c | {"force_N": np.where((c["t_s"] > 12) & (c["t_s"] < 12.04), -999.0, c["force_N"])}
+
+
+def not_tared(c: Columns) -> Columns:
+    return c | {"force_N": c["force_N"] + 0.2}
+
+
+def in_steps(c: Columns) -> Columns:
+    return c | {"position_m": np.round(c["position_m"], 4)}
+
+
+def encoder_stuck(c: Columns) -> Columns:
+    return c | {"position_m": np.where(c["t_s"] > 14, c["position_m"][2800], c["position_m"])}
+
+
 CORRUPTIONS: dict[str, tuple[Callable[[Columns], Columns], str, str]] = {
     "the force's sign turned round": (turned, "force_sign", "stops"),
     "an amplifier that clips": (clipped, "clipping", "weakens"),
@@ -147,6 +173,12 @@ CORRUPTIONS: dict[str, tuple[Callable[[Columns], Columns], str, str]] = {
     "millimetres for metres": (in_millimetres, "units", "stops"),
     "millinewtons for newtons": (in_millinewtons, "units", "stops"),
     "a start in motion": (in_motion, "starts_in_motion", "note"),
+    "a cable that was off for a second": (lost, "sensor_silent", "note"),
+    "eight seconds filled in": (filled_in, "sensor_silent", "weakens"),
+    "a logger's sign for no value": (no_answer, "no_values", "note"),
+    "a load cell that was not set to zero": (not_tared, "zeros_apart", "weakens"),
+    "a coarse encoder": (in_steps, "driven_resolution", "note"),
+    "an encoder that is stuck": (encoder_stuck, "driven_stuck", "weakens"),
 }
 
 
@@ -203,6 +235,52 @@ def test_motion_at_one_speed_and_one_way_cannot_show_what_needs_more() -> None:
     assert "one speed" in hidden["stribeck"]
     assert "one way" in hidden["directional_asymmetry"]
     assert "folds" not in hidden
+
+
+def test_what_was_not_measured_does_not_count_and_a_coarse_encoder_is_smoothed() -> None:
+    for corrupt in (lost, no_answer):
+        rows = cleaned(record(corrupt(pull())), rig())[USED] == 0
+        differ = corrupt(pull())["force_N"] != pull()["force_N"]
+        assert np.mean(rows[differ]) > 0.98
+        assert rows.sum() <= differ.sum() + 2
+    smooth = cleaned(record(in_steps(pull())), rig())["position_m"]
+    assert np.std(smooth - pull()["position_m"]) < 0.7 * np.std(in_steps(pull())["position_m"] - pull()["position_m"])
+
+
+def test_a_coarse_encoder_is_no_late_force() -> None:
+    assert "clock_offset" not in {finding.id for finding in examine(rig(), [record(in_steps(pull()))])}
+
+
+def test_a_column_without_noise_may_rest() -> None:
+    c = pull(noise=0.0)
+    assert "sensor_silent" not in {finding.id for finding in examine(rig(), [record(c)])}
+
+
+def led(lag: float = 0.6e-3, offset: float = 0.0, jump: float = 0.0) -> Record:
+    """A magnet that leads a capsule to and fro `lag` behind it."""
+    c = pull()
+    speed = np.gradient(c["position_m"])
+    behind = np.zeros_like(speed)
+    for i in range(1, len(behind)):
+        behind[i] = min(max(behind[i - 1] + speed[i], -lag), lag)
+    noise = 5e-5 * np.random.default_rng(4).standard_normal(len(speed))
+    place = c["position_m"] - behind + offset + noise + np.where(c["t_s"] > 17, jump, 0.0)
+    columns = {"t_s": c["t_s"], "carriage_position_m": c["position_m"], "position_m": place}
+    return Record("one", "magnetic", columns)
+
+
+def of_magnet(made: Record) -> dict[str, str]:
+    magnetic = {"kind": "magnetic", "magnet_stiffness_N_per_m": 25.0, "magnet_range_m": 0.02}
+    return {f.id: f.sentence for f in examine(rig(rig=magnetic, noise={"position_std_m": 5e-5}), [made])}
+
+
+def test_places_that_count_from_elsewhere_jump_or_are_exchanged() -> None:
+    assert of_magnet(led()) == {}
+    assert "mm ahead of carriage_position_m" in of_magnet(led(offset=0.013))["zeros_apart"]
+    assert "jumps once, by up to 1" in of_magnet(led(jump=0.015))["place_jumps"]
+    made = led()
+    exchanged = {**made.columns, "position_m": made["carriage_position_m"], "carriage_position_m": made["position_m"]}
+    assert "exchanged" in of_magnet(Record("one", "magnetic", exchanged))["columns_exchanged"]
 
 
 def test_magnets_too_near_to_be_dipoles_are_told() -> None:

@@ -40,7 +40,13 @@ RANGES = {
     "sin": (ca.sin, np.sin, np.linspace(-3, 3, 5001)),
     "cos": (ca.cos, np.cos, np.linspace(-1.5, 1.5, 5001)),
     "sqrt": (ca.sqrt, np.sqrt, np.geomspace(1e-300, 1e300, 501)),
-    "tanh": (ca.tanh, np.tanh, np.linspace(-3, 3, 501)),
+}
+BOTH_SIDES = np.concatenate([np.linspace(-30, 30, 6001), np.geomspace(1e-20, 1.1, 501), [-700.0, 700.0]])
+HYPERBOLIC = {
+    "sinh": (ca.sinh, np.sinh),
+    "cosh": (ca.cosh, np.cosh),
+    "tanh": (ca.tanh, np.tanh),
+    "expm1": (ca.expm1, np.expm1),
 }
 
 
@@ -48,6 +54,12 @@ RANGES = {
 def test_elementary_functions_are_numpys_to_the_last_places(name: str) -> None:
     symbolic, numeric, x = RANGES[name]
     np.testing.assert_allclose(evaluated(symbolic, x), numeric(x), rtol=3 * UNIT, atol=UNIT * 1e-3)
+
+
+@pytest.mark.parametrize("name", HYPERBOLIC)
+def test_hyperbolic_functions_are_numpys_to_a_few_last_places(name: str) -> None:
+    symbolic, numeric = HYPERBOLIC[name]
+    np.testing.assert_allclose(evaluated(symbolic, BOTH_SIDES), numeric(BOTH_SIDES), rtol=5 * UNIT)
 
 
 def test_sine_and_cosine_keep_their_accuracy_over_many_turns() -> None:

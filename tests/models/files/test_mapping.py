@@ -190,3 +190,27 @@ def test_a_proposed_table_is_toml(column: str, sign: int, offset: float) -> None
     entry = MappedColumn("position_m", column, "mm", sign, offset)
     table = tomllib.loads(toml_lines([entry]))
     assert parse_rig({"rig": {"kind": "axis"}, **table}).columns == ColumnMap((entry,))
+
+
+@pytest.mark.parametrize(
+    ("header", "sources"),
+    [
+        ("speed (mm/s);normal load (N);COF", ("speed (mm/s)", "COF", "normal load (N)")),
+        ("v [mm/s];Load (N);mu", ("v [mm/s]", "mu", "Load (N)")),
+        ("speed (mm/s);normal load (N);friction force (N)", ("speed (mm/s)", "friction force (N)", "normal load (N)")),
+        ("velocity [mm/s];Fn [N];Ft [N]", ("velocity [mm/s]", "Ft [N]", "Fn [N]")),
+    ],
+)
+def test_a_table_of_friction_is_recognised_by_the_words_of_tribology(
+    tmp_path: Path, header: str, sources: tuple[str, str, str]
+) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text(f"{header}\n1;0.5;0.04\n2;0.5;0.05\n5;0.5;0.06\n9;0.5;0.07\n")
+    rig = {"rig": {"kind": "friction"}, "contact": {"friction_coefficient": 0.1}}
+    with pytest.raises(ValueError, match="this table in the rig file reads it") as caught:
+        read_record(path, parse_rig(rig))
+    columns = tomllib.loads("\n".join(caught.value.__notes__))["columns"]
+    assert tuple(entry["column"] for entry in columns.values()) == sources
+    record = read_record(path, parse_rig({**rig, "columns": columns}))
+    np.testing.assert_allclose(record["velocity_m_s"], [1e-3, 2e-3, 5e-3, 9e-3])
+    np.testing.assert_allclose(record["load_N"], 0.5)

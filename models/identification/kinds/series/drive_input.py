@@ -22,7 +22,7 @@ SWITCH_DELAY = "switch_delay_s"
 CLOCK_OFFSET = "clock_offset_s"
 OF_THE_LOG = (SWITCH_DELAY, CLOCK_OFFSET)
 """Parameters of how a record was logged: no part of the rig that a controller drives."""
-_STEP = 2.5e-4  # s, internal step of a free capsule while a fit looks for it
+_STEP = 3.3e-4  # s, internal step of a free capsule while a fit looks for it
 _FINE_STEP = 1e-4  # s, the same where it counts which of two teeth slips
 _LINKED_STEP = 5e-4  # s, the same for one behind an elastic link, which is solved implicitly
 _FINE_LINKED_STEP = 2e-4  # s, the same where it counts: half of 1e-4's time, predictions 0.2 mN rms apart

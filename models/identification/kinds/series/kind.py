@@ -13,6 +13,7 @@ from scipy.signal import butter, sosfiltfilt
 from models.checks.instrument.noise import noise_used, told_noise
 from models.checks.instrument.usable import counted, filled, from_row, used
 from models.compiled.kernel import LANES
+from models.compiled.residuals import differences, less_in_the_tail
 from models.drives.drive import Drive
 from models.drives.from_rig import drive_of, surface_of
 from models.effects import effects_for
@@ -179,14 +180,11 @@ class SeriesKind:
         return [self._weighed(record, output, criterion) for output in outputs]
 
     def _weighed(self, record: Record, output: Array, criterion: int) -> Array:
-        with np.errstate(over="ignore", invalid="ignore"):  # of a model that ran away
-            r = (record[self.quantity] - output) / self.noise_std
-        r = np.clip(np.where(np.isfinite(r), r, _DIVERGED), -_DIVERGED, _DIVERGED)
+        r = differences(record[self.quantity], output, self.noise_std, _DIVERGED)
         if criterion == self.criteria:
             dt = interval(record)
             return np.asarray(low_passed(r, dt)[:: max(1, round(1 / (_PER_PERIOD * LOW_PASS_HZ * dt)))])
-        r = averages(r[counted(record)], self.averaged)
-        return np.asarray(np.sign(r) * _TAIL * np.sqrt(2 * (np.sqrt(1 + (r / _TAIL) ** 2) - 1)))
+        return np.asarray(less_in_the_tail(averages(r[counted(record)], self.averaged), _TAIL))
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
         """Rms of the prediction error low-passed at 2 Hz, pooled over the records."""

@@ -105,12 +105,13 @@ class Runner:
             states[0] += np.mean(seen[:n] - shown[:n], axis=0)  # one sample's noise in the place would last
         gain = fed.dt / memory if memory else 0.0
         kernel.many(states, fed.commands, seen, gain, parameters, fed.substeps, fed.dt, shown)
-        return [self._at_samples(record, even, fed, shown[:, b], theta) for b, theta in enumerate(thetas)]
+        rows = shown.T.copy()
+        return [self._at_samples(record, even, fed, rows[b], theta) for b, theta in enumerate(thetas)]
 
     def _at_samples(self, record: Record, even: Record, fed: Feed, shown: Array, theta: Theta) -> Array:
         output = fed.samples(shown)
         delay = _late(theta)
-        return np.interp(record["t_s"] - delay, even["t_s"], output) if delay or even is not record else output.copy()
+        return np.interp(record["t_s"] - delay, even["t_s"], output) if delay or even is not record else output
 
     def _start(self, assembly: Assembly, record: Record, measured: Array | None) -> Array:
         state = assembly.start()

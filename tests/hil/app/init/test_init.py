@@ -62,3 +62,18 @@ def test_an_axis_that_turns_has_a_template_of_its_own(tmp_path: Path, capsys: py
     assert "mass_kg" not in text
     assert run(["init", "pull", str(tmp_path / "new"), "--rotary"]) == 2
     assert "--rotary must go with KIND axis" in capsys.readouterr().err
+
+
+def test_what_a_magnetic_rig_may_state_besides_stands_there_as_a_comment_that_works(tmp_path: Path) -> None:
+    assert run(["init", "magnetic", str(tmp_path)]) == 0
+    path = tmp_path / RIG
+    text = path.read_text()
+    for table in ("rig.magnet", "surface", "clock"):
+        assert f"\n# [{table}]" in text
+    told = text.replace("# [surface]", "[surface]\nkind = 'plate'\nfriction_coefficient = 0.3 #")
+    path.write_text(told.replace("# [clock]", "[clock] #").replace("# offset_std_s =", "offset_std_s = 0.01 #"))
+    rig = read_rig(path)
+    assert rig.surface is not None
+    assert rig.surface.kind == "plate"
+    assert rig.clock is not None
+    assert rig.clock.offset_std_s == 0.01

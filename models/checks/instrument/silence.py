@@ -1,0 +1,62 @@
+"""Stretches in which a noisy sensor has no noise: it was lost, and its values are held or filled in."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.checks.finding import RecordFinding
+from models.checks.instrument.clipping import clipped
+from models.checks.view import Mask, View, runs_of
+
+_SILENT = 1e-3  # of the usual second difference, what counts as none
+_NOISY = -0.3  # correlation of neighbouring second differences; white noise has -2/3, a smooth signal about 1
+_LEAST_SAMPLES, _LEAST_S = 20, 0.05
+_CHANCE = 1e-6  # that a stretch of the least length comes about in a record by itself
+_MUCH = 0.2  # of the record
+
+
+def silent(view: View) -> Mask:
+    """Where the measured column lies on one value or one straight line for longer than its noise lets it, the first and
+    the last sample of such a stretch left out; nowhere in a column without noise. Shape of the column.
+    """
+    mask = np.zeros(len(view.y), dtype=bool)
+    if not view.timed or len(view.y) < 10 * _LEAST_SAMPLES:
+        return mask
+    second = np.diff(view.y, 2)
+    usual = float(np.median(np.abs(second)))
+    still = np.abs(second) <= _SILENT * usual
+    runs = [(a, b) for a, b in runs_of(still) if b - a >= max(_LEAST_SAMPLES, round(_LEAST_S / view.dt))]
+    if usual == 0 or not runs:
+        return mask
+    for a, b in runs:
+        mask[a + 1 : b + 1] = True
+    rest = ~mask[1:-1]
+    pairs = rest[1:] & rest[:-1] & (np.maximum(np.abs(second[1:]), np.abs(second[:-1])) < 5 * usual)
+    power = float(np.sum(second[:-1][pairs] ** 2))
+    share = float(np.mean(still[rest])) if rest.any() else 1.0
+    noisy = power > 0 and float(second[1:][pairs] @ second[:-1][pairs]) < _NOISY * power
+    if not noisy or len(mask) * share**_LEAST_SAMPLES > _CHANCE:
+        mask[:] = False
+    return mask & ~clipped(view)
+
+
+def check_silence(view: View) -> list[RecordFinding]:
+    """A measured column whose noise is gone for a while."""
+    mask = silent(view)
+    if not mask.any():
+        return []
+    lost = runs_of(mask)
+    longest = max((b - a) * view.dt for a, b in lost)
+    times = "once" if len(lost) == 1 else f"{len(lost)} times"
+    return [
+        view.finding(
+            "sensor_silent",
+            "weakens" if mask.mean() > _MUCH else "note",
+            f"{view.measured}, {view.at([a for a, _ in lost])}",
+            f"{view.measured} keeps one value or follows a straight line {times}, for up to {longest:.3g} s, without"
+            " the noise that it has elsewhere: the sensor was lost and its values are held or filled in; they are left"
+            " out of every fit",
+            f"second differences below a thousandth of the usual ones for {_LEAST_SAMPLES} samples and more",
+            "leave out what was not measured; look at cable, connector and line of sight",
+        )
+    ]

@@ -1,0 +1,38 @@
+"""A driven place that rests while what is measured goes on as in motion: an encoder that is stuck or slips."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.checks.finding import RecordFinding
+from models.checks.instrument.resolution import PLACES
+from models.checks.view import View, running_mean, runs_of
+
+_SETTLED_S = 1.0  # after a motion, in which a wall draws back and a capsule comes to rest
+_LEAST_S = 1.0
+_MEAN_S = 0.1
+_MUCH = 0.5  # of the range in motion; a wall that relaxes or breathes moves less
+
+
+def check_stuck(view: View) -> list[RecordFinding]:
+    """Whether the measured column ranges as far at rest as in motion."""
+    if not view.timed or view.driven not in PLACES or view.driven != view.moving_column or not view.moves.any():
+        return []
+    y = running_mean(view.y, max(1, round(0.5 * _MEAN_S / view.dt)))
+    whole = float(np.diff(np.percentile(y[view.moves], [5, 95]))[0])
+    settled, least = round(_SETTLED_S / view.dt), round((_SETTLED_S + _LEAST_S) / view.dt)
+    rests = [(a + settled, b) for a, b in runs_of(~view.moves) if b - a >= least]
+    stuck = [(a, b) for a, b in rests if np.ptp(y[a:b]) > _MUCH * whole and y[a:b].min() * y[a:b].max() < 0]
+    if not stuck or whole < 20 * view.noise:
+        return []
+    return [
+        view.finding(
+            "driven_stuck",
+            "weakens",
+            f"{view.driven}, {view.at([a for a, _ in stuck])}",
+            f"{view.driven} rests for up to {max(b - a for a, b in stuck) * view.dt:.3g} s while {view.measured}"
+            " goes to and fro as in motion: its encoder is stuck, slips or was not logged",
+            f"a range at rest of more than {_MUCH:.0%} of that in motion, through zero",
+            "look at the encoder and its coupling; leave these stretches out of the record",
+        )
+    ]

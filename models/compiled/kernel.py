@@ -60,6 +60,7 @@ def run(state, commands, measured, gain, parameters, substeps, dt, output):
         if gain != 0.0:
             for lane in range({lanes}):
                 e = measured[k, lane] - work[{shown} + lane]
+                e = e if e == e else slow[lane]
                 slow[lane] += min(dt / {forgets}, 1.0) * (e - slow[lane])
                 correct(work, lane, e - slow[lane], gain)
     for i in range(state.shape[0]):
@@ -126,9 +127,9 @@ def lower(step: ca.Function, correct: ca.Function, slow_s: float = SLOW_S) -> Ke
     The loop steps through `commands` (one value a sample, linear in between, `substeps` steps a sample of `dt` s),
     overwrites `state` with the last one and fills `output`, one value a sample, predicted before the sample is seen.
     `correct` then moves the state by `gain` times the prediction's error less its slow part (a mean over about
-    `slow_s`): an observer that keeps teeth in step and leaves alone what a model lacks slowly; a gain of 0 runs free
-    and never looks at `measured`. Compiled when first run and kept on disk under the hash of its source. Running raises
-    ValueError for operations that are not scalar.
+    `slow_s`): an observer that keeps teeth in step and leaves alone what a model lacks slowly, and that runs free
+    where `measured` is NaN; a gain of 0 runs free throughout and never looks at `measured`. Compiled when first run
+    and kept on disk under the hash of its source. Running raises ValueError for operations that are not scalar.
     """
     return Kernel(step, correct, slow_s)
 

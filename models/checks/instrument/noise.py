@@ -39,10 +39,11 @@ def _mean_noise(x: Array) -> float:
     return float(np.mean(np.abs(np.diff(x, 2)))) * math.sqrt(math.pi / 12) if len(x) > 2 else 0.0
 
 
-def noise_used(stated: float | None, told: float, span: float) -> float:
-    """The noise that fits use: the stated one, unless the record is noisier or the stated one is absurd beside the
-    `span` of the signal.
+def noise_used(stated: float | None, told: float, span: float, step: float = 0.0) -> float:
+    """The noise that fits use: the stated one with what a resolution `step` adds, unless the record is noisier or the
+    stated one is absurd beside the `span` of the signal.
     """
+    stated = stated if stated is None else math.hypot(stated, step / math.sqrt(12))
     if stated is None or told > _OFF * stated or stated > _ABSURD * span:
         return told
     return stated

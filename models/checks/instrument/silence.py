@@ -16,8 +16,8 @@ _MUCH = 0.2  # of the record
 
 
 def silent(view: View) -> Mask:
-    """Where the measured column lies on one value or one straight line for longer than its noise lets it, the first and
-    the last sample of such a stretch left out; nowhere in a column without noise. Shape of the column.
+    """Where the measured column lies on one value or one straight line for longer than its noise lets it; nowhere in a
+    column without noise. Shape of the column.
     """
     mask = np.zeros(len(view.y), dtype=bool)
     if not view.timed or len(view.y) < 10 * _LEAST_SAMPLES:
@@ -29,7 +29,7 @@ def silent(view: View) -> Mask:
     if usual == 0 or not runs:
         return mask
     for a, b in runs:
-        mask[a + 1 : b + 1] = True
+        mask[a : b + 2] = True
     rest = ~mask[1:-1]
     pairs = rest[1:] & rest[:-1] & (np.maximum(np.abs(second[1:]), np.abs(second[:-1])) < 5 * usual)
     power = float(np.sum(second[:-1][pairs] ** 2))

@@ -9,7 +9,8 @@ from models.checks.instrument.held_values import fresh
 from models.checks.instrument.outliers import off, spikes
 from models.checks.instrument.resolution import PLACES, without_steps
 from models.checks.instrument.silence import silent
-from models.checks.view import Mask, View
+from models.checks.view import Mask, View, runs_of
+from models.files.columns import TIME
 from models.files.record import Record
 from models.files.rig import Rig
 
@@ -18,6 +19,7 @@ USED = "_used"
 RUN_IN = "_run_in"
 """Column of a record that is judged from its middle on: 1 in what comes before, which is only run through."""
 _WHOLE = 0.99
+_GONE_S, _GONE = 0.1, 3.0  # s, and times the usual distance of values
 _SWITCHED = ("drive_on", "coil_voltage_V")
 
 
@@ -49,6 +51,21 @@ def cleaned(record: Record, rig: Rig) -> Record:
 def used(record: Record) -> Mask:
     """The rows of a record whose measured value counts; all of one that was not cleaned."""
     return record[USED] > _WHOLE if USED in record.columns else np.ones(len(record), dtype=bool)
+
+
+def gone(record: Record) -> Mask:
+    """The rows of a record over which the sensor says nothing for longer than it usually takes to say something: where
+    an observer has to run free.
+    """
+    good = used(record)
+    if good.all() or not good.any():
+        return ~good
+    usual = float(np.median(np.diff(np.flatnonzero(good)))) if good.sum() > 1 else 1.0
+    least = max(_GONE_S / max(float(np.median(np.diff(record[TIME]))), 1e-12), _GONE * usual)
+    mask = np.zeros(len(record), dtype=bool)
+    for a, b in runs_of(~good):
+        mask[a:b] = b - a >= least
+    return mask
 
 
 def counted(record: Record) -> Mask:

@@ -107,7 +107,7 @@ def _exchanged(view: View, carriage: str, ahead: float) -> RecordFinding:
 def _apart(view: View, sentence: str, why: str, offset: float) -> RecordFinding:
     return view.finding(
         "zeros_apart",
-        "weakens",
+        "note",
         f"{view.measured}, throughout",
         f"{sentence} on average over strokes both ways, further off than friction explains: {why}",
         "mean over the later halves of the strokes, each way",

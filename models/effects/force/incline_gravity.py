@@ -21,7 +21,7 @@ class InclineGravity(Effect):
     confounders = ("directional_asymmetry", "sensor_bias")
     separated_by = "tilt the rig by a known angle; records at rest"
 
-    force_N: Parameter = Parameter("force_N", 0.0, "N", -0.2, 0.2, "tracing catalogue 13", fit=True)
+    force_N: Parameter = Parameter("force_N", 0.0, "N", -0.5, 0.5, "tracing catalogue 13", fit=True)
 
     def force(self, s: Signals, p: Values, z: Values) -> Any:
         return p["force_N"]

@@ -21,7 +21,7 @@ class SensorBias(Effect):
     confounders = ("incline_gravity", "directional_asymmetry")
     separated_by = "a reading without load"
 
-    bias: Parameter = Parameter("bias", 0.0, "of the measured unit", -0.05, 0.05, "tracing catalogue 24", fit=True)
+    bias: Parameter = Parameter("bias", 0.0, "of the measured unit", -0.5, 0.5, "tracing catalogue 24", fit=True)
 
     def measured(self, s: Signals, p: Values, z: Values, y: Any) -> Any:
         return y + p["bias"]

@@ -176,8 +176,8 @@ CORRUPTIONS: dict[str, tuple[Callable[[Columns], Columns], str, str]] = {
     "a cable that was off for a second": (lost, "sensor_silent", "note"),
     "eight seconds filled in": (filled_in, "sensor_silent", "weakens"),
     "a logger's sign for no value": (no_answer, "no_values", "note"),
-    "a load cell that was not set to zero": (not_tared, "zeros_apart", "weakens"),
-    "a coarse encoder": (in_steps, "driven_resolution", "note"),
+    "a load cell that was not set to zero": (not_tared, "zeros_apart", "note"),
+    "a coarse encoder": (in_steps, "driven_resolution", "weakens"),
     "an encoder that is stuck": (encoder_stuck, "driven_stuck", "weakens"),
 }
 

@@ -12,6 +12,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from models.checks.instrument.noise import noise_used, told_noise
 from models.checks.instrument.usable import counted, filled, from_row, used
+from models.checks.view import grid_step
 from models.compiled.kernel import LANES
 from models.compiled.residuals import differences, less_in_the_tail
 from models.drives.drive import Drive
@@ -51,7 +52,8 @@ def low_passed(signal: Array, dt: float) -> Array:
 class SeriesKind:
     """A rig whose records are time series of a capsule. `noise_std` of the sensor; `memories` in s are the observer's
     time constants of the fit's criteria; residuals of `averaged` neighbours count as one, their mean in units of its
-    own noise, so that a structure below the noise of a single sample is seen.
+    own noise, so that a structure below the noise of a single sample is seen. `resolution` is the step of the sensor's
+    scale where that is coarse, 0 elsewhere.
     """
 
     name: str
@@ -62,6 +64,7 @@ class SeriesKind:
     base: tuple[Parameter, ...] = ()
     effects: tuple[type[Effect], ...] = ()
     averaged: int = 1
+    resolution: float = 0.0
     slow_view: bool = True
     next_share: float = 0.6
     least_gain: float = 0.4
@@ -78,8 +81,10 @@ class SeriesKind:
         """
         drive = drive_of(rig, driven_column(rig.kind, records))
         stated = rig.noise.force_std_N if drive.imposed else rig.noise.position_std_m
-        made = cls.build(surface_of(rig), drive, series_noise(records, drive.measured, stated), records)
-        return replace(made, base=made.base + clock_offset(rig.clock))
+        noise = series_noise(records, drive.measured, stated)
+        step = resolution(records, drive.measured)
+        made = cls.build(surface_of(rig), drive, noise, records)
+        return replace(made, base=made.base + clock_offset(rig.clock), resolution=step)
 
     @classmethod
     def build(cls, surface: Surface, drive: Drive, noise_std: float, records: Sequence[Record] = ()) -> SeriesKind:
@@ -187,10 +192,14 @@ class SeriesKind:
         return np.asarray(less_in_the_tail(averages(r[counted(record)], self.averaged), _TAIL))
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
-        """Rms of the prediction error low-passed at 2 Hz, pooled over the records."""
+        """Rms of the prediction error low-passed at 2 Hz, pooled over the used samples of the records; straight between
+        them.
+        """
         parts = []
         for record, predicted in zip(records, predictions, strict=True):
-            parts.append(low_passed(record[self.quantity] - predicted, interval(record)))
+            good, t = used(record), record["t_s"]
+            off = np.interp(t, t[good], (record[self.quantity] - predicted)[good])
+            parts.append(low_passed(off, interval(record))[good])
         return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 
     def noise_floor(self, records: Sequence[Record]) -> float:
@@ -200,9 +209,13 @@ class SeriesKind:
         return self.error([r for r, _ in made], [p for _, p in made])
 
     def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
-        """The same drive with the model's output and white noise of the stated size."""
-        white = self.noise_std * rng.standard_normal(len(record))
-        return filled(record.with_column(self.quantity, self.predict(record, theta) + white), self.quantity)
+        """The same drive with the model's output and white noise of the stated size, in the sensor's steps."""
+        steps = self.resolution / np.sqrt(12)
+        white = np.sqrt(max(self.noise_std**2 - steps**2, 0.0)) * rng.standard_normal(len(record))
+        output = self.predict(record, theta) + white
+        if self.resolution:
+            output = self.resolution * np.round(output / self.resolution)
+        return filled(record.with_column(self.quantity, output), self.quantity)
 
     def searched(self, records: Sequence[Record]) -> list[Record]:
         """Of a shaken body, which strikes in every period of its drive, the beginnings; of others all."""
@@ -289,4 +302,11 @@ def series_noise(records: Sequence[Record], column: str, stated: float | None) -
     if not values:
         return stated or _NO_NOISE
     told = float(np.median([told_noise(y) for y in values]))
-    return max(noise_used(stated, told, float(np.ptp(np.concatenate(values)))), _NO_NOISE)
+    step = resolution(records, column)
+    return max(noise_used(stated, told, float(np.ptp(np.concatenate(values))), step), _NO_NOISE)
+
+
+def resolution(records: Sequence[Record], column: str) -> float:
+    """The step of the scale on which the used values of `column` lie; 0 where none can be told."""
+    steps = [grid_step(record[column][used(record)]) for record in records if column in record.columns]
+    return float(np.median(steps)) if steps else 0.0

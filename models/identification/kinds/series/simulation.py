@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 
 from models.assembly.model import Assembly, assemble
+from models.checks.instrument.usable import USED, gone
 from models.compiled.kernel import LANES, NEVER_S, SLOW_S, Kernel, lower
 from models.drives.drive import Drive
 from models.effects import BY_ID, followed_by
@@ -87,7 +88,7 @@ class Runner:
     ) -> list[Array]:
         assembly, kernel = _model(self.surface, self.drive, active)
         rigid = self.drive.imposed and "string_compliance" not in active
-        even = evenly(record, (self.drive.commanded, self.quantity))
+        even = evenly(record, (self.drive.commanded, self.quantity, USED))
         measured = None if measured is None else even[self.quantity]
         fed = feed(self.drive, even, rigid, delay, fine)
         shown = np.empty((len(fed.commands), LANES))
@@ -96,13 +97,15 @@ class Runner:
         states = _each_lane(self._start(assembly, even, measured))
         seen = shown
         if measured is not None and memory:
-            spread = fed.spread(measured)
+            spread = fed.spread(np.where(gone(even), np.nan, measured))
             at, late = np.arange(len(spread)), [_late(theta) / fed.dt for theta in filled]
             seen = np.stack([np.interp(at + n, at, spread) for n in late], axis=1) if any(late) else _each_lane(spread)
         if drifts(self.drive) and measured is not None and memory:
             n = 1 + max(1, round(START_S / fed.dt))
             kernel.many(states.copy(), fed.commands[:n], seen, 0.0, parameters, fed.substeps, fed.dt, shown)
-            states[0] += np.mean(seen[:n] - shown[:n], axis=0)  # one sample's noise in the place would last
+            states[0] += np.nan_to_num(
+                np.nanmean(seen[:n] - shown[:n], axis=0)
+            )  # one sample's noise in the place would last
         gain = fed.dt / memory if memory else 0.0
         kernel.many(states, fed.commands, seen, gain, parameters, fed.substeps, fed.dt, shown)
         rows = shown.T.copy()

@@ -239,6 +239,7 @@ def test_the_demo_leaves_page_numbers_and_reports(tmp_path: Path, capsys: pytest
     assert "first:  10 %  begun" in said.err
 
 
+@pytest.mark.usefixtures("loaded_once")
 @pytest.mark.parametrize(
     ("fault", "raised", "said"), [("refused", ValueError, "got none"), ("died", RuntimeError, "status 3")]
 )
@@ -248,6 +249,7 @@ def test_a_story_that_fails_leaves_nothing(tmp_path: Path, fault: str, raised: t
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.usefixtures("loaded_once")
 def test_an_interruption_ends_every_process_at_once(tmp_path: Path) -> None:
     began = []
 

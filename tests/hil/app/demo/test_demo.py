@@ -221,6 +221,7 @@ def test_a_run_learns_and_its_story_stands_in_the_page(tmp_path: Path, monkeypat
     assert "learning/learning.html" in page
 
 
+@pytest.mark.usefixtures("loaded_once")
 def test_the_demo_leaves_page_numbers_and_reports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
     demo(out, json_output=True, stories=[Quick("first"), Quick("second")])
@@ -249,7 +250,6 @@ def test_a_story_that_fails_leaves_nothing(tmp_path: Path, fault: str, raised: t
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.usefixtures("loaded_once")
 def test_an_interruption_ends_every_process_at_once(tmp_path: Path) -> None:
     began = []
 

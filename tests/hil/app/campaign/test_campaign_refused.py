@@ -65,7 +65,10 @@ def test_a_campaign_that_is_not_there_is_named_once(
     assert capsys.readouterr().err.startswith("capsule: none.toml: campaign must be a file")
 
 
-def test_options_that_cannot_be_are_one_sentence(campaign: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_options_that_cannot_be_are_one_sentence(
+    campaign: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("hil.app.campaign.dask_cluster.ANSWER_S", 0.5)
     for options in (
         ["--run", str(RUNS)],
         ["--workers", "0"],

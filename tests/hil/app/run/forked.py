@@ -1,7 +1,7 @@
 """`capsule` in a process of its own that need not be loaded again: forked from a server that has loaded it once.
 
 Starting anew takes some seconds of a processor, which a test of what two processes say to each other need not spend.
-That a process started anew does the same is tested in `test_run_processes.py` and `tests/examples/test_deployment.py`.
+That processes started anew do the same is tested in `tests/examples/test_deployment.py`.
 """
 
 from __future__ import annotations

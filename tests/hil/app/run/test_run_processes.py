@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import subprocess
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -23,7 +22,7 @@ from hil.log.record import log_record
 from models.files.rig import Rig
 from tests.hil.app.run.deployments import deployment, rig_file
 from tests.hil.app.run.forked import Forked
-from tests.hil.app.run.plant_process import CAPSULE, HELD_UP, REAL_TIME, RUN_S, TRIES, plant_on, truth_of
+from tests.hil.app.run.plant_process import HELD_UP, REAL_TIME, RUN_S, TRIES, plant_on, truth_of
 
 
 @pytest.fixture
@@ -33,13 +32,13 @@ def plant(tmp_path: Path, channel: str) -> Iterator[Forked]:
 
 
 def led(folder: Path, channel: str, log: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What controller, started anew, and plant say of one run in real time, of the first that was not held up."""
-    command = [*CAPSULE, "run", rig_file(folder, deployment(channel, control=REAL_TIME))]
+    """What controller and plant say of one run in real time, of the first that was not held up."""
+    rig = rig_file(folder, deployment(channel, control=REAL_TIME))
     for _ in range(TRIES):
         with plant_on(folder, channel) as plant:
-            done = subprocess.run([*command, "--log", str(log), "--json"], capture_output=True, text=True, check=False)
-            found, truth = json.loads(done.stdout), truth_of(plant)
-        assert done.returncode == (0 if found["ended"] == "time is up" else 1)
+            status, said, _ = Forked(folder, "run", rig, "--log", str(log), "--json").ended()
+            found, truth = json.loads(said), truth_of(plant)
+        assert status == (0 if found["ended"] == "time is up" else 1)
         if found["ended"] not in HELD_UP:
             break
     return found, truth

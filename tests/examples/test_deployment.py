@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from hil.app.main import run
 from hil.app.scenario.deployment import OWN_TABLES, load_deployment, read_plant
 from models.files.rig import TABLES
 from tests.hil.app.run.plant_process import CAPSULE, HELD_UP, TRIES
@@ -24,11 +25,11 @@ def test_it_names_every_table_of_a_deployment() -> None:
     assert all(f"[{table}]" in text for table in tables)
 
 
-def test_plant_and_controller_meet_on_the_local_bus(tmp_path: Path) -> None:
+def test_plant_and_controller_meet_on_the_local_bus(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = Path(shutil.copytree(FOLDER, tmp_path / "deployment"))
     file = folder / "deployment.toml"
     text = (
-        file.read_text().replace("duration_s = 10.0", "duration_s = 3.0").replace('"deployment"', f'"{tmp_path.name}"')
+        file.read_text().replace("duration_s = 10.0", "duration_s = 1.5").replace('"deployment"', f'"{tmp_path.name}"')
     )
     file.write_text(text)
     for _ in range(TRIES):
@@ -46,8 +47,8 @@ def test_plant_and_controller_meet_on_the_local_bus(tmp_path: Path) -> None:
         if found["ended"] not in HELD_UP:
             break
     assert (found["ended"], done.returncode, plant.returncode) == ("time is up", 0, 0)
-    replayed = subprocess.run([*CAPSULE, "replay", str(log)], capture_output=True, text=True, check=False)
-    assert "identical" in replayed.stdout
+    assert run(["replay", str(log)]) == 0
+    assert "identical" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

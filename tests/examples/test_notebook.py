@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import re
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from hil import api
 from tests.places import ROOT
 
 FOLDER = ROOT / "examples" / "notebook"
@@ -40,12 +45,29 @@ def test_script_and_notebook_are_the_same() -> None:
     assert json.loads((FOLDER / "identify.ipynb").read_text(encoding="utf-8")) == notebook(script)
 
 
-def test_every_cell_runs(capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.fixture(scope="module")
+def ran() -> tuple[dict[str, Any], str]:
+    """What stands in the notebook's names after its last cell, and what it printed."""
     document = json.loads((FOLDER / "identify.ipynb").read_text(encoding="utf-8"))
     names: dict[str, Any] = {}
-    for cell in document["cells"]:
-        if cell["cell_type"] == "code":
-            exec(compile("".join(cell["source"]), cell["id"], "exec"), names)
-    said = capsys.readouterr().out
+    with contextlib.redirect_stdout(io.StringIO()) as said:
+        for cell in document["cells"]:
+            if cell["cell_type"] == "code":
+                exec(compile("".join(cell["source"]), cell["id"], "exec"), names)
+    return names, said.getvalue()
+
+
+def test_every_cell_runs(ran: tuple[dict[str, Any], str]) -> None:
+    said = ran[1]
     assert "named ['fold_periodic']" in said
     assert "rms error" in said
+
+
+def test_what_it_found_predicts_from_its_file(ran: tuple[dict[str, Any], str], tmp_path: Path) -> None:
+    found, rig, held = (ran[0][name] for name in ("found", "rig", "held_out"))
+    written = found.write(tmp_path)
+    assert {path.name for path in written} == {"report.html", "report.json", "model.toml"}
+    model = api.load_model(tmp_path / "model.toml", "pull")
+    predicted = api.predict(model, rig, held)["force_N"]
+    assert predicted.shape == held["force_N"].shape
+    assert np.sqrt(np.mean((predicted - held["force_N"]) ** 2)) < 5e-3

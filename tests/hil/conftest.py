@@ -10,6 +10,7 @@ import pytest
 
 from hil.bus.local import channel_folder
 from tests.hil.app.campaign.campaigns import campaign_files
+from tests.hil.app.run.forked import SERVER
 from tests.hil.app.track.track_texts import SHORT
 
 
@@ -35,3 +36,10 @@ def short(tmp_path: Path) -> Path:
 @pytest.fixture
 def campaign(tmp_path: Path) -> Path:
     return campaign_files(tmp_path)
+
+
+@pytest.fixture
+def loaded_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Workers of a campaign or a demo are forked from a server that has loaded the program; else each loads it anew."""
+    for place in ("hil.app.campaign.worker", "hil.app.demo.worker"):
+        monkeypatch.setattr(f"{place}.get_context", lambda _: SERVER)

@@ -58,7 +58,7 @@ def test_an_innovation_has_the_sign_of_what_was_measured_beyond_what_was_expecte
 def test_position_is_known_better_than_measured(kind: type[Receiver]) -> None:
     """Half of the sensor's noise or less, although tissue and magnet are off, and never lost once begun."""
     estimator = kind(MODEL)
-    off, lost, raw = follow(estimator, 6.0, truth=Rig(Magnet(24.0), hoop_factor=1.1))
+    off, lost, raw = follow(estimator, 4.0, truth=Rig(Magnet(24.0), hoop_factor=1.1))
     assert np.sqrt(np.mean(off[1000:] ** 2)) < 0.5 * np.sqrt(np.mean(raw[1000:] ** 2))
     assert not lost[200:].any()
     assert estimator.counts.outliers <= 2
@@ -68,18 +68,18 @@ def test_position_is_known_better_than_measured(kind: type[Receiver]) -> None:
 def test_latency_is_undone(kind: type[Receiver]) -> None:
     """Without noise, positions that are 40 ms late are as good as prompt ones."""
     estimator = kind(MODEL)
-    off, _, raw = follow(estimator, 4.0, Instrument(std=0.0, latency_s=0.04))
-    prompt, _, _ = follow(kind(MODEL), 4.0, Instrument(std=0.0, latency_s=0.0))
-    assert abs(np.mean(off[2000:]) - np.mean(prompt[2000:])) < 0.3 * abs(np.mean(raw[2000:]))
-    assert estimator.counts.accepted > 380
-    assert np.mean(raw[2000:]) < -30e-6
+    off, _, raw = follow(estimator, 2.5, Instrument(std=0.0, latency_s=0.04))
+    prompt, _, _ = follow(kind(MODEL), 2.5, Instrument(std=0.0, latency_s=0.0))
+    assert abs(np.mean(off[1500:]) - np.mean(prompt[1500:])) < 0.3 * abs(np.mean(raw[1500:]))
+    assert estimator.counts.accepted > 237
+    assert np.mean(raw[1500:]) < -30e-6
 
 
 @each
 def test_outliers_are_refused(kind: type[Receiver]) -> None:
     """A twentieth of the readings anywhere within 30 mm: refused, and the estimate stays."""
     estimator = kind(MODEL)
-    off, lost, _ = follow(estimator, 5.0, Instrument(outlier_share=0.05, outlier_size=30e-3))
+    off, lost, _ = follow(estimator, 3.5, Instrument(outlier_share=0.05, outlier_size=30e-3))
     assert estimator.counts.outliers > 10
     assert np.sqrt(np.mean(off[1000:] ** 2)) < 0.3e-3
     assert not lost[1000:].any()
@@ -88,11 +88,11 @@ def test_outliers_are_refused(kind: type[Receiver]) -> None:
 @each
 def test_a_gap_is_bridged_and_said(kind: type[Receiver]) -> None:
     """Lost 150 ms after the last position, the path predicted meanwhile, found again with the first readings."""
-    off, lost, _ = follow(kind(MODEL), 5.0, Instrument(gaps_s=(3.0, 1.0)))
-    assert not lost[2000:3140].any()
-    assert lost[3200:3990].all()
-    assert not lost[4030:].any()
-    assert np.abs(off[3000:4000]).max() < 0.6e-3
+    off, lost, _ = follow(kind(MODEL), 3.0, Instrument(gaps_s=(1.5, 1.0)))
+    assert not lost[500:1640].any()
+    assert lost[1700:2490].all()
+    assert not lost[2530:].any()
+    assert np.abs(off[1500:2500]).max() < 0.6e-3
 
 
 @each

@@ -68,7 +68,7 @@ def test_a_model_that_proved_right_knows_more_where_it_is_right_and_is_not_lost_
 
     def rms(model: ControlModel, gut: bool) -> float:
         found = []
-        for seed in range(210, 214):
+        for seed in range(210, 213):
             truth = Rig(Magnet(25.0), anatomy=random_anatomy(seed) if gut else Anatomy())
             found.append(errors(ParticleEstimator, truth, seed, model=model)[2000:])
         return float(np.sqrt(np.mean(np.square(found))))

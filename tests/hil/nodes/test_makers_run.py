@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
-import subprocess
 from pathlib import Path
 
 import pytest
 
+from hil.app.main import run
 from hil.bus.catalogue import load_catalogue
 from hil.nodes.actuators import ActuatorTable, carriage_bus
 from hil.nodes.controller.receive import FrameReceiver
@@ -15,7 +14,7 @@ from hil.nodes.frame_map import ENABLE, FAULT, OFF, STANDBY
 from hil.nodes.moteus.actuator import MoteusTable
 from hil.nodes.odrive.actuator import OdriveTable
 from tests.hil.app.run.deployments import deployment, rig_file
-from tests.hil.app.run.plant_process import CAPSULE, REAL_TIME, RUN_S, TRIES, plant_on, truth_of
+from tests.hil.app.run.plant_process import REAL_TIME, RUN_S, led
 from tests.hil.nodes.maker_desk import WIRING, Desk
 from tests.hil.ticks import TICK
 
@@ -31,21 +30,12 @@ def test_it_is_led_in_real_time(maker: str, tmp_path: Path, channel: str) -> Non
     table, bus = TABLES[maker]
     rig = rig_file(tmp_path, deployment(channel, control=REAL_TIME, more=table, bus=bus))
     log = tmp_path / "run.blf"
-    for _ in range(TRIES):
-        with plant_on(tmp_path, channel, table, bus) as plant:
-            command = [*CAPSULE, "run", rig, "--log", str(log), "--json"]
-            done = subprocess.run(command, capture_output=True, text=True, check=False)
-            truth = truth_of(plant)
-        assert done.stdout, done.stderr
-        found = json.loads(done.stdout)
-        if found["ended"] == "time is up":
-            break
-    assert (found["ended"], done.returncode) == ("time is up", 0)
+    found, truth, status = led(tmp_path, channel, rig, log, table, bus)
+    assert (found["ended"], status) == ("time is up", 0)
     assert found["refused"] == found["unsent"] == 0
     assert truth["moved_m"] == pytest.approx(2e-3 * RUN_S, abs=RUN_S * 1e-3)
     assert (truth["state"], truth["fault"]) == (STANDBY, 0)
-    replayed = subprocess.run([*CAPSULE, "replay", str(log)], capture_output=True, text=True, check=False)
-    assert replayed.returncode == 0, replayed.stdout
+    assert run(["replay", str(log)]) == 0
 
 
 @pytest.mark.parametrize("table", [OdriveTable(), MoteusTable()], ids=TABLES)

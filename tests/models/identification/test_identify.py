@@ -75,15 +75,14 @@ def test_printed_moduli_stay_unknown() -> None:
 
 @pytest.mark.slow
 def test_the_measured_axis_lacks_asymmetry(shared: Path) -> None:
+    """In the first 10 s, a stroke and a half of four; `docs/results/identification.md` has the whole record."""
     rig = parse_rig({"rig": {"kind": "axis"}})
-    folder = shared / "data" / "emps"
-    finding, _ = close(
-        rig, [read_record(folder / "train.csv", rig)], [read_record(folder / "test_pulses.csv", rig)], quiet
-    )
+    train, held = (read_record(shared / "data" / "emps" / f"{name}.csv", rig) for name in ("train", "test_pulses"))
+    finding, _ = close(rig, [train.rows(slice(10_000))], [held.rows(slice(10_000))], quiet)
     assert finding.effects[0].id == "directional_asymmetry"
     assert "stribeck" not in [effect.id for effect in finding.effects]
-    assert finding.error["train"]["calibrated"] == pytest.approx(4.04, abs=0.1)
-    assert finding.error["holdout"]["calibrated"] == pytest.approx(5.95, abs=0.1)
+    assert finding.error["train"]["calibrated"] == pytest.approx(3.95, abs=0.1)
+    assert finding.error["holdout"]["calibrated"] == pytest.approx(6.12, abs=0.1)
     assert "sensor_delay" in [effect.id for effect in finding.effects]
     assert finding.error["holdout"]["augmented"] < 4.2
     assert finding.smallest_detectable["directional_asymmetry"] < 0.01  # it is 0.17

@@ -12,7 +12,7 @@ SCENARIO = f"[scenario]\nduration_s = 0.7\n{TRUTH}"
 CAMPAIGN = """
 [campaign]
 scenario = "scenario.toml"
-cases = 6
+cases = 3
 seed = 3
 chunk = 2
 [draw."tissue.friction_coefficient"]
@@ -27,7 +27,7 @@ name = "none"
 name = "folds"
 set.effects.fold_periodic = { excess = 0.3, wavelength_m = 0.0073 }
 """
-RUNS = 24
+CASES, RUNS = 3, 12
 TIMES = ("solve_ms", "estimate_ms", "real_time_factor")
 
 

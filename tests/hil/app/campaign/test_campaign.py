@@ -24,8 +24,10 @@ from hil.app.campaign.page import summary_of, worst_of
 from hil.app.campaign.results import Results, chunks
 from hil.app.campaign.worker import TRIES, pooled, run_job
 from hil.app.main import run
-from tests.hil.app.campaign.campaigns import CAMPAIGN, RUNS, rows_of, untimed
+from tests.hil.app.campaign.campaigns import CAMPAIGN, CASES, RUNS, rows_of, untimed
 from tests.places import SCENARIOS
+
+pytestmark = pytest.mark.usefixtures("loaded_once")
 
 
 def started(campaign: Path, out: Path, heard: int = subprocess.DEVNULL) -> subprocess.Popen[str]:
@@ -72,7 +74,7 @@ def test_a_killed_campaign_goes_on_without_loss_or_repetition(
     out = campaign.parent / "out"
     child = started(campaign, out)
     file = out / "results.jsonl"
-    while not (file.exists() and file.read_bytes().count(b"\n") > 5):
+    while not (file.exists() and file.read_bytes().count(b"\n") > 3):
         assert child.poll() is None
         time.sleep(0.02)
     os.kill(child.pid, signal.SIGKILL)
@@ -82,7 +84,7 @@ def test_a_killed_campaign_goes_on_without_loss_or_repetition(
         time.sleep(0.1)
     assert not alive(child.pid)
     before = rows_of(out)
-    assert 5 <= len(before) < RUNS
+    assert 3 <= len(before) < RUNS
     file.write_bytes(file.read_bytes() + b'{"run": 23, "se')
 
     assert run(["campaign", str(campaign), "--out", str(out), "--workers", "1", "--json"]) == 0
@@ -110,15 +112,15 @@ def test_runs_of_one_case_share_seed_and_draws(campaign: Path) -> None:
     plan = load_campaign(campaign)
     assert len(plan) == RUNS
     jobs = [plan.job(number) for number in range(RUNS)]
-    assert len({job.seed for job in jobs}) == 6
-    for case in range(6):
+    assert len({job.seed for job in jobs}) == CASES
+    for case in range(CASES):
         four = jobs[4 * case : 4 * case + 4]
         assert len({json.dumps([job.raw["tissue"], job.raw["anatomy"], job.seed]) for job in four}) == 1
         assert {(job.raw["control"]["controller"], "effects" in job.raw) for job in four} == {
             (name, folds) for name in ("pid", "pid_friction") for folds in (False, True)
         }
     assert all(0.06 <= job.raw["tissue"]["friction_coefficient"] <= 0.1 for job in jobs)
-    assert len({job.raw["tissue"]["friction_coefficient"] for job in jobs}) == 6
+    assert len({job.raw["tissue"]["friction_coefficient"] for job in jobs}) == CASES
 
 
 def test_results_of_another_campaign_are_not_mixed(campaign: Path, capsys: pytest.CaptureFixture[str]) -> None:

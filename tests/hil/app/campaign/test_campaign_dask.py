@@ -17,14 +17,13 @@ from typing import Any
 import pytest
 
 from hil.app.main import run
-from tests.hil.app.campaign.campaigns import campaign_files, rows_of, untimed
+from tests.hil.app.campaign.campaigns import RUNS, campaign_files, rows_of, untimed
 from tests.places import ROOT
 
 pytestmark = pytest.mark.skipif(
     find_spec("distributed") is None, reason="needs Dask: the extra 'dask' is not installed"
 )
 LONGEST_S = 240.0
-RUNS = 24
 
 
 def said_by(*arguments: str) -> tuple[int, str, str]:
@@ -57,6 +56,7 @@ def number(row: dict[str, Any]) -> int:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("loaded_once")
 def test_killed_workers_cost_no_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The only worker dies: a sentence, and what has ended is kept. The same command then goes on with two, of which
     one dies too.

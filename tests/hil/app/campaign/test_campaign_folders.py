@@ -20,6 +20,7 @@ from hil.app.campaign.folders.page import headline, page_html
 from hil.app.campaign.folders.series import find_series
 from hil.app.main import run
 
+pytestmark = pytest.mark.usefixtures("loaded_once")
 AXIS = '[rig]\nkind = "axis"\n[noise]\nforce_std_N = 0.02\n'
 
 

@@ -7,15 +7,15 @@ from pathlib import Path
 import pytest
 
 from hil.app.main import run
-from tests.hil.app.campaign.campaigns import CAMPAIGN
+from tests.hil.app.campaign.campaigns import CAMPAIGN, RUNS
 
 
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [
         ("[grid]", "[gird]", "did you mean 'grid'"),
-        ("cases = 6", "cases = 0", "campaign.cases must lie in"),
-        ("cases = 6", "cases = 600000", "at most 1000000 runs"),
+        ("cases = 3", "cases = 0", "campaign.cases must lie in"),
+        ("cases = 3", "cases = 600000", "at most 1000000 runs"),
         ("uniform = [0.06, 0.1]", "unifrom = [0.06, 0.1]", "did you mean 'uniform'"),
         ("uniform = [0.06, 0.1]", "uniform = [0.1, 0.06]", "[lower, upper]"),
         ('["pid", "pid_friction"]', '"pid"', "must be a list of values"),
@@ -65,9 +65,12 @@ def test_a_campaign_that_is_not_there_is_named_once(
     assert capsys.readouterr().err.startswith("capsule: none.toml: campaign must be a file")
 
 
-def test_options_that_cannot_be_are_one_sentence(campaign: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_options_that_cannot_be_are_one_sentence(
+    campaign: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("hil.app.campaign.dask_cluster.ANSWER_S", 0.5)
     for options in (
-        ["--run", "24"],
+        ["--run", str(RUNS)],
         ["--workers", "0"],
         ["--scheduler", "nowhere:1"],
         ["--scheduler", "nowhere:1", "--workers", "2"],

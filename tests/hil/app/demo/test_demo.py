@@ -221,6 +221,7 @@ def test_a_run_learns_and_its_story_stands_in_the_page(tmp_path: Path, monkeypat
     assert "learning/learning.html" in page
 
 
+@pytest.mark.usefixtures("loaded_once")
 def test_the_demo_leaves_page_numbers_and_reports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
     demo(out, json_output=True, stories=[Quick("first"), Quick("second")])
@@ -239,6 +240,7 @@ def test_the_demo_leaves_page_numbers_and_reports(tmp_path: Path, capsys: pytest
     assert "first:  10 %  begun" in said.err
 
 
+@pytest.mark.usefixtures("loaded_once")
 @pytest.mark.parametrize(
     ("fault", "raised", "said"), [("refused", ValueError, "got none"), ("died", RuntimeError, "status 3")]
 )

@@ -21,6 +21,7 @@ from hil.bus.local import LocalBus
 from hil.bus.protection import Receiver
 from hil.nodes.operator_sender import OperatorSender
 from tests.hil.app.run.deployments import deployment, rig_file
+from tests.hil.app.run.forked import Forked
 from tests.hil.app.run.plant_process import CAPSULE, HELD_UP, TRIES, plant_on, truth_of
 from tests.places import ROOT
 
@@ -150,20 +151,13 @@ def test_a_key_moves_while_it_is_held(tmp_path: Path, channel: str) -> None:
 
 @pytest.mark.slow
 def test_a_run_that_is_steered(tmp_path: Path, channel: str) -> None:
-    """Plant and controller as users start them, and a sender: 2 mm on, held, stopped; the log replays bit by bit."""
+    """Plant, controller and a sender: 2 mm on, held, stopped; the log replays bit by bit."""
     text = deployment(channel, control="duration_s = 4.5\npriority = 20", more=OPERATOR)
     text = text.replace('kind = "ramp"\nspeed_mm_s = 2.0', 'kind = "hold"')
     file, log = rig_file(tmp_path, text), tmp_path / "run.blf"
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     for _ in range(TRIES):
         with plant_on(tmp_path, channel) as plant, LocalBus(channel) as bus:
-            child = subprocess.Popen(
-                [*CAPSULE, "run", file, "--log", str(log), "--json"],
-                stdout=subprocess.PIPE,
-                text=True,
-                cwd=tmp_path,
-                env=environment,
-            )
+            child = Forked(tmp_path, "run", file, "--log", str(log), "--json")
             hand = OperatorSender(bus, "script")
             until = time.monotonic() + 60
             while time.monotonic() < until and (hand.answer is None or hand.answer.state != "ready"):
@@ -177,11 +171,11 @@ def test_a_run_that_is_steered(tmp_path: Path, channel: str) -> None:
                 states |= {answer.state} if answer else set()
                 time.sleep(0.02)
             late = time.monotonic() - began > 4.0
-            found = json.loads(child.communicate(timeout=60)[0])
-            truth = truth_of(plant)
+            status, said, _ = child.ended()
+            found, truth = json.loads(said), truth_of(plant)
         if found["ended"] not in HELD_UP and not late and not found["operator"]["expired"]:
             break
-    assert (found["ended"], found["led"], child.returncode) == ("time is up", True, 0)
+    assert (found["ended"], found["led"], status) == ("time is up", True, 0)
     assert states >= {"ready", "moving", "held", "stopped"}
     assert found["operator"]["presses"] >= 1
     assert truth["moved_m"] == pytest.approx(2e-3, abs=1.5e-3)

@@ -71,7 +71,7 @@ def test_page_tells_the_whole_story(page: str) -> None:
 
 def test_size_stays_bounded_with_many_long_records() -> None:
     finding = pull_finding(seconds=2.0)
-    long = pull_finding(seconds=200.0).traces[0]
+    long = pull_finding(seconds=40.0).traces[0]
     many = Finding(**{**finding.__dict__, "traces": (long,) * 14})
     assert len(report_html(many).encode()) < PLOTLY_BYTES + 1_100_000
 

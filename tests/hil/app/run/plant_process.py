@@ -1,9 +1,8 @@
-"""A plant in a process of its own, for what leads it in real time."""
+"""A plant in a process of its own and `capsule run` in another, which leads it in real time."""
 
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,6 +11,7 @@ from typing import Any
 
 from hil.nodes.drive.state_machine import HEARTBEAT_LOST, TIME_TO_LIVE
 from tests.hil.app.run.deployments import PLANT, deployment
+from tests.hil.app.run.forked import Forked
 
 CAPSULE = (sys.executable, "-m", "hil.app.start")
 RUN_S = 1.5
@@ -38,25 +38,38 @@ HELD_UP = (
 
 
 @contextmanager
-def plant_on(folder: Path, channel: str, drive: str = "", bus: str = "") -> Iterator[subprocess.Popen[str]]:
+def plant_on(folder: Path, channel: str, drive: str = "", bus: str = "") -> Iterator[Forked]:
     """A plant with its drive, ready, for the time of the block."""
     (folder / "plant.toml").write_text(PLANT)
     deployed = folder / "deployed.toml"
     plant = f'[plant]\nscenario = "plant.toml"\npriority = 20\n{drive}'
     deployed.write_text(deployment(channel, more=plant, bus=bus))
-    command = [*CAPSULE, "plant", str(deployed), "--seconds", "60", "--json"]
-    child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    child = Forked(folder, "plant", str(deployed), "--seconds", "60", "--json")
     try:
-        assert child.stderr is not None
-        assert child.stderr.readline() == "ready\n"
+        child.until_ready()
         yield child
     finally:
-        if child.returncode is None:
-            child.kill()
-            child.communicate()
+        child.kill()
 
 
-def truth_of(plant: subprocess.Popen[str]) -> dict[str, Any]:
+def truth_of(plant: Forked) -> dict[str, Any]:
     """End it; what it says of itself then."""
     plant.terminate()
-    return dict(json.loads(plant.communicate()[0]))
+    return dict(json.loads(plant.ended()[1]))
+
+
+def led(
+    folder: Path, channel: str, rig: str, log: Path, drive: str = "", bus: str = ""
+) -> tuple[dict[str, Any], dict[str, Any], int]:
+    """What controller and plant say of a run of `rig` in real time, of the first that was not held up, and its
+    status.
+    """
+    for _ in range(TRIES):
+        with plant_on(folder, channel, drive, bus) as plant:
+            status, said, complained = Forked(folder, "run", rig, "--log", str(log), "--json").ended()
+            truth = truth_of(plant)
+        assert said, complained
+        found = json.loads(said)
+        if found["ended"] == "time is up":
+            break
+    return found, truth, status

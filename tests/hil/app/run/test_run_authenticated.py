@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import time
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,8 @@ from hil.bus.authenticated import LENGTH
 from hil.bus.catalogue import load_catalogue
 from hil.bus.local import LocalBus
 from tests.hil.app.run.deployments import PLANT, deployment
-from tests.hil.app.run.plant_process import CAPSULE, HELD_UP, TRIES
+from tests.hil.app.run.forked import Forked
+from tests.hil.app.run.plant_process import HELD_UP, TRIES, truth_of
 
 KEY = bytes(range(16)).hex()
 
@@ -70,18 +70,14 @@ class Attacker:
 def attacked_run(folder: Path, channel: str) -> tuple[dict[str, Any], dict[str, Any], Attacker]:
     """What controller and plant say of a run with an attacker beside it."""
     file, attacker = files(folder, channel), Attacker(channel)
-    plant = subprocess.Popen([*CAPSULE, "plant", file, "--json"], stdout=-1, stderr=-1, text=True)
-    assert plant.stderr is not None
-    assert plant.stderr.readline() == "ready\n"
-    command = [*CAPSULE, "run", file, "--log", str(folder / "run.blf"), "--json"]
-    child = subprocess.Popen(command, stdout=-1, text=True)
-    while child.poll() is None:
+    plant = Forked(folder, "plant", file, "--json")
+    plant.until_ready()
+    child = Forked(folder, "run", file, "--log", str(folder / "run.blf"), "--json")
+    while child.process.is_alive():
         attacker.listen()
         attacker.attack()
         time.sleep(0.05)
-    found = json.loads(child.communicate()[0])
-    plant.terminate()
-    return found, json.loads(plant.communicate()[0]), attacker
+    return json.loads(child.ended()[1]), truth_of(plant), attacker
 
 
 @pytest.mark.slow
@@ -101,17 +97,14 @@ def test_an_attacker_without_the_key_does_nothing(tmp_path: Path, channel: str) 
 
     own = {frame.id for frame in load_catalogue().frames.values() if frame.sender == "Controller"}
     recorded = [message for message in attacker.heard if message.arbitration_id in own and len(message.data) == LENGTH]
-    command = [*CAPSULE, "plant", files(tmp_path, channel), "--json"]
-    plant = subprocess.Popen(command, stdout=-1, stderr=-1, text=True)
-    assert plant.stderr is not None
-    assert plant.stderr.readline() == "ready\n"
+    plant = Forked(tmp_path, "plant", files(tmp_path, channel), "--json")
+    plant.until_ready()
     attacker.bus.recv(0.01)
     began, first = time.monotonic(), recorded[0].timestamp
     for message in recorded:
         time.sleep(max(began + message.timestamp - first - time.monotonic(), 0.0))
         attacker.say(message, bytes(message.data))
-    plant.terminate()
-    truth = json.loads(plant.communicate()[0])
+    truth = truth_of(plant)
     assert set(truth["slots_in_state"]) <= {"0", "1", "2"}, "boot, self-test, standby"
     assert truth["moved_m"] == pytest.approx(0.0, abs=1e-6)
     attacker.bus.shutdown()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import subprocess
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -22,43 +21,35 @@ from hil.log.reader import read_log_record
 from hil.log.record import log_record
 from models.files.rig import Rig
 from tests.hil.app.run.deployments import deployment, rig_file
-from tests.hil.app.run.plant_process import CAPSULE, HELD_UP, REAL_TIME, RUN_S, TRIES, plant_on, truth_of
-from tests.places import ROOT
+from tests.hil.app.run.forked import Forked
+from tests.hil.app.run.plant_process import HELD_UP, REAL_TIME, RUN_S, TRIES, plant_on, truth_of
 
 
 @pytest.fixture
-def plant(tmp_path: Path, channel: str) -> Iterator[subprocess.Popen[str]]:
+def plant(tmp_path: Path, channel: str) -> Iterator[Forked]:
     with plant_on(tmp_path, channel) as child:
         yield child
 
 
 def led(folder: Path, channel: str, log: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     """What controller and plant say of one run in real time, of the first that was not held up."""
-    command = [*CAPSULE, "run", rig_file(folder, deployment(channel, control=REAL_TIME))]
+    rig = rig_file(folder, deployment(channel, control=REAL_TIME))
     for _ in range(TRIES):
         with plant_on(folder, channel) as plant:
-            done = subprocess.run([*command, "--log", str(log), "--json"], capture_output=True, text=True, check=False)
-            found, truth = json.loads(done.stdout), truth_of(plant)
-        assert done.returncode == (0 if found["ended"] == "time is up" else 1)
+            status, said, _ = Forked(folder, "run", rig, "--log", str(log), "--json").ended()
+            found, truth = json.loads(said), truth_of(plant)
+        assert status == (0 if found["ended"] == "time is up" else 1)
         if found["ended"] not in HELD_UP:
             break
     return found, truth
 
 
-def leading(folder: Path, channel: str, frame: str, says: Callable[[bytearray], bool]) -> subprocess.Popen[str]:
+def leading(folder: Path, channel: str, frame: str, says: Callable[[bytearray], bool]) -> Forked:
     """`capsule run` for twenty seconds, once a `frame` on the bus `says` that it leads."""
-    command = [
-        *CAPSULE,
-        "run",
-        rig_file(folder, deployment(channel, control="duration_s = 20.0\npriority = 20")),
-        "--json",
-    ]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    child = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder, env=environment
-    )
+    rig = rig_file(folder, deployment(channel, control="duration_s = 20.0\npriority = 20"))
     wanted = load_catalogue()[frame].id
     with LocalBus(channel) as receiver:
+        child = Forked(folder, "run", rig, "--json")
         began = time.monotonic()
         while time.monotonic() - began < 20:
             message = receiver.recv(1)
@@ -88,13 +79,13 @@ def test_controller_and_plant_in_two_processes(
     assert {"deployment", "controller", "values", "limits", "catalogue", "code"} <= set(read_log_record(log))
 
 
-def test_a_signal_asks_for_a_controlled_stop(tmp_path: Path, channel: str, plant: subprocess.Popen[str]) -> None:
+def test_a_signal_asks_for_a_controlled_stop(tmp_path: Path, channel: str, plant: Forked) -> None:
     child = leading(tmp_path, channel, "CarriageCommand", lambda data: (data[7] >> 2) & 3 == 2)
     child.send_signal(signal.SIGTERM)
-    found = json.loads(child.communicate(timeout=20)[0])
-    truth = truth_of(plant)
+    status, said, _ = child.ended()
+    found, truth = json.loads(said), truth_of(plant)
     assert found["ended"] in ("SIGTERM", *HELD_UP)
-    assert child.returncode == (0 if found["ended"] == "SIGTERM" else 1)
+    assert status == (0 if found["ended"] == "SIGTERM" else 1)
     assert truth["fault"] == 0
     assert truth["state"] == 2
 
@@ -124,11 +115,10 @@ def test_signals_ask_for_a_controlled_stop_and_ignored_ones_stay_so(number: sign
         signal.signal(number, before)
 
 
-def test_a_plant_that_dies_ends_the_run_with_a_reason(
-    tmp_path: Path, channel: str, plant: subprocess.Popen[str]
-) -> None:
+def test_a_plant_that_dies_ends_the_run_with_a_reason(tmp_path: Path, channel: str, plant: Forked) -> None:
     child = leading(tmp_path, channel, "CarriageFeedback", lambda data: (data[6] >> 2) & 15 == 4)
     plant.kill()
-    found = json.loads(child.communicate(timeout=20)[0])
-    assert child.returncode == 1
+    status, said, _ = child.ended()
+    found = json.loads(said)
+    assert status == 1
     assert found["ended"] in HELD_UP

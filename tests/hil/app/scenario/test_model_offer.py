@@ -69,7 +69,7 @@ def tracked(scenario: TrackScenario, offer: Offer | None, controller: str) -> Tr
 
 @pytest.mark.parametrize("controller", ["feedforward", "mpc"])
 def test_a_better_model_takes_over_at_a_rest_without_a_jump_and_tracks_better(tmp_path: Path, controller: str) -> None:
-    path = offered(tmp_path, STEPS.format(seconds=13.0))
+    path = offered(tmp_path, STEPS.replace("4.0, 12.0]", "4.0]").format(seconds=8.0))
     scenario = load_track_scenario(path)
     found = read_offer(scenario.offer, tmp_path, scenario.belief, {})
     assert found is not None

@@ -1,4 +1,4 @@
-"""A cloud of capsules, each with a wall, a friction level and a force of its own, that all could be the true one."""
+"""A set of particles, each with a wall, a friction level and a force of its own, that all could be the true one."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ class ParticleCloud:
 
     def see_position(self, back: int, value: float) -> float:
         """Take in a localisation that was true `back` ticks ago; returns its normalised difference, signed, beyond the
-        gate where it was refused. NaN where the cloud is no longer made of numbers.
+        gate where it was refused. NaN where the particles are no longer made of numbers.
         """
         then, variance = self.past[(self.newest - back) % self.kept], self.noise.position_std_m**2
         mean, square = expected(self.weights, then)
@@ -150,7 +150,7 @@ class ParticleCloud:
 
     def survey(self) -> tuple[Array, float, float] | None:
         """The state (n,) of one particle that stands for all, at the mean position, the mean level and the mean force;
-        fills `mean` and `std` (n,). None where the cloud is no longer made of numbers.
+        fills `mean` and `std` (n,). None where the particles are no longer made of numbers.
 
         One particle sticks and slips as a capsule does, which no mean does. It leads until it is given up, or is far
         off the mean; then the one nearest to the mean takes over.

@@ -1,4 +1,4 @@
-"""The arithmetic of a cloud of particles as machine code: weights, moments, renewal. Nothing here can fail."""
+"""The arithmetic of the particles as machine code: weights, moments, renewal. Nothing here can fail."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ class ControlModel:
 
     Friction is smoothed over `smoothing` m/s and solved within the step, so the step is stable at any length; a resting
     capsule creeps by up to that speed. Sub-steps are at most 1 ms (0.3 ms with an inner mass). First order: a tick of 1
-    ms follows the exact stick and slip to a few percent of a tooth.
+    ms follows the exact stick and slip to a few percent of a cycle of stick and slip.
     """
 
     rig: Rig

@@ -29,7 +29,7 @@ class Assembly:
     parameters.
 
     `correct(state, error, gain)` shifts the hidden wall (and the capsule) towards a measurement: a fixed-gain observer
-    that keeps the teeth of the stick-slip saw in step with measured ones. `c0`, `c1` are the command at the step's
+    that keeps slip events in step with measured ones. `c0`, `c1` are the command at the step's
     ends; the output belongs to the step's end. All entries SI.
     """
 

@@ -127,7 +127,7 @@ def lower(step: ca.Function, correct: ca.Function, slow_s: float = SLOW_S) -> Ke
     The loop steps through `commands` (one value a sample, linear in between, `substeps` steps a sample of `dt` s),
     overwrites `state` with the last one and fills `output`, one value a sample, predicted before the sample is seen.
     `correct` then moves the state by `gain` times the prediction's error less its slow part (a mean over about
-    `slow_s`): an observer that keeps teeth in step and leaves alone what a model lacks slowly, and that runs free
+    `slow_s`): an observer that keeps slip events in step and leaves alone what a model lacks slowly, and that runs free
     where `measured` is NaN; a gain of 0 runs free throughout and never looks at `measured`. Compiled when first run
     and kept on disk under the hash of its source. Running raises ValueError for operations that are not scalar.
     """

@@ -112,7 +112,7 @@ class Proposal:
 @dataclass(frozen=True)
 class Curve:
     """The residual over one `variable`: local means `values` (n,) at `centres` (n,) with their 95 % intervals from
-    `low` to `high`. `along`: as what is left stands, "+x", or against the motion, "-v". `share` of what is left that
+    `low` to `high`. `along`: as the residual stands, "+x", or against the motion, "-v". `share` of the residual that
     the curve foretells on stretches it was not made on.
     """
 
@@ -167,7 +167,7 @@ class Term:
 
 @dataclass(frozen=True)
 class Tone:
-    """A line in the spectrum of what is left that all records have."""
+    """A line in the spectrum of the residual that all records have."""
 
     frequency_Hz: float
     share: float
@@ -175,7 +175,7 @@ class Tone:
 
 @dataclass(frozen=True)
 class Dependence:
-    """What is left of the training `records` and what it depends on: `quantity` in `unit`, the `curves` from the one
+    """The residual of the training `records` and what it depends on: `quantity` in `unit`, the `curves` from the one
     that foretells most on, a `surface` where two variables foretell clearly more, a `tone`, and the proposed `term`.
     """
 

@@ -187,7 +187,7 @@ def _rows(found: Search) -> list[CandidateRow]:
         for row in screened:
             note = "added" if row.effect == added else "fitted" if row.effect in gains else "screened only"
             if added and row.effect in found.equivalent[added]:
-                note = f"cannot be told from {added}"
+                note = f"not distinguishable from {added}"
             rows.append(CandidateRow(row.effect, number, row.share, gains.get(row.effect), note))
     return rows
 

@@ -158,7 +158,7 @@ class Kind(Protocol):
 
     def extra_force(self, record: Record, theta: Theta) -> tuple[Array, Array] | None:
         """What the model at `theta` leaves of `record` as a force along +x that acts beyond it, and the force that
-        moves the body, both (n,) in N (torques in N m); None where what is left is not one.
+        moves the body, both (n,) in N (torques in N m); None where the residual is not one.
         """
         ...
 
@@ -190,7 +190,7 @@ class OneByOne:
         return [self.residual(record, theta, criterion) for theta in thetas]
 
     def extra_force(self, record: Record, theta: Theta) -> tuple[Array, Array] | None:
-        """None: what is left is no force."""
+        """None: the residual is no force."""
         return None
 
     def searched(self, records: Sequence[Record]) -> list[Record]:

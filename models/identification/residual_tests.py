@@ -16,13 +16,13 @@ from models.identification.search.validation import middle_criterion
 _LAGS = 40
 _WIDER = 1.3
 _NUMBERS = 5000
-_UNSEEN = 0.1  # mean square below which what is left is too far below the noise for its structure to count
+_UNSEEN = 0.1  # mean square below which the residual is too far below the noise for its structure to count
 
 
 def residual_checks(
     kind: Kind, records: Sequence[Record], fit: Fit, likely: Sequence[Mapping[str, float]], seed: int = 0
 ) -> tuple[Check, ...]:
-    """Size and whiteness of what is left, with limits from records imitated on models `likely` (values that the fit's
+    """Size and whiteness of the residual, with limits from records imitated on models `likely` (values that the fit's
     own uncertainty leaves open) and held against the fit: the largest of one from each; of tables of few
     numbers, whose scatter is wide and whose imitation is quick, the mean of as many such as make `_NUMBERS` numbers.
     """
@@ -45,7 +45,7 @@ def residual_checks(
     words = (
         (
             "residual_size",
-            "size of what is left",
+            "size of the residual",
             "mean square of the residuals in units of the noise; 1 for a right model",
         ),
         (

@@ -65,7 +65,11 @@ def model_checks(
         untold = sum(not spread[name].told for name in amplitudes if name in spread)
         checks.append(
             _check(
-                "effects_told", "effects whose size is not told", untold, 0, "its 95 % interval is as wide as itself"
+                "effects_told",
+                "effects whose size is not identifiable",
+                untold,
+                0,
+                "its 95 % interval is as wide as itself",
             )
         )
         if held_out:
@@ -91,7 +95,11 @@ def model_checks(
         share = float(np.mean([not told for told in base]))
         checks.append(
             _check(
-                "information", "share of calibrated parameters not told", share, 0.99, "1: these records cannot tell"
+                "information",
+                "share of calibrated parameters that are not identifiable",
+                share,
+                0.99,
+                "1: these records cannot tell",
             )
         )
     return tuple(checks)

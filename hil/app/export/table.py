@@ -82,7 +82,7 @@ def not_mapped(found: Found) -> dict[str, str]:
         elif not _steady(e):
             missing[e.id] = _TIME
     if found.surface.dragged:
-        missing["stick and slip of the wall"] = "the saw's mean and peak are here, its teeth in time are not"
+        missing["stick and slip of the wall"] = "the saw's mean and peak are here, its course in time is not"
     return missing
 
 

@@ -43,9 +43,9 @@ def story(found: Dependence) -> list[str]:
 def _best(found: Dependence) -> str:
     told = [c for c in found.curves if c.share >= _TELLS]
     if not told:
-        return "No curve over one signal foretells what is left on stretches that it was not made on."
+        return "No curve over one signal predicts the residual on stretches that it was not made on."
     rows = [f"{_over(c)} {percent(c.share)}" for c in told[:_SHOWN]]
-    return f"Of what is left a curve foretells, on stretches it was not made on: {listed(rows)}."
+    return f"Of the residual a curve predicts, on stretches it was not made on: {listed(rows)}."
 
 
 def _over(curve: Curve) -> str:

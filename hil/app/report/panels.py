@@ -1,4 +1,4 @@
-"""What a figure draws of a record: one panel a measured quantity, thinned so that every tooth stays visible."""
+"""What a figure draws of a record: one panel a measured quantity, thinned so that every slip event stays visible."""
 
 from __future__ import annotations
 

@@ -153,7 +153,7 @@ def headline(finding: Finding) -> str:
     elif any(name.startswith(("residual_size", "whiteness", "validation")) for name in failed):
         left = "Something structured is left that no known effect explains."
     else:
-        left = "What is left is small, but the checks allow no verdict."
+        left = "The residual is small, but the checks allow no verdict."
     return f"{left} Part of it looks like {names}." if names else left
 
 

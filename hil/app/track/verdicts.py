@@ -18,7 +18,7 @@ from plant import layout as at
 
 Array = NDArray[np.float64]
 STAYING_S = 1.0
-"""For so long an error must stay small to count as recovered: later teeth of the stick-slip are none of the drop-out's.
+"""For so long an error must stay small to count as recovered: later slip events are none of the drop-out's.
 """
 
 

@@ -25,7 +25,7 @@ def stated_noise(rig: Rig, measured: str) -> tuple[str, float] | None:
 
 def told_noise(y: Array) -> float:
     """Standard deviation of the noise of a column's values `y` (n,) as they tell it themselves, in the quieter of its
-    stretches (teeth and slips only add), and at least what its resolution makes.
+    stretches (slip events only add), and at least what its resolution makes.
     """
     pieces = np.array_split(y, max(1, min(40, len(y) // 100)))
     step = grid_step(y)

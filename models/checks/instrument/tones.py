@@ -43,7 +43,7 @@ def check_tones(view: View) -> list[RecordFinding]:
     unit, n = view.measured.rsplit("_", 1)[1], len(view.y)
     speeds = np.abs(view.speed[view.moves]) if view.timed else np.zeros(0)
     steady = len(speeds) > 0 and float(np.percentile(speeds, 90)) < 1.3 * float(np.percentile(speeds, 10))
-    own = steady or view.kind not in ("pull", "axis")  # teeth at one speed, or the tone of a capsule on its spring
+    own = steady or view.kind not in ("pull", "axis")  # stick-slip at one speed, or the tone of a capsule on its spring
     shown = []
     for hertz, amplitude in tones(view):
         mains = next((m for m in _MAINS_HZ if abs(hertz - m) < max(_NEAR * m, 1.5 * _SEGMENTS / n / view.dt)), None)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from models.checks.information.start import run_in
 from models.checks.instrument.clipping import clipped
 from models.checks.instrument.held_values import fresh
 from models.checks.instrument.outliers import off, spikes
@@ -17,7 +18,7 @@ from models.files.rig import Rig
 USED = "_used"
 """Column of a cleaned record: 1 where the measured value counts, 0 where it was filled in."""
 RUN_IN = "_run_in"
-"""Column of a record that is judged from its middle on: 1 in what comes before, which is only run through."""
+"""Column of a record that is judged from some row on: 1 in what comes before, which is only run through."""
 _WHOLE = 0.99
 _GONE_S, _GONE = 0.1, 3.0  # s, and times the usual distance of values
 _SWITCHED = ("drive_on", "coil_voltage_V")
@@ -29,8 +30,8 @@ def usable(view: View) -> Mask:
 
 
 def cleaned(record: Record, rig: Rig) -> Record:
-    """`record` with what cannot be used of its measured and driven columns straight between neighbours, and a column
-    that says which measured values count; itself where all can be used.
+    """`record` with what cannot be used of its measured and driven columns straight between neighbours, and columns
+    that say which measured values count and which are run through only; itself where all can be used.
     """
     view = View(record, rig)
     if not view.timed or view.measured not in record.columns:
@@ -38,6 +39,9 @@ def cleaned(record: Record, rig: Rig) -> Record:
     good = usable(view)
     if not good.all() and good.sum() > 2:
         record = filled(record.with_column(USED, good), view.measured)
+    rows = run_in(view)
+    if rows:
+        record = from_row(record, rows)
     if view.driven and view.driven not in _SWITCHED:
         far = spikes(view, view.record[view.driven])
         if far.any():
@@ -75,7 +79,8 @@ def counted(record: Record) -> Mask:
 
 def from_row(record: Record, row: int) -> Record:
     """`record`, of which only the rows from `row` on count: what a model needs in order to know its state there."""
-    return record.with_column(RUN_IN, np.arange(len(record)) < row)
+    before = record.columns.get(RUN_IN, np.zeros(len(record)))
+    return record.with_column(RUN_IN, np.maximum(before, np.arange(len(record)) < row))
 
 
 def filled(record: Record, column: str) -> Record:

@@ -28,7 +28,7 @@ Part = tuple[float, Mapping[str, float]]
 
 
 def intervals(kind: Kind, fit: Fit, effects: Sequence[str], parts: Sequence[Part] = ()) -> dict[str, Estimate]:
-    """95 % intervals: the widest of least squares' own from the Jacobian, widened for what is left beyond chance and
+    """95 % intervals: the widest of least squares' own from the Jacobian, widened for the residual beyond chance and
     for residuals that are not independent, of the sandwich with the scores' scatter from block to block, which holds
     for a model that is not quite right, and of the jackknife, by which the fits on `parts` of the records differ from
     the one on all; never beyond the bounds.

@@ -18,10 +18,10 @@ from models.identification.residual.left import Left, left_of
 from models.identification.residual.term import SYMBOLS, term_of
 
 WAYS: Final = ("-v", "+x")
-_TELLS = 0.1  # share of what is left that a curve must foretell before a term is proposed for it
+_TELLS = 0.1  # share of the residual that a curve must foretell before a term is proposed for it
 _MORE = 0.1  # share that a second variable must add before a surface is shown
 _PAIRED = 4  # variables that foretell most, of which pairs are looked at
-_TONE = 0.2  # share of the power of what is left, the least of a tone
+_TONE = 0.2  # share of the power of the residual, the least of a tone
 _OF_THE_MOTION = 0.25  # times that share: a line that the motion has as well is no tone
 _CYCLES = 3  # of a tone in a record, the fewest
 
@@ -59,7 +59,7 @@ def _surface(left: Left, curves: Sequence[Curve], rng: np.random.Generator) -> S
 
 
 def _tone(kind: Kind, records: Sequence[Record], theta: Theta) -> Tone | None:
-    """The strongest line of the spectrum of what is left that the motion does not have."""
+    """The strongest line of the spectrum of the residual that the motion does not have."""
     if any(TIME not in record.columns for record in records):
         return None
     rows = min(map(len, records))

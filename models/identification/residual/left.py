@@ -1,4 +1,4 @@
-"""What is left of records while the capsule moves, as a force where it is one, beside the signals it may depend on."""
+"""The residual of records while the capsule moves, as a force where it is one, beside the signals it may depend on."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _FOLDS = 4  # of a single record, its stretches in turn
 
 @dataclass(frozen=True)
 class Left:
-    """Samples (n,): `values` of what is left along +x in `unit`, the `signals` by name, the `direction` of motion, the
+    """Samples (n,): `values` of the residual along +x in `unit`, the `signals` by name, the `direction` of motion, the
     size of the force that moves the body (`acting`; 0 where none is told), the `stretch` and the `fold` (the record,
     where there are several) that each belongs to.
     """

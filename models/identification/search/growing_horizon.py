@@ -1,4 +1,4 @@
-"""Fits on ever longer beginnings of the records, from many places: over a few teeth of stick and slip a wrong base is a
+"""Fits on ever longer beginnings of the records, from many places: over a few slip events a wrong base is a
 little late, over many it is out of step, and least squares sees no way.
 """
 
@@ -40,9 +40,9 @@ QUICK = Effort(256, (8, 4, 2, 1, 1))
 
 @dataclass
 class GrowingHorizon:
-    """One model on its way from the first teeth to whole records. At every length the starts, and the effects drawn
-    anew on the bases found so far, stand beside what the shorter ones led to, for what a short one does not show it
-    cannot tell. Of the effect `fresh` not even the size is known. `fits` are those of the last length, the best
+    """One model on its way from the first slip events to whole records. At every length the starts, and the effects
+    drawn anew on the bases found so far, stand beside what the shorter ones led to, for what a short one does not show
+    it cannot tell. Of the effect `fresh` not even the size is known. `fits` are those of the last length, the best
     first.
     """
 
@@ -79,7 +79,7 @@ class GrowingHorizon:
 
     def _redrawn(self, found: Sequence[Mapping[str, float]]) -> list[dict[str, float]]:
         """Each base of `found` with effects from around their declared values: a drift does not show in the first few
-        teeth.
+        slip events.
         """
         moved = [axis for axis in axes(self.kind, self.effects) if "." in axis.name]
         bases = [{name: value for name, value in theta.items() if "." not in name} for theta in found]

@@ -1,5 +1,5 @@
-"""How far ahead a model predicts itself: where one tooth that comes a little early moves all that follow, free runs
-soon tell nothing.
+"""How far ahead a model predicts itself: where one slip event that comes a little early moves all that follow, free
+runs soon tell nothing.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def predictable(
     """
     _, held = splits[0]
     imitated = _moved(kind, held, theta, rng)
-    for length in (np.inf, *reversed(BEGINNINGS_S[1:])):  # two seconds hold too few teeth to judge by
+    for length in (np.inf, *reversed(BEGINNINGS_S[1:])):  # two seconds hold too few slip events to judge by
         cut = [prefixes(records, length) for records in imitated]
         if _of_itself(kind, cut, theta) < most:
             break

@@ -47,7 +47,7 @@ def refined_at_last(
     """The refinements beyond `taken` that `fit`, made at the kind's final criterion, still wants, and the best fit: the
     coarser steps on which shapes are compared may hide one. Looked for from `fit` on, or from a `known` fit on a part
     where that is better, as long as the reported error is not about the noise's. It must take a clear share of the
-    training cost or of the reported error there, also of what is left without it from its own base, and leave about the
+    training cost or of the reported error there, also of the residual without it from its own base, and leave about the
     noise; where `fit` and what is known both leave `BEHIND` times the noise, more than a shape is lacking, and a kind
     with one criterion has hidden none.
     """

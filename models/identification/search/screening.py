@@ -180,8 +180,8 @@ def null_distribution(
     kind: Kind, records: Sequence[Record], theta: Mapping[str, float], rng: np.random.Generator
 ) -> tuple[float, dict[str, float], float]:
     """What records without an effect give: the largest gain -ln(1 - share) over all candidates, the smallest amplitude
-    of each that would stand out from it, and the mean square of their residuals. Where a tooth of an imitation hangs on
-    how finely it is computed, the base is fitted to it anew, as it was to the records.
+    of each that would stand out from it, and the mean square of their residuals. Where a slip event of an imitation
+    hangs on how finely it is computed, the base is fitted to it anew, as it was to the records.
     """
     criterion = middle_criterion(kind)
     gain, cost, weakest = 0.0, 0.0, dict[str, float]()

@@ -28,8 +28,8 @@ NEAR_NOISE = 1.5
 
 
 def middle_criterion(kind: Kind) -> int:
-    """The criterion on which models are compared: corrected enough to forgive teeth out of step, free enough to see
-    every effect.
+    """The criterion on which models are compared: corrected enough to forgive slip events out of step, free enough to
+    see every effect.
     """
     return min(1, kind.criteria - 1)
 
@@ -72,7 +72,7 @@ def ahead(best: Array, other: Array) -> float:
 
 def fewest(rows: Sequence[Array], training: Sequence[float]) -> int:
     """The first of `rows`, validation costs by block of ever finer models, that does about as well as the best one.
-    Blocks count by the logarithm of their cost and change it by a tenth at most: a tooth of stick and slip that comes
+    Blocks count by the logarithm of their cost and change it by a tenth at most: a slip event that comes
     or stays out is one block, however high. A model that the `training` costs tell clearly need not stand out.
     """
     logs = [np.log(np.maximum(blocks, _LEAST)) for blocks in rows]

@@ -74,7 +74,7 @@ def _lacking(answers: Sequence[Answer]) -> str:
     lines = [
         [escape(effect), str(named or DASH), str(part or DASH), _bar(named, part, most)] for effect, named, part in rows
     ]
-    note = "<p>In series without a verdict an effect may still explain a part of what is left.</p>"
+    note = "<p>In series without a verdict an effect may still explain a part of the residual.</p>"
     return _table(("effect", "named by", "a part in", ""), lines) + note
 
 

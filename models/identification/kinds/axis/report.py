@@ -112,7 +112,7 @@ def _asymmetry(kind: AxisKind, theta: Theta) -> str:
     unit = c.units[1]
     return (
         f"A constant offset and a direction-dependent Coulomb friction are the same {c.names[3]} while the axis moves:"
-        f" only their sum, {constant:+.3g} {c.force_unit}, is told. What differs between the directions is the friction"
-        f" that grows with speed: {viscous * (1 + share):.3g} {unit} forward, {viscous * (1 - share):.3g} {unit}"
-        " backward."
+        f" only their sum, {constant:+.3g} {c.force_unit}, is identifiable. What differs between the directions is the"
+        f" friction that grows with speed: {viscous * (1 + share):.3g} {unit} forward,"
+        f" {viscous * (1 - share):.3g} {unit} backward."
     )

@@ -39,7 +39,7 @@ class CommonResidual:
 def common_residual(
     kind: DmaKind, records: Sequence[Record], theta: Theta, permutations: int = 2000, seed: int = 0
 ) -> CommonResidual | None:
-    """Two-way analysis of variance of the relative residual: frequencies against what is left beside each sample's
+    """Two-way analysis of variance of the relative residual: frequencies against the remainder beside each sample's
     mean.
 
     None with fewer than two samples or three shared frequencies. The permuted `p` shuffles the frequencies within

@@ -106,10 +106,10 @@ def _told(theta: Theta, records: Sequence[Record]) -> str:
     outside = [f"{name} ({times[name]:.2g} s, {f:.2g} Hz)" for name, f in corners.items() if not low <= f <= high]
     span = f"The frequencies span {_decades(low, high)}, {low:g} to {high:g} Hz"
     if not outside:
-        return f"{span}; both relaxation times lie within them and are told."
+        return f"{span}; both relaxation times lie within them and are identifiable."
     return (
         f"{span}; {' and '.join(outside)} lie{'s' if len(outside) == 1 else ''} beyond them: the equilibrium spring and"
-        " such times trade against each other, only the modulus within the band is told."
+        " such times trade against each other, only the modulus within the band is identifiable."
     )
 
 

@@ -23,7 +23,8 @@ CLOCK_OFFSET = "clock_offset_s"
 OF_THE_LOG = (SWITCH_DELAY, CLOCK_OFFSET)
 """Parameters of how a record was logged: no part of the rig that a controller drives."""
 _STEP = 3.3e-4  # s, internal step of a free capsule while a fit looks for it
-_FINE_STEP = 1e-4  # s, the same where it counts which of two teeth slips
+_FINE_STEP = 1e-4  # s, the same where it counts which of two slip events comes first
+_IMPOSED_STEP = 4e-3  # s, the same of an imposed motion, sampled more slowly than that: when a wall slips
 _LINKED_STEP = 5e-4  # s, the same for one behind an elastic link, which is solved implicitly
 _FINE_LINKED_STEP = 2e-4  # s, the same where it counts: half of 1e-4's time, predictions 0.2 mN rms apart
 _DRIFTING_STEP = 2e-4  # s, the same where no magnet holds its place: what a step does wrong stays
@@ -95,11 +96,11 @@ class Feed:
 
 
 def internal_step(drive: Drive, rigid: bool, fine: bool = True) -> float:
-    """Length in s of a model's steps; 0 where it takes one from sample to sample: an imposed motion, `rigid`."""
+    """Length in s of a model's steps, at most one from sample to sample; `rigid`: the motion is imposed."""
     if drive.held:
         return _SHAKEN_STEP
     if rigid:
-        return 0.0
+        return _IMPOSED_STEP
     if drifts(drive):
         return _DRIFTING_STEP
     if drive.imposed:
@@ -109,11 +110,11 @@ def internal_step(drive: Drive, rigid: bool, fine: bool = True) -> float:
 
 def feed(drive: Drive, record: Record, rigid: bool, delay: float, fine: bool = True) -> Feed:
     """The loop's input for `record`. `rigid`: an imposed motion that needs no steps within a sample; `delay` in s of a
-    switch that is logged as on or off alone; `fine` steps take longer and lose fewer teeth.
+    switch that is logged as on or off alone; `fine` steps take longer and lose fewer slip events.
     """
     command, dt = record[drive.commanded], interval(record)
     step = internal_step(drive, rigid, fine)
-    pieces = max(1, round(dt / step)) if step else 1
+    pieces = max(1, round(dt / step))
     if not drive.held:
         return Feed(command, dt, pieces)
     mean = held(command, dt, pieces, delay if logged_whole(command) else 0.0)

@@ -127,7 +127,7 @@ class SeriesKind:
 
     @property
     def judges(self) -> tuple[int, ...]:
-        """The observer that forgives teeth out of step but little else, and the free run."""
+        """The observer that forgives slip events out of step but little else, and the free run."""
         return (min(1, self.criteria - 2), self.criteria - 1)
 
     @property
@@ -173,7 +173,7 @@ class SeriesKind:
         return self._from_the_start(record, self._run(record, theta, None, seen))
 
     def residual(self, record: Record, theta: Theta, criterion: int = 0) -> Array:
-        """Differences in units of the noise, those in a tooth's jump counting less; see `Kind.residual`."""
+        """Differences in units of the noise, those in the jump of a slip event counting less; see `Kind.residual`."""
         return self.residuals(record, [theta], criterion)[0]
 
     def residuals(self, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> list[Array]:
@@ -192,12 +192,12 @@ class SeriesKind:
         return np.asarray(less_in_the_tail(averages(r[counted(record)], self.averaged), _TAIL))
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
-        """Rms of the prediction error low-passed at 2 Hz, pooled over the used samples of the records; straight between
-        them.
+        """Rms of the prediction error low-passed at 2 Hz, pooled over the samples of the records that count; straight
+        between them.
         """
         parts = []
         for record, predicted in zip(records, predictions, strict=True):
-            good, t = used(record), record["t_s"]
+            good, t = counted(record), record["t_s"]
             off = np.interp(t, t[good], (record[self.quantity] - predicted)[good])
             parts.append(low_passed(off, interval(record))[good])
         return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))

@@ -130,6 +130,9 @@ def begins(kind: Kind, theta: Mapping[str, float]) -> list[dict[str, float]]:
 
 _WAYS_DOWN = 3
 _REFINES = 0.01  # of the cost, the least that another way down is worth
+_ALL_EVENTS = 1.1  # cost for each residual beyond which a slip event may be missing
+_CLOSE = 0.2  # scales, how far places close by are
+_PLACES_CLOSE, _DOWN_FROM = 32, 2
 
 
 def whole(
@@ -148,15 +151,33 @@ def whole(
 
 def finished(kind: Kind, records: Sequence[Record], effects: Sequence[str], fit: Fit) -> Fit:
     """`fit` at the kind's final criterion, descended anew as long as that helps: where one way down ends another
-    begins. Wide secants only where more than the noise is left. A kind with one criterion has no other.
+    begins. Wide secants only where more than the noise is left. A base that only the free run judges, and that may
+    lack but a slip event, is looked for from the best places close by too. A kind with one criterion has no other.
     """
     if kind.criteria == 1:
         return fit
     widths = FINE if fit.chi2 < NEAR_NOISE else (*WIDE, FINE[-1])
-    best = narrowing(Problem.of(kind, records, effects, kind.final), fit.theta, widths)
+    problem = Problem.of(kind, records, effects, kind.final)
+    best = narrowing(problem, fit.theta, widths)
     for _ in range(_WAYS_DOWN):
-        again = narrowing(Problem.of(kind, records, effects, kind.final), best.theta, (NARROW[0], *FINE))
-        if again.cost > (1 - _REFINES) * best.cost:
-            return min(best, again, key=lambda fit: fit.cost)
-        best = again
+        again = narrowing(problem, best.theta, (NARROW[0], *FINE))
+        helped = again.cost < (1 - _REFINES) * best.cost
+        best = min(best, again, key=_cost)
+        if not helped:
+            break
+    if kind.free_only and not effects and best.chi2 > _ALL_EVENTS:
+        best = min(best, *(narrowing(problem, place, FINE) for place in _close_by(problem, best.theta)), key=_cost)
     return best
+
+
+def _cost(fit: Fit) -> float:
+    return fit.cost
+
+
+def _close_by(problem: Problem, theta: Mapping[str, float]) -> list[dict[str, float]]:
+    """The best of many places around `theta`, within a few percent of each fitted value."""
+    x = problem.start(theta)
+    shares = qmc.Sobol(len(x), seed=2).random(_PLACES_CLOSE) if len(x) else np.zeros((0, 0))
+    points = [problem.theta(problem.valley.clip(x + _CLOSE * problem.scale * (2 * share - 1))) for share in shares]
+    costs = costs_of(problem.kind, problem.records, points, problem.criterion)
+    return [points[k] for k in np.argsort(costs, kind="stable")[:_DOWN_FROM]]

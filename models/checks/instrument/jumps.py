@@ -13,7 +13,7 @@ from models.checks.view import View
 _FORCE_N = 1.0  # N, twice the largest force that is allowed on tissue
 _NOISES = 12.0
 _ALONE = 0.25  # of a jump, the most by which the samples beside it move
-_STAYS = 0.7  # of a jump, the least that is left over the following samples
+_STAYS = 0.7  # of a jump, the least that remains over the following samples
 _BESIDE = 10  # samples
 _MOST = 20
 
@@ -25,7 +25,7 @@ def jumps(view: View) -> NDArray[np.int64]:
     none = np.zeros(0, dtype=np.int64)
     if not view.timed or view.measured != "position_m" or len(view.y) < 4 * _BESIDE or view.rig.capsule is None:
         return none
-    interval = view.dt / max(float(np.mean(fresh(view))), view.dt)
+    interval = view.dt / float(np.mean(fresh(view)))
     least = max(_NOISES * view.noise, _FORCE_N / view.rig.capsule.mass_kg * interval**2)
     step = np.diff(view.y)
     size = np.abs(step)

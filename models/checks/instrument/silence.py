@@ -56,7 +56,7 @@ def check_silence(view: View) -> list[RecordFinding]:
             f"{view.measured} keeps one value or follows a straight line {times}, for up to {longest:.3g} s, without"
             " the noise that it has elsewhere: the sensor was lost and its values are held or filled in; they are left"
             " out of every fit",
-            f"second differences below a thousandth of the usual ones for {_LEAST_SAMPLES} samples and more",
+            f"second differences below 0.1 % of the usual ones for {_LEAST_SAMPLES} samples and more",
             "leave out what was not measured; look at cable, connector and line of sight",
         )
     ]

@@ -11,6 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from models.compiled.residuals import less_in_the_tail
 from models.effects import effects_for
 from models.effects.effect import Effect
 from models.files.record import Record
@@ -149,7 +150,8 @@ class VibroTableKind(OneByOne):
         difference = _means(record, record[self.quantity] - self.predict(record, theta))
         _, index = _conditions(record)
         scatter = _means(record, self.scatter(record) ** 2) / np.bincount(index)
-        return _softened(difference / np.sqrt(scatter + self.model_error_m_s**2))
+        misfit = difference / np.sqrt(scatter + self.model_error_m_s**2)
+        return np.asarray(less_in_the_tail(misfit, OUTLYING))
 
     def scatter(self, record: Record) -> Array:
         """Standard deviation in m/s of a single run, one a row: reading of the displacement plus a common share of the
@@ -200,11 +202,6 @@ class VibroTableKind(OneByOne):
         """The prediction as the columns of a file, one row a condition."""
         runs, _ = _conditions(record)
         return {"period_s": runs[:, 0], "duty": runs[:, 1], self.quantity: _means(record, predicted)}
-
-
-def _softened(r: Array) -> Array:
-    """`r` whose square grows as `|r|` beyond `OUTLYING`: `r^2 -> 2 d^2 (sqrt(1 + (r/d)^2) - 1)`."""
-    return np.asarray(np.sign(r) * OUTLYING * np.sqrt(2 * (np.sqrt(1 + (r / OUTLYING) ** 2) - 1)), dtype=float)
 
 
 def _conditions(record: Record) -> tuple[Array, Index]:

@@ -103,9 +103,9 @@ class Runner:
         if drifts(self.drive) and measured is not None and memory:
             n = 1 + max(1, round(START_S / fed.dt))
             kernel.many(states.copy(), fed.commands[:n], seen, 0.0, parameters, fed.substeps, fed.dt, shown)
-            states[0] += np.nan_to_num(
-                np.nanmean(seen[:n] - shown[:n], axis=0)
-            )  # one sample's noise in the place would last
+            there = np.isfinite(seen[:n]).all(axis=1)
+            if there.any():  # one sample's noise in the place would last
+                states[0] += np.mean((seen[:n] - shown[:n])[there], axis=0)
         gain = fed.dt / memory if memory else 0.0
         kernel.many(states, fed.commands, seen, gain, parameters, fed.substeps, fed.dt, shown)
         rows = shown.T.copy()

@@ -25,7 +25,7 @@ class Limits:
         0.5, "N", "choice: half of the 0.9 N/cm that contractions press with at least (Terry 2012, live pig)"
     )
     speed_m_s: float = _limit(
-        0.3, "m/s", "end of the range over which the resistance law was integrated (models.surfaces.gut.FASTEST)"
+        0.3, "m/s", "choice: fifteen times what paper V measured the resistance at; beyond, the law is extrapolated"
     )
     carriage_speed_m_s: float = _limit(0.25, "m/s", "reduced speed beside a person, ISO 10218-1 (from memory)")
     first_speed_m_s: float = _limit(

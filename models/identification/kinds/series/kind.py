@@ -223,14 +223,15 @@ class SeriesKind:
 
     def splits(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
         """The last record validates the others; where it holds a speed, a direction or a place that no other has, or
-        is the only one, the second halves of all records validate the first ones. The state of a wall that is pulled
-        follows from what came before: such a second half is run from the record's start.
+        is the only one, the second halves of all records validate the first ones. The state of a wall that is pulled,
+        of a shaken mass and of a body that drifts follows from what came before: such a second half is run from the
+        record's start.
         """
         if len(records) > 1 and may_be_left_out(records[-1], records[:-1]):
             return [(list(records[:-1]), [records[-1]])]
         halves = [len(r) // 2 for r in records]
         first = [r.rows(slice(0, half)) for r, half in zip(records, halves, strict=True)]
-        if self.free_only:
+        if self.drive.anchored and not self.drive.imposed:
             return [(first, [r.rows(slice(half, None)) for r, half in zip(records, halves, strict=True)])]
         return [(first, [from_row(r, half) for r, half in zip(records, halves, strict=True)])]
 

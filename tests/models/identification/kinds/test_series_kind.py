@@ -124,6 +124,20 @@ def test_at_the_plant_s_numbers_a_free_run_follows_it(name: str, share: float) -
     assert float(np.mean(kind.residual(records[0], theta, 2) ** 2)) < 5
 
 
+def test_a_shaken_second_half_goes_on_from_the_first() -> None:
+    """Shaken in mid-record, the inner mass is not at rest where the second half begins: at the plant's numbers what is
+    left of it is noise from its first block on.
+    """
+    rig, records, truth = series("vibro_plate", None, 3, 4.0, 1)
+    kind = kind_for(rig, records)
+    assert isinstance(kind, SeriesKind)
+    theta = {**kind.nominal(), **truth, SWITCH_DELAY: 0.0}
+    ((_, held_out),) = kind.splits(records)
+    left = kind.residual(held_out[0], theta, kind.final)
+    assert len(left) == len(records[0]) - len(records[0]) // 2
+    assert float(np.mean(left[:50] ** 2)) < 5
+
+
 def test_a_model_file_predicts_from_the_driven_column_alone() -> None:
     rig, records, truth = series("vibro_plate", None, 2, 3.0, 1)
     kind = kind_for(rig, records)

@@ -53,28 +53,29 @@ def make_series(
     The truth's hoop stress factor and friction differ from nominal by up to 15 %, the magnet's stiffness by up to 5 %,
     a coil's or inner mass's force and spring (a magnet's on a plate too) by up to 7 %; `vibro` is a capsule in the gut,
     `vibro_plate` the capsubot on a plate, `magnetic_plate` and `coil_plate` a capsule on one. `effect` is a hidden
-    effect's id with numbers drawn from its ranges, or None. Samples at `rate_Hz`; noise `noise` times 1 mN on a pull's
-    force, 50 um on a position, as the rig file states it. The same seed gives the same bytes; its rig, drive and noise
-    stay the same with another effect. Raises `ValueError` for an unknown kind or effect, or one that the drive cannot
-    have.
+    effect's id, or several joined by "+", with numbers drawn from their ranges, or None. Samples at `rate_Hz`; noise
+    `noise` times 1 mN on a pull's force, 50 um on a position, as the rig file states it. The same seed gives the same
+    bytes; its rig, drive and noise stay the same with another effect. Raises `ValueError` for an unknown kind or
+    effect, or one that the drive cannot have.
     """
     if kind not in KINDS:
         raise ValueError(f"kind must be one of {', '.join(KINDS)}; got {kind!r}")
-    if effect is not None and kind.removesuffix("_plate") not in hidden(effect).drives:
-        raise ValueError(
-            f"effect of a {kind} rig must be one for that kind; got {effect!r}, which is for"
-            f" {', '.join(hidden(effect).drives)}"
-        )
+    ids = hidden_ids(effect)
+    for name in ids:
+        if kind.removesuffix("_plate") not in hidden(name).drives:
+            raise ValueError(
+                f"effect of a {kind} rig must be one for that kind; got {name!r}, which is for"
+                f" {', '.join(hidden(name).drives)}"
+            )
     truth, *streams = (np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(2 + len(RECORDS)))
     effect_stream, *record_streams = streams
-    numbers = {} if effect is None else draw(effect, effect_stream)
-    rig = replace(_truth(kind, truth), hidden={} if effect is None else {effect: numbers})
+    rig = replace(_truth(kind, truth), hidden={name: draw(name, effect_stream) for name in ids})
     out.mkdir(parents=True, exist_ok=True)
     for name, stream in zip(RECORDS, record_streams, strict=True):
         columns = _record(kind, rig, stream, duration_s, noise, rate_Hz)
         write_record(out / f"{name}.csv.gz", columns)
     write_text(out / "rig.toml", rig_text(kind, noise))
-    write_text(out / "answer.toml", _answer_text(kind, rig, effect, numbers, seed))
+    write_text(out / "answer.toml", _answer_text(rig, effect, seed))
     return out
 
 
@@ -161,17 +162,22 @@ def rig_text(kind: Kind, noise: float = 1.0) -> str:
     return "\n".join([*lines, "", "[noise]", stated, ""])
 
 
-def _answer_text(kind: Kind, rig: Rig, effect: str | None, numbers: dict[str, float], seed: int) -> str:
+def hidden_ids(effect: str | None) -> list[str]:
+    """The ids that `effect` names, joined by "+"; none for None."""
+    return effect.split("+") if effect else []
+
+
+def _answer_text(rig: Rig, effect: str | None, seed: int) -> str:
     lines = [f'effect = "{effect or "none"}"', f"seed = {seed}"]
     lines += [] if rig.surface else [f"hoop_stress_factor = {rig.hoop_factor:.6g}"]
     lines += [f"friction_coefficient = {(rig.surface or rig.tissue).friction_coefficient:.6g}"]
     lines += [f"{name} = {value:.6g}" for name, value in rig.drive.numbers().items()]
-    if effect is not None:
+    for name, numbers in rig.hidden.items():
         lines += [
             "",
-            "[parameters]",
-            f'form = "{hidden(effect).form}"',
-            f"published = {str(hidden(effect).published).lower()}",
+            f"[parameters.{name}]" if len(rig.hidden) > 1 else "[parameters]",
+            f'form = "{hidden(name).form}"',
+            f"published = {str(hidden(name).published).lower()}",
         ]
-        lines += [f"{name} = {value:.6g}" for name, value in numbers.items()]
+        lines += [f"{key} = {value:.6g}" for key, value in numbers.items()]
     return "\n".join([*lines, ""])

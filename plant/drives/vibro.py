@@ -7,7 +7,7 @@ from typing import Final
 from plant.anatomy import profile_level
 from plant.compiling import compiled
 from plant.drives.body import coil_current
-from plant.hidden.forces import hidden_force, inertia, remember_stress, suspension_force
+from plant.hidden.forces import field_reach, hidden_force, inertia, remember_stress, suspension_force
 from plant.hidden.resistance import remember_motion, resistance_level
 from plant.hidden.table import has_force, has_level
 from plant.layout import (
@@ -90,6 +90,7 @@ def advance_vibro(
             due += every
         rate = inner_v - v
         offset = inner_x - x + 0.5 * dt * rate
+        force *= field_reach(offset, h)
         spring = spring_force(offset, rate, p)
         spring += suspension_force(offset, rate, h)
         hoop = p[P_HOOP] * profile_level(x, p, profile)

@@ -12,6 +12,9 @@ from plant.tables import Floats
 
 DAMPING: Final = ROWS["spring_damping"]
 STOPS: Final = ROWS["end_stop_impact"]
+STIFFENING: Final = ROWS["spring_stiffening"]
+GUIDE: Final = ROWS["guide_rubbing"]
+FIELD: Final = ROWS["coil_field"]
 _LOSS = 1.5  # s/m, Hunt-Crossley damping of the hidden stops
 
 
@@ -28,7 +31,17 @@ def suspension_force(r: float, rate: float, h: Floats) -> float:
             force += max(h[STOPS, 1] * (r - h[STOPS, 0]) * (1 + _LOSS * rate), 0.0)
         elif r < -h[STOPS, 0]:
             force += min(h[STOPS, 1] * (r + h[STOPS, 0]) * (1 - _LOSS * rate), 0.0)
+    if h[STIFFENING, 0] != 0.0:
+        force += h[STIFFENING, 0] * r * (math.sqrt(1 + (r / h[STIFFENING, 1]) ** 2) - 1)
+    if h[GUIDE, 0] != 0.0:
+        force += h[GUIDE, 0] * rate / (abs(rate) + 3e-3) * (1 + 0.5 * math.exp(-abs(rate) / 0.15))
     return force
+
+
+@compiled
+def field_reach(r: float, h: Floats) -> float:
+    """Factor on the coil's force on an inner mass at the offset `r` in m."""
+    return float(1 - h[FIELD, 0] * math.tanh(r / h[FIELD, 1])) if h[FIELD, 0] != 0.0 else 1.0
 
 
 VISCOUS: Final = ROWS["viscous_drag"]

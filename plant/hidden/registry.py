@@ -222,6 +222,27 @@ HIDDEN: Final[tuple[Hidden, ...]] = (
         ("vibro",),
     ),
     Hidden(
+        "spring_stiffening",
+        "-a r (sqrt(1 + (r/l)^2) - 1)",
+        (Shape("stiffness_N_per_m", 40.0, 120.0), Shape("length_m", 3e-3, 6e-3)),
+        ("vibro",),
+        called="spring_hardening",
+    ),
+    Hidden(
+        "guide_rubbing",
+        "-a r'/(|r'| + 3 mm/s) (1 + exp(-|r'|/0.15 m/s)/2)",
+        (Shape("friction_N", 0.02, 0.06),),
+        ("vibro",),
+        called="guide_friction",
+    ),
+    Hidden(
+        "coil_field",
+        "coil's force (1 - a tanh(r/l))",
+        (Shape("share", 0.2, 0.45, True), Shape("length_m", 6e-3, 12e-3)),
+        ("vibro",),
+        called="coil_reach",
+    ),
+    Hidden(
         "sensor_drift",
         "a log(1 + t/t_0), in spans of the sensor",
         (Shape("span", 0.06, 0.15, True), Shape("time_s", 8.0, 20.0)),

@@ -84,6 +84,7 @@ EFFECTS: Final[dict[Kind, tuple[str, ...]]] = {
         "actuator_dead_zone",
         "actuator_saturation",
         "viscous_drag",
+        "back_emf",
     ),
     "vibro": (
         "spring_damping",
@@ -96,6 +97,9 @@ EFFECTS: Final[dict[Kind, tuple[str, ...]]] = {
         "tissue_drying",
         "viscous_drag",
         "driver_lag",
+        "spring_stiffening",
+        "guide_rubbing",
+        "coil_field",
     ),
     "vibro_plate": (
         "spring_damping",

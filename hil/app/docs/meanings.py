@@ -165,6 +165,10 @@ MEANINGS: Final[Mapping[str, str]] = {
     "file": "`model.toml` that `capsule close-loop` wrote, relative to this file",
     "report": "the `report.json` beside it",
     "stage": "`nominal`, `calibrated` or `augmented`",
+    "experiment_mm": "how far to either side of where the reference rests an experiment may lead the capsule that the"
+    " search asks for; 0: none is driven",
+    "experiment_mm_s": "speed of an experiment's own strokes, which go at half and twice of it, too",
+    "experiment_s": "how long an experiment lasts at most, the way back apart",
     "gathered_s": "how much of what is measured since the model broke is asked about, with `--learn`",
     "held_out_share": "share of it, at its end, on which what was found is judged",
     "answer_s": "how long simulated time waits for an answer; on a real bus it comes when it comes",

@@ -17,6 +17,7 @@ import numpy as np
 from controller.signals import Array
 from controller.supervision.acceptance import AcceptanceTest
 from hil.app.child_process import end_with_parent
+from hil.app.learn.experiment import Motion, motion_of
 from hil.app.quantities import quantity
 from models.files.columns import TIME
 from models.files.record import Record
@@ -50,8 +51,8 @@ class Question:
 @dataclass(frozen=True)
 class Answer:
     """What was found: `values` for a controller, empty where no model passed the gate, the `effects` named, the
-    `verdict`, in a sentence why it is offered or not, what to drive next to tell more (`wanted`), and how many
-    `seconds` the search took.
+    `verdict`, in a sentence why it is offered or not, what to drive next to tell more (`wanted`, its `motion` where one
+    is proposed), and how many `seconds` the search took.
     """
 
     values: Mapping[str, float]
@@ -60,6 +61,7 @@ class Answer:
     sentence: str
     wanted: str = ""
     seconds: float = 0.0
+    motion: Motion = ((), ())
 
     @property
     def passed(self) -> bool:
@@ -112,7 +114,8 @@ def _answer(question: Question) -> Answer:
     verdict = test.judge(report, model, rig, stage=stage, current=float(error))
     if not verdict.passed:
         wanted = finding.next_experiment or ""
-        return Answer({}, effects, finding.verdict, verdict.sentence, wanted, finding.seconds)
+        motion = motion_of(finding.proposal)
+        return Answer({}, effects, finding.verdict, verdict.sentence, wanted, finding.seconds, motion)
     held_out = finding.error["holdout"][stage]
     said = (
         f"held-out error {quantity(held_out, finding.unit)} against {quantity(error, finding.unit)} of the model in use"

@@ -10,12 +10,14 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
+from controller.excursion import Experiment
 from controller.model.control_model import ControlModel
 from controller.monitor.monitor import Health
 from controller.signals import Array
 from controller.supervision.acceptance import Verdict
 from controller.supervision.history import History
 from controller.supervision.model_switch import ModelSwitch, Offer, Prepared
+from hil.app.learn.experiment import experiment_of
 from hil.app.learn.identify import Answer, Ask, Question, at_once
 from hil.app.scenario.learning import Pace
 from hil.app.scenario.model_offer import Offered
@@ -39,8 +41,9 @@ def check_learnt(rig: Rig) -> None:
 @dataclass
 class Lesson:
     """One model that was learned, or not; times in s of the reference's time, None where it did not come to that.
-    `wanted` is the experiment that the search asks for where what was gathered did not suffice; `answers` are how often
-    it was asked, `searched_s` how long the last search took on this machine.
+    `wanted` is the experiment that the search asks for where what was gathered did not suffice, `experiment_at_s` when
+    the controller was last given one to drive; `answers` are how often it was asked, `searched_s` how long the last
+    search took on this machine.
     """
 
     broken_at_s: float
@@ -52,6 +55,7 @@ class Lesson:
     withdrawn_at_s: float | None = None
     asked_at_s: float | None = None
     answered_at_s: float | None = None
+    experiment_at_s: float | None = None
     answers: int = 0
     wanted: str = ""
     searched_s: float = 0.0
@@ -64,7 +68,8 @@ class Lesson:
     def words(self) -> str:
         """The same in a sentence."""
         what = ", ".join(self.effects) or "no effect"
-        said = f"learned since {self.broken_at_s:.1f} s: "
+        driven = "" if self.experiment_at_s is None else f"experiment from {self.experiment_at_s:.1f} s on, "
+        said = f"learned since {self.broken_at_s:.1f} s: {driven}"
         if self.offered_at_s is None:
             wanted = f"; to tell more: {self.wanted}" if self.wanted else ""
             return said + (
@@ -101,8 +106,9 @@ class _Errors:
 class Learner:
     """`step` once a tick, after the node's. Lessons are learned one at a time; what is offered passed the gate on data
     that no fit has seen, and comes in by `ModelSwitch` at a rest, within the limits that are. `offers` are all models
-    that were offered so far with their times, for a replay; `keep` hears of each that is added. Controllers of a new
-    model are made `beside` the ticks, which never wait for them.
+    that were offered so far with their times, `experiments` what was given to `drive` where the pace allows it, both
+    for a replay; `keep` hears of each that is added. Controllers of a new model are made `beside` the ticks, which
+    never wait for them.
     """
 
     switch: ModelSwitch
@@ -112,7 +118,8 @@ class Learner:
     ask: Ask
     pace: Pace = field(default_factory=Pace)
     beside: Beside = at_once
-    keep: Callable[[list[Offered]], object] = lambda offers: None
+    keep: Callable[[Mapping[str, Any]], object] = lambda record: None
+    drive: Callable[[Experiment], object] = lambda experiment: None
 
     def __post_init__(self) -> None:
         check_learnt(self.rig)
@@ -121,6 +128,7 @@ class Learner:
         self.switch.history = History((self._driven, self._measured))
         self.lessons: list[Lesson] = []
         self.offers: list[Offered] = []
+        self.experiments: list[Experiment] = []
         self._phase: Phase = "watching"
         self._errors = _Errors(round(self.pace.trial_s))
         self._future: Future[Answer] | None = None
@@ -185,10 +193,29 @@ class Learner:
         lesson.answers, lesson.searched_s = lesson.answers + 1, round(found.seconds, 1)
         if not found.passed:
             self._phase = "gathering"
-            self._due = now + self.pace.gathered_s
+            self._due = now + self.pace.gathered_s + self._excite(now, found)
             return
         self._old, self._new = self._new, found.values
         self._prepare(now, found.values, "offered")
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """For the record beside a log: what a replay needs."""
+        return {
+            "learned": [one.document() for one in self.offers],
+            "experiments": [one.document() for one in self.experiments],
+        }
+
+    def _excite(self, now: float, found: Answer) -> float:
+        """Have an experiment driven that may tell more; how long it takes in s, 0 where the pace allows none."""
+        experiment = experiment_of(found.motion, self.pace, self._told(now))
+        if experiment is None:
+            return 0.0
+        self.lessons[-1].experiment_at_s = experiment.at_s
+        self.experiments.append(experiment)
+        self.keep(self.record)
+        self.drive(experiment)
+        return experiment.path.end_s
 
     def _prepare(self, now: float, values: Mapping[str, float], then: Phase) -> None:
         """Have the controllers of a model made, which is on offer `then`."""
@@ -209,7 +236,7 @@ class Learner:
         at_s = self._told(now) + 0.5 * self.switch.tick_s
         self.switch.put(self._made.result().at(at_s))
         self.offers.append(Offered(dict(values), at_s))
-        self.keep(self.offers)
+        self.keep(self.record)
         if self._phase == "offered":
             lesson.offered_at_s = at_s
         else:

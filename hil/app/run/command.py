@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
@@ -23,7 +23,7 @@ from hil.app.run.loop import ENDS, Outcome, Signals, lead, prepare_process, rese
 from hil.app.scenario.deployment import BusTable, Deployment, load_deployment
 from hil.app.scenario.model_health import health_words
 from hil.app.scenario.model_health import told as health_told
-from hil.app.scenario.model_offer import Offered, offer_words, told
+from hil.app.scenario.model_offer import offer_words, told
 from hil.app.write import check_file, check_mcap, check_targets
 from hil.bus.authenticated import AuthenticatedBus, authenticator
 from hil.bus.catalogue import Catalogue, load_catalogue
@@ -305,8 +305,8 @@ def _learning(deployment: Deployment, node: ControllerNode, frames_log: FrameLog
     """
     background, maker, turn_s = Background(), ThreadPoolExecutor(1), sys.getswitchinterval()
 
-    def keep(offers: list[Offered]) -> None:
-        maker.submit(frames_log.add_to_record, {"learned": [one.document() for one in offers]})
+    def keep(record: Mapping[str, Any]) -> None:
+        maker.submit(frames_log.add_to_record, record)
 
     try:
         background.begin()
@@ -321,6 +321,7 @@ def _learning(deployment: Deployment, node: ControllerNode, frames_log: FrameLog
             replace(deployment.pace, answer_s=math.inf),
             maker.submit,
             keep,
+            node.drive,
         )
     finally:
         sys.setswitchinterval(turn_s)

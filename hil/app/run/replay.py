@@ -14,6 +14,7 @@ from typing import Any, Final
 
 import can
 
+from controller.excursion import Experiment
 from controller.model.control_model import ControlModel, control_model
 from hil.app.console import notes, output_to_notes, print_json, summary
 from hil.app.scenario.bus_scenario import parse_sil_scenario
@@ -183,11 +184,12 @@ def task_of(record: Mapping[str, Any], where: str) -> Task:
     try:
         offered = None if record.get("offered") is None else Offered.of(record["offered"])
         learned = [Offered.of(one) for one in record.get("learned", [])]
+        experiments = tuple(Experiment.of(one) for one in record.get("experiments", []))
         if "deployment" in record:
             deployment = replace(parse_deployment(str(record["deployment"]), values), offered=offered)
             offers = (offer_of(one, deployment.believed) for one in learned)
             task = replace(deployment.task(), controller=name, deadline_s=math.inf)
-            return replace(task, learned=tuple(one for one in offers if one))
+            return replace(task, learned=tuple(one for one in offers if one), experiments=experiments)
         on_bus = parse_sil_scenario(parse_toml(str(record["scenario"]), "scenario"))
         scenario = on_bus.loop
     except ValueError as error:
@@ -207,6 +209,7 @@ def task_of(record: Mapping[str, Any], where: str) -> Task:
         offer=first,
         estimator=scenario.control.estimator,
         learned=tuple(one for one in rest if one),
+        experiments=experiments,
         operator=on_bus.operator,
     )
 

@@ -15,6 +15,9 @@ PACE_RANGES: Final = (
     ("answer_s", 1.0, math.inf),
     ("trial_s", 5.0, 600.0),
     ("worse", 0.5, 2.0),
+    ("experiment_mm", 0.0, 50.0),
+    ("experiment_mm_s", 0.1, 50.0),
+    ("experiment_s", 4.0, 60.0),
 )
 
 
@@ -23,7 +26,9 @@ class Pace:
     """How much of motion and rest is gathered since the model broke (`gathered_s`), of which the last `held_out_share`
     is held out; how long an answer may take (`answer_s`: simulated time then waits for it; inf: it comes when it
     comes); how long a learned model is on trial (`trial_s`). It is taken back where its tracking error is `worse` times
-    what it was over as long before.
+    what it was over as long before. Where what was gathered does not suffice, an experiment of about `experiment_s` is
+    driven that leads up to `experiment_mm` (0: none is) to either side of where the reference rests, its own strokes at
+    about `experiment_mm_s`.
     """
 
     gathered_s: float = 75.0
@@ -31,6 +36,9 @@ class Pace:
     answer_s: float = 60.0
     trial_s: float = 60.0
     worse: float = 1.0
+    experiment_mm: float = 0.0
+    experiment_mm_s: float = 2.0
+    experiment_s: float = 20.0
 
     def __post_init__(self) -> None:
         check_ranges(self, "learning", PACE_RANGES)

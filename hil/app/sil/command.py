@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ from hil.app.scenario.model_health import health_words
 from hil.app.scenario.model_offer import Offered, offer_of, offer_words, read_offer, told
 from hil.app.scenario.options import Options
 from hil.app.sil.fault_outcomes import outcomes
-from hil.app.sil.loop import Learning, SilTrace, learning_of, run_sil
+from hil.app.sil.loop import Learning, SilTrace, judged_loop, learning_of, run_sil
 from hil.app.sil.story import story_files
 from hil.app.sil.testbed import believed_on_bus
 from hil.app.sil.watched import Watched
@@ -63,7 +62,7 @@ def sil(path: Path, asked: Options) -> None:
                 found["learned"] = [lesson.document() for lesson in trace.lessons]
         if log is not None and out is not None:
             found["log"] = str(log.path)
-            log.add_to_record({"learned": [one.document() for one in trace.offers]})
+            log.add_to_record(trace.learned)
             pages = story_files(out, scenario, found, trace) if asked.learn else {}
             write_files({out / "sil.json": json_text(found), **pages})
     if asked.json_output:
@@ -125,11 +124,11 @@ def judged(
     **more: Any,
 ) -> tuple[dict[str, Any], SilTrace]:
     """One run and its JSON object, in the keys of interfaces.md; `more` goes to `run_sil`. Where an operator may steer,
-    tracking is judged by the reference that was in force.
+    and where an experiment was driven, tracking is judged by the reference that was in force.
     """
     name = controller or scenario.loop.control.controller
     trace = run_sil(scenario, model, name, seed, report, **more)
-    loop = scenario.loop if scenario.operator is None else replace(scenario.loop, reference=trace.led_by_hand)
+    loop = judged_loop(scenario, trace)
     found = document(loop, loop.name, name, seed, used, score(loop, trace), None)
     found["bus"] = {"frames": trace.frames, "load": trace.load, "rejected": trace.rejected}
     if scenario.bus.key_file:

@@ -6,7 +6,7 @@ import hashlib
 import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Final
 
@@ -15,17 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.model.control_model import ControlModel
-from controller.supervision.model_switch import ModelSwitch, Offer
+from controller.supervision.model_switch import Offer
 from controller.trajectory import STEP_S, Trajectory
 from hil.app.learn.identify import Ask
 from hil.app.learn.learner import Learner, Lesson
 from hil.app.scenario.bus_scenario import SilScenario
 from hil.app.scenario.model_offer import Offered
+from hil.app.scenario.scenario import TrackScenario
 from hil.app.sil.testbed import Bench, believed_on_bus
 from hil.app.sil.timeout import at_most
 from hil.app.track.loop import Array, Progress, Trace
 from hil.bus.simulated import SimulatedBus
 from hil.log.recorder import Recorder
+from hil.nodes.controller.node import ControllerNode
 from hil.nodes.frame_map import ENABLE
 from hil.nodes.plant_node import SLOT_S
 
@@ -34,13 +36,19 @@ LEAST_S: Final = 60.0
 """A run may take so long by the wall clock however short it is: compilers and busy machines."""
 LEARNING_S: Final = 7200.0
 """So much longer where it waits for what is learned."""
-Learning = Callable[[ModelSwitch], Learner]
+Learning = Callable[[ControllerNode], Learner]
 
 
 def learning_of(scenario: SilScenario, values: Mapping[str, float], ask: Ask) -> Learning:
     """What makes the learner of a run of `scenario` that begins with the `values` of a model's parameters."""
-    return lambda switch: Learner(
-        switch, scenario.loop.belief, values, partial(believed_on_bus, scenario), ask, scenario.pace
+    return lambda node: Learner(
+        node.estimator,
+        scenario.loop.belief,
+        values,
+        partial(believed_on_bus, scenario),
+        ask,
+        scenario.pace,
+        drive=node.drive,
     )
 
 
@@ -48,9 +56,10 @@ def learning_of(scenario: SilScenario, values: Mapping[str, float], ask: Ask) ->
 class SilTrace(Trace):
     """What a run over the bus leaves beside `Trace`: `slots` (n, 3) are the end of each of the drive's slots in s,
     whether it was in its safe state, and when the last good command had come; `steered` (ticks, 4) are `Bench.steered`
-    at the ticks' begins; `operator` says what became of setpoints, `unauthenticated` what was not taken on an
-    authenticated bus; `digest` is the hash of all frames with their times where asked for; `lessons` and `offers` are
-    what was learned.
+    at the ticks' begins, `experiments_at` when experiments interrupted the reference, in s of its time; `operator` says
+    what became of setpoints, `unauthenticated` what was not taken on an authenticated bus; `digest` is the hash of all
+    frames with their times where asked for; `lessons` and `offers` are what was learned, `learned` the same as a log's
+    record has it.
     """
 
     slots: Array = field(default_factory=lambda: np.zeros((0, 3)))
@@ -64,12 +73,23 @@ class SilTrace(Trace):
     digest: str = ""
     lessons: list[Lesson] = field(default_factory=list)
     offers: list[Offered] = field(default_factory=list)
+    learned: dict[str, object] = field(default_factory=dict)
+    experiments_at: list[float] = field(default_factory=list)
 
     @property
-    def led_by_hand(self) -> Trajectory:
+    def in_force(self) -> Trajectory:
         """The reference that was in force at each time, with an operator in charge or without."""
         ticks = np.linspace(0.0, self.slots[-1, 0], len(self.steered), endpoint=False)
         return Trajectory(np.interp(np.arange(0.0, self.slots[-1, 0], STEP_S), ticks, self.steered[:, 0]))
+
+
+def judged_loop(scenario: SilScenario, trace: SilTrace) -> TrackScenario:
+    """The loop of `scenario` with the reference by which its run is judged: where an operator could steer or an
+    experiment came between, the one that was in force.
+    """
+    if scenario.operator is None and not trace.experiments_at:
+        return scenario.loop
+    return replace(scenario.loop, reference=trace.in_force)
 
 
 class _Tap:
@@ -112,7 +132,7 @@ def run_sil(
     ticks = round(loop.duration_s / bench.tick_s)
     trace, tap = _empty(ticks, bench.slots), _Tap(bench) if digest else None
     longest_s = max(LEAST_S, scenario.bus.longest_s_per_s * loop.duration_s) + LEARNING_S * (learning is not None)
-    learner = None if learning is None else learning(bench.node.estimator)
+    learner = None if learning is None else learning(bench.node)
     sentence = (
         f"run must take at most {longest_s:g} s by the wall clock (bus.longest_s_per_s, and at least {LEAST_S:g} s); it"
         " took longer"
@@ -123,7 +143,7 @@ def run_sil(
     trace.wall_clock_s = time.perf_counter() - began
     _finish(trace, bench, led)
     if learner is not None:
-        trace.lessons, trace.offers = learner.lessons, learner.offers
+        trace.lessons, trace.offers, trace.learned = learner.lessons, learner.offers, learner.record
     trace.digest = "" if tap is None else tap.hexdigest()
     return trace
 
@@ -190,6 +210,7 @@ def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:
     trace.rows = np.concatenate(bench.plant.session.rows)
     trace.events = list(bench.node.supervisor.events)
     estimator = bench.node.estimator
+    trace.experiments_at = bench.node.experiments_at
     trace.counts, trace.taken_at, trace.health = estimator.counts, estimator.taken_at, estimator.health
     trace.frames, trace.load, trace.rejected = bench.frames, bench.medium.load, bench.rejected
     trace.unauthenticated = dict(bench.unauthenticated)

@@ -19,7 +19,7 @@ from hil.app.report.theme import INK, figure_html, line_colour, styled
 from hil.app.report.words import effect_words, listed
 from hil.app.scenario.bus_scenario import SilScenario
 from hil.app.scenario.model_facts import model_facts
-from hil.app.sil.loop import SilTrace
+from hil.app.sil.loop import SilTrace, judged_loop
 from hil.app.sil.testbed import believed_on_bus
 from plant import layout as at
 
@@ -32,6 +32,7 @@ _CLOSE: Final = 0.04
 _COLOURS: Final = {
     "model broken since": 1,
     "identification begins": 4,
+    "experiment begins": 5,
     "offered": 0,
     "taken": 2,
     "taken back": 1,
@@ -41,7 +42,7 @@ _COLOURS: Final = {
 def story_files(out: Path, scenario: SilScenario, found: dict[str, Any], trace: SilTrace) -> dict[Path, str]:
     """The page and its numbers, by the files in `out` to which they go."""
     seconds, errors_m = error_by_second(scenario, trace)
-    marks = instants(scenario, trace.lessons)
+    marks = instants(scenario, trace)
     numbers = {
         "second": seconds.tolist(),
         "rms_error_m": errors_m.tolist(),
@@ -55,23 +56,24 @@ def story_files(out: Path, scenario: SilScenario, found: dict[str, Any], trace: 
 def error_by_second(scenario: SilScenario, trace: SilTrace) -> tuple[np.ndarray, np.ndarray]:
     """Begins of whole seconds (n,) and the rms of the capsule's true place against the reference over each, in m."""
     t, x = trace.rows[:, at.O_T], trace.rows[:, at.O_X]
-    squares = (x - scenario.loop.reference.position(t)) ** 2
+    squares = (x - judged_loop(scenario, trace).reference.position(t)) ** 2
     second = t.astype(np.int64)
     count = np.bincount(second)
     whole = np.flatnonzero(count)
     return whole.astype(float), np.sqrt(np.bincount(second, squares)[whole] / count[whole])
 
 
-def instants(scenario: SilScenario, lessons: Sequence[Lesson]) -> list[tuple[float, str]]:
+def instants(scenario: SilScenario, trace: SilTrace) -> list[tuple[float, str]]:
     """Time in s and what happened, in order of time: when hidden effects begin (the plant's
-    secret, from the scenario file), and what monitor, learner and model switch did.
+    secret, from the scenario file), and what monitor, learner, controller and model switch did.
     """
     marks = [
         (values["onset_s"], f"{effect} begins")
         for effect, values in scenario.loop.truth.hidden.items()
         if values.get("onset_s", 0.0) > 0
     ]
-    for one in lessons:
+    marks += [(begin, "experiment begins") for begin in trace.experiments_at]
+    for one in trace.lessons:
         told = (
             (one.broken_at_s, "model broken since"),
             (one.asked_at_s, "identification begins"),

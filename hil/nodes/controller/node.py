@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
@@ -14,6 +15,7 @@ import can
 import numpy as np
 
 from controller.drives import envelope_of
+from controller.excursion import Excursion, Experiment
 from controller.limits import Envelope, Limits
 from controller.model.control_model import ControlModel
 from controller.registry import build
@@ -52,7 +54,8 @@ class Task:
     have, `resolution_m` its pixels or steps (0: finer than the bus's). `deadline_s` is what the MPC's plan may take of
     a tick (inf, as lockstep needs it, where no clock decides). `offer` is a model that is to take over at a rest,
     `estimator` one of `controller.registry.ESTIMATORS`, `learned` those models that were learned in a run that is
-    replayed, `operator` what setpoints from the bus are held to, where they are accepted.
+    replayed, `experiments` those that it asked for, `operator` what setpoints from the bus are held to, where they are
+    accepted.
     """
 
     model: ControlModel
@@ -65,6 +68,7 @@ class Task:
     offer: Offer | None = None
     estimator: str = "default"
     learned: tuple[Offer, ...] = ()
+    experiments: tuple[Experiment, ...] = ()
     operator: OperatorLimits | None = None
 
 
@@ -106,6 +110,9 @@ IDLE, RUNNING, HALTING, FAULTY = 1, 2, 3, 4
 HEARTBEAT_S: Final = 0.02
 _FOLLOW: Final = {"magnetic": 2e-3, "coil": 0.15, "vibro": math.inf}
 """In the command's unit; of a carriage what 8 ms of delay, which a drive rides through, make of its full rate."""
+_RESTS_M_S: Final = 1e-4
+_REST_S: Final = 0.05
+"""A reference rests at a time around which, so long before and after, it is no faster."""
 OTHER_CONTROLLER: Final = 9
 """Reason of a SafeStop."""
 _CROWDED_S: Final = 0.1
@@ -170,6 +177,8 @@ class ControllerNode:
         self.state, self.reason = IDLE, ""
         self._plausibility = Plausibility(_FOLLOW[self.wiring.kind], task.seen_noise_m, task.resolution_m)
         self._reference: Reference = task.reference
+        self._experiments = deque(task.experiments)
+        self.experiments_at: list[float] = []
         self._bus, self._catalogue, self._clock = bus, catalogue, clock
         self._began = self._last = self._beat_at = self._health_at = self._view_at = self._status_at = -math.inf
         self._origin, self._index = 0.0, 0
@@ -218,6 +227,12 @@ class ControllerNode:
     def _begin_reference(self, origin_s: float, shift_m: float = 0.0) -> None:
         self._reference = Shifted(self.task.reference, origin_s, shift_m)
         self.estimator.begin(origin_s)
+
+    def drive(self, experiment: Experiment) -> None:
+        """Interrupt the reference by `experiment` at its next rest from `at_s` on, where that stays within the travel
+        allowed and no operator may steer; `experiments_at` says when each began, in s of the reference's time.
+        """
+        self._experiments.append(experiment)
 
     def stop(self, reason: str = "operator") -> None:
         """A controlled stop: the drive to its safe state and off, until `start`."""
@@ -352,12 +367,27 @@ class ControllerNode:
     def _steer(self, now: float, estimate: Estimate) -> None:
         """Let whoever is in charge lead the reference, and the drive rest where nobody has been for long enough."""
         if self.operator is None:
+            self._interrupt(now + self.tick_s)
             return
         self.operator.expire(now)
         if self._led and self.operator.resting(now):
             self._led, self._rested = False, True
         if self._led:
             self._reference = self.operator.follow(now, self._reference, self._place(estimate))
+
+    def _interrupt(self, begin_s: float) -> None:
+        """Let the experiment that is next begin at `begin_s`, where the reference rests there."""
+        origin = self.estimator.origin_s
+        if not (self._experiments and self._led and begin_s >= origin + self._experiments[0].at_s):
+            return
+        around = begin_s + np.array([-_REST_S, 0.0, _REST_S])
+        if np.max(np.abs(self._reference.speed(around))) > _RESTS_M_S:
+            return
+        path = self._experiments.popleft().path
+        place = float(self._reference.position(around)[1])
+        if np.max(np.abs(place + path.places)) <= self.task.limits.travel_m:
+            self._reference = Excursion(self._reference, path, begin_s)
+            self.experiments_at.append(begin_s - origin)
 
     def _judge(self, now: float) -> None:
         """Stop for good where there is a reason to."""

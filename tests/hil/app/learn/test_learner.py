@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from controller.excursion import Experiment
 from controller.model.control_model import ControlModel
 from controller.monitor.monitor import Health
 from controller.signals import Measurement
@@ -55,10 +56,19 @@ class Story:
     asked: list[Question] = field(default_factory=list)
 
     def __post_init__(self) -> None:
+        self.driven: list[Experiment] = []
         self.switch = Switch()
         rig: Rig = believed("magnetic")
         model: ControlModel = model_of()
-        self.learner = Learner(self.switch, rig, {}, lambda values: model, self.ask, self.pace)  # type: ignore[arg-type]
+        self.learner = Learner(
+            self.switch,  # type: ignore[arg-type]
+            rig,
+            {},
+            lambda values: model,
+            self.ask,
+            self.pace,
+            drive=self.driven.append,
+        )
 
     def ask(self, question: Question) -> Future[Answer]:
         self.asked.append(question)
@@ -119,6 +129,20 @@ def test_what_does_not_pass_the_gate_is_not_offered_and_asked_again_with_more() 
     assert story.learner.lessons[0].words.endswith("not offered: held-out error must be lower")
 
 
+def test_an_experiment_is_driven_only_where_it_is_allowed() -> None:
+    forbidden, allowed = Story(NOTHING), Story(NOTHING, replace(PACE, experiment_mm=3.0, experiment_s=12.0))
+    for story in (forbidden, allowed):
+        story.run(8.0, 75.0, BROKEN, 1e-3)
+    assert not forbidden.driven
+    assert forbidden.learner.record["experiments"] == []
+    first = allowed.driven[0]
+    assert first.at_s == pytest.approx(38.0, abs=0.1)
+    assert 1e-3 < np.max(np.abs(first.path.places)) <= 3e-3
+    assert first.path.end_s < 20.0
+    assert allowed.asked[1].columns[TIME][-1] == pytest.approx(38.0 + 20.0 + first.path.end_s, abs=0.1)
+    assert "experiment from 38.0 s on" in allowed.learner.lessons[0].words
+
+
 def test_nothing_is_asked_while_the_model_holds() -> None:
     story = Story(FOUND)
     story.run(0.0, 60.0, Health(), 1e-3)
@@ -153,6 +177,7 @@ def test_a_model_that_explains_a_part_must_gain_more(
             error={"holdout": {"augmented": share * error}},
             verdict=verdict,
             next_experiment="faster",
+            proposal=None,
             seconds=1.0,
             unit="m",
         )

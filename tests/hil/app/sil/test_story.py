@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -45,8 +46,10 @@ def story(tmp_path_factory: pytest.TempPathFactory) -> tuple[SilScenario, dict[s
 
 
 def test_the_instants_stand_in_order_of_time(story: tuple[SilScenario, dict[str, str]]) -> None:
-    marks = [what for _, what in instants(story[0], [TOLD])]
-    assert marks == ["fold_periodic begins", "model broken since", "identification begins", "offered", "taken"]
+    trace = SimpleNamespace(lessons=[TOLD], experiments_at=[0.25])
+    marks = [what for _, what in instants(story[0], trace)]  # type: ignore[arg-type]
+    first = ["fold_periodic begins", "model broken since", "identification begins"]
+    assert marks == [*first, "experiment begins", "offered", "taken"]
 
 
 def test_the_page_says_what_was_learned_and_the_numbers_stand_beside_it(

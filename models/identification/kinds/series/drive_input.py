@@ -28,7 +28,8 @@ _IMPOSED_STEP = 4e-3  # s, the same of an imposed motion, sampled more slowly th
 _LINKED_STEP = 5e-4  # s, the same for one behind an elastic link, which is solved implicitly
 _FINE_LINKED_STEP = 2e-4  # s, the same where it counts: half of 1e-4's time, predictions 0.2 mN rms apart
 _DRIFTING_STEP = 2e-4  # s, the same where no magnet holds its place: what a step does wrong stays
-_SHAKEN_STEP = 5e-5  # s, the same for a body that its drive shakes to and fro
+_SHAKEN_STEP = 1e-4  # s, the same for a body that its drive shakes to and fro
+_FINE_SHAKEN_STEP = 5e-5  # s, the same where it counts
 _UNEVEN = 0.05  # share of the sampling interval by which times may be off before samples count as uneven
 _AT_AN_END = 0.01  # share of a switch's range within which a sample counts as fully on or off
 
@@ -98,7 +99,7 @@ class Feed:
 def internal_step(drive: Drive, rigid: bool, fine: bool = True) -> float:
     """Length in s of a model's steps, at most one from sample to sample; `rigid`: the motion is imposed."""
     if drive.held:
-        return _SHAKEN_STEP
+        return _FINE_SHAKEN_STEP if fine else _SHAKEN_STEP
     if rigid:
         return _IMPOSED_STEP
     if drifts(drive):

@@ -18,9 +18,11 @@ import numpy as np
 from hil.formats.channels import Channel, Heading, refusing
 from hil.formats.table import format_of
 
-MEMORY: Final = 1 << 30
+MEMORY: Final = 7 << 27
 ADDRESSES: Final = 8 << 30
-"""Most memory in bytes that is the process's own, and most addresses, which libraries reserve without using them."""
+"""Most memory in bytes that is the process's own (its code comes to it, which leaves it below 1 GB), and most addresses,
+which libraries reserve without using them.
+"""
 SECONDS: Final = 600
 """Most time on a processor in s."""
 LEAST_S: Final = 10

@@ -20,7 +20,7 @@ from hil.formats.table import format_of
 
 MEMORY: Final = 7 << 27
 ADDRESSES: Final = 8 << 30
-"""Most memory in bytes that is the process's own (its code comes to it, which leaves it below 1 GB), and most addresses,
+"""Most memory in bytes of the process's own (its code comes to it, which leaves it below 1 GB), and most addresses,
 which libraries reserve without using them.
 """
 SECONDS: Final = 600

@@ -11,57 +11,73 @@ _SHORTEST_TICK = 1e-6  # s
 _NEAR = 1e-9  # share of a range within which two commands count as the same
 
 
-def _limit(value: float, unit: str, source: str) -> Any:
-    return field(default=value, metadata={"unit": unit, "source": source})
+_LEAST = 1e-6
+
+
+def _limit(value: float, most: float, unit: str, source: str) -> Any:
+    return field(default=value, metadata={"most": most, "unit": unit, "source": source})
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What no command may exceed, SI. Every field carries its unit and source, which `sources()` lists. Not clinical
-    advice.
+    """What no command may exceed, SI. Every field carries its unit and source, which `sources()` lists, and the most
+    that it may be set to, beyond which it would limit nothing. Not clinical advice.
     """
 
     force_N: float = _limit(
-        0.5, "N", "choice: half of the 0.9 N/cm that contractions press with at least (Terry 2012, live pig)"
+        0.5, 20.0, "N", "choice: half of the 0.9 N/cm that contractions press with at least (Terry 2012, live pig)"
     )
     speed_m_s: float = _limit(
-        0.3, "m/s", "choice: fifteen times what paper V measured the resistance at; beyond, the law is extrapolated"
+        0.3,
+        5.0,
+        "m/s",
+        "choice: fifteen times what paper V measured the resistance at; beyond, the law is extrapolated",
     )
-    carriage_speed_m_s: float = _limit(0.25, "m/s", "reduced speed beside a person, ISO 10218-1 (from memory)")
+    carriage_speed_m_s: float = _limit(0.25, 5.0, "m/s", "reduced speed beside a person, ISO 10218-1 (from memory)")
     first_speed_m_s: float = _limit(
-        0.02, "m/s", "choice: of the carriage as a run on a rig enables it, so that who stands beside it sees it begin"
+        0.02,
+        5.0,
+        "m/s",
+        "choice: of the carriage as a run on a rig enables it, so that who stands beside it sees it begin",
     )
     first_acceleration_m_s2: float = _limit(
-        0.25, "m/s2", "choice: by which that speed grows; the full carriage speed is there after a second"
+        0.25, 1000.0, "m/s2", "choice: by which that speed grows; the full carriage speed is there after a second"
     )
-    carriage_acceleration_m_s2: float = _limit(10.0, "m/s2", "choice: from full carriage speed to rest within 25 ms")
-    travel_m: float = _limit(1.0, "m", "choice: the carriage stays within this distance of its zero")
+    carriage_acceleration_m_s2: float = _limit(
+        10.0, 1000.0, "m/s2", "choice: from full carriage speed to rest within 25 ms"
+    )
+    travel_m: float = _limit(1.0, 20.0, "m", "choice: the carriage stays within this distance of its zero")
     gap_share: float = _limit(
-        0.95, "1", "choice: share of the gap of greatest pull r/sqrt(3), beyond which the magnet lets go"
+        0.95, 1.0, "1", "choice: share of the gap of greatest pull r/sqrt(3), beyond which the magnet lets go"
     )
     gap_stds: float = _limit(
-        3.0, "1", "choice: standard deviations of the estimated position by which the gap is held smaller"
+        3.0, 100.0, "1", "choice: standard deviations of the estimated position by which the gap is held smaller"
     )
-    current_A: float = _limit(1.0, "A", "choice: 0.5 N at the default coil's 0.5 N/A")
-    current_rate_A_s: float = _limit(1200.0, "A/s", "12 V (PWM capsubot's supply) across the default coil's 10 mH")
-    temperature_C: float = _limit(43.0, "degC", "applied part in contact for 10 min or more, IEC 60601-1 (from memory)")
-    derate_C: float = _limit(41.0, "degC", "choice: the drive begins to fade 2 K below its temperature limit")
-    age_s: float = _limit(0.15, "s", "choice: localisation lost for 150 ms stops the drive")
+    current_A: float = _limit(1.0, 50.0, "A", "choice: 0.5 N at the default coil's 0.5 N/A")
+    current_rate_A_s: float = _limit(1200.0, 1e6, "A/s", "12 V (PWM capsubot's supply) across the default coil's 10 mH")
+    temperature_C: float = _limit(
+        43.0, 80.0, "degC", "applied part in contact for 10 min or more, IEC 60601-1 (from memory)"
+    )
+    derate_C: float = _limit(41.0, 80.0, "degC", "choice: the drive begins to fade 2 K below its temperature limit")
+    age_s: float = _limit(0.15, 10.0, "s", "choice: localisation lost for 150 ms stops the drive")
     longest_tick_s: float = _limit(
-        0.02, "s", "choice: after a longer pause the command moves as if only this had passed"
+        0.02, 1.0, "s", "choice: after a longer pause the command moves as if only this had passed"
     )
 
     def __post_init__(self) -> None:
-        for name in (f.name for f in fields(self)):
+        for name, (least, most) in self.ranges().items():
             value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
-                raise ValueError(f"limit {name} must be a positive number; got {value!r}")
-        if self.gap_share > 1:
-            raise ValueError(f"limit gap_share must be at most 1; got {self.gap_share:g}")
+            if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= most:
+                raise ValueError(f"limit {name} must be a number from {least:g} to {most:g}; got {value!r}")
         if self.derate_C >= self.temperature_C:
             raise ValueError(
                 f"limit derate_C must be below temperature_C = {self.temperature_C:g}; got {self.derate_C:g}"
             )
+
+    @classmethod
+    def ranges(cls) -> dict[str, tuple[float, float]]:
+        """Least and most of every limit by name."""
+        return {f.name: (_LEAST, f.metadata["most"]) for f in fields(cls)}
 
     @classmethod
     def sources(cls) -> dict[str, tuple[str, str]]:

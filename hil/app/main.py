@@ -6,6 +6,7 @@ A command's module is imported when it is called, so that `capsule --help` answe
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Callable, Sequence
 from importlib.metadata import PackageNotFoundError, version
@@ -22,6 +23,19 @@ from hil.app.interruption import INTERRUPTED, INTERRUPTION
 from models.parameter import nearest
 
 BAD_INPUT = 2
+FILES = (
+    "--out",
+    "--rig",
+    "--model",
+    "--reference",
+    "--holdout",
+    "--log",
+    "--mcap",
+    "--plot",
+    "--effects",
+    "--controllers",
+)
+MOST_SEED = (1 << 63) - 1
 
 app = typer.Typer(
     name="capsule",
@@ -36,7 +50,7 @@ Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on sta
 RigFile = Annotated[
     Path, typer.Option("--rig", metavar="RIG.toml", help="What the experimenter believes about the rig.")
 ]
-Seed = Annotated[int, typer.Option("--seed", min=0, help="Sets every random number.")]
+Seed = Annotated[int, typer.Option("--seed", min=0, max=MOST_SEED, help="Sets every random number.")]
 ControllerName = Annotated[str | None, typer.Option("--controller", metavar="NAME", help="Which controller.")]
 LearnedModel = Annotated[
     Path | None, typer.Option("--model", metavar="MODEL.toml", help="A model that close-loop wrote.")
@@ -59,7 +73,9 @@ ReferenceFile = Annotated[
 McapFile = Annotated[
     Path | None, typer.Option("--mcap", metavar="FILE.mcap", help="The bus's signals as MCAP, too, while it runs.")
 ]
-RunSeed = Annotated[int | None, typer.Option("--seed", min=0, help="Sets every random number; else the scenario's.")]
+RunSeed = Annotated[
+    int | None, typer.Option("--seed", min=0, max=MOST_SEED, help="Sets every random number; else the scenario's.")
+]
 
 
 def _command(name: str, example: str, **options: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -570,7 +586,9 @@ def _campaign(
     ] = None,
     number: Annotated[int | None, typer.Option("--run", metavar="N", help="Do run N alone and print it.")] = None,
     json_output: Json = False,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of folders: sets every random number.")] = 0,
+    seed: Annotated[
+        int, typer.Option("--seed", min=0, max=MOST_SEED, help="Of folders: sets every random number.")
+    ] = 0,
     effects: OwnEffects = None,
 ) -> int:
     """Thousands of closed loops: distributions and worst cases. Or close-loop on folders of series: what each rig
@@ -614,8 +632,12 @@ def one_thread() -> None:
 def run(args: Sequence[str]) -> int:
     """Run one command line and return its exit status."""
     one_thread()
-    if any(option == "--out=" or (option == "--out" and not word) for option, word in pairwise((*args, "-"))):
-        return _said("--out must name a file or a folder; got nothing", BAD_INPUT)
+    for option, word in pairwise(("capsule", *args)):
+        if word.removesuffix("=") in FILES and word.endswith("="):
+            return _said(f"{word[:-1]} must name a file or a folder; got nothing", BAD_INPUT)
+        if not word and (option in FILES or not option.startswith("-")):
+            what = option if option in FILES else f"what follows {option[:60]!r}"
+            return _said(f"{what} must name a file or a folder; got nothing", BAD_INPUT)
     try:
         status = app(list(args) or ["--help"], prog_name="capsule", standalone_mode=False)
     except (KeyboardInterrupt, typer.Abort):
@@ -644,6 +666,10 @@ def run(args: Sequence[str]) -> int:
 def _usage(error: typer.TyperException, args: Sequence[str]) -> str:
     format_message = getattr(error, "format_message", None)
     message = (format_message() if format_message else str(error)).rstrip(".")
+    wrong = re.fullmatch(r"Invalid value for '(.+?)': Input should be (.+?)(?:, unable to .*)?", message)
+    if wrong:
+        given = next((word for option, word in pairwise(args) if option == wrong[1]), "")
+        message = f"{wrong[1]} must be {wrong[2]}" + (f"; got {given[:60]!r}" if given else "")
     commands = [command.name or "" for command in app.registered_commands]
     if args[0] in commands:
         return f"{message}; see 'capsule {args[0]} --help'"

@@ -18,9 +18,13 @@ import numpy as np
 from hil.formats.channels import Channel, Heading, refusing
 from hil.formats.table import format_of
 
-MEMORY: Final = 8 << 30
+MEMORY: Final = 7 << 27
+ADDRESSES: Final = 8 << 30
+"""Most memory in bytes of the process's own (its code comes to it, which leaves it below 1 GB), and most addresses,
+which libraries reserve without using them.
+"""
 SECONDS: Final = 600
-"""Most memory in bytes and time on a processor in s."""
+"""Most time on a processor in s."""
 LEAST_S: Final = 10
 SLOWEST: Final = 500_000
 """Time on a processor in s that any file may take, and bytes of a file for which it may take a second more."""
@@ -68,7 +72,8 @@ def _tell(target: IO[bytes], document: Any) -> None:
 
 
 if __name__ == "__main__":
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    resource.setrlimit(resource.RLIMIT_AS, (ADDRESSES, ADDRESSES))
+    resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
     asked = Path(sys.argv[1])
     longest = allowed_s(asked.stat().st_size) if asked.is_file() else SECONDS
     resource.setrlimit(resource.RLIMIT_CPU, (longest, longest))

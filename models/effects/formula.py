@@ -7,6 +7,7 @@ the law as text. `value_of` computes the text again, without `eval`.
 from __future__ import annotations
 
 import ast
+import math
 import operator
 import re
 from collections.abc import Callable, Mapping
@@ -238,6 +239,8 @@ class _Writing:
     def _plain(self, formula: Formula) -> tuple[str, int]:
         """The text and how tightly it binds."""
         name, inputs = formula.name, formula.inputs
+        if formula.number == math.tau and self._digits is not None:
+            return "2*pi", _PRODUCT
         if formula.number is not None:
             return self._number(formula.number), _SUM if formula.number < 0 else _ATOM
         if name == "+":

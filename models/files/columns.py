@@ -83,6 +83,8 @@ for a force.
 
 _FORCE = (-1e3, 1e3, "between -1000 and 1000 N")
 _LOAD = (-1e9, 1e9, "between -1e9 and 1e9 N")
+SLOWEST_PULL = 1e-7
+"""In m/s: a tooth of a tenth of a millimetre every quarter of an hour."""
 _PLACE = (-100.0, 100.0, "between -100 and 100 m")
 
 RANGES = MappingProxyType(
@@ -92,11 +94,11 @@ RANGES = MappingProxyType(
         "force_N": _FORCE,
         "valley_N": _FORCE,
         "peak_N": _FORCE,
-        "velocity_m_s": (0.0, 1.0, "the speed of the pull, positive and at most 1 m/s"),
+        "velocity_m_s": (SLOWEST_PULL, 1.0, f"the speed of the pull, {SLOWEST_PULL:g} to 1 m/s"),
         "mean_velocity_m_s": (-10.0, 10.0, "between -10 and 10 m/s"),
         "coil_current_A": (-1e3, 1e3, "between -1000 and 1000 A"),
         "coil_voltage_V": (-1e4, 1e4, "between -10000 and 10000 V"),
-        "period_s": (0.0, 1e4, "positive, in s"),
+        "period_s": (1e-6, 1e4, "1e-6 to 1e4 s"),
         "duty": (0.0, 1.0, "a share between 0 and 1"),
         "cycles": (1.0, 1e9, "a number of periods, at least 1"),
         "drive_on": (0.0, 1.0, "between 0 (off) and 1 (on)"),
@@ -123,7 +125,7 @@ _RANGES_OF = MappingProxyType(
 """Ranges of columns that one kind has otherwise than the others."""
 NOT_ZERO = frozenset({("friction", "velocity_m_s"), ("friction", "load_N")})
 """Columns of a kind in which 0 is no value: there is no steady sliding at rest."""
-ABOVE = frozenset({"velocity_m_s", "period_s", "frequency_Hz", "storage_modulus_Pa"})
+ABOVE = frozenset({"frequency_Hz", "storage_modulus_Pa"})
 """Columns whose lower bound is not a value itself."""
 _TIME_NAMES = ("time", "timestamp", "seconds", "sec")
 

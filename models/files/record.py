@@ -31,6 +31,8 @@ from models.files.rig import Rig
 
 Array = NDArray[np.float64]
 MOST_CELLS = 32_000_000
+LARGEST_SAMPLE = 1e12
+"""Beyond it nothing can be said of a sample, by the checks of records either."""
 
 
 @dataclass(frozen=True)
@@ -244,6 +246,8 @@ class _Reading:
         if not self.lenient:
             self._check_time(block)
             self._check_ranges(block)
+        else:
+            self._check_ranges(block, beyond=LARGEST_SAMPLE)
         self._check_peaks(block)
         self.blocks.append(block.values)
         self.numbers.append(block.lines)
@@ -292,10 +296,14 @@ class _Reading:
             )
         self.last_time = float(time[-1])
 
-    def _check_ranges(self, block: Block) -> None:
+    def _check_ranges(self, block: Block, beyond: float = 0.0) -> None:
+        """Refuse values out of the ranges of our columns; only those `beyond` a size, where that is given."""
         for index, name in enumerate(self.header):
             limits = range_of(self.rig.kind, name) if name in known_of(self.rig.kind) else None
             row = first_wrong(self.rig.kind, name, block.values[:, index])
+            if row is not None and beyond:
+                far = np.flatnonzero(np.abs(block.values[:, index]) > beyond)
+                row = int(far[0]) if far.size else None
             if limits is not None and row is not None:
                 raise ValueError(
                     f"{self.where}, line {block.lines[row]}: {name} must be {limits[2]}; got"

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from models.files.columns import COLUMNS, known_of
+from models.files.columns import COLUMNS, SLOWEST_PULL, known_of
 from models.files.mapping import ColumnMap, MappedColumn
 from models.files.rig_tables import (
     EXAMPLES,
@@ -233,8 +233,10 @@ def _part(head: _Head, table: type[T]) -> T | None:
 
 def _pull_speed(where: str, head: _Head) -> float | None:
     speed = head.velocity_m_s if isinstance(head, _PeriodsHead) else None
-    if speed is not None and not 0 < speed <= 1:
-        raise ValueError(f"{where}: [rig] velocity_m_s must be the speed of the pull in m/s, in (0, 1]; got {speed:g}")
+    if speed is not None and not SLOWEST_PULL <= speed <= 1:
+        raise ValueError(
+            f"{where}: [rig] velocity_m_s must be the speed of the pull, {SLOWEST_PULL:g} to 1 m/s; got {speed:g}"
+        )
     return speed
 
 

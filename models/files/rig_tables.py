@@ -13,14 +13,16 @@ from models.files.units import unit_of
 from models.laws.dipole import Cylinder, Orientation, moment_A_m2, stiffness_N_per_m
 from models.laws.geometry import Capsule, Regime, Tissue
 
-Positive = Annotated[float, Field(gt=0, lt=1e9)]
+Positive = Annotated[float, Field(ge=1e-12, lt=1e9)]
 NotNegative = Annotated[float, Field(ge=0, lt=1e9)]
-Length = Annotated[float, Field(gt=0, le=10)]
-Mass = Annotated[float, Field(gt=0, le=1000)]
+Length = Annotated[float, Field(ge=1e-6, le=10)]
+Height = Annotated[float, Field(ge=1e-3, le=10)]
+Mass = Annotated[float, Field(ge=1e-6, le=1000)]
+RecoveryTime = Annotated[float, Field(ge=1e-4, le=100)]
 CapsuleMass = Annotated[float, Field(ge=1e-5, le=0.5)]
 Friction = Annotated[float, Field(ge=0, le=10)]
 Angle = Annotated[float, Field(ge=1, le=89)]
-Remanence = Annotated[float, Field(gt=0, le=3)]
+Remanence = Annotated[float, Field(ge=1e-3, le=3)]
 Real = Annotated[float, Field(gt=-1e9, lt=1e9)]
 
 
@@ -33,12 +35,12 @@ class Table(BaseModel):
 class Noise(Table):
     """Standard deviations of the measurement, where known; what is left out is estimated from the record."""
 
-    position_std_m: Annotated[float, Field(gt=0, le=0.1)] | None = None
-    force_std_N: Annotated[float, Field(gt=0, le=100)] | None = None
-    angle_std_rad: Annotated[float, Field(gt=0, le=10)] | None = None
-    torque_std_N_m: Annotated[float, Field(gt=0, le=1e4)] | None = None
-    velocity_std_m_s: Annotated[float, Field(gt=0, le=10)] | None = None
-    period_std_s: Annotated[float, Field(gt=0, le=100)] | None = None
+    position_std_m: Annotated[float, Field(ge=1e-9, le=0.1)] | None = None
+    force_std_N: Annotated[float, Field(ge=1e-9, le=100)] | None = None
+    angle_std_rad: Annotated[float, Field(ge=1e-9, le=10)] | None = None
+    torque_std_N_m: Annotated[float, Field(ge=1e-9, le=1e4)] | None = None
+    velocity_std_m_s: Annotated[float, Field(ge=1e-9, le=10)] | None = None
+    period_std_s: Annotated[float, Field(ge=1e-9, le=100)] | None = None
     modulus_std_Pa: Positive | None = None
 
 
@@ -54,7 +56,7 @@ class Clock(Table):
     """
 
     offset_s: Annotated[float, Field(ge=-0.5, le=0.5)] = 0.0
-    offset_std_s: Annotated[float, Field(gt=0, le=0.2)] = 1e-3
+    offset_std_s: Annotated[float, Field(ge=1e-9, le=0.2)] = 1e-3
 
 
 class ColumnTable(Table):
@@ -112,7 +114,7 @@ class Magnets(Table):
     may lift the magnet to, `pressing_limit_N` the most that it may then press the capsule on the tissue.
     """
 
-    height_m: Length
+    height_m: Height
     moments: Orientation = "across"
     outer_moment_A_m2: Positive | None = None
     outer_diameter_m: Length | None = None
@@ -122,7 +124,7 @@ class Magnets(Table):
     inner_diameter_m: Length | None = None
     inner_length_m: Length | None = None
     inner_remanence_T: Remanence | None = None
-    height_range_m: Annotated[list[Length], Field(min_length=2, max_length=2)] | None = None
+    height_range_m: Annotated[list[Height], Field(min_length=2, max_length=2)] | None = None
     pressing_limit_N: Positive | None = None
 
     def moment(self, side: Literal["outer", "inner"]) -> float:
@@ -244,7 +246,7 @@ class TissueTable(Table):
     nose_force_angle_deg: Angle
     friction_coefficient: Friction
     mucus_thickness_m: Annotated[float, Field(ge=1e-7, le=0.01)]
-    recovery_time_s: Annotated[float, Field(gt=0, le=100)]
+    recovery_time_s: RecoveryTime
     regime: Regime = "low"
 
     def tissue(self) -> Tissue:
@@ -261,7 +263,7 @@ class PaperTissueTable(TissueTable):
     nose_force_angle_deg: Angle = Tissue.nose_force_angle_deg
     friction_coefficient: Friction = Tissue.friction_coefficient
     mucus_thickness_m: Annotated[float, Field(ge=1e-7, le=0.01)] = Tissue.mucus_thickness_m
-    recovery_time_s: Annotated[float, Field(gt=0, le=100)] = Tissue.recovery_time_s
+    recovery_time_s: RecoveryTime = Tissue.recovery_time_s
 
 
 EXAMPLES: Final[Mapping[str, str]] = {
@@ -307,7 +309,7 @@ def _within(hint: Any) -> Iterator[Any]:
 def range_words(table: type[Table], key: str) -> str:
     """The range of a key in words, with the unit that ends its name; empty where it has none."""
     lower, upper = bounds(table, key)
-    unit = f" {unit_of(key)}" if unit_of(key) else ""
+    unit = f" {unit_of(key).replace('_per_', '/')}" if unit_of(key) else ""
     if isinstance(lower, Ge) and isinstance(upper, Le):
         return f"{lower.ge:g} to {upper.le:g}{unit}"
     low = lower and (f"at least {lower.ge:g}" if isinstance(lower, Ge) else f"more than {lower.gt:g}")

@@ -9,12 +9,17 @@ from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, fields, is_dataclass
 from typing import Any, Final, TypeVar
 
+from models.files.units import unit, unit_of
 from models.laws.geometry import contact_angle_deg
 from models.parameter import nearest
 
 Table = Mapping[str, Any]
 R = TypeVar("R")
 LARGEST_INTEGER: Final = 1 << 63
+_SMALLEST: Final = 1e-12
+_LARGEST: Final = {"m": 1e6, "s": 1e8, "N": 1e6, "m/s": 1e6, "N/m": 1e9, "A": 1e4, "V": 1e6}
+_LARGEST_OTHER: Final = 1e15
+"""Magnitudes of numbers in a file by what their unit measures, in SI; those of integers such as seeds have none."""
 _WANTED: Final[Mapping[type, str]] = {
     bool: "true or false",
     float: "a finite number",
@@ -49,7 +54,24 @@ def from_table(cls: type[R], table: Table, where: str, skip: tuple[str, ...] = (
     ]
     if missing:
         raise ValueError(f"[{where}] must have {', '.join(missing)}; got {', '.join(table) or 'nothing'}")
-    return cls(**values)
+    built = cls(**values)
+    for key, value in values.items():
+        _check_magnitude(value, f"{where}.{key}")
+    return built
+
+
+def _check_magnitude(value: Any, where: str) -> None:
+    """Raises ValueError of one sentence for a number, or one of a list, that nothing in the unit of its key `where` can
+    have: whatever a file states is refused there before it reaches a law.
+    """
+    for number in value if isinstance(value, tuple) else (value,):
+        if not isinstance(number, float) or number == 0:
+            continue
+        found = unit(unit_of(where.rpartition(".")[2]) or "1") or unit("1")
+        most = (_LARGEST.get(found.dimension, _LARGEST_OTHER) / found.factor) if found else _LARGEST_OTHER
+        least = _SMALLEST / found.factor if found else _SMALLEST
+        if not least <= abs(number) <= most:
+            raise ValueError(f"{where} must be 0 or {least:g} to {most:g}, positive or negative; got {number:g}")
 
 
 def check_ranges(table: object, where: str, ranges: Iterable[tuple[str, float, float]]) -> None:

@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from models.files.rig import read_magnets
-from models.files.rig_tables import BodyTable, CapsuleTable, TissueTable, check_range
+from models.files.rig_tables import BodyTable, CapsuleTable, Magnet, TissueTable, check_range
+from models.files.rig_tables import Drive as DriveTable
 from models.files.rig_tables import Noise as NoiseTable
+from models.files.rig_tables import Surface as SurfaceTable
 from models.files.rig_tables import Table as RigTable
 from models.files.tables import choice, converted, from_table, is_number, shown, with_contact_angle
 from models.files.toml import read_toml
@@ -19,6 +21,7 @@ from plant.anatomy import Anatomy, along, random_anatomy
 from plant.drives.kinds import DRIVES, Drive, MagnetPair
 from plant.experiments.profile import PROFILES, Profile, Recorded
 from plant.hidden.registry import hidden
+from plant.hidden.table import effect_table
 from plant.rig import STEP_S, Plate, Rig
 from plant.sensing.sensors import Sensor
 
@@ -90,7 +93,7 @@ def load_scenario(path: Path) -> Scenario:
     try:
         return parse_scenario(raw, path.parent)
     except ValueError as error:
-        raise ValueError(f"{path.name}: {error}") from error
+        raise ValueError(f"{path}: {error}") from error
 
 
 def parse_scenario(raw: Table, folder: Path) -> Scenario:
@@ -118,7 +121,17 @@ def parse_truth(raw: Table) -> tuple[Run, str, Rig]:
         )
     kind = choice(raw.get("rig", {}), "rig.kind", tuple(DRIVES))
     body = BodyTable if raw.get("surface", {}).get("kind", "gut") != "gut" else CapsuleTable
-    for name, model in (("capsule", body), ("tissue", TissueTable), ("noise", NoiseTable)):
+    models: dict[str, type[RigTable]] = {
+        "capsule": body,
+        "tissue": TissueTable,
+        "noise": NoiseTable,
+        "surface": SurfaceTable,
+    }
+    if kind == "magnetic":
+        models |= {"rig": Magnet}
+    if kind == "vibro":
+        models |= {"drive": DriveTable, "rig": DriveTable}
+    for name, model in models.items():
         _in_range(raw.get(name, {}), model, name)
     capsule = from_table(Capsule, raw.get("capsule", {}), "capsule")
     tissue, hoop = _tissue(raw.get("tissue", {}), capsule)
@@ -164,8 +177,8 @@ def _tissue(table: Table, capsule: Capsule) -> tuple[Tissue, float]:
     if preset != "jejunum":
         raise ValueError(f"tissue.preset must be 'jejunum'; got {preset!r}")
     hoop = converted(table.get("hoop_stress_factor", 1.0), float, "tissue.hoop_stress_factor")
-    if not hoop > 0:
-        raise ValueError(f"tissue.hoop_stress_factor must be positive; got {hoop:g}")
+    if not 0.01 <= hoop <= 100:
+        raise ValueError(f"tissue.hoop_stress_factor must be 0.01 to 100; got {hoop:g}")
     table = with_contact_angle(table, capsule.radius_m, "tissue")
     return from_table(Tissue, table, "tissue", skip=("preset", "hoop_stress_factor")), hoop
 
@@ -201,10 +214,12 @@ def _effects(table: Table, kind: str) -> dict[str, dict[str, float]]:
             )
         if not isinstance(numbers, Mapping):
             raise ValueError(f"effects.{name} must be a table of its numbers; got {shown(numbers)}")
-    return {
+    chosen = {
         name: {key: converted(value, float, f"effects.{name}.{key}") for key, value in numbers.items()}
         for name, numbers in table.items()
     }
+    effect_table(chosen)
+    return chosen
 
 
 def _profile(table: Table, folder: Path) -> Profile:

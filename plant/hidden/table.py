@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 import numpy as np
@@ -10,7 +9,7 @@ from numpy.typing import NDArray
 
 from models.parameter import nearest
 from plant.compiling import compiled
-from plant.hidden.registry import HIDDEN, ONSET, ROWS, hidden
+from plant.hidden.registry import HIDDEN, ONSET, ROWS, Shape, hidden
 from plant.tables import Floats
 
 _LEVEL: Final = (ROWS["stribeck"], ROWS["rolling_wobble"] + 1)
@@ -46,6 +45,8 @@ def has_drive(h: Floats) -> bool:
 
 
 SLOTS: Final = 4
+_FAR: Final = 1e3
+_LATEST_S: Final = 1e6
 ONSET_KEY: Final = "onset_s"
 
 
@@ -68,10 +69,12 @@ def effect_table(chosen: dict[str, dict[str, float]]) -> NDArray[np.float64]:
                     f"numbers of {name} must be among {', '.join(names)}; got {key!r}; {nearest(key, names)}"
                 )
         for slot, shape in enumerate(effect.numbers):
-            table[ROWS[name], slot] = _possible(numbers.get(shape.name, shape.middle), shape.name, slot == 0, name)
+            table[ROWS[name], slot] = _possible(numbers.get(shape.name, shape.middle), shape, slot == 0, name)
         onset = numbers.get(ONSET_KEY, 0.0)
-        if not 0 <= onset < math.inf:
-            raise ValueError(f"effects.{name}.{ONSET_KEY} must be zero or more; got {onset:g}")
+        if not 0 <= onset <= _LATEST_S:
+            raise ValueError(
+                f"effects.{name}.{ONSET_KEY} must be zero or more and at most {_LATEST_S:g} s; got {onset:g}"
+            )
         table[ROWS[name], ONSET] = onset
     return table
 
@@ -83,14 +86,18 @@ def begun(table: Floats, time_s: float) -> Floats:
     return found
 
 
-def _possible(value: float, number: str, amplitude: bool, effect: str) -> float:
+def _possible(value: float, number: Shape, amplitude: bool, effect: str) -> float:
     """The number itself: lengths, times, compliances are not negative, a shape's numbers positive but for places and
-    phases.
+    phases, and none is far from those that a random rig draws.
     """
-    shape = not amplitude and number not in ("phase_rad", "centre_m")
-    size = amplitude and number.endswith(("_s", "_m", "_per_N"))
+    where, most = f"effects.{effect}.{number.name}", _FAR * number.upper
+    shape = not amplitude and number.name not in ("phase_rad", "centre_m")
+    size = amplitude and number.name.endswith(("_s", "_m", "_per_N"))
     if (shape and not value > 0) or (size and not value >= 0):
-        raise ValueError(f"effects.{effect}.{number} must be {'positive' if shape else 'zero or more'}; got {value:g}")
+        raise ValueError(f"{where} must be {'positive' if shape else 'zero or more'}; got {value:g}")
+    if not abs(value) <= most or (shape and value < number.lower / _FAR):
+        least = f"{number.lower / _FAR:g} to " if shape else "at most "
+        raise ValueError(f"{where} must be {least}{most:g}{'' if shape else ' either way'}; got {value:g}")
     return value
 
 

@@ -239,6 +239,16 @@ def test_limits_that_limit_nothing_are_refused(wrong: dict[str, float]) -> None:
         Limits(**wrong)
 
 
+@pytest.mark.parametrize("name", sorted({*Limits.ranges()} - {"temperature_C", "derate_C"}))
+def test_a_limit_cannot_be_set_so_high_that_it_limits_nothing(name: str) -> None:
+    least, most = Limits.ranges()[name]
+    for value in (least, most):
+        assert getattr(Limits(**{name: value}), name) == value
+    for value in (0.5 * least, 1.01 * most, 1e300):
+        with pytest.raises(ValueError, match=f"limit {name} must be a number from"):
+            Limits(**{name: value})
+
+
 def test_an_imposed_motion_has_no_command_to_limit() -> None:
     with pytest.raises(ValueError, match="drive must be magnetic, coil or vibro"):
         envelope_of(Pull())

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from hil.app.campaign.file import load_campaign
+from hil.app.main import run
 from hil.app.scenario.bus_scenario import load_sil_scenario
 from hil.app.scenario.deployment import load_deployment, read_deployed_rig
 from hil.app.scenario.scenario import load_track_scenario
@@ -241,6 +242,24 @@ def test_spoiled_files_of_channels(tmp_path: Path, ending: str) -> None:
         bounded(file_channels, path)
 
 
+def test_a_packed_message_of_a_gigabyte_ends_within_bounds(tmp_path: Path) -> None:
+    """A small file whose messages are mostly blanks: one sentence, and the reader takes no more than its share."""
+    writer = pytest.importorskip("mcap.writer")
+    path = tmp_path / "bomb.mcap"
+    with path.open("wb") as file:
+        log_file = writer.Writer(file, chunk_size=1 << 31)
+        log_file.start()
+        schema = log_file.register_schema("x", "jsonschema", b'{"type": "object"}')
+        channel = log_file.register_channel("x", "json", schema)
+        for k in range(12):
+            log_file.add_message(channel, k, b'{"a": 1}' + b" " * (50 << 20), k)
+        log_file.finish()
+    before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+    said = bounded(file_channels, path)
+    assert said.startswith(f"{path}: ")
+    assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss < max(MOST_KB, before + 1)
+
+
 def test_packed_nothing_is_refused_before_it_is_unpacked(tmp_path: Path) -> None:
     path = tmp_path / "bomb.csv.gz"
     with gzip.open(path, "wb") as file:
@@ -261,7 +280,7 @@ def test_packed_nothing_is_refused_before_it_is_unpacked(tmp_path: Path) -> None
             "rig",
             "[rig]",
             "[noise]\nposition_std_m = 10.0\n[rig]",
-            "position_std_m must be more than 0 and at most 0.1 m",
+            "position_std_m must be 1e-09 to 0.1 m",
         ),
         ("scenario", "duration_s = 1.0", "duration_s = -1.0", "duration_s must be"),
         ("scenario", "duration_s = 1.0", "duration_s = -1.0\nstep_s = -1e-5", "step_s must be"),
@@ -298,3 +317,95 @@ def test_another_unit_is_a_finding(tmp_path: Path, time_by: float, place_by: flo
     columns = {"t_s": time_by * t, "position_m": place_by * x, "force_N": f}
     ids = {one.id for one in check_units(View(Record("r", "pull", columns), read_rig(tmp_path / "rig.toml")))}
     assert ids == ({found} if found else set())
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "sentence"),
+    [
+        ("rig", "recovery_time_s = 0.05", "recovery_time_s = 1e-308", "recovery_time_s must be 0.0001 to 100 s"),
+        (
+            "rig",
+            "[rig]",
+            "[noise]\nforce_std_N = 1e-308\n[rig]",
+            "force_std_N must be 1e-09 to 100 N",
+        ),
+        (
+            "scenario",
+            "[profile]",
+            "[effects.fold_periodic]\nwavelength_m = -1.0\n[profile]",
+            "wavelength_m must be positive",
+        ),
+        ("scenario", "[profile]", "[effects.fold_periodic]\nexcess = 1e300\n[profile]", "excess must be at most 350"),
+        ("scenario", "[profile]", "[tissue]\nhoop_stress_factor = 1e300\n[profile]", "hoop_stress_factor must be"),
+        ("track", 'kind = "magnetic"', 'kind = "magnetic"\nmagnet_stiffness_N_per_m = 1e300', "must be at least 1e-12"),
+        ("track", 'kind = "magnetic"', 'kind = "magnetic"\nmagnet_range_m = 1e-308', "magnet_range_m must be 1e-06"),
+        ("track", "[reference]", "[limits]\nforce_N = 1e300\n[reference]", "force_N must be a number from 1e-06 to 20"),
+        (
+            "track",
+            'kind = "magnetic"',
+            'kind = "coil"\n[drive]\nresistance_ohm = 1e300',
+            "drive.resistance_ohm must be 0 or 1e-12 to",
+        ),
+        (
+            "track",
+            'kind = "magnetic"',
+            'kind = "magnetic"\n[rig.magnet]\nheight_m = 1e-308\nouter_moment_A_m2 = 1.0\ninner_moment_A_m2 = 1.0',
+            "height_m must be 0.001 to 10 m",
+        ),
+        ("deployment", "temperature_C = 43.0", "temperature_C = 1e300", "temperature_C must be a number from"),
+        ("deployment", "answer_s = 60.0", "answer_s = 1e300", "answer_s must be 0 or"),
+    ],
+)
+def test_numbers_that_no_unit_can_have_are_refused(
+    tmp_path: Path, name: str, old: str, new: str, sentence: str
+) -> None:
+    """Far too small and far too large ones, in the belief, the truth, the limits and what runs beside them."""
+    file, read, text = READERS[name]
+    assert old in text
+    path = tmp_path / file
+    path.write_text(text.replace(old, new, 1))
+    said = bounded(read, path)
+    assert sentence in said
+    assert said.startswith(f"{path}: ")
+
+
+@pytest.mark.parametrize(
+    ("t_by", "force_by", "sentence"),
+    [
+        (1e-300, 1, "t_s must step by at least"),
+        (1e300, 1, "t_s must step by at most 1 s"),
+        (1e3, 1, "t_s must step by at most 1 s"),
+        (1, 1e300, "force_N must be between -1000 and 1000 N"),
+    ],
+)
+@pytest.mark.filterwarnings("error")
+def test_samples_of_no_rig_stop_at_the_first_look(
+    tmp_path: Path, t_by: float, force_by: float, sentence: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    t = 0.01 * np.arange(1000)
+    rows = zip(t_by * t, 0.005 * np.sin(t), force_by * (0.1 + 0.01 * np.cos(t)), strict=True)
+    (tmp_path / "r.csv").write_text(RECORD.splitlines()[0] + "\n" + "".join(f"{a},{b},{c}\n" for a, b, c in rows))
+    (tmp_path / "rig.toml").write_text(PULL)
+    words = [str(tmp_path / "r.csv"), "--rig", str(tmp_path / "rig.toml")]
+    status = run(["check", *words])
+    said = capsys.readouterr()
+    assert sentence in " ".join((said.out if status == 1 else said.err).split())
+    assert status == (1 if force_by == 1 else 2)
+    assert run(["close-loop", *words, "--out", str(tmp_path / "o")]) == 2
+    assert sentence in capsys.readouterr().err
+
+
+def test_a_link_to_itself_and_an_empty_name_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    loop = tmp_path / "loop.csv"
+    loop.symlink_to(loop)
+    (tmp_path / "rig.toml").write_text(PULL)
+    for words, sentence in (
+        (["check", str(loop), "--rig", str(tmp_path / "rig.toml")], "loop.csv: record must be a file"),
+        (["campaign", ""], "what follows 'campaign' must name a file or a folder"),
+        (["init", "pull", ""], "what follows 'pull' must name a file or a folder"),
+        (["check", str(loop), "--rig", ""], "--rig must name a file or a folder"),
+        (["demo", "--seed", "9" * 400], "--seed must be less than or equal to"),
+        (["demo", "--seed", "x"], "--seed must be a valid integer; got 'x'"),
+    ):
+        assert run(words) == 2, words
+        assert sentence in capsys.readouterr().err

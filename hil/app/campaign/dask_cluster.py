@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from hil.app.campaign.worker import Job, Row, lost, run_jobs
 
-ANSWER_S: Final = 10.0
+ANSWER_S: Final = 5.0
 LOOK_S: Final = 1.0
 PATIENCE_S: Final = 60.0
 RETRIES: Final = 3

@@ -28,14 +28,11 @@ def value_of(row: Row, metric: str) -> float:
 
 
 def groups(rows: Sequence[Row], draws: Sequence[str]) -> dict[str, list[Row]]:
-    """Rows by what sets them apart beside case and draws."""
+    """Rows by what sets them apart beside case and draws, in words."""
     parted: dict[str, list[Row]] = {}
+    varied = [key for key in _keys(rows, draws) if key not in draws]
     for row in rows:
-        words = [
-            f"{key.rpartition('.')[2]} {value}"
-            for key, value in row["point"].items()
-            if key != "case" and key not in draws
-        ]
+        words = [_point_words(key, row["point"][key]) for key in varied if key in row["point"]]
         parted.setdefault(", ".join(words) or "all", []).append(row)
     return parted
 
@@ -123,15 +120,22 @@ def _summary_table(parted: Mapping[str, Sequence[Row]], metric: str, unit: str, 
 def _worst_table(rows: Sequence[Row], metric: str, unit: str, factor: float, repeat: str) -> str:
     lines = []
     for row in worst_of(rows, metric):
-        point = ", ".join(f"{' '.join(key_words(key))} {_short(value)}" for key, value in row["point"].items())
+        point = ", ".join(_point_words(key, value) for key, value in row["point"].items())
         value = escape(str(row["error"])) if row.get("error") else number(factor * value_of(row, metric), 4)
         lines.append([value, escape(point), f"<code>{escape(repeat)} --run {row['run']}</code>"])
     words = column_words(metric)[0]
     return table((f"{escape(words)}, {unit}" if unit else escape(words), "case", "repeat it with"), lines, left=3)
 
 
+def _point_words(key: str, value: Any) -> str:
+    """A key of the scenario and its value, as `magnet stiffness 24.3 N/m` or `controller pid friction`."""
+    words, unit = key_words(key)
+    shown = _short(value)
+    return f"{words} {shown} {unit}".rstrip()
+
+
 def _short(value: Any) -> str:
-    return number(value, 4) if isinstance(value, int | float) and not isinstance(value, bool) else str(value)
+    return number(value, 4) if isinstance(value, float) else str(value)
 
 
 def _finite(rows: Sequence[Row], metric: str) -> list[Row]:
@@ -145,7 +149,7 @@ def _spread(parted: Mapping[str, Sequence[Row]], metric: str, title: str, factor
         figure.add_trace(
             go.Box(
                 x=[factor * value_of(row, metric) for row in good],
-                name=name,
+                name=name.replace(", ", ",<br>"),
                 boxpoints="outliers" if len(good) > _EACH else "all",
                 text=[f"run {row['run']}" for row in good],
                 marker={"color": line_colour(k), "symbol": symbol(k)},

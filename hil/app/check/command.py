@@ -10,6 +10,7 @@ from rich.console import Console
 from hil.app.console import print_json, summary
 from hil.app.identify.close_loop import read_series
 from hil.app.report.findings import grouped
+from hil.app.report.words import tidy
 from hil.app.scenario.deployment import read_deployed_rig
 from models.checks.examine import examine, stopping
 from models.checks.finding import RecordFinding
@@ -41,7 +42,7 @@ def show(console: Console, findings: Sequence[RecordFinding], hidden: dict[str, 
     for alike in grouped(findings):
         console.print(f"{alike[0].severity}: {alike[0].id.replace('_', ' ')}", markup=False, style="bold")
         for finding in alike:
-            console.print(f"  {finding.file}, {finding.where}: {finding.sentence}", markup=False, soft_wrap=True)
+            console.print(f"  {finding.file}, {finding.where}: {tidy(finding.sentence)}", markup=False, soft_wrap=True)
         console.print(f"  told by: {alike[0].how}", markup=False, soft_wrap=True)
         console.print(f"  remedy: {alike[0].remedy}", markup=False, soft_wrap=True)
     if hidden:

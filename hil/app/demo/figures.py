@@ -12,7 +12,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from hil.app.demo.story import Array, Mission, Story, Told
-from hil.app.quantities import number
+from hil.app.quantities import number, scale
 from hil.app.report.figure_residuals import residual_figure
 from hil.app.report.panels import panels, thinned
 from hil.app.report.theme import MUTED, STAGE_COLOURS, styled
@@ -31,27 +31,38 @@ def improvement_figure(loops: Sequence[tuple[Story, Told]]) -> go.Figure:
     for place, (_, told) in enumerate(loops):
         factor, _unit = error_scale(told.finding)
         predicted = told.finding.error[tested_part(told.finding)]
-        tracked = {stage: 1e3 * mission.numbers["tracking_rmse_m"] for stage, mission in told.missions.items()}
+        factor_m, _unit_m = _tracking_scale(told)
+        tracked = {stage: factor_m * mission.numbers["tracking_rmse_m"] for stage, mission in told.missions.items()}
         predictions = {stage: factor * predicted[stage] for stage in STAGES if stage in predicted}
         for column, values in enumerate((predictions, tracked), start=1 + 2 * place):
-            figure.add_bar(
-                x=[STAGE_WORDS[stage] for stage in values],
-                y=list(values.values()),
-                marker={"color": [STAGE_COLOURS[stage] for stage in values], "cornerradius": 3},
-                text=[number(value, 3) for value in values.values()],
-                textposition="outside",
-                cliponaxis=False,
-                showlegend=False,
-                row=1,
-                col=column,
-            )
+            for stage, value in values.items():
+                figure.add_bar(
+                    x=[STAGE_WORDS[stage]],
+                    y=[value],
+                    name=STAGE_WORDS[stage],
+                    marker={"color": STAGE_COLOURS[stage], "cornerradius": 3},
+                    text=[number(value, 3)],
+                    textposition="outside",
+                    cliponaxis=False,
+                    showlegend=column == 1,
+                    row=1,
+                    col=column,
+                )
         figure.update_yaxes(range=[0, HEADROOM * max(tracked.values(), default=1.0)], row=1, col=2 + 2 * place)
         figure.update_yaxes(range=[0, HEADROOM * max(predictions.values(), default=1.0)], row=1, col=1 + 2 * place)
-    return styled(figure, 340, bargap=0.35).update_xaxes(automargin=True, tickangle=-30)
+    return (
+        styled(figure, 340, bargap=0.35)
+        .update_xaxes(showticklabels=False)
+        .update_layout(legend={"y": -0.04, "yanchor": "top"})
+    )
 
 
 def _units(told: Told) -> tuple[tuple[str, str], tuple[str, str]]:
-    return ("prediction", error_scale(told.finding)[1]), ("tracking", "mm")
+    return ("prediction", error_scale(told.finding)[1]), ("tracking", _tracking_scale(told)[1])
+
+
+def _tracking_scale(told: Told) -> tuple[float, str]:
+    return scale([mission.numbers["tracking_rmse_m"] for mission in told.missions.values()], "m")
 
 
 def left_over_figure(finding: Finding) -> go.Figure | None:

@@ -54,17 +54,21 @@ def demo_html(lines: Sequence[Line], seconds: float, learned: Sequence[tuple[Sto
     ]
     parts = [(story, _loop(story, told)) for story, told in loops]
     parts += [(story, _learned(story, one)) for story, one in learned]
-    sections += [(story.name, story.title[:1].upper() + story.title[1:], part) for story, part in parts]
+    sections += [(story.name, _capital(story.title), part) for story, part in parts]
     title = "Drive, record, find what the model lacks, drive again"
     story = " ".join(
         [
             *(_sentence(story, told) for story, told in loops),
-            *(f"{story.title.capitalize()}: {told.caution}" for story, told in lines if told.caution),
-            *(f"{story.title.capitalize()}: {one.sentence}." for story, one in learned),
+            *(f"{_capital(story.title)}: {told.caution}" for story, told in lines if told.caution),
+            *(f"{_capital(story.title)}: {one.sentence}." for story, one in learned),
         ]
     )
     head = heading(f"Capsule demo · {len(lines) + len(learned)} stories · {seconds:.0f} s", title, story, "named")
     return document(title, head, sections)
+
+
+def _capital(words: str) -> str:
+    return words[:1].upper() + words[1:]
 
 
 def _sentence(story: Story, told: Told) -> str:
@@ -97,7 +101,7 @@ def _table(lines: Sequence[Line]) -> str:
             cells[1:3] = ["interpolated"] * 2
         what = "prediction, held out" if part == "holdout" else "prediction, training"
         link = f'<a href="{story.name}/{REPORT}">report</a>'
-        said = escape(f"{headline(told.finding)} {told.caution}".strip())
+        said = escape(headline(told.finding))
         rows.append([escape(story.title), what, *cells, said, link])
         if told.missions:
             cells = [

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from controller.supervision.acceptance import Verdict
 from hil.app.identify.close_loop import read_series, result_files
 from hil.app.papers.analytical import best_miss, thirty_periods
+from hil.app.quantities import change
 from hil.app.write import write_files
 from models.files.rig import Rig, read_rig
 from models.identification import Model, close
@@ -116,7 +117,7 @@ def against_thirty(finding: Finding) -> str:
     stage = "augmented" if finding.effects else "calibrated"
     predicted = finding.traces[0].predicted[stage].mean(0)
     off = [
-        f"{name} {best_miss(value, means):+.1%}"
+        f"{name} {change(1 + best_miss(value, means), 1.0)}"
         for (name, means), value in zip(thirty_periods().items(), predicted, strict=True)
     ]
     return (

@@ -18,8 +18,9 @@ from hil.app.design.gains import command_unit, gains_json
 from hil.app.design.page import design_html
 from hil.app.design.tables import balance_lines, cycle_table, margin_table, words_of
 from hil.app.design.vibro import print_vibro, study_of, vibro_html, vibro_json
+from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import check_folder, write_files
-from models.files.rig import Rig, read_rig
+from models.files.rig import Rig
 from models.identification.finding import STAGES
 from models.identification.model import read_model
 from models.parameter import nearest
@@ -42,7 +43,7 @@ def design(
     """Design for the rig of a file, with the numbers of a model that close-loop wrote where one is given; draw into
     `out`.
     """
-    belief = read_rig(rig)
+    belief = read_deployed_rig(rig)
     values = _values(belief, model, stage)
     if not 0 <= delay_ms <= LONGEST_DELAY_MS:
         raise ValueError(f"--delay must lie in [0, {LONGEST_DELAY_MS:g}] ms; got {delay_ms:g}")

@@ -18,6 +18,7 @@ from controller.model.linear import Array
 from hil.app.design.tables import balance_lines, cycle_table, margin_table, words_of
 from hil.app.report.document import document, heading, mixed_table
 from hil.app.report.theme import INK, MUTED, figure_html, line_colour, line_look, styled
+from hil.app.report.words import signed
 
 Figures = Mapping[str, tuple[str, go.Figure]]
 
@@ -58,14 +59,14 @@ def table_html(table: Table) -> str:
     """A table of the terminal on the page."""
     columns = table.columns
     head = [(escape(str(column.header)), column.justify == "left") for column in columns]
-    rows = zip(*([escape(str(cell)) for cell in column.cells] for column in columns), strict=True)
+    rows = zip(*([escape(signed(str(cell))) for cell in column.cells] for column in columns), strict=True)
     title = f"<h3>{escape(str(table.title))}</h3>" if table.title else ""
     return title + mixed_table(head, rows)
 
 
 def listed_html(lines: Sequence[str]) -> str:
     """Lines of the terminal on the page."""
-    return f"<ul>{''.join(f'<li>{escape(line.strip())}</li>' for line in lines)}</ul>"
+    return f"<ul>{''.join(f'<li>{escape(signed(line.strip()))}</li>' for line in lines)}</ul>"
 
 
 def _look(loops: Sequence[Loop], loop: Loop) -> dict[str, object]:

@@ -217,15 +217,14 @@ def span(schema: Mapping[str, Any]) -> str:
 def _dataclass(cls: type[Any]) -> Iterator[tuple[str, str, str, str]]:
     hints = typing.get_type_hints(cls)
     for field in dataclasses.fields(cls):
-        if (cls, field.name) in CHECKED:
-            lower, upper = CHECKED[cls, field.name]
+        known = Limits.ranges().get(field.name) if cls is Limits else CHECKED.get((cls, field.name))
+        if known is not None:
+            lower, upper = known
             span = f">= {lower:g}" + (f", <= {upper:g}" if math.isfinite(upper) else "")
         elif field.name in _CHOICES:
             span = ", ".join(f"`{name}`" for name in _CHOICES[field.name])
         elif (cls, field.name) == (OdriveTable, "node_id"):
             span = ", ".join(map(str, FREE_NODES))
-        elif cls is Limits:
-            span = "> 0"
         else:
             listed = "list of text" if "str" in str(hints[field.name]) else "list of numbers"
             other = listed if "tuple" in str(hints[field.name]) else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -16,7 +17,7 @@ from hil.app.quantities import amount
 from hil.app.report import headline, report_html, report_json
 from hil.app.report.dependence import story
 from hil.app.report.findings import grouped
-from hil.app.report.words import STAGE_WORDS, error_scale, interpolation, scaled
+from hil.app.report.words import STAGE_WORDS, error_scale, interpolation, scaled, tidy
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import check_targets, sole_writer, table_text, write_files
 from hil.log.record import read_rig_record
@@ -77,11 +78,12 @@ def read_series(
     """Training and held-out records with names of their own; a file that is given twice is refused. `lenient`: times
     and values as they stand, for checks that say something about them.
     """
-    seen: set[Path] = set()
+    seen: set[str] = set()
     for path in (*records, *holdout):
-        if path.resolve() in seen:
+        place = os.path.realpath(path)  # unlike `Path.resolve`, it takes a link that leads to itself
+        if place in seen:
             raise ValueError(f"records must be different files, for training or held out; got {path} twice")
-        seen.add(path.resolve())
+        seen.add(place)
     read = [read_told(path, rig, lenient=lenient) for path in (*records, *holdout)]
     names = [record.name for record in read]
     paths = (*records, *holdout)
@@ -129,21 +131,21 @@ def print_summary(finding: Finding, out: Path) -> None:
     console.print(f"[bold]{finding.verdict}[/bold]: ", end="")
     console.print(headline(finding), markup=False)
     for reason in finding.reasons:
-        console.print(f"  {reason}", markup=False, soft_wrap=True)
+        console.print(f"  {tidy(reason)}", markup=False, soft_wrap=True)
     for sentence in story(finding.dependence) if finding.dependence else ():
         console.print(f"  {sentence}", markup=False, soft_wrap=True)
     if finding.dependence and finding.dependence.term:
         console.print(f"  as an effect file: capsule effects propose {out} --out my_effect.py", markup=False)
     for alike in grouped(finding.findings):
         more = f" (and {len(alike) - 1} more)" if len(alike) > 1 else ""
-        console.print(f"{alike[0].severity}: {alike[0].sentence}{more}", markup=False, soft_wrap=True)
+        console.print(f"{alike[0].severity}: {tidy(alike[0].sentence)}{more}", markup=False, soft_wrap=True)
     console.print(
         error_table({"training": finding.error["train"], "held out": finding.error.get("holdout", {})}, finding)
     )
     console.print(f"report: {out / REPORT}", markup=False, soft_wrap=True)
     console.print(f"model:  {out / MODEL}", markup=False, soft_wrap=True)
     if finding.proposal is not None:
-        console.print(f"next:   {finding.next_experiment}", markup=False, soft_wrap=True)
+        console.print(f"next:   {tidy(finding.next_experiment or '')}", markup=False, soft_wrap=True)
 
 
 def error_table(rows: dict[str, dict[str, float]], finding: Finding) -> Table:

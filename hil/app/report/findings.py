@@ -50,7 +50,7 @@ def warning_html(finding: Finding) -> str:
 
 def _card(alike: Sequence[RecordFinding]) -> str:
     first = alike[0]
-    places = "".join(f"<li><b>{escape(f.file)}</b>, {escape(f.where)}: {escape(f.sentence)}</li>" for f in alike)
+    places = "".join(f"<li><b>{escape(f.file)}</b>, {escape(f.where)}: {escape(tidy(f.sentence))}</li>" for f in alike)
     return (
         f'<div class="card {first.severity}"><h3>{escape(first.id.replace("_", " "))}'
         f" <small>{SEVERITIES[first.severity]}</small></h3><ul>{places}</ul>"

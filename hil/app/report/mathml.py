@@ -90,12 +90,19 @@ _RELATIONS: Final = MappingProxyType(
 )
 _CLOSING: Final = MappingProxyType({"(": ")", "[": "]", "{": "}"})
 _DEEPEST: Final = 60
+_BREAK: Final = "\ue000"
+"""Where a long line may go on below, before it is known what is open there."""
 _WORD: Final = '<mi mathvariant="normal">'
 _THIN: Final = '<mspace width="0.15em"/>'
 
 
 def math_html(text: str, symbols: Collection[str] = ()) -> str:
     """One line of formulas and words as a `math` element; names in `symbols` are no words."""
+    return _marked(text, symbols).replace(_BREAK, "")
+
+
+def _marked(text: str, symbols: Collection[str]) -> str:
+    """A `math` element in which marks stand where it may be broken."""
     try:
         inside = _Reader(text, symbols).line()
     except (IndexError, RecursionError):
@@ -103,12 +110,34 @@ def math_html(text: str, symbols: Collection[str] = ()) -> str:
     return f"<math>{inside}</math>"
 
 
+def _broken(element: str) -> str:
+    """Marks where only rows are open as the end of one `math` element and the begin of the next one, between which a
+    browser may go to the next line; within fractions and roots it may not.
+    """
+    out, opened = list[str](), list[str]()
+    new = False
+    for part in re.split(f"(<[^>]*>|{_BREAK})", element):
+        if part == _BREAK:
+            if set(opened) <= {"math", "mrow"}:
+                rows = opened.count("mrow")
+                out.append("</mrow>" * rows + "</math> <math>" + "<mrow>" * rows)
+                new = True
+            continue
+        out.append('<mo form="infix" lspace="0" rspace="0.22em">' if new and part == "<mo>" else part)
+        new = new and not part.startswith("<")
+        if part.startswith("</"):
+            opened.pop()
+        elif part.startswith("<") and not part.endswith("/>"):
+            opened.append(part[1:-1].split()[0])
+    return "".join(out)
+
+
 def equations_html(lines: Iterable[str], symbols: Collection[str] = ()) -> str:
     """All lines as one block; a line that begins with spaces continues the one before; names in `symbols` are no
     words.
     """
     rows = "".join(
-        f'<div class="line{" more" if line.startswith(" ") else ""}">{math_html(line.strip(), symbols)}</div>'
+        f'<div class="line{" more" if line.startswith(" ") else ""}">{_broken(_marked(line.strip(), symbols))}</div>'
         for line in lines
         if line.strip()
     )
@@ -161,7 +190,7 @@ class _Reader:
         while self._at < len(self._tokens) and not (stop and self._peek(stop)):
             if self._tokens[self._at].text in _RELATIONS:
                 mark = _RELATIONS[self._next().text]
-                out.append(f"<mo>{mark}</mo>" + ('<mspace width="0.4em"/>' if mark in ",;:" else ""))
+                out.append(f"<mo>{mark}</mo>" + (f'<mspace width="0.4em"/>{_BREAK}' if mark in ",;:" else ""))
                 continue
             before = self._at
             out.append(self._sum())
@@ -175,7 +204,7 @@ class _Reader:
             out.append(f'<mo form="prefix">{_sign(self._next().text)}</mo>')
         out.append(self._product())
         while self._peek("+", "-"):
-            out.append(f"<mo>{_sign(self._next().text)}</mo>")
+            out.append(f"{_BREAK}<mo>{_sign(self._next().text)}</mo>")
             out.append(self._product())
         return "".join(out)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from html import escape
 
@@ -40,6 +41,8 @@ from hil.app.report.words import (
 from models.identification.finding import NEXT_CSV, NEXT_TOML, Finding
 
 POINTS, MOST_PANELS = 50_000, 12
+_INDEXED = re.compile(r"\b([A-Za-z])_([A-Za-z])\b")
+"""A letter with an index in a sentence."""
 VERDICTS = {"named": "effect named", "none": "nothing missing", "unknown": "no verdict"}
 
 
@@ -211,7 +214,8 @@ def _model(finding: Finding) -> str:
 
 
 def _sure(finding: Finding) -> str:
-    statements = "".join(f"<li>{escape(tidy(statement))}</li>" for statement in finding.statements)
+    told = (_INDEXED.sub(r"<i>\1</i><sub>\2</sub>", escape(tidy(statement))) for statement in finding.statements)
+    statements = "".join(f"<li>{one}</li>" for one in told)
     out = f"<ul>{statements}</ul>" if statements else ""
     failed = sum(not check.ok for check in finding.checks)
     if finding.checks:

@@ -68,10 +68,12 @@ def parameter_table(estimates: dict[str, Estimate], nominal: dict[str, float] | 
         first = [symbol_html(name), escape(parameter_words(name)), unit_words(unit)]
         value = words.value if estimate.told else number(factor * estimate.value, 3)
         rows.append([*first, *compared[:1], value, interval, *compared[1:]])
-    if nominal is None:
-        return table(["", "parameter", "unit", "value", "95 % interval"], rows, left=3)
-    head = ["", "parameter", "unit", "nominal", "calibrated", "95 % interval", "change from nominal"]
-    return table(head, rows, left=3)
+    found = ["value", "95 % interval"]
+    if nominal is not None:
+        found = ["nominal", "calibrated", "95 % interval", "change from nominal"]
+    head = ["", "parameter", "unit", *found]
+    lettered = any(row[0] for row in rows)
+    return table(head, rows, left=3) if lettered else table(head[1:], [row[1:] for row in rows], left=2)
 
 
 def check_table(finding: Finding) -> str:

@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from hil.app.quantities import amount, scale
+from hil.app.quantities import amount, number, scale
 from models.effects import BY_ID
 from models.files.columns import COLUMNS
 from models.identification.finding import Finding
@@ -20,6 +20,10 @@ STAGE_WORDS = MappingProxyType({"nominal": "nominal", "calibrated": "calibrated"
 _COUNTS = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine")
 _MOST_VALUES = 100_000
 _IDS = re.compile(rf"\b(?:{'|'.join(sorted((name for name in BY_ID if '_' in name), key=len, reverse=True))})\b")
+_SMALL = re.compile(r"(?<![\w.])(\d+\.?\d*(?:e[+-]?\d+)?) (N|m|rad|V|A)(?![\w/·^²]|\s?[mNs]\b)")
+_POWER = re.compile(r"(?<![\w.])\d+\.?\d*e[+-]?\d+(?!\w)")
+_RANGE = re.compile(r"[\d.]\s*(?:to|and|or|,|…|/)\s*$")
+_HYPHEN = re.compile(r"(?<![\w.)\-])-(?=\d)")
 
 _NAMES = MappingProxyType(
     {
@@ -58,6 +62,9 @@ _UNITS = MappingProxyType(
         "_N": "N",
         "_A": "A",
         "_V": "V",
+        "_mm_s": "mm/s",
+        "_mm": "mm",
+        "_percent": "%",
         "_m": "m",
         "_s": "s",
     }
@@ -114,8 +121,35 @@ def effect_words(effect: str) -> str:
 
 
 def tidy(text: str) -> str:
-    """A sentence of a finding for the page: effects by their words, no backticks."""
-    return _IDS.sub(lambda match: effect_words(match.group()), text.replace("`", ""))
+    """A sentence of a finding for people: effects by their words, no backticks, small amounts with a prefix, true
+    signs.
+    """
+    words = _IDS.sub(lambda match: effect_words(match.group()), text.replace("`", ""))
+    return signed(_prefixed(words))
+
+
+def signed(text: str) -> str:
+    """`text` with a minus in place of the hyphen before a number."""
+    return _HYPHEN.sub("−", text)
+
+
+def _prefixed(text: str) -> str:
+    """`text` with its small amounts in a unit with a prefix: all of a unit in the same one."""
+    found = [match for match in _SMALL.finditer(text) if not _RANGE.search(text[: match.start()])]
+    largest = {unit: max(float(m[1]) for m in found if m[2] == unit) for unit in {m[2] for m in found}}
+
+    def told(match: re.Match[str]) -> str:
+        if match.start() not in places:
+            return match.group()
+        value = float(match[1])
+        factor, unit = scale([largest[match[2]] if 1e3 * value > largest[match[2]] else value], match[2])
+        if factor == 1.0:
+            return match.group()
+        digits = len(match[1].partition("e")[0].replace(".", "").lstrip("0"))
+        return amount(factor * value, unit, max(digits, 1))
+
+    places = {match.start() for match in found}
+    return _POWER.sub(lambda match: number(float(match.group()), 3), _SMALL.sub(told, text))
 
 
 def sentence(text: str) -> str:

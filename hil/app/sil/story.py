@@ -16,7 +16,7 @@ from hil.app.learn.learner import Lesson
 from hil.app.quantities import quantity
 from hil.app.report.document import document, heading, table
 from hil.app.report.theme import INK, figure_html, line_colour, styled
-from hil.app.report.words import effect_words, listed
+from hil.app.report.words import effect_words, listed, parameter_words, tidy
 from hil.app.scenario.bus_scenario import SilScenario
 from hil.app.scenario.model_facts import model_facts
 from hil.app.sil.loop import SilTrace, judged_loop
@@ -154,7 +154,12 @@ def error_figure(numbers: Mapping[str, Any]) -> go.Figure:
 def parts_table(numbers: Mapping[str, Any]) -> str:
     """The errors between the instants, of the numbers of `story_files`, as a table of a page."""
     rows = [
-        [str(k), escape(str(p["until"])), f"{p['from_s']:.0f} to {p['to_s']:.0f} s", quantity(p["rms_error_m"], "m")]
+        [
+            str(k),
+            escape(tidy(str(p["until"]))),
+            f"{p['from_s']:.0f} to {p['to_s']:.0f} s",
+            quantity(p["rms_error_m"], "m"),
+        ]
         for k, p in enumerate(numbers["parts"], start=1)
     ]
     words = "<p>Over the last minute, or less, before each instant; of the capsule's true place.</p>"
@@ -164,7 +169,7 @@ def parts_table(numbers: Mapping[str, Any]) -> str:
 def _lessons(lessons: Sequence[Lesson]) -> str:
     if not lessons:
         return "<p>The monitor saw no reason to doubt the model.</p>"
-    return "".join(f"<p>{escape(one.words[0].upper() + one.words[1:])}.</p>" for one in lessons)
+    return "".join(f"<p>{escape(tidy(one.words[0].upper() + one.words[1:]))}.</p>" for one in lessons)
 
 
 def _models(scenario: SilScenario, trace: SilTrace) -> str:
@@ -175,13 +180,16 @@ def _models(scenario: SilScenario, trace: SilTrace) -> str:
 
 
 def _model(facts: dict[str, Any], at_s: float) -> str:
-    head = f"<h3>Offered at {at_s:.0f} s: {escape(facts['made'])}</h3>"
+    head = f"<h3>Offered at {at_s:.0f} s: {escape(tidy(facts['made']))}</h3>"
     return head + table(
-        ("parameter", "rig file", "learned"), [[escape(n), nominal, v] for n, v, nominal in facts["rows"]]
+        ("parameter", "rig file", "learned"),
+        [[escape(parameter_words(n)), nominal, v] for n, v, nominal in facts["rows"]],
     )
 
 
 def _limits(found: dict[str, Any]) -> str:
-    rows = [[escape(name), f"{100 * share:.0f} %"] for name, share in found.get("limit_use", {}).items()]
+    rows = [
+        [escape(name.replace("_", " ")), f"{100 * share:.0f} %"] for name, share in found.get("limit_use", {}).items()
+    ]
     words = f"<p>Hard limits broken: {found['hard_violations']}. No limit is changed by what is learned.</p>"
     return words + (table(("largest use of", "share"), rows) if rows else "")

@@ -16,6 +16,7 @@ from hil.app.quantities import fixed, number, quantity
 from hil.app.report.document import document, heading, mixed_table, table
 from hil.app.report.panels import thinned
 from hil.app.report.theme import INK, MUTED, figure_html, line_look, styled
+from hil.app.report.words import column_words
 from hil.app.scenario.scenario import TrackScenario
 from hil.app.track.loop import Trace
 from hil.app.track.summary import not_ok, times, verdict
@@ -89,7 +90,7 @@ def _checks(runs: Sequence[Run]) -> str:
     rows = [
         [
             escape(found["controller"]),
-            escape(check["check"]),
+            escape(" in ".join(word for word in column_words(check["check"]) if word)),
             number(check["value"]),
             number(check["limit"]),
             f'<span class="{"pass" if check["passed"] else "fail"}">{verdict(check)}</span>',

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from annotated_types import Ge
 
 from models.checks.finding import RecordFinding
 from models.checks.instrument.usable import usable
 from models.checks.view import Array, View, grid_step, white_noise
 from models.files.rig import Rig
+from models.files.rig_tables import Noise, bounds
 
 _STATED = {"force_N": "force_std_N", "position_m": "position_std_m", "torque_N_m": "torque_std_N_m"}
 _OFF = 1.5
@@ -64,7 +66,7 @@ def check_noise(view: View) -> list[RecordFinding]:
                 f"the noise of {view.measured} is {told:.3g} {unit}, {told / stated[1]:.2g} times the stated"
                 f" {stated[1]:.3g} {unit}; the fits use what was found",
                 "second differences in the quieter stretches",
-                f"[noise] {stated[0]} = {told:.2g}",
+                _stated(stated[0], told),
             )
         )
     elif stated is not None and stated[1] > _ABSURD * float(np.ptp(view.y)):
@@ -76,7 +78,7 @@ def check_noise(view: View) -> list[RecordFinding]:
                 f"the stated noise of {stated[1]:.3g} {unit} is as large as the signal itself, which spans"
                 f" {float(np.ptp(view.y)):.3g} {unit}; the fits use {told:.3g} {unit}, which was found",
                 "the stated noise beside the span of the column",
-                f"[noise] {stated[0]} = {told:.2g}",
+                _stated(stated[0], told),
             )
         )
     elif stated is not None and told < stated[1] / (2 * _OFF):
@@ -88,7 +90,14 @@ def check_noise(view: View) -> list[RecordFinding]:
                 f"white noise of {view.measured} is {told:.3g} {unit}, less than the stated {stated[1]:.3g} {unit}: it"
                 " is filtered, or better than its data sheet; the stated one is used",
                 "second differences in the quieter stretches",
-                f"[noise] {stated[0]} = {told:.2g}, where the sensor is that good",
+                f"{_stated(stated[0], told)}, where the sensor is that good",
             )
         )
     return found
+
+
+def _stated(key: str, std: float) -> str:
+    """What to write under `[noise]`, which a rig file takes."""
+    lower, _ = bounds(Noise, key)
+    small = isinstance(lower, Ge) and std < lower.ge  # type: ignore[operator]
+    return f"leave {key} out of [noise]" if small else f"[noise] {key} = {std:.2g}"

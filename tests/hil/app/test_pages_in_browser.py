@@ -91,15 +91,22 @@ FAULTS = """() => {
 
 
 def campaign_page() -> str:
-    point = {"tissue.friction_coefficient": 0.06, "control.controller": "pid", "case": 0}
+    point = {"scenario.duration_s": 2.0, "tissue.friction_coefficient": 0.06, "case": 0}
     rows: list[dict[str, Any]] = [
         {
             "run": k,
-            "point": {**point, "case": k, "tissue.friction_coefficient": 0.06 + 0.001 * k, "control.controller": name},
+            "point": {
+                **point,
+                "case": k,
+                "tissue.friction_coefficient": 0.06 + 0.001 * k,
+                "control.controller": name,
+                "hidden": hidden,
+            },
             "result": {"tracking_rmse_m": 1e-4 * (1 + k % 7), "hard_violations": 0, "faults": []},
         }
         for k in range(40)
-        for name in ("pid", "mpc")
+        for name in ("pid_friction_estimated", "mpc")
+        for hidden in ("folds and stenosis", "none")
     ]
     return campaign_html(
         "friction", "tracking_rmse_m", rows, ["tissue.friction_coefficient"], "capsule campaign c.toml"

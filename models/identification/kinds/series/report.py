@@ -6,6 +6,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from models.drives.drive import Drive
 from models.effects import BY_ID
 from models.effects.equation import lines_of
@@ -59,10 +61,22 @@ def about_the_rig(drive: Drive, noise_std: float, unit: str, theta: Theta) -> li
 
 
 def next_experiment(kind: SeriesKind, theta: Theta, records: Sequence[Record]) -> str | None:
-    """What would separate each effect from those confounded with it."""
-    effects = active_effects(theta)
-    if not effects:
-        return None
-    return "; ".join(
-        f"{name} against {', '.join(BY_ID[name].confounders)}: {BY_ID[name].separated_by}" for name in effects
+    """What would separate each effect from those confounded with it, beside the records that there are."""
+    told = [
+        f"to tell {name} from {' and '.join(BY_ID[name].confounders)}: {BY_ID[name].separated_by}"
+        for name in active_effects(theta)
+    ]
+    return "; ".join([*told, f"there are so far {_there(records)}"]) if told else None
+
+
+def _there(records: Sequence[Record]) -> str:
+    """What the records hold already, each by its name."""
+    return ", ".join(f"{record.name} ({np.ptp(record['t_s']):.0f} s{_travels(record)})" for record in records)
+
+
+def _travels(record: Record) -> str:
+    return "".join(
+        f", {name.removesuffix('_m').replace('_', ' ')} {1e3 * x.min():.3g} to {1e3 * x.max():.3g} mm"
+        for name, x in record.columns.items()
+        if name.endswith("position_m")
     )

@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 
 from hil.app.campaign.file import laid_over, load_campaign, nested
 from hil.app.campaign.loop import Loop
-from hil.app.campaign.page import summary_of, worst_of
+from hil.app.campaign.page import page_html, summary_of, worst_of
 from hil.app.campaign.results import Results, chunks
 from hil.app.campaign.worker import TRIES, pooled, run_job
 from hil.app.main import run
@@ -218,3 +218,18 @@ def test_files_of_the_scenarios_folder_are_campaigns() -> None:
     sizes: Sequence[int] = [len(load_campaign(path)) for path in sorted(folder.glob("campaign_*.toml"))]
     assert sizes
     assert all(size >= 1000 for size in sizes)
+
+
+def test_runs_are_told_apart_by_what_differs_with_whole_seeds() -> None:
+    rows = [
+        {
+            "run": k,
+            "point": {"case": 0, "scenario.duration_s": 2.0, "anatomy.seed": 475813, "control.controller": name},
+            "result": {"tracking_rmse_m": 1e-4, "hard_violations": 0, "faults": []},
+        }
+        for k, name in enumerate(("pid", "mpc"))
+    ]
+    page = page_html("c", "tracking_rmse_m", rows, ["anatomy.seed"], "capsule campaign c.toml")
+    assert "<td>controller pid</td>" in page.replace(' class="word"', "")
+    assert "duration 2 s" in page
+    assert "seed 475813" in page

@@ -19,7 +19,7 @@ from hil.app.report import headline, report_html, report_json
 from hil.app.report.document import PLOTLY
 from hil.app.report.mathml import equations_html, math_html
 from hil.app.report.panels import binned, panels, thinned
-from hil.app.report.words import column_words, error_story, interpolation
+from hil.app.report.words import column_words, error_story, interpolation, tidy
 from models.identification.finding import Estimate, Finding
 from tests.hil.findings import pull_finding, spectrum_finding, table_finding
 
@@ -243,3 +243,28 @@ def test_headlines() -> None:
     partly = Finding(**{**pull_finding(seconds=2.0).__dict__, "verdict": "unknown"})
     assert headline(partly).endswith("Part of it looks like fold periodic or peristaltic wave.")
     assert not Estimate(1.0, (0.0, 2.0), told=False).told
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("Noise of the sensor: 0.00169 N.", "Noise of the sensor: 1.69 mN."),
+        ("0.0202 N nominal, 0.00308 N augmented", "20.2 mN nominal, 3.08 mN augmented"),
+        ("from 0.0021 to 0.0587 m", "from 0.0021 to 0.0587 m"),
+        ("it spans 2e-10 N beside 0.001 N", "it spans 0.2 nN beside 1 mN"),
+        ("1.8e+03 times the stated 0.001 N", "1800 times the stated 1 mN"),
+        ("valley -79.2 %, between -2 and 3", "valley −79.2 %, between −2 and 3"),
+        ("on 2026-11-26 of fold_periodic", "on 2026-11-26 of fold periodic"),
+        ("25 N/m, 0.002 N/m", "25 N/m, 0.002 N/m"),
+    ],
+)
+def test_sentences_have_numbers_for_people(text: str, told: str) -> None:
+    assert tidy(text) == told
+
+
+def test_a_long_equation_may_go_on_in_the_next_line() -> None:
+    sum_ = " + ".join(f"a_{k}*sin({k}*x)" for k in range(1, 9))
+    page = equations_html((f"scale = max(1 + d*({sum_}), 0.05)",))
+    assert page.count("<math>") > 8
+    ElementTree.fromstring(page.replace("&nbsp;", " "))
+    assert equations_html(("y = (a + b)/(c + d)",)).count("<math>") == 1

@@ -57,7 +57,7 @@ def test_the_page_says_what_was_learned_and_the_numbers_stand_beside_it(
 ) -> None:
     page, numbers = story[1][PAGE], json.loads(story[1][NUMBERS])
     assert "fold periodic learned and taken at" in page
-    assert "base + fold_periodic" in page
+    assert "base + fold periodic" in page
     assert "Hard limits broken: 0" in page
     assert [mark["what"] for mark in numbers["instants"]][-1] == "taken"
     assert numbers["parts"][-1]["until"] == "end of the run"

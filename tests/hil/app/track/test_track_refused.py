@@ -48,7 +48,7 @@ def test_checks_that_cannot_be_judged_are_refused(
         (
             "[reference]",
             "magnet_stiffness_N_per_m = -3.0\n[reference]",
-            "rig.magnet_stiffness_N_per_m must be zero or more",
+            "rig.magnet_stiffness_N_per_m must be at least 1e-12",
         ),
         (
             "[reference]",

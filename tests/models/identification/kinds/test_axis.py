@@ -236,7 +236,7 @@ def test_equations_name_every_effect_present() -> None:
         "sgn(v)) times all friction scales",
         "stribeck: friction scale = 1 + 0.1*exp(-(max(abs(v), 1e-09)/0.01)^2)",
         "lumen_taper: friction scale = max(1 + 0.1*(x/sqrt(1 + (x/0.05)^2)), 0.05)",
-        "6.283*x/0.004",
+        "2*pi*x/0.004",
         "(max(abs(v), 1e-06)/0.01)^(-0.5)",
         "sensor_delay: delay of the reading in s = 0.0003",
     ):

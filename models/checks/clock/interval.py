@@ -1,0 +1,34 @@
+"""Samples so far apart, or so close, that the time is in another unit."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from models.checks.finding import RecordFinding
+from models.checks.view import View
+
+STEPS_S: Final = (1e-6, 1.0)
+"""Least and most usual interval between samples of a record."""
+
+
+def check_interval(view: View) -> list[RecordFinding]:
+    """The usual interval between stamps against what a record may have."""
+    if not view.timed:
+        return []
+    usual = float(np.median(np.abs(np.diff(view.t))))
+    if usual == 0 or STEPS_S[0] <= usual <= STEPS_S[1]:
+        return []
+    least = usual < STEPS_S[0]
+    return [
+        view.finding(
+            "time_units",
+            "stops",
+            "t_s, throughout",
+            f"t_s must step by {'at least' if least else 'at most'} {STEPS_S[not least]:g} s; got steps of {usual:g} s:"
+            " is it in s?",
+            "interval between stamps",
+            '[columns] t_s = {column = "t_s", unit = "..."} with the unit of the file',
+        )
+    ]

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -37,12 +40,19 @@ class OperatorSender:
     200.
 
     Call one of `speed`, `position`, `release` every `CYCLE_S`, and `listen` as often: a sender is heard only once it
-    has sent `release`, and whatever ends this program ends the motion within `life_ms`. `unsent` of `transmitter`
-    counts what the bus did not take. Raises ValueError for a source that the frame does not know.
+    has sent `release`, and whatever ends this program ends the motion within `life_ms`. The counter goes on by one each
+    `CYCLE_S` of `clock`, in s, also where a call came later, for by it the controller sees what is held back on the
+    way. `unsent` of `transmitter` counts what the bus did not take. Raises ValueError for a source that the frame does
+    not know.
     """
 
     def __init__(
-        self, bus: can.BusABC, source: str = "script", life_ms: float = 100.0, catalogue: Catalogue | None = None
+        self,
+        bus: can.BusABC,
+        source: str = "script",
+        life_ms: float = 100.0,
+        catalogue: Catalogue | None = None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         catalogue = catalogue or frames()
         frame = catalogue[SETPOINT]
@@ -51,6 +61,7 @@ class OperatorSender:
             raise ValueError(f"life_ms must lie in [{life.lower:g}, {life.upper:g}]; got {life_ms:g}")
         self.bus, self.answer, self.answers, self.sent = bus, None, 0, 0
         self.transmitter = FrameTransmitter(bus, catalogue, (SETPOINT,))
+        self._clock, self._said_at, self._behind_s = clock, math.inf, 0.0
         self._common = {"TimeToLive_ms": life_ms, "Source": float(frame.field("Source").number(source))}
         self._modes = {raw: float(frame.field("Mode").number(raw)) for raw in ("position", "speed")}
         status = catalogue[STATUS]
@@ -89,6 +100,11 @@ class OperatorSender:
             self.answers += 1
 
     def _say(self, mode: str, position_m: float, speed_m_s: float, *, held: bool) -> None:
+        now = self._clock()
+        self._behind_s = max(self._behind_s + now - self._said_at - CYCLE_S, 0.0)
+        missed, self._said_at = int(self._behind_s / CYCLE_S), now
+        self._behind_s -= missed * CYCLE_S
+        self.transmitter.skip(SETPOINT, missed)
         values = {"Mode": self._modes[mode], "Position_m": position_m, "Velocity_m_s": speed_m_s}
         self.transmitter.say(SETPOINT, values | self._common | {"DeadMan": float(held)})
         self.sent += 1

@@ -3,8 +3,9 @@ and what was unsafe.
 
 `python -m tests.bench.bench_faults [magnetic coil vibro] [--drives cia402 odrive moteus] [--phases N] [--faults KIND
 ...] [--targets TARGET ...] [--states STATE ...]`; a line a fault, the worst over states that move and phases.
-`--drives`: the magnetic rig with other makers' drives instead, and the faults through which each of them goes. Faults
-of an operator come to a run that somebody steers, faults of frames' authenticators to one over an authenticated bus.
+`--drives`: the magnetic rig with other makers' drives instead, and the faults through which each of them goes, those of
+an operator among them. Faults of an operator come to a run that somebody steers, faults of frames' authenticators to
+one over an authenticated bus.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from typing import Any, Final
 import numpy as np
 
 from hil.nodes.actuators import ACTUATORS
-from hil.nodes.faults.table import KINDS, MAKERS_ROWS, OWN_KINDS
+from hil.nodes.faults.table import KINDS, MAKERS_ROWS, OPERATOR, OWN_KINDS, Fault
 from tests.hil.app.sil.sil_runs import RIGS, run
 
 LENGTH_S: Final = 0.2
@@ -68,6 +69,7 @@ def main() -> int:
     )
     own = [(k, t) for k in options.faults if k in OWN_KINDS for t in KINDS[k].targets]
     makers = [(k, t) for k, t in MAKERS_ROWS if k in options.faults]
+    makers += [(k, t) for k, t in own if Fault(k, 0.0, target=t).needs == OPERATOR]
     if options.targets is not None:
         own, makers = ([(k, t) for k, t in rows if t in options.targets] for rows in (own, makers))
     for rig in options.drives or options.kinds:

@@ -14,6 +14,7 @@ from hil.app.run.clock import Clock, ClockedBus, Grid, Histogram
 from hil.app.scenario.deployment import parse_deployment
 from hil.bus.catalogue import load_catalogue
 from hil.bus.local import LocalBus
+from hil.bus.simulated import Medium, SimulatedBus
 from tests.hil.app.run.deployments import deployment
 
 
@@ -61,3 +62,13 @@ def test_stamps_are_of_the_nodes_clock(channel: str) -> None:
         assert abs(odd.timestamp - near.clock.now()) < 0.1
         assert near.unstamped == 1
         assert round(got.timestamp * 1e9) / 1e9 == got.timestamp
+
+
+def test_what_state_the_bus_is_in_is_told() -> None:
+    """A node whose error counters made it passive shows so through the clock's bus."""
+    inner = SimulatedBus(Medium(1_000_000), "near")
+    with ClockedBus(inner, Clock()) as near:
+        states = [near.state]
+        inner.counters.transmit = 128
+        states.append(near.state)
+        assert states == [can.BusState.ACTIVE, can.BusState.PASSIVE]

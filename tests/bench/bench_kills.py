@@ -38,7 +38,7 @@ _SETTLED_S: Final = 0.5
 @dataclass(frozen=True)
 class Kill:
     """One kill: how long the drive had been enabled, frames `heard` on the bus and those that the log lacks at its end,
-    `lost_s` from the last one there to the last one heard, whether the log holds `others`, and whether it replays
+    `lost_s` from the first one missing to the last one heard, whether the log holds `others`, and whether it replays
     `alike`.
     """
 
@@ -87,7 +87,7 @@ def kill(after_s: float, writer_too: bool) -> Kill:
         alike = run(["replay", str(log)]) == 0
     said = [(identifier, data) for _, identifier, data in heard]
     there = min(len(logged), len(said))
-    lost_s = heard[-1][0] - heard[there - 1][0] if there < len(said) else 0.0
+    lost_s = heard[-1][0] - heard[there][0] if there < len(said) else 0.0
     return Kill(after_s, len(said), max(len(said) - len(logged), 0), lost_s, said[:there] != logged[:there], alike)
 
 
@@ -125,10 +125,9 @@ def main() -> int:
             print(error, flush=True)
             continue
         print("with its writer" if writer_too else "alone", found[-1], flush=True)
-    print(
-        f"{len(found)} kills, {sum(one.good for one in found)} logs good, at most {max(k.missing for k in found)} frames"
-        f" missing, {1e3 * max(k.lost_s for k in found):.0f} ms"
-    )
+    most, longest = max(one.missing for one in found), max(one.lost_s for one in found)
+    good = sum(one.good for one in found)
+    print(f"{len(found)} kills, {good} logs good, at most {most} frames missing, over {1e3 * longest:.0f} ms")
     return int(not all(one.good for one in found))
 
 

@@ -42,7 +42,7 @@ class Cia402Bus(CarriageBus):
     """
 
     def __init__(self, inner: can.BusABC, table: Cia402Table, catalogue: Catalogue, tick_s: float) -> None:
-        super().__init__(inner, f"CiA 402 node {table.node_id}", catalogue)
+        super().__init__(inner, f"CiA 402 node {table.node_id}", catalogue, table.orders)
         self.table, self._tick_s, self._wanted_m = table, tick_s, math.nan
         self._takers = {
             0x180 + table.node_id: self._moved,

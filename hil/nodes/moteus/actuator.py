@@ -76,6 +76,10 @@ class MoteusTable(Turning):
     def __post_init__(self) -> None:
         self.check("moteus", RANGES)
 
+    def orders(self, message: can.Message) -> bool:
+        """Whether `message` is one by which a master commands this drive."""
+        return wire.orders(message, self.node_id)
+
 
 RANGES: Final = (
     ("node_id", 1, 126),
@@ -97,7 +101,7 @@ class MoteusBus(CarriageBus):
     """
 
     def __init__(self, inner: can.BusABC, table: MoteusTable, catalogue: Catalogue, tick_s: float) -> None:
-        super().__init__(inner, f"moteus node {table.node_id}", catalogue)
+        super().__init__(inner, f"moteus node {table.node_id}", catalogue, table.orders)
         self.table, self._tick_s = table, tick_s
         self._watchdog_s = struct.unpack("<f", struct.pack("<f", table.watchdog_s))[0]
         self._servo, self._held_s = -1, math.nan

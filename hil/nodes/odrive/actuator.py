@@ -37,6 +37,8 @@ GET_VERSION, HEARTBEAT, GET_ERROR, RX_SDO, TX_SDO, SET_AXIS_STATE = 0x00, 0x01, 
 GET_ENCODER_ESTIMATES, SET_CONTROLLER_MODE, SET_INPUT_POS, SET_LIMITS = 0x09, 0x0B, 0x0C, 0x0F
 CLEAR_ERRORS, SET_ABSOLUTE_POSITION = 0x18, 0x19
 """Commands: the 5 lower bits of an identifier, whose 6 upper ones are the node."""
+_TOLD: Final = (GET_VERSION, HEARTBEAT, GET_ERROR, TX_SDO, GET_ENCODER_ESTIMATES, 0x14, 0x15, 0x17, 0x1C, 0x1D)
+"""Those by which the drive speaks, asked or unasked."""
 IDLE, CLOSED_LOOP = 1, 8
 """Axis states; every other one is on the way to one of them or a calibration."""
 POSITION_CONTROL, PASSTHROUGH = 3, 1
@@ -102,6 +104,13 @@ class OdriveTable(Turning):
             )
         self.check("odrive", RANGES)
 
+    def orders(self, message: can.Message) -> bool:
+        """Whether `message` is one by which a master commands this drive; to read an endpoint is a question."""
+        node, command = message.arbitration_id >> 5, message.arbitration_id & 0x1F
+        if not plain(message) or node != self.node_id or command in _TOLD:
+            return False
+        return command != RX_SDO or bytes(message.data[:1]) != b"\0"
+
 
 RANGES: Final = (
     ("turns_per_m", 1.0, 1e5),
@@ -138,7 +147,7 @@ class OdriveBus(CarriageBus):
     """
 
     def __init__(self, inner: can.BusABC, table: OdriveTable, catalogue: Catalogue, tick_s: float) -> None:
-        super().__init__(inner, f"ODrive node {table.node_id}", catalogue)
+        super().__init__(inner, f"ODrive node {table.node_id}", catalogue, table.orders)
         self.table, self._tick_s = table, tick_s
         self._axis, self._errors, self._latched, self._forgiven = 0, 0, 0, 0
         self._turns = self._turns_s = 0.0

@@ -23,7 +23,10 @@ _SPOKEN: Final = ("CarriageFeedback", "CarriageHeartbeat", "CarriageFault")
 _HEARD: Final = ("CarriageCommand", "ControllerHeartbeat", "DriveReset", "SafeStop", "Sync")
 _NODE_STATES: Final = {BOOT: 0, STANDBY: 1, WAITING: 1, STOPPING: 3, FAULT: 4}
 _LONGEST_S: Final = 167772.0
+IDLE_TICKS: Final = 5
+"""How often a drive that has been braked is told to take its torque away."""
 _SETTLE: Final = 2
+_TOO_SHORT: Final = 7
 
 
 class BrakePath:
@@ -153,6 +156,15 @@ class CarriageBus(WrappingBus):
         """Let it hear a fault, twice as every drive tells one."""
         for _ in range(2):
             self._hear("CarriageFault", {"Code": code, "Detail": detail & 0xFFFF}, stamp)
+
+    def refuse(self, name: str, message: can.Message) -> None:
+        """Let it hear a frame of the drive's that is not as long as it must be: it is refused for its length, and told
+        of, as the catalogue's `name`.
+        """
+        identifier, _ = self._speakers[name]
+        self._ready.append(
+            can.Message(message.timestamp, identifier, False, data=message.data[:_TOO_SHORT], is_rx=True)
+        )
 
     def _hear(self, name: str, values: dict[str, float], stamp: float) -> None:
         """Put a frame before the controller; one that does not fit its range is left out, as a corrupt one would be."""

@@ -77,8 +77,13 @@ def limit_s(rig: str, fault: Fault) -> float:
 
 def makers_limit_s(drive: ActuatorTable, limits: Limits, fault: Fault) -> float:
     """The same for another maker's carriage, which comes to rest as its table states: from the last command, or from
-    when the controller had to see it.
+    when the controller had to see it. Their frames have neither counter nor CRC of their own: what the catalogue's
+    rides through may be ridden through here, too, and so may commands whose bits are flipped behind the bus's own
+    check, which are obeyed until the drive does not follow.
     """
+    unseen = fault.kind == "corrupt" and fault.target in ("commands", "all")
+    if unseen or math.isinf(limit_s("magnetic", fault)):
+        return math.inf
     seen = fault.target in ("feedback", "localisation", "localiser") or fault.kind in ("over_temperature", "late_solve")
     return drive.stops_s(limits.carriage_speed_m_s) + (limit_s("magnetic", fault) if seen else 0.0)
 

@@ -105,7 +105,7 @@ class FaultInjection(WrappingBus):
         return [frame, _stamped(before, frame.timestamp)]
 
     def _corrupt(self, frame: can.Message, fault: Fault) -> list[can.Message]:
-        if self._rng.random() >= fault.amount:
+        if self._rng.random() >= fault.amount or not frame.data:
             return [frame]
         data = bytearray(frame.data)
         for bit in self._rng.sample(range(8 * len(data)), self._rng.randint(1, 8)):
@@ -124,7 +124,7 @@ class FaultInjection(WrappingBus):
                 kind == 0,
                 is_remote_frame=kind == 1,
                 is_error_frame=kind == 2,
-                is_fd=kind == 3,
+                is_fd=kind == 3 and not frame.is_fd,
                 data=None if kind == 1 else frame.data,
                 is_rx=True,
                 channel=frame.channel,

@@ -47,7 +47,7 @@ KINDS: Mapping[str, FaultKind] = MappingProxyType(
             "bits of frames are flipped behind the bus's own check", _WAYS, 1.0, "share of the frames", _SHARE
         ),
         "replay": FaultKind("old frames come again between the true ones", _WAYS, 20.0, "frames ago", (1, 32)),
-        "retyped": FaultKind("frames come as extended, remote, error or FD frames in turn, bytes and all", _WAYS),
+        "retyped": FaultKind("frames come as extended, remote, error or FD frames (FD ones: classic) in turn", _WAYS),
         "unreadable": FaultKind("the node's interface raises whenever it is read", NODES[:2]),
         "second_master": FaultKind("another controller speaks on the bus: time, heartbeat, commands that enable"),
         "player": FaultKind("what the controller has said since the run began is played on the bus"),
@@ -106,6 +106,19 @@ MAKERS_ROWS: Final = (
     ("drive_reset", ""),
     ("bus_off", "controller"),
     ("late_solve", ""),
+    ("drop", "all"),
+    ("delay", "all"),
+    ("retyped", "commands"),
+    ("retyped", "feedback"),
+    ("unreadable", "controller"),
+    ("unreadable", "drive"),
+    ("second_master", ""),
+    ("player", ""),
+    ("babbling", ""),
+    ("bus_off", "drive"),
+    ("stuck", "feedback"),
+    ("biased", "localisation"),
+    ("clock_jump", ""),
 )
 """Faults and targets through which every drive of another maker goes."""
 

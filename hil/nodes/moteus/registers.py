@@ -46,9 +46,15 @@ def frame_to(node: int, data: bytes) -> can.Message:
     )
 
 
+def framed(message: can.Message) -> bool:
+    """Whether a frame is CAN FD, and extended where its identifier needs it."""
+    long = message.arbitration_id > 0x7FF
+    return bool(message.is_fd and not message.is_error_frame and message.is_extended_id == long)
+
+
 def replier(message: can.Message) -> int:
     """The node whose reply to this controller a frame is, -1 where it is none."""
-    mine = message.is_fd and not message.is_error_frame and message.arbitration_id & 0xFF == HOST
+    mine = framed(message) and message.arbitration_id & 0xFF == HOST
     return message.arbitration_id >> 8 if mine and message.arbitration_id < REPLY_WANTED else -1
 
 

@@ -20,7 +20,7 @@ from hil.nodes.cia402.states import Cia402Table
 from hil.nodes.controller.receive import FrameReceiver
 from hil.nodes.frame_map import ENABLE, FAULT, OFF, STANDBY
 from hil.nodes.moteus.actuator import MoteusTable
-from hil.nodes.moteus.registers import BROADCAST, POSITION_MODE, QUERY, STOPPED, frame_to, mode_write
+from hil.nodes.moteus.registers import BROADCAST, HOST, POSITION_MODE, QUERY, STOPPED, frame_to, mode_write
 from hil.nodes.odrive.actuator import OdriveTable
 from tests.hil.app.run.deployments import deployment, rig_file
 from tests.hil.app.run.plant_process import REAL_TIME, RUN_S, led
@@ -64,6 +64,11 @@ def test_a_controller_that_begins_anew_is_told_of_the_fault(table: ActuatorTable
 
 def classic(identifier: int, data: bytes = b"") -> can.Message:
     return can.Message(arbitration_id=identifier, is_extended_id=False, data=data)
+
+
+def reply_of(data: bytes) -> can.Message:
+    """A reply of moteus node 1 to this controller."""
+    return can.Message(arbitration_id=1 << 8 | HOST, is_extended_id=False, is_fd=True, data=data)
 
 
 ORDERS = {
@@ -145,3 +150,23 @@ def test_it_is_not_led_beside_another_master(
         over.set()
         speaker.join()
     assert sent == []
+
+
+SHORT = {
+    "odrive": (OdriveTable(), [classic(0x49, b"\1"), classic(0x49), classic(0x41, bytes(4)), classic(0x43, b"\1")]),
+    "cia402": (
+        Cia402Table(),
+        [classic(0x181, b"\1"), classic(0x281, bytes(7)), classic(0x701), classic(0x701, bytes(8))],
+    ),
+    "moteus": (MoteusTable(), [reply_of(b""), reply_of(b"\x2f"), reply_of(b"\x2f\0\1\2\3"), reply_of(bytes(64))]),
+}
+"""What is shorter, or another length, than what a drive says."""
+
+
+@pytest.mark.parametrize("case", SHORT)
+def test_frames_of_the_drive_that_are_too_short_are_told_as_such(case: str) -> None:
+    receiver = heard(*SHORT[case])
+    counts = [count for reasons in receiver.refused.values() for count in reasons.items()]
+    assert {reason for reason, _ in counts} == {"length"}
+    assert sum(count for _, count in counts) == 4
+    assert "CarriageFeedback refused (length" in receiver.refused_words

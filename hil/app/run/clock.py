@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from dataclasses import dataclass, field
 from typing import Final
@@ -53,6 +54,11 @@ class ClockedBus(WrappingBus):
     def fileno(self) -> int:
         """As the inner bus."""
         return self.inner.fileno()
+
+    def shutdown(self) -> None:
+        """Close both; an interface that raises is done with, too."""
+        with contextlib.suppress(Exception):  # drivers of many makers raise whatever they like
+            super().shutdown()
 
 
 @dataclass

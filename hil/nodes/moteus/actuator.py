@@ -329,7 +329,7 @@ class _Questions:
             while self._bus.recv(0) is not None:
                 pass
             self._bus.send(wire.frame_to(node or self._table.node_id, data), timeout=0.1)
-        except (can.CanError, OSError, ValueError) as error:
+        except Exception as error:  # noqa: BLE001 - drivers of many makers raise whatever they like
             raise ValueError(f"moteus: node {self._table.node_id} must be reached; got: {error}") from None
         for message in heard_for(self._bus, seconds):
             self._errors += message.is_error_frame

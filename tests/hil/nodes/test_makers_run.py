@@ -15,7 +15,7 @@ import pytest
 from hil.app.main import run
 from hil.bus.catalogue import load_catalogue
 from hil.bus.local import LocalBus
-from hil.nodes.actuators import ActuatorTable, carriage_bus
+from hil.nodes.actuators import ActuatorTable, carriage_bus, set_up
 from hil.nodes.cia402.states import Cia402Table
 from hil.nodes.controller.receive import FrameReceiver
 from hil.nodes.frame_map import ENABLE, FAULT, OFF, STANDBY
@@ -24,7 +24,7 @@ from hil.nodes.moteus.registers import BROADCAST, HOST, POSITION_MODE, QUERY, ST
 from hil.nodes.odrive.actuator import OdriveTable
 from tests.hil.app.run.deployments import deployment, rig_file
 from tests.hil.app.run.plant_process import REAL_TIME, RUN_S, led
-from tests.hil.nodes.maker_desk import WIRING, Desk
+from tests.hil.nodes.maker_desk import LIMITS, WIRING, Desk
 from tests.hil.scripted_bus import ScriptedBus
 from tests.hil.ticks import TICK
 
@@ -170,3 +170,18 @@ def test_frames_of_the_drive_that_are_too_short_are_told_as_such(case: str) -> N
     assert {reason for reason, _ in counts} == {"length"}
     assert sum(count for _, count in counts) == 4
     assert "CarriageFeedback refused (length" in receiver.refused_words
+
+
+@pytest.mark.parametrize("table", [OdriveTable(answers_s=0.1), MoteusTable(answers_s=0.1), Cia402Table(answers_s=0.1)])
+def test_an_interface_that_raises_as_the_drive_is_set_up_is_one_sentence(
+    table: ActuatorTable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def garbled(*_: object, **__: object) -> None:
+        raise IndexError("a line of the interface is garbled")
+
+    if isinstance(table, Cia402Table):
+        pytest.importorskip("canopen", reason="needs the package canopen (extra canopen)")
+    with can.Bus(interface="virtual", channel="garbled") as bus:
+        monkeypatch.setattr(bus, "send", garbled)
+        with pytest.raises(ValueError, match=r"node \d must .*; got: a line of the interface is garbled"):
+            set_up(bus, table, LIMITS, TICK)

@@ -16,6 +16,7 @@ from hil.bus.catalogue import load_catalogue
 from hil.bus.local import LocalBus
 from hil.bus.simulated import Medium, SimulatedBus
 from tests.hil.app.run.deployments import deployment
+from tests.hil.scripted_bus import ScriptedBus
 
 
 def test_rehearsal_runs_every_controller_of_the_rig() -> None:
@@ -72,3 +73,24 @@ def test_what_state_the_bus_is_in_is_told() -> None:
         inner.counters.transmit = 128
         states.append(near.state)
         assert states == [can.BusState.ACTIVE, can.BusState.PASSIVE]
+
+
+class Garbled(ScriptedBus):
+    """An interface that raises as it is closed."""
+
+    opened = ended = False
+
+    def shutdown(self) -> None:
+        self.ended = self.opened
+        super().shutdown()
+        if self.opened:
+            raise IndexError("a line of the interface is garbled")
+
+
+def test_an_interface_that_raises_as_it_is_closed_is_closed() -> None:
+    """A run has an end and a status all the same."""
+    inner = Garbled()
+    inner.opened = True
+    with ClockedBus(inner, Clock()):
+        assert not inner.ended
+    assert inner.ended

@@ -15,6 +15,7 @@ from hil.bus.codec import Refusal
 from hil.bus.protection import Receiver
 from hil.nodes.controller.operator import SETPOINT, STATUS
 from hil.nodes.frame_map import frames, plain
+from hil.nodes.listening import waiting
 from hil.nodes.transmit import FrameTransmitter
 
 CYCLE_S: Final = 0.02
@@ -83,11 +84,8 @@ class OperatorSender:
         self._say("speed", 0.0, 0.0, held=False)
 
     def listen(self) -> Answer | None:
-        """Take in what has come; the controller's last answer, None before the first. Raises what the bus raises."""
-        for _ in range(_MOST):
-            message = self.bus.recv(0)
-            if message is None:
-                break
+        """Take in what has come, nothing from a bus that raises; the controller's last answer, None before the first."""
+        for message in waiting(self.bus, _MOST):
             if plain(message) and message.arbitration_id == self._id:
                 self._take(message)
         return self.answer

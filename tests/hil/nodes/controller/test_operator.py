@@ -289,6 +289,14 @@ def test_our_sender_counts_the_setpoints_for_which_there_was_no_time(cycle_s: fl
     assert not operator.refused
 
 
+def test_a_sender_goes_on_on_a_bus_that_raises() -> None:
+    hand = OperatorSender(ScriptedBus(ValueError("garbled"), IndexError("garbled")), "script")
+    for _ in range(3):
+        hand.release()
+        assert hand.listen() is None
+    assert len(hand.bus.sent) == 3  # type: ignore[attr-defined]
+
+
 @pytest.mark.parametrize("share", [0.0, 1.5])
 def test_how_much_slower_a_sender_may_be_has_bounds(share: float) -> None:
     with pytest.raises(ValueError, match=r"operator\.drift_share must lie in \[0\.0005, 1\]"):

@@ -84,7 +84,7 @@ class OperatorSender:
         self._say("speed", 0.0, 0.0, held=False)
 
     def listen(self) -> Answer | None:
-        """Take in what has come, nothing from a bus that raises; the controller's last answer, None before the first."""
+        """Take in what has come, nothing where the bus raises; the controller's last answer, None before the first."""
         for message in waiting(self.bus, _MOST):
             if plain(message) and message.arbitration_id == self._id:
                 self._take(message)

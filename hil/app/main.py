@@ -457,7 +457,7 @@ def _run(
     action: Annotated[
         str,
         typer.Argument(
-            metavar="check|reset", help="check: look at all, send nothing; reset: lead out of a latched fault."
+            metavar="check|reset", help="check: look at all, send nothing; reset: acknowledge a latched fault, no more."
         ),
     ] = "lead",
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Listen and compute, send nothing.")] = False,

@@ -64,6 +64,10 @@ class Sender:
         self._counter = (self._counter + 1) % COUNTS
         return bytes(data)
 
+    def skip(self, frames: int) -> None:
+        """Count on as if `frames` had been made."""
+        self._counter = (self._counter + frames) % COUNTS
+
 
 @dataclass(slots=True)
 class Statistics:

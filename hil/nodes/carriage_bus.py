@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections import deque
+from collections.abc import Callable
 from typing import Final
 
 import can
@@ -22,7 +23,10 @@ _SPOKEN: Final = ("CarriageFeedback", "CarriageHeartbeat", "CarriageFault")
 _HEARD: Final = ("CarriageCommand", "ControllerHeartbeat", "DriveReset", "SafeStop", "Sync")
 _NODE_STATES: Final = {BOOT: 0, STANDBY: 1, WAITING: 1, STOPPING: 3, FAULT: 4}
 _LONGEST_S: Final = 167772.0
+IDLE_TICKS: Final = 5
+"""How often a drive that has been braked is told to take its torque away."""
 _SETTLE: Final = 2
+_TOO_SHORT: Final = 7
 
 
 class BrakePath:
@@ -58,11 +62,16 @@ class CarriageBus(WrappingBus):
 
     The frames made here are protected anew, so CRC and counter guard nothing beyond this process; on the wire such a
     drive has the bus's own CRC alone. None of them tells a temperature that a limit of ours is for: they look after
-    that themselves.
+    that themselves. What another master commands the drive comes in as a CarriageCommand, which only a controller
+    sends.
     """
 
-    def __init__(self, inner: can.BusABC, name: str, catalogue: Catalogue) -> None:
+    def __init__(
+        self, inner: can.BusABC, name: str, catalogue: Catalogue, orders: Callable[[can.Message], bool]
+    ) -> None:
+        """`orders` says of a frame of the wire whether it is a master's to the drive."""
         super().__init__(inner, f"{name} on {inner.channel_info}")
+        self._orders, self._command_id = orders, catalogue["CarriageCommand"].id
         self._names = {catalogue[heard].id: heard for heard in _HEARD}
         self._codecs = {heard: Codec(catalogue[heard]) for heard in _HEARD}
         self._speakers = {spoken: (catalogue[spoken].id, Sender(catalogue[spoken])) for spoken in _SPOKEN}
@@ -124,6 +133,8 @@ class CarriageBus(WrappingBus):
             message = self.inner.recv(timeout)
             if message is None:
                 return None
+            if self._orders(message):
+                return _other_master(message, self._command_id)
             if not self.take(message):
                 return message
         return self._ready.popleft()
@@ -146,6 +157,15 @@ class CarriageBus(WrappingBus):
         for _ in range(2):
             self._hear("CarriageFault", {"Code": code, "Detail": detail & 0xFFFF}, stamp)
 
+    def refuse(self, name: str, message: can.Message) -> None:
+        """Let it hear a frame of the drive's that is not as long as it must be: it is refused for its length, and told
+        of, as the catalogue's `name`.
+        """
+        identifier, _ = self._speakers[name]
+        self._ready.append(
+            can.Message(message.timestamp, identifier, False, data=message.data[:_TOO_SHORT], is_rx=True)
+        )
+
     def _hear(self, name: str, values: dict[str, float], stamp: float) -> None:
         """Put a frame before the controller; one that does not fit its range is left out, as a corrupt one would be."""
         identifier, sender = self._speakers[name]
@@ -158,3 +178,8 @@ class CarriageBus(WrappingBus):
     def say(self, identifier: int, data: bytes, timeout: float | None) -> None:
         """Send one of the drive's own frames, classic, with an 11-bit identifier."""
         self.inner.send(can.Message(arbitration_id=identifier, is_extended_id=False, data=data, is_rx=False), timeout)
+
+
+def _other_master(message: can.Message, identifier: int) -> can.Message:
+    """A master's frame as the catalogue's command with the same first bytes; it fits neither CRC nor counter."""
+    return can.Message(message.timestamp, identifier, False, data=message.data[:8], is_rx=True)

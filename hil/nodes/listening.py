@@ -1,4 +1,4 @@
-"""Listening to a bus for a while, before a controller does."""
+"""Listening to a bus whose driver may raise: for a while, or to what waits there."""
 
 from __future__ import annotations
 
@@ -19,6 +19,18 @@ def heard_for(bus: can.BusABC, seconds: float) -> Iterator[can.Message]:
             continue
         if message is not None:
             yield message
+
+
+def waiting(bus: can.BusABC, most: int) -> Iterator[can.Message]:
+    """The frames that wait, at most `most`; on a bus that raises nothing does."""
+    for _ in range(most):
+        try:
+            message = bus.recv(0)
+        except Exception:  # noqa: BLE001 - drivers of many makers raise whatever they like
+            return
+        if message is None:
+            return
+        yield message
 
 
 def silent(node: str, seconds: float, others: Collection[int], errors: int, causes: tuple[str, str]) -> ValueError:

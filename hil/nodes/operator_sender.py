@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -12,6 +15,7 @@ from hil.bus.codec import Refusal
 from hil.bus.protection import Receiver
 from hil.nodes.controller.operator import SETPOINT, STATUS
 from hil.nodes.frame_map import frames, plain
+from hil.nodes.listening import waiting
 from hil.nodes.transmit import FrameTransmitter
 
 CYCLE_S: Final = 0.02
@@ -37,12 +41,19 @@ class OperatorSender:
     200.
 
     Call one of `speed`, `position`, `release` every `CYCLE_S`, and `listen` as often: a sender is heard only once it
-    has sent `release`, and whatever ends this program ends the motion within `life_ms`. `unsent` of `transmitter`
-    counts what the bus did not take. Raises ValueError for a source that the frame does not know.
+    has sent `release`, and whatever ends this program ends the motion within `life_ms`. The counter goes on by one each
+    `CYCLE_S` of `clock`, in s, also where a call came later, for by it the controller sees what is held back on the
+    way. `unsent` of `transmitter` counts what the bus did not take. Raises ValueError for a source that the frame does
+    not know.
     """
 
     def __init__(
-        self, bus: can.BusABC, source: str = "script", life_ms: float = 100.0, catalogue: Catalogue | None = None
+        self,
+        bus: can.BusABC,
+        source: str = "script",
+        life_ms: float = 100.0,
+        catalogue: Catalogue | None = None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         catalogue = catalogue or frames()
         frame = catalogue[SETPOINT]
@@ -51,6 +62,7 @@ class OperatorSender:
             raise ValueError(f"life_ms must lie in [{life.lower:g}, {life.upper:g}]; got {life_ms:g}")
         self.bus, self.answer, self.answers, self.sent = bus, None, 0, 0
         self.transmitter = FrameTransmitter(bus, catalogue, (SETPOINT,))
+        self._clock, self._said_at, self._behind_s = clock, math.inf, 0.0
         self._common = {"TimeToLive_ms": life_ms, "Source": float(frame.field("Source").number(source))}
         self._modes = {raw: float(frame.field("Mode").number(raw)) for raw in ("position", "speed")}
         status = catalogue[STATUS]
@@ -72,11 +84,8 @@ class OperatorSender:
         self._say("speed", 0.0, 0.0, held=False)
 
     def listen(self) -> Answer | None:
-        """Take in what has come; the controller's last answer, None before the first. Raises what the bus raises."""
-        for _ in range(_MOST):
-            message = self.bus.recv(0)
-            if message is None:
-                break
+        """Take in what has come, nothing where the bus raises; the controller's last answer, None before the first."""
+        for message in waiting(self.bus, _MOST):
             if plain(message) and message.arbitration_id == self._id:
                 self._take(message)
         return self.answer
@@ -89,6 +98,11 @@ class OperatorSender:
             self.answers += 1
 
     def _say(self, mode: str, position_m: float, speed_m_s: float, *, held: bool) -> None:
+        now = self._clock()
+        self._behind_s = max(self._behind_s + now - self._said_at - CYCLE_S, 0.0)
+        missed, self._said_at = int(self._behind_s / CYCLE_S), now
+        self._behind_s -= missed * CYCLE_S
+        self.transmitter.skip(SETPOINT, missed)
         values = {"Mode": self._modes[mode], "Position_m": position_m, "Velocity_m_s": speed_m_s}
         self.transmitter.say(SETPOINT, values | self._common | {"DeadMan": float(held)})
         self.sent += 1

@@ -29,3 +29,7 @@ class FrameTransmitter:
             self._bus.send(message, timeout=0)
         except Exception:  # noqa: BLE001 - drivers of many makers raise whatever they like
             self.unsent += 1
+
+    def skip(self, name: str, frames: int) -> None:
+        """Count `frames` that there was no time to send."""
+        self._senders[name][1].skip(frames)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
+from models.files.tables import check_ranges
 from models.parameter import nearest
 
 HOMES: Final = ("kept", "here")
@@ -22,10 +23,7 @@ class Turning:
         """Raises ValueError of one sentence where a key of `[table]` is out of its range, the sign of `turns_per_m` set
         aside, or `home` is none of `HOMES`.
         """
-        for name, lower, upper in ranges:
-            value = getattr(self, name)
-            if not lower <= (abs(value) if name == "turns_per_m" else value) <= upper:
-                raise ValueError(f"{table}.{name} must lie in [{lower:g}, {upper:g}]; got {value:g}")
+        check_ranges(self, table, ranges, either_sign=("turns_per_m",))
         if self.home not in HOMES:
             choices = f"one of {', '.join(HOMES)}"
             raise ValueError(f"{table}.home must be {choices}; got {self.home!r}; {nearest(self.home, HOMES)}")

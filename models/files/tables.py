@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import types
 import typing
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import MISSING, fields, is_dataclass
 from typing import Any, Final, TypeVar
 
@@ -74,14 +74,17 @@ def _check_magnitude(value: Any, where: str) -> None:
             raise ValueError(f"{where} must be 0 or {least:g} to {most:g}, positive or negative; got {number:g}")
 
 
-def check_ranges(table: object, where: str, ranges: Iterable[tuple[str, float, float]]) -> None:
+def check_ranges(
+    table: object, where: str, ranges: Iterable[tuple[str, float, float]], either_sign: Collection[str] = ()
+) -> None:
     """Raises ValueError of one sentence for a field of `table`, the table `[where]`, that is out of its range: name,
-    lowest and highest value.
+    lowest and highest value, which of the fields `either_sign` bound the amount.
     """
     for name, lower, upper in ranges:
-        value = getattr(table, name)
-        if not lower <= value <= upper:
-            raise ValueError(f"{where}.{name} must lie in [{lower:g}, {upper:g}]; got {value:g}")
+        value, both = getattr(table, name), name in either_sign
+        if not lower <= (abs(value) if both else value) <= upper:
+            words = ", with either sign" if both else ""
+            raise ValueError(f"{where}.{name} must lie in [{lower:g}, {upper:g}]{words}; got {value:g}")
 
 
 def with_contact_angle(table: Table, radius_m: float, where: str) -> Table:

@@ -2,14 +2,17 @@
 and what was unsafe.
 
 `python -m tests.bench.bench_faults [magnetic coil vibro] [--drives cia402 odrive moteus] [--phases N] [--faults KIND
-...] [--targets TARGET ...] [--states STATE ...]`; a line a fault, the worst over states that move and phases.
-`--drives`: the magnetic rig with other makers' drives instead, and the faults through which each of them goes. Faults
-of an operator come to a run that somebody steers, faults of frames' authenticators to one over an authenticated bus.
+...] [--targets TARGET ...] [--states STATE ...] [--pairs]`; a line a fault, the worst over states that move and phases.
+`--pairs`: instead each two of the ten faults that are most likely, at the same time.
+`--drives`: the magnetic rig with other makers' drives instead, and the faults through which each of them goes, those of
+an operator among them. Faults of an operator come to a run that somebody steers, faults of frames' authenticators to
+one over an authenticated bus.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,7 +22,7 @@ from typing import Any, Final
 import numpy as np
 
 from hil.nodes.actuators import ACTUATORS
-from hil.nodes.faults.table import KINDS, MAKERS_ROWS, OWN_KINDS
+from hil.nodes.faults.table import KINDS, MAKERS_ROWS, OPERATOR, OWN_KINDS, Fault
 from tests.hil.app.sil.sil_runs import RIGS, run
 
 LENGTH_S: Final = 0.2
@@ -34,6 +37,20 @@ STATES: Final[Mapping[str, tuple[float, tuple[Mapping[str, Any], ...]]]] = {
     "fault": (0.400, ({"kind": "drop", "at_s": 0.3, "duration_s": 0.05},)),
 }
 """When the fault comes and what came before it, so that the drive is in that state."""
+
+LIKELY: Final = (
+    ("drop", "commands"),
+    ("drop", "feedback"),
+    ("lost", "localisation"),
+    ("delay", "all"),
+    ("corrupt", "commands"),
+    ("killed", ""),
+    ("late_solve", ""),
+    ("bus_off", "controller"),
+    ("drive_reset", ""),
+    ("over_temperature", ""),
+)
+"""The ten faults that are most likely on a bench: cables, load of the machine, supply, heat, a crash."""
 
 
 @dataclass
@@ -59,6 +76,7 @@ def main() -> int:
     parser.add_argument("--faults", nargs="*", default=list(KINDS), help="kinds of faults")
     parser.add_argument("--targets", nargs="*", help="targets of faults; all where left out")
     parser.add_argument("--drives", nargs="*", default=[], choices=list(ACTUATORS), help="other makers' drives")
+    parser.add_argument("--pairs", action="store_true", help="each two of the most likely faults at once")
     parser.add_argument("--states", nargs="*", default=list(STATES), help="states of the drive")
     options = parser.parse_args()
     unsafe = runs = 0
@@ -68,16 +86,20 @@ def main() -> int:
     )
     own = [(k, t) for k in options.faults if k in OWN_KINDS for t in KINDS[k].targets]
     makers = [(k, t) for k, t in MAKERS_ROWS if k in options.faults]
+    makers += [(k, t) for k, t in own if Fault(k, 0.0, target=t).needs == OPERATOR]
     if options.targets is not None:
         own, makers = ([(k, t) for k, t in rows if t in options.targets] for rows in (own, makers))
+    singles = [(row,) for row in (makers if options.drives else own)]
+    rows: list[tuple[tuple[str, str], ...]] = [*itertools.combinations(LIKELY, 2)] if options.pairs else [*singles]
     for rig in options.drives or options.kinds:
-        for kind, target in makers if options.drives else own:
-            worst = Worst()
+        for row in rows:
+            worst, name = Worst(), " + ".join(f"{kind} {target}".strip() for kind, target in row)
             for state, at_s, before in cases(options.phases, options.states):
-                judge(worst, rig, state, {"kind": kind, "at_s": at_s, "duration_s": LENGTH_S, "target": target}, before)
+                faults = [{"kind": k, "at_s": at_s, "duration_s": LENGTH_S, "target": t} for k, t in row]
+                judge(worst, rig, state, faults, before)
             unsafe, runs = unsafe + worst.unsafe, runs + worst.runs
             print(
-                f"{rig:9s} {f'{kind} {target}':24s} {1e3 * worst.after_s:9.1f} {1e3 * worst.since_good_s:11.1f} "
+                f"{rig:9s} {name:24s} {1e3 * worst.after_s:9.1f} {1e3 * worst.since_good_s:11.1f} "
                 f" {worst.state:18s} {worst.runs:5d} {worst.rode:5d} {worst.unsafe:7d}"
                 f" {'moved again: ' + ', '.join(worst.again) if worst.again else ''}",
                 flush=True,
@@ -97,14 +119,16 @@ def cases(phases: int, states: Sequence[str]) -> Iterator[tuple[str, float, tupl
             yield state, round(at_s + 2e-3 * (k + rng.random()) / phases, 9), before
 
 
-def judge(worst: Worst, rig: str, state: str, fault: Mapping[str, Any], before: tuple[Mapping[str, Any], ...]) -> None:
-    """One run into `worst`. A drive that did not move when the fault came counts for safety alone, unless it moves
-    while it lasts.
+def judge(
+    worst: Worst, rig: str, state: str, faults: Sequence[Mapping[str, Any]], before: tuple[Mapping[str, Any], ...]
+) -> None:
+    """One run with `faults` that begin together into `worst`. A drive that did not move when they came counts for
+    safety alone, unless it moves while they last.
     """
-    at_s = float(fault["at_s"])
+    at_s = float(faults[0]["at_s"])
     drive = {rig: {}} if rig in ACTUATORS else {}
-    trace, found = run("magnetic" if drive else rig, at_s + LENGTH_S + 0.05, *before, fault, **drive)
-    outcome = next(o for o in found if o.fault.kind == fault["kind"] and o.fault.at_s == at_s)
+    trace, found = run("magnetic" if drive else rig, at_s + LENGTH_S + 0.05, *before, *faults, **drive)
+    outcome = next(o for o in found if o.fault.at_s == at_s)
     worst.runs += 1
     worst.unsafe += outcome.unsafe
     t, safe, good = trace.slots.T

@@ -22,7 +22,7 @@ from hil.formats.table import FORMATS
 from hil.nodes.actuators import ACTUATORS
 from hil.nodes.cia402.states import MODES, Cia402Table
 from hil.nodes.cia402.states import RANGES as CIA402_RANGES
-from hil.nodes.controller.operator import OperatorLimits
+from hil.nodes.controller.operator import OPERATOR_RANGES, OperatorLimits
 from hil.nodes.moteus.actuator import RANGES as MOTEUS_RANGES
 from hil.nodes.moteus.actuator import MoteusTable
 from hil.nodes.odrive.actuator import FREE_NODES, OdriveTable
@@ -115,9 +115,7 @@ CHECKED: Final[Mapping[tuple[type[Any], str], tuple[float, float]]] = {
     (Cia402Table, "node_id"): (1, 15),
     **{(Cia402Table, name): (lower, upper) for name, lower, upper in CIA402_RANGES},
     (PlantTable, "priority"): (0, 99),
-    (OperatorLimits, "speed_m_s"): (1e-4, 0.4),
-    (OperatorLimits, "acceleration_m_s2"): (1e-3, 10.0),
-    (OperatorLimits, "stop_after_s"): (0.05, 60.0),
+    **{(OperatorLimits, name): (lower, upper) for name, lower, upper in OPERATOR_RANGES},
     **{(OdriveTable, name): (lower, upper) for name, lower, upper in ODRIVE_RANGES},
     **{(MoteusTable, name): (lower, upper) for name, lower, upper in MOTEUS_RANGES},
 }

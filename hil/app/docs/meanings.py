@@ -120,7 +120,7 @@ MEANINGS: Final[Mapping[str, str]] = {
     "script": "what an operator does from the run's begin on, in lines as `capsule jog --script` reads them:"
     " `speed MM_S SECONDS`, `position MM SECONDS`, `release SECONDS`, which comes first; released after them",
     "source": "who steers, by the names of `OperatorSetpoint`",
-    "life_ms": "how long each setpoint counts from its arrival on",
+    "life_ms": "how long each setpoint counts, from its arrival less what it was held back on the way",
     "key_file": "file with the key of authenticated frames, this user's alone (0600), relative to this one; needs `fd`",
     "controller": "name of the controller",
     "estimator": "`default` goes with the controller; `ukf` is filterpy's unscented Kalman filter, about ten times as"
@@ -148,6 +148,8 @@ MEANINGS: Final[Mapping[str, str]] = {
     "highest_m": "highest position",
     "stop_after_s": "how long the capsule is held after the dead-man switch has been released, or a setpoint has come"
     " late, before the drive is stopped",
+    "drift_share": "share by which a sender's setpoints may come slower than every 20 ms; a delay on the way that grows"
+    " by less is not noticed",
     "carriage_speed_m_s": "greatest speed of the carriage",
     "first_speed_m_s": "speed of the carriage that is allowed as a run on a rig enables it; of a coil's or inner mass's"
     " range the same share",

@@ -11,6 +11,7 @@ from typing import Final
 
 from hil.app.console import notes, print_json, summary
 from hil.app.jog.keyboard import keys, raw_terminal
+from hil.app.run.clock import Clock, ClockedBus
 from hil.app.run.command import open_bus
 from hil.app.run.loop import Signals
 from hil.app.scenario.deployment import read_operator
@@ -48,7 +49,7 @@ def jog(
         raise ValueError("capsule jog must be run in a terminal, for its keys; got another input: --script - reads it")
     planned = [] if script is None else _planned(script)
     try:
-        bus = open_bus(table, path.parent)
+        bus = ClockedBus(open_bus(table, path.parent), Clock())
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     with bus, Signals().caught() as signals:

@@ -158,6 +158,8 @@ def _stand_back() -> None:
         signal.signal(number, signal.SIG_IGN)
     end_with_parent()
     os.nice(NICE)
+    if not hasattr(os, "sched_getaffinity"):
+        return
     cores = sorted(os.sched_getaffinity(0))
     if len(cores) > 1:
         os.sched_setaffinity(0, cores[1:])

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Final
 
 import can
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.bus.wrapping import WrappingBus
 from hil.nodes.controller.node import GRID_SLACK
 
 OLDEST_S: Final = 0.1
@@ -28,20 +30,15 @@ class Clock:
         return (time.monotonic_ns() - self.origin_ns) / 1e9
 
 
-class ClockedBus(can.BusABC):
+class ClockedBus(WrappingBus):
     """Another bus whose received frames carry times of `clock`: the driver's stamp where it is at most `oldest_s`
     old by the calendar, else the moment of reading. So a step of the calendar's clock never reaches the node. What is
     received counts as received: SocketCAN marks frames of another process on the same machine as this machine's own.
     """
 
     def __init__(self, inner: can.BusABC, clock: Clock, oldest_s: float = OLDEST_S) -> None:
-        super().__init__(channel=inner.channel_info)
-        self.inner, self.clock, self.oldest_s, self.unstamped = inner, clock, oldest_s, 0
-        self.channel_info = inner.channel_info
-
-    def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """As the inner bus."""
-        self.inner.send(msg, timeout)
+        super().__init__(inner, inner.channel_info)
+        self.clock, self.oldest_s, self.unstamped = clock, oldest_s, 0
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """As the inner bus, with the stamp of `clock`."""
@@ -54,21 +51,14 @@ class ClockedBus(can.BusABC):
             message.is_rx = True
         return message
 
-    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
-        return self.recv(timeout), True
-
     def fileno(self) -> int:
         """As the inner bus."""
         return self.inner.fileno()
 
-    def send_periodic(self, *_: Any, **__: Any) -> Any:
-        """Refused: the kernel would go on sending for a dead process."""
-        raise NotImplementedError("commands are sent one by one")
-
     def shutdown(self) -> None:
-        """Close both."""
-        super().shutdown()
-        self.inner.shutdown()
+        """Close both; an interface that raises is done with, too."""
+        with contextlib.suppress(Exception):  # drivers of many makers raise whatever they like
+            super().shutdown()
 
 
 @dataclass

@@ -31,7 +31,7 @@ from hil.bus.key import next_epoch, read_key
 from hil.bus.local import LocalBus
 from hil.log.log import FrameLog, record_path
 from hil.log.recorder import Recorder, log_record
-from hil.nodes.actuators import carriage_bus, set_up
+from hil.nodes.actuators import ActuatorTable, carriage_bus, set_up
 from hil.nodes.carriage_bus import CarriageBus
 from hil.nodes.controller.node import ControllerNode
 from hil.nodes.controller.receive import controllers_frames
@@ -221,7 +221,7 @@ def _drives_bus(deployment: Deployment, folder: Path, *, listen_only: bool) -> c
     ValueError of one sentence.
     """
     bus, table = open_bus(deployment.bus, folder), deployment.drive
-    if not listen_only and (others := _controllers_on(bus)):
+    if not listen_only and (others := _controllers_on(bus, table)):
         bus.shutdown()
         raise _OtherControllerError(f"another controller is on the bus ({', '.join(others)})")
     if table is None:
@@ -240,12 +240,16 @@ class _OtherControllerError(Exception):
     """Another controller has been heard before anything was sent."""
 
 
-def _controllers_on(bus: can.BusABC) -> list[str]:
-    """Frames that only a controller sends, heard within `QUIET_S`, by name: this one listens before it speaks."""
+def _controllers_on(bus: can.BusABC, table: ActuatorTable | None) -> list[str]:
+    """What only a controller sends, the drive of `table` being another maker's, heard within `QUIET_S`, by name: this
+    one listens before it speaks.
+    """
     known, heard = controllers_frames(load_catalogue()), set[str]()
     for message in heard_for(bus, QUIET_S):
         if plain(message) and message.arbitration_id in known:
             heard.add(known[message.arbitration_id])
+        elif table is not None and table.orders(message):
+            heard.add("commands to the drive")
     return sorted(heard)
 
 

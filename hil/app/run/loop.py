@@ -274,4 +274,6 @@ def prepare_process(priority: int, core: int) -> list[str]:
             wish()
         except OSError as error:
             refused.append(f"{what} is not to be had: {error.strerror or error}")
+        except AttributeError:
+            refused.append(f"{what} is not to be had on this system")
     return refused

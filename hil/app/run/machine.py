@@ -74,6 +74,8 @@ def _data(link: Mapping[str, Any]) -> Mapping[str, Any]:
 
 def priority_words(control: ControlTable) -> str:
     """Whether the real-time priority that is asked for is to be had."""
+    if not hasattr(os, "sched_setscheduler"):
+        return "this system has no real-time priority to ask for" if control.priority else ""
     wanted = control.priority or 1
     before = os.sched_getscheduler(0), os.sched_getparam(0)
     try:

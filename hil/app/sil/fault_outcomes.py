@@ -77,24 +77,35 @@ def limit_s(rig: str, fault: Fault) -> float:
 
 def makers_limit_s(drive: ActuatorTable, limits: Limits, fault: Fault) -> float:
     """The same for another maker's carriage, which comes to rest as its table states: from the last command, or from
-    when the controller had to see it.
+    when the controller had to see it. Their frames have neither counter nor CRC of their own: what the catalogue's
+    rides through may be ridden through here, too, and so may commands whose bits are flipped behind the bus's own
+    check, which are obeyed until the drive does not follow.
     """
+    unseen = fault.kind == "corrupt" and fault.target in ("commands", "all")
+    if unseen or math.isinf(limit_s("magnetic", fault)):
+        return math.inf
     seen = fault.target in ("feedback", "localisation", "localiser") or fault.kind in ("over_temperature", "late_solve")
     return drive.stops_s(limits.carriage_speed_m_s) + (limit_s("magnetic", fault) if seen else 0.0)
 
 
-def hold_s(jog: JogTable, fault: Fault) -> float:
+def hold_s(jog: JogTable, operator: OperatorLimits, fault: Fault) -> float:
     """The longest time in s from the begin of an operator's fault until the reference is held: what the last setpoint
-    has to live, or the next one to come; inf where the controller may go on.
+    has to live, or the next one to come, or until setpoints are held back for longer than they live; inf where the
+    controller may go on.
     """
     if fault.kind in _RIDDEN or abs(fault.amount) < KINDS[fault.kind].value:
         return math.inf
-    return CYCLE_S if fault.kind == "released" else 1e-3 * jog.life_ms
+    life_s = 1e-3 * jog.life_ms
+    if fault.kind == "held_back":
+        apart_s = CYCLE_S + fault.amount
+        seen_s = fault.amount - operator.drift_share * apart_s
+        return life_s * apart_s / seen_s if seen_s > 0 else math.inf
+    return CYCLE_S if fault.kind == "released" else life_s
 
 
 def operator_limit_s(jog: JogTable, operator: OperatorLimits, fault: Fault) -> float:
     """The longest time in s from the begin of an operator's fault until the drive is in its safe state."""
-    return hold_s(jog, fault) + operator.stop_after_s + BUS_S
+    return hold_s(jog, operator, fault) + operator.stop_after_s + BUS_S
 
 
 ROUNDING_S: Final = 1e-9
@@ -201,7 +212,7 @@ def _missteered(scenario: SilScenario, trace: SilTrace, fault: Fault, end: float
     reach = operator.speed_m_s * tick_s * np.arange(wanted.size) + AHEAD_M
     if np.any((wanted[led] < low) | (wanted[led] > high) | (np.abs(wanted - wanted[0])[led] > reach[led])):
         return True
-    held = fault.at_s + hold_s(jog, fault) + 2 * tick_s
+    held = fault.at_s + hold_s(jog, operator, fault) + 2 * tick_s
     last = min(end, fault.end_s, float(trace.slots[-1, 0]))
     if not source[0] or held >= last:
         return False

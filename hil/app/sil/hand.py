@@ -26,7 +26,8 @@ class Hand:
 
     def __init__(self, bus: can.BusABC, jog: JogTable) -> None:
         self.let_go, self.presses = False, 0
-        self._sender = OperatorSender(bus, jog.source, jog.life_ms)
+        self._now = 0.0
+        self._sender = OperatorSender(bus, jog.source, jog.life_ms, clock=lambda: self._now)
         self._steps = jog.planned()
         self._ends = list(itertools.accumulate(step.seconds for step in self._steps))
         self._due_s, self._held = 0.0, False
@@ -35,6 +36,7 @@ class Hand:
         """Its part of the time until `now` in s: a setpoint where one is due."""
         if now < self._due_s:
             return
+        self._now = now
         self._due_s += CYCLE_S
         step = None if self.let_go else self._step(now)
         held = step is not None and step.mode != "release"
@@ -60,9 +62,10 @@ class SecondOperator:
     def __init__(self, bus: can.BusABC, jog: JogTable, catalogue: Catalogue) -> None:
         names = catalogue[SETPOINT].field("Source").names.values()
         other = next(name for name in names if name != jog.source)
+        self._now = 0.0
         self._senders = {
-            "same": OperatorSender(bus, jog.source, jog.life_ms),
-            "other": OperatorSender(bus, other, jog.life_ms),
+            target: OperatorSender(bus, source, jog.life_ms, clock=lambda: self._now)
+            for target, source in (("same", jog.source), ("other", other))
         }
         self._began_s, self._due_s = math.nan, -math.inf
         self.presses = 0
@@ -73,6 +76,7 @@ class SecondOperator:
             self._began_s, self._due_s = now, now + _AFTER_S
         if now < self._due_s:
             return
+        self._now = now
         self._due_s += CYCLE_S
         sender = self._senders[target]
         if now - self._began_s < _AFTER_S + _GREETING_S:

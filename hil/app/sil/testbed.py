@@ -263,10 +263,12 @@ class Bench:
     def _hit(self, fault: Fault) -> list[tuple[FaultInjection, tuple[Fault, frozenset[int]]]]:
         """The links that a fault tampers with, and the identifiers there."""
         known, own = frames(), self.wiring
-        if self.scenario.drive is not None and fault.target in ("commands", "feedback"):
+        told, says = frozenset[int](), frozenset[int]()
+        if self.scenario.drive is not None:
             told, says = identifiers(self.scenario.drive)
-            link, hit_by = ("drive", told) if fault.target == "commands" else ("controller", says)
-            return [(self.links[link], (fault, hit_by))]
+            if fault.target in ("commands", "feedback"):
+                link, hit_by = ("drive", told) if fault.target == "commands" else ("controller", says)
+                return [(self.links[link], (fault, hit_by))]
         to_drive = {
             "commands": (own.command,),
             "all": ("Sync", "SafeStop", "DriveReset", "EnableAnswer", "ControllerHeartbeat", own.command),
@@ -279,9 +281,10 @@ class Bench:
             "all": (*back, "CapsuleLocalisation"),
         }
         hit = []
-        for node, names in (("drive", to_drive), ("controller", to_controller)):
+        for node, names, more in (("drive", to_drive, told), ("controller", to_controller, says)):
             if fault.target in names:
-                hit.append((self.links[node], (fault, frozenset(known[n].id for n in names[fault.target]))))
+                numbers = frozenset(known[n].id for n in names[fault.target])
+                hit.append((self.links[node], (fault, numbers | more if fault.target == "all" else numbers)))
         return hit
 
     def _off_bus(self, port: SimulatedBus, off: bool) -> None:

@@ -42,7 +42,7 @@ class Cia402Bus(CarriageBus):
     """
 
     def __init__(self, inner: can.BusABC, table: Cia402Table, catalogue: Catalogue, tick_s: float) -> None:
-        super().__init__(inner, f"CiA 402 node {table.node_id}", catalogue)
+        super().__init__(inner, f"CiA 402 node {table.node_id}", catalogue, table.orders)
         self.table, self._tick_s, self._wanted_m = table, tick_s, math.nan
         self._takers = {
             0x180 + table.node_id: self._moved,
@@ -96,20 +96,22 @@ class Cia402Bus(CarriageBus):
         taker = self._takers.get(message.arbitration_id)
         if taker is None or not plain(message):
             return False
-        taker(bytes(message.data), message.timestamp)
+        if not taker(bytes(message.data), message.timestamp):
+            self.refuse("CarriageHeartbeat" if taker == self._beat else "CarriageFeedback", message)
         return True
 
-    def _moved(self, data: bytes, stamp: float) -> None:
-        """State and position: a feedback."""
+    def _moved(self, data: bytes, stamp: float) -> bool:
+        """State and position: a feedback. As the next two it says whether the frame was as long as it must be."""
         if len(data) != TPDO_STATE.size:
-            return
+            return False
         self._statusword, self._place = TPDO_STATE.unpack(data)
         self.feed(shown(self._statusword), self._place / self.table.counts_per_m, self._speed_m_s, stamp)
+        return True
 
-    def _more(self, data: bytes, stamp: float) -> None:
+    def _more(self, data: bytes, stamp: float) -> bool:
         """Speed and error: with the next feedback, and as a fault where one begins."""
         if len(data) != TPDO_MORE.size:
-            return
+            return False
         counts, error = TPDO_MORE.unpack(data)
         self._speed_m_s = counts / self.table.counts_per_m
         faulted = state_of(self._statusword) == FAULTED
@@ -117,12 +119,15 @@ class Cia402Bus(CarriageBus):
             self._error = error
             self.fail(fault_of(error), error, stamp)
         self._told = faulted
+        return True
 
-    def _beat(self, data: bytes, stamp: float) -> None:
-        if len(data) == 1:
-            self._anew = "it booted anew" if self._known and data[0] == 0 else self._anew
-            self._known = True
-            self.beat(_NMT.get(data[0] & 0x7F, BOOT), stamp, anew=data[0] == 0)
+    def _beat(self, data: bytes, stamp: float) -> bool:
+        if len(data) != 1:
+            return False
+        self._anew = "it booted anew" if self._known and data[0] == 0 else self._anew
+        self._known = True
+        self.beat(_NMT.get(data[0] & 0x7F, BOOT), stamp, anew=data[0] == 0)
+        return True
 
     def _command(self, word: int, counts: int, timeout: float | None) -> None:
         self.say(0x200 + self.table.node_id, RPDO.pack(word, min(max(counts, -(1 << 31)), (1 << 31) - 1)), timeout)

@@ -34,6 +34,7 @@ from hil.nodes.drive.node import HOT_S
 from hil.nodes.drive.power_stage import CarriagePower
 from hil.nodes.drive.state_machine import NO_FAULT, Stage
 from hil.nodes.frame_map import plain
+from hil.nodes.listening import waiting
 
 DEADLINE_ERROR, HEARTBEAT_ERROR, TEMPERATURE_ERROR, SENSOR_ERROR = 0x8250, 0x8130, 0x4310, 0x7300
 _MOST: Final = 256
@@ -97,10 +98,7 @@ class Cia402Drive:
     def listen(self, now: float, slots: int) -> None:
         """One run of the firmware: take frames in, judge, go on; reports leave with each SYNC."""
         self._now = now
-        for _ in range(_MOST):
-            message = self.bus.recv(0)
-            if message is None:
-                break
+        for message in waiting(self.bus, _MOST):
             if plain(message) and self.node_id == self.table.node_id:
                 self.network.notify(message.arbitration_id, bytearray(message.data), message.timestamp)
         if self.node.nmt.state == "OPERATIONAL" and not self._mapped:

@@ -136,7 +136,9 @@ def set_up(bus: can.BusABC, table: Cia402Table, limits: Limits, tick_s: float, t
             _home(node, network, table)
         node.nmt.state = "OPERATIONAL"
         return [sentence for sentence in told if sentence]
-    except (canopen.SdoCommunicationError, canopen.SdoAbortedError, can.CanError, OSError) as error:
+    except ValueError:
+        raise
+    except Exception as error:  # noqa: BLE001 - drivers of many makers raise whatever they like
         raise ValueError(f"cia402: node {table.node_id} must answer and take its settings; got: {error}") from None
     finally:
         if network.notifier is not None:

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
+import can
+
 from hil.nodes.drive.state_machine import HEARTBEAT_LOST, OVER_CURRENT, OVER_TEMPERATURE, TIME_TO_LIVE
 from hil.nodes.frame_map import (
     BOOT,
@@ -23,6 +25,7 @@ from hil.nodes.frame_map import (
     STOPPING,
     WAITING,
     frame_map_of,
+    plain,
 )
 from models.files.tables import check_ranges
 from models.parameter import nearest
@@ -50,6 +53,8 @@ DISABLE_VOLTAGE, SHUTDOWN, SWITCH_ON, ENABLE_OPERATION, HALT_QUICKLY, RESET_FAUL
 SYNC_ID: Final = 0x6A0
 """CANopen's SYNC goes by a free identifier: by its usual one 0x80 the catalogue's own Sync goes."""
 MASTER_NODE: Final = 127
+_SDO_WRITES: Final = (0, 1, 6)
+"""Client commands of an SDO download: a segment, its begin, a block."""
 OPERATIONAL: Final = 5
 HOMING_MODE, CYCLIC_SYNCHRONOUS_POSITION, CYCLIC_SYNCHRONOUS_VELOCITY = 6, 8, 9
 """Modes of operation."""
@@ -100,6 +105,19 @@ class Cia402Table:
         if self.mode not in MODES:
             choices = f"one of {', '.join(MODES)}"
             raise ValueError(f"cia402.mode must be {choices}; got {self.mode!r}; {nearest(self.mode, MODES)}")
+
+    def orders(self, message: can.Message) -> bool:
+        """Whether `message` is one by which a master commands this drive: RPDO 1, NMT to it or to all, CANopen's SYNC,
+        the heartbeat that the drive watches, and what writes over SDO.
+        """
+        if not plain(message):
+            return False
+        data = bytes(message.data[:2])
+        if message.arbitration_id == 0:
+            return data[1:] in (b"\0", bytes([self.node_id]))
+        if message.arbitration_id == 0x600 + self.node_id:
+            return data[:1] != b"" and data[0] >> 5 in _SDO_WRITES
+        return message.arbitration_id in (0x200 + self.node_id, SYNC_ID, 0x700 + MASTER_NODE)
 
     def stops_s(self, speed_m_s: float) -> float:
         """The longest time in s from the last command to the carriage at rest, from `speed_m_s`."""

@@ -15,7 +15,8 @@ from controller.move import Move, brake, move, rest
 from controller.signals import Reference
 from hil.bus.catalogue import Catalogue
 from hil.bus.codec import Refusal
-from hil.bus.protection import Receiver
+from hil.bus.protection import COUNTS, Receiver
+from hil.nodes.controller.lateness import Lateness
 from models.files.tables import check_ranges
 from models.parameter import nearest
 
@@ -31,13 +32,20 @@ NOBODY: Final = 0
 OFF, READY, MOVING, HELD, STOPPED = range(5)
 """What the controller makes of setpoints, in the numbers of OperatorStatus."""
 _REACH_M, _FASTEST_M_S = 1.1, 0.4
+OPERATOR_RANGES: Final = (
+    ("speed_m_s", 1e-4, _FASTEST_M_S),
+    ("acceleration_m_s2", 1e-3, 10.0),
+    ("stop_after_s", 0.05, 60.0),
+    ("drift_share", 5e-4, 1.0),
+)
 
 
 @dataclass(frozen=True)
 class OperatorLimits:
     """`[operator]`: whether setpoints from the bus are taken, from which `sources` (none: from all), and within what:
     speed and acceleration of the reference, its lowest and highest position. The drive is stopped `stop_after_s` after
-    the dead-man switch has been released, or a setpoint has come late.
+    the dead-man switch has been released, or a setpoint has come late. Senders may be slower than the frame's cycle by
+    `drift_share`; by so much a delay may grow unnoticed.
     """
 
     accept: bool = False
@@ -47,14 +55,10 @@ class OperatorLimits:
     lowest_m: float = -0.05
     highest_m: float = 0.05
     stop_after_s: float = 1.0
+    drift_share: float = 0.02
 
     def __post_init__(self) -> None:
-        ranges = (
-            ("speed_m_s", 1e-4, _FASTEST_M_S),
-            ("acceleration_m_s2", 1e-3, 10.0),
-            ("stop_after_s", 0.05, 60.0),
-        )
-        check_ranges(self, "operator", ranges)
+        check_ranges(self, "operator", OPERATOR_RANGES)
         if not -_REACH_M <= self.lowest_m < self.highest_m <= _REACH_M:
             raise ValueError(
                 f"operator.lowest_m must lie below highest_m, both within {_REACH_M:g} m either way; got"
@@ -83,9 +87,9 @@ class Operator:
     has ever been in charge since `begin`: until then the reference is the deployment's own.
 
     `refused` counts frames by reason: those of the protection (length, crc, counter, repeated, range), `source` (not
-    accepted here), `busy` (another one is in charge), `late` (older than its time to live when it was read),
-    `not_released`. `presses` and `expired` count how often somebody took charge and how often a setpoint's life ended
-    it.
+    accepted here), `busy` (another one is in charge), `late` (older than its time to live when it was read, from its
+    arrival less the time by which `Lateness` says it was held back on), `not_released`. `presses` and `expired` count
+    how often somebody took charge and how often a setpoint's life ended it.
     """
 
     def __init__(self, limits: OperatorLimits, catalogue: Catalogue) -> None:
@@ -96,6 +100,8 @@ class Operator:
         self.presses = self.expired = 0
         self._shift, self._mask = source.start, (1 << source.length) - 1
         self._receivers = {raw: Receiver(frame) for raw in source.names}
+        self._late = {raw: Lateness(frame.cycle_s, limits.drift_share) for raw in source.names}
+        self._turn_s = COUNTS * frame.cycle_s
         self._nameless = Receiver(frame)
         names = source.names
         self._accepted = {raw for raw in names if not limits.sources or names[raw] in limits.sources}
@@ -123,13 +129,15 @@ class Operator:
             if values.reason in _COUNTED and source == self.source and not bits & self._switch:
                 self._armed.discard(source)
                 self._let_go(now)
-        elif source not in self._accepted:
+            return
+        dies_at = stamp - self._late_s(source, stamp) + 1e-3 * values["TimeToLive_ms"]
+        if source not in self._accepted:
             self._refuse("source", now)
         elif not values["DeadMan"]:
             self._armed.add(source)
             if source == self.source:
                 self._let_go(now)
-        elif not stamp <= now <= stamp + 1e-3 * values["TimeToLive_ms"]:
+        elif not stamp <= now <= dies_at:
             self._refuse("late", now)
         elif self.source not in (NOBODY, source):
             self._armed.discard(source)
@@ -139,7 +147,7 @@ class Operator:
         else:
             self.presses += self.source == NOBODY
             self.source, self.taken = source, True
-            self._dies_at = stamp + 1e-3 * values["TimeToLive_ms"]
+            self._dies_at = dies_at
             self._wanted = (int(values["Mode"]), values["Position_m"], values["Velocity_m_s"])
 
     def expire(self, now: float) -> None:
@@ -211,6 +219,11 @@ class Operator:
         else:
             goal = min(max(position, limits.lowest_m), limits.highest_m)
         return move(goal, place, speed, fastest or limits.speed_m_s, limits.acceleration_m_s2, now)
+
+    def _late_s(self, source: int, stamp: float) -> float:
+        receiver = self._receivers[source]
+        longest_s = self._turn_s if source == self.source else receiver.longest_s
+        return self._late[source].heard(receiver.counter, stamp, longest_s)
 
     def _let_go(self, now: float) -> None:
         self.source, self._let_go_at = NOBODY, now

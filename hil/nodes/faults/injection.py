@@ -42,6 +42,7 @@ class FaultInjection(WrappingBus):
         self._late: list[tuple[float, int, can.Message]] = []
         self._held: dict[int, can.Message] = {}
         self._recorded: dict[int, list[can.Message]] = {}
+        self._behind_s = 0.0
         self._key = key
         self._past: defaultdict[int, deque[can.Message]] = defaultdict(lambda: deque(maxlen=_REMEMBERED))
         self._number = 0
@@ -65,6 +66,7 @@ class FaultInjection(WrappingBus):
             if not self.faults:
                 self._held.clear()
                 self._recorded.clear()
+                self._behind_s = 0.0
                 self._past[message_in.arbitration_id].append(message_in)
                 return message_in
             self._ready.extend(self._tampered(message_in))
@@ -81,8 +83,15 @@ class FaultInjection(WrappingBus):
         return [] if self._rng.random() < fault.amount else [frame]
 
     def _delay(self, frame: can.Message, fault: Fault) -> list[can.Message]:
+        return self._later(frame, fault.amount)
+
+    def _hold_back(self, frame: can.Message, fault: Fault) -> list[can.Message]:
+        self._behind_s += fault.amount
+        return self._later(frame, self._behind_s)
+
+    def _later(self, frame: can.Message, delay_s: float) -> list[can.Message]:
         self._number += 1
-        heapq.heappush(self._late, (frame.timestamp + fault.amount, self._number, frame))
+        heapq.heappush(self._late, (frame.timestamp + delay_s, self._number, frame))
         return []
 
     def _duplicate(self, frame: can.Message, fault: Fault) -> list[can.Message]:
@@ -96,7 +105,7 @@ class FaultInjection(WrappingBus):
         return [frame, _stamped(before, frame.timestamp)]
 
     def _corrupt(self, frame: can.Message, fault: Fault) -> list[can.Message]:
-        if self._rng.random() >= fault.amount:
+        if self._rng.random() >= fault.amount or not frame.data:
             return [frame]
         data = bytearray(frame.data)
         for bit in self._rng.sample(range(8 * len(data)), self._rng.randint(1, 8)):
@@ -115,7 +124,7 @@ class FaultInjection(WrappingBus):
                 kind == 0,
                 is_remote_frame=kind == 1,
                 is_error_frame=kind == 2,
-                is_fd=kind == 3,
+                is_fd=kind == 3 and not frame.is_fd,
                 data=None if kind == 1 else frame.data,
                 is_rx=True,
                 channel=frame.channel,
@@ -201,6 +210,7 @@ _TAMPERING: Final[Mapping[str, Callable[[FaultInjection, can.Message, Fault], li
         "corrupt": FaultInjection._corrupt,
         "replay": FaultInjection._replay,
         "retyped": FaultInjection._retype,
+        "held_back": FaultInjection._hold_back,
         "frozen_setpoint": FaultInjection._freeze,
         "miscounted": FaultInjection._miscount,
         "out_of_range": FaultInjection._overreach,

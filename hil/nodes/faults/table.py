@@ -47,7 +47,7 @@ KINDS: Mapping[str, FaultKind] = MappingProxyType(
             "bits of frames are flipped behind the bus's own check", _WAYS, 1.0, "share of the frames", _SHARE
         ),
         "replay": FaultKind("old frames come again between the true ones", _WAYS, 20.0, "frames ago", (1, 32)),
-        "retyped": FaultKind("frames come as extended, remote, error or FD frames in turn, bytes and all", _WAYS),
+        "retyped": FaultKind("frames come as extended, remote, error or FD frames (FD ones: classic) in turn", _WAYS),
         "unreadable": FaultKind("the node's interface raises whenever it is read", NODES[:2]),
         "second_master": FaultKind("another controller speaks on the bus: time, heartbeat, commands that enable"),
         "player": FaultKind("what the controller has said since the run began is played on the bus"),
@@ -66,6 +66,14 @@ KINDS: Mapping[str, FaultKind] = MappingProxyType(
         "frozen": FaultKind("the controller's process stands still"),
         "late_solve": FaultKind("the controller's solutions come too late"),
         "released": FaultKind("the operator lets the dead-man switch go, for good", needs=OPERATOR),
+        "held_back": FaultKind(
+            "a gateway holds each setpoint back for longer than the one before",
+            (SETPOINTS,),
+            0.01,
+            "s longer",
+            (1e-4, 10.0),
+            OPERATOR,
+        ),
         "frozen_setpoint": FaultKind("the operator's node repeats one frame", (SETPOINTS,), needs=OPERATOR),
         "miscounted": FaultKind("counters of setpoints are 8 off, their CRC fits", (SETPOINTS,), needs=OPERATOR),
         "out_of_range": FaultKind("positions of setpoints are out of range", (SETPOINTS,), needs=OPERATOR),
@@ -98,6 +106,19 @@ MAKERS_ROWS: Final = (
     ("drive_reset", ""),
     ("bus_off", "controller"),
     ("late_solve", ""),
+    ("drop", "all"),
+    ("delay", "all"),
+    ("retyped", "commands"),
+    ("retyped", "feedback"),
+    ("unreadable", "controller"),
+    ("unreadable", "drive"),
+    ("second_master", ""),
+    ("player", ""),
+    ("babbling", ""),
+    ("bus_off", "drive"),
+    ("stuck", "feedback"),
+    ("biased", "localisation"),
+    ("clock_jump", ""),
 )
 """Faults and targets through which every drive of another maker goes."""
 

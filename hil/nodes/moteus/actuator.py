@@ -15,7 +15,7 @@ from typing import Final
 import can
 
 from hil.bus.catalogue import Catalogue
-from hil.nodes.carriage_bus import BrakePath, CarriageBus
+from hil.nodes.carriage_bus import IDLE_TICKS, BrakePath, CarriageBus
 from hil.nodes.drive.state_machine import OVER_CURRENT, OVER_TEMPERATURE, TIME_TO_LIVE
 from hil.nodes.frame_map import BOOT, ENABLE, ENABLED, FAULT, READY, STANDBY, STOPPING, WAITING
 from hil.nodes.listening import heard_for, silent
@@ -76,6 +76,10 @@ class MoteusTable(Turning):
     def __post_init__(self) -> None:
         self.check("moteus", RANGES)
 
+    def orders(self, message: can.Message) -> bool:
+        """Whether `message` is one by which a master commands this drive."""
+        return wire.orders(message, self.node_id)
+
 
 RANGES: Final = (
     ("node_id", 1, 126),
@@ -97,7 +101,7 @@ class MoteusBus(CarriageBus):
     """
 
     def __init__(self, inner: can.BusABC, table: MoteusTable, catalogue: Catalogue, tick_s: float) -> None:
-        super().__init__(inner, f"moteus node {table.node_id}", catalogue)
+        super().__init__(inner, f"moteus node {table.node_id}", catalogue, table.orders)
         self.table, self._tick_s = table, tick_s
         self._watchdog_s = struct.unpack("<f", struct.pack("<f", table.watchdog_s))[0]
         self._servo, self._held_s = -1, math.nan
@@ -105,7 +109,7 @@ class MoteusBus(CarriageBus):
         self._wanted_m, self._fresh = 0.0, False
         self._last_m = self._rate_m_s = math.nan
         self._armed = self._led = False
-        self._asked, self._forgiven, self._unanswered = 0, 0, 0
+        self._asked, self._stopped, self._forgiven, self._unanswered = 0, 0, 0, 0
         self._latched, self._left = "", ""
         self._braking = BrakePath(tick_s)
         self._beat_at = -math.inf
@@ -133,7 +137,7 @@ class MoteusBus(CarriageBus):
             self._wanted_m, self._fresh = place_m, True
         elif mode == READY and self.shown == STANDBY:
             self._armed, self._led, self._asked, self._left = True, False, 0, ""
-            self._last_m = math.nan
+            self._last_m, self._stopped = math.nan, 0
         elif mode not in (READY, ENABLE):
             self._armed = False
         if not self._armed:
@@ -172,6 +176,8 @@ class MoteusBus(CarriageBus):
         values = wire.told(bytes(message.data))
         if wire.MODE in values and math.isfinite(values[wire.MODE]):
             self._replied(values, message.timestamp)
+        elif not message.data or message.data[0] != wire.STREAM_FROM_SERVO:
+            self.refuse("CarriageFeedback", message)
         return True
 
     def _replied(self, values: Mapping[int, float], stamp: float) -> None:
@@ -213,16 +219,19 @@ class MoteusBus(CarriageBus):
         self._aim(begin, rate, timeout)
 
     def _rest(self, timeout: float | None) -> None:
-        """A step of the way to rest of a drive that operates; at rest it is stopped."""
+        """A step of the way to rest of a drive that operates; at rest it is stopped. Where it does not stop, it is only
+        asked on, and its watchdog ends it.
+        """
         if self._latched or self._servo <= wire.FAULTED:
             return
         led = not math.isnan(self._last_m)
         onward = (self._last_m, self._rate_m_s) if led else (self._place_m, self._speed_m_s)
         step = self._braking.step(*onward) if self._servo == wire.POSITION_MODE else None
-        if step is None:
-            self._tell(wire.mode_write(wire.STOPPED), timeout)
-        else:
+        if step is not None:
             self._aim(*step, timeout)
+        elif self._stopped < IDLE_TICKS:
+            self._stopped += 1
+            self._tell(wire.mode_write(wire.STOPPED), timeout)
 
     def _aim(self, place_m: float, rate_m_s: float, timeout: float | None) -> None:
         scale, table = self.table.turns_per_m, self.table
@@ -320,7 +329,7 @@ class _Questions:
             while self._bus.recv(0) is not None:
                 pass
             self._bus.send(wire.frame_to(node or self._table.node_id, data), timeout=0.1)
-        except (can.CanError, OSError, ValueError) as error:
+        except Exception as error:  # noqa: BLE001 - drivers of many makers raise whatever they like
             raise ValueError(f"moteus: node {self._table.node_id} must be reached; got: {error}") from None
         for message in heard_for(self._bus, seconds):
             self._errors += message.is_error_frame

@@ -15,6 +15,7 @@ from controller.limits import Limits
 from hil.nodes.drive.power_stage import CarriagePower
 from hil.nodes.drive.state_machine import NO_FAULT, TIME_TO_LIVE, Stage
 from hil.nodes.frame_map import ENABLED, FAULT, QUICK_STOP_M_S2, STANDBY
+from hil.nodes.listening import waiting
 from hil.nodes.moteus.actuator import FAULTS, MoteusTable
 
 STOPPED, FAULTED, POSITION, TIMED_OUT = 0, 1, 10, 11
@@ -23,6 +24,7 @@ BOOT_S: Final = 0.03
 RELATIVE, OUTPUT = 0, 2
 """Home states."""
 _MOST: Final = 256
+_LONGEST: Final = 64
 _AMBIENT_C: Final = 25.0
 _SIZES: Final = (1, 2, 4, 4)
 _KINDS: Final = ("b", "h", "i", "f")
@@ -78,13 +80,14 @@ class MoteusDrive:
     def listen(self, now: float, slots: int) -> None:
         """One run of the firmware: take frames in, judge, answer."""
         self._now = now
-        for _ in range(_MOST):
-            message = self.bus.recv(0)
-            if message is None:
-                break
-            mine = message.is_fd and not message.is_error_frame and message.arbitration_id & 0x7F == self.node_id
-            if mine and message.arbitration_id & 0x80 == 0 and now - self._began >= BOOT_S:
-                self._take(message.arbitration_id >> 8, bytes(message.data))
+        for message in waiting(self.bus, _MOST):
+            long = message.arbitration_id > 0x7FF
+            framed = message.is_fd and not message.is_error_frame and message.is_extended_id == long
+            if framed and message.arbitration_id & 0xFF == self.node_id and now - self._began >= BOOT_S:
+                try:
+                    self._take(message.arbitration_id >> 8, bytes(message.data))
+                except (IndexError, ValueError, OverflowError, struct.error):
+                    self.rejected += 1
         self._judge()
 
     def output(self, dt: float, sensed: float) -> float:
@@ -186,7 +189,8 @@ class MoteusDrive:
             self.mode, self._since = mode, self._now
 
     def _say(self, destination: int, data: bytes) -> None:
-        length = next(n for n in (*range(9), 12, 16, 20, 24, 32, 48, 64) if n >= len(data))
+        data = data[:_LONGEST]
+        length = next(n for n in (*range(9), 12, 16, 20, 24, 32, 48, _LONGEST) if n >= len(data))
         identifier = self.node_id << 8 | destination
         message = can.Message(
             arbitration_id=identifier,

@@ -14,7 +14,7 @@ MODE, POSITION, VELOCITY, HOME_STATE, FAULT_CODE = 0x00, 0x01, 0x02, 0x0C, 0x0F
 COMMAND_POSITION, MAXIMUM_TORQUE, WATCHDOG_TIMEOUT, SET_OUTPUT_EXACT = 0x20, 0x25, 0x27, 0x131
 STOPPED, FAULTED, POSITION_MODE, TIMED_OUT = 0, 1, 10, 11
 """Modes; 2 to 4 are on the way to one that operates."""
-WRITE_INT8, WRITE_FLOAT, READ_FLOAT, REPLY_INT8, REPLY_FLOAT = 0x00, 0x0C, 0x1C, 0x20, 0x2C
+WRITE_INT8, WRITE_FLOAT, READ_INT8, READ_FLOAT, REPLY_INT8, REPLY_FLOAT = 0x00, 0x0C, 0x10, 0x1C, 0x20, 0x2C
 STREAM_TO_SERVO, STREAM_FROM_SERVO, STREAM_POLL = 0x40, 0x41, 0x42
 REPLY_WANTED: Final = 0x8000
 HOST: Final = 0x7A
@@ -46,10 +46,25 @@ def frame_to(node: int, data: bytes) -> can.Message:
     )
 
 
+def framed(message: can.Message) -> bool:
+    """Whether a frame is CAN FD, and extended where its identifier needs it."""
+    long = message.arbitration_id > 0x7FF
+    return bool(message.is_fd and not message.is_error_frame and message.is_extended_id == long)
+
+
 def replier(message: can.Message) -> int:
     """The node whose reply to this controller a frame is, -1 where it is none."""
-    mine = message.is_fd and not message.is_error_frame and message.arbitration_id & 0xFF == HOST
+    mine = framed(message) and message.arbitration_id & 0xFF == HOST
     return message.arbitration_id >> 8 if mine and message.arbitration_id < REPLY_WANTED else -1
+
+
+def orders(message: can.Message, node: int) -> bool:
+    """Whether a frame is a master's to a node or to all, by CAN FD or classic, and does not begin with a question."""
+    long = (message.is_fd or message.is_extended_id) and not (message.is_error_frame or message.is_remote_frame)
+    if not long or message.arbitration_id >= 1 << 16 or message.arbitration_id & 0xFF not in (node, BROADCAST):
+        return False
+    first = message.data[0] if message.data else NOP
+    return not (READ_INT8 <= first < REPLY_INT8 or first in (STREAM_POLL, NOP))
 
 
 def mode_write(mode: int) -> bytes:

@@ -16,7 +16,7 @@ import can
 
 from controller.limits import Limits
 from hil.bus.catalogue import Catalogue
-from hil.nodes.carriage_bus import BrakePath, CarriageBus
+from hil.nodes.carriage_bus import IDLE_TICKS, BrakePath, CarriageBus
 from hil.nodes.drive.state_machine import OVER_CURRENT, OVER_TEMPERATURE, TIME_TO_LIVE
 from hil.nodes.frame_map import (
     BOOT,
@@ -37,6 +37,16 @@ GET_VERSION, HEARTBEAT, GET_ERROR, RX_SDO, TX_SDO, SET_AXIS_STATE = 0x00, 0x01, 
 GET_ENCODER_ESTIMATES, SET_CONTROLLER_MODE, SET_INPUT_POS, SET_LIMITS = 0x09, 0x0B, 0x0C, 0x0F
 CLEAR_ERRORS, SET_ABSOLUTE_POSITION = 0x18, 0x19
 """Commands: the 5 lower bits of an identifier, whose 6 upper ones are the node."""
+_SAID: Final = MappingProxyType(
+    {
+        HEARTBEAT: ("CarriageHeartbeat", 5),
+        GET_ERROR: ("CarriageFault", 8),
+        GET_ENCODER_ESTIMATES: ("CarriageFeedback", 8),
+    }
+)
+"""What becomes of its frames, and how long they are at least."""
+_TOLD: Final = (GET_VERSION, HEARTBEAT, GET_ERROR, TX_SDO, GET_ENCODER_ESTIMATES, 0x14, 0x15, 0x17, 0x1C, 0x1D)
+"""Those by which the drive speaks, asked or unasked."""
 IDLE, CLOSED_LOOP = 1, 8
 """Axis states; every other one is on the way to one of them or a calibration."""
 POSITION_CONTROL, PASSTHROUGH = 3, 1
@@ -102,6 +112,13 @@ class OdriveTable(Turning):
             )
         self.check("odrive", RANGES)
 
+    def orders(self, message: can.Message) -> bool:
+        """Whether `message` is one by which a master commands this drive; to read an endpoint is a question."""
+        node, command = message.arbitration_id >> 5, message.arbitration_id & 0x1F
+        if not plain(message) or node != self.node_id or command in _TOLD:
+            return False
+        return command != RX_SDO or bytes(message.data[:1]) != b"\0"
+
 
 RANGES: Final = (
     ("turns_per_m", 1.0, 1e5),
@@ -138,13 +155,13 @@ class OdriveBus(CarriageBus):
     """
 
     def __init__(self, inner: can.BusABC, table: OdriveTable, catalogue: Catalogue, tick_s: float) -> None:
-        super().__init__(inner, f"ODrive node {table.node_id}", catalogue)
+        super().__init__(inner, f"ODrive node {table.node_id}", catalogue, table.orders)
         self.table, self._tick_s = table, tick_s
         self._axis, self._errors, self._latched, self._forgiven = 0, 0, 0, 0
         self._turns = self._turns_s = 0.0
         self._wanted_m, self._fresh, self._mode = 0.0, False, 0
         self._armed = self._led = False
-        self._asked = 0
+        self._asked = self._stopped = 0
         self._last_m = self._rate_m_s = math.nan
         self._braking = BrakePath(tick_s)
         self._heard_at, self._others_at, self._others = -math.inf, -math.inf, set[int]()
@@ -176,7 +193,7 @@ class OdriveBus(CarriageBus):
             self._wanted_m, self._fresh = place_m, True
         elif mode == READY and self.shown == STANDBY:
             self._armed, self._led, self._asked, self._left = True, False, 0, ""
-            self._last_m = math.nan
+            self._last_m, self._stopped = math.nan, 0
         elif mode not in (READY, ENABLE):
             self._armed = False
         if not self._armed and self._axis == CLOSED_LOOP:
@@ -223,12 +240,15 @@ class OdriveBus(CarriageBus):
                 self._others.add(node)
             return False
         self._heard_at = message.timestamp
-        if command == HEARTBEAT and len(data) >= 5:
+        name, least = _SAID.get(command, ("", 0))
+        if len(data) < least and not (command == GET_ERROR and not data):
+            self.refuse(name, message)
+        elif command == HEARTBEAT:
             self._beaten(data, message.timestamp)
-        elif command == GET_ERROR and len(data) == 8:
-            self._failed(struct.unpack("<II", data), message.timestamp)
-        elif command == GET_ENCODER_ESTIMATES and len(data) == 8:
-            self._turns, self._turns_s = struct.unpack("<ff", data)
+        elif command == GET_ERROR and data:
+            self._failed(struct.unpack_from("<II", data), message.timestamp)
+        elif command == GET_ENCODER_ESTIMATES:
+            self._turns, self._turns_s = struct.unpack_from("<ff", data)
             scale = self.table.turns_per_m
             self.feed(self.shown, self._turns / scale, self._turns_s / scale, message.timestamp)
         return True
@@ -258,15 +278,18 @@ class OdriveBus(CarriageBus):
             self.fail(code_of(errors), errors.bit_length() - 1, stamp)
 
     def _brake(self, timeout: float | None) -> None:
-        """A step of the way to rest; at rest the axis is made idle."""
+        """A step of the way to rest; at rest the axis is made idle. Where it does not become idle, silence leaves it to
+        its watchdog.
+        """
         scale = self.table.turns_per_m
         led = not math.isnan(self._last_m)
         onward = (self._last_m, self._rate_m_s) if led else (self._turns / scale, self._turns_s / scale)
         step = self._braking.step(*onward)
-        if step is None:
-            self._tell(SET_AXIS_STATE, struct.pack("<I", IDLE), timeout)
-        else:
+        if step is not None:
             self._place(*step, timeout)
+        elif self._stopped < IDLE_TICKS:
+            self._stopped += 1
+            self._tell(SET_AXIS_STATE, struct.pack("<I", IDLE), timeout)
 
     def _place(self, place_m: float, rate_m_s: float, timeout: float | None) -> None:
         """Set_Input_Pos: position, and its rate in thousandths of a turn a second."""
@@ -345,7 +368,7 @@ class _Questions:
         identifier = self._table.node_id << 5 | command
         try:
             self._bus.send(can.Message(arbitration_id=identifier, is_extended_id=False, data=data), timeout=0.1)
-        except (can.CanError, OSError) as error:
+        except Exception as error:  # noqa: BLE001 - drivers of many makers raise whatever they like
             raise ValueError(f"odrive: node {self._table.node_id} must be reached; got: {error}") from None
 
     def reply(self, command: int, data: bytes, answer: int, fits: Callable[[bytes], bool]) -> bytes:

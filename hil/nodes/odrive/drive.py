@@ -15,6 +15,7 @@ from controller.limits import Limits
 from hil.nodes.drive.power_stage import CarriagePower
 from hil.nodes.drive.state_machine import NO_FAULT, Stage
 from hil.nodes.frame_map import BOOT, ENABLED, FAULT, STANDBY, plain
+from hil.nodes.listening import waiting
 from hil.nodes.odrive.actuator import OdriveTable, code_of
 
 ENABLE_WATCHDOG, WATCHDOG_TIMEOUT = 417, 418
@@ -88,10 +89,7 @@ class OdriveDrive:
         self._now = now
         if self.axis == UNDEFINED and now - self._began >= BOOT_S:
             self._become(AXIS_IDLE)
-        for _ in range(_MOST):
-            message = self.bus.recv(0)
-            if message is None:
-                break
+        for message in waiting(self.bus, _MOST):
             if plain(message) and message.arbitration_id >> 5 == self.node_id:
                 self._take(message.arbitration_id & 0x1F, bytes(message.data))
         self._judge()

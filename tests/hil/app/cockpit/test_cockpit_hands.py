@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import can
 import pytest
 
 from hil.app.cockpit.facts import Facts
@@ -25,17 +24,6 @@ SPEED = {"ask": "hold", "mode": "speed", "value": 0.002}
 ARM = {"ask": "arm", "on": True}
 
 
-class Keeping(ScriptedBus):
-    """Keeps what is sent."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.sent: list[can.Message] = []
-
-    def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        self.sent.append(msg)
-
-
 @dataclass
 class Bench:
     """Hands on a bus that keeps what is sent, and a clock that is set."""
@@ -44,7 +32,7 @@ class Bench:
     now: float = 0.0
 
     def __post_init__(self) -> None:
-        self.bus = Keeping()
+        self.bus = ScriptedBus()
         self.hands = Hands(BusSource(self.bus, Clock(), FACTS), Path("x.toml"), self.limits, lambda: self.now)
 
     def told(self, seconds: float) -> list[dict[str, float]]:

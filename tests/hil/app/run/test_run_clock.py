@@ -14,7 +14,9 @@ from hil.app.run.clock import Clock, ClockedBus, Grid, Histogram
 from hil.app.scenario.deployment import parse_deployment
 from hil.bus.catalogue import load_catalogue
 from hil.bus.local import LocalBus
+from hil.bus.simulated import Medium, SimulatedBus
 from tests.hil.app.run.deployments import deployment
+from tests.hil.scripted_bus import ScriptedBus
 
 
 def test_rehearsal_runs_every_controller_of_the_rig() -> None:
@@ -61,3 +63,34 @@ def test_stamps_are_of_the_nodes_clock(channel: str) -> None:
         assert abs(odd.timestamp - near.clock.now()) < 0.1
         assert near.unstamped == 1
         assert round(got.timestamp * 1e9) / 1e9 == got.timestamp
+
+
+def test_what_state_the_bus_is_in_is_told() -> None:
+    """A node whose error counters made it passive shows so through the clock's bus."""
+    inner = SimulatedBus(Medium(1_000_000), "near")
+    with ClockedBus(inner, Clock()) as near:
+        states = [near.state]
+        inner.counters.transmit = 128
+        states.append(near.state)
+        assert states == [can.BusState.ACTIVE, can.BusState.PASSIVE]
+
+
+class Garbled(ScriptedBus):
+    """An interface that raises as it is closed."""
+
+    opened = ended = False
+
+    def shutdown(self) -> None:
+        self.ended = self.opened
+        super().shutdown()
+        if self.opened:
+            raise IndexError("a line of the interface is garbled")
+
+
+def test_an_interface_that_raises_as_it_is_closed_is_closed() -> None:
+    """A run has an end and a status all the same."""
+    inner = Garbled()
+    inner.opened = True
+    with ClockedBus(inner, Clock()):
+        assert not inner.ended
+    assert inner.ended

@@ -5,6 +5,7 @@ in a tick and stops the drive in time. Every run's log replays bit by bit.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -38,12 +39,13 @@ class Hands:
         self.says, self.limits = says, limits
         self.senders: list[OperatorSender] = []
         self.wanted: list[tuple[float, float, int]] = []
-        self.ticks = 0
+        self.ticks, self.now = 0, 0.0
 
     def each(self, node: Rig, signals: Signals, now: float) -> None:
+        self.now = now
         if not self.senders:
             self.senders = [
-                OperatorSender(SimulatedBus(node.bench.medium, f"hand{k}"), name)
+                OperatorSender(SimulatedBus(node.bench.medium, f"hand{k}"), name, clock=lambda: self.now)
                 for k, (name, _) in enumerate(self.says)
             ]
         place = float(node._reference.position(np.array([now]))[0])
@@ -216,6 +218,89 @@ def test_a_setpoint_that_is_read_late_is_not_followed() -> None:
     operator = heard(frames_of({"DeadMan": 0.0}, {}, {}), 0.101)
     assert dict(operator.refused) == {"late": 2}
     assert operator.source == 0
+
+
+def sent(arrives: Callable[[int], float], count: int, limits: OperatorLimits = LIMITS) -> tuple[Operator, list[float]]:
+    """Released, then held, `count` setpoints in all, the k-th of which comes at `arrives(k)` in s; and when those came
+    at which somebody was in charge.
+    """
+    operator, led = Operator(limits, load_catalogue()), []
+    for k, data in enumerate(frames_of({"DeadMan": 0.0}, *((count - 1) * [{}]))):
+        now = arrives(k)
+        operator.expire(now)
+        operator.accept(data, now, now)
+        if operator.source:
+            led.append(now)
+    return operator, led
+
+
+@pytest.mark.parametrize("longer_s", [0.002, 0.005, 0.02, 0.06])
+def test_what_a_gateway_holds_back_ever_longer_is_late_once_it_is_older_than_it_lives(longer_s: float) -> None:
+    """Each setpoint later by `longer_s` than the one before. The last one that leads is at most as old as it lives and
+    2 % of the time since the first; the reference is held when it has lived.
+    """
+    operator, led = sent(lambda k: (0.02 + longer_s) * k, 400)
+    sent_at = 0.02 * round(led[-1] / (0.02 + longer_s))
+    assert led[-1] - sent_at <= 0.1 + 0.02 * led[-1]
+    assert operator.source == 0
+    assert operator.expired == 1
+    assert set(operator.refused) <= {"late", "not_released"}
+    assert operator.refused["late"] > 200
+
+
+def test_it_leads_again_after_a_release_once_the_way_is_free() -> None:
+    operator, _ = sent(lambda k: 0.03 * k, 60)
+    assert operator.source == 0
+    sender = Sender(load_catalogue()["OperatorSetpoint"])
+    common = {"Position_m": 0.0, "Velocity_m_s": 0.004, "TimeToLive_ms": 100, "Mode": 1, "Source": 3}
+    for k in range(200):
+        operator.accept(sender.frame(common | {"DeadMan": float(k > 100)}), 10.0 + 0.02 * k, 10.0 + 0.02 * k)
+    assert operator.source == 3
+
+
+@pytest.mark.parametrize("share", [0.0, 0.012, 0.019])
+def test_a_sender_whose_clock_is_slower_is_followed(share: float) -> None:
+    """As one that sleeps for 20 ms between setpoints: 30 s, and now and then 15 ms late."""
+    operator, led = sent(lambda k: 0.02 * (1 + share) * k + 0.015 * (k % 150 == 149), 1500)
+    assert len(led) == 1499
+    assert not operator.refused
+
+
+def test_a_slow_sender_is_followed_where_the_deployment_says_so() -> None:
+    """30 setpoints a second."""
+    operator, _ = sent(lambda k: k / 30, 300)
+    assert operator.source == 0
+    operator, led = sent(lambda k: k / 30, 300, replace(LIMITS, drift_share=0.45))
+    assert (operator.source, len(led)) == (3, 299)
+
+
+@pytest.mark.parametrize("cycle_s", [0.01, 0.02, 0.025, 1 / 30, 0.05])
+def test_our_sender_counts_the_setpoints_for_which_there_was_no_time(cycle_s: float) -> None:
+    """So it is followed however often it is called; the counter goes on with its clock."""
+    now, bus, catalogue = [5.0], ScriptedBus(), load_catalogue()
+    hand = OperatorSender(bus, "ros", 100.0, catalogue, clock=lambda: now[0])
+    operator = Operator(LIMITS, catalogue)
+    for k in range(400):
+        now[0] += cycle_s + 0.04 * (k == 200)
+        operator.expire(now[0])
+        hand.release() if k < 5 else hand.speed(0.004)
+        operator.accept(bus.sent[-1].data, now[0], now[0])
+        assert bool(operator.source) == (k >= 5)
+    assert not operator.refused
+
+
+def test_a_sender_goes_on_on_a_bus_that_raises() -> None:
+    hand = OperatorSender(ScriptedBus(ValueError("garbled"), IndexError("garbled")), "script")
+    for _ in range(3):
+        hand.release()
+        assert hand.listen() is None
+    assert len(hand.bus.sent) == 3  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("share", [0.0, 1.5])
+def test_how_much_slower_a_sender_may_be_has_bounds(share: float) -> None:
+    with pytest.raises(ValueError, match=r"operator\.drift_share must lie in \[0\.0005, 1\]"):
+        OperatorLimits(accept=True, drift_share=share)
 
 
 def test_a_reference_that_has_run_ahead_is_held_near_the_capsule() -> None:

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import random
+
+import can
 import numpy as np
 import pytest
 
 from hil.app.scenario.bus_scenario import parse_sil_scenario
 from hil.app.sil.fault_outcomes import makers_limit_s
-from hil.nodes.actuators import ACTUATORS
+from hil.nodes.actuators import ACTUATORS, identifiers
 from hil.nodes.faults.table import MAKERS_ROWS
+from hil.nodes.moteus.actuator import MoteusTable
+from hil.nodes.odrive.actuator import OdriveTable
 from tests.hil.app.sil.sil_runs import RIGS, run, scenario_of
+from tests.hil.nodes.maker_desk import Desk
+from tests.hil.scripted_bus import ScriptedBus
 
 AT_S, DURATION_S = 0.4, 0.3
 WORDS = {
@@ -49,3 +56,42 @@ def test_only_another_makers_drive_has_another_node() -> None:
         parse_sil_scenario(
             {"scenario": {"duration_s": 1.0}, **RIGS["magnetic"], "faults": [{"kind": "wrong_node", "at_s": 0.5}]}
         )
+
+
+@pytest.mark.parametrize("drive", ACTUATORS)
+@pytest.mark.parametrize("fault", ["duplicate", "reorder", "replay"])
+def test_what_counters_would_refuse_breaks_no_limit_without_them(drive: str, fault: str) -> None:
+    """Frames of such a drive have none: it rides through, or is stopped as one that does not follow."""
+    if drive == "cia402":
+        pytest.importorskip("canopen", reason="needs the package canopen (extra canopen)")
+    for target in ("commands", "feedback"):
+        entry = {"kind": fault, "at_s": AT_S, "duration_s": DURATION_S, "target": target}
+        trace, found = run("magnetic", AT_S + DURATION_S + 0.1, entry, **{drive: {}})
+        assert not found[0].unsafe
+        assert trace.stopped_because in ("", "drive does not follow")
+
+
+@pytest.mark.parametrize("drive", ACTUATORS)
+def test_what_a_crc_would_refuse_breaks_no_limit_without_one(drive: str) -> None:
+    """Once it is stopped nothing is said that would keep its watchdog from ending it."""
+    if drive == "cia402":
+        pytest.importorskip("canopen", reason="needs the package canopen (extra canopen)")
+    entry = {"kind": "corrupt", "at_s": AT_S, "duration_s": 0.5, "target": "commands"}
+    trace, found = run("magnetic", AT_S + 0.5, entry, seed=0, **{drive: {}})
+    assert not found[0].unsafe
+    assert trace.slots[-1, 1]
+    assert trace.stopped_because
+
+
+@pytest.mark.parametrize("table", [OdriveTable(), MoteusTable()])
+def test_no_bytes_make_a_simulated_drive_raise(table: OdriveTable | MoteusTable) -> None:
+    rng, desk = random.Random(1), Desk(table)
+    told, _ = identifiers(table)
+    for _ in range(20_000):
+        identifier, length = rng.choice(sorted(told)), rng.choice((0, 1, 2, 3, 5, 7, 8, 12, 16, 32, 64))
+        fd = isinstance(table, MoteusTable)
+        data = rng.randbytes(length if fd else min(length, 8))
+        desk.drive.bus = ScriptedBus(
+            can.Message(arbitration_id=identifier, is_extended_id=identifier > 0x7FF, is_fd=fd, data=data)
+        )
+        desk.drive.listen(desk.now, 2)

@@ -14,6 +14,7 @@ from hil.app.scenario.bus_scenario import parse_sil_scenario
 from hil.app.sil.fault_outcomes import PRESSED, SOURCE, WANTED, Outcome, hold_s, outcomes
 from hil.app.sil.loop import SilTrace
 from hil.bus.protection import Receiver
+from hil.nodes.controller.lateness import Lateness
 from hil.nodes.controller.operator import Operator, OperatorLimits
 from hil.nodes.faults.table import Fault
 from tests.hil.app.sil.sil_runs import JOG, RIGS, run, scenario_of
@@ -34,6 +35,7 @@ def spoiled(kind: str, target: str = "", *more: dict[str, Any], **tables: Any) -
     [
         ("drop", "setpoints", ""),
         ("delay", "setpoints", "not_released"),
+        ("held_back", "", "late"),
         ("corrupt", "setpoints", "crc"),
         ("retyped", "setpoints", ""),
         ("frozen_setpoint", "", "repeated"),
@@ -51,10 +53,14 @@ def test_held_then_stopped_and_not_led_again(kind: str, target: str, reason: str
     wanted, source = trace.steered[:, WANTED], trace.steered[:, SOURCE]
     assert source[t < AT_S][-1] == 5
     assert np.all(np.diff(wanted[(t > 0.2) & (t < AT_S)]) > 0)
-    held = AT_S + hold_s(scenario_of("magnetic", 1.0, {"kind": "released", "at_s": 0.3}).jog, outcome.fault)
+    scenario = scenario_of("magnetic", 1.0, {"kind": "released", "at_s": 0.3})
+    assert scenario.jog is not None
+    assert scenario.operator is not None
+    last_s = hold_s(scenario.jog, scenario.operator, outcome.fault)
+    held = AT_S + last_s
     assert np.ptp(wanted[t > held + 2 * TICK_S]) == 0
     assert not source[t > held + 2 * TICK_S].any()
-    assert 0.02 < outcome.safe_after_s <= 0.045 + 0.05 + 0.02
+    assert 0.02 < outcome.safe_after_s <= last_s + 0.05 + 0.02
     assert not outcome.unsafe
     assert trace.slots[trace.slots[:, 0] > AT_S + outcome.safe_after_s, 1].all()
     assert trace.operator is not None
@@ -131,9 +137,15 @@ def test_without_a_time_to_live_it_would_be_unsafe(kind: str, monkeypatch: pytes
     assert spoiled(kind, "setpoints")[1].unsafe
 
 
+def test_without_the_counter_as_a_clock_it_would_be_unsafe(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Lateness, "heard", lambda *_: 0.0)
+    assert spoiled("held_back")[1].unsafe
+
+
 @pytest.mark.parametrize("kind", ["frozen_setpoint", "miscounted"])
 def test_without_counters_it_would_be_unsafe(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Receiver, "_step", lambda *_: 1)
+    monkeypatch.setattr(Lateness, "heard", lambda *_: 0.0)
     assert spoiled(kind)[1].unsafe
 
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 import can
 import pytest
 
+from hil.nodes.moteus.actuator import MoteusTable
 from hil.nodes.odrive import drive as simulated
 from hil.nodes.odrive.actuator import OdriveTable, set_up
 from hil.nodes.odrive.drive import OdriveDrive
@@ -84,3 +85,11 @@ def test_silence_is_one_sentence(request: pytest.FixtureRequest) -> None:
 def test_bad_tables(key: str, value: float | str) -> None:
     with pytest.raises(ValueError, match=rf"odrive\.{key} must"):
         OdriveTable(**{key: value})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("table", [OdriveTable, MoteusTable])
+def test_turns_per_m_may_have_either_sign(table: type[OdriveTable] | type[MoteusTable]) -> None:
+    assert table(turns_per_m=-100.0).turns_per_m == -100.0
+    for value in (-0.5, 0.5, -2e5, float("nan")):
+        with pytest.raises(ValueError, match=r"turns_per_m must lie in \[1, 100000\], with either sign; got"):
+            table(turns_per_m=value)

@@ -22,7 +22,7 @@ from models.surfaces.surface import Levels, Surface, Values
 FASTEST = 1.0  # m/s, end of the fitted range of the pressure integrals; a shaken body reaches 0.4
 LONGEST = 3e-3  # m, end of the fitted range of the wall drag
 _KNEE = 3e-3
-_DEGREE = 14
+_DEGREE = 16
 _TINY = 1e-12
 
 
@@ -45,7 +45,7 @@ class Wall(Surface):
     """The gut around one capsule: pressure integrals against speed, tension against drag.
 
     `nose(v)` and `cylinder(v)` are V's integrals I1 and I2 at the nominal hoop stress, as polynomials in log(1 + v/3
-    mm/s) that follow the quadrature within 5e-4 up to 1 m/s, so that NumPy and CasADi share them: one for each set of
+    mm/s) that follow the quadrature within 2e-4 up to 1 m/s, so that NumPy and CasADi share them: one for each set of
     moduli in use, two where the tissue's regime blends them.
     """
 

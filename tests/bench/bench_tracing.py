@@ -93,7 +93,6 @@ EFFECTS: Final[dict[Kind, tuple[str, ...]]] = {
         "directional_asymmetry",
         "fold_periodic",
         "lumen_taper",
-        "incline_gravity",
         "tissue_drying",
         "viscous_drag",
         "driver_lag",

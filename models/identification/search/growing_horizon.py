@@ -42,8 +42,8 @@ QUICK = Effort(256, (8, 4, 2, 1, 1))
 class GrowingHorizon:
     """One model on its way from the first slip events to whole records. At every length the starts, and the effects
     drawn anew on the bases found so far, stand beside what the shorter ones led to, for what a short one does not show
-    it cannot tell. Of the effect `fresh` not even the size is known. `fits` are those of the last length, the best
-    first.
+    it cannot tell. Of the effect `fresh` not even the size is known; another `seed` draws other places. `fits` are
+    those of the last length, the best first.
     """
 
     kind: Kind
@@ -52,6 +52,7 @@ class GrowingHorizon:
     criterion: int
     effort: Effort
     fresh: str = ""
+    seed: int = 0
     fits: list[Fit] = field(default_factory=list)
 
     def on(self, number: int, length: float, records: Sequence[Record]) -> None:
@@ -75,7 +76,7 @@ class GrowingHorizon:
         """Places around the nominal base and close to the starts' effects, with amplitudes of every size of the one
         that is fresh.
         """
-        return self._drawn(self.starts, axes(self.kind, self.effects), self.effort.places, seed=0)
+        return self._drawn(self.starts, axes(self.kind, self.effects), self.effort.places, self.seed)
 
     def _redrawn(self, found: Sequence[Mapping[str, float]]) -> list[dict[str, float]]:
         """Each base of `found` with effects from around their declared values: a drift does not show in the first few
@@ -83,7 +84,7 @@ class GrowingHorizon:
         """
         moved = [axis for axis in axes(self.kind, self.effects) if "." in axis.name]
         bases = [{name: value for name, value in theta.items() if "." not in name} for theta in found]
-        return self._drawn(bases, moved, self.effort.places // 2, seed=1)
+        return self._drawn(bases, moved, self.effort.places // 2, self.seed + 1)
 
     def _drawn(
         self, starts: Sequence[Mapping[str, float]], moved: Sequence[Axis], count: int, seed: int
@@ -106,9 +107,10 @@ def grow_horizon(
     criterion: int,
     effort: Effort = THOROUGH,
     fresh: str = "",
+    seed: int = 0,
 ) -> Fit:
     """The best fit on the whole records."""
-    climb = GrowingHorizon(kind, effects, starts, criterion, effort, fresh)
+    climb = GrowingHorizon(kind, effects, starts, criterion, effort, fresh, seed)
     for number, length, parts in _lengths(records):
         climb.on(number, length, parts)
     return climb.fits[0]

@@ -92,7 +92,7 @@ def down_the_criteria(
 
 
 def _lengthened(
-    kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]
+    kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float], seed: int = 0
 ) -> dict[str, float]:
     """A fit on ever longer beginnings from `start`, at the nominal base too, and there also with the newest effect as
     it is declared.
@@ -101,7 +101,7 @@ def _lengthened(
     newest = next((name for name in reversed(effects) if BY_ID[name] not in REFINEMENTS), "")
     if newest:
         starts.append({**starts[-1], **BY_ID[newest].start()})
-    return grow_horizon(kind, records, effects, starts, middle_criterion(kind), fresh=newest).theta
+    return grow_horizon(kind, records, effects, starts, middle_criterion(kind), fresh=newest, seed=seed).theta
 
 
 def _best_base(kind: Kind, records: Sequence[Record], start: Mapping[str, float]) -> dict[str, float]:
@@ -128,6 +128,7 @@ def begins(kind: Kind, theta: Mapping[str, float]) -> list[dict[str, float]]:
     return [dict(theta), {**theta, **{p.name: p.value for p in kind.base if p.fit}}]
 
 
+_OTHER_PLACES = 7  # seed of places that no search has drawn before
 _WAYS_DOWN = 3
 _REFINES = 0.01  # of the cost, the least that another way down is worth
 _ALL_EVENTS = 1.1  # cost for each residual beyond which a slip event may be missing
@@ -142,11 +143,16 @@ def whole(
     start: Mapping[str, float],
     enough: float = NEAR_NOISE,
 ) -> Fit:
-    """The best of several ways to a fit on `records` (`refit`), finished."""
+    """The best of several ways to a fit on `records` (`refit`), finished. Where only the free run judges and that
+    leaves more than `enough`, the ever longer beginnings are gone through from other places once more.
+    """
+    problem = Problem.of(kind, records, effects, kind.criteria - 1)
     begun = refit(kind, records, effects, start, enough)
-    return finished(
-        kind, records, effects, narrowing(Problem.of(kind, records, effects, kind.criteria - 1), begun, FINE)
-    )
+    fit = finished(kind, records, effects, narrowing(problem, begun, FINE))
+    if kind.free_only and fit.chi2 > enough:
+        again = _lengthened(kind, records, effects, fit.theta, _OTHER_PLACES)
+        fit = min(fit, finished(kind, records, effects, narrowing(problem, again, FINE)), key=_cost)
+    return fit
 
 
 def finished(kind: Kind, records: Sequence[Record], effects: Sequence[str], fit: Fit) -> Fit:

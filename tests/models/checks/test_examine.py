@@ -154,6 +154,10 @@ def encoder_stuck(c: Columns) -> Columns:
     return c | {"position_m": np.where(c["t_s"] > 14, c["position_m"][2800], c["position_m"])}
 
 
+def exchanged(c: Columns) -> Columns:
+    return c | {"position_m": c["force_N"], "force_N": c["position_m"]}
+
+
 CORRUPTIONS: dict[str, tuple[Callable[[Columns], Columns], str, str]] = {
     "the force's sign turned round": (turned, "force_sign", "stops"),
     "an amplifier that clips": (clipped, "clipping", "weakens"),
@@ -178,6 +182,7 @@ CORRUPTIONS: dict[str, tuple[Callable[[Columns], Columns], str, str]] = {
     "a logger's sign for no value": (no_answer, "no_values", "note"),
     "a load cell that was not set to zero": (not_tared, "zeros_apart", "note"),
     "a coarse encoder": (in_steps, "driven_resolution", "weakens"),
+    "place and force in each other's column": (exchanged, "columns_exchanged", "stops"),
     "an encoder that is stuck": (encoder_stuck, "driven_stuck", "weakens"),
 }
 

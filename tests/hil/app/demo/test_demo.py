@@ -277,7 +277,7 @@ def test_an_interruption_leaves_nothing_behind(
 def test_printed_measurements_are_told_without_a_drive(tmp_path: Path) -> None:
     one = PRINTED[0].tell(tmp_path, 0, lambda stage, share: None)
     assert "that is an interpolation" in one.caution
-    assert "period -0.6%, valley +7.7%, peak -7.4%" in one.caution
+    assert "period −0.6 %, valley +7.7 %, peak −7.4 %" in one.caution
     assert one.caution in html.unescape(demo_html([(PRINTED[0], one)], 1.0))
     assert one.finding.kind == "periods" == read_rig(tmp_path / "rig.toml").kind
     assert (one.gate, one.missions, one.hidden) == ({}, {}, ())

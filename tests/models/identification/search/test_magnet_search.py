@@ -15,7 +15,7 @@ from models.files.record import Record
 from models.files.rig import parse_rig
 from models.identification.kinds import kind_for
 from models.identification.kinds.series.kind import SeriesKind
-from models.identification.search.refit import refit
+from models.identification.search.refit import refit, whole
 from models.identification.search.validation import NEAR_NOISE, judged
 from plant import layout as at
 from plant.drives.kinds import Magnet
@@ -33,8 +33,8 @@ def left(folder: Path, *effects: str) -> tuple[float, dict[str, float]]:
     start = kind.nominal()
     for name in effects:
         start |= BY_ID[name].start() | {f"{name}.{BY_ID[name].amplitude().name}": BY_ID[name].probe}
-    fit = refit(kind, records[:1], list(effects), start)
-    return float(judged(kind, records[:1], fit).mean()), fit
+    fit = whole(kind, records[:1], list(effects), start)
+    return fit.chi2, fit.theta
 
 
 @pytest.mark.parametrize("name", ["magnetic_plate", "coil_plate"])

@@ -1,0 +1,44 @@
+"""Place and force of a pull in each other's column."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.checks.finding import RecordFinding
+from models.checks.view import Array, View, grid_step, white_noise
+
+_COARSER = 4.0  # times as noisy, for its span, as the other column
+_ALONG = 0.5  # of the way, on which the force has the direction of motion; friction alone makes it 1
+
+
+def check_pull_exchanged(view: View) -> list[RecordFinding]:
+    """A stage follows its path more finely than a load cell weighs, and friction turns round with the motion: where
+    neither holds, the columns are exchanged.
+    """
+    if view.kind != "pull" or not view.timed or view.driven is None or view.measured not in view.record.columns:
+        return []
+    place, noise = _coarse(view.record[view.driven]), _coarse(view.y)
+    way = float(np.mean(np.abs(view.speed)))
+    if not place > _COARSER * noise or not way:
+        return []
+    along = abs(float(np.mean(np.sign(view.y) * view.speed))) / way
+    if along >= _ALONG:
+        return []
+    return [
+        view.finding(
+            "columns_exchanged",
+            "stops",
+            f"{view.measured} against {view.driven}, throughout",
+            f"{view.driven} is noisier for its span than {view.measured}, which does not go with the direction of"
+            " motion: the two columns are exchanged",
+            f"noise {place:.2g} of the span against {noise:.2g}; force along {100 * along:.0f} % of the way",
+            f'[columns] {view.measured} = {{column = "{view.driven}"}} and {view.driven} = {{column ='
+            f' "{view.measured}"}}',
+        )
+    ]
+
+
+def _coarse(x: Array) -> float:
+    """Noise or step of a column as a share of what nearly all of it spans."""
+    span = float(np.ptp(np.percentile(x, (1, 99))))
+    return max(white_noise(x), grid_step(x) / np.sqrt(12)) / span if span else 0.0

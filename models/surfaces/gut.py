@@ -19,10 +19,10 @@ from models.laws.tension import wall_tension
 from models.parameter import Parameter
 from models.surfaces.surface import Levels, Surface, Values
 
-FASTEST = 1.0  # m/s, end of the fitted range of the pressure integrals; a shaken body reaches 0.4
+FAST, FASTEST = 0.3, 1.0  # m/s, ends of the fitted ranges of the pressure integrals; a shaken body reaches 0.4
 LONGEST = 3e-3  # m, end of the fitted range of the wall drag
 _KNEE = 3e-3
-_DEGREE = 16
+_DEGREE, _DEGREE_BEYOND = 12, 4
 _TINY = 1e-12
 
 
@@ -33,10 +33,14 @@ def _polynomial(value: Any, coefficients: tuple[float, ...]) -> Any:
     return result
 
 
-def _integral(speed: Any, sets: tuple[tuple[float, ...], ...]) -> Any:
-    """One of V's integrals in N at `speed` >= 0 in m/s, from the polynomial of each set of moduli."""
-    at = np.log1p(np.minimum(speed, FASTEST) / _KNEE)
-    slow, *fast = (_polynomial(at, coefficients) for coefficients in sets)
+Fitted = tuple[tuple[float, ...], tuple[float, ...]]
+"""Coefficients of an integral up to `FAST`, and beyond."""
+
+
+def _integral(speed: Any, sets: tuple[Fitted, ...]) -> Any:
+    """One of V's integrals in N at `speed` >= 0 in m/s, from the polynomials of each set of moduli."""
+    at, end = np.log1p(np.minimum(speed, FASTEST) / _KNEE), np.log1p(FAST / _KNEE)
+    slow, *fast = (np.where(at < end, _polynomial(at, below), _polynomial(at, beyond)) for below, beyond in sets)
     return slow + blend_weight(speed) * (fast[0] - slow) if fast else slow
 
 
@@ -45,27 +49,36 @@ class Wall(Surface):
     """The gut around one capsule: pressure integrals against speed, tension against drag.
 
     `nose(v)` and `cylinder(v)` are V's integrals I1 and I2 at the nominal hoop stress, as polynomials in log(1 + v/3
-    mm/s) that follow the quadrature within 2e-4 up to 1 m/s, so that NumPy and CasADi share them: one for each set of
-    moduli in use, two where the tissue's regime blends them.
+    mm/s), one up to 0.3 m/s and one beyond, that follow the quadrature within 2e-4 up to 1 m/s, so that NumPy and
+    CasADi share them: for each set of moduli in use, two where the tissue's regime blends them.
     """
 
     dragged: ClassVar[bool] = True
     capsule: Capsule
     tissue: Tissue
     constants: WallConstants
-    nose_coefficients: tuple[tuple[float, ...], ...]
-    cylinder_coefficients: tuple[tuple[float, ...], ...]
+    nose_coefficients: tuple[Fitted, ...]
+    cylinder_coefficients: tuple[Fitted, ...]
     drag_coefficients: tuple[float, ...]
     tension_coefficients: tuple[float, ...]
 
     @classmethod
     def around(cls, capsule: Capsule, tissue: Tissue) -> Wall:
         """The wall of the seeds' tables around `capsule`."""
-        speed = np.r_[np.linspace(0, 2e-3, 300), np.geomspace(2e-3, FASTEST, 800)]
+        speed = np.r_[np.linspace(0, 2e-3, 300), np.geomspace(2e-3, FAST, 800), np.geomspace(FAST, FASTEST, 200)]
+        ranges = slice(0, 1100), slice(1100, None)
 
-        def fitted(integral: Any) -> tuple[float, ...]:
-            series = np.polynomial.Chebyshev.fit(np.log1p(speed / _KNEE), integral, _DEGREE, w=1 / integral)
-            return tuple(float(c) for c in series.convert(kind=np.polynomial.Polynomial).coef)
+        def fitted(integral: Any) -> Fitted:
+            below, beyond = (
+                np.polynomial.Chebyshev.fit(at, value, degree, w=1 / value).convert(kind=np.polynomial.Polynomial)
+                for at, value, degree in (
+                    (np.log1p(speed[part] / _KNEE), integral[part], degree)
+                    for part, degree in zip(ranges, (_DEGREE, _DEGREE_BEYOND), strict=True)
+                )
+            )
+            end = np.log1p(FAST / _KNEE)
+            beyond = beyond * (below(end) / beyond(end))
+            return tuple(map(float, below.coef)), tuple(map(float, beyond.coef))
 
         pure: tuple[Regime, ...] = ("low", "high") if tissue.regime == "blend" else (tissue.regime,)
         sets = [pressure_integrals(speed, capsule, replace(tissue, regime=regime)) for regime in pure]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from controller.signals import Array, Reference
-from controller.trajectory import STEP_S, Trajectory, by_speeds
+from controller.trajectory import Trajectory, by_places
 
 
 @dataclass(frozen=True)
@@ -34,8 +34,7 @@ class Experiment:
     @property
     def path(self) -> Trajectory:
         """The motion."""
-        spans = np.maximum(np.round(np.diff(self.times_s) / STEP_S), 1.0) * STEP_S
-        return by_speeds((np.diff(self.places_m) / spans).tolist(), spans.tolist())
+        return by_places(self.times_s, self.places_m)
 
     @classmethod
     def of(cls, document: Mapping[str, Any]) -> Experiment:

@@ -69,6 +69,14 @@ def by_speeds(
     return Trajectory(start_m + np.concatenate([[0.0], np.cumsum(smooth) * STEP_S]))
 
 
+def by_places(times_s: Sequence[float], places_m: Sequence[float]) -> Trajectory:
+    """Straight from place to place, there at `times_s` (from 0 on, to `STEP_S`), with corners as `by_speeds` rounds
+    them, counted from the first place.
+    """
+    spans = np.maximum(np.round(np.diff(times_s) / STEP_S), 1.0) * STEP_S
+    return by_speeds((np.diff(places_m) / spans).tolist(), spans.tolist())
+
+
 def through(
     places_m: Sequence[float], speed_m_s: float, dwell_s: float, start_s: float, ramp_s: float = 0.05
 ) -> Trajectory:

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from controller.limits import Limits
-from controller.trajectory import LONGEST_S, STEP_S, Trajectory, by_speeds, through
+from controller.trajectory import LONGEST_S, STEP_S, Trajectory, by_places, by_speeds, through
 from models.files.tables import choice, from_table
 from models.files.toml import read_toml
 
@@ -100,8 +100,7 @@ class Waypoints:
             )
         if times[-1] > duration_s + STEP_S:
             raise ValueError(f"reference.times_s must end within the run of {duration_s:g} s; got {times[-1]:g}")
-        spans = np.maximum(np.round(np.diff(times) / STEP_S), 1.0) * STEP_S
-        return by_speeds((np.diff(places) / spans).tolist(), spans.tolist())
+        return by_places(times.tolist(), places.tolist())
 
 
 REFERENCES: Final[Mapping[str, Callable[..., Any]]] = {

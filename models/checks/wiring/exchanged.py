@@ -1,4 +1,4 @@
-"""Place and force of a pull in each other's column."""
+"""Two columns in each other's place: what is told of it, and how place and force of a pull tell it."""
 
 from __future__ import annotations
 
@@ -25,17 +25,26 @@ def check_pull_exchanged(view: View) -> list[RecordFinding]:
     if along >= _ALONG:
         return []
     return [
-        view.finding(
-            "columns_exchanged",
-            "stops",
-            f"{view.measured} against {view.driven}, throughout",
+        exchanged(
+            view,
+            view.driven,
             f"{view.driven} is noisier for its span than {view.measured}, which does not go with the direction of"
-            " motion: the two columns are exchanged",
+            " motion",
             f"noise {place:.2g} of the span against {noise:.2g}; force along {100 * along:.0f} % of the way",
-            f'[columns] {view.measured} = {{column = "{view.driven}"}} and {view.driven} = {{column ='
-            f' "{view.measured}"}}',
         )
     ]
+
+
+def exchanged(view: View, driven: str, why: str, how: str) -> RecordFinding:
+    """The finding that the measured column and the `driven` one are in each other's place."""
+    return view.finding(
+        "columns_exchanged",
+        "stops",
+        f"{view.measured} against {driven}, throughout",
+        f"{why}: the two columns are exchanged",
+        how,
+        f'[columns] {view.measured} = {{column = "{driven}"}} and {driven} = {{column = "{view.measured}"}}',
+    )
 
 
 def _coarse(x: Array) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 
 from models.checks.finding import RecordFinding
 from models.checks.view import Array, View
+from models.checks.wiring.exchanged import exchanged
 
 _SURE = 4.0  # standard errors
 _LATE_S = 0.05  # s, by which two clocks may differ and look like a lead of the capsule
@@ -60,7 +61,10 @@ def check_place_zero(view: View) -> list[RecordFinding]:
         return []
     late = _LATE_S * float(np.percentile(np.abs(view.speed), 75))
     if -sides.friction > max(sides.unsure, late):
-        return [_exchanged(view, view.driven, -sides.friction)]
+        why = f"{view.measured} runs ahead of {view.driven} both ways, so friction would give energy"
+        lead = view.told(-sides.friction)
+        how = f"the capsule is {lead} ahead of its magnet over the later halves of the strokes"
+        return [exchanged(view, view.driven, why, how)]
     in_air = view.rig.surface is not None and view.rig.surface.kind == "air"
     if not sides.apart or in_air:
         return []
@@ -90,18 +94,6 @@ def check_force_zero(view: View) -> list[RecordFinding]:
             sides.middle,
         )
     ]
-
-
-def _exchanged(view: View, carriage: str, ahead: float) -> RecordFinding:
-    return view.finding(
-        "columns_exchanged",
-        "stops",
-        f"{view.measured} against {carriage}, throughout",
-        f"{view.measured} runs ahead of {carriage} both ways, so friction would give energy: the two columns are"
-        " exchanged",
-        f"the capsule is {view.told(ahead)} ahead of its magnet over the later halves of the strokes",
-        f'[columns] {view.measured} = {{column = "{carriage}"}} and {carriage} = {{column = "{view.measured}"}}',
-    )
 
 
 def _apart(view: View, sentence: str, why: str, offset: float) -> RecordFinding:

@@ -20,7 +20,9 @@ import datetime
 import io
 import json
 from collections.abc import Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
@@ -225,8 +227,9 @@ def main() -> None:
     wanted = {s.name: s for s in (drawn(number, asked.seed, asked.kind) for number in range(asked.count))}
     folder, campaign = asked.out / "series", asked.out / "campaign"
     if not asked.table:
-        for series in wanted.values():
-            made(series, asked.seed, asked.seconds, folder)
+        with ProcessPoolExecutor(asked.workers) as pool:
+            for _ in pool.map(partial(made, seed=asked.seed, seconds=asked.seconds, folder=folder), wanted.values()):
+                pass
         folders = [str(folder / name) for name in wanted]
         with contextlib.redirect_stdout(io.StringIO()):
             capsule(["campaign", *folders, "--out", str(campaign), "--workers", str(asked.workers), "--json"])

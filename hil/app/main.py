@@ -20,6 +20,7 @@ from typer.core import TyperCommand
 
 from hil.app.console import InterruptionError, output_to_notes, print_json, summary
 from hil.app.interruption import INTERRUPTED, INTERRUPTION
+from hil.app.write import file_trouble, own_folder
 from models.parameter import nearest
 
 BAD_INPUT = 2
@@ -163,7 +164,8 @@ def _init(
     """The first files of your own rig: a commented rig file, a template record, the command to run."""
     from hil.app.init.command import init
 
-    init(kind, folder, rotary=rotary, json_output=json_output)
+    with own_folder(folder, "DIR"):
+        init(kind, folder, rotary=rotary, json_output=json_output)
 
 
 @_command(
@@ -383,7 +385,8 @@ def _design(
     """
     from hil.app.design.command import design
 
-    design(rig, model, out, stage=stage, speed_mm_s=speed, delay_ms=delay, json_output=json_output)
+    with own_folder(out, "--out"):
+        design(rig, model, out, stage=stage, speed_mm_s=speed, delay_ms=delay, json_output=json_output)
 
 
 @_command("track", "capsule track hil/scenarios/track_magnetic_ramp.toml --controller mpc --out out")
@@ -414,7 +417,8 @@ def _track(
 
     use_effects(effects or [])
     use_controllers(controllers or [])
-    return track(scenario, Options(controller, model, stage, seed, out, json_output, reference), compare)
+    with own_folder(out, "--out"):
+        return track(scenario, Options(controller, model, stage, seed, out, json_output, reference), compare)
 
 
 @_command("sil", "capsule sil hil/scenarios/sil_magnetic_drop.toml --out out")
@@ -446,7 +450,8 @@ def _sil(
 
     use_effects(effects or [])
     use_controllers(controllers or [])
-    sil(scenario, Options(controller, model, stage, seed, out, json_output, reference, learn, mcap, watch))
+    with own_folder(out, "--out"):
+        sil(scenario, Options(controller, model, stage, seed, out, json_output, reference, learn, mcap, watch))
 
 
 @_command("run", "capsule run deployment.toml check")
@@ -600,12 +605,14 @@ def _campaign(
     if len(paths) == 1 and not paths[0].is_dir():
         if effects or seed:
             raise ValueError("--effects and --seed must be left out with a campaign file, which has its own seed")
-        return campaign(paths[0], out, workers=workers, scheduler=scheduler, run=number, json_output=json_output)
+        with own_folder(out if number is None else None, "--out"):
+            return campaign(paths[0], out, workers=workers, scheduler=scheduler, run=number, json_output=json_output)
     if number is not None:
         raise ValueError("--run must be left out with folders: close-loop does one series alone")
-    return folders(
-        paths, out, effects=effects or [], seed=seed, workers=workers, scheduler=scheduler, json_output=json_output
-    )
+    with own_folder(out, "--out"):
+        return folders(
+            paths, out, effects=effects or [], seed=seed, workers=workers, scheduler=scheduler, json_output=json_output
+        )
 
 
 @_command("demo", "capsule demo --out out/demo")
@@ -650,10 +657,7 @@ def run(args: Sequence[str]) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except OSError as error:
-        return _said(
-            f"{error.filename or 'file'} must be one that can be read or written; got: {error.strerror or error}",
-            BAD_INPUT,
-        )
+        return _said(file_trouble(error), BAD_INPUT)
     except ValueError as error:
         if os.environ.get("CAPSULE_TRACEBACK"):
             raise

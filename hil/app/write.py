@@ -9,12 +9,14 @@ import io
 import os
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
+from hil.log.writing import writing
 
 
 def write_files(contents: Mapping[Path, str | bytes]) -> None:
@@ -28,6 +30,11 @@ def write_files(contents: Mapping[Path, str | bytes]) -> None:
     finally:
         for temporary, _ in waiting:
             temporary.unlink(missing_ok=True)
+
+
+def file_trouble(error: OSError) -> str:
+    """A file that could not be read or written, as a sentence."""
+    return f"{error.filename or 'file'} must be one that can be read or written; got: {error.strerror or error}"
 
 
 def table_text(columns: Mapping[str, NDArray[np.float64]]) -> str:
@@ -64,10 +71,11 @@ def check_folder(path: Path, option: str) -> Path:
 
 @contextmanager
 def sole_writer(path: Path, option: str) -> Iterator[None]:
-    """The folder `path` for this process alone, made where it is missing and taken away again where nothing was put
-    into it. Raises ValueError as `check_folder`, and where another process has it.
+    """The folder `path` for this process alone, made where it is missing and taken away again, with those above it
+    that were missing too, where nothing was put into it. Raises ValueError as `check_folder`, and where another process
+    has it.
     """
-    missing = not path.exists()
+    missing = [folder for folder in (path, *path.parents) if not folder.exists()]
     check_folder(path, option)
     handle = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
@@ -80,9 +88,14 @@ def sole_writer(path: Path, option: str) -> Iterator[None]:
         yield
     finally:
         os.close(handle)
-        if missing:
-            with suppress(OSError):
-                path.rmdir()
+        with suppress(OSError):
+            for folder in missing:
+                folder.rmdir()
+
+
+def own_folder(path: Path | None, option: str) -> AbstractContextManager[None]:
+    """As `sole_writer`, where there is a folder to be written to."""
+    return nullcontext() if path is None else sole_writer(path, option)
 
 
 def check_file(path: Path, option: str, endings: tuple[str, ...]) -> Path:
@@ -115,7 +128,7 @@ def _written(path: Path, data: bytes) -> Path:
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     temporary = Path(name)
     try:
-        with os.fdopen(handle, "wb") as file:
+        with writing(path), os.fdopen(handle, "wb") as file:
             file.write(data)
         temporary.chmod(0o644)
     except BaseException:

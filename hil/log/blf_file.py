@@ -10,6 +10,8 @@ from typing import Final, NamedTuple
 
 import can
 
+from hil.log.writing import writing
+
 RECEIVED, SENT, WITHHELD, NOTED = 1, 2, 3, 4
 """Which way a frame went: to the node that logs, from it, from it but kept back (a dry run); or it is no frame but a
 note.
@@ -61,7 +63,7 @@ class BlfFile(can.BLFWriter):
     application_id = APPLICATION
 
     def __init__(self, path: Path, calendar_s: float = 0.0, *, append: bool = False) -> None:
-        self._calendar_s = calendar_s
+        self._calendar_s, self._path = calendar_s, path
         if append:
             with path.open("rb+") as file:
                 file.truncate(_whole(file.read(_HEAD.size)))
@@ -92,14 +94,20 @@ class BlfFile(can.BLFWriter):
         )
 
     def flush(self) -> None:
-        """Bring the file up to date."""
-        self._flush()
-        self.file.flush()
-        end = self.file.tell()
-        self.file.seek(0)
-        self._write_header(end)
-        self.file.flush()
-        self.file.seek(end)
+        """Bring the file up to date. Raises OSError."""
+        with writing(self._path):
+            self._flush()
+            self.file.flush()
+            end = self.file.tell()
+            self.file.seek(0)
+            self._write_header(end)
+            self.file.flush()
+            self.file.seek(end)
+
+    def stop(self) -> None:
+        """End the file. Raises OSError."""
+        with writing(self._path):
+            super().stop()
 
 
 def is_own(head: bytes) -> bool:

@@ -10,6 +10,7 @@ from hil.bus.codec import Refusal
 from hil.bus.protection import Receiver, Reception
 from hil.formats.mcap_file import McapTopics
 from hil.log.blf_file import RECEIVED, SENT, Logged
+from hil.log.writing import writing
 
 _CHUNK: Final = 1 << 16
 """Bytes of a chunk, which is on file once it is full: half a second at 500 Hz."""
@@ -24,27 +25,31 @@ class McapLog:
         self._frames = catalogue.by_id()
         self._reception = Reception({number: Receiver(frame) for number, frame in self._frames.items()})
         self._begun: set[int] = set()
+        self._path = path
         self._file = path.open("wb")
         self._topics = McapTopics(self._file, _CHUNK)
 
     def write(self, frame: Logged) -> None:
-        """Add a frame; notes, what a dry run withheld and what protection refuses are left out."""
+        """Add a frame; notes, what a dry run withheld and what protection refuses are left out. Raises OSError."""
         if frame.way not in (RECEIVED, SENT):
             return
         values = self._reception.accept(frame.id, frame.data, frame.time_s)
         if isinstance(values, Refusal):
             return
         known = self._frames[frame.id]
-        if frame.id not in self._begun:
-            self._begun.add(frame.id)
-            self._topics.add(known.name, {field.name: field.unit for field in known.fields})
-        self._topics.write(known.name, frame.time_ns, values)
+        with writing(self._path):
+            if frame.id not in self._begun:
+                self._begun.add(frame.id)
+                self._topics.add(known.name, {field.name: field.unit for field in known.fields})
+            self._topics.write(known.name, frame.time_ns, values)
 
     def flush(self) -> None:
         """Hand what is in whole chunks to the operating system."""
-        self._file.flush()
+        with writing(self._path):
+            self._file.flush()
 
     def close(self) -> None:
         """End the file with its index."""
-        self._topics.finish()
-        self._file.close()
+        with writing(self._path):
+            self._topics.finish()
+            self._file.close()

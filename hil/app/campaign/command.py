@@ -15,7 +15,7 @@ from hil.app.campaign.running import check_workers, run_missing
 from hil.app.campaign.worker import Row, run_job
 from hil.app.console import json_text, output_to_notes, print_json, summary
 from hil.app.quantities import number
-from hil.app.write import check_folder, write_files
+from hil.app.write import write_files
 
 RESULTS, PAGE, NUMBERS = "results.jsonl", "campaign.html", "campaign.json"
 _SHOWN: Final = 5
@@ -39,7 +39,6 @@ def campaign(
     if run is not None:
         return _one(plan, run)
     check_workers(workers, scheduler)
-    check_folder(out, "--out")
     results = Results(out / RESULTS, plan.fingerprint)
     jobs = [plan.job(number) for number in range(len(plan))]
     try:

@@ -12,6 +12,7 @@ from multiprocessing import get_context
 from typing import Any, Final, Protocol
 
 from hil.app.child_process import end_with_parent
+from hil.app.write import file_trouble
 
 TRIES: Final = 3
 Row = dict[str, Any]
@@ -45,7 +46,8 @@ def run_job(job: Job) -> Row:
         with contextlib.redirect_stdout(io.StringIO()):
             row["result"] = job.result()
     except Exception as error:  # noqa: BLE001 - one run that fails is a result of the campaign, not its end
-        row["error"] = f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"
+        words = file_trouble(error) if isinstance(error, OSError) else " ".join(str(error).split())[:300]
+        row["error"] = words if isinstance(error, OSError | ValueError) else f"{type(error).__name__}: {words}"
     row["seconds"] = round(time.perf_counter() - began, 3)
     return row
 

@@ -24,7 +24,7 @@ from hil.app.report import headline, report_json
 from hil.app.report.words import STAGE_WORDS, effect_words, error_scale, interpolation, listed, scaled, tested_part
 from hil.app.sil.story import NUMBERS as LEARNED_NUMBERS
 from hil.app.sil.story import PAGE as LEARNED
-from hil.app.write import check_folder, write_files
+from hil.app.write import check_folder, sole_writer, write_files
 from models.identification.finding import STAGES
 
 PAGE, PAGE_NUMBERS = "demo.html", "demo.json"
@@ -37,8 +37,7 @@ def demo(out: Path, *, json_output: bool = False, seed: int = 0, stories: Sequen
     sentence.
     """
     began = time.monotonic()
-    check_folder(out, "--out")
-    with TemporaryDirectory(dir=out, prefix=".demo-") as hidden:
+    with sole_writer(out, "--out"), TemporaryDirectory(dir=out, prefix=".demo-") as hidden:
         work = Path(hidden)
         longest_first = sorted(
             stories, key=lambda s: (not isinstance(s, LoopStory | LearningStory), s.name != LOOPS[-1].name)

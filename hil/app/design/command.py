@@ -19,7 +19,7 @@ from hil.app.design.page import design_html
 from hil.app.design.tables import balance_lines, cycle_table, margin_table, words_of
 from hil.app.design.vibro import print_vibro, study_of, vibro_html, vibro_json
 from hil.app.scenario.deployment import read_deployed_rig
-from hil.app.write import check_folder, write_files
+from hil.app.write import write_files
 from models.files.rig import Rig
 from models.identification.finding import STAGES
 from models.identification.model import read_model
@@ -47,8 +47,6 @@ def design(
     values = _values(belief, model, stage)
     if not 0 <= delay_ms <= LONGEST_DELAY_MS:
         raise ValueError(f"--delay must lie in [0, {LONGEST_DELAY_MS:g}] ms; got {delay_ms:g}")
-    if out is not None:
-        check_folder(out, "--out")
     label = {"rig": str(rig), "model": stage if model else "nominal", "page": None if out is None else str(out / PAGE)}
     title, page = belief.name or rig.stem, None if out is None else out / PAGE
     if belief.kind == "vibro":

@@ -10,7 +10,7 @@ from typing import Final
 from hil.app.console import output_to_notes, print_json, summary
 from hil.app.init.rig_file import commented
 from hil.app.init.template import template
-from hil.app.write import check_folder, table_text, write_files
+from hil.app.write import table_text, write_files
 from models.files.columns import COLUMNS
 from models.parameter import nearest
 
@@ -40,7 +40,6 @@ def init(kind: str, folder: Path, *, rotary: bool = False, json_output: bool = F
     if there:
         names = ", ".join((RIG, RECORD, NOTE))
         raise ValueError(f"DIR must not hold {names} yet, for none is overwritten; got {folder / there[0]}")
-    check_folder(folder, "DIR")
     with output_to_notes():
         tables, columns = template(kind, rotary=rotary)
     command = f"capsule close-loop {folder / RECORD} --rig {folder / RIG} --out {folder / 'out'}"

@@ -21,7 +21,7 @@ from hil.app.sil.story import story_files
 from hil.app.sil.testbed import believed_on_bus
 from hil.app.sil.watched import Watched
 from hil.app.track.score import document, score
-from hil.app.write import check_folder, check_mcap, write_files
+from hil.app.write import check_mcap, write_files
 from hil.log.log import LockstepLog
 from hil.log.mcap_log import McapLog
 from hil.log.recorder import Recorder, log_record
@@ -38,8 +38,6 @@ def sil(path: Path, asked: Options) -> None:
     if asked.learn:
         check_learnt(scenario.loop.belief)
     (name, number), out = asked.of(scenario.loop), asked.out
-    if out is not None:
-        check_folder(out, "--out")
     if asked.mcap is not None:
         if out is None:
             raise ValueError(f"--mcap must go with --out, where the log goes; got --mcap {asked.mcap} alone")

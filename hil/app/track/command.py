@@ -17,7 +17,7 @@ from hil.app.track.page import page_html
 from hil.app.track.score import document, score
 from hil.app.track.summary import say
 from hil.app.track.verdicts import verdicts
-from hil.app.write import check_folder, write_files
+from hil.app.write import write_files
 
 
 def _part(report: Progress, number: int, count: int, stage: str, share: float) -> None:
@@ -41,8 +41,6 @@ def track(path: Path, asked: Options, compare: bool = False) -> int:
             f"--compare must stand without --controller, as it runs them all; got --controller {asked.controller}"
         )
     out = asked.out
-    if out is not None:
-        check_folder(out, "--out")
     runs: list[tuple[dict[str, Any], Trace]] = []
     with output_to_notes():
         believed = believed_model(scenario, values)

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import resource
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
-from hil.app.write import sole_writer
+from hil.app.main import run
+from hil.app.write import file_trouble, sole_writer, write_files
 from hil.bus.local import channel_folder
+from hil.log.blf_file import SENT, BlfFile, Logged
 from models.compiled.cache import cache_folder
 from models.compiled.private_folder import private_folder
 
@@ -17,9 +22,48 @@ def test_a_folder_is_for_one_command_and_goes_where_nothing_came(tmp_path: Path)
     with sole_writer(out, "--out"), pytest.raises(ValueError, match="another one has"), sole_writer(out, "--out"):
         pass
     assert not out.exists()
+    with sole_writer(tmp_path / "above" / "below", "--out"):
+        pass
+    assert not (tmp_path / "above").exists()
     with sole_writer(out, "--out"):
         (out / "result").write_text("")
     assert out.exists()
+
+
+@contextmanager
+def full_at(size: int) -> Iterator[None]:
+    """No file larger than `size` bytes, as on a disk that is full."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def test_what_does_not_fit_on_the_disk_is_named_and_nothing_half_is_left(tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    page.write_text("before")
+    with full_at(1000), pytest.raises(OSError, match=r"page\.html") as found:
+        write_files({tmp_path / "numbers.json": "1", page: "x" * 2000})
+    assert file_trouble(found.value).startswith(f"{page} must be")
+    assert [path.name for path in tmp_path.iterdir()] == ["page.html"]
+    assert page.read_text() == "before"
+    log = BlfFile(tmp_path / "run.blf")
+    with full_at(200), pytest.raises(OSError, match=r"run\.blf"):
+        for number in range(1000):
+            log.write(Logged(10_000_000 * number, number, bytes(8), SENT))
+        log.flush()
+    log.file.close()
+
+
+def test_a_command_that_fails_leaves_no_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, wrong = tmp_path / "a" / "b", tmp_path / "wrong.toml"
+    wrong.write_text("[rig]\nkind = 'none'\n")
+    for args in (["track", str(wrong)], ["sil", str(wrong)], ["design", str(wrong)], ["campaign", str(wrong)]):
+        assert run([*args, "--out", str(out)]) == 2
+        assert "wrong.toml" in capsys.readouterr().err
+        assert not out.parent.exists()
 
 
 def test_a_folder_that_others_can_write_to_is_not_used(

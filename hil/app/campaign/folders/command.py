@@ -16,7 +16,7 @@ from hil.app.campaign.results import Results
 from hil.app.campaign.running import check_workers, run_missing
 from hil.app.campaign.worker import Row
 from hil.app.console import json_text, print_json, summary
-from hil.app.write import check_folder, write_files
+from hil.app.write import write_files
 from models.effects import use_effects
 
 RESULTS, PAGE, NUMBERS, REPORTS = "results.jsonl", "campaign.html", "campaign.json", "series"
@@ -42,7 +42,6 @@ def folders(
     check_workers(workers, scheduler)
     use_effects(effects)
     jobs = find_series(paths, out / REPORTS, effects, seed)
-    check_folder(out, "--out")
     results = Results(out / RESULTS, _MARK)
     try:
         for job in jobs:

@@ -50,9 +50,9 @@ def test_what_does_not_fit_on_the_disk_is_named_and_nothing_half_is_left(tmp_pat
     assert [path.name for path in tmp_path.iterdir()] == ["page.html"]
     assert page.read_text() == "before"
     log = BlfFile(tmp_path / "run.blf")
+    for number in range(1000):
+        log.write(Logged(10_000_000 * number, number, bytes(8), SENT))
     with full_at(200), pytest.raises(OSError, match=r"run\.blf"):
-        for number in range(1000):
-            log.write(Logged(10_000_000 * number, number, bytes(8), SENT))
         log.flush()
     log.file.close()
 

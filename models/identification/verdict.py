@@ -149,14 +149,17 @@ def setback_findings(
 
 
 def at_bounds(kind: Kind, fit: Fit, effects: Sequence[str]) -> list[str]:
-    """Names of the fitted parameters at a bound; a base parameter's 0, where the law itself ends, is none."""
+    """Names of the fitted parameters at a bound. A bound of 0, where the law itself ends or becomes a simpler one, is
+    none, but for the size of an effect, which is not there then.
+    """
+    sizes = {f"{name}.{BY_ID[name].amplitude().name}" for name in effects}
     return [
         axis.name
         for axis in axes(kind, effects)
         if any(
             near(fit.theta[axis.name], bound, axis.parameter)
             for bound in (axis.parameter.lower, axis.parameter.upper)
-            if bound != 0 or "." in axis.name
+            if bound != 0 or axis.name in sizes
         )
     ]
 

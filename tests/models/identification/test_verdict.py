@@ -7,10 +7,13 @@ import pytest
 
 from models.checks.finding import RecordFinding
 from models.effects.effect import Effect
+from models.effects.force.stress_relaxation import StressRelaxation
 from models.effects.friction.stribeck import Stribeck
+from models.files.rig import Noise, Rig
 from models.identification.finding import Check, Estimate
 from models.identification.fitting.fit import Fit
 from models.identification.kinds.axis.kind import AxisKind
+from models.identification.kinds.series.kind import SeriesKind
 from models.identification.search.forward_selection import Search
 from models.identification.verdict import at_bounds, model_checks, setback_findings, setbacks, verdict_of
 
@@ -82,6 +85,11 @@ def test_a_parameter_at_its_bound_is_told_but_the_zero_of_a_law_is_none() -> Non
     assert at_bounds(KIND, fit(THETA), []) == []
     assert at_bounds(KIND, fit({**THETA, "viscous_friction_N_s_per_m": 0.0}), []) == []
     assert at_bounds(KIND, fit({**THETA, "mass_kg": 1e3}), []) == ["mass_kg"]
+    pull = SeriesKind.from_rig(Rig("pull", noise=Noise(force_std_N=1e-3)), [])
+    relaxing = {**pull.nominal(), **StressRelaxation.start(), "stress_relaxation.thinning_s_per_m": 5e-6}
+    assert at_bounds(pull, fit(relaxing), ["stress_relaxation"]) == []
+    lagging = {**pull.nominal(), "sensor_lowpass.time_s": 0.0}
+    assert at_bounds(pull, fit(lagging), ["sensor_lowpass"]) == ["sensor_lowpass.time_s"]
 
 
 def test_a_stage_that_errs_more_on_held_out_records_than_one_before_it_is_told() -> None:

@@ -5,6 +5,7 @@ units with prefixes, powers of ten as such, no sign before a zero.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -17,6 +18,8 @@ _PREFIXES: Final = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), 
 _PREFIXED: Final = frozenset({"m", "s", "N", "Pa", "A", "V", "m/s", "J", "W", "rad"})
 _NEVER_LARGE: Final = frozenset({"s", "m", "m/s", "rad"})
 _WRITTEN: Final = MappingProxyType({"1": "", "deg": "°", "Ohm": "Ω"})
+_POWER: Final = re.compile(r"(?<=[A-Za-z])\^?([23])(?![0-9])")
+_IN_WORDS: Final = frozenset({"at", "of", "or", "the", "log10"})
 LEAST_PERCENT: Final = 0.01
 """Per cent below which only that it is less is said."""
 PLAIN: Final = (1e-4, 1e6)
@@ -93,13 +96,9 @@ def scale(values: Iterable[float | None], unit: str) -> tuple[float, str]:
 
 
 def unit_words(unit: str) -> str:
-    """A unit as it is printed: nothing for 1, squares raised, products with a point."""
-    shown = _WRITTEN.get(unit, unit)
-    for power in ("2", "3"):
-        shown = shown.replace(f"m{power}", f"m{power.translate(_RAISED)}").replace(
-            f"s{power}", f"s{power.translate(_RAISED)}"
-        )
-    return shown.replace(" ", "·") if shown != "log10 Pa" else shown
+    """A unit as it is printed: nothing for 1, powers raised, products with a point; one in words keeps them."""
+    shown = _POWER.sub(lambda found: found[1].translate(_RAISED), _WRITTEN.get(unit, unit))
+    return shown if _IN_WORDS.intersection(shown.replace("(", " ").split()) else shown.replace(" ", "·")
 
 
 @dataclass(frozen=True)

@@ -75,8 +75,11 @@ def _there(records: Sequence[Record]) -> str:
 
 
 def _travels(record: Record) -> str:
-    return "".join(
-        f", {name.removesuffix('_m').replace('_', ' ')} {1e3 * x.min():.3g} to {1e3 * x.max():.3g} mm"
-        for name, x in record.columns.items()
-        if name.endswith("position_m")
-    )
+    """Between which places each position lies, to a thousandth of the way between them."""
+    told = []
+    for name, x in record.columns.items():
+        if name.endswith("position_m"):
+            places = 2 - int(np.floor(np.log10(max(1e3 * np.ptp(x), 1e-9))))
+            low, high = (round(1e3 * float(end), places) + 0.0 for end in (x.min(), x.max()))
+            told.append(f", {name.removesuffix('_m').replace('_', ' ')} {low:g} to {high:g} mm")
+    return "".join(told)

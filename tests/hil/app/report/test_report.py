@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from plotly.offline import get_plotlyjs_version
 
 from hil.app.console import json_text
-from hil.app.quantities import amount, change, fixed, number, percent, quantity, scale, told
+from hil.app.quantities import amount, change, fixed, number, percent, quantity, scale, told, unit_words
 from hil.app.report import headline, report_html, report_json
 from hil.app.report.document import PLOTLY
 from hil.app.report.mathml import equations_html, math_html
@@ -210,6 +210,8 @@ def test_numbers_and_units() -> None:
     assert percent(-1e-9) == "< 0.01 %"
     assert (change(4.278, 1.0), change(1.05, 1.0), change(0.99999, 1.0)) == ("× 4.3", "+5.0 %", "0.0 %")
     assert scale([], "N") == (1.0, "N")
+    units = {"N s/m": "N·s/m", "N/m^3": "N/m³", "m/s2": "m/s²", "N at 10 mm/s": "N at 10 mm/s", "log10 Pa": "log10 Pa"}
+    assert {unit: unit_words(unit) for unit in units} == units
     assert column_words("v_m_s") == ("speed", "m/s")
     assert column_words("magnet_stiffness_N_per_m") == ("magnet stiffness", "N/m")
 

@@ -35,6 +35,15 @@ def allowed_s(size: int) -> int:
     return min(LEAST_S + size // SLOWEST, SECONDS)
 
 
+def confine(path: Path) -> None:
+    """Limit this process's memory, and its time on a processor by the size of the file `path` that it is to read."""
+    resource.setrlimit(resource.RLIMIT_AS, (ADDRESSES, ADDRESSES))
+    resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
+    longest = allowed_s(path.stat().st_size) if path.is_file() else SECONDS
+    resource.setrlimit(resource.RLIMIT_CPU, (longest, longest))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
 def read_for(path: Path, source: IO[bytes], target: IO[bytes]) -> None:
     """Read the channels of `path` that are asked for through `source`; headings, then samples or a sentence go to
     `target`, a line of JSON each, samples as numbers of 8 bytes below it.
@@ -72,12 +81,8 @@ def _tell(target: IO[bytes], document: Any) -> None:
 
 
 if __name__ == "__main__":
-    resource.setrlimit(resource.RLIMIT_AS, (ADDRESSES, ADDRESSES))
-    resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
     asked = Path(sys.argv[1])
-    longest = allowed_s(asked.stat().st_size) if asked.is_file() else SECONDS
-    resource.setrlimit(resource.RLIMIT_CPU, (longest, longest))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    confine(asked)
     with os.fdopen(os.dup(1), "wb") as told:
         os.dup2(2, 1)
         read_for(asked, sys.stdin.buffer, told)

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-import can
-
 from hil.formats.channels import library, refusing
 from hil.formats.mf4_file import EXTRA, holds_frames
-from hil.log.blf_file import Logged, way_of
+from hil.log.blf_file import Logged
 from hil.log.blf_reader import Tell, read_blf
+from hil.log.library_reader import library_frames
 from hil.log.log import record_path
+from hil.log.mf4_process import read_mf4_frames
 from models.files.source import check_source, read_json
 
 ENDINGS: Final = (".blf", ".asc", ".mf4", ".trc", ".log")
@@ -45,29 +44,9 @@ def read_frames(path: Path, tell: Tell | None = None) -> Iterator[Logged]:
             raise ValueError(f"{path}: log must hold frames of a CAN bus; got an MF4 file without any")
         with refusing(path, "a log"):
             library("asammdf", EXTRA)
-    try:
-        reader: Any = can.LogReader(path)
-    except Exception as error:  # noqa: BLE001 - libraries raise whatever they like at a damaged file
-        raise ValueError(f"{path}: log must be one in the format that its name ends in; got: {_words(error)}") from None
-    with reader:
-        yield from _frames(reader, path)
-
-
-def _frames(reader: Any, path: Path) -> Iterator[Logged]:
-    messages, count = iter(reader), 0
-    while True:
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                message = next(messages)
-            stamp = round(message.timestamp * 1e9)
-        except StopIteration:
-            return
-        except Exception as error:  # noqa: BLE001 - libraries raise whatever they like at a damaged file
-            raise ValueError(f"{path}: log must be whole; got after {count} frames: {_words(error)}") from None
-        count += 1
-        if not (message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd):
-            yield Logged(stamp, message.arbitration_id, bytes(message.data), way_of(message))
+        yield from read_mf4_frames(path)
+        return
+    yield from library_frames(path)
 
 
 def read_log_record(path: Path) -> dict[str, Any]:
@@ -76,7 +55,3 @@ def read_log_record(path: Path) -> dict[str, Any]:
     if not beside.exists():
         raise ValueError(f"{beside}: record of the log must be there; got no such file")
     return read_json(beside, "record of the log", LARGEST_RECORD)
-
-
-def _words(error: BaseException) -> str:
-    return " ".join(str(error).split())[:160] or type(error).__name__

@@ -14,6 +14,7 @@ import zlib
 from collections.abc import Callable
 from pathlib import Path
 
+import can
 import numpy as np
 import pytest
 
@@ -238,6 +239,21 @@ def test_spoiled_logs(tmp_path: Path, ending: str) -> None:
         for _ in range(40):
             path.write_bytes(repacked(data, lambda content: _spoil_within(content, rng)))
             bounded(lambda p: list(read_frames(p)), path)
+
+
+def test_spoiled_mf4_logs(tmp_path: Path) -> None:
+    pytest.importorskip("asammdf")
+    path, rng = tmp_path / "a.mf4", random.Random("log")
+    writer = can.MF4Writer(path)
+    for k in range(50):
+        writer.on_message_received(can.Message(1.5e9 + 0.01 * k, 0x123, False, data=bytes([k] * 8), channel=0))
+    writer.stop()
+    frames = list(read_frames(path))
+    assert [(frame.id, frame.data[0]) for frame in frames] == [(0x123, k) for k in range(50)]
+    data = path.read_bytes()
+    for _ in range(2):
+        path.write_bytes(spoiled(data, rng))
+        bounded(lambda p: list(read_frames(p)), path)
 
 
 def _spoil_within(content: bytearray, rng: random.Random) -> None:

@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from hil.app.quantities import amount, number, scale
+from hil.app.quantities import amount, number, percent, scale
 from models.effects import BY_ID
 from models.files.columns import COLUMNS
 from models.identification.finding import Finding
@@ -188,7 +188,15 @@ def headline(finding: Finding) -> str:
         left = "Something structured is left that no known effect explains."
     else:
         left = "The residual is small, but the checks allow no verdict."
-    return f"{left} Part of it looks like {names}." if names else left
+    return f"{left} {_for_a_part(finding, names)}" if names else left
+
+
+def _for_a_part(finding: Finding, names: str) -> str:
+    """How much of the calibrated model's error goes with effects that do not explain all of it."""
+    errors = finding.error.get(tested_part(finding), {})
+    before, after = (errors.get(stage) or math.nan for stage in ("calibrated", "augmented"))
+    gone = f": {percent(1 - after / before)} of the error goes with it" if after < before else ""
+    return f"A part looks like {names}{gone}."
 
 
 def interpolation(finding: Finding) -> str:

@@ -243,7 +243,9 @@ def test_story_without_hold_out_says_so() -> None:
 def test_headlines() -> None:
     assert headline(pull_finding("unknown", 2.0)).startswith("Something structured is left")
     partly = Finding(**{**pull_finding(seconds=2.0).__dict__, "verdict": "unknown"})
-    assert headline(partly).endswith("Part of it looks like fold periodic or peristaltic wave.")
+    assert headline(partly).endswith(
+        "A part looks like fold periodic or peristaltic wave: 89 % of the error goes with it."
+    )
     assert not Estimate(1.0, (0.0, 2.0), told=False).told
 
 

@@ -50,8 +50,11 @@ def model_checks(
     if found.effects:
         limit = max(limit, 1 + (allowed - 1) / found.trained_share)
     limit = max(limit, float(chi2.ppf(_LEVEL, found.augmented.count)) / found.augmented.count)
+    left, of = found.after, "mean square on records left out of the fits"
+    if not found.effects and found.augmented.chi2 < left:
+        left, of = found.augmented.chi2, f"{of}, or of the fit to all, which without an effect has nothing to overfit"
     checks = [
-        _check("validation", "validation cost", found.after, limit, "mean square on records left out of the fits"),
+        _check("validation", "validation cost", left, limit, of),
         _check(
             "bounds",
             "parameters at their bounds",

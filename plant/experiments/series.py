@@ -27,7 +27,7 @@ from plant.rig import STEP_S, Plant, Rig
 from plant.sensing.sensors import Sensor
 from plant.tables import Floats
 
-Kind = Literal["pull", "magnetic", "coil", "vibro", "vibro_plate", "magnetic_plate", "coil_plate"]
+Kind = Literal["pull", "magnetic", "coil", "coil_voltage", "vibro", "vibro_plate", "magnetic_plate", "coil_plate"]
 KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 RECORDS: Final = ("train_1", "train_2", "train_3", "holdout")
 FORCE_STD_N: Final = 1e-3
@@ -51,7 +51,8 @@ def make_series(
     folder `out`.
 
     The truth's hoop stress factor and friction differ from nominal by up to 15 %, the magnet's stiffness by up to 5 %,
-    a coil's or inner mass's force and spring (a magnet's on a plate too) by up to 7 %; `vibro` is a capsule in the gut,
+    a coil's or inner mass's force and spring (a magnet's on a plate too) by up to 7 %; `coil` logs the coil's current,
+    `coil_voltage` the voltage alone, where what acts before the current shows; `vibro` is a capsule in the gut,
     `vibro_plate` the capsubot on a plate, `magnetic_plate` and `coil_plate` a capsule on one. `effect` is a hidden
     effect's id, or several joined by "+", with numbers drawn from their ranges, or None. Samples at `rate_Hz`; noise
     `noise` times 1 mN on a pull's force, 50 um on a position, as the rig file states it. The same seed gives the same
@@ -62,7 +63,7 @@ def make_series(
         raise ValueError(f"kind must be one of {', '.join(KINDS)}; got {kind!r}")
     ids = hidden_ids(effect)
     for name in ids:
-        if kind.removesuffix("_plate") not in hidden(name).drives:
+        if drive_kind(kind) not in hidden(name).drives:
             raise ValueError(
                 f"effect of a {kind} rig must be one for that kind; got {name!r}, which is for"
                 f" {', '.join(hidden(name).drives)}"
@@ -103,7 +104,8 @@ def _record(
     sensor = Sensor(rate_Hz, noise * std, span=span)
     if kind in BELIEVED:
         belief, run = BELIEVED[kind], Run("", duration_s, int(rng.integers(2**31)), rig.step_s)
-        return record_scenario(Scenario(run, belief.kind, rig, belief.profile, sensor))
+        columns = record_scenario(Scenario(run, belief.kind, rig, belief.profile, sensor))
+        return {name: values for name, values in columns.items() if name not in belief.unlogged}
     drive = random_runs(rng, duration_s, STEP_S) if pulled else random_wander(rng, duration_s, STEP_S)
     plant = Plant(rig)
     rows = plant.advance(drive, _EVERY)
@@ -163,6 +165,11 @@ def rig_text(kind: Kind, noise: float = 1.0) -> str:
     pulled = kind == "pull"
     stated = f"force_std_N = {noise * FORCE_STD_N!r}" if pulled else f"position_std_m = {noise * POSITION_STD_M!r}"
     return "\n".join([*lines, "", "[noise]", stated, ""])
+
+
+def drive_kind(kind: Kind) -> str:
+    """The kind of drive that a kind of series has."""
+    return BELIEVED[kind].kind if kind in BELIEVED else kind
 
 
 def hidden_ids(effect: str | None) -> list[str]:

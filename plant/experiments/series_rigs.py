@@ -23,11 +23,14 @@ noise.
 
 @dataclass(frozen=True)
 class Believed:
-    """One made-up rig: its `kind` in a rig file, its nominal numbers, and how it is driven."""
+    """One made-up rig: its `kind` in a rig file, its nominal numbers, how it is driven, and which columns of its
+    records are not logged.
+    """
 
     kind: str
     nominal: Rig
     profile: Profile
+    unlogged: tuple[str, ...] = ()
 
     def truth(self, rng: np.random.Generator) -> Rig:
         """A rig whose hoop stress and friction differ from nominal by up to 15 %, force and spring by up to 7 %."""
@@ -48,7 +51,13 @@ class Believed:
         )
         below = _table("surface", surface)
         if isinstance(drive, Coil):
-            return [*_table("rig", {"kind": self.kind, "force_constant_N_per_A": drive.gain_N_per_A}), *below]
+            winding: Mapping[str, object] = {
+                "coil_resistance_Ohm": drive.resistance_ohm,
+                "coil_inductance_H": drive.inductance_H,
+                "current_limit_A": drive.current_limit_A,
+            }
+            rig = {"kind": self.kind, "force_constant_N_per_A": drive.gain_N_per_A}
+            return [*_table("rig", {**rig, **(winding if self.unlogged else {})}), *below]
         if isinstance(drive, Magnet):
             return [*_table("rig", {"kind": self.kind, **asdict(drive)}), *below]
         assert isinstance(drive, Vibro)
@@ -66,6 +75,7 @@ def _table(name: str, values: Mapping[str, object]) -> list[str]:
 
 BELIEVED: Final = {
     "coil": Believed("coil", Rig(Coil(back_emf_V_s_per_m=0.0), step_s=FINE_STEP_S), RandomVoltage()),
+    "coil_voltage": Believed("coil", Rig(Coil(), step_s=FINE_STEP_S), RandomVoltage(), ("coil_current_A",)),
     "magnetic_plate": Believed("magnetic", Rig(Magnet(), Capsule(mass_kg=0.02), surface=Plate(0.29)), Wander()),
     "coil_plate": Believed(
         "coil",

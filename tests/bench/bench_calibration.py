@@ -32,9 +32,9 @@ from scipy.optimize import isotonic_regression
 
 from hil.app.main import run as capsule
 from models.identification.confidence_map import FEWEST, ConfidenceMap
-from plant.experiments.series import Kind, make_series
+from plant.experiments.series import Kind, drive_kind, make_series
 from plant.hidden.registry import HIDDEN, hidden
-from tests.bench.bench_tracing import EFFECTS
+from tests.bench.bench_tracing import EFFECTS, kind_that_shows
 
 NONE_SHARE: Final = 1 / 3
 OUTSIDE_SHARE: Final = 1 / 6
@@ -73,12 +73,11 @@ def drawn(number: int, seed: int, kinds: Sequence[Kind]) -> Drawn:
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number,)))
     kind = kinds[number % len(kinds)]
     instrument = tuple(INSTRUMENTS)[int(rng.integers(len(INSTRUMENTS)))]
-    drive = kind.removesuffix("_plate")
-    outside = [e.id for e in HIDDEN if not e.published and drive in e.drives]
+    outside = [e.id for e in HIDDEN if not e.published and drive_kind(kind) in e.drives]
     absent, without = rng.random(2)
     within = EFFECTS[kind] if kind == "vibro_plate" or without >= OUTSIDE_SHARE else outside
     effect = None if absent < NONE_SHARE else str(rng.choice(within))
-    return Drawn(number, kind, effect, instrument)
+    return Drawn(number, kind_that_shows(kind, effect), effect, instrument)
 
 
 def made(series: Drawn, seed: int, seconds: float, folder: Path) -> None:

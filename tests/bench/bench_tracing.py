@@ -86,6 +86,16 @@ EFFECTS: Final[dict[Kind, tuple[str, ...]]] = {
         "viscous_drag",
         "back_emf",
     ),
+    "coil_voltage": (
+        "directional_asymmetry",
+        "fold_periodic",
+        "tissue_drying",
+        "incline_gravity",
+        "actuator_lag",
+        "actuator_dead_zone",
+        "viscous_drag",
+        "back_emf",
+    ),
     "vibro": (
         "spring_damping",
         "end_stop_impact",
@@ -127,6 +137,15 @@ PAIRS: Final[dict[Kind, tuple[str, ...]]] = {
         "tissue_drying+sensor_delay",
     ),
 }
+
+
+BEFORE_THE_CURRENT: Final = ("actuator_lag", "back_emf")
+"""Effects of a coil that records with its current do not show."""
+
+
+def kind_that_shows(kind: Kind, effect: str | None) -> Kind:
+    """The kind of series in which an effect shows: under a coil, what acts before the current, in the voltage alone."""
+    return "coil_voltage" if kind == "coil" and effect in BEFORE_THE_CURRENT else kind
 
 
 def learned(kind: Kind, effect: str | None, seed: int, out: Path) -> Path:
@@ -239,7 +258,7 @@ def main() -> None:
     effects = PAIRS if arguments.pairs else EFFECTS
     for kind in arguments.kind or list(effects):
         wanted += [
-            (kind, e, s)
+            (kind_that_shows(kind, e), e, s)
             for s in arguments.seeds
             for e in (arguments.effects if arguments.effects is not None else effects[kind])
         ]

@@ -98,14 +98,15 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
     ]
     found = Search(base, base, trained_share=_trained_share(splits))
     task.clock.note("calibration", found)
-    model = _named(task, FittedModel.of(kind, splits, [], parts), found)
+    on_all = judged_cost(kind, told, base.theta)
+    model = _named(task, FittedModel.of(kind, splits, [], parts), found, on_all)
     if kind.free_only and not found.effects and found.after > CLEAN:
         trials = found.rounds[0][2] if found.rounds else []
         likeliest = trials[0].thetas[0] if trials else parts[0]
         found.horizon_s, splits = predictable(kind, splits, likeliest, CLEAN, rng)
         if found.horizon_s < np.inf:
             parts = [refit(kind, part, [], base.theta) for part, _ in splits]
-            model = _named(task, FittedModel.of(kind, splits, [], parts), found)
+            model = _named(task, FittedModel.of(kind, splits, [], parts), found, on_all)
     if found.effects:
         found.refinements, model = refined(model, found.known)
         found.after = model.cost
@@ -136,9 +137,10 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
     return found
 
 
-def _named(task: _Task, model: FittedModel, found: Search) -> FittedModel:
+def _named(task: _Task, model: FittedModel, found: Search, on_all: float) -> FittedModel:
     """Effects added to `found` one at a time while validation records gain beyond what the null distribution gives;
-    `model`, the calibrated base, with them.
+    `model`, the calibrated base, with them. None is looked for where the base fitted to all records leaves no more than
+    chance `on_all` of them, whatever fits to a part leave elsewhere: a slip event that these miss is no effect.
     """
     kind, clock = task.kind, task.clock
     task.progress("null distribution by parametric bootstrap", 0.15)
@@ -146,7 +148,7 @@ def _named(task: _Task, model: FittedModel, found: Search) -> FittedModel:
     found.threshold, found.detectable, found.null_cost = null_distribution(kind, records, model.thetas[0], task.rng)
     found.threshold = max(found.threshold, kind.least_gain)
     clock.note("null distribution", found)
-    found.before = found.after = model.cost
+    found.before = found.after = min(model.cost, on_all)
     found.rounds = []
     for number in range(1, MOST_EFFECTS + 1):
         if found.after < max(found.null_cost + LEAST_DROP, found.null_cost * np.exp(kind.least_gain)) or (

@@ -25,8 +25,8 @@ AMPLITUDE = {"stribeck.excess": Estimate(0.5, (0.4, 0.6))}
 HELD = {"nominal": 1.6, "calibrated": 0.46, "augmented": 0.1}
 
 
-def fit(theta: dict[str, float]) -> Fit:
-    return Fit(theta, 1000.0, 1000, np.zeros((1000, 0)), np.ones(1000))
+def fit(theta: dict[str, float], left: float = 1.0) -> Fit:
+    return Fit(theta, 1000.0 * left, 1000, np.zeros((1000, 0)), np.ones(1000))
 
 
 def failed(*checks: Check) -> set[str]:
@@ -38,8 +38,9 @@ def said(
 ) -> tuple[str, set[str]]:
     names = [effect.id] if effect else []
     theta = FOUND if effect else THETA
-    found = Search(fit(theta), fit(theta), effects=names, after=after, null_cost=chance, sensitivity=sensitivity)
     given = {"spread": {**TOLD, **AMPLITUDE} if effect else TOLD, "held_out": HELD, "findings": (), **changed}
+    whole = fit(theta, float(given.pop("left", after)))  # type: ignore[arg-type]
+    found = Search(whole, whole, effects=names, after=after, null_cost=chance, sensitivity=sensitivity)
     chance_of_held = float(given.get("chance_error", np.nan))  # type: ignore[arg-type]
     checks = model_checks(KIND, found, given["spread"], given["held_out"], given["findings"], 0.0, chance_of_held)  # type: ignore[arg-type]
     return verdict_of(names, checks), failed(*checks)
@@ -54,6 +55,12 @@ def test_nothing_is_missing_only_where_chance_and_about_the_noise_explain_what_i
 ) -> None:
     """A model whose own predictions its fits miss by far leaves that much with and without an effect."""
     assert said(after, chance)[0] == verdict
+
+
+def test_what_fits_to_a_part_miss_is_no_effect_where_the_fit_to_all_leaves_the_noise() -> None:
+    assert said(30.0, left=1.1)[0] == "none"
+    assert said(30.0, left=2.5)[0] == "unknown"
+    assert said(30.0, effect=Stribeck, left=1.1)[0] == "unknown"
 
 
 @pytest.mark.parametrize(("after", "verdict"), [(1.4, "named"), (2.5, "unknown")])

@@ -19,6 +19,7 @@ from models.identification.finding import Finding
 STAGE_WORDS = MappingProxyType({"nominal": "nominal", "calibrated": "calibrated", "augmented": "augmented"})
 _COUNTS = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine")
 _MOST_VALUES = 100_000
+_WELL_ABOVE = 2.0  # noise floors
 _IDS = re.compile(rf"\b(?:{'|'.join(sorted((name for name in BY_ID if '_' in name), key=len, reverse=True))})\b")
 _SMALL = re.compile(r"(?<![\w.])(\d+\.?\d*(?:e[+-]?\d+)?) (N|m|rad|V|A)(?![\w/·^²]|\s?[mNs]\b)")
 _POWER = re.compile(r"(?<![\w.])\d+\.?\d*e[+-]?\d+(?!\w)")
@@ -245,4 +246,14 @@ def error_story(finding: Finding) -> str:
     steps = [f"{amount(scaled(errors.get(stage), factor), prefixed)} ({STAGE_WORDS[stage]})" for stage in stages]
     floor = amount(factor * finding.noise_floor, prefixed)
     floor = f" The noise floor is {floor}." if math.isfinite(finding.noise_floor) else ""
-    return f"The error {where} goes from {' to '.join(steps)}.{floor}"
+    return f"The error {where} goes from {' to '.join(steps)}.{floor}{_by_chance(finding)}"
+
+
+def _by_chance(finding: Finding) -> str:
+    """Where nothing was added and a held-out error is well above the noise: how much of it chance makes."""
+    error = finding.error.get("holdout", {}).get("calibrated") or 0.0
+    over = next((check.value for check in finding.checks if check.id == "held_out"), math.nan)
+    if finding.effects or not error > _WELL_ABOVE * finding.noise_floor or not over > 0:
+        return ""
+    factor, prefixed = error_scale(finding)
+    return f" Noise and what is uncertain of the parameters make up to {amount(factor * error / over, prefixed)}."

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import json
 import re
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -20,7 +21,7 @@ from hil.app.report.document import PLOTLY
 from hil.app.report.mathml import equations_html, math_html
 from hil.app.report.panels import binned, panels, thinned
 from hil.app.report.words import column_words, error_story, interpolation, tidy
-from models.identification.finding import Estimate, Finding
+from models.identification.finding import Check, Estimate, Finding
 from tests.hil.findings import pull_finding, spectrum_finding, table_finding
 
 PLOTLY_BYTES = 700_000
@@ -238,6 +239,14 @@ def test_as_many_numbers_as_means_are_an_interpolation() -> None:
 
 def test_story_without_hold_out_says_so() -> None:
     assert "none were held out" in error_story(spectrum_finding())
+
+
+def test_a_held_out_error_that_chance_makes_is_told_as_such() -> None:
+    errors = dict.fromkeys(("train", "holdout"), {"nominal": 0.011, "calibrated": 0.009, "augmented": 0.009})
+    check = Check("held_out", "held-out error over chance", 0.9, 2.0, True, "of the free run")
+    finding = replace(pull_finding("none"), error=errors, noise_floor=1e-3, checks=(check,))
+    assert error_story(finding).endswith("Noise and what is uncertain of the parameters make up to 10 mN.")
+    assert "uncertain" not in error_story(replace(finding, noise_floor=8e-3))
 
 
 def test_headlines() -> None:

@@ -242,7 +242,7 @@ def test_story_without_hold_out_says_so() -> None:
 
 
 def test_a_held_out_error_that_chance_makes_is_told_as_such() -> None:
-    errors = dict.fromkeys(("train", "holdout"), {"nominal": 0.011, "calibrated": 0.009, "augmented": 0.009})
+    errors = {part: {"nominal": 0.011, "calibrated": 0.009, "augmented": 0.009} for part in ("train", "holdout")}
     check = Check("held_out", "held-out error over chance", 0.9, 2.0, True, "of the free run")
     finding = replace(pull_finding("none"), error=errors, noise_floor=1e-3, checks=(check,))
     assert error_story(finding).endswith("Noise and what is uncertain of the parameters make up to 10 mN.")

@@ -58,9 +58,9 @@ def model_checks(
         _check(
             "bounds",
             "parameters at their bounds",
-            len(at_bounds(kind, found.augmented, found.model)),
+            len(at_bounds(kind, found.augmented, found.effects)),
             0,
-            "a parameter at its bound would have gone further",
+            "a parameter of the base or of an effect that is at its bound would have gone further",
         ),
     ]
     if found.effects:

@@ -126,7 +126,7 @@ LAG: Final = Right(NAMED, "actuator_lag")
 ROWS: Final[dict[str, Row]] = {
     "sign": Row("force's sign turned round", "pull", None, Right((), words="sign", stops=True), turned),
     "clipped": Row("2.5 % of the samples clipped", "pull", None, Right(UNKNOWN, words="clip"), clipped),
-    "one_way": Row("400 rows, one way, constant force", "pull", None, Right(UNKNOWN, words="tell no parameter"), one_way),
+    "one_way": Row("400 rows, one way, constant force", "pull", None, Right(UNKNOWN, words="no parameter"), one_way),
     "late": Row("force 20 ms late", "pull", None, Right(NAMED, "sensor_delay", words="later"), late),
     "uneven": Row(
         "stamps uneven by 20 %, 2 % missing", "pull", None, Right(NONE, words="unevenly"), uneven, rate_Hz=5000.0
@@ -143,7 +143,7 @@ ROWS: Final[dict[str, Row]] = {
         thinned(30, 1e-3),
         _std(1e-3),
     ),
-    "again": Row("stamps begin again at 0 in mid-log", "pull", None, Right((), words="t_s must increase", stops=True), again),
+    "again": Row("stamps begin again at 0 in mid-log", "pull", None, Right((), words="increase", stops=True), again),
     "lag": Row("lag of the drive, 100 Hz, 0.5 mm", "magnetic", "actuator_lag", LAG, thinned(100, 5e-4), _std(5e-4)),
     "lag_unstated": Row("the same, noise not stated", "magnetic", "actuator_lag", LAG, thinned(100, 5e-4), _unstated),
     "play": Row(

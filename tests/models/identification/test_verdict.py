@@ -8,6 +8,7 @@ import pytest
 from models.checks.finding import RecordFinding
 from models.effects.effect import Effect
 from models.effects.force.stress_relaxation import StressRelaxation
+from models.effects.friction.fold_periodic import FoldPeriodic
 from models.effects.friction.stribeck import Stribeck
 from models.files.rig import Noise, Rig
 from models.identification.finding import Check, Estimate
@@ -97,6 +98,16 @@ def test_a_parameter_at_its_bound_is_told_but_the_zero_of_a_law_is_none() -> Non
     assert at_bounds(pull, fit(relaxing), ["stress_relaxation"]) == []
     lagging = {**pull.nominal(), "sensor_lowpass.time_s": 0.0}
     assert at_bounds(pull, fit(lagging), ["sensor_lowpass"]) == ["sensor_lowpass.time_s"]
+
+
+def test_a_curve_that_mends_a_shape_may_end_at_its_bound() -> None:
+    pull = SeriesKind.from_rig(Rig("pull", noise=Noise(force_std_N=1e-3)), [])
+    curve = {"level_at_onset.kept": 1.5, "level_at_onset.spared": 0.0}
+    theta = {**pull.nominal(), **FoldPeriodic.start(), "fold_periodic.depth": 0.3, **curve}
+    found = Search(fit(theta), fit(theta), effects=["fold_periodic"], refinements=["level_at_onset"], after=1.0)
+    checks = model_checks(pull, found, {}, HELD, ())
+    assert next(check.value for check in checks if check.id == "bounds") == 0
+    assert at_bounds(pull, found.augmented, found.model) == ["level_at_onset.kept"]
 
 
 def test_a_stage_that_errs_more_on_held_out_records_than_one_before_it_is_told() -> None:

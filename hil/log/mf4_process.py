@@ -39,7 +39,6 @@ def read_mf4_frames(path: Path) -> Iterator[Logged]:
         try:
             assert reader.stdout is not None
             yield from _received(path, reader.stdout)
-            return
         finally:
             late.cancel()
             reader.kill()

@@ -8,7 +8,7 @@ import json
 import os
 import resource
 import sys
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import IO, Any, Final
@@ -35,13 +35,19 @@ def allowed_s(size: int) -> int:
     return min(LEAST_S + size // SLOWEST, SECONDS)
 
 
-def confine(path: Path) -> None:
-    """Limit this process's memory, and its time on a processor by the size of the file `path` that it is to read."""
+def confined(task: Callable[[Path, IO[bytes]], None]) -> None:
+    """Do `task` with the file that the command line names and standard output, within limits of memory, and of time on
+    a processor that go with the size of the file.
+    """
+    path = Path(sys.argv[1])
     resource.setrlimit(resource.RLIMIT_AS, (ADDRESSES, ADDRESSES))
     resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
     longest = allowed_s(path.stat().st_size) if path.is_file() else SECONDS
     resource.setrlimit(resource.RLIMIT_CPU, (longest, longest))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    with os.fdopen(os.dup(1), "wb") as told:
+        os.dup2(2, 1)
+        task(path, told)
 
 
 def read_for(path: Path, source: IO[bytes], target: IO[bytes]) -> None:
@@ -81,8 +87,4 @@ def _tell(target: IO[bytes], document: Any) -> None:
 
 
 if __name__ == "__main__":
-    asked = Path(sys.argv[1])
-    confine(asked)
-    with os.fdopen(os.dup(1), "wb") as told:
-        os.dup2(2, 1)
-        read_for(asked, sys.stdin.buffer, told)
+    confined(lambda path, told: read_for(path, sys.stdin.buffer, told))

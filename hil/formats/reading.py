@@ -8,7 +8,8 @@ import json
 import subprocess
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any, Final
 
@@ -30,9 +31,18 @@ def read_channels(path: Path, pick: Pick) -> list[Channel]:
         raise ValueError(f"{path}: file must end in {', '.join(e for f in FORMATS for e in f.endings)}")
     if not is_bag(path):
         check_source(path, "record")
-    command = [sys.executable, "-m", "hil.formats.reader_process", str(path.absolute())]
+    wanted = f"a whole {found.name} file"
+    with reading_process("hil.formats.reader_process", path) as reader, refusing(path, wanted):
+        return _converse(path, found, reader, pick)
+
+
+@contextmanager
+def reading_process(module: str, path: Path) -> Iterator[subprocess.Popen[bytes]]:
+    """The process in which `module` reads `path`, spoken with through its standard input and output; it is ended on
+    leaving, and after `LONGEST_S`.
+    """
     with subprocess.Popen(
-        command,
+        [sys.executable, "-m", module, str(path.absolute())],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
@@ -41,8 +51,7 @@ def read_channels(path: Path, pick: Pick) -> list[Channel]:
         late = threading.Timer(LONGEST_S, reader.kill)
         late.start()
         try:
-            with refusing(path, f"a whole {found.name} file"):
-                return _converse(path, found, reader, pick)
+            yield reader
         finally:
             late.cancel()
             reader.kill()

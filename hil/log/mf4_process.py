@@ -4,17 +4,13 @@ with it. Frames come as `_FRAME` on its standard output, behind them a sentence 
 
 from __future__ import annotations
 
-import os
 import struct
-import subprocess
-import sys
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, Final
 
-from hil.formats.reader_process import confine
-from hil.formats.reading import LONGEST_S
+from hil.formats.reader_process import confined
+from hil.formats.reading import reading_process
 from hil.log.blf_file import Logged
 from hil.log.library_reader import library_frames
 
@@ -26,22 +22,9 @@ _END: Final = 0xFFFF_FFFF
 
 def read_mf4_frames(path: Path) -> Iterator[Logged]:
     """The classic data frames with 11-bit identifiers of the MF4 file `path`. Raises ValueError of one sentence."""
-    command = [sys.executable, "-m", "hil.log.mf4_process", str(path.absolute())]
-    with subprocess.Popen(
-        command,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        cwd=Path(__file__).parents[2],
-    ) as reader:
-        late = threading.Timer(LONGEST_S, reader.kill)
-        late.start()
-        try:
-            assert reader.stdout is not None
-            yield from _received(path, reader.stdout)
-        finally:
-            late.cancel()
-            reader.kill()
+    with reading_process("hil.log.mf4_process", path) as reader:
+        assert reader.stdout is not None
+        yield from _received(path, reader.stdout)
 
 
 def _received(path: Path, told: IO[bytes]) -> Iterator[Logged]:
@@ -70,8 +53,4 @@ def tell_frames(path: Path, target: IO[bytes]) -> None:
 
 
 if __name__ == "__main__":
-    asked = Path(sys.argv[1])
-    confine(asked)
-    with os.fdopen(os.dup(1), "wb") as out:
-        os.dup2(2, 1)
-        tell_frames(asked, out)
+    confined(tell_frames)

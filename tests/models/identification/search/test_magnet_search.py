@@ -1,5 +1,5 @@
-"""Magnets and coils on a plate, in the air, and pressing on the wall: series of the plant's own through the loop's
-parts.
+"""Magnets and coils on a plate, in the air, in the gut, and pressing on the wall: series of the plant's own through the
+loop's parts.
 """
 
 from __future__ import annotations
@@ -47,6 +47,15 @@ def test_a_drag_on_a_plate_is_found(name: str, tmp_path: Path) -> None:
     folder = make_series(name, "viscous_drag", 2, tmp_path, 8.0, rate_Hz=200.0)  # type: ignore[arg-type]
     without, with_drag = left(folder)[0], left(folder, "viscous_drag")[0]
     assert without > 3 * with_drag
+
+
+def test_a_lag_before_a_coils_current_shows_in_records_of_its_voltage_alone(tmp_path: Path) -> None:
+    by_current = make_series("coil", "actuator_lag", 3, tmp_path / "current", 4.0, rate_Hz=200.0)
+    by_voltage = make_series("coil_voltage", "actuator_lag", 3, tmp_path / "voltage", 4.0, rate_Hz=200.0)
+    assert left(by_current)[0] < NEAR_NOISE
+    without, (with_lag, fit) = left(by_voltage)[0], left(by_voltage, "actuator_lag")
+    assert with_lag < NEAR_NOISE < 0.5 * without
+    assert 0.04 < fit["actuator_lag.time_s"] < 0.2
 
 
 def test_a_magnet_that_presses_the_capsule_on_the_wall_is_found(tmp_path: Path) -> None:

@@ -14,13 +14,13 @@ import numpy as np
 from models.checks.instrument.usable import counted
 from models.files.record import Record
 from models.identification.fitting.confidence import Part
-from models.identification.fitting.fit import FINE, Fit, Problem, narrowing
+from models.identification.fitting.fit import Fit
 from models.identification.kind import EXPLAINED, Kind
 from models.identification.search.candidates import Trial, compare_candidates, fair, without
 from models.identification.search.fitted_model import FittedModel
 from models.identification.search.predictability import predictable, sensitivity_cost
 from models.identification.search.refinement import Known, refined, refined_at_last
-from models.identification.search.refit import finished, refit, step_on, whole
+from models.identification.search.refit import calibrated, finished, refit, step_on, whole
 from models.identification.search.rivals import NEVER, rivals_of
 from models.identification.search.screening import Screened, null_distribution, records_for_null, screen
 from models.identification.search.validation import NEAR_NOISE, judged_cost
@@ -90,8 +90,7 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
     progress("calibrating", 0.02)
     told = kind.searched(train)
     splits = kind.splits(told)
-    nominal = {p.name: p.value for p in kind.base}
-    base = narrowing(Problem.of(kind, told, [], kind.criteria - 1), refit(kind, told, [], nominal), FINE)
+    base = calibrated(kind, told)
     parts = [
         (step_on(kind, part, [], base.theta).theta if kind.free_only else refit(kind, part, [], base.theta, np.inf))
         for part, _ in splits

@@ -136,6 +136,19 @@ _CLOSE = 0.2  # scales, how far places close by are
 _PLACES_CLOSE, _DOWN_FROM = 32, 2
 
 
+def calibrated(kind: Kind, records: Sequence[Record]) -> Fit:
+    """The base alone fitted to `records` from its nominal values. Where that leaves more than the noise of a series, it
+    is looked for from other places on ever longer beginnings: a base that is stuck a slip event beside the right one
+    would pass for one that lacks an effect.
+    """
+    problem = Problem.of(kind, records, [], kind.criteria - 1)
+    fit = narrowing(problem, refit(kind, records, [], {p.name: p.value for p in kind.base}), FINE)
+    if kind.criteria > 1 and fit.chi2 > NEAR_NOISE and all("t_s" in record.columns for record in records):
+        again = _lengthened(kind, records, [], fit.theta, _OTHER_PLACES)
+        fit = min(fit, narrowing(problem, again, FINE), key=_cost)
+    return fit
+
+
 def whole(
     kind: Kind,
     records: Sequence[Record],

@@ -12,7 +12,7 @@ import numpy as np
 
 from models.checks.examine import examine, stopping
 from models.checks.finding import RecordFinding
-from models.checks.information.excitation import cannot_show
+from models.checks.information.excitation import cannot_show, inseparable
 from models.effects import BY_ID
 from models.effects.equation import symbols_of
 from models.files.record import Record
@@ -22,6 +22,7 @@ from models.identification.experiment.propose import propose, words_of
 from models.identification.finding import STAGES, CandidateRow, Check, Estimate, Finding, FoundEffect, Trace
 from models.identification.fitting.confidence import drawn, intervals
 from models.identification.kinds import NOTHING_KNOWN, AnyKind, Known, kind_for, ready, report_of
+from models.identification.kinds.series.kind import SeriesKind
 from models.identification.model import Model, own_effects_of
 from models.identification.record_checks import check_parts, check_records
 from models.identification.residual.dependence import dependence_of
@@ -59,6 +60,8 @@ def close(
     hidden = cannot_show(rig, train, kind.effects)
     if hidden:
         kind = replace(kind, effects=tuple(effect for effect in kind.effects if effect.id not in hidden))
+    if isinstance(kind, SeriesKind):
+        kind = replace(kind, equivalents=inseparable(rig, train, kind.effects))
     words = report_of(kind)
     check_parts(kind, train, holdout)
     found = search(kind, train, progress, np.random.default_rng(seed))

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from models.checks.information.excitation import cannot_show
+from models.checks.information.excitation import cannot_show, inseparable
 from models.effects import BY_ID
 from models.files.record import Record
 from models.files.rig import parse_rig
@@ -122,7 +122,9 @@ class Answer:
         kind = kind_for(rig, train)
         wanted = family(hidden(series.effect).answer)
         own = tuple(effect for effect in kind.effects if effect.id in wanted)
-        kind = replace(kind, effects=tuple(e for e in own if e.id not in cannot_show(rig, train, own)))
+        hidden_here = cannot_show(rig, train, own)
+        shown = tuple(e for e in own if e.id not in hidden_here)
+        kind = replace(kind, effects=shown, equivalents=inseparable(rig, train, shown))
         found = search(kind, train, lambda *_: None, np.random.default_rng(0))
         began = time.process_time()
         proposal = propose(kind, kind.searched(train), found, np.random.default_rng(0))

@@ -22,6 +22,7 @@ _RANGE = 1.5
 _TRAVEL_M = 2e-3
 _LONG_S = 5.0
 _ALIVE = 1.3
+_STRAIGHT = 0.999  # square of the correlation of place and time
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,13 @@ class Excitation:
         """Length in s of the longest record."""
         return max(float(view.t[-1] - view.t[0]) for view in self.views)
 
+    @cached_property
+    def one_course(self) -> bool:
+        """Whether the place is a straight line of the time since the record's start, the same one in all records."""
+        t = np.concatenate([(view.t - view.t[0])[view.moves] for view in self.views])
+        x = np.concatenate([view.record[view.moving_column][view.moves] for view in self.views])
+        return bool(len(t) > 1 and np.ptp(t) * np.ptp(x) > 0 and np.corrcoef(t, x)[0, 1] ** 2 > _STRAIGHT)
+
 
 Need = Callable[[Excitation], str]
 
@@ -133,6 +141,22 @@ NEEDS: Mapping[str, Need] = MappingProxyType(
     }
 )
 """What an effect may name in `needs`, and how its lack is said of a series."""
+
+
+def inseparable(rig: Rig, records: Sequence[Record], effects: Sequence[type[Effect]]) -> dict[str, tuple[str, ...]]:
+    """By an effect's id, its declared confounders that no form tells from it in these records: where the motion is one
+    course at one speed, whatever goes with the place goes with time as well.
+    """
+    views = tuple(view for view in (View(record, rig) for record in records) if view.timed)
+    if not views or not Excitation(views).one_course:
+        return {}
+    found: dict[str, tuple[str, ...]] = {}
+    for one in effects:
+        others = [e for e in effects if e.id in one.confounders or one.id in e.confounders]
+        apart = tuple(e.id for e in others if {*one.needs, *e.needs} >= {"places", "time"})
+        if apart:
+            found[one.id] = apart
+    return found
 
 
 def cannot_show(rig: Rig, records: Sequence[Record], effects: Sequence[type[Effect]]) -> dict[str, str]:

@@ -207,8 +207,8 @@ def _compare_rivals(model: FittedModel, found: Search) -> None:
         _, screened, trials = next(row for row in found.rounds if row[2] and row[2][0].effect == effect)
         rivals = rivals_of(model, effect, found.gains[effect], screened, trials)
         alike = sorted((rival for rival in rivals if rival.alike), key=lambda rival: rival.apart)
-        named = [rival.effect for rival in alike if rival.effect not in found.effects]
-        found.equivalent[effect] = tuple(dict.fromkeys((*named, *model.kind.equivalents.get(effect, ()))))
+        names = (*(rival.effect for rival in alike), *model.kind.equivalents.get(effect, ()))
+        found.equivalent[effect] = tuple(name for name in dict.fromkeys(names) if name not in found.effects)
         nearest = min((rival.apart for rival in rivals if not rival.alike), default=NEVER)
         found.score[effect] = float(1 - 0.5 * np.exp(-0.5 * max(nearest, 0.0) ** 2))
 

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from models.checks.examine import examine, stopping
-from models.checks.information.excitation import cannot_show
+from models.checks.information.excitation import cannot_show, inseparable
 from models.checks.instrument.usable import USED, cleaned
 from models.effects import effects_for
 from models.files.record import Record
@@ -240,6 +240,26 @@ def test_motion_at_one_speed_and_one_way_cannot_show_what_needs_more() -> None:
     assert "one speed" in hidden["stribeck"]
     assert "one way" in hidden["directional_asymmetry"]
     assert "folds" not in hidden
+
+
+def passing(speed: float, turning: bool = False) -> Record:
+    """One pass at one speed, or there and back."""
+    t = np.arange(0, 8, 1 / RATE)
+    x = speed * np.where((t > 4) & turning, 8 - t, t)
+    return record(
+        {"t_s": t, "position_m": x, "force_N": 0.05 + NOISE * np.random.default_rng(3).standard_normal(len(t))}
+    )
+
+
+def test_on_one_pass_at_one_speed_what_goes_with_the_place_goes_with_time() -> None:
+    effects, once = effects_for("pull"), passing(2e-3)
+    for records in ([once], [once, once]):
+        classes = inseparable(rig(), records, effects)
+        assert "tissue_drying" in classes["lumen_taper"]
+        assert "lumen_taper" in classes["tissue_drying"]
+        assert "stribeck" not in classes
+    for records in ([once, passing(1e-3)], [passing(2e-3, turning=True)]):
+        assert inseparable(rig(), records, effects) == {}
 
 
 def test_what_was_not_measured_does_not_count_and_a_coarse_encoder_is_smoothed() -> None:

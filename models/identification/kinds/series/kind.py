@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import ClassVar
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
@@ -68,7 +67,7 @@ class SeriesKind:
     slow_view: bool = True
     next_share: float = 0.6
     least_gain: float = 0.4
-    equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
+    equivalents: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
     measure: str = "rms of the free-running prediction, low-passed at 2 Hz"
     unit: str = "N"
     quantity: str = field(default="force_N")

@@ -144,8 +144,7 @@ def calibrated(kind: Kind, records: Sequence[Record]) -> Fit:
     problem = Problem.of(kind, records, [], kind.criteria - 1)
     fit = narrowing(problem, refit(kind, records, [], {p.name: p.value for p in kind.base}), FINE)
     if kind.criteria > 1 and fit.chi2 > NEAR_NOISE and all("t_s" in record.columns for record in records):
-        again = _lengthened(kind, records, [], fit.theta, _OTHER_PLACES)
-        fit = min(fit, narrowing(problem, again, FINE), key=_cost)
+        fit = min(fit, _from_other_places(problem, [], fit.theta), key=_cost)
     return fit
 
 
@@ -163,9 +162,15 @@ def whole(
     begun = refit(kind, records, effects, start, enough)
     fit = finished(kind, records, effects, narrowing(problem, begun, FINE))
     if kind.free_only and fit.chi2 > enough:
-        again = _lengthened(kind, records, effects, fit.theta, _OTHER_PLACES)
-        fit = min(fit, finished(kind, records, effects, narrowing(problem, again, FINE)), key=_cost)
+        again = _from_other_places(problem, effects, fit.theta)
+        fit = min(fit, finished(kind, records, effects, again), key=_cost)
     return fit
+
+
+def _from_other_places(problem: Problem, effects: Sequence[str], theta: Mapping[str, float]) -> Fit:
+    """A fit by ever longer beginnings from places that no search before has drawn."""
+    begun = _lengthened(problem.kind, problem.records, effects, theta, _OTHER_PLACES)
+    return narrowing(problem, begun, FINE)
 
 
 def finished(kind: Kind, records: Sequence[Record], effects: Sequence[str], fit: Fit) -> Fit:

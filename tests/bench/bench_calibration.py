@@ -34,7 +34,7 @@ from hil.app.main import run as capsule
 from models.identification.confidence_map import FEWEST, ConfidenceMap
 from plant.experiments.series import Kind, drive_kind, make_series
 from plant.hidden.registry import HIDDEN, hidden
-from tests.bench.bench_tracing import EFFECTS, kind_that_shows
+from tests.bench.bench_tracing import EFFECTS
 
 NONE_SHARE: Final = 1 / 3
 OUTSIDE_SHARE: Final = 1 / 6
@@ -77,7 +77,7 @@ def drawn(number: int, seed: int, kinds: Sequence[Kind]) -> Drawn:
     absent, without = rng.random(2)
     within = EFFECTS[kind] if kind == "vibro_plate" or without >= OUTSIDE_SHARE else outside
     effect = None if absent < NONE_SHARE else str(rng.choice(within))
-    return Drawn(number, kind_that_shows(kind, effect), effect, instrument)
+    return Drawn(number, kind, effect, instrument)
 
 
 def made(series: Drawn, seed: int, seconds: float, folder: Path) -> None:

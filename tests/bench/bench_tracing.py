@@ -80,11 +80,9 @@ EFFECTS: Final[dict[Kind, tuple[str, ...]]] = {
         "tissue_drying",
         "incline_gravity",
         "coupling_fade",
-        "actuator_lag",
         "actuator_dead_zone",
         "actuator_saturation",
         "viscous_drag",
-        "back_emf",
     ),
     "coil_voltage": (
         "directional_asymmetry",
@@ -137,15 +135,6 @@ PAIRS: Final[dict[Kind, tuple[str, ...]]] = {
         "tissue_drying+sensor_delay",
     ),
 }
-
-
-BEFORE_THE_CURRENT: Final = ("actuator_lag", "back_emf")
-"""Effects of a coil that records with its current do not show."""
-
-
-def kind_that_shows(kind: Kind, effect: str | None) -> Kind:
-    """The kind of series in which an effect shows: under a coil, what acts before the current, in the voltage alone."""
-    return "coil_voltage" if kind == "coil" and effect in BEFORE_THE_CURRENT else kind
 
 
 def learned(kind: Kind, effect: str | None, seed: int, out: Path) -> Path:
@@ -258,7 +247,7 @@ def main() -> None:
     effects = PAIRS if arguments.pairs else EFFECTS
     for kind in arguments.kind or list(effects):
         wanted += [
-            (kind_that_shows(kind, e), e, s)
+            (kind, e, s)
             for s in arguments.seeds
             for e in (arguments.effects if arguments.effects is not None else effects[kind])
         ]

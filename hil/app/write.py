@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.log.writing import writing
+from models.files.writing import writing
 
 
 def write_files(contents: Mapping[Path, str | bytes]) -> None:

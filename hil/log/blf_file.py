@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 import can
 
-from hil.log.writing import writing
+from models.files.writing import writing
 
 RECEIVED, SENT, WITHHELD, NOTED = 1, 2, 3, 4
 """Which way a frame went: to the node that logs, from it, from it but kept back (a dry run); or it is no frame but a

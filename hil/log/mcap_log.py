@@ -10,7 +10,7 @@ from hil.bus.codec import Refusal
 from hil.bus.protection import Receiver, Reception
 from hil.formats.mcap_file import McapTopics
 from hil.log.blf_file import RECEIVED, SENT, Logged
-from hil.log.writing import writing
+from models.files.writing import writing
 
 _CHUNK: Final = 1 << 16
 """Bytes of a chunk, which is on file once it is full: half a second at 500 Hz."""

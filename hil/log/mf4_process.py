@@ -9,6 +9,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, Final
 
+from hil.formats.channels import library, refusing
+from hil.formats.mf4_file import EXTRA
 from hil.formats.reader_process import confined
 from hil.formats.reading import reading_process
 from hil.log.blf_file import Logged
@@ -43,6 +45,8 @@ def tell_frames(path: Path, target: IO[bytes]) -> None:
     """Write the frames of `path` to `target`, and behind them what is wrong, or nothing."""
     said = ""
     try:
+        with refusing(path, "a log"):
+            library("asammdf", EXTRA)
         for frame in library_frames(path):
             target.write(_FRAME.pack(frame.time_ns, frame.id, frame.way, len(frame.data), frame.data))
     except ValueError as error:

@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from hil.formats.channels import library, refusing
-from hil.formats.mf4_file import EXTRA, holds_frames
+from hil.formats.mf4_file import holds_frames
 from hil.log.blf_file import Logged
 from hil.log.blf_reader import Tell, read_blf
 from hil.log.library_reader import library_frames
@@ -42,8 +41,6 @@ def read_frames(path: Path, tell: Tell | None = None) -> Iterator[Logged]:
     if path.suffix.lower() == ".mf4":
         if not is_log(path):
             raise ValueError(f"{path}: log must hold frames of a CAN bus; got an MF4 file without any")
-        with refusing(path, "a log"):
-            library("asammdf", EXTRA)
         yield from read_mf4_frames(path)
         return
     yield from library_frames(path)

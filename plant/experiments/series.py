@@ -14,6 +14,7 @@ from typing import Final, Literal, get_args
 
 import numpy as np
 
+from models.files.writing import writing
 from models.laws.geometry import Capsule, Tissue
 from plant import layout as at
 from plant.drives.kinds import Magnet, Pull
@@ -135,13 +136,10 @@ def write_text(path: Path, text: str) -> None:
 def _replace(path: Path, data: bytes) -> None:
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
-        with os.fdopen(handle, "wb") as stream:
+        with writing(path), os.fdopen(handle, "wb") as stream:
             stream.write(data)
         os.chmod(temporary, 0o644)
         os.replace(temporary, path)
-    except OSError as error:
-        Path(temporary).unlink(missing_ok=True)
-        raise OSError(error.errno, error.strerror, str(path)) from error
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise

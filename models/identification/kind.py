@@ -76,6 +76,13 @@ class Kind(Protocol):
         ...
 
     @property
+    def beginnings_s(self) -> tuple[float, ...]:
+        """Lengths in s of ever longer beginnings of a record: the first holds a few slip events or impacts. Asked of
+        kinds with `free_only` alone.
+        """
+        ...
+
+    @property
     def slow_view(self) -> bool:
         """Whether `residual` knows a further criterion, number `criteria`, that shows only what is slow in the free
         run.
@@ -184,6 +191,7 @@ class OneByOne:
 
     lanes: ClassVar[int] = 1
     free_only: ClassVar[bool] = False
+    beginnings_s: ClassVar[tuple[float, ...]] = ()
 
     def residuals(self: _Residual, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> list[Array]:
         """`residual` at several points."""

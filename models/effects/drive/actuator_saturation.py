@@ -17,7 +17,7 @@ class ActuatorSaturation(Effect):
     summary = "saturation of the drive"
     source = "tracing catalogue 19"
     kinds = frozenset({"coil"})
-    probe = 0.05
+    probe = 0.5
     confounders = ("actuator_dead_zone",)
     separated_by = "amplitude staircase"
 

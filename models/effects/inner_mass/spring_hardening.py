@@ -11,11 +11,15 @@ from models.effects.effect import InnerMassEffect, Values
 from models.parameter import Parameter
 
 TRAVEL_M = 0.03
+AT_M = 0.01
+_REST_M = 1e-6
 
 
 @dataclass(frozen=True)
 class SpringHardening(InnerMassEffect):
-    """Force `k_3 min(|xi|, 30 mm)^2 xi` beside the linear spring; odd, so forward and backward stay mirrored."""
+    """Force `k_3 x_0^2 (min(|xi|, 30 mm)/x_0)^(n - 1) xi` beside the linear spring, x_0 = 10 mm; `k_3 xi^3` where the
+    power n is 3. Odd, so forward and backward stay mirrored.
+    """
 
     id = "spring_hardening"
     summary = "the suspension stiffens with displacement"
@@ -29,5 +33,8 @@ class SpringHardening(InnerMassEffect):
         "cubic_N_per_m3", 0.0, "N/m^3", -2.0e5, 1.0e6, "half the linear force at 10 mm", fit=True
     )
 
+    power: Parameter = Parameter("power", 3.0, "1", 1.5, 5.0, "a Duffing spring has 3", fit=True)
+
     def suspension(self, stretch: Any, rate: Any, p: Values) -> Any:
-        return p["cubic_N_per_m3"] * np.minimum(np.abs(stretch), TRAVEL_M) ** 2 * stretch
+        far = np.minimum(np.maximum(np.abs(stretch), _REST_M), TRAVEL_M) / AT_M
+        return p["cubic_N_per_m3"] * AT_M**2 * far ** (p["power"] - 1) * stretch

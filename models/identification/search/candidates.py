@@ -12,10 +12,10 @@ import numpy as np
 
 from models.effects import BY_ID, REFINEMENTS
 from models.files.record import Record
-from models.identification.fitting.fit import NARROW, WIDE, Fit, Problem, costs_of, descend, narrowing
+from models.identification.fitting.fit import NARROW, Fit, Problem, costs_of, descend, narrowing
 from models.identification.kind import Kind
 from models.identification.search.fitted_model import Fits, FittedModel
-from models.identification.search.growing_horizon import BEGINNINGS_S, QUICK, GrowingHorizon, eliminate, prefixes
+from models.identification.search.growing_horizon import QUICK, GrowingHorizon, eliminate
 from models.identification.search.refit import begins, refit, step_on
 from models.identification.search.screening import Screened
 from models.identification.search.validation import (
@@ -67,8 +67,10 @@ def compare_candidates(model: FittedModel, screened: Sequence[Screened], moved: 
     """
     if not screened:
         return []
-    entries = _entries(model, screened, moved)
-    fitted = _survivors(model, {name: entries[name] for name in _with_confounders(model.kind, list(entries))}, moved)
+    if model.kind.free_only:
+        fitted = _grown(model, screened, moved)
+    else:
+        fitted = _survivors(model, _entries(model, screened, moved), moved)
     ranking = sorted(fitted, key=lambda name: fitted[name].cost)
     alike = BY_ID[ranking[0]].confounders
     finalists = [
@@ -156,62 +158,71 @@ def _numbers(theta: Mapping[str, float], effect: str) -> dict[str, float]:
     return {name: value for name, value in theta.items() if name.startswith(f"{effect}.")}
 
 
-def _entries(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> dict[str, list[dict[str, float]]]:
-    """Where the fit of each candidate may start, the best candidate and its best start first: one round of descent from
-    every opening, and a few more of those candidates that came lowest by it. To an observer that forgets fast; where no
-    such observer is to be had (a kind with `free_only`: a strong effect that the free run follows throws its observer
-    out of step) from the best opening at either base, to the free run of the first record's longest beginning, with
-    wide secants.
+def _grown(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> dict[str, Fit]:
+    """Fits of `model` with each candidate on ever longer beginnings, from where the screening and either base have it;
+    without those that fell behind on the way.
     """
-    kind, part, bases = model.kind, model.part, begins(model.kind, model.thetas[0])
-    criterion, width, groups = 0, NARROW[0], [bases]
-    if kind.free_only:
-        part, groups = prefixes(part[:1], BEGINNINGS_S[-1]), [[base] for base in bases]
-        criterion, width = middle_criterion(kind), WIDE[0]
+    kind = model.kind
+    climbs = {}
+    for row in screened:
+        beside = _shared_by(kind, row.effect)
+        starts = [
+            place
+            for base in begins(kind, model.thetas[0])
+            for start in row.starts
+            for place in _with_each({**base, **start}, beside)
+        ]
+        effects = [*model.effects, row.effect, *beside]
+        climbs[row.effect] = GrowingHorizon(kind, effects, starts, middle_criterion(kind), QUICK, row.effect)
+    return eliminate(model.part, climbs, FINAL, BEHIND, lambda name, share: moved(name, 0.8 * share))
 
-    def descended(name: str, points: Sequence[Mapping[str, float]], rounds: int) -> list[Fit]:
-        problem = Problem.of(kind, part, [*model.effects, name], criterion)
-        return sorted((descend(problem, point, width, rounds) for point in points), key=lambda fit: fit.cost)
+
+def _entries(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> dict[str, dict[str, float]]:
+    """Where the fit of each candidate may start, the best candidate first: one round of descent from its best opening
+    to an observer that forgets fast, and a few more of those candidates that came lowest by it.
+    """
+    kind, bases = model.kind, begins(model.kind, model.thetas[0])
+
+    def descended(name: str, start: Mapping[str, float], rounds: int) -> Fit:
+        return descend(Problem.of(kind, model.part, [*model.effects, name], 0), start, NARROW[0], rounds)
 
     fits = {}
     for k, row in enumerate(screened):
         moved(row.effect, 0.3 * k / len(screened))
-        openings = [[opening(kind, part, group, row.effect, start) for start in row.starts] for group in groups]
-        best = [min(some, key=_first) for some in openings] if kind.free_only else openings[0]
-        fits[row.effect] = descended(row.effect, [point for _, point in best], 1)
-    lowest = sorted(fits, key=lambda name: fits[name][0].cost)[:ENTERED]
+        _, place = min((opening(kind, model.part, bases, row.effect, start) for start in row.starts), key=_first)
+        fits[row.effect] = descended(row.effect, place, 1)
+    lowest = sorted(fits, key=lambda name: fits[name].cost)[:ENTERED]
     for k, name in enumerate(lowest):
         moved(name, 0.3 + 0.1 * k / len(lowest))
-        fits[name] = descended(name, [fit.theta for fit in fits[name]][: None if kind.free_only else 1], _ROUNDS)
-    return {name: [fit.theta for fit in fits[name]] for name in sorted(fits, key=lambda name: fits[name][0].cost)}
+        fits[name] = descended(name, fits[name].theta, _ROUNDS)
+    return {name: fits[name].theta for name in sorted(fits, key=lambda name: fits[name].cost)}
 
 
 def _first(row: tuple[float, dict[str, float]]) -> float:
     return row[0]
 
 
-def _survivors(model: FittedModel, starts: Mapping[str, Sequence[dict[str, float]]], moved: Moved) -> dict[str, Fit]:
-    """Fits of `model` with each candidate good enough to rank by; without those that fell behind on the way. One that
-    changes the resistance is looked for from where the slip limit follows it, and from where it does not.
+def _survivors(model: FittedModel, entries: Mapping[str, dict[str, float]], moved: Moved) -> dict[str, Fit]:
+    """Fits of `model` with the first of `entries` and their confounded effects, good enough to rank by. One that changes
+    the resistance is looked for from where the slip limit follows it, and from where it does not.
     """
     kind, part = model.kind, model.part
     criterion = middle_criterion(kind)
-    beside = {name: [c for c in _refinements(kind, name) if BY_ID[c] in REFINEMENTS] for name in starts}
-    models = {name: [*model.effects, name, *beside[name]] for name in starts}
-    if kind.free_only:
-        every = {
-            name: [place for start in own for place in _with_each(start, beside[name])] for name, own in starts.items()
-        }
-        climbs = {name: GrowingHorizon(kind, models[name], every[name], criterion, QUICK, name) for name in starts}
-        return eliminate(part, climbs, FINAL, BEHIND, lambda name, share: moved(name, 0.4 + 0.4 * share))
     fits = {}
-    for k, (name, own) in enumerate(starts.items()):
-        moved(name, 0.4 + 0.4 * k / len(starts))
-        places = _with_each(own[0], beside[name])
+    entered = _with_confounders(kind, list(entries))
+    for k, name in enumerate(entered):
+        moved(name, 0.4 + 0.4 * k / len(entered))
+        beside = _shared_by(kind, name)
+        places = _with_each(entries[name], beside)
         costs = costs_of(kind, part, places, criterion) if len(places) > 1 else [0.0]
-        problem = Problem.of(kind, part, models[name], criterion)
+        problem = Problem.of(kind, part, [*model.effects, name, *beside], criterion)
         fits[name] = narrowing(problem, places[int(np.argmin(costs))], NARROW, 8)
     return fits
+
+
+def _shared_by(kind: Kind, name: str) -> list[str]:
+    """Of what may have to stand beside a candidate, what no search names by itself."""
+    return [c for c in _refinements(kind, name) if BY_ID[c] in REFINEMENTS]
 
 
 def _with_each(start: dict[str, float], refinements: Sequence[str]) -> list[dict[str, float]]:

@@ -14,28 +14,29 @@ from models.effects import BY_ID
 from models.files.record import Record
 from models.identification.fitting.fit import NARROW, Axis, Fit, Problem, axes, costs_of, narrowing
 from models.identification.kind import Kind
-from models.identification.search.validation import NEAR_NOISE
 
-BEGINNINGS_S = (2.0, 5.0, 12.0, 28.0)
-_TELLING_S = 12.0  # a beginning worth wide secants, and that may put a model out of the race
+_TELLING = 2  # number of the first beginning that is worth wide secants, and on which ranks are told
 _ROUNDS = 6
 _OFF = 0.2  # of a nominal value, what a base may be off by
 _DOUBLINGS = 5.5  # of an amplitude's probe
 _NEAR = 3.0  # scales around a start
 _BASES = 2  # on which effects are drawn anew
-_IN_REACH = 1.3  # times what the last of those that count leaves
+_IN_REACH, _EARLY = 1.3, 1.5  # times what the last of those that count leaves; before ranks are told
 
 
 @dataclass(frozen=True)
 class Effort:
-    """How many places to look at, and how many of them to go down from at each length, the whole records last."""
+    """How many places to look at, how many of them to go down from at each length, the whole records last, and in how
+    many rounds at the first lengths.
+    """
 
     places: int
     kept: tuple[int, ...]
+    rounds: int
 
 
-THOROUGH = Effort(512, (16, 6, 3, 2, 1))
-QUICK = Effort(256, (8, 4, 2, 1, 1))
+THOROUGH = Effort(512, (16, 6, 3, 2, 1), _ROUNDS)
+QUICK = Effort(128, (3, 2, 2, 1, 1), 3)
 
 
 @dataclass
@@ -65,9 +66,9 @@ class GrowingHorizon:
             points = places + self._scattered()
         costs = costs_of(self.kind, records, points, self.criterion)
         best = [points[i] for i in np.argsort(costs, kind="stable")[: self.effort.kept[number]]]
-        widths = NARROW if length >= _TELLING_S else NARROW[-1:]
+        widths, rounds = (NARROW, _ROUNDS) if number >= _TELLING else (NARROW[-1:], self.effort.rounds)
         fits = [
-            narrowing(Problem.of(self.kind, records, self.effects, self.criterion), point, widths, _ROUNDS)
+            narrowing(Problem.of(self.kind, records, self.effects, self.criterion), point, widths, rounds)
             for point in best
         ]
         self.fits = sorted(fits, key=lambda fit: fit.cost)
@@ -111,7 +112,7 @@ def grow_horizon(
 ) -> Fit:
     """The best fit on the whole records."""
     climb = GrowingHorizon(kind, effects, starts, criterion, effort, fresh, seed)
-    for number, length, parts in _lengths(records):
+    for number, length, parts in _lengths(kind, records):
         climb.on(number, length, parts)
     return climb.fits[0]
 
@@ -125,22 +126,20 @@ def eliminate(
 ) -> dict[str, Fit]:
     """Fits on the whole records of those `climbs` that stay in reach of the first `counting`, or are declared
     confounded effects of the first one, and leave at most `behind` times what the first one does; the rest end on their
-    way: on short beginnings only where the first one leaves about the noise and they `behind` times as much again.
-    `moved` hears of each climb that goes on, and the share of the work that is done.
+    way, none of them on the shortest beginning. `moved` hears of each climb that goes on, and the share of the work
+    that is done.
     """
-    running = dict(climbs)
-    for number, length, parts in _lengths(records):
+    running, kind = dict(climbs), next(iter(climbs.values())).kind
+    for number, length, parts in _lengths(kind, records):
         for k, (name, climb) in enumerate(running.items()):
-            moved(name, (number + k / len(running)) / (len(BEGINNINGS_S) + 1))
+            moved(name, (number + k / len(running)) / (len(kind.beginnings_s) + 1))
             climb.on(number, length, parts)
         costs = {name: climb.fits[0].chi2 for name, climb in running.items()}
-        if length >= _TELLING_S:
-            ranked = sorted(costs.values())
-            reach, limit = _IN_REACH * ranked[min(counting, len(costs)) - 1], behind * ranked[0]
-        elif number and min(costs.values()) < NEAR_NOISE:
-            reach = limit = behind**2 * min(costs.values())
-        else:
-            reach = limit = np.inf
+        if not number:
+            continue
+        ranked = sorted(costs.values())
+        within = _IN_REACH if number >= _TELLING or length == np.inf else _EARLY
+        reach, limit = within * ranked[min(counting, len(costs)) - 1], behind * ranked[0]
         alike = BY_ID[min(costs, key=lambda name: costs[name])].confounders
         running = {
             name: climb
@@ -150,9 +149,9 @@ def eliminate(
     return {name: climb.fits[0] for name, climb in running.items()}
 
 
-def _lengths(records: Sequence[Record]) -> Iterator[tuple[int, float, list[Record]]]:
+def _lengths(kind: Kind, records: Sequence[Record]) -> Iterator[tuple[int, float, list[Record]]]:
     """Number, length in s and records cut to it, the whole ones last."""
-    for number, length in enumerate((*BEGINNINGS_S, np.inf)):
+    for number, length in enumerate((*kind.beginnings_s, np.inf)):
         parts = prefixes(records, length)
         if length == np.inf or any(len(part) < len(record) for part, record in zip(parts, records, strict=True)):
             yield number, length, parts

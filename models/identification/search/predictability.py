@@ -10,7 +10,7 @@ import numpy as np
 
 from models.files.record import Record
 from models.identification.kind import Kind
-from models.identification.search.growing_horizon import BEGINNINGS_S, prefixes
+from models.identification.search.growing_horizon import prefixes
 from models.identification.search.validation import Split, judged_cost
 
 _THOUSANDTH = 1e-3
@@ -35,7 +35,7 @@ def predictable(
     """
     _, held = splits[0]
     imitated = _moved(kind, held, theta, rng)
-    for length in (np.inf, *reversed(BEGINNINGS_S[1:])):  # two seconds hold too few slip events to judge by
+    for length in (np.inf, *reversed(kind.beginnings_s[1:])):  # the first holds too few slip events to judge by
         cut = [prefixes(records, length) for records in imitated]
         if _of_itself(kind, cut, theta) < most:
             break

@@ -11,7 +11,7 @@ from models.effects import BY_ID
 from models.identification.fitting.fit import NARROW, Problem, costs_of, descend
 from models.identification.search.candidates import BEHIND, FINAL, POOL, Trial, opening, without
 from models.identification.search.fitted_model import FittedModel
-from models.identification.search.growing_horizon import BEGINNINGS_S, prefixes
+from models.identification.search.growing_horizon import prefixes
 from models.identification.search.refit import step_on
 from models.identification.search.screening import Screened
 from models.identification.search.validation import APART, TOLD, Array, ahead, judged, middle_criterion
@@ -59,7 +59,7 @@ def _screened_rivals(
     run judges, one to the first record's longest beginning.
     """
     kind, criterion = model.kind, middle_criterion(model.kind)
-    part = prefixes(model.part[:1], BEGINNINGS_S[-1]) if kind.free_only else model.part
+    part = prefixes(model.part[:1], kind.beginnings_s[-1]) if kind.free_only else model.part
     bases = [{k: v for k, v in theta.items() if k.partition(".")[0] not in own} for theta in model.thetas]
     share = max((row.share for row in screened if row.effect == effect), default=0.0)
     near = [

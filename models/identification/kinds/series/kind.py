@@ -32,6 +32,7 @@ _PER_PERIOD = 10  # samples that the slow view keeps of a period of its cut-off
 _TAIL = 8.0  # standard deviations beyond which a difference counts ever less: samples at a jump of the speed
 SHAKEN_S = 6.0
 """Length in s of what a search looks at of a body that its drive shakes to and fro."""
+_BEGINNINGS_S, _SHAKEN_BEGINNINGS_S = (2.0, 5.0, 12.0, 28.0), (0.4, 1.0, 2.0)
 _NO_NOISE = 1e-12
 _FINE_FORCE_N, _FINE_PLACE_M = 1e-3, 5e-5  # noise of a good sensor
 _CLEARLY = 1.2
@@ -131,8 +132,8 @@ class SeriesKind:
 
     @property
     def free_only(self) -> bool:
-        """See `Kind.free_only`: a rig with one observer, of a capsule that its drive holds by a spring or shakes."""
-        return len(self.memories) == 1
+        """See `Kind.free_only`: a rig whose records hold a place, which its drive does not impose."""
+        return not self.drive.imposed
 
     def nominal(self) -> dict[str, float]:
         """The base parameters as believed."""
@@ -141,6 +142,11 @@ class SeriesKind:
     def measured(self, record: Record) -> Array:
         """The measured column."""
         return record[self.quantity]
+
+    @property
+    def beginnings_s(self) -> tuple[float, ...]:
+        """See `Kind.beginnings_s`: a shaken body strikes many times a second."""
+        return _SHAKEN_BEGINNINGS_S if self.drive.held else _BEGINNINGS_S
 
     @property
     def lanes(self) -> int:

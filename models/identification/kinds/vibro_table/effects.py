@@ -12,6 +12,7 @@ from models.effects.force.viscous_drag import ViscousDrag
 from models.effects.friction.directional_asymmetry import DirectionalAsymmetry
 from models.effects.friction.stribeck import Stribeck
 from models.effects.inner_mass.end_stop_impact import EndStopImpact
+from models.effects.inner_mass.spring_hardening import SpringHardening
 from models.identification.kind import Theta
 from models.identification.kinds.vibro_table.numbers import GRAVITY, VibroCycle
 from models.parameter import Parameter
@@ -40,6 +41,13 @@ class SoftStop(EndStopImpact):
 
 
 @dataclass(frozen=True)
+class Duffing(SpringHardening):
+    """`spring_hardening` with the third power: mean speeds tell no other."""
+
+    power: Parameter = Parameter("power", 3.0, "1", 1.5, 5.0, SpringHardening.source)
+
+
+@dataclass(frozen=True)
 class PlateDrag(ViscousDrag):
     """`viscous_drag` of a plate, which never pushes: a body would run away."""
 
@@ -63,7 +71,7 @@ class PlateAsymmetry(DirectionalAsymmetry):
     asymmetry: Parameter = Parameter("asymmetry", 0.0, "1", -0.4, 0.4, _LEVEL, fit=True)
 
 
-VARIANTS: Final[tuple[type[Effect], ...]] = (SwitchLag, SoftStop, PlateStribeck, PlateDrag, PlateAsymmetry)
+VARIANTS: Final[tuple[type[Effect], ...]] = (SwitchLag, SoftStop, Duffing, PlateStribeck, PlateDrag, PlateAsymmetry)
 
 FIELDS = MappingProxyType(
     {
@@ -73,6 +81,7 @@ FIELDS = MappingProxyType(
         "actuator_lag.time_s": "force_lag_s",
         "coil_reach.gain_per_m": "reach_per_m",
         "spring_hardening.cubic_N_per_m3": "cubic",
+        "spring_hardening.power": "cubic_power",
         "end_stop_impact.stiffness_N_per_m": "stop_stiffness",
         "end_stop_impact.gap_m": "stop_gap_m",
         "end_stop_impact.loss_s": "stop_loss_s",

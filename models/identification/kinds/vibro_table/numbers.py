@@ -19,6 +19,7 @@ class VibroCycle(NamedTuple):
     damping: float = 0.0
     dry_N: float = 0.0
     cubic: float = 0.0
+    cubic_power: float = 3.0
     stop_stiffness: float = 0.0
     stop_gap_m: float = 1.0
     stop_loss_s: float = 0.0

@@ -12,11 +12,11 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from models.effects.inner_mass.spring_hardening import AT_M, TRAVEL_M
 from models.identification.kinds.vibro_table.numbers import VibroCycle
 
 Array = NDArray[np.float64]
 _DRY_SPEED = 2.0e-3  # m/s, below it dry friction of the inner mass's guide counts as creep
-_TRAVEL_M = 0.03  # beyond it the coil's reach and the spring's hardening stay what they are there
 _SHORTEST_LAG_S = 1.0e-3  # of a lag shorter than this only the mean over a step is right
 _FASTEST = 0.2  # m/s that a body may gain in one step
 _EVENTS = 8  # stick and slip changes that one step may hold; the rest of it is a rest
@@ -46,8 +46,11 @@ class Push(NamedTuple):
 @nb.njit(cache=True, inline="always")
 def suspension_force(stretch: float, rate: float, q: VibroCycle) -> float:
     """Pull of the suspension on the inner mass towards the body in N: spring, damping, guide, stops."""
-    inside = min(abs(stretch), _TRAVEL_M)
-    force = (q.stiffness + q.cubic * inside * inside) * stretch + q.damping * rate
+    inside = min(abs(stretch), TRAVEL_M)
+    hardening = q.cubic * inside * inside
+    if q.cubic_power != 3.0:
+        hardening = q.cubic * AT_M**2 * (inside / AT_M) ** (q.cubic_power - 1.0)
+    force = (q.stiffness + hardening) * stretch + q.damping * rate
     if q.dry_N != 0.0:
         force += q.dry_N * rate / math.sqrt(rate * rate + _DRY_SPEED * _DRY_SPEED)
     if stretch > q.stop_gap_m:
@@ -62,7 +65,7 @@ def drive_force(on: float, stretch: float, q: VibroCycle) -> float:
     """The coil's force on the inner mass in N; `on` is its share of the full one."""
     if q.reach_per_m == 0.0:
         return q.force_N * on
-    return q.force_N * on * math.exp(q.reach_per_m * min(max(stretch, -_TRAVEL_M), _TRAVEL_M))
+    return q.force_N * on * math.exp(q.reach_per_m * min(max(stretch, -TRAVEL_M), TRAVEL_M))
 
 
 @nb.njit(cache=True, inline="always")

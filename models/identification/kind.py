@@ -18,7 +18,7 @@ Theta = Mapping[str, float]
 absent.
 """
 
-EXPLAINED = 0.6
+EXPLAINED = 0.9
 """Share of the misfit beyond chance that effects take away where they count as what was missing."""
 
 
@@ -69,16 +69,9 @@ class Kind(Protocol):
         ...
 
     @property
-    def free_only(self) -> bool:
-        """Whether the free run alone is to be trusted: a strong effect that it follows throws the kind's observers out
-        of step.
-        """
-        ...
-
-    @property
     def beginnings_s(self) -> tuple[float, ...]:
-        """Lengths in s of ever longer beginnings of a record: the first holds a few slip events or impacts. Asked of
-        kinds with `free_only` alone.
+        """Lengths in s of ever longer beginnings of a record: the first holds a few slip events or impacts. None
+        where records are no time series.
         """
         ...
 
@@ -190,7 +183,6 @@ class OneByOne:
     """A kind that evaluates one point at a time."""
 
     lanes: ClassVar[int] = 1
-    free_only: ClassVar[bool] = False
     beginnings_s: ClassVar[tuple[float, ...]] = ()
 
     def residuals(self: _Residual, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> list[Array]:

@@ -11,7 +11,7 @@ from models.files.record import Record
 from models.identification.finding import Check
 from models.identification.fitting.fit import Fit, evaluate
 from models.identification.kind import Kind
-from models.identification.search.validation import middle_criterion
+from models.identification.search.validation import free_run
 
 _LAGS = 40
 _WIDER = 1.3
@@ -26,7 +26,7 @@ def residual_checks(
     own uncertainty leaves open) and held against the fit: the largest of one from each; of tables of few
     numbers, whose scatter is wide and whose imitation is quick, the mean of as many such as make `_NUMBERS` numbers.
     """
-    criterion = middle_criterion(kind)
+    criterion = free_run(kind)
     rng = np.random.default_rng(seed)
     residual = evaluate(kind, records, fit.theta, criterion)
     actual, rounds = _numbers(residual), max(1, _NUMBERS // (len(residual) * len(likely)))

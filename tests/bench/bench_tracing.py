@@ -30,7 +30,7 @@ from models.identification.kinds import kind_for
 from models.identification.kinds.series.kind import SeriesKind
 from models.identification.kinds.series.simulation import active_effects
 from models.identification.model import read_model
-from models.identification.search.validation import middle_criterion
+from models.identification.search.validation import free_run
 from plant.experiments.series import Kind, hidden_ids, make_series
 from plant.hidden.registry import hidden
 
@@ -273,7 +273,7 @@ def _from_the_truth(row: dict[str, Any], out: Path) -> str:
     folder = out / f"{row['kind']}_{row['effect']}_{row['seed']}"
     kind, train, holdout, found = read_series(folder, folder)
     start = found | {name: value for name, value in row["truth"].items() if name in found}
-    near = narrowing(Problem.of(kind, train, active_effects(found), middle_criterion(kind)), start, (*NARROW, *FINE))
+    near = narrowing(Problem.of(kind, train, active_effects(found), free_run(kind)), start, (*NARROW, *FINE))
     end = narrowing(Problem.of(kind, train, active_effects(found), kind.final), near.theta, (*NARROW, *FINE))
     floors = [
         kind.error(holdout, [kind.predict(r, theta) for r in holdout]) / row["floor"]

@@ -16,7 +16,8 @@ from models.identification.kind import Kind
 from models.identification.search.candidates import Trial
 from models.identification.search.forward_selection import Search
 
-KINDS = ("pull", "magnetic")
+_QUICK = "pull"
+KINDS = (_QUICK, "magnetic")
 """Kinds of rig that are led along a path."""
 _QUESTIONS = 3
 _FIRST, _AGAIN, _BEST, _ROUNDS = 32, 12, 4, 5
@@ -37,7 +38,7 @@ def propose(kind: Kind, records: Sequence[Record], found: Search, rng: np.random
     room = Room.of(records, COLUMNS[kind.name].driven[0][0])
     if not room.speed > 0 or not room.span > 0:
         return None
-    read = _beginnings(records, _READ_SLOW_S if kind.free_only else _READ_S)
+    read = _beginnings(records, _READ_S if kind.name == _QUICK else _READ_SLOW_S)
     asked = [question(kind, read, _model(kind, best), _model(kind, other), rng) for best, other in pairs[:_QUESTIONS]]
     plan, apart = _best(kind, room, asked, read, rng)
     motion = plan.record(kind.name)
@@ -111,7 +112,7 @@ def _best(
         return list(zip(parallel(worth, plans), plans, strict=True))
 
     slow = (_FIRST_SLOW, _AGAIN_SLOW, _BEST_SLOW, _ROUNDS_SLOW)
-    first, again, best, rounds = slow if kind.free_only else (_FIRST, _AGAIN, _BEST, _ROUNDS)
+    first, again, best, rounds = (_FIRST, _AGAIN, _BEST, _ROUNDS) if kind.name == _QUICK else slow
     rows = judged([random_plan(room, rng) for _ in range(first)])
     for _ in range(rounds):
         rows = sorted(rows, key=lambda row: -row[0])[:best]

@@ -11,7 +11,7 @@ from models.files.record import Record
 from models.identification.fitting.confidence import memory
 from models.identification.fitting.fit import FINE, Axis, Fit, Problem, axes, descend, evaluate
 from models.identification.kind import Array, Kind, Theta
-from models.identification.search.validation import middle_criterion
+from models.identification.search.validation import free_run
 
 _ROUNDS = 3
 _LIKELY = 3
@@ -55,7 +55,7 @@ def question(
     likely = [_moved(kind, truth, own.theta, moves @ rng.standard_normal(len(moves))) for _ in range(_LIKELY)]
     apart = {}
     for record in records:
-        left = [evaluate(kind, [record], fit.theta, middle_criterion(kind)) for fit in (own, other)]
+        left = [evaluate(kind, [record], fit.theta, free_run(kind)) for fit in (own, other)]
         more = float(left[1] @ left[1]) - float(left[0] @ left[0])
         apart[record.name] = float(np.sqrt(max(more, 0.0) / told))
     return Question(
@@ -69,7 +69,7 @@ def question(
 
 
 def _fitted(kind: Kind, records: Sequence[Record], model: Candidate) -> Fit:
-    return descend(Problem.of(kind, records, model.effects, middle_criterion(kind)), model.theta, FINE[0], _ROUNDS)
+    return descend(Problem.of(kind, records, model.effects, free_run(kind)), model.theta, FINE[0], _ROUNDS)
 
 
 def separation(kind: Kind, asked: Question, motion: Record) -> float:
@@ -82,7 +82,7 @@ def separation(kind: Kind, asked: Question, motion: Record) -> float:
     seen, variance = _expected(kind, asked, motion)
     base = asked.rival.theta
     thetas = [_moved(kind, asked.rival, base, step) for step in asked.root.T]
-    wrong, *moved = kind.residuals(seen, [base, *thetas], middle_criterion(kind))
+    wrong, *moved = kind.residuals(seen, [base, *thetas], free_run(kind))
     slopes = np.array([row - wrong for row in moved]).reshape(len(moved), len(wrong)).T
     step = np.linalg.solve(slopes.T @ slopes / variance + np.eye(len(moved)), -slopes.T @ wrong / variance)
     left = wrong + slopes @ step
@@ -93,7 +93,7 @@ def refitted(kind: Kind, asked: Question, records: Sequence[Record], motion: Rec
     """`separation` with the rival truly fitted to `records` and to what the truth would show on `motion`, or to first
     order where that is less.
     """
-    criterion = middle_criterion(kind)
+    criterion = free_run(kind)
     seen, variance = _expected(kind, asked, motion)
     problem = Problem.of(kind, [*records, seen], asked.rival.effects, criterion)
     theta = descend(problem, asked.rival.theta, FINE[0], _ROUNDS).theta
@@ -106,7 +106,7 @@ def refitted(kind: Kind, asked: Question, records: Sequence[Record], motion: Rec
 def _expected(kind: Kind, asked: Question, motion: Record) -> tuple[Record, float]:
     """`motion` with what the truth would show on it, and the variance in which a difference from that counts."""
     seen = motion.with_column(kind.quantity, kind.predict(motion, asked.truth.theta))
-    unsure = kind.residuals(seen, asked.likely, middle_criterion(kind))
+    unsure = kind.residuals(seen, asked.likely, free_run(kind))
     return seen, asked.told + float(np.mean(np.square(unsure)))
 
 

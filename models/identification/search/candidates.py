@@ -24,9 +24,9 @@ from models.identification.search.validation import (
     SHAPED,
     ahead,
     block_costs,
+    free_run,
     judged,
     judged_cost,
-    middle_criterion,
 )
 
 ENTERED = 12
@@ -67,7 +67,7 @@ def compare_candidates(model: FittedModel, screened: Sequence[Screened], moved: 
     """
     if not screened:
         return []
-    if model.kind.free_only:
+    if model.kind.beginnings_s:
         fitted = _grown(model, screened, moved)
     else:
         fitted = _survivors(model, _entries(model, screened, moved), moved)
@@ -84,7 +84,7 @@ def compare_candidates(model: FittedModel, screened: Sequence[Screened], moved: 
         trials.append(_judge(model, name, fitted[name].theta))
     refinable = min((trial.blocks.mean() for trial in trials), default=0.0) > NEAR_NOISE
     helped = [_with_refinements(model, trial, fitted[trial.effect].theta if refinable else {}) for trial in trials]
-    trials = from_the_best(model, trials, helped) if model.kind.free_only else helped
+    trials = from_the_best(model, trials, helped) if model.kind.beginnings_s else helped
     return sorted(trials, key=lambda trial: -trial.gain)
 
 
@@ -106,7 +106,7 @@ def _with_refinements(so_far: FittedModel, trial: Trial, sought: Mapping[str, fl
     """
     kind, splits = so_far.kind, so_far.splits
     refinements = [c for c in _refinements(kind, trial.effect) if c not in so_far.effects] if sought else []
-    if not refinements and not kind.free_only:
+    if not refinements and not kind.beginnings_s:
         return trial
     model = [*so_far.effects, trial.effect, *refinements]
     fits = []
@@ -165,15 +165,15 @@ def _grown(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> di
     kind = model.kind
     climbs = {}
     for row in screened:
-        beside = _shared_by(kind, row.effect)
+        beside = shared_by(kind, row.effect)
         starts = [
             place
             for base in begins(kind, model.thetas[0])
             for start in row.starts
-            for place in _with_each({**base, **start}, beside)
+            for place in with_each({**base, **start}, beside)
         ]
         effects = [*model.effects, row.effect, *beside]
-        climbs[row.effect] = GrowingHorizon(kind, effects, starts, middle_criterion(kind), QUICK, row.effect)
+        climbs[row.effect] = GrowingHorizon(kind, effects, starts, free_run(kind), QUICK, row.effect)
     return eliminate(model.part, climbs, FINAL, BEHIND, lambda name, share: moved(name, 0.8 * share))
 
 
@@ -203,29 +203,29 @@ def _first(row: tuple[float, dict[str, float]]) -> float:
 
 
 def _survivors(model: FittedModel, entries: Mapping[str, dict[str, float]], moved: Moved) -> dict[str, Fit]:
-    """Fits of `model` with the first of `entries` and their confounded effects, good enough to rank by. One that changes
-    the resistance is looked for from where the slip limit follows it, and from where it does not.
+    """Fits of `model` with the first of `entries` and their confounded effects, good enough to rank by. One that
+    changes the resistance is looked for from where the slip limit follows it, and from where it does not.
     """
     kind, part = model.kind, model.part
-    criterion = middle_criterion(kind)
+    criterion = free_run(kind)
     fits = {}
     entered = _with_confounders(kind, list(entries))
     for k, name in enumerate(entered):
         moved(name, 0.4 + 0.4 * k / len(entered))
-        beside = _shared_by(kind, name)
-        places = _with_each(entries[name], beside)
+        beside = shared_by(kind, name)
+        places = with_each(entries[name], beside)
         costs = costs_of(kind, part, places, criterion) if len(places) > 1 else [0.0]
         problem = Problem.of(kind, part, [*model.effects, name, *beside], criterion)
         fits[name] = narrowing(problem, places[int(np.argmin(costs))], NARROW, 8)
     return fits
 
 
-def _shared_by(kind: Kind, name: str) -> list[str]:
+def shared_by(kind: Kind, name: str) -> list[str]:
     """Of what may have to stand beside a candidate, what no search names by itself."""
     return [c for c in _refinements(kind, name) if BY_ID[c] in REFINEMENTS]
 
 
-def _with_each(start: dict[str, float], refinements: Sequence[str]) -> list[dict[str, float]]:
+def with_each(start: dict[str, float], refinements: Sequence[str]) -> list[dict[str, float]]:
     """`start`, and with each shape on the refinements' grids."""
     grid = {f"{c}.{name}": values for c in refinements for name, values in BY_ID[c].grid.items()}
     return [
@@ -246,7 +246,7 @@ def opening(
     wanted = [start[key], *(sign * effect.probe * k for k in _MULTIPLES for sign in (1.0, -1.0))]
     values = sorted({v for v in wanted if amplitude.lower <= v <= amplitude.upper and v != 0.0})
     points = [{**base, **start, key: value} for base in bases for value in values]
-    costs = costs_of(kind, part, points, middle_criterion(kind))
+    costs = costs_of(kind, part, points, free_run(kind))
     return min(zip(costs, points, strict=True), key=_first)
 
 
@@ -272,7 +272,7 @@ def _judge(model: FittedModel, name: str, start: Mapping[str, float]) -> Trial:
     ]
     effects = [*model.effects, name]
     fits = tuple(
-        step_on(kind, part, effects, s).theta if kind.free_only else refit(kind, part, effects, s)
+        step_on(kind, part, effects, s).theta if kind.beginnings_s else refit(kind, part, effects, s)
         for (part, _), s in zip(model.splits, starts, strict=True)
     )
     return against(model.blocks, name, fits, block_costs(kind, model.splits, fits))

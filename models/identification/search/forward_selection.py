@@ -16,7 +16,7 @@ from models.files.record import Record
 from models.identification.fitting.confidence import Part
 from models.identification.fitting.fit import Fit
 from models.identification.kind import EXPLAINED, Kind
-from models.identification.search.candidates import Trial, compare_candidates, fair, without
+from models.identification.search.candidates import Trial, compare_candidates, fair, shared_by, with_each, without
 from models.identification.search.fitted_model import FittedModel
 from models.identification.search.predictability import predictable, sensitivity_cost
 from models.identification.search.refinement import Known, refined, refined_at_last
@@ -92,14 +92,14 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
     splits = kind.splits(told)
     base = calibrated(kind, told)
     parts = [
-        (step_on(kind, part, [], base.theta).theta if kind.free_only else refit(kind, part, [], base.theta, np.inf))
+        (step_on(kind, part, [], base.theta).theta if kind.beginnings_s else refit(kind, part, [], base.theta, np.inf))
         for part, _ in splits
     ]
     found = Search(base, base, trained_share=_trained_share(splits))
     task.clock.note("calibration", found)
     on_all = judged_cost(kind, told, base.theta)
     model = _named(task, FittedModel.of(kind, splits, [], parts), found, on_all)
-    if kind.free_only and not found.effects and found.after > CLEAN:
+    if kind.beginnings_s and not found.effects and found.after > CLEAN:
         trials = found.rounds[0][2] if found.rounds else []
         likeliest = trials[0].thetas[0] if trials else parts[0]
         found.horizon_s, splits = predictable(kind, splits, likeliest, CLEAN, rng)
@@ -126,7 +126,7 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
         found.augmented = finished(kind, train, [], base)
     rows = sum(map(len, train))
     found.parts = [(sum(map(len, part)) / rows, theta) for part, theta in model.parts]
-    if found.effects and kind.criteria > 1:
+    if found.effects and kind.beginnings_s:
         found.sensitivity = sensitivity_cost(kind, splits, found.augmented.theta, rng)
     if not found.effects:
         found.calibrated = found.augmented
@@ -175,18 +175,31 @@ def _named(task: _Task, model: FittedModel, found: Search, on_all: float) -> Fit
 
 def _test_again(model: FittedModel, found: Search) -> FittedModel:
     """Drops every earlier effect that the later ones made needless: without it the validation records lose no more than
-    chance gives.
+    chance gives, or less than a further effect would have to bring if the others had come first.
     """
     for effect in found.effects[:-1]:
         rest = [name for name in found.effects if name != effect]
-        shorter = model.fitted(
-            [refit(model.kind, part, rest, without(theta, effect)) for part, theta in model.parts], rest
-        )
-        if np.log(shorter.cost / found.after) < found.threshold:
+        shorter = _refitted(model, effect, rest, [])
+        beside = [curve for name in rest for curve in shared_by(model.kind, name)]
+        mended = _refitted(model, effect, rest, beside) if beside else shorter
+        left = min(shorter.cost, mended.cost)
+        rest_alone = float(np.log(found.before / left))
+        if np.log(left / found.after) < max(found.threshold, model.kind.next_share * rest_alone):
             found.effects.remove(effect)
             found.dropped.append(effect)
-            found.after, model = shorter.cost, shorter
+            found.after, model = left, shorter
+            found.known[mended.effects] = list(mended.thetas)
     return model
+
+
+def _refitted(model: FittedModel, dropped: str, effects: Sequence[str], beside: Sequence[str]) -> FittedModel:
+    """`model` without the effect `dropped`, from each shape of the refinements `beside` the other `effects`."""
+    finer, fits = [*effects, *beside], []
+    for part, theta in model.parts:
+        starts = with_each(without(theta, dropped), beside)
+        ends = [refit(model.kind, part, finer, start) for start in starts]
+        fits.append(min(ends, key=lambda end: judged_cost(model.kind, part, end)))
+    return model.fitted(fits, finer)
 
 
 def _accept(kind: Kind, found: Search, trial: Trial) -> bool:

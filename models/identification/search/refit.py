@@ -1,6 +1,4 @@
-"""Ways to a fit: stepped on from where it is, down the criteria, on ever longer beginnings; the best of them as
-judged.
-"""
+"""Ways to a fit: stepped on from where it is, on ever longer beginnings; the better of them as judged."""
 
 from __future__ import annotations
 
@@ -11,13 +9,10 @@ from scipy.stats import qmc
 
 from models.effects import BY_ID, REFINEMENTS
 from models.files.record import Record
-from models.identification.fitting.fit import FINE, NARROW, WIDE, Fit, Problem, costs_of, descend, narrowing
+from models.identification.fitting.fit import FINE, NARROW, WIDE, Fit, Problem, costs_of, narrowing
 from models.identification.kind import Kind
 from models.identification.search.growing_horizon import QUICK, grow_horizon
-from models.identification.search.validation import NEAR_NOISE, SHAPED, judged_cost, middle_criterion
-
-_BASES = 64
-_OFF = 0.25  # of a nominal value, what a base may be off by
+from models.identification.search.validation import NEAR_NOISE, SHAPED, free_run, judged_cost
 
 
 def refit(
@@ -27,40 +22,33 @@ def refit(
     start: Mapping[str, float],
     enough: float = NEAR_NOISE,
 ) -> dict[str, float]:
-    """The best of several ways to a fit on `records`, as judged: stepped on from where it is; down the criteria where
-    the kind has observers that can be trusted; and, where these leave more than `enough` (about the noise), from where
-    it is, from the nominal base and from the best of many bases with wide secants or, where only the free run judges,
-    on ever longer beginnings, there also with the newest effect as it is declared.
+    """The best of several ways to a fit on `records`, as judged: stepped on from where it is; and, where this leaves
+    more than `enough` (about the noise) of a time series, on ever longer beginnings from where it is and from the
+    nominal base, there also with the newest effect as it is declared.
     """
-    criterion = middle_criterion(kind)
-    if kind.criteria == 1:
-        return narrowing(Problem.of(kind, records, effects, criterion), start).theta
+    if not kind.beginnings_s:
+        theta = dict(start)
+        for criterion in range(kind.criteria):
+            theta = narrowing(Problem.of(kind, records, effects, criterion), theta).theta
+        return theta
     fits = [step_on(kind, records, effects, start).theta]
-    if not kind.free_only:
-        fits.append(down_the_criteria(kind, records, effects, start))
-    costs = [judged_cost(kind, records, theta) for theta in fits]
-    if min(costs) > enough:
-        if kind.free_only:
-            fits.append(_lengthened(kind, records, effects, start))
-        else:
-            fits += [
-                narrowing(Problem.of(kind, records, effects, criterion), begin, WIDE).theta
-                for begin in (*begins(kind, start), _best_base(kind, records, start))
-            ]
-        costs = [judged_cost(kind, records, theta) for theta in fits]
+    costs = [judged_cost(kind, records, fits[0])]
+    if costs[0] > enough:
+        fits.append(_lengthened(kind, records, effects, start))
+        costs.append(judged_cost(kind, records, fits[1]))
     return fits[int(np.argmin(costs))]
 
 
 def mend(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> dict[str, float]:
-    """The best fit with one more free curve: from close by; where only the free run judges and that leaves more than
-    the noise to a hundredth, on ever longer beginnings too; and from more places where these leave `NEAR_NOISE`.
+    """The best fit with one more free curve: from close by; where that leaves more than the noise to a hundredth of a
+    time series, on ever longer beginnings too; and from more places where these leave `NEAR_NOISE`.
     """
-    if not kind.free_only:
-        return down_the_criteria(kind, records, effects, start)
+    if not kind.beginnings_s:
+        return refit(kind, records, effects, start)
     fits = [step_on(kind, records, effects, start).theta]
     costs = [judged_cost(kind, records, fits[0])]
     if costs[0] > 1 + SHAPED:
-        fits.append(grow_horizon(kind, records, effects, begins(kind, start), middle_criterion(kind), QUICK).theta)
+        fits.append(grow_horizon(kind, records, effects, begins(kind, start), free_run(kind), QUICK).theta)
         costs.append(judged_cost(kind, records, fits[-1]))
     if min(costs) > NEAR_NOISE:
         fits.append(_lengthened(kind, records, effects, start))
@@ -69,26 +57,13 @@ def mend(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: M
 
 
 def step_on(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> Fit:
-    """A fit at the middle criterion from where the start is."""
+    """A fit to the free run from where the start is."""
     return narrowing(
-        Problem.of(kind, records, effects, middle_criterion(kind)),
+        Problem.of(kind, records, effects, free_run(kind)),
         start,
-        (NARROW[0], *FINE) if kind.free_only else FINE,
+        (NARROW[0], *FINE) if kind.beginnings_s else FINE,
         10,
     )
-
-
-def down_the_criteria(
-    kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]
-) -> dict[str, float]:
-    """Least squares at every criterion in turn, from the one that forgets fast to the free run, first with wide
-    secants.
-    """
-    theta = dict(start)
-    for criterion in range(kind.criteria):
-        for secant in (0.3, 0.1) if criterion == 0 else (0.1,):
-            theta = descend(Problem.of(kind, records, effects, criterion), theta, secant, 12).theta
-    return theta
 
 
 def _lengthened(
@@ -101,26 +76,7 @@ def _lengthened(
     newest = next((name for name in reversed(effects) if BY_ID[name] not in REFINEMENTS), "")
     if newest:
         starts.append({**starts[-1], **BY_ID[newest].start()})
-    return grow_horizon(kind, records, effects, starts, middle_criterion(kind), fresh=newest, seed=seed).theta
-
-
-def _best_base(kind: Kind, records: Sequence[Record], start: Mapping[str, float]) -> dict[str, float]:
-    """`start` at the best of many bases around the nominal one: a descent from afar may end in a valley of its own."""
-    fitted = [p for p in kind.base if p.fit]
-    if not fitted:
-        return dict(start)
-    shares = qmc.Sobol(len(fitted), seed=0).random(_BASES)
-    places = [
-        {
-            **start,
-            **{
-                p.name: float(np.clip(p.value * (1 + _OFF * (2 * s - 1)), p.lower, p.upper))
-                for p, s in zip(fitted, row, strict=True)
-            },
-        }
-        for row in shares
-    ]
-    return places[int(np.argmin(costs_of(kind, records, places, middle_criterion(kind))))]
+    return grow_horizon(kind, records, effects, starts, free_run(kind), fresh=newest, seed=seed).theta
 
 
 def begins(kind: Kind, theta: Mapping[str, float]) -> list[dict[str, float]]:
@@ -141,9 +97,9 @@ def calibrated(kind: Kind, records: Sequence[Record]) -> Fit:
     is looked for from other places on ever longer beginnings: a base that is stuck a slip event beside the right one
     would pass for one that lacks an effect.
     """
-    problem = Problem.of(kind, records, [], kind.criteria - 1)
+    problem = Problem.of(kind, records, [], free_run(kind))
     fit = narrowing(problem, refit(kind, records, [], {p.name: p.value for p in kind.base}), FINE)
-    if kind.criteria > 1 and fit.chi2 > NEAR_NOISE and all("t_s" in record.columns for record in records):
+    if kind.beginnings_s and fit.chi2 > NEAR_NOISE:
         fit = min(fit, _from_other_places(problem, [], fit.theta), key=_cost)
     return fit
 
@@ -155,13 +111,13 @@ def whole(
     start: Mapping[str, float],
     enough: float = NEAR_NOISE,
 ) -> Fit:
-    """The best of several ways to a fit on `records` (`refit`), finished. Where only the free run judges and that
-    leaves more than `enough`, the ever longer beginnings are gone through from other places once more.
+    """The best of several ways to a fit on `records` (`refit`), finished. Where that leaves more than `enough`
+    of a time series, the ever longer beginnings are gone through from other places once more.
     """
-    problem = Problem.of(kind, records, effects, kind.criteria - 1)
+    problem = Problem.of(kind, records, effects, free_run(kind))
     begun = refit(kind, records, effects, start, enough)
     fit = finished(kind, records, effects, narrowing(problem, begun, FINE))
-    if kind.free_only and fit.chi2 > enough:
+    if kind.beginnings_s and fit.chi2 > enough:
         again = _from_other_places(problem, effects, fit.theta)
         fit = min(fit, finished(kind, records, effects, again), key=_cost)
     return fit
@@ -189,7 +145,7 @@ def finished(kind: Kind, records: Sequence[Record], effects: Sequence[str], fit:
         best = min(best, again, key=_cost)
         if not helped:
             break
-    if kind.free_only and not effects and best.chi2 > _ALL_EVENTS:
+    if not effects and best.chi2 > _ALL_EVENTS:
         best = min(best, *(narrowing(problem, place, FINE) for place in _close_by(problem, best.theta)), key=_cost)
     return best
 

@@ -14,7 +14,7 @@ from models.identification.search.fitted_model import FittedModel
 from models.identification.search.growing_horizon import prefixes
 from models.identification.search.refit import step_on
 from models.identification.search.screening import Screened
-from models.identification.search.validation import APART, TOLD, Array, ahead, judged, middle_criterion
+from models.identification.search.validation import APART, TOLD, Array, ahead, free_run, judged
 
 _GAIN = 0.3  # of the effect's gain in the logarithm of the cost, the most that a rival may leave
 _SCREENED = 0.3  # of the effect's share of the residual when screened, the least that a rival must explain
@@ -58,8 +58,8 @@ def _screened_rivals(
     """Local fits from where screening would start, of the candidates that a short one brings near: where only the free
     run judges, one to the first record's longest beginning.
     """
-    kind, criterion = model.kind, middle_criterion(model.kind)
-    part = prefixes(model.part[:1], kind.beginnings_s[-1]) if kind.free_only else model.part
+    kind, criterion = model.kind, free_run(model.kind)
+    part = prefixes(model.part[:1], kind.beginnings_s[-1]) if kind.beginnings_s else model.part
     bases = [{k: v for k, v in theta.items() if k.partition(".")[0] not in own} for theta in model.thetas]
     share = max((row.share for row in screened if row.effect == effect), default=0.0)
     near = [

@@ -16,7 +16,7 @@ from models.files.columns import TIME
 from models.files.record import Record
 from models.identification.fitting.fit import FINE, Problem, axes, descend, evaluate_all, narrowing
 from models.identification.kind import Kind
-from models.identification.search.validation import NEAR_NOISE, judged_cost, middle_criterion
+from models.identification.search.validation import NEAR_NOISE, free_run, judged_cost
 
 Array = NDArray[np.float64]
 _PLACES = 24
@@ -151,7 +151,7 @@ def screen(
     residual show.
     """
     rows: dict[str, Screened] = {}
-    for criterion in (middle_criterion(kind), *((kind.criteria,) if kind.slow_view else ())):
+    for criterion in (free_run(kind), *((kind.criteria,) if kind.slow_view else ())):
         fit = descend(Problem.of(kind, records, effects, criterion), theta, _SECANT, 8)
         for row in _best(
             _View.at(kind, records, effects, fit.theta, criterion), _candidates(kind, (*effects, *dropped))
@@ -183,7 +183,7 @@ def null_distribution(
     of each that would stand out from it, and the mean square of their residuals. Where a slip event of an imitation
     hangs on how finely it is computed, the base is fitted to it anew, as it was to the records.
     """
-    criterion = middle_criterion(kind)
+    criterion = free_run(kind)
     gain, cost, weakest = 0.0, 0.0, dict[str, float]()
     for _ in range(_IMITATIONS):
         imitated = [kind.imitate(record, theta, rng) for record in records]

@@ -27,11 +27,9 @@ NEAR_NOISE = 1.5
 """Cost for each residual up to which a fit counts as one that leaves about the noise."""
 
 
-def middle_criterion(kind: Kind) -> int:
-    """The criterion on which models are compared: corrected enough to forgive slip events out of step, free enough to
-    see every effect.
-    """
-    return min(1, kind.criteria - 1)
+def free_run(kind: Kind) -> int:
+    """The criterion on which models are fitted and compared: the free run, or a kind's only one."""
+    return kind.criteria - 1
 
 
 def judged(kind: Kind, records: Sequence[Record], theta: Mapping[str, float]) -> Array:

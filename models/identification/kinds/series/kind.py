@@ -33,6 +33,7 @@ _TAIL = 8.0  # standard deviations beyond which a difference counts ever less: s
 SHAKEN_S = 6.0
 """Length in s of what a search looks at of a body that its drive shakes to and fro."""
 _BEGINNINGS_S, _SHAKEN_BEGINNINGS_S = (2.0, 5.0, 12.0, 28.0), (0.4, 1.0, 2.0)
+_MEMORY_S, _HELD_S, _DRIFTS_S = 0.2, 1.0, 5.0  # of the observer; of a shaken body, and of one that nothing holds
 _NO_NOISE = 1e-12
 _FINE_FORCE_N, _FINE_PLACE_M = 1e-3, 5e-5  # noise of a good sensor
 _CLEARLY = 1.2
@@ -50,17 +51,17 @@ def low_passed(signal: Array, dt: float) -> Array:
 
 @dataclass(frozen=True)
 class SeriesKind:
-    """A rig whose records are time series of a capsule. `noise_std` of the sensor; `memories` in s are the observer's
-    time constants of the fit's criteria; residuals of `averaged` neighbours count as one, their mean in units of its
-    own noise, so that a structure below the noise of a single sample is seen. `resolution` is the step of the sensor's
-    scale where that is coarse, 0 elsewhere.
+    """A rig whose records are time series of a capsule. `noise_std` of the sensor; `memory` in s is the observer's
+    time constant; residuals of `averaged` neighbours count as one, their mean in units of its own noise, so that a
+    structure below the noise of a single sample is seen. `resolution` is the step of the sensor's scale where that is
+    coarse, 0 elsewhere.
     """
 
     name: str
     surface: Surface
     drive: Drive
     noise_std: float
-    memories: tuple[float, ...]
+    memory: float
     base: tuple[Parameter, ...] = ()
     effects: tuple[type[Effect], ...] = ()
     averaged: int = 1
@@ -89,15 +90,7 @@ class SeriesKind:
     @classmethod
     def build(cls, surface: Surface, drive: Drive, noise_std: float, records: Sequence[Record] = ()) -> SeriesKind:
         """The kind for a surface and a drive; `records` tell how a switch was logged."""
-        memories = (
-            (0.03, 0.2, 1.0, 4.0)
-            if drive.imposed
-            else (1.0,)
-            if drive.held
-            else (1.0, 5.0)
-            if drifts(drive)
-            else (0.2,)
-        )
+        memory = _HELD_S if drive.held else _DRIFTS_S if drifts(drive) else _MEMORY_S
         own = surface.parameters()
         base = own + drive.parameters() + switch_delay(drive, records)
         effects = tuple(e for e in effects_for(drive.name) if surface.dragged or not _acts_on_the_wall(e))
@@ -107,7 +100,7 @@ class SeriesKind:
             surface,
             drive,
             noise_std,
-            memories,
+            memory,
             base,
             effects,
             averaged_samples(drive.measured, noise_std, records),
@@ -117,8 +110,8 @@ class SeriesKind:
 
     @property
     def criteria(self) -> int:
-        """One with each of the observer's memories, and the free run."""
-        return len(self.memories) + 1
+        """The observer, and the free run."""
+        return 2
 
     @property
     def final(self) -> int:
@@ -128,12 +121,7 @@ class SeriesKind:
     @property
     def judges(self) -> tuple[int, ...]:
         """The observer that forgives slip events out of step but little else, and the free run."""
-        return (min(1, self.criteria - 2), self.criteria - 1)
-
-    @property
-    def free_only(self) -> bool:
-        """See `Kind.free_only`: a rig whose records hold a place, which its drive does not impose."""
-        return not self.drive.imposed
+        return (0, 1)
 
     def nominal(self) -> dict[str, float]:
         """The base parameters as believed."""
@@ -183,7 +171,7 @@ class SeriesKind:
 
     def residuals(self, record: Record, thetas: Sequence[Theta], criterion: int = 0) -> list[Array]:
         """`residual` at several points."""
-        memory = self.memories[criterion] if criterion < len(self.memories) else None
+        memory = None if criterion else self.memory
         outputs = self._runs(record, thetas, memory, record[self.quantity], criterion == self.final)
         if not memory:
             outputs = [self._from_the_start(record, output) for output in outputs]

@@ -34,11 +34,10 @@ def equations(kind: SeriesKind, theta: Theta) -> list[str]:
 
 def statements(kind: SeriesKind, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:
     """Sentences for the report: about the sensor and the drive, and the error over short, middle and unlimited
-    foresight. Short ones tell nothing of a kind with `free_only`: an observer that follows the noise of a position is
-    thrown out of step by it.
+    foresight. Short ones tell nothing of a measured place: an observer that follows its noise is thrown out of step.
     """
     said = about_the_rig(kind.drive, kind.noise_std, kind.unit, theta_by_stage["augmented"])
-    for memory, words in _FORESIGHTS[1:] if kind.free_only else _FORESIGHTS:
+    for memory, words in _FORESIGHTS if kind.drive.imposed else _FORESIGHTS[1:]:
         rms = (
             f"{kind.foresight_rms(records, theta, memory):.3g} {kind.unit} {stage}"
             for stage, theta in theta_by_stage.items()

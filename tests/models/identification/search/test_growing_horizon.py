@@ -15,7 +15,7 @@ from models.files.rig import parse_rig, read_rig
 from models.identification.fitting.fit import Fit, evaluate
 from models.identification.kinds.series.kind import SeriesKind
 from models.identification.search.growing_horizon import QUICK, GrowingHorizon, eliminate, grow_horizon
-from models.identification.search.validation import middle_criterion
+from models.identification.search.validation import free_run
 from plant.experiments.series import make_series
 
 
@@ -26,7 +26,7 @@ def test_a_base_and_a_force_far_off_are_found(tmp_path: Path) -> None:
     kind = SeriesKind.from_rig(rig, records)
     nominal = {p.name: p.value for p in kind.base if p.fit}
     start = {**nominal, "incline_gravity.force_N": 0.002}
-    found = grow_horizon(kind, records, ["incline_gravity"], [start], middle_criterion(kind), QUICK, "incline_gravity")
+    found = grow_horizon(kind, records, ["incline_gravity"], [start], free_run(kind), QUICK, "incline_gravity")
     assert found.chi2 < 1.1
     for name in nominal:
         assert found.theta[name] == pytest.approx(answer[name], rel=0.01)
@@ -41,8 +41,8 @@ def test_it_never_ends_worse_than_where_it_was_told_to_start(tmp_path: Path) -> 
     records = [read_record(folder / "train_1.csv.gz", rig)]
     kind = SeriesKind.from_rig(rig, records)
     truth = {p.name: float(answer[p.name]) for p in kind.base if p.fit}
-    r = evaluate(kind, records, truth, middle_criterion(kind))
-    assert grow_horizon(kind, records, [], [truth], middle_criterion(kind), QUICK).cost <= float(r @ r)
+    r = evaluate(kind, records, truth, free_run(kind))
+    assert grow_horizon(kind, records, [], [truth], free_run(kind), QUICK).cost <= float(r @ r)
 
 
 def test_a_candidate_that_leaves_far_more_than_the_first_ends_on_its_way(tmp_path: Path) -> None:
@@ -54,7 +54,7 @@ def test_a_candidate_that_leaves_far_more_than_the_first_ends_on_its_way(tmp_pat
 
     def ended(behind: float) -> tuple[set[str], int]:
         climbs = {
-            name: GrowingHorizon(kind, [name], [nominal], middle_criterion(kind), QUICK, name)
+            name: GrowingHorizon(kind, [name], [nominal], free_run(kind), QUICK, name)
             for name in ("incline_gravity", "actuator_lag")
         }
         return set(eliminate(records, climbs, 3, behind)), climbs["actuator_lag"].fits[0].count

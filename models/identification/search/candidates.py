@@ -179,7 +179,7 @@ def _grown(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> di
 
 def _entries(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> dict[str, dict[str, float]]:
     """Where the fit of each candidate may start, the best candidate first: one round of descent from its best opening
-    to an observer that forgets fast, and a few more of those candidates that came lowest by it.
+    at the kind's first criterion, and a few more of those candidates that came lowest by it.
     """
     kind, bases = model.kind, begins(model.kind, model.thetas[0])
 

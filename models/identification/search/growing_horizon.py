@@ -43,7 +43,7 @@ QUICK = Effort(128, (3, 2, 2, 1, 1), 3)
 class GrowingHorizon:
     """One model on its way from the first slip events to whole records. At every length the starts, and the effects
     drawn anew on the bases found so far, stand beside what the shorter ones led to, for what a short one does not show
-    it cannot tell. Of the effect `fresh` not even the size is known; another `seed` draws other places. `fits` are
+    it cannot tell; the best fit so far goes on whatever it costs at first. Of the effect `fresh` not even the size is known; another `seed` draws other places. `fits` are
     those of the last length, the best first.
     """
 
@@ -65,7 +65,10 @@ class GrowingHorizon:
         else:
             points = places + self._scattered()
         costs = costs_of(self.kind, records, points, self.criterion)
-        best = [points[i] for i in np.argsort(costs, kind="stable")[: self.effort.kept[number]]]
+        kept = self.effort.kept[number]
+        best = [points[i] for i in np.argsort(costs, kind="stable")[:kept]]
+        if self.fits and kept > 1 and points[0] not in best:
+            best[-1] = points[0]
         widths, rounds = (NARROW, _ROUNDS) if number >= _TELLING else (NARROW[-1:], self.effort.rounds)
         fits = [
             narrowing(Problem.of(self.kind, records, self.effects, self.criterion), point, widths, rounds)

@@ -43,8 +43,8 @@ QUICK = Effort(128, (3, 2, 2, 1, 1), 3)
 class GrowingHorizon:
     """One model on its way from the first slip events to whole records. At every length the starts, and the effects
     drawn anew on the bases found so far, stand beside what the shorter ones led to, for what a short one does not show
-    it cannot tell; the best fit so far goes on whatever it costs at first. Of the effect `fresh` not even the size is known; another `seed` draws other places. `fits` are
-    those of the last length, the best first.
+    it cannot tell; the best fit so far goes on whatever it costs at first. Of the effect `fresh` not even the size is
+    known; another `seed` draws other places. `fits` are those of the last length, the best first.
     """
 
     kind: Kind

@@ -131,8 +131,8 @@ def _from_other_places(problem: Problem, effects: Sequence[str], theta: Mapping[
 
 def finished(kind: Kind, records: Sequence[Record], effects: Sequence[str], fit: Fit) -> Fit:
     """`fit` at the kind's final criterion, descended anew as long as that helps: where one way down ends another
-    begins. Wide secants only where more than the noise is left. A base that only the free run judges, and that may
-    lack but a slip event, is looked for from the best places close by too. A kind with one criterion has no other.
+    begins. Wide secants only where more than the noise is left. One that may lack but a slip event is looked for from
+    the best places close by too. A kind with one criterion has no other.
     """
     if kind.criteria == 1:
         return fit
@@ -145,7 +145,7 @@ def finished(kind: Kind, records: Sequence[Record], effects: Sequence[str], fit:
         best = min(best, again, key=_cost)
         if not helped:
             break
-    if not effects and best.chi2 > _ALL_EVENTS:
+    if best.chi2 > _ALL_EVENTS:
         best = min(best, *(narrowing(problem, place, FINE) for place in _close_by(problem, best.theta)), key=_cost)
     return best
 

@@ -146,7 +146,7 @@ def finished(kind: Kind, records: Sequence[Record], effects: Sequence[str], fit:
         if not helped:
             break
     if best.chi2 > _ALL_EVENTS:
-        best = min(best, *(narrowing(problem, place, FINE) for place in _close_by(problem, best.theta)), key=_cost)
+        best = min([best, *(narrowing(problem, place, FINE) for place in _close_by(problem, best.theta))], key=_cost)
     return best
 
 

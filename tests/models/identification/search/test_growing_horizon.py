@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from models.files.rig import parse_rig, read_rig
 from models.identification.fitting.fit import Fit, evaluate
 from models.identification.kinds.series.kind import SeriesKind
 from models.identification.search.growing_horizon import QUICK, GrowingHorizon, eliminate, grow_horizon
+from models.identification.search.refit import whole
 from models.identification.search.validation import free_run
 from plant.experiments.series import make_series
 
@@ -43,6 +44,17 @@ def test_it_never_ends_worse_than_where_it_was_told_to_start(tmp_path: Path) -> 
     truth = {p.name: float(answer[p.name]) for p in kind.base if p.fit}
     r = evaluate(kind, records, truth, free_run(kind))
     assert grow_horizon(kind, records, [], [truth], free_run(kind), QUICK).cost <= float(r @ r)
+
+
+def test_a_base_that_is_known_is_left_as_it_is_however_much_it_leaves(tmp_path: Path) -> None:
+    folder = make_series("magnetic", "incline_gravity", 2, tmp_path, 3.0)
+    rig = read_rig(folder / "rig.toml")
+    records = [read_record(folder / "train_1.csv.gz", rig)]
+    kind = SeriesKind.from_rig(rig, records)
+    known = replace(kind, base=tuple(replace(p, fit=False) for p in kind.base))
+    fit = whole(known, records, [], known.nominal())
+    assert fit.chi2 > 10
+    assert not fit.theta
 
 
 def test_a_candidate_that_leaves_far_more_than_the_first_ends_on_its_way(tmp_path: Path) -> None:

@@ -57,11 +57,7 @@ def close(
     check_records(train, holdout)
     train, holdout = [ready(r, rig) for r in train], [ready(r, rig) for r in holdout]
     kind = kind_for(rig, train, known)
-    hidden = cannot_show(rig, train, kind.effects)
-    if hidden:
-        kind = replace(kind, effects=tuple(effect for effect in kind.effects if effect.id not in hidden))
-    if isinstance(kind, SeriesKind):
-        kind = replace(kind, equivalents=inseparable(rig, train, kind.effects))
+    kind, hidden = narrowed(kind, rig, train)
     words = report_of(kind)
     check_parts(kind, train, holdout)
     found = search(kind, train, progress, np.random.default_rng(seed))
@@ -134,6 +130,18 @@ def close(
     )
     progress("done", 1.0)
     return finding, model
+
+
+def narrowed(kind: AnyKind, rig: Rig, records: Sequence[Record]) -> tuple[AnyKind, dict[str, str]]:
+    """`kind` with the effects that `records` can show and what no form tells apart in them; and why they cannot show
+    the others, by id.
+    """
+    hidden = cannot_show(rig, records, kind.effects)
+    if hidden:
+        kind = replace(kind, effects=tuple(effect for effect in kind.effects if effect.id not in hidden))
+    if isinstance(kind, SeriesKind):
+        kind = replace(kind, equivalents=inseparable(rig, records, kind.effects))
+    return kind, hidden
 
 
 def _reasons(verdict: str, checks: Sequence[Check], findings: Sequence[RecordFinding]) -> tuple[str, ...]:

@@ -16,13 +16,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from models.checks.information.excitation import cannot_show, inseparable
 from models.effects import BY_ID
 from models.files.record import Record
 from models.files.rig import parse_rig
 from models.files.toml import parse_toml
 from models.identification.experiment.propose import propose
 from models.identification.finding import Proposal
+from models.identification.identify import narrowed
 from models.identification.kinds import kind_for, ready
 from models.identification.search.forward_selection import search
 from plant import layout as at
@@ -122,9 +122,7 @@ class Answer:
         kind = kind_for(rig, train)
         wanted = family(hidden(series.effect).answer)
         own = tuple(effect for effect in kind.effects if effect.id in wanted)
-        hidden_here = cannot_show(rig, train, own)
-        shown = tuple(e for e in own if e.id not in hidden_here)
-        kind = replace(kind, effects=shown, equivalents=inseparable(rig, train, shown))
+        kind, _ = narrowed(replace(kind, effects=own), rig, train)
         found = search(kind, train, lambda *_: None, np.random.default_rng(0))
         began = time.process_time()
         proposal = propose(kind, kind.searched(train), found, np.random.default_rng(0))

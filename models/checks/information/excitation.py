@@ -143,11 +143,15 @@ NEEDS: Mapping[str, Need] = MappingProxyType(
 """What an effect may name in `needs`, and how its lack is said of a series."""
 
 
+def _timed(rig: Rig, records: Sequence[Record]) -> tuple[View, ...]:
+    return tuple(view for view in (View(record, rig) for record in records) if view.timed)
+
+
 def inseparable(rig: Rig, records: Sequence[Record], effects: Sequence[type[Effect]]) -> dict[str, tuple[str, ...]]:
     """By an effect's id, its declared confounders that no form tells from it in these records: where the motion is one
     course at one speed, whatever goes with the place goes with time as well.
     """
-    views = tuple(view for view in (View(record, rig) for record in records) if view.timed)
+    views = _timed(rig, records)
     if not views or not Excitation(views).one_course:
         return {}
     found: dict[str, tuple[str, ...]] = {}
@@ -161,7 +165,7 @@ def inseparable(rig: Rig, records: Sequence[Record], effects: Sequence[type[Effe
 
 def cannot_show(rig: Rig, records: Sequence[Record], effects: Sequence[type[Effect]]) -> dict[str, str]:
     """Why these records cannot show an effect, by the id of each one whose `needs` they do not meet."""
-    views = tuple(view for view in (View(record, rig) for record in records) if view.timed)
+    views = _timed(rig, records)
     if not views:
         return {}
     silent = [view for view in views if check_information(view)]

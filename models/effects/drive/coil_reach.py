@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from models.effects.effect import InnerMassEffect, Values
+from models.effects.inner_mass.spring_hardening import TRAVEL_M
 from models.parameter import Parameter
-
-TRAVEL_M = 0.03
 
 
 @dataclass(frozen=True)

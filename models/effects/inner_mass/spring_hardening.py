@@ -11,7 +11,9 @@ from models.effects.effect import InnerMassEffect, Values
 from models.parameter import Parameter
 
 TRAVEL_M = 0.03
+"""Beyond it the hardening of the spring and the reach of the coil stay what they are there."""
 AT_M = 0.01
+"""Displacement at which the hardening has the same force whatever its power is."""
 _REST_M = 1e-6
 
 

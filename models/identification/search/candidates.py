@@ -159,8 +159,9 @@ def _numbers(theta: Mapping[str, float], effect: str) -> dict[str, float]:
 
 
 def _grown(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> dict[str, Fit]:
-    """Fits of `model` with each candidate on ever longer beginnings, from where the screening and either base have it;
-    without those that fell behind on the way.
+    """Fits of `model` with each candidate on ever longer beginnings, from where the screening and either base have it,
+    one that changes the resistance also from where the slip limit does not follow it; without those that fell behind
+    on the way.
     """
     kind = model.kind
     climbs = {}
@@ -173,7 +174,7 @@ def _grown(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> di
             for place in with_each({**base, **start}, beside)
         ]
         effects = [*model.effects, row.effect, *beside]
-        climbs[row.effect] = GrowingHorizon(kind, effects, starts, free_run(kind), QUICK, row.effect)
+        climbs[row.effect] = GrowingHorizon(kind, effects, starts, QUICK, row.effect)
     return eliminate(model.part, climbs, FINAL, BEHIND, lambda name, share: moved(name, 0.8 * share))
 
 
@@ -203,20 +204,14 @@ def _first(row: tuple[float, dict[str, float]]) -> float:
 
 
 def _survivors(model: FittedModel, entries: Mapping[str, dict[str, float]], moved: Moved) -> dict[str, Fit]:
-    """Fits of `model` with the first of `entries` and their confounded effects, good enough to rank by. One that
-    changes the resistance is looked for from where the slip limit follows it, and from where it does not.
-    """
-    kind, part = model.kind, model.part
-    criterion = free_run(kind)
+    """Fits of `model` with the first of `entries` and their confounded effects, good enough to rank by."""
+    kind = model.kind
     fits = {}
     entered = _with_confounders(kind, list(entries))
     for k, name in enumerate(entered):
         moved(name, 0.4 + 0.4 * k / len(entered))
-        beside = shared_by(kind, name)
-        places = with_each(entries[name], beside)
-        costs = costs_of(kind, part, places, criterion) if len(places) > 1 else [0.0]
-        problem = Problem.of(kind, part, [*model.effects, name, *beside], criterion)
-        fits[name] = narrowing(problem, places[int(np.argmin(costs))], NARROW, 8)
+        problem = Problem.of(kind, model.part, [*model.effects, name], free_run(kind))
+        fits[name] = narrowing(problem, entries[name], NARROW, 8)
     return fits
 
 
@@ -271,10 +266,7 @@ def _judge(model: FittedModel, name: str, start: Mapping[str, float]) -> Trial:
         for i, (part, theta) in enumerate(model.parts)
     ]
     effects = [*model.effects, name]
-    fits = tuple(
-        step_on(kind, part, effects, s).theta if kind.beginnings_s else refit(kind, part, effects, s)
-        for (part, _), s in zip(model.splits, starts, strict=True)
-    )
+    fits = tuple(refit(kind, part, effects, s, np.inf) for (part, _), s in zip(model.splits, starts, strict=True))
     return against(model.blocks, name, fits, block_costs(kind, model.splits, fits))
 
 

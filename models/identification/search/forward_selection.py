@@ -91,10 +91,7 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
     told = kind.searched(train)
     splits = kind.splits(told)
     base = calibrated(kind, told)
-    parts = [
-        (step_on(kind, part, [], base.theta).theta if kind.beginnings_s else refit(kind, part, [], base.theta, np.inf))
-        for part, _ in splits
-    ]
+    parts = [refit(kind, part, [], base.theta, np.inf) for part, _ in splits]
     found = Search(base, base, trained_share=_trained_share(splits))
     task.clock.note("calibration", found)
     on_all = judged_cost(kind, told, base.theta)

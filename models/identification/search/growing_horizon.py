@@ -14,6 +14,7 @@ from models.effects import BY_ID
 from models.files.record import Record
 from models.identification.fitting.fit import NARROW, Axis, Fit, Problem, axes, costs_of, narrowing
 from models.identification.kind import Kind
+from models.identification.search.validation import free_run
 
 _TELLING = 2  # number of the first beginning that is worth wide secants, and on which ranks are told
 _ROUNDS = 6
@@ -50,7 +51,6 @@ class GrowingHorizon:
     kind: Kind
     effects: Sequence[str]
     starts: Sequence[Mapping[str, float]]
-    criterion: int
     effort: Effort
     fresh: str = ""
     seed: int = 0
@@ -64,15 +64,15 @@ class GrowingHorizon:
             points = found + places + self._redrawn(found[:_BASES])
         else:
             points = places + self._scattered()
-        costs = costs_of(self.kind, records, points, self.criterion)
+        criterion = free_run(self.kind)
+        costs = costs_of(self.kind, records, points, criterion)
         kept = self.effort.kept[number]
         best = [points[i] for i in np.argsort(costs, kind="stable")[:kept]]
         if self.fits and kept > 1 and points[0] not in best:
             best[-1] = points[0]
         widths, rounds = (NARROW, _ROUNDS) if number >= _TELLING else (NARROW[-1:], self.effort.rounds)
         fits = [
-            narrowing(Problem.of(self.kind, records, self.effects, self.criterion), point, widths, rounds)
-            for point in best
+            narrowing(Problem.of(self.kind, records, self.effects, criterion), point, widths, rounds) for point in best
         ]
         self.fits = sorted(fits, key=lambda fit: fit.cost)
 
@@ -108,13 +108,12 @@ def grow_horizon(
     records: Sequence[Record],
     effects: Sequence[str],
     starts: Sequence[Mapping[str, float]],
-    criterion: int,
     effort: Effort = THOROUGH,
     fresh: str = "",
     seed: int = 0,
 ) -> Fit:
     """The best fit on the whole records."""
-    climb = GrowingHorizon(kind, effects, starts, criterion, effort, fresh, seed)
+    climb = GrowingHorizon(kind, effects, starts, effort, fresh, seed)
     for number, length, parts in _lengths(kind, records):
         climb.on(number, length, parts)
     return climb.fits[0]
@@ -141,7 +140,7 @@ def eliminate(
         if not number:
             continue
         ranked = sorted(costs.values())
-        within = _IN_REACH if number >= _TELLING or length == np.inf else _EARLY
+        within = _IN_REACH if number >= _TELLING else _EARLY
         reach, limit = within * ranked[min(counting, len(costs)) - 1], behind * ranked[0]
         alike = BY_ID[min(costs, key=lambda name: costs[name])].confounders
         running = {

@@ -48,7 +48,7 @@ def mend(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: M
     fits = [step_on(kind, records, effects, start).theta]
     costs = [judged_cost(kind, records, fits[0])]
     if costs[0] > 1 + SHAPED:
-        fits.append(grow_horizon(kind, records, effects, begins(kind, start), free_run(kind), QUICK).theta)
+        fits.append(grow_horizon(kind, records, effects, begins(kind, start), QUICK).theta)
         costs.append(judged_cost(kind, records, fits[-1]))
     if min(costs) > NEAR_NOISE:
         fits.append(_lengthened(kind, records, effects, start))
@@ -76,7 +76,7 @@ def _lengthened(
     newest = next((name for name in reversed(effects) if BY_ID[name] not in REFINEMENTS), "")
     if newest:
         starts.append({**starts[-1], **BY_ID[newest].start()})
-    return grow_horizon(kind, records, effects, starts, free_run(kind), fresh=newest, seed=seed).theta
+    return grow_horizon(kind, records, effects, starts, fresh=newest, seed=seed).theta
 
 
 def begins(kind: Kind, theta: Mapping[str, float]) -> list[dict[str, float]]:

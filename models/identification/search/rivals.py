@@ -55,8 +55,8 @@ def rivals_of(
 def _screened_rivals(
     model: FittedModel, effect: str, own: set[str], rest: Sequence[str], screened: Sequence[Screened]
 ) -> Iterator[tuple[str, FittedModel]]:
-    """Local fits from where screening would start, of the candidates that a short one brings near: where only the free
-    run judges, one to the first record's longest beginning.
+    """Local fits from where screening would start, of the candidates that a short one brings near: of time series
+    one to the first record's longest beginning.
     """
     kind, criterion = model.kind, free_run(model.kind)
     part = prefixes(model.part[:1], kind.beginnings_s[-1]) if kind.beginnings_s else model.part

@@ -27,7 +27,7 @@ def test_a_base_and_a_force_far_off_are_found(tmp_path: Path) -> None:
     kind = SeriesKind.from_rig(rig, records)
     nominal = {p.name: p.value for p in kind.base if p.fit}
     start = {**nominal, "incline_gravity.force_N": 0.002}
-    found = grow_horizon(kind, records, ["incline_gravity"], [start], free_run(kind), QUICK, "incline_gravity")
+    found = grow_horizon(kind, records, ["incline_gravity"], [start], QUICK, "incline_gravity")
     assert found.chi2 < 1.1
     for name in nominal:
         assert found.theta[name] == pytest.approx(answer[name], rel=0.01)
@@ -43,7 +43,7 @@ def test_it_never_ends_worse_than_where_it_was_told_to_start(tmp_path: Path) -> 
     kind = SeriesKind.from_rig(rig, records)
     truth = {p.name: float(answer[p.name]) for p in kind.base if p.fit}
     r = evaluate(kind, records, truth, free_run(kind))
-    assert grow_horizon(kind, records, [], [truth], free_run(kind), QUICK).cost <= float(r @ r)
+    assert grow_horizon(kind, records, [], [truth], QUICK).cost <= float(r @ r)
 
 
 def test_a_base_that_is_known_is_left_as_it_is_however_much_it_leaves(tmp_path: Path) -> None:
@@ -66,8 +66,7 @@ def test_a_candidate_that_leaves_far_more_than_the_first_ends_on_its_way(tmp_pat
 
     def ended(behind: float) -> tuple[set[str], int]:
         climbs = {
-            name: GrowingHorizon(kind, [name], [nominal], free_run(kind), QUICK, name)
-            for name in ("incline_gravity", "actuator_lag")
+            name: GrowingHorizon(kind, [name], [nominal], QUICK, name) for name in ("incline_gravity", "actuator_lag")
         }
         return set(eliminate(records, climbs, 3, behind)), climbs["actuator_lag"].fits[0].count
 
@@ -104,7 +103,7 @@ def test_declared_look_alikes_of_the_first_stay_where_rivals_that_leave_less_wou
         "directional_asymmetry": 6.4,
         "respiration": 6.5,
     }
-    climbs = {name: Told(kind, [name], [{}], 0, QUICK, leaves=cost) for name, cost in leaves.items()}
+    climbs = {name: Told(kind, [name], [{}], QUICK, leaves=cost) for name, cost in leaves.items()}
     assert set(eliminate([record], climbs, 3, 6.0)) == set(leaves) - {"respiration"}
     climbs["directional_asymmetry"].leaves = 21.0
     assert "directional_asymmetry" not in eliminate([record], climbs, 3, 6.0)

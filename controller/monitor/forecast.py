@@ -12,6 +12,12 @@ from controller.signals import Estimate
 
 LEAST_READINGS = 5
 """Positions that must have come in a second for it to be judged."""
+REMEMBERED = 2000
+"""Positions by which the estimator's innovations are told how wide they are."""
+SHIFT_S = 0.05
+"""Of a shift in time that is looked for."""
+STEADY_S = 0.4
+"""After so long a steady speed is an offset to the estimator, and no delay is told by it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +33,8 @@ class Second:
     readings: int
     moved_m: float
     lacking_N: float
+    ahead: float = 0.0
+    telling: float = 0.0
 
 
 class Forecast:
@@ -37,18 +45,21 @@ class Forecast:
     not judged here. One state a tick; nothing is allocated but numbers.
     """
 
-    def __init__(self, model: ControlModel, span_s: float = 1.0) -> None:
-        self.model, self.span_s = model, span_s
+    def __init__(self, model: ControlModel, noise_m: float, span_s: float = 1.0) -> None:
+        self.model, self.span_s, self._noise_m = model, span_s, noise_m
         self._ticks = max(1, round(span_s / model.tick_s))
         self._state, self._numbers = np.zeros((1, len(model.states))), model.values.copy()
         self._force = np.zeros(1)
-        self._from = self._std = self._sum = self._lacking = 0.0
-        self._readings = 0
+        self._from = self._std = self._sum = self._lacking = self._score = self._weight = 0.0
+        self._readings = self._heard = 0
+        self._square = 1.0
+        self._share, self._speed = model.tick_s / (STEADY_S + model.tick_s), model.states.index("v")
         self.drop()
 
     def drop(self) -> None:
         """Forget the second that is under way."""
         self._k, self._time, self._command = -1, math.nan, math.nan
+        self._steady_m_s = 0.0
 
     def step(self, now: float, command: float, estimate: Estimate) -> Second | None:
         """A tick on, to the `estimate` at `now` which `command` led to; the second that this tick ends, None within
@@ -65,8 +76,13 @@ class Forecast:
         k.run(self._state, before, command, self._force, self._time, k.tick_s, k.substeps, self._numbers)
         self._k, self._time, self._command = self._k + 1, now, command
         self._lacking += estimate.disturbance_N
+        turning = float(self._state[0, self._speed]) - self._steady_m_s
+        self._steady_m_s += self._share * turning
         for size in estimate.innovations:
             self._sum, self._readings = self._sum + size, self._readings + 1
+            self._score, self._weight = self._score + size * turning, self._weight + turning * turning
+            self._heard = min(self._heard + 1, REMEMBERED)
+            self._square += (size * size - self._square) / self._heard
         if self._k < self._ticks:
             return None
         found = self._over(estimate) if self._readings >= LEAST_READINGS else None
@@ -81,6 +97,7 @@ class Forecast:
         self._k, self._time, self._command = 0, now, command
         self._from, self._std = float(estimate.state[0]), float(estimate.std[0])
         self._sum, self._readings, self._lacking = 0.0, 0, 0.0
+        self._score, self._weight = 0.0, 0.0
 
     def _over(self, estimate: Estimate) -> Second | None:
         at = float(estimate.state[0])
@@ -88,4 +105,7 @@ class Forecast:
         if not math.isfinite(miss + std):
             return None
         mean, lacking = self._sum / self._readings, self._lacking / self._k
-        return Second(miss, std, mean, self._readings, at - self._from, lacking)
+        rms = math.sqrt(self._square)
+        ahead = self._score / (rms * math.sqrt(self._weight) or 1.0)
+        telling = SHIFT_S * math.sqrt(self._weight) / (rms * self._noise_m or 1.0)
+        return Second(miss, std, mean, self._readings, at - self._from, lacking, ahead, telling)

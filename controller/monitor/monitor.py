@@ -21,6 +21,10 @@ DOUBTFUL: Final = 0.5
 """Share of an alarm's evidence from which on the model is doubtful."""
 SHIFT: Final = 2.0
 """By how many standard deviations the force that is lacking must at least have changed to count as a drift."""
+TELLING: Final = (2.0, 3.0)
+"""Standard deviations by which a second must tell a shift in time to be asked for one, and by which it counts at most:
+one that tells much does not decide alone.
+"""
 SURPRISE: Final = 2.3
 """Standard deviations by which forecast or innovations of a second about the beginning of a drift are off where the
 change is a sudden one: a slow one surprises nobody.
@@ -49,10 +53,11 @@ class Monitor:
 
     - forecast: how far off the position was that the model, adapted as it was a second before, foretold;
     - innovations: how far off the estimator's own expectations were on average;
+    - time: by how much later than foretold the speed changes, or earlier (a delay, a lag, a clock);
     - drift: the force that the model's own parameters lack, less what it was in the first seconds of motion the same
       way, against the motion and along +x, more and less.
 
-    The first two see a change within seconds; a slow one, which the estimator follows, shows in the drift. A state
+    The first three see a change within seconds; a slow one, which the estimator follows, shows in the drift. A state
     that is broken stays so until `begin`. Sensors are not judged: without an estimate there is no evidence. `look`
     never raises, takes bounded time and allocates nothing that grows.
     """
@@ -61,7 +66,7 @@ class Monitor:
         model = estimator.model
         self._estimator = estimator
         self._expected = expected or EXPECTED.get(model.drive.name, Expected())
-        self._forecast = Forecast(model)
+        self._forecast = Forecast(model, estimator.noise.position_std_m)
         self._friction_N = max(mean_friction(model), 1e-3)
         self.begin(0.0)
 
@@ -69,7 +74,7 @@ class Monitor:
         """A model begins to lead at `now`, after so many `alarms`: nothing speaks against it yet."""
         self.health = Health("holds", now, "", alarms)
         self._forecast.drop()
-        self._fast = (Sum(), Sum())
+        self._fast = (Sum(), Sum(), Sum(), Sum())
         self._slow = (Sum(), Sum(), Sum(), Sum())
         self._before, self._seen = [0.0, 0.0], [0, 0]
         self._recent = [0.0] * int(ABOUT_S)
@@ -90,8 +95,13 @@ class Monitor:
         if not abs(second.moved_m) >= e.least_m:
             return
         sizes = (second.miss_m / math.hypot(second.std_m, e.miss_m), second.innovation / e.innovation)
-        for one, size in zip(self._fast, sizes, strict=True):
+        off, late, early = self._fast[:2], self._fast[2], self._fast[3]
+        for one, size in zip(off, sizes, strict=True):
             one.add(wider(size), began)
+        ahead, telling = second.ahead / e.ahead, second.telling / e.ahead
+        if telling >= TELLING[0]:
+            late.add(shifted(-ahead, min(telling, TELLING[1])), began)
+            early.add(shifted(ahead, min(telling, TELLING[1])), began)
         self._recent = [*self._recent[1:], max(abs(size) for size in sizes)]
         way = int(second.moved_m < 0)
         lacking = second.lacking_N / self._friction_N

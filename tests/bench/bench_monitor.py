@@ -104,7 +104,7 @@ def judged(row: Row, model: Any) -> tuple[Health, float, float]:
     monitor = Monitor(model)
     most = 0.0
     for now, *values in row["seen"]:
-        monitor.judge(now, Second(values[0], values[1], values[2], int(values[3]), values[4], values[5]))
+        monitor.judge(now, Second(*values[:3], int(values[3]), *values[4:]))
         if monitor.health.state == "broken":
             return monitor.health, now, most
         most = max(most, monitor.health.evidence)

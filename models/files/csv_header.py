@@ -8,10 +8,13 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from models.files.clock_text import ClockText
 from models.files.units import unit
 
 LONGEST_TOP: Final = 100
 """Non-blank lines within which the header must stand."""
+SPACES: Final = " "
+"""Stands for cells with any number of spaces between them."""
 _COMMENTS: Final = ("#", "%", "//")
 
 
@@ -40,7 +43,7 @@ def find_header(top: Sequence[str], names: Collection[str] = ()) -> Header:
     if not top or not plain:
         raise EmptyError
     lines = [uncommented(line) for line in top]
-    named = next((k for k, line in enumerate(lines) if _has(line, names)), None)
+    named = next((k for k in range(len(lines)) if _has(lines, k, names)), None)
     at = _above_numbers(lines) if named is None else named
     at = plain[0] if at is None else at
     separator = separator_of(lines[at])
@@ -56,12 +59,18 @@ def uncommented(line: str) -> str:
 
 def separator_of(line: str) -> str:
     """What separates the cells of a line."""
-    return ";" if ";" in line else "\t" if "\t" in line and "," not in line else ","
+    if ";" in line:
+        return ";"
+    if "\t" in line and "," not in line:
+        return "\t"
+    return "," if "," in line or len(line.split()) < 2 else SPACES
 
 
 def split(line: str, separator: str) -> list[str]:
     """The cells of a line. Raises csv.Error."""
-    return next(csv.reader([line], delimiter=separator), [])
+    if separator == SPACES:
+        line = line.strip()
+    return next(csv.reader([line], delimiter=separator, skipinitialspace=separator == SPACES), [])
 
 
 def cells(line: str, separator: str) -> list[str]:
@@ -80,18 +89,28 @@ def to_number(cell: str) -> float:
         return math.nan
 
 
-def _has(line: str, names: Collection[str]) -> bool:
-    return bool(set(cells(line, separator_of(line))) & set(names))
+def _has(lines: Sequence[str], row: int, names: Collection[str]) -> bool:
+    """Whether a line has one of `names`; words with spaces between are a header only right above numbers."""
+    separator = separator_of(lines[row])
+    found = cells(lines[row], separator)
+    return bool(set(found) & set(names)) and (
+        separator != SPACES or any(_columns(line, separator) == len(found) for line in lines[row + 1 : row + 3])
+    )
+
+
+def _columns(line: str, separator: str) -> int:
+    """How many numbers a line has; 0 of one that has anything else, or only one."""
+    found = cells(line, separator)
+    return len(found) if len(found) > 1 and all(_is_number(cell, separator) for cell in found) else 0
 
 
 def _above_numbers(lines: Sequence[str]) -> int | None:
     """The last line, but for a row of units, before the first row of numbers that has as many cells."""
     for row, line in enumerate(lines):
-        separator = ";" if ";" in line else "\t" if "\t" in line else ","
-        found = cells(line, separator)
-        if len(found) < 2 or not all(_is_number(cell, separator) for cell in found):
-            continue
-        return next((k for k in range(row - 1, -1, -1) if _is_header(lines, k, separator, len(found))), None)
+        for separator in (";", "\t", ",", SPACES):
+            columns = _columns(line, separator)
+            if columns:
+                return next((k for k in range(row - 1, -1, -1) if _is_header(lines, k, separator, columns)), None)
     return None
 
 
@@ -107,7 +126,7 @@ def _is_header(lines: Sequence[str], row: int, separator: str, columns: int) -> 
 
 
 def _is_number(cell: str, separator: str) -> bool:
-    return not math.isnan(to_number(cell if separator == "," else cell.replace(",", "."))) or not cell
+    return not math.isnan(ClockText()(cell if separator == "," else cell.replace(",", "."))) or not cell
 
 
 def _units(line: str, separator: str, columns: int) -> tuple[str, ...]:

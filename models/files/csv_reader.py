@@ -18,7 +18,8 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from models.files.csv_header import LONGEST_TOP, EmptyError, find_header, split, to_number
+from models.files.clock_text import ClockText
+from models.files.csv_header import LONGEST_TOP, SPACES, EmptyError, find_header, split, to_number
 from models.files.source import check_encoding, opened
 
 ENDINGS = tuple(form + packed for form in (".csv", ".tsv", ".txt") for packed in ("", ".gz"))
@@ -41,13 +42,16 @@ class Block:
 Check = Callable[[list[str], Mapping[str, str]], Sequence[str]]
 
 
-def read_blocks(path: Path, check: Check, names: Collection[str] = ()) -> Iterator[tuple[list[str], Block]]:
+def read_blocks(
+    path: Path, check: Check, names: Collection[str] = (), clocks: Collection[str] = ()
+) -> Iterator[tuple[list[str], Block]]:
     """Yield the header with each block of rows; `check` gets the header and the units that the file states by column,
     and returns the names of the columns that must be finite.
 
-    Separators are comma, semicolon or tab (then a decimal comma is accepted); a byte-order mark and gzip are
+    Separators are comma, semicolon, tab or spaces (then a decimal comma is accepted); a byte-order mark and gzip are
     recognised, and lines about the file before the header, which is one that has one of `names`, and a row of units
-    below it. Cells of other columns that are not numbers come out as NaN.
+    below it. Columns among `clocks` may hold dates and times of day (`ClockText`). Cells of other columns that are not
+    numbers come out as NaN.
     """
     with _opened(path) as file:
         text = io.TextIOWrapper(file, encoding="utf-8-sig", errors="replace", newline=None)
@@ -58,7 +62,7 @@ def read_blocks(path: Path, check: Check, names: Collection[str] = ()) -> Iterat
             lines = chain(top[form.rows :], lines)
             separator, header = form.separator, _header(path, form.line, form.separator)
             units = dict(zip(header, form.units, strict=False))
-            parser = _Parser(str(path), header, separator, frozenset(_checked(header, units, check)))
+            parser = _Parser(str(path), header, separator, frozenset(_checked(header, units, check)), frozenset(clocks))
             yield header, parser.parse([])
             block: list[tuple[int, str]] = []
             size = 0
@@ -165,9 +169,10 @@ class _Parser:
     header: list[str]
     separator: str
     needed: frozenset[str]
+    clocks: frozenset[str]
 
     def __post_init__(self) -> None:
-        self.loose: set[int] = {i for i, name in enumerate(self.header) if not name}
+        self.loose: dict[int, Callable[[str], float]] = {i: to_number for i, name in enumerate(self.header) if not name}
 
     def parse(self, block: list[tuple[int, str]]) -> Block:
         numbers = np.array([number for number, _ in block], dtype=np.int64)
@@ -197,9 +202,10 @@ class _Parser:
         return Block(values, numbers)
 
     def _load(self, lines: list[str]) -> NDArray[np.float64]:
-        converters: dict[int | str, Callable[[str], float]] = dict.fromkeys(self.loose, to_number)
+        separator = None if self.separator == SPACES else self.separator
+        converters: dict[int | str, Callable[[str], float]] = dict(self.loose)
         return np.loadtxt(
-            lines, delimiter=self.separator, comments=None, ndmin=2, quotechar='"', converters=converters or None
+            lines, delimiter=separator, comments=None, ndmin=2, quotechar='"', converters=converters or None
         )
 
     def _inspect(self, numbers: NDArray[np.int64], lines: list[str]) -> None:
@@ -217,11 +223,14 @@ class _Parser:
                 if column in self.loose or not np.isnan(to_number(cell)):
                     continue
                 name = self.header[column]
+                if name in self.clocks and not np.isnan(ClockText()(cell)):
+                    self.loose[column] = ClockText()
+                    continue
                 if name in self.needed:
                     raise ValueError(
                         f"{self.where}, line {number}: {name} must be a finite number; got {cell.strip()[:40]!r}"
                     )
-                self.loose.add(column)
+                self.loose[column] = to_number
 
     def _refuse_not_finite(self, values: NDArray[np.float64], numbers: NDArray[np.int64]) -> None:
         for column, name in enumerate(self.header):

@@ -105,7 +105,8 @@ def read_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: boo
     path = Path(path)
     reading = _Reading(str(path), rig, driven_only, lenient)
     names = {*known_of(rig.kind), *(entry.column for entry in rig.columns.entries)}
-    for header, block in read_blocks(path, reading.check_header, names):
+    clocks = {TIME, *(entry.column for entry in rig.columns.entries if entry.target == TIME)}
+    for header, block in read_blocks(path, reading.check_header, names, clocks):
         reading.take(header, block)
     return _complete(_name(path), str(path), reading)
 

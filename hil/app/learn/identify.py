@@ -18,7 +18,10 @@ from controller.signals import Array
 from controller.supervision.acceptance import AcceptanceTest
 from hil.app.child_process import end_with_parent
 from hil.app.learn.experiment import Motion, motion_of
+from hil.app.learn.left_over import LeftOver
 from hil.app.quantities import quantity
+from hil.log.record import SOURCES
+from models.checks.instrument.usable import from_row
 from models.files.columns import TIME
 from models.files.record import Record
 from models.files.rig import Rig
@@ -31,14 +34,21 @@ T = TypeVar("T")
 NICE: Final = 19
 KNOWN: Final = 0.01
 """Standard deviation, as a share, with which the base parameters of a model that held are known."""
+LEAD_S: Final = 8.0
+"""So long before its first row that counts a record is run through: where the capsule hangs behind its magnet then, and
+how the wall is stretched, is told by how it came there.
+"""
+HELD_S: Final = 10.0
+"""At least so long a stretch before the break says what the model left while it held."""
 PARTLY: Final = 0.5
 """Share of the held-out error of the model in use that one may leave whose verdict is `unknown`."""
 
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked: the `columns` of a run of `rig`, rows from `held_from` on held out, the `values` of the model in
-    use; `base_holds` where its base parameters are taken as known, as the model was right until it broke.
+    """What is asked: the `columns` of a run of `rig`, rows from `broken_from` on for learning, those from `held_from` on
+    held out, the `values` of the model in use; `base_holds` where its base parameters are taken as known, as the model
+    was right until it broke.
     """
 
     rig: Rig
@@ -46,6 +56,7 @@ class Question:
     held_from: int
     values: Mapping[str, float]
     base_holds: bool = True
+    broken_from: int = 0
 
 
 @dataclass(frozen=True)
@@ -97,9 +108,9 @@ def answer_at_once(question: Question) -> Future[Answer]:
 
 
 def _answer(question: Question) -> Answer:
-    rig, cut = question.rig, question.held_from
-    train = [_part("since", rig, question.columns, slice(0, cut))]
-    held = [_part("held out", rig, question.columns, slice(cut, None))]
+    rig, cut, columns = question.rig, question.held_from, _without_left_over(question)
+    train = [_part("since", rig, columns, question.broken_from, cut)]
+    held = [_part("held out", rig, columns, cut, None)]
     kind, records = kind_for(rig, []), [ready(record, rig) for record in held]
     in_use = {p.name: question.values.get(p.name, p.value) for p in kind.base if p.fit}
     holds = question.base_holds
@@ -123,10 +134,35 @@ def _answer(question: Question) -> Answer:
     return Answer(model.believed(stage), effects, finding.verdict, said, seconds=finding.seconds)
 
 
-def _part(name: str, rig: Rig, columns: Mapping[str, Array], rows: slice) -> Record:
-    part = {key: np.asarray(values[rows]) for key, values in columns.items()}
+def _without_left_over(question: Question) -> Mapping[str, Array]:
+    """The columns of `question`, less what the model in use left of the measured one while it held, place by place
+    (`LeftOver`); as they are for a rig whose prediction drifts, and after a short time before the break.
+    """
+    rig, columns, end = question.rig, question.columns, question.broken_from
+    times = columns[TIME]
+    begin = int(np.searchsorted(times, times[0] + LEAD_S))
+    if rig.kind != "magnetic" or times[end] - times[0] < LEAD_S + HELD_S:
+        return columns
+    driven, measured = SOURCES[rig.kind].driven.column, SOURCES[rig.kind].measured.column
+    before = ready(_part("before", rig, columns, begin, end), rig)
+    whole = ready(_part("whole", rig, columns, begin, None), rig)
+    kind = kind_for(rig, [before])
+    used = {**kind.nominal(), **{k: v for k, v in question.values.items() if k != HELD_OUT}}
+    left = LeftOver.of(kind, before, used, driven)
+    predicted = np.zeros(times.size)
+    predicted[times.size - len(whole) :] = kind.predict(whole, used)
+    return {**columns, measured: columns[measured] - left.at(predicted, columns[driven])}
+
+
+def _part(name: str, rig: Rig, columns: Mapping[str, Array], begin: int, end: int | None) -> Record:
+    """Rows from `begin` to before `end` count; those of `LEAD_S` before are run through, so that the state at `begin`
+    is told.
+    """
+    times = columns[TIME]
+    first = int(np.searchsorted(times, times[begin] - LEAD_S))
+    part = {key: np.asarray(values[first:end]) for key, values in columns.items()}
     part[TIME] = part[TIME] - part[TIME][0]
-    return Record(name, rig.kind, part)
+    return from_row(Record(name, rig.kind, part), begin - first)
 
 
 class Background:

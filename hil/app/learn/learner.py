@@ -18,7 +18,7 @@ from controller.supervision.acceptance import Verdict
 from controller.supervision.history import History
 from controller.supervision.model_switch import ModelSwitch, Offer, Prepared
 from hil.app.learn.experiment import experiment_of
-from hil.app.learn.identify import Answer, Ask, Question, at_once
+from hil.app.learn.identify import LEAD_S, Answer, Ask, Question, at_once
 from hil.app.scenario.learning import Pace
 from hil.app.scenario.model_offer import Offered
 from hil.log.record import SOURCES
@@ -135,6 +135,7 @@ class Learner:
         self._made: Future[Prepared] | None = None
         self._next: tuple[Mapping[str, float], Phase] = (self.values, "offered")
         self._due = self._before = self._since = math.nan
+        self._led_from = -math.inf
         self._old: Mapping[str, float] = self.values
         self._new: Mapping[str, float] = self.values
 
@@ -154,17 +155,18 @@ class Learner:
         elif self._phase == "preparing":
             self._put(now)
         elif self._phase == "offered" and self.switch.taken_at > (self.lessons[-1].offered_at_s or 0.0):
-            self.lessons[-1].taken_at_s = self.switch.taken_at
+            self.lessons[-1].taken_at_s, self._led_from = self.switch.taken_at, now
             self._before, self._due, self._phase = self._errors.rms_m, now + self.pace.trial_s, "on trial"
         elif self._phase == "on trial" and (now >= self._due or health.state == "broken"):
             self._try(now)
 
     def _question(self, now: float) -> None:
-        columns = self._columns(self._since)
-        held_from = int(np.searchsorted(columns[TIME], now - self.pace.held_out_share * self.pace.gathered_s))
+        columns = self._columns(max(self._since - LEAD_S - self.pace.gathered_s, self._led_from))
+        held_s = now - self.pace.held_out_share * self.pace.gathered_s
+        broken_from, held_from = (int(row) for row in np.searchsorted(columns[TIME], (self._since, held_s)))
         self.lessons[-1].asked_at_s = self._told(now)
         base_holds = self.lessons[-1].answers % 2 == 0
-        self._future = self.ask(Question(self.rig, columns, held_from, dict(self._new), base_holds))
+        self._future = self.ask(Question(self.rig, columns, held_from, dict(self._new), base_holds, broken_from))
         self._due, self._phase = now + self.pace.answer_s, "identifying"
 
     def _columns(self, begin_s: float) -> dict[str, Array]:
@@ -250,7 +252,7 @@ class Learner:
     def _try(self, now: float) -> None:
         """The learned model stays, or goes where it turned out worse."""
         if self._errors.rms_m > self.pace.worse * self._before:
-            self._new = self._old
+            self._new, self._led_from = self._old, now
             self._prepare(now, self._old, "watching")
         else:
             self._phase = "watching"

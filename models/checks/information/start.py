@@ -1,44 +1,80 @@
-"""A record that begins in the middle of a motion."""
+"""A record that begins in the middle of a motion, or where an earlier one left the wall stretched."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from models.checks.finding import RecordFinding
-from models.checks.view import View
+from models.checks.view import Array, View
 
 _SETTLED_M = 6e-3  # m, a way after which a dragged wall and a magnet's gap are what they are in motion
 _WALL_SETTLED_M = 2e-3  # m, the same for the wall alone, where a rig holds the capsule
 _MOST = 0.25  # of the record
+_START_S = 0.1
+_LOADED = 0.5  # of what drives the capsule in motion
 
 
 def run_in(view: View) -> int:
-    """How many rows of a record that starts in motion do not count; 0 for one that starts at rest."""
+    """How many rows of a record do not count that starts in motion, or under the load of an earlier one; 0 for one that
+    starts at rest and free.
+    """
     if not view.timed or view.kind in ("axis", "vibro") or not view.moves.any():
         return 0
-    first = max(2, round(0.1 / view.dt))
-    usual = float(np.median(np.abs(view.speed[view.moves])))
-    if not view.moves[:first].all() or abs(float(np.mean(view.speed[:first]))) < 0.5 * usual:
+    if not (_starts_in_motion(view) or _starts_loaded(view)):
         return 0
     travelled = np.cumsum(np.abs(view.speed) * view.dt)
     way = _WALL_SETTLED_M if view.kind == "pull" else _SETTLED_M
     return min(int(np.searchsorted(travelled, way)), round(_MOST * len(travelled)))
 
 
+def _first(view: View) -> slice:
+    return slice(0, max(2, round(_START_S / view.dt)))
+
+
+def _starts_in_motion(view: View) -> bool:
+    first, usual = _first(view), float(np.median(np.abs(view.speed[view.moves])))
+    return bool(view.moves[first].all()) and abs(float(np.mean(view.speed[first]))) >= 0.5 * usual
+
+
+def _starts_loaded(view: View) -> bool:
+    """Whether the magnet's gap or the force of a pull is at the start much of what it is in motion; seen from the
+    middle between both ways, where there are two, so that a zero that is elsewhere is no load.
+    """
+    load = _load(view)
+    if load is None:
+        return False
+    low, high = np.percentile(load[view.moves], [10, 90])
+    forth = float(np.mean(view.speed[view.moves] > 0))
+    middle, most = (0.5 * (low + high), 0.5 * (high - low)) if 0.2 < forth < 0.8 else (0.0, max(abs(low), abs(high)))
+    return abs(float(np.mean(load[_first(view)])) - middle) > _LOADED * most > 0
+
+
+def _load(view: View) -> Array | None:
+    columns = view.record.columns
+    if view.kind == "magnetic" and {"carriage_position_m", "position_m"} <= set(columns):
+        return np.asarray(columns["carriage_position_m"] - columns["position_m"])
+    return columns.get("force_N") if view.kind == "pull" else None
+
+
 def check_start(view: View) -> list[RecordFinding]:
-    """Whether the motion is on when the record starts; predictions start at rest."""
+    """Whether the motion is on when the record starts, or a load of an earlier one; predictions start at rest and
+    free.
+    """
     rows = run_in(view)
     if not rows:
         return []
-    speed = float(np.mean(view.speed[: max(2, round(0.1 / view.dt))]))
+    speed = float(np.mean(view.speed[_first(view)]))
+    moving = _starts_in_motion(view)
+    begins = f"in motion at {1e3 * speed:.3g} mm/s" if moving else "under the load that an earlier motion left"
     return [
         view.finding(
             "starts_in_motion",
             "note",
             f"{view.moving_column}, {view.at([0])}",
-            f"the record starts in motion at {1e3 * speed:.3g} mm/s; predictions start at rest, so its first"
+            f"the record starts {begins}; predictions start at rest and free, so its first"
             f" {rows * view.dt:.3g} s count in no fit and no error",
-            "speed over the first tenth of a second",
-            "record from half a second before the motion starts",
+            f"{'speed' if moving else 'gap of the magnet' if view.kind == 'magnetic' else 'force'} over the first tenth"
+            " of a second",
+            "record from half a second before the motion starts, with the capsule free",
         )
     ]

@@ -77,6 +77,12 @@ def counted(record: Record) -> Mask:
     return used(record) & (record[RUN_IN] < _WHOLE) if RUN_IN in record.columns else used(record)
 
 
+def lead_in_s(record: Record) -> float:
+    """How long in s a record is run through before its residuals count."""
+    rows = counted(record)
+    return float(record[TIME][np.argmax(rows)] - record[TIME][0]) if rows.any() and not rows[0] else 0.0
+
+
 def from_row(record: Record, row: int) -> Record:
     """`record`, of which only the rows from `row` on count: what a model needs in order to know its state there."""
     before = record.columns.get(RUN_IN, np.zeros(len(record)))

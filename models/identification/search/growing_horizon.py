@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.stats import qmc
 
+from models.checks.instrument.usable import lead_in_s
 from models.effects import BY_ID
 from models.files.record import Record
 from models.identification.fitting.fit import NARROW, Axis, Fit, Problem, axes, costs_of, narrowing
@@ -160,8 +161,8 @@ def _lengths(kind: Kind, records: Sequence[Record]) -> Iterator[tuple[int, float
 
 
 def prefixes(records: Sequence[Record], length: float) -> list[Record]:
-    """The first `length` s of each record."""
-    return [record.beginning(length) for record in records]
+    """The first `length` s of each record that count, and what is run through before."""
+    return [record.beginning(length + lead_in_s(record)) for record in records]
 
 
 def _place(axis: Axis, start: Mapping[str, float], share: float, fresh: str) -> float:

@@ -36,14 +36,28 @@ FORMATS: Final = (
     Format("MATLAB or HDF5", (".mat", ".h5", ".hdf5"), matlab_file.EXTRA, matlab_file.read),
 )
 
+_MF4_BEGINS: Final = (b"MDF", b"UnF")
+"""Of a whole MF4 file and of one that was not closed; any other `.dat` is text."""
+
 WRITTEN: Final = tuple(one.endings[0] for one in FORMATS if one.write)
 """Endings of files that can be written."""
 
 
 def format_of(path: Path) -> Format | None:
-    """The format that a file's name ends in, or of a folder that is a bag; None for others."""
+    """The format that a file's name ends in, or of a folder that is a bag; None for others and for a `.dat` of text."""
     ending = ".db3" if ros_bag.is_bag(path) else path.suffix.lower()
+    if ending == ".dat" and _begins(path) not in _MF4_BEGINS:
+        return None
     return next((one for one in FORMATS if ending in one.endings), None)
+
+
+def _begins(path: Path) -> bytes:
+    """The first bytes of a file; those of an MF4 file where it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return file.read(3)
+    except OSError:
+        return _MF4_BEGINS[0]
 
 
 def write_channels(path: Path, channels: Sequence[Channel]) -> bytes:

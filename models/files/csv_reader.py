@@ -22,7 +22,7 @@ from models.files.clock_text import ClockText
 from models.files.csv_header import LONGEST_TOP, SPACES, EmptyError, find_header, split, to_number
 from models.files.source import check_encoding, opened
 
-ENDINGS = tuple(form + packed for form in (".csv", ".tsv", ".txt") for packed in ("", ".gz"))
+ENDINGS = tuple(form + packed for form in (".csv", ".tsv", ".txt", ".dat") for packed in ("", ".gz"))
 BLOCK_CHARACTERS = 1 << 22
 LONGEST_LINE = 1 << 20
 MOST_COLUMNS = 256
@@ -172,7 +172,9 @@ class _Parser:
     clocks: frozenset[str]
 
     def __post_init__(self) -> None:
-        self.loose: dict[int, Callable[[str], float]] = {i: to_number for i, name in enumerate(self.header) if not name}
+        self.loose: dict[int | str, Callable[[str], float]] = {
+            i: to_number for i, name in enumerate(self.header) if not name
+        }
 
     def parse(self, block: list[tuple[int, str]]) -> Block:
         numbers = np.array([number for number, _ in block], dtype=np.int64)
@@ -198,14 +200,13 @@ class _Parser:
                 f"{self.where}, lines {numbers[0]} to {numbers[-1]}: rows must be plain numbers; got an unbalanced"
                 " quote"
             )
-        self._refuse_not_finite(values, numbers)
+        self._refuse_not_finite(values, numbers, lines)
         return Block(values, numbers)
 
     def _load(self, lines: list[str]) -> NDArray[np.float64]:
         separator = None if self.separator == SPACES else self.separator
-        converters: dict[int | str, Callable[[str], float]] = dict(self.loose)
         return np.loadtxt(
-            lines, delimiter=separator, comments=None, ndmin=2, quotechar='"', converters=converters or None
+            lines, delimiter=separator, comments=None, ndmin=2, quotechar='"', converters=self.loose or None
         )
 
     def _inspect(self, numbers: NDArray[np.int64], lines: list[str]) -> None:
@@ -232,10 +233,10 @@ class _Parser:
                     )
                 self.loose[column] = to_number
 
-    def _refuse_not_finite(self, values: NDArray[np.float64], numbers: NDArray[np.int64]) -> None:
+    def _refuse_not_finite(self, values: NDArray[np.float64], numbers: NDArray[np.int64], lines: list[str]) -> None:
         for column, name in enumerate(self.header):
             if name in self.needed and not np.isfinite(values[:, column]).all():
                 row = int(np.argmin(np.isfinite(values[:, column])))
-                raise ValueError(
-                    f"{self.where}, line {numbers[row]}: {name} must be a finite number; got {values[row, column]}"
-                )
+                where = f"{self.where}, line {numbers[row]}"
+                got = _split(where, lines[row], self.separator)[column].strip()[:40]
+                raise ValueError(f"{where}: {name} must be a finite number; got {got!r}")

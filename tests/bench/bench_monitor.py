@@ -19,6 +19,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from controller.estimator.noise import trusting
 from controller.monitor import forecast
 from controller.monitor.forecast import Second
 from controller.monitor.monitor import Health, Monitor
@@ -119,6 +120,7 @@ class Believer:
     def __init__(self, kind: str) -> None:
         scenario = load_track_scenario(FOLDER / f"track_{RIGS[kind][0]}.toml")
         self.model = believed_model(scenario, {})
+        self.noise = trusting(self.model)
 
 
 def table(rows: list[Row]) -> Iterator[str]:

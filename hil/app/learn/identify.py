@@ -46,9 +46,9 @@ PARTLY: Final = 0.5
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked: the `columns` of a run of `rig`, rows from `broken_from` on for learning, those from `held_from` on
-    held out, the `values` of the model in use; `base_holds` where its base parameters are taken as known, as the model
-    was right until it broke.
+    """What is asked: the `columns` of a run of `rig`, rows from `broken_from` on to learn from, those from `held_from`
+    on held out, the `values` of the model in use; `base_holds` where its base parameters are taken as known, as the
+    model was right until it broke.
     """
 
     rig: Rig

@@ -11,6 +11,7 @@ _SETTLED_M = 6e-3  # m, a way after which a dragged wall and a magnet's gap are 
 _WALL_SETTLED_M = 2e-3  # m, the same for the wall alone, where a rig holds the capsule
 _MOST = 0.25  # of the record
 _START_S = 0.1
+_AT_ONCE_S = 0.02
 _LOADED = 0.5  # of what drives the capsule in motion
 
 
@@ -27,8 +28,8 @@ def run_in(view: View) -> int:
     return min(int(np.searchsorted(travelled, way)), round(_MOST * len(travelled)))
 
 
-def _first(view: View) -> slice:
-    return slice(0, max(2, round(_START_S / view.dt)))
+def _first(view: View, seconds: float = _START_S) -> slice:
+    return slice(0, max(2, round(seconds / view.dt)))
 
 
 def _starts_in_motion(view: View) -> bool:
@@ -46,7 +47,7 @@ def _starts_loaded(view: View) -> bool:
     low, high = np.percentile(load[view.moves], [10, 90])
     forth = float(np.mean(view.speed[view.moves] > 0))
     middle, most = (0.5 * (low + high), 0.5 * (high - low)) if 0.2 < forth < 0.8 else (0.0, max(abs(low), abs(high)))
-    return abs(float(np.mean(load[_first(view)])) - middle) > _LOADED * most > 0
+    return bool(abs(float(np.mean(load[_first(view, _AT_ONCE_S)])) - middle) > _LOADED * most > 0)
 
 
 def _load(view: View) -> Array | None:
@@ -73,8 +74,7 @@ def check_start(view: View) -> list[RecordFinding]:
             f"{view.moving_column}, {view.at([0])}",
             f"the record starts {begins}; predictions start at rest and free, so its first"
             f" {rows * view.dt:.3g} s count in no fit and no error",
-            f"{'speed' if moving else 'gap of the magnet' if view.kind == 'magnetic' else 'force'} over the first tenth"
-            " of a second",
+            "speed over the first tenth of a second" if moving else "what drives the capsule at once, beside in motion",
             "record from half a second before the motion starts, with the capsule free",
         )
     ]

@@ -11,7 +11,9 @@ from models.checks.view import Array, View
 _LONGEST_S = 0.15
 _LEAST_SAMPLES = 2.0
 _LEAST_S = 0.012  # what stick and slip alone may look like
+_TOLD_TO_S = 0.004  # standard deviation of what is told
 _GAIN = 0.03  # share of the misfit that the shift must take away
+_SOFT = (0.01, 0.025, 0.06, 0.15, 0.4)  # of the usual speed, below which friction changes its sign gradually
 _REACHES = tuple(0.0004 * 1.8**k for k in range(10))  # of the span
 _ROWS = 8000
 
@@ -33,14 +35,15 @@ def check_delay(view: View) -> list[RecordFinding]:
             f"force_N comes about {1e3 * abs(offset):.0f} ms {later} than the motion that makes it: two clocks, a"
             " filter or a slow sensor",
             f"a friction loop through force and motion fits {100 * gain:.0f} % better with the force moved by so much",
-            f"[clock] offset_s = {offset:.3g}",
+            f"[clock] offset_s = {offset:.3g} and offset_std_s = {_TOLD_TO_S:g}",
         )
     ]
 
 
 def clock_offset(view: View) -> tuple[float, float] | None:
     """Time in s by which the force is late (negative: early), and the share of a friction loop's misfit that this takes
-    away; None where the record tells none. The loop is a sum of plays of several widths, speed and slope.
+    away; None where the record tells none. The loop is a sum of plays of several widths, friction that follows the
+    sign of the speed more or less gradually, speed and slope.
     """
     strokes = np.sign(view.speed[view.moves])
     length = float(view.t[-1] - view.t[0])
@@ -48,7 +51,7 @@ def clock_offset(view: View) -> tuple[float, float] | None:
         return None
     even = np.arange(view.t[0], view.t[-1], max(view.dt, length / _ROWS))
     x = np.interp(even, view.t, without_steps(view, view.record["position_m"]))
-    basis = _loop(x, float(even[1] - even[0]))
+    basis = _loop(x, np.interp(even, view.t, view.speed))
     inner = (even > even[0] + _LONGEST_S) & (even < even[-1] - _LONGEST_S)
 
     whole = view.record["force_N"]
@@ -70,11 +73,12 @@ def clock_offset(view: View) -> tuple[float, float] | None:
     return (offset, gain) if abs(offset) > max(_LEAST_S, _LEAST_SAMPLES * view.dt) and gain > _GAIN else None
 
 
-def _loop(x: Array, dt: float) -> Array:
-    """Plays of several widths over `x`, its speed and itself, shape (n, 13)."""
-    span = float(np.ptp(x))
+def _loop(x: Array, speed: Array) -> Array:
+    """Plays of several widths over `x`, what follows the `speed`, and `x` itself, shape (n, 18)."""
+    span, usual = float(np.ptp(x)), float(np.percentile(np.abs(speed), 90))
     loops = [x - _play(x, reach * span) for reach in _REACHES]
-    rows = np.column_stack([np.ones_like(x), x, np.gradient(x, dt), *loops])
+    signs = [np.tanh(speed / max(share * usual, 1e-300)) for share in _SOFT]
+    rows = np.column_stack([np.ones_like(x), x, speed, *signs, *loops])
     return np.asarray(rows / np.maximum(np.sqrt(np.mean(rows**2, axis=0)), 1e-300))
 
 

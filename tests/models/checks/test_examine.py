@@ -276,6 +276,17 @@ def test_a_coarse_encoder_is_no_late_force() -> None:
     assert "clock_offset" not in {finding.id for finding in examine(rig(), [record(in_steps(pull()))])}
 
 
+def test_friction_that_follows_the_speed_is_no_early_force() -> None:
+    t = np.arange(0, 24, 1 / RATE)
+    x = 5e-3 * (1 - np.cos(2 * np.pi * t / 8))
+    noise = np.random.default_rng(4).standard_normal((2, len(t)))
+    force = 0.05 * np.tanh(np.gradient(x, t) / 2e-4) + NOISE * noise[0]
+    columns = {"t_s": t, "position_m": x + 1e-6 * noise[1], "force_N": force}
+    assert "clock_offset" not in {finding.id for finding in examine(rig(), [record(columns)])}
+    columns["force_N"] = np.interp(t - 0.04, t, force)
+    assert "clock_offset" in {finding.id for finding in examine(rig(), [record(columns)])}
+
+
 def test_a_column_without_noise_may_rest() -> None:
     c = pull(noise=0.0)
     assert "sensor_silent" not in {finding.id for finding in examine(rig(), [record(c)])}
@@ -306,6 +317,14 @@ def test_places_that_count_from_elsewhere_jump_or_are_exchanged() -> None:
     made = led()
     exchanged = {**made.columns, "position_m": made["carriage_position_m"], "carriage_position_m": made["position_m"]}
     assert "exchanged" in of_magnet(Record("one", "magnetic", exchanged))["columns_exchanged"]
+
+
+def test_a_capsule_that_hangs_behind_its_magnet_at_the_start_is_run_in() -> None:
+    whole = led()
+    assert "starts_in_motion" not in of_magnet(whole)
+    resting = whole.rows(slice(int(np.searchsorted(whole["t_s"], 8.3)), None))
+    assert abs(resting["carriage_position_m"][40] - resting["carriage_position_m"][0]) < 1e-5
+    assert "under the load that an earlier motion left" in of_magnet(resting)["starts_in_motion"]
 
 
 def test_magnets_too_near_to_be_dipoles_are_told() -> None:

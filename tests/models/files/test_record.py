@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -66,6 +67,49 @@ def test_spellings_of_the_same_record(tmp_path: Path, content: str) -> None:
         np.testing.assert_array_equal(other[name], column)
 
 
+SPACED = ROWS.replace(",", "  ")
+
+
+@pytest.mark.parametrize(
+    ("content", "name"),
+    [
+        ("t_s   position_m  force_N\n" + SPACED, "r.txt"),
+        ("# t_s position_m force_N\n" + SPACED, "r.dat"),
+        ("# force_N by cell 3\n# a rig\n t_s position_m force_N \ns m N\n " + SPACED.replace("\n", " \n "), "r.txt"),
+        ("t_s position_m force_N\n" + SPACED.replace(".", ","), "r.txt"),
+    ],
+)
+def test_columns_apart_by_spaces(tmp_path: Path, content: str, name: str) -> None:
+    plain, other = read(tmp_path, HEADER + ROWS), read(tmp_path, content, name=name)
+    for column, values in plain.columns.items():
+        np.testing.assert_array_equal(other[column], values)
+
+
+@pytest.mark.parametrize(
+    "stamp",
+    [
+        lambda t: f"2026-03-01T23:59:{58 + t:06.3f}Z" if t < 2 else f"2026-03-02T00:00:{t - 2:06.3f}Z",
+        lambda t: f"2026-03-01 12:30:{t:06.3f}",
+        lambda t: f"23:59:{58 + t:06.3f}" if t < 2 else f"0:00:{t - 2:06.3f}",
+        lambda t: f"01/03/2026 11:59:{58 + t:06.3f} AM" if t < 2 else f"01/03/2026 12:00:{t - 2:06.3f} PM",
+        lambda t: f"{59:02d}:{58 + t:06.3f}" if t < 2 else f"{60:02d}:{t - 2:06.3f}",
+    ],
+)
+def test_stamps_as_dates_and_times_of_day(tmp_path: Path, stamp: Callable[[float], str]) -> None:
+    plain = read(tmp_path, HEADER + ROWS)
+    t = 0.02 * np.arange(len(plain))
+    rows = "".join(f"{stamp(at)},{x},{f}\n" for at, x, f in zip(t, plain["position_m"], plain["force_N"], strict=True))
+    np.testing.assert_allclose(np.diff(read(tmp_path, HEADER + rows)["t_s"]), 0.02, atol=1e-6)
+
+
+def test_a_stamp_that_is_none_is_refused_with_its_line(tmp_path: Path) -> None:
+    rows = "".join(f"12:30:{0.02 * k:06.3f},{k}e-6,0.05\n" for k in range(200)).replace("12:30:00.400", "yesterday")
+    with pytest.raises(ValueError, match="line 22: t_s must be a finite number; got 'yesterday'"):
+        read(tmp_path, HEADER + rows)
+    with pytest.raises(ValueError, match=r"line 2: position_m must be a finite number; got '12:30:00\.000'"):
+        read(tmp_path, "position_m,t_s,force_N\n" + rows.replace("yesterday", "12:30:00.400"))
+
+
 def test_gzip(tmp_path: Path) -> None:
     assert len(read(tmp_path, gzip.compress((HEADER + ROWS).encode()), name="r.csv.gz")) == 200
 
@@ -96,10 +140,10 @@ def test_further_columns_are_kept_where_they_hold_numbers(tmp_path: Path) -> Non
         ("period_s,valley_N,peak_N\n" + ROWS, "columns of kind periods"),
         (HEADER + ROWS.replace("1.50,", "1.20,"), "line 152: t_s must increase; got 1.2 after 1.49"),
         (HEADER + ROWS.replace("1.50,", "1.49,"), "line 152: t_s must increase"),
-        (HEADER + ROWS.replace("0.0015,", "nan,"), "line 17: position_m must be a finite number; got nan"),
+        (HEADER + ROWS.replace("0.0015,", "nan,"), "line 17: position_m must be a finite number; got 'nan'"),
         (HEADER + ROWS.replace("0.0015,", "abc,"), "line 17: position_m must be a finite number; got 'abc'"),
         (HEADER + ROWS.replace("0.0015,", ","), "line 17: position_m must be a finite number; got ''"),
-        (HEADER + ROWS.replace("0.0015,", "inf,"), "line 17: position_m must be a finite number; got inf"),
+        (HEADER + ROWS.replace("0.0015,", "inf,"), "line 17: position_m must be a finite number; got 'inf'"),
         (HEADER + ROWS.replace("0.0015,", ""), "line 17: row must have 3 values as the header has; got 2"),
         (
             HEADER + "".join(",".join(["1.0"] * 300) + "\n" for _ in range(3)),

@@ -29,6 +29,7 @@ from models.identification import close
 from models.identification.finding import STAGES
 from models.identification.kinds import kind_for, ready
 from models.identification.model import HELD_OUT
+from models.identification.search.refit import refit
 
 T = TypeVar("T")
 NICE: Final = 19
@@ -108,13 +109,13 @@ def answer_at_once(question: Question) -> Future[Answer]:
 
 
 def _answer(question: Question) -> Answer:
-    rig, cut, columns = question.rig, question.held_from, _without_left_over(question)
+    rig, cut, (held_values, columns) = question.rig, question.held_from, _as_it_held(question)
     train = [_part("since", rig, columns, question.broken_from, cut)]
     held = [_part("held out", rig, columns, cut, None)]
     kind, records = kind_for(rig, []), [ready(record, rig) for record in held]
-    in_use = {p.name: question.values.get(p.name, p.value) for p in kind.base if p.fit}
+    base = {p.name: held_values.get(p.name, p.value) for p in kind.base if p.fit}
     holds = question.base_holds
-    known = {name: (value, KNOWN * abs(value)) for name, value in in_use.items() if holds and value}
+    known = {name: (value, KNOWN * abs(value)) for name, value in base.items() if holds and value}
     finding, model = close(rig, train, held, lambda _what, _share: None, known=known)
     effects = tuple(effect.id for effect in finding.effects)
     used = {**kind.nominal(), **{k: v for k, v in question.values.items() if k != HELD_OUT}}
@@ -134,24 +135,25 @@ def _answer(question: Question) -> Answer:
     return Answer(model.believed(stage), effects, finding.verdict, said, seconds=finding.seconds)
 
 
-def _without_left_over(question: Question) -> Mapping[str, Array]:
-    """The columns of `question`, less what the model in use left of the measured one while it held, place by place
-    (`LeftOver`); as they are for a rig whose prediction drifts, and after a short time before the break.
+def _as_it_held(question: Question) -> tuple[dict[str, float], Mapping[str, Array]]:
+    """What the model in use would have been had it been fitted to what was measured while it held, and the columns of
+    `question` less what that leaves of the measured one, place by place (`LeftOver`). The model in use and the columns
+    as they are for a rig whose prediction drifts, and after a short time before the break.
     """
     rig, columns, end = question.rig, question.columns, question.broken_from
-    times = columns[TIME]
+    times, values = columns[TIME], {k: v for k, v in question.values.items() if k != HELD_OUT}
     begin = int(np.searchsorted(times, times[0] + LEAD_S))
     if rig.kind != "magnetic" or times[end] - times[0] < LEAD_S + HELD_S:
-        return columns
+        return values, columns
     driven, measured = SOURCES[rig.kind].driven.column, SOURCES[rig.kind].measured.column
     before = ready(_part("before", rig, columns, begin, end), rig)
     whole = ready(_part("whole", rig, columns, begin, None), rig)
     kind = kind_for(rig, [before])
-    used = {**kind.nominal(), **{k: v for k, v in question.values.items() if k != HELD_OUT}}
-    left = LeftOver.of(kind, before, used, driven)
+    held = refit(kind, [before], [], {**kind.nominal(), **values})
+    left = LeftOver.of(kind, before, held, driven)
     predicted = np.zeros(times.size)
-    predicted[times.size - len(whole) :] = kind.predict(whole, used)
-    return {**columns, measured: columns[measured] - left.at(predicted, columns[driven])}
+    predicted[times.size - len(whole) :] = kind.predict(whole, held)
+    return held, {**columns, measured: columns[measured] - left.at(predicted, columns[driven])}
 
 
 def _part(name: str, rig: Rig, columns: Mapping[str, Array], begin: int, end: int | None) -> Record:

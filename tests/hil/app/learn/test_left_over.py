@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.app.learn.identify import Question, _without_left_over
+from hil.app.learn.identify import Question, _as_it_held
 from hil.app.learn.left_over import LeftOver
 from models.files.columns import TIME
 from models.files.record import Record
@@ -54,7 +54,7 @@ def test_what_broke_the_model_stays(run: tuple[Record, np.ndarray, np.ndarray]) 
     shift = np.where(np.arange(len(record)) >= broken, 0.5e-3, 0.0)
     columns = {**record.columns, "position_m": record["position_m"] + shift}
     question = Question(believed("magnetic"), columns, 3 * broken // 2, {}, broken_from=broken)
-    corrected = _without_left_over(question)["position_m"] - record["position_m"] + left
+    corrected = _as_it_held(question)[1]["position_m"] - record["position_m"] + left
     assert np.median(corrected[broken:]) == pytest.approx(0.5e-3, abs=0.05e-3)
     assert np.std(corrected[broken + 200 :]) < 0.3 * UNEVEN_M
 
@@ -62,4 +62,4 @@ def test_what_broke_the_model_stays(run: tuple[Record, np.ndarray, np.ndarray]) 
 def test_too_short_a_time_before_the_break_changes_nothing(run: tuple[Record, np.ndarray, np.ndarray]) -> None:
     record, _, _ = run
     question = Question(believed("magnetic"), record.columns, 3000, {}, broken_from=500)
-    assert _without_left_over(question) is record.columns
+    assert _as_it_held(question) == ({}, record.columns)

@@ -8,7 +8,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from models.files.clock_text import ClockText
+from models.files.clock_text import clock_s
 from models.files.units import unit
 
 LONGEST_TOP: Final = 100
@@ -126,7 +126,7 @@ def _is_header(lines: Sequence[str], row: int, separator: str, columns: int) -> 
 
 
 def _is_number(cell: str, separator: str) -> bool:
-    return not math.isnan(ClockText()(cell if separator == "," else cell.replace(",", "."))) or not cell
+    return not math.isnan(clock_s(cell if separator == "," else cell.replace(",", "."))) or not cell
 
 
 def _units(line: str, separator: str, columns: int) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 import csv
 import gzip
 import io
+import math
 import zlib
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -18,7 +19,7 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from models.files.clock_text import ClockText
+from models.files.clock_text import clock_s, over_midnight
 from models.files.csv_header import LONGEST_TOP, SPACES, EmptyError, find_header, split, to_number
 from models.files.source import check_encoding, opened
 
@@ -50,7 +51,7 @@ def read_blocks(
 
     Separators are comma, semicolon, tab or spaces (then a decimal comma is accepted); a byte-order mark and gzip are
     recognised, and lines about the file before the header, which is one that has one of `names`, and a row of units
-    below it. Columns among `clocks` may hold dates and times of day (`ClockText`). Cells of other columns that are not
+    below it. Columns among `clocks` may hold dates and times of day (`clock_s`). Cells of other columns that are not
     numbers come out as NaN.
     """
     with _opened(path) as file:
@@ -175,6 +176,7 @@ class _Parser:
         self.loose: dict[int | str, Callable[[str], float]] = {
             i: to_number for i, name in enumerate(self.header) if not name
         }
+        self._clock = math.nan
 
     def parse(self, block: list[tuple[int, str]]) -> Block:
         numbers = np.array([number for number, _ in block], dtype=np.int64)
@@ -201,6 +203,9 @@ class _Parser:
                 " quote"
             )
         self._refuse_not_finite(values, numbers, lines)
+        for column in (int(column) for column, read in self.loose.items() if read is clock_s):
+            values[:, column] = over_midnight(values[:, column], self._clock)
+            self._clock = float(values[-1, column])
         return Block(values, numbers)
 
     def _load(self, lines: list[str]) -> NDArray[np.float64]:
@@ -224,8 +229,8 @@ class _Parser:
                 if column in self.loose or not np.isnan(to_number(cell)):
                     continue
                 name = self.header[column]
-                if name in self.clocks and not np.isnan(ClockText()(cell)):
-                    self.loose[column] = ClockText()
+                if name in self.clocks and not np.isnan(clock_s(cell)):
+                    self.loose[column] = clock_s
                     continue
                 if name in self.needed:
                     raise ValueError(

@@ -25,6 +25,11 @@ class Second:
     """A second that is over, SI: by how much the forecast of the position was off (`miss_m`) and how uncertain begin
     and end were (`std_m`), the mean of the estimator's standardised innovations and their number, how far the capsule
     `moved_m`, and the mean force along +x that the model's own parameters lacked.
+
+    `ahead` is by how many standard deviations the capsule changed its speed earlier than foretold, negative where it
+    was late: the score of a shift in time, `sum(i w) / sqrt(sum(w^2))` of the innovations `i`, as shares of their rms
+    so far, with `w` the foretold speed less its low-pass over `STEADY_S`. `telling` is what `ahead` would be for a
+    shift of `SHIFT_S`: nothing where the speed is steady.
     """
 
     miss_m: float
@@ -33,13 +38,14 @@ class Second:
     readings: int
     moved_m: float
     lacking_N: float
-    ahead: float = 0.0
-    telling: float = 0.0
+    ahead: float
+    telling: float
 
 
 class Forecast:
     """Runs the model, with the friction level and force that the estimator has come to believe, for `span_s` from an
-    estimate on, under the commands in force: so far ahead no filter corrects it.
+    estimate on, under the commands in force: so far ahead no filter corrects it. `noise_m` is the standard deviation of
+    a localisation as the estimator believes it.
 
     A second in which the estimate was lost, as it is without positions and after a new start, is no second: sensors are
     not judged here. One state a tick; nothing is allocated but numbers.

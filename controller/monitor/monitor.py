@@ -74,7 +74,7 @@ class Monitor:
         """A model begins to lead at `now`, after so many `alarms`: nothing speaks against it yet."""
         self.health = Health("holds", now, "", alarms)
         self._forecast.drop()
-        self._fast = (Sum(), Sum(), Sum(), Sum())
+        self._off, self._shifted = (Sum(), Sum()), (Sum(), Sum())
         self._slow = (Sum(), Sum(), Sum(), Sum())
         self._before, self._seen = [0.0, 0.0], [0, 0]
         self._recent = [0.0] * int(ABOUT_S)
@@ -95,13 +95,13 @@ class Monitor:
         if not abs(second.moved_m) >= e.least_m:
             return
         sizes = (second.miss_m / math.hypot(second.std_m, e.miss_m), second.innovation / e.innovation)
-        off, late, early = self._fast[:2], self._fast[2], self._fast[3]
-        for one, size in zip(off, sizes, strict=True):
+        for one, size in zip(self._off, sizes, strict=True):
             one.add(wider(size), began)
+        least, most = TELLING
         ahead, telling = second.ahead / e.ahead, second.telling / e.ahead
-        if telling >= TELLING[0]:
-            late.add(shifted(-ahead, min(telling, TELLING[1])), began)
-            early.add(shifted(ahead, min(telling, TELLING[1])), began)
+        if telling >= least:
+            for one, size in zip(self._shifted, (-ahead, ahead), strict=True):
+                one.add(shifted(size, min(telling, most)), began)
         self._recent = [*self._recent[1:], max(abs(size) for size in sizes)]
         way = int(second.moved_m < 0)
         lacking = second.lacking_N / self._friction_N
@@ -118,13 +118,13 @@ class Monitor:
     def _say(self, now: float) -> None:
         """The state that the sums come to."""
         limits = self._expected
-        fast = [s.value / limits.alarm for s in self._fast]
+        sums = (*self._off, *self._shifted, *self._slow)
+        fast = [s.value / limits.alarm for s in (*self._off, *self._shifted)]
         slow = [s.value / limits.drift for s in self._slow]
         evidence = max(*fast, *slow)
         before = self.health
         if evidence >= 1:
-            sums, shares = (*self._fast, *self._slow), (*fast, *slow)
-            first = sums[shares.index(evidence)]
+            first = sums[[*fast, *slow].index(evidence)]
             since, slowly = first.since_s, any(first is one for one in self._slow) and first.surprise < SURPRISE
             self.health = Health("broken", since, "slow" if slowly else "sudden", before.alarms + 1, evidence)
             return

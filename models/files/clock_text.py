@@ -38,10 +38,9 @@ def over_midnight(times: NDArray[np.float64], before: float) -> NDArray[np.float
     """Times of day (n,) that go on over the next midnight, after one that came `before` (NaN: none did); dated ones as
     they are.
     """
-    of_day = times < DAY_S
-    if not of_day.all():
+    if (times >= DAY_S).any():
         return times
-    start = before if before == before else times[0]
+    start = times[0] if math.isnan(before) else before
     steps = np.diff(times, prepend=start % DAY_S)
     return np.asarray(times + DAY_S * (start // DAY_S + np.cumsum(steps < -0.5 * DAY_S)))
 

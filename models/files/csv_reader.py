@@ -233,15 +233,14 @@ class _Parser:
                     self.loose[column] = clock_s
                     continue
                 if name in self.needed:
-                    raise ValueError(
-                        f"{self.where}, line {number}: {name} must be a finite number; got {cell.strip()[:40]!r}"
-                    )
+                    raise self._not_finite(int(number), name, cell)
                 self.loose[column] = to_number
 
     def _refuse_not_finite(self, values: NDArray[np.float64], numbers: NDArray[np.int64], lines: list[str]) -> None:
         for column, name in enumerate(self.header):
             if name in self.needed and not np.isfinite(values[:, column]).all():
                 row = int(np.argmin(np.isfinite(values[:, column])))
-                where = f"{self.where}, line {numbers[row]}"
-                got = _split(where, lines[row], self.separator)[column].strip()[:40]
-                raise ValueError(f"{where}: {name} must be a finite number; got {got!r}")
+                raise self._not_finite(int(numbers[row]), name, split(lines[row], self.separator)[column])
+
+    def _not_finite(self, number: int, name: str, cell: str) -> ValueError:
+        return ValueError(f"{self.where}, line {number}: {name} must be a finite number; got {cell.strip()[:40]!r}")

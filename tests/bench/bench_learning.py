@@ -100,20 +100,20 @@ def row_of(kind: str, effects: str, seed: int, options: argparse.Namespace) -> R
     conditions = {"onset_s": onset_s, "noise_m": options.noise, "speed_mm_s": options.speed}
     end = scenario.loop.duration_s
     row: Row = {"kind": kind, "effects": effects, "seed": seed, **conditions, "seconds": end}
-    changed = True
-    for name, learns in (("with", True), ("without", False)):
-        if not learns and not changed:
-            row[name] = row["with"]
-            continue
+
+    def scored(learns: bool) -> tuple[SilTrace, Row]:
         trace, found = led(scenario, controller, seed, learns)
-        changed = bool(trace.offers or trace.experiments_at)
-        row[name] = {
+        return trace, {
             "before_mm": rms_mm(trace, scenario, onset_s - BEFORE_S, onset_s),
             "after_mm": rms_mm(trace, scenario, end - LAST_S, end),
             "violations": found.hard_violations,
             "stopped": trace.stopped_because,
             "lessons": [lesson.document() for lesson in trace.lessons],
         }
+
+    trace, row["with"] = scored(True)
+    changed = trace.offers or trace.experiments_at
+    row["without"] = scored(False)[1] if changed else row["with"]
     row["ratio"] = row["with"]["after_mm"] / row["without"]["after_mm"]
     row["wall_s"] = round(time.monotonic() - began, 1)
     return row

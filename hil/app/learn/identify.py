@@ -59,6 +59,11 @@ class Question:
     base_holds: bool = True
     broken_from: int = 0
 
+    @property
+    def in_use(self) -> dict[str, float]:
+        """The parameters of the model in use, SI."""
+        return {name: value for name, value in self.values.items() if name != HELD_OUT}
+
 
 @dataclass(frozen=True)
 class Answer:
@@ -109,16 +114,15 @@ def answer_at_once(question: Question) -> Future[Answer]:
 
 
 def _answer(question: Question) -> Answer:
-    rig, cut, (held_values, columns) = question.rig, question.held_from, _as_it_held(question)
+    rig, cut, (before, columns) = question.rig, question.held_from, _as_it_held(question)
     train = [_part("since", rig, columns, question.broken_from, cut)]
     held = [_part("held out", rig, columns, cut, None)]
     kind, records = kind_for(rig, []), [ready(record, rig) for record in held]
-    base = {p.name: held_values.get(p.name, p.value) for p in kind.base if p.fit}
-    holds = question.base_holds
-    known = {name: (value, KNOWN * abs(value)) for name, value in base.items() if holds and value}
+    base = {p.name: before.get(p.name, p.value) for p in kind.base if p.fit and question.base_holds}
+    known = {name: (value, KNOWN * abs(value)) for name, value in base.items() if value}
     finding, model = close(rig, train, held, lambda _what, _share: None, known=known)
     effects = tuple(effect.id for effect in finding.effects)
-    used = {**kind.nominal(), **{k: v for k, v in question.values.items() if k != HELD_OUT}}
+    used = {**kind.nominal(), **question.in_use}
     error = kind.error(records, [kind.predict(r, used) for r in records])
     report = {"error": finding.error}
     stage = STAGES[2] if effects else STAGES[1]
@@ -141,15 +145,15 @@ def _as_it_held(question: Question) -> tuple[dict[str, float], Mapping[str, Arra
     as they are for a rig whose prediction drifts, and after a short time before the break.
     """
     rig, columns, end = question.rig, question.columns, question.broken_from
-    times, values = columns[TIME], {k: v for k, v in question.values.items() if k != HELD_OUT}
+    times = columns[TIME]
     begin = int(np.searchsorted(times, times[0] + LEAD_S))
     if rig.kind != "magnetic" or times[end] - times[0] < LEAD_S + HELD_S:
-        return values, columns
+        return question.in_use, columns
     driven, measured = SOURCES[rig.kind].driven.column, SOURCES[rig.kind].measured.column
     before = ready(_part("before", rig, columns, begin, end), rig)
     whole = ready(_part("whole", rig, columns, begin, None), rig)
     kind = kind_for(rig, [before])
-    held = refit(kind, [before], [], {**kind.nominal(), **values})
+    held = refit(kind, [before], [], {**kind.nominal(), **question.in_use})
     left = LeftOver.of(kind, before, held, driven)
     predicted = np.zeros(times.size)
     predicted[times.size - len(whole) :] = kind.predict(whole, held)

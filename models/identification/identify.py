@@ -28,7 +28,7 @@ from models.identification.record_checks import check_parts, check_records
 from models.identification.residual.dependence import dependence_of
 from models.identification.residual_tests import chance_error, residual_checks
 from models.identification.search.forward_selection import CLEAN, Search, search
-from models.identification.verdict import at_bounds, model_checks, setback_findings, setbacks, verdict_of
+from models.identification.verdict import at_bounds, by_chance, model_checks, setback_findings, setbacks, verdict_of
 
 _DRAWS = 5
 _AS_LIKELY_AS_NOT = 0.5  # that an effect which explains but a part is there: what is unknown may look like it
@@ -79,7 +79,9 @@ def close(
     floor = kind.noise_floor(holdout or train)
     worse = setbacks(errors["holdout"], floor)
     said = {stage: words for stage, words in worse.items() if found.effects or stage != "augmented"}
-    findings = (*setback_findings(said, holdout, at_bounds(kind, found.augmented, found.model)), *findings)
+    last = "augmented" if found.effects else "calibrated"
+    weakened = None if by_chance(errors["holdout"].get(last, np.nan), chance) else last
+    findings = (*setback_findings(said, holdout, at_bounds(kind, found.augmented, found.model), weakened), *findings)
     allowed = next((check.limit for check in residuals if check.id == "residual_size"), 0.0)
     checks = (*residuals, *model_checks(kind, found, spread, errors["holdout"], findings, allowed, chance))
     verdict = verdict_of(found.effects, checks)

@@ -131,15 +131,24 @@ def setbacks(error: Mapping[str, float], floor: float) -> dict[str, str]:
     return said
 
 
+def by_chance(error: float, chance: float) -> bool:
+    """Whether noise and uncertain parameters alone give such a held-out `error`: one slip missed makes a free run err
+    by more than a parameter that is a percent off, also where the fit is right.
+    """
+    return bool(error <= _BEYOND_CHANCE * chance)
+
+
 def setback_findings(
-    said: Mapping[str, str], holdout: Sequence[Record], bounds: Sequence[str]
+    said: Mapping[str, str], holdout: Sequence[Record], bounds: Sequence[str], weakened: str | None
 ) -> tuple[RecordFinding, ...]:
-    """`setbacks` as findings that head a report; `bounds` are the parameters that ran to theirs."""
+    """`setbacks` as findings that head a report; `bounds` are the parameters that ran to theirs. Only that of the stage
+    `weakened` weakens the verdict: the last one's, where it errs beyond chance.
+    """
     at = f" (at their bounds: {', '.join(bounds)})" if bounds else ""
     return tuple(
         RecordFinding(
             WORSE,
-            "weakens",
+            "weakens" if stage == weakened else "note",
             ", ".join(record.name for record in holdout),
             f"stage [{stage}] of model.toml",
             f"{sentence[:1].upper()}{sentence[1:]}{at}",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from models.checks.finding import RecordFinding
-from models.checks.view import Array, View
+from models.checks.view import View
 
 _SETTLED_M = 6e-3  # m, a way after which a dragged wall and a magnet's gap are what they are in motion
 _WALL_SETTLED_M = 2e-3  # m, the same for the wall alone, where a rig holds the capsule
@@ -38,23 +38,17 @@ def _starts_in_motion(view: View) -> bool:
 
 
 def _starts_loaded(view: View) -> bool:
-    """Whether the magnet's gap or the force of a pull is at the start much of what it is in motion; seen from the
-    middle between both ways, where there are two, so that a zero that is elsewhere is no load.
+    """Whether the magnet's gap is at the start much of what it is in motion; seen from the middle between both ways,
+    where there are two, so that a zero that is elsewhere is no load. The force of a pull tells none: the resistance
+    that it has in motion holds at rest, too.
     """
-    load = _load(view)
-    if load is None:
+    if view.kind != "magnetic" or not {"carriage_position_m", "position_m"} <= set(view.record.columns):
         return False
+    load = view.record["carriage_position_m"] - view.record["position_m"]
     low, high = np.percentile(load[view.moves], [10, 90])
     forth = float(np.mean(view.speed[view.moves] > 0))
     middle, most = (0.5 * (low + high), 0.5 * (high - low)) if 0.2 < forth < 0.8 else (0.0, max(abs(low), abs(high)))
     return bool(abs(float(np.mean(load[_first(view, _AT_ONCE_S)])) - middle) > _LOADED * most > 0)
-
-
-def _load(view: View) -> Array | None:
-    columns = view.record.columns
-    if view.kind == "magnetic" and {"carriage_position_m", "position_m"} <= set(columns):
-        return np.asarray(columns["carriage_position_m"] - columns["position_m"])
-    return columns.get("force_N") if view.kind == "pull" else None
 
 
 def check_start(view: View) -> list[RecordFinding]:
@@ -74,7 +68,7 @@ def check_start(view: View) -> list[RecordFinding]:
             f"{view.moving_column}, {view.at([0])}",
             f"the record starts {begins}; predictions start at rest and free, so its first"
             f" {rows * view.dt:.3g} s count in no fit and no error",
-            "speed over the first tenth of a second" if moving else "what drives the capsule at once, beside in motion",
+            "speed over the first tenth of a second" if moving else "gap of the magnet at once, beside in motion",
             "record from half a second before the motion starts, with the capsule free",
         )
     ]

@@ -327,6 +327,12 @@ def test_a_capsule_that_hangs_behind_its_magnet_at_the_start_is_run_in() -> None
     assert "under the load that an earlier motion left" in of_magnet(resting)["starts_in_motion"]
 
 
+def test_the_resistance_that_a_pull_has_at_rest_is_no_load_of_an_earlier_motion() -> None:
+    c = pull()
+    c["force_N"] = np.where(c["t_s"] < 1.0, 0.8 * np.abs(c["force_N"]).max(), c["force_N"])
+    assert "starts_in_motion" not in {finding.id for finding in examine(rig(), [record(c)])}
+
+
 def test_magnets_too_near_to_be_dipoles_are_told() -> None:
     t = np.arange(0, 10, 1 / RATE)
     carriage = 0.02 * np.sin(t)

@@ -15,6 +15,7 @@ from models.checks.finding import RecordFinding
 from models.checks.information.excitation import cannot_show, inseparable
 from models.effects import BY_ID
 from models.effects.equation import symbols_of
+from models.files.columns import TIME
 from models.files.record import Record
 from models.files.rig import Rig
 from models.identification.confidence_map import confidence_map
@@ -83,7 +84,8 @@ def close(
     weakened = None if by_chance(errors["holdout"].get(last, np.nan), chance) else last
     findings = (*setback_findings(said, holdout, at_bounds(kind, found.augmented, found.model), weakened), *findings)
     allowed = next((check.limit for check in residuals if check.id == "residual_size"), 0.0)
-    checks = (*residuals, *model_checks(kind, found, spread, errors["holdout"], findings, allowed, chance))
+    longest_s = max(_seconds(record) for record in train)
+    checks = (*residuals, *model_checks(kind, found, spread, errors["holdout"], findings, allowed, chance, longest_s))
     verdict = verdict_of(found.effects, checks)
     dependence = dependence_of(kind, train, thetas["augmented"], seed) if verdict == "unknown" else None
     progress("the next experiment", 0.97)
@@ -144,6 +146,11 @@ def narrowed(kind: AnyKind, rig: Rig, records: Sequence[Record]) -> tuple[AnyKin
     if isinstance(kind, SeriesKind):
         kind = replace(kind, equivalents=inseparable(rig, records, kind.effects))
     return kind, hidden
+
+
+def _seconds(record: Record) -> float:
+    """How long it lasts; not limited for a table, whose rows have no time."""
+    return float(np.ptp(record[TIME])) if record.layout.time else np.inf
 
 
 def _reasons(verdict: str, checks: Sequence[Check], findings: Sequence[RecordFinding]) -> tuple[str, ...]:

@@ -19,6 +19,7 @@ from models.identification.search.forward_selection import CLEAN, Search
 from models.identification.search.validation import NEAR_NOISE
 
 _LEVEL = 0.995  # of chi-square: up to which a mean square of residuals is chance
+_SEEN_AGAIN = 2.0  # times that a period must be seen in a record
 _BEYOND_CHANCE = 2.0  # times what imitations leave of held-out records, up to which nothing is missing
 
 
@@ -37,6 +38,7 @@ def model_checks(
     findings: Sequence[RecordFinding],
     allowed: float = 0.0,
     chance: float = np.nan,
+    longest_s: float = np.inf,
 ) -> tuple[Check, ...]:
     """What beside the residual's size and whiteness a verdict rests on: validation, parameters, held-out records, the
     records themselves.
@@ -44,7 +46,8 @@ def model_checks(
     `chance` is the held-out error that imitated records give (not a number: none held out). `allowed` is the mean
     square that the told uncertainty of the parameters allows of a fit's own residuals. Fitted to
     a share q of the records, parameters are uncertain by 1/sqrt(q) as much, so records left out may exceed 1 by 1/q
-    times as much. The mean square of few residuals scatters as chi-square has it, which is allowed, too.
+    times as much. The mean square of few residuals scatters as chi-square has it, which is allowed, too. `longest_s` is
+    how long the longest record lasts.
     """
     limit = CLEAN * (max(found.null_cost, found.sensitivity) if found.effects else min(found.null_cost, NEAR_NOISE))
     if found.effects:
@@ -75,6 +78,17 @@ def model_checks(
                 "its 95 % interval is as wide as itself",
             )
         )
+        periods = [1 / found.augmented.theta[name] for name in _frequencies(found.effects)]
+        if periods:
+            checks.append(
+                _check(
+                    "periods",
+                    "period of an effect over the longest record",
+                    max(periods) / longest_s,
+                    1 / _SEEN_AGAIN,
+                    "what does not come back within a record may be any slow change",
+                )
+            )
         if held_out:
             before = max(min(held_out["calibrated"], held_out["nominal"]), 1e-300)
             checks.append(
@@ -174,6 +188,11 @@ def at_bounds(kind: Kind, fit: Fit, effects: Sequence[str]) -> list[str]:
             if bound != 0 or axis.name in sizes
         )
     ]
+
+
+def _frequencies(effects: Sequence[str]) -> list[str]:
+    names = [f"{effect}.{parameter.name}" for effect in effects for parameter in BY_ID[effect].parameters()]
+    return [name for name in names if name.endswith(".frequency_Hz")]
 
 
 def _check(name: str, title: str, value: float, limit: float, meaning: str) -> Check:

@@ -11,13 +11,15 @@ import numpy as np
 from models.effects.effect import Effect, Signals, Values
 from models.parameter import Parameter
 
+_SMALLEST = 1e-4  # sharpness, below which the share differs from its limit by less than that
+
 
 @dataclass(frozen=True)
 class CarriageBacklash(Effect):
     """Backlash as a Duhem operator: of a change `dc` of the command the carriage follows `dc (e^(k q^n) - 1)/(e^k -
     1)`, `q` from 0 to 1 how far it is through the play `b` in the direction of `dc`. A large `k` is the loose nut,
     which does not move before `q = 1`; a small one an elastic seat that gives way gradually, from its begin on (`n =
-    1`) or late.
+    1`) or late: at `k = 0` it is `dc q^n`.
     """
 
     id = "carriage_backlash"
@@ -33,14 +35,14 @@ class CarriageBacklash(Effect):
     separated_by = "reversals at several amplitudes"
 
     play_m: Parameter = Parameter("play_m", 0.0, "m", 0.0, 0.008, "tracing catalogue 18", fit=True)
-    sharpness: Parameter = Parameter("sharpness", 10.0, "1", 0.5, 60.0, "from an elastic seat to a loose nut", fit=True)
+    sharpness: Parameter = Parameter("sharpness", 10.0, "1", 0.0, 60.0, "from an elastic seat to a loose nut", fit=True)
     order: Parameter = Parameter("order", 1.0, "1", 1.0, 4.0, "a seat that stiffens", fit=True, spread=1.0)
 
     def command(self, s: Signals, p: Values, z: Values) -> Any:
         return z["position_m"]
 
     def advance(self, s: Signals, p: Values, z: Values, h: Any) -> dict[str, Any]:
-        half, change, k = p["play_m"] / 2, s.rate * h, p["sharpness"]
+        half, change, k = p["play_m"] / 2, s.rate * h, np.maximum(p["sharpness"], _SMALLEST)
         ahead = (s.command - 0.5 * change - z["position_m"]) * np.sign(change)
         through = np.clip(0.5 + 0.5 * ahead / np.maximum(half, 1e-9), 0.0, 1.0)
         share = (np.exp(k * through ** p["order"]) - 1) / (np.exp(k) - 1)

@@ -7,6 +7,7 @@ import pytest
 
 from models.checks.finding import RecordFinding
 from models.effects.effect import Effect
+from models.effects.force.respiration import Respiration
 from models.effects.force.stress_relaxation import StressRelaxation
 from models.effects.friction.fold_periodic import FoldPeriodic
 from models.effects.friction.stribeck import Stribeck
@@ -128,6 +129,15 @@ def test_a_stage_that_errs_more_on_held_out_records_than_one_before_it_is_told()
     assert setback_findings(said_worse, [], [], "augmented")[0].severity == "note"  # the effects are missing in it
     worse = {"nominal": 0.3, "calibrated": 0.46, "augmented": 0.4}
     assert said(1.0, effect=Stribeck, held_out=worse) == ("unknown", {"held_out"})
+
+
+def test_a_period_that_no_record_shows_twice_is_not_named() -> None:
+    pull = SeriesKind.from_rig(Rig("pull", noise=Noise(force_std_N=1e-3)), [])
+    theta = {**pull.nominal(), **Respiration.start(), "respiration.force_N": 0.01, "respiration.frequency_Hz": 0.1}
+    found = Search(fit(theta), fit(theta), effects=["respiration"], after=1.0)
+    size = {"respiration.force_N": Estimate(0.01, (0.009, 0.011))}
+    assert failed(*model_checks(pull, found, size, HELD, (), longest_s=12.0)) == {"periods"}
+    assert not failed(*model_checks(pull, found, size, HELD, (), longest_s=25.0))
 
 
 def test_held_out_records_far_beyond_chance_never_end_in_none() -> None:

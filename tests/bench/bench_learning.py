@@ -1,12 +1,12 @@
 """Learning while it runs: effects that begin at a time nobody declared, with and without `--learn`, over the bus.
 
 `python -m tests.bench.bench_learning --out FILE.jsonl [--kinds magnetic coil] [--effects none fold_periodic ...]
-[--seeds 1] [--noise 0.0002] [--speed 4] [--onset 30]` leads each rig to and fro over 18 mm through a gut that differs
-from the nominal one in stiffness, friction and, by a few percent, from place to place. The effects are the plant's own
-forms, `A+B` one after the other (B begins 180 s after A, and the run is as much longer). Each row is the same run
-twice, and a line of FILE; finished ones are not repeated. `--table` prints what FILE holds. The pace is that of
-`hil/scenarios/demo_learning.toml`; at a tenth of its speed or with much more noise there is less to tell effects by,
-and the learner should gather longer.
+[--seeds 1] [--size 1] [--noise 0.0002] [--speed 4] [--onset 30]` leads each rig to and fro over 18 mm through a gut that
+differs from the nominal one in stiffness, friction and, by a few percent, from place to place. The effects are the
+plant's own forms, with the middle of their ranges times `--size`; `A+B` one after the other (B begins 180 s after A,
+and the run is as much longer). Each row is the same run twice, and a line of FILE; finished ones are not repeated.
+`--table` prints what FILE holds. The pace is that of `hil/scenarios/demo_learning.toml`; at a tenth of its speed or with
+much more noise there is less to tell effects by, and the learner should gather longer.
 
 With `--given` nothing is learned: each run is driven once as it is believed and once by a model that has the gut's own
 base and the effect's numbers from its beginning, which bounds what learning can reach.
@@ -59,6 +59,16 @@ GIVEN: Final[dict[str, dict[str, float]]] = {
 Row = dict[str, Any]
 
 
+def conditions_of(options: argparse.Namespace) -> dict[str, float]:
+    """What beside rig, effects and seed makes a row."""
+    return {
+        "size": options.size,
+        "onset_s": options.onset,
+        "noise_m": options.noise,
+        "speed_mm_s": options.speed,
+    }
+
+
 def scenario_of(kind: str, effects: str, seed: int, options: argparse.Namespace) -> SilScenario:
     """The rig with the effects, led to and fro until `AFTER_S` after the last onset."""
     plain = load_track_scenario(FOLDER / f"track_{RIGS[kind][0]}.toml")
@@ -67,7 +77,7 @@ def scenario_of(kind: str, effects: str, seed: int, options: argparse.Namespace)
     places = tuple(FAR_MM * (k % 2 == 0) for k in range(int((seconds - 1) / (FAR_MM / options.speed + DWELL_S))))
     hidden: dict[str, dict[str, float]] = {}
     for k, effect in enumerate(named):
-        hidden |= numbers(effect, 1.0, options.onset + AFTER_S * k)
+        hidden |= numbers(effect, options.size, options.onset + AFTER_S * k)
     loop = replace(
         plain,
         duration_s=seconds,
@@ -97,9 +107,8 @@ def row_of(kind: str, effects: str, seed: int, options: argparse.Namespace) -> R
     """The same run without and with learning."""
     scenario, began = scenario_of(kind, effects, seed, options), time.monotonic()
     controller, onset_s = RIGS[kind][1], options.onset
-    conditions = {"onset_s": onset_s, "noise_m": options.noise, "speed_mm_s": options.speed}
     end = scenario.loop.duration_s
-    row: Row = {"kind": kind, "effects": effects, "seed": seed, **conditions, "seconds": end}
+    row: Row = {"kind": kind, "effects": effects, "seed": seed, **conditions_of(options), "seconds": end}
 
     def scored(learns: bool) -> tuple[SilTrace, Row]:
         trace, found = led(scenario, controller, seed, learns)
@@ -137,7 +146,7 @@ def given(kind: str, effects: str, seed: int, options: argparse.Namespace) -> st
 
 def told(row: Row) -> str:
     """A row in words."""
-    head = f"{row['kind']:9s} {row['effects']:30s} {row['seed']:4d}"
+    head = f"{row['kind']:9s} {row['effects']:30s} {row['size']:4g} {row['seed']:4d}"
     plain, learned = row["without"], row["with"]
     errors = f"{plain['before_mm']:8.3f} {plain['after_mm']:8.3f} {learned['after_mm']:8.3f} {row['ratio']:6.2f}"
     lines = [
@@ -155,7 +164,8 @@ def told(row: Row) -> str:
 def table(rows: Sequence[Row]) -> int:
     """Print the rows; 1 where a limit was broken or a model was taken where nothing is hidden."""
     print(
-        f"{'rig':9s} {'effects':30s} {'seed':>4s} {'before':>8s} {'without':>8s} {'with':>8s} ratio  hard   wall  mm, s"
+        f"{'rig':9s} {'effects':30s} {'size':>4s} {'seed':>4s} {'before':>8s} {'without':>8s} {'with':>8s} ratio  hard"
+        "   wall  mm, s"
     )
     for row in rows:
         print(told(row))
@@ -179,19 +189,22 @@ def main() -> int:
     parser.add_argument("--kinds", nargs="*", default=["magnetic", "coil"], choices=["magnetic", "coil"])
     parser.add_argument("--effects", nargs="*", default=list(EFFECTS))
     parser.add_argument("--seeds", nargs="*", type=int, default=[1])
+    parser.add_argument("--size", type=float, default=1.0, help="of the effects, times the middle of their ranges")
     parser.add_argument("--onset", type=float, default=30.0)
     parser.add_argument("--noise", type=float, default=2e-4, help="std of the localisation in m")
     parser.add_argument("--speed", type=float, default=4.0, help="of the reference in mm/s")
     parser.add_argument("--table", action="store_true", help="run nothing")
     options = parser.parse_args()
     if options.given:
+        if options.size != 1:
+            parser.error("--given knows the effects' numbers at --size 1 only")
         for kind, effects in [(k, e) for k in options.kinds for e in options.effects if e in GIVEN]:
             print(given(kind, effects, options.seeds[0], options), flush=True)
         return 0
     if options.out is None:
         parser.error("--out FILE.jsonl must be given where runs are kept")
     rows = [json.loads(line) for line in options.out.read_text().splitlines()] if options.out.exists() else []
-    conditions = {"onset_s": options.onset, "noise_m": options.noise, "speed_mm_s": options.speed}
+    conditions = conditions_of(options)
     done = {(row["kind"], row["effects"], row["seed"]) for row in rows if conditions.items() <= row.items()}
     wanted = [(k, e, s) for k in options.kinds for s in options.seeds for e in options.effects]
     for kind, effects, seed in [] if options.table else wanted:

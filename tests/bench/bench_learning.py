@@ -1,12 +1,12 @@
 """Learning while it runs: effects that begin at a time nobody declared, with and without `--learn`, over the bus.
 
 `python -m tests.bench.bench_learning --out FILE.jsonl [--kinds magnetic coil] [--effects none fold_periodic ...]
-[--seeds 1] [--size 1] [--noise 0.0002] [--speed 4] [--onset 30]` leads each rig to and fro over 18 mm through a gut that
-differs from the nominal one in stiffness, friction and, by a few percent, from place to place. The effects are the
+[--seeds 1] [--size 1] [--noise 0.0002] [--speed 4] [--onset 30]` leads each rig to and fro over 18 mm through a gut
+that differs from the nominal one in stiffness, friction and, by a few percent, from place to place. The effects are the
 plant's own forms, with the middle of their ranges times `--size`; `A+B` one after the other (B begins 180 s after A,
 and the run is as much longer). Each row is the same run twice, and a line of FILE; finished ones are not repeated.
-`--table` prints what FILE holds. The pace is that of `hil/scenarios/demo_learning.toml`; at a tenth of its speed or with
-much more noise there is less to tell effects by, and the learner should gather longer.
+`--table` prints what FILE holds. The pace is that of `hil/scenarios/demo_learning.toml`; at a tenth of its speed or
+with much more noise there is less to tell effects by, and the learner should gather longer.
 
 With `--given` nothing is learned: each run is driven once as it is believed and once by a model that has the gut's own
 base and the effect's numbers from its beginning, which bounds what learning can reach.

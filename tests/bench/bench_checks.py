@@ -182,6 +182,29 @@ def stuck(view: View, size: float, rng: np.random.Generator) -> Record:
     return view.record.with_column(str(view.driven), place)
 
 
+def begun_before(view: View, size: float, rng: np.random.Generator) -> Record:
+    """A record that begins in the middle of the first motion faster than `size` of the usual, the places counted from
+    where it was switched on.
+    """
+    usual = float(np.median(np.abs(view.speed[view.moves])))
+    window = max(2, round(0.2 / view.dt))
+    fast = np.convolve(np.abs(view.speed) > size * usual, np.ones(window), "valid") >= window
+    return _rows(view, np.arange(int(np.argmax(fast)), len(view.t)))
+
+
+def repeated(view: View, size: float, rng: np.random.Generator) -> Record:
+    """A share `size` of the stamps the same as the one before."""
+    t = view.t.copy()
+    again = np.flatnonzero(rng.random(len(t) - 1) < size) + 1
+    t[again] = t[again - 1]
+    return view.record.with_column("t_s", t)
+
+
+def other_seconds(view: View, size: float, rng: np.random.Generator) -> Record:
+    """Stamps in another unit, `size` times larger."""
+    return view.record.with_column("t_s", size * view.t)
+
+
 FAULTS: Final = {
     "sign turned round": Fault(turned, "force_sign drive_sign", (1.0,), "", ("pull", "magnetic")),
     "clipping": Fault(clipped, "clipping", (0.005, 0.02, 0.1), "of the samples"),
@@ -193,6 +216,11 @@ FAULTS: Final = {
     "coloured noise": Fault(coloured, "noise_coloured", (0.5, 0.8, 0.95), "of the sample before", ("pull", "magnetic")),
     "stamps begin again": Fault(restarted, "stamps_restart", (0.5,), "of the record"),
     "uneven stamps": Fault(uneven, "stamps_uneven", (0.03, 0.1, 0.3), "of the interval"),
+    "repeated stamps": Fault(repeated, "stamps_repeated", (0.001, 0.01, 0.1), "of the stamps"),
+    "stamps in another unit": Fault(other_seconds, "time_units", (1e3, 1e6, 1e-3), "times"),
+    "begun before the record": Fault(
+        begun_before, "starts_in_motion", (0.5,), "of the usual speed", ("pull", "magnetic")
+    ),
     "missing samples": Fault(lost, "stamps_missing", (0.001, 0.01, 0.05), "of the samples"),
     "pause": Fault(paused, "pause", (0.1, 0.5, 2.0), "s"),
     "late force": Fault(late, "clock_offset", (0.01, 0.02, 0.04), "s", ("pull",)),

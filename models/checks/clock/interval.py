@@ -1,4 +1,4 @@
-"""Samples so far apart, or so close, that the time is in another unit."""
+"""Samples so far apart, or so close, or a record so short, that the time is in another unit."""
 
 from __future__ import annotations
 
@@ -11,15 +11,16 @@ from models.checks.view import View
 
 STEPS_S: Final = (1e-6, 1.0)
 """Least and most usual interval between samples of a record."""
+_SHORTEST_S: Final = 0.2
 
 
 def check_interval(view: View) -> list[RecordFinding]:
-    """The usual interval between stamps against what a record may have."""
+    """The usual interval between stamps, and what they span, against what a record may have."""
     if not view.timed:
         return []
     usual = float(np.median(np.abs(np.diff(view.t))))
     if usual == 0 or STEPS_S[0] <= usual <= STEPS_S[1]:
-        return []
+        return _short(view)
     least = usual < STEPS_S[0]
     return [
         view.finding(
@@ -30,5 +31,21 @@ def check_interval(view: View) -> list[RecordFinding]:
             " is it in s?",
             "interval between stamps",
             '[columns] t_s = {column = "t_s", unit = "..."} with the unit of the file',
+        )
+    ]
+
+
+def _short(view: View) -> list[RecordFinding]:
+    span = float(np.ptp(view.t))
+    if span >= _SHORTEST_S:
+        return []
+    return [
+        view.finding(
+            "time_units",
+            "weakens",
+            "t_s, throughout",
+            f"the record lasts {span:.3g} s ({len(view.t)} samples {view.dt:.3g} s apart): is t_s in s?",
+            "time from the first stamp to the last",
+            '[columns] t_s = {column = "t_s", unit = "..."} with the unit of the file, or longer records',
         )
     ]

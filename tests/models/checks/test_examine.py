@@ -116,6 +116,10 @@ def late(c: Columns) -> Columns:
     return c | {"force_N": np.interp(c["t_s"] - 0.04, c["t_s"], c["force_N"])}
 
 
+def in_kiloseconds(c: Columns) -> Columns:
+    return {**c, "t_s": 1e-3 * c["t_s"]}
+
+
 def in_millimetres(c: Columns) -> Columns:
     return c | {"position_m": 1e3 * c["position_m"]}
 
@@ -175,6 +179,7 @@ CORRUPTIONS: dict[str, tuple[Callable[[Columns], Columns], str, str]] = {
     "a pause": (paused, "pause", "weakens"),
     "a late force": (late, "clock_offset", "note"),
     "millimetres for metres": (in_millimetres, "units", "stops"),
+    "seconds taken for milliseconds": (in_kiloseconds, "time_units", "weakens"),
     "millinewtons for newtons": (in_millinewtons, "units", "stops"),
     "a start in motion": (in_motion, "starts_in_motion", "note"),
     "a cable that was off for a second": (lost, "sensor_silent", "note"),

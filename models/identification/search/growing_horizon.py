@@ -19,9 +19,9 @@ from models.identification.search.validation import free_run
 
 _TELLING = 2  # number of the first beginning that is worth wide secants, and on which ranks are told
 _ROUNDS = 6
-_OFF = 0.2  # of a nominal value, what a base may be off by
+_OFF = 0.2  # of a nominal value, what a base may be off by, unless a prior knows it better
 _DOUBLINGS = 5.5  # of an amplitude's probe
-_NEAR = 3.0  # scales around a start
+_NEAR = 3.0  # scales around a start, and standard deviations of a prior
 _BASES = 2  # on which effects are drawn anew
 _IN_REACH, _EARLY = 1.3, 1.5  # times what the last of those that count leaves; before ranks are told
 
@@ -170,7 +170,7 @@ def _place(axis: Axis, start: Mapping[str, float], share: float, fresh: str) -> 
     p = axis.parameter
     effect, _, name = axis.name.rpartition(".")
     if not effect:
-        value = p.value * (1 + _OFF * (2 * share - 1))
+        value = p.value + min(_OFF * abs(p.value), _NEAR * p.spread) * (2 * share - 1)
     elif effect == fresh and name == BY_ID[effect].amplitude().name:
         sign, size = np.sign(share - 0.5) or 1.0, abs(2 * share - 1)
         value = sign * BY_ID[effect].probe * 2 ** (_DOUBLINGS * size)

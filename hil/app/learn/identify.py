@@ -8,7 +8,7 @@ import os
 import signal
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from typing import Final, TypeVar
 
@@ -27,14 +27,20 @@ from models.files.record import Record
 from models.files.rig import Rig
 from models.identification import close
 from models.identification.finding import STAGES
+from models.identification.fitting.fit import evaluate
 from models.identification.kinds import kind_for, ready
+from models.identification.kinds.series.kind import SeriesKind
 from models.identification.model import HELD_OUT
 from models.identification.search.refit import refit
+from models.identification.search.validation import free_run
 
 T = TypeVar("T")
 NICE: Final = 19
 KNOWN: Final = 0.01
 """Standard deviation, as a share, with which the base parameters of a model that held are known."""
+BELIEVED: Final = 0.05
+"""The same for those of a model that is about to be fitted to what was measured while it held."""
+_ROUNDS, _AS_STATED = 4, 1.05
 LEAD_S: Final = 8.0
 """So long before its first row that counts a record is run through: where the capsule hangs behind its magnet then, and
 how the wall is stretched, is told by how it came there.
@@ -114,7 +120,7 @@ def answer_at_once(question: Question) -> Future[Answer]:
 
 
 def _answer(question: Question) -> Answer:
-    rig, cut, (before, columns) = question.rig, question.held_from, _as_it_held(question)
+    cut, (rig, before, columns) = question.held_from, _as_it_held(question)
     train = [_part("since", rig, columns, question.broken_from, cut)]
     held = [_part("held out", rig, columns, cut, None)]
     kind, records = kind_for(rig, []), [ready(record, rig) for record in held]
@@ -128,10 +134,12 @@ def _answer(question: Question) -> Answer:
     stage = STAGES[2] if effects else STAGES[1]
     test = AcceptanceTest(share=PARTLY) if finding.verdict == "unknown" else AcceptanceTest()
     verdict = test.judge(report, model, rig, stage=stage, current=float(error))
-    if not verdict.passed:
+    unfounded = question.base_holds and not effects
+    if unfounded or not verdict.passed:
         wanted = finding.next_experiment or ""
         motion = motion_of(finding.proposal)
-        return Answer({}, effects, finding.verdict, verdict.sentence, wanted, finding.seconds, motion)
+        why = "no effect was found, and the base held until the model broke" if unfounded else verdict.sentence
+        return Answer({}, effects, finding.verdict, why, wanted, finding.seconds, motion)
     held_out = finding.error["holdout"][stage]
     said = (
         f"held-out error {quantity(held_out, finding.unit)} against {quantity(error, finding.unit)} of the model in use"
@@ -139,25 +147,55 @@ def _answer(question: Question) -> Answer:
     return Answer(model.believed(stage), effects, finding.verdict, said, seconds=finding.seconds)
 
 
-def _as_it_held(question: Question) -> tuple[dict[str, float], Mapping[str, Array]]:
-    """What the model in use would have been had it been fitted to what was measured while it held, and the columns of
-    `question` less what that leaves of the measured one, place by place (`LeftOver`). The model in use and the columns
-    as they are for a rig whose prediction drifts, and after a short time before the break.
+def _as_it_held(question: Question) -> tuple[Rig, dict[str, float], Mapping[str, Array]]:
+    """What the model in use would have been had it been fitted to what was measured while it held; the columns of
+    `question` less what that leaves of the measured one, place by place (`LeftOver`); and the rig with what is still
+    left as its noise. The model in use, the columns and the rig as they are for a rig whose prediction drifts, and
+    after a short time before the break.
     """
     rig, columns, end = question.rig, question.columns, question.broken_from
     times = columns[TIME]
     begin = int(np.searchsorted(times, times[0] + LEAD_S))
     if rig.kind != "magnetic" or times[end] - times[0] < LEAD_S + HELD_S:
-        return question.in_use, columns
+        return rig, question.in_use, columns
     driven, measured = SOURCES[rig.kind].driven.column, SOURCES[rig.kind].measured.column
     before = ready(_part("before", rig, columns, begin, end), rig)
     whole = ready(_part("whole", rig, columns, begin, None), rig)
+    held = _held(rig, before, question.in_use)
     kind = kind_for(rig, [before])
-    held = refit(kind, [before], [], {**kind.nominal(), **question.in_use})
     left = LeftOver.of(kind, before, held, driven)
     predicted = np.zeros(times.size)
     predicted[times.size - len(whole) :] = kind.predict(whole, held)
-    return held, {**columns, measured: columns[measured] - left.at(predicted, columns[driven])}
+    less = {**columns, measured: columns[measured] - left.at(predicted, columns[driven])}
+    return _as_noisy(rig, ready(_part("before", rig, less, begin, end), rig), held), held, less
+
+
+def _held(rig: Rig, before: Record, in_use: Mapping[str, float]) -> dict[str, float]:
+    """The parameters `in_use` with a base that is fitted to the record `before`. What no base leaves counts as noise,
+    beside which the base in use is known by `BELIEVED`: an uneven wall must not bend it.
+    """
+    kind = kind_for(rig, [before])
+    start = {**kind.nominal(), **in_use}
+    noisy = _as_noisy(rig, before, refit(kind, [before], [], start))
+    base = {p.name: start[p.name] for p in kind.base if p.fit and start[p.name]}
+    believed = kind_for(noisy, [before], {name: (value, BELIEVED * abs(value)) for name, value in base.items()})
+    return refit(believed, [before], [], start)
+
+
+def _as_noisy(rig: Rig, record: Record, theta: Mapping[str, float]) -> Rig:
+    """`rig` with so much noise that the model `theta` leaves no more than that of `record`: nothing that it did without
+    while it held is looked for after it broke. What is left may last longer than the means over which noise is judged,
+    which grow with it, so the noise is found in a few rounds.
+    """
+    for _ in range(_ROUNDS):
+        kind = kind_for(rig, [record])
+        assert isinstance(kind, SeriesKind)
+        left = evaluate(kind, [record], theta, free_run(kind))
+        ratio = float(np.sqrt(left @ left / left.size))
+        if ratio <= _AS_STATED:
+            break
+        rig = replace(rig, noise=rig.noise.model_copy(update={"position_std_m": ratio * kind.noise_std}))
+    return rig
 
 
 def _part(name: str, rig: Rig, columns: Mapping[str, Array], begin: int, end: int | None) -> Record:

@@ -157,7 +157,7 @@ class Learner:
         elif self._phase == "offered" and self.switch.taken_at > (self.lessons[-1].offered_at_s or 0.0):
             self.lessons[-1].taken_at_s, self._led_from = self.switch.taken_at, now
             self._before, self._due, self._phase = self._errors.rms_m, now + self.pace.trial_s, "on trial"
-        elif self._phase == "on trial" and (now >= self._due or health.state == "broken"):
+        elif self._phase == "on trial" and now >= self._due:
             self._try(now)
 
     def _question(self, now: float) -> None:

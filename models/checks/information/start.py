@@ -33,8 +33,12 @@ def _first(view: View, seconds: float = _START_S) -> slice:
 
 
 def _starts_in_motion(view: View) -> bool:
+    """Whether the motion is on at once: at half the usual speed and more, or, of a pull, whose driven place has no
+    noise and no way to gain speed, at any.
+    """
     first, usual = _first(view), float(np.median(np.abs(view.speed[view.moves])))
-    return bool(view.moves[first].all()) and abs(float(np.mean(view.speed[first]))) >= 0.5 * usual
+    least = 0.0 if view.kind == "pull" else 0.5 * usual
+    return bool(view.moves[first].all()) and abs(float(np.mean(view.speed[first]))) >= least
 
 
 def _starts_loaded(view: View) -> bool:

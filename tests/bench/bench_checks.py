@@ -183,9 +183,7 @@ def stuck(view: View, size: float, rng: np.random.Generator) -> Record:
 
 
 def begun_before(view: View, size: float, rng: np.random.Generator) -> Record:
-    """A record that begins in the middle of the first motion faster than `size` of the usual, the places counted from
-    where it was switched on.
-    """
+    """A record that begins in the first motion that is faster than `size` of the usual for 0.2 s."""
     usual = float(np.median(np.abs(view.speed[view.moves])))
     window = max(2, round(0.2 / view.dt))
     fast = np.convolve(np.abs(view.speed) > size * usual, np.ones(window), "valid") >= window

@@ -73,6 +73,11 @@ def text_of(effect: type[Effect], values: Mapping[str, float] | None = None) -> 
     return "; ".join(str(equation) for equation in equations_of(effect, values, 4))
 
 
+def about_axis(line: str) -> str:
+    """An equation's line as it reads for an axis that turns, where a force is a torque."""
+    return line.replace(LEFT["force"], "added torque in N m")
+
+
 def lines_of(effects: Iterable[type[Effect]], theta: Mapping[str, float]) -> list[str]:
     """A line with the equations of each effect that has an entry in `theta` (values by `effect_id.name`), with all its
     numbers: those given and the defaults of the others.

@@ -190,7 +190,7 @@ def check_header(where: str, kind: str, header: Sequence[str], with_measured: bo
         for name in alternatives:
             _refuse_unit(where, name, header, kind)
     others = [other for other in COLUMNS if other != kind and _fits(other, header)]
-    wanted = ", ".join(" or ".join(alternatives) for alternatives in missing)
+    wanted = _wanted(kind, header, with_measured)
     if others:
         found = " or ".join(others)
         raise ValueError(
@@ -200,6 +200,18 @@ def check_header(where: str, kind: str, header: Sequence[str], with_measured: bo
     raise ValueError(
         f"{where}: header must have the column {wanted} (kind {kind}); got {_listed(header)}; {_hint(missing, free)}"
     )
+
+
+def _wanted(kind: str, header: Sequence[str], with_measured: bool) -> str:
+    """The columns that `header` lacks; where it has none of any variant of `kind`, those of each."""
+    held = (COLUMNS[kind], *VARIANTS.get(kind, ()))
+    if len(held) == 1 or any(set(one.own()) & set(header) for one in held):
+        held = (columns_of(kind, header),)
+    lists = [
+        ", ".join(" or ".join(names) for names in one.required(with_measured) if not set(names) & set(header))
+        for one in held
+    ]
+    return ", or ".join(lists)
 
 
 def _hint(missing: Sequence[tuple[str, ...]], free: Sequence[str]) -> str:

@@ -13,17 +13,17 @@ from models.files.units import factor, split_unit, unit_of
 
 WORDS: Final[Mapping[str, tuple[str, ...]]] = {
     "t": ("time", "timestamp", "elapsed", "seconds", "clock", "zeit"),
-    "position": ("position", "displacement", "distance", "extension", "travel", "stroke", "place", "x", "weg"),
+    "position": ("position", "displacement", "distance", "extension", "travel", "stroke", "place", "x", "q", "weg"),
     "carriage": ("carriage", "magnet", "stage", "slide", "motor", "actuator", "driven"),
     "force": ("force", "load", "kraft", "pull", "fx", "fy", "fz", "ft", "tangential", "friction"),
     "load": ("load", "normal", "fn", "last", "weight"),
     "friction": ("friction", "mu", "cof", "reibung", "reibwert", "traction"),
     "coefficient": ("coefficient", "coeff", "mu", "cof", "reibwert"),
-    "angle": ("angle", "joint", "rotation", "position", "theta", "phi", "winkel"),
+    "angle": ("angle", "joint", "rotation", "position", "theta", "phi", "q", "winkel"),
     "torque": ("torque", "moment", "effort", "tau", "drehmoment"),
     "current": ("current", "i", "strom"),
     "voltage": ("voltage", "u", "v", "spannung"),
-    "velocity": ("velocity", "speed", "v"),
+    "velocity": ("velocity", "speed", "v", "omega", "qd", "dq", "qdot"),
     "frequency": ("frequency", "f"),
     "storage": ("storage", "elastic", "e'", "g'"),
     "loss": ("loss", "viscous", "e''", "g''"),
@@ -32,6 +32,19 @@ WORDS: Final[Mapping[str, tuple[str, ...]]] = {
     "drive": ("drive", "switch", "pulse", "trigger"),
 }
 """Words with which people name what a part of our columns' names means; a beginning of one (`pos`, `disp`) will do."""
+_WISHED: Final = (
+    "command",
+    "cmd",
+    "reference",
+    "desired",
+    "target",
+    "setpoint",
+    "demand",
+    "goal",
+    "nominal",
+    "feedforward",
+)
+"""Words in the names of what was wanted and not measured."""
 
 
 def proposed(
@@ -62,15 +75,17 @@ def _take_likeliest(
     wanted: Mapping[str, tuple[str, ...]],
     free: dict[str, tuple[str, str]],
 ) -> None:
-    """Sources by name for what is `wanted` with its alternatives, the likeliest first."""
+    """Sources by name for what is `wanted` with its alternatives, the likeliest first: of two as likely ones that was
+    measured goes before one that was commanded, then the shorter name.
+    """
     targets = list(wanted)
     likely = [
-        (-score, targets.index(target), name)
+        (-score, _wished(stem), len(_words(stem)), targets.index(target), name)
         for target in targets
         for name, (stem, stated) in free.items()
         if (score := _likeness(target, stem, stated))
     ]
-    for _, k, name in sorted(likely):
+    for *_, k, name in sorted(likely):
         _take(found, wanted[targets[k]], targets[k], name, free)
 
 
@@ -119,9 +134,16 @@ def _likeness(target: str, stem: str, stated: str) -> int:
     """
     if stated and not _fits(stated, target):
         return 0
-    words = [word.lower() for word in re.findall(r"[A-Z]?[a-z']+|[A-Z]+(?![a-z])|[A-Za-z']+", stem)]
-    parts = split_unit(target)[0].split("_")
+    words, parts = _words(stem), split_unit(target)[0].split("_")
     return sum(max((1 + (word == part) for word in words if _means(word, part)), default=0) for part in parts)
+
+
+def _words(stem: str) -> list[str]:
+    return [word.lower() for word in re.findall(r"[A-Z]?[a-z']+|[A-Z]+(?![a-z])|[A-Za-z']+", stem)]
+
+
+def _wished(stem: str) -> bool:
+    return any(len(word) > 2 and wished.startswith(word) for word in _words(stem) for wished in _WISHED)
 
 
 def _means(word: str, part: str) -> bool:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models.checks.finding import RecordFinding
+from models.effects import BY_ID
+from models.effects.effect import Effect
 
 Array = NDArray[np.float64]
 STAGES = ("nominal", "calibrated", "augmented")
@@ -191,7 +194,7 @@ class Dependence:
 @dataclass(frozen=True)
 class Finding:
     """The whole answer of `close-loop`; `equations` with numbers, `symbolic` the same with the fitted parameters'
-    names.
+    names; `declared` are the effects that were tried, by id, as this kind has them.
     """
 
     kind: str
@@ -219,3 +222,8 @@ class Finding:
     proposal: Proposal | None = None
     symbolic: tuple[str, ...] = ()
     dependence: Dependence | None = None
+    declared: Mapping[str, type[Effect]] = field(default_factory=dict)
+
+    def effect(self, name: str) -> type[Effect] | None:
+        """The effect `name` as this kind has it, else as the catalogue does; None where neither knows it."""
+        return self.declared.get(name, BY_ID.get(name))

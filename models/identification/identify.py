@@ -75,7 +75,9 @@ def close(
     spread = intervals(kind, found.augmented, found.model, found.parts)
     rng = np.random.default_rng(seed)
     likely = [drawn(kind, found.augmented, found.model, rng) for _ in range(_DRAWS)]
-    residuals = residual_checks(kind, train, found.augmented, likely)
+    sure = [name for name, estimate in spread.items() if estimate.told]
+    near = [drawn(kind, found.augmented, found.model, rng, sure) for _ in range(_DRAWS)]
+    residuals = residual_checks(kind, train, found.augmented, near)
     chance = np.nan if found.effects else chance_error(kind, holdout, found.augmented, likely)
     floor = kind.noise_floor(holdout or train)
     worse = setbacks(errors["holdout"], floor)
@@ -131,6 +133,7 @@ def close(
         reasons=_reasons(verdict, checks, findings),
         proposal=proposal,
         dependence=dependence,
+        declared={effect.id: effect for effect in kind.effects},
     )
     progress("done", 1.0)
     return finding, model

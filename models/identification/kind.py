@@ -8,6 +8,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from models.effects import BY_ID
 from models.effects.effect import Effect
 from models.files.record import Record
 from models.parameter import Parameter
@@ -207,3 +208,8 @@ def parameters_of(effect: type[Effect], theta: Theta) -> dict[str, float] | None
 def present(effects: Sequence[type[Effect]], theta: Theta) -> list[tuple[Effect, dict[str, float]]]:
     """The effects in `theta`, each with its parameters."""
     return [(effect(), values) for effect in effects if (values := parameters_of(effect, theta)) is not None]
+
+
+def declared(kind: Kind, effect: str) -> type[Effect]:
+    """The `effect` as `kind` has it, with the kind's own ranges and names of parameters; else the catalogue's."""
+    return next((own for own in kind.effects if own.id == effect), BY_ID[effect])

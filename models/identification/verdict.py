@@ -9,12 +9,11 @@ import numpy as np
 from scipy.stats import chi2
 
 from models.checks.finding import RecordFinding
-from models.effects import BY_ID
 from models.files.record import Record
 from models.identification.finding import STAGES, Check, Estimate
 from models.identification.fitting.confidence import near
 from models.identification.fitting.fit import Fit, axes
-from models.identification.kind import Kind
+from models.identification.kind import Kind, declared
 from models.identification.search.forward_selection import CLEAN, Search
 from models.identification.search.validation import NEAR_NOISE
 
@@ -67,8 +66,8 @@ def model_checks(
         ),
     ]
     if found.effects:
-        amplitudes = [f"{name}.{BY_ID[name].amplitude().name}" for name in found.effects]
-        untold = sum(not spread[name].told for name in amplitudes if name in spread)
+        amplitudes = [f"{name}.{declared(kind, name).amplitude().name}" for name in found.effects]
+        untold = sum(name not in spread or not spread[name].told for name in amplitudes)
         checks.append(
             _check(
                 "effects_told",
@@ -78,7 +77,7 @@ def model_checks(
                 "its 95 % interval is as wide as itself",
             )
         )
-        periods = [1 / found.augmented.theta[name] for name in _frequencies(found.effects)]
+        periods = [1 / found.augmented.theta[name] for name in _frequencies(kind, found.effects)]
         if periods:
             checks.append(
                 _check(
@@ -178,7 +177,7 @@ def at_bounds(kind: Kind, fit: Fit, effects: Sequence[str]) -> list[str]:
     """Names of the fitted parameters at a bound. A bound of 0, where the law itself ends or becomes a simpler one, is
     none, but for the size of an effect, which is not there then.
     """
-    sizes = {f"{name}.{BY_ID[name].amplitude().name}" for name in effects}
+    sizes = {f"{name}.{declared(kind, name).amplitude().name}" for name in effects}
     return [
         axis.name
         for axis in axes(kind, effects)
@@ -190,8 +189,8 @@ def at_bounds(kind: Kind, fit: Fit, effects: Sequence[str]) -> list[str]:
     ]
 
 
-def _frequencies(effects: Sequence[str]) -> list[str]:
-    names = [f"{effect}.{parameter.name}" for effect in effects for parameter in BY_ID[effect].parameters()]
+def _frequencies(kind: Kind, effects: Sequence[str]) -> list[str]:
+    names = [f"{effect}.{parameter.name}" for effect in effects for parameter in declared(kind, effect).parameters()]
     return [name for name in names if name.endswith(".frequency_Hz")]
 
 

@@ -12,9 +12,8 @@ from hil.app.quantities import number, percent
 from hil.app.report.mathml import equations_html
 from hil.app.report.tables import parameter_table
 from hil.app.report.words import effect_summary, effect_words, listed, sentence, tidy
-from models.effects import BY_ID
-from models.effects.effect import Signals
-from models.effects.equation import ARGUMENTS, equations_of
+from models.effects.effect import Effect, Signals
+from models.effects.equation import ARGUMENTS, about_axis, equations_of
 from models.identification.confidence_map import confidence_map
 from models.identification.finding import Finding, FoundEffect
 
@@ -33,12 +32,12 @@ def effect_card(effect: FoundEffect, finding: Finding) -> str:
     apart = f"<p>What tells it from effects that act alike: {escape(tidy(separated))}.</p>" if separated else ""
     curves = "".join(
         f"<h3>Added curve: {escape(effect_words(name))}</h3><p>{escape(sentence(effect_summary(name)[0]))}</p>"
-        f"{_equations(name, parameters)}{parameter_table(parameters)}"
+        f"{_equations(name, parameters, finding)}{parameter_table(parameters)}"
         for name, parameters in effect.curves.items()
     )
     return (
         f'<div class="card"><h3>{escape(effect_words(effect.id))} <code>{escape(effect.id)}</code></h3>'
-        f"<p>{escape(sentence(summary))}</p>{_equations(effect.id, effect.parameters)}"
+        f"<p>{escape(sentence(summary))}</p>{_equations(effect.id, effect.parameters, finding)}"
         f"{parameter_table(effect.parameters)}{curves}"
         f"{_scale(effect)}{_confidence(effect, finding)}{alike}{apart}</div>"
     )
@@ -47,26 +46,28 @@ def effect_card(effect: FoundEffect, finding: Finding) -> str:
 def symbols_of(finding: Finding) -> set[str]:
     """Names in a finding's equations that are symbols and no words."""
     effects = [name for effect in finding.effects for name in (effect.id, *effect.curves)]
-    parameters = [p.name for name in effects if name in BY_ID for p in BY_ID[name].parameters()]
-    return {*finding.calibration, *finding.nominal, *parameters, *_SIGNALS, *_states(effects)}
+    known = [effect for effect in map(finding.effect, effects) if effect is not None]
+    parameters = [p.name for effect in known for p in effect.parameters()]
+    return {*finding.calibration, *finding.nominal, *parameters, *_SIGNALS, *_states(known)}
 
 
 _SIGNALS: Final = frozenset({*(f.name for f in fields(Signals)), *ARGUMENTS})
 
 
-def _states(effects: Sequence[str]) -> set[str]:
-    states = {state for name in effects if name in BY_ID for state in BY_ID[name].states}
+def _states(effects: Sequence[type[Effect]]) -> set[str]:
+    states = {state for effect in effects for state in effect.states}
     return states | {f"{state}_state" for state in states}
 
 
-def _equations(name: str, fitted: Collection[str]) -> str:
+def _equations(name: str, fitted: Collection[str], finding: Finding) -> str:
     """The equations of an effect with the symbols of what was fitted; what stayed at its default is a number."""
-    if name not in BY_ID:
+    effect = finding.effect(name)
+    if effect is None:
         return ""
-    effect = BY_ID[name]
     fixed = {p.name: p.value for p in effect.parameters() if p.name not in fitted}
-    symbols = {*(p.name for p in effect.parameters()), *_SIGNALS, *_states([name])}
-    return equations_html([str(equation) for equation in equations_of(effect, fixed, 4)], symbols)
+    symbols = {*(p.name for p in effect.parameters()), *_SIGNALS, *_states([effect])}
+    lines = [str(equation) for equation in equations_of(effect, fixed, 4)]
+    return equations_html([about_axis(line) for line in lines] if finding.unit == "N m" else lines, symbols)
 
 
 def _scale(effect: FoundEffect) -> str:

@@ -13,7 +13,6 @@ from hil.app.quantities import DASH, amount, change, number, percent, quantity, 
 from hil.app.report.document import table
 from hil.app.report.mathml import symbol_html
 from hil.app.report.words import STAGE_WORDS, effect_words, error_scale, interpolation, parameter_words, scaled
-from models.effects import BY_ID
 from models.identification.finding import STAGES, Estimate, Finding
 
 PARTS = {"train": "training", "holdout": "held out"}
@@ -119,7 +118,8 @@ def smallest_table(finding: Finding) -> str:
     """The smallest effect that would have been seen."""
     rows = []
     for name, value in sorted(finding.smallest_detectable.items()):
-        amplitude = BY_ID[name].amplitude() if name in BY_ID else None
+        effect = finding.effect(name)
+        amplitude = effect.amplitude() if effect else None
         unit = amplitude.unit if amplitude else ""
         rows.append([effect_words(name), parameter_words(amplitude.name) if amplitude else "", quantity(value, unit)])
     return table(["effect", "its amplitude", "smallest that would have been seen"], rows, left=2)

@@ -102,7 +102,8 @@ def check_pauses(view: View) -> list[RecordFinding]:
             "pause",
             "weakens",
             f"t_s, {view.at(gaps)}",
-            f"the record pauses {len(gaps)} times, up to {longest:.3g} s; what moved meanwhile is not known",
+            f"the record pauses {'once' if len(gaps) == 1 else f'{len(gaps)} times'}, up to {longest:.3g} s; what moved"
+            " meanwhile is not known",
             f"intervals of more than {_PAUSE:g} times the usual one",
             f"cut the record at line {view.record.line(int(gaps[0]))}",
         )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,16 +62,21 @@ def _covariances(fit: Fit, scale: Array) -> tuple[Array, Array]:
     return inverse * max(fit.chi2, 1.0) * memory(fit.residual), inverse @ scatter @ inverse
 
 
-def drawn(kind: Kind, fit: Fit, effects: Sequence[str], rng: np.random.Generator) -> dict[str, float]:
-    """The fit's values moved as far as they are uncertain: with the wider of the two covariances, and by the models'
-    own numerics (a thousandth of each); within the bounds.
+def drawn(
+    kind: Kind, fit: Fit, effects: Sequence[str], rng: np.random.Generator, only: Collection[str] | None = None
+) -> dict[str, float]:
+    """The fit's values, or `only` those named while the others stay, moved as far as they are uncertain: with the wider
+    of the two covariances, and by the models' own numerics (a thousandth of each); within the bounds.
     """
-    fitted = axes(kind, effects)
+    every = axes(kind, effects)
+    moving = [k for k, axis in enumerate(every) if only is None or axis.name in only]
+    fitted = [every[k] for k in moving]
     theta = dict(fit.theta)
     if not fitted:
         return theta
     scale = np.array([a.scale for a in fitted])
-    covariance = max(_covariances(fit, scale), key=lambda c: float(np.trace(c)))
+    part = replace(fit, jacobian=fit.jacobian[:, moving])
+    covariance = max(_covariances(part, scale), key=lambda c: float(np.trace(c)))
     values, vectors = np.linalg.eigh(covariance)
     moved = vectors @ (np.sqrt(np.maximum(values, 0.0)) * rng.standard_normal(len(fitted))) * scale
     for axis, step in zip(fitted, moved, strict=True):

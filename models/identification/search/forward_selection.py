@@ -107,8 +107,7 @@ def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.rand
         found.refinements, model = refined(model, found.known)
         found.after = model.cost
         task.clock.note("finer shapes", found)
-        progress("rivals of what was found", 0.82)
-        _compare_rivals(model, found)
+        _compare_rivals(task, model, found)
         task.clock.note("rivals", found)
         progress("fitting the model on all records", 0.85)
         reached = _AS_BEFORE * judged_cost(kind, model.part, model.thetas[0]) if found.refinements else 0.0
@@ -211,9 +210,10 @@ def _add(found: Search, best: Trial) -> None:
     found.known.update(best.refinements)
 
 
-def _compare_rivals(model: FittedModel, found: Search) -> None:
+def _compare_rivals(task: _Task, model: FittedModel, found: Search) -> None:
     """What the records cannot tell from each effect of `found`, and how sure it is against all others."""
-    for effect in found.effects:
+    for k, effect in enumerate(found.effects):
+        task.progress(f"rivals of what was found: {effect}", 0.82 + 0.03 * k / len(found.effects))
         _, screened, trials = next(row for row in found.rounds if row[2] and row[2][0].effect == effect)
         rivals = rivals_of(model, effect, found.gains[effect], screened, trials)
         alike = sorted((rival for rival in rivals if rival.alike), key=lambda rival: rival.apart)

@@ -83,7 +83,7 @@ BAD_RECORDS = {
         series(np.where(T > 1.5, T + 3600, T)),
         "t_s must go on without a gap; got none between 1.5 s",
     ),
-    "axis, hole": ("axis", series(np.where(T > 1.5, T + 0.1, T)), "t_s must be evenly spaced"),
+    "axis, holes": ("axis", series(T + 0.2 * np.floor(10 * T)), "t_s must be evenly spaced"),
     "axis, ms": ("axis", series(T * 1e6, f=F / 1e3), "t_s must step by at most 1 s"),
     "axis, time": ("axis", series(header="time,position_m,force_N"), "where it has 'time', did you mean 't_s'?"),
     "axis, time_s": ("axis", series(header="time_s,position_m,force_N"), "where it has 'time_s', did you mean 't_s'?"),

@@ -212,6 +212,19 @@ def test_each_corruption_is_found(what: str) -> None:
         assert stopping(tuple(found.values())) is None
 
 
+@pytest.mark.parametrize("swings", [1, 3])
+def test_an_axis_that_friction_holds_is_not_taken_for_a_stuck_encoder(swings: int) -> None:
+    """At a turning point its force goes once from one break-away to the other; to and fro it goes where it moves."""
+    rng = np.random.default_rng(4)
+    t = np.arange(0, 20, 1 / RATE)
+    speed = np.where(t < 8, 5e-3, np.where(t < 12, 0.0, -5e-3))
+    held = np.cos(np.pi * swings * np.clip((t - 8) / 4, 0, 1))
+    force = np.where(t < 8, 1.0, np.where(t < 12, held, -1.0)) + 1e-3 * rng.standard_normal(len(t))
+    axis = Record("one", "axis", {"t_s": t, "position_m": np.cumsum(speed) / RATE, "force_N": force})
+    found = {finding.id for finding in examine(parse_rig({"rig": {"kind": "axis"}}), [axis])}
+    assert ("driven_stuck" in found) == (swings > 1)
+
+
 def test_an_accepted_check_weakens_and_no_longer_stops() -> None:
     findings = examine(rig(checks={"accept": ["force_sign"]}), [record(turned(pull()))])
     assert stopping(findings) is None

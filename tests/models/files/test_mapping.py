@@ -163,7 +163,7 @@ def test_what_is_already_mapped_stays_in_the_proposal(tmp_path: Path) -> None:
 
 def test_nothing_is_proposed_where_nothing_is_like_ours(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="header must have the column") as caught:
-        read(tmp_path, "q1,q2\n1,2\n")
+        read(tmp_path, "col1,col2\n1,2\n")
     assert not hasattr(caught.value, "__notes__")
 
 
@@ -179,6 +179,25 @@ def test_two_positions_are_told_apart_by_their_words(tmp_path: Path) -> None:
     found = tomllib.loads("\n".join(caught.value.__notes__))["columns"]
     assert found["carriage_position_m"]["column"] == "magnet pos [mm]"
     assert found["position_m"]["column"] == "capsule pos [mm]"
+
+
+@pytest.mark.parametrize(
+    ("header", "sources"),
+    [
+        ("time,q,qd,tau_measured,tau_command", ("time", "q", "tau_measured", "qd")),
+        ("time,q3,dq3,ddq3,tau_J_d_cmd,tau_J3", ("time", "q3", "tau_J3", "dq3")),
+        ("timestamp,target_angle,actual_angle,omega,torque", ("timestamp", "actual_angle", "torque", "omega")),
+    ],
+)
+def test_a_joint_is_recognised_by_the_words_of_robots(tmp_path: Path, header: str, sources: tuple[str, ...]) -> None:
+    """What was measured goes before what was commanded."""
+    path = tmp_path / "r.csv"
+    path.write_text(header + "\n" + ROWS)
+    with pytest.raises(ValueError, match="position_m, force_N, or t_s, angle_rad, torque_N_m") as caught:
+        read_record(path, parse_rig({"rig": {"kind": "axis"}}))
+    found = tomllib.loads("\n".join(caught.value.__notes__))["columns"]
+    ours = ("t_s", "angle_rad", "torque_N_m", "velocity_rad_s")
+    assert tuple(found[name]["column"] for name in ours) == sources
 
 
 @given(

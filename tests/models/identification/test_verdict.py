@@ -11,6 +11,7 @@ from models.effects.force.respiration import Respiration
 from models.effects.force.stress_relaxation import StressRelaxation
 from models.effects.friction.fold_periodic import FoldPeriodic
 from models.effects.friction.stribeck import Stribeck
+from models.files.record import Record
 from models.files.rig import Noise, Rig
 from models.identification.finding import Check, Estimate
 from models.identification.fitting.fit import Fit
@@ -83,6 +84,22 @@ def test_an_effect_whose_size_is_not_told_or_that_helps_no_held_out_record_is_no
     assert said(1.0, effect=Stribeck, held_out={})[0] == "named"
 
 
+def test_the_size_of_an_effect_about_an_axis_must_be_told_too() -> None:
+    """There it has another name than along a line."""
+    t = np.arange(0, 4, 2e-3)
+    turning = Record("r", "axis", {"t_s": t, "angle_rad": np.sin(t), "torque_N_m": np.cos(t)})
+    kind = AxisKind.from_rig(Rig("axis"), [turning])
+    size = "viscous_drag.coefficient_N_m"
+    theta = {**{p.name: p.value for p in kind.base}, size: 0.3, "viscous_drag.exponent": 0.5}
+    whole = fit(theta)
+    for told in (True, False):
+        spread = {name: Estimate(value, (0.0, 1.0)) for name, value in theta.items()} | {
+            size: Estimate(0.3, (-3.0, 3.0), told=told)
+        }
+        found = Search(whole, whole, effects=["viscous_drag"], after=1.0, null_cost=1.0)
+        assert failed(*model_checks(kind, found, spread, {}, ())) == (set() if told else {"effects_told"})
+
+
 def test_records_that_weaken_a_verdict_or_tell_no_parameter_never_end_in_none() -> None:
     finding = RecordFinding("clipping", "weakens", "a.csv", "force_N", "clips", "equal values", "a smaller gain")
     assert said(1.0, findings=(finding,)) == ("unknown", {"records"})
@@ -106,7 +123,8 @@ def test_a_curve_that_mends_a_shape_may_end_at_its_bound() -> None:
     curve = {"level_at_onset.kept": 1.5, "level_at_onset.spared": 0.0}
     theta = {**pull.nominal(), **FoldPeriodic.start(), "fold_periodic.depth": 0.3, **curve}
     found = Search(fit(theta), fit(theta), effects=["fold_periodic"], refinements=["level_at_onset"], after=1.0)
-    checks = model_checks(pull, found, {}, HELD, ())
+    depth = {"fold_periodic.depth": Estimate(0.3, (0.2, 0.4))}
+    checks = model_checks(pull, found, depth, HELD, ())
     assert next(check.value for check in checks if check.id == "bounds") == 0
     assert at_bounds(pull, found.augmented, found.model) == ["level_at_onset.kept"]
 

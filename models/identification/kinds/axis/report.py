@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from models.effects.equation import lines_of
+from models.effects.equation import about_axis, lines_of
 from models.files.record import Record
 from models.identification.kind import Theta
 from models.identification.kinds.axis.kind import AxisKind
@@ -22,7 +22,7 @@ def equations(kind: AxisKind, theta: Theta) -> list[str]:
     effects = lines_of(kind.effects, theta)
     scaled = " times all friction scales" if any("friction scale" in line for line in effects) else ""
     added = f", less all added {c.names[3]}s" if any("added force" in line for line in effects) else ""
-    told = [line.replace("added force in N", f"added {c.names[3]} in {c.force_unit}") for line in effects]
+    told = [about_axis(line) if c.turns else line for line in effects]
     head = "T" if c.turns else "F"
     return [f"{head} = {theta[c.inertia]:.5g} a + {friction}{scaled} {theta[c.offset]:+.3g}{added}", *told]
 

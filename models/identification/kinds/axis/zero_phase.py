@@ -13,13 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, cheby1, filtfilt, freqz
 
+from models.checks.instrument.usable import USED
 from models.files.record import Record
 
 Array = NDArray[np.float64]
 BAND_HZ = 20.0  # closed-loop bandwidth that the authors' cut-offs are multiples of
 BORDER = 1.0  # periods of the bandwidth that are cut at the ends, where a zero-phase filter has only one side
 _SHORT = 2000  # samples that are filtered by a matrix
-_EVEN, _LONGEST = 0.05, 5.0  # share by which steps may differ, and the longest in usual ones that is bridged
+_EVEN, _LONGEST = 0.05, 5.0  # share by which steps may differ, and the longest in usual ones that is no gap
+_LOST = 0.5  # of a record, beside and within gaps
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,7 @@ class Motion:
     @cached_property
     def even(self) -> bool:
         """Whether its steps in time are even within 5 %."""
-        return _unevenness(self.t)[1] <= _EVEN
+        return _unevenness(self.t) <= _EVEN
 
 
 @cache
@@ -53,34 +55,44 @@ def sampling_rate(t: Array) -> float:
     return 1 / float(np.median(np.diff(t)))
 
 
-def evened(record: Record, columns: Sequence[str]) -> Record:
-    """`record` itself where its steps in time are even within 5 %, else its `columns` straight between samples at as
-    many even times.
+def evened(record: Record, columns: Sequence[str], band: float = BAND_HZ) -> Record:
+    """`record` itself where its steps in time are even within 5 %, else its `columns` straight between samples at even
+    times, as many a second as it has; over a gap of more than five usual steps, and as far beside it as filters of the
+    `band` in Hz reach, no sample counts.
 
-    Raises ValueError where steps are so uneven that speed and acceleration would be guessed.
+    Raises ValueError where speed and acceleration would be guessed in half of it or more.
     """
     t = record["t_s"]
-    worst, share = _unevenness(t)
-    if share <= _EVEN:
+    if _unevenness(t) <= _EVEN:
         return record
     steps = np.diff(t)
     usual = float(np.median(steps))
-    if steps[worst] > _LONGEST * usual:
+    long = steps > _LONGEST * usual
+    step = float(np.mean(steps[~long]))
+    gaps = list(zip(t[:-1][long], t[1:][long], strict=True))
+    reach = BORDER / band
+    lost = sum(end - begin for begin, end in gaps) + 2 * reach * len(gaps)
+    if lost > _LOST * (t[-1] - t[0]):
+        worst = int(np.argmax(steps))
         raise ValueError(
-            f"t_s must be evenly spaced to be differentiated, no step above {_LONGEST:g} times the usual one; "
-            f"got a step of {steps[worst]:g} s at {t[worst]:.12g} s among {usual:g} s"
+            f"t_s must be evenly spaced to be differentiated, without steps above {_LONGEST:g} times the usual one over"
+            f" most of it; got {len(gaps)}, the longest of {steps[worst]:g} s at {t[worst]:.12g} s among {usual:g} s"
         )
-    even = np.linspace(t[0], t[-1], len(t))
+    even = np.linspace(t[0], t[-1], round((t[-1] - t[0]) / step) + 1)
     there = {name: np.interp(even, t, record[name]) for name in columns if name in record.columns}
+    if gaps:
+        known = there.get(USED, np.ones(len(even)))
+        for begin, end in gaps:
+            known = np.where((even > begin - reach) & (even < end + reach), 0.0, known)
+        there[USED] = known
     return Record(record.name, record.kind, {"t_s": even, **there})
 
 
-def _unevenness(t: Array) -> tuple[int, float]:
-    """Which step is the furthest from the usual one, and by what share of it."""
+def _unevenness(t: Array) -> float:
+    """By what share of the usual step the one that is furthest from it differs."""
     steps = np.diff(t)
     usual = float(np.median(steps))
-    worst = int(np.argmax(np.abs(steps - usual)))
-    return worst, abs(float(steps[worst]) - usual) / usual
+    return float(np.max(np.abs(steps - usual))) / usual
 
 
 def motion(t: Array, position: Array, velocity: Array | None = None, band: float = BAND_HZ) -> Motion:

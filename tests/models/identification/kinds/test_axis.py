@@ -10,13 +10,16 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from models.checks.instrument.usable import used
 from models.effects.effect import Effect
 from models.files.record import Record
-from models.files.rig import parse_rig
+from models.files.rig import Rig, parse_rig
+from models.identification.kinds import ready
 from models.identification.kinds.axis import report
 from models.identification.kinds.axis.kind import NOISES, AxisKind
 from models.identification.kinds.axis.ripple import find_ripple
 from models.identification.kinds.axis.zero_phase import decimate, passed, repeat_lag
+from models.identification.search.refit import refit
 
 KIND = AxisKind.around()
 TRUE = {"mass_kg": 95.0, "viscous_friction_N_s_per_m": 200.0, "coulomb_friction_N": 20.0, "offset_N": -3.0}
@@ -145,12 +148,27 @@ def test_folds_leave_out_every_repeat_of_a_place_together() -> None:
     assert len(KIND.splits([record, record.with_column("force_N", record["force_N"])])) == 2
 
 
-def test_uneven_times_are_refused() -> None:
+def test_a_gap_counts_for_nothing_as_far_as_the_filters_reach() -> None:
+    """A third of a second was not written, with the axis in full motion; what is left tells the same law."""
+    whole = made(TRUE, noise=0.5)
+    kept = np.flatnonzero((whole["t_s"] < 2.0) | (whole["t_s"] > 2.3))
+    gap = Record("gap", "axis", {name: values[kept] for name, values in whole.columns.items()})
+    record = ready(gap, Rig("axis"))
+    assert np.ptp(np.diff(record["t_s"])) < 1e-9
+    assert len(record) == len(whole)
+    filled_in = ~used(record)
+    assert filled_in[(record["t_s"] > 2.0) & (record["t_s"] < 2.3)].all()
+    assert filled_in.sum() == pytest.approx((0.3 + 0.1) / whole["t_s"][1], abs=4)
+    assert 0.5 < np.mean(KIND.residual(record, TRUE) ** 2) < 1.5
+    theta = refit(KIND, [record], [], {**TRUE, "coulomb_friction_N": 1.2 * TRUE["coulomb_friction_N"]})
+    assert theta["coulomb_friction_N"] == pytest.approx(TRUE["coulomb_friction_N"], rel=0.01)
+
+
+def test_times_that_are_mostly_gaps_are_refused() -> None:
     record = made(TRUE)
-    t = record["t_s"].copy()
-    t[4000:] += 0.5
-    with pytest.raises(ValueError, match=r"t_s must be evenly spaced.*got a step of 0\.501"):
-        KIND.predict(Record("gap", "axis", {**record.columns, "t_s": t}), TRUE)
+    t = record["t_s"] + 0.2 * (np.arange(len(record)) // 200)
+    with pytest.raises(ValueError, match=r"t_s must be evenly spaced.*the longest of 0\.201 s"):
+        KIND.predict(Record("gaps", "axis", {**record.columns, "t_s": t}), TRUE)
 
 
 def test_a_record_too_short_to_filter_is_refused() -> None:

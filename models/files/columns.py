@@ -251,7 +251,8 @@ def _refuse_unit(where: str, name: str, header: Sequence[str], kind: str) -> Non
         same = other.lower() == stem.lower() and (not stated or factor(stated, unit) is not None)
         if unit and same and got not in known:
             raise ValueError(
-                f"{where}: column must be {name!r}, in {unit.replace('_', '/')}; got {got!r}: convert and rename it"
+                f"{where}: column must be {name!r}, in {unit.replace('_', '/')}; got {got!r}: rename it, or say in"
+                " [columns] of the rig file what it is"
             )
 
 

@@ -44,7 +44,11 @@ Check = Callable[[list[str], Mapping[str, str]], Sequence[str]]
 
 
 def read_blocks(
-    path: Path, check: Check, names: Collection[str] = (), clocks: Collection[str] = ()
+    path: Path,
+    check: Check,
+    names: Collection[str] = (),
+    clocks: Collection[str] = (),
+    once: Collection[str] = (),
 ) -> Iterator[tuple[list[str], Block]]:
     """Yield the header with each block of rows; `check` gets the header and the units that the file states by column,
     and returns the names of the columns that must be finite.
@@ -52,7 +56,8 @@ def read_blocks(
     Separators are comma, semicolon, tab or spaces (then a decimal comma is accepted); a byte-order mark and gzip are
     recognised, and lines about the file before the header, which is one that has one of `names`, and a row of units
     below it. Columns among `clocks` may hold dates and times of day (`clock_s`). Cells of other columns that are not
-    numbers come out as NaN.
+    numbers come out as NaN. Columns of one name, as loggers write them that give every channel its own time, are
+    numbered (`Time`, `Time 2`); those of `once` may stand but once.
     """
     with _opened(path) as file:
         text = io.TextIOWrapper(file, encoding="utf-8-sig", errors="replace", newline=None)
@@ -61,7 +66,7 @@ def read_blocks(
             top = list(islice(lines, LONGEST_TOP))
             form = find_header([line for _, line in top], names)
             lines = chain(top[form.rows :], lines)
-            separator, header = form.separator, _header(path, form.line, form.separator)
+            separator, header = form.separator, _header(path, form.line, form.separator, once)
             units = dict(zip(header, form.units, strict=False))
             parser = _Parser(str(path), header, separator, frozenset(_checked(header, units, check)), frozenset(clocks))
             yield header, parser.parse([])
@@ -98,7 +103,10 @@ def _checked(header: list[str], units: Mapping[str, str], check: Check) -> Seque
 @contextmanager
 def _opened(path: Path) -> Iterator[BinaryIO]:
     if not path.name.lower().endswith(ENDINGS):
-        raise ValueError(f"{path}: record must be a .csv or .csv.gz file; got {path.name!r}")
+        raise ValueError(
+            f"{path}: record must be text (.csv, .tsv, .txt, .dat, each also .gz) or of a format that `capsule convert"
+            f" --help` lists; got {path.name!r}: export it as CSV"
+        )
     with opened(path, "record") as file:
         start = file.read(4)
         file.seek(0)
@@ -142,17 +150,29 @@ def _refuse_long(path: Path, number: int, line: str) -> None:
         )
 
 
-def _header(path: Path, line: str, separator: str) -> list[str]:
+def _header(path: Path, line: str, separator: str, once: Collection[str]) -> list[str]:
     header = [name.strip().strip('"').strip() for name in _split(f"{path}, header", line, separator)]
     if len(header) > MOST_COLUMNS:
         raise ValueError(f"{path}: header must have at most {MOST_COLUMNS} columns; got {len(header)}")
     named = [name for name in header if name]
     if all(not np.isnan(to_number(name.replace(",", "."))) for name in named):
         raise ValueError(f"{path}: first row must name the columns; got {line[:60].strip()!r}")
-    twice = [name for name in named if named.count(name) > 1]
+    twice = [name for name in named if name in once and named.count(name) > 1]
     if twice:
         raise ValueError(f"{path}: header must name each column once; got {twice[0]!r} twice")
-    return header
+    return _numbered(header)
+
+
+def _numbered(header: Sequence[str]) -> list[str]:
+    """The names, with a number behind each that stood before."""
+    given: list[str] = []
+    for name in header:
+        number = 2
+        own = name
+        while own and (own in given or (own != name and own in header)):
+            own, number = f"{name} {number}", number + 1
+        given.append(own)
+    return given
 
 
 def _split(where: str, line: str, separator: str) -> list[str]:

@@ -17,10 +17,12 @@ from models.parameter import nearest
 
 @dataclass(frozen=True)
 class MappedColumn:
-    """`target = sign * (column - offset)` in the unit `unit` of the file (the offset, too), then told in ours.
+    """`target = sign * scale * (column - offset)` in the unit `unit`, then told in ours; the offset is in the file's
+    numbers.
 
-    A unit that is left out is the one that the file states or the column's name ends in, else ours. Raises ValueError
-    for a unit that cannot be told in that of `target`.
+    Where a `scale` is given, what the file states of its unit (volts, counts, pixels) says nothing, and the unit is
+    ours where it is left out; else it is the one that the file states or the column's name ends in, else ours. Raises
+    ValueError for a unit that cannot be told in that of `target`.
     """
 
     target: str
@@ -28,6 +30,7 @@ class MappedColumn:
     unit: str | None = None
     sign: int = 1
     offset: float = 0.0
+    scale: float | None = None
 
     def __post_init__(self) -> None:
         if self.unit is not None:
@@ -35,10 +38,12 @@ class MappedColumn:
 
     def values(self, raw: Any, stated: str = "") -> NDArray[np.float64]:
         """Values of the file (n,), whose own unit is `stated`, as ours."""
-        return np.asarray(self.sign * (np.asarray(raw, dtype=float) - self.offset) * self.scale(stated))
+        return np.asarray(self.sign * (np.asarray(raw, dtype=float) - self.offset) * self.factor(stated))
 
-    def scale(self, stated: str = "") -> float:
+    def factor(self, stated: str = "") -> float:
         """By what a difference in the file is multiplied, but for the sign. Raises ValueError as the class does."""
+        if self.scale is not None:
+            return self.scale * (_factor(self.unit, self.target) if self.unit else 1.0)
         told = self.unit or stated or split_unit(self.column)[1]
         return _factor(told, self.target) if self.unit or unit(told) else 1.0
 

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from models.files.mapping import MappedColumn
 from models.files.toml import inline_table
-from models.files.units import factor, split_unit, unit_of
+from models.files.units import factor, split_unit, unit, unit_of
 
 WORDS: Final[Mapping[str, tuple[str, ...]]] = {
     "t": ("time", "timestamp", "elapsed", "seconds", "clock", "zeit"),
@@ -70,6 +70,28 @@ def proposed(
     return sorted(found.values(), key=lambda entry: order.index(entry.target))
 
 
+def to_scale(
+    header: Sequence[str],
+    missing: Sequence[Sequence[str]],
+    units: Mapping[str, str],
+    found: Sequence[MappedColumn],
+) -> list[str]:
+    """Comments for a table `[columns]`: of the `missing` columns that were not `found` those that stand in the `header`
+    by their names, but in a sensor's own unit (volts, counts, pixels), which only the experimenter can tell in ours.
+    """
+    taken, lines = {entry.column for entry in found}, []
+    targets = {entry.target for entry in found}
+    for target in (group[0] for group in missing if not targets & set(group)):
+        for name in header:
+            stem, stated = _read(name, units.get(name, ""))
+            if name and name not in taken and stated and not _fits(stated, target) and _likeness(target, stem, ""):
+                table = inline_table({"column": name, "unit": unit_of(target)}).rstrip("}")
+                lines.append(f"# {target} = {table}, scale = ...}}  # what 1 {stated} is in {unit_of(target)}")
+                taken.add(name)
+                break
+    return lines
+
+
 def _take_likeliest(
     found: dict[tuple[str, ...], MappedColumn],
     wanted: Mapping[str, tuple[str, ...]],
@@ -120,7 +142,10 @@ def _stated(entry: MappedColumn) -> dict[str, Any]:
 
 
 def _read(name: str, stated: str) -> tuple[str, str]:
+    """The words of a column's name and its unit, which may be all that it is called."""
     stem, within = split_unit(name)
+    if not (stated or within) and len(name) > 1 and unit(name):
+        return "", name
     return stem, stated or within
 
 

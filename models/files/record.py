@@ -26,7 +26,7 @@ from models.files.columns import (
 )
 from models.files.csv_reader import Block, read_blocks
 from models.files.mapping import MappedColumn, check_stated
-from models.files.proposal import proposed, toml_lines
+from models.files.proposal import proposed, to_scale, toml_lines
 from models.files.rig import Rig
 
 Array = NDArray[np.float64]
@@ -106,7 +106,7 @@ def read_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: boo
     reading = _Reading(str(path), rig, driven_only, lenient)
     names = {*known_of(rig.kind), *(entry.column for entry in rig.columns.entries)}
     clocks = {TIME, *(entry.column for entry in rig.columns.entries if entry.target == TIME)}
-    for header, block in read_blocks(path, reading.check_header, names, clocks):
+    for header, block in read_blocks(path, reading.check_header, names, clocks, known_of(rig.kind)):
         reading.take(header, block)
     return _complete(_name(path), str(path), reading)
 
@@ -176,12 +176,15 @@ def _with_proposal(
     used = {source.column for source in good.values()}
     free = [name for name in header if name not in used]
     variants = missing_in_variants(rig.kind, list(good))
-    found = max((proposed(free, missing, units, optional) for missing, optional in variants), key=len)
-    if not found or "columns of kind" in str(error):
+    likely = [(proposed(free, missing, units, optional), missing) for missing, optional in variants]
+    found, missing = max(likely, key=lambda one: len(one[0]))
+    raw = to_scale(free, missing, units, found)
+    if not (found or raw) or "columns of kind" in str(error):
         return error
     entries = [*(source for source in good.values() if not source.plain), *found]
-    told = ValueError(f"{error}; this table in the rig file reads it, if it is what is meant:")
-    told.add_note(toml_lines(entries))
+    words = "reads it, if it is what is meant" if not raw else "is what it would take, with numbers for the dots"
+    told = ValueError(f"{error}; this table in the rig file {words}:")
+    told.add_note("\n".join([toml_lines(entries), *raw]))
     return told
 
 

@@ -60,12 +60,15 @@ class Clock(Table):
 
 
 class ColumnTable(Table):
-    """One key of `[columns]`: which column of a file is this column of ours, `sign * (column - offset)` in `unit`."""
+    """One key of `[columns]`: which column of a file is this column of ours, `sign * scale * (column - offset)` in
+    `unit`.
+    """
 
     column: Annotated[str, Field(min_length=1)]
     unit: str | None = None
     sign: Literal[1, -1] = 1
     offset: Annotated[float, Field(gt=-1e15, lt=1e15)] = 0.0
+    scale: Positive | None = None
 
 
 class Drive(Table):

@@ -112,6 +112,8 @@ MEANINGS: Final[Mapping[str, str]] = {
     " name ends in, else that of our column",
     "sign": "-1 turns the column's direction round",
     "offset": "what the column shows at zero, in its own unit: `sign * (column - offset)` is told in our unit",
+    "scale": "what one of the file's numbers (a volt, a count, a pixel) is in `unit`; left out: the"
+    " file's unit says it",
     "interface": "name of the python-can interface, such as `socketcan`, or `capsule_local` between processes",
     "channel": "its channel, such as `can0`",
     "bitrate": "bit rate, which must be that of `hil/capsule.dbc`",

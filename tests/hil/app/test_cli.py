@@ -174,7 +174,7 @@ BAD = [
     (["close-loop", "{record}", "--rig", "{tmp}/none.toml", "--out", "{tmp}/o"], "No such file"),
     (["close-loop", "{record}", "--rig", "{tmp}", "--out", "{tmp}/o"], "must be a regular file; got a directory"),
     (["close-loop", "{tmp}/none.csv", "--rig", "{rig}", "--out", "{tmp}/o"], "No such file"),
-    (["close-loop", "{tmp}", "--rig", "{rig}", "--out", "{tmp}/o"], "must be a .csv or .csv.gz file"),
+    (["close-loop", "{tmp}", "--rig", "{rig}", "--out", "{tmp}/o"], "record must be text (.csv"),
     (["close-loop", "{record}", "{record}", "--rig", "{rig}", "--out", "{tmp}/o"], "twice"),
     (["close-loop", "{record}", "--rig", "{rig}", "--out", "{tmp}/o", "--holdout", "{record}"], "twice"),
     (["close-loop", "{record}", "--rig", "{rig}", "--out", "{record}"], "--out must be a folder; got the file"),

@@ -200,6 +200,33 @@ def test_a_joint_is_recognised_by_the_words_of_robots(tmp_path: Path, header: st
     assert tuple(found[name]["column"] for name in ours) == sources
 
 
+def test_a_sensor_that_was_logged_in_volts_is_told_by_a_scale(tmp_path: Path) -> None:
+    """The lines of a logger that gives each channel its own time, under one name."""
+    path = tmp_path / "ni.csv"
+    top = 'Interval,0.01,Interval,0.01\nChannel name,"Force",Channel name,"Input 1"\nUnit,"V",Unit,"V"\n'
+    t = 0.01 * np.arange(200)
+    path.write_text(top + "".join(f"{k},{0.5 + 1e-3 * n},{k},{n}\n" for n, k in enumerate(t)))
+    with pytest.raises(ValueError, match="'force_N', in N; got 'Force'") as caught:
+        read_record(path, parse_rig({"rig": {"kind": "axis"}}))
+    note = "\n".join(caught.value.__notes__)
+    assert '# force_N = {column = "Force", unit = "N", scale = ...}  # what 1 V is in N' in note
+    columns = {
+        "t_s": {"column": "Channel name", "unit": "s"},
+        "force_N": {"column": "Force", "unit": "mN", "scale": 200.0, "offset": 0.5, "sign": -1},
+        "position_m": {"column": "Input 1", "scale": 1e-4},
+    }
+    record = read_record(path, parse_rig({"rig": {"kind": "axis"}, "columns": columns}))
+    np.testing.assert_allclose(record["force_N"], -0.2 * 1e-3 * np.arange(200), atol=1e-12)
+    np.testing.assert_allclose(record["position_m"], 1e-4 * np.arange(200), atol=1e-12)
+
+
+def test_a_column_that_is_called_by_its_unit_alone_is_recognised(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="header must have") as caught:
+        read(tmp_path, "ms,Pos [mm],Load [N],Not selected,Not selected\n1,2,3,0,0\n")
+    found = tomllib.loads("\n".join(caught.value.__notes__))["columns"]
+    assert found["t_s"] == {"column": "ms", "unit": "ms"}
+
+
 @given(
     st.text(min_size=1, max_size=30).filter(lambda text: max(text) < "\ud800" or min(text) > "\udfff"),
     st.sampled_from([1, -1]),

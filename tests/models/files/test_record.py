@@ -185,7 +185,7 @@ def test_too_many_rows_are_refused_before_they_fill_the_memory(tmp_path: Path) -
 
 
 def test_other_endings_and_missing_files(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"must be a .csv or .csv.gz file; got 'r.xlsx'"):
+    with pytest.raises(ValueError, match=r"must be text \(.csv.*got 'r.xlsx': export it as CSV"):
         read(tmp_path, "", name="r.xlsx")
     with pytest.raises(ValueError, match="No such file"):
         read_record(tmp_path / "none.csv", Rig("pull"))

@@ -13,6 +13,7 @@ import numpy as np
 from models.checks.examine import examine, stopping
 from models.checks.finding import RecordFinding
 from models.checks.information.excitation import cannot_show, inseparable
+from models.checks.instrument.usable import lead_in_s
 from models.effects import BY_ID
 from models.effects.equation import symbols_of
 from models.files.columns import TIME
@@ -152,8 +153,8 @@ def narrowed(kind: AnyKind, rig: Rig, records: Sequence[Record]) -> tuple[AnyKin
 
 
 def _seconds(record: Record) -> float:
-    """How long it lasts; not limited for a table, whose rows have no time."""
-    return float(np.ptp(record[TIME])) if record.layout.time else np.inf
+    """How long its residuals count; not limited for a table, whose rows have no time."""
+    return float(np.ptp(record[TIME])) - lead_in_s(record) if record.layout.time else np.inf
 
 
 def _reasons(verdict: str, checks: Sequence[Check], findings: Sequence[RecordFinding]) -> tuple[str, ...]:

@@ -175,23 +175,21 @@ def setback_findings(
 
 def at_bounds(kind: Kind, fit: Fit, effects: Sequence[str]) -> list[str]:
     """Names of the fitted parameters at a bound. A bound of 0, where the law itself ends or becomes a simpler one, is
-    none, but for the size of an effect, which is not there then.
+    none, but for the size of an effect, which is not there then; nor is one where a form is as it is declared.
     """
     sizes = {f"{name}.{declared(kind, name).amplitude().name}" for name in effects}
-    return [
-        axis.name
-        for axis in axes(kind, effects)
-        if any(
-            near(fit.theta[axis.name], bound, axis.parameter)
-            for bound in (axis.parameter.lower, axis.parameter.upper)
-            if bound != 0 or axis.name in sizes
-        )
-    ]
+    found = []
+    for axis in axes(kind, effects):
+        p = axis.parameter
+        plain = {0.0, p.value} if "." in axis.name else {0.0}
+        bounds = [bound for bound in (p.lower, p.upper) if axis.name in sizes or bound not in plain]
+        if any(near(fit.theta[axis.name], bound, p) for bound in bounds):
+            found.append(axis.name)
+    return found
 
 
 def _frequencies(kind: Kind, effects: Sequence[str]) -> list[str]:
-    names = [f"{effect}.{parameter.name}" for effect in effects for parameter in declared(kind, effect).parameters()]
-    return [name for name in names if name.endswith(".frequency_Hz")]
+    return [f"{name}.{p.name}" for name in effects for p in declared(kind, name).parameters() if p.unit == "Hz"]
 
 
 def _check(name: str, title: str, value: float, limit: float, meaning: str) -> Check:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,13 +49,18 @@ def intervals(kind: Kind, fit: Fit, effects: Sequence[str], parts: Sequence[Part
     return out
 
 
+def _by_noise(jacobian: Array) -> Array:
+    """Covariance (p, p) that noise alone gives least squares: the inverse of J'J, rows in units of the noise."""
+    values, vectors = np.linalg.eigh(jacobian.T @ jacobian)
+    return np.asarray((vectors / np.maximum(values, 1e-12 * max(values[-1], 1e-300))) @ vectors.T)
+
+
 def _covariances(fit: Fit, scale: Array) -> tuple[Array, Array]:
     """Covariance of the fitted values in units of `scale`, shape (p, p): least squares' own, widened for what is left
     beyond chance and for residuals that are not independent, and the sandwich.
     """
     rows = fit.jacobian * scale
-    values, vectors = np.linalg.eigh(rows.T @ rows)
-    inverse = (vectors / np.maximum(values, 1e-12 * max(values[-1], 1e-300))) @ vectors.T
+    inverse = _by_noise(rows)
     scores = np.array([part.T @ r for part, r in zip(_blocks(rows), _blocks(fit.residual), strict=True)])
     scatter = len(scores) / max(len(scores) - len(scale), 1) * scores.T @ scores
     return inverse * max(fit.chi2, 1.0) * memory(fit.residual), inverse @ scatter @ inverse
@@ -65,8 +69,9 @@ def _covariances(fit: Fit, scale: Array) -> tuple[Array, Array]:
 def drawn(
     kind: Kind, fit: Fit, effects: Sequence[str], rng: np.random.Generator, only: Collection[str] | None = None
 ) -> dict[str, float]:
-    """The fit's values, or `only` those named while the others stay, moved as far as they are uncertain: with the wider
-    of the two covariances, and by the models' own numerics (a thousandth of each); within the bounds.
+    """The fit's values, or `only` those named while the others stay, moved as far as noise leaves them uncertain and by
+    the models' own numerics (a thousandth of each); within the bounds. What the fit leaves beyond chance does not widen
+    this: a misfit would excuse itself.
     """
     every = axes(kind, effects)
     moving = [k for k, axis in enumerate(every) if only is None or axis.name in only]
@@ -75,9 +80,7 @@ def drawn(
     if not fitted:
         return theta
     scale = np.array([a.scale for a in fitted])
-    part = replace(fit, jacobian=fit.jacobian[:, moving])
-    covariance = max(_covariances(part, scale), key=lambda c: float(np.trace(c)))
-    values, vectors = np.linalg.eigh(covariance)
+    values, vectors = np.linalg.eigh(_by_noise(fit.jacobian[:, moving] * scale))
     moved = vectors @ (np.sqrt(np.maximum(values, 0.0)) * rng.standard_normal(len(fitted))) * scale
     for axis, step in zip(fitted, moved, strict=True):
         value = theta[axis.name]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from models.checks.finding import RecordFinding
+from models.effects.drive.carriage_backlash import CarriageBacklash
 from models.effects.effect import Effect
 from models.effects.force.respiration import Respiration
 from models.effects.force.stress_relaxation import StressRelaxation
@@ -116,6 +117,15 @@ def test_a_parameter_at_its_bound_is_told_but_the_zero_of_a_law_is_none() -> Non
     assert at_bounds(pull, fit(relaxing), ["stress_relaxation"]) == []
     lagging = {**pull.nominal(), "sensor_lowpass.time_s": 0.0}
     assert at_bounds(pull, fit(lagging), ["sensor_lowpass"]) == ["sensor_lowpass.time_s"]
+
+
+def test_a_form_that_ends_as_it_is_declared_is_at_no_bound() -> None:
+    """Play with an order of 1, the least, is play as it is declared; at the other end it would have gone further."""
+    pull = SeriesKind.from_rig(Rig("pull", noise=Noise(force_std_N=1e-3)), [])
+    theta = {**pull.nominal(), **CarriageBacklash.start(), "carriage_backlash.play_m": 1e-3}
+    assert at_bounds(pull, fit({**theta, "carriage_backlash.order": 1.0}), ["carriage_backlash"]) == []
+    stiff = at_bounds(pull, fit({**theta, "carriage_backlash.order": 4.0}), ["carriage_backlash"])
+    assert stiff == ["carriage_backlash.order"]
 
 
 def test_a_curve_that_mends_a_shape_may_end_at_its_bound() -> None:

@@ -191,12 +191,11 @@ class AxisKind(OneByOne):
         return list(decimate(errors, of.motion.rate, self.band) / self.noise(record).weight)
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
-        """The authors' relative force error in %, pooled; where an axis rests or nothing is known, none is counted."""
+        """The authors' relative force error in %, pooled; where an axis rests or a gap is near, none is counted."""
         wrong = right = 0.0
         for record, prediction in zip(records, predictions, strict=True):
             rate = sampling_rate(record["t_s"])
-            none = self._moved(record).still | ~used(record)
-            error = np.where(none, 0.0, record[self.quantity] - prediction)
+            error = np.where(self._moved(record).still, 0.0, record[self.quantity] - prediction)
             wrong += float(np.sum(decimate(error, rate, self.band) ** 2))
             right += float(np.sum(decimate(record[self.quantity], rate, self.band) ** 2))
         return 100 * float(np.sqrt(wrong / right))

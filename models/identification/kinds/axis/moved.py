@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from models.checks.instrument.usable import used
 from models.checks.view import runs_of
 from models.files.record import Record
 from models.identification.kinds.axis.coordinates import Coordinates
 from models.identification.kinds.axis.noise import through, white_part
-from models.identification.kinds.axis.zero_phase import Array, Motion, motion
+from models.identification.kinds.axis.zero_phase import BORDER, LONGEST, Array, Motion, motion
 
 WHOLE, STILL, PLACE_NOISE = ("_x", "_v", "_a"), "_still", "_place_noise"
 """Columns that a part of a record carries on from the whole: the motion filtered before the cut, rests, noise."""
@@ -22,7 +23,8 @@ _AGREES = 0.2  # of the speed, by which a logged one may differ from the positio
 @dataclass(frozen=True)
 class Moved:
     """The motion, the sign of its speed as far as the noise of the position (standard deviation `place`) lets it be
-    told, where the axis rests or its direction is unsure, and the logged speed where that agrees with the position's.
+    told, where the axis rests, its direction is unsure or a gap is near (`still`), and the logged speed where that agrees
+    with the position's.
     """
 
     motion: Motion
@@ -49,7 +51,8 @@ def moved(record: Record, c: Coordinates, position_std: float | None, band: floa
     if logged is not None:
         m = motion(record["t_s"], position, logged, band)
     place = position_std or white_part(position)
-    return Moved(m, _direction(m, place, band), _still(m, place, band), place, logged)
+    still = _still(m, place, band) | _beside_gaps(~used(record), m.rate, band)
+    return Moved(m, _direction(m, place, band), still, place, logged)
 
 
 def carried(record: Record, c: Coordinates, of: Moved) -> Record:
@@ -68,6 +71,15 @@ def _unsure(m: Motion, place: float, band: float) -> float:
 def _direction(m: Motion, place: float, band: float) -> Array:
     unsure = 2 * _unsure(m, place, band)
     return np.clip(m.v / unsure, -1, 1) if unsure > 0 else np.sign(m.v)
+
+
+def _beside_gaps(unused: NDArray[np.bool_], rate: float, band: float) -> NDArray[np.bool_]:
+    """The rows of gaps, and beside them as far as the filters reach."""
+    out, reach = np.zeros_like(unused), round(BORDER / band * rate)
+    for a, b in runs_of(unused):
+        if b - a >= LONGEST - 1:
+            out[max(a - reach, 0) : b + reach] = True
+    return out
 
 
 def _still(m: Motion, place: float, band: float) -> NDArray[np.bool_]:

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 BAND_HZ = 20.0  # closed-loop bandwidth that the authors' cut-offs are multiples of
 BORDER = 1.0  # periods of the bandwidth that are cut at the ends, where a zero-phase filter has only one side
 _SHORT = 2000  # samples that are filtered by a matrix
-_EVEN, _LONGEST = 0.05, 5.0  # share by which steps may differ, and the longest in usual ones that is no gap
+_EVEN, LONGEST = 0.05, 5.0  # share by which steps may differ, and the longest in usual ones that is no gap
 _LOST = 0.5  # of a record, beside and within gaps
 
 
@@ -55,10 +55,9 @@ def sampling_rate(t: Array) -> float:
     return 1 / float(np.median(np.diff(t)))
 
 
-def evened(record: Record, columns: Sequence[str], band: float = BAND_HZ) -> Record:
+def evened(record: Record, columns: Sequence[str]) -> Record:
     """`record` itself where its steps in time are even within 5 %, else its `columns` straight between samples at even
-    times, as many a second as it has; over a gap of more than five usual steps, and as far beside it as filters of the
-    `band` in Hz reach, no sample counts.
+    times, as many a second as it has; over a gap of more than five usual steps no sample counts.
 
     Raises ValueError where speed and acceleration would be guessed in half of it or more.
     """
@@ -67,15 +66,14 @@ def evened(record: Record, columns: Sequence[str], band: float = BAND_HZ) -> Rec
         return record
     steps = np.diff(t)
     usual = float(np.median(steps))
-    long = steps > _LONGEST * usual
+    long = steps > LONGEST * usual
     step = float(np.mean(steps[~long]))
     gaps = list(zip(t[:-1][long], t[1:][long], strict=True))
-    reach = BORDER / band
-    lost = sum(end - begin for begin, end in gaps) + 2 * reach * len(gaps)
+    lost = sum(end - begin for begin, end in gaps) + 2 * BORDER / BAND_HZ * len(gaps)
     if lost > _LOST * (t[-1] - t[0]):
         worst = int(np.argmax(steps))
         raise ValueError(
-            f"t_s must be evenly spaced to be differentiated, without steps above {_LONGEST:g} times the usual one over"
+            f"t_s must be evenly spaced to be differentiated, without steps above {LONGEST:g} times the usual one over"
             f" most of it; got {len(gaps)}, the longest of {steps[worst]:g} s at {t[worst]:.12g} s among {usual:g} s"
         )
     even = np.linspace(t[0], t[-1], round((t[-1] - t[0]) / step) + 1)
@@ -83,7 +81,7 @@ def evened(record: Record, columns: Sequence[str], band: float = BAND_HZ) -> Rec
     if gaps:
         known = there.get(USED, np.ones(len(even)))
         for begin, end in gaps:
-            known = np.where((even > begin - reach) & (even < end + reach), 0.0, known)
+            known = np.where((even > begin) & (even < end), 0.0, known)
         there[USED] = known
     return Record(record.name, record.kind, {"t_s": even, **there})
 

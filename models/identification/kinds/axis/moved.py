@@ -23,7 +23,7 @@ _AGREES = 0.2  # of the speed, by which a logged one may differ from the positio
 @dataclass(frozen=True)
 class Moved:
     """The motion, the sign of its speed as far as the noise of the position (standard deviation `place`) lets it be
-    told, where the axis rests, its direction is unsure or a gap is near (`still`), and the logged speed where that agrees
+    told, where the axis rests, its direction is unsure or a gap is near (`still`), and the logged speed where it agrees
     with the position's.
     """
 

@@ -4,7 +4,8 @@
 (kinds in turn; a third without an effect, the others with one of the plant's, of which one in six is nothing the
 catalogue has; clean, usual or poor instruments), runs `capsule campaign` over them and prints the tables that
 docs/results quote. A series is known by its number, so a larger count adds series, and the same command goes on after a
-kill; `--table` only prints what is on file, `--fit MAP.toml` fits the map from score to probability to it. The hidden
+kill; `--table` only prints what is on file, `--fit MAP.toml` fits the map from score to probability to it,
+`--diagram FILE.svg` draws the reliability diagram. The hidden
 effects' forms are the plant's own.
 
 What is judged: every effect that a report lists, said with its score, is right where the hidden effect stands in
@@ -181,6 +182,41 @@ def tables(rows: Sequence[tuple[Drawn, dict[str, Any]]]) -> str:
     return "\n".join(lines)
 
 
+def diagram(said: Sequence[Statement], series: int) -> str:
+    """The reliability diagram as SVG: the share right over the mean p of each bin, with its 95 % interval and its
+    number; on the diagonal p is the share.
+    """
+    side, left, top = 320.0, 56.0, 16.0
+    text = 'font-family="sans-serif" font-size="12" fill="#333"'
+
+    def at(p: float, share: float) -> tuple[float, float]:
+        return left + side * p, top + side * (1 - share)
+
+    parts = [
+        '<svg xmlns="http://www.w3.org/2000/svg" width="400" height="400" viewBox="0 0 400 400">',
+        '<rect width="400" height="400" fill="#fff"/>',
+        f'<rect x="{left}" y="{top}" width="{side}" height="{side}" fill="none" stroke="#999"/>',
+        f'<path d="M{left} {top + side}L{left + side} {top}" stroke="#999" stroke-dasharray="4 4"/>',
+    ]
+    for value in (0.0, 0.25, 0.5, 0.75, 1.0):
+        (x, _), (_, y) = at(value, 0), at(0, value)
+        parts.append(f'<text x="{x}" y="{top + side + 16}" text-anchor="middle" {text}>{value:g}</text>')
+        parts.append(f'<text x="{left - 6}" y="{y + 4}" text-anchor="end" {text}>{value:g}</text>')
+    for _, part in _bins(said):
+        p, share = float(np.mean([s.p for s in part])), _share(part)
+        low, high = interval(sum(s.right for s in part), len(part))
+        (x, y), (_, y_low), (_, y_high) = at(p, share), at(p, low), at(p, high)
+        parts.append(f'<path d="M{x:.1f} {y_low:.1f}V{y_high:.1f}" stroke="#2b6cb0" stroke-width="2"/>')
+        parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="5" fill="#2b6cb0"/>')
+        parts.append(f'<text x="{x:.1f}" y="{y_low + 14:.1f}" text-anchor="middle" {text}>{len(part)}</text>')
+    middle = left + side / 2
+    said_of = f"said with p ({len(said)} effects in {series} series)"
+    parts.append(f'<text x="{middle}" y="{top + side + 38}" text-anchor="middle" {text}>{said_of}</text>')
+    turned = f'transform="rotate(-90 14 {top + side / 2})"'
+    parts.append(f'<text x="14" y="{top + side / 2}" text-anchor="middle" {turned} {text}>share that was right</text>')
+    return "\n".join([*parts, "</svg>", ""])
+
+
 def _right(name: str, rows: Sequence[tuple[Drawn, dict[str, Any]]], verdict: str | None = None) -> str:
     right = [verdict_right(r, s.effect) for s, r in rows if verdict in (None, r["verdict"])]
     return f"- {name}: {sum(right)} of {len(right)}"
@@ -221,6 +257,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--kind", nargs="*", choices=tuple(EFFECTS), default=list(EFFECTS))
     parser.add_argument("--fit", type=Path, metavar="MAP.toml", help="fit the map to what is on file, and write it")
+    parser.add_argument("--diagram", type=Path, metavar="FILE.svg", help="draw the reliability diagram")
     parser.add_argument("--table", action="store_true", help="only print what is on file")
     asked = parser.parse_args()
     wanted = {s.name: s for s in (drawn(number, asked.seed, asked.kind) for number in range(asked.count))}
@@ -246,6 +283,8 @@ def main() -> None:
         elif name in ended:
             print(f"{name:26} {series.effect!s:22} refused: {ended[name]['error']}")
     said = [s for series, result in told for s in statements(result, series.effect)]
+    if asked.diagram is not None:
+        asked.diagram.write_text(diagram(said, len(told)), encoding="utf-8")
     if asked.fit is not None:
         fitted = isotonic(said, len(told), datetime.date.today().isoformat())
         asked.fit.write_text(fitted.to_toml(), encoding="utf-8")

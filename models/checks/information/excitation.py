@@ -128,6 +128,11 @@ def _time(e: Excitation) -> str:
     return "" if e.longest > _LONG_S else f"the longest record lasts {e.longest:.3g} s only"
 
 
+def _wall(e: Excitation) -> str:
+    surface = e.views[0].rig.surface
+    return "" if surface is None or surface.kind == "gut" else f"there is no wall ({surface.kind})"
+
+
 NEEDS: Mapping[str, Need] = MappingProxyType(
     {
         "both_ways": _both_ways,
@@ -138,6 +143,7 @@ NEEDS: Mapping[str, Need] = MappingProxyType(
         "time": _time,
         "load": _load,
         "turning": _turning,
+        "wall": _wall,
     }
 )
 """What an effect may name in `needs`, and how its lack is said of a series."""

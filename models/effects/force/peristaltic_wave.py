@@ -27,7 +27,7 @@ class PeristalticWave(ForceInTime):
     summary = "a force wave that travels along the lumen"
     source = _SOURCE
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
-    needs = ("time",)
+    needs = ("time", "wall")
     grid = MappingProxyType(
         {"frequency_Hz": frequencies(0.04, 0.41), "wavenumber_per_m": (6.0, 12.0, 19.0, 26.0, 34.0, 43.0)}
     )

@@ -16,7 +16,7 @@ class Respiration(ForceInTime):
     summary = "a force periodic in time, the same everywhere"
     source = "tracing catalogue 15: 0.2 to 0.3 Hz"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
-    needs = ("time",)
+    needs = ("time", "wall")
     grid = MappingProxyType({"frequency_Hz": frequencies(0.04, 0.82)})
     confounders = ("peristaltic_wave", "mains_hum")
     separated_by = "a second position; a pause of the ventilator"

@@ -22,6 +22,7 @@ class StressRelaxation(Effect):
     summary = "a force that builds up while moving and relaxes"
     source = "rat gut SLS, WJG 11:4974; five-element model (Kim)"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
+    needs = ("wall",)
     states = ("stretch_m",)
     grid = MappingProxyType({"time_s": (0.15, 0.4, 1.0, 3.0, 8.0)})
     probe = 1.0

@@ -225,6 +225,18 @@ def test_an_axis_that_friction_holds_is_not_taken_for_a_stuck_encoder(swings: in
     assert ("driven_stuck" in found) == (swings > 1)
 
 
+def test_on_a_plate_no_effect_of_a_living_wall_can_show() -> None:
+    names = {"stress_relaxation", "respiration", "peristaltic_wave"}
+    effects = [effect for effect in effects_for("coil") if effect.id in {*names, "stribeck"}]
+    t = np.arange(0, 12, 5e-3)
+    x = 5e-3 * np.sin(t) + 1e-3 * np.sin(3.1 * t)
+    coil = Record("one", "coil", {"t_s": t, "coil_current_A": np.cos(t), "position_m": x})
+    tables = {"rig": {"kind": "coil", "force_constant_N_per_A": 0.5}, **tomllib.loads(GUT)}
+    plate = {"surface": {"kind": "plate", "friction_coefficient": 0.2}}
+    assert not names & cannot_show(parse_rig(tables), [coil], effects).keys()
+    assert names == cannot_show(parse_rig({**tables, **plate}), [coil], effects).keys()
+
+
 def test_an_accepted_check_weakens_and_no_longer_stops() -> None:
     findings = examine(rig(checks={"accept": ["force_sign"]}), [record(turned(pull()))])
     assert stopping(findings) is None

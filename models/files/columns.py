@@ -46,6 +46,10 @@ class Columns:
         """The driven and the measured columns' names."""
         return (*(name for alternatives in self.driven for name in alternatives), *self.measured)
 
+    def lacking(self, header: Iterable[str], with_measured: bool = True) -> list[tuple[str, ...]]:
+        """The columns that `header` lacks, each as a tuple of alternatives."""
+        return [names for names in self.required(with_measured) if not set(names) & set(header)]
+
     def known(self) -> tuple[str, ...]:
         """Every name this kind gives a meaning to."""
         return (
@@ -130,16 +134,20 @@ ABOVE = frozenset({"frequency_Hz", "storage_modulus_Pa"})
 _TIME_NAMES = ("time", "timestamp", "seconds", "sec")
 
 
+def variants_of(kind: str) -> tuple[Columns, ...]:
+    """What a record of `kind` may hold, its columns in `COLUMNS` first."""
+    return (COLUMNS[kind], *VARIANTS.get(kind, ()))
+
+
 def columns_of(kind: str, names: Iterable[str]) -> Columns:
     """What a record of `kind` with the columns `names` holds: of the kind's variants the one that has most of them."""
     there = set(names)
-    return max((COLUMNS[kind], *VARIANTS.get(kind, ())), key=lambda held: len(there & set(held.own())))
+    return max(variants_of(kind), key=lambda held: len(there & set(held.own())))
 
 
 def known_of(kind: str) -> tuple[str, ...]:
     """Every name that a kind gives a meaning to, in any of its variants."""
-    held = (COLUMNS[kind], *VARIANTS.get(kind, ()))
-    return tuple(dict.fromkeys(name for one in held for name in one.known()))
+    return tuple(dict.fromkeys(name for one in variants_of(kind) for name in one.known()))
 
 
 def range_of(kind: str, name: str) -> tuple[float, float, str] | None:
@@ -162,22 +170,16 @@ def first_wrong(kind: str, name: str, values: NDArray[np.float64]) -> int | None
 
 def missing_columns(kind: str, header: Sequence[str], with_measured: bool = True) -> list[tuple[str, ...]]:
     """The columns of `kind` that `header` lacks, each as a tuple of alternatives."""
-    return [names for names in columns_of(kind, header).required(with_measured) if not set(names) & set(header)]
+    return columns_of(kind, header).lacking(header, with_measured)
 
 
 def missing_in_variants(kind: str, header: Sequence[str]) -> list[tuple[list[tuple[str, ...]], tuple[str, ...]]]:
     """The columns that `header` lacks to be a record of each variant of `kind` that none of its columns rules out, and
     those that it may have besides.
     """
-    held = (COLUMNS[kind], *VARIANTS.get(kind, ()))
+    held = variants_of(kind)
     fitting = [one for one in held if set(one.own()) & set(header)] or held
-    return [
-        (
-            [names for names in one.required() if not set(names) & set(header)],
-            tuple(name for name in one.optional if name not in header),
-        )
-        for one in fitting
-    ]
+    return [(one.lacking(header), tuple(name for name in one.optional if name not in header)) for one in fitting]
 
 
 def check_header(where: str, kind: str, header: Sequence[str], with_measured: bool = True) -> None:
@@ -204,14 +206,10 @@ def check_header(where: str, kind: str, header: Sequence[str], with_measured: bo
 
 def _wanted(kind: str, header: Sequence[str], with_measured: bool) -> str:
     """The columns that `header` lacks; where it has none of any variant of `kind`, those of each."""
-    held = (COLUMNS[kind], *VARIANTS.get(kind, ()))
-    if len(held) == 1 or any(set(one.own()) & set(header) for one in held):
+    held = variants_of(kind)
+    if any(set(one.own()) & set(header) for one in held):
         held = (columns_of(kind, header),)
-    lists = [
-        ", ".join(" or ".join(names) for names in one.required(with_measured) if not set(names) & set(header))
-        for one in held
-    ]
-    return ", or ".join(lists)
+    return ", or ".join(", ".join(map(" or ".join, one.lacking(header, with_measured))) for one in held)
 
 
 def _hint(missing: Sequence[tuple[str, ...]], free: Sequence[str]) -> str:

@@ -5,8 +5,7 @@
 catalogue has; clean, usual or poor instruments), runs `capsule campaign` over them and prints the tables that
 docs/results quote. A series is known by its number, so a larger count adds series, and the same command goes on after a
 kill; `--table` only prints what is on file, `--fit MAP.toml` fits the map from score to probability to it,
-`--diagram FILE.svg` draws the reliability diagram. The hidden
-effects' forms are the plant's own.
+`--diagram FILE.svg` draws the reliability diagram. The hidden effects' forms are the plant's own.
 
 What is judged: every effect that a report lists, said with its score, is right where the hidden effect stands in
 its class. `none` is right where nothing is hidden, `named` where the hidden effect stands in the only class, `unknown`

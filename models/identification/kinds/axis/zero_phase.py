@@ -68,21 +68,20 @@ def evened(record: Record, columns: Sequence[str]) -> Record:
     usual = float(np.median(steps))
     long = steps > LONGEST * usual
     step = float(np.mean(steps[~long]))
-    gaps = list(zip(t[:-1][long], t[1:][long], strict=True))
-    lost = sum(end - begin for begin, end in gaps) + 2 * BORDER / BAND_HZ * len(gaps)
+    gaps = np.count_nonzero(long)
+    lost = float(np.sum(steps[long])) + 2 * BORDER / BAND_HZ * gaps
     if lost > _LOST * (t[-1] - t[0]):
         worst = int(np.argmax(steps))
         raise ValueError(
             f"t_s must be evenly spaced to be differentiated, without steps above {LONGEST:g} times the usual one over"
-            f" most of it; got {len(gaps)}, the longest of {steps[worst]:g} s at {t[worst]:.12g} s among {usual:g} s"
+            f" most of it; got {gaps}, the longest of {steps[worst]:g} s at {t[worst]:.12g} s among {usual:g} s"
         )
     even = np.linspace(t[0], t[-1], round((t[-1] - t[0]) / step) + 1)
     there = {name: np.interp(even, t, record[name]) for name in columns if name in record.columns}
     if gaps:
-        known = there.get(USED, np.ones(len(even)))
-        for begin, end in gaps:
-            known = np.where((even > begin) & (even < end), 0.0, known)
-        there[USED] = known
+        step_of = np.clip(np.searchsorted(t, even) - 1, 0, len(steps) - 1)
+        bridged = long[step_of] & (even > t[step_of]) & (even < t[step_of + 1])
+        there[USED] = np.where(bridged, 0.0, there.get(USED, np.ones(len(even))))
     return Record(record.name, record.kind, {"t_s": even, **there})
 
 

@@ -29,7 +29,7 @@ from models.identification.model import Model, own_effects_of
 from models.identification.record_checks import check_parts, check_records
 from models.identification.residual.dependence import dependence_of
 from models.identification.residual_tests import chance_error, residual_checks
-from models.identification.search.forward_selection import CLEAN, Search, search
+from models.identification.search.forward_selection import CLEAN, MOST_EFFECTS, Search, search
 from models.identification.verdict import at_bounds, by_chance, model_checks, setback_findings, setbacks, verdict_of
 
 _DRAWS = 5
@@ -43,12 +43,14 @@ def close(
     progress: Callable[[str, float], None],
     seed: int = 0,
     known: Known = NOTHING_KNOWN,
+    most: int = MOST_EFFECTS,
 ) -> tuple[Finding, Model]:
     """Calibrate the rig's model on `train`, find what it lacks, and report the errors before and after; `holdout` is
     looked through for what makes it unusable, then not opened until the end.
 
     Base parameters that are `known` from elsewhere take the place of the rig file's and hold the calibration as its
-    `[prior]` does. The same records and `seed` give the same numbers. Raises ValueError for records that cannot tell
+    `[prior]` does; effects that are known belong to the base. At `most` so many effects are looked for. The same
+    records and `seed` give the same numbers. Raises ValueError for records that cannot tell
     anything.
     """
     began = time.monotonic()
@@ -62,7 +64,7 @@ def close(
     kind, hidden = narrowed(kind, rig, train)
     words = report_of(kind)
     check_parts(kind, train, holdout)
-    found = search(kind, train, progress, np.random.default_rng(seed))
+    found = search(kind, train, progress, np.random.default_rng(seed), most)
     thetas = _stage_values(kind, found)
     progress("held-out records", 0.95)
     errors = {

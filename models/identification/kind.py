@@ -210,6 +210,16 @@ def present(effects: Sequence[type[Effect]], theta: Theta) -> list[tuple[Effect,
     return [(effect(), values) for effect in effects if (values := parameters_of(effect, theta)) is not None]
 
 
+def effects_in(theta: Theta) -> frozenset[str]:
+    """Ids of the effects that have an entry in `theta`."""
+    return frozenset(name.split(".")[0] for name in theta if "." in name)
+
+
+def had(kind: Kind) -> frozenset[str]:
+    """Ids of the effects that belong to the base of `kind`."""
+    return effects_in({p.name: p.value for p in kind.base})
+
+
 def declared(kind: Kind, effect: str) -> type[Effect]:
     """The `effect` as `kind` has it, with the kind's own ranges and names of parameters; else the catalogue's."""
     return next((own for own in kind.effects if own.id == effect), BY_ID[effect])

@@ -32,7 +32,7 @@ _AMPLITUDES = (0.15, 0.2, 0.25, 0.35, 0.5, 0.7, 1.0)
 _TRIED = 12
 _FURTHER = 1.2  # how much further the plain square must reach for a gear of its own
 _LAG_S = (0.03, 0.5)
-_FORMAT = 11
+_FORMAT = 12
 
 
 def rough_map(cycles: Cycles) -> SpeedMap:

@@ -36,6 +36,7 @@ _SMOOTHING = (3e-3, 1e-3)
 _TIME = 0.01  # s, size of 1 of the scaled period
 _STRETCH = 1.3  # factor by which a round may change the period
 _ROUGH, _SLACK_SQUARE, _SLACK = 1e-3, 1.0, 0.3
+_SETTLED = 0.02  # of the energy: a round at the speed that saves less is the last
 _REPEATS = 0.02  # share of its swing within which a state returns
 _CAUGHT = 6e-5  # m, wall displacement below which a slip ended because the wall was back, not because it was overtaken
 _OPTIONS: dict[str, Any] = {
@@ -88,8 +89,12 @@ def optimal_cycle(
         off = abs(pace.speed_m_s - speed_m_s)
         if off < nearest[0]:
             nearest = (off, waveform, pace)
-        if off <= close * abs(speed_m_s) and (best is None or pace.energy_J_per_m < best[1].energy_J_per_m):
-            best = (waveform, pace)
+        if off <= close * abs(speed_m_s):
+            settled = best is not None and pace.energy_J_per_m > (1 - _SETTLED) * best[1].energy_J_per_m
+            if best is None or pace.energy_J_per_m < best[1].energy_J_per_m:
+                best = (waveform, pace)
+            if settled:
+                break
         ratio = pace.speed_m_s / speed_m_s
         aim *= float(np.clip(1 / ratio, 0.75, 1.35)) if ratio > 0 else 1.35
     if best is not None:

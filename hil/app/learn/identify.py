@@ -22,13 +22,15 @@ from hil.app.learn.left_over import LeftOver
 from hil.app.quantities import quantity
 from hil.log.record import SOURCES
 from models.checks.instrument.usable import from_row
+from models.effects import BY_ID
 from models.files.columns import TIME
 from models.files.record import Record
 from models.files.rig import Rig
 from models.identification import close
 from models.identification.finding import STAGES
 from models.identification.fitting.fit import evaluate
-from models.identification.kinds import kind_for, ready
+from models.identification.kind import effects_in
+from models.identification.kinds import AnyKind, Known, kind_for, ready
 from models.identification.kinds.series.kind import SeriesKind
 from models.identification.model import HELD_OUT
 from models.identification.search.refit import refit
@@ -48,6 +50,8 @@ how the wall is stretched, is told by how it came there.
 """
 HELD_S: Final = 10.0
 """At least so long a stretch before the break says what the model left while it held."""
+ONE: Final = 1
+"""Effects that one answer looks for: the next one begins from the model that has it."""
 PARTLY: Final = 0.5
 """Share of the held-out error of the model in use that one may leave whose verdict is `unknown`."""
 
@@ -125,9 +129,8 @@ def _answer(question: Question) -> Answer:
     train = [_part("since", rig, columns, question.broken_from, cut)]
     held = [_part("held out", rig, columns, cut, None)]
     kind, records = kind_for(rig, []), [ready(record, rig) for record in held]
-    base = {p.name: before.get(p.name, p.value) for p in kind.base if p.fit and question.base_holds}
-    known = {name: (value, KNOWN * abs(value)) for name, value in base.items() if value}
-    finding, model = close(rig, train, held, lambda _what, _share: None, known=known)
+    known = _known(kind, before, *((KNOWN, KNOWN) if question.base_holds else (np.inf, np.inf)))
+    finding, model = close(rig, train, held, lambda _what, _share: None, known=known, most=ONE)
     effects = tuple(effect.id for effect in finding.effects)
     used = {**kind.nominal(), **question.in_use}
     error = kind.error(records, [kind.predict(r, used) for r in records])
@@ -171,15 +174,30 @@ def _as_it_held(question: Question) -> tuple[Rig, dict[str, float], Mapping[str,
     return _as_noisy(rig, ready(_part("before", rig, less, begin, end), rig), held), held, less
 
 
+def _known(kind: AnyKind, values: Mapping[str, float], base: float, effects: float) -> Known:
+    """The model in use at `values` as what a search starts from: the base of `kind`, known to the share `base` of each
+    value (as the rig file has it where that is infinite), and its effects, to the share `effects` (of a phase or
+    a zero: of the range).
+    """
+    fitted = [(p, values.get(p.name, p.value)) for p in kind.base if p.fit]
+    known = {p.name: (value, base * abs(value)) for p, value in fitted if value and np.isfinite(base)}
+    for effect in (BY_ID[name] for name in sorted(effects_in(values))):
+        for p in effect.parameters():
+            value = values.get(f"{effect.id}.{p.name}", p.value)
+            size = abs(value) if value and p.role != "phase" else p.upper - p.lower
+            known[f"{effect.id}.{p.name}"] = (value, effects * size)
+    return known
+
+
 def _held(rig: Rig, before: Record, in_use: Mapping[str, float]) -> dict[str, float]:
     """The parameters `in_use` with a base that is fitted to the record `before`. What no base leaves counts as noise,
     beside which the base in use is known by `BELIEVED`: an uneven wall must not bend it.
     """
-    kind = kind_for(rig, [before])
+    plain = kind_for(rig, [before])
+    kind = kind_for(rig, [before], _known(plain, in_use, np.inf, BELIEVED))
     start = {**kind.nominal(), **in_use}
     noisy = _as_noisy(rig, before, refit(kind, [before], [], start))
-    base = {p.name: start[p.name] for p in kind.base if p.fit and start[p.name]}
-    believed = kind_for(noisy, [before], {name: (value, BELIEVED * abs(value)) for name, value in base.items()})
+    believed = kind_for(noisy, [before], _known(plain, in_use, BELIEVED, BELIEVED))
     return refit(believed, [before], [], start)
 
 

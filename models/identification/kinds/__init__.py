@@ -8,6 +8,8 @@ from types import MappingProxyType
 from typing import Any, Final, Protocol
 
 from models.checks.instrument.usable import USED, cleaned
+from models.effects import REFINEMENTS
+from models.effects.effect import Effect
 from models.files.record import Record, named
 from models.files.rig import Rig
 from models.identification.kind import Theta
@@ -30,7 +32,9 @@ AnyKind = AxisKind | DmaKind | FrictionKind | SeriesKind | PeriodsKind | VibroTa
 
 
 Known = Mapping[str, tuple[float, float]]
-"""Values of base parameters by name, each with its standard deviation."""
+"""Values by name, each with its standard deviation: of base parameters, and of effects (`effect.parameter`) that a
+model has already.
+"""
 NOTHING_KNOWN: Final[Known] = MappingProxyType({})
 
 
@@ -67,8 +71,9 @@ def report_of(kind: AnyKind) -> Report:
 
 def kind_for(rig: Rig, records: Sequence[Record], known: Known = NOTHING_KNOWN) -> AnyKind:
     """The kind that a rig file describes; `records` settle what only data can (noise, the sign of a table's
-    velocities). Base parameters that are `known` take the place of the rig file's. What the rig file states of how well
-    a nominal value is known holds a calibration to it; a ValueError where it states it of something else.
+    velocities). Base parameters that are `known` take the place of the rig file's, and effects that are known belong to
+    the base: they are fitted with it, and no candidates. What the rig file states of how well a nominal value is known
+    holds a calibration to it; a ValueError where it states it of something else.
     """
     kind = _unheld(rig, records)
     fitted = [p.name for p in kind.base if p.fit]
@@ -80,7 +85,16 @@ def kind_for(rig: Rig, records: Sequence[Record], known: Known = NOTHING_KNOWN) 
         )
     if not (rig.prior or known):
         return kind
-    return replace(kind, base=tuple(_held(p, rig.prior.get(p.name, p.spread), known.get(p.name)) for p in kind.base))
+    base = tuple(_held(p, rig.prior.get(p.name, p.spread), known.get(p.name)) for p in kind.base)
+    had = [e for e in (*kind.effects, *REFINEMENTS) if any(name.startswith(f"{e.id}.") for name in known)]
+    more = tuple(_own(effect, p, known) for effect in had for p in effect.parameters())
+    return replace(kind, base=(*base, *more), effects=tuple(effect for effect in kind.effects if effect not in had))
+
+
+def _own(effect: type[Effect], p: Parameter, known: Known) -> Parameter:
+    """The parameter `p` of an `effect` as one of a base."""
+    name = f"{effect.id}.{p.name}"
+    return _held(replace(p, name=name), p.spread, known.get(name))
 
 
 def _held(p: Parameter, spread: float, known: tuple[float, float] | None) -> Parameter:

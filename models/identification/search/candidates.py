@@ -13,7 +13,7 @@ import numpy as np
 from models.effects import BY_ID, REFINEMENTS
 from models.files.record import Record
 from models.identification.fitting.fit import NARROW, Fit, Problem, costs_of, descend, narrowing
-from models.identification.kind import Kind
+from models.identification.kind import Kind, had
 from models.identification.search.fitted_model import Fits, FittedModel
 from models.identification.search.growing_horizon import QUICK, GrowingHorizon, eliminate
 from models.identification.search.refit import begins, refit, step_on
@@ -94,7 +94,9 @@ def _refinements(kind: Kind, name: str) -> list[str]:
     """
     known = {effect.id for effect in kind.effects}
     return [
-        c for c in BY_ID[name].refined_by if c in known or (BY_ID[c].answers("shared") and kind.name in BY_ID[c].kinds)
+        c
+        for c in BY_ID[name].refined_by
+        if c in known or (BY_ID[c].answers("shared") and kind.name in BY_ID[c].kinds and c not in had(kind))
     ]
 
 
@@ -136,7 +138,8 @@ def from_the_best(model: FittedModel, alone: Sequence[Trial], helped: Sequence[T
     for name in dict.fromkeys((*beside, *alike)):
         owns = both if both and name in beside else rows[name].thetas
         starts = [
-            {**_only(base, effects), **_numbers(own, name)} for base, own in zip(both or best.thetas, owns, strict=True)
+            {**_only(kind, base, effects), **_numbers(own, name)}
+            for base, own in zip(both or best.thetas, owns, strict=True)
         ]
         fits = tuple(
             step_on(kind, part, [*effects, name], s).theta for (part, _), s in zip(splits, starts, strict=True)
@@ -149,9 +152,10 @@ def from_the_best(model: FittedModel, alone: Sequence[Trial], helped: Sequence[T
     return list(rows.values())
 
 
-def _only(theta: Mapping[str, float], effects: Sequence[str]) -> dict[str, float]:
+def _only(kind: Kind, theta: Mapping[str, float], effects: Sequence[str]) -> dict[str, float]:
     """The base of `theta` and the numbers of `effects`."""
-    return {name: value for name, value in theta.items() if "." not in name or name.split(".")[0] in effects}
+    kept = {*effects, *had(kind)}
+    return {name: value for name, value in theta.items() if "." not in name or name.split(".")[0] in kept}
 
 
 def _numbers(theta: Mapping[str, float], effect: str) -> dict[str, float]:

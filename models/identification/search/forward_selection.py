@@ -72,21 +72,26 @@ class Search:
 
 @dataclass(frozen=True)
 class _Task:
-    """What a search works with: the kind of rig, where progress goes, a clock, random numbers."""
+    """What a search works with: the kind of rig, where progress goes, a clock, random numbers, the most effects."""
 
     kind: Kind
     progress: Progress
     clock: _Clock
     rng: np.random.Generator
+    most: int
 
     def moved(self, stage: str, begun: float, name: str, share: float) -> None:
         """The candidate `name` is next; `share` of the stage is done, which began at `begun`."""
         self.progress(f"{stage}: {name}", begun + 0.15 * share)
 
 
-def search(kind: Kind, train: Sequence[Record], progress: Progress, rng: np.random.Generator) -> Search:
-    """Calibrate on `train`, then add effects one at a time while validation records gain beyond what chance gives."""
-    task = _Task(kind, progress, _Clock(), rng)
+def search(
+    kind: Kind, train: Sequence[Record], progress: Progress, rng: np.random.Generator, most: int = MOST_EFFECTS
+) -> Search:
+    """Calibrate on `train`, then add at `most` so many effects, one at a time, while validation records gain beyond
+    what chance gives.
+    """
+    task = _Task(kind, progress, _Clock(), rng, most)
     progress("calibrating", 0.02)
     told = kind.searched(train)
     splits = kind.splits(told)
@@ -145,7 +150,7 @@ def _named(task: _Task, model: FittedModel, found: Search, on_all: float) -> Fit
     clock.note("null distribution", found)
     found.before = found.after = min(model.cost, on_all)
     found.rounds = []
-    for number in range(1, MOST_EFFECTS + 1):
+    for number in range(1, task.most + 1):
         if found.after < max(found.null_cost + LEAST_DROP, found.null_cost * np.exp(kind.least_gain)) or (
             found.effects and found.explained > max(EXPLAINED, 1 - kind.next_share)
         ):

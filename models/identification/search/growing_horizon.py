@@ -39,6 +39,13 @@ class Effort:
 
 THOROUGH = Effort(512, (16, 6, 3, 2, 1), _ROUNDS)
 QUICK = Effort(128, (3, 2, 2, 1, 1), 3)
+_SETTLED = 0.05  # of its value, what a base parameter that is known may be off by
+
+
+def base_known(kind: Kind) -> bool:
+    """Whether a prior holds the base so well that it cannot be a slip event beside the right one."""
+    fitted = [p for p in kind.base if p.fit and "." not in p.name]
+    return bool(fitted) and all(_NEAR * p.spread <= _SETTLED * abs(p.value) for p in fitted)
 
 
 @dataclass
@@ -87,8 +94,9 @@ class GrowingHorizon:
         """Each base of `found` with effects from around their declared values: a drift does not show in the first few
         slip events.
         """
-        moved = [axis for axis in axes(self.kind, self.effects) if "." in axis.name]
-        bases = [{name: value for name, value in theta.items() if "." not in name} for theta in found]
+        moved = [axis for axis in axes(self.kind, self.effects) if axis.name.split(".")[0] in self.effects]
+        own = {p.name for p in self.kind.base}
+        bases = [{name: value for name, value in theta.items() if name in own} for theta in found]
         return self._drawn(bases, moved, self.effort.places // 2, self.seed + 1)
 
     def _drawn(

@@ -9,7 +9,7 @@ import numpy as np
 from models.effects import BY_ID, REFINEMENTS
 from models.files.record import Record
 from models.identification.fitting.fit import FINE, NARROW, Fit, Problem, costs_of, narrowing
-from models.identification.kind import Kind
+from models.identification.kind import Kind, had
 from models.identification.search.candidates import BEHIND, better_without, without
 from models.identification.search.fitted_model import FittedModel
 from models.identification.search.refit import mend, refit
@@ -90,7 +90,7 @@ def _clearly(finer: Fit, left: float, fit: Fit, floors: float) -> bool:
 def _shapes(kind: Kind, effects: Sequence[str]) -> list[str]:
     """What may mend the shapes of `effects`."""
     wanted = dict.fromkeys(curve for name in effects for curve in BY_ID[name].refined_by)
-    return [name for name in wanted if kind.name in BY_ID[name].kinds and name not in effects]
+    return [name for name in wanted if kind.name in BY_ID[name].kinds and name not in {*effects, *had(kind)}]
 
 
 def _begin(curve: str) -> dict[str, float]:

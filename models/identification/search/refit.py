@@ -11,7 +11,7 @@ from models.effects import BY_ID, REFINEMENTS
 from models.files.record import Record
 from models.identification.fitting.fit import FINE, NARROW, WIDE, Fit, Problem, costs_of, narrowing
 from models.identification.kind import Kind
-from models.identification.search.growing_horizon import QUICK, grow_horizon
+from models.identification.search.growing_horizon import QUICK, THOROUGH, base_known, grow_horizon
 from models.identification.search.validation import NEAR_NOISE, SHAPED, free_run, judged_cost
 
 
@@ -76,7 +76,8 @@ def _lengthened(
     newest = next((name for name in reversed(effects) if BY_ID[name] not in REFINEMENTS), "")
     if newest:
         starts.append({**starts[-1], **BY_ID[newest].start()})
-    return grow_horizon(kind, records, effects, starts, fresh=newest, seed=seed).theta
+    effort = QUICK if base_known(kind) else THOROUGH
+    return grow_horizon(kind, records, effects, starts, effort, newest, seed).theta
 
 
 def begins(kind: Kind, theta: Mapping[str, float]) -> list[dict[str, float]]:
@@ -95,11 +96,11 @@ _PLACES_CLOSE, _DOWN_FROM = 32, 2
 def calibrated(kind: Kind, records: Sequence[Record]) -> Fit:
     """The base alone fitted to `records` from its nominal values. Where that leaves more than the noise of a series, it
     is looked for from other places on ever longer beginnings: a base that is stuck a slip event beside the right one
-    would pass for one that lacks an effect.
+    would pass for one that lacks an effect. One that a prior holds is not.
     """
     problem = Problem.of(kind, records, [], free_run(kind))
     fit = narrowing(problem, refit(kind, records, [], {p.name: p.value for p in kind.base}), FINE)
-    if kind.beginnings_s and fit.chi2 > NEAR_NOISE:
+    if kind.beginnings_s and fit.chi2 > NEAR_NOISE and not base_known(kind):
         fit = min(fit, _from_other_places(problem, [], fit.theta), key=_cost)
     return fit
 
@@ -112,12 +113,12 @@ def whole(
     enough: float = NEAR_NOISE,
 ) -> Fit:
     """The best of several ways to a fit on `records` (`refit`), finished. Where that leaves more than `enough`
-    of a time series, the ever longer beginnings are gone through from other places once more.
+    of a time series whose base no prior holds, the ever longer beginnings are gone through from other places once more.
     """
     problem = Problem.of(kind, records, effects, free_run(kind))
     begun = refit(kind, records, effects, start, enough)
     fit = finished(kind, records, effects, narrowing(problem, begun, FINE))
-    if kind.beginnings_s and fit.chi2 > enough:
+    if kind.beginnings_s and fit.chi2 > enough and not base_known(kind):
         again = _from_other_places(problem, effects, fit.theta)
         fit = min(fit, finished(kind, records, effects, again), key=_cost)
     return fit

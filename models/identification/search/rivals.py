@@ -9,6 +9,7 @@ import numpy as np
 
 from models.effects import BY_ID
 from models.identification.fitting.fit import NARROW, Problem, costs_of, descend
+from models.identification.kind import effects_in, had
 from models.identification.search.candidates import BEHIND, FINAL, POOL, Trial, opening, without
 from models.identification.search.fitted_model import FittedModel
 from models.identification.search.growing_horizon import prefixes
@@ -87,7 +88,7 @@ def _tried_rivals(
 ) -> Iterator[tuple[str, FittedModel]]:
     """Fits that the search made of candidates beside the same other effects, also with their refinements."""
     for trial in trials:
-        if set(rest) == {key.partition(".")[0] for key in without(trial.thetas[0], trial.effect) if "." in key}:
+        if set(rest) == effects_in(without(trial.thetas[0], trial.effect)) - had(model.kind):
             yield trial.effect, model.fitted(trial.thetas, [*rest, trial.effect])
             for effects, fits in trial.refinements.items():
                 yield trial.effect, model.fitted(fits, effects)

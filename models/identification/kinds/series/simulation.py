@@ -14,7 +14,7 @@ from models.compiled.kernel import LANES, NEVER_S, SLOW_S, Kernel, lower
 from models.drives.drive import Drive
 from models.effects import BY_ID, followed_by
 from models.files.record import Record
-from models.identification.kind import Array, Theta
+from models.identification.kind import Array, Theta, effects_in
 from models.identification.kinds.series.drive_input import (
     CLOCK_OFFSET,
     SWITCH_DELAY,
@@ -37,7 +37,7 @@ def _model(surface: Surface, drive: Drive, names: tuple[str, ...]) -> tuple[Asse
 
 def active_effects(theta: Theta) -> tuple[str, ...]:
     """Ids of the effects that have an entry in `theta`, sorted."""
-    return tuple(sorted({name.split(".")[0] for name in theta if "." in name}))
+    return tuple(sorted(effects_in(theta)))
 
 
 def _each_lane(values: Array) -> Array:

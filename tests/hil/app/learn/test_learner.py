@@ -168,13 +168,13 @@ def test_a_model_that_explains_a_part_must_gain_more(
     nominal = dict(kind.nominal())
     seen: dict[str, object] = {}
 
-    def found(*given: object, known: dict[str, tuple[float, float]]) -> tuple[object, Model]:
-        seen.update(known)
+    def found(*given: object, known: dict[str, tuple[float, float]], most: int) -> tuple[object, Model]:
+        seen.update(known, most=most)
         held = [ready(record, rig) for record in given[2]]  # type: ignore[attr-defined]
         error = kind.error(held, [kind.predict(record, nominal) for record in held])
         stages = {"nominal": nominal, "calibrated": nominal, "augmented": nominal}
         finding = SimpleNamespace(
-            effects=[SimpleNamespace(id="fold_periodic")],
+            effects=[SimpleNamespace(id="lumen_taper")],
             error={"holdout": {"augmented": share * error}},
             verdict=verdict,
             next_experiment="faster",
@@ -185,9 +185,12 @@ def test_a_model_that_explains_a_part_must_gain_more(
         return finding, Model("magnetic", stages, verdict)
 
     monkeypatch.setattr(identify, "close", found)
-    answered = answer(Question(rig, columns, 300, {"friction_coefficient": 0.09}))
+    in_use = {"friction_coefficient": 0.09, "actuator_lag.time_s": 0.1}
+    answered = answer(Question(rig, columns, 300, in_use))
     assert answered.passed == offered
     assert seen["friction_coefficient"] == (0.09, pytest.approx(9e-4))
+    assert seen["actuator_lag.time_s"] == (0.1, pytest.approx(1e-3))
+    assert seen["most"] == 1
     assert "at most 0.5 of the current model's" in answered.sentence or offered
 
 

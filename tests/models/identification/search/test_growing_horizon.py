@@ -13,8 +13,9 @@ import pytest
 from models.files.record import Record, read_record
 from models.files.rig import parse_rig, read_rig
 from models.identification.fitting.fit import Fit, evaluate
+from models.identification.kinds import kind_for
 from models.identification.kinds.series.kind import SeriesKind
-from models.identification.search.growing_horizon import QUICK, GrowingHorizon, eliminate, grow_horizon
+from models.identification.search.growing_horizon import QUICK, GrowingHorizon, base_known, eliminate, grow_horizon
 from models.identification.search.refit import whole
 from models.identification.search.validation import free_run
 from plant.experiments.series import make_series
@@ -44,6 +45,28 @@ def test_it_never_ends_worse_than_where_it_was_told_to_start(tmp_path: Path) -> 
     truth = {p.name: float(answer[p.name]) for p in kind.base if p.fit}
     r = evaluate(kind, records, truth, free_run(kind))
     assert grow_horizon(kind, records, [], [truth], QUICK).cost <= float(r @ r)
+
+
+def test_effects_that_a_model_has_are_fitted_with_its_base_and_are_no_candidates(tmp_path: Path) -> None:
+    folder = make_series("magnetic", "incline_gravity", 1, tmp_path, 6.0)
+    rig, answer = read_rig(folder / "rig.toml"), tomllib.loads((folder / "answer.toml").read_text(encoding="utf-8"))
+    records = [read_record(folder / "train_1.csv.gz", rig)]
+    plain = kind_for(rig, records)
+    force_N = -4.0e-3 * 9.81 * np.sin(answer["parameters"]["angle_rad"])
+    kind = kind_for(rig, records, {"incline_gravity.force_N": (0.8 * force_N, np.inf)})
+    assert {e.id for e in plain.effects} - {e.id for e in kind.effects} == {"incline_gravity"}
+    assert plain.predict(records[0], kind.nominal()) == pytest.approx(kind.predict(records[0], kind.nominal()))
+    found = whole(kind, records, [], kind.nominal())
+    assert found.theta["incline_gravity.force_N"] == pytest.approx(force_N, rel=0.05)
+
+
+def test_a_base_is_known_where_a_prior_holds_all_of_it(tmp_path: Path) -> None:
+    rig = read_rig(make_series("magnetic", None, 1, tmp_path, 1.0) / "rig.toml")
+    nominal = {p.name: p.value for p in kind_for(rig, []).base if p.fit}
+    assert not base_known(kind_for(rig, []))
+    assert base_known(kind_for(rig, [], {name: (value, 0.01 * value) for name, value in nominal.items()}))
+    first = next(iter(nominal))
+    assert not base_known(kind_for(rig, [], {n: (v, (0.1 if n == first else 0.01) * v) for n, v in nominal.items()}))
 
 
 def test_a_base_that_is_known_is_left_as_it_is_however_much_it_leaves(tmp_path: Path) -> None:

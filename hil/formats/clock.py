@@ -28,13 +28,31 @@ def mean_before(rows: Array, times: Array, levels: Array) -> Array:
     return np.asarray((upto - before) / (rows - last))
 
 
+_MOST_PARTS = 100
+
+
+def between(rows: Array, times: Array) -> tuple[Array, np.ndarray]:
+    """The times `rows` with further ones evenly between them, as close as those at which a held level usually changes
+    (`times`), and which of them are `rows`.
+    """
+    if len(rows) < 2 or len(times) < 2:
+        return rows, np.ones(len(rows), dtype=bool)
+    lasts = float(np.median(np.diff(times)))
+    parts = np.clip(np.round(np.diff(rows) / lasts), 1, _MOST_PARTS).astype(int)
+    at = np.concatenate([[0], np.cumsum(parts)])
+    given = np.zeros(at[-1] + 1, dtype=bool)
+    given[at] = True
+    return np.interp(np.arange(at[-1] + 1), at, rows), given
+
+
 def one_clock(
     samples: Mapping[str, tuple[Array, Array]], rows_of: str, held: Sequence[str] = ()
 ) -> tuple[dict[str, Array], tuple[str, ...]]:
     """Columns at the times of `rows_of`, with `t_s`, from (times, values) of each; and sentences about what was done.
 
     Others go straight between their samples; those that are `held` are the mean of what was held since the row before.
-    Rows outside the span of any of them are left out.
+    Where these change more often, there are rows in between, in which `rows_of` has no value (NaN). Rows outside the
+    span of any of them are left out.
     """
     told, clean = list[str](), dict[str, tuple[Array, Array]]()
     for name, (times, values) in samples.items():
@@ -49,17 +67,21 @@ def one_clock(
     spans = [(times[0], times[-1]) for name, (times, _) in clean.items()]
     start, end = max(first for first, _ in spans), min(last for _, last in spans)
     inside = (rows >= start) & (rows <= end)
-    columns: dict[str, Array] = {TIME: rows[inside]}
+    fast = [clean[name][0] for name in samples if name in held and name != rows_of]
+    at, given = between(rows[inside], fast[0]) if fast else (rows[inside], np.ones(int(inside.sum()), dtype=bool))
+    columns: dict[str, Array] = {TIME: at}
     for name, (times, values) in clean.items():
         if name == rows_of:
-            columns[name] = values[inside]
+            columns[name] = np.full(len(at), np.nan)
+            columns[name][given] = values[inside]
         elif name in held:
-            columns[name] = mean_before(rows[inside], times, values) if inside.any() else rows[inside]
+            columns[name] = mean_before(at, times, values) if len(at) else at
         else:
-            columns[name] = np.interp(rows[inside], times, values)
+            columns[name] = np.interp(at, times, values)
         if name != rows_of:
             how = "means of what was held before" if name in held else "straight between its samples"
-            told.append(f"{name}: {len(times)} samples told at the times of {rows_of}, {how}")
+            where = f"at the times of {rows_of}" + ("" if given.all() else " and evenly between them")
+            told.append(f"{name}: {len(times)} samples told {where}, {how}")
     if not inside.all():
         told.append(f"{np.count_nonzero(~inside)} rows outside the time that all columns share left out")
     return columns, tuple(told)

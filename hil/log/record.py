@@ -15,14 +15,14 @@ from hil.bus.catalogue import Catalogue, load_catalogue
 from hil.bus.codec import Refusal
 from hil.bus.protection import Receiver
 from hil.formats.channels import Channel, Heading
-from hil.formats.clock import increasing, mean_before
+from hil.formats.clock import between, increasing, mean_before
 from hil.formats.record import channel_record
 from hil.formats.table import format_of
 from hil.log.blf_file import RECEIVED, SENT, Logged
 from hil.log.blf_reader import Tell
 from hil.log.reader import is_log, read_frames
 from models.files.columns import COLUMNS, TIME, first_wrong, range_of
-from models.files.record import Record, read_record
+from models.files.record import Record, kept_between, read_record
 from models.files.rig import Rig
 
 Array = NDArray[np.float64]
@@ -99,9 +99,9 @@ def log_record(path: Path, rig: Rig, *, driven_only: bool = False, catalogue: Ca
 
     Rows are the measured values' own times, arrival less the age that the frame states. A position or current that was
     fed back is taken straight between its frames; a held drive is the mean of what was commanded since the row before,
-    as records of a switched drive have it. Frames that protection refuses and values that the sensor does not vouch for
-    are left out. With `driven_only` the measured frames may be missing: rows are then the drive's. Raises ValueError of
-    one sentence.
+    as records of a switched drive have it, with rows between those of the measured values as often as commands come.
+    Frames that protection refuses and values that the sensor does not vouch for are left out. With `driven_only` the
+    measured frames may be missing: rows are then the drive's. Raises ValueError of one sentence.
     """
     if rig.kind not in SOURCES:
         raise ValueError(
@@ -117,6 +117,9 @@ def log_record(path: Path, rig: Rig, *, driven_only: bool = False, catalogue: Ca
         raise ValueError(
             f"{path}: record of kind {rig.kind} must have {least} to {kind.limit} rows; the log gives {rows}"
         )
+    measured = sources.measured.column
+    if measured in columns:
+        columns |= kept_between(str(path), measured, columns[measured], least)
     for name, values in columns.items():
         row, limits = first_wrong(rig.kind, name, values), range_of(rig.kind, name)
         if row is not None and limits is not None:
@@ -189,19 +192,20 @@ def _columns(reading: _Reading, sources: Sources, driven_only: bool) -> dict[str
                 f"{reading.where}: {sources.measured.frame} must hold values that the sensor vouches for; got none"
             )
         values = {sources.measured.column: measured}
+    t = np.array([t for t, _ in driven])
     if sources.held:
-        commanded = _commanded(reading, driven)
-        inside = rows > driven[0][0]
-        wanted = np.clip(mean_before(rows[inside], *commanded), 0.0, 1.0)
+        inside = rows > t[0]
+        at, given = between(rows[inside], t)
+        wanted = np.clip(mean_before(at, *_commanded(reading, driven)), 0.0, 1.0)
     else:
-        t = np.array([t for t, _ in driven])
         inside = (rows >= t[0]) & (rows <= t[-1])
-        wanted = np.interp(rows[inside], t, np.array([v[sources.driven.signal] for _, v in driven]))
-    return {
-        TIME: rows[inside],
-        sources.driven.column: wanted,
-        **{name: column[inside] for name, column in values.items()},
-    }
+        at, given = rows[inside], np.ones(int(inside.sum()), dtype=bool)
+        wanted = np.interp(at, t, np.array([v[sources.driven.signal] for _, v in driven]))
+    columns = {TIME: at, sources.driven.column: wanted}
+    for name, column in values.items():
+        columns[name] = np.full(len(at), np.nan)
+        columns[name][given] = column[inside]
+    return columns
 
 
 def _measured(frames: list[tuple[float, dict[str, float]]], source: Source) -> tuple[Array, Array]:

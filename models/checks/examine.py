@@ -11,7 +11,7 @@ from importlib import import_module
 import models.checks as here
 from models.checks.finding import RecordFinding
 from models.checks.view import View
-from models.files.record import Record
+from models.files.record import Record, where_measured
 from models.files.rig import Rig
 
 Check = Callable[[View], Sequence[RecordFinding]]
@@ -39,24 +39,24 @@ def examine(rig: Rig, records: Sequence[Record]) -> tuple[RecordFinding, ...]:
         if finding.severity == "stops" and finding.id in rig.checks.accept
         else finding
         for record in records
-        for finding in _of(View(record, rig))
+        for finding in _of(View(record, rig), View(where_measured(record), rig))
     ]
     return tuple(sorted(found, key=lambda finding: _ORDER.index(finding.severity)))
 
 
-def _of(view: View) -> Iterator[RecordFinding]:
-    """The clock first: where it stops, nothing else can be told of the record."""
+def _of(whole: View, measured: View) -> Iterator[RecordFinding]:
+    """The clock of the `whole` record first: where it stops, nothing else can be told of the rows that are measured."""
     stopped = False
-    for check in sorted(checks(), key=_clock_first):
-        if stopped and check.__module__.split(".")[2] != _CLOCK:
+    for check in sorted(checks(), key=_of_the_clock, reverse=True):
+        if stopped and not _of_the_clock(check):
             return
-        for finding in check(view):
-            stopped = stopped or (finding.severity == "stops" and check.__module__.split(".")[2] == _CLOCK)
+        for finding in check(whole if _of_the_clock(check) else measured):
+            stopped = stopped or (finding.severity == "stops" and _of_the_clock(check))
             yield finding
 
 
-def _clock_first(check: Check) -> bool:
-    return check.__module__.split(".")[2] != _CLOCK
+def _of_the_clock(check: Check) -> bool:
+    return check.__module__.split(".")[2] == _CLOCK
 
 
 def stopping(findings: Sequence[RecordFinding]) -> RecordFinding | None:

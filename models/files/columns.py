@@ -165,6 +165,7 @@ def first_wrong(kind: str, name: str, values: NDArray[np.float64]) -> int | None
     good = ((values > lower) if above else (values >= lower)) & (values <= upper)
     if (kind, name) in NOT_ZERO:
         good &= values != 0
+    good |= np.isnan(values)
     return None if good.all() else int(np.argmin(good))
 
 

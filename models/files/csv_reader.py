@@ -49,6 +49,7 @@ def read_blocks(
     names: Collection[str] = (),
     clocks: Collection[str] = (),
     once: Collection[str] = (),
+    gaps: Collection[str] = (),
 ) -> Iterator[tuple[list[str], Block]]:
     """Yield the header with each block of rows; `check` gets the header and the units that the file states by column,
     and returns the names of the columns that must be finite.
@@ -57,7 +58,7 @@ def read_blocks(
     recognised, and lines about the file before the header, which is one that has one of `names`, and a row of units
     below it. Columns among `clocks` may hold dates and times of day (`clock_s`). Cells of other columns that are not
     numbers come out as NaN. Columns of one name, as loggers write them that give every channel its own time, are
-    numbered (`Time`, `Time 2`); those of `once` may stand but once.
+    numbered (`Time`, `Time 2`); those of `once` may stand but once. Empty cells of `gaps` come out as NaN, too.
     """
     with _opened(path) as file:
         text = io.TextIOWrapper(file, encoding="utf-8-sig", errors="replace", newline=None)
@@ -68,7 +69,8 @@ def read_blocks(
             lines = chain(top[form.rows :], lines)
             separator, header = form.separator, _header(path, form.line, form.separator, once)
             units = dict(zip(header, form.units, strict=False))
-            parser = _Parser(str(path), header, separator, frozenset(_checked(header, units, check)), frozenset(clocks))
+            needed = frozenset(_checked(header, units, check))
+            parser = _Parser(str(path), header, separator, needed, frozenset(clocks), frozenset(gaps))
             yield header, parser.parse([])
             block: list[tuple[int, str]] = []
             size = 0
@@ -182,6 +184,14 @@ def _split(where: str, line: str, separator: str) -> list[str]:
         raise ValueError(f"{where}: row must be plain CSV; got: {error}") from None
 
 
+def _number_or_gap(cell: str) -> float:
+    """A cell as a number; NaN where it is empty. Raises ValueError for anything else."""
+    value = float(cell) if cell.strip() else 0.0
+    if not math.isfinite(value):
+        raise ValueError(f"number must be finite; got {cell!r}")
+    return value if cell.strip() else math.nan
+
+
 @dataclass
 class _Parser:
     """Turns lines into rows: fast while every cell is a number, cell by cell to find the one that is not."""
@@ -191,6 +201,7 @@ class _Parser:
     separator: str
     needed: frozenset[str]
     clocks: frozenset[str]
+    gaps: frozenset[str]
 
     def __post_init__(self) -> None:
         self.loose: dict[int | str, Callable[[str], float]] = {
@@ -246,9 +257,12 @@ class _Parser:
                     f" {len(cells)}"
                 )
             for column, cell in enumerate(cells):
-                if column in self.loose or not np.isnan(to_number(cell)):
-                    continue
                 name = self.header[column]
+                if not np.isnan(to_number(cell)) or (column in self.loose and name not in self.gaps):
+                    continue
+                if name in self.gaps and not cell.strip():
+                    self.loose[column] = _number_or_gap
+                    continue
                 if name in self.clocks and not np.isnan(clock_s(cell)):
                     self.loose[column] = clock_s
                     continue
@@ -258,7 +272,8 @@ class _Parser:
 
     def _refuse_not_finite(self, values: NDArray[np.float64], numbers: NDArray[np.int64], lines: list[str]) -> None:
         for column, name in enumerate(self.header):
-            if name in self.needed and not np.isfinite(values[:, column]).all():
+            holes = self.loose.get(column) is _number_or_gap
+            if name in self.needed and not holes and not np.isfinite(values[:, column]).all():
                 row = int(np.argmin(np.isfinite(values[:, column])))
                 raise self._not_finite(int(numbers[row]), name, split(lines[row], self.separator)[column])
 

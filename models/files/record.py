@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from models.files.columns import (
     COLUMNS,
     TIME,
+    VARIANTS,
     Columns,
     check_header,
     check_unit_names,
@@ -31,6 +32,8 @@ from models.files.rig import Rig
 
 Array = NDArray[np.float64]
 MOST_CELLS = 32_000_000
+USED = "_used"
+"""Column of a record: 1 where the measured value counts, 0 where there is none or it was filled in."""
 LARGEST_SAMPLE = 1e12
 """Beyond it nothing can be said of a sample, by the checks of records either."""
 
@@ -85,6 +88,36 @@ class Record:
         return self.rows(slice(0, int(np.searchsorted(t, t[0] + length))))
 
 
+def kept_between(where: str, name: str, values: Array, least: int) -> dict[str, Array]:
+    """The measured column `name` kept in rows where it has no value (NaN), and `USED`; nothing where it has all. Raises
+    ValueError where it has fewer than `least`.
+    """
+    there = np.isfinite(values)
+    if there.all():
+        return {}
+    if there.sum() < least:
+        raise ValueError(
+            f"{where}: {name} must hold a number in at least {least} rows; got {there.sum()} in {len(values)}"
+        )
+    last = np.maximum.accumulate(np.where(there, np.arange(len(values)), np.argmax(there)))
+    return {name: values[last], USED: there.astype(float)}
+
+
+def where_measured(record: Record) -> Record:
+    """The rows of `record` in which the measured column has a value."""
+    return record.rows(record[USED] > 0) if USED in record.columns else record
+
+
+def as_measured(record: Record) -> dict[str, Array]:
+    """The columns of `record` as a file has them: NaN where nothing was measured."""
+    if USED not in record.columns:
+        return record.columns
+    columns = {name: values for name, values in record.columns.items() if name != USED}
+    for name in columns_of(record.kind, columns).measured:
+        columns[name] = np.where(record[USED] > 0, columns[name], np.nan)
+    return columns
+
+
 @contextmanager
 def named(record: Record) -> Iterator[None]:
     """Whatever is refused within says which record it is about."""
@@ -99,14 +132,16 @@ def read_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: boo
     wrong with it is a ValueError of one sentence with file, line, column.
 
     With `driven_only` the measured columns may be missing and a single row is enough: what a prediction needs.
-    Columns beyond the kind's own are kept where they hold numbers. A `lenient` reading takes times and ranges as they
-    stand: what the checks say something about.
+    Columns beyond the kind's own are kept where they hold numbers. The measured column of a time series may be empty in
+    rows where nothing was measured: it keeps its value there, and the column `USED` says where it has one of its own.
+    A `lenient` reading takes times and ranges as they stand: what the checks say something about.
     """
     path = Path(path)
     reading = _Reading(str(path), rig, driven_only, lenient)
     names = {*known_of(rig.kind), *(entry.column for entry in rig.columns.entries)}
     clocks = {TIME, *(entry.column for entry in rig.columns.entries if entry.target == TIME)}
-    for header, block in read_blocks(path, reading.check_header, names, clocks, known_of(rig.kind)):
+    gaps = {*reading.sparse, *(entry.column for entry in rig.columns.entries if entry.target in reading.sparse)}
+    for header, block in read_blocks(path, reading.check_header, names, clocks, known_of(rig.kind), gaps):
         reading.take(header, block)
     return _complete(_name(path), str(path), reading)
 
@@ -122,7 +157,7 @@ def record_of(
     notes: tuple[str, ...] = (),
 ) -> Record:
     """A record of `rig` from arrays (n,) by column name in the stated `units`, checked as `read_record` checks a file;
-    a line is a row.
+    a line is a row. A measured column of a time series may hold NaN, where nothing was measured.
     """
     where = where or name
     lengths = {column: np.shape(values) for column, values in columns.items()}
@@ -131,7 +166,8 @@ def record_of(
     reading = _Reading(where, rig, driven_only)
     header = list(columns)
     checked = reading.check_header(header, units)
-    for column in checked:
+    gaps = {source.column for target, source in reading.sources.items() if target in reading.sparse}
+    for column in (name for name in checked if name not in gaps or np.isinf(columns[name]).any()):
         if not np.isfinite(columns[column]).all():
             row = int(np.argmin(np.isfinite(columns[column])))
             raise ValueError(f"{where}, row {row}: {column} must be a finite number; got {columns[column][row]}")
@@ -229,6 +265,12 @@ class _Reading:
     sources: dict[str, MappedColumn] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
 
+    @property
+    def sparse(self) -> tuple[str, ...]:
+        """Our columns that need no value in every row."""
+        kinds = (COLUMNS[self.rig.kind], *VARIANTS.get(self.rig.kind, ()))
+        return tuple(name for kind in kinds if kind.time for name in kind.measured)
+
     def check_header(self, header: list[str], units: Mapping[str, str]) -> list[str]:
         """Find our columns in the header of a file that states these `units`; the names of those that are read."""
         self.sources = find_columns(self.where, self.rig, header, units, self.driven_only)
@@ -273,6 +315,8 @@ class _Reading:
             column = np.concatenate([values[:, index] for values in self.blocks])
             if name and (name in known_of(self.rig.kind) or not np.isnan(column).all()):
                 columns[name] = column
+        for name in (name for name in self.sparse if name in columns):
+            columns |= kept_between(self.where, name, columns[name], least)
         return columns
 
     def _ours(self, header: Sequence[str], block: Block) -> tuple[Sequence[str], Block]:

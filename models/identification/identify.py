@@ -81,7 +81,7 @@ def close(
     sure = [name for name, estimate in spread.items() if estimate.told]
     near = [drawn(kind, found.augmented, found.model, rng, sure) for _ in range(_DRAWS)]
     residuals = residual_checks(kind, train, found.augmented, near)
-    chance = np.nan if found.effects else chance_error(kind, holdout, found.augmented, likely)
+    chance = chance_error(kind, holdout, found.augmented, likely)
     floor = kind.noise_floor(holdout or train)
     worse = setbacks(errors["holdout"], floor)
     said = {stage: words for stage, words in worse.items() if found.effects or stage != "augmented"}

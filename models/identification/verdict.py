@@ -42,19 +42,23 @@ def model_checks(
     """What beside the residual's size and whiteness a verdict rests on: validation, parameters, held-out records, the
     records themselves.
 
-    `chance` is the held-out error that imitated records give (not a number: none held out). `allowed` is the mean
-    square that the told uncertainty of the parameters allows of a fit's own residuals. Fitted to
-    a share q of the records, parameters are uncertain by 1/sqrt(q) as much, so records left out may exceed 1 by 1/q
-    times as much. The mean square of few residuals scatters as chi-square has it, which is allowed, too. `longest_s` is
-    how long the longest record lasts.
+    `chance` is the held-out error that imitated records give (not a number: none held out); within it, the fit to
+    all records is validated by those held out. `allowed` is the mean square that the told uncertainty of the
+    parameters allows of a fit's own residuals. Fitted to a share q of the records, parameters are uncertain by
+    1/sqrt(q) as much, so records left out may exceed 1 by 1/q times as much. The mean square of few residuals
+    scatters as chi-square has it, which is allowed, too. `longest_s` is how long the longest record lasts.
     """
     limit = CLEAN * (max(found.null_cost, found.sensitivity) if found.effects else min(found.null_cost, NEAR_NOISE))
     if found.effects:
         limit = max(limit, 1 + (allowed - 1) / found.trained_share)
     limit = max(limit, float(chi2.ppf(_LEVEL, found.augmented.count)) / found.augmented.count)
     left, of = found.after, "mean square on records left out of the fits"
-    if not found.effects and found.augmented.chi2 < left:
+    last = "augmented" if found.effects else "calibrated"
+    over_chance = held_out[last] / max(chance, 1e-300) if np.isfinite(chance) else np.inf
+    if found.augmented.chi2 < left and not found.effects:
         left, of = found.augmented.chi2, f"{of}, or of the fit to all, which without an effect has nothing to overfit"
+    elif found.augmented.chi2 < left and over_chance <= _BEYOND_CHANCE:
+        left, of = found.augmented.chi2, f"{of}, or of the fit to all, which errs on records never used as chance does"
     checks = [
         _check("validation", "validation cost", left, limit, of),
         _check(
@@ -103,9 +107,8 @@ def model_checks(
         weak = sum(finding.severity == "weakens" for finding in findings)
         checks.append(_check("records", "findings that weaken a verdict", weak, 0, "see the findings on the records"))
         if np.isfinite(chance):
-            held = held_out["calibrated"] / max(chance, 1e-300)
             words = "of the free run, by the most that noise and uncertain parameters make of it"
-            checks.append(_check("held_out", "held-out error over chance", held, _BEYOND_CHANCE, words))
+            checks.append(_check("held_out", "held-out error over chance", over_chance, _BEYOND_CHANCE, words))
     base = [estimate.told for name, estimate in spread.items() if "." not in name]
     if base:
         share = float(np.mean([not told for told in base]))

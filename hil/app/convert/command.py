@@ -19,6 +19,7 @@ from hil.log.channels import file_channels
 from hil.log.reader import is_log
 from hil.log.record import read_rig_record
 from models.files.columns import COLUMNS, TIME
+from models.files.record import as_measured
 from models.files.rig import Rig
 from models.files.units import split_unit, unit_of
 from models.parameter import nearest
@@ -107,7 +108,7 @@ def _converted(path: Path, out: Path, rig: Rig | None) -> Converted:
         channels = file_channels(path, told.append)
         return Converted(path, out, channels, tuple(told))
     record = read_rig_record(path, rig)
-    channels = [Channel(Heading(name, unit_of(name)), values) for name, values in record.columns.items()]
+    channels = [Channel(Heading(name, unit_of(name)), values) for name, values in as_measured(record).items()]
     return Converted(path, out, channels, record.notes)
 
 

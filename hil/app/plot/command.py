@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
@@ -20,7 +21,7 @@ from hil.formats.channels import refusing
 from hil.formats.clock import by_clock, one_table
 from hil.log.channels import file_channels
 from models.files.columns import TIME
-from models.files.record import Array, Record
+from models.files.record import Array, Record, as_measured
 
 _MOST_POINTS: Final = 4000
 """Points that a line shows; more are drawn by the largest and the smallest of each stretch."""
@@ -31,7 +32,11 @@ def plot(paths: Sequence[Path], rig: Path | None, out: Path, *, json_output: boo
     numbers as they stand in the files. Raises ValueError, one sentence.
     """
     check_targets([check_file(out, "--out", (".html",))], "--out", [*paths, *([rig] if rig else [])])
-    records = read_series(paths, (), read_deployed_rig(rig))[0] if rig else [r for p in paths for r in as_they_stand(p)]
+    if rig:
+        read = read_series(paths, (), read_deployed_rig(rig))[0]
+        records = [replace(record, columns=as_measured(record)) for record in read]
+    else:
+        records = [record for path in paths for record in as_they_stand(path)]
     write_files({out: page(records)})
     if json_output:
         print_json(
@@ -68,7 +73,8 @@ def page(records: Sequence[Record]) -> str:
     for number, record in enumerate(record for record in records if over in record.columns):
         look = line_look(number)
         for row, name in ((r, n) for r, n in enumerate(columns, start=1) if n in record.columns):
-            x, y = thinned(record[over], record[name])
+            there = np.isfinite(record[name])
+            x, y = thinned(record[over][there], record[name][there])
             figure.add_scatter(
                 x=x, y=y, name=record.name, legendgroup=record.name, showlegend=row == 1, line=look,
                 mode="lines" if over == "t_s" else "markers", marker={"color": look["color"]}, row=row, col=1,

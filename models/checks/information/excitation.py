@@ -13,7 +13,7 @@ import numpy as np
 from models.checks.finding import RecordFinding
 from models.checks.view import Array, View, running_mean, runs_of
 from models.effects.effect import Effect
-from models.files.record import Record
+from models.files.record import Record, where_measured
 from models.files.rig import Rig
 
 _STROKE_S = 0.1
@@ -150,7 +150,7 @@ NEEDS: Mapping[str, Need] = MappingProxyType(
 
 
 def _timed(rig: Rig, records: Sequence[Record]) -> tuple[View, ...]:
-    return tuple(view for view in (View(record, rig) for record in records) if view.timed)
+    return tuple(view for view in (View(where_measured(record), rig) for record in records) if view.timed)
 
 
 def inseparable(rig: Rig, records: Sequence[Record], effects: Sequence[type[Effect]]) -> dict[str, tuple[str, ...]]:

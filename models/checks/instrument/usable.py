@@ -12,11 +12,9 @@ from models.checks.instrument.resolution import PLACES, without_steps
 from models.checks.instrument.silence import silent
 from models.checks.view import Mask, View, runs_of
 from models.files.columns import TIME
-from models.files.record import Record
+from models.files.record import USED, Record, where_measured
 from models.files.rig import Rig
 
-USED = "_used"
-"""Column of a cleaned record: 1 where the measured value counts, 0 where it was filled in."""
 RUN_IN = "_run_in"
 """Column of a record that is judged from some row on: 1 in what comes before, which is only run through."""
 _WHOLE = 0.99
@@ -36,7 +34,8 @@ def cleaned(record: Record, rig: Rig) -> Record:
     view = View(record, rig)
     if not view.timed or view.measured not in record.columns:
         return record
-    good = usable(view)
+    good = used(record)
+    good[good] = usable(View(where_measured(record), rig))
     if not good.all() and good.sum() > 2:
         record = filled(record.with_column(USED, good), view.measured)
     rows = run_in(view)

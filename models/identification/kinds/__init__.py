@@ -7,10 +7,10 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, Final, Protocol
 
-from models.checks.instrument.usable import USED, cleaned
+from models.checks.instrument.usable import cleaned
 from models.effects import REFINEMENTS
 from models.effects.effect import Effect
-from models.files.record import Record, named
+from models.files.record import USED, Record, named
 from models.files.rig import Rig
 from models.identification.kind import Theta
 from models.identification.kinds.axis import report as axis_report

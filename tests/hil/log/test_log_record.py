@@ -19,6 +19,7 @@ from hil.bus.protection import Sender
 from hil.log.blf_file import RECEIVED, SENT, WITHHELD, BlfFile, Logged
 from hil.log.record import SOURCES, log_record, read_rig_record
 from models.files.columns import COLUMNS
+from models.files.record import USED
 from models.files.rig import Rig
 from tests.hil.app.test_cli import FakeModel
 
@@ -113,14 +114,16 @@ def test_what_nobody_vouches_for_is_left_out(tmp_path: Path) -> None:
 
 
 def test_a_held_drive_is_the_mean_since_the_row_before(tmp_path: Path) -> None:
-    """On for the first half of every 20 ms; commands every 2 ms; rows every 10 ms at 3 ms after a command began to
-    act.
+    """On for the first half of every 20 ms; commands every 2 ms; places every 10 ms at 3 ms after a command began to
+    act, and rows in between as often as commands.
     """
     commands = [level(0.002 * k, 1.0 if (k // 5) % 2 == 0 else 0.0) for k in range(1200)]
     places = [localisation(0.01 * k + 0.003, age=0.0) for k in range(1, 230)]
     record = log_record(blf(tmp_path / "a.blf", frames([*commands, *places], SENT)), Rig("vibro"))
-    expected = np.where(np.arange(1, 230) % 2 == 0, 0.3, 0.7)
-    np.testing.assert_allclose(record["drive_on"], expected, atol=1e-6)
+    assert record[USED].tolist() == [1.0, *[0.0, 0.0, 0.0, 0.0, 1.0] * 228]
+    edges = {0: [1.0, 1.0, 1.0, 0.5, 0.0], 1: [0.0, 0.0, 0.0, 0.5, 1.0]}
+    for k, row in enumerate(np.flatnonzero(record[USED])[:-1]):
+        np.testing.assert_allclose(record["drive_on"][row + 1 : row + 6], edges[(k + 1) % 2], atol=1e-3)
     total = np.sum(record["drive_on"][1:] * np.diff(record["t_s"]))
     assert total == pytest.approx(0.5 * (record["t_s"][-1] - record["t_s"][0]), abs=0.005)
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from models.checks.examine import examine, stopping
 from models.checks.information.excitation import cannot_show, inseparable
-from models.checks.instrument.usable import USED, cleaned
+from models.checks.instrument.usable import cleaned
 from models.effects import effects_for
-from models.files.record import Record
+from models.files.record import USED, Record, record_of
 from models.files.rig import Rig, parse_rig
 from tests.rig_texts import GUT
 
@@ -210,6 +210,17 @@ def test_each_corruption_is_found(what: str) -> None:
     assert finding.remedy
     if severity != "stops":
         assert stopping(tuple(found.values())) is None
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.99])
+def test_a_column_with_empty_cells_is_looked_at_where_it_has_values(seed: int, share: float) -> None:
+    columns = pull(seed)
+    some = np.random.default_rng(seed).random(len(columns["t_s"])) < share
+    some[::5] = True
+    made = record_of("one", columns | {"force_N": np.where(some, columns["force_N"], np.nan)}, rig())
+    assert {finding.id for finding in examine(rig(), [made])} == {"sparse_values"}
+    np.testing.assert_array_equal(cleaned(made, rig())[USED], some)
 
 
 @pytest.mark.parametrize("swings", [1, 3])

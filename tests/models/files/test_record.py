@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from models.files import csv_reader as csv_blocks
 from models.files.columns import COLUMNS
-from models.files.record import Record, read_record
+from models.files.record import USED, Record, as_measured, read_record, record_of
 from models.files.rig import Rig
 
 HEADER = "t_s,position_m,force_N\n"
@@ -120,6 +120,36 @@ def test_further_columns_are_kept_where_they_hold_numbers(tmp_path: Path) -> Non
     assert list(record.columns) == ["t_s", "position_m", "force_N", "temperature_C", "gain"]
     assert record["temperature_C"][0] == 36.5
     assert np.isnan(record["temperature_C"][1:]).all()
+
+
+MAGNETIC = "t_s,carriage_position_m,position_m\n"
+SPARSE = "".join(f"{0.01 * i:.2f},{1e-4 * i:.4f},{f'{9e-5 * i:.6f}' if i % 4 == 1 else ''}\n" for i in range(800))
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_a_measured_column_may_be_empty_where_nothing_was_measured(tmp_path: Path, separator: str) -> None:
+    record = read(tmp_path, (MAGNETIC + SPARSE).replace(",", separator), "magnetic")
+    there = np.arange(800) % 4 == 1
+    np.testing.assert_array_equal(record[USED], there)
+    np.testing.assert_allclose(record["position_m"][there], 9e-5 * np.arange(800)[there], atol=1e-9)
+    assert np.isfinite(record["position_m"]).all()
+    again = record_of("again", as_measured(record), Rig("magnetic"))
+    np.testing.assert_array_equal(again["position_m"], record["position_m"])
+    np.testing.assert_array_equal(again[USED], there)
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (SPARSE.replace("0.000090", "nan"), "line 3: position_m must be a finite number; got 'nan'"),
+        (SPARSE.replace("0.000090", "lost"), "line 3: position_m must be a finite number; got 'lost'"),
+        (SPARSE.replace("0.0010,", ","), "line 12: carriage_position_m must be a finite number; got ''"),
+        ("".join(SPARSE.splitlines(True)[:270]), "position_m must hold a number in at least 100 rows; got 68 in 270"),
+    ],
+)
+def test_only_an_empty_cell_of_a_measured_column_is_none(tmp_path: Path, content: str, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        read(tmp_path, MAGNETIC + content, "magnetic")
 
 
 @pytest.mark.parametrize(

@@ -9,11 +9,11 @@ from functools import cache
 import numpy as np
 
 from models.assembly.model import Assembly, assemble
-from models.checks.instrument.usable import USED, gone
+from models.checks.instrument.usable import gone
 from models.compiled.kernel import LANES, NEVER_S, SLOW_S, Kernel, lower
 from models.drives.drive import Drive
 from models.effects import BY_ID, followed_by
-from models.files.record import Record
+from models.files.record import USED, Record
 from models.identification.kind import Array, Theta, effects_in
 from models.identification.kinds.series.drive_input import (
     CLOCK_OFFSET,

@@ -47,9 +47,9 @@ class Effect:
     states `z` by name. `by_speed` says that the level changes with the speed and not only with its direction. `follows`
     names the states that are at the "command" or the "position" after a long rest; the others are at 0. A refinement
     `of` one effect gets that effect's values too. `needs` names what the motion must offer for the effect to show:
-    "both_ways", "reversals", "speeds", "places", "rests", "time", "load" (a logged one that changes), "wall" (of
-    living tissue, none on a plate), "turning" (an axis that turns; only its search tries such an effect). `proposed_on`
-    names the records whose residual proposed it.
+    "both_ways", "reversals", "speeds", "places", "rests", "time", "load" (a logged one that changes), "samples" (more
+    than two a mains period), "wall" (of living tissue, none on a plate), "turning" (an axis that turns; only its search
+    tries such an effect). `proposed_on` names the records whose residual proposed it.
     """
 
     id: ClassVar[str] = ""

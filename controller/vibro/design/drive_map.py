@@ -30,6 +30,7 @@ _RATIOS = (0.6, 0.7, 0.8, 0.9, 1.0, 1.05, 1.1, 1.3, 1.5, 1.7, 1.9, 2.1)
 _DUTIES = (0.15, 0.2, 0.25, 0.3, 0.4, 0.6, 0.7, 0.75, 0.8, 0.85)
 _AMPLITUDES = (0.15, 0.2, 0.25, 0.35, 0.5, 0.7, 1.0)
 _TRIED = 12
+_SAVES, _IN_VAIN = 0.02, 2  # of the energy, what a guess is worth; guesses in a row that are not
 _FURTHER = 1.2  # how much further the plain square must reach for a gear of its own
 _LAG_S = (0.03, 0.5)
 _FORMAT = 12
@@ -69,15 +70,20 @@ def shape_at(
     nominal: Cycles, wrong: list[Cycles], speed_m_s: float, seed: Waveform, guesses: list[Waveform]
 ) -> Waveform:
     """The cheapest least-energy cycle at `speed_m_s` found from `guesses` that keeps its direction with wrong
-    parameters; the square `seed` where there is none.
+    parameters; the square `seed` where there is none. Two guesses in a row that save little are the last.
     """
     best: tuple[float, Waveform] | None = None
+    in_vain = 0
     for guess in guesses:
         optimum = optimal_cycle(nominal, speed_m_s, guess, _ROUNDS, _CLOSE)
-        if not optimum.found or (best is not None and optimum.pace.energy_J_per_m >= best[0]):
-            continue
-        if _kept(wrong, optimum.waveform, speed_m_s) >= _LEAST:
-            best = (optimum.pace.energy_J_per_m, optimum.waveform)
+        energy = optimum.pace.energy_J_per_m if optimum.found else np.inf
+        least = np.inf if best is None else best[0]
+        in_vain += 1
+        if energy < least and _kept(wrong, optimum.waveform, speed_m_s) >= _LEAST:
+            best = (energy, optimum.waveform)
+            in_vain = 0 if energy < (1 - _SAVES) * least else in_vain
+        if best is not None and in_vain == _IN_VAIN:
+            break
     return seed if best is None else best[1]
 
 
@@ -113,7 +119,7 @@ def design(model: VibroModel, optimise: bool = True, table: SpeedMap | None = No
         if seed is None:
             continue
         other = squares(cycles, table, speed) if optimise else []
-        guesses = [seed, seed.flipped(), *(w.flipped() for w in found), *(one.waveform for one in other)]
+        guesses = [seed, *(one.waveform for one in other), seed.flipped(), *(w.flipped() for w in found)]
         shape = shape_at(cycles, wrong, speed, seed, guesses) if optimise else seed
         found.append(shape)
         own = gear_of(cycles, shape, speed)

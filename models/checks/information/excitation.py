@@ -22,6 +22,7 @@ _RANGE = 1.5
 _TRAVEL_M = 2e-3
 _LONG_S = 5.0
 _ALIVE = 1.3
+_MAINS_HZ = 61.0  # the fastest; what is sampled less than twice a period is no tone
 _STRAIGHT = 0.999  # square of the correlation of place and time
 
 
@@ -133,6 +134,11 @@ def _wall(e: Excitation) -> str:
     return "" if surface is None or surface.kind == "gut" else f"there is no wall ({surface.kind})"
 
 
+def _samples(e: Excitation) -> str:
+    rate = min(1 / view.dt for view in e.views)
+    return "" if rate > 2 * _MAINS_HZ else f"it is measured {rate:.3g} times a second, too seldom for a mains tone"
+
+
 NEEDS: Mapping[str, Need] = MappingProxyType(
     {
         "both_ways": _both_ways,
@@ -143,6 +149,7 @@ NEEDS: Mapping[str, Need] = MappingProxyType(
         "time": _time,
         "load": _load,
         "turning": _turning,
+        "samples": _samples,
         "wall": _wall,
     }
 )

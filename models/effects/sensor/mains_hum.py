@@ -23,6 +23,7 @@ class MainsHum(Effect):
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     grid = MappingProxyType({"frequency_Hz": (50.0, 60.0), "phase_rad": (0.0, 1.5707963)})
     probe = 0.0001
+    needs = ("samples",)
     confounders = ("respiration",)
     separated_by = "a record with the drive off"
 

@@ -15,7 +15,7 @@ from models.files.record import Record
 from models.identification.fitting.fit import NARROW, Fit, Problem, costs_of, descend, narrowing
 from models.identification.kind import Kind, had
 from models.identification.search.fitted_model import Fits, FittedModel
-from models.identification.search.growing_horizon import QUICK, GrowingHorizon, eliminate
+from models.identification.search.growing_horizon import FROM_CLOSE, QUICK, GrowingHorizon, base_known, eliminate
 from models.identification.search.refit import begins, refit, step_on
 from models.identification.search.screening import Screened
 from models.identification.search.validation import (
@@ -168,6 +168,7 @@ def _grown(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> di
     on the way.
     """
     kind = model.kind
+    effort = FROM_CLOSE if base_known(kind) else QUICK
     climbs = {}
     for row in screened:
         beside = shared_by(kind, row.effect)
@@ -178,7 +179,7 @@ def _grown(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> di
             for place in with_each({**base, **start}, beside)
         ]
         effects = [*model.effects, row.effect, *beside]
-        climbs[row.effect] = GrowingHorizon(kind, effects, starts, QUICK, row.effect)
+        climbs[row.effect] = GrowingHorizon(kind, effects, starts, effort, row.effect)
     return eliminate(model.part, climbs, FINAL, BEHIND, lambda name, share: moved(name, 0.8 * share))
 
 

@@ -39,6 +39,7 @@ class Effort:
 
 THOROUGH = Effort(512, (16, 6, 3, 2, 1), _ROUNDS)
 QUICK = Effort(128, (3, 2, 2, 1, 1), 3)
+FROM_CLOSE = Effort(64, (2, 2, 1, 1, 1), 3)
 _SETTLED = 0.05  # of its value, what a base parameter that is known may be off by
 
 

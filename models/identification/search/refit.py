@@ -11,7 +11,7 @@ from models.effects import BY_ID, REFINEMENTS
 from models.files.record import Record
 from models.identification.fitting.fit import FINE, NARROW, WIDE, Fit, Problem, costs_of, narrowing
 from models.identification.kind import Kind
-from models.identification.search.growing_horizon import QUICK, THOROUGH, base_known, grow_horizon
+from models.identification.search.growing_horizon import FROM_CLOSE, QUICK, THOROUGH, base_known, grow_horizon
 from models.identification.search.validation import NEAR_NOISE, SHAPED, free_run, judged_cost
 
 
@@ -76,7 +76,7 @@ def _lengthened(
     newest = next((name for name in reversed(effects) if BY_ID[name] not in REFINEMENTS), "")
     if newest:
         starts.append({**starts[-1], **BY_ID[newest].start()})
-    effort = QUICK if base_known(kind) else THOROUGH
+    effort = FROM_CLOSE if base_known(kind) else THOROUGH
     return grow_horizon(kind, records, effects, starts, effort, newest, seed).theta
 
 

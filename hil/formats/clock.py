@@ -33,7 +33,7 @@ _MOST_PARTS = 100
 
 def between(rows: Array, times: Array) -> tuple[Array, np.ndarray]:
     """The times `rows` with further ones evenly between them, as close as those at which a held level usually changes
-    (`times`), and which of them are `rows`.
+    (`times`; with none, no further ones), and which of them are `rows`.
     """
     if len(rows) < 2 or len(times) < 2:
         return rows, np.ones(len(rows), dtype=bool)
@@ -67,8 +67,8 @@ def one_clock(
     spans = [(times[0], times[-1]) for name, (times, _) in clean.items()]
     start, end = max(first for first, _ in spans), min(last for _, last in spans)
     inside = (rows >= start) & (rows <= end)
-    fast = [clean[name][0] for name in samples if name in held and name != rows_of]
-    at, given = between(rows[inside], fast[0]) if fast else (rows[inside], np.ones(int(inside.sum()), dtype=bool))
+    levels = next((clean[name][0] for name in samples if name in held and name != rows_of), rows[:0])
+    at, given = between(rows[inside], levels)
     columns: dict[str, Array] = {TIME: at}
     for name, (times, values) in clean.items():
         if name == rows_of:

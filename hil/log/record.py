@@ -193,13 +193,11 @@ def _columns(reading: _Reading, sources: Sources, driven_only: bool) -> dict[str
             )
         values = {sources.measured.column: measured}
     t = np.array([t for t, _ in driven])
+    inside = rows > t[0] if sources.held else (rows >= t[0]) & (rows <= t[-1])
+    at, given = between(rows[inside], t if sources.held else t[:0])
     if sources.held:
-        inside = rows > t[0]
-        at, given = between(rows[inside], t)
         wanted = np.clip(mean_before(at, *_commanded(reading, driven)), 0.0, 1.0)
     else:
-        inside = (rows >= t[0]) & (rows <= t[-1])
-        at, given = rows[inside], np.ones(int(inside.sum()), dtype=bool)
         wanted = np.interp(at, t, np.array([v[sources.driven.signal] for _, v in driven]))
     columns = {TIME: at, sources.driven.column: wanted}
     for name, column in values.items():

@@ -186,10 +186,12 @@ def _split(where: str, line: str, separator: str) -> list[str]:
 
 def _number_or_gap(cell: str) -> float:
     """A cell as a number; NaN where it is empty. Raises ValueError for anything else."""
-    value = float(cell) if cell.strip() else 0.0
+    if not cell.strip():
+        return math.nan
+    value = float(cell)
     if not math.isfinite(value):
         raise ValueError(f"number must be finite; got {cell!r}")
-    return value if cell.strip() else math.nan
+    return value
 
 
 @dataclass

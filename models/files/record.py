@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from models.files.columns import (
     COLUMNS,
     TIME,
-    VARIANTS,
     Columns,
     check_header,
     check_unit_names,
@@ -24,6 +23,7 @@ from models.files.columns import (
     known_of,
     missing_in_variants,
     range_of,
+    variants_of,
 )
 from models.files.csv_reader import Block, read_blocks
 from models.files.mapping import MappedColumn, check_stated
@@ -167,9 +167,10 @@ def record_of(
     header = list(columns)
     checked = reading.check_header(header, units)
     gaps = {source.column for target, source in reading.sources.items() if target in reading.sparse}
-    for column in (name for name in checked if name not in gaps or np.isinf(columns[name]).any()):
-        if not np.isfinite(columns[column]).all():
-            row = int(np.argmin(np.isfinite(columns[column])))
+    for column in checked:
+        wrong = np.isinf(columns[column]) if column in gaps else ~np.isfinite(columns[column])
+        if wrong.any():
+            row = int(np.argmax(wrong))
             raise ValueError(f"{where}, row {row}: {column} must be a finite number; got {columns[column][row]}")
     values = np.column_stack([np.asarray(columns[column], dtype=float) for column in header])
     reading.take(header, Block(values, np.arange(len(values))))
@@ -268,8 +269,7 @@ class _Reading:
     @property
     def sparse(self) -> tuple[str, ...]:
         """Our columns that need no value in every row."""
-        kinds = (COLUMNS[self.rig.kind], *VARIANTS.get(self.rig.kind, ()))
-        return tuple(name for kind in kinds if kind.time for name in kind.measured)
+        return tuple(name for one in variants_of(self.rig.kind) if one.time for name in one.measured)
 
     def check_header(self, header: list[str], units: Mapping[str, str]) -> list[str]:
         """Find our columns in the header of a file that states these `units`; the names of those that are read."""

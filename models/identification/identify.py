@@ -50,8 +50,7 @@ def close(
 
     Base parameters that are `known` from elsewhere take the place of the rig file's and hold the calibration as its
     `[prior]` does; effects that are known belong to the base. At `most` so many effects are looked for. The same
-    records and `seed` give the same numbers. Raises ValueError for records that cannot tell
-    anything.
+    records and `seed` give the same numbers. Raises ValueError for records that cannot tell anything.
     """
     began = time.monotonic()
     findings = examine(rig, [*train, *holdout])

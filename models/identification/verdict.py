@@ -53,11 +53,9 @@ def model_checks(
         limit = max(limit, 1 + (allowed - 1) / found.trained_share)
     limit = max(limit, float(chi2.ppf(_LEVEL, found.augmented.count)) / found.augmented.count)
     left, of = found.after, "mean square on records left out of the fits"
-    last = "augmented" if found.effects else "calibrated"
-    over_chance = held_out[last] / max(chance, 1e-300) if np.isfinite(chance) else np.inf
     if found.augmented.chi2 < left and not found.effects:
         left, of = found.augmented.chi2, f"{of}, or of the fit to all, which without an effect has nothing to overfit"
-    elif found.augmented.chi2 < left and over_chance <= _BEYOND_CHANCE:
+    elif found.augmented.chi2 < left and by_chance(held_out.get("augmented", np.nan), chance):
         left, of = found.augmented.chi2, f"{of}, or of the fit to all, which errs on records never used as chance does"
     checks = [
         _check("validation", "validation cost", left, limit, of),
@@ -107,6 +105,7 @@ def model_checks(
         weak = sum(finding.severity == "weakens" for finding in findings)
         checks.append(_check("records", "findings that weaken a verdict", weak, 0, "see the findings on the records"))
         if np.isfinite(chance):
+            over_chance = held_out["calibrated"] / max(chance, 1e-300)
             words = "of the free run, by the most that noise and uncertain parameters make of it"
             checks.append(_check("held_out", "held-out error over chance", over_chance, _BEYOND_CHANCE, words))
     base = [estimate.told for name, estimate in spread.items() if "." not in name]

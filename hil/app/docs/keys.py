@@ -28,7 +28,7 @@ from hil.nodes.moteus.actuator import MoteusTable
 from hil.nodes.odrive.actuator import FREE_NODES, OdriveTable
 from hil.nodes.odrive.actuator import RANGES as ODRIVE_RANGES
 from hil.nodes.turning import HOMES
-from models.files.columns import ABOVE, COLUMNS, RANGES, TIME, VARIANTS
+from models.files.columns import ABOVE, COLUMNS, RANGES, TIME, variants_of
 from models.files.rig_tables import (
     Axis,
     BodyTable,
@@ -141,7 +141,7 @@ def deployment_keys() -> str:
 def columns() -> str:
     """What a record of each kind of rig must hold, and the ranges of its columns, as Markdown."""
     lines = ["| kind | driven | measured | fewest rows |", "| --- | --- | --- | --- |"]
-    held = [(kind, one) for kind in COLUMNS for one in (COLUMNS[kind], *VARIANTS.get(kind, ()))]
+    held = [(kind, one) for kind in COLUMNS for one in variants_of(kind)]
     for kind, known in held:
         driven = [f"`{TIME}`"] if known.time else []
         driven += [" or ".join(f"`{name}`" for name in alternatives) for alternatives in known.driven]

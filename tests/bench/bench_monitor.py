@@ -1,10 +1,10 @@
 """The monitor: how long it is silent while the model holds, and how soon it finds that it does not.
 
 `python -m tests.bench.bench_monitor --out FILE.jsonl [--kinds magnetic coil vibro] [--first 0] [--guts 20] [--seconds
-120] [--effects none fold_periodic ...] [--sizes 0.5 1]` drives to and fro through guts that differ in stiffness,
-friction and, by a few percent, from place to place; effects begin half way through. Each run is a line of FILE, with
-all that the monitor saw; finished ones are not repeated. `--table` prints what the lines of FILE come to with the
-thresholds of today. Thresholds are set on guts from 100 on (`--first 100`) and judged on those from 0 on.
+120] [--tick-ms 2] [--effects none fold_periodic ...] [--sizes 0.5 1]` drives to and fro through guts that differ in
+stiffness, friction and, by a few percent, from place to place; effects begin half way through. Each run is a line of
+FILE, with all that the monitor saw; finished ones are not repeated. `--table` prints what the lines of FILE come to
+with the thresholds of today. Thresholds are set on guts from 100 on (`--first 100`) and judged on those from 0 on.
 """
 
 from __future__ import annotations
@@ -43,7 +43,6 @@ EFFECTS: Final = (
     "incline_gravity", "directional_asymmetry", "peristaltic_wave",
 )  # fmt: skip
 UNEVEN: Final = 0.04
-TICK_S: Final = 2e-3
 Row = dict[str, Any]
 
 
@@ -68,7 +67,7 @@ def numbers(effect: str, size: float, onset_s: float) -> dict[str, dict[str, flo
     return {effect: {amplitude.name: size * amplitude.middle, "onset_s": onset_s, **more}}
 
 
-def drive(kind: str, effect: str, size: float, seed: int, seconds: float) -> Row:
+def drive(kind: str, effect: str, size: float, seed: int, seconds: float, tick_s: float) -> Row:
     """One run and what the monitor saw of it."""
     name, controller, far, speed = RIGS[kind]
     plain = load_track_scenario(FOLDER / f"track_{name}.toml")
@@ -76,7 +75,7 @@ def drive(kind: str, effect: str, size: float, seed: int, seconds: float) -> Row
     places = tuple(far * (k % 2 == 0) for k in range(int((seconds - 1) / way)))
     path = Steps(places, speed, 1.0).trajectory(seconds)
     rig = replace(gut(plain, seed), hidden=numbers(effect, size, 0.5 * seconds))
-    control = replace(plain.control, tick_s=TICK_S)
+    control = replace(plain.control, tick_s=tick_s)
     scenario = replace(plain, duration_s=seconds, reference=path, truth=rig, control=control)
     seen: list[tuple[float, Second]] = []
     step = forecast.Forecast.step
@@ -94,7 +93,8 @@ def drive(kind: str, effect: str, size: float, seed: int, seconds: float) -> Row
         forecast.Forecast.step = step  # type: ignore[method-assign]
     found = score(scenario, trace)
     return {
-        "kind": kind, "effect": effect, "size": size, "seed": seed, "seconds": seconds, "lost": found.ticks["lost"],
+        "kind": kind, "effect": effect, "size": size, "seed": seed, "seconds": seconds, "tick_s": tick_s,
+        "lost": found.ticks["lost"],
         "rmse_mm": 1e3 * found.tracking_rmse_m, "monitor": found.monitor,
         "seen": [[round(now, 3), *(float(f"{v:.5g}") for v in asdict(second).values())] for now, second in seen],
     }  # fmt: skip
@@ -153,6 +153,7 @@ def main() -> None:
     options.add_argument("--first", type=int, default=0)
     options.add_argument("--guts", type=int, default=20)
     options.add_argument("--seconds", type=float, default=120.0)
+    options.add_argument("--tick-ms", type=float, default=2.0)
     options.add_argument("--effects", nargs="*", default=["none"], choices=["none", *EFFECTS])
     options.add_argument("--sizes", nargs="*", type=float, default=[1.0])
     options.add_argument("--table", action="store_true")
@@ -170,7 +171,10 @@ def main() -> None:
                     able = effect == "none" or kind in hidden(effect).drives
                     if able and (kind, effect, size, seed) not in done:
                         with chosen.out.open("a") as file:
-                            file.write(json.dumps(drive(kind, effect, size, seed, chosen.seconds)) + "\n")
+                            file.write(
+                                json.dumps(drive(kind, effect, size, seed, chosen.seconds, 1e-3 * chosen.tick_ms))
+                                + "\n"
+                            )
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.stats import qmc
+from scipy.stats import chi2, qmc
 
 from models.checks.instrument.usable import lead_in_s
 from models.effects import BY_ID
@@ -24,6 +24,7 @@ _DOUBLINGS = 5.5  # of an amplitude's probe
 _NEAR = 3.0  # scales around a start, and standard deviations of a prior
 _BASES = 2  # on which effects are drawn anew
 _IN_REACH, _EARLY = 1.3, 1.5  # times what the last of those that count leaves; before ranks are told
+_CHANCE = 0.99  # of right models leave less
 
 
 @dataclass(frozen=True)
@@ -137,8 +138,9 @@ def eliminate(
     moved: Callable[[str, float], None] = lambda name, share: None,
 ) -> dict[str, Fit]:
     """Fits on the whole records of those `climbs` that stay in reach of the first `counting`, or are declared
-    confounded effects of the first one, and leave at most `behind` times what the first one does; the rest end on their
-    way, none of them on the shortest beginning. `moved` hears of each climb that goes on, and the share of the work
+    confounded effects of the first one, and leave at most `behind` times what the first one does, or no more than
+    chance: a beginning has few numbers, and one with many parameters leaves less of them. The rest end on their way,
+    none of them on the shortest beginning. `moved` hears of each climb that goes on, and the share of the work
     that is done.
     """
     running, kind = dict(climbs), next(iter(climbs.values())).kind
@@ -156,9 +158,14 @@ def eliminate(
         running = {
             name: climb
             for name, climb in running.items()
-            if costs[name] <= limit and (costs[name] <= reach or name in alike)
+            if (costs[name] <= limit and (costs[name] <= reach or name in alike)) or _by_chance(climb.fits[0])
         }
     return {name: climb.fits[0] for name, climb in running.items()}
+
+
+def _by_chance(fit: Fit) -> bool:
+    """Whether noise alone may leave what `fit` does."""
+    return bool(fit.cost <= chi2.ppf(_CHANCE, fit.count))
 
 
 def _lengths(kind: Kind, records: Sequence[Record]) -> Iterator[tuple[int, float, list[Record]]]:

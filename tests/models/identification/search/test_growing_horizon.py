@@ -101,24 +101,31 @@ def test_a_candidate_that_leaves_far_more_than_the_first_ends_on_its_way(tmp_pat
     )
 
 
+@pytest.fixture
+def made(rig_text: str) -> tuple[SeriesKind, Record]:
+    """16 s behind a magnet in which nothing moves, and its kind."""
+    t = np.arange(0, 16.0, 0.002)
+    record = Record("made", "magnetic", {"t_s": t, "carriage_position_m": 0 * t, "position_m": 0 * t})
+    return SeriesKind.from_rig(parse_rig(tomllib.loads(rig_text)), [record]), record
+
+
 @dataclass
 class Told(GrowingHorizon):
-    """Leaves what it is told, at every length."""
+    """Leaves what it is told for each of its numbers, at every length."""
 
     leaves: float = 1.0
+    count: int = 100
 
     def on(self, number: int, length: float, records: Sequence[Record]) -> None:
         """Looks for nothing."""
-        self.fits = [Fit({}, self.leaves, 1, np.zeros((1, 0)), np.ones(1))]
+        self.fits = [Fit({}, self.count * self.leaves, self.count, np.zeros((1, 0)), np.ones(1))]
 
 
 def test_declared_look_alikes_of_the_first_stay_where_rivals_that_leave_less_would_put_them_out(
-    rig_text: str,
+    made: tuple[SeriesKind, Record],
 ) -> None:
     """Behind a magnet a force, a bias and an asymmetry leave much the same: only the last fit tells, if any."""
-    t = np.arange(0, 16.0, 0.002)
-    record = Record("made", "magnetic", {"t_s": t, "carriage_position_m": 0 * t, "position_m": 0 * t})
-    kind = SeriesKind.from_rig(parse_rig(tomllib.loads(rig_text)), [record])
+    kind, record = made
     leaves = {
         "incline_gravity": 3.4,
         "peristaltic_wave": 4.3,
@@ -130,3 +137,24 @@ def test_declared_look_alikes_of_the_first_stay_where_rivals_that_leave_less_wou
     assert set(eliminate([record], climbs, 3, 6.0)) == set(leaves) - {"respiration"}
     climbs["directional_asymmetry"].leaves = 21.0
     assert "directional_asymmetry" not in eliminate([record], climbs, 3, 6.0)
+
+
+def test_one_that_leaves_no_more_than_chance_stays_beside_others_with_more_parameters(
+    made: tuple[SeriesKind, Record],
+) -> None:
+    """Over a second there are five numbers: folds, with five of their own, leave next to nothing of them."""
+    kind, record = made
+    leaves = {
+        "fold_periodic": 0.2,
+        "preconditioning": 0.3,
+        "stenosis": 0.4,
+        "incline_gravity": 1.8,
+        "actuator_lag": 6.0,
+    }
+
+    def ended(count: int) -> set[str]:
+        climbs = {name: Told(kind, [name], [{}], QUICK, leaves=left, count=count) for name, left in leaves.items()}
+        return set(eliminate([record], climbs, 3, 6.0))
+
+    assert set(leaves) - ended(5) == {"actuator_lag"}
+    assert set(leaves) - ended(100) == {"actuator_lag", "incline_gravity"}

@@ -12,6 +12,8 @@ from controller.signals import Array, Measurement
 ROOM: Final = 1 << 18
 """Readings that are kept of a channel: nine minutes at 500 Hz."""
 
+_FIRST_LOOK: Final = 256
+
 
 class _Ring:
     """The newest readings of one channel."""
@@ -20,12 +22,23 @@ class _Ring:
         self.times, self.values, self.count = np.full(room, np.nan), np.full(room, np.nan), 0
 
     def since(self, begin_s: float) -> tuple[Array, Array]:
-        first = self.count % self.times.size if self.count > self.times.size else 0
-        times, values = (np.roll(a, -first)[: min(self.count, a.size)] for a in (self.times, self.values))
+        reach, end = self._reach(begin_s), self.count % self.times.size
+        times, values = (
+            np.concatenate((a[end - reach :], a[:end])) if reach > end else a[end - reach : end]
+            for a in (self.times, self.values)
+        )
         kept = (times >= begin_s) & np.isfinite(values)
         later = np.maximum.accumulate(np.append(-np.inf, times[kept]))[:-1]
         new = times[kept] > later
         return times[kept][new], values[kept][new]
+
+    def _reach(self, begin_s: float) -> int:
+        """How many of the newest readings hold all from `begin_s` on; those before them are not looked at."""
+        there = min(self.count, self.times.size)
+        reach = min(_FIRST_LOOK, there)
+        while reach < there and self.times[(self.count - reach) % self.times.size] >= begin_s:
+            reach = min(2 * reach, there)
+        return reach
 
 
 class History:
@@ -44,7 +57,7 @@ class History:
                 ring.count += 1
 
     def since(self, channel: str, begin_s: float) -> tuple[Array, Array]:
-        """Times from `begin_s` on, increasing, and values of a channel, (n,) each; readings out of order are left
-        out.
+        """Times from `begin_s` on, increasing, and values of a channel, (n,) each; readings out of order are left out.
+        It takes as long as those readings are many, not as the room is large: a tick may ask.
         """
         return self._rings[channel].since(begin_s)

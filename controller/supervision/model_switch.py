@@ -32,11 +32,12 @@ class Offer:
 
 @dataclass(frozen=True)
 class Prepared:
-    """An offer with the controllers and the estimator of its model."""
+    """An offer with the controllers, the estimator and the monitor of its model."""
 
     offer: Offer
     chain: Chain
     observer: Observer
+    monitor: Monitor | None
 
     def at(self, at_s: float) -> Prepared:
         """The same from another time on, in s of the reference's time."""
@@ -84,7 +85,8 @@ class ModelSwitch:
         if offer.model.tick_s != self.tick_s:
             raise ValueError(f"offered model must have the tick in use, {self.tick_s:g} s; got {offer.model.tick_s:g}")
         chain = build(self._controller, offer.model, self._supervisor.envelope, self._deadline_s)
-        return Prepared(offer, chain, estimator_for(self._controller, offer.model, self._estimator))
+        observer = estimator_for(self._controller, offer.model, self._estimator)
+        return Prepared(offer, chain, observer, _monitor_of(observer))
 
     def put(self, prepared: Prepared) -> None:
         """Put what was prepared on offer, behind those that are."""
@@ -138,25 +140,23 @@ class ModelSwitch:
             self.history.add(measurements)
         if not self._waiting or now < self._origin + self._waiting[0].offer.at_s:
             return estimate
-        observer = self._waiting[0].observer
-        fresh = observer.observe(now, command, measurements)
+        fresh = self._waiting[0].observer.observe(now, command, measurements)
         if fresh.lost or not self._supervisor.take_offered():
             return estimate
-        self._take_over(observer, now)
+        self._take_over(self._waiting.popleft(), now)
         return fresh
 
-    def _take_over(self, observer: Observer, now: float) -> None:
-        """Go on with the first of the models that wait."""
+    def _take_over(self, prepared: Prepared, now: float) -> None:
+        """Go on with the model that was `prepared`: nothing is made in this tick."""
         for field in fields(Counts):
-            setattr(observer.counts, field.name, getattr(self._present.counts, field.name))
-        self._waiting.popleft()
-        self._present, self.taken_at = observer, now - self._origin
+            setattr(prepared.observer.counts, field.name, getattr(self._present.counts, field.name))
+        self._present, self.taken_at = prepared.observer, now - self._origin
         self.switches += 1
         if self._waiting:
             first = self._waiting[0]
             self._supervisor.offer(first.chain, first.offer.verdict)
         alarms = self.health.alarms
-        self._monitor = _monitor_of(self._present)
+        self._monitor = prepared.monitor
         if self._monitor is not None:
             self._monitor.begin(now, alarms)
 

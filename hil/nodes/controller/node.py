@@ -108,8 +108,10 @@ __all__ = ["FAULTY", "HALTING", "IDLE", "RUNNING", "ControllerNode", "Task", "Ti
 IDLE, RUNNING, HALTING, FAULTY = 1, 2, 3, 4
 """States of the node, in the numbers of its heartbeat."""
 HEARTBEAT_S: Final = 0.02
-_FOLLOW: Final = {"magnetic": 2e-3, "coil": 0.15, "vibro": math.inf}
-"""In the command's unit; of a carriage what 8 ms of delay, which a drive rides through, make of its full rate."""
+_FOLLOW: Final = {"magnetic": 1e-3, "coil": 0.075, "vibro": math.inf}
+"""In the command's unit, beyond the commands of the last `_LAG_S` and a tick more."""
+_LAG_S: Final = 8e-3
+"""Of a drive's report behind the command, which a drive rides through."""
 _RESTS_M_S: Final = 1e-4
 _REST_S: Final = 0.05
 """A reference rests at a time around which, so long before and after, it is no faster."""
@@ -175,7 +177,8 @@ class ControllerNode:
             bus, catalogue, self.wiring, Fence.of(self.envelope, self.tick_s), dry=dry_run, observe=observer
         )
         self.state, self.reason = IDLE, ""
-        self._plausibility = Plausibility(_FOLLOW[self.wiring.kind], task.seen_noise_m, task.resolution_m)
+        lag_ticks = 2 + math.ceil(_LAG_S / self.tick_s)
+        self._plausibility = Plausibility(_FOLLOW[self.wiring.kind], task.seen_noise_m, task.resolution_m, lag_ticks)
         self._reference: Reference = task.reference
         self._experiments = deque(task.experiments)
         self.experiments_at: list[float] = []
@@ -313,8 +316,8 @@ class ControllerNode:
         for m in arrived:
             if m.channel == "position_m":
                 self._plausibility.saw(m.value)
-            elif self._moved:
-                self._plausibility.reported(m.value, self._before.value)
+        if self._moved:
+            self._plausibility.tick(self._before.value, [m.value for m in arrived if m.channel != "position_m"])
         if missed < 0:
             self.estimator.reset(now, self._in_force)
             filled = 2 * self.receiver.feedbacks >= (now - self._last) / self.tick_s - 1 > 0

@@ -5,6 +5,8 @@ that jumped.
 from __future__ import annotations
 
 import math
+from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -32,8 +34,10 @@ def readings_alike(noise_m: float, resolution_m: float) -> float:
 
 @dataclass
 class Plausibility:
-    """`follow` is how far the drive's report may be off the command in its unit, for less than `follow_ticks` in a row;
-    a report that is still the same to the last bit after the command has moved by `follow`/20 may be so for as long.
+    """`follow` is how far the drive's report may be off the commands of the last `lag_ticks`, in their unit: a drive that
+    is late by less, or on its way from one to the next, is not off. It may be off for less than `follow_ticks` in a
+    row; a report that is still the same to the last bit after the command has moved by `follow`/10 may be so for as
+    long.
 
     The localisation is stuck where its readings, which have noise of `noise_m` and steps of `resolution_m`, show no
     variance for longer than chance allows (`readings_alike`), or do not move while the wanted position goes
@@ -43,6 +47,7 @@ class Plausibility:
     follow: float
     noise_m: float = 5e-4
     resolution_m: float = 0.0
+    lag_ticks: int = 1
     follow_ticks: int = 5
     alike: int = 0
     off: int = 0
@@ -57,6 +62,7 @@ class Plausibility:
     def __post_init__(self) -> None:
         self._stuck = readings_alike(self.noise_m, self.resolution_m)
         self._way_m = FARTHEST_M + 2 * self.resolution_m
+        self._commands: deque[float] = deque(maxlen=self.lag_ticks)
 
     def saw(self, value: float) -> None:
         """A localisation reading came."""
@@ -70,16 +76,24 @@ class Plausibility:
         """The capsule is wanted at `place_m`, while the drive leads it."""
         self._least, self._most = min(self._least, place_m), max(self._most, place_m)
 
-    def reported(self, value: float, told: float) -> None:
-        """The drive reported `value` where it had been `told` something."""
-        self.off = self.off + 1 if not abs(value - told) <= self.follow else 0
-        if value != self._report:
-            self._report, self._told = value, told
-        self.frozen = self.frozen + 1 if abs(told - self._told) > self.follow / 20 else 0
+    def tick(self, told: float, reports: Sequence[float]) -> None:
+        """A tick in which the drive `reports` something, in the order in which it came, up to which it was `told`
+        something.
+        """
+        self._commands.append(told)
+        if not reports:
+            return
+        newest = reports[-1]
+        near = min(self._commands) - self.follow <= newest <= max(self._commands) + self.follow
+        self.off = 0 if near and math.isfinite(told) else self.off + 1
+        if newest != self._report:
+            self._report, self._told = newest, told
+        self.frozen = self.frozen + 1 if abs(told - self._told) > self.follow / 10 else 0
 
     def settle(self, restarts: int) -> None:
         """Begin anew with a drive that does nothing yet and an estimator that has begun anew `restarts` times."""
         self.off, self.frozen, self.restarts = 0, 0, restarts
+        self._commands.clear()
         self._least, self._most = math.inf, -math.inf
 
     def reason(self, restarts: int) -> str:

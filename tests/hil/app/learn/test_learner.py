@@ -41,7 +41,7 @@ class Switch:
     proposed: list[Offer] = field(default_factory=list)
 
     def prepare(self, offer: Offer) -> Prepared:
-        return Prepared(offer, [], None)  # type: ignore[arg-type]
+        return Prepared(offer, [], None, None)  # type: ignore[arg-type]
 
     def put(self, prepared: Prepared) -> None:
         self.proposed.append(prepared.offer)
@@ -207,3 +207,13 @@ def test_a_history_keeps_the_newest_in_order() -> None:
     assert times.tolist() == [3.0, 4.0, 5.0]
     assert values.tolist() == [2.0, 4.0, 5.0]
     assert history.since("position_m", 4.5)[0].tolist() == [5.0]
+
+
+def test_a_history_gives_the_same_from_a_ring_that_went_round_however_far_back_is_asked() -> None:
+    history = History(["position_m"], room=1000)
+    for k in range(2600):
+        history.add([Measurement("position_m", float(k), 0.01 * k)])
+        if k in {200, 999, 1000, 2599}:
+            for begin in (0, k - 900, k - 300, k - 10, k):
+                first = max(begin, k - 999, 0)
+                assert history.since("position_m", 0.01 * begin - 1e-9)[1].tolist() == list(range(first, k + 1))

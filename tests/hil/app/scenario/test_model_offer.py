@@ -10,8 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from controller.estimator.base import Receiver
+from controller.monitor.monitor import Monitor
 from controller.supervision.acceptance import Verdict
-from controller.supervision.model_switch import Offer
+from controller.supervision.model_switch import ModelSwitch, Offer, Prepared
 from hil.app.main import run
 from hil.app.scenario.deployment import load_deployment
 from hil.app.scenario.model_offer import read_offer
@@ -94,6 +96,31 @@ def test_a_better_model_takes_over_at_a_rest_without_a_jump_and_tracks_better(tm
 
     assert error(with_it) < 0.7 * error(without)
     assert [event.reason for event in with_it.events][-1] == "new model"
+
+
+def test_the_tick_that_takes_a_model_makes_nothing_of_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = offered(tmp_path, STEPS.replace("4.0, 12.0]", "4.0]").format(seconds=8.0))
+    scenario = load_track_scenario(path)
+    found = read_offer(scenario.offer, tmp_path, scenario.belief, {})
+    assert found is not None
+    offer = Offer(believed_model(scenario, found.values), Verdict(), found.at_s)
+    made: list[Receiver] = []
+    begin, take = Monitor.__init__, ModelSwitch._take_over
+    during: list[int] = []
+
+    def counted(self: Monitor, estimator: Receiver) -> None:
+        made.append(estimator)
+        begin(self, estimator)
+
+    def took(self: ModelSwitch, prepared: Prepared, now: float) -> None:
+        before = len(made)
+        take(self, prepared, now)
+        during.append(len(made) - before)
+
+    monkeypatch.setattr(Monitor, "__init__", counted)
+    monkeypatch.setattr(ModelSwitch, "_take_over", took)
+    assert tracked(scenario, offer, "feedforward").taken_at > 1.5
+    assert (len(made), during) == (2, [0])
 
 
 def test_a_model_in_use_that_its_report_does_not_know_and_a_worse_one_are_refused(

@@ -75,19 +75,27 @@ def test_doubts() -> None:
     plausibility.saw(0.4)
     for k in range(5):
         assert plausibility.reason(0) == ""
-        plausibility.reported(0.0, math.nan if k == 2 else 2e-3)
+        plausibility.tick(math.nan if k == 2 else 2e-3, [2e-3, 0.0])
+        plausibility.tick(2e-3, [])
     assert plausibility.reason(0) == "drive does not follow"
-    plausibility.reported(0.0, 1e-3)
+    plausibility.tick(1e-3, [0.0])
     assert (plausibility.reason(0), plausibility.reason(1)) == ("", "localisation jumped")
     plausibility.settle(1)
     assert plausibility.reason(1) == ""
-    for told in (0.0, 4e-5, 6e-5, 7e-5, 8e-5, 9e-5):
-        plausibility.reported(5e-7, told)
+    for told in (0.0, 9e-5, 1.1e-4, 1.2e-4, 1.3e-4, 1.4e-4):
+        plausibility.tick(told, [5e-7])
         assert plausibility.reason(1) == ""
-    plausibility.reported(5e-7, 1e-4)
+    plausibility.tick(1.5e-4, [5e-7])
     assert plausibility.reason(1) == "drive does not follow"
-    plausibility.reported(1e-7, 2e-4)
+    plausibility.tick(2.5e-4, [1e-7])
     assert plausibility.reason(1) == ""
+    late = Plausibility(1e-3, lag_ticks=3)
+    for k in range(50):
+        late.tick(3e-3 * (k + 2), [3e-3 * k - 5e-4])
+        assert late.reason(0) == "", "two ticks late, at any speed"
+    for k in range(7):
+        late.tick(0.0, [3.1e-3])
+        assert late.reason(0) == ("" if k < 6 else "drive does not follow"), "two ticks late and five too many"
     coarse = Plausibility(1e-3, noise_m=0.0)
     for _ in range(9):
         coarse.saw(0.1)

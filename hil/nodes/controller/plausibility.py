@@ -34,9 +34,9 @@ def readings_alike(noise_m: float, resolution_m: float) -> float:
 
 @dataclass
 class Plausibility:
-    """`follow` is how far the drive's report may be off the commands of the last `lag_ticks`, in their unit: a drive that
-    is late by less, or on its way from one to the next, is not off. It may be off for less than `follow_ticks` in a
-    row; a report that is still the same to the last bit after the command has moved by `follow`/10 may be so for as
+    """`follow` is how far the drive's report may be off the commands of the last `lag_ticks`, in their unit: a drive
+    that is late by less, or on its way from one to the next, is not off. It may be off for less than `follow_ticks` in
+    a row; a report that is still the same to the last bit after the command has moved by `follow`/10 may be so for as
     long.
 
     The localisation is stuck where its readings, which have noise of `noise_m` and steps of `resolution_m`, show no

@@ -22,6 +22,8 @@ that allows, as a share of one over that time. Of 0.2 to 1.0 and paces of 0.2 to
 erred least; at 0.35 and a pace of 20 1/s the capsule swung, two to five times as much.
 """
 
+_CALMEST: Final = 1 / 16
+"""Share of its first pace down to which the loop is halved: one of 40 1/s then bears a delay of 0.4 s."""
 _LOOSE: Final = 2.0
 """Times what a break-away takes beyond motion: at just as much a model that holds too little stays at rest with the
 capsule and learns nothing.
@@ -74,6 +76,7 @@ class Feedforward(Controller):
         self.loop = (
             replace(loop, pace_1_s=min(loop.pace_1_s, _NO_FASTER / self._reach_s)) if model.response_s > 0 else loop
         )
+        self._slowest_1_s = _CALMEST * self.loop.pace_1_s
         self._inverse = Inverse(model, envelope, self._reach_s)
         self._envelope = envelope
         self._returning, self._command = False, math.nan
@@ -89,6 +92,14 @@ class Feedforward(Controller):
     def follow(self, command: float, rate: float) -> None:
         """Hear the command in force."""
         self._command = command
+
+    def calm(self) -> bool:
+        """Take errors back at half the pace, down to a sixteenth of the first."""
+        loop = self.loop
+        if loop.pace_1_s <= self._slowest_1_s:
+            return False
+        self.loop = replace(loop, pace_1_s=0.5 * loop.pace_1_s, most_m_s=0.5 * loop.most_m_s)
+        return True
 
     def act(self, now: float, estimate: Estimate, reference: Reference) -> Action:
         """The command for the tick that begins at `now` in s; `failed` where estimate or reference is no number."""

@@ -97,6 +97,10 @@ class Controller(Protocol):
         """Cut the next plan after so many steps, as the clock did once, for those who plan by a deadline."""
         return
 
+    def calm(self) -> bool:
+        """Take errors back at half the pace from here on, as the loop swings; whether this one can."""
+        return False
+
     def act(self, now: float, estimate: Estimate, reference: Reference) -> Action:
         """The command for the tick that begins at `now` in s."""
         ...

@@ -9,15 +9,17 @@ from dataclasses import dataclass, fields
 
 @dataclass(frozen=True)
 class Rules:
-    """When the supervisor changes over, all in s but `late_allowed` (late answers in a row that are still used) and
-    `rest_speed_m_s`.
+    """When the supervisor changes over, all in s but `late_allowed` (late answers in a row that are still used),
+    `rest_speed_m_s`, and `swing_m` and `swings`.
 
     An answer later than `deadline_s` by the clock is late. A controller that failed is tried again after `retry_s`,
     twice as long after each further failure up to `retry_longest_s`, and forgiven after `forgive_s` of good work.
     Serious limits in force for `limit_s` on end count as a failure, so does turning about far from the aim for
-    `limit_s` (a second of following takes 0.5 s off). After a lost estimate control resumes once it was good for
-    `settle_s`. A change-over is blended over `blend_s`, a stop takes the current to 0 within `stop_s`. At rest: capsule
-    and reference slower than `rest_speed_m_s` for `rest_s`.
+    `limit_s` (a second of following takes 0.5 s off). Whoever leads the capsule `swings` times in a row from `swing_m`
+    on one side of the reference to as far on the other, each within `swing_s`, is to calm down, and has failed where it
+    cannot: stick and slip goes to and fro by tenths of a millimetre, a loop later than it knows by several. After a
+    lost estimate control resumes once it was good for `settle_s`. A change-over is blended over `blend_s`, a stop takes
+    the current to 0 within `stop_s`. At rest: capsule and reference slower than `rest_speed_m_s` for `rest_s`.
     """
 
     late_allowed: int = 2
@@ -31,6 +33,9 @@ class Rules:
     stop_s: float = 0.1
     rest_speed_m_s: float = 2e-4
     rest_s: float = 0.2
+    swing_m: float = 2e-3
+    swing_s: float = 1.5
+    swings: int = 4
 
     def __post_init__(self) -> None:
         for name in (f.name for f in fields(self)):

@@ -15,6 +15,7 @@ from controller.limits import Envelope, Issued, Seen, limited, number
 from controller.signals import Action, Controller, Estimate, Reference, Status
 from controller.supervision.acceptance import Verdict
 from controller.supervision.fallback import Blend, Event, FallbackChain, RetryRules, Rules
+from controller.supervision.swings import Swings
 
 SERIOUS = frozenset({"range", "gap", "speed", "temperature"})
 _EVENTS = 256
@@ -76,6 +77,7 @@ class Supervisor:
         self._reason = "start"
         self._bad_until, self._rest_since, self._limited_since = -math.inf, math.inf, math.inf
         self._unfollowed_s = 0.0
+        self._swings = Swings(self.rules.swing_m, self.rules.swing_s)
         self._stopped_at, self._stop_from = math.inf, 0.0
 
     @property
@@ -122,6 +124,7 @@ class Supervisor:
         action, status = self._decide(seen, now, estimate, reference)
         self.issued, broken = limited(action.command, self.issued, seen, tick, self.envelope)
         self._watch_limits(broken)
+        self._watch_swings(seen, reference)
         self._allowed = None
         if broken and status == "ok":
             status = "limited"
@@ -222,6 +225,18 @@ class Supervisor:
         self._fallback.failed(self._active, self._elapsed)
         self._limited_since, self._unfollowed_s = math.inf, 0.0
 
+    def _watch_swings(self, seen: Seen, reference: Reference) -> None:
+        """Whoever swings about the reference, far and often, is to calm down; one that cannot has failed."""
+        error_m = math.nan if seen.lost else seen.position_m - _place(reference, self._now)
+        if self._active < 0 or self._swings.see(self._elapsed, error_m) < self.rules.swings:
+            return
+        self._swings.forget()
+        self._reason = f"{self.active} swings about the reference"
+        if _calmed(self._chain[self._active]):
+            self._note(self.active, self._reason)
+        else:
+            self._fallback.failed(self._active, self._elapsed)
+
     def _watch_rest(self, seen: Seen, reference: Reference) -> None:
         """Since when capsule and reference have been at rest."""
         slow = self.rules.rest_speed_m_s
@@ -244,6 +259,22 @@ class Supervisor:
 
     def _note(self, after: str, reason: str) -> None:
         self.events.append(Event(self._now, self.active, after, reason))
+
+
+def _calmed(controller: Controller) -> bool:
+    """Whether it takes errors back at half the pace from here on."""
+    try:
+        return bool(controller.calm())
+    except Exception:  # noqa: BLE001 - one that cannot be asked cannot calm down
+        return False
+
+
+def _place(reference: Reference, now: float) -> float:
+    """The reference's place in m; nan where it cannot be told."""
+    try:
+        return number(np.ravel(reference.position(np.array([now])))[0])
+    except Exception:  # noqa: BLE001 - about a reference that cannot be read nothing swings
+        return math.nan
 
 
 def _speed(reference: Reference, now: float) -> float:

@@ -5,7 +5,8 @@
 catalogue has; clean, usual or poor instruments), runs `capsule campaign` over them and prints the tables that
 docs/results quote. A series is known by its number, so a larger count adds series, and the same command goes on after a
 kill; `--table` only prints what is on file, `--fit MAP.toml` fits the map from score to probability to it,
-`--diagram FILE.svg` draws the reliability diagram. The hidden effects' forms are the plant's own.
+`--diagram FILE.svg` draws the reliability diagram. `--rows FILE.jsonl` keeps a line a series that outlives DIR: those
+in it are not run again, those that ended are added. The hidden effects' forms are the plant's own.
 
 What is judged: every effect that a report lists, said with its score, is right where the hidden effect stands in
 its class. `none` is right where nothing is hidden, `named` where the hidden effect stands in the only class, `unknown`
@@ -19,7 +20,7 @@ import contextlib
 import datetime
 import io
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -31,6 +32,7 @@ import numpy as np
 from scipy.optimize import isotonic_regression
 
 from hil.app.main import run as capsule
+from hil.log.recorder import code_version
 from models.identification.confidence_map import FEWEST, ConfidenceMap
 from plant.experiments.series import Kind, drive_kind, make_series
 from plant.hidden.registry import HIDDEN, hidden
@@ -86,6 +88,26 @@ def made(series: Drawn, seed: int, seconds: float, folder: Path) -> None:
         noise, rate = INSTRUMENTS[series.instrument]
         own = int(np.random.SeedSequence(seed, spawn_key=(series.number, 1)).generate_state(1)[0])
         make_series(series.kind, series.effect, own, folder / series.name, seconds, noise, rate)
+
+
+def kept_rows(path: Path | None, seed: int, seconds: float) -> dict[str, dict[str, Any]]:
+    """Results by the series' names that `path` keeps of the draw `seed` with records of `seconds`."""
+    lines = path.read_text(encoding="utf-8").splitlines() if path is not None and path.exists() else []
+    rows = [json.loads(line) for line in lines]
+    return {row["series"]: row["result"] for row in rows if (row["seed"], row["seconds"]) == (seed, seconds)}
+
+
+def keep_rows(path: Path, seed: int, seconds: float, ended: Mapping[str, dict[str, Any]]) -> None:
+    """Add what `ended` to `path`, whatever is there already."""
+    before = kept_rows(path, seed, seconds)
+    told = ("id", "equivalent", "confidence_score")
+    with path.open("a", encoding="utf-8") as file:
+        for name in sorted(ended.keys() - before.keys()):
+            one = ended[name]
+            effects = [{key: effect[key] for key in told} for effect in one["effects"]]
+            result = {"verdict": one["verdict"], "effects": effects, "seconds": one["seconds"]}
+            row = {"seed": seed, "seconds": seconds, "series": name, "code": code_version(), "result": result}
+            file.write(json.dumps(row) + "\n")
 
 
 def isotonic(said: Sequence[Statement], series: int, date: str) -> ConfidenceMap:
@@ -257,22 +279,29 @@ def main() -> None:
     parser.add_argument("--kind", nargs="*", choices=tuple(EFFECTS), default=list(EFFECTS))
     parser.add_argument("--fit", type=Path, metavar="MAP.toml", help="fit the map to what is on file, and write it")
     parser.add_argument("--diagram", type=Path, metavar="FILE.svg", help="draw the reliability diagram")
+    parser.add_argument("--rows", type=Path, metavar="FILE.jsonl", help="keep a line a series, and go on from them")
     parser.add_argument("--table", action="store_true", help="only print what is on file")
     asked = parser.parse_args()
     wanted = {s.name: s for s in (drawn(number, asked.seed, asked.kind) for number in range(asked.count))}
-    folder, campaign = asked.out / "series", asked.out / "campaign"
-    if not asked.table:
+    known = kept_rows(asked.rows, asked.seed, asked.seconds)
+    folder, campaign = asked.out / "series", asked.out / f"campaign_{len(known)}"
+    missing = {name: series for name, series in wanted.items() if name not in known}
+    if missing and not asked.table:
         with ProcessPoolExecutor(asked.workers) as pool:
-            for _ in pool.map(partial(made, seed=asked.seed, seconds=asked.seconds, folder=folder), wanted.values()):
+            for _ in pool.map(partial(made, seed=asked.seed, seconds=asked.seconds, folder=folder), missing.values()):
                 pass
-        folders = [str(folder / name) for name in wanted]
+        folders = [str(folder / name) for name in missing]
         with contextlib.redirect_stdout(io.StringIO()):
             capsule(["campaign", *folders, "--out", str(campaign), "--workers", str(asked.workers), "--json"])
-    rows = [json.loads(line) for line in (campaign / "results.jsonl").read_text(encoding="utf-8").splitlines()[1:]]
-    ended = {row["point"]["series"]: row for row in rows}
-    told = [(series, ended[name]["result"]) for name, series in wanted.items() if "result" in ended.get(name, {})]
+    results = campaign / "results.jsonl"
+    lines = results.read_text(encoding="utf-8").splitlines()[1:] if results.exists() else []
+    ended = {row["point"]["series"]: row for row in map(json.loads, lines)}
+    found = known | {name: row["result"] for name, row in ended.items() if "result" in row and name in missing}
+    if asked.rows is not None:
+        keep_rows(asked.rows, asked.seed, asked.seconds, found)
+    told = [(series, found[name]) for name, series in wanted.items() if name in found]
     for name, series in wanted.items():
-        result = ended.get(name, {}).get("result")
+        result = found.get(name)
         if result is not None:
             mark = "right" if verdict_right(result, series.effect) else "WRONG"
             said = {

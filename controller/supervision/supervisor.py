@@ -77,7 +77,8 @@ class Supervisor:
         self._reason = "start"
         self._bad_until, self._rest_since, self._limited_since = -math.inf, math.inf, math.inf
         self._unfollowed_s = 0.0
-        self._swings = Swings(self.rules.swing_m, self.rules.swing_s)
+        shaken = self.envelope.kind == "vibro"  # which goes to and fro with its inner mass
+        self._swings = Swings(math.inf if shaken else self.rules.swing_m, self.rules.swing_s)
         self._stopped_at, self._stop_from = math.inf, 0.0
 
     @property

@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 from models.identification.confidence_map import FEWEST, ConfidenceMap, confidence_map, read_map
-from tests.bench.bench_calibration import Statement, cross_validated, expected_calibration_error, isotonic
+from tests.bench.bench_calibration import (
+    Statement,
+    cross_validated,
+    expected_calibration_error,
+    isotonic,
+    keep_rows,
+    kept_rows,
+)
 
 
 def said(count: int, seed: int = 0) -> list[Statement]:
@@ -59,3 +66,20 @@ def test_a_map_survives_its_file(tmp_path: Path) -> None:
     path.write_text('series = 1\nstatements = 1\ndate = ""\nscore = [0.9, 0.5]\nright = [0.1, 0.2]\n')
     with pytest.raises(ValueError, match="both ascending"):
         read_map(path)
+
+
+def test_a_line_a_series_is_kept_once_and_belongs_to_its_draw(tmp_path: Path) -> None:
+    effect = {"id": "stenosis", "equivalent": [], "confidence_score": 0.9}
+    result = {"verdict": "named", "effects": [{**effect, "parameters": {}}], "seconds": 12.0, "error": {}}
+    rows = tmp_path / "rows.jsonl"
+    keep_rows(rows, 2, 12.0, {"0001_pull_clean": result})
+    keep_rows(rows, 2, 12.0, {"0001_pull_clean": result, "0000_pull_poor": {**result, "verdict": "unknown"}})
+    keep_rows(rows, 3, 12.0, {"0001_pull_clean": result})
+    kept = kept_rows(rows, 2, 12.0)
+    assert {name: row["verdict"] for name, row in kept.items()} == {
+        "0001_pull_clean": "named",
+        "0000_pull_poor": "unknown",
+    }
+    assert kept["0001_pull_clean"]["effects"] == [effect]
+    assert kept_rows(rows, 2, 45.0) == kept_rows(None, 2, 12.0) == {}
+    assert len(rows.read_text(encoding="utf-8").splitlines()) == 3

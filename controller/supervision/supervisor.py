@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 
 from controller.limits import Envelope, Issued, Seen, limited, number
-from controller.signals import Action, Controller, Estimate, Reference, Status
+from controller.signals import Action, Array, Controller, Estimate, Reference, Status
 from controller.supervision.acceptance import Verdict
 from controller.supervision.fallback import Blend, Event, FallbackChain, RetryRules, Rules
 from controller.supervision.swings import Swings
@@ -228,20 +228,23 @@ class Supervisor:
 
     def _watch_swings(self, seen: Seen, reference: Reference) -> None:
         """Whoever swings about the reference, far and often, is to calm down; one that cannot has failed."""
-        error_m = math.nan if seen.lost else seen.position_m - _place(reference, self._now)
+        error_m = math.nan if seen.lost else seen.position_m - _at(lambda t: reference.position(t), self._now)
         if self._active < 0 or self._swings.see(self._elapsed, error_m) < self.rules.swings:
             return
         self._swings.forget()
-        self._reason = f"{self.active} swings about the reference"
+        reason = f"{self.active} swings about the reference"
         if _calmed(self._chain[self._active]):
-            self._note(self.active, self._reason)
+            self._note(self.active, reason)
         else:
+            self._reason = reason
             self._fallback.failed(self._active, self._elapsed)
 
     def _watch_rest(self, seen: Seen, reference: Reference) -> None:
         """Since when capsule and reference have been at rest."""
         slow = self.rules.rest_speed_m_s
-        resting = abs(seen.speed_m_s) <= slow and not seen.lost and _speed(reference, self._now) <= slow
+        resting = (
+            abs(seen.speed_m_s) <= slow and not seen.lost and abs(_at(lambda t: reference.speed(t), self._now)) <= slow
+        )
         self._rest_since = min(self._rest_since, self._elapsed) if resting else math.inf
 
     def _seen(self, now: float, estimate: Estimate) -> Seen:
@@ -270,17 +273,9 @@ def _calmed(controller: Controller) -> bool:
         return False
 
 
-def _place(reference: Reference, now: float) -> float:
-    """The reference's place in m; nan where it cannot be told."""
+def _at(profile: Callable[[Array], Array], now: float) -> float:
+    """What the reference says of `now`; nan where it cannot be told, which is neither at rest nor off."""
     try:
-        return number(np.ravel(reference.position(np.array([now])))[0])
-    except Exception:  # noqa: BLE001 - about a reference that cannot be read nothing swings
+        return number(np.ravel(profile(np.array([now])))[0])
+    except Exception:  # noqa: BLE001 - a reference that cannot be read says nothing
         return math.nan
-
-
-def _speed(reference: Reference, now: float) -> float:
-    """Size of the reference's speed in m/s; inf where it cannot be told."""
-    try:
-        return abs(number(np.ravel(reference.speed(np.array([now])))[0]))
-    except Exception:  # noqa: BLE001 - a reference that cannot be read is not at rest
-        return math.inf

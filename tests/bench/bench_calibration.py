@@ -296,7 +296,7 @@ def main() -> None:
     results = campaign / "results.jsonl"
     lines = results.read_text(encoding="utf-8").splitlines()[1:] if results.exists() else []
     ended = {row["point"]["series"]: row for row in map(json.loads, lines)}
-    found = known | {name: row["result"] for name, row in ended.items() if "result" in row and name in missing}
+    found = {name: row["result"] for name, row in ended.items() if "result" in row} | known
     if asked.rows is not None:
         keep_rows(asked.rows, asked.seed, asked.seconds, found)
     told = [(series, found[name]) for name, series in wanted.items() if name in found]

@@ -79,7 +79,7 @@ def close(
     likely = [drawn(kind, found.augmented, found.model, rng) for _ in range(_DRAWS)]
     sure = [name for name, estimate in spread.items() if estimate.told]
     near = [drawn(kind, found.augmented, found.model, rng, sure) for _ in range(_DRAWS)]
-    residuals = residual_checks(kind, train, found.augmented, near)
+    residuals = residual_checks(kind, train, found.augmented, near, effects=found.effects)
     chance = chance_error(kind, holdout, found.augmented, likely)
     floor = kind.noise_floor(holdout or train)
     worse = setbacks(errors["holdout"], floor)

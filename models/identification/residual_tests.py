@@ -16,15 +16,23 @@ from models.identification.search.validation import free_run
 _LAGS = 40
 _WIDER = 1.3
 _NUMBERS = 5000
-_UNSEEN = 0.1  # mean square below which the residual is too far below the noise for its structure to count
+_UNSEEN = 0.1  # share of the noise's power below which the residual, or its correlated part, is too small to count
 
 
 def residual_checks(
-    kind: Kind, records: Sequence[Record], fit: Fit, likely: Sequence[Mapping[str, float]], seed: int = 0
+    kind: Kind,
+    records: Sequence[Record],
+    fit: Fit,
+    likely: Sequence[Mapping[str, float]],
+    seed: int = 0,
+    effects: Sequence[str] = (),
 ) -> tuple[Check, ...]:
     """Size and whiteness of the residual, with limits from records imitated on models `likely` (values that the fit's
     own uncertainty leaves open) and held against the fit: the largest of one from each; of tables of few
     numbers, whose scatter is wide and whose imitation is quick, the mean of as many such as make `_NUMBERS` numbers.
+
+    Where an effect was found, its form need not be the true one to the last: autocorrelation up to `_UNSEEN` is let
+    pass, which among many numbers is beyond chance, but a tenth of the noise's power at most.
     """
     criterion = free_run(kind)
     rng = np.random.default_rng(seed)
@@ -42,6 +50,8 @@ def residual_checks(
     if not largest:
         raise ValueError("records must be such that the fitted model can give their like; it gives none that is read")
     limits = _WIDER * np.mean(largest, axis=0)
+    if effects:
+        limits[1] = max(limits[1], len(residual) * _UNSEEN**2)
     words = (
         (
             "residual_size",

@@ -77,7 +77,8 @@ class Lesson:
             )
         taken = "not taken, there was no rest" if self.taken_at_s is None else f"taken at {self.taken_at_s:.1f} s"
         back = "" if self.withdrawn_at_s is None else f", taken back at {self.withdrawn_at_s:.1f} s"
-        return f"{said}{what} ({self.verdict}), {taken}{back}; {self.sentence}"
+        how = " for a part (verdict: unknown)" if self.verdict == "unknown" and self.effects else ""
+        return f"{said}{what}{how}, {taken}{back}; {self.sentence}"
 
 
 class _Errors:

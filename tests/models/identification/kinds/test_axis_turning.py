@@ -103,6 +103,26 @@ def test_what_is_left_far_below_the_noise_has_no_structure_that_counts() -> None
     assert all(check.ok for check in checks)
 
 
+@pytest.mark.parametrize(
+    ("share", "without", "with_effect"), [(0.0, True, True), (0.01, False, True), (0.05, False, False)]
+)
+def test_a_found_effect_may_leave_a_tenth_of_the_noise_correlated(
+    share: float, without: bool, with_effect: bool
+) -> None:
+    """`share` of the record's noise; residuals are means of several samples, of whose noise it is seven times that."""
+    clean, noisy = (joint(torque_noise=noise, gravity=0.0) for noise in (0.0, 0.05))
+    noise = noisy["torque_N_m"] - clean["torque_N_m"]
+    slow = np.sqrt(2 * share) * noise.std() * np.sin(np.arange(len(noise)) / 30)
+    record = noisy.with_column("torque_N_m", noisy["torque_N_m"] + slow)
+    stated = parse_rig({"rig": {"kind": "axis"}, "noise": {"torque_std_N_m": 0.05}})
+    kind = AxisKind.from_rig(stated, [record])
+    residual = kind.residual(record, BASE)
+    fit = Fit(BASE, 0.0, len(residual), np.zeros((0, 0)), residual)
+    for effects, right in (((), without), (("gravity_over_angle",), with_effect)):
+        checks = {check.id: check.ok for check in residual_checks(kind, [record], fit, [BASE], effects=effects)}
+        assert checks["whiteness"] is right
+
+
 def test_ranges_follow_from_the_record_and_not_from_the_unit() -> None:
     record = joint()
     larger = record.with_column("torque_N_m", 1e3 * record["torque_N_m"])

@@ -10,6 +10,7 @@ from importlib import import_module
 
 import models.checks as here
 from models.checks.finding import RecordFinding
+from models.checks.one_clock import on_one_clock
 from models.checks.view import View
 from models.files.record import Record, where_measured
 from models.files.rig import Rig
@@ -38,7 +39,7 @@ def examine(rig: Rig, records: Sequence[Record]) -> tuple[RecordFinding, ...]:
         replace(finding, severity="weakens")
         if finding.severity == "stops" and finding.id in rig.checks.accept
         else finding
-        for record in records
+        for record in (on_one_clock(record, rig) for record in records)
         for finding in _of(View(record, rig), View(where_measured(record), rig))
     ]
     return tuple(sorted(found, key=lambda finding: _ORDER.index(finding.severity)))

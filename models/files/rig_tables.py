@@ -52,11 +52,13 @@ class Checks(Table):
 
 class Clock(Table):
     """Two clocks: how much later than the driven columns the measured ones are stamped, in s (negative: earlier), and
-    the standard deviation with which that is known: a calibration looks for it within four of these.
+    the standard deviation with which that is known: a calibration looks for it within four of these. With `drift` they
+    come later by so many seconds in each second of a record, where the drive is a place.
     """
 
     offset_s: Annotated[float, Field(ge=-0.5, le=0.5)] = 0.0
     offset_std_s: Annotated[float, Field(ge=1e-9, le=0.2)] = 1e-3
+    drift: Annotated[float, Field(ge=-0.1, le=0.1)] = 0.0
 
 
 class ColumnTable(Table):

@@ -1,10 +1,10 @@
 """Confounded classes and the record that close-loop proposes for each: is the class resolved with it, and with a
 generic record of the same and of twice the length?
 
-`python -m tests.bench.bench_next_experiment [--names a b]` simulates ten series whose records are too poor to tell the
-hidden effect (one pass at one speed, or strokes that always meet a place at the same time), closes the loop on each,
-lets the plant run what is proposed, closes again, and prints a line a series. Resolved: the hidden effect is named and
-nothing in its class is left.
+`python -m tests.bench.bench_next_experiment [--names a b] [--draws 2] [--generic]` simulates twelve series a draw whose
+records are too poor to tell the hidden effect (one pass at one speed, or at two, or there and back), closes the loop on
+each, lets the plant run what is proposed, closes again, and prints a line a series. Resolved: the hidden effect is
+named and nothing in its class is left.
 """
 
 from __future__ import annotations
@@ -98,7 +98,12 @@ POOR = (
     ("stribeck", TWO_SPEEDS),
     ("directional_asymmetry", THERE_AND_BACK),
 )
-SERIES = tuple(Series("pull", effect, runs, seed) for seed, (effect, runs) in enumerate(POOR, start=1))
+
+
+def series_of(draw_number: int) -> tuple[Series, ...]:
+    """A series for each of `POOR`; other rigs and sizes with every `draw_number`, from 0 on."""
+    first = 1 + draw_number * len(POOR)
+    return tuple(Series("pull", effect, runs, seed) for seed, (effect, runs) in enumerate(POOR, start=first))
 
 
 def family(effect: str) -> set[str]:
@@ -162,10 +167,11 @@ def main() -> None:
     """A line a series."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--names", nargs="*")
+    parser.add_argument("--draws", type=int, nargs="*", default=[0], help="draws of rigs, from 0 on")
     parser.add_argument("--generic", action="store_true", help="compare with generic records, of T and of 2 T")
     asked = parser.parse_args()
     print(_HEADER)
-    for series in SERIES:
+    for series in (one for number in asked.draws for one in series_of(number)):
         if asked.names is None or series.name in asked.names:
             print(line(series, asked.generic), flush=True)
 

@@ -1,8 +1,12 @@
-"""Two clocks: a measured column that comes later or earlier than the motion."""
+"""Two clocks: a measured column that comes later or earlier than the motion, and one that comes later and later."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
+from scipy.optimize import minimize
 
 from models.checks.finding import RecordFinding
 from models.checks.instrument.resolution import without_steps
@@ -11,66 +15,101 @@ from models.checks.view import Array, View
 _LONGEST_S = 0.15
 _LEAST_SAMPLES = 2.0
 _LEAST_S = 0.012  # what stick and slip alone may look like
-_TOLD_TO_S = 0.004  # standard deviation of what is told
+_TOLD_TO_S, _TOLD_TO_DRIFTING_S = 0.004, 0.015  # standard deviation of the lag told, at the first stamp
 _GAIN = 0.03  # share of the misfit that the shift must take away
 _SOFT = (0.01, 0.025, 0.06, 0.15, 0.4)  # of the usual speed, below which friction changes its sign gradually
 _REACHES = tuple(0.0004 * 1.8**k for k in range(10))  # of the span
 _ROWS = 8000
+_ROWS_ROUGH = 2000
+_LEAST_DRIFTED_S, _MOST_DRIFTED_S = 0.03, 0.4  # from the first stamp to the last
+_FASTEST = 0.1  # s a second, as a rig file may state
+
+
+@dataclass(frozen=True)
+class Lag:
+    """By how many s the force is late (negative: early) at the record's first stamp, by how much more with every
+    second, and the share of a friction loop's misfit that this takes away.
+    """
+
+    first_s: float
+    drift: float
+    gain: float
 
 
 def check_delay(view: View) -> list[RecordFinding]:
-    """Whether the force of a pull or a stage answers the motion late or early."""
+    """Whether the force of a pull or a stage answers the motion late or early, or ever later."""
     if view.kind != "pull" or not view.timed or "force_N" not in view.record.columns:
         return []
-    told = clock_offset(view)
-    if told is None:
+    lag = force_lag(view)
+    if lag is None:
         return []
-    offset, gain = told
-    later = "later" if offset > 0 else "earlier"
-    return [
-        view.finding(
-            "clock_offset",
-            "note",
-            "force_N against position_m, throughout",
-            f"force_N comes about {1e3 * abs(offset):.0f} ms {later} than the motion that makes it: two clocks, a"
-            " filter or a slow sensor",
-            f"a friction loop through force and motion fits {100 * gain:.0f} % better with the force moved by so much",
-            f"[clock] offset_s = {offset:.3g} and offset_std_s = {_TOLD_TO_S:g}",
-        )
-    ]
+    known = f"offset_s = {lag.first_s:.3g}, offset_std_s = {_TOLD_TO_DRIFTING_S if lag.drift else _TOLD_TO_S:g}"
+    how = f"a friction loop through force and motion fits {100 * lag.gain:.0f} % better with the force moved by so much"
+    where = "force_N against position_m, throughout"
+    if not lag.drift:
+        said = f"force_N comes about {_late(lag.first_s)} than the motion that makes it"
+        said += ": two clocks, a filter or a slow sensor"
+        return [view.finding("clock_offset", "note", where, said, how, f"[clock] {known}")]
+    said = f"force_N comes {1e3 * abs(lag.drift):.3g} ms {_later(lag.drift)} with every second"
+    said += f", from {_late(lag.first_s)} at the first stamp on: two clocks that do not run alike"
+    drift = lag.drift + (view.rig.clock.drift if view.rig.clock else 0.0)
+    return [view.finding("clock_drift", "weakens", where, said, how, f"[clock] {known}, drift = {drift:.3g}")]
 
 
-def clock_offset(view: View) -> tuple[float, float] | None:
-    """Time in s by which the force is late (negative: early), and the share of a friction loop's misfit that this takes
-    away; None where the record tells none. The loop is a sum of plays of several widths, friction that follows the
-    sign of the speed more or less gradually, speed and slope.
+def _late(lag_s: float) -> str:
+    return f"{1e3 * abs(lag_s):.0f} ms {_later(lag_s)}"
+
+
+def _later(lag_s: float) -> str:
+    return "later" if lag_s > 0 else "earlier"
+
+
+def force_lag(view: View) -> Lag | None:
+    """How late the force is; None where the record tells nothing. What is left of a friction loop is the smallest with
+    the force moved by this: the loop is a sum of plays of several widths, friction that follows the sign of the speed
+    more or less gradually, speed and slope.
     """
     strokes = np.sign(view.speed[view.moves])
     length = float(view.t[-1] - view.t[0])
     if np.sum(np.diff(strokes) != 0) < 3 or length < 20 * _LONGEST_S:
         return None
-    even = np.arange(view.t[0], view.t[-1], max(view.dt, length / _ROWS))
-    x = np.interp(even, view.t, without_steps(view, view.record["position_m"]))
-    basis = _loop(x, np.interp(even, view.t, view.speed))
-    inner = (even > even[0] + _LONGEST_S) & (even < even[-1] - _LONGEST_S)
+    least = _LEAST_SAMPLES * view.dt
+    lags = np.linspace(-_LONGEST_S, _LONGEST_S, 61)
+    left = _misfit(view, _ROWS)
+    best = int(np.argmin([left(lag, 0.0) for lag in lags]))
+    fine = np.linspace(lags[max(best - 1, 0)], lags[min(best + 1, len(lags) - 1)], 21)
+    constant = min((left(lag, 0.0), float(lag)) for lag in fine)
+    rough, ends = _misfit(view, _ROWS_ROUGH), np.linspace(-_MOST_DRIFTED_S, _MOST_DRIFTED_S, 41)
+    _, start = min((rough(lag, drifted), (lag, drifted)) for lag in lags[::2] for drifted in ends)
+    found = minimize(lambda at: left(*at), start, method="Nelder-Mead", options={"xatol": 5e-4, "maxfev": 120})
+    middle, drifted = (float(value) for value in found.x)
+    gain = 1 - float(found.fun) / max(constant[0], 1e-300)
+    if max(_LEAST_DRIFTED_S, least) < abs(drifted) < min(_MOST_DRIFTED_S, _FASTEST * length) and gain > _GAIN:
+        return Lag(middle - drifted / 2, drifted / length, gain)
+    gain, offset = 1 - constant[0] / max(left(0.0, 0.0), 1e-300), constant[1]
+    inside = 0 < best < len(lags) - 1
+    return Lag(offset, 0.0, gain) if inside and abs(offset) > max(_LEAST_S, least) and gain > _GAIN else None
 
+
+def _misfit(view: View, rows: int) -> Callable[[float, float], float]:
+    """What the loop leaves of the force, of a force that comes late by the first number in the middle of the record
+    and from its begin to its end by as much more as the second; over about so many rows.
+    """
+    begin, end = float(view.t[0]), float(view.t[-1])
+    even = np.arange(begin, end, max(view.dt, (end - begin) / rows))
+    x = np.interp(even, view.t, without_steps(view, view.record["position_m"]))
+    margin = _LONGEST_S + _MOST_DRIFTED_S / 2
+    inner = (even > begin + margin) & (even < end - margin)
+    within, _ = np.linalg.qr(_loop(x, np.interp(even, view.t, view.speed))[inner])
+    at, share = even[inner], (even[inner] - (begin + end) / 2) / (end - begin)
     whole = view.record["force_N"]
     whole = np.clip(whole, *np.percentile(whole, [0.5, 99.5]))  # outliers would weigh most
-    within, _ = np.linalg.qr(basis[inner])
 
-    def left(lag: float) -> float:
-        force = np.interp(even[inner] + lag, view.t, whole)
+    def left(lag: float, drifted: float) -> float:
+        force = np.interp(at + lag + share * drifted, view.t, whole)
         return float(force @ force - np.sum((within.T @ force) ** 2))
 
-    lags = np.linspace(-_LONGEST_S, _LONGEST_S, 61)
-    coarse = np.array([left(lag) for lag in lags])
-    best = int(np.argmin(coarse))
-    if best in (0, len(lags) - 1):
-        return None
-    fine = np.linspace(lags[best - 1], lags[best + 1], 21)
-    again = np.array([left(lag) for lag in fine])
-    offset, gain = float(fine[np.argmin(again)]), 1 - float(again.min()) / max(left(0.0), 1e-300)
-    return (offset, gain) if abs(offset) > max(_LEAST_S, _LEAST_SAMPLES * view.dt) and gain > _GAIN else None
+    return left
 
 
 def _loop(x: Array, speed: Array) -> Array:

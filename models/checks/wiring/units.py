@@ -7,12 +7,14 @@ import numpy as np
 from models.checks.finding import RecordFinding
 from models.checks.view import View
 from models.files.rig import CAPSULE_SERIES
+from models.surfaces.gut import Wall, base_parameters
 
 _TRAVEL_M = (2e-5, 3.0)
 _SPEED_M_S = (2e-6, 1.0)
 _STAGE_SPEED_M_S = (1e-6, 20.0)
 _TURNING_SPEED_RAD_S = (1e-6, 1e4)
 _FORCE_N = (1e-4, 20.0)
+_FAR = 4.0  # beyond the ends of the base parameters' ranges; no effect of the catalogue changes a whole record so much
 _NOTHING_M = 1e-7
 _SELDOM_S, _CRAWLS_M_S = 0.5, 2e-5
 
@@ -40,7 +42,35 @@ def check_units(view: View) -> list[RecordFinding]:
         size = float(np.percentile(np.abs(view.record["force_N"]), 90))
         if size > _FORCE_N[1] or 0 < size < _FORCE_N[0]:
             out.append(_off(view, "force_N", f"is of the size of {size:.3g} N", _FORCE_N, "N"))
+        else:
+            out += _against_the_law(view)
     return out
+
+
+def _against_the_law(view: View) -> list[RecordFinding]:
+    """A pull's force against what the rig file's capsule and tissue give at the same speed, as far as tissue varies."""
+    if view.rig.surface is not None or not view.moves.any():
+        return []
+    speed, size = (float(np.median(np.abs(values[view.moves]))) for values in (view.speed, view.record["force_N"]))
+    wall = Wall.around(view.rig.capsule, view.rig.tissue)
+    lowest, usual, highest = (
+        float(sum(wall.grip(speed, *values)))
+        for values in zip(*((p.lower, p.value, p.upper) for p in base_parameters(view.rig.tissue)), strict=True)
+    )
+    if lowest / _FAR <= size <= highest * _FAR:
+        return []
+    return [
+        view.finding(
+            "force_size",
+            "weakens",
+            "force_N, throughout",
+            f"force_N is {size:.3g} N at the usual speed, where capsule and tissue of the rig file give {usual:.3g} N"
+            f" ({lowest:.2g} to {highest:.2g} N as far as tissue varies): another unit, another capsule or tissue?",
+            "median of the force in motion against the friction law",
+            '[columns] force_N = {column = "force_N", unit = "..."} with the unit of the file; or the [capsule] and'
+            " [tissue] that were pulled",
+        )
+    ]
 
 
 def _off(view: View, column: str, what: str, usual: tuple[float, float], unit: str) -> RecordFinding:

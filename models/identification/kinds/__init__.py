@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import Any, Final, Protocol
 
 from models.checks.instrument.usable import cleaned
+from models.checks.one_clock import on_one_clock
 from models.effects import REFINEMENTS
 from models.effects.effect import Effect
 from models.files.record import USED, Record, named
@@ -122,5 +123,5 @@ def _unheld(rig: Rig, records: Sequence[Record]) -> AnyKind:
 def ready(record: Record, rig: Rig) -> Record:
     """`record` as its kind works on it: what its sensor did not measure filled in, a stage's at even times."""
     with named(record):
-        record = cleaned(record, rig)
+        record = cleaned(on_one_clock(record, rig), rig)
         return evened(record, (*record.layout.known(), USED)) if record.kind == "axis" else record

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from models.checks.examine import examine, stopping
 from models.checks.information.excitation import cannot_show, inseparable
 from models.checks.instrument.usable import cleaned
+from models.checks.one_clock import on_one_clock
 from models.effects import effects_for
 from models.files.record import USED, Record, record_of
 from models.files.rig import Rig, parse_rig
@@ -116,6 +117,14 @@ def late(c: Columns) -> Columns:
     return c | {"force_N": np.interp(c["t_s"] - 0.04, c["t_s"], c["force_N"])}
 
 
+def drifting(c: Columns) -> Columns:
+    return c | {"force_N": np.interp(c["t_s"] * (1 - 0.005), c["t_s"], c["force_N"])}
+
+
+def in_grams(c: Columns) -> Columns:
+    return c | {"force_N": c["force_N"] / 9.80665e-3}
+
+
 def in_kiloseconds(c: Columns) -> Columns:
     return {**c, "t_s": 1e-3 * c["t_s"]}
 
@@ -178,6 +187,8 @@ CORRUPTIONS: dict[str, tuple[Callable[[Columns], Columns], str, str]] = {
     "missing samples": (with_gaps, "stamps_missing", "note"),
     "a pause": (paused, "pause", "weakens"),
     "a late force": (late, "clock_offset", "note"),
+    "a force on a clock that runs slow": (drifting, "clock_drift", "weakens"),
+    "grams for newtons": (in_grams, "force_size", "weakens"),
     "millimetres for metres": (in_millimetres, "units", "stops"),
     "seconds taken for milliseconds": (in_kiloseconds, "time_units", "weakens"),
     "millinewtons for newtons": (in_millinewtons, "units", "stops"),
@@ -210,6 +221,22 @@ def test_each_corruption_is_found(what: str) -> None:
     assert finding.remedy
     if severity != "stops":
         assert stopping(tuple(found.values())) is None
+
+
+def test_a_clock_that_drifts_is_put_right_as_the_rig_file_says() -> None:
+    spoiled = record(drifting(pull()))
+    told = next(finding for finding in examine(rig(), [spoiled]) if finding.id == "clock_drift")
+    clock = tomllib.loads(told.remedy.replace("[clock] ", "").replace(", ", "\n"))
+    assert clock["drift"] == pytest.approx(0.005, abs=5e-4)
+    assert clock["offset_s"] == pytest.approx(0.0, abs=4 * clock["offset_std_s"])
+    ours = rig(clock={**clock, "offset_s": 0.0, "drift": 0.005})
+    assert "clock_drift" not in {finding.id for finding in examine(ours, [spoiled])}
+    right, whole = on_one_clock(spoiled, ours), pull()
+    assert right["force_N"] is spoiled["force_N"]
+    moved = np.interp(right["t_s"], whole["t_s"], whole["position_m"])
+    assert right["position_m"] == pytest.approx(moved, abs=1e-12)
+    ideal = np.interp(right["t_s"], whole["t_s"], whole["force_N"])
+    assert np.sqrt(np.mean((right["force_N"] - ideal) ** 2)) < NOISE
 
 
 @pytest.mark.parametrize("seed", range(3))

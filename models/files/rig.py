@@ -118,6 +118,7 @@ HEADS: Mapping[str, type[_Head]] = {
 """The table `[rig]` of each kind."""
 CAPSULE_SERIES = ("pull", "magnetic", "coil", "vibro")
 """Kinds whose records are time series of a capsule."""
+_SWITCHED = ("coil", "vibro")
 
 
 def read_rig(path: Path) -> Rig:
@@ -143,7 +144,13 @@ def parse_rig(raw: Mapping[str, Any], where: str = "rig") -> Rig:
     if isinstance(head, _MagnetsHead) and magnets is not None:
         rig = replace(rig, magnets=magnets, magnet=_spring(magnets, head.magnet_stiffness_N_per_m))
     if kind in CAPSULE_SERIES and "clock" in raw:
-        rig = replace(rig, clock=file.read("clock", Clock))
+        clock = file.read("clock", Clock)
+        if clock.drift and kind in _SWITCHED:
+            raise ValueError(
+                f"{where}: [clock] drift must be left out for kind {kind}, whose drive switches and cannot be read"
+                f" between its samples; got {clock.drift:g}"
+            )
+        rig = replace(rig, clock=clock)
     columns, prior = file.columns(), file.prior()
     file.refuse_rest()
     return replace(rig, columns=columns, prior=prior)

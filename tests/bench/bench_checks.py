@@ -142,8 +142,8 @@ def scaled(view: View, size: float, rng: np.random.Generator) -> Record:
     return view.record.with_column(view.moving_column, size * view.record[view.moving_column])
 
 
-def other_force(view: View, size: float, rng: np.random.Generator) -> Record:
-    """The force in another unit, `size` times larger."""
+def other_unit(view: View, size: float, rng: np.random.Generator) -> Record:
+    """The measured column in another unit, `size` times larger."""
     return _measured(view, size * view.y)
 
 
@@ -235,7 +235,8 @@ FAULTS: Final = {
     "late force": Fault(late, "clock_offset", (0.01, 0.02, 0.04), "s", ("pull",)),
     "drifting clock": Fault(drifting, "clock_drift", (0.04, 0.1, 0.2), "s in all", ("pull",)),
     "other unit": Fault(scaled, "units", (1000.0, 1e-3), "times", ("pull", "magnetic", "coil")),
-    "other unit of the force": Fault(other_force, "force_size units", (10.0, 0.1, 102.0, 1000.0), "times", ("pull",)),
+    "other unit of the capsule's place": Fault(other_unit, "units", (10.0, 0.1), "times", ("magnetic",)),
+    "other unit of the force": Fault(other_unit, "force_size units", (10.0, 0.1, 102.0, 1000.0), "times", ("pull",)),
     "sensor lost": Fault(cut_off, "sensor_silent", (0.2, 1.0, 4.0), "s"),
     "no value": Fault(unanswered, "no_values", (1.0, 10.0, 100.0), "samples"),
     "place jumps": Fault(jumping, "place_jumps", (1e-3, 5e-3, 20e-3), "m", ("magnetic", "coil", "vibro_plate")),

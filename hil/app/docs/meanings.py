@@ -105,6 +105,8 @@ MEANINGS: Final[Mapping[str, str]] = {
     "modulus_std_Pa": "standard deviation of a modulus; left out: estimated",
     "offset_s": "how much later than the driven columns the measured ones are stamped; negative: earlier",
     "offset_std_s": "how well that is known: a calibration looks for it within four of these",
+    "drift": "by how many seconds more in each second of a record, s/s; taken out before any fit, where the drive is a"
+    " place (pull, magnetic)",
     "accept": "in `[checks]`, findings of `capsule check`, by id, that no longer stop a fit; they weaken its verdict;"
     " in `[operator]`, whether the controller takes setpoints from the bus",
     "column": "name of the column in the files, exactly as it stands there",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from models.checks.finding import RecordFinding
-from models.checks.view import View
+from models.checks.view import Array, View, running_mean
 from models.files.rig import CAPSULE_SERIES
 from models.surfaces.gut import Wall, base_parameters
 
@@ -15,6 +15,7 @@ _STAGE_SPEED_M_S = (1e-6, 20.0)
 _TURNING_SPEED_RAD_S = (1e-6, 1e4)
 _FORCE_N = (1e-4, 20.0)
 _FAR = 4.0  # beyond the ends of the base parameters' ranges; no effect of the catalogue changes a whole record so much
+_FOLLOWS, _APART, _LONG, _MEAN_S = 0.9, 3.0, 3.0, 0.1  # correlation; ratio of ways; of the magnet's range; s
 _NOTHING_M = 1e-7
 _SELDOM_S, _CRAWLS_M_S = 0.5, 2e-5
 
@@ -34,6 +35,8 @@ def check_units(view: View) -> list[RecordFinding]:
             out.append(_off(view, view.moving_column, f"moves at {fastest:.3g} m/s", _SPEED_M_S, "m/s"))
         elif view.dt >= _SELDOM_S and 0 < fastest < _CRAWLS_M_S:
             out.append(_slow(view, fastest))
+        if view.kind == "magnetic" and view.driven is not None and view.measured in view.record.columns:
+            out += _behind_the_magnet(view, view.record[view.driven])
     else:
         usual, unit = (_TURNING_SPEED_RAD_S, "rad/s") if view.turns else (_STAGE_SPEED_M_S, "m/s")
         if fastest > usual[1]:
@@ -45,6 +48,30 @@ def check_units(view: View) -> list[RecordFinding]:
         else:
             out += _against_the_law(view)
     return out
+
+
+def _behind_the_magnet(view: View, carriage: Array) -> list[RecordFinding]:
+    """A capsule that follows its magnet goes as far as that goes: neither several times as far, nor a fraction of a way
+    that is long against the magnet's reach.
+    """
+    n = max(1, round(_MEAN_S / view.dt))
+    x, c = running_mean(view.y, n), running_mean(carriage, n)
+    if not np.std(x) or not np.std(c):
+        return []
+    slope, follows = float(np.std(x) / np.std(c)), float(np.corrcoef(x, c)[0, 1]) > _FOLLOWS
+    reach = view.rig.magnet.magnet_range_m if view.rig.magnet else np.inf
+    if not follows or not (slope > _APART or (slope < 1 / _APART and np.ptp(c) > _LONG * reach)):
+        return []
+    return [
+        view.finding(
+            "units",
+            "stops",
+            f"{view.measured} against {view.driven}, throughout",
+            f"{view.measured} follows {view.driven}, but goes {slope:.3g} times as far: another unit?",
+            "standard deviations of the two places, and their correlation",
+            f'[columns] {view.measured} = {{column = "{view.measured}", unit = "..."}} with the unit of the file',
+        )
+    ]
 
 
 def _against_the_law(view: View) -> list[RecordFinding]:

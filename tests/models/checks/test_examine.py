@@ -232,11 +232,15 @@ def test_a_clock_that_drifts_is_put_right_as_the_rig_file_says() -> None:
     ours = rig(clock={**clock, "offset_s": 0.0, "drift": 0.005})
     assert "clock_drift" not in {finding.id for finding in examine(ours, [spoiled])}
     right, whole = on_one_clock(spoiled, ours), pull()
-    assert right["force_N"] is spoiled["force_N"]
+    assert np.array_equal(right["force_N"], spoiled["force_N"])
     moved = np.interp(right["t_s"], whole["t_s"], whole["position_m"])
     assert right["position_m"] == pytest.approx(moved, abs=1e-12)
     ideal = np.interp(right["t_s"], whole["t_s"], whole["force_N"])
     assert np.sqrt(np.mean((right["force_N"] - ideal) ** 2)) < NOISE
+    early = on_one_clock(spoiled, rig(clock={"drift": -0.01}))
+    assert early["t_s"][-1] <= spoiled["t_s"][-1] < 1.01 * early["t_s"][-1] + 0.1
+    with pytest.raises(ValueError, match=r"\[clock\] drift must be left out for kind coil"):
+        rig(rig={"kind": "coil", "force_constant_N_per_A": 0.5}, noise={}, clock={"drift": 0.01})
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -385,6 +389,15 @@ def test_places_that_count_from_elsewhere_jump_or_are_exchanged() -> None:
     made = led()
     exchanged = {**made.columns, "position_m": made["carriage_position_m"], "carriage_position_m": made["position_m"]}
     assert "exchanged" in of_magnet(Record("one", "magnetic", exchanged))["columns_exchanged"]
+
+
+@pytest.mark.parametrize(("column", "scale"), [("position_m", 10.0), ("position_m", 0.1), ("carriage_position_m", 0.1)])
+def test_a_capsule_that_follows_goes_as_far_as_its_magnet(column: str, scale: float) -> None:
+    made = led()
+    wide = made.with_column("carriage_position_m", 10 * made["carriage_position_m"])
+    wide = wide.with_column("position_m", 10 * made["position_m"])
+    assert "units" not in of_magnet(wide)
+    assert "times as far" in of_magnet(wide.with_column(column, scale * wide[column]))["units"]
 
 
 def test_a_capsule_that_hangs_behind_its_magnet_at_the_start_is_run_in() -> None:

@@ -233,7 +233,7 @@ FAULTS: Final = {
     "missing samples": Fault(lost, "stamps_missing", (0.001, 0.01, 0.05), "of the samples"),
     "pause": Fault(paused, "pause", (0.1, 0.5, 2.0), "s"),
     "late force": Fault(late, "clock_offset", (0.01, 0.02, 0.04), "s", ("pull",)),
-    "drifting clock": Fault(drifting, "clock_drift", (0.04, 0.1, 0.2), "s in all", ("pull",)),
+    "drifting clock": Fault(drifting, "clock_drift", (0.04, 0.1, 0.2), "s in all", ("pull", "magnetic")),
     "other unit": Fault(scaled, "units", (1000.0, 1e-3), "times", ("pull", "magnetic", "coil")),
     "other unit of the capsule's place": Fault(other_unit, "units", (10.0, 0.1), "times", ("magnetic",)),
     "other unit of the force": Fault(other_unit, "force_size units", (10.0, 0.1, 102.0, 1000.0), "times", ("pull",)),

@@ -16,6 +16,8 @@ _LONGEST_S = 0.15
 _LEAST_SAMPLES = 2.0
 _LEAST_S = 0.012  # what stick and slip alone may look like
 _TOLD_TO_S, _TOLD_TO_DRIFTING_S = 0.004, 0.015  # standard deviation of the lag told, at the first stamp
+_PAIRS = {"pull": ("position_m", "force_N"), "magnetic": ("carriage_position_m", "position_m")}
+_GAIN_DRIFTING = {"pull": 0.03, "magnetic": 0.15}  # as _GAIN, of a drift over a constant shift
 _GAIN = 0.03  # share of the misfit that the shift must take away
 _SOFT = (0.01, 0.025, 0.06, 0.15, 0.4)  # of the usual speed, below which friction changes its sign gradually
 _REACHES = tuple(0.0004 * 1.8**k for k in range(10))  # of the span
@@ -27,7 +29,7 @@ _FASTEST = 0.1  # s a second, as a rig file may state
 
 @dataclass(frozen=True)
 class Lag:
-    """By how many s the force is late (negative: early) at the record's first stamp, by how much more with every
+    """By how many s a column is late (negative: early) at the record's first stamp, by how much more with every
     second, and the share of a friction loop's misfit that this takes away.
     """
 
@@ -37,23 +39,29 @@ class Lag:
 
 
 def check_delay(view: View) -> list[RecordFinding]:
-    """Whether the force of a pull or a stage answers the motion late or early, or ever later."""
-    if view.kind != "pull" or not view.timed or "force_N" not in view.record.columns:
+    """Whether the force of a pull or a stage answers the motion late or early, or ever later; and whether the place of
+    a capsule comes ever later than its magnet's (behind which it comes late anyway).
+    """
+    pair = _PAIRS.get(view.kind)
+    if pair is None or not view.timed or not set(pair) <= set(view.record.columns):
         return []
-    lag = force_lag(view)
-    if lag is None:
+    lag = lag_of(view, *pair)
+    if lag is None or not (lag.drift or view.kind == "pull"):
         return []
+    place, measured = pair
     known = f"offset_s = {lag.first_s:.3g}, offset_std_s = {_TOLD_TO_DRIFTING_S if lag.drift else _TOLD_TO_S:g}"
-    how = f"a friction loop through force and motion fits {100 * lag.gain:.0f} % better with the force moved by so much"
-    where = "force_N against position_m, throughout"
+    how = f"a friction loop through both fits {100 * lag.gain:.0f} % better with {measured} moved by so much"
+    where = f"{measured} against {place}, throughout"
     if not lag.drift:
-        said = f"force_N comes about {_late(lag.first_s)} than the motion that makes it"
+        said = f"{measured} comes about {_late(lag.first_s)} than the motion that makes it"
         said += ": two clocks, a filter or a slow sensor"
         return [view.finding("clock_offset", "note", where, said, how, f"[clock] {known}")]
-    said = f"force_N comes {1e3 * abs(lag.drift):.3g} ms {_later(lag.drift)} with every second"
-    said += f", from {_late(lag.first_s)} at the first stamp on: two clocks that do not run alike"
-    drift = lag.drift + (view.rig.clock.drift if view.rig.clock else 0.0)
-    return [view.finding("clock_drift", "weakens", where, said, how, f"[clock] {known}, drift = {drift:.3g}")]
+    said = f"{measured} comes {1e3 * abs(lag.drift):.3g} ms {_later(lag.drift)} with every second"
+    drift = f"drift = {lag.drift + (view.rig.clock.drift if view.rig.clock else 0.0):.3g}"
+    if view.kind == "pull":
+        said, drift = f"{said}, from {_late(lag.first_s)} at the first stamp on", f"{known}, {drift}"
+    said += ": two clocks that do not run alike"
+    return [view.finding("clock_drift", "weakens", where, said, how, f"[clock] {drift}")]
 
 
 def _late(lag_s: float) -> str:
@@ -64,10 +72,11 @@ def _later(lag_s: float) -> str:
     return "later" if lag_s > 0 else "earlier"
 
 
-def force_lag(view: View) -> Lag | None:
-    """How late the force is; None where the record tells nothing. What is left of a friction loop is the smallest with
-    the force moved by this: the loop is a sum of plays of several widths, friction that follows the sign of the speed
-    more or less gradually, speed and slope.
+def lag_of(view: View, place: str, measured: str) -> Lag | None:
+    """How late `measured` is behind the motion of `place`; None where the record tells nothing. What is left of a
+    friction loop is the smallest with `measured` moved by this: the loop is a sum of plays of several widths, friction
+    that follows the sign of the speed more or less gradually, speed and slope; behind a magnet all but the speed may
+    grow over the record.
     """
     strokes = np.sign(view.speed[view.moves])
     length = float(view.t[-1] - view.t[0])
@@ -75,39 +84,45 @@ def force_lag(view: View) -> Lag | None:
         return None
     least = _LEAST_SAMPLES * view.dt
     lags = np.linspace(-_LONGEST_S, _LONGEST_S, 61)
-    left = _misfit(view, _ROWS)
+    left = _misfit(view, place, measured, _ROWS)
     best = int(np.argmin([left(lag, 0.0) for lag in lags]))
     fine = np.linspace(lags[max(best - 1, 0)], lags[min(best + 1, len(lags) - 1)], 21)
     constant = min((left(lag, 0.0), float(lag)) for lag in fine)
-    rough, ends = _misfit(view, _ROWS_ROUGH), np.linspace(-_MOST_DRIFTED_S, _MOST_DRIFTED_S, 41)
+    rough, ends = _misfit(view, place, measured, _ROWS_ROUGH), np.linspace(-_MOST_DRIFTED_S, _MOST_DRIFTED_S, 41)
     _, start = min((rough(lag, drifted), (lag, drifted)) for lag in lags[::2] for drifted in ends)
     found = minimize(lambda at: left(*at), start, method="Nelder-Mead", options={"xatol": 5e-4, "maxfev": 120})
     middle, drifted = (float(value) for value in found.x)
     gain = 1 - float(found.fun) / max(constant[0], 1e-300)
-    if max(_LEAST_DRIFTED_S, least) < abs(drifted) < min(_MOST_DRIFTED_S, _FASTEST * length) and gain > _GAIN:
+    if gain > _GAIN_DRIFTING[view.kind] and max(_LEAST_DRIFTED_S, least) < abs(drifted) < min(
+        _MOST_DRIFTED_S, _FASTEST * length
+    ):
         return Lag(middle - drifted / 2, drifted / length, gain)
     gain, offset = 1 - constant[0] / max(left(0.0, 0.0), 1e-300), constant[1]
     inside = 0 < best < len(lags) - 1
     return Lag(offset, 0.0, gain) if inside and abs(offset) > max(_LEAST_S, least) and gain > _GAIN else None
 
 
-def _misfit(view: View, rows: int) -> Callable[[float, float], float]:
-    """What the loop leaves of the force, of a force that comes late by the first number in the middle of the record
-    and from its begin to its end by as much more as the second; over about so many rows.
+def _misfit(view: View, place: str, measured: str, rows: int) -> Callable[[float, float], float]:
+    """What the loop leaves of `measured` that comes late by the first number in the middle of the record and from its
+    begin to its end by as much more as the second; over about so many rows.
     """
     begin, end = float(view.t[0]), float(view.t[-1])
     even = np.arange(begin, end, max(view.dt, (end - begin) / rows))
-    x = np.interp(even, view.t, without_steps(view, view.record["position_m"]))
+    x = np.interp(even, view.t, without_steps(view, view.record[place]))
+    speed = View(view.record.with_column("position_m", view.record[place]), view.rig).speed
     margin = _LONGEST_S + _MOST_DRIFTED_S / 2
     inner = (even > begin + margin) & (even < end - margin)
-    within, _ = np.linalg.qr(_loop(x, np.interp(even, view.t, view.speed))[inner])
     at, share = even[inner], (even[inner] - (begin + end) / 2) / (end - begin)
-    whole = view.record["force_N"]
+    loop = _loop(x, np.interp(even, view.t, speed))[inner]
+    if view.kind == "magnetic":  # a wall that dries lets the capsule come later and later, in both directions alike
+        loop = np.column_stack([loop, share[:, None] * np.delete(loop, 2, axis=1)])
+    within, _ = np.linalg.qr(loop)
+    whole = view.record[measured]
     whole = np.clip(whole, *np.percentile(whole, [0.5, 99.5]))  # outliers would weigh most
 
     def left(lag: float, drifted: float) -> float:
-        force = np.interp(at + lag + share * drifted, view.t, whole)
-        return float(force @ force - np.sum((within.T @ force) ** 2))
+        moved = np.interp(at + lag + share * drifted, view.t, whole)
+        return float(moved @ moved - np.sum((within.T @ moved) ** 2))
 
     return left
 

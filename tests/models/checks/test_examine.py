@@ -391,6 +391,19 @@ def test_places_that_count_from_elsewhere_jump_or_are_exchanged() -> None:
     assert "exchanged" in of_magnet(Record("one", "magnetic", exchanged))["columns_exchanged"]
 
 
+@pytest.mark.parametrize("seconds", [0.0, 0.2])
+def test_a_localisation_whose_clock_drifts_is_told(seconds: float) -> None:
+    t = np.arange(0, 40, 1 / RATE)
+    turns = 2 * np.pi * np.array([[0.21], [0.53]])
+    carriage = np.sum([[6e-3], [2e-3]] * np.sin(turns * t), axis=0)
+    behind = np.zeros_like(t)
+    for i in range(1, len(t)):
+        behind[i] = min(max(behind[i - 1], carriage[i] - 1e-3), carriage[i] + 1e-3)
+    place = np.interp(t - seconds * t / t[-1], t, behind) + 5e-5 * np.random.default_rng(3).standard_normal(len(t))
+    told = of_magnet(Record("one", "magnetic", {"t_s": t, "carriage_position_m": carriage, "position_m": place}))
+    assert ("clock_drift" in told) is bool(seconds)
+
+
 @pytest.mark.parametrize(("column", "scale"), [("position_m", 10.0), ("position_m", 0.1), ("carriage_position_m", 0.1)])
 def test_a_capsule_that_follows_goes_as_far_as_its_magnet(column: str, scale: float) -> None:
     made = led()

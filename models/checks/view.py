@@ -75,6 +75,19 @@ class View:
         return white_noise(self.y)
 
     @cached_property
+    def pushing(self) -> tuple[str, Array] | None:
+        """What drives the capsule of a pull or a coil (of a logged current, or of a voltage over a known resistance):
+        the column and the force in N that it stands for; None where no column tells it.
+        """
+        if self.kind == "pull" and "force_N" in self.record.columns:
+            return "force_N", self.record["force_N"]
+        coil = self.rig.coil
+        if self.kind != "coil" or coil is None or self.driven is None:
+            return None
+        ohm = 1.0 if self.driven == "coil_current_A" else coil.coil_resistance_Ohm
+        return None if ohm is None else (self.driven, coil.force_constant_N_per_A / ohm * self.record[self.driven])
+
+    @cached_property
     def moving_column(self) -> str:
         """The column that tells the motion: where the capsule or stage is, else the driven place."""
         return "position_m" if "position_m" in self.record.columns else str(self.driven)

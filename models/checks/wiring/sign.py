@@ -16,28 +16,30 @@ def _turned(column: str) -> str:
 
 
 def check_force_sign(view: View) -> list[RecordFinding]:
-    """Whether the force of a pull or a stage goes with the motion, as one that overcomes friction does."""
-    if view.kind not in ("pull", "axis") or not view.timed or view.measured not in view.record.columns:
+    """Whether the force of a pull, a stage or a coil goes with the motion, as one that overcomes friction does."""
+    if view.kind not in ("pull", "axis", "coil") or not view.timed or view.measured not in view.record.columns:
         return []
-    told = _stage(view) if view.kind == "axis" else _pull(view)
+    pushing = view.pushing
+    column = view.measured if pushing is None else pushing[0]
+    told = _stage(view) if view.kind == "axis" else _stroke(view, pushing[1]) if pushing else ""
     if not told:
         return []
     return [
         view.finding(
             "force_sign",
             "stops",
-            f"{view.measured} against {view.moving_column}, throughout",
-            f"{view.measured} opposes the motion that it should drive: friction would give energy; the sign of the"
-            f" {view.measured.partition('_')[0]} (or of the {view.moving_column.partition('_')[0]}) is turned round",
+            f"{column} against {view.moving_column}, throughout",
+            f"{column} opposes the motion that it should drive: friction would give energy; the sign of the"
+            f" {column.rpartition('_')[0].replace('_', ' ')} (or of the {view.moving_column.partition('_')[0]}) is"
+            " turned round",
             told,
-            _turned(view.measured),
+            _turned(column),
         )
     ]
 
 
-def _pull(view: View) -> str:
-    """A stroke's force towards its end, where friction has built up, times its direction."""
-    force = view.record["force_N"]
+def _stroke(view: View, force: Array) -> str:
+    """A stroke's `force` in N towards its end, where friction has built up, times its direction."""
     ends = np.array([d * float(np.mean(force[(a + b) // 2 : b])) for a, b, d in view.strokes])
     if not len(ends):
         return ""

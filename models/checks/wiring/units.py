@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from models.checks.finding import RecordFinding
+from models.checks.instrument.resolution import PLACES
 from models.checks.view import Array, View, running_mean
+from models.drives.from_rig import surface_of
+from models.files.columns import first_wrong, range_of
 from models.files.rig import CAPSULE_SERIES
-from models.surfaces.gut import Wall, base_parameters
 
 _TRAVEL_M = (2e-5, 3.0)
 _SPEED_M_S = (2e-6, 1.0)
@@ -41,13 +43,28 @@ def check_units(view: View) -> list[RecordFinding]:
         usual, unit = (_TURNING_SPEED_RAD_S, "rad/s") if view.turns else (_STAGE_SPEED_M_S, "m/s")
         if fastest > usual[1]:
             out.append(_off(view, view.moving_column, f"moves at {fastest:.3g} {unit}", usual, unit))
-    if view.kind == "pull" and "force_N" in view.record.columns:
-        size = float(np.percentile(np.abs(view.record["force_N"]), 90))
-        if size > _FORCE_N[1] or 0 < size < _FORCE_N[0]:
-            out.append(_off(view, "force_N", f"is of the size of {size:.3g} N", _FORCE_N, "N"))
-        else:
-            out += _against_the_law(view)
+    out += _of_the_drive(view)
+    out += _of_the_force(view)
     return out
+
+
+def _of_the_drive(view: View) -> list[RecordFinding]:
+    """A drive that is no place (on or off, a current, a voltage) outside what such a column can hold."""
+    column = view.driven
+    limits = None if column is None or column in PLACES else range_of(view.kind, column)
+    row = None if column is None or limits is None else first_wrong(view.kind, column, view.record[column])
+    if column is None or limits is None or row is None:
+        return []
+    return [
+        view.finding(
+            "units",
+            "stops",
+            f"{column}, {view.at([row])}",
+            f"{column} must be {limits[2]}; got {view.record[column][row]:g}: another unit, or another way to say it?",
+            "values against what the column can hold",
+            f'[columns] {column} = {{column = "{column}", scale = ...}} with what makes it so',
+        )
+    ]
 
 
 def _behind_the_magnet(view: View, carriage: Array) -> list[RecordFinding]:
@@ -74,28 +91,38 @@ def _behind_the_magnet(view: View, carriage: Array) -> list[RecordFinding]:
     ]
 
 
-def _against_the_law(view: View) -> list[RecordFinding]:
-    """A pull's force against what the rig file's capsule and tissue give at the same speed, as far as tissue varies."""
-    if view.rig.surface is not None or not view.moves.any():
+def _of_the_force(view: View) -> list[RecordFinding]:
+    """A pull's force against what such rigs do; the force of a pull or a coil against that with which the rig file's
+    surface holds the capsule at the same speed, as far as surfaces vary.
+    """
+    if view.pushing is None:
         return []
-    speed, size = (float(np.median(np.abs(values[view.moves]))) for values in (view.speed, view.record["force_N"]))
-    wall = Wall.around(view.rig.capsule, view.rig.tissue)
+    column, force = view.pushing
+    size = float(np.percentile(np.abs(force), 90))
+    if view.kind == "pull" and (size > _FORCE_N[1] or 0 < size < _FORCE_N[0]):
+        return [_off(view, "force_N", f"is of the size of {size:.3g} N", _FORCE_N, "N")]
+    far = view.kind == "coil" and view.rig.coil is not None and view.rig.coil.coil_range_m is not None
+    if far or not view.moves.any():
+        return []
+    speed, size = (float(np.median(np.abs(values[view.moves]))) for values in (view.speed, force))
+    surface = surface_of(view.rig)
+    ranges = [(p.name, (p.lower, p.value, p.upper)) for p in surface.parameters()]
     lowest, usual, highest = (
-        float(sum(wall.grip(speed, *values)))
-        for values in zip(*((p.lower, p.value, p.upper) for p in base_parameters(view.rig.tissue)), strict=True)
+        float(sum(surface.hold(speed, {name: values[i] for name, values in ranges}))) for i in range(3)
     )
-    if lowest / _FAR <= size <= highest * _FAR:
+    if not usual or lowest / _FAR <= size <= highest * _FAR:
         return []
+    what = "is" if view.kind == "pull" else "makes"
     return [
         view.finding(
             "force_size",
             "weakens",
-            "force_N, throughout",
-            f"force_N is {size:.3g} N at the usual speed, where capsule and tissue of the rig file give {usual:.3g} N"
-            f" ({lowest:.2g} to {highest:.2g} N as far as tissue varies): another unit, another capsule or tissue?",
+            f"{column}, throughout",
+            f"{column} {what} {size:.3g} N at the usual speed, where what the rig file states holds the capsule with"
+            f" {usual:.3g} N ({lowest:.2g} to {highest:.2g} N as far as that varies): another unit, another surface?",
             "median of the force in motion against the friction law",
-            '[columns] force_N = {column = "force_N", unit = "..."} with the unit of the file; or the [capsule] and'
-            " [tissue] that were pulled",
+            f'[columns] {column} = {{column = "{column}", unit = "..."}} with the unit of the file; or [capsule],'
+            " [tissue] and [surface] as they were",
         )
     ]
 

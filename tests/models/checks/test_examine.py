@@ -391,6 +391,19 @@ def test_places_that_count_from_elsewhere_jump_or_are_exchanged() -> None:
     assert "exchanged" in of_magnet(Record("one", "magnetic", exchanged))["columns_exchanged"]
 
 
+@pytest.mark.parametrize(
+    ("scale", "found"),
+    [(1.0, ""), (-1.0, "force_sign"), (1e3, "force_size"), (0.02, "force_size"), (1e6, "force_size units")],
+)
+def test_a_coils_current_drives_the_motion_with_as_much_as_holds_the_capsule(scale: float, found: str) -> None:
+    c = pull()
+    noise = 2e-5 * np.random.default_rng(5).standard_normal(len(c["t_s"]))
+    columns = {"coil_current_A": 2 * scale * c["force_N"], "position_m": c["position_m"] + noise}
+    coil = rig(rig={"kind": "coil", "force_constant_N_per_A": 0.5}, noise={"position_std_m": 2e-5})
+    told = {finding.id for finding in examine(coil, [Record("one", "coil", {"t_s": c["t_s"], **columns})])}
+    assert told == set(found.split())
+
+
 @pytest.mark.parametrize("seconds", [0.0, 0.2])
 def test_a_localisation_whose_clock_drifts_is_told(seconds: float) -> None:
     t = np.arange(0, 40, 1 / RATE)

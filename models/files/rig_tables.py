@@ -50,6 +50,10 @@ class Checks(Table):
     accept: list[str] = []
 
 
+MOST_DRIFT = 0.1
+"""The largest `[clock] drift`, in seconds a second."""
+
+
 class Clock(Table):
     """Two clocks: how much later than the driven columns the measured ones are stamped, in s (negative: earlier), and
     the standard deviation with which that is known: a calibration looks for it within four of these. With `drift` they
@@ -58,7 +62,7 @@ class Clock(Table):
 
     offset_s: Annotated[float, Field(ge=-0.5, le=0.5)] = 0.0
     offset_std_s: Annotated[float, Field(ge=1e-9, le=0.2)] = 1e-3
-    drift: Annotated[float, Field(ge=-0.1, le=0.1)] = 0.0
+    drift: Annotated[float, Field(ge=-MOST_DRIFT, le=MOST_DRIFT)] = 0.0
 
 
 class ColumnTable(Table):

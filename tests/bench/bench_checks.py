@@ -62,11 +62,6 @@ def turned(view: View, size: float, rng: np.random.Generator) -> Record:
     return _measured(view, -view.y)
 
 
-def driven_turned(view: View, size: float, rng: np.random.Generator) -> Record:
-    """Sign of the driven column turned round."""
-    return driven_scaled(view, -1.0, rng)
-
-
 def driven_scaled(view: View, size: float, rng: np.random.Generator) -> Record:
     """The driven column in another unit, `size` times larger."""
     return view.record.with_column(str(view.driven), size * view.record[str(view.driven)])
@@ -226,7 +221,7 @@ def other_seconds(view: View, size: float, rng: np.random.Generator) -> Record:
 
 FAULTS: Final = {
     "sign turned round": Fault(turned, "force_sign drive_sign", (1.0,), "", ("pull", "magnetic")),
-    "sign of the drive turned round": Fault(driven_turned, "force_sign", (1.0,), "", ("coil",)),
+    "sign of the drive turned round": Fault(driven_scaled, "force_sign", (-1.0,), "times", ("coil",)),
     "other unit of the drive": Fault(driven_scaled, "force_size", (1000.0, 10.0, 0.1), "times", ("coil",)),
     "clipping": Fault(clipped, "clipping", (0.005, 0.02, 0.1), "of the samples"),
     "held values": Fault(held, "held_values", (3.0, 5.0, 10.0), "times"),

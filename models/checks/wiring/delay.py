@@ -11,6 +11,7 @@ from scipy.optimize import minimize
 from models.checks.finding import RecordFinding
 from models.checks.instrument.resolution import without_steps
 from models.checks.view import Array, View
+from models.files.rig_tables import MOST_DRIFT
 
 _LONGEST_S = 0.15
 _LEAST_SAMPLES = 2.0
@@ -24,7 +25,6 @@ _REACHES = tuple(0.0004 * 1.8**k for k in range(10))  # of the span
 _ROWS = 8000
 _ROWS_ROUGH = 2000
 _LEAST_DRIFTED_S, _MOST_DRIFTED_S = 0.03, 0.4  # from the first stamp to the last
-_FASTEST = 0.1  # s a second, as a rig file may state
 
 
 @dataclass(frozen=True)
@@ -82,46 +82,45 @@ def lag_of(view: View, place: str, measured: str) -> Lag | None:
     length = float(view.t[-1] - view.t[0])
     if np.sum(np.diff(strokes) != 0) < 3 or length < 20 * _LONGEST_S:
         return None
+    x, moving = without_steps(view, view.record[place]), view
+    if place != view.moving_column:
+        moving = View(view.record.with_column(view.moving_column, view.record[place]), view.rig)
+    y = np.clip(view.record[measured], *np.percentile(view.record[measured], [0.5, 99.5]))  # outliers would weigh most
+    left, rough = (_misfit(view, x, moving.speed, y, rows) for rows in (_ROWS, _ROWS_ROUGH))
     least = _LEAST_SAMPLES * view.dt
     lags = np.linspace(-_LONGEST_S, _LONGEST_S, 61)
-    left = _misfit(view, place, measured, _ROWS)
     best = int(np.argmin([left(lag, 0.0) for lag in lags]))
     fine = np.linspace(lags[max(best - 1, 0)], lags[min(best + 1, len(lags) - 1)], 21)
     constant = min((left(lag, 0.0), float(lag)) for lag in fine)
-    rough, ends = _misfit(view, place, measured, _ROWS_ROUGH), np.linspace(-_MOST_DRIFTED_S, _MOST_DRIFTED_S, 41)
+    ends = np.linspace(-_MOST_DRIFTED_S, _MOST_DRIFTED_S, 41)
     _, start = min((rough(lag, drifted), (lag, drifted)) for lag in lags[::2] for drifted in ends)
     found = minimize(lambda at: left(*at), start, method="Nelder-Mead", options={"xatol": 5e-4, "maxfev": 120})
     middle, drifted = (float(value) for value in found.x)
     gain = 1 - float(found.fun) / max(constant[0], 1e-300)
-    if gain > _GAIN_DRIFTING[view.kind] and max(_LEAST_DRIFTED_S, least) < abs(drifted) < min(
-        _MOST_DRIFTED_S, _FASTEST * length
-    ):
+    most = min(_MOST_DRIFTED_S, MOST_DRIFT * length)
+    if gain > _GAIN_DRIFTING[view.kind] and max(_LEAST_DRIFTED_S, least) < abs(drifted) < most:
         return Lag(middle - drifted / 2, drifted / length, gain)
     gain, offset = 1 - constant[0] / max(left(0.0, 0.0), 1e-300), constant[1]
     inside = 0 < best < len(lags) - 1
     return Lag(offset, 0.0, gain) if inside and abs(offset) > max(_LEAST_S, least) and gain > _GAIN else None
 
 
-def _misfit(view: View, place: str, measured: str, rows: int) -> Callable[[float, float], float]:
-    """What the loop leaves of `measured` that comes late by the first number in the middle of the record and from its
-    begin to its end by as much more as the second; over about so many rows.
+def _misfit(view: View, x: Array, speed: Array, y: Array, rows: int) -> Callable[[float, float], float]:
+    """What the loop over the place `x` and its `speed` leaves of `y` that comes late by the first number in the middle
+    of the record and from its begin to its end by as much more as the second; over about so many rows.
     """
     begin, end = float(view.t[0]), float(view.t[-1])
     even = np.arange(begin, end, max(view.dt, (end - begin) / rows))
-    x = np.interp(even, view.t, without_steps(view, view.record[place]))
-    speed = View(view.record.with_column("position_m", view.record[place]), view.rig).speed
     margin = _LONGEST_S + _MOST_DRIFTED_S / 2
     inner = (even > begin + margin) & (even < end - margin)
     at, share = even[inner], (even[inner] - (begin + end) / 2) / (end - begin)
-    loop = _loop(x, np.interp(even, view.t, speed))[inner]
+    loop = _loop(np.interp(even, view.t, x), np.interp(even, view.t, speed))[inner]
     if view.kind == "magnetic":  # a wall that dries lets the capsule come later and later, in both directions alike
         loop = np.column_stack([loop, share[:, None] * np.delete(loop, 2, axis=1)])
     within, _ = np.linalg.qr(loop)
-    whole = view.record[measured]
-    whole = np.clip(whole, *np.percentile(whole, [0.5, 99.5]))  # outliers would weigh most
 
     def left(lag: float, drifted: float) -> float:
-        moved = np.interp(at + lag + share * drifted, view.t, whole)
+        moved = np.interp(at + lag + share * drifted, view.t, y)
         return float(moved @ moved - np.sum((within.T @ moved) ** 2))
 
     return left

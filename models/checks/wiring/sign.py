@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from models.checks.finding import RecordFinding
-from models.checks.view import Array, View, running_mean
+from models.checks.view import Array, View, running_mean, white_noise
+from models.files.units import unit_of
 
 _SURE = 4.0  # standard errors
 _AGAINST = -0.3  # correlation of displacement with the drive's
@@ -19,19 +20,22 @@ def check_force_sign(view: View) -> list[RecordFinding]:
     """Whether the force of a pull, a stage or a coil goes with the motion, as one that overcomes friction does."""
     if view.kind not in ("pull", "axis", "coil") or not view.timed or view.measured not in view.record.columns:
         return []
-    pushing = view.pushing
-    column = view.measured if pushing is None else pushing[0]
-    told = _stage(view) if view.kind == "axis" else _stroke(view, pushing[1]) if pushing else ""
+    if view.kind == "axis":
+        column, told = view.measured, _stage(view)
+    elif view.pushing is not None:
+        column, told = view.pushing[0], _stroke(view, view.pushing[1])
+    else:
+        return []
     if not told:
         return []
+    driving = column.removesuffix(unit_of(column)).strip("_").replace("_", " ")
     return [
         view.finding(
             "force_sign",
             "stops",
             f"{column} against {view.moving_column}, throughout",
             f"{column} opposes the motion that it should drive: friction would give energy; the sign of the"
-            f" {column.rpartition('_')[0].replace('_', ' ')} (or of the {view.moving_column.partition('_')[0]}) is"
-            " turned round",
+            f" {driving} (or of the {view.moving_column.partition('_')[0]}) is turned round",
             told,
             _turned(column),
         )
@@ -47,7 +51,7 @@ def _stroke(view: View, force: Array) -> str:
     if len(directions) == 1 and len(ends) < 2:
         a, b, d = view.strokes[0]
         ends = np.array([d * float(np.mean(piece)) for piece in np.array_split(force[(a + b) // 2 : b], 8)])
-    error = max(float(np.std(ends)) / np.sqrt(len(ends)), 3 * view.noise / np.sqrt(len(force)), 1e-15)
+    error = max(float(np.std(ends)) / np.sqrt(len(ends)), 3 * white_noise(force) / np.sqrt(len(force)), 1e-15)
     mean = float(np.mean(ends))
     if mean < -_SURE * error and mean < -0.3 * float(np.percentile(np.abs(force), 90)):
         return f"force times direction is {mean:.3g} N on average over {len(ends)} strokes; friction makes it positive"

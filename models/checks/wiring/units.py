@@ -51,9 +51,10 @@ def check_units(view: View) -> list[RecordFinding]:
 def _of_the_drive(view: View) -> list[RecordFinding]:
     """A drive that is no place (on or off, a current, a voltage) outside what such a column can hold."""
     column = view.driven
-    limits = None if column is None or column in PLACES else range_of(view.kind, column)
-    row = None if column is None or limits is None else first_wrong(view.kind, column, view.record[column])
-    if column is None or limits is None or row is None:
+    if column is None or column in PLACES:
+        return []
+    limits, row = range_of(view.kind, column), first_wrong(view.kind, column, view.record[column])
+    if limits is None or row is None:
         return []
     return [
         view.finding(
@@ -92,17 +93,22 @@ def _behind_the_magnet(view: View, carriage: Array) -> list[RecordFinding]:
 
 
 def _of_the_force(view: View) -> list[RecordFinding]:
-    """A pull's force against what such rigs do; the force of a pull or a coil against that with which the rig file's
-    surface holds the capsule at the same speed, as far as surfaces vary.
-    """
+    """A pull's force against what such rigs do, else what drives the capsule against what holds it."""
     if view.pushing is None:
         return []
     column, force = view.pushing
     size = float(np.percentile(np.abs(force), 90))
     if view.kind == "pull" and (size > _FORCE_N[1] or 0 < size < _FORCE_N[0]):
-        return [_off(view, "force_N", f"is of the size of {size:.3g} N", _FORCE_N, "N")]
-    far = view.kind == "coil" and view.rig.coil is not None and view.rig.coil.coil_range_m is not None
-    if far or not view.moves.any():
+        return [_off(view, column, f"is of the size of {size:.3g} N", _FORCE_N, "N")]
+    return _against_the_surface(view, column, force)
+
+
+def _against_the_surface(view: View, column: str, force: Array) -> list[RecordFinding]:
+    """The `force` in N against that with which the rig file's surface holds the capsule at the same speed, as far as
+    surfaces vary; nothing for a coil whose force falls with the distance.
+    """
+    fades = view.rig.coil is not None and view.rig.coil.coil_range_m is not None
+    if fades or not view.moves.any():
         return []
     speed, size = (float(np.median(np.abs(values[view.moves]))) for values in (view.speed, force))
     surface = surface_of(view.rig)

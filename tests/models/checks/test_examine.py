@@ -400,8 +400,9 @@ def test_a_coils_current_drives_the_motion_with_as_much_as_holds_the_capsule(sca
     noise = 2e-5 * np.random.default_rng(5).standard_normal(len(c["t_s"]))
     columns = {"coil_current_A": 2 * scale * c["force_N"], "position_m": c["position_m"] + noise}
     coil = rig(rig={"kind": "coil", "force_constant_N_per_A": 0.5}, noise={"position_std_m": 2e-5})
-    told = {finding.id for finding in examine(coil, [Record("one", "coil", {"t_s": c["t_s"], **columns})])}
-    assert told == set(found.split())
+    told = {f.id: f.sentence for f in examine(coil, [Record("one", "coil", {"t_s": c["t_s"], **columns})])}
+    assert set(told) == set(found.split())
+    assert "the sign of the coil current" in told.get("force_sign", "the sign of the coil current")
 
 
 @pytest.mark.parametrize("seconds", [0.0, 0.2])

@@ -10,13 +10,14 @@ from importlib import import_module
 
 import models.checks as here
 from models.checks.finding import RecordFinding
+from models.checks.instrument.outliers import without_outliers
 from models.checks.one_clock import on_one_clock
 from models.checks.view import View
 from models.files.record import Record, where_measured
 from models.files.rig import Rig
 
 Check = Callable[[View], Sequence[RecordFinding]]
-_CLOCK = "clock"
+_CLOCK, _INSTRUMENT = "clock", "instrument"
 _ORDER = ("stops", "weakens", "note")
 
 
@@ -46,18 +47,25 @@ def examine(rig: Rig, records: Sequence[Record]) -> tuple[RecordFinding, ...]:
 
 
 def _of(whole: View, measured: View) -> Iterator[RecordFinding]:
-    """The clock of the `whole` record first: where it stops, nothing else can be told of the rows that are measured."""
-    stopped = False
+    """The clock of the `whole` record first: where it stops, nothing else can be told of the rows that are measured.
+    What the instruments did stands in these, what the wiring and the motion are without their outliers.
+    """
+    stopped, sane = False, View(without_outliers(measured), measured.rig)
+    views = {_CLOCK: whole, _INSTRUMENT: measured}
     for check in sorted(checks(), key=_of_the_clock, reverse=True):
         if stopped and not _of_the_clock(check):
             return
-        for finding in check(whole if _of_the_clock(check) else measured):
+        for finding in check(views.get(_folder(check), sane)):
             stopped = stopped or (finding.severity == "stops" and _of_the_clock(check))
             yield finding
 
 
 def _of_the_clock(check: Check) -> bool:
-    return check.__module__.split(".")[2] == _CLOCK
+    return _folder(check) == _CLOCK
+
+
+def _folder(check: Check) -> str:
+    return check.__module__.split(".")[2]
 
 
 def stopping(findings: Sequence[RecordFinding]) -> RecordFinding | None:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from models.files.clock_text import clock_s, over_midnight
 from models.files.csv_header import LONGEST_TOP, SPACES, EmptyError, find_header, split, to_number
-from models.files.source import check_encoding, opened
+from models.files.source import WINDOWS, encoding_of, opened
 
 ENDINGS = tuple(form + packed for form in (".csv", ".tsv", ".txt", ".dat") for packed in ("", ".gz"))
 BLOCK_CHARACTERS = 1 << 22
@@ -29,7 +29,8 @@ LONGEST_LINE = 1 << 20
 MOST_COLUMNS = 256
 MOST_CHARACTERS = 1 << 30
 MOST_BLANK = 1_000_000
-_UNREADABLE = "\ufffd"
+_START = 1 << 16
+"""Bytes by which the encoding is told."""
 
 
 @dataclass(frozen=True)
@@ -54,22 +55,24 @@ def read_blocks(
     """Yield the header with each block of rows; `check` gets the header and the units that the file states by column,
     and returns the names of the columns that must be finite.
 
-    Separators are comma, semicolon, tab or spaces (then a decimal comma is accepted); a byte-order mark and gzip are
-    recognised, and lines about the file before the header, which is one that has one of `names`, and a row of units
-    below it. Columns among `clocks` may hold dates and times of day (`clock_s`). Cells of other columns that are not
-    numbers come out as NaN. Columns of one name, as loggers write them that give every channel its own time, are
-    numbered (`Time`, `Time 2`); those of `once` may stand but once. Empty cells of `gaps` come out as NaN, too.
+    Separators are comma, semicolon, tab or spaces (then a decimal comma is accepted). Encodings (UTF-8, UTF-16, UTF-32
+    and Windows-1252) and gzip are recognised, and lines about the file before the header, which is one that has one of
+    `names`, and a row of units below it. Columns among `clocks` may hold dates and times of day (`clock_s`). Cells of
+    other columns that are not numbers come out as NaN. Columns of one name, as loggers write them that give every
+    channel its own time, are numbered (`Time`, `Time 2`); those of `once` may stand but once. Empty cells of `gaps`
+    come out as NaN, too.
     """
     with _opened(path) as file:
-        text = io.TextIOWrapper(file, encoding="utf-8-sig", errors="replace", newline=None)
-        lines = _lines(path, text)
         try:
+            encoding = encoding_of(_start(file))
+            text = io.TextIOWrapper(file, encoding=encoding, errors="replace", newline=None)
+            lines = _lines(path, text)
             top = list(islice(lines, LONGEST_TOP))
             form = find_header([line for _, line in top], names)
             lines = chain(top[form.rows :], lines)
             separator, header = form.separator, _header(path, form.line, form.separator, once)
             units = dict(zip(header, form.units, strict=False))
-            needed = frozenset(_checked(header, units, check))
+            needed = frozenset(_checked(header, units, check, encoding))
             parser = _Parser(str(path), header, separator, needed, frozenset(clocks), frozenset(gaps))
             yield header, parser.parse([])
             block: list[tuple[int, str]] = []
@@ -93,13 +96,16 @@ def read_blocks(
             ) from None
 
 
-def _checked(header: list[str], units: Mapping[str, str], check: Check) -> Sequence[str]:
+def _checked(header: list[str], units: Mapping[str, str], check: Check, encoding: str) -> Sequence[str]:
     try:
         return check(header, units)
     except ValueError as error:
-        if not any(_UNREADABLE in name for name in header):
+        if encoding != WINDOWS or all(name.isascii() for name in header):
             raise
-        raise ValueError(f"{error}; the header is not UTF-8 text (Latin-1?): save it as 'CSV UTF-8'") from None
+        raise ValueError(
+            f"{error}; the file is no UTF-8 text and was read as Windows-1252: if its names are in another encoding,"
+            " save it as 'CSV UTF-8'"
+        ) from None
 
 
 @contextmanager
@@ -110,14 +116,20 @@ def _opened(path: Path) -> Iterator[BinaryIO]:
             f" --help` lists; got {path.name!r}: export it as CSV"
         )
     with opened(path, "record") as file:
-        start = file.read(4)
+        packed = file.read(2) == b"\x1f\x8b"
         file.seek(0)
-        check_encoding(path, "record", start)
-        if start.startswith(b"\x1f\x8b"):
+        if packed:
             with gzip.open(file, "rb") as unpacked:
                 yield unpacked  # type: ignore[misc]
         else:
             yield file
+
+
+def _start(file: BinaryIO) -> bytes:
+    """The first bytes of a file, which stands at its beginning again."""
+    start = file.read(_START)
+    file.seek(0)
+    return start
 
 
 def _lines(path: Path, text: io.TextIOWrapper) -> Iterator[tuple[int, str]]:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any, Final
 
+from models.files.columns import TIME
 from models.files.mapping import MappedColumn
 from models.files.toml import inline_table
 from models.files.units import factor, split_unit, unit, unit_of
@@ -132,7 +133,8 @@ def _line(entry: MappedColumn) -> str:
     if entry.unit or not ours:
         return f"{entry.target} = {inline_table(_stated(entry))}"
     table = inline_table(_stated(replace(entry, unit=ours)))
-    return f"{entry.target} = {table}  # the file states no unit"
+    dates = "; dates and times of day need none" if entry.target == TIME else ""
+    return f"{entry.target} = {table}  # the file states no unit{dates}"
 
 
 def _stated(entry: MappedColumn) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import json
 import os
 import stat
@@ -11,6 +12,7 @@ from typing import Any, BinaryIO, Final
 LARGEST_TEXT: Final = 1 << 20
 LARGEST_DATA: Final = 1 << 31
 """Most bytes of a file of settings, and of a file of samples."""
+WINDOWS: Final = "cp1252"
 _MARKS: Final = (
     (b"\xff\xfe\x00\x00", "UTF-32"),
     (b"\x00\x00\xfe\xff", "UTF-32"),
@@ -61,18 +63,27 @@ def read_bytes(path: Path, what: str, largest: int = LARGEST_TEXT) -> bytes:
 def read_text(path: Path, what: str, largest: int = LARGEST_TEXT) -> str:
     """The content of a file of UTF-8 text, with or without a byte-order mark. Errors as `opened`."""
     data = read_bytes(path, what, largest)
-    check_encoding(path, what, data)
+    told = encoding_of(data)
+    if told in dict(_MARKS).values():
+        raise ValueError(f"{path}: {what} must be UTF-8 text; got {told}: save it as UTF-8")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise ValueError(f"{path}: {what} must be UTF-8 text; got another byte at {error.start}") from None
 
 
-def check_encoding(path: Path, what: str, start: bytes) -> None:
-    """Refuse a text whose first bytes `start` say that it is UTF-16 or UTF-32."""
-    told = next((name for mark, name in _MARKS if start.startswith(mark)), None)
-    if told:
-        raise ValueError(f"{path}: {what} must be UTF-8 text; got {told}: save it as UTF-8")
+def encoding_of(start: bytes) -> str:
+    """The codec of a text whose first bytes are `start`: as its byte-order mark says, else UTF-8 where they are that,
+    else Windows-1252, as a spreadsheet writes. The last character of `start` may be cut.
+    """
+    marked = next((name for mark, name in _MARKS if start.startswith(mark)), None)
+    if marked:
+        return marked
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(start)
+    except UnicodeDecodeError:
+        return WINDOWS
+    return "utf-8-sig"
 
 
 def read_json(path: Path, what: str, largest: int = LARGEST_TEXT) -> dict[str, Any]:

@@ -107,6 +107,7 @@ EFFECTS: Final[dict[Kind, tuple[str, ...]]] = {
         "spring_stiffening",
         "guide_rubbing",
         "coil_field",
+        "incline_gravity",
     ),
     "vibro_plate": (
         "spring_damping",
@@ -114,7 +115,6 @@ EFFECTS: Final[dict[Kind, tuple[str, ...]]] = {
         "stribeck",
         "directional_asymmetry",
         "fold_periodic",
-        "incline_gravity",
         "driver_lag",
     ),
 }

@@ -18,6 +18,10 @@ def check_restart(view: View) -> list[RecordFinding]:
     back = np.flatnonzero(np.diff(view.t) < 0) + 1
     if not len(back):
         return []
+    if len(back) > 0.9 * len(view.t):
+        said = f"t_s falls from {view.t[0]:.6g} to {view.t[-1]:.6g} s: the rows stand in reverse order"
+        how, remedy = "nearly every stamp is smaller than the one before", "sort the rows by t_s"
+        return [view.finding("stamps_reversed", "stops", "t_s, throughout", said, how, remedy)]
     return [
         view.finding(
             "stamps_restart",

@@ -7,6 +7,7 @@ import numpy as np
 from models.checks.finding import RecordFinding
 from models.checks.instrument.clipping import clipped
 from models.checks.view import Array, Mask, View
+from models.files.record import Record
 
 _FAR = 12.0  # standard deviations of the noise
 _BEYOND = 8.0  # times what nineteen in twenty samples reach
@@ -14,6 +15,8 @@ _VISIBLE = 0.05  # of the span of nearly all samples
 _MOST_SHARE = 0.02
 _APART = 10.0  # times as far from the median as all others: no value of the sensor's
 _MOST_APART = 0.05
+SWITCHED = ("drive_on", "coil_voltage_V")
+"""Driven columns with edges of their own."""
 
 
 def spikes(view: View, values: Array) -> Mask:
@@ -53,6 +56,20 @@ def off(view: View) -> Mask:
     return spikes(view, view.y) | beyond(view.y) if view.timed else np.zeros(len(view.y), dtype=bool)
 
 
+def without_outliers(view: View) -> Record:
+    """The record with outliers of its measured and its driven column straight between their neighbours."""
+    record = view.record
+    if not view.timed or view.measured not in record.columns:
+        return record
+    outliers = {view.measured: off(view)}
+    if view.driven and view.driven not in SWITCHED:
+        outliers[view.driven] = spikes(view, record[view.driven])
+    for name, far in outliers.items():
+        if far.any():
+            record = record.with_column(name, np.interp(view.t, view.t[~far], record[name][~far]))
+    return record
+
+
 def check_no_values(view: View) -> list[RecordFinding]:
     """Values of the measured column that no sensor gave."""
     where = beyond(view.y) if view.timed else np.zeros(0, dtype=bool)
@@ -76,7 +93,7 @@ def check_outliers(view: View) -> list[RecordFinding]:
     """Outliers of the measured and of the driven columns."""
     found = []
     for name in dict.fromkeys(n for n in (view.measured, view.driven) if n and n in view.record.columns):
-        if name in ("drive_on", "coil_voltage_V"):  # a switch has edges of its own
+        if name in SWITCHED:
             continue
         where = spikes(view, view.record[name]) & ~clipped(view)
         if name == view.measured:

@@ -7,7 +7,7 @@ import numpy as np
 from models.checks.information.start import run_in
 from models.checks.instrument.clipping import clipped
 from models.checks.instrument.held_values import fresh
-from models.checks.instrument.outliers import off, spikes
+from models.checks.instrument.outliers import SWITCHED, off, spikes
 from models.checks.instrument.resolution import PLACES, without_steps
 from models.checks.instrument.silence import silent
 from models.checks.view import Mask, View, runs_of
@@ -19,7 +19,6 @@ RUN_IN = "_run_in"
 """Column of a record that is judged from some row on: 1 in what comes before, which is only run through."""
 _WHOLE = 0.99
 _GONE_S, _GONE = 0.1, 3.0  # s, and times the usual distance of values
-_SWITCHED = ("drive_on", "coil_voltage_V")
 
 
 def usable(view: View) -> Mask:
@@ -41,7 +40,7 @@ def cleaned(record: Record, rig: Rig) -> Record:
     rows = run_in(view)
     if rows:
         record = from_row(record, rows)
-    if view.driven and view.driven not in _SWITCHED:
+    if view.driven and view.driven not in SWITCHED:
         far = spikes(view, view.record[view.driven])
         if far.any():
             at = view.t

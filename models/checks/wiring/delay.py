@@ -9,6 +9,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from models.checks.finding import RecordFinding
+from models.checks.instrument.jumps import jumps
 from models.checks.instrument.resolution import without_steps
 from models.checks.view import Array, View
 from models.files.rig_tables import MOST_DRIFT
@@ -46,7 +47,7 @@ def check_delay(view: View) -> list[RecordFinding]:
     if pair is None or not view.timed or not set(pair) <= set(view.record.columns):
         return []
     lag = lag_of(view, *pair)
-    if lag is None or not (lag.drift or view.kind == "pull"):
+    if lag is None or not (lag.drift or view.kind == "pull") or (lag.drift and len(jumps(view))):
         return []
     place, measured = pair
     known = f"offset_s = {lag.first_s:.3g}, offset_std_s = {_TOLD_TO_DRIFTING_S if lag.drift else _TOLD_TO_S:g}"
@@ -85,7 +86,7 @@ def lag_of(view: View, place: str, measured: str) -> Lag | None:
     x, moving = without_steps(view, view.record[place]), view
     if place != view.moving_column:
         moving = View(view.record.with_column(view.moving_column, view.record[place]), view.rig)
-    y = np.clip(view.record[measured], *np.percentile(view.record[measured], [0.5, 99.5]))  # outliers would weigh most
+    y = np.clip(view.record[measured], *np.percentile(view.record[measured], [0.5, 99.5]))  # impacts would weigh most
     left, rough = (_misfit(view, x, moving.speed, y, rows) for rows in (_ROWS, _ROWS_ROUGH))
     least = _LEAST_SAMPLES * view.dt
     lags = np.linspace(-_LONGEST_S, _LONGEST_S, 61)

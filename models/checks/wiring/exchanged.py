@@ -1,4 +1,4 @@
-"""Two columns in each other's place: what is told of it, and how place and force of a pull tell it."""
+"""Two columns in each other's place, and one that stands in two places."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from models.checks.finding import RecordFinding
 from models.checks.view import Array, View, grid_step, white_noise
 
 _COARSER = 4.0  # times as noisy, for its span, as the other column
+_SAME = 1e-4  # of the span
 _ALONG = 0.5  # of the way, on which the force has the direction of motion; friction alone makes it 1
 
 
@@ -31,6 +32,28 @@ def check_pull_exchanged(view: View) -> list[RecordFinding]:
             f"{view.driven} is noisier for its span than {view.measured}, which does not go with the direction of"
             " motion",
             f"noise {place:.2g} of the span against {noise:.2g}; force along {100 * along:.0f} % of the way",
+        )
+    ]
+
+
+def check_same(view: View) -> list[RecordFinding]:
+    """A measured column that is the driven one once more, in another unit at most."""
+    if not view.timed or view.driven is None or not {view.driven, view.measured} <= set(view.record.columns):
+        return []
+    driven, span = view.record[view.driven], float(np.ptp(view.y))
+    if not span or not np.ptp(driven):
+        return []
+    slope, offset = np.polyfit(driven, view.y, 1)
+    if float(np.max(np.abs(view.y - slope * driven - offset))) > _SAME * span:
+        return []
+    return [
+        view.finding(
+            "columns_same",
+            "stops",
+            f"{view.measured} against {view.driven}, throughout",
+            f"{view.measured} is {view.driven} times {slope:.6g}, without any noise: the same column was logged twice",
+            f"a straight line leaves less than {_SAME:g} of the span",
+            f"log what is measured, or give its column: [columns] {view.measured}",
         )
     ]
 

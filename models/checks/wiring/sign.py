@@ -5,10 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from models.checks.finding import RecordFinding
+from models.checks.information.excitation import check_information
 from models.checks.view import Array, View, running_mean, white_noise
 from models.files.units import unit_of
 
 _SURE = 4.0  # standard errors
+_LEAST_STROKES = 2  # each way
+_TURNS = 0.15  # of the force, the least that turns round with the motion
 _AGAINST = -0.3  # correlation of displacement with the drive's
 
 
@@ -27,7 +30,7 @@ def check_force_sign(view: View) -> list[RecordFinding]:
     else:
         return []
     if not told:
-        return []
+        return _unsigned(view, column)
     driving = column.removesuffix(unit_of(column)).strip("_").replace("_", " ")
     return [
         view.finding(
@@ -58,6 +61,33 @@ def _stroke(view: View, force: Array) -> str:
     return ""
 
 
+def _unsigned(view: View, column: str) -> list[RecordFinding]:
+    """Whether a pull's force turns round with the motion, as friction does: what it is in one direction less what it is
+    in the other, against how much it varies.
+    """
+    ways = [[float(np.mean(view.y[(a + b) // 2 : b])) for a, b, d in view.strokes if d == way] for way in (1.0, -1.0)]
+    if view.kind != "pull" or min(map(len, ways)) < _LEAST_STROKES or check_information(view):
+        return []
+    forward, backward = map(np.array, ways)
+    turns = float(np.mean(forward) - np.mean(backward)) / 2
+    error = float(np.hypot(np.std(forward) / np.sqrt(len(forward)), np.std(backward) / np.sqrt(len(backward)))) / 2
+    size = float(np.percentile(np.abs(view.y), 90))
+    if size < 20 * view.noise or abs(turns) + _SURE / 2 * error > _TURNS * size:
+        return []
+    return [
+        view.finding(
+            "force_unsigned",
+            "stops",
+            f"{column} against {view.moving_column}, throughout",
+            f"{column} does not turn round with the motion, as friction does: its sign (or that of"
+            f" {view.moving_column}) was not logged, or the two do not belong together",
+            f"{np.mean(forward):.3g} N forward and {np.mean(backward):.3g} N backward, in {len(forward)} and"
+            f" {len(backward)} strokes",
+            "log both with their signs",
+        )
+    ]
+
+
 def _stage(view: View) -> str:
     """Signs of mass and of friction in a line through the force."""
     x, force, n = view.record[view.moving_column], view.y, max(1, round(0.02 / view.dt))
@@ -81,7 +111,7 @@ def check_drive_sign(view: View) -> list[RecordFinding]:
         return []
     n = max(1, round(0.1 / view.dt))
     x, c = running_mean(view.y, n), running_mean(view.record[view.driven], n)
-    if np.ptp(x) < 20 * view.noise or np.ptp(c) == 0:
+    if not np.ptp(x) or not np.ptp(c) or np.ptp(x) < 20 * view.noise:
         return []
     slope = _slope(c, x)
     correlation = slope * float(np.std(c)) / float(np.std(x))

@@ -15,10 +15,11 @@ from models.identification.search.fitted_model import FittedModel
 from models.identification.search.growing_horizon import prefixes
 from models.identification.search.refit import step_on
 from models.identification.search.screening import Screened
-from models.identification.search.validation import APART, TOLD, Array, ahead, free_run, judged
+from models.identification.search.validation import APART, TOLD, Array, ahead, free_run, judged, judged_cost
 
 _GAIN = 0.3  # of the effect's gain in the logarithm of the cost, the most that a rival may leave
 _SCREENED = 0.3  # of the effect's share of the residual when screened, the least that a rival must explain
+_IMITATED = 0.1  # of what the effect leaves beyond the noise, the most by which a rival that imitates it may differ
 NEVER = 6.0
 """Standard errors at which a rival counts that no fit brought near."""
 
@@ -39,18 +40,48 @@ def rivals_of(
     model: FittedModel, effect: str, gain: float, screened: Sequence[Screened], trials: Sequence[Trial]
 ) -> list[Rival]:
     """Every candidate beside those in `model` in the place of its `effect`, which gained `gain`, from where the
-    candidates' screening and `trials` have them. What explains too little of the residual, or stays far behind after
-    a short fit, is not fitted further.
+    candidates' screening and `trials` have them, and those that declare to look alike from where they imitate it. What
+    explains too little of the residual, or stays far behind after a short fit, is not fitted further.
     """
     own = {effect, *BY_ID[effect].refined_by}
     rest = [name for name in model.effects if name not in own]
-    fits = [*_screened_rivals(model, effect, own, rest, screened), *_tried_rivals(model, rest, trials)]
-    best: dict[str, FittedModel] = {}
-    for name, fitted in fits:
+    training, best = _training_blocks(model), dict[str, FittedModel]()
+    imitated: set[str] = set()
+    for name, fitted, differs in _imitating_rivals(model, effect, own, rest) if model.kind.beginnings_s else ():
+        best[name] = fitted
+        if differs < _IMITATED * (float(training.mean()) - 1):
+            imitated.add(name)
+    for name, fitted in (*_screened_rivals(model, effect, own, rest, screened), *_tried_rivals(model, rest, trials)):
         if name != effect and (name not in best or fitted.cost < best[name].cost):
             best[name] = fitted
-    training = _training_blocks(model)
-    return [_compared(model, training, name, fitted, gain) for name, fitted in best.items()]
+    return [_compared(model, training, name, fitted, gain, name in imitated) for name, fitted in best.items()]
+
+
+def _imitating_rivals(
+    model: FittedModel, effect: str, own: set[str], rest: Sequence[str]
+) -> Iterator[tuple[str, FittedModel, float]]:
+    """Fits of the effects that are declared to look like `effect`, from where they predict what the model predicts for
+    the same inputs; with the mean square by which they then differ from it, in units of the noise. Free of noise and
+    of everything that neither effect has, an equal form ends right there, however far off another search ended.
+    """
+    kind = model.kind
+    for other in kind.effects:
+        if other.id in (*own, *rest) or not _confounded(other.id, effect):
+            continue
+        effects, fits, differs = [*rest, other.id], [], []
+        for part, theta in model.parts:
+            made = [record.with_column(kind.quantity, kind.predict(record, theta)) for record in part]
+            base = {key: value for key, value in theta.items() if key.partition(".")[0] not in own}
+            _, start = opening(kind, prefixes(made[:1], kind.beginnings_s[-1]), [base], other.id, other.start())
+            near = step_on(kind, made, effects, start)
+            differs.append(judged_cost(kind, made, near.theta))
+            fits.append(step_on(kind, part, effects, near.theta).theta)
+        yield other.id, model.fitted(fits, effects), max(differs)
+
+
+def _confounded(one: str, other: str) -> bool:
+    """Whether one of two effects declares to look like the other."""
+    return one in BY_ID[other].confounders or other in BY_ID[one].confounders
 
 
 def _screened_rivals(
@@ -94,15 +125,17 @@ def _tried_rivals(
                 yield trial.effect, model.fitted(fits, effects)
 
 
-def _compared(model: FittedModel, training: Array, name: str, fitted: FittedModel, gain: float) -> Rival:
-    """Alike where the difference is chance, or so small that it tells a finer shape and no other effect: the forms are
-    no truer than that.
+def _compared(
+    model: FittedModel, training: Array, name: str, fitted: FittedModel, gain: float, imitated: bool
+) -> Rival:
+    """Alike where the difference is chance, or so small that it tells a finer shape and no other effect, or where the
+    rival has `imitated` the effect: the forms are no truer than that.
     """
     on_training = _training_blocks(fitted)
     behind = float(np.log(fitted.cost / model.cost))
     apart = max(ahead(model.blocks, fitted.blocks), ahead(training, on_training))
     small = max(behind, float(np.log(on_training.sum() / training.sum()))) < TOLD
-    return Rival(name, apart, bool(behind < _GAIN * gain and (apart < APART or small)))
+    return Rival(name, apart, bool(imitated or (behind < _GAIN * gain and (apart < APART or small))))
 
 
 def _training_blocks(model: FittedModel) -> Array:

@@ -171,6 +171,22 @@ def exchanged(c: Columns) -> Columns:
     return c | {"position_m": c["force_N"], "force_N": c["position_m"]}
 
 
+def without_sign(c: Columns) -> Columns:
+    return c | {"force_N": np.abs(c["force_N"])}
+
+
+def twice_the_same(c: Columns) -> Columns:
+    return c | {"force_N": np.round(3.1 * c["position_m"], 9)}
+
+
+def backwards(c: Columns) -> Columns:
+    return {name: values[::-1] for name, values in c.items()}
+
+
+def not_connected(c: Columns) -> Columns:
+    return c | {"force_N": np.full_like(c["force_N"], 0.04)}
+
+
 CORRUPTIONS: dict[str, tuple[Callable[[Columns], Columns], str, str]] = {
     "the force's sign turned round": (turned, "force_sign", "stops"),
     "an amplifier that clips": (clipped, "clipping", "weakens"),
@@ -199,6 +215,10 @@ CORRUPTIONS: dict[str, tuple[Callable[[Columns], Columns], str, str]] = {
     "a load cell that was not set to zero": (not_tared, "zeros_apart", "note"),
     "a coarse encoder": (in_steps, "driven_resolution", "weakens"),
     "place and force in each other's column": (exchanged, "columns_exchanged", "stops"),
+    "a force without its sign": (without_sign, "force_unsigned", "stops"),
+    "one column logged twice": (twice_the_same, "columns_same", "stops"),
+    "rows in reverse order": (backwards, "stamps_reversed", "stops"),
+    "a sensor that is not connected": (not_connected, "no_response", "stops"),
     "an encoder that is stuck": (encoder_stuck, "driven_stuck", "weakens"),
 }
 

@@ -148,7 +148,7 @@ def test_a_unit_that_nothing_states_is_pointed_out(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="'t_s', in s; got 't'") as caught:
         read(tmp_path, "t,x,F [mN]\n" + ROWS)
     assert caught.value.__notes__ == [
-        '[columns]\nt_s = {column = "t", unit = "s"}  # the file states no unit\n'
+        '[columns]\nt_s = {column = "t", unit = "s"}  # the file states no unit; dates and times of day need none\n'
         'position_m = {column = "x", unit = "m"}  # the file states no unit\nforce_N = {column = "F [mN]", unit = "mN"}'
     ]
 

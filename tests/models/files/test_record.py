@@ -180,7 +180,6 @@ def test_only_an_empty_cell_of_a_measured_column_is_none(tmp_path: Path, content
             "line 2: row must have 3 values as the header has; got 300",
         ),
         ("\n" + HEADER + "\n" + ROWS.replace("0.0015,", "x,"), "line 19: position_m"),
-        ((HEADER + ROWS).encode("utf-16"), "UTF-16"),
         (b"\0" * 3_000_000, "line 1: line must be shorter"),
         (gzip.compress((HEADER + ROWS).encode())[:-40], "truncated or damaged"),
         (b"\x1f\x8bgarbage", "truncated or damaged"),
@@ -191,6 +190,15 @@ def test_what_is_wrong_is_said_in_one_sentence(tmp_path: Path, content: str | by
         read(tmp_path, content)
     assert "r.csv" in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-32", "cp1252"])
+@pytest.mark.parametrize("pack", [bytes, gzip.compress])
+def test_a_text_is_read_in_the_encoding_that_its_program_wrote(
+    tmp_path: Path, encoding: str, pack: Callable[[bytes], bytes]
+) -> None:
+    text = HEADER.replace("\n", ",Temperatur [\u00b0C]\n") + ROWS.replace("\n", ",20\n")
+    assert len(read(tmp_path, pack(text.encode(encoding)))) == 200
 
 
 def test_errors_beyond_the_first_block_name_their_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

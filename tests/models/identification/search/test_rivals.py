@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 from models.effects.effect import Effect
+from models.effects.force.incline_gravity import InclineGravity
 from models.effects.force.spring_over_position import SpringOverPosition
 from models.effects.friction.lumen_taper import LumenTaper
 from models.files.record import Record
 from models.files.rig import parse_rig
 from models.identification.kinds import kind_for
 from models.identification.kinds.axis.kind import AxisKind
+from models.identification.kinds.series.kind import SeriesKind
 from models.identification.search.candidates import Trial
 from models.identification.search.fitted_model import FittedModel
 from models.identification.search.refit import refit
@@ -71,3 +73,40 @@ def test_what_the_search_tried_counts_as_it_was_fitted() -> None:
     (rival,) = rivals_of(model, SPRING, 4.0, [], [trial])
     assert rival.effect == LumenTaper.id
     assert rival.alike
+
+
+def test_an_effect_that_can_imitate_another_stands_in_its_class() -> None:
+    """Asymmetric dry friction is dry friction and a constant force; a sensor's zero is neither."""
+    rig = parse_rig(
+        {
+            "rig": {"kind": "coil", "force_constant_N_per_A": 0.5},
+            "capsule": {"radius_m": 6.5e-3, "cylinder_length_m": 0.02, "mass_kg": 4e-3},
+            "surface": {"kind": "plate", "friction_coefficient": 0.3},
+            "noise": {"position_std_m": 5e-5},
+        }
+    )
+    t = np.arange(0, 8, 5e-3)
+    records = [
+        Record(
+            f"r{k}",
+            "coil",
+            {
+                "t_s": t,
+                "coil_current_A": 0.04 * np.sin((1.5 + 0.4 * k) * t) * np.sin(7.1 * t),
+                "position_m": np.zeros_like(t),
+            },
+        )
+        for k in range(3)
+    ]
+    kind = kind_for(rig, records)
+    assert isinstance(kind, SeriesKind)
+    theta = {**kind.nominal(), **InclineGravity.start(), "incline_gravity.force_N": 2e-3}
+    rng = np.random.default_rng(3)
+    unexplained = 4e-4 * np.sin(0.9 * t) + 5e-5 * rng.standard_normal(len(t))
+    records = [r.with_column("position_m", kind.predict(r, theta) + unexplained) for r in records]
+    kind = kind_for(rig, records)
+    splits = kind.splits(records)
+    model = FittedModel.of(kind, splits, [InclineGravity.id], [theta for _ in splits])
+    rivals = {rival.effect: rival for rival in rivals_of(model, InclineGravity.id, 3.0, [], [])}
+    assert rivals["directional_asymmetry"].alike
+    assert not rivals["sensor_bias"].alike

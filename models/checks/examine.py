@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 from importlib import import_module
+from inspect import isfunction
 
 import models.checks as here
 from models.checks.finding import RecordFinding
@@ -27,8 +28,8 @@ def checks() -> tuple[Check, ...]:
     found: list[Check] = []
     for module in pkgutil.walk_packages(here.__path__, f"{here.__name__}."):
         if module.name.count(".") == 3:
-            names = vars(import_module(module.name))
-            found += [value for name, value in names.items() if name.startswith("check_")]
+            own = (value for value in vars(import_module(module.name)).values() if isfunction(value))
+            found += [f for f in own if f.__name__.startswith("check_") and f.__module__ == module.name]
     return tuple(found)
 
 

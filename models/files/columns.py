@@ -220,7 +220,7 @@ def _hint(missing: Sequence[tuple[str, ...]], free: Sequence[str]) -> str:
         close = clock or difflib.get_close_matches(name, free, n=1, cutoff=0.5)
         if close:
             return f"where it has {close[0]!r}, did you mean {name!r}?"
-    return "none of its further columns is like it" if free else "it has no further columns"
+    return "no further column has a name like it" if free else "it has no further columns"
 
 
 def check_unit_names(where: str, kind: str, header: Sequence[str]) -> None:

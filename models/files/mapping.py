@@ -18,7 +18,7 @@ from models.parameter import nearest
 @dataclass(frozen=True)
 class MappedColumn:
     """`target = sign * scale * (column - offset)` in the unit `unit`, then told in ours; the offset is in the file's
-    numbers.
+    numbers, and so is `wrap`, after which an angle or a counter begins again: jumps of more than half of it are none.
 
     Where a `scale` is given, what the file states of its unit (volts, counts, pixels) says nothing, and the unit is
     ours where it is left out; else it is the one that the file states or the column's name ends in, else ours. Raises
@@ -31,6 +31,7 @@ class MappedColumn:
     sign: int = 1
     offset: float = 0.0
     scale: float | None = None
+    wrap: float | None = None
 
     def __post_init__(self) -> None:
         if self.unit is not None:
@@ -38,7 +39,15 @@ class MappedColumn:
 
     def values(self, raw: Any, stated: str = "") -> NDArray[np.float64]:
         """Values of the file (n,), whose own unit is `stated`, as ours."""
-        return np.asarray(self.sign * (np.asarray(raw, dtype=float) - self.offset) * self.factor(stated))
+        values = self.sign * (np.asarray(raw, dtype=float) - self.offset) * self.factor(stated)
+        return self.unwrapped(values, stated)
+
+    def unwrapped(self, values: NDArray[np.float64], stated: str = "") -> NDArray[np.float64]:
+        """Values in our unit (n,), NaN where there are none, without the jumps of `wrap`."""
+        known = np.isfinite(values)
+        if self.wrap is not None and known.any():
+            values[known] = np.unwrap(values[known], period=self.wrap * abs(self.factor(stated)))
+        return values
 
     def factor(self, stated: str = "") -> float:
         """By what a difference in the file is multiplied, but for the sign. Raises ValueError as the class does."""

@@ -313,6 +313,9 @@ class _Reading:
         columns: dict[str, Array] = {}
         for index, name in enumerate(self.header):
             column = np.concatenate([values[:, index] for values in self.blocks])
+            if name in self.sources:
+                source = self.sources[name]
+                column = source.unwrapped(column, self.units.get(source.column, ""))
             if name and (name in known_of(self.rig.kind) or not np.isnan(column).all()):
                 columns[name] = column
         for name in (name for name in self.sparse if name in columns):

@@ -67,7 +67,7 @@ class Clock(Table):
 
 class ColumnTable(Table):
     """One key of `[columns]`: which column of a file is this column of ours, `sign * scale * (column - offset)` in
-    `unit`.
+    `unit`, its numbers beginning again after `wrap`.
     """
 
     column: Annotated[str, Field(min_length=1)]
@@ -75,6 +75,7 @@ class ColumnTable(Table):
     sign: Literal[1, -1] = 1
     offset: Annotated[float, Field(gt=-1e15, lt=1e15)] = 0.0
     scale: Positive | None = None
+    wrap: Positive | None = None
 
 
 class Drive(Table):

@@ -116,6 +116,8 @@ MEANINGS: Final[Mapping[str, str]] = {
     "offset": "what the column shows at zero, in its own unit: `sign * (column - offset)` is told in our unit",
     "scale": "what one of the file's numbers (a volt, a count, a pixel) is in `unit`; left out: the"
     " file's unit says it",
+    "wrap": "after how much its numbers begin again, in its own unit: 360 of an angle in degrees, 65536 of a counter;"
+    " jumps of more than half of it are undone",
     "interface": "name of the python-can interface, such as `socketcan`, or `capsule_local` between processes",
     "channel": "its channel, such as `can0`",
     "bitrate": "bit rate, which must be that of `hil/capsule.dbc`",

@@ -194,18 +194,23 @@ def cannot_show(rig: Rig, records: Sequence[Record], effects: Sequence[type[Effe
 
 
 def check_information(view: View) -> list[RecordFinding]:
-    """A measured column that holds a constant, or a constant and noise and nothing else."""
-    if view.timed and view.measured in view.record.columns and not np.ptp(view.y):
-        return [
-            view.finding(
-                "no_response",
-                "stops",
-                f"{view.measured}, throughout",
-                f"{view.measured} must change to tell anything; got {view.y[0]:.6g} throughout: was it measured?",
-                "all values are equal",
-                "log the sensor, or give the column that holds it: [columns]",
-            )
-        ]
+    """A measured column, or a place that moves a capsule or an axis by itself, that holds a constant, or a measured one
+    that holds a constant and noise and nothing else.
+    """
+    imposed = (view.moving_column,) if view.kind in ("pull", "axis") else ()
+    names = [name for name in (*imposed, view.measured) if name in view.record.columns] if view.timed else []
+    for name in names:
+        if not np.ptp(values := view.record[name]):
+            return [
+                view.finding(
+                    "no_response",
+                    "stops",
+                    f"{name}, throughout",
+                    f"{name} must change to tell anything; got {values[0]:.6g} throughout: was it measured?",
+                    "all values are equal",
+                    "log the sensor, or give the column that holds it: [columns]",
+                )
+            ]
     if not view.timed or view.noise == 0 or len(view.y) < 100:
         return []
     n = max(2, min(len(view.y) // 40, 50))

@@ -287,6 +287,30 @@ def test_an_axis_that_friction_holds_is_not_taken_for_a_stuck_encoder(swings: in
     assert ("driven_stuck" in found) == (swings > 1)
 
 
+@pytest.mark.parametrize(("size", "unit", "wrap"), [(2 * np.pi, None, 2 * np.pi), (360.0, "deg", 360.0)])
+def test_an_angle_that_begins_again_is_read_as_it_went_with_the_line_that_is_told(
+    size: float, unit: str | None, wrap: float
+) -> None:
+    rng = np.random.default_rng(4)
+    t = np.arange(0, 20, 1 / RATE)
+    angle = 9 * np.sin(0.5 * t) + np.sin(1.7 * t)
+    torque = 0.3 * np.sign(np.gradient(angle)) + 1e-3 * rng.standard_normal(len(t))
+    wrapped = np.mod(angle / (2 * np.pi) * size + size / 2, size) - size / 2
+    columns = {"t_s": t, "angle_rad": wrapped, "torque_N_m": torque}
+    table = {"angle_rad": {"column": "angle_rad", "unit": unit}} if unit else {}
+    axis = parse_rig({"rig": {"kind": "axis"}, "columns": table})
+    (told,) = (f for f in examine(axis, [record_of("one", columns, axis)]) if f.severity == "stops")
+    assert told.id == "place_wraps"
+    mended = parse_rig({"rig": {"kind": "axis"}, **tomllib.loads(told.remedy.replace("[columns] ", "[columns]\n"))})
+    read = record_of("one", columns, mended)
+    assert read["angle_rad"] - read["angle_rad"][0] == pytest.approx(angle - angle[0], abs=1e-9)
+    assert stopping(examine(mended, [read])) is None
+    steps = {**columns, "angle_rad": np.sign(np.sin(t))}
+    assert "place_wraps" not in {
+        f.id for f in examine(axis, [record_of("one", steps, parse_rig({"rig": {"kind": "axis"}}))])
+    }
+
+
 def test_on_a_plate_no_effect_of_a_living_wall_can_show() -> None:
     names = {"stress_relaxation", "respiration", "peristaltic_wave"}
     effects = [effect for effect in effects_for("coil") if effect.id in {*names, "stribeck"}]

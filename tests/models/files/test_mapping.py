@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from models.files import csv_reader
 from models.files.mapping import ColumnMap, MappedColumn
 from models.files.proposal import toml_lines
 from models.files.record import Record, read_record
@@ -260,3 +261,17 @@ def test_a_table_of_friction_is_recognised_by_the_words_of_tribology(
     record = read_record(path, parse_rig({**rig, "columns": columns}))
     np.testing.assert_allclose(record["velocity_m_s"], [1e-3, 2e-3, 5e-3, 9e-3])
     np.testing.assert_allclose(record["load_N"], 0.5)
+
+
+def test_an_angle_that_begins_again_goes_on_over_blocks_and_gaps(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(csv_reader, "BLOCK_CHARACTERS", 256)
+    rig = parse_rig({"rig": {"kind": "axis"}, "columns": {"angle_rad": {"column": "q", "unit": "deg", "wrap": 360}}})
+    t = np.arange(0, 4, 0.01)
+    angle = 700 * np.sin(2 * t)
+    rows = zip(t, np.mod(angle, 360), np.cos(2 * t), strict=True)
+    text = "t_s,q,torque_N_m\n" + "".join(f"{a:.4f},{b:.6f},{c:.6f}\n" for a, b, c in rows)
+    (tmp_path / "turns.csv").write_text(text)
+    read = read_record(tmp_path / "turns.csv", rig)
+    assert np.degrees(read["angle_rad"]) == pytest.approx(angle, abs=1e-5)

@@ -1,0 +1,61 @@
+"""A place that begins again: an angle that goes on at -180 after 180 degrees, a counter that overflows."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.checks.finding import RecordFinding
+from models.checks.view import Array, View
+
+_JUMP = 0.7  # of the span, the least that a wrap jumps
+_BESIDE = 3  # samples on either side, which go on the other way
+_MOST_SHARE = 0.05
+_SNAPPED = 0.03
+_USUAL = (np.pi, 2 * np.pi, 180.0, 360.0, *(2.0**k for k in range(8, 33)))
+
+
+def check_wraps(view: View) -> list[RecordFinding]:
+    """Places, measured or driven, that wrap."""
+    found = []
+    names = dict.fromkeys(name for name in (view.moving_column, view.driven, view.measured) if name)
+    for name in names if view.timed else ():
+        rows = wraps(view.record[name]) if "position" in name or "angle" in name else np.zeros(0, dtype=np.int64)
+        if len(rows):
+            found.append(_told(view, name, rows))
+    return found
+
+
+def wraps(values: Array) -> NDArray[np.int64]:
+    """Rows before which `values` (n,) jump back through most of their span while they go on as before, (k,); none where
+    a jump is of another kind, as that of a command that steps.
+    """
+    none, step = np.zeros(0, dtype=np.int64), np.diff(values)
+    rows = np.flatnonzero(np.abs(step) > _JUMP * np.ptp(values))
+    rows = rows[(rows >= _BESIDE) & (rows + 1 + _BESIDE < len(values))]
+    if not len(rows) or len(rows) > _MOST_SHARE * len(values):
+        return none
+    before, after = values[rows] - values[rows - _BESIDE], values[rows + 1 + _BESIDE] - values[rows + 1]
+    goes_on = (np.sign(before) == -np.sign(step[rows])) & (np.sign(after) == -np.sign(step[rows]))
+    return rows + 1 if goes_on.all() else none
+
+
+def _told(view: View, name: str, rows: NDArray[np.int64]) -> RecordFinding:
+    values = view.record[name]
+    jump = np.diff(values)[rows - 1]
+    per_sample = (values[rows - 1] - values[rows - 1 - _BESIDE]) / _BESIDE
+    entry = next((e for e in view.rig.columns.entries if e.target == name), None)
+    column, unit = (entry.column, entry.unit) if entry else (name, None)
+    after = float(np.mean(np.abs(jump - per_sample))) / abs(entry.factor() if entry else 1.0)
+    usual = min(_USUAL, key=lambda size: abs(np.log(size / after)))
+    after = usual if abs(usual / after - 1) < _SNAPPED else after
+    stated = f', unit = "{unit}"' if unit else ""
+    return view.finding(
+        "place_wraps",
+        "stops",
+        f"{name}, {view.at(rows)}",
+        f"{name} jumps back {'once' if len(rows) == 1 else f'{len(rows)} times'} by"
+        f" {view.told(float(np.max(np.abs(jump))))} and goes on as before: an angle or a counter that begins again",
+        f"jumps through more than {_JUMP:.0%} of the span, against the motion on both sides",
+        f'[columns] {name} = {{column = "{column}"{stated}, wrap = {after:.12g}}}',
+    )

@@ -1,10 +1,10 @@
 """False alarms and power of every check of `capsule check`.
 
-`python -m tests.bench.bench_checks [--series 12] [--seconds 20]` makes so many series of the plant without a hidden
-effect and with one (kinds in turn, noise from 0.3 to 5 times the usual), looks at each record as it is, and then with
-one fault at each of three sizes. Prints, as Markdown, the share of clean records in which a check says something, and
-the share of spoiled ones in which the check for that fault does. Where the shared measured records are found
-(CAPSULE_SHARED), what the checks say of those follows, record by record.
+`python -m tests.bench.bench_checks [--series 12] [--seconds 20] [--fault NAME...]` makes so many series of the plant
+without a hidden effect and with one (kinds in turn, noise from 0.3 to 5 times the usual), looks at each record as it
+is, and then with one fault (all, or those named) at each of its sizes. Prints, as Markdown, the share of clean records
+in which a check says something, and the share of spoiled ones in which the check for that fault does. Where the shared
+measured records are found (CAPSULE_SHARED), what the checks say of those follows, record by record.
 """
 
 from __future__ import annotations
@@ -219,10 +219,40 @@ def other_seconds(view: View, size: float, rng: np.random.Generator) -> Record:
     return view.record.with_column("t_s", size * view.t)
 
 
+def unsigned(view: View, size: float, rng: np.random.Generator) -> Record:
+    """The measured column without its sign."""
+    return _measured(view, np.abs(view.y))
+
+
+def again(view: View, size: float, rng: np.random.Generator) -> Record:
+    """The driven column once more, `size` times as large, for the measured one."""
+    return _measured(view, size * view.record[str(view.driven)])
+
+
+def dead(view: View, size: float, rng: np.random.Generator) -> Record:
+    """The measured column `size` throughout."""
+    return _measured(view, np.full_like(view.y, size))
+
+
+def backwards(view: View, size: float, rng: np.random.Generator) -> Record:
+    """The rows in reverse order."""
+    return _rows(view, np.arange(len(view.t))[::-1])
+
+
+def wrapped(view: View, size: float, rng: np.random.Generator) -> Record:
+    """A measured place that begins again after `size` of its span."""
+    return _measured(view, np.mod(view.y - np.min(view.y), size * np.ptp(view.y)))
+
+
 FAULTS: Final = {
     "sign turned round": Fault(turned, "force_sign drive_sign", (1.0,), "", ("pull", "magnetic")),
     "sign of the drive turned round": Fault(driven_scaled, "force_sign", (-1.0,), "times", ("coil",)),
     "other unit of the drive": Fault(driven_scaled, "force_size", (1000.0, 10.0, 0.1), "times", ("coil",)),
+    "sign not logged": Fault(unsigned, "force_unsigned", (1.0,), "", ("pull",)),
+    "driven column twice": Fault(again, "columns_same", (0.1, 1.0, 1000.0), "times", ("pull", "magnetic", "coil")),
+    "sensor dead": Fault(dead, "no_response", (0.0, 0.04), ""),
+    "place wraps": Fault(wrapped, "place_wraps", (0.5, 0.8), "of the span", ("magnetic", "coil")),
+    "rows in reverse": Fault(backwards, "stamps_reversed", (1.0,), ""),
     "clipping": Fault(clipped, "clipping", (0.005, 0.02, 0.1), "of the samples"),
     "held values": Fault(held, "held_values", (3.0, 5.0, 10.0), "times"),
     "coarse resolution": Fault(coarse, "resolution", (3.0, 10.0, 30.0), "std of noise"),
@@ -272,8 +302,8 @@ def said_of(record: Record, rig: Rig) -> set[str]:
     return {finding.id for finding in examine(rig, [record])}
 
 
-def tables(count: int, seconds: float) -> str:
-    """Both tables as Markdown."""
+def tables(count: int, seconds: float, faults: dict[str, Fault] = FAULTS) -> str:
+    """Both tables as Markdown, the second one with these `faults`."""
     clean: Counter[str] = Counter()
     hit: dict[tuple[str, float], list[bool]] = defaultdict(list)
     seen = 0
@@ -283,7 +313,7 @@ def tables(count: int, seconds: float) -> str:
             before = said_of(view.record, view.rig)
             clean.update(before)
             seen += 1
-            for name, fault in FAULTS.items():
+            for name, fault in faults.items():
                 if fault.kinds and kind not in fault.kinds:
                     continue
                 if before & set(fault.check.split()):  # told already: nothing to learn
@@ -313,8 +343,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])  # type: ignore[union-attr]
     parser.add_argument("--series", type=int, default=12)
     parser.add_argument("--seconds", type=float, default=20.0)
+    parser.add_argument("--fault", nargs="*", choices=FAULTS, default=list(FAULTS), help="these faults alone")
     options = parser.parse_args()
-    print(tables(options.series, options.seconds))
+    print(tables(options.series, options.seconds, {name: FAULTS[name] for name in options.fault}))
     print()
     for line in measured():
         print(line)

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.checks.finding import RecordFinding
-from models.checks.view import Array, View
+from models.checks.view import Array, View, white_noise
 
 _JUMP = 0.7  # of the span, the least that a wrap jumps
-_BESIDE = 3  # samples on either side, which go on the other way
+_BESIDE, _FEW = 20, 5  # samples on either side, which go on the other way, and of them those whose median is compared
 _MOST_SHARE = 0.05
 _SNAPPED = 0.03
 _USUAL = (np.pi, 2 * np.pi, 180.0, 360.0, *(2.0**k for k in range(8, 33)))
@@ -28,22 +28,30 @@ def check_wraps(view: View) -> list[RecordFinding]:
 
 def wraps(values: Array) -> NDArray[np.int64]:
     """Rows before which `values` (n,) jump back through most of their span while they go on as before, (k,); none where
-    a jump is of another kind, as that of a command that steps.
+    a jump is of another kind, as that of a command that steps. What flickers to and fro at one passage counts once.
     """
     none, step = np.zeros(0, dtype=np.int64), np.diff(values)
-    rows = np.flatnonzero(np.abs(step) > _JUMP * np.ptp(values))
-    rows = rows[(rows >= _BESIDE) & (rows + 1 + _BESIDE < len(values))]
+    rows = np.flatnonzero(np.abs(step) > _JUMP * np.ptp(values)) + 1
     if not len(rows) or len(rows) > _MOST_SHARE * len(values):
         return none
-    before, after = values[rows] - values[rows - _BESIDE], values[rows + 1 + _BESIDE] - values[rows + 1]
-    goes_on = (np.sign(before) == -np.sign(step[rows])) & (np.sign(after) == -np.sign(step[rows]))
-    return rows + 1 if goes_on.all() else none
+    passages = np.split(rows, np.flatnonzero(np.diff(rows) > _BESIDE) + 1)
+    passages = [p for p in passages if len(p) % 2 and p[0] > _BESIDE and p[-1] < len(values) - _BESIDE]
+    sure, told = 3 * white_noise(values), []
+    for passage in passages:
+        first, last = passage[0], passage[-1]
+        before = np.median(values[first - _FEW : first]) - np.median(values[first - _BESIDE : first - _BESIDE + _FEW])
+        after = np.median(values[last + _BESIDE - _FEW : last + _BESIDE]) - np.median(values[last : last + _FEW])
+        back = -np.sign(values[last] - values[first - 1])
+        if min(back * before, back * after) < -sure:
+            return none
+        told += [first] if min(back * before, back * after) > sure else []
+    return np.array(told, dtype=np.int64)
 
 
 def _told(view: View, name: str, rows: NDArray[np.int64]) -> RecordFinding:
     values = view.record[name]
     jump = np.diff(values)[rows - 1]
-    per_sample = (values[rows - 1] - values[rows - 1 - _BESIDE]) / _BESIDE
+    per_sample = (values[rows - 1] - values[rows - _BESIDE]) / (_BESIDE - 1)
     entry = next((e for e in view.rig.columns.entries if e.target == name), None)
     column, unit = (entry.column, entry.unit) if entry else (name, None)
     after = float(np.mean(np.abs(jump - per_sample))) / abs(entry.factor() if entry else 1.0)

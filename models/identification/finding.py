@@ -102,7 +102,8 @@ class Separation:
 @dataclass(frozen=True)
 class Proposal:
     """A motion for the next record: waypoints `times_s` (n,) in s and `places_m` (n,) in m of the driven column
-    `column`, the same as columns of a record, and what it would separate.
+    `column`, the same as columns of a record, what it would separate, and which effects it could show, by id, that the
+    records so far cannot.
     """
 
     column: str
@@ -110,6 +111,7 @@ class Proposal:
     places_m: Array
     motion: dict[str, Array]
     separations: tuple[Separation, ...]
+    shows: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

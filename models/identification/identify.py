@@ -12,7 +12,7 @@ import numpy as np
 
 from models.checks.examine import examine, stopping
 from models.checks.finding import RecordFinding
-from models.checks.information.excitation import cannot_show, inseparable
+from models.checks.information.excitation import cannot_show, inseparable, shown_with
 from models.checks.instrument.usable import lead_in_s
 from models.effects import BY_ID
 from models.effects.equation import symbols_of
@@ -60,6 +60,7 @@ def close(
     check_records(train, holdout)
     train, holdout = [ready(r, rig) for r in train], [ready(r, rig) for r in holdout]
     kind = kind_for(rig, train, known)
+    declared = {effect.id: effect for effect in kind.effects}
     kind, hidden = narrowed(kind, rig, train)
     words = report_of(kind)
     check_parts(kind, train, holdout)
@@ -93,7 +94,10 @@ def close(
     verdict = verdict_of(found.effects, checks)
     dependence = dependence_of(kind, train, thetas["augmented"], seed) if verdict == "unknown" else None
     progress("the next experiment", 0.97)
-    proposal = propose(kind, kind.searched(train), found, np.random.default_rng(seed))
+    unseen = [declared[name] for name in hidden]
+    proposal = propose(
+        kind, kind.searched(train), found, lambda m: shown_with(rig, train, m, unseen), np.random.default_rng(seed)
+    )
     told = {"records": ", ".join(r.name for r in train), "seed": str(seed)}
     model = Model(
         kind.name,

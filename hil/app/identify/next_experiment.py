@@ -13,7 +13,7 @@ _MM = 1e3
 
 
 def next_toml(proposal: Proposal, kind: str) -> str:
-    """The reference, places counted from where it starts, and what it is expected to separate."""
+    """The reference, places counted from where it starts, and what it is expected to separate or to show."""
     tables: dict[str, Any] = {
         "experiment": {"kind": kind, "column": proposal.column, "duration_s": round(float(proposal.times_s[-1]), 4)},
         "reference": {
@@ -30,6 +30,10 @@ def next_toml(proposal: Proposal, kind: str) -> str:
             for one in proposal.separations
         },
     }
+    if not proposal.separations:
+        del tables["separates"]
+    if proposal.shows:
+        tables["shows"] = {"effects": list(proposal.shows)}
     head = (
         f"# The next experiment, proposed by close-loop; {NEXT_CSV} holds the same motion for a rig driven from a file."
         "\n# capsule track, sil and run drive it with --reference.\n"

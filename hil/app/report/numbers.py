@@ -28,6 +28,7 @@ def report_json(finding: Finding) -> dict[str, Any]:
         "next_experiment_separates": (
             [] if finding.proposal is None else [asdict(one) for one in finding.proposal.separations]
         ),
+        "next_experiment_shows": [] if finding.proposal is None else list(finding.proposal.shows),
         "smallest_detectable": finding.smallest_detectable,
         "seconds": finding.seconds,
         "kind": finding.kind,

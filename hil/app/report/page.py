@@ -119,7 +119,8 @@ def _next(page: _Page, finding: Finding) -> str:
     ]
     head = ["effect", "rival", "expected separation, standard deviations", "best record so far"]
     return (
-        f"{said}{page.figure(motion_figure(finding.proposal))}{table(head, rows, left=2)}<p><code>{NEXT_CSV}</code>"
+        f"{said}{page.figure(motion_figure(finding.proposal))}{table(head, rows, left=2) if rows else ''}"
+        f"<p><code>{NEXT_CSV}</code>"
         f" holds this motion, <code>{NEXT_TOML}</code> the same as a reference: <code>capsule track</code>,"
         f" <code>sil</code> and <code>run</code> follow it with <code>--reference {NEXT_TOML}</code>.</p>"
     )

@@ -23,6 +23,7 @@ _TRAVEL_M = 2e-3
 _LONG_S = 5.0
 _ALIVE = 1.3
 _MAINS_HZ = 61.0  # the fastest; what is sampled less than twice a period is no tone
+_TURNS, _STARTS = 8, 4  # beyond these a motion is no richer
 _STRAIGHT = 0.999  # square of the correlation of place and time
 
 
@@ -191,6 +192,20 @@ def cannot_show(rig: Rig, records: Sequence[Record], effects: Sequence[type[Effe
         for effect in effects
         if any(name in lacking for name in effect.needs)
     }
+
+
+def shown_with(
+    rig: Rig, records: Sequence[Record], motion: Record, hidden: Sequence[type[Effect]]
+) -> tuple[frozenset[str], float]:
+    """Of the effects that `records` cannot show, by id, those that they could together with the driven `motion` of one
+    more; and how rich that motion is by itself: its turns and starts, and the logarithm of its range of speeds.
+    """
+    alone = View(motion, rig)
+    offered, own = Excitation((*_timed(rig, records), alone)), Excitation((alone,))
+    met = {name for name, told in NEEDS.items() if not told(offered)}
+    low, high = (max(float(speed), 1e-9) for speed in own.speeds)
+    rich = min(own.reversals, _TURNS) + min(own.rests, _STARTS) + float(np.log(high / low))
+    return frozenset(effect.id for effect in hidden if met.issuperset(effect.needs)), rich
 
 
 def check_information(view: View) -> list[RecordFinding]:

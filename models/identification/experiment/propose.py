@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,26 +23,40 @@ KINDS = (_QUICK, "magnetic")
 _QUESTIONS = 3
 _FIRST, _AGAIN, _BEST, _ROUNDS = 32, 12, 4, 5
 _FIRST_SLOW, _AGAIN_SLOW, _BEST_SLOW, _ROUNDS_SLOW = 12, 6, 2, 3  # where a motion takes many times longer to predict
+_SHOWS_S = 10.0
+"""The shortest motion that is to show what the records cannot."""
+Shown = Callable[[Record], tuple[frozenset[str], float]]
 _READ_S, _READ_SLOW_S = 120.0, 20.0
 
 
-def propose(kind: Kind, records: Sequence[Record], found: Search, rng: np.random.Generator) -> Proposal | None:
-    """A motion for the next record of a rig that is led along a path; None where nothing is confounded and for other
-    kinds of rig.
+def propose(
+    kind: Kind, records: Sequence[Record], found: Search, shown: Shown, rng: np.random.Generator
+) -> Proposal | None:
+    """A motion for the next record of a rig that is led along a path; None where nothing is confounded or out of sight,
+    and for other kinds of rig.
 
-    It is as long as half a record is, stays within the places and speeds that the `records` hold, and puts the rivals
-    of the effects that are `found` as many standard deviations off as can be found in a bounded search.
+    It is as long as half a record is, and stays within the places and speeds that the `records` hold. It puts the
+    rivals of the effects that are `found` as many standard deviations off as can be found in a bounded search; where
+    there are none, it makes `shown` (of a motion, the effects that it could show and the records cannot, and how rich
+    it is) as large.
     """
-    pairs = _pairs(found)
-    if not pairs or kind.name not in KINDS:
+    if kind.name not in KINDS:
         return None
     room = Room.of(records, COLUMNS[kind.name].driven[0][0])
     if not room.speed > 0 or not room.span > 0:
         return None
-    read = _beginnings(records, _READ_S if kind.name == _QUICK else _READ_SLOW_S)
-    asked = [question(kind, read, _model(kind, best), _model(kind, other), rng) for best, other in pairs[:_QUESTIONS]]
-    plan, apart = _best(kind, room, asked, read, rng)
+    pairs = _pairs(found)
+    if pairs:
+        read = _beginnings(records, _READ_S if kind.name == _QUICK else _READ_SLOW_S)
+        asked = [question(kind, read, _model(kind, a), _model(kind, b), rng) for a, b in pairs[:_QUESTIONS]]
+        plan, apart = _best(kind, room, asked, read, rng)
+    else:
+        asked, apart = [], []
+        plan = _richest(kind, replace(room, length=max(room.length, _SHOWS_S)), shown, rng)
     motion = plan.record(kind.name)
+    shows = tuple(sorted(shown(motion)[0]))
+    if not pairs and not shows:
+        return None
     times, places = plan.waypoints()
     return Proposal(
         column=room.column,
@@ -52,7 +67,18 @@ def propose(kind: Kind, records: Sequence[Record], found: Search, rng: np.random
             Separation(q.truth.effect, q.rival.effect, sure, *max(q.apart.items(), key=lambda row: row[1]))
             for q, sure in zip(asked, apart, strict=True)
         ),
+        shows=shows,
     )
+
+
+def _richest(kind: Kind, room: Room, shown: Shown, rng: np.random.Generator) -> Plan:
+    """The random plan that shows most effects; of those the richest."""
+
+    def worth(plan: Plan) -> tuple[int, float]:
+        effects, rich = shown(plan.record(kind.name))
+        return len(effects), rich
+
+    return max((random_plan(room, rng) for _ in range(_FIRST)), key=worth)
 
 
 def words_of(proposal: Proposal | None) -> str | None:
@@ -60,18 +86,21 @@ def words_of(proposal: Proposal | None) -> str | None:
     if proposal is None:
         return None
     t, x = proposal.times_s, proposal.places_m
+    low, high = (round(1e3 * float(place), 1) + 0.0 for place in (x.min(), x.max()))  # 0.0 for -0.0
     steps, spans = np.diff(x), np.diff(t)
     speeds = np.abs(steps[steps != 0] / spans[steps != 0])
     turns = int(np.sum(np.diff(np.sign(steps[steps != 0])) != 0))
     said = [
-        f"{one.effect} from {one.rival} by {one.standard_deviations:.1f} standard deviations, where {one.best_record}"
-        f" tells them by {one.so_far:.1f}"
+        f"tell {one.effect} from {one.rival} by {one.standard_deviations:.1f} standard deviations, where"
+        f" {one.best_record} tells them by {one.so_far:.1f}"
         for one in proposal.separations
     ]
+    if proposal.shows:
+        said.append(f"show {', '.join(proposal.shows)}, if there")
     return (
-        f"record the motion of {NEXT_CSV} ({t[-1]:.0f} s within {1e3 * x.min():.1f} to {1e3 * x.max():.1f} mm at"
+        f"record the motion of {NEXT_CSV} ({t[-1]:.0f} s within {low:.1f} to {high:.1f} mm at"
         f" {1e3 * speeds.min():.2g} to {1e3 * speeds.max():.2g} mm/s, {turns} turns, {spans[steps == 0].sum():.1f} s at"
-        f" rest), which should tell {' and '.join(said)}"
+        f" rest), which should {' and '.join(said)}"
     )
 
 

@@ -159,7 +159,8 @@ def test_nothing_but_regular_files_of_text_is_read(tmp_path: Path, name: str) ->
         assert "must be a regular file" in bounded(read, path)
     path.unlink()
     path.write_bytes(text.encode("utf-32"))
-    assert "UTF-32" in bounded(read, path)
+    said = bounded(read, path)
+    assert not said if name == "record" else "UTF-32" in said  # instruments write what they like, people UTF-8
 
 
 @pytest.mark.parametrize("digits", [400, 5000])

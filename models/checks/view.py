@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from models.checks.finding import RecordFinding, Severity
 from models.files.columns import COLUMNS, TIME
 from models.files.record import Record
 from models.files.rig import Rig
+from models.files.toml import inline_table
 from models.files.units import unit_of
 
 Array = NDArray[np.float64]
@@ -152,6 +154,10 @@ class View:
     def finding(self, name: str, severity: Severity, where: str, sentence: str, how: str, remedy: str) -> RecordFinding:
         """A finding about this record."""
         return RecordFinding(name, severity, self.record.source or self.record.name, where, sentence, how, remedy)
+
+    def columns_line(self, target: str, **changed: Any) -> str:
+        """The line of `[columns]` by which the rig file reads `target` with some keys `changed`."""
+        return f"[columns] {target} = {inline_table(self.rig.columns.entry(target).table() | changed)}"
 
     def at(self, rows: Sequence[int] | NDArray[np.int64], most: int = 3) -> str:
         """Lines and times of `rows` in words: the first few, and how many more."""

@@ -201,7 +201,7 @@ def check_header(where: str, kind: str, header: Sequence[str], with_measured: bo
         )
     free = [name for name in header if name not in known_of(kind)]
     raise ValueError(
-        f"{where}: header must have the column {wanted} (kind {kind}); got {_listed(header)}; {_hint(missing, free)}"
+        f"{where}: header must have the column {wanted} (kind {kind}); got {_listed(header)}{_hint(missing, free)}"
     )
 
 
@@ -214,13 +214,13 @@ def _wanted(kind: str, header: Sequence[str], with_measured: bool) -> str:
 
 
 def _hint(missing: Sequence[tuple[str, ...]], free: Sequence[str]) -> str:
-    """Which column of ours a column of the file was probably meant to be."""
+    """Which column of ours a column of the file was probably meant to be; nothing where none is like it."""
     for name in (name for alternatives in missing for name in alternatives):
         clock = [other for other in free if name == TIME and other.lower().startswith(_TIME_NAMES)]
         close = clock or difflib.get_close_matches(name, free, n=1, cutoff=0.5)
         if close:
-            return f"where it has {close[0]!r}, did you mean {name!r}?"
-    return "no further column has a name like it" if free else "it has no further columns"
+            return f"; where it has {close[0]!r}, did you mean {name!r}?"
+    return "" if free else "; it has no further columns"
 
 
 def check_unit_names(where: str, kind: str, header: Sequence[str]) -> None:

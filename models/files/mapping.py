@@ -5,7 +5,7 @@ them.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -56,6 +56,11 @@ class MappedColumn:
         told = self.unit or stated or split_unit(self.column)[1]
         return _factor(told, self.target) if self.unit or unit(told) else 1.0
 
+    def table(self) -> dict[str, Any]:
+        """The keys of its table in a rig file that are not left at their defaults."""
+        unset = {field.name: field.default for field in fields(self) if field.name != "target"}
+        return {key: getattr(self, key) for key, default in unset.items() if getattr(self, key) != default}
+
     @property
     def plain(self) -> bool:
         """Whether it changes nothing."""
@@ -79,6 +84,10 @@ class ColumnMap:
     """
 
     entries: tuple[MappedColumn, ...] = ()
+
+    def entry(self, target: str) -> MappedColumn:
+        """What the column `target` of ours is read from; itself where nothing is stated."""
+        return next((entry for entry in self.entries if entry.target == target), MappedColumn(target, target))
 
     def sources(
         self, where: str, header: Sequence[str], known: Sequence[str], optional: Sequence[str] = ()

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
-from typing import Any, Final
+from dataclasses import replace
+from typing import Final
 
 from models.files.columns import TIME
 from models.files.mapping import MappedColumn
@@ -131,16 +131,10 @@ def toml_lines(entries: Sequence[MappedColumn]) -> str:
 def _line(entry: MappedColumn) -> str:
     ours = unit_of(entry.target)
     if entry.unit or not ours:
-        return f"{entry.target} = {inline_table(_stated(entry))}"
-    table = inline_table(_stated(replace(entry, unit=ours)))
+        return f"{entry.target} = {inline_table(entry.table())}"
+    table = inline_table(replace(entry, unit=ours).table())
     dates = "; dates and times of day need none" if entry.target == TIME else ""
     return f"{entry.target} = {table}  # the file states no unit{dates}"
-
-
-def _stated(entry: MappedColumn) -> dict[str, Any]:
-    """The keys of an entry that are not left at their defaults."""
-    unset = {field.name: field.default for field in fields(entry) if field.name != "target"}
-    return {key: getattr(entry, key) for key, default in unset.items() if getattr(entry, key) != default}
 
 
 def _read(name: str, stated: str) -> tuple[str, str]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from models.checks.finding import RecordFinding
 from models.checks.view import View
+from models.files.columns import TIME
 
 STEPS_S: Final = (1e-6, 1.0)
 """Least and most usual interval between samples of a record."""
@@ -30,7 +31,7 @@ def check_interval(view: View) -> list[RecordFinding]:
             f"t_s must step by {'at least' if least else 'at most'} {STEPS_S[not least]:g} s; got steps of {usual:g} s:"
             " is it in s?",
             "interval between stamps",
-            '[columns] t_s = {column = "t_s", unit = "..."} with the unit of the file',
+            f"{view.columns_line(TIME, unit='...')} with the unit of the file",
         )
     ]
 
@@ -46,6 +47,6 @@ def _short(view: View) -> list[RecordFinding]:
             "t_s, throughout",
             f"the record lasts {span:.3g} s ({len(view.t)} samples {view.dt:.3g} s apart): is t_s in s?",
             "time from the first stamp to the last",
-            '[columns] t_s = {column = "t_s", unit = "..."} with the unit of the file, or longer records',
+            f"{view.columns_line(TIME, unit='...')} with the unit of the file, or longer records",
         )
     ]

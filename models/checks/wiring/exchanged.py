@@ -53,20 +53,22 @@ def check_same(view: View) -> list[RecordFinding]:
             f"{view.measured} against {view.driven}, throughout",
             f"{view.measured} is {view.driven} times {slope:.6g}, without any noise: the same column was logged twice",
             f"a straight line leaves less than {_SAME:g} of the span",
-            f"log what is measured, or give its column: [columns] {view.measured}",
+            f"log what is measured, or give its column: {view.columns_line(view.measured, column='...')}",
         )
     ]
 
 
 def exchanged(view: View, driven: str, why: str, how: str) -> RecordFinding:
     """The finding that the measured column and the `driven` one are in each other's place."""
+    sources = view.rig.columns
     return view.finding(
         "columns_exchanged",
         "stops",
         f"{view.measured} against {driven}, throughout",
         f"{why}: the two columns are exchanged",
         how,
-        f'[columns] {view.measured} = {{column = "{driven}"}} and {driven} = {{column = "{view.measured}"}}',
+        f"{view.columns_line(view.measured, column=sources.entry(driven).column)} and"
+        f" {view.columns_line(driven, column=sources.entry(view.measured).column).removeprefix('[columns] ')}",
     )
 
 

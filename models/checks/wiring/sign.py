@@ -15,8 +15,9 @@ _TURNS = 0.15  # of the force, the least that turns round with the motion
 _AGAINST = -0.3  # correlation of displacement with the drive's
 
 
-def _turned(column: str) -> str:
-    return f'[columns] {column} = {{column = "{column}", sign = -1}}, or change the wire over'
+def _turned(view: View, column: str) -> str:
+    sign = -view.rig.columns.entry(column).sign
+    return f"{view.columns_line(column, sign=sign)}, or change the wire over"
 
 
 def check_force_sign(view: View) -> list[RecordFinding]:
@@ -40,7 +41,7 @@ def check_force_sign(view: View) -> list[RecordFinding]:
             f"{column} opposes the motion that it should drive: friction would give energy; the sign of the"
             f" {driving} (or of the {view.moving_column.partition('_')[0]}) is turned round",
             told,
-            _turned(column),
+            _turned(view, column),
         )
     ]
 
@@ -124,7 +125,7 @@ def check_drive_sign(view: View) -> list[RecordFinding]:
             f"{view.measured} against {view.driven}, throughout",
             f"{view.measured} goes back where {view.driven} goes forward: one of the two has its sign turned round",
             f"correlation {correlation:.2f} between the two places",
-            _turned(view.measured),
+            _turned(view, view.measured),
         )
     ]
 

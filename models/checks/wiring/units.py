@@ -8,7 +8,7 @@ from models.checks.finding import RecordFinding
 from models.checks.instrument.resolution import PLACES
 from models.checks.view import Array, View, running_mean
 from models.drives.from_rig import surface_of
-from models.files.columns import first_wrong, range_of
+from models.files.columns import TIME, first_wrong, range_of
 from models.files.rig import CAPSULE_SERIES
 
 _TRAVEL_M = (2e-5, 3.0)
@@ -63,7 +63,7 @@ def _of_the_drive(view: View) -> list[RecordFinding]:
             f"{column}, {view.at([row])}",
             f"{column} must be {limits[2]}; got {view.record[column][row]:g}: another unit, or another way to say it?",
             "values against what the column can hold",
-            f'[columns] {column} = {{column = "{column}", scale = ...}} with what makes it so',
+            f"{view.columns_line(column, scale=1.0)} with the scale that makes it so",
         )
     ]
 
@@ -87,7 +87,7 @@ def _behind_the_magnet(view: View, carriage: Array) -> list[RecordFinding]:
             f"{view.measured} against {view.driven}, throughout",
             f"{view.measured} follows {view.driven}, but goes {slope:.3g} times as far: another unit?",
             "standard deviations of the two places, and their correlation",
-            f'[columns] {view.measured} = {{column = "{view.measured}", unit = "..."}} with the unit of the file',
+            f"{view.columns_line(view.measured, unit='...')} with the unit of the file",
         )
     ]
 
@@ -127,7 +127,7 @@ def _against_the_surface(view: View, column: str, force: Array) -> list[RecordFi
             f"{column} {what} {size:.3g} N at the usual speed, where what the rig file states holds the capsule with"
             f" {usual:.3g} N ({lowest:.2g} to {highest:.2g} N as far as that varies): another unit, another surface?",
             "median of the force in motion against the friction law",
-            f'[columns] {column} = {{column = "{column}", unit = "..."}} with the unit of the file; or [capsule],'
+            f"{view.columns_line(column, unit='...')} with the unit of the file; or [capsule],"
             " [tissue] and [surface] as they were",
         )
     ]
@@ -140,7 +140,7 @@ def _off(view: View, column: str, what: str, usual: tuple[float, float], unit: s
         f"{column}, throughout",
         f"{column} {what}; such rigs do {usual[0]:g} to {usual[1]:g} {unit}: another unit?",
         "size of the values against what a capsule rig can be",
-        f'[columns] {column} = {{column = "{column}", unit = "..."}} with the unit of the file',
+        f"{view.columns_line(column, unit='...')} with the unit of the file",
     )
 
 
@@ -151,5 +151,5 @@ def _slow(view: View, fastest: float) -> RecordFinding:
         "t_s, throughout",
         f"samples are {view.dt:.3g} s apart and nothing is faster than {fastest:.3g} m/s: is the time in ms?",
         "interval between stamps and speed against what a capsule rig does",
-        '[columns] t_s = {column = "t_s", unit = "ms"}, where the file is in ms',
+        f"{view.columns_line(TIME, unit='ms')}, where the file is in ms",
     )

@@ -52,12 +52,9 @@ def _told(view: View, name: str, rows: NDArray[np.int64]) -> RecordFinding:
     values = view.record[name]
     jump = np.diff(values)[rows - 1]
     per_sample = (values[rows - 1] - values[rows - _BESIDE]) / (_BESIDE - 1)
-    entry = next((e for e in view.rig.columns.entries if e.target == name), None)
-    column, unit = (entry.column, entry.unit) if entry else (name, None)
-    after = float(np.mean(np.abs(jump - per_sample))) / abs(entry.factor() if entry else 1.0)
+    after = float(np.mean(np.abs(jump - per_sample))) / abs(view.rig.columns.entry(name).factor())
     usual = min(_USUAL, key=lambda size: abs(np.log(size / after)))
     after = usual if abs(usual / after - 1) < _SNAPPED else after
-    stated = f', unit = "{unit}"' if unit else ""
     return view.finding(
         "place_wraps",
         "stops",
@@ -65,5 +62,5 @@ def _told(view: View, name: str, rows: NDArray[np.int64]) -> RecordFinding:
         f"{name} jumps back {'once' if len(rows) == 1 else f'{len(rows)} times'} by"
         f" {view.told(float(np.max(np.abs(jump))))} and goes on as before: an angle or a counter that begins again",
         f"jumps through more than {_JUMP:.0%} of the span, against the motion on both sides",
-        f'[columns] {name} = {{column = "{column}"{stated}, wrap = {after:.12g}}}',
+        view.columns_line(name, wrap=float(f"{after:.12g}")),
     )

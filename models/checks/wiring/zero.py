@@ -97,11 +97,13 @@ def check_force_zero(view: View) -> list[RecordFinding]:
 
 
 def _apart(view: View, sentence: str, why: str, offset: float) -> RecordFinding:
+    entry = view.rig.columns.entry(view.measured)
+    zero = float(f"{entry.offset + offset / (entry.sign * entry.factor()):.3g}")
     return view.finding(
         "zeros_apart",
         "note",
         f"{view.measured}, throughout",
         f"{sentence} on average over strokes both ways, further off than friction explains: {why}",
         "mean over the later halves of the strokes, each way",
-        f'[columns] {view.measured} = {{column = "{view.measured}", offset = {offset:.3g}}}, where it is the zero',
+        f"{view.columns_line(view.measured, offset=zero)}, where it is the zero",
     )

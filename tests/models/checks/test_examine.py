@@ -287,6 +287,22 @@ def test_an_axis_that_friction_holds_is_not_taken_for_a_stuck_encoder(swings: in
     assert ("driven_stuck" in found) == (swings > 1)
 
 
+@pytest.mark.parametrize("corrupt", [turned, not_tared])
+def test_a_remedy_keeps_what_the_rig_file_says_of_the_column(corrupt: Callable[[Columns], Columns]) -> None:
+    ours = {
+        "t_s": {"column": "time", "unit": "s"},
+        "position_m": {"column": "x", "unit": "mm"},
+        "force_N": {"column": "cell", "unit": "gf", "sign": -1, "offset": 3.0},
+    }
+    made = corrupt(pull())
+    raw = {"time": made["t_s"], "x": 1e3 * made["position_m"], "cell": 3.0 - made["force_N"] / 9.80665e-3}
+    mapped = rig(columns=ours)
+    told = next(f for f in examine(mapped, [record_of("one", raw, mapped)]) if "[columns]" in f.remedy)
+    line = told.remedy.split(", or change")[0].split(", where")[0].removeprefix("[columns] ")
+    mended = rig(columns=ours | tomllib.loads(line))
+    assert told.id not in {f.id for f in examine(mended, [record_of("one", raw, mended)])}
+
+
 @pytest.mark.parametrize(("size", "unit", "wrap"), [(2 * np.pi, None, 2 * np.pi), (360.0, "deg", 360.0)])
 def test_an_angle_that_begins_again_is_read_as_it_went_with_the_line_that_is_told(
     size: float, unit: str | None, wrap: float

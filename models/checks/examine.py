@@ -51,18 +51,14 @@ def _of(whole: View, measured: View) -> Iterator[RecordFinding]:
     """The clock of the `whole` record first: where it stops, nothing else can be told of the rows that are measured.
     What the instruments did stands in these, what the wiring and the motion are without their outliers.
     """
-    stopped, sane = False, View(without_outliers(measured), measured.rig)
-    views = {_CLOCK: whole, _INSTRUMENT: measured}
-    for check in sorted(checks(), key=_of_the_clock, reverse=True):
-        if stopped and not _of_the_clock(check):
-            return
-        for finding in check(views.get(_folder(check), sane)):
-            stopped = stopped or (finding.severity == "stops" and _of_the_clock(check))
-            yield finding
-
-
-def _of_the_clock(check: Check) -> bool:
-    return _folder(check) == _CLOCK
+    of_the_clock = [finding for check in checks() if _folder(check) == _CLOCK for finding in check(whole)]
+    yield from of_the_clock
+    if stopping(of_the_clock) is not None:
+        return
+    sane = View(without_outliers(measured), measured.rig)
+    for check in checks():
+        if _folder(check) != _CLOCK:
+            yield from check(measured if _folder(check) == _INSTRUMENT else sane)
 
 
 def _folder(check: Check) -> str:

@@ -44,8 +44,10 @@ class MappedColumn:
 
     def unwrapped(self, values: NDArray[np.float64], stated: str = "") -> NDArray[np.float64]:
         """Values in our unit (n,), NaN where there are none, without the jumps of `wrap`."""
+        if self.wrap is None:
+            return values
         known = np.isfinite(values)
-        if self.wrap is not None and known.any():
+        if known.any():
             values[known] = np.unwrap(values[known], period=self.wrap * abs(self.factor(stated)))
         return values
 

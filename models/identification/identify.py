@@ -94,10 +94,8 @@ def close(
     verdict = verdict_of(found.effects, checks)
     dependence = dependence_of(kind, train, thetas["augmented"], seed) if verdict == "unknown" else None
     progress("the next experiment", 0.97)
-    unseen = [declared[name] for name in hidden]
-    proposal = propose(
-        kind, kind.searched(train), found, lambda m: shown_with(rig, train, m, unseen), np.random.default_rng(seed)
-    )
+    shown = shown_with(rig, train, [declared[name] for name in hidden]) if hidden else None
+    proposal = propose(kind, kind.searched(train), found, shown, np.random.default_rng(seed))
     told = {"records": ", ".join(r.name for r in train), "seed": str(seed)}
     model = Model(
         kind.name,

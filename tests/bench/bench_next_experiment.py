@@ -130,7 +130,7 @@ class Answer:
         kind, _ = narrowed(replace(kind, effects=own), rig, train)
         found = search(kind, train, lambda *_: None, np.random.default_rng(0))
         began = time.process_time()
-        proposal = propose(kind, kind.searched(train), found, lambda _: (frozenset(), 0.0), np.random.default_rng(0))
+        proposal = propose(kind, kind.searched(train), found, None, np.random.default_rng(0))
         return cls({e: found.equivalent[e] for e in found.effects}, proposal, time.process_time() - began)
 
     def resolves(self, effect: str) -> bool:

@@ -21,17 +21,16 @@ def next_toml(proposal: Proposal, kind: str) -> str:
             "times_s": [round(float(t), 4) for t in proposal.times_s[1:]],
             "positions_mm": [round(_MM * float(x - proposal.places_m[0]), 4) for x in proposal.places_m[1:]],
         },
-        "separates": {
+    }
+    if proposal.separations:
+        tables["separates"] = {
             f"{one.effect}_from_{one.rival}": {
                 "standard_deviations": round(one.standard_deviations, 2),
                 "best_record_so_far": one.best_record,
                 "standard_deviations_so_far": round(one.so_far, 2),
             }
             for one in proposal.separations
-        },
-    }
-    if not proposal.separations:
-        del tables["separates"]
+        }
     if proposal.shows:
         tables["shows"] = {"effects": list(proposal.shows)}
     head = (

@@ -21,8 +21,8 @@ Motion = tuple[tuple[float, ...], tuple[float, ...]]
 
 
 def motion_of(proposal: Proposal | None) -> Motion:
-    """The motion that a search proposes, from 0 on; two empty tuples where it proposes none."""
-    if proposal is None:
+    """The motion that a search proposes to tell effects apart, from 0 on; two empty tuples where it proposes none."""
+    if proposal is None or not proposal.separations:
         return (), ()
     times, places = proposal.times_s - proposal.times_s[0], proposal.places_m - proposal.places_m[0]
     return tuple(times.tolist()), tuple(places.tolist())

@@ -141,7 +141,7 @@ def _answer(question: Question) -> Answer:
     unfounded = question.base_holds and not effects
     if unfounded or not verdict.passed:
         wanted = finding.next_experiment or ""
-        motion = motion_of(finding.proposal if finding.proposal and finding.proposal.separations else None)
+        motion = motion_of(finding.proposal)
         why = "no effect was found, and the base held until the model broke" if unfounded else verdict.sentence
         return Answer({}, effects, finding.verdict, why, wanted, finding.seconds, motion)
     held_out = finding.error["holdout"][stage]

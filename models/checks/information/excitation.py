@@ -194,18 +194,25 @@ def cannot_show(rig: Rig, records: Sequence[Record], effects: Sequence[type[Effe
     }
 
 
-def shown_with(
-    rig: Rig, records: Sequence[Record], motion: Record, hidden: Sequence[type[Effect]]
-) -> tuple[frozenset[str], float]:
-    """Of the effects that `records` cannot show, by id, those that they could together with the driven `motion` of one
-    more; and how rich that motion is by itself: its turns and starts, and the logarithm of its range of speeds.
+Shown = Callable[[Record], tuple[frozenset[str], float]]
+
+
+def shown_with(rig: Rig, records: Sequence[Record], hidden: Sequence[type[Effect]]) -> Shown:
+    """Of the driven motion of one more record: which of the `hidden` effects, that `records` cannot show, they could
+    together with it, by id; and how rich it is by itself: its turns and starts, and the logarithm of its range of
+    speeds.
     """
-    alone = View(motion, rig)
-    offered, own = Excitation((*_timed(rig, records), alone)), Excitation((alone,))
-    met = {name for name, told in NEEDS.items() if not told(offered)}
-    low, high = (max(float(speed), 1e-9) for speed in own.speeds)
-    rich = min(own.reversals, _TURNS) + min(own.rests, _STARTS) + float(np.log(high / low))
-    return frozenset(effect.id for effect in hidden if met.issuperset(effect.needs)), rich
+    views = _timed(rig, records)
+
+    def shown(motion: Record) -> tuple[frozenset[str], float]:
+        alone = View(motion, rig)
+        offered, own = Excitation((*views, alone)), Excitation((alone,))
+        met = {name for name, told in NEEDS.items() if not told(offered)}
+        low, high = (max(float(speed), 1e-9) for speed in own.speeds)
+        rich = min(own.reversals, _TURNS) + min(own.rests, _STARTS) + float(np.log(high / low))
+        return frozenset(effect.id for effect in hidden if met.issuperset(effect.needs)), rich
+
+    return shown
 
 
 def check_information(view: View) -> list[RecordFinding]:

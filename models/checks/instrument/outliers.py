@@ -7,6 +7,7 @@ import numpy as np
 from models.checks.finding import RecordFinding
 from models.checks.instrument.clipping import clipped
 from models.checks.view import Array, Mask, View
+from models.files.columns import TIME
 from models.files.record import Record
 
 _FAR = 12.0  # standard deviations of the noise
@@ -65,9 +66,16 @@ def without_outliers(view: View) -> Record:
     if view.driven and view.driven not in SWITCHED:
         outliers[view.driven] = spikes(view, record[view.driven])
     for name, far in outliers.items():
-        if far.any():
-            record = record.with_column(name, np.interp(view.t, view.t[~far], record[name][~far]))
+        record = straight_over(record, name, far)
     return record
+
+
+def straight_over(record: Record, name: str, gaps: Mask) -> Record:
+    """The record with its column `name` straight between the neighbours of `gaps`, shape (n,)."""
+    if not gaps.any():
+        return record
+    t = record[TIME]
+    return record.with_column(name, np.interp(t, t[~gaps], record[name][~gaps]))
 
 
 def check_no_values(view: View) -> list[RecordFinding]:

@@ -7,7 +7,7 @@ import numpy as np
 from models.checks.information.start import run_in
 from models.checks.instrument.clipping import clipped
 from models.checks.instrument.held_values import fresh
-from models.checks.instrument.outliers import SWITCHED, off, spikes
+from models.checks.instrument.outliers import SWITCHED, off, spikes, straight_over
 from models.checks.instrument.resolution import PLACES, without_steps
 from models.checks.instrument.silence import silent
 from models.checks.view import Mask, View, runs_of
@@ -41,10 +41,7 @@ def cleaned(record: Record, rig: Rig) -> Record:
     if rows:
         record = from_row(record, rows)
     if view.driven and view.driven not in SWITCHED:
-        far = spikes(view, view.record[view.driven])
-        if far.any():
-            at = view.t
-            record = record.with_column(view.driven, np.interp(at, at[~far], record[view.driven][~far]))
+        record = straight_over(record, view.driven, spikes(view, view.record[view.driven]))
     if view.driven in PLACES:
         record = record.with_column(view.driven, without_steps(view, record[view.driven]))
     return record
@@ -91,5 +88,4 @@ def filled(record: Record, column: str) -> Record:
     """`record` with `column` straight between the rows that count."""
     if USED not in record.columns:
         return record
-    good, t = used(record), record["t_s"]
-    return record.with_column(column, np.interp(t, t[good], record[column][good]))
+    return straight_over(record, column, ~used(record))

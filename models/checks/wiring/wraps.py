@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.checks.finding import RecordFinding
+from models.checks.instrument.resolution import PLACES
 from models.checks.view import Array, View, white_noise
 
 _JUMP = 0.7  # of the span, the least that a wrap jumps
@@ -18,9 +19,9 @@ _USUAL = (np.pi, 2 * np.pi, 180.0, 360.0, *(2.0**k for k in range(8, 33)))
 def check_wraps(view: View) -> list[RecordFinding]:
     """Places, measured or driven, that wrap."""
     found = []
-    names = dict.fromkeys(name for name in (view.moving_column, view.driven, view.measured) if name)
-    for name in names if view.timed else ():
-        rows = wraps(view.record[name]) if "position" in name or "angle" in name else np.zeros(0, dtype=np.int64)
+    looked_at = {view.moving_column, view.driven, view.measured} & view.record.columns.keys()
+    for name in [place for place in PLACES if place in looked_at] if view.timed else ():
+        rows = wraps(view.record[name])
         if len(rows):
             found.append(_told(view, name, rows))
     return found

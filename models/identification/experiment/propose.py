@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from models.checks.information.excitation import Shown
 from models.files.columns import COLUMNS
 from models.files.record import Record
 from models.identification.experiment.plan import Plan, Room, random_plan, varied
@@ -25,12 +26,11 @@ _FIRST, _AGAIN, _BEST, _ROUNDS = 32, 12, 4, 5
 _FIRST_SLOW, _AGAIN_SLOW, _BEST_SLOW, _ROUNDS_SLOW = 12, 6, 2, 3  # where a motion takes many times longer to predict
 _SHOWS_S = 10.0
 """The shortest motion that is to show what the records cannot."""
-Shown = Callable[[Record], tuple[frozenset[str], float]]
 _READ_S, _READ_SLOW_S = 120.0, 20.0
 
 
 def propose(
-    kind: Kind, records: Sequence[Record], found: Search, shown: Shown, rng: np.random.Generator
+    kind: Kind, records: Sequence[Record], found: Search, shown: Shown | None, rng: np.random.Generator
 ) -> Proposal | None:
     """A motion for the next record of a rig that is led along a path; None where nothing is confounded or out of sight,
     and for other kinds of rig.
@@ -38,7 +38,7 @@ def propose(
     It is as long as half a record is, and stays within the places and speeds that the `records` hold. It puts the
     rivals of the effects that are `found` as many standard deviations off as can be found in a bounded search; where
     there are none, it makes `shown` (of a motion, the effects that it could show and the records cannot, and how rich
-    it is) as large.
+    it is) as large; None for `shown` says that nothing is out of sight.
     """
     if kind.name not in KINDS:
         return None
@@ -50,11 +50,13 @@ def propose(
         read = _beginnings(records, _READ_S if kind.name == _QUICK else _READ_SLOW_S)
         asked = [question(kind, read, _model(kind, a), _model(kind, b), rng) for a, b in pairs[:_QUESTIONS]]
         plan, apart = _best(kind, room, asked, read, rng)
+    elif shown is None:
+        return None
     else:
         asked, apart = [], []
         plan = _richest(kind, replace(room, length=max(room.length, _SHOWS_S)), shown, rng)
     motion = plan.record(kind.name)
-    shows = tuple(sorted(shown(motion)[0]))
+    shows = () if shown is None else tuple(sorted(shown(motion)[0]))
     if not pairs and not shows:
         return None
     times, places = plan.waypoints()

@@ -15,23 +15,9 @@ from models.identification.experiment.propose import propose, words_of
 from models.identification.kinds import kind_for
 from models.identification.search.forward_selection import Search
 from models.identification.search.refit import calibrated
+from tests.rig_texts import GUT
 
-RIG = parse_rig(
-    {
-        "rig": {"kind": "pull"},
-        "capsule": {"radius_m": 6.5e-3, "cylinder_length_m": 0.02, "mass_kg": 4e-3},
-        "tissue": {
-            "preset": "jejunum",
-            "wall_thickness_m": 2.5e-3,
-            "contact_angle_deg": 60.0,
-            "nose_force_angle_deg": 30.0,
-            "friction_coefficient": 0.082,
-            "mucus_thickness_m": 30e-6,
-            "recovery_time_s": 0.05,
-        },
-        "noise": {"force_std_N": 1e-3},
-    }
-)
+RIG = parse_rig({"rig": {"kind": "pull"}, "noise": {"force_std_N": 1e-3}, **tomllib.loads(GUT)})
 
 
 def one_way(seed: int) -> Record:
@@ -49,7 +35,7 @@ def test_the_next_record_shows_what_the_records_cannot_within_their_places() -> 
     unseen = [BY_ID[name] for name in hidden]
     kind = kind_for(RIG, records)
     found = Search(*[calibrated(kind, records)] * 2)
-    proposal = propose(kind, records, found, lambda m: shown_with(RIG, records, m, unseen), np.random.default_rng(0))
+    proposal = propose(kind, records, found, shown_with(RIG, records, unseen), np.random.default_rng(0))
     assert proposal is not None
     assert {"directional_asymmetry", "stribeck", "dwell_adhesion"} <= set(proposal.shows) <= hidden.keys()
     motion = Record("next", "pull", {**proposal.motion, "force_N": np.sin(proposal.motion["t_s"])})

@@ -101,7 +101,8 @@ def words_of(proposal: Proposal | None) -> str | None:
         said.append(f"show {', '.join(proposal.shows)}, if there")
     return (
         f"record the motion of {NEXT_CSV} ({t[-1]:.0f} s within {low:.1f} to {high:.1f} mm at"
-        f" {1e3 * speeds.min():.2g} to {1e3 * speeds.max():.2g} mm/s, {turns} turns, {spans[steps == 0].sum():.1f} s at"
+        f" {1e3 * speeds.min():.2g} to {1e3 * speeds.max():.2g} mm/s, {turns} {'turn' if turns == 1 else 'turns'},"
+        f" {spans[steps == 0].sum():.1f} s at"
         f" rest), which should {' and '.join(said)}"
     )
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.effects import BY_ID
+from models.effects.effect import Effect
 from models.identification.fitting.fit import NARROW, Problem, costs_of, descend
 from models.identification.kind import effects_in, had
 from models.identification.search.candidates import BEHIND, FINAL, POOL, Trial, opening, without
@@ -39,44 +40,51 @@ class Rival:
 def rivals_of(
     model: FittedModel, effect: str, gain: float, screened: Sequence[Screened], trials: Sequence[Trial]
 ) -> list[Rival]:
-    """Every candidate beside those in `model` in the place of its `effect`, which gained `gain`, from where the
-    candidates' screening and `trials` have them, and those that declare to look alike from where they imitate it. What
-    explains too little of the residual, or stays far behind after a short fit, is not fitted further.
+    """Every candidate beside those in `model` in the place of its `effect`, which gained `gain`: from where the
+    candidates' screening and `trials` have them, and those that are declared to look like the effect, or like one that
+    the records cannot tell from it, from where they imitate it. What explains too little of the residual, or stays far
+    behind after a short fit, is not fitted further.
     """
     own = {effect, *BY_ID[effect].refined_by}
     rest = [name for name in model.effects if name not in own]
     training, best = _training_blocks(model), dict[str, FittedModel]()
-    imitated: set[str] = set()
-    for name, fitted, differs in _imitating_rivals(model, effect, own, rest) if model.kind.beginnings_s else ():
-        best[name] = fitted
-        if differs < _IMITATED * (float(training.mean()) - 1):
-            imitated.add(name)
     for name, fitted in (*_screened_rivals(model, effect, own, rest, screened), *_tried_rivals(model, rest, trials)):
         if name != effect and (name not in best or fitted.cost < best[name].cost):
             best[name] = fitted
-    return [_compared(model, training, name, fitted, gain, name in imitated) for name, fitted in best.items()]
+    rivals = {name: _compared(model, training, name, fitted, gain, False) for name, fitted in best.items()}
+    if not model.kind.beginnings_s:
+        return list(rivals.values())
+    alike = [name for name, rival in rivals.items() if rival.alike]
+    waiting, seen = [effect, *alike], {*own, *rest, *alike}
+    while waiting:
+        like = waiting.pop(0)
+        for other in (e for e in model.kind.effects if e.id not in seen and _confounded(e.id, like)):
+            fitted, differs = _imitation(model, other, own, rest)
+            fitted = min((fitted, best.get(other.id, fitted)), key=lambda one: one.cost)
+            imitated = differs < _IMITATED * (float(training.mean()) - 1)
+            seen.add(other.id)
+            rivals[other.id] = _compared(model, training, other.id, fitted, gain, imitated)
+            if rivals[other.id].alike:
+                waiting.append(other.id)
+    return list(rivals.values())
 
 
-def _imitating_rivals(
-    model: FittedModel, effect: str, own: set[str], rest: Sequence[str]
-) -> Iterator[tuple[str, FittedModel, float]]:
-    """Fits of the effects that are declared to look like `effect`, from where they predict what the model predicts for
-    the same inputs; with the mean square by which they then differ from it, in units of the noise. Free of noise and
-    of everything that neither effect has, an equal form ends right there, however far off another search ended.
+def _imitation(
+    model: FittedModel, other: type[Effect], own: set[str], rest: Sequence[str]
+) -> tuple[FittedModel, float]:
+    """A fit of the effect `other` in the place of those in `own`, from where it predicts what the model predicts for
+    the same inputs; and the mean square by which it then differs from it, in units of the noise. Free of noise and of
+    everything that neither effect has, an equal form ends right there, however far off another search ended.
     """
-    kind = model.kind
-    for other in kind.effects:
-        if other.id in (*own, *rest) or not _confounded(other.id, effect):
-            continue
-        effects, fits, differs = [*rest, other.id], [], []
-        for part, theta in model.parts:
-            made = [record.with_column(kind.quantity, kind.predict(record, theta)) for record in part]
-            base = {key: value for key, value in theta.items() if key.partition(".")[0] not in own}
-            _, start = opening(kind, prefixes(made[:1], kind.beginnings_s[-1]), [base], other.id, other.start())
-            near = step_on(kind, made, effects, start)
-            differs.append(judged_cost(kind, made, near.theta))
-            fits.append(step_on(kind, part, effects, near.theta).theta)
-        yield other.id, model.fitted(fits, effects), max(differs)
+    kind, effects, fits, differs = model.kind, [*rest, other.id], [], []
+    for part, theta in model.parts:
+        made = [record.with_column(kind.quantity, kind.predict(record, theta)) for record in part]
+        base = {key: value for key, value in theta.items() if key.partition(".")[0] not in own}
+        _, start = opening(kind, prefixes(made[:1], kind.beginnings_s[-1]), [base], other.id, other.start())
+        near = step_on(kind, made, effects, start)
+        differs.append(judged_cost(kind, made, near.theta))
+        fits.append(step_on(kind, part, effects, near.theta).theta)
+    return model.fitted(fits, effects), max(differs)
 
 
 def _confounded(one: str, other: str) -> bool:

@@ -1,5 +1,5 @@
-"""`capsule demo`: the loop on printed measurements, and on two rigs that are driven over the bus, recorded, learnt from
-and driven again.
+"""`capsule demo`: the loop on printed measurements, on a pull whose next record it proposes, and on two rigs that are
+driven over the bus, recorded, learnt from and driven again.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from rich.table import Table
 from hil.app.console import json_text, print_json, summary
 from hil.app.demo.learning import LEARNING, LearningStory
 from hil.app.demo.loop import LOOPS, LoopStory
+from hil.app.demo.next_record import BEFORE, NEXT_RECORD
 from hil.app.demo.page import demo_html
 from hil.app.demo.story import PRINTED, Learned, Story, Told
 from hil.app.demo.worker import story_bars, told
@@ -28,7 +29,7 @@ from hil.app.write import check_folder, sole_writer, write_files
 from models.identification.finding import STAGES
 
 PAGE, PAGE_NUMBERS = "demo.html", "demo.json"
-STORIES: Final[tuple[Story, ...]] = (*PRINTED, *LOOPS, LEARNING)
+STORIES: Final[tuple[Story, ...]] = (*PRINTED, NEXT_RECORD, *LOOPS, LEARNING)
 
 
 def demo(out: Path, *, json_output: bool = False, seed: int = 0, stories: Sequence[Story] = STORIES) -> None:
@@ -74,8 +75,8 @@ def _put(work: Path, out: Path) -> None:
 
 
 def _numbers(story: Story, one: Told, folder: Path) -> dict[str, Any]:
-    """A story as JSON: the numbers of its report, and of a driven one what the gate said and how well each model
-    tracked.
+    """A story as JSON: the numbers of its report, those of the one before the record that it proposed, and of a driven
+    one what the gate said and how well each model tracked.
     """
     document: dict[str, Any] = {
         "story": story.name,
@@ -86,6 +87,8 @@ def _numbers(story: Story, one: Told, folder: Path) -> dict[str, Any]:
         "caution": one.caution or None,
         **report_json(one.finding),
     }
+    if one.before is not None:
+        document["before"] = {"report": str(folder / BEFORE / REPORT), **report_json(one.before)}
     if one.gate:
         document["gate"] = {
             stage: {"passed": verdict.passed, "reasons": list(verdict.reasons)} for stage, verdict in one.gate.items()
@@ -128,6 +131,9 @@ def _say(
     console.print(table)
     for story, one in lines:
         console.print(f"{story.name}: {out / story.name / REPORT}", markup=False, soft_wrap=True)
+        if one.before is not None:
+            said = f"  before the proposed record: {headline(one.before)} {out / story.name / BEFORE / REPORT}"
+            console.print(said, markup=False, soft_wrap=True)
         if one.hidden:
             words = listed(effect_words(name) for name in one.hidden)
             console.print(f"  what the simulated rig kept to itself: {words}", markup=False)

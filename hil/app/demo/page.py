@@ -9,14 +9,17 @@ from html import escape
 from typing import Final
 
 from hil.app.demo.figures import improvement_figure, left_over_figure, mission_figure
+from hil.app.demo.next_record import BEFORE
 from hil.app.demo.story import Learned, Mission, Story, Told
 from hil.app.identify.close_loop import MODEL, REPORT
 from hil.app.quantities import DASH, amount, quantity, scale, unit_words
 from hil.app.quantities import told as numbers_told
 from hil.app.report import headline
 from hil.app.report.document import document, heading, mixed_table, table
+from hil.app.report.figure_motion import motion_figure
 from hil.app.report.figure_traces import trace_figure
 from hil.app.report.panels import panels
+from hil.app.report.tables import separations_table
 from hil.app.report.theme import figure_html
 from hil.app.report.words import (
     STAGE_WORDS,
@@ -32,7 +35,7 @@ from hil.app.report.words import (
 )
 from hil.app.sil.story import PAGE as LEARNED
 from hil.app.sil.story import error_figure, parts_table
-from models.identification.finding import STAGES
+from models.identification.finding import NEXT_TOML, STAGES, Finding
 
 POINTS: Final = 4000
 _LINES: Final = (
@@ -45,6 +48,7 @@ Line = tuple[Story, Told]
 def demo_html(lines: Sequence[Line], seconds: float, learned: Sequence[tuple[Story, Learned]] = ()) -> str:
     """The page for all stories, driven ones first and in full, then those that `learned` while they ran."""
     loops = [line for line in lines if line[1].missions]
+    poor = [(story, told, told.before) for story, told in lines if told.before is not None]
     sections = [
         (
             "numbers",
@@ -53,12 +57,14 @@ def demo_html(lines: Sequence[Line], seconds: float, learned: Sequence[tuple[Sto
         )
     ]
     parts = [(story, _loop(story, told)) for story, told in loops]
+    parts += [(story, _proposed(story, told, before)) for story, told, before in poor]
     parts += [(story, _learned(story, one)) for story, one in learned]
     sections += [(story.name, _capital(story.title), part) for story, part in parts]
     title = "Drive, record, find what the model lacks, drive again"
     story = " ".join(
         [
             *(_sentence(story, told) for story, told in loops),
+            *(_told_later(story, told, before) for story, told, before in poor),
             *(f"{_capital(story.title)}: {told.caution}" for story, told in lines if told.caution),
             *(f"{_capital(story.title)}: {one.sentence}." for story, one in learned),
         ]
@@ -82,6 +88,20 @@ def _sentence(story: Story, told: Told) -> str:
         else "no model passed"
     )
     return f"{story.name.capitalize()} rig: kept from everyone was {kept}; named was {names}; {again}."
+
+
+def _told_later(story: Story, told: Told, before: Finding) -> str:
+    """What poor records came to and what the proposed one added, in a sentence."""
+    kept = listed(map(effect_words, told.hidden)) or "nothing"
+    return (
+        f"{_capital(story.title)}: kept from everyone was {kept}; the verdict was “{_said(before)}” on the first"
+        f" records, “{_said(told.finding)}” with the proposed one."
+    )
+
+
+def _said(finding: Finding) -> str:
+    classes = [listed(map(effect_words, (effect.id, *effect.equivalent)), "or") for effect in finding.effects]
+    return f"{finding.verdict}: {listed(classes)}" if classes else finding.verdict
 
 
 def _last(told: Told) -> str:
@@ -146,6 +166,31 @@ def _loop(story: Story, told: Told) -> str:
         ),
     ]
     return "".join(parts)
+
+
+def _proposed(story: Story, told: Told, before: Finding) -> str:
+    """From records that cannot tell what was hidden, over the record that was proposed, to what is told with it."""
+    finding, proposal, key = told.finding, before.proposal, story.name
+    held = next((trace for trace in finding.traces if trace.role == "holdout"), finding.traces[0])
+    kept = listed(map(effect_words, told.hidden)) or "nothing"
+    motion = (
+        f"{_figure(motion_figure(proposal), f'{key}-motion')}{separations_table(proposal)}"
+        if proposal is not None
+        else "<p>Nothing was proposed.</p>"
+    )
+    return "".join(
+        [
+            f"<p>Kept from model and search: <b>{escape(kept)}</b>.</p>",
+            f"<h3>The first records</h3><p>{escape(headline(before))}"
+            f' <a href="{key}/{BEFORE}/{REPORT}">Their report</a>.</p>',
+            f"<h3>The record that close-loop proposes</h3>{motion}",
+            f"<h3>With that record</h3><p>{escape(headline(finding))}</p>{_truth_table(told)}",
+            f"<h3>Prediction, on a run that no fit has seen</h3><p>{escape(error_story(finding))}</p>",
+            _figure(trace_figure(panels(finding, held)[0], POINTS), f"{key}-held-out"),
+            f'<p><a href="{key}/{REPORT}">Report of close-loop</a>, <a href="{key}/{MODEL}">model</a>; beside them the'
+            f" scenario and record of every run, and the proposal in <code>{key}/{BEFORE}/{NEXT_TOML}</code>.</p>",
+        ]
+    )
 
 
 def _learned(story: Story, one: Learned) -> str:

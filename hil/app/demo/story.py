@@ -42,6 +42,7 @@ class Told:
     """What came of a story. `gate` holds the verdict on each stage that asked to be let in, `missions` the runs of
     those that were, and `hidden` what the simulated plant kept to itself; all three are empty where nothing was
     driven. `caution` is what the error must not be taken for, `truth` the numbers of what was hidden, by effect.
+    `before` is what was found without the record that it proposed.
     """
 
     finding: Finding
@@ -50,6 +51,7 @@ class Told:
     hidden: tuple[str, ...] = ()
     caution: str = ""
     truth: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    before: Finding | None = None
 
 
 @dataclass(frozen=True)

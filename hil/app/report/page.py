@@ -8,7 +8,7 @@ from html import escape
 
 from hil.app.quantities import number
 from hil.app.report.dependence import curves_figure, dependence_html, surface_figure
-from hil.app.report.document import document, heading, table
+from hil.app.report.document import document, heading
 from hil.app.report.effect_card import effect_card, symbols_of
 from hil.app.report.figure_map import agreement_figure, speed_map
 from hil.app.report.figure_motion import motion_figure
@@ -24,12 +24,12 @@ from hil.app.report.tables import (
     error_table,
     parameter_table,
     record_table,
+    separations_table,
     smallest_table,
     time_table,
 )
 from hil.app.report.theme import figure_html
 from hil.app.report.words import (
-    effect_words,
     error_story,
     headline,
     interpolation,
@@ -108,18 +108,8 @@ def _next(page: _Page, finding: Finding) -> str:
     said = f'<div class="next"><p>{escape(tidy(finding.next_experiment))}</p></div>'
     if finding.proposal is None:
         return said
-    rows = [
-        [
-            escape(effect_words(one.effect)),
-            escape(effect_words(one.rival)),
-            number(one.standard_deviations, 2),
-            f"{number(one.so_far, 2)} ({escape(one.best_record)})",
-        ]
-        for one in finding.proposal.separations
-    ]
-    head = ["effect", "rival", "expected separation, standard deviations", "best record so far"]
     return (
-        f"{said}{page.figure(motion_figure(finding.proposal))}{table(head, rows, left=2) if rows else ''}"
+        f"{said}{page.figure(motion_figure(finding.proposal))}{separations_table(finding.proposal)}"
         f"<p><code>{NEXT_CSV}</code>"
         f" holds this motion, <code>{NEXT_TOML}</code> the same as a reference: <code>capsule track</code>,"
         f" <code>sil</code> and <code>run</code> follow it with <code>--reference {NEXT_TOML}</code>.</p>"

@@ -13,7 +13,7 @@ from hil.app.quantities import DASH, amount, change, number, percent, quantity, 
 from hil.app.report.document import table
 from hil.app.report.mathml import symbol_html
 from hil.app.report.words import STAGE_WORDS, effect_words, error_scale, interpolation, parameter_words, scaled
-from models.identification.finding import STAGES, Estimate, Finding
+from models.identification.finding import STAGES, Estimate, Finding, Proposal
 
 PARTS = {"train": "training", "holdout": "held out"}
 _LOG = "log10_"
@@ -32,6 +32,23 @@ def error_table(finding: Finding) -> str:
             shown, gone = [shown[0], *(["interpolated"] * 2)], DASH
         rows.append([words, *shown, gone, amount(factor * finding.noise_floor, unit)])
     return table(["error", *(STAGE_WORDS[stage] for stage in STAGES), "gone", "noise floor"], rows)
+
+
+def separations_table(proposal: Proposal) -> str:
+    """What a proposed record would tell apart, and how well the records so far do; nothing where it is to show effects
+    only.
+    """
+    rows = [
+        [
+            escape(effect_words(one.effect)),
+            escape(effect_words(one.rival)),
+            number(one.standard_deviations, 2),
+            f"{number(one.so_far, 2)} ({escape(one.best_record)})",
+        ]
+        for one in proposal.separations
+    ]
+    head = ["effect", "rival", "expected separation, standard deviations", "best record so far"]
+    return table(head, rows, left=2) if rows else ""
 
 
 def parameter_table(estimates: dict[str, Estimate], nominal: dict[str, float] | None = None) -> str:

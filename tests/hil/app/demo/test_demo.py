@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -23,6 +24,7 @@ from controller.supervision.acceptance import Verdict
 from hil.app.demo.command import demo
 from hil.app.demo.learning import LEARNING, LearningStory
 from hil.app.demo.loop import LOOPS, SCENARIOS, Excitation, LoopStory, admitted
+from hil.app.demo.next_record import NEXT_RECORD
 from hil.app.demo.page import demo_html
 from hil.app.demo.story import PRINTED, Mission, Progress, Told
 from hil.app.demo.worker import told
@@ -30,8 +32,9 @@ from hil.app.learn import identify
 from hil.app.learn.identify import Answer
 from hil.app.main import run
 from hil.app.scenario.bus_scenario import load_sil_scenario, parse_sil_scenario
+from models.files.record import read_record
 from models.files.rig import parse_rig, read_rig
-from models.files.toml import toml_text
+from models.files.toml import read_toml, toml_text
 from models.identification import Model
 from models.identification.finding import STAGES, Finding
 from tests.hil.findings import pull_finding
@@ -192,6 +195,31 @@ class Quick:
         time_s, at_m, to_m = (finding.traces[0].signals[name][:50] for name in ("t_s", "x_m", "x_m"))
         missions = {stage: Mission(numbers, time_s, at_m, to_m) for stage in STAGES}
         return Told(finding, {stage: Verdict() for stage in STAGES[1:]}, missions, ("fold_periodic",))
+
+
+def test_records_that_cannot_tell_lead_to_the_one_that_tells(tmp_path: Path) -> None:
+    said: list[tuple[str, float]] = []
+    one = NEXT_RECORD.tell(tmp_path, 4, lambda stage, share: said.append((stage, share)))
+    (poor,) = one.before.effects if one.before else ()
+    (rich,) = one.finding.effects
+    assert {"tissue_drying"} < {poor.id, *poor.equivalent}
+    assert (rich.id, rich.equivalent) == ("tissue_drying", ())
+    assert one.hidden == ("tissue_drying",)
+    assert one.before
+    assert one.before.proposal
+    run, proposed = read_toml(tmp_path / "next.toml", "scenario")[0], one.before.proposal
+    assert run["scenario"]["duration_s"] == pytest.approx(proposed.times_s[-1], abs=1e-3)
+    driven = read_record(tmp_path / "next.csv", read_rig(tmp_path / "rig.toml"))
+    at = np.interp(driven["t_s"], proposed.motion["t_s"], proposed.motion["position_m"])
+    assert driven["position_m"] == pytest.approx(at, abs=1e-6)
+    assert [trace.role for trace in one.finding.traces].count("holdout") == 1
+    shares = [share for _, share in said]
+    assert shares == sorted(shares)
+    page = html.unescape(demo_html([(NEXT_RECORD, one)], 1.0))
+    assert "“named: tissue drying” with the proposed one" in page
+    assert "next_record/before/report.html" in page
+    nothing = replace(one, before=replace(one.before, proposal=None, verdict="unknown", effects=()))
+    assert "was “unknown” on the first records" in demo_html([(NEXT_RECORD, nothing)], 1.0)
 
 
 def test_a_run_learns_and_its_story_stands_in_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

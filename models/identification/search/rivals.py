@@ -21,6 +21,7 @@ from models.identification.search.validation import APART, TOLD, Array, ahead, f
 _GAIN = 0.3  # of the effect's gain in the logarithm of the cost, the most that a rival may leave
 _SCREENED = 0.3  # of the effect's share of the residual when screened, the least that a rival must explain
 _IMITATED = 0.1  # of what the effect leaves beyond the noise, the most by which a rival that imitates it may differ
+_FORM = 3e-3  # of the power that the effect explains, the most that a rival may leave for it to be a matter of form
 NEVER = 6.0
 """Standard errors at which a rival counts that no fit brought near."""
 
@@ -137,12 +138,14 @@ def _compared(
     model: FittedModel, training: Array, name: str, fitted: FittedModel, gain: float, imitated: bool
 ) -> Rival:
     """Alike where the difference is chance, or so small that it tells a finer shape and no other effect, or where the
-    rival has `imitated` the effect: the forms are no truer than that.
+    rival has `imitated` the effect: the forms are no truer than that. Catalogue forms leave up to 0.3 % of the power of
+    an effect whose form is another (docs/results/identification.md).
     """
     on_training = _training_blocks(fitted)
     behind = float(np.log(fitted.cost / model.cost))
     apart = max(ahead(model.blocks, fitted.blocks), ahead(training, on_training))
-    small = max(behind, float(np.log(on_training.sum() / training.sum()))) < TOLD
+    finer = max(TOLD, float(np.log1p(_FORM * np.expm1(gain))))
+    small = max(behind, float(np.log(on_training.sum() / training.sum()))) < finer
     return Rival(name, apart, bool(imitated or (behind < _GAIN * gain and (apart < APART or small))))
 
 

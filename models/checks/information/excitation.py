@@ -162,19 +162,31 @@ def _timed(rig: Rig, records: Sequence[Record]) -> tuple[View, ...]:
 
 
 def inseparable(rig: Rig, records: Sequence[Record], effects: Sequence[type[Effect]]) -> dict[str, tuple[str, ...]]:
-    """By an effect's id, its declared confounders that no form tells from it in these records: where the motion is one
-    course at one speed, whatever goes with the place goes with time as well.
+    """By an effect's id, its declared confounders, and theirs, that no form tells from it in these records: where the
+    motion is one course at one speed, whatever goes with the place goes with time as well.
     """
     views = _timed(rig, records)
     if not views or not Excitation(views).one_course:
         return {}
-    found: dict[str, tuple[str, ...]] = {}
-    for one in effects:
-        others = [e for e in effects if e.id in one.confounders or one.id in e.confounders]
-        apart = tuple(e.id for e in others if {*one.needs, *e.needs} >= {"places", "time"})
-        if apart:
-            found[one.id] = apart
-    return found
+    near = {
+        one.id: [
+            e.id
+            for e in effects
+            if (e.id in one.confounders or one.id in e.confounders) and {*one.needs, *e.needs} >= {"places", "time"}
+        ]
+        for one in effects
+    }
+    return {name: tuple(sorted(_reached(name, near) - {name})) for name, others in near.items() if others}
+
+
+def _reached(name: str, near: Mapping[str, Sequence[str]]) -> set[str]:
+    """All that leads to `name` over its neighbours, itself too."""
+    reached, waiting = {name}, [name]
+    while waiting:
+        new = set(near[waiting.pop()]) - reached
+        reached |= new
+        waiting += new
+    return reached
 
 
 def cannot_show(rig: Rig, records: Sequence[Record], effects: Sequence[type[Effect]]) -> dict[str, str]:

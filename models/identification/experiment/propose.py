@@ -15,7 +15,7 @@ from models.identification.experiment.question import Candidate, Question, quest
 from models.identification.finding import NEXT_CSV, Proposal, Separation
 from models.identification.fitting.fit import parallel
 from models.identification.kind import Kind
-from models.identification.search.candidates import Trial
+from models.identification.search.fitted_model import FittedModel
 from models.identification.search.forward_selection import Search
 
 _QUICK = "pull"
@@ -45,10 +45,13 @@ def propose(
     room = Room.of(records, COLUMNS[kind.name].driven[0][0])
     if not room.speed > 0 or not room.span > 0:
         return None
-    pairs = _pairs(found)
+    pairs = [
+        (_candidate(kind, effect, model), _candidate(kind, rival.effect, rival.fitted))
+        for effect, model, rival in found.doubts
+    ]
     if pairs:
         read = _beginnings(records, _READ_S if kind.name == _QUICK else _READ_SLOW_S)
-        asked = [question(kind, read, _model(kind, a), _model(kind, b), rng) for a, b in pairs[:_QUESTIONS]]
+        asked = [question(kind, read, *pair, rng) for pair in pairs[:_QUESTIONS]]
         plan, apart = _best(kind, room, asked, read, rng)
     elif shown is None:
         return None
@@ -107,21 +110,9 @@ def words_of(proposal: Proposal | None) -> str | None:
     )
 
 
-def _pairs(found: Search) -> list[tuple[Trial, Trial]]:
-    """Each effect that is found with each of its class, as they were tried."""
-    pairs = []
-    for name in found.effects:
-        for _, _, trials in found.rounds:
-            rows = {trial.effect: trial for trial in trials}
-            if name in rows:
-                pairs += [(rows[name], rows[other]) for other in found.equivalent.get(name, ()) if other in rows]
-    return pairs
-
-
-def _model(kind: Kind, trial: Trial) -> Candidate:
-    """A trial as a model in question."""
-    theta = {p.name: p.value for p in kind.base} | trial.thetas[0]
-    return Candidate(trial.effect, tuple(dict.fromkeys(name.split(".")[0] for name in theta if "." in name)), theta)
+def _candidate(kind: Kind, effect: str, model: FittedModel) -> Candidate:
+    """A fitted model in question."""
+    return Candidate(effect, model.effects, {p.name: p.value for p in kind.base} | model.thetas[0])
 
 
 def _beginnings(records: Sequence[Record], seconds: float) -> list[Record]:

@@ -21,7 +21,7 @@ from models.identification.search.fitted_model import FittedModel
 from models.identification.search.predictability import predictable, sensitivity_cost
 from models.identification.search.refinement import Known, refined, refined_at_last
 from models.identification.search.refit import calibrated, finished, refit, step_on, whole
-from models.identification.search.rivals import NEVER, rivals_of
+from models.identification.search.rivals import NEVER, Rival, rivals_of
 from models.identification.search.screening import Screened, null_distribution, records_for_null, screen
 from models.identification.search.validation import NEAR_NOISE, judged_cost
 
@@ -35,7 +35,9 @@ _AS_BEFORE = 1.2  # times what the fit on a part leaves there; free curves take 
 
 @dataclass
 class Search:
-    """Everything the search learned, for the report."""
+    """Everything the search learned, for the report. `doubts` holds each effect with the model and a rival that the
+    records cannot tell from it.
+    """
 
     calibrated: Fit
     augmented: Fit
@@ -44,6 +46,7 @@ class Search:
     refinements: list[str] = field(default_factory=list)
     gains: dict[str, float] = field(default_factory=dict)
     equivalent: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    doubts: list[tuple[str, FittedModel, Rival]] = field(default_factory=list)
     score: dict[str, float] = field(default_factory=dict)
     rounds: list[tuple[int, list[Screened], list[Trial]]] = field(default_factory=list)
     threshold: float = 0.0
@@ -224,6 +227,7 @@ def _compare_rivals(task: _Task, model: FittedModel, found: Search) -> None:
         alike = sorted((rival for rival in rivals if rival.alike), key=lambda rival: rival.apart)
         names = (*(rival.effect for rival in alike), *model.kind.equivalents.get(effect, ()))
         found.equivalent[effect] = tuple(name for name in dict.fromkeys(names) if name not in found.effects)
+        found.doubts += [(effect, model, rival) for rival in alike if rival.effect not in found.effects]
         nearest = min((rival.apart for rival in rivals if not rival.alike), default=NEVER)
         found.score[effect] = float(1 - 0.5 * np.exp(-0.5 * max(nearest, 0.0) ** 2))
 

@@ -28,14 +28,15 @@ NEVER = 6.0
 
 @dataclass(frozen=True)
 class Rival:
-    """A candidate in the place of a named effect: `apart`, the standard errors by which the model with the effect is
-    ahead of it, on the records left out or on those fitted, whichever tells more; `alike` where the records cannot
-    tell it.
+    """A candidate in the place of a named effect, `fitted`: `apart`, the standard errors by which the model with the
+    effect is ahead of it, on the records left out or on those fitted, whichever tells more; `alike` where the records
+    cannot tell it.
     """
 
     effect: str
     apart: float
     alike: bool
+    fitted: FittedModel
 
 
 def rivals_of(
@@ -52,7 +53,8 @@ def rivals_of(
     for name, fitted in (*_screened_rivals(model, effect, own, rest, screened), *_tried_rivals(model, rest, trials)):
         if name != effect and (name not in best or fitted.cost < best[name].cost):
             best[name] = fitted
-    rivals = {name: _compared(model, training, name, fitted, gain, False) for name, fitted in best.items()}
+    same = model.kind.equivalents.get(effect, ())
+    rivals = {name: _compared(model, training, name, fitted, gain, name in same) for name, fitted in best.items()}
     if not model.kind.beginnings_s:
         return list(rivals.values())
     alike = [name for name, rival in rivals.items() if rival.alike]
@@ -64,7 +66,7 @@ def rivals_of(
             fitted = min((fitted, best.get(other.id, fitted)), key=lambda one: one.cost)
             imitated = differs < _IMITATED * (float(training.mean()) - 1)
             seen.add(other.id)
-            rivals[other.id] = _compared(model, training, other.id, fitted, gain, imitated)
+            rivals[other.id] = _compared(model, training, other.id, fitted, gain, imitated or other.id in same)
             if rivals[other.id].alike:
                 waiting.append(other.id)
     return list(rivals.values())
@@ -134,19 +136,17 @@ def _tried_rivals(
                 yield trial.effect, model.fitted(fits, effects)
 
 
-def _compared(
-    model: FittedModel, training: Array, name: str, fitted: FittedModel, gain: float, imitated: bool
-) -> Rival:
+def _compared(model: FittedModel, training: Array, name: str, fitted: FittedModel, gain: float, same: bool) -> Rival:
     """Alike where the difference is chance, or so small that it tells a finer shape and no other effect, or where the
-    rival has `imitated` the effect: the forms are no truer than that. Catalogue forms leave up to 0.3 % of the power of
-    an effect whose form is another (docs/results/identification.md).
+    rival is the `same` to these records: it imitates the effect, or no form tells it. Catalogue forms leave up to 0.3 %
+    of the power of an effect whose form is another (docs/results/identification.md).
     """
     on_training = _training_blocks(fitted)
     behind = float(np.log(fitted.cost / model.cost))
     apart = max(ahead(model.blocks, fitted.blocks), ahead(training, on_training))
     finer = max(TOLD, float(np.log1p(_FORM * np.expm1(gain))))
     small = max(behind, float(np.log(on_training.sum() / training.sum()))) < finer
-    return Rival(name, apart, bool(imitated or (behind < _GAIN * gain and (apart < APART or small))))
+    return Rival(name, apart, bool(same or (behind < _GAIN * gain and (apart < APART or small))), fitted)
 
 
 def _training_blocks(model: FittedModel) -> Array:

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import welch
+from scipy.stats import chi2
 
 from models.checks.finding import RecordFinding, Severity
 from models.files.columns import COLUMNS, TIME
@@ -22,6 +24,11 @@ Mask = NDArray[np.bool_]
 _WINDOWS_S = (0.1, 0.2, 0.4, 0.8)
 _SHOWN = 0.3
 _STRETCH_S = 0.2
+VIBRATING = ("vibro",)
+"""Kinds of rig whose motion may be no slower than the sampling."""
+_SPECTRUM, _QUIETEST, _QUIET = 256, 0.1, 0.3
+_FLAT = 1.5  # times as loud as the quietest tenth, the most in the quietest three
+_OVERLAPPED = 0.95  # of the degrees of freedom of windows that overlap by half, what they count (Welch 1967)
 _STILL = 0.02  # of the fastest speed, below which a motion counts as rest
 
 
@@ -73,8 +80,8 @@ class View:
 
     @cached_property
     def noise(self) -> float:
-        """Standard deviation of white noise on the measured column, from the median of its second differences."""
-        return white_noise(self.y)
+        """Standard deviation of white noise on the measured column."""
+        return spectral_noise(self.y)[0] if self.kind in VIBRATING else white_noise(self.y)
 
     @cached_property
     def pushing(self) -> tuple[str, Array] | None:
@@ -141,6 +148,12 @@ class View:
         return np.asarray(np.abs(self.speed) > max(_STILL * fastest, 5 * self.speed_noise, 1e-7))
 
     @cached_property
+    def rests(self) -> Mask:
+        """Where nothing moves; under a vibrating mass where its drive is off, too."""
+        still = ~self.moves
+        return still & (self.record[self.driven] == 0) if self.kind in VIBRATING and self.driven else still
+
+    @cached_property
     def strokes(self) -> list[tuple[int, int, float]]:
         """Stretches of motion one way (first row, row after the last, direction) that last 0.2 s or more."""
         least = max(3, round(_STRETCH_S / self.dt))
@@ -182,6 +195,21 @@ def white_noise(x: Array) -> float:
     touches.
     """
     return float(np.median(np.abs(np.diff(x, 2)))) / 0.6745 / np.sqrt(6) if len(x) > 2 else 0.0
+
+
+def spectral_noise(x: Array) -> tuple[float, bool]:
+    """Standard deviation of white noise on `x`, from the quietest tenth of its spectrum (Welch, up to 256 samples a
+    window): motion only adds to it, also one that a few samples a swing follow no longer. And whether the spectrum is
+    flat there; where it is not, the motion is louder than the noise at every frequency and the value is a bound.
+    """
+    window = min(_SPECTRUM, len(x) // 8)
+    if window < 16:
+        return white_noise(x), True
+    _, power = welch(x, nperseg=window, detrend="linear")
+    quietest, quiet = np.quantile(power[2:-1], [_QUIETEST, _QUIET])
+    degrees = _OVERLAPPED * 2 * (2 * len(x) / window - 1)
+    std = float(np.sqrt(0.5 * quietest / (chi2.ppf(_QUIETEST, degrees) / degrees)))
+    return std, bool(quiet < _FLAT * quietest)
 
 
 def runs_of(mask: Mask) -> list[tuple[int, int]]:

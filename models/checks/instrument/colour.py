@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from models.checks.finding import RecordFinding
+from models.checks.instrument.outliers import without_outliers
 from models.checks.instrument.tones import tones
 from models.checks.view import View, runs_of
 
@@ -19,10 +20,10 @@ def neighbours_correlation(view: View) -> tuple[float, int]:
     """Correlation of neighbouring samples of the measured column at rest, without its tones and what a parabola over 40
     samples follows, and the number of samples that it rests on; 0 of 0 where there is too little rest.
     """
-    after = round(_SETTLED_S / view.dt)
+    view, after = View(without_outliers(view), view.rig), round(_SETTLED_S / view.dt)
     windows = [
         view.y[k : k + _WINDOW]
-        for a, b in runs_of(~view.moves)
+        for a, b in runs_of(view.rests)
         for k in range(a + after, b - _WINDOW + 1, _WINDOW)
         if view.timed
     ]

@@ -292,10 +292,11 @@ def series_noise(records: Sequence[Record], column: str, stated: float | None) -
     """Standard deviation of the noise of `column`: as stated, unless the records are noisier; the least number that
     counts as noise where neither says.
     """
-    values = [record[column][used(record)] for record in records if column in record.columns]
+    measured = [record for record in records if column in record.columns]
+    values = [record[column][used(record)] for record in measured]
     if not values:
         return stated or _NO_NOISE
-    told = float(np.median([told_noise(y) for y in values]))
+    told = float(np.median([told_noise(y, record.kind, stated) for y, record in zip(values, measured, strict=True)]))
     step = resolution(records, column)
     return max(noise_used(stated, told, float(np.ptp(np.concatenate(values))), step), _NO_NOISE)
 

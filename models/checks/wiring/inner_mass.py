@@ -1,0 +1,230 @@
+"""Sign, size and clock of a capsule that an inner mass shakes, against what the two masses would do in the air:
+friction holds the body back and leaves the shape of its swings.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.signal import StateSpace, butter, correlate, lsim, sosfiltfilt
+
+from models.checks.finding import RecordFinding
+from models.checks.view import Array, View
+from models.files.rig_tables import MOST_DRIFT
+
+_LONGEST_S = 0.15
+_BESIDE_S = (-0.008, 0.004)  # by which friction and a spring that is off move the swings
+_LATE_S = 0.018  # a shift that is one
+_BAND_HZ = (3.0, 60.0)
+_SURE, _FOLLOWS, _ALIKE = 0.7, 0.8, 0.85  # correlations
+_AHEAD = 0.15  # of a correlation over that without a shift or a drift
+_TURNED = 0.08  # of a correlation by which a shift may be ahead where the sign is turned
+_DRIFTED_S = 0.02  # from the first stamp to the last
+_MOST_DRIFTED_S, _STEP_S = 0.4, 0.01
+_SIZES = (0.2, 3.0)  # of the swings in the air; friction and a damped spring leave half and more
+_LEAST_S = 5.0
+_TOLD_TO_S = 0.01  # standard deviation of the lag told
+_DAMPED = 0.02  # of critical damping, at least
+
+
+@dataclass(frozen=True)
+class Answer:
+    """How the measured place goes with the body's in the air: correlations at `lags_s`, and standard deviations'
+    ratio.
+    """
+
+    lags_s: Array
+    correlation: Array
+    size: float
+
+    @property
+    def near(self) -> float:
+        """The strongest correlation about no lag at all, with its sign."""
+        low, high = _BESIDE_S
+        low = min(low, -1.01 * (self.lags_s[1] - self.lags_s[0]))
+        beside = self.correlation[(self.lags_s >= low) & (self.lags_s <= high)]
+        return float(beside[np.argmax(np.abs(beside))])
+
+    @property
+    def late_s(self) -> float:
+        """Where the correlation is largest."""
+        return float(self.lags_s[np.argmax(self.correlation)])
+
+    @property
+    def best(self) -> float:
+        """The largest correlation."""
+        return float(np.max(self.correlation))
+
+    @property
+    def turned(self) -> bool:
+        """Whether the place goes against the body's."""
+        return self.near < -_SURE and self.best < -self.near + _TURNED
+
+
+def check_inner_mass(view: View) -> list[RecordFinding]:
+    """Whether a shaken capsule goes where its drive takes it, as far, and when."""
+    if view.kind != "vibro" or not view.timed or view.rig.drive is None or view.driven is None:
+        return []
+    if not np.ptp(view.record[view.driven]) and np.ptp(view.y) > 100 * view.noise:
+        return [_no_drive(view, view.driven)]
+    both = swings(view)
+    if both is None:
+        return []
+    answer, where = _answer(*both, view.dt), f"{view.measured} against {view.driven}, throughout"
+    if answer.turned:
+        late = f", or it comes about {_late(answer.late_s)}" if answer.best > _SURE else ""
+        return [
+            view.finding(
+                "drive_sign",
+                "stops",
+                where,
+                f"{view.measured} goes forward where {view.driven} drives the body back: one of the two has its sign"
+                f" turned round{late}",
+                f"correlation {answer.near:.2f} with the swings that the two masses would make in the air",
+                view.columns_line(view.measured, sign=-view.rig.columns.entry(view.measured).sign),
+            )
+        ]
+    if answer.best >= _ALIKE and not _SIZES[0] < answer.size < _SIZES[1]:
+        return [
+            view.finding(
+                "units",
+                "stops",
+                where,
+                f"{view.measured} swings {answer.size:.2g} times as far as the two masses would in the air: another"
+                " unit, of it, of the drive's force or of a mass?",
+                f"correlation {answer.best:.2f} with those swings",
+                f"{view.columns_line(view.measured, unit='...')} with the unit of the file, or [drive] and [capsule]",
+            )
+        ]
+    return _clock(view, both, answer, where)
+
+
+def _no_drive(view: View, driven: str) -> RecordFinding:
+    return view.finding(
+        "drive_constant",
+        "stops",
+        f"{driven}, throughout",
+        f"{driven} is {view.record[driven][0]:g} throughout, while {view.measured} moves by"
+        f" {1e3 * float(np.ptp(view.y)):.3g} mm: a switch that enables the drive is not what drives it",
+        "all values are equal",
+        "log what the coil gets, pulse by pulse",
+    )
+
+
+def _clock(view: View, both: tuple[Array, Array], answer: Answer, where: str) -> list[RecordFinding]:
+    """A place that is stamped late, or ever later."""
+    drift = _drift(view, both, answer.best)
+    if drift:
+        known = drift + (view.rig.clock.drift if view.rig.clock else 0.0)
+        return [
+            view.finding(
+                "clock_drift",
+                "weakens",
+                where,
+                f"{view.measured} comes {1e3 * abs(drift):.3g} ms {'later' if drift > 0 else 'earlier'} with every"
+                " second: two clocks that do not run alike",
+                "the shift at which the swings in the air fit best, over the record",
+                f"[clock] drift = {known:.2g}",
+            )
+        ]
+    if answer.best < _ALIKE or abs(answer.late_s) <= _LATE_S or answer.best < max(answer.near, 0.0) + _AHEAD:
+        return []
+    return [
+        view.finding(
+            "clock_offset",
+            "note",
+            where,
+            f"{view.measured} comes about {_late(answer.late_s)} than the drive that makes it: two clocks, a filter or"
+            " a slow sensor",
+            f"correlation {answer.best:.2f} with the swings in the air then, {answer.near:.2f} without a shift",
+            f"[clock] offset_s = {answer.late_s:.2g}, offset_std_s = {_TOLD_TO_S:g}",
+        )
+    ]
+
+
+def _late(lag_s: float) -> str:
+    return f"{1e3 * abs(lag_s):.0f} ms {'later' if lag_s > 0 else 'earlier'}"
+
+
+def _drift(view: View, both: tuple[Array, Array], best: float) -> float:
+    """By how many s the place comes later with every second: where that lets it follow the swings in the air clearly
+    better than the `best` correlation without; else 0.
+    """
+    (x, y), at = both, np.arange(len(both[0])) * view.dt
+    length = float(at[-1])
+    share = at / length
+
+    def apart(drifted: float) -> float:
+        return 1 - _answer(x, np.interp(at + drifted * share, at, y), view.dt).best
+
+    most = min(_MOST_DRIFTED_S, MOST_DRIFT * length)
+    grid = np.arange(-most, most + _STEP_S / 2, _STEP_S)
+    near = float(grid[np.argmin([apart(float(drifted)) for drifted in grid])])
+    found = minimize_scalar(apart, bounds=(near - _STEP_S, near + _STEP_S), method="bounded")
+    follows = 1 - float(found.fun)
+    told = follows >= _FOLLOWS and follows > best + _AHEAD and abs(found.x) > _DRIFTED_S
+    return float(found.x) / length if told else 0.0
+
+
+def swings(view: View) -> tuple[Array, Array] | None:
+    """The body's place under the drive in the air and the measured one, both on an even grid and in the band of the
+    vibration, shape (n,); None where the record is too short or too slow for it, or its drive cannot be told.
+    """
+    force, nyquist = _force(view), 0.5 / view.dt
+    if force is None or view.t[-1] - view.t[0] < _LEAST_S or nyquist < 2 * _BAND_HZ[0] or not np.ptp(force):
+        return None
+    grid = np.arange(view.t[0], view.t[-1], view.dt)
+    order = np.argsort(view.t, kind="stable")
+    driven, y = (np.interp(grid, view.t[order], values[order]) for values in (force, view.y))
+    x = _in_the_air(view, driven - driven.mean(), grid - grid[0])
+    band = butter(2, (_BAND_HZ[0], min(_BAND_HZ[1], 0.8 * nyquist)), "band", fs=1 / view.dt, output="sos")
+    a, b = sosfiltfilt(band, x), sosfiltfilt(band, y)
+    return (a, b) if np.ptp(a) and np.ptp(b) else None
+
+
+def _force(view: View) -> Array | None:
+    """The force in N on the inner mass that the driven column stands for; None where the rig file does not say."""
+    drive = view.rig.drive
+    if drive is None or view.driven is None:
+        return None
+    values = view.record[view.driven]
+    if view.driven == "drive_on":
+        return np.asarray(drive.force_N * values)
+    if drive.rated_voltage_V is not None:
+        return np.asarray(drive.force_N / drive.rated_voltage_V * values)
+    if drive.force_constant_N_per_A is None or drive.coil_resistance_Ohm is None:
+        return None
+    return np.asarray(drive.force_constant_N_per_A / drive.coil_resistance_Ohm * values)
+
+
+def _in_the_air(view: View, force: Array, t: Array) -> Array:
+    """The body's place in m under `force` in N on the inner mass: `m w' = F - S`, `M v' = S - a F`,
+    `S = k r + c r'` (a = 1 where the coil sits on the body), from rest.
+    """
+    drive, body = view.rig.drive, view.rig.capsule.mass_kg
+    assert drive is not None
+    m, k = drive.inner_mass_kg, drive.spring_stiffness_N_per_m
+    c = max(drive.spring_damping_N_s_per_m, _DAMPED * 2 * float(np.sqrt(k * m)))
+    a = float(drive.reaction_on_body)
+    system = StateSpace(
+        [[0, 1, 0, 0], [-k / m - k / body, -c / m - c / body, 0, 0], [k / body, c / body, 0, 0], [0, 0, 1, 0]],
+        [[0], [1 / m + a / body], [-a / body], [0]],
+        [[0, 0, 0, 1]],
+        [[0]],
+    )
+    _, place, _ = lsim(system, force, t)
+    return np.asarray(place)
+
+
+def _answer(x: Array, y: Array, dt: float) -> Answer:
+    """Correlations of `y` with `x` moved by up to 0.15 s."""
+    most = max(1, round(_LONGEST_S / dt))
+    inner, among = x[most:-most] - x[most:-most].mean(), len(x) - 2 * most
+    sums, squares = (np.cumsum(np.concatenate([[0.0], one])) for one in (y, y**2))
+    mean, power = ((one[among:] - one[:-among]) / among for one in (sums, squares))
+    deviation = np.sqrt(np.maximum(power - mean**2, 1e-300))
+    rows = correlate(y, inner, "valid", "fft") / (deviation * max(float(np.std(inner)), 1e-300) * among)
+    lags = dt * np.arange(-most, most + 1, dtype=np.float64)
+    return Answer(lags, np.asarray(rows), float(np.std(y) / np.std(x)))

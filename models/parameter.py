@@ -21,7 +21,8 @@ class Parameter:
     """One number: `value` in `unit`, believed to lie in [`lower`, `upper`], taken from `source`; `fit` lets calibration
     change it, which `spread` (a standard deviation, beside data in units of their noise) holds to `value` where the
     data say little. `role` tells a search what it is: the "phase" of a cycle, which follows from two quadratures, or a
-    "place" along the lumen, which may lie anywhere on a record's track.
+    "place" along the lumen, which may lie anywhere on a record's track. Below the size `least`, of either sign, its
+    effect is a case of one of its confounders.
     """
 
     name: str
@@ -33,6 +34,7 @@ class Parameter:
     fit: bool = False
     spread: float = float("inf")
     role: Literal["", "phase", "place"] = ""
+    least: float = 0.0
 
     def __post_init__(self) -> None:
         if not self.lower <= self.value <= self.upper:

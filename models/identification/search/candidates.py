@@ -16,6 +16,7 @@ from models.identification.fitting.fit import NARROW, Fit, Problem, costs_of, de
 from models.identification.kind import Kind, had
 from models.identification.search.fitted_model import Fits, FittedModel
 from models.identification.search.growing_horizon import FROM_CLOSE, QUICK, GrowingHorizon, base_known, eliminate
+from models.identification.search.own_range import within
 from models.identification.search.refit import begins, refit, step_on
 from models.identification.search.screening import Screened
 from models.identification.search.validation import (
@@ -85,7 +86,16 @@ def compare_candidates(model: FittedModel, screened: Sequence[Screened], moved: 
     refinable = min((trial.blocks.mean() for trial in trials), default=0.0) > NEAR_NOISE
     helped = [_with_refinements(model, trial, fitted[trial.effect].theta if refinable else {}) for trial in trials]
     trials = from_the_best(model, trials, helped) if model.kind.beginnings_s else helped
+    trials = [_as_called(model, trial) for trial in trials]
     return sorted(trials, key=lambda trial: -trial.gain)
+
+
+def _as_called(model: FittedModel, trial: Trial) -> Trial:
+    """The trial where its effect is what it is called."""
+    moved = within(model.kind, model.splits, [*model.effects, trial.effect], trial.effect, trial.thetas)
+    if moved is None:
+        return trial
+    return against(model.blocks, trial.effect, moved, block_costs(model.kind, model.splits, moved))
 
 
 def _refinements(kind: Kind, name: str) -> list[str]:

@@ -14,6 +14,7 @@ from models.identification.kind import effects_in, had
 from models.identification.search.candidates import BEHIND, FINAL, POOL, Trial, opening, without
 from models.identification.search.fitted_model import FittedModel
 from models.identification.search.growing_horizon import prefixes
+from models.identification.search.own_range import within
 from models.identification.search.refit import step_on
 from models.identification.search.screening import Screened
 from models.identification.search.validation import APART, TOLD, Array, ahead, free_run, judged, judged_cost
@@ -54,6 +55,7 @@ def rivals_of(
         if name != effect and (name not in best or fitted.cost < best[name].cost):
             best[name] = fitted
     same = model.kind.equivalents.get(effect, ())
+    best = {name: _as_called(fitted, name) for name, fitted in best.items()}
     rivals = {name: _compared(model, training, name, fitted, gain, name in same) for name, fitted in best.items()}
     if not model.kind.beginnings_s:
         return list(rivals.values())
@@ -87,7 +89,15 @@ def _imitation(
         near = step_on(kind, made, effects, start)
         differs.append(judged_cost(kind, made, near.theta))
         fits.append(step_on(kind, part, effects, near.theta).theta)
-    return model.fitted(fits, effects), max(differs)
+    fitted = model.fitted(fits, effects)
+    called = _as_called(fitted, other.id)
+    return called, max(differs) if called is fitted else float("inf")
+
+
+def _as_called(fitted: FittedModel, effect: str) -> FittedModel:
+    """The fit where its `effect` is what it is called."""
+    moved = within(fitted.kind, fitted.splits, fitted.effects, effect, fitted.thetas)
+    return fitted if moved is None else fitted.fitted(moved)
 
 
 def _confounded(one: str, other: str) -> bool:

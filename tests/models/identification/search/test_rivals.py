@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import tomllib
+
 import numpy as np
 import pytest
 
 from models.effects.effect import Effect
 from models.effects.force.incline_gravity import InclineGravity
+from models.effects.force.peristaltic_wave import PeristalticWave
+from models.effects.force.respiration import Respiration
 from models.effects.force.spring_over_position import SpringOverPosition
 from models.effects.friction.lumen_taper import LumenTaper
 from models.files.record import Record
@@ -20,9 +24,10 @@ from models.identification.search.refit import refit
 from models.identification.search.rivals import rivals_of
 from models.identification.search.screening import screen
 from models.identification.search.validation import block_costs
+from tests.rig_texts import GUT
 
 RIG = parse_rig({"rig": {"kind": "axis"}, "noise": {"force_std_N": 0.1}})
-SPRING = "spring_over_position"
+SPRING, WAVE = "spring_over_position", PeristalticWave.id
 
 
 def record(seed: int, to_and_fro: bool) -> Record:
@@ -110,3 +115,42 @@ def test_an_effect_that_can_imitate_another_stands_in_its_class() -> None:
     rivals = {rival.effect: rival for rival in rivals_of(model, InclineGravity.id, 3.0, [], [])}
     assert rivals["directional_asymmetry"].alike
     assert not rivals["sensor_bias"].alike
+
+
+def breathing(span_m: float) -> tuple[FittedModel, list[dict[str, float]]]:
+    """A pull to and fro through `span_m` under a force in time, the model that made it, and a wave that is as long."""
+    rig = parse_rig({"rig": {"kind": "pull"}, "noise": {"force_std_N": 1e-3}, **tomllib.loads(GUT)})
+    t = np.arange(0, 16, 1e-2)
+    records = [
+        Record(
+            f"r{k}",
+            "pull",
+            {
+                "t_s": t,
+                "position_m": span_m * (0.5 - 0.5 * np.cos((0.5 + 0.1 * k) * t)),
+                "force_N": np.sin(t),
+            },
+        )
+        for k in range(2)
+    ]
+    kind = kind_for(rig, records)
+    assert isinstance(kind, SeriesKind)
+    theta = {**kind.nominal(), **Respiration.start(), "respiration.force_N": 0.015}
+    rng = np.random.default_rng(3)
+    records = [r.with_column("force_N", kind.predict(r, theta) + 1e-3 * rng.standard_normal(len(t))) for r in records]
+    splits = kind.splits(records)
+    wave = {name.replace("respiration", WAVE): value for name, value in theta.items()}
+    return FittedModel.of(kind, splits, [Respiration.id], [theta for _ in splits]), [
+        {**wave, f"{WAVE}.wavenumber_per_m": 0.1} for _ in splits
+    ]
+
+
+@pytest.mark.parametrize(("span_m", "alike"), [(0.03, False), (0.3e-3, True)])
+def test_a_wave_that_stands_everywhere_at_once_is_no_rival_of_a_force_in_time(span_m: float, alike: bool) -> None:
+    """A wave at least: over 30 mm it would come late by a tenth of a turn, over 0.3 mm by nothing that shows."""
+    model, waves = breathing(span_m)
+    assert model.fitted(waves, [WAVE]).cost == pytest.approx(model.cost, rel=0.05)
+    trial = Trial(WAVE, tuple(waves), 3.0, 1.0, model.blocks)
+    rivals = {rival.effect: rival for rival in rivals_of(model, Respiration.id, 3.0, [], [trial])}
+    assert rivals[WAVE].alike == alike
+    assert all(abs(theta[f"{WAVE}.wavenumber_per_m"]) >= 3.5 for theta in rivals[WAVE].fitted.thetas)

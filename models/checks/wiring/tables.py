@@ -1,0 +1,162 @@
+"""Tables (friction, moduli, mean speeds, slip periods): values that no such rig gives, signs that give energy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
+
+import numpy as np
+
+from models.checks.finding import RecordFinding
+from models.checks.view import View
+from models.files.columns import COLUMNS, first_wrong, range_of
+
+_USUAL: Mapping[tuple[str, str], tuple[float, float, str]] = MappingProxyType(
+    {
+        ("periods", "period_s"): (1e-3, 60.0, "s"),
+        ("periods", "valley_N"): (0.0, 5.0, "N"),
+        ("periods", "peak_N"): (1e-4, 5.0, "N"),
+        ("vibro_table", "mean_velocity_m_s"): (0.0, 1.0, "m/s"),
+        ("friction", "velocity_m_s"): (0.0, 20.0, "m/s"),
+        ("friction", "friction_coefficient"): (1e-4, 10.0, "as a coefficient"),
+    }
+)
+_RATIO = 50.0  # of a drive's period to its spring's, or the inverse: far from anything that moves a capsule
+_LOSS = (1e-4, 20.0)  # loss over storage modulus, of metals to liquids
+_LEAST_CONDITIONS = 3
+_MOST_AGAINST = 0.1  # of the conditions, those that may have another sign
+
+
+def check_table(view: View) -> list[RecordFinding]:
+    """What is wrong with a table before any fit."""
+    if COLUMNS[view.kind].time or not len(view.record):
+        return []
+    wrong = _out_of_range(view)
+    return wrong or [*_constant(view), *_OWN.get(view.kind, _nothing)(view)]
+
+
+def _out_of_range(view: View) -> list[RecordFinding]:
+    """Columns with a value that they cannot have, or whose usual value is none of such rigs."""
+    found = []
+    for column, values in view.record.columns.items():
+        limits, row = range_of(view.kind, column), first_wrong(view.kind, column, values)
+        usual = _USUAL.get((view.kind, column))
+        size = float(np.nanmax(np.abs(values)))
+        if limits is not None and row is not None:
+            said, where = f"must be {limits[2]}; got {values[row]:g}", view.at([row])
+        elif usual is not None and not usual[0] <= size <= usual[1]:
+            said, where = f"goes up to {size:.3g}; such rigs do {usual[0]:g} to {usual[1]:g} {usual[2]}", "throughout"
+        else:
+            continue
+        found.append(
+            view.finding(
+                "units",
+                "stops",
+                f"{column}, {where}",
+                f"{column} {said}: another unit, or another way to say it?",
+                "values against what the column can hold",
+                f"{view.columns_line(column, unit='...')} with the unit of the file",
+            )
+        )
+    return found
+
+
+def _constant(view: View) -> list[RecordFinding]:
+    """A measured column that is the same under every condition."""
+    driven = [name for names in view.record.layout.driven for name in names if name in view.record.columns]
+    conditions = len(np.unique(np.column_stack([view.record[name] for name in driven]), axis=0)) if driven else 0
+    if conditions < _LEAST_CONDITIONS or np.ptp(view.y):
+        return []
+    return [
+        view.finding(
+            "no_response",
+            "stops",
+            f"{view.measured}, throughout",
+            f"{view.measured} must change to tell anything; got {view.y[0]:.6g} throughout: was it measured?",
+            f"all values are equal, under {conditions} conditions",
+            "log the sensor, or give the column that holds it: [columns]",
+        )
+    ]
+
+
+def _friction(view: View) -> list[RecordFinding]:
+    """Friction resists: its sign is that of the speed, wherever it is measured both ways."""
+    speed, friction = view.record["velocity_m_s"], view.y
+    against = np.sign(speed) * np.sign(friction) < 0
+    if view.measured == "friction_coefficient" or not against.any():
+        return []
+    if np.mean(against) > 1 - _MOST_AGAINST:
+        return [
+            view.finding(
+                "force_sign",
+                "stops",
+                f"{view.measured} against velocity_m_s, throughout",
+                f"{view.measured} has the sign of a force that drives the motion which it should resist",
+                f"{int(against.sum())} of {len(against)} conditions with force and speed of opposite signs",
+                view.columns_line(view.measured, sign=-view.rig.columns.entry(view.measured).sign),
+            )
+        ]
+    both = (speed > 0).any() and (speed < 0).any()
+    if both and len(np.unique(np.sign(friction))) == 1:
+        return [
+            view.finding(
+                "force_unsigned",
+                "stops",
+                f"{view.measured} against velocity_m_s, throughout",
+                f"{view.measured} has one sign at speeds of both: its sign was not logged",
+                f"{int((speed < 0).sum())} of {len(speed)} conditions at negative speeds",
+                "log both with their signs, or both without",
+            )
+        ]
+    return []
+
+
+def _moduli(view: View) -> list[RecordFinding]:
+    """Loss over storage modulus, as every material has it."""
+    ratio = view.record["loss_modulus_Pa"] / view.record["storage_modulus_Pa"]
+    usual = float(np.median(ratio))
+    if _LOSS[0] <= usual <= _LOSS[1]:
+        return []
+    return [
+        view.finding(
+            "units",
+            "stops",
+            "loss_modulus_Pa against storage_modulus_Pa, throughout",
+            f"loss_modulus_Pa is {usual:.3g} times storage_modulus_Pa; materials have {_LOSS[0]:g} to {_LOSS[1]:g}:"
+            " another unit of one of the two?",
+            "median of the ratio",
+            f"{view.columns_line('loss_modulus_Pa', unit='...')} with the unit of the file",
+        )
+    ]
+
+
+def _mean_speeds(view: View) -> list[RecordFinding]:
+    """The drive's periods beside its spring's."""
+    drive = view.rig.drive
+    if drive is None or not drive.spring_stiffness_N_per_m:
+        return []
+    own = 2 * math.pi * math.sqrt(drive.inner_mass_kg / drive.spring_stiffness_N_per_m)
+    usual = float(np.median(view.record["period_s"]))
+    if own / _RATIO <= usual <= own * _RATIO:
+        return []
+    return [
+        view.finding(
+            "units",
+            "stops",
+            "period_s, throughout",
+            f"period_s is {usual:.3g}, where the inner mass swings on its spring in {own:.3g} s: another unit, or a"
+            " frequency?",
+            "median of the periods against the spring and the mass of the rig file",
+            f"{view.columns_line('period_s', unit='ms')}, where the file is in ms",
+        )
+    ]
+
+
+def _nothing(view: View) -> Sequence[RecordFinding]:
+    return ()
+
+
+_OWN: Mapping[str, Callable[[View], Sequence[RecordFinding]]] = MappingProxyType(
+    {"friction": _friction, "dma": _moduli, "vibro_table": _mean_speeds}
+)

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 _WINDOWS_S = (0.1, 0.2, 0.4, 0.8)
 _SHOWN = 0.3
-_STRETCH_S = 0.2
+_STRETCH_S, _SETTLED_S = 0.2, 0.3
 VIBRATING = ("vibro",)
 """Kinds of rig whose motion may be no slower than the sampling."""
 _SPECTRUM, _QUIETEST, _QUIET = 256, 0.1, 0.3
@@ -152,6 +152,16 @@ class View:
         """Where nothing moves; under a vibrating mass where its drive is off, too."""
         still = ~self.moves
         return still & (self.record[self.driven] == 0) if self.kind in VIBRATING and self.driven else still
+
+    def windows_at_rest(self, samples: int) -> Array:
+        """Pieces of so many samples of the measured column at rest, 0.3 s and more after a motion, shape (n, samples);
+        in that time a wall may still draw back.
+        """
+        after = round(_SETTLED_S / self.dt)
+        rows = [
+            self.y[k : k + samples] for a, b in runs_of(self.rests) for k in range(a + after, b - samples + 1, samples)
+        ]
+        return np.array(rows).reshape(-1, samples)
 
     @cached_property
     def strokes(self) -> list[tuple[int, int, float]]:

@@ -257,7 +257,7 @@ FAULTS: Final = {
     "held values": Fault(held, "held_values", (3.0, 5.0, 10.0), "times"),
     "coarse resolution": Fault(coarse, "resolution", (3.0, 10.0, 30.0), "std of noise"),
     "outliers": Fault(spiked, "outliers", (0.1, 0.3, 1.0), "of the span"),
-    "mains": Fault(humming, "tone", (0.3, 1.0, 3.0), "std of noise", ("pull",)),
+    "mains": Fault(humming, "tone", (0.3, 1.0, 3.0), "std of noise", ("pull", "magnetic", "coil")),
     "more noise than stated": Fault(noisy, "noise_stated", (1.5, 2.0, 4.0), "times"),
     "coloured noise": Fault(coloured, "noise_coloured", (0.5, 0.8, 0.95), "of the sample before", ("pull", "magnetic")),
     "stamps begin again": Fault(restarted, "stamps_restart", (0.5,), "of the record"),

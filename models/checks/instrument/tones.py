@@ -13,10 +13,48 @@ _LOWEST_HZ = 5.0
 _ABOVE = 30.0  # times the median of the neighbouring frequencies, in every segment
 _MAINS_HZ = (50.0, 60.0)
 _NEAR = 0.012
+_WINDOW, _FEWEST = 120, 4  # samples of a window at rest, and windows
+_SURE, _OVER = 6.0, 2.0  # standard errors over white noise; times the frequencies beside
 
 
 def tones(view: View) -> list[tuple[float, float]]:
-    """Frequency in Hz and amplitude of each tone of the measured column that every stretch of the record shows."""
+    """Frequency in Hz and amplitude of each tone of the measured column that every stretch of the record shows, and of
+    mains that its rests show.
+    """
+    found = _throughout(view)
+    return found + [mains for mains in _at_rest(view) if all(abs(mains[0] - hertz) > 2.0 for hertz, _ in found)]
+
+
+def _at_rest(view: View) -> list[tuple[float, float]]:
+    """Mains in what a parabola leaves of the windows at rest: a power there by far over white noise's, and over that of
+    frequencies beside it.
+    """
+    if not view.timed:
+        return []
+    rows = view.windows_at_rest(_WINDOW)
+    hertz = [mains for mains in _MAINS_HZ if 1.3 * mains * view.dt < 0.5]
+    if len(rows) < _FEWEST or not hertz:
+        return []
+    at = np.arange(_WINDOW)
+    slow, _ = np.linalg.qr(np.vander(at, 3).astype(float))
+    left = rows - rows @ slow @ slow.T
+
+    def power(frequency: float) -> float:
+        turn = 2 * np.pi * frequency * view.dt * at
+        wave = np.column_stack([np.sin(turn), np.cos(turn)])
+        wave, _ = np.linalg.qr(wave - slow @ (slow.T @ wave))
+        return float(np.mean(np.sum((left @ wave) ** 2, axis=1)))
+
+    found = []
+    for mains in hertz:
+        own, beside = power(mains), max(power(0.75 * mains), power(1.25 * mains))
+        white = 2 * (float(np.mean(np.sum(left**2, axis=1))) - own) / (_WINDOW - 5)
+        if own > (1 + _SURE / np.sqrt(len(rows))) * white and own > _OVER * beside:
+            found.append((mains, float(np.sqrt(2 * (own - white) / _WINDOW))))
+    return found
+
+
+def _throughout(view: View) -> list[tuple[float, float]]:
     n = len(view.y) // _SEGMENTS
     if not view.timed or n < 128 or view.kind in ("vibro",):
         return []
@@ -56,8 +94,8 @@ def check_tones(view: View) -> list[RecordFinding]:
             "tone",
             "note",
             f"{view.measured}, throughout",
-            f"{view.measured} carries tones in every part of the record, whatever the motion does: {', '.join(shown)}",
-            f"lines more than {_ABOVE:g} times their neighbourhood in each of {_SEGMENTS} stretches",
+            f"{view.measured} carries tones, whatever the motion does: {', '.join(shown)}",
+            f"lines more than {_ABOVE:g} times their neighbourhood in each of {_SEGMENTS} stretches, or mains at rest",
             "mains: shield and ground the sensor, or average over whole periods; ringing: damp the mount",
         )
     ]

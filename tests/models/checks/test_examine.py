@@ -512,3 +512,13 @@ def test_magnets_too_near_to_be_dipoles_are_told() -> None:
         findings = [f for f in examine(paired, [Record("r", "magnetic", made)]) if f.id == "near_magnets"]
         assert bool(findings) == told
         assert all("too strong" in finding.sentence and "from 0.13 m on" in finding.sentence for finding in findings)
+
+
+@pytest.mark.parametrize("hertz", [50.0, 60.0])
+def test_mains_below_the_noise_are_told_at_rest(hertz: float) -> None:
+    c, size = pull(), 0.7 * NOISE
+    hum = size * np.sin(2 * np.pi * hertz * c["t_s"])
+    (found,) = [f for f in examine(rig(), [record(c | {"force_N": c["force_N"] + hum})]) if f.id == "tone"]
+    told, _, amplitude = found.sentence.rpartition(": ")[2].partition(" Hz (")
+    assert float(told) == pytest.approx(hertz, rel=0.01)
+    assert float(amplitude.split()[0]) == pytest.approx(size, rel=0.3)

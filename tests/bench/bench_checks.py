@@ -29,7 +29,8 @@ from plant.experiments.series import Kind, make_series
 from plant.hidden.registry import HIDDEN, hidden
 from tests.places import SHARED
 
-KINDS: Final[tuple[Kind, ...]] = ("pull", "magnetic", "coil", "vibro_plate")
+KINDS: Final[tuple[Kind, ...]] = ("pull", "magnetic", "coil", "vibro_plate", "vibro")
+SHAKEN: Final = ("vibro", "vibro_plate")
 NOISES: Final = (0.3, 1.0, 5.0)
 
 Spoil = Callable[[View, float, np.random.Generator], Record]
@@ -229,6 +230,11 @@ def again(view: View, size: float, rng: np.random.Generator) -> Record:
     return _measured(view, size * view.record[str(view.driven)])
 
 
+def enabled(view: View, size: float, rng: np.random.Generator) -> Record:
+    """The driven column on throughout."""
+    return view.record.with_column(str(view.driven), np.ones(len(view.t)))
+
+
 def dead(view: View, size: float, rng: np.random.Generator) -> Record:
     """The measured column `size` throughout."""
     return _measured(view, np.full_like(view.y, size))
@@ -245,7 +251,7 @@ def wrapped(view: View, size: float, rng: np.random.Generator) -> Record:
 
 
 FAULTS: Final = {
-    "sign turned round": Fault(turned, "force_sign drive_sign", (1.0,), "", ("pull", "magnetic")),
+    "sign turned round": Fault(turned, "force_sign drive_sign", (1.0,), "", ("pull", "magnetic", *SHAKEN)),
     "sign of the drive turned round": Fault(driven_scaled, "force_sign", (-1.0,), "times", ("coil",)),
     "other unit of the drive": Fault(driven_scaled, "force_size", (1000.0, 10.0, 0.1), "times", ("coil",)),
     "sign not logged": Fault(unsigned, "force_unsigned", (1.0,), "", ("pull",)),
@@ -270,9 +276,10 @@ FAULTS: Final = {
     "missing samples": Fault(lost, "stamps_missing", (0.001, 0.01, 0.05), "of the samples"),
     "pause": Fault(paused, "pause", (0.1, 0.5, 2.0), "s"),
     "late force": Fault(late, "clock_offset", (0.01, 0.02, 0.04), "s", ("pull",)),
-    "drifting clock": Fault(drifting, "clock_drift", (0.04, 0.1, 0.2), "s in all", ("pull", "magnetic")),
+    "late place": Fault(late, "clock_offset", (0.02, 0.03, 0.04), "s", SHAKEN),
+    "drifting clock": Fault(drifting, "clock_drift", (0.04, 0.1, 0.2), "s in all", ("pull", "magnetic", *SHAKEN)),
     "other unit": Fault(scaled, "units", (1000.0, 1e-3), "times", ("pull", "magnetic", "coil")),
-    "other unit of the capsule's place": Fault(other_unit, "units", (10.0, 0.1), "times", ("magnetic",)),
+    "other unit of the capsule's place": Fault(other_unit, "units", (10.0, 0.1), "times", ("magnetic", *SHAKEN)),
     "other unit of the force": Fault(other_unit, "force_size units", (10.0, 0.1, 102.0, 1000.0), "times", ("pull",)),
     "sensor lost": Fault(cut_off, "sensor_silent", (0.2, 1.0, 4.0), "s"),
     "no value": Fault(unanswered, "no_values", (1.0, 10.0, 100.0), "samples"),
@@ -280,6 +287,7 @@ FAULTS: Final = {
     "zero elsewhere": Fault(offset, "zeros_apart", (0.5, 1.0, 2.0), "of the span", ("pull", "magnetic")),
     "columns exchanged": Fault(exchanged, "columns_exchanged units", (1.0,), "", ("pull", "magnetic")),
     "coarse encoder": Fault(stepped, "driven_resolution", (2e-5, 1e-4, 5e-4), "m", ("pull", "magnetic")),
+    "drive logged as a switch": Fault(enabled, "drive_constant", (1.0,), "", SHAKEN),
     "encoder stuck": Fault(stuck, "driven_stuck", (0.2, 0.4, 0.6), "of the record", ("pull",)),
     "no response": Fault(silent, "no_response", (1.0, 5.0), "times the noise", ("pull", "magnetic")),
 }
@@ -341,7 +349,7 @@ def measured() -> Iterator[str]:
 def main() -> None:
     """Read the options and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])  # type: ignore[union-attr]
-    parser.add_argument("--series", type=int, default=12)
+    parser.add_argument("--series", type=int, default=15)
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--fault", nargs="*", choices=FAULTS, default=list(FAULTS), help="these faults alone")
     options = parser.parse_args()

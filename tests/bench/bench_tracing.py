@@ -107,7 +107,6 @@ EFFECTS: Final[dict[Kind, tuple[str, ...]]] = {
         "spring_stiffening",
         "guide_rubbing",
         "coil_field",
-        "incline_gravity",
     ),
     "vibro_plate": (
         "spring_damping",

@@ -48,7 +48,12 @@ def separations_table(proposal: Proposal) -> str:
         for one in proposal.separations
     ]
     head = ["effect", "rival", "expected separation, standard deviations", "best record so far"]
-    return table(head, rows, left=2) if rows else ""
+    if not rows:
+        return ""
+    return table(head, rows, left=2) + (
+        "<p>In standard deviations of the noise. Of what the records so far put apart, as much counts as a matter of form"
+        " as the catalogue's forms leave of others: it tells the effects no more than chance does.</p>"
+    )
 
 
 def parameter_table(estimates: dict[str, Estimate], nominal: dict[str, float] | None = None) -> str:

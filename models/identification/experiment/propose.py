@@ -97,7 +97,7 @@ def words_of(proposal: Proposal | None) -> str | None:
     turns = int(np.sum(np.diff(np.sign(steps[steps != 0])) != 0))
     said = [
         f"tell {one.effect} from {one.rival} by {one.standard_deviations:.1f} standard deviations, where"
-        f" {one.best_record} tells them by {one.so_far:.1f}"
+        f" {one.best_record} puts them {one.so_far:.1f} apart"
         for one in proposal.separations
     ]
     if proposal.shows:

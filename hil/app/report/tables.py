@@ -51,8 +51,8 @@ def separations_table(proposal: Proposal) -> str:
     if not rows:
         return ""
     return table(head, rows, left=2) + (
-        "<p>In standard deviations of the noise. Of what the records so far put apart, as much counts as a matter of form"
-        " as the catalogue's forms leave of others: it tells the effects no more than chance does.</p>"
+        "<p>In standard deviations of the noise. A difference as small as the catalogue's forms leave of other forms"
+        " tells two effects no more than chance does, however many of these it is.</p>"
     )
 
 

@@ -24,7 +24,7 @@ _TURNED = 0.08  # of a correlation by which a shift may be ahead where the sign 
 _DRIFTED_S = 0.02  # from the first stamp to the last
 _MOST_DRIFTED_S, _STEP_S = 0.4, 0.01
 _SIZES = (0.2, 3.0)  # of the swings in the air; friction and a damped spring leave half and more
-_LEAST_S = 5.0
+_LEAST_S, _FINEST_S = 5.0, 0.004
 _TOLD_TO_S = 0.01  # standard deviation of the lag told
 _DAMPED = 0.02  # of critical damping, at least
 
@@ -72,7 +72,7 @@ def check_inner_mass(view: View) -> list[RecordFinding]:
     both = swings(view)
     if both is None:
         return []
-    answer, where = _answer(*both, view.dt), f"{view.measured} against {view.driven}, throughout"
+    answer, where = _answer(*both, _grid_s(view)), f"{view.measured} against {view.driven}, throughout"
     if answer.turned:
         late = f", or it comes about {_late(answer.late_s)}" if answer.best > _SURE else ""
         return [
@@ -152,12 +152,13 @@ def _drift(view: View, both: tuple[Array, Array], best: float) -> float:
     """By how many s the place comes later with every second: where that lets it follow the swings in the air clearly
     better than the `best` correlation without; else 0.
     """
-    (x, y), at = both, np.arange(len(both[0])) * view.dt
+    step = _grid_s(view)
+    (x, y), at = both, np.arange(len(both[0])) * step
     length = float(at[-1])
     share = at / length
 
     def apart(drifted: float) -> float:
-        return 1 - _answer(x, np.interp(at + drifted * share, at, y), view.dt).best
+        return 1 - _answer(x, np.interp(at + drifted * share, at, y), step).best
 
     most = min(_MOST_DRIFTED_S, MOST_DRIFT * length)
     grid = np.arange(-most, most + _STEP_S / 2, _STEP_S)
@@ -168,18 +169,24 @@ def _drift(view: View, both: tuple[Array, Array], best: float) -> float:
     return float(found.x) / length if told else 0.0
 
 
+def _grid_s(view: View) -> float:
+    """The even grid's step in s: no finer than the band needs."""
+    return max(view.dt, _FINEST_S)
+
+
 def swings(view: View) -> tuple[Array, Array] | None:
     """The body's place under the drive in the air and the measured one, both on an even grid and in the band of the
     vibration, shape (n,); None where the record is too short or too slow for it, or its drive cannot be told.
     """
-    force, nyquist = _force(view), 0.5 / view.dt
+    force, step = _force(view), _grid_s(view)
+    nyquist = 0.5 / step
     if force is None or view.t[-1] - view.t[0] < _LEAST_S or nyquist < 2 * _BAND_HZ[0] or not np.ptp(force):
         return None
-    grid = np.arange(view.t[0], view.t[-1], view.dt)
+    grid = np.arange(view.t[0], view.t[-1], step)
     order = np.argsort(view.t, kind="stable")
     driven, y = (np.interp(grid, view.t[order], values[order]) for values in (force, view.y))
     x = _in_the_air(view, driven - driven.mean(), grid - grid[0])
-    band = butter(2, (_BAND_HZ[0], min(_BAND_HZ[1], 0.8 * nyquist)), "band", fs=1 / view.dt, output="sos")
+    band = butter(2, (_BAND_HZ[0], min(_BAND_HZ[1], 0.8 * nyquist)), "band", fs=1 / step, output="sos")
     a, b = sosfiltfilt(band, x), sosfiltfilt(band, y)
     return (a, b) if np.ptp(a) and np.ptp(b) else None
 

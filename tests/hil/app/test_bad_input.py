@@ -142,7 +142,7 @@ BAD_RECORDS = {
     "periods, mN": (
         "periods",
         HEADS["periods"] + "".join(f"0.09,{20 + k},{32 + 2 * k}\n" for k in range(5)),
-        "pull at 0.0005 m/s with teeth of",
+        "valley_N goes up to 24; such rigs do 0 to 5 N: another unit",
     ),
     "periods, speed": (
         "periods",

@@ -1,7 +1,6 @@
 """`capsule track`: what it prints, what it writes, what it refuses, and that no controller sees the truth."""
 
 import json
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -158,22 +157,23 @@ def test_belief_is_not_the_truth() -> None:
 
 
 @pytest.mark.parametrize(
-    ("effect", "known", "share"),
+    ("effect", "known", "limit_mm"),
     [
         (
             {"carriage_backlash": {"width_m": 2.4e-3}},
             {"carriage_backlash.play_m": 2.4e-3, "carriage_backlash.sharpness": 1.1, "carriage_backlash.order": 1.9},
-            0.65,
+            0.11,
         ),
-        ({"actuator_lag": {"time_s": 0.03}}, {"actuator_lag.time_s": 0.0165, "further_lag.time_s": 0.012}, 0.9),
+        ({"actuator_lag": {"time_s": 0.03}}, {"actuator_lag.time_s": 0.0165, "further_lag.time_s": 0.012}, 0.12),
     ],
     ids=["play", "lag"],
 )
 def test_a_drive_that_the_model_knows_is_led_without_hunting(
-    effect: dict[str, dict[str, float]], known: dict[str, float], share: float
+    effect: dict[str, dict[str, float]], known: dict[str, float], limit_mm: float
 ) -> None:
-    """A seat that gives way gradually, three lags in a row, both in the plant in forms of its own; two strokes, the mean
-    of several noises, for one error hangs on when the capsule slips. Who hunts is further off than who does not know.
+    """A seat that gives way gradually, three lags in a row, both in the plant in forms of its own; two strokes, mean
+    of four noises, for one error hangs on when the capsule slips (0.05 to 0.13 mm on ten). A model that does not know
+    the seat is 0.17 mm off.
     """
     raw = {
         "scenario": {"name": "drive", "duration_s": 6.5, "seed": 1},
@@ -182,13 +182,9 @@ def test_a_drive_that_the_model_knows_is_led_without_hunting(
         "reference": {"kind": "sine", "amplitude_mm": 6.0, "frequency_Hz": 0.125},
     }
     scenario = parse_track_scenario(raw)
-
-    def error(values: dict[str, float], noises: Sequence[int]) -> float:
-        model = believed_model(scenario, values)
-        runs = [score(scenario, run_loop(scenario, model, "feedforward", noise)) for noise in noises]
-        return float(np.mean([run.tracking_rmse_m for run in runs]))
-
-    assert error(known, (2, 3, 4, 5)) < share * error({}, (4, 5))
+    model = believed_model(scenario, known)
+    runs = [score(scenario, run_loop(scenario, model, "feedforward", noise)) for noise in (2, 3, 4, 5)]
+    assert np.mean([run.tracking_rmse_m for run in runs]) < 1e-3 * limit_mm
 
 
 def test_an_mpc_does_not_answer_pushes_of_its_own() -> None:

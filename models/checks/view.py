@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 from models.checks.finding import RecordFinding, Severity
 from models.files.columns import COLUMNS, TIME
@@ -182,6 +182,14 @@ class View:
         """The line of `[columns]` by which the rig file reads `target` with some keys `changed`."""
         return f"[columns] {target} = {inline_table(self.rig.columns.entry(target).table() | changed)}"
 
+    def unit_line(self, target: str) -> str:
+        """The line of `[columns]` that is to state the unit of what `target` is read from."""
+        return f"{self.columns_line(target, unit='...')} with the unit of the file"
+
+    def turned_line(self, target: str) -> str:
+        """The line of `[columns]` that turns the sign of `target` round."""
+        return self.columns_line(target, sign=-self.rig.columns.entry(target).sign)
+
     def at(self, rows: Sequence[int] | NDArray[np.int64], most: int = 3) -> str:
         """Lines and times of `rows` in words: the first few, and how many more."""
         shown = [self._place(int(row)) for row in list(rows)[:most]]
@@ -218,7 +226,10 @@ def spectral_noise(x: Array) -> tuple[float, bool]:
     _, power = welch(x, nperseg=window, detrend="linear")
     quietest, quiet = np.quantile(power[2:-1], [_QUIETEST, _QUIET])
     degrees = _OVERLAPPED * 2 * (2 * len(x) / window - 1)
-    std = float(np.sqrt(0.5 * quietest / (chi2.ppf(_QUIETEST, degrees) / degrees)))
+    chance = (
+        2 * gammaincinv(degrees / 2, _QUIETEST) / degrees
+    )  # of white noise's mean, its quietest tenth by chi square
+    std = float(np.sqrt(0.5 * quietest / chance))
     return std, bool(quiet < _FLAT * quietest)
 
 

@@ -84,6 +84,11 @@ class Effect:
         return next((p.name for p in cls.parameters() if p.role == role), None)
 
     @classmethod
+    def looks_like(cls, other: type[Effect]) -> bool:
+        """Whether this effect or the `other` declares to be confounded with it."""
+        return cls.id in other.confounders or other.id in cls.confounders
+
+    @classmethod
     def start(cls) -> dict[str, float]:
         """Where a search begins that knows nothing of the effect: its declared values, by `effect_id.name`."""
         return {f"{cls.id}.{p.name}": p.value for p in cls.parameters()}

@@ -23,6 +23,7 @@ from hil.app.report.tables import separations_table
 from hil.app.report.theme import figure_html
 from hil.app.report.words import (
     STAGE_WORDS,
+    classes_words,
     column_words,
     effect_words,
     error_scale,
@@ -81,27 +82,25 @@ def _sentence(story: Story, told: Told) -> str:
     """What a loop came to, in a sentence."""
     first, last = (quantity(told.missions[stage].numbers["tracking_rmse_m"], "m") for stage in (STAGES[0], _last(told)))
     names = listed(effect_words(effect.id) for effect in told.finding.effects) or "no effect"
-    kept = listed(map(effect_words, told.hidden)) or "nothing"
     again = (
         f"tracking error {first} before, {last} with the {_last(told)} model"
         if _last(told) != STAGES[0]
         else "no model passed"
     )
-    return f"{story.name.capitalize()} rig: kept from everyone was {kept}; named was {names}; {again}."
+    return f"{story.name.capitalize()} rig: kept from everyone was {_kept(told)}; named was {names}; {again}."
 
 
 def _told_later(story: Story, told: Told, before: Finding) -> str:
     """What poor records came to and what the proposed one added, in a sentence."""
-    kept = listed(map(effect_words, told.hidden)) or "nothing"
     return (
-        f"{_capital(story.title)}: kept from everyone was {kept}; the verdict was “{_said(before)}” on the first"
+        f"{_capital(story.title)}: kept from everyone was {_kept(told)}; the verdict was “{_said(before)}” on the first"
         f" records, “{_said(told.finding)}” with the proposed one."
     )
 
 
 def _said(finding: Finding) -> str:
-    classes = [listed(map(effect_words, (effect.id, *effect.equivalent)), "or") for effect in finding.effects]
-    return f"{finding.verdict}: {listed(classes)}" if classes else finding.verdict
+    classes = classes_words(finding)
+    return f"{finding.verdict}: {classes}" if classes else finding.verdict
 
 
 def _last(told: Told) -> str:
@@ -142,18 +141,16 @@ def _gate(told: Told) -> str:
 def _loop(story: Story, told: Told) -> str:
     """A driven story from what was hidden to what came of it."""
     finding, key = told.finding, story.name
-    held = next((trace for trace in finding.traces if trace.role == "holdout"), finding.traces[0])
-    kept = listed(map(effect_words, told.hidden)) or "nothing"
     stages = ", ".join(f"{_tracked(mission)} with the {stage} model" for stage, mission in told.missions.items())
     parts = [
         (
-            f"<p>Kept from controller, model and search: <b>{escape(kept)}</b>. The rig was driven over the bus under"
-            " the nominal model; close-loop read the logs of those runs. The mission below was never among them.</p>"
+            f"<p>Kept from controller, model and search: <b>{escape(_kept(told))}</b>. The rig was driven over the bus"
+            " under the nominal model; close-loop read the logs of those runs. The mission below was never among"
+            " them.</p>"
         ),
         f"<h3>Residual</h3>{_LINES}{_figure(left_over_figure(finding), f'{key}-residual')}",
         f"<h3>Effect: the truth beside what was found</h3><p>{escape(headline(finding))}</p>{_truth_table(told)}",
-        f"<h3>Prediction, on a run that no fit has seen</h3><p>{escape(error_story(finding))}</p>",
-        _figure(trace_figure(panels(finding, held)[0], POINTS), f"{key}-held-out"),
+        _held_out(finding, key),
         f"<h3>Acceptance test</h3><p>{_gate(told)}</p>",
         (
             "<h3>The same run again</h3><p>Rms (largest) tracking error of the true path, under one seed:"
@@ -171,8 +168,6 @@ def _loop(story: Story, told: Told) -> str:
 def _proposed(story: Story, told: Told, before: Finding) -> str:
     """From records that cannot tell what was hidden, over the record that was proposed, to what is told with it."""
     finding, proposal, key = told.finding, before.proposal, story.name
-    held = next((trace for trace in finding.traces if trace.role == "holdout"), finding.traces[0])
-    kept = listed(map(effect_words, told.hidden)) or "nothing"
     motion = (
         f"{_figure(motion_figure(proposal), f'{key}-motion')}{separations_table(proposal)}"
         if proposal is not None
@@ -180,13 +175,12 @@ def _proposed(story: Story, told: Told, before: Finding) -> str:
     )
     return "".join(
         [
-            f"<p>Kept from model and search: <b>{escape(kept)}</b>.</p>",
+            f"<p>Kept from model and search: <b>{escape(_kept(told))}</b>.</p>",
             f"<h3>The first records</h3><p>{escape(headline(before))}"
             f' <a href="{key}/{BEFORE}/{REPORT}">Their report</a>.</p>',
             f"<h3>The record that close-loop proposes</h3>{motion}",
             f"<h3>With that record</h3><p>{escape(headline(finding))}</p>{_truth_table(told)}",
-            f"<h3>Prediction, on a run that no fit has seen</h3><p>{escape(error_story(finding))}</p>",
-            _figure(trace_figure(panels(finding, held)[0], POINTS), f"{key}-held-out"),
+            _held_out(finding, key),
             f'<p><a href="{key}/{REPORT}">Report of close-loop</a>, <a href="{key}/{MODEL}">model</a>; beside them the'
             f" scenario and record of every run, and the proposal in <code>{key}/{BEFORE}/{NEXT_TOML}</code>.</p>",
         ]
@@ -195,16 +189,29 @@ def _proposed(story: Story, told: Told, before: Finding) -> str:
 
 def _learned(story: Story, one: Learned) -> str:
     """A run that learned: error over time with its instants, and the error between them."""
-    kept = listed(map(effect_words, one.hidden)) or "nothing"
     return "".join(
         [
-            f"<p>Kept from controller, model and search: <b>{escape(kept)}</b>, which began on the way."
+            f"<p>Kept from controller, model and search: <b>{escape(_kept(one))}</b>, which began on the way."
             f" What came of it: {escape(one.sentence)}.</p>",
             _figure(error_figure(one.numbers), f"{story.name}-error"),
             parts_table(one.numbers),
             f'<p><a href="{story.name}/{LEARNED}">The whole story</a>.</p>',
         ]
     )
+
+
+def _held_out(finding: Finding, key: str) -> str:
+    """The held-out error in words and the record in a picture."""
+    held = next((trace for trace in finding.traces if trace.role == "holdout"), finding.traces[0])
+    return (
+        f"<h3>Prediction, on a run that no fit has seen</h3><p>{escape(error_story(finding))}</p>"
+        f"{_figure(trace_figure(panels(finding, held)[0], POINTS), f'{key}-held-out')}"
+    )
+
+
+def _kept(told: Told | Learned) -> str:
+    """What the simulated rig kept to itself."""
+    return listed(map(effect_words, told.hidden)) or "nothing"
 
 
 def _truth_table(told: Told) -> str:

@@ -47,9 +47,9 @@ def separations_table(proposal: Proposal) -> str:
         ]
         for one in proposal.separations
     ]
-    head = ["effect", "rival", "expected separation, standard deviations", "best record so far"]
     if not rows:
         return ""
+    head = ["effect", "rival", "expected separation, standard deviations", "best record so far"]
     return table(head, rows, left=2) + (
         "<p>In standard deviations of the noise. A difference as small as the catalogue's forms leave of other forms"
         " tells two effects no more than chance does, however many of these it is.</p>"

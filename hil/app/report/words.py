@@ -170,9 +170,16 @@ def listed(words: Iterable[str], last_word: str = "and") -> str:
     return f"{', '.join(first)} {last_word} {last}" if first else last
 
 
+def classes_words(finding: Finding) -> str:
+    """The effects that were found, each with those that the records cannot tell from it; nothing where there are
+    none.
+    """
+    return listed(listed(map(effect_words, (effect.id, *effect.equivalent)), "or") for effect in finding.effects)
+
+
 def headline(finding: Finding) -> str:
     """The verdict as a sentence, which never says more than the records do."""
-    names = listed(listed(map(effect_words, (effect.id, *effect.equivalent)), "or") for effect in finding.effects)
+    names = classes_words(finding)
     open_between = any(effect.equivalent for effect in finding.effects)
     if finding.verdict == "named":
         doubtful = min(finding.effects, key=lambda effect: effect.confidence)

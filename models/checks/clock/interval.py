@@ -31,7 +31,7 @@ def check_interval(view: View) -> list[RecordFinding]:
             f"t_s must step by {'at least' if least else 'at most'} {STEPS_S[not least]:g} s; got steps of {usual:g} s:"
             " is it in s?",
             "interval between stamps",
-            f"{view.columns_line(TIME, unit='...')} with the unit of the file",
+            f"{view.unit_line(TIME)}",
         )
     ]
 
@@ -47,6 +47,6 @@ def _short(view: View) -> list[RecordFinding]:
             "t_s, throughout",
             f"the record lasts {span:.3g} s ({len(view.t)} samples {view.dt:.3g} s apart): is t_s in s?",
             "time from the first stamp to the last",
-            f"{view.columns_line(TIME, unit='...')} with the unit of the file, or longer records",
+            f"{view.unit_line(TIME)}, or longer records",
         )
     ]

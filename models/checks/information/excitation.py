@@ -169,11 +169,7 @@ def inseparable(rig: Rig, records: Sequence[Record], effects: Sequence[type[Effe
     if not views or not Excitation(views).one_course:
         return {}
     near = {
-        one.id: [
-            e.id
-            for e in effects
-            if (e.id in one.confounders or one.id in e.confounders) and {*one.needs, *e.needs} >= {"places", "time"}
-        ]
+        one.id: [e.id for e in effects if one.looks_like(e) and {*one.needs, *e.needs} >= {"places", "time"}]
         for one in effects
     }
     return {name: tuple(sorted(_reached(name, near) - {name})) for name, others in near.items() if others}

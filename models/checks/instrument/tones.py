@@ -6,7 +6,7 @@ import numpy as np
 from scipy.signal import periodogram
 
 from models.checks.finding import RecordFinding
-from models.checks.view import View
+from models.checks.view import VIBRATING, View
 
 _SEGMENTS = 6
 _LOWEST_HZ = 5.0
@@ -56,7 +56,7 @@ def _at_rest(view: View) -> list[tuple[float, float]]:
 
 def _throughout(view: View) -> list[tuple[float, float]]:
     n = len(view.y) // _SEGMENTS
-    if not view.timed or n < 128 or view.kind in ("vibro",):
+    if not view.timed or n < 128 or view.kind in VIBRATING:
         return []
     pieces = np.diff(view.y[: n * _SEGMENTS].reshape(_SEGMENTS, n), axis=1)
     frequency, power = periodogram(pieces, 1 / view.dt, window="hann", axis=1)

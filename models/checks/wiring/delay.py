@@ -54,22 +54,29 @@ def check_delay(view: View) -> list[RecordFinding]:
     how = f"a friction loop through both fits {100 * lag.gain:.0f} % better with {measured} moved by so much"
     where = f"{measured} against {place}, throughout"
     if not lag.drift:
-        said = f"{measured} comes about {_late(lag.first_s)} than the motion that makes it"
+        said = f"{measured} comes about {late(lag.first_s)} than the motion that makes it"
         said += ": two clocks, a filter or a slow sensor"
         return [view.finding("clock_offset", "note", where, said, how, f"[clock] {known}")]
-    said = f"{measured} comes {1e3 * abs(lag.drift):.3g} ms {_later(lag.drift)} with every second"
-    drift = f"drift = {lag.drift + (view.rig.clock.drift if view.rig.clock else 0.0):.3g}"
+    said = f"{measured} comes {1e3 * abs(lag.drift):.3g} ms {later(lag.drift)} with every second"
+    drift = f"drift = {lag.drift + stated_drift(view):.3g}"
     if view.kind == "pull":
-        said, drift = f"{said}, from {_late(lag.first_s)} at the first stamp on", f"{known}, {drift}"
+        said, drift = f"{said}, from {late(lag.first_s)} at the first stamp on", f"{known}, {drift}"
     said += ": two clocks that do not run alike"
     return [view.finding("clock_drift", "weakens", where, said, how, f"[clock] {drift}")]
 
 
-def _late(lag_s: float) -> str:
-    return f"{1e3 * abs(lag_s):.0f} ms {_later(lag_s)}"
+def stated_drift(view: View) -> float:
+    """The drift that the rig file's clock has already."""
+    return view.rig.clock.drift if view.rig.clock else 0.0
 
 
-def _later(lag_s: float) -> str:
+def late(lag_s: float) -> str:
+    """A lag in words."""
+    return f"{1e3 * abs(lag_s):.0f} ms {later(lag_s)}"
+
+
+def later(lag_s: float) -> str:
+    """Its direction in words."""
     return "later" if lag_s > 0 else "earlier"
 
 

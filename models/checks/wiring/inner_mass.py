@@ -12,6 +12,7 @@ from scipy.signal import StateSpace, butter, correlate, lsim, sosfiltfilt
 
 from models.checks.finding import RecordFinding
 from models.checks.view import Array, View
+from models.checks.wiring.delay import late, later, stated_drift
 from models.files.rig_tables import MOST_DRIFT
 
 _LONGEST_S = 0.15
@@ -74,16 +75,16 @@ def check_inner_mass(view: View) -> list[RecordFinding]:
         return []
     answer, where = _answer(*both, _grid_s(view)), f"{view.measured} against {view.driven}, throughout"
     if answer.turned:
-        late = f", or it comes about {_late(answer.late_s)}" if answer.best > _SURE else ""
+        shifted = f", or it comes about {late(answer.late_s)}" if answer.best > _SURE else ""
         return [
             view.finding(
                 "drive_sign",
                 "stops",
                 where,
                 f"{view.measured} goes forward where {view.driven} drives the body back: one of the two has its sign"
-                f" turned round{late}",
+                f" turned round{shifted}",
                 f"correlation {answer.near:.2f} with the swings that the two masses would make in the air",
-                view.columns_line(view.measured, sign=-view.rig.columns.entry(view.measured).sign),
+                view.turned_line(view.measured),
             )
         ]
     if answer.best >= _ALIKE and not _SIZES[0] < answer.size < _SIZES[1]:
@@ -95,7 +96,7 @@ def check_inner_mass(view: View) -> list[RecordFinding]:
                 f"{view.measured} swings {answer.size:.2g} times as far as the two masses would in the air: another"
                 " unit, of it, of the drive's force or of a mass?",
                 f"correlation {answer.best:.2f} with those swings",
-                f"{view.columns_line(view.measured, unit='...')} with the unit of the file, or [drive] and [capsule]",
+                f"{view.unit_line(view.measured)}, or [drive] and [capsule]",
             )
         ]
     return _clock(view, both, answer, where)
@@ -117,16 +118,15 @@ def _clock(view: View, both: tuple[Array, Array], answer: Answer, where: str) ->
     """A place that is stamped late, or ever later."""
     drift = _drift(view, both, answer.best)
     if drift:
-        known = drift + (view.rig.clock.drift if view.rig.clock else 0.0)
         return [
             view.finding(
                 "clock_drift",
                 "weakens",
                 where,
-                f"{view.measured} comes {1e3 * abs(drift):.3g} ms {'later' if drift > 0 else 'earlier'} with every"
+                f"{view.measured} comes {1e3 * abs(drift):.3g} ms {later(drift)} with every"
                 " second: two clocks that do not run alike",
                 "the shift at which the swings in the air fit best, over the record",
-                f"[clock] drift = {known:.2g}",
+                f"[clock] drift = {stated_drift(view) + drift:.2g}",
             )
         ]
     if answer.best < _ALIKE or abs(answer.late_s) <= _LATE_S or answer.best < max(answer.near, 0.0) + _AHEAD:
@@ -136,16 +136,12 @@ def _clock(view: View, both: tuple[Array, Array], answer: Answer, where: str) ->
             "clock_offset",
             "note",
             where,
-            f"{view.measured} comes about {_late(answer.late_s)} than the drive that makes it: two clocks, a filter or"
+            f"{view.measured} comes about {late(answer.late_s)} than the drive that makes it: two clocks, a filter or"
             " a slow sensor",
             f"correlation {answer.best:.2f} with the swings in the air then, {answer.near:.2f} without a shift",
             f"[clock] offset_s = {answer.late_s:.2g}, offset_std_s = {_TOLD_TO_S:g}",
         )
     ]
-
-
-def _late(lag_s: float) -> str:
-    return f"{1e3 * abs(lag_s):.0f} ms {'later' if lag_s > 0 else 'earlier'}"
 
 
 def _drift(view: View, both: tuple[Array, Array], best: float) -> float:

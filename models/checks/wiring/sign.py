@@ -16,8 +16,7 @@ _AGAINST = -0.3  # correlation of displacement with the drive's
 
 
 def _turned(view: View, column: str) -> str:
-    sign = -view.rig.columns.entry(column).sign
-    return f"{view.columns_line(column, sign=sign)}, or change the wire over"
+    return f"{view.turned_line(column)}, or change the wire over"
 
 
 def check_force_sign(view: View) -> list[RecordFinding]:

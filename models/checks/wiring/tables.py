@@ -10,7 +10,8 @@ import numpy as np
 
 from models.checks.finding import RecordFinding
 from models.checks.view import View
-from models.files.columns import COLUMNS, first_wrong, range_of
+from models.checks.wiring.units import beyond_its_range, off_its_size
+from models.files.columns import COLUMNS
 
 _USUAL: Mapping[tuple[str, str], tuple[float, float, str]] = MappingProxyType(
     {
@@ -37,28 +38,15 @@ def check_table(view: View) -> list[RecordFinding]:
 
 
 def _out_of_range(view: View) -> list[RecordFinding]:
-    """Columns with a value that they cannot have, or whose usual value is none of such rigs."""
+    """Columns with a value that they cannot have, or that reach what no such rig does."""
     found = []
     for column, values in view.record.columns.items():
-        limits, row = range_of(view.kind, column), first_wrong(view.kind, column, values)
-        usual = _USUAL.get((view.kind, column))
+        wrong = beyond_its_range(view, column, view.unit_line(column))
+        low, high, unit = _USUAL.get((view.kind, column), (0.0, math.inf, ""))
         size = float(np.nanmax(np.abs(values)))
-        if limits is not None and row is not None:
-            said, where = f"must be {limits[2]}; got {values[row]:g}", view.at([row])
-        elif usual is not None and not usual[0] <= size <= usual[1]:
-            said, where = f"goes up to {size:.3g}; such rigs do {usual[0]:g} to {usual[1]:g} {usual[2]}", "throughout"
-        else:
-            continue
-        found.append(
-            view.finding(
-                "units",
-                "stops",
-                f"{column}, {where}",
-                f"{column} {said}: another unit, or another way to say it?",
-                "values against what the column can hold",
-                f"{view.columns_line(column, unit='...')} with the unit of the file",
-            )
-        )
+        if not wrong and not low <= size <= high:
+            wrong = [off_its_size(view, column, f"goes up to {size:.3g}", (low, high), unit)]
+        found += wrong
     return found
 
 
@@ -94,7 +82,7 @@ def _friction(view: View) -> list[RecordFinding]:
                 f"{view.measured} against velocity_m_s, throughout",
                 f"{view.measured} has the sign of a force that drives the motion which it should resist",
                 f"{int(against.sum())} of {len(against)} conditions with force and speed of opposite signs",
-                view.columns_line(view.measured, sign=-view.rig.columns.entry(view.measured).sign),
+                view.turned_line(view.measured),
             )
         ]
     both = (speed > 0).any() and (speed < 0).any()
@@ -126,7 +114,7 @@ def _moduli(view: View) -> list[RecordFinding]:
             f"loss_modulus_Pa is {usual:.3g} times storage_modulus_Pa; materials have {_LOSS[0]:g} to {_LOSS[1]:g}:"
             " another unit of one of the two?",
             "median of the ratio",
-            f"{view.columns_line('loss_modulus_Pa', unit='...')} with the unit of the file",
+            view.unit_line("loss_modulus_Pa"),
         )
     ]
 

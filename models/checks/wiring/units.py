@@ -32,9 +32,9 @@ def check_units(view: View) -> list[RecordFinding]:
     if view.kind in CAPSULE_SERIES:
         small = 0 < travel < _TRAVEL_M[0] and (travel > 20 * view.noise or travel < _NOTHING_M)
         if travel > _TRAVEL_M[1] or small:
-            out.append(_off(view, view.moving_column, f"travels {travel:.3g} m", _TRAVEL_M, "m"))
+            out.append(off_its_size(view, view.moving_column, f"travels {travel:.3g} m", _TRAVEL_M, "m"))
         elif fastest > _SPEED_M_S[1]:
-            out.append(_off(view, view.moving_column, f"moves at {fastest:.3g} m/s", _SPEED_M_S, "m/s"))
+            out.append(off_its_size(view, view.moving_column, f"moves at {fastest:.3g} m/s", _SPEED_M_S, "m/s"))
         elif view.dt >= _SELDOM_S and 0 < fastest < _CRAWLS_M_S:
             out.append(_slow(view, fastest))
         if view.kind == "magnetic" and view.driven is not None and view.measured in view.record.columns:
@@ -42,7 +42,7 @@ def check_units(view: View) -> list[RecordFinding]:
     else:
         usual, unit = (_TURNING_SPEED_RAD_S, "rad/s") if view.turns else (_STAGE_SPEED_M_S, "m/s")
         if fastest > usual[1]:
-            out.append(_off(view, view.moving_column, f"moves at {fastest:.3g} {unit}", usual, unit))
+            out.append(off_its_size(view, view.moving_column, f"moves at {fastest:.3g} {unit}", usual, unit))
     out += _of_the_drive(view)
     out += _of_the_force(view)
     return out
@@ -53,6 +53,12 @@ def _of_the_drive(view: View) -> list[RecordFinding]:
     column = view.driven
     if column is None or column in PLACES:
         return []
+    remedy = f"{view.columns_line(column, scale=1.0)} with the scale that makes it so"
+    return beyond_its_range(view, column, remedy)
+
+
+def beyond_its_range(view: View, column: str, remedy: str) -> list[RecordFinding]:
+    """A value of `column` that no such column can hold."""
     limits, row = range_of(view.kind, column), first_wrong(view.kind, column, view.record[column])
     if limits is None or row is None:
         return []
@@ -63,7 +69,7 @@ def _of_the_drive(view: View) -> list[RecordFinding]:
             f"{column}, {view.at([row])}",
             f"{column} must be {limits[2]}; got {view.record[column][row]:g}: another unit, or another way to say it?",
             "values against what the column can hold",
-            f"{view.columns_line(column, scale=1.0)} with the scale that makes it so",
+            remedy,
         )
     ]
 
@@ -87,7 +93,7 @@ def _behind_the_magnet(view: View, carriage: Array) -> list[RecordFinding]:
             f"{view.measured} against {view.driven}, throughout",
             f"{view.measured} follows {view.driven}, but goes {slope:.3g} times as far: another unit?",
             "standard deviations of the two places, and their correlation",
-            f"{view.columns_line(view.measured, unit='...')} with the unit of the file",
+            view.unit_line(view.measured),
         )
     ]
 
@@ -99,7 +105,7 @@ def _of_the_force(view: View) -> list[RecordFinding]:
     column, force = view.pushing
     size = float(np.percentile(np.abs(force), 90))
     if view.kind == "pull" and (size > _FORCE_N[1] or 0 < size < _FORCE_N[0]):
-        return [_off(view, column, f"is of the size of {size:.3g} N", _FORCE_N, "N")]
+        return [off_its_size(view, column, f"is of the size of {size:.3g} N", _FORCE_N, "N")]
     return _against_the_surface(view, column, force)
 
 
@@ -127,20 +133,20 @@ def _against_the_surface(view: View, column: str, force: Array) -> list[RecordFi
             f"{column} {what} {size:.3g} N at the usual speed, where what the rig file states holds the capsule with"
             f" {usual:.3g} N ({lowest:.2g} to {highest:.2g} N as far as that varies): another unit, another surface?",
             "median of the force in motion against the friction law",
-            f"{view.columns_line(column, unit='...')} with the unit of the file; or [capsule],"
-            " [tissue] and [surface] as they were",
+            f"{view.unit_line(column)}; or [capsule], [tissue] and [surface] as they were",
         )
     ]
 
 
-def _off(view: View, column: str, what: str, usual: tuple[float, float], unit: str) -> RecordFinding:
+def off_its_size(view: View, column: str, what: str, usual: tuple[float, float], unit: str) -> RecordFinding:
+    """What the values of `column` do, against the `usual` range in `unit`."""
     return view.finding(
         "units",
         "stops",
         f"{column}, throughout",
         f"{column} {what}; such rigs do {usual[0]:g} to {usual[1]:g} {unit}: another unit?",
         "size of the values against what a capsule rig can be",
-        f"{view.columns_line(column, unit='...')} with the unit of the file",
+        view.unit_line(column),
     )
 
 

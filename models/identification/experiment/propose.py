@@ -105,8 +105,7 @@ def words_of(proposal: Proposal | None) -> str | None:
     return (
         f"record the motion of {NEXT_CSV} ({t[-1]:.0f} s within {low:.1f} to {high:.1f} mm at"
         f" {1e3 * speeds.min():.2g} to {1e3 * speeds.max():.2g} mm/s, {turns} {'turn' if turns == 1 else 'turns'},"
-        f" {spans[steps == 0].sum():.1f} s at"
-        f" rest), which should {' and '.join(said)}"
+        f" {spans[steps == 0].sum():.1f} s at rest), which should {' and '.join(said)}"
     )
 
 

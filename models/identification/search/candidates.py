@@ -144,7 +144,7 @@ def from_the_best(model: FittedModel, alone: Sequence[Trial], helped: Sequence[T
     best = max(helped, key=lambda trial: trial.gain)
     both = next(iter(best.refinements.values()), None)
     beside = [c for c in _refinements(kind, best.effect) if BY_ID[c] not in REFINEMENTS] if both else []
-    alike = [name for name in rows if name in BY_ID[best.effect].confounders or best.effect in BY_ID[name].confounders]
+    alike = [name for name in rows if BY_ID[best.effect].looks_like(BY_ID[name])]
     for name in dict.fromkeys((*beside, *alike)):
         owns = both if both and name in beside else rows[name].thetas
         starts = [

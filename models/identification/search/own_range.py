@@ -14,7 +14,6 @@ from models.identification.fitting.fit import FINE, NARROW, Axis, Problem, narro
 from models.identification.kind import Kind
 from models.identification.search.fitted_model import Fits
 from models.identification.search.validation import Split, free_run
-from models.parameter import Parameter
 
 
 def within(
@@ -47,8 +46,5 @@ def _side(axis: Axis, effect: str, sign: float) -> Axis:
     if not p.least or axis.name != f"{effect}.{p.name}":
         return axis
     lower, upper = (p.least, p.upper) if sign > 0 else (p.lower, -p.least)
-    return replace(axis, parameter=_between(p, lower, upper))
-
-
-def _between(p: Parameter, lower: float, upper: float) -> Parameter:
-    return replace(p, lower=lower, upper=upper, value=math.copysign(max(abs(p.value), p.least), lower + upper))
+    begin = math.copysign(max(abs(p.value), p.least), sign)
+    return replace(axis, parameter=replace(p, lower=lower, upper=upper, value=begin))

@@ -9,6 +9,7 @@ import numpy as np
 
 from models.effects import BY_ID
 from models.effects.effect import Effect
+from models.files.record import Record
 from models.identification.fitting.fit import NARROW, Problem, costs_of, descend
 from models.identification.kind import effects_in, had
 from models.identification.search.candidates import BEHIND, FINAL, POOL, Trial, opening, without
@@ -59,12 +60,16 @@ def rivals_of(
     rivals = {name: _compared(model, training, name, fitted, gain, name in same) for name, fitted in best.items()}
     if not model.kind.beginnings_s:
         return list(rivals.values())
+    made = [
+        [record.with_column(model.kind.quantity, model.kind.predict(record, theta)) for record in part]
+        for part, theta in model.parts
+    ]
     alike = [name for name, rival in rivals.items() if rival.alike]
     waiting, seen = [effect, *alike], {*own, *rest, *alike}
     while waiting:
         like = waiting.pop(0)
-        for other in (e for e in model.kind.effects if e.id not in seen and _confounded(e.id, like)):
-            fitted, differs = _imitation(model, other, own, rest)
+        for other in (e for e in model.kind.effects if e.id not in seen and e.looks_like(BY_ID[like])):
+            fitted, differs = _imitation(model, made, other, own, rest)
             fitted = min((fitted, best.get(other.id, fitted)), key=lambda one: one.cost)
             imitated = differs < _IMITATED * (float(training.mean()) - 1)
             seen.add(other.id)
@@ -75,19 +80,19 @@ def rivals_of(
 
 
 def _imitation(
-    model: FittedModel, other: type[Effect], own: set[str], rest: Sequence[str]
+    model: FittedModel, made: Sequence[Sequence[Record]], other: type[Effect], own: set[str], rest: Sequence[str]
 ) -> tuple[FittedModel, float]:
     """A fit of the effect `other` in the place of those in `own`, from where it predicts what the model predicts for
-    the same inputs; and the mean square by which it then differs from it, in units of the noise. Free of noise and of
-    everything that neither effect has, an equal form ends right there, however far off another search ended.
+    the same inputs, the records `made`, a part of each split; and the mean square by which it then differs from it, in
+    units of the noise. Free of noise and of everything that neither effect has, an equal form ends right there, however
+    far off another search ended.
     """
     kind, effects, fits, differs = model.kind, [*rest, other.id], [], []
-    for part, theta in model.parts:
-        made = [record.with_column(kind.quantity, kind.predict(record, theta)) for record in part]
+    for (part, theta), predicted in zip(model.parts, made, strict=True):
         base = {key: value for key, value in theta.items() if key.partition(".")[0] not in own}
-        _, start = opening(kind, prefixes(made[:1], kind.beginnings_s[-1]), [base], other.id, other.start())
-        near = step_on(kind, made, effects, start)
-        differs.append(judged_cost(kind, made, near.theta))
+        _, start = opening(kind, prefixes(predicted[:1], kind.beginnings_s[-1]), [base], other.id, other.start())
+        near = step_on(kind, predicted, effects, start)
+        differs.append(judged_cost(kind, predicted, near.theta))
         fits.append(step_on(kind, part, effects, near.theta).theta)
     fitted = model.fitted(fits, effects)
     called = _as_called(fitted, other.id)
@@ -98,11 +103,6 @@ def _as_called(fitted: FittedModel, effect: str) -> FittedModel:
     """The fit where its `effect` is what it is called."""
     moved = within(fitted.kind, fitted.splits, fitted.effects, effect, fitted.thetas)
     return fitted if moved is None else fitted.fitted(moved)
-
-
-def _confounded(one: str, other: str) -> bool:
-    """Whether one of two effects declares to look like the other."""
-    return one in BY_ID[other].confounders or other in BY_ID[one].confounders
 
 
 def _screened_rivals(

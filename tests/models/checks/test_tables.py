@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable
 
 import numpy as np
@@ -11,25 +12,15 @@ from numpy.typing import NDArray
 from models.checks.examine import examine
 from models.files.record import Record
 from models.files.rig import Rig, parse_rig
+from tests.rig_texts import PLATE
 
 Array = NDArray[np.float64]
 Columns = dict[str, Array]
-SHAKEN = {
-    "capsule": {"mass_kg": 0.193},
-    "drive": {
-        "inner_mass_kg": 0.074,
-        "spring_stiffness_N_per_m": 256.0,
-        "force_N": 1.25,
-        "reaction_on_body": True,
-    },
-    "surface": {"kind": "plate", "friction_coefficient": 0.29},
-    "rig": {"kind": "vibro_table"},
-}
 RIGS = {
     "friction": parse_rig({"rig": {"kind": "friction"}}),
     "dma": parse_rig({"rig": {"kind": "dma"}}),
     "periods": parse_rig({"rig": {"kind": "periods", "velocity_m_s": 5e-4}}),
-    "vibro_table": parse_rig(SHAKEN),
+    "vibro_table": parse_rig({"rig": {"kind": "vibro_table"}, **tomllib.loads(PLATE)}),
 }
 
 

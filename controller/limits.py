@@ -12,10 +12,12 @@ _NEAR = 1e-9  # share of a range within which two commands count as the same
 
 
 _LEAST = 1e-6
+_AROUND_M = 0.015
+"""Envelope of a drive that no gap bounds: half a capsule's length."""
 
 
-def _limit(value: float, most: float, unit: str, source: str) -> Any:
-    return field(default=value, metadata={"most": most, "unit": unit, "source": source})
+def _limit(value: float, most: float, unit: str, source: str, least: float = _LEAST) -> Any:
+    return field(default=value, metadata={"least": least, "most": most, "unit": unit, "source": source})
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,14 @@ class Limits:
     gap_stds: float = _limit(
         3.0, 100.0, "1", "choice: standard deviations of the estimated position by which the gap is held smaller"
     )
+    envelope_m: float = _limit(
+        0.0,
+        1.0,
+        "m",
+        "choice: farthest that carriage and capsule may be from the wanted position; 0: the magnet's gap, 15 mm for"
+        " other drives",
+        least=0.0,
+    )
     current_A: float = _limit(1.0, 50.0, "A", "choice: 0.5 N at the default coil's 0.5 N/A")
     current_rate_A_s: float = _limit(1200.0, 1e6, "A/s", "12 V (PWM capsubot's supply) across the default coil's 10 mH")
     temperature_C: float = _limit(
@@ -77,7 +87,7 @@ class Limits:
     @classmethod
     def ranges(cls) -> dict[str, tuple[float, float]]:
         """Least and most of every limit by name."""
-        return {f.name: (_LEAST, f.metadata["most"]) for f in fields(cls)}
+        return {f.name: (f.metadata["least"], f.metadata["most"]) for f in fields(cls)}
 
     @classmethod
     def sources(cls) -> dict[str, tuple[str, str]]:
@@ -102,6 +112,12 @@ class Envelope:
     sense: float
     limits: Limits
     placed: bool = False
+
+    @property
+    def around_m(self) -> float:
+        """Half width in m of the envelope around the wanted position."""
+        limits = self.limits
+        return limits.envelope_m or (self.gap_m / limits.gap_share if math.isfinite(self.gap_m) else _AROUND_M)
 
     def neutral(self, position_m: float) -> float:
         """The command without force: the carriage above the capsule (at mid-travel where `position_m` is not finite),

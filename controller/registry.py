@@ -15,11 +15,11 @@ from controller.drives import bodies
 from controller.estimator.base import Receiver
 from controller.estimator.cubature_filter import Estimator
 from controller.estimator.kinematic_filter import KinematicFilter, Kinematics
-from controller.estimator.noise import trusting
+from controller.estimator.noise import Noise, trusting
 from controller.estimator.particle_filter import ParticleEstimator
 from controller.estimator.ukf import UnscentedEstimator
 from controller.feedforward import Feedforward
-from controller.limits import Envelope
+from controller.limits import Envelope, Limits
 from controller.model.control_model import ControlModel
 from controller.model.friction import AT_FIRST, level_off, mean_friction
 from controller.mpc.mpc import MPC
@@ -162,21 +162,21 @@ def checked_estimator(name: str) -> str:
     return name
 
 
-def estimator_for(name: str, model: ControlModel, estimator: str = "default") -> Observer:
-    """What the controller `name` sees the measurements through, unless another `estimator` is asked for."""
+def estimator_for(name: str, model: ControlModel, estimator: str = "default", age_s: float = Limits.age_s) -> Observer:
+    """What the controller `name` sees the measurements through, those up to `age_s` old, unless another `estimator` is
+    asked for.
+    """
+    if estimator == "default" and name in ("pid", "pid_friction"):
+        return KinematicFilter(model, Kinematics(JERKINESS[name][model.drive.name]), Noise().up_to(age_s))
+    sharp = model.sharp
+    noise = trusting(sharp).up_to(age_s)
     if estimator == "ukf":
-        return UnscentedEstimator(model.sharp)
-    if name not in ("pid", "pid_friction"):
-        return _estimator(name, model.sharp)
-    return KinematicFilter(model, Kinematics(JERKINESS[name][model.drive.name]))
-
-
-def _estimator(name: str, model: ControlModel) -> Observer:
+        return UnscentedEstimator(sharp, noise)
     if model.drive.name not in bodies():
-        return Estimator(model)
+        return Estimator(sharp, noise)
     if (name, model.drive.name) == ("mpc", "magnetic"):
-        return ParticleEstimator(model, replace(trusting(model), push_wander_N=MPC_PUSH_N))
-    return ParticleEstimator(model)
+        noise = replace(noise, push_wander_N=MPC_PUSH_N)
+    return ParticleEstimator(sharp, noise)
 
 
 def build(name: str, model: ControlModel, envelope: Envelope, deadline_s: float = math.inf) -> Chain:

@@ -20,6 +20,8 @@ _SURPRISE: Final = (
 )
 _ASTRAY: Final = 1.5  # of the same, more than six: the model goes another way than the capsule
 _RECENT: Final = 0.1  # share of the newest position in that mean
+TOLD_S: Final = 0.4
+"""The greatest age in s that a localiser can tell."""
 START_STD: Final[Mapping[str, float]] = {"v": 1e-3, "u": 1e-4}
 _DRIVE_SPREADS: Mapping[str, float] = {"current_A": 0.2, "stretch_m": 1e-4, "rate_m_s": 1e-2}
 
@@ -40,7 +42,7 @@ class Noise:
     of them the believed place follows, where the capsule may have gone from one to the next at `slip_m_s`; else
     `outliers_in_a_row` mean that the belief is wrong, not they. The estimate is lost without an accepted position for
     `age_s`, above `lost_std_m`, and until `proof` positions in a row were accepted after a new start. A reading later
-    than `latest_s` is not used.
+    than `latest_s` is not used. Both are `Limits.age_s` of the rig (`Noise.up_to`).
     """
 
     position_std_m: float = 0.5e-3
@@ -65,13 +67,19 @@ class Noise:
     proof: int = 5
     age_s: float = 0.15
     lost_std_m: float = 2e-3
-    latest_s: float = 0.05
+    latest_s: float = 0.15
     drive_wander: Mapping[str, float] = field(default_factory=lambda: dict(_DRIVE_SPREADS))
 
     def __post_init__(self) -> None:
         for name in (f.name for f in fields(self) if f.name != "drive_wander"):
             if not 0 < getattr(self, name) < math.inf:
                 raise ValueError(f"noise {name} must be a positive number; got {getattr(self, name)!r}")
+
+    def up_to(self, age_s: float) -> Noise:
+        """The same, with positions taken as old as `Limits.age_s` lets a command rest on: the bus tells no greater age
+        than `TOLD_S`.
+        """
+        return replace(self, age_s=age_s, latest_s=min(age_s, TOLD_S))
 
     def surprised(self, before: float, size: float) -> float:
         """By how many standard deviations recent positions were off on average, one more of them by `size`."""

@@ -82,9 +82,18 @@ class FallbackChain:
 
     def failed(self, rung: int, now: float) -> None:
         """Suspend a controller."""
-        self._closed_until[rung] = now + self._wait[rung]
+        self._closed_until[rung] = max(self._closed_until[rung], now + self._wait[rung])
         self._wait[rung] = min(2 * self._wait[rung], max(self._rungs.longest_s, self._rungs.retry_s))
         self._good_since[rung] = math.inf
+
+    def ban(self, rung: int) -> None:
+        """Suspend a controller for good."""
+        self._closed_until[rung] = math.inf
+
+    @property
+    def banned(self) -> bool:
+        """Whether all are suspended for good."""
+        return all(until == math.inf for until in self._closed_until)
 
     def worked(self, rung: int, now: float) -> None:
         """A controller gave a usable answer."""

@@ -68,7 +68,8 @@ class ModelSwitch:
         """
         self._supervisor, self._controller, self._deadline_s = supervisor, controller, deadline_s
         self._estimator = estimator
-        self._present: Observer = estimator_for(controller, model, estimator)
+        self._age_s = supervisor.envelope.limits.age_s
+        self._present: Observer = estimator_for(controller, model, estimator, self._age_s)
         self._waiting: deque[Prepared] = deque()
         self._origin, self.taken_at, self.switches = math.inf, math.nan, 0
         self._monitor = _monitor_of(self._present)
@@ -85,7 +86,7 @@ class ModelSwitch:
         if offer.model.tick_s != self.tick_s:
             raise ValueError(f"offered model must have the tick in use, {self.tick_s:g} s; got {offer.model.tick_s:g}")
         chain = build(self._controller, offer.model, self._supervisor.envelope, self._deadline_s)
-        observer = estimator_for(self._controller, offer.model, self._estimator)
+        observer = estimator_for(self._controller, offer.model, self._estimator, self._age_s)
         return Prepared(offer, chain, observer, _monitor_of(observer))
 
     def put(self, prepared: Prepared) -> None:

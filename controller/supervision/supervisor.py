@@ -61,6 +61,7 @@ class Supervisor:
         self._braking_m = (
             0.5 * envelope.rate**2 / envelope.acceleration if math.isfinite(envelope.acceleration) else math.inf
         )
+        self.halted = ""
         self._offered: tuple[Controller, ...] | None = None
         self._allowed: int | None = None
         self._begin(tuple(chain), 0.0)
@@ -86,8 +87,14 @@ class Supervisor:
         """Name of the controller in charge; "stop" while none is."""
         return self._chain[self._active].name if 0 <= self._active < len(self._chain) else "stop"
 
+    @property
+    def first(self) -> str:
+        """Name of the controller that is to lead."""
+        return self._chain[0].name
+
     def reset(self, now: float, estimate: Estimate, command: float) -> None:
         """Begin at `now` with `command` in force; a command out of the limits counts as the nearest one within."""
+        self.halted = ""
         self.issued, _ = limited(math.nan, Issued(number(command)), self._seen(now, estimate), 0.0, self.envelope)
         self._begin(self._chain, number(now))
 
@@ -107,6 +114,10 @@ class Supervisor:
         self._begin(chain, self._now)
         self._reason = "new model"
         return True
+
+    def halt(self, reason: str) -> None:
+        """Stop for good, until `reset`."""
+        self.halted = self.halted or reason
 
     def allow(self, steps: int | None) -> None:
         """Pass on in the next tick, to whoever is asked, what the clock once allowed."""
@@ -132,6 +143,8 @@ class Supervisor:
         return Action(self.issued.command, status, action.predicted, action.timings, self._cut_after)
 
     def _decide(self, seen: Seen, now: float, estimate: Estimate, reference: Reference) -> tuple[Action, Status]:
+        if self.halted:
+            return self._stop(self.halted), "stopped"
         blind = seen.lost or not (
             seen.age_s <= self.envelope.limits.age_s and math.isfinite(seen.position_m + seen.speed_m_s)
         )
@@ -227,7 +240,9 @@ class Supervisor:
         self._limited_since, self._unfollowed_s = math.inf, 0.0
 
     def _watch_swings(self, seen: Seen, reference: Reference) -> None:
-        """Whoever swings about the reference, far and often, is to calm down; one that cannot has failed."""
+        """Whoever swings about the reference, far and often, is to calm down; one that cannot does not lead again
+        with this model.
+        """
         error_m = math.nan if seen.lost else seen.position_m - _at(lambda t: reference.position(t), self._now)
         if self._active < 0 or self._swings.see(self._elapsed, error_m) < self.rules.swings:
             return
@@ -235,9 +250,11 @@ class Supervisor:
         reason = f"{self.active} swings about the reference"
         if _calmed(self._chain[self._active]):
             self._note(self.active, reason)
-        else:
-            self._reason = reason
-            self._fallback.failed(self._active, self._elapsed)
+            return
+        self._reason = reason
+        self._fallback.ban(self._active)
+        if self._fallback.banned:
+            self.halt(f"no controller is left: {reason}")
 
     def _watch_rest(self, seen: Seen, reference: Reference) -> None:
         """Since when capsule and reference have been at rest."""

@@ -451,7 +451,8 @@ def _sil(
     use_effects(effects or [])
     use_controllers(controllers or [])
     with own_folder(out, "--out"):
-        sil(scenario, Options(controller, model, stage, seed, out, json_output, reference, learn, mcap, watch))
+        asked = Options(controller, model, stage, seed, out, json_output, reference, learn, mcap, watch)
+        return sil(scenario, asked)
 
 
 @_command("run", "capsule run deployment.toml check")

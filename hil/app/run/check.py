@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import can
@@ -140,7 +140,7 @@ def rehearse(task: Task, catalogue: Catalogue, ticks: int = REHEARSED) -> Histog
     """
     took = Histogram()
     with Tape() as tape:
-        node = ControllerNode(task, tape, catalogue=catalogue, dry_run=True)
+        node = ControllerNode(replace(task, probe=False), tape, catalogue=catalogue, dry_run=True)
         speak = _made_up(node, tape, catalogue)
         tick_s = task.model.tick_s
         for k in range(ticks):

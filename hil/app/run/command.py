@@ -345,6 +345,8 @@ def _document(
         "end": outcome.end if whole or ENDS[outcome.end][0] else "log",
         "ended": outcome.ended,
         "led": outcome.led,
+        "led_share": node.answer.shares,
+        "jumps": {"count": node.answer.jumps, "last_m": node.answer.jump_m},
         "ticks": grid.ticks,
         "missed_ticks": grid.missed,
         "cut_ticks": outcome.cut,

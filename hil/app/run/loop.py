@@ -69,6 +69,9 @@ ENDS: Final[Mapping[str, tuple[int, str]]] = MappingProxyType(
         "not_reset": (1, "`reset`: the fault stays, its cause is still there"),
         "gave_up": (1, "the drive was not enabled within `control.give_up_s`"),
         "stopped": (1, "the controller stopped by itself, for the reason in `ended`"),
+        "sensor_or_drive": (1, "localisation, drive and capsule contradict each other, in the probe or while it led"),
+        "no_rest": (1, "the drive moved while it was not enabled: before it was led, or after the stop"),
+        "not_led": (1, "the controller asked for led less than 99 % of the ticks, or sensor or drive were in doubt"),
         "log": (1, "as asked, but frames are missing in the log"),
     }
 )
@@ -98,8 +101,8 @@ def lead(
     give_up_s: float = GIVE_UP_S,
     learner: Learner | None = None,
 ) -> Outcome:
-    """Listen until the drive is heard (at most 2 s), start, lead for `duration_s` from when the drive is enabled on,
-    stop, tick on until the drive is at rest. Where it is not enabled within `give_up_s` it never will be.
+    """Listen until the drive is heard (at most 2 s), start, lead for `duration_s` from when the drive is enabled and
+    the probe is over on, stop, tick on until the drive is at rest. Where it is not enabled within `give_up_s` it never will be.
 
     Overruns: a tick that begins a period late skips the points in between (`Grid`); the estimator catches up with at
     most three, after a longer pause the node stops by itself; the drive meanwhile lives on its command's time to live.
@@ -110,14 +113,16 @@ def lead(
     if _ready(node, now, outcome, signals):
         recorder.start(now, math.nan)
         node.start(now)
-        began, enabled = now, now if node.guard.dry else math.nan
+        began, follows = now, now if node.guard.dry else math.nan
+        enabled = not math.isnan(follows)
         while node.state == RUNNING and not signals.wanted:
             now = _tick(node, outcome, recorder, learner)
-            enabled = now if math.isnan(enabled) and node.enabled else enabled
-            if now - enabled >= duration_s or (math.isnan(enabled) and now - began >= give_up_s):
+            enabled = enabled or node.enabled
+            follows = now if math.isnan(follows) and node.follows else follows
+            if now - follows >= duration_s or (not enabled and now - began >= give_up_s):
                 break
         outcome.led = node.leads
-        outcome.end, outcome.ended = _ended(node, now, signals, not math.isnan(enabled), give_up_s)
+        outcome.end, outcome.ended = _ended(node, now, signals, enabled, give_up_s)
     _come_to_rest(node, outcome, recorder, now)
     return outcome
 
@@ -172,6 +177,8 @@ def _ready(node: ControllerNode, now: float, outcome: Outcome, signals: Signals)
     elif doubt.startswith("drive fault"):
         outcome.end = "drive_fault"
         outcome.ended = f"nothing to lead: {doubt}; 'capsule run RIG.toml reset' acknowledges it"
+    elif node.answer.unrest:
+        outcome.end, outcome.ended = "no_rest", f"nothing to lead: {node.answer.unrest}"
     elif not _fit(node, now):
         fed = node.receiver.evidence(now).feedback_s < HEARTBEAT_LOST_S
         silent = "no heartbeat of the drive as capsule.dbc has it" if fed else "no feedback of the drive"
@@ -187,11 +194,12 @@ def _ended(node: ControllerNode, now: float, signals: Signals, enabled: bool, gi
     if node.state == FAULTY:
         other = node.reason == node.receiver.other_controller
         deaf = f"; {node.receiver.refused_words}" if node.receiver.deaf else ""
-        return "other_controller" if other else "stopped", node.reason + deaf
+        return "other_controller" if other else node.end, node.reason + deaf
     if signals.wanted:
         return ("operator", signals.wanted) if node.leads else ("cancelled", f"{signals.wanted} before it was enabled")
     if enabled:
-        return "done", "time is up"
+        doubt = node.answer.not_led(node.supervisor.first, node.estimator.health)
+        return ("not_led", doubt) if doubt else ("done", "time is up")
     age = node.receiver.evidence(now).localisation_s
     place = (
         "no localisation"
@@ -231,6 +239,8 @@ def _come_to_rest(node: ControllerNode, outcome: Outcome, recorder: Recorder, no
         now = _tick(node, outcome, recorder)
         if node.receiver.state in MOVING:
             rested = now
+    if node.answer.unrest and not ENDS[outcome.end][0]:
+        outcome.end, outcome.ended = "no_rest", f"{outcome.ended}; then {node.answer.unrest}"
 
 
 def _tick(node: ControllerNode, outcome: Outcome, recorder: Recorder, learner: Learner | None = None) -> float:

@@ -97,7 +97,7 @@ NEAR_POINT: Final = 0.05
 class ControlTable:
     """`[control]`: which controller at which tick, the noise of the localisation and its pixels or steps, how long from
     the drive's being enabled on, and how long to wait for that; `priority` 1 to 99 asks for SCHED_FIFO, `core` from 0
-    on for one core alone.
+    on for one core alone. Unless `probe` is false a short motion to and fro comes before the reference.
     """
 
     controller: str = "feedforward"
@@ -109,6 +109,7 @@ class ControlTable:
     priority: int = 0
     core: int = -1
     estimator: str = "default"
+    probe: bool = True
 
     def __post_init__(self) -> None:
         ranges = (
@@ -204,6 +205,7 @@ class Deployment:
             offer=offer,
             estimator=control.estimator,
             operator=self.operator if self.operator.accept else None,
+            probe=control.probe,
         )
 
     def believed(self, values: Mapping[str, float]) -> ControlModel:

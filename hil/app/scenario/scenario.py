@@ -41,13 +41,15 @@ _LEADING: Final[Mapping[str, str]] = {"magnetic": "feedforward", "coil": "feedfo
 @dataclass(frozen=True)
 class Control:
     """Table `[control]`: the tick, which controller runs where the command line names none (a vibro rig's own for that
-    kind), and from when on tracking is judged.
+    kind), and from when on tracking is judged. With `probe` a run over the bus begins where the capsule is, with a short
+    motion to and fro, as `capsule run` does.
     """
 
     tick_s: float = 1e-3
     controller: str = "feedforward"
     judged_from_s: float = 0.5
     estimator: str = "default"
+    probe: bool = False
 
     def __post_init__(self) -> None:
         if not 1e-4 <= self.tick_s <= 0.02:

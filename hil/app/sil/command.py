@@ -16,7 +16,7 @@ from hil.app.scenario.model_health import health_words
 from hil.app.scenario.model_offer import Offered, offer_of, offer_words, read_offer, told
 from hil.app.scenario.options import Options
 from hil.app.sil.fault_outcomes import outcomes
-from hil.app.sil.loop import Learning, SilTrace, judged_loop, learning_of, run_sil
+from hil.app.sil.loop import DONE, Learning, SilTrace, judged_loop, learning_of, run_sil
 from hil.app.sil.story import story_files
 from hil.app.sil.testbed import believed_on_bus
 from hil.app.sil.watched import Watched
@@ -28,8 +28,9 @@ from hil.log.recorder import Recorder, log_record
 from hil.nodes.frame_map import frames
 
 
-def sil(path: Path, asked: Options) -> None:
-    """Run the scenario file `path` over the bus and say how well it was tracked and what came of its faults.
+def sil(path: Path, asked: Options) -> int:
+    """Run the scenario file `path` over the bus and say how well it was tracked and what came of its faults; 1 where it
+    ended early or was not led as asked.
 
     Raises ValueError, one sentence, for anything that cannot be used.
     """
@@ -67,6 +68,7 @@ def sil(path: Path, asked: Options) -> None:
         print_json(found)
     else:
         _say(scenario, found, trace)
+    return int(found["ended"] != DONE)
 
 
 @contextmanager
@@ -133,6 +135,7 @@ def judged(
         found["bus"]["unauthenticated"] = trace.unauthenticated
     if trace.operator is not None:
         found["operator"] = trace.operator
+    found["ended"], found["led_share"] = trace.ended, trace.led_share
     found["faults"] = [outcome.document() for outcome in outcomes(scenario, trace)]
     return found, trace
 
@@ -164,5 +167,5 @@ def _say(scenario: SilScenario, found: dict[str, Any], trace: SilTrace) -> None:
         say(sentence)
     for lesson in trace.lessons:
         say(lesson.words)
-    if trace.stopped_because:
-        say(f"stopped: {trace.stopped_because}")
+    if trace.ended != DONE:
+        say(f"ended: {trace.ended}")

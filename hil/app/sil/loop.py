@@ -36,6 +36,8 @@ LEAST_S: Final = 60.0
 """A run may take so long by the wall clock however short it is: compilers and busy machines."""
 LEARNING_S: Final = 7200.0
 """So much longer where it waits for what is learned."""
+DONE: Final = "done"
+"""What `ended` says of a run that was led as asked."""
 Learning = Callable[[ControllerNode], Learner]
 
 
@@ -57,7 +59,7 @@ class SilTrace(Trace):
     """What a run over the bus leaves beside `Trace`: `slots` (n, 3) are the end of each of the drive's slots in s,
     whether it was in its safe state, and when the last good command had come; `steered` (ticks, 4) are `Bench.steered`
     at the ticks' begins, `experiments_at` when experiments interrupted the reference, in s of its time; `operator` says
-    what became of setpoints, `unauthenticated` what was not taken on an authenticated bus; `digest` is the hash of all
+    what became of setpoints, `ended` how the run ended, `led_share` who led for which share of its ticks, `unauthenticated` what was not taken on an authenticated bus; `digest` is the hash of all
     frames with their times where asked for; `lessons` and `offers` are what was learned, `learned` the same as a log's
     record has it.
     """
@@ -70,6 +72,8 @@ class SilTrace(Trace):
     load: float = 0.0
     rejected: int = 0
     stopped_because: str = ""
+    ended: str = DONE
+    led_share: dict[str, float] = field(default_factory=dict)
     digest: str = ""
     lessons: list[Lesson] = field(default_factory=list)
     offers: list[Offered] = field(default_factory=list)
@@ -87,7 +91,7 @@ def judged_loop(scenario: SilScenario, trace: SilTrace) -> TrackScenario:
     """The loop of `scenario` with the reference by which its run is judged: where an operator could steer or an
     experiment came between, the one that was in force.
     """
-    if scenario.operator is None and not trace.experiments_at:
+    if scenario.operator is None and not trace.experiments_at and not scenario.loop.control.probe:
         return scenario.loop
     return replace(scenario.loop, reference=trace.in_force)
 
@@ -218,6 +222,10 @@ def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:
     trace.stopped_because = bench.node.reason or ("" if led else _never_led(bench, trace))
     if trace.stopped_because and bench.carriage is not None and bench.carriage.trouble:
         trace.stopped_because += f"; {bench.carriage.trouble}"
+    answer = bench.node.answer
+    trace.led_share = answer.shares
+    doubt = answer.not_led(bench.node.supervisor.first, estimator.health)
+    trace.ended = trace.stopped_because or doubt or DONE
     trace.solve_s = trace.solve_s[led] if led else np.zeros(1)
 
 

@@ -93,6 +93,7 @@ class Bench:
             offer=offer,
             estimator=estimator,
             operator=scenario.operator,
+            probe=loop.control.probe,
         )
         ends, drive = {name: self._bus(name, seed + k) for k, name in enumerate(("controller", "drive"))}, None
         plant = None if scenario.plant is None else FmuPlant(Path(scenario.plant.fmu), loop.truth)
@@ -162,10 +163,11 @@ class Bench:
         self.medium.shown = shown if shown is None or not self._key else lambda wire: shown(inside(wire))
 
     def start(self) -> None:
-        """The operator's word, with the reference beginning at 0."""
+        """The operator's word, with the reference beginning at 0; with a probe, where the capsule is after it."""
+        here = self.scenario.loop.control.probe
         if self._recorder is not None:
-            self._recorder.start(self.time_s, 0.0)
-        self.node.start(self.time_s, 0.0)
+            self._recorder.start(self.time_s, math.nan if here else 0.0)
+        self.node.start(self.time_s, None if here else 0.0)
 
     def begin_tick(self) -> Tick | None:
         """The controller's part of a tick; None where it is killed or frozen."""

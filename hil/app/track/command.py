@@ -6,7 +6,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from controller.estimator.noise import noise_of
 from controller.registry import CONTROLLERS, leads
 from hil.app.console import json_text, notes, output_to_notes, print_json, progress_bar
 from hil.app.scenario.model_offer import offer_of, read_offer, told
@@ -46,10 +45,10 @@ def track(path: Path, asked: Options, compare: bool = False) -> int:
         believed = believed_model(scenario, values)
         offered = read_offer(scenario.offer, path.parent, scenario.belief, values)
         offer = offer_of(offered, lambda new: believed_model(scenario, new, believed))
-        late, latest = scenario.instruments.localisation.latency_s, noise_of(scenario.kind).latest_s
+        late, latest = scenario.instruments.localisation.latency_s, scenario.limits.age_s
         if late >= latest:
             notes().print(
-                f"localisation comes {late:g} s late and is not used: the filter goes back {latest:g} s at most",
+                f"localisation comes {late:g} s late and is not used: limits.age_s is {latest:g} s",
                 markup=False,
             )
         with progress_bar(scenario.name, even=True) as report:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -17,6 +17,7 @@ from controller.model.control_model import ControlModel, control_model
 from controller.monitor.monitor import Health
 from controller.registry import build
 from controller.signals import Action, Estimate, Measurement
+from controller.supervision.contradiction import Contradiction
 from controller.supervision.fallback import Event
 from controller.supervision.model_switch import ModelSwitch, Offer
 from controller.supervision.supervisor import Supervisor
@@ -36,7 +37,8 @@ _REPORTS = 50
 class Trace:
     """What a run leaves, an entry a tick: what the controller believed and answered; `rows` is the truth
     (`plant.layout`), `health` what the monitor says of the model at the end, on the reference's time, `truth` the rig
-    that it was, its magnet at the height asked for.
+    that it was, its magnet at the height asked for, `halted` why the supervisor stopped for good, `first` who was to
+    lead.
     """
 
     time_s: Array
@@ -57,6 +59,8 @@ class Trace:
     taken_at: float = math.nan
     health: Health = field(default_factory=Health)
     truth: Rig | None = None
+    halted: str = ""
+    first: str = ""
 
     @classmethod
     def empty(cls, ticks: int) -> Trace:
@@ -75,6 +79,26 @@ class Trace:
         self.lost[k] = estimate.lost
         self.status.append(action.status)
         self.estimate_s[k], self.solve_s[k] = times
+
+
+def _contradiction(
+    watch: Contradiction,
+    arrived: Sequence[Measurement],
+    command: float,
+    now: float,
+    scenario: TrackScenario,
+    trace: Trace,
+) -> str:
+    """Why sensor and drive cannot both be right at `now`, from what has arrived and the commands so far."""
+    tick_s, reference = scenario.control.tick_s, scenario.reference
+    reason = watch.drove(command, float(reference.position(np.array([now]))[0]), tick_s)
+    for m in arrived:
+        if m.channel != "position_m" or not math.isfinite(m.value):
+            continue
+        then = trace.command[max(round(m.stamp_s / tick_s) - 1, 0)]
+        wanted_m = float(reference.position(np.array([m.stamp_s]))[0])
+        reason = reason or watch.saw(m.value, then if math.isfinite(then) else command, wanted_m, m.stamp_s)
+    return reason
 
 
 def believed_model(
@@ -129,6 +153,7 @@ def run_loop(
     """
     envelope = envelope_of(model.drive, scenario.limits)
     supervisor = Supervisor(build(controller, model, envelope), envelope)
+    watch = Contradiction(envelope, scenario.instruments.localisation.std)
     estimator = ModelSwitch(supervisor, controller, model, offer, estimator=scenario.control.estimator)
     estimator.begin(0.0)
     truth = _lifted(scenario, model)
@@ -143,6 +168,7 @@ def run_loop(
         now, start = k * tick_s, time.perf_counter()
         estimate = estimator.observe(now, supervisor.issued.command, arrived)
         middle = time.perf_counter()
+        supervisor.halt(_contradiction(watch, arrived, supervisor.issued.command, now, scenario, trace))
         action = supervisor.act(now, estimate, scenario.reference)
         end = time.perf_counter()
         trace.note(k, now, estimate, action, wall, (middle - start, end - middle))
@@ -155,5 +181,6 @@ def run_loop(
     trace.wall_clock_s = time.perf_counter() - began
     trace.rows, trace.measured = np.concatenate(session.rows), np.array(places).reshape(-1, 2)
     trace.events, trace.truth = list(supervisor.events), truth
+    trace.halted, trace.first = supervisor.halted, supervisor.first
     trace.counts, trace.taken_at, trace.health = estimator.counts, estimator.taken_at, estimator.health
     return trace

@@ -20,10 +20,13 @@ from controller.limits import Envelope, Limits
 from controller.model.control_model import ControlModel
 from controller.registry import build
 from controller.signals import Action, Array, Estimate, Measurement, Reference
+from controller.supervision.contradiction import CONTRADICT
 from controller.supervision.fallback import Rules
 from controller.supervision.model_switch import ModelSwitch, Offer
+from controller.supervision.probe import Probe
 from controller.supervision.supervisor import Supervisor
 from hil.bus.catalogue import Catalogue
+from hil.nodes.controller.answer import Answer
 from hil.nodes.controller.guard import STOP_PERIOD_S, Evidence, Fence, Guard, Passed
 from hil.nodes.controller.health import HEALTH_S, health_values
 from hil.nodes.controller.operator import STATUS, STATUS_S, Operator, OperatorLimits
@@ -55,7 +58,7 @@ class Task:
     a tick (inf, as lockstep needs it, where no clock decides). `offer` is a model that is to take over at a rest,
     `estimator` one of `controller.registry.ESTIMATORS`, `learned` those models that were learned in a run that is
     replayed, `experiments` those that it asked for, `operator` what setpoints from the bus are held to, where they are
-    accepted.
+    accepted. With `probe` a short motion to and fro comes before the reference (`Probe`), unless an operator leads.
     """
 
     model: ControlModel
@@ -70,6 +73,7 @@ class Task:
     learned: tuple[Offer, ...] = ()
     experiments: tuple[Experiment, ...] = ()
     operator: OperatorLimits | None = None
+    probe: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,7 +180,10 @@ class ControllerNode:
         self.guard = Guard(
             bus, catalogue, self.wiring, Fence.of(self.envelope, self.tick_s), dry=dry_run, observe=observer
         )
-        self.state, self.reason = IDLE, ""
+        self.state, self.reason, self.end = IDLE, "", "stopped"
+        self.answer = Answer(self.envelope, self.tick_s, task.seen_noise_m)
+        self._probe: Probe | None = None
+        self._probed = False
         lag_ticks = 2 + math.ceil(_LAG_S / self.tick_s)
         self._plausibility = Plausibility(_FOLLOW[self.wiring.kind], task.seen_noise_m, task.resolution_m, lag_ticks)
         self._reference: Reference = task.reference
@@ -188,7 +195,7 @@ class ControllerNode:
         self._number = 0
         self._led = self._rested = False
         self._here = False
-        self._enabled_s = -math.inf
+        self._enabled_s, self._probe_ends = -math.inf, math.inf
         self._told_all_at = -math.inf
         self._acknowledge = 0
         self._before = Passed(0.0, 0.0, OFF)
@@ -201,7 +208,8 @@ class ControllerNode:
         """
         self._here = origin_s is None
         self._begin_reference(now if origin_s is None else origin_s)
-        self.state, self.reason, self._led, self._rested = RUNNING, "", False, False
+        self.state, self.reason, self.end, self._led, self._rested = RUNNING, "", "stopped", False, False
+        self._probe, self._probed = None, not self.task.probe
         if self.operator is not None:
             self.operator.begin()
         self._enabled_s = -math.inf
@@ -222,6 +230,11 @@ class ControllerNode:
     def enabled(self) -> bool:
         """Whether it says that it does."""
         return self._led and self.receiver.state in MOVING
+
+    @property
+    def follows(self) -> bool:
+        """Whether the drive is enabled and the reference has begun: the probe before it, if there is one, is over."""
+        return self.enabled and self._probed
 
     def wanted_m(self, at_s: float) -> float:
         """Where the reference has the capsule at a time of the node's clock, in m."""
@@ -254,9 +267,10 @@ class ControllerNode:
         self._speak(now)
         arrived = self.receiver.listen(now)
         estimate = self._estimated(now, arrived, missed)
+        self.answer.believe(now, self._place(estimate), self.estimator.counts.followed)
         middle = self._clock()
         self._steer(now, estimate)
-        self._judge(now)
+        self._judge(now, arrived)
         evidence = self.receiver.evidence(now)
         mode = self._mode(evidence, estimate)
         action = self._act(now, mode, estimate) if solved else Action(math.nan, "late")
@@ -266,9 +280,13 @@ class ControllerNode:
             answer = answer_of(self.receiver.challenge, self.wiring.target)
             self.guard.send("EnableAnswer", {"Target": self.wiring.target, "Answer": answer}, now)
             self.receiver.challenge = -1
-        out = self.guard.command(now, action.command, mode, evidence, now - self._enabled_s)
+        out = self.guard.command(
+            now, action.command, mode, evidence, now - max(self._enabled_s, self.answer.cautious_s)
+        )
         if out.mode == QUICK_STOP:
             self._fail(out.reason)
+        if out.mode == ENABLE:
+            self.answer.led[self.supervisor.active] += 1
         self._stop_all(now)
         self._show(now, estimate)
         self._last = now
@@ -369,13 +387,16 @@ class ControllerNode:
 
     def _steer(self, now: float, estimate: Estimate) -> None:
         """Let whoever is in charge lead the reference, and the drive rest where nobody has been for long enough."""
-        if self.operator is None:
+        if self._probe is not None:
+            self._end_probe(now, estimate)
+        elif self.operator is None:
             self._interrupt(now + self.tick_s)
+        if self.operator is None:
             return
         self.operator.expire(now)
         if self._led and self.operator.resting(now):
             self._led, self._rested = False, True
-        if self._led:
+        if self._led and self._probe is None:
             self._reference = self.operator.follow(now, self._reference, self._place(estimate))
 
     def _interrupt(self, begin_s: float) -> None:
@@ -392,18 +413,48 @@ class ControllerNode:
             self._reference = Excursion(self._reference, path, begin_s)
             self.experiments_at.append(begin_s - origin)
 
-    def _judge(self, now: float) -> None:
+    def _begin_probe(self, begin_s: float, place_m: float) -> None:
+        """Let the probe come before the reference, from `place_m` on, where it is asked for and has not been."""
+        if self._probed:
+            return
+        self._probe = self.answer.probe()
+        self._probe_ends = begin_s + self._probe.path.end_s + self.envelope.limits.age_s
+        self._reference = Shifted(self._probe.path, begin_s, place_m)
+        self.estimator.begin(math.inf)
+
+    def _end_probe(self, now: float, estimate: Estimate) -> None:
+        """Once all of the probe's path is driven, and what was seen of it is here, begin with the reference, or stop."""
+        assert self._probe is not None
+        if not self._led:
+            self._probe = None
+        elif now >= self._probe_ends:
+            reason, self._probe, self._probed = self._probe.reason(), None, True
+            if reason:
+                self._fail(reason)
+            start_m = float(self.task.reference.position(np.zeros(1))[0])
+            self._begin_reference(now + self.tick_s, self.wanted_m(now) - start_m)
+
+    def _judge(self, now: float, arrived: list[Measurement]) -> None:
         """Stop for good where there is a reason to."""
         if self.receiver.foreign and not self.guard.dry:
             self._fail(self.receiver.other_controller)
+        self.answer.rests(self.receiver.state, self.receiver.still)
+        if self.answer.unrest:
+            self._fail(self.answer.unrest)
         if not self.leads:
             return
         reason = self.receiver.doubt(now)
         if self._led:
-            self._plausibility.wanted(float(self._reference.position(np.array([now]))[0]))
+            wanted_m = self.wanted_m(now)
+            self._plausibility.wanted(wanted_m)
             reason = reason or self._plausibility.reason(self.estimator.counts.restarts)
+            drive = self.receiver.report if self.envelope.kind != "vibro" else self.guard.sent.value
+            late_s, probe = self.estimator.model.delay_s, self._probe
+            found = self.answer.look(now, drive, wanted_m, arrived, late_s, self._reference, probe)
+            reason = reason or found
             if self.receiver.state not in (WAITING, *MOVING):
                 reason = reason or "drive left operation"
+            reason = reason or self.supervisor.halted
         if reason:
             self._fail(reason)
 
@@ -411,6 +462,8 @@ class ControllerNode:
         """A latched stop."""
         if self.state == RUNNING:
             self.state, self.reason = FAULTY, reason
+            ends = {CONTRADICT: "sensor_or_drive", "the drive does not rest": "no_rest"}
+            self.end = ends.get(reason.partition(":")[0], "stopped")
 
     def _mode(self, evidence: Evidence, estimate: Estimate) -> int:
         """What the drive is asked for: up through its states one by one while running, off else (quick stop while it
@@ -450,6 +503,8 @@ class ControllerNode:
                 self._enabled_s = now
                 start_m = float(self.task.reference.position(np.zeros(1))[0])
                 self._begin_reference(now + self.tick_s, self._place(estimate) - start_m)
+                self._begin_probe(now + self.tick_s, self._place(estimate))
+            self.answer.begin()
             self._plausibility.settle(self.estimator.counts.restarts)
             self.supervisor.reset(now, estimate, self.receiver.report)
         self.supervisor.temperature_C = self.receiver.temperature_C

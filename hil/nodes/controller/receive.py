@@ -33,7 +33,7 @@ class FrameReceiver:
 
     `state`, `report` (position in m, current in A, level) and `temperature_C` are the drive's last good feedback;
     `fault` the code that it has latched. `report` is 0 before the first one. `feedbacks` is how many the last `listen`
-    took in. `challenge` is the drive's newest number that has not been answered, -1 for none.
+    took in. `still` is what must rest while the drive is not enabled: position in m, current in A. `challenge` is the drive's newest number that has not been answered, -1 for none.
 
     `foreign` counts the frames that only a controller sends, by name, whatever their bytes: another one speaks on this
     bus. `strange` counts, by type, what is no classic data frame with an 11-bit identifier; `deaf` the ticks in which
@@ -55,7 +55,7 @@ class FrameReceiver:
         self.reception = Reception({catalogue[name].id: Receiver(catalogue[name]) for name in names})
         self.wiring, self.tick_s = wiring, tick_s
         self.state, self.report, self.temperature_C, self.fault = BOOT, 0.0, 20.0, 0
-        self.challenge, self.feedbacks = -1, 0
+        self.still, self.challenge, self.feedbacks = 0.0, -1, 0
         self.deaf, self.deaf_words = 0, ""
         self.strange: Counter[str] = Counter()
         self.foreign: Counter[str] = Counter()
@@ -164,6 +164,7 @@ class FrameReceiver:
         elif name == self.wiring.feedback:
             self.feedbacks += 1
             self._fed_at, self.state, self.temperature_C = stamp, int(values["State"]), values["Temperature_degC"]
+            self.still = values["Position_m" if self.wiring.kind == "magnetic" else "Current_A"]
             if self.wiring.kind != "vibro":
                 self.report = values[self.wiring.signal]
                 since = max(now - stamp, 0.0)

@@ -1,0 +1,164 @@
+"""Sensor, drive and capsule held against each other and against the wanted position, whatever an estimator believes."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from controller.limits import Envelope
+
+CONTRADICT: Final = "sensor or drive contradict each other"
+_SLACK_M: Final = 2e-3
+_STDS: Final = 6.0
+_STILL_M: Final = 1e-3
+_PUSHES: Final = 0.15
+_AGAINST: Final = 0.5
+_STROKE: Final = 1.5
+_ON_S: Final = 5.0
+_SLIPS_M_S: Final = 0.2
+_CONFIRMED: Final = 3
+
+
+class Corridor:
+    """The envelope around the wanted position: a place may be `half_m` from it and `slack_m` farther than it was.
+
+    A reference that jumps, or begins elsewhere, gives as much room as it jumps; the room shrinks as the place comes
+    nearer. `pace_m_s` is how fast the wanted position may go without having jumped.
+    """
+
+    __slots__ = ("_half_m", "_pace_m_s", "_room_m", "_slack_m", "_wanted_m")
+
+    def __init__(self, half_m: float, pace_m_s: float, slack_m: float) -> None:
+        self._half_m, self._pace_m_s, self._slack_m = half_m, pace_m_s, slack_m
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin anew: the place may be anywhere."""
+        self._room_m, self._wanted_m = math.inf, math.nan
+
+    def leaves(self, place_m: float, wanted_m: float, dt: float) -> bool:
+        """Whether the place, `dt` s after the last call, is outside."""
+        jump_m = abs(wanted_m - self._wanted_m) - self._pace_m_s * dt
+        if jump_m > 0:
+            self._room_m += jump_m
+        self._wanted_m = wanted_m
+        off_m = abs(place_m - wanted_m)
+        if off_m > self._room_m:
+            return True
+        self._room_m = max(self._half_m, min(self._room_m, off_m + self._slack_m))
+        return False
+
+
+class Doubt:
+    """Takes a reading that lies no farther from the last one taken than a capsule slips meanwhile; one that jumps is
+    taken once `_CONFIRMED` in a row have said the same.
+    """
+
+    __slots__ = ("_agree", "_apart_m", "_at", "_candidate_m", "_place_m")
+
+    def __init__(self, noise_m: float) -> None:
+        self._apart_m = _STDS * noise_m
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin anew: the first reading is taken."""
+        self._place_m = self._candidate_m = math.nan
+        self._at, self._agree = -math.inf, 0
+
+    def takes(self, place_m: float, stamp_s: float) -> bool:
+        """Whether the reading `place_m`, true at `stamp_s`, is taken."""
+        way_m = _SLIPS_M_S * abs(stamp_s - self._at) + self._apart_m
+        if abs(place_m - self._place_m) > way_m:
+            again = abs(place_m - self._candidate_m) <= self._apart_m
+            self._agree, self._candidate_m = self._agree + 1 if again else 1, place_m
+            if self._agree < _CONFIRMED:
+                return False
+        self._place_m, self._at, self._agree = place_m, stamp_s, 0
+        return True
+
+
+class Contradiction:
+    """Why sensor and drive cannot both be right, from what they say alone.
+
+    - Envelope: carriage and capsule stay within `Envelope.around_m` of the wanted position. A magnet holds its capsule
+      within its gap, so a capsule whose localisation drifts away is led no farther than that.
+    - Sign: a capsule goes where it is pushed. While it is pushed one way by more than `_PUSHES` of the greatest push it
+      goes back by less than `_AGAINST` of the envelope. Waves and walls that draw back move a capsule against a magnet
+      by less, as the magnet pulls the harder.
+    - Answer: a capsule that has not moved by `_STILL_M` and `_STDS` standard deviations of its localisation has not
+      felt strokes of the drive of `_STROKE` of its gap or range, nor an inner mass that swung for `_ON_S`.
+
+    The drive is its own report, in the command's unit; of an inner mass its command. Places and wanted positions are
+    in m, times in s. No method raises, allocates or takes longer with time.
+    """
+
+    def __init__(self, envelope: Envelope, noise_m: float) -> None:
+        limits, self._envelope = envelope.limits, envelope
+        slack_m = _SLACK_M + _STDS * noise_m
+        self._drive = Corridor(envelope.around_m, limits.carriage_speed_m_s, slack_m)
+        self._capsule = Corridor(envelope.around_m + _STDS * noise_m, limits.speed_m_s, slack_m)
+        full = envelope.gap_m if envelope.placed else envelope.high
+        self._push, self._stroke = _PUSHES * full, _STROKE * full
+        self._pushes = envelope.kind != "vibro"
+        self._doubt = Doubt(noise_m)
+        self._against_most_m = _AGAINST * envelope.around_m
+        self._still_m = _STILL_M + _STDS * noise_m
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin anew: with a drive that is enabled at this moment."""
+        self._drive.begin()
+        self._capsule.begin()
+        self._doubt.begin()
+        self.against_m, self._on_s = 0.0, 0.0
+        self._rested_m = self._farthest_m = math.nan
+        self._way = 0.0
+        self._low, self._high = math.inf, -math.inf
+        self._seen_at = math.nan
+
+    def drove(self, drive: float, wanted_m: float, dt: float) -> str:
+        """A tick of `dt` s in which the drive was at `drive`; why to stop, "" where there is no reason."""
+        if drive < self._low:
+            self._low = drive
+        if drive > self._high:
+            self._high = drive
+        if not self._pushes:
+            self._on_s += dt * (drive > 0)
+            if self._on_s > _ON_S:
+                return f"{CONTRADICT}: the capsule has not moved while the inner mass swung for {_ON_S:g} s"
+        elif self._high - self._low > self._stroke:
+            return f"{CONTRADICT}: the capsule does not answer, it has not moved while the {self._went()}"
+        if self._envelope.placed and self._drive.leaves(drive, wanted_m, dt):
+            off = 1e3 * (drive - wanted_m)
+            return (
+                f"{CONTRADICT}: the carriage is {off:+.1f} mm from the wanted position, and the capsule not told there"
+            )
+        return ""
+
+    def saw(self, place_m: float, drive: float, wanted_m: float, stamp_s: float) -> str:
+        """The localisation shows the capsule at `place_m`; `drive` and `wanted_m` are those of its stamp."""
+        if not self._doubt.takes(place_m, stamp_s):
+            return ""
+        push = drive - place_m if self._envelope.placed else self._envelope.sense * drive
+        way = 0.0 if not self._pushes or abs(push) < self._push else math.copysign(1.0, push)
+        if way != self._way:
+            self._way, self._farthest_m = way, place_m
+        elif way * (place_m - self._farthest_m) > 0:
+            self._farthest_m = place_m
+        self.against_m = way * (self._farthest_m - place_m)
+        if not abs(place_m - self._rested_m) <= self._still_m:
+            self._rested_m, self._on_s, self._low, self._high = place_m, 0.0, drive, drive
+        dt = stamp_s - self._seen_at
+        self._seen_at = stamp_s
+        if self.against_m > self._against_most_m:
+            return f"{CONTRADICT}: the capsule went {1e3 * self.against_m:.1f} mm against the pull of the drive"
+        if self._capsule.leaves(place_m, wanted_m, dt if dt > 0 else 0.0):
+            off = 1e3 * (place_m - wanted_m)
+            return f"{CONTRADICT}: the capsule is told {off:+.1f} mm from the wanted position"
+        return ""
+
+    def _went(self) -> str:
+        """What the drive did meanwhile, in words."""
+        if self._envelope.placed:
+            return f"carriage went {1e3 * (self._high - self._low):.1f} mm"
+        return f"drive went from {self._low:.2g} to {self._high:.2g}"

@@ -1,0 +1,130 @@
+"""What the controller node makes of sensor and drive together: a probe before it leads, contradictions and jumps while
+it leads, a drive that does not rest while it must.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, deque
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from controller.limits import Envelope
+from controller.monitor.monitor import Health
+from controller.signals import Measurement, Reference
+from controller.supervision.contradiction import Contradiction
+from controller.supervision.probe import Probe
+from hil.nodes.frame_map import STANDBY, WAITING
+
+LED: Final = 0.99
+"""Least share of the ticks that the controller asked for leads in a run that is done."""
+_BACK_S: Final = 0.4
+"""How far back reports of the drive are kept, for readings that come late: no localiser can tell a greater age."""
+_JUMP_M: Final = 2e-3
+"""Step of the believed position from which on it is told, and the drive's rate begins anew."""
+_RESTS: Final = {"magnetic": 5e-4, "coil": 0.05, "vibro": 0.05}
+"""How far a drive at rest may be off where it came to rest in m, or its current off zero in A."""
+
+
+class Answer:
+    """Looks on while the node leads. `begin` when the drive is enabled, `look` once a tick from then on.
+
+    `jumps` is how often the believed position stepped by 2 mm or more, because three readings in a row had said so,
+    `jump_m` the last one; `cautious_s` when that was. `led` counts ticks by who led. `unrest` says that the drive moves
+    while it stands by or waits, "" where it does not.
+    """
+
+    def __init__(self, envelope: Envelope, tick_s: float, noise_m: float) -> None:
+        self._envelope, self._tick_s = envelope, tick_s
+        self._contradiction = Contradiction(envelope, noise_m)
+        self._reports = deque([0.0], maxlen=2 + math.ceil(_BACK_S / tick_s))
+        self.led: Counter[str] = Counter()
+        self.unrest, self._rested, self._most = "", math.nan, _RESTS[envelope.kind]
+        self.jumps, self.jump_m, self.cautious_s = 0, 0.0, -math.inf
+        self._followed, self._believed_m = 0, math.nan
+
+    @property
+    def words(self) -> str:
+        """The jumps in words, "" where there was none."""
+        if not self.jumps:
+            return ""
+        return f"{self.jumps} jumps, the last of {1e3 * self.jump_m:+.1f} mm, followed once three readings had said it"
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """Which share of the ticks in which the drive was led each controller led; "stop" while none did."""
+        ticks = self.led.total()
+        return {name: count / ticks for name, count in self.led.most_common()}
+
+    def not_led(self, wanted: str, health: Health) -> str:
+        """Why a run that came to its end was not led as asked for, "" where it was: another controller than `wanted`
+        led for more than 1 % of the ticks, or the monitor says "broken" after the localisation jumped.
+        """
+        shares = self.shares
+        if shares and shares.get(wanted, 0.0) < LED:
+            others = ", ".join(f"{name} {100 * share:.1f} %" for name, share in shares.items())
+            return f"{wanted} must lead {100 * LED:g} % of the ticks; led: {others}"
+        if self.jumps and health.state == "broken":
+            return f"the model broke after the localisation had jumped: {self.words}"
+        return ""
+
+    def probe(self) -> Probe:
+        """A new probe of this drive."""
+        return Probe(self._envelope)
+
+    def begin(self) -> None:
+        """The drive is enabled: what it and the capsule did before does not count."""
+        self._contradiction.begin()
+        self._reports.clear()
+
+    def look(
+        self,
+        now: float,
+        drive: float,
+        wanted_m: float,
+        seen: Sequence[Measurement],
+        late_s: float,
+        reference: Reference,
+        probe: Probe | None,
+    ) -> str:
+        """A tick at `now` in s: the drive reports `drive`, the capsule is `wanted_m`, `seen` has come, true `late_s`
+        before its stamp. Why to stop, "" where there is no reason.
+        """
+        self._reports.append(drive)
+        reason = self._contradiction.drove(drive, wanted_m, self._tick_s)
+        for m in seen:
+            if m.channel != "position_m" or not math.isfinite(m.value + m.stamp_s):
+                continue
+            stamp_s = m.stamp_s - late_s
+            back = min(max(round((now - stamp_s) / self._tick_s), 0), len(self._reports) - 1)
+            then, at = self._reports[-1 - back], np.array([stamp_s])
+            place_m = float(reference.position(at)[0])
+            reason = reason or self._contradiction.saw(m.value, then, place_m, stamp_s)
+            if probe is not None:
+                probe.saw(m.value, then, place_m, float(reference.speed(at)[0]))
+        return reason
+
+    def believe(self, now: float, position_m: float, followed: int) -> None:
+        """The estimator believes the capsule at `position_m`, and has followed refused readings `followed` times."""
+        step_m = position_m - self._believed_m
+        self._believed_m = position_m
+        if followed > self._followed and abs(step_m) >= _JUMP_M:
+            self.jumps, self.jump_m, self.cautious_s = self.jumps + 1, step_m, now
+        self._followed = followed
+
+    def rests(self, state: int, still: float) -> None:
+        """The drive is in `state`, and what must rest then (`FrameReceiver.still`) is `still`."""
+        if state not in (STANDBY, WAITING):
+            self._rested = math.nan
+            return
+        if math.isnan(self._rested):
+            self._rested = still if self._envelope.placed else 0.0
+        if abs(still - self._rested) > self._most and not self.unrest:
+            went = (
+                f"it went {1e3 * (still - self._rested):+.1f} mm"
+                if self._envelope.placed
+                else f"its current is {still:.2g} A"
+            )
+            self.unrest = f"the drive does not rest: {went} while it was not enabled"

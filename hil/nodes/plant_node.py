@@ -16,6 +16,8 @@ from controller.limits import Limits
 from hil.bus.catalogue import Catalogue
 from hil.nodes.drive.node import DriveNode
 from hil.nodes.drive.power_stage import CarriagePower, CoilPower, InnerMassPower, Power
+from hil.nodes.faults.lies import LyingDrive
+from hil.nodes.faults.table import Fault
 from hil.nodes.frame_map import frame_map_of, frames
 from hil.nodes.simulated_drives import SimulatedDrive
 from hil.nodes.transmit import FrameTransmitter
@@ -28,7 +30,7 @@ SLOT_S: Final = 1e-3
 """The drives' firmware runs this often."""
 _COIL_PARTS: Final = 2
 _FORCE_STD_N: Final = 1e-3
-Tamper = Callable[[Reading], Reading | None]
+Tamper = Callable[[float, list[Reading]], list[Reading]]
 
 
 def power_of(session: Session, limits: Limits) -> tuple[str, Power]:
@@ -50,8 +52,8 @@ class PlantNode:
     next slot.
 
     The coil's current loop runs twice a slot. A reading goes out in the first slot after it is at hand, with its age;
-    where none comes for one and a half cycles the localiser says so (Valid 0). `tamper`, where set, is what a broken
-    localiser makes of a reading.
+    where none comes for one and a half cycles the localiser says so (Valid 0). `tampers` are what a broken localiser,
+    or one that lies, makes of the readings at hand at a time; `lie`, where set, what a drive that lies truly does.
     """
 
     def __init__(
@@ -76,7 +78,9 @@ class PlantNode:
             raise ValueError(f"tick_s must be a multiple of the drives' {SLOT_S:g} s; got {tick_s:g}")
         catalogue = catalogue or frames()
         kind, power = power_of(session, limits)
-        self.session, self.tamper = session, None
+        self.session = session
+        self.tampers: list[Tamper] = []
+        self.lie: LyingDrive | None = None
         self.drive: SimulatedDrive = drive or DriveNode(
             drive_bus, catalogue, frame_map_of(kind), power, limits, tick_s, draw=draw
         )
@@ -85,32 +89,41 @@ class PlantNode:
         self._force = None if force_seed is None else _ForceSensor(sensor_bus, catalogue, force_seed)
         self._readings: list[Reading] = []
 
-    tamper: Tamper | None
-
     def tick(self, now: float) -> None:
         """Go on from `now` by a slot."""
         if isinstance(self.drive.power, CoilPower):
             self.drive.power.output = self._sensed()
         self.drive.listen(now, self.slots)
-        self._localiser.speak(now, self._seen())
+        self._localiser.speak(now, self._seen(now))
         if self._force is not None:
             self._force.speak(now, self._newest(at.O_FORCE))
         begin, span = self.session.time, now + SLOT_S - self.session.time
         for part in range(self._parts):
             command = self.drive.output(span / self._parts, self._sensed())
+            if self.lie is not None:
+                command = self.lie(begin + span * part / self._parts, span / self._parts, command)
             found = self.session.advance(command, begin + span * (part + 1) / self._parts)
             self._readings += [r for r in found if r.channel == "position_m"]
 
-    def _seen(self) -> list[Reading]:
+    def mislead(self, fault: Fault) -> None:
+        """From now on the drive truly does what `fault` makes of its commands."""
+        plant = self.session.plant
+        self.lie = LyingDrive(fault, plant.rig.drive, self.session.command, float(plant.state[at.S_CURRENT]))
+
+    def place(self) -> float:
+        """Where the carriage or the inner mass truly is, in m."""
+        return self._newest(at.O_DRIVE if self.session.plant.rig.drive.straight else at.O_INNER_X)
+
+    def _seen(self, now: float) -> list[Reading]:
         readings, self._readings = self._readings, []
-        if self.tamper is None:
-            return readings
-        return [r for r in map(self.tamper, readings) if r is not None]
+        for tamper in self.tampers:
+            readings = tamper(now, readings)
+        return readings
 
     def _sensed(self) -> float:
         """What the drive's own sensor shows its power stage."""
         if isinstance(self.drive.power, CoilPower):
-            return float(self.session.plant.state[at.S_CURRENT])
+            return float(self.session.plant.state[at.S_CURRENT]) if self.lie is None else self.lie.current_A
         if isinstance(self.drive.power, InnerMassPower):
             return self._newest(at.O_INNER_X) - self._newest(at.O_X)
         return self.drive.power.output

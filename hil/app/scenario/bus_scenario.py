@@ -22,7 +22,7 @@ from hil.bus.key import read_key
 from hil.bus.local import LocalBus
 from hil.nodes.actuators import ACTUATORS, ActuatorTable, read_actuator
 from hil.nodes.controller.operator import SETPOINT, OperatorLimits
-from hil.nodes.faults.table import KEY, MAKER, OPERATOR, Fault, read_faults
+from hil.nodes.faults.table import KEY, KINDS, MAKER, OPERATOR, Fault, read_faults
 from hil.nodes.fmu_plant import read_fmu
 from hil.nodes.frame_map import frame_map_of, frames
 from hil.nodes.plant_node import SLOT_S
@@ -167,7 +167,7 @@ def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
         jog.planned()
         if not (operator and operator.accept):
             raise ValueError("operator.accept must be true with [jog], or the controller takes no setpoints; got false")
-    _there({MAKER: drive is not None, OPERATOR: jog is not None, KEY: bool(bus.key_file)}, faults)
+    _there({MAKER: drive is not None, OPERATOR: jog is not None, KEY: bool(bus.key_file)}, faults, loop.kind)
     held = operator if operator and operator.accept else None
     return SilScenario(loop, bus, faults, drive, plant, held, jog, read_pace(raw))
 
@@ -181,8 +181,13 @@ _MISSING: Final[Mapping[str, str]] = MappingProxyType(
 )
 
 
-def _there(has: Mapping[str, bool], faults: tuple[Fault, ...]) -> None:
+def _there(has: Mapping[str, bool], faults: tuple[Fault, ...], kind: str) -> None:
     """Refuse a fault of what the scenario has not."""
     for fault in faults:
+        rigs = KINDS[fault.kind].rigs
+        if rigs and kind not in rigs:
+            raise ValueError(
+                f"faults.kind {fault.name} must stand with a rig.kind of {' or '.join(rigs)}; got {kind!r}"
+            )
         if fault.needs and not has[fault.needs]:
             raise ValueError(f"faults.kind {fault.name} must stand {_MISSING[fault.needs]}")

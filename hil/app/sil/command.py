@@ -161,6 +161,8 @@ def _say(scenario: SilScenario, found: dict[str, Any], trace: SilTrace) -> None:
     for fault in found["faults"]:
         after = fault["safe_after_ms"]
         came = "rode through" if after is None else f"safe after {after:.1f} ms"
+        if "distance_mm" in fault:
+            came += f", at most {fault['distance_mm']:.1f} mm from the wanted place"
         say(f"fault {fault['fault']} at {fault['at_s']:g} s: {came}{', UNSAFE' if fault['unsafe'] else ''}")
     say(health_words(found))
     if sentence := offer_words(found):

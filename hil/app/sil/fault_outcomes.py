@@ -12,11 +12,12 @@ import numpy as np
 
 from controller.limits import Limits
 from hil.app.scenario.bus_scenario import JogTable, SilScenario
+from hil.app.sil.lie_outcomes import lied
 from hil.app.sil.loop import SilTrace
 from hil.app.track.score import violations
 from hil.nodes.actuators import ActuatorTable
 from hil.nodes.controller.operator import AHEAD_M, OperatorLimits
-from hil.nodes.faults.table import KEY, KINDS, OPERATOR, Fault
+from hil.nodes.faults.table import KEY, KINDS, LIES, OPERATOR, Fault
 from hil.nodes.operator_sender import CYCLE_S
 from plant import layout as at
 
@@ -116,13 +117,16 @@ class Outcome:
     """What came of `faults` that began together, within a tick: one, or a set. `safe_after_s`: from the first's begin
     until the drive was in its safe state (nan where it never had to be: the loop rode through); `since_good_s`: the
     same from the last good command frame before that. `unsafe`: the true state broke a limit, or a drive that moved
-    when the fault came was in its safe state later than `sil_limits` allows, or moved again afterwards.
+    when the fault came was in its safe state later than `sil_limits` allows, or moved again afterwards. Of lies,
+    `distance_m` is the largest of the true capsule from the wanted place until then, and `why` says what was unsafe.
     """
 
     faults: tuple[Fault, ...]
     safe_after_s: float
     since_good_s: float
     unsafe: bool
+    distance_m: float = math.nan
+    why: str = ""
 
     @property
     def fault(self) -> Fault:
@@ -133,7 +137,8 @@ class Outcome:
         """The entry of the JSON's `faults`; `safe_after_ms` is null where no safe state was called for."""
         safe = None if math.isnan(self.safe_after_s) else 1e3 * self.safe_after_s
         name = " + ".join(fault.name for fault in self.faults)
-        return {"fault": name, "at_s": self.fault.at_s, "safe_after_ms": safe, "unsafe": self.unsafe}
+        found = {"fault": name, "at_s": self.fault.at_s, "safe_after_ms": safe, "unsafe": self.unsafe}
+        return found if math.isnan(self.distance_m) else {**found, "distance_mm": 1e3 * self.distance_m}
 
 
 def outcomes(scenario: SilScenario, trace: SilTrace) -> list[Outcome]:
@@ -165,6 +170,9 @@ def limit_of(scenario: SilScenario, fault: Fault) -> float:
 
 def _outcome(scenario: SilScenario, trace: SilTrace, faults: tuple[Fault, ...], end: float) -> Outcome:
     fault = faults[0]
+    if any(one.kind in LIES for one in faults):
+        found = lied(scenario, trace, faults, end)
+        return Outcome(faults, found.after_s, math.nan, bool(found.why), found.distance_m, found.why)
     t, safe, good = trace.slots.T
     within = (t > fault.at_s) & (t <= end)
     reached = np.flatnonzero(within & (safe > 0))

@@ -28,12 +28,12 @@ from hil.nodes.carriage_bus import CarriageBus
 from hil.nodes.controller.node import ControllerNode, Task, Tick
 from hil.nodes.controller.operator import SETPOINT
 from hil.nodes.faults.injection import TAMPERING, FaultInjection
-from hil.nodes.faults.table import SETPOINTS, Fault
+from hil.nodes.faults.lies import Lie, LyingLocaliser, zero_of
+from hil.nodes.faults.table import DRIVE, LIES, SETPOINTS, Fault
 from hil.nodes.fmu_plant import FmuPlant
 from hil.nodes.frame_map import frame_map_of, frames
 from hil.nodes.plant_node import SLOT_S, PlantNode, power_of
 from hil.nodes.simulated_drives import Configured, simulated_drive
-from plant.sensing.instruments import Reading
 from plant.session import Session
 
 PHASE_S = 0.2e-3
@@ -71,7 +71,8 @@ class Bench:
         """`recorder` writes the log of the controller node. Raises ValueError for a controller that cannot lead this
         rig.
         """
-        self._recorder = recorder
+        self._recorder, self._seed = recorder, seed
+        self.localisers: dict[int, LyingLocaliser] = {}
         loop, self.scenario = scenario.loop, scenario
         self.tick_s, self.wiring = loop.control.tick_s, frame_map_of(loop.kind)
         bus = scenario.bus
@@ -243,11 +244,8 @@ class Bench:
             self.links[fault.target].broken = on
         elif fault.kind == "bus_off":
             self._off_bus(self.ports[fault.target], on)
-        elif fault.kind in ("stuck", "biased", "nan", "lost"):
-            if fault.target == "feedback":
-                drive.misread = _Misread(fault) if on else None
-            else:
-                self.plant.tamper = _Broken(fault) if on else None
+        elif fault.kind in ("stuck", "biased", "nan", "lost", *LIES):
+            self._lie(fault, on)
         elif fault.kind == "over_temperature":
             drive.heated_to_C = fault.amount if on else -math.inf
         elif fault.kind == "drive_reset" and on:
@@ -261,6 +259,26 @@ class Bench:
         elif fault.kind == "wrong_bit_rate":
             self.medium.disturb = _Burst() if on else None
             self._off_bus(self.ports["drive"], on)
+
+    def _lie(self, fault: Fault, on: bool) -> None:
+        """A sensor that is broken, or a localiser or drive that lies, from now on, or no more."""
+        plant, truth = self.plant, self.scenario.loop.truth.drive
+        if fault.kind == "restless":
+            plant.drive.power.stray = fault.amount if on else 0.0
+        elif fault.target == DRIVE:
+            if on:
+                plant.mislead(fault)
+            elif plant.lie is not None:
+                plant.lie.end()
+        elif fault.target == "feedback":
+            shown = Lie(fault, about=zero_of(truth))
+            plant.drive.misread = (lambda value: shown(self.medium.now_s, value)) if on else None
+        elif on:
+            seen = LyingLocaliser(fault, self.scenario.loop.instruments.localisation, self._seed, plant.place)
+            self.localisers[id(fault)] = seen
+            plant.tampers.append(seen)
+        else:
+            plant.tampers.remove(self.localisers[id(fault)])
 
     def _hit(self, fault: Fault) -> list[tuple[FaultInjection, tuple[Fault, frozenset[int]]]]:
         """The links that a fault tampers with, and the identifiers there."""
@@ -309,34 +327,3 @@ class _Burst:
     def __call__(self, start_s: float, sender: str, message: can.Message) -> bool:
         self._left -= 1
         return self._left >= 0
-
-
-class _Broken:
-    """What a broken localiser makes of a reading."""
-
-    def __init__(self, fault: Fault) -> None:
-        self._fault, self._held = fault, math.nan
-
-    def __call__(self, reading: Reading) -> Reading | None:
-        kind = self._fault.kind
-        if kind == "lost":
-            return None
-        if kind == "stuck":
-            self._held = reading.value if math.isnan(self._held) else self._held
-            value = self._held
-        else:
-            value = math.nan if kind == "nan" else reading.value + self._fault.amount
-        return Reading(reading.channel, value, reading.stamp_s, reading.arrives_s)
-
-
-class _Misread:
-    """What a drive with a broken sensor reports."""
-
-    def __init__(self, fault: Fault) -> None:
-        self._fault, self._held = fault, math.nan
-
-    def __call__(self, value: float) -> float:
-        if self._fault.kind == "biased":
-            return value + self._fault.amount
-        self._held = value if math.isnan(self._held) else self._held
-        return self._held

@@ -111,7 +111,7 @@ class DriveNode:
         self._mode, self._setpoint, self._taken, self._waiting = OFF, 0.0, OFF, False
         self._dies_at = self._stop_until = self._heard_at = self._beat_at = -math.inf
         self._reset, self._hot_since, self._phase, self._tell = NO_FAULT, math.inf, 0, 0
-        self._stranger, self._uptime_s = False, math.inf
+        self._stranger, self._uptime_s, self._shown = False, math.inf, 0.0
 
     @property
     def rejected(self) -> int:
@@ -248,7 +248,9 @@ class DriveNode:
         power, common = self.power, {"State": float(self.stage.state), "Temperature_degC": warm}
         shown = power.output if self.misread is None else self.misread(power.output)
         if isinstance(power, CarriagePower):
-            return {"Position_m": shown, "Velocity_m_s": min(max(power.rate, -0.4), 0.4), **common}
+            rate = power.rate if self.misread is None else (shown - self._shown) / self.tick_s
+            self._shown = shown = min(max(shown, -1.1), 1.1)
+            return {"Position_m": shown, "Velocity_m_s": min(max(rate, -0.4), 0.4), **common}
         if isinstance(power, CoilPower):
             return {"Current_A": min(max(shown, -2.6), 2.6), "Voltage_V": power.voltage_V, **common}
         assert isinstance(power, InnerMassPower)

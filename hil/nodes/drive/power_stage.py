@@ -11,11 +11,13 @@ from hil.nodes.frame_map import QUICK_STOP_M_S2
 
 class Power(Protocol):
     """Turns a setpoint into what the plant gets. `output` is what the drive measures of itself, in the command's
-    unit.
+    unit. `stray` is what a broken one does by itself while it is not enabled, though it takes itself to rest: a
+    carriage's speed, a coil's current, a level.
     """
 
     output: float
     overload: bool
+    stray: float
 
     def aim(self, setpoint: float, over_s: float) -> None:
         """Take over a new setpoint, to be reached `over_s` from now."""
@@ -46,6 +48,7 @@ class CarriagePower:
     rate: float = 0.0
     overload: bool = False
     braking_m_s2: float = QUICK_STOP_M_S2
+    stray: float = 0.0
     _target: float = 0.0
     _left_s: float = 0.0
 
@@ -60,8 +63,9 @@ class CarriagePower:
             self._left_s = max(self._left_s - dt, 0.0)
             self.output += self.rate * dt
         else:
-            before, brake = self.rate, self.braking_m_s2 * dt
-            self.rate = math.copysign(max(abs(before) - brake, 0.0), before)
+            before, brake = self.rate - self.stray, self.braking_m_s2 * dt
+            self.rate = math.copysign(max(abs(before) - brake, 0.0), before) + self.stray
+            before += self.stray
             self.output += 0.5 * (before + self.rate) * dt
             self._target, self._left_s = self.output, 0.0
         self.output = min(max(self.output, -self.travel_m), self.travel_m)
@@ -69,7 +73,7 @@ class CarriagePower:
 
     @property
     def at_rest(self) -> bool:
-        return self.rate == 0.0
+        return self.rate == self.stray
 
 
 @dataclass
@@ -86,6 +90,7 @@ class CoilPower:
     output: float = 0.0
     voltage_V: float = 0.0
     overload: bool = False
+    stray: float = 0.0
     _begin: float = 0.0
     _target: float = 0.0
     _over_s: float = 0.0
@@ -109,6 +114,7 @@ class CoilPower:
         if share <= 0 and self.setpoint != 0.0:
             self._begin = self._target = self._sum = 0.0
         wanted = min(max(self.setpoint, -share * self.current_A), share * self.current_A)
+        wanted = wanted if share > 0 else self.stray
         missing, failed, self._wanted = wanted - sensed, self._wanted - sensed, wanted
         self._sum = min(max(self._sum + failed, -0.2 * self.current_A), 0.2 * self.current_A)
         turns = dt * self.resistance_ohm / self.inductance_H if self.inductance_H > 0 else math.inf
@@ -119,7 +125,7 @@ class CoilPower:
 
     @property
     def at_rest(self) -> bool:
-        return abs(self.output) <= 0.01 * self.current_A and self.setpoint == 0.0
+        return abs(self.output - self.stray) <= 0.01 * self.current_A and self.setpoint == 0.0
 
 
 @dataclass
@@ -131,6 +137,7 @@ class InnerMassPower:
     output: float = 0.0
     stretch_m: float = 0.0
     overload: bool = False
+    stray: float = 0.0
     _level: float = 0.0
 
     def aim(self, setpoint: float, over_s: float) -> None:
@@ -140,9 +147,9 @@ class InnerMassPower:
         self.stretch_m = sensed
         if share <= 0:
             self._level = 0.0
-        self.output = min(max(self._level, 0.0), share)
+        self.output = min(max(self._level, 0.0), share) if share > 0 else self.stray
         return self.output
 
     @property
     def at_rest(self) -> bool:
-        return self.output == 0.0
+        return self.output == self.stray

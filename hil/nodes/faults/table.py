@@ -18,6 +18,9 @@ SETPOINTS: Final = "setpoints"
 """The way from the operator to the controller."""
 _WAYS: Final = (*LINKS, SETPOINTS)
 _KEYED: Final = LINKS[:3]
+DRIVE: Final = "drive"
+"""What the drive truly does, while its report follows the command as a sound one's would."""
+_TOLD: Final = (*SENSORS, DRIVE)
 MAKER, OPERATOR, KEY = "maker", "operator", "key"
 """What a scenario must have beside a fault: another maker's drive, somebody who steers, an authenticated bus."""
 _SHARE: Final = (1e-6, 1.0)
@@ -26,7 +29,8 @@ _SHARE: Final = (1e-6, 1.0)
 @dataclass(frozen=True)
 class FaultKind:
     """What a kind of fault does, the targets it may have (the first one where none is named), what its `value` means,
-    and the least and the most that makes sense. `makers`: only another maker's drive can have it.
+    and the least and the most that makes sense. `needs`: what a scenario must have beside it. `rigs`: the kinds of rig
+    that can have it, all where none is named.
     """
 
     summary: str
@@ -35,8 +39,49 @@ class FaultKind:
     meaning: str = ""
     range: tuple[float, float] = (-math.inf, math.inf)
     needs: str = ""
+    rigs: tuple[str, ...] = ()
 
 
+LIES: Mapping[str, FaultKind] = MappingProxyType(
+    {
+        "drift": FaultKind("the value goes off at a steady speed", SENSORS, 0.005, "m/s or A/s", (-0.1, 0.1)),
+        "jumped": FaultKind("the value is off from one moment to the next", SENSORS[:1], 0.004, "m", (-0.1, 0.1)),
+        "sway": FaultKind("the value goes off and back in a sine of 8 s", SENSORS[:1], 0.01, "m", (-0.1, 0.1)),
+        "flipped": FaultKind("the value's sign is the other one", SENSORS),
+        "turned": FaultKind("the way since the lie began is the opposite of what it should be", _TOLD),
+        "scaled": FaultKind("the way since then is so many times what it should be", _TOLD, 2.0, "times", (0.0, 10.0)),
+        "held": FaultKind(
+            "it stays where it was, or at `value`; a localiser's with its usual noise",
+            _TOLD,
+            meaning="m, A, or share of the level",
+            range=(-5.0, 5.0),
+        ),
+        "late": FaultKind("readings are so old when they are told, and say so", SENSORS[:1], 0.12, "s", (1e-3, 0.4)),
+        "late_unsaid": FaultKind("readings are so old, told as fresh", SENSORS[:1], 0.12, "s", (1e-3, 0.4)),
+        "swapped": FaultKind(
+            "the place of carriage or inner mass is told as the capsule's", SENSORS[:1], rigs=("magnetic", "vibro")
+        ),
+        "foreign": FaultKind("a smooth motion of another rig is told", SENSORS[:1], 0.01, "m either way", (1e-4, 0.5)),
+        "noisy": FaultKind("the noise is so many times as large", SENSORS[:1], 10.0, "times", (1.0, 100.0)),
+        "coarse": FaultKind("the value comes in steps", SENSORS[:1], 0.002, "m", (1e-6, 0.1)),
+        "sticks": FaultKind(
+            "the carriage sticks until it is so far behind, and jumps there",
+            (DRIVE,),
+            0.005,
+            "m",
+            (1e-5, 0.1),
+            rigs=("magnetic",),
+        ),
+        "restless": FaultKind(
+            "the drive moves by itself while it is not enabled, and reports it",
+            (DRIVE,),
+            0.02,
+            "m/s, A, or share of the level",
+            (-2.0, 2.0),
+        ),
+    }
+)
+"""Frames that are valid in form and false in content, and drives that do what they were not asked."""
 KINDS: Mapping[str, FaultKind] = MappingProxyType(
     {
         "drop": FaultKind("frames are lost on their way", _WAYS, 1.0, "share of the frames", _SHARE),
@@ -89,11 +134,12 @@ KINDS: Mapping[str, FaultKind] = MappingProxyType(
         "unkeyed": FaultKind("frames are classic ones, without an authenticator", _KEYED, needs=KEY),
         "epoch_back": FaultKind("the sender has begun anew with an earlier epoch", _KEYED, needs=KEY),
         "clock_jump": FaultKind("the controller's clock jumps", value=0.5, meaning="s", range=(-1000.0, 1000.0)),
+        **LIES,
     }
 )
 
-OWN_KINDS: Final = tuple(name for name, kind in KINDS.items() if kind.needs != MAKER)
-"""Faults that the catalogue's own drives can have."""
+OWN_KINDS: Final = tuple(name for name, kind in KINDS.items() if kind.needs != MAKER and name not in LIES)
+"""Faults that the catalogue's own drives can have, lies apart."""
 MAKERS_ROWS: Final = (
     ("drop", "commands"),
     ("drop", "feedback"),
@@ -125,13 +171,16 @@ MAKERS_ROWS: Final = (
 
 @dataclass(frozen=True)
 class Fault:
-    """One fault of kind `kind` from `at_s` on for `duration_s`; `target` and `value` as `KINDS` says."""
+    """One fault of kind `kind` from `at_s` on for `duration_s`, a lie where nothing is said to the end; `target` and
+    `value` as `KINDS` says. A drift ends once it is `size_m`.
+    """
 
     kind: str
     at_s: float
-    duration_s: float = 0.2
+    duration_s: float = math.nan
     target: str = ""
     value: float = math.nan
+    size_m: float = math.nan
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -147,6 +196,8 @@ class Fault:
             )
         if not 0 <= self.at_s < math.inf:
             raise ValueError(f"faults.at_s must be zero or more; got {self.at_s:g}")
+        if math.isnan(self.duration_s):
+            object.__setattr__(self, "duration_s", math.inf if self.kind in LIES else 0.2)
         if not self.duration_s > 0:
             raise ValueError(f"faults.duration_s must be positive; got {self.duration_s:g}")
         if not math.isnan(self.value) and not (known.meaning and math.isfinite(self.value)):
@@ -155,12 +206,15 @@ class Fault:
                 f" got {self.value:g}"
             )
         least, most = known.range
-        if known.meaning and not least <= self.amount <= most:
+        if known.meaning and not (math.isnan(self.amount) or least <= self.amount <= most):
             raise ValueError(
                 f"faults.value of {self.kind} must lie in [{least:g}, {most:g}] ({known.meaning}); got {self.value:g}"
             )
         if self.kind == "replay" and self.amount != int(self.amount):
             raise ValueError(f"faults.value of replay must be a whole number of frames; got {self.value:g}")
+        if not math.isnan(self.size_m) and not (self.kind == "drift" and 0 < self.size_m < math.inf):
+            wanted = "a positive number of m" if self.kind == "drift" else "left out"
+            raise ValueError(f"faults.size_m of {self.kind} must be {wanted}; got {self.size_m:g}")
         object.__setattr__(self, "target", self.target or known.targets[0])
 
     @property

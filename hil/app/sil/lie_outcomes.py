@@ -1,0 +1,119 @@
+"""What came of a localiser's or a drive's lie: how far the true capsule was from the wanted place until the drive was
+in its safe state, and whether that was safe.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.app.scenario.bus_scenario import SilScenario
+from hil.app.sil.loop import SilTrace
+from hil.app.track.score import shares
+from hil.nodes.faults.table import DRIVE, LIES, Fault
+from hil.nodes.frame_map import QUICK_STOP_M_S2
+from plant import layout as at
+from plant.drives.kinds import MAGNETS
+
+Array = NDArray[np.float64]
+ENVELOPE_M: Final = 0.015
+"""How far a capsule that no magnet holds may be from the wanted place. `[limits] envelope_m` is to replace it."""
+TRACKED_M: Final = 0.002
+"""How far a capsule that follows a lie may be from the place that it says."""
+TICKS: Final = 2
+"""From what tells that something is wrong to the drive's brake."""
+NOT_AT_REST: Final = "does not rest"
+"""What is said of a drive that moves by itself."""
+_ADDED: Final = ("drift", "jumped", "sway")
+"""Lies that tell the true motion beside an offset of their own: where the drive shows no place, nothing contradicts a
+slow one.
+"""
+
+
+@dataclass(frozen=True)
+class Lied:
+    """`after_s` from the lie's begin until the drive was in its safe state (nan: it was led to the end, 0: not led at
+    all); `distance_m` the largest of the true capsule from the wanted place until then; `why` it was unsafe, "" where
+    it was not.
+    """
+
+    after_s: float
+    distance_m: float
+    why: str
+
+
+def lied(scenario: SilScenario, trace: SilTrace, faults: Sequence[Fault], end: float) -> Lied:
+    """What came of `faults`, at least one of them a lie, that began together; up to `end` in s."""
+    begin = faults[0].at_s
+    t, safe, _ = trace.slots.T
+    within = (t > begin) & (t <= end)
+    moved = np.flatnonzero(within & (safe == 0))
+    first = int(moved[0]) if moved.size else int(np.argmax(within))
+    rests = np.flatnonzero(within & (safe > 0) & (np.arange(t.size) >= first))
+    if not moved.size:
+        after_s = 0.0
+    else:
+        after_s = float(t[rests[0]] - begin) if rests.size else math.nan
+    until = min(end, math.inf if not moved.size or math.isnan(after_s) else begin + after_s)
+    rows = trace.rows[(trace.rows[:, at.O_T] >= begin) & (trace.rows[:, at.O_T] <= until)]
+    if not moved.size:
+        distance = np.abs(rows[:, at.O_X] - rows[:1, at.O_X])
+    else:
+        ticks = scenario.loop.control.tick_s * np.arange(len(trace.steered))
+        distance = np.abs(rows[:, at.O_X] - np.interp(rows[:, at.O_T], ticks, trace.steered[:, 0]))
+    again = bool(rests.size and moved.size and not safe[rests[0] :][within[rests[0] :]].all() and scenario.jog is None)
+    if any(f.kind == "restless" for f in faults):
+        why = "" if NOT_AT_REST in trace.stopped_because and not moved.size else "led, or not told"
+    elif np.any(distance > allowed_m(scenario, trace, faults, rows)):
+        why = "too far"
+    else:
+        why = _broken(scenario, rows) or ("moved again" if again else "")
+    return Lied(after_s, float(np.max(distance, initial=0.0)), why)
+
+
+def allowed_m(scenario: SilScenario, trace: SilTrace, faults: Sequence[Fault], rows: Array) -> Array:
+    """How far the true capsule may be from the wanted place at the times of `rows`: a magnet's by what it lets it stay
+    behind, and what the carriage goes until it has braked; another one by the envelope. Where nothing measured
+    contradicts the lie, as far as the lie has gone so far: an offset of a coil's or inner mass's localisation, and a
+    localiser and a drive that lie alike.
+    """
+    limits, drive = scenario.loop.limits, scenario.loop.truth.drive
+    if isinstance(drive, MAGNETS):
+        speed = limits.carriage_speed_m_s
+        ahead = speed * TICKS * scenario.loop.control.tick_s + speed**2 / (2 * QUICK_STOP_M_S2)
+        allowed = np.full(len(rows), limits.gap_share * drive.gap_limit_m + ahead)
+        believed = False
+    else:
+        allowed = np.full(len(rows), ENVELOPE_M)
+        believed = all(f.kind in _ADDED for f in faults)
+    if believed or {DRIVE, "localisation"} <= {f.target for f in faults if f.kind in LIES}:
+        allowed = np.maximum(allowed, _size(trace, rows) + TRACKED_M)
+    return allowed
+
+
+def _size(trace: SilTrace, rows: Array) -> Array:
+    """The largest offset so far, at the times of `rows`, of the place that was told from the true one, in m."""
+    told = trace.told[np.isfinite(trace.told[:, 1])]
+    if not told.size:
+        return np.zeros(len(rows))
+    true = np.interp(told[:, 0], trace.rows[:, at.O_T], trace.rows[:, at.O_X])
+    largest = np.concatenate([[0.0], np.maximum.accumulate(np.abs(told[:, 1] - true))])
+    return np.asarray(largest[np.searchsorted(told[:, 0], rows[:, at.O_T], side="right")])
+
+
+def _broken(scenario: SilScenario, rows: Array) -> str:
+    """The limit of speed, force, current or travel that the truth broke, "" for none. A magnet that has let go of the
+    capsule breaks none.
+    """
+    truth, limits = scenario.loop.truth, scenario.loop.limits
+    if len(rows) < 2:
+        return ""
+    used = {name: share for name, share in shares(truth, limits, rows).items() if name != "gap"}
+    if truth.drive.straight:
+        used["travel"] = np.abs(rows[:, at.O_DRIVE]) / limits.travel_m
+    return next((name for name, share in used.items() if np.any(share > 1 + 1e-9)), "")

@@ -1,0 +1,187 @@
+"""Localisers and drives that lie, in lockstep: whether each run is stopped, how far the true capsule gets from the
+wanted place until then, and how long that takes; and sound runs, none of which may be stopped.
+
+`python -m tests.bench.bench_lies [--kinds NAME ...] [--rigs magnetic coil vibro] [--references hold ramp sine] [--sizes
+0 1 2] [--seconds S] [--controllers NAME ...] [--jobs N] [--json FILE]`: a line a kind and rig. `--sound N`: instead N
+sound runs, with friction, waves, folds and narrow places that nobody told the controller of, a gut, a magnet and a
+localisation of their own; a line each kind of rig and what each stopped run was stopped for. Status 1 where a run was
+unsafe, or a sound one stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import multiprocessing
+import sys
+import time
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from hil.app.sil.fault_outcomes import outcomes
+from hil.app.sil.loop import run_sil
+from hil.app.sil.testbed import believed_on_bus
+from tests.bench.lie_cases import EVERY_RIG, LIES, REFERENCES, sound
+from tests.hil.app.sil.sil_runs import scenario_of
+
+SOUND_S: Final = 12.0
+USUAL: Final = {"magnetic": "feedforward", "coil": "feedforward", "vibro": "vibro"}
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run: the lie of kind `name` in its size number `size`, or, where no kind is named, the sound run `size`."""
+
+    name: str
+    rig: str
+    reference: str
+    size: int
+    seconds: float = 0.0
+    controller: str = ""
+
+
+@dataclass(frozen=True)
+class Result:
+    """What came of a job: why it was stopped ("": it was not), the time from the lie to the safe state in s (nan:
+    none), the largest distance of the true capsule from the wanted place in m, why it was unsafe, and the processor's
+    time for it in s.
+    """
+
+    job: Job
+    stopped: str
+    after_s: float
+    distance_m: float
+    unsafe: str
+    cpu_s: float
+
+
+def main() -> int:
+    """Run them; 1 where one was unsafe, or a sound one stopped."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--kinds", nargs="*", default=list(LIES), choices=list(LIES), metavar="KIND")
+    parser.add_argument("--rigs", nargs="*", default=list(EVERY_RIG), choices=EVERY_RIG)
+    parser.add_argument("--references", nargs="*", default=list(REFERENCES), choices=list(REFERENCES))
+    parser.add_argument("--sizes", nargs="*", type=int, default=[0, 1, 2], choices=range(3))
+    parser.add_argument("--seconds", type=float, default=0.0, help="length of each run; else as its kind needs")
+    parser.add_argument("--controllers", nargs="*", default=[""], help="the rig's usual one where left out")
+    parser.add_argument("--sound", nargs="?", type=int, const=300, help="so many sound runs instead (300)")
+    parser.add_argument("--first", type=int, default=0, help="number of the first sound run")
+    parser.add_argument("--jobs", type=int, default=2, help="processes")
+    parser.add_argument("--json", type=Path, help="file for every run")
+    asked = parser.parse_args()
+    began = time.perf_counter()
+    found = list(run_all(list(sound_jobs(asked) if asked.sound else lie_jobs(asked)), asked.jobs))
+    if asked.json is not None:
+        asked.json.write_text(json.dumps([plain(result) for result in found], indent=1), encoding="utf-8")
+    bad = say_sound(found) if asked.sound else say_lies(found)
+    cpu_s = sum(result.cpu_s for result in found)
+    print(f"{time.perf_counter() - began:.0f} s by the wall clock, {cpu_s:.0f} s of processor, {asked.jobs} processes")
+    return int(bad > 0)
+
+
+def lie_jobs(asked: argparse.Namespace) -> Iterator[Job]:
+    """Every kind, size and reference on every rig that can have it."""
+    for name in asked.kinds:
+        for rig in (one for one in LIES[name].rigs if one in asked.rigs):
+            for controller in asked.controllers:
+                for reference in asked.references:
+                    for size in asked.sizes:
+                        seconds = asked.seconds or LIES[name].seconds
+                        yield Job(name, rig, reference, size, seconds, controller or USUAL[rig])
+
+
+def sound_jobs(asked: argparse.Namespace) -> Iterator[Job]:
+    """Sound runs, the kinds of rig and the references in turn."""
+    rigs, references = asked.rigs, asked.references
+    for k in range(asked.first, asked.first + asked.sound):
+        rig = rigs[k % len(rigs)]
+        controller = asked.controllers[k % len(asked.controllers)] or USUAL[rig]
+        yield Job("", rig, references[k // len(rigs) % len(references)], k, asked.seconds or SOUND_S, controller)
+
+
+def run_all(jobs: Sequence[Job], processes: int) -> Iterator[Result]:
+    """Their results as they come, with progress on standard error."""
+    context = multiprocessing.get_context("spawn")
+    began = time.perf_counter()
+    with ProcessPoolExecutor(processes, mp_context=context) as pool:
+        waiting = [pool.submit(run, job) for job in jobs]
+        for k, done in enumerate(as_completed(waiting), start=1):
+            result = done.result()
+            left_s = (time.perf_counter() - began) / k * (len(jobs) - k)
+            print(f"\r{k} of {len(jobs)}, {left_s / 60:.0f} min left  ", end="", file=sys.stderr, flush=True)
+            yield result
+    print(file=sys.stderr)
+
+
+def run(job: Job) -> Result:
+    """One run."""
+    began = time.process_time()
+    faults: Sequence[Any] = ()
+    tables: dict[str, Any] = {"reference": REFERENCES[job.reference][job.rig]}
+    if job.name:
+        faults = LIES[job.name].sizes[job.size]
+    else:
+        tables |= sound(job.size, job.rig)
+    scenario = scenario_of(job.rig, job.seconds, *faults, **tables)
+    trace = run_sil(scenario, believed_on_bus(scenario, {}), job.controller, job.size)
+    cpu_s = time.process_time() - began
+    if not job.name:
+        return Result(job, trace.stopped_because, math.nan, math.nan, "", cpu_s)
+    outcome = outcomes(scenario, trace)[-1]
+    return Result(job, trace.stopped_because, outcome.safe_after_s, outcome.distance_m, outcome.why, cpu_s)
+
+
+def say_lies(found: Iterable[Result]) -> int:
+    """A line a kind and rig, the unsafe runs one by one, and all in all; the number of unsafe ones."""
+    groups: dict[tuple[str, str], list[Result]] = defaultdict(list)
+    for result in found:
+        groups[result.job.name, result.job.rig].append(result)
+    print(f"{'lie':28s} {'rig':9s} {'runs':>5s} {'stopped':>8s} {'farthest mm':>12s} {'latest s':>9s} {'unsafe':>7s}")
+    for (name, rig), some in sorted(groups.items(), key=lambda g: (list(LIES).index(g[0][0]), g[0][1])):
+        print(f"{name:28s} {rig:9s} {numbers(some)}")
+    every = [one for some in groups.values() for one in some]
+    for result in (one for one in every if one.unsafe):
+        job = result.job
+        print(
+            f"unsafe ({result.unsafe}): {job.name}, size {job.size}, {job.rig}, {job.reference}, {job.controller}:"
+            f" {1e3 * result.distance_m:.1f} mm; {result.stopped or 'not stopped'}"
+        )
+    print(f"{'total':38s} {numbers(every)}")
+    return sum(bool(one.unsafe) for one in every)
+
+
+def numbers(some: Sequence[Result]) -> str:
+    """Runs, those that were stopped, largest distance in mm, longest time to the safe state in s, unsafe ones."""
+    farthest = max((one.distance_m for one in some), default=0.0)
+    latest = max((one.after_s for one in some if not math.isnan(one.after_s)), default=math.nan)
+    stopped, unsafe = sum(bool(one.stopped) for one in some), sum(bool(one.unsafe) for one in some)
+    return f"{len(some):5d} {stopped:8d} {1e3 * farthest:12.1f} {latest:9.2f} {unsafe:7d}"
+
+
+def say_sound(found: Iterable[Result]) -> int:
+    """A line a kind of rig, what was stopped and why, and all in all; the number of false alarms."""
+    every = list(found)
+    for rig in sorted({one.job.rig for one in every}):
+        some = [one for one in every if one.job.rig == rig]
+        print(f"{rig:9s} {len(some):5d} runs {sum(bool(one.stopped) for one in some):5d} stopped")
+    false = [one for one in every if one.stopped]
+    for one in false:
+        print(f"stopped: run {one.job.size}, {one.job.rig}, {one.job.reference}, {one.job.controller}: {one.stopped}")
+    print(f"{len(every)} sound runs, {len(false)} stopped")
+    return len(false)
+
+
+def plain(result: Result) -> dict[str, Any]:
+    """A result for JSON: no number is null."""
+    fields = {**asdict(result.job), **asdict(result)}
+    del fields["job"]
+    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in fields.items()}
+
+
+if __name__ == "__main__":
+    sys.exit(main())

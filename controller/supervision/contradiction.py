@@ -130,9 +130,7 @@ class Contradiction:
             return f"{CONTRADICT}: the capsule does not answer, it has not moved while the {self._went()}"
         if self._envelope.placed and self._drive.leaves(drive, wanted_m, dt):
             off = 1e3 * (drive - wanted_m)
-            return (
-                f"{CONTRADICT}: the carriage is {off:+.1f} mm from the wanted position, and the capsule not told there"
-            )
+            return f"{CONTRADICT}: the carriage is {off:+.1f} mm from the wanted position, the capsule not"
         return ""
 
     def saw(self, place_m: float, drive: float, wanted_m: float, stamp_s: float) -> str:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 import numpy as np
 
 from controller.limits import Envelope
-from controller.supervision.contradiction import CONTRADICT
 from controller.signals import Array
+from controller.supervision.contradiction import CONTRADICT
 from controller.trajectory import Trajectory, through
 
 _STROKE_M: Final = 5e-3
@@ -65,8 +64,8 @@ class Probe:
         low, high = _GAIN
         if not low <= gain <= high:
             return (
-                f"{CONTRADICT}: the carriage is told to go {gain:.2g} times as far as the capsule that it drags; it must"
-                f" be {low:g} to {high:g} times"
+                f"{CONTRADICT}: the carriage is told to go {gain:.2g} times as far as the capsule that it drags, where"
+                f" {low:g} to {high:g} times is possible"
             )
         return ""
 

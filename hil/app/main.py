@@ -441,7 +441,7 @@ def _sil(
     json_output: Json = False,
     effects: OwnEffects = None,
     controllers: OwnControllers = None,
-) -> None:
+) -> int:
     """Closed loop over the CAN bus in simulated time, plant as a bus node, with faults."""
     from controller.registry import use_controllers
     from hil.app.scenario.options import Options

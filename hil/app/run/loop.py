@@ -102,7 +102,8 @@ def lead(
     learner: Learner | None = None,
 ) -> Outcome:
     """Listen until the drive is heard (at most 2 s), start, lead for `duration_s` from when the drive is enabled and
-    the probe is over on, stop, tick on until the drive is at rest. Where it is not enabled within `give_up_s` it never will be.
+    the probe is over on, stop, tick on until the drive is at rest. Where it is not enabled within `give_up_s` it never
+    will be.
 
     Overruns: a tick that begins a period late skips the points in between (`Grid`); the estimator catches up with at
     most three, after a longer pause the node stops by itself; the drive meanwhile lives on its command's time to live.

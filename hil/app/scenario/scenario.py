@@ -41,8 +41,8 @@ _LEADING: Final[Mapping[str, str]] = {"magnetic": "feedforward", "coil": "feedfo
 @dataclass(frozen=True)
 class Control:
     """Table `[control]`: the tick, which controller runs where the command line names none (a vibro rig's own for that
-    kind), and from when on tracking is judged. With `probe` a run over the bus begins where the capsule is, with a short
-    motion to and fro, as `capsule run` does.
+    kind), and from when on tracking is judged. With `probe` a run over the bus begins where the capsule is, with a
+    short motion to and fro, as `capsule run` does.
     """
 
     tick_s: float = 1e-3

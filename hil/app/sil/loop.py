@@ -59,8 +59,9 @@ class SilTrace(Trace):
     """What a run over the bus leaves beside `Trace`: `slots` (n, 3) are the end of each of the drive's slots in s,
     whether it was in its safe state, and when the last good command had come; `steered` (ticks, 4) are `Bench.steered`
     at the ticks' begins, `experiments_at` when experiments interrupted the reference, in s of its time; `operator` says
-    what became of setpoints, `ended` how the run ended, `led_share` who led for which share of its ticks, `unauthenticated` what was not taken on an authenticated bus; `digest` is the hash of all
-    frames with their times where asked for; `lessons` and `offers` are what was learned, `learned` the same as a log's
+    what became of setpoints, `ended` how the run ended, `led_share` who led for which share of its ticks,
+    `unauthenticated` what was not taken on an authenticated bus; `digest` is the hash of all frames with their times
+    where asked for; `lessons` and `offers` are what was learned, `learned` the same as a log's
     record has it.
     """
 

@@ -423,7 +423,7 @@ class ControllerNode:
         self.estimator.begin(math.inf)
 
     def _end_probe(self, now: float, estimate: Estimate) -> None:
-        """Once all of the probe's path is driven, and what was seen of it is here, begin with the reference, or stop."""
+        """Once all of the probe's path is driven and what was seen of it is here, begin with the reference, or stop."""
         assert self._probe is not None
         if not self._led:
             self._probe = None

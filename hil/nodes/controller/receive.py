@@ -33,7 +33,8 @@ class FrameReceiver:
 
     `state`, `report` (position in m, current in A, level) and `temperature_C` are the drive's last good feedback;
     `fault` the code that it has latched. `report` is 0 before the first one. `feedbacks` is how many the last `listen`
-    took in. `still` is what must rest while the drive is not enabled: position in m, current in A. `challenge` is the drive's newest number that has not been answered, -1 for none.
+    took in. `still` is what must rest while the drive is not enabled: position in m, current in A. `challenge` is the
+    drive's newest number that has not been answered, -1 for none.
 
     `foreign` counts the frames that only a controller sends, by name, whatever their bytes: another one speaks on this
     bus. `strange` counts, by type, what is no classic data frame with an 11-bit identifier; `deaf` the ticks in which

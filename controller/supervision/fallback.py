@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
+from typing import Final
 
 
 @dataclass(frozen=True)
@@ -100,6 +102,26 @@ class FallbackChain:
         self._good_since[rung] = min(self._good_since[rung], now)
         if now - self._good_since[rung] >= self._rungs.forgive_s:
             self._wait[rung] = self._rungs.retry_s
+
+
+DONE: Final = "done"
+"""What `ended` says of a run that was led as asked."""
+LED: Final = 0.99
+"""Least share of the ticks that the controller asked for leads in such a run."""
+
+
+def shares(led: Counter[str]) -> dict[str, float]:
+    """Which share of the ticks in which the drive was led each controller led; "stop" while none did."""
+    return {name: count / led.total() for name, count in led.most_common()}
+
+
+def not_led(led: Counter[str], wanted: str) -> str:
+    """That another controller than `wanted` led for more than 1 % of the ticks, "" where it did not."""
+    found = shares(led)
+    if not found or found.get(wanted, 0.0) >= LED:
+        return ""
+    others = ", ".join(f"{name} {100 * share:.1f} %" for name, share in found.items())
+    return f"{wanted} must lead {100 * LED:g} % of the ticks; led: {others}"
 
 
 class Blend:

@@ -166,7 +166,7 @@ def long_figures(seconds: float, runs: int, priority: int, load: bool, controlle
             found.append(lead_figures(left, priority, load, controller))
     gaps = [gap for run in found for gap in run.gaps()]
     unseen = [gap for gap in gaps if seen.longest(*gap) == 0]
-    ends = [run for run in found if run.says["ended"] != "time is up"]
+    ends = [run for run in found if run.says["ended"] != "done"]
     trips = np.concatenate([run.trips_ms for run in found])
     return {
         "led_s": round(sum(run.led_s for run in found), 1),

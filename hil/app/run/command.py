@@ -14,6 +14,7 @@ from typing import Any, Final
 
 import can
 
+from controller.supervision.fallback import shares
 from hil.app.console import notes, output_to_notes, print_json, summary
 from hil.app.learn.identify import Background
 from hil.app.learn.learner import Learner, Lesson, check_learnt
@@ -345,7 +346,7 @@ def _document(
         "end": outcome.end if whole or ENDS[outcome.end][0] else "log",
         "ended": outcome.ended,
         "led": outcome.led,
-        "led_share": node.answer.shares,
+        "led_share": shares(node.answer.led),
         "jumps": {"count": node.answer.jumps, "last_m": node.answer.jump_m},
         "ticks": grid.ticks,
         "missed_ticks": grid.missed,

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from types import FrameType, MappingProxyType
 from typing import Any, Final
 
+from controller.supervision.fallback import DONE
 from hil.app.learn.learner import Learner
 from hil.app.run.clock import Clock, Grid, Histogram
 from hil.log.recorder import Recorder
@@ -200,7 +201,7 @@ def _ended(node: ControllerNode, now: float, signals: Signals, enabled: bool, gi
         return ("operator", signals.wanted) if node.leads else ("cancelled", f"{signals.wanted} before it was enabled")
     if enabled:
         doubt = node.answer.not_led(node.supervisor.first, node.estimator.health)
-        return ("not_led", doubt) if doubt else ("done", "time is up")
+        return ("not_led", doubt) if doubt else ("done", DONE)
     age = node.receiver.evidence(now).localisation_s
     place = (
         "no localisation"

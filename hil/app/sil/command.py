@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from controller.model.control_model import ControlModel
+from controller.supervision.fallback import DONE
 from hil.app.console import json_text, output_to_notes, print_json, progress_bar, summary
 from hil.app.learn.identify import Background
 from hil.app.learn.learner import check_learnt
@@ -16,7 +17,7 @@ from hil.app.scenario.model_health import health_words
 from hil.app.scenario.model_offer import Offered, offer_of, offer_words, read_offer, told
 from hil.app.scenario.options import Options
 from hil.app.sil.fault_outcomes import outcomes
-from hil.app.sil.loop import DONE, Learning, SilTrace, judged_loop, learning_of, run_sil
+from hil.app.sil.loop import Learning, SilTrace, judged_loop, learning_of, run_sil
 from hil.app.sil.story import story_files
 from hil.app.sil.testbed import believed_on_bus
 from hil.app.sil.watched import Watched

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.model.control_model import ControlModel
+from controller.supervision.fallback import DONE, shares
 from controller.supervision.model_switch import Offer
 from controller.trajectory import STEP_S, Trajectory
 from hil.app.learn.identify import Ask
@@ -36,8 +37,6 @@ LEAST_S: Final = 60.0
 """A run may take so long by the wall clock however short it is: compilers and busy machines."""
 LEARNING_S: Final = 7200.0
 """So much longer where it waits for what is learned."""
-DONE: Final = "done"
-"""What `ended` says of a run that was led as asked."""
 Learning = Callable[[ControllerNode], Learner]
 
 
@@ -227,7 +226,7 @@ def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:
     if trace.stopped_because and bench.carriage is not None and bench.carriage.trouble:
         trace.stopped_because += f"; {bench.carriage.trouble}"
     answer = bench.node.answer
-    trace.led_share = answer.shares
+    trace.led_share = shares(answer.led)
     doubt = answer.not_led(bench.node.supervisor.first, estimator.health)
     trace.ended = trace.stopped_because or doubt or DONE
     trace.solve_s = trace.solve_s[led] if led else np.zeros(1)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from controller.registry import CONTROLLERS, leads
+from controller.supervision.fallback import DONE, not_led, shares
 from hil.app.console import json_text, notes, output_to_notes, print_json, progress_bar
 from hil.app.scenario.model_offer import offer_of, read_offer, told
 from hil.app.scenario.options import Options
@@ -59,6 +60,10 @@ def track(path: Path, asked: Options, compare: bool = False) -> int:
                 worth = score(scenario, trace)
                 found = document(scenario, scenario.name, name, number, used, worth, log)
                 found |= told(offered, trace.taken_at)
+                found["ended"], found["led_share"] = (
+                    trace.halted or not_led(trace.led, trace.first) or DONE,
+                    shares(trace.led),
+                )
                 if believed.rig.magnets is not None:
                     found["height_m"] = believed.rig.magnets.height_m
                 found["checks"] = [one.document() for one in verdicts(scenario, name, trace, worth)]

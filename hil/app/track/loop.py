@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import dropwhile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +63,11 @@ class Trace:
     truth: Rig | None = None
     halted: str = ""
     first: str = ""
+
+    @property
+    def led(self) -> Counter[str]:
+        """Ticks by who led, from the first that was led on."""
+        return Counter(dropwhile(lambda name: name == "stop", self.active))
 
     @classmethod
     def empty(cls, ticks: int) -> Trace:

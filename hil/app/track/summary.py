@@ -9,6 +9,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from controller.supervision.fallback import DONE
 from hil.app.console import summary
 from hil.app.quantities import fixed, number
 from hil.app.scenario.model_health import health_words
@@ -43,6 +44,8 @@ def say(scenario: TrackScenario, found: Sequence[Found], out: Path | None) -> No
     for one in found:
         for event in one["events"]:
             console.print(f"{one['controller']}: {_change(event)}", markup=False)
+        if one["ended"] != DONE:
+            console.print(f"{one['controller']}: ended: {one['ended']}", markup=False, soft_wrap=True)
         console.print(f"{one['controller']}: {health_words(one)}", markup=False)
         if sentence := offer_words(one):
             console.print(f"{one['controller']}: {sentence}", markup=False)

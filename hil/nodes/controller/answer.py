@@ -15,11 +15,10 @@ from controller.limits import Envelope
 from controller.monitor.monitor import Health
 from controller.signals import Measurement, Reference
 from controller.supervision.contradiction import Contradiction
+from controller.supervision.fallback import not_led
 from controller.supervision.probe import Probe
 from hil.nodes.frame_map import STANDBY, WAITING
 
-LED: Final = 0.99
-"""Least share of the ticks that the controller asked for leads in a run that is done."""
 _BACK_S: Final = 0.4
 """How far back reports of the drive are kept, for readings that come late: no localiser can tell a greater age."""
 _JUMP_M: Final = 2e-3
@@ -52,23 +51,13 @@ class Answer:
             return ""
         return f"{self.jumps} jumps, the last of {1e3 * self.jump_m:+.1f} mm, followed once three readings had said it"
 
-    @property
-    def shares(self) -> dict[str, float]:
-        """Which share of the ticks in which the drive was led each controller led; "stop" while none did."""
-        ticks = self.led.total()
-        return {name: count / ticks for name, count in self.led.most_common()}
-
     def not_led(self, wanted: str, health: Health) -> str:
         """Why a run that came to its end was not led as asked for, "" where it was: another controller than `wanted`
         led for more than 1 % of the ticks, or the monitor says "broken" after the localisation jumped.
         """
-        shares = self.shares
-        if shares and shares.get(wanted, 0.0) < LED:
-            others = ", ".join(f"{name} {100 * share:.1f} %" for name, share in shares.items())
-            return f"{wanted} must lead {100 * LED:g} % of the ticks; led: {others}"
         if self.jumps and health.state == "broken":
             return f"the model broke after the localisation had jumped: {self.words}"
-        return ""
+        return not_led(self.led, wanted)
 
     def probe(self) -> Probe:
         """A new probe of this drive."""

@@ -41,7 +41,7 @@ def test_it_is_led_in_real_time(maker: str, tmp_path: Path, channel: str) -> Non
     rig = rig_file(tmp_path, deployment(channel, control=REAL_TIME, more=table, bus=bus))
     log = tmp_path / "run.blf"
     found, truth, status = led(tmp_path, channel, rig, log, table, bus)
-    assert (found["ended"], status) == ("time is up", 0)
+    assert (found["ended"], status) == ("done", 0)
     assert found["refused"] == found["unsent"] == 0
     assert truth["moved_m"] == pytest.approx(2e-3 * RUN_S, abs=RUN_S * 1e-3)
     assert (truth["state"], truth["fault"]) == (STANDBY, 0)

@@ -175,7 +175,7 @@ def test_a_run_that_is_steered(tmp_path: Path, channel: str) -> None:
             found, truth = json.loads(said), truth_of(plant)
         if found["ended"] not in HELD_UP and not late and not found["operator"]["expired"]:
             break
-    assert (found["ended"], found["led"], status) == ("time is up", True, 0)
+    assert (found["ended"], found["led"], status) == ("done", True, 0)
     assert states >= {"ready", "moving", "held", "stopped"}
     assert found["operator"]["presses"] >= 1
     assert truth["moved_m"] == pytest.approx(2e-3, abs=1.5e-3)

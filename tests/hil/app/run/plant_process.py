@@ -70,6 +70,6 @@ def led(
             truth = truth_of(plant)
         assert said, complained
         found = json.loads(said)
-        if found["ended"] == "time is up":
+        if found["ended"] == "done":
             break
     return found, truth, status

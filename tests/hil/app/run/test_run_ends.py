@@ -114,7 +114,7 @@ def carriage_speeds(node: Rig) -> Any:
 
 def test_a_run_that_leads_to_its_end(tmp_path: Path) -> None:
     outcome, node = led(tmp_path)
-    assert (outcome.end, outcome.ended, outcome.led, ENDS[outcome.end][0]) == ("done", "time is up", True, 0)
+    assert (outcome.end, outcome.ended, outcome.led, ENDS[outcome.end][0]) == ("done", "done", True, 0)
     assert node.bench.plant.drive.safe
 
 

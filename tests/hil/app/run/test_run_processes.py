@@ -38,7 +38,7 @@ def led(folder: Path, channel: str, log: Path) -> tuple[dict[str, Any], dict[str
         with plant_on(folder, channel) as plant:
             status, said, _ = Forked(folder, "run", rig, "--log", str(log), "--json").ended()
             found, truth = json.loads(said), truth_of(plant)
-        assert status == (0 if found["ended"] == "time is up" else 1)
+        assert status == (0 if found["ended"] == "done" else 1)
         if found["ended"] not in HELD_UP:
             break
     return found, truth
@@ -66,7 +66,7 @@ def test_controller_and_plant_in_two_processes(
     found, truth = led(tmp_path, channel, log)
     assert run(["replay", str(log)]) == 0
     assert "identical" in capsys.readouterr().out
-    assert found["ended"] == "time is up"
+    assert found["ended"] == "done"
     assert found["ticks"] + found["missed_ticks"] > 0.93 * 500 * RUN_S
     assert found["refused"] == found["unsent"] == found["log_dropped"] == 0
     assert found["rejected"] <= 0.05 * found["ticks"]

@@ -20,7 +20,7 @@ def test_the_same_controller_leads_it_in_real_time(tmp_path: Path, channel: str)
     rig = rig_file(tmp_path, deployment(channel, control=REAL_TIME, more="[cia402]\nanswers_s = 5.0\n"))
     log = tmp_path / "run.blf"
     found, truth, status = led(tmp_path, channel, rig, log, "[cia402]\n")
-    assert (found["ended"], status) == ("time is up", 0)
+    assert (found["ended"], status) == ("done", 0)
     assert found["refused"] == found["unsent"] == 0
     assert truth["moved_m"] == pytest.approx(2e-3 * RUN_S, abs=RUN_S * 1e-3)
     assert truth["state"] == STANDBY

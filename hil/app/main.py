@@ -476,6 +476,9 @@ def _run(
     effects: OwnEffects = None,
     controllers: OwnControllers = None,
     learn: Learn = False,
+    move: Annotated[
+        bool, typer.Option("--move", help="With check: lead the drive by 5 mm to and fro, and see the capsule answer.")
+    ] = False,
 ) -> int:
     """The controller alone, on a real actuator bus."""
     from controller.registry import use_controllers
@@ -485,7 +488,15 @@ def _run(
     use_effects(effects or [])
     use_controllers(controllers or [])
     return run(
-        rig, action, dry_run=dry_run, log=log, json_output=json_output, reference=reference, learn=learn, mcap=mcap
+        rig,
+        action,
+        dry_run=dry_run,
+        log=log,
+        json_output=json_output,
+        reference=reference,
+        learn=learn,
+        mcap=mcap,
+        move=move,
     )
 
 

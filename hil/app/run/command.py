@@ -18,7 +18,7 @@ from controller.supervision.fallback import shares
 from hil.app.console import notes, output_to_notes, print_json, summary
 from hil.app.learn.identify import Background
 from hil.app.learn.learner import Learner, Lesson, check_learnt
-from hil.app.run.check import check, limits_point, rehearse
+from hil.app.run.check import Point, check, limits_point, rehearse
 from hil.app.run.clock import Clock, ClockedBus
 from hil.app.run.loop import ENDS, Outcome, Signals, lead, prepare_process, reset
 from hil.app.scenario.deployment import BusTable, Deployment, load_deployment
@@ -43,6 +43,8 @@ from models.parameter import nearest
 ACTIONS = ("lead", "check", "reset")
 QUIET_S: Final = 0.1
 """How long to listen before anything is sent: five cycles of a controller's slowest frame."""
+PROBED_S: Final = 0.05
+"""How long a check leads after its probe, at rest."""
 _TURN_S: Final = 1e-4
 TIMED: Final = ("pcan", "kvaser", "vector")
 """Interfaces whose CAN FD bit timing python-can sets."""
@@ -60,10 +62,12 @@ def run(
     reference: Path | None = None,
     learn: bool = False,
     mcap: Path | None = None,
+    move: bool = False,
 ) -> int:
     """Lead the drive that the rig file `path` names, or only check; 0 where all went as asked, 1 where it did not
     (`hil.app.run.loop.ENDS`). A `reference` file takes the place of its own. The log's writer writes `mcap`, too.
 
+    With `move` the action "check" also leads the drive by a short motion to and fro (`Probe`), where all else is good.
     The action "reset" acknowledges a fault that the drive has latched, and does nothing else: that takes an operator's
     word. With `dry_run` everything is listened to and computed and nothing is sent. With `learn` a model that breaks is
     identified anew in the background, and a better one taken at a rest. Raises ValueError, one sentence, for what
@@ -73,7 +77,9 @@ def run(
         raise ValueError(f"action must be one of {', '.join(ACTIONS)}; got {action!r}; {nearest(action, ACTIONS)}")
     deployment, catalogue = load_deployment(path, reference), load_catalogue()
     log = log or Path(f"{deployment.name}.blf")
-    if action != "check":
+    if move and (action != "check" or dry_run):
+        raise ValueError("--move must go with check; got it with leading, reset or --dry-run")
+    if action != "check" or move:
         check_targets([check_file(log, "--log", (".blf",)), record_path(log)], "--log", [path])
     if learn:
         check_learnt(deployment.rig)
@@ -90,7 +96,7 @@ def run(
     if action != "check" and not limits.good:
         raise ValueError(f"{path}: {limits.words}")
     try:
-        return _run(path, deployment, catalogue, action, dry_run, (log, mcap), json_output, learn)
+        return _run(path, deployment, catalogue, action, dry_run, (log, mcap), json_output, learn, move)
     except _OtherControllerError as error:
         return _not_begun(path, str(error), json_output)
 
@@ -104,6 +110,7 @@ def _run(
     logs: tuple[Path, Path | None],
     json_output: bool,
     learn: bool,
+    move: bool,
 ) -> int:
     """As `run`, of what can be used. Raises _OtherControllerError besides."""
     with output_to_notes():
@@ -123,6 +130,8 @@ def _run(
         finally:
             bus.shutdown()
     if action == "check":
+        if move:
+            points.append(_moved(path, deployment, logs[0], all(p.good for p in points)))
         if json_output:
             print_json({"rig": str(path), "good": all(p.good for p in points), "points": [vars(p) for p in points]})
         for point in () if json_output else points:
@@ -144,6 +153,21 @@ def _run(
     else:
         _say(found, lessons)
     return ENDS[str(found["end"])][0]
+
+
+def _moved(path: Path, deployment: Deployment, log: Path, good: bool) -> Point:
+    """Whether the capsule answers the drive: the probe alone, led on the bus, where all else is `good`."""
+    if not good:
+        return Point("answer", False, "the drive was not moved, as something else is bad")
+    short = replace(deployment.control, duration_s=PROBED_S, probe=True)
+    with output_to_notes():
+        bus = ClockedBus(_drives_bus(deployment, path.parent, listen_only=False), Clock())
+        try:
+            outcome = _lead(replace(deployment, control=short), bus, False, (log, None), resets=False, learns=False)[0]
+        finally:
+            bus.shutdown()
+    done = outcome.end == "done"
+    return Point("answer", done, "the capsule went to and fro as asked" if done else outcome.ended)
 
 
 def _not_begun(path: Path, words: str, json_output: bool) -> int:

@@ -16,7 +16,10 @@ _AGAINST: Final = 0.5
 _STROKE: Final = 1.5
 _ON_S: Final = 5.0
 _SLIPS_M_S: Final = 0.2
+_FASTEST_M_S: Final = 1.0
 _CONFIRMED: Final = 3
+_SPEED: Final = 0.5
+_APART_S: Final = 0.04
 
 
 class Corridor:
@@ -51,10 +54,10 @@ class Corridor:
 
 class Doubt:
     """Takes a reading that lies no farther from the last one taken than a capsule slips meanwhile; one that jumps is
-    taken once `_CONFIRMED` in a row have said the same.
+    taken once `_CONFIRMED` in a row have said the same, or what a capsule on the run goes at `_FASTEST_M_S`.
     """
 
-    __slots__ = ("_agree", "_apart_m", "_at", "_candidate_m", "_place_m")
+    __slots__ = ("_agree", "_apart_m", "_asked_at", "_at", "_candidate_m", "_place_m")
 
     def __init__(self, noise_m: float) -> None:
         self._apart_m = _STDS * noise_m
@@ -63,13 +66,14 @@ class Doubt:
     def begin(self) -> None:
         """Begin anew: the first reading is taken."""
         self._place_m = self._candidate_m = math.nan
-        self._at, self._agree = -math.inf, 0
+        self._at, self._asked_at, self._agree = -math.inf, -math.inf, 0
 
     def takes(self, place_m: float, stamp_s: float) -> bool:
         """Whether the reading `place_m`, true at `stamp_s`, is taken."""
         way_m = _SLIPS_M_S * abs(stamp_s - self._at) + self._apart_m
         if abs(place_m - self._place_m) > way_m:
-            again = abs(place_m - self._candidate_m) <= self._apart_m
+            again = abs(place_m - self._candidate_m) <= self._apart_m + _FASTEST_M_S * abs(stamp_s - self._asked_at)
+            self._asked_at = stamp_s
             self._agree, self._candidate_m = self._agree + 1 if again else 1, place_m
             if self._agree < _CONFIRMED:
                 return False
@@ -88,6 +92,9 @@ class Contradiction:
     - Answer: a capsule that has not moved by `_STILL_M` and `_STDS` standard deviations of its localisation has not
       felt strokes of the drive of `_STROKE` of its gap or range, nor an inner mass that swung for `_ON_S`.
 
+    - Speed: readings `_APART_S` apart show less than `_SPEED` of the capsule's limit, so that a drive later than
+      anybody knows comes to rest before the limit. An inner mass shakes its capsule faster.
+
     The drive is its own report, in the command's unit; of an inner mass its command. Places and wanted positions are
     in m, times in s. No method raises, allocates or takes longer with time.
     """
@@ -99,6 +106,7 @@ class Contradiction:
         self._capsule = Corridor(envelope.around_m + _STDS * noise_m, limits.speed_m_s, slack_m)
         full = envelope.gap_m if envelope.placed else envelope.high
         self._push, self._stroke = _PUSHES * full, _STROKE * full
+        self._fastest_m_s = _SPEED * limits.speed_m_s + 4 * noise_m / _APART_S
         self._pushes = envelope.kind != "vibro"
         self._doubt = Doubt(noise_m)
         self._against_most_m = _AGAINST * envelope.around_m
@@ -114,7 +122,7 @@ class Contradiction:
         self._rested_m = self._farthest_m = math.nan
         self._way = 0.0
         self._low, self._high = math.inf, -math.inf
-        self._seen_at = math.nan
+        self._seen_at = self._fast_at = self._fast_m = math.nan
 
     def drove(self, drive: float, wanted_m: float, dt: float) -> str:
         """A tick of `dt` s in which the drive was at `drive`; why to stop, "" where there is no reason."""
@@ -148,12 +156,23 @@ class Contradiction:
             self._rested_m, self._on_s, self._low, self._high = place_m, 0.0, drive, drive
         dt = stamp_s - self._seen_at
         self._seen_at = stamp_s
+        if self._pushes and (fast_m_s := self._speed(place_m, stamp_s)) > self._fastest_m_s:
+            return f"the capsule goes {1e3 * fast_m_s:.0f} mm/s, too near to its limit to be stopped before it"
         if self.against_m > self._against_most_m:
             return f"{CONTRADICT}: the capsule went {1e3 * self.against_m:.1f} mm against the pull of the drive"
         if self._capsule.leaves(place_m, wanted_m, dt if dt > 0 else 0.0):
             off = 1e3 * (place_m - wanted_m)
             return f"{CONTRADICT}: the capsule is told {off:+.1f} mm from the wanted position"
         return ""
+
+    def _speed(self, place_m: float, stamp_s: float) -> float:
+        """Speed in m/s since a reading `_APART_S` or longer ago, 0 until there is one."""
+        since_s = stamp_s - self._fast_at
+        if since_s < _APART_S:
+            return 0.0
+        fast_m_s = abs(place_m - self._fast_m) / since_s
+        self._fast_at, self._fast_m = stamp_s, place_m
+        return fast_m_s
 
     def _went(self) -> str:
         """What the drive did meanwhile, in words."""

@@ -13,9 +13,9 @@ from controller.trajectory import Trajectory, through
 
 _STROKE_M: Final = 5e-3
 _SHORT_M: Final = 3e-3
-_SPEED_M_S: Final = 5e-3
+_SPEED_M_S: Final = 0.01
 _SLOW_M_S: Final = 2e-3
-_DWELL_S: Final = 0.3
+_DWELL_S: Final = 0.2
 _LEAST: Final = 0.4
 """Share of the way asked for that a sound capsule goes."""
 _GAIN: Final = (0.6, 1.65)

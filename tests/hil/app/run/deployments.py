@@ -23,7 +23,7 @@ PLANT = f"[scenario]\nduration_s = 60.0\nseed = 1\n{TRUTH}"
 def deployment(
     channel: str = "test",
     interface: str = "capsule_local",
-    control: str = "duration_s = 1.0",
+    control: str = "duration_s = 1.0\nprobe = false",
     more: str = "",
     bus: str = "",
 ) -> str:

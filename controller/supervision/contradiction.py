@@ -103,7 +103,7 @@ class Contradiction:
         limits, self._envelope = envelope.limits, envelope
         slack_m = _SLACK_M + _STDS * noise_m
         self._drive = Corridor(envelope.around_m, limits.carriage_speed_m_s, slack_m)
-        self._capsule = Corridor(envelope.around_m + _STDS * noise_m, limits.speed_m_s, slack_m)
+        self._capsule = Corridor(envelope.around_m, limits.speed_m_s, slack_m)
         full = envelope.gap_m if envelope.placed else envelope.high
         self._push, self._stroke = _PUSHES * full, _STROKE * full
         self._fastest_m_s = _SPEED * limits.speed_m_s + 4 * noise_m / _APART_S
@@ -120,7 +120,7 @@ class Contradiction:
         self._doubt.begin()
         self.against_m, self._on_s = 0.0, 0.0
         self._rested_m = self._farthest_m = math.nan
-        self._way = 0.0
+        self._way, self._outside = 0.0, 0
         self._low, self._high = math.inf, -math.inf
         self._seen_at = self._fast_at = self._fast_m = math.nan
 
@@ -160,7 +160,9 @@ class Contradiction:
             return f"the capsule goes {1e3 * fast_m_s:.0f} mm/s, too near to its limit to be stopped before it"
         if self.against_m > self._against_most_m:
             return f"{CONTRADICT}: the capsule went {1e3 * self.against_m:.1f} mm against the pull of the drive"
-        if self._capsule.leaves(place_m, wanted_m, dt if dt > 0 else 0.0):
+        outside = self._capsule.leaves(place_m, wanted_m, dt if dt > 0 else 0.0)
+        self._outside = self._outside + 1 if outside else 0
+        if self._outside >= _CONFIRMED:
             off = 1e3 * (place_m - wanted_m)
             return f"{CONTRADICT}: the capsule is told {off:+.1f} mm from the wanted position"
         return ""

@@ -241,7 +241,7 @@ def _come_to_rest(node: ControllerNode, outcome: Outcome, recorder: Recorder, no
         now = _tick(node, outcome, recorder)
         if node.receiver.state in MOVING:
             rested = now
-    if node.answer.unrest and not ENDS[outcome.end][0]:
+    if node.answer.unrest and node.answer.unrest not in outcome.ended:
         outcome.end, outcome.ended = "no_rest", f"{outcome.ended}; then {node.answer.unrest}"
 
 

@@ -226,6 +226,9 @@ def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:
     if trace.stopped_because and bench.carriage is not None and bench.carriage.trouble:
         trace.stopped_because += f"; {bench.carriage.trouble}"
     answer = bench.node.answer
+    if answer.unrest and answer.unrest not in trace.stopped_because:
+        told = [trace.stopped_because, f"then {answer.unrest}"]
+        trace.stopped_because = "; ".join(words for words in told if words)
     trace.led_share = shares(answer.led)
     doubt = answer.not_led(bench.node.supervisor.first, estimator.health)
     trace.ended = trace.stopped_because or doubt or DONE

@@ -23,7 +23,7 @@ _BACK_S: Final = 0.4
 """How far back reports of the drive are kept, for readings that come late: no localiser can tell a greater age."""
 _JUMP_M: Final = 2e-3
 """Step of the believed position from which on it is told, and the drive's rate begins anew."""
-_RESTS: Final = {"magnetic": 5e-4, "coil": 0.05, "vibro": 0.05}
+_RESTS: Final = {"magnetic": 1.5e-4, "coil": 0.05, "vibro": 0.05}
 """How far a drive at rest may be off where it came to rest in m, or its current off zero in A."""
 
 

@@ -27,7 +27,7 @@ from controller.supervision.probe import Probe
 from controller.supervision.supervisor import Supervisor
 from hil.bus.catalogue import Catalogue
 from hil.nodes.controller.answer import Answer
-from hil.nodes.controller.guard import STOP_PERIOD_S, Evidence, Fence, Guard, Passed
+from hil.nodes.controller.guard import GUARD_REASON, STOP_PERIOD_S, Evidence, Fence, Guard, Passed
 from hil.nodes.controller.health import HEALTH_S, health_values
 from hil.nodes.controller.operator import STATUS, STATUS_S, Operator, OperatorLimits
 from hil.nodes.controller.plausibility import Plausibility
@@ -379,11 +379,17 @@ class ControllerNode:
         return self.guard.sent.value if self.guard.sent.mode == ENABLE else self.receiver.report
 
     def _stop_all(self, now: float) -> None:
-        """A SafeStop for every drive while another controller speaks beside this one, which has stopped for it."""
-        crowded = not self.guard.dry and self.state == FAULTY and 0 <= now - self.receiver.foreign_at < _CROWDED_S
-        if crowded and not 0 <= now - self._told_all_at < STOP_PERIOD_S - 0.5 * self.tick_s:
-            self._told_all_at = now
-            self.guard.send("SafeStop", {"Target": 0, "Reason": OTHER_CONTROLLER}, now)
+        """A SafeStop: for all drives while another controller speaks beside this one, which has stopped for it, for the
+        own one while it does not rest.
+        """
+        crowded = self.state == FAULTY and 0 <= now - self.receiver.foreign_at < _CROWDED_S
+        restless = bool(self.answer.unrest) and self.state != IDLE
+        waits = 0 <= now - self._told_all_at < STOP_PERIOD_S - 0.5 * self.tick_s
+        if self.guard.dry or waits or not (crowded or restless):
+            return
+        self._told_all_at = now
+        target, reason = (0, OTHER_CONTROLLER) if crowded else (self.wiring.target, GUARD_REASON)
+        self.guard.send("SafeStop", {"Target": target, "Reason": reason}, now)
 
     def _steer(self, now: float, estimate: Estimate) -> None:
         """Let whoever is in charge lead the reference, and the drive rest where nobody has been for long enough."""

@@ -49,7 +49,7 @@ def test_one_that_is_as_it_must_be(running: Running, request: pytest.FixtureRequ
         ("none", r"watchdog of its own \(servo.default_timeout_s\); got nan"),
         ("lost", "must know its place .*got relative only"),
         ("leading", "must be stopped before it is led; got mode 10"),
-        ("elsewhere", "node 1 must answer within 0.5 s; silence"),
+        ("elsewhere", "node 1 must answer within 0.5 s; node 5 speaks"),
     ],
 )
 def test_one_that_is_not(wrong: str, sentence: str, running: Running, request: pytest.FixtureRequest) -> None:

@@ -28,6 +28,7 @@ _SILENT_S: Final = 0.012
 _LOST_TICKS: Final = 50
 """After so many without a reply it is looked for by its own can.prefix, too."""
 _REMEMBERED: Final = 64
+_BRAKE_TICKS: Final = 25
 _LONGEST: Final = 64
 """Length of a frame that stops: of bits that a gateway flips most are then in its padding."""
 
@@ -54,7 +55,7 @@ class MoteusBus(CarriageBus):
         self._wanted_m, self._fresh = 0.0, False
         self._last_m = self._rate_m_s = math.nan
         self._armed = self._led = False
-        self._asked, self._stopped, self._forgiven, self._unanswered = 0, 0, 0, _LOST_TICKS
+        self._asked, self._stopped, self._braked, self._forgiven, self._unanswered = 0, 0, 0, 0, _LOST_TICKS
         self._latched, self._left = "", ""
         self._braking = BrakePath(tick_s)
         self._beat_at = -math.inf
@@ -82,7 +83,7 @@ class MoteusBus(CarriageBus):
             self._wanted_m, self._fresh = place_m, True
         elif mode == READY and self.shown == STANDBY:
             self._armed, self._led, self._asked, self._left = True, False, 0, ""
-            self._last_m, self._stopped, self._garbled = math.nan, 0, False
+            self._last_m, self._stopped, self._braked, self._garbled = math.nan, 0, 0, False
         elif mode not in (READY, ENABLE):
             self._armed = False
         if not self._armed:
@@ -96,7 +97,7 @@ class MoteusBus(CarriageBus):
         self._unanswered += 1
         if self._unanswered > _LOST_TICKS:
             self._prefix = wire.SESSION - self._prefix
-        if self._armed and self._led and self._unanswered * self._tick_s > _SILENT_S:
+        if self._armed and self._led and self._silent:
             self._armed, self._left = False, "silent"
         if self._armed and fresh:
             self._braking.leave()
@@ -187,20 +188,28 @@ class MoteusBus(CarriageBus):
         self._aim(begin, rate, timeout)
 
     def _rest(self, timeout: float | None) -> None:
-        """A step of the way to rest of a drive that operates; at rest it is stopped, at once where it does not get what
-        it is sent. Where it does not stop, it is only asked on, and its watchdog ends it, if it holds the right one.
+        """A step of the way to rest of a drive that operates; at rest it is stopped. One that does not answer, or does
+        not get what it is sent, might take a place for its first command: its phases are shorted instead. Where it does
+        not stop, it is only asked on, and its watchdog ends it, if it holds the right one.
         """
         if self._latched or self._servo <= wire.FAULTED:
             return
         led = not math.isnan(self._last_m)
         onward = (self._last_m, self._rate_m_s) if led else (self._place_m, self._speed_m_s)
-        follows = self._servo == wire.POSITION_MODE and not self._garbled
+        follows = self._servo == wire.POSITION_MODE and not (self._garbled or self._silent)
         step = self._braking.step(*onward) if follows else None
         if step is not None:
             self._aim(*step, timeout)
+        elif not follows and self._braked < _BRAKE_TICKS and self._servo in (wire.POSITION_MODE, wire.BRAKE):
+            self._braked += 1
+            self._tell(wire.mode_write(wire.BRAKE), timeout, _LONGEST)
         elif self._stopped < IDLE_TICKS or self._held_s != self._watchdog_s:
             self._stopped += 1
             self._stop(timeout)
+
+    @property
+    def _silent(self) -> bool:
+        return self._unanswered * self._tick_s > _SILENT_S
 
     def _stop(self, timeout: float | None) -> None:
         self._tell(wire.mode_write(wire.STOPPED), timeout, _LONGEST)

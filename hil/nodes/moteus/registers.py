@@ -19,7 +19,7 @@ UNLIMITED: Final = -1.0
 """As a velocity or acceleration limit: none. What is not written has the limit of the drive's configuration."""
 RELATIVE, ROTOR, OUTPUT = 0, 1, 2
 """Home states: the place is known from where the drive was switched on, within a turn of the rotor, at the output."""
-STOPPED, FAULTED, POSITION_MODE, TIMED_OUT = 0, 1, 10, 11
+STOPPED, FAULTED, POSITION_MODE, TIMED_OUT, BRAKE = 0, 1, 10, 11, 15
 """Modes; 2 to 4 are on the way to one that operates."""
 WRITE_INT8, WRITE_FLOAT, READ_INT8, READ_FLOAT, REPLY_INT8, REPLY_FLOAT = 0x00, 0x0C, 0x10, 0x1C, 0x20, 0x2C
 WRITE_ERROR, READ_ERROR = 0x30, 0x31

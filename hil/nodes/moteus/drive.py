@@ -34,6 +34,7 @@ maker states none, it goes with kd or resistance and what is moved.
 """
 _COMMAND: Final = {0x20: 0.0, 0x21: 0.0, 0x25: math.nan, 0x27: 0.0, 0x28: math.nan, 0x29: math.nan}
 """What a command holds of which nothing is written."""
+_RESTING: Final = 1e-9
 _MOST: Final = 256
 _LONGEST: Final = 64
 _AMBIENT_C, _SUPPLY_V = 25.0, 24.0
@@ -54,7 +55,8 @@ class MoteusDrive:
     ) -> None:
         self.bus, self.table, self.power, self.limits, self.tick_s = bus, table, power, limits, tick_s
         self.heated_to_C, self.misread = -math.inf, None
-        self.node_id, self.broken, self.output_encoder = table.node_id, False, True
+        self.node_id, self.broken = table.node_id, False
+        self.output_encoder = self.takes_prefix = True
         self.settings = {
             "servo.default_timeout_s": 0.1,
             "servo.timeout_mode": 12.0,
@@ -126,7 +128,7 @@ class MoteusDrive:
     def output(self, dt: float, sensed: float) -> float:
         """The plant's command for the next `dt` s."""
         holds = self.mode == TIMED_OUT and self.settings["servo.timeout_mode"] == POSITION
-        follows = self.mode == POSITION or (holds and not (self.path.rate == 0.0 and self._arrived))
+        follows = self.mode == POSITION or (holds and max(abs(self.path.rate), abs(self.power.rate)) > _RESTING)
         if follows:
             self.path.step(dt)
             self.power.aim(self.path.place / self.table.turns_per_m, dt)
@@ -134,10 +136,6 @@ class MoteusDrive:
         damped = abs(self.power.rate) / DAMPED_S if damps or self.mode in (ZERO_VELOCITY, BRAKE) else 0.0
         self.power.braking_m_s2 = math.inf if holds else self.table.coast_m_s2 + damped
         return self.power.step(dt, float(follows), sensed)
-
-    @property
-    def _arrived(self) -> bool:
-        return abs(self.path.place / self.table.turns_per_m - self.power.output) < 1e-9
 
     def _judge(self) -> None:
         """Faults, and the watchdog."""
@@ -264,7 +262,7 @@ class MoteusDrive:
         words = text.decode("ascii", "replace").split()
         if words[:2] == ["conf", "get"] and words[-1] in self.settings:
             self._stream += f"{self.settings[words[-1]]:g}\r\n".encode()
-        elif words[:3] == ["conf", "set", "can.prefix"] and words[-1].isdecimal():
+        elif self.takes_prefix and words[:3] == ["conf", "set", "can.prefix"] and words[-1].isdecimal():
             self.prefix = int(words[-1]) & 0x1FFF
             self._stream += b"OK\r\n"
         else:

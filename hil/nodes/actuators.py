@@ -78,7 +78,7 @@ def set_up(bus: can.BusABC, table: ActuatorTable, limits: Limits, tick_s: float)
     if isinstance(table, Cia402Table):
         return set_up_cia402(bus, table, limits, tick_s, frame_map_of("magnetic").life_ms(limits.carriage_speed_m_s))
     if isinstance(table, MoteusTable):
-        return set_up_moteus(bus, table)
+        return set_up_moteus(bus, table, limits)
     set_up_odrive(bus, table, limits, tick_s)
     return []
 

@@ -29,8 +29,8 @@ PREPARES_S: Final = 0.01
 RELATIVE, ROTOR, OUTPUT = 0, 1, 2
 """Home states."""
 DAMPED_S: Final = 0.02
-"""Time constant with which the carriage is braked beside its friction, in zero velocity and with phases shorted: the
-maker states none, it goes with kd or resistance and what is moved.
+"""Time constant with which the carriage is braked beside its friction, where no limit of acceleration leads it to rest:
+the maker states none, it goes with gains or resistance and what is moved.
 """
 _COMMAND: Final = {0x20: 0.0, 0x21: 0.0, 0x25: math.nan, 0x27: 0.0, 0x28: math.nan, 0x29: math.nan}
 """What a command holds of which nothing is written."""
@@ -127,14 +127,14 @@ class MoteusDrive:
 
     def output(self, dt: float, sensed: float) -> float:
         """The plant's command for the next `dt` s."""
-        holds = self.mode == TIMED_OUT and self.settings["servo.timeout_mode"] == POSITION
-        follows = self.mode == POSITION or (holds and max(abs(self.path.rate), abs(self.power.rate)) > _RESTING)
+        brakes = self.settings["servo.timeout_mode"] if self.mode == TIMED_OUT else self.mode
+        slows = self.mode == TIMED_OUT and brakes == POSITION and not math.isnan(self.path.acceleration)
+        follows = self.mode == POSITION or (slows and max(abs(self.path.rate), abs(self.power.rate)) > _RESTING)
         if follows:
             self.path.step(dt)
             self.power.aim(self.path.place / self.table.turns_per_m, dt)
-        damps = self.mode == TIMED_OUT and self.settings["servo.timeout_mode"] in (ZERO_VELOCITY, BRAKE)
-        damped = abs(self.power.rate) / DAMPED_S if damps or self.mode in (ZERO_VELOCITY, BRAKE) else 0.0
-        self.power.braking_m_s2 = math.inf if holds else self.table.coast_m_s2 + damped
+        damped = abs(self.power.rate) / DAMPED_S if brakes in (POSITION, ZERO_VELOCITY, BRAKE) else 0.0
+        self.power.braking_m_s2 = math.inf if slows else self.table.coast_m_s2 + damped
         return self.power.step(dt, float(follows), sensed)
 
     def _judge(self) -> None:

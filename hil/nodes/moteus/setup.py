@@ -10,6 +10,7 @@ from typing import Final
 
 import can
 
+from controller.limits import Limits
 from hil.nodes.listening import heard_for, silent
 from hil.nodes.moteus import registers as wire
 from hil.nodes.moteus.table import MoteusTable
@@ -19,11 +20,14 @@ BRAKING_MODES: Final = (HOLD_POSITION, 12, 15)
 """Values of servo.timeout_mode by which it brakes: hold position, zero velocity, phases shorted."""
 LONGEST_S: Final = 0.1
 """As servo.default_timeout_s is shipped: a command that has lost its own watchdog lives no longer."""
+RESTS_M_S, RESTS_TURNS_S = 0.01, 0.1
+"""What it may tell as its speed at rest, the larger of both."""
+FARTHEST_TURNS: Final = 32768.0
 _MOST_POLLS: Final = 100
 _HOMES: Final = {wire.RELATIVE: "relative only", wire.ROTOR: "rotor, which is within one of its turns"}
 
 
-def set_up(bus: can.BusABC, table: MoteusTable) -> list[str]:
+def set_up(bus: can.BusABC, table: MoteusTable, limits: Limits | None = None) -> list[str]:
     """Find the drive, read back what it does without commands, let it take the watchdog and no limits, and give it the
     can.prefix of a session; it stays stopped. Blocks, at most some seconds. What it saves is only read. Gives a
     sentence for what it does not do that one may do without.
@@ -35,9 +39,9 @@ def set_up(bus: can.BusABC, table: MoteusTable) -> list[str]:
     mode = found[wire.MODE]
     if mode not in (wire.STOPPED, wire.FAULTED, wire.TIMED_OUT):
         raise ValueError(f"{node} must be stopped before it is led; got mode {mode:g}, by somebody else")
-    _must_know_its_place(node, table, found)
+    _must_rest_where_known(node, table, limits or Limits(), found)
     _must_stop(node, table, ask)
-    _must_obey(node, ask)
+    _must_obey(node, table, limits or Limits(), ask)
     if mode != wire.STOPPED:
         return []
     if table.home == "here":
@@ -49,16 +53,23 @@ def set_up(bus: can.BusABC, table: MoteusTable) -> list[str]:
     return [] if ask.begin_session() else [f"{node} does not take can.prefix: after a reset it obeys late commands"]
 
 
-def _must_know_its_place(node: str, table: MoteusTable, found: dict[int, float]) -> None:
-    home = int(found.get(wire.HOME_STATE, 0.0))
+def _must_rest_where_known(node: str, table: MoteusTable, limits: Limits, found: dict[int, float]) -> None:
+    scale, home = abs(table.turns_per_m), int(found.get(wire.HOME_STATE, 0.0))
     if table.home == "kept" and home != wire.OUTPUT:
         raise ValueError(
             f"{node} must know its place at the output (home state 2); got {_HOMES.get(home, f'{home}')}: let it have"
             " an encoder there (motor_position.output.reference_source) or be told ('d nearest', 'd exact') each time"
             " it is switched on, or moteus.home = 'here' makes the present place zero"
         )
-    if not math.isfinite(found.get(wire.POSITION, math.nan)):
+    place_m, speed_m_s = (found.get(number, math.nan) / scale for number in (wire.POSITION, wire.VELOCITY))
+    if not math.isfinite(place_m):
         raise ValueError(f"{node} must measure where it is; got position nan")
+    if table.home == "kept" and abs(place_m) > limits.travel_m:
+        raise ValueError(
+            f"{node} must stand within limits.travel_m of its zero, {limits.travel_m:g} m; got {place_m:g}"
+        )
+    if not abs(speed_m_s) <= max(RESTS_M_S, RESTS_TURNS_S / scale):
+        raise ValueError(f"{node} must rest before it is led; got {speed_m_s:g} m/s")
 
 
 def _must_stop(node: str, table: MoteusTable, ask: _Questions) -> None:
@@ -83,7 +94,7 @@ def _must_stop(node: str, table: MoteusTable, ask: _Questions) -> None:
             )
 
 
-def _must_obey(node: str, ask: _Questions) -> None:
+def _must_obey(node: str, table: MoteusTable, limits: Limits, ask: _Questions) -> None:
     """The places that it is told, by what it measures."""
     if ask.setting("servo.fixed_voltage_mode", 0.0):
         raise ValueError(
@@ -94,6 +105,16 @@ def _must_obey(node: str, ask: _Questions) -> None:
         raise ValueError(
             f"{node} must take commands without a limit of acceleration (fault 47): servo.bemf_feedforward must be 0,"
             " or servo.bemf_feedforward_override 1"
+        )
+    fastest, farthest = (abs(table.turns_per_m) * most for most in (limits.carriage_speed_m_s, limits.travel_m))
+    if ask.setting("servo.max_velocity", math.inf) < fastest:
+        raise ValueError(
+            f"{node} must reach limits.carriage_speed_m_s: servo.max_velocity must be at least {fastest:g} turns/s"
+        )
+    if farthest > FARTHEST_TURNS:
+        raise ValueError(
+            f"{node} must reach limits.travel_m within {FARTHEST_TURNS:g} turns, where its place begins anew; got"
+            f" {farthest:g}"
         )
 
 
@@ -179,7 +200,7 @@ class _Questions:
         """That nobody answers, and who does instead."""
         self._prefix = 0
         self._reply(wire.QUERY, 0.2, wire.BROADCAST)
-        causes = "both bit rates, sample points, termination", "supply, wiring, bit rates 1 and 5 Mbit/s"
+        causes = "both bit rates, sample points, termination", "supply, wiring, bit rates 1 and 5 Mbit/s, can.prefix 0"
         node = f"moteus: node {self._table.node_id}"
         return silent(node, self._table.answers_s, self._others, self._errors, causes)
 

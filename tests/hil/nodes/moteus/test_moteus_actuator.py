@@ -58,6 +58,9 @@ def test_one_that_is_as_it_must_be(running: Running, request: pytest.FixtureRequ
         ("blind", "must measure where it is; got position nan"),
         ("open", "servo.fixed_voltage_mode must be 0; got 1"),
         ("feedforward", r"without a limit of acceleration \(fault 47\): servo.bemf_feedforward must be 0"),
+        ("slow", r"servo.max_velocity must be at least 25 turns/s"),
+        ("far", r"must stand within limits.travel_m of its zero, 1 m; got -50"),
+        ("moving", r"must rest before it is led; got -0.2 m/s"),
         ("leading", "must be stopped before it is led; got mode 10"),
         ("elsewhere", "node 1 must answer within 0.5 s; node 5 speaks"),
     ],
@@ -71,10 +74,15 @@ def test_one_that_is_not(wrong: str, sentence: str, running: Running, request: p
         "patient": ("servo.default_timeout_s", 0.5),
         "open": ("servo.fixed_voltage_mode", 1.0),
         "feedforward": ("servo.bemf_feedforward", 1.0),
+        "slow": ("servo.max_velocity", 20.0),
     }
     drive.settings.update([configured[wrong]] if wrong in configured else [])
     if wrong in ("lost", "rotor"):
         drive.home = 0 if wrong == "lost" else 1
+    elif wrong == "far":
+        drive.power.output = -50.0
+    elif wrong == "moving":
+        drive.power.rate = -0.2
     elif wrong == "blind":
         drive.broken = True
     elif wrong == "leading":
@@ -107,10 +115,17 @@ def test_holding_position_by_a_strong_brake_or_as_stated_is_taken(
     assert setting_up(request, replace(TABLE, coast_m_s2=coast)) == []
 
 
+def test_a_travel_in_which_its_place_begins_anew_is_refused(running: Running, request: pytest.FixtureRequest) -> None:
+    assert isinstance(running.drive, MoteusDrive)
+    running.drive.settings["servo.max_velocity"] = 1e6
+    with pytest.raises(ValueError, match=r"must reach limits.travel_m within 32768 turns, .*; got 40000"):
+        setting_up(request, replace(TABLE, turns_per_m=-4e4))
+
+
 def test_a_firmware_without_the_newer_settings_is_taken(running: Running, request: pytest.FixtureRequest) -> None:
     assert isinstance(running.drive, MoteusDrive)
-    for name in ("servo.default_accel_limit", "servo.bemf_feedforward", "servo.fixed_voltage_mode"):
-        del running.drive.settings[name]
+    for name in ("default_accel_limit", "bemf_feedforward", "fixed_voltage_mode", "max_velocity"):
+        del running.drive.settings[f"servo.{name}"]
     assert setting_up(request) == []
 
 

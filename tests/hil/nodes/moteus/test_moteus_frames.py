@@ -99,6 +99,13 @@ def test_a_session_is_the_packages_prefix() -> None:
     assert wire.frame_to(5, b"", wire.SESSION).arbitration_id & 0x7F == command.destination
 
 
+@pytest.mark.parametrize("prefix", wire.PREFIXES)
+def test_another_master_is_heard_in_a_session_too(prefix: int) -> None:
+    assert wire.orders(wire.frame_to(1, wire.mode_write(wire.STOPPED), prefix), 1)
+    assert not wire.orders(wire.frame_to(1, wire.QUERY, prefix), 1)
+    assert not wire.orders(wire.frame_to(1, wire.mode_write(wire.STOPPED), 7), 1)
+
+
 def test_modes_and_registers_have_the_packages_numbers() -> None:
     modes = {wire.STOPPED: "STOPPED", wire.FAULTED: "FAULT", wire.POSITION_MODE: "POSITION", wire.TIMED_OUT: "TIMEOUT"}
     braking = dict(zip(BRAKING_MODES, ("POSITION", "ZERO_VELOCITY", "BRAKE"), strict=True))
@@ -208,6 +215,16 @@ def test_the_simulated_drive_speaks_with_the_package(resolution: int) -> None:
     assert found[Register.COMMAND_ACCEL_LIMIT] == pytest.approx(-1.0, abs=0.05)
     assert (found[Register.VOLTAGE], found[Register.TEMPERATURE]) == (24.0, 25.0)
     assert (found[Register.HOME_STATE], found[Register.FAULT]) == (2, 0)
+
+
+def test_what_a_command_does_not_write_has_the_shipped_limit() -> None:
+    """25 turns/s are reached in half a second, and then 6 turns late: 60 mm at 100 turns/m."""
+    bench, controller = Bench(), peer.Controller(1, transport=object())
+    for k in range(510):
+        wanted = 25.0 * k * 1e-3
+        found = bench.ask(controller.make_position(position=wanted, velocity=25.0, query=True))
+    assert wanted - found[Register.POSITION] == pytest.approx(25.0**2 / (2 * 50.0), abs=0.4)
+    assert found[Register.VELOCITY] == pytest.approx(25.0, abs=0.1)
 
 
 def test_the_simulated_drive_refuses_what_it_does_not_know() -> None:

@@ -190,7 +190,7 @@ class MoteusDrive:
                 self.held, self._commanded = dict(_COMMAND) | {0x00: value}, True
             elif number in _COMMAND:
                 self.held[number] = value
-            elif number == 0x131:
+            elif number == 0x131 and math.isfinite(value):
                 self.power.output, self.home = value / self.table.turns_per_m, OUTPUT
             elif not 0x20 <= number < 0x30:
                 unknown = number == 0x00 or self._register(number) is None

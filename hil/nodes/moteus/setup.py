@@ -29,8 +29,9 @@ _HOMES: Final = {wire.RELATIVE: "relative only", wire.ROTOR: "rotor, which is wi
 
 def set_up(bus: can.BusABC, table: MoteusTable, limits: Limits | None = None) -> list[str]:
     """Find the drive, read back what it does without commands, let it take the watchdog and no limits, and give it the
-    can.prefix of a session; it stays stopped. Blocks, at most some seconds. What it saves is only read. Gives a
-    sentence for what it does not do that one may do without.
+    can.prefix of a session; it stays stopped. Blocks, at most some seconds. What it saves is only read. A fault stays
+    for the operator to acknowledge, and nothing is written then. Gives a sentence for what it does not do that one may
+    do without.
 
     Raises ValueError of one sentence where no drive answers or it is not as it must be.
     """
@@ -39,11 +40,11 @@ def set_up(bus: can.BusABC, table: MoteusTable, limits: Limits | None = None) ->
     mode = found[wire.MODE]
     if mode not in (wire.STOPPED, wire.FAULTED, wire.TIMED_OUT):
         raise ValueError(f"{node} must be stopped before it is led; got mode {mode:g}, by somebody else")
-    _must_rest_where_known(node, table, limits or Limits(), found)
     _must_stop(node, table, ask)
     _must_obey(node, table, limits or Limits(), ask)
     if mode != wire.STOPPED:
         return []
+    _must_rest_where_known(node, table, limits or Limits(), found)
     if table.home == "here":
         _make_zero(node, ask)
     taken = ask.values(wire.mode_write(wire.STOPPED) + wire.hold(table.watchdog_s) + wire.QUERY)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Final
+
+_NO_LIMIT: Final = 1e9
 
 
 @dataclass
@@ -26,7 +29,8 @@ class Trajectory:
 
     def command(self, place: float, rate: float, speed: float, acceleration: float) -> None:
         """Take a command."""
-        self.speed, self.acceleration = speed, acceleration
+        self.speed, self.acceleration = (limit if limit < _NO_LIMIT else math.nan for limit in (speed, acceleration))
+        speed = self.speed
         rate = 0.0 if math.isnan(rate) else rate
         self._target, self._rate = place, rate if math.isnan(speed) else min(max(rate, -speed), speed)
 

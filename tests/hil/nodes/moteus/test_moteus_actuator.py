@@ -115,6 +115,15 @@ def test_holding_position_by_a_strong_brake_or_as_stated_is_taken(
     assert setting_up(request, replace(TABLE, coast_m_s2=coast)) == []
 
 
+def test_a_fault_stays_for_the_operator(running: Running, request: pytest.FixtureRequest) -> None:
+    """Whatever else is wrong with its place: a reset must reach it."""
+    assert isinstance(running.drive, MoteusDrive)
+    running.drive.broken, running.drive.home = True, 0
+    running.drive.mode, running.drive.fault = 1, 35
+    assert setting_up(request) == []
+    assert (running.drive.mode, running.drive.fault, running.drive.prefix) == (1, 35, 0)
+
+
 def test_a_travel_in_which_its_place_begins_anew_is_refused(running: Running, request: pytest.FixtureRequest) -> None:
     assert isinstance(running.drive, MoteusDrive)
     running.drive.settings["servo.max_velocity"] = 1e6
@@ -187,6 +196,7 @@ def test_no_limit_of_the_drive_acts_on_what_it_is_told(speed: float) -> None:
     desk = Desk(TABLE)
     assert isinstance(desk.drive, MoteusDrive)
     assert desk.drive.settings["servo.default_accel_limit"] == 50.0
+    desk.drive.settings["servo.default_velocity_limit"] = 3.0
     desk.up()
     for _ in range(100):
         desk.ticks(1, ENABLE, speed)

@@ -20,7 +20,7 @@ from hil.nodes.cia402.states import MASTER_NODE, SYNC_ID, Cia402Table, options_o
 from hil.nodes.frame_map import frame_map_of
 from hil.nodes.moteus.actuator import MoteusBus, MoteusTable
 from hil.nodes.moteus.actuator import set_up as set_up_moteus
-from hil.nodes.moteus.registers import HOST, REPLY_WANTED
+from hil.nodes.moteus.registers import HOST, PREFIXES, REPLY_WANTED
 from hil.nodes.odrive.actuator import OdriveBus, OdriveTable
 from hil.nodes.odrive.actuator import set_up as set_up_odrive
 from models.files.tables import from_table
@@ -66,19 +66,20 @@ def identifiers(table: ActuatorTable) -> tuple[frozenset[int], frozenset[int]]:
     if isinstance(table, OdriveTable):
         both = frozenset(node << 5 | command for command in range(32))
         return both, both
-    return frozenset({REPLY_WANTED | HOST << 8 | node}), frozenset({node << 8 | HOST})
+    own, session = (prefix << 16 for prefix in PREFIXES)
+    told, says = REPLY_WANTED | HOST << 8 | node, node << 8 | HOST
+    return frozenset({own | told, session | told}), frozenset({own | says, session | says})
 
 
 def set_up(bus: can.BusABC, table: ActuatorTable, limits: Limits, tick_s: float) -> list[str]:
     """Set the drive up and see that it stops by itself without commands; it stays disabled. Gives a sentence for each
-    setting that it took rounded. Raises ValueError of one sentence.
+    setting that it took rounded, or may do without. Raises ValueError of one sentence.
     """
     if isinstance(table, Cia402Table):
         return set_up_cia402(bus, table, limits, tick_s, frame_map_of("magnetic").life_ms(limits.carriage_speed_m_s))
-    if isinstance(table, OdriveTable):
-        set_up_odrive(bus, table, limits, tick_s)
-    else:
-        set_up_moteus(bus, table)
+    if isinstance(table, MoteusTable):
+        return set_up_moteus(bus, table, limits)
+    set_up_odrive(bus, table, limits, tick_s)
     return []
 
 

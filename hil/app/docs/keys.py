@@ -23,8 +23,8 @@ from hil.nodes.actuators import ACTUATORS
 from hil.nodes.cia402.states import MODES, Cia402Table
 from hil.nodes.cia402.states import RANGES as CIA402_RANGES
 from hil.nodes.controller.operator import OPERATOR_RANGES, OperatorLimits
-from hil.nodes.moteus.actuator import RANGES as MOTEUS_RANGES
-from hil.nodes.moteus.actuator import MoteusTable
+from hil.nodes.moteus.table import RANGES as MOTEUS_RANGES
+from hil.nodes.moteus.table import MoteusTable
 from hil.nodes.odrive.actuator import FREE_NODES, OdriveTable
 from hil.nodes.odrive.actuator import RANGES as ODRIVE_RANGES
 from hil.nodes.turning import HOMES

@@ -196,7 +196,8 @@ MEANINGS: Final[Mapping[str, str]] = {
     "homing_speed_m_s": "object 0x6099: its speed then",
     "homing_s": "how long that may take",
     "options": "objects of the drive's own, index and sub hexadecimal, each written and read back",
-    "turns_per_m": "its motor's turns, per metre of the carriage; negative: the other way",
+    "turns_per_m": "turns that it tells (an ODrive its motor's, a moteus its output's, behind"
+    " `motor_position.rotor_to_output_ratio`), per metre of the carriage; negative: the other way",
     "firmware": "its firmware, whose endpoint ids the next two are; another one is refused",
     "enable_watchdog_endpoint": "endpoint id of `axis0.config.enable_watchdog` in its `flat_endpoints.json`; 0: not"
     " stated, and it is not led",
@@ -205,7 +206,8 @@ MEANINGS: Final[Mapping[str, str]] = {
     "coast_m_s2": "deceleration of the carriage without torque, by the friction of its guide and screw: measure it",
     "motor_current_A": "most current of its motor (Set_Limits)",
     "most_torque_N_m": "most torque at its output",
-    "home": "`kept`: its own zero; `here`: the place where it stands as it is set up",
+    "home": "`kept`: its own zero (a moteus: home state 2, known at the output); `here`: the place where it stands as"
+    " it is set up",
     "fmu": "FMU that stands in for the simulated plant, relative to the scenario; `capsule sil` alone reads it",
     "scenario": "scenario whose plant `capsule plant` simulates, relative to this file; the controller never reads it",
 }

@@ -107,7 +107,7 @@ class _Tap:
     def drain(self) -> None:
         while (message := self._port.recv(0)) is not None:
             stamp = np.float64(message.timestamp).tobytes()
-            self._hash.update(stamp + message.arbitration_id.to_bytes(2, "little") + bytes(message.data))
+            self._hash.update(stamp + message.arbitration_id.to_bytes(4, "little") + bytes(message.data))
 
     def hexdigest(self) -> str:
         return self._hash.hexdigest()

@@ -1,5 +1,5 @@
-"""A carriage as a moteus controller, simulated after the maker's description of its registers: what
-`hil.nodes.moteus.actuator` sets up and leads, its frames read apart from it.
+"""A carriage as a moteus controller, simulated after its maker's reference of registers and configuration and its
+firmware: what `hil.nodes.moteus.actuator` sets up and leads, its frames read apart from it.
 """
 
 from __future__ import annotations
@@ -14,28 +14,40 @@ import can
 from controller.limits import Limits
 from hil.nodes.drive.power_stage import CarriagePower
 from hil.nodes.drive.state_machine import NO_FAULT, TIME_TO_LIVE, Stage
-from hil.nodes.frame_map import ENABLED, FAULT, QUICK_STOP_M_S2, STANDBY
+from hil.nodes.frame_map import ENABLED, FAULT, STANDBY
 from hil.nodes.listening import waiting
-from hil.nodes.moteus.actuator import FAULTS, MoteusTable
+from hil.nodes.moteus.multiplex import LINE, POLL, READ_ONLY, UNKNOWN, WRITE, Part, answer, error, parts
+from hil.nodes.moteus.registers import SESSION
+from hil.nodes.moteus.table import FAULTS, MoteusTable
+from hil.nodes.moteus.trajectory import Trajectory
 
-STOPPED, FAULTED, POSITION, TIMED_OUT = 0, 1, 10, 11
-ENCODER_FAULT, OVER_TEMPERATURE = 35, 38
+STOPPED, FAULTED, ENABLING, POSITION, TIMED_OUT, ZERO_VELOCITY, BRAKE = 0, 1, 2, 10, 11, 12, 15
+ENCODER_FAULT, OVER_TEMPERATURE, NO_ACCELERATION_LIMIT = 35, 38, 47
 BOOT_S: Final = 0.03
-RELATIVE, OUTPUT = 0, 2
+PREPARES_S: Final = 0.01
+"""From the first command to position mode: modes 2 to 4, gate driver and zero of the current sensors."""
+RELATIVE, ROTOR, OUTPUT = 0, 1, 2
 """Home states."""
+DAMPED_S: Final = 0.02
+"""Time constant with which the carriage is braked beside its friction, where no limit of acceleration leads it to rest:
+the maker states none, it goes with gains or resistance and what is moved.
+"""
+_COMMAND: Final = {0x20: 0.0, 0x21: 0.0, 0x25: math.nan, 0x27: 0.0, 0x28: math.nan, 0x29: math.nan}
+"""What a command holds of which nothing is written."""
+_RESTING: Final = 1e-9
 _MOST: Final = 256
 _LONGEST: Final = 64
-_AMBIENT_C: Final = 25.0
-_SIZES: Final = (1, 2, 4, 4)
-_KINDS: Final = ("b", "h", "i", "f")
+_AMBIENT_C, _SUPPLY_V = 25.0, 24.0
 
 
 class MoteusDrive:
     """Behaves as a `DriveNode` to the plant: `listen` once a slot, `output` for the plant's command.
 
-    It speaks only when asked. A command in position mode ends with its watchdog, 0 meaning `default_timeout_s` and nan
-    none: then mode 11, which brakes by `timeout_mode` and is latched until "stopped". A fault takes the torque away:
-    the carriage coasts; "stopped" clears it. After a boot its place is relative to where it stands.
+    It speaks only when asked. `settings` are its configuration as shipped since firmware of March 2026. A command in
+    position mode goes on at its rate until it ends with its watchdog, 0 meaning `default_timeout_s` and nan none: then
+    mode 11, which brakes by `timeout_mode` and is latched until "stopped". A fault takes the torque away: the carriage
+    coasts; "stopped" clears it. After a boot it knows its place at the output if an `output_encoder` is there, else
+    within a turn of the rotor. What "conf set" wrote is lost then.
     """
 
     def __init__(
@@ -44,19 +56,44 @@ class MoteusDrive:
         self.bus, self.table, self.power, self.limits, self.tick_s = bus, table, power, limits, tick_s
         self.heated_to_C, self.misread = -math.inf, None
         self.node_id, self.broken = table.node_id, False
-        self.settings = {"servo.default_timeout_s": 0.1, "servo.timeout_mode": 12.0}
+        self.output_encoder = self.takes_prefix = True
+        self.settings = {
+            "servo.default_timeout_s": 0.1,
+            "servo.timeout_mode": 12.0,
+            "servo.default_velocity_limit": math.nan,
+            "servo.default_accel_limit": 50.0,
+            "servo.max_velocity": 500.0,
+            "servo.bemf_feedforward": 0.0,
+            "servo.bemf_feedforward_override": 0.0,
+            "servo.fixed_voltage_mode": 0.0,
+        }
         self.rejected = 0
+        self.path = Trajectory()
         self.boot(0.0)
 
     misread: Callable[[float], float] | None
 
     def boot(self, now: float) -> None:
         """Begin anew, as after a loss of supply."""
-        self.mode, self.fault, self.home = STOPPED, 0, OUTPUT
-        self.watchdog_s = 0.0
-        self._now = self._since = self._began = now
+        self.mode, self.fault, self.home = STOPPED, 0, OUTPUT if self.output_encoder else ROTOR
+        self.held, self.prefix = dict(_COMMAND), 0
+        self._now = self._since = self._began = self._prepared = now
         self.good_at = -math.inf
-        self._stream = b""
+        self._stream = self._reply = b""
+        self._commanded = False
+
+    def configure(self, time_to_live_ms: int) -> None:
+        """As `set_up` leaves it."""
+        self.prefix = SESSION
+
+    @property
+    def watchdog_s(self) -> float:
+        """The watchdog of the command that it holds."""
+        return self.held[0x27]
+
+    @watchdog_s.setter
+    def watchdog_s(self, seconds: float) -> None:
+        self.held[0x27] = seconds
 
     @property
     def safe(self) -> bool:
@@ -81,108 +118,159 @@ class MoteusDrive:
         """One run of the firmware: take frames in, judge, answer."""
         self._now = now
         for message in waiting(self.bus, _MOST):
-            long = message.arbitration_id > 0x7FF
+            number, long = message.arbitration_id, message.arbitration_id > 0x7FF
             framed = message.is_fd and not message.is_error_frame and message.is_extended_id == long
-            if framed and message.arbitration_id & 0xFF == self.node_id and now - self._began >= BOOT_S:
-                try:
-                    self._take(message.arbitration_id >> 8, bytes(message.data))
-                except (IndexError, ValueError, OverflowError, struct.error):
-                    self.rejected += 1
+            mine = number >> 16 == self.prefix and number & 0xFF in (self.node_id, 0x7F)
+            if framed and mine and now - self._began >= BOOT_S:
+                self._take(number >> 8 & 0xFF, bytes(message.data))
         self._judge()
 
     def output(self, dt: float, sensed: float) -> float:
         """The plant's command for the next `dt` s."""
-        self.power.braking_m_s2 = QUICK_STOP_M_S2 if self.mode == TIMED_OUT else self.table.coast_m_s2
-        return self.power.step(dt, float(self.mode == POSITION), sensed)
+        brakes = self.settings["servo.timeout_mode"] if self.mode == TIMED_OUT else self.mode
+        slows = self.mode == TIMED_OUT and brakes == POSITION and not math.isnan(self.path.acceleration)
+        follows = self.mode == POSITION or (slows and max(abs(self.path.rate), abs(self.power.rate)) > _RESTING)
+        if follows:
+            self.path.step(dt)
+            self.power.aim(self.path.place / self.table.turns_per_m, dt)
+        damped = abs(self.power.rate) / DAMPED_S if brakes in (POSITION, ZERO_VELOCITY, BRAKE) else 0.0
+        self.power.braking_m_s2 = math.inf if slows else self.table.coast_m_s2 + damped
+        return self.power.step(dt, float(follows), sensed)
 
     def _judge(self) -> None:
         """Faults, and the watchdog."""
+        if self.mode == ENABLING and self._now >= self._prepared:
+            self._become(POSITION)
+            self.path.begin(self.power.output * self.table.turns_per_m, self.power.rate * self.table.turns_per_m)
+            self._aim()
         wrong = ENCODER_FAULT if self.broken else 0
         wrong = OVER_TEMPERATURE if self.temperature_C > self.limits.temperature_C else wrong
-        if wrong and self.mode == POSITION:
-            self.fault = wrong
-            self._become(FAULTED)
-        lives_s = self.settings["servo.default_timeout_s"] if self.watchdog_s == 0.0 else self.watchdog_s
-        if self.mode == POSITION and self._now - self.good_at > lives_s:
+        if wrong and self.mode not in (STOPPED, FAULTED):
+            self._fail(wrong)
+        if self.mode == POSITION and self._now - self.good_at > self._or_default(0x27, "servo.default_timeout_s"):
             self._become(TIMED_OUT)
+            speed, acceleration = (self.settings[f"servo.default_{what}_limit"] for what in ("velocity", "accel"))
+            self.path.command(math.nan, 0.0, speed, acceleration)
 
     def _take(self, source: int, data: bytes) -> None:
-        """The subframes of a frame, in order, and the reply where one is wanted."""
-        reply, at = b"", 0
-        wrote: dict[int, float] = {}
-        while at < len(data) and data[at] != 0x50:
-            kind = data[at]
-            if kind == 0x40:
-                self._line(data[at + 3 : at + 3 + data[at + 2]])
-                at += 3 + data[at + 2]
-                continue
-            if kind == 0x42:
-                some, self._stream = self._stream[: data[at + 2]], self._stream[data[at + 2] :]
-                reply += bytes((0x41, data[at + 1], len(some))) + some
-                at += 3
-                continue
-            count, form, at = kind & 3, kind >> 2 & 3, at + 1
-            if not count:
-                count, at = data[at], at + 1
-            first, at = data[at] & 0x7F, at + 1
-            if data[at - 1] & 0x80:
-                first, at = first | data[at] << 7, at + 1
-            if kind & 0xF0 == 0x00:
-                size = _SIZES[form]
-                for k in range(count):
-                    wrote[first + k] = struct.unpack_from("<" + _KINDS[form], data, at)[0]
-                    at += size
-                    if first + k == 0x00:
-                        self.watchdog_s = 0.0
-            elif kind & 0xF0 == 0x10:
-                self._obey(wrote)
-                wrote = {}
-                values = [self._register(first + k) for k in range(count)]
-                numbers = [v if form == 3 else round(v) for v in values]
-                reply += bytes((0x20 | form << 2 | count, first)) + struct.pack(f"<{count}{_KINDS[form]}", *numbers)
-            else:
-                self.rejected += 1
-                return
-        self._obey(wrote)
+        """The subframes of a frame, in order, up to one that cannot be read, and the reply where one is wanted. A mode
+        makes a command of what is written, once the frame is over.
+        """
+        self._reply, self._commanded = b"", False
+        try:
+            for part in parts(data):
+                if not self._done(part):
+                    break
+        except (IndexError, ValueError, OverflowError, struct.error):
+            self.rejected += 1
+        if self._commanded:
+            self._obey(int(self.held[0x00]))
         if source & 0x80:
-            self._say(source & 0x7F, reply)
+            self._say(source & 0x7F, self._reply)
 
-    def _obey(self, wrote: dict[int, float]) -> None:
-        """The registers that one frame wrote: a mode makes a command of them."""
-        if 0x27 in wrote:
-            self.watchdog_s = wrote[0x27]
-        if 0x131 in wrote and self.mode != POSITION:
-            self.power.output, self.home = wrote[0x131] / self.table.turns_per_m, OUTPUT
-        if wrote.get(0x00) == STOPPED:
+    def _done(self, part: Part) -> bool:
+        """Do what a subframe says; whether the next one is read."""
+        if part.kind == LINE:
+            self._line(part.text)
+        elif part.kind == POLL:
+            some, self._stream = self._stream[: part.count], self._stream[part.count :]
+            self._reply += bytes((0x41, part.first, len(some))) + some
+        elif part.kind == WRITE:
+            self._write(part)
+        else:
+            told, known = answer(part, self._register)
+            self._reply += told
+            return known
+        return True
+
+    def _write(self, part: Part) -> None:
+        """Take values of registers in, and tell of those that are not for it."""
+        for number, value in enumerate(part.values, part.first):
+            if number == 0x00 and 0 <= value <= BRAKE:
+                self.held, self._commanded = dict(_COMMAND) | {0x00: value}, True
+            elif number in _COMMAND:
+                self.held[number] = value
+            elif number == 0x131 and math.isfinite(value):
+                self.power.output, self.home = value / self.table.turns_per_m, OUTPUT
+            elif not 0x20 <= number < 0x30:
+                unknown = number == 0x00 or self._register(number) is None
+                self._reply += error(0x30, number, UNKNOWN if unknown else READ_ONLY)
+
+    def _obey(self, mode: int) -> None:
+        """The command that a frame brought, in `mode`: faults and timeouts end by "stopped" alone."""
+        if mode == STOPPED:
             self.fault = 0
             self._become(STOPPED)
-        elif wrote.get(0x00) == POSITION and self.mode in (STOPPED, POSITION):
+        elif mode <= 4 or self.mode in (FAULTED, TIMED_OUT):
+            return
+        elif mode != POSITION:
+            self._become(mode)
+        elif self._unlimited_feedforward:
+            self._fail(NO_ACCELERATION_LIMIT)
+        else:
             self.good_at = self._now
-            self._become(POSITION)
-            place, rate = wrote.get(0x20, 0.0), wrote.get(0x21, 0.0)
-            if math.isfinite(place) and math.isfinite(rate):
-                self.power.aim((place + rate * self.tick_s) / self.table.turns_per_m, self.tick_s)
+            if self.mode == STOPPED:
+                self._prepared = self._now + PREPARES_S
+                self._become(ENABLING)
+            elif self.mode != ENABLING:
+                self._become(POSITION)
+                self._aim()
 
-    def _register(self, number: int) -> float:
+    @property
+    def _unlimited_feedforward(self) -> bool:
+        """What the firmware does not take."""
+        allowed = self.settings["servo.bemf_feedforward_override"] or not self.settings["servo.bemf_feedforward"]
+        return not allowed and math.isnan(self._limit(0x29, "servo.default_accel_limit"))
+
+    def _aim(self) -> None:
+        """The command that is held, as a trajectory."""
+        speed = self._limit(0x28, "servo.default_velocity_limit")
+        acceleration = self._limit(0x29, "servo.default_accel_limit")
+        if not (math.isnan(speed) and math.isnan(acceleration)):
+            most = self.settings["servo.max_velocity"]
+            speed = most if math.isnan(speed) else min(speed, most)
+        if all(abs(self.held[number]) < 1e6 or math.isnan(self.held[number]) for number in (0x20, 0x21)):
+            self.path.command(self.held[0x20], self.held[0x21], speed, acceleration)
+
+    def _limit(self, number: int, setting: str) -> float:
+        """A limit of the command: the configuration's where it is nan, none where it is negative."""
+        value = self.settings[setting] if math.isnan(self.held[number]) else self.held[number]
+        return math.nan if self.held[number] < 0 else value
+
+    def _or_default(self, number: int, setting: str) -> float:
+        return self.settings[setting] if self.held[number] == 0.0 else self.held[number]
+
+    def _register(self, number: int) -> float | None:
         place, scale = self.power.output, self.table.turns_per_m
         place = place if self.misread is None else self.misread(place)
         known = {
             0x00: float(self.mode),
             0x01: math.nan if self.broken else place * scale,
             0x02: math.nan if self.broken else self.power.rate * scale,
+            0x03: 0.0,
             0x0C: float(self.home),
+            0x0D: _SUPPLY_V,
+            0x0E: self.temperature_C,
             0x0F: float(self.fault),
-            0x27: self.watchdog_s,
+            0x38: self.path.place,
+            0x39: self.path.rate,
         }
-        return known.get(number, 0.0)
+        return known[number] if number in known else self.held.get(number)
 
     def _line(self, text: bytes) -> None:
         """A line of the diagnostic stream."""
         words = text.decode("ascii", "replace").split()
         if words[:2] == ["conf", "get"] and words[-1] in self.settings:
             self._stream += f"{self.settings[words[-1]]:g}\r\n".encode()
+        elif self.takes_prefix and words[:3] == ["conf", "set", "can.prefix"] and words[-1].isdecimal():
+            self.prefix = int(words[-1]) & 0x1FFF
+            self._stream += b"OK\r\n"
         else:
             self._stream += b"ERR unknown\r\n"
+
+    def _fail(self, fault: int) -> None:
+        self.fault = fault
+        self._become(FAULTED)
 
     def _become(self, mode: int) -> None:
         if mode != self.mode:
@@ -191,7 +279,7 @@ class MoteusDrive:
     def _say(self, destination: int, data: bytes) -> None:
         data = data[:_LONGEST]
         length = next(n for n in (*range(9), 12, 16, 20, 24, 32, 48, _LONGEST) if n >= len(data))
-        identifier = self.node_id << 8 | destination
+        identifier = self.prefix << 16 | self.node_id << 8 | destination
         message = can.Message(
             arbitration_id=identifier,
             is_extended_id=identifier > 0x7FF,

@@ -25,8 +25,8 @@ from hil.nodes.cia402.states import RANGES as CIA402_RANGES
 from hil.nodes.controller.operator import OPERATOR_RANGES, OperatorLimits
 from hil.nodes.moteus.actuator import RANGES as MOTEUS_RANGES
 from hil.nodes.moteus.actuator import MoteusTable
-from hil.nodes.odrive.actuator import FREE_NODES, OdriveTable
-from hil.nodes.odrive.actuator import RANGES as ODRIVE_RANGES
+from hil.nodes.odrive.table import FREE_NODES, OdriveTable
+from hil.nodes.odrive.table import RANGES as ODRIVE_RANGES
 from hil.nodes.turning import HOMES
 from models.files.columns import ABOVE, COLUMNS, RANGES, TIME, variants_of
 from models.files.rig_tables import (

@@ -23,6 +23,7 @@ from hil.nodes.frame_map import (
     plain,
 )
 from hil.nodes.odrive.protocol import (
+    AXIS_STATE,
     BUSY,
     CLEAR_ERRORS,
     CLOSED_LOOP,
@@ -128,7 +129,7 @@ class OdriveBus(CarriageBus):
         self._braking.leave()
         if self._axis != CLOSED_LOOP:
             if self._asked % _ASK_TICKS == 0:
-                self._tell(SET_AXIS_STATE, struct.pack("<I", CLOSED_LOOP), timeout)
+                self._tell(SET_AXIS_STATE, AXIS_STATE.pack(CLOSED_LOOP), timeout)
             self._asked += 1
             failed = self._result not in (SUCCESS, BUSY)
             if self._asked > (_FAILED_TICKS if failed else _GIVE_UP_TICKS):
@@ -208,7 +209,7 @@ class OdriveBus(CarriageBus):
             self._place(*step, timeout)
         elif self._stopped < IDLE_TICKS:
             self._stopped += 1
-            self._tell(SET_AXIS_STATE, struct.pack("<I", IDLE), timeout)
+            self._tell(SET_AXIS_STATE, AXIS_STATE.pack(IDLE), timeout)
 
     def _place(self, place_m: float, rate_m_s: float, timeout: float | None) -> None:
         """Set_Input_Pos: position, and its rate in thousandths of a turn a second, which the table has room for."""

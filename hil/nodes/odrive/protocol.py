@@ -4,6 +4,7 @@ page, DBC and enumerations.
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
@@ -59,6 +60,8 @@ RESULTS: Final[tuple[str, ...]] = (
     "NOT_CONVERGING",
 )
 """Procedure_Result of the heartbeat: what became of the axis state that was asked for last."""
+AXIS_STATE, ABSOLUTE_POSITION = struct.Struct("<I4x"), struct.Struct("<f4x")
+"""Set_Axis_State and Set_Absolute_Position, as long as the maker's DBC has them."""
 POSITION_CONTROL, PASSTHROUGH = 3, 1
 VEL_FF_SCALE: Final = 1000
 """Vel_FF in a turn a second, as axis0.config.can.input_vel_scale is shipped."""

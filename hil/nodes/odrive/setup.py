@@ -16,6 +16,7 @@ from controller.limits import Limits
 from hil.nodes.frame_map import plain
 from hil.nodes.listening import heard_for, silent
 from hil.nodes.odrive.protocol import (
+    ABSOLUTE_POSITION,
     AXIS_STATES,
     GET_ENCODER_ESTIMATES,
     GET_VERSION,
@@ -138,7 +139,7 @@ def _check_place(heard: _Heard, table: OdriveTable, limits: Limits, node: str) -
 
 def _take_zero(ask: _Questions, table: OdriveTable, node: str) -> None:
     """Make the present place zero, and see that the encoder tells so."""
-    ask.tell(SET_ABSOLUTE_POSITION, struct.pack("<f", 0.0))
+    ask.tell(SET_ABSOLUTE_POSITION, ABSOLUTE_POSITION.pack(0.0))
     end, place = time.monotonic() + min(table.answers_s, 1.0), math.inf
     while time.monotonic() < end and not abs(place) <= _ZERO_M:
         told = ask.cycles(0.02).turns

@@ -53,7 +53,7 @@ def knows(modes: int) -> Callable[[Any], None]:
 def stays_in(mode: int) -> Callable[[Any], None]:
     def change(drive: Any) -> None:
         drive.mode, drive.stays = mode, True
-        drive.node.sdo[0x6061].raw = mode
+        drive.node.set_data(0x6061, 0, mode.to_bytes(1, "little", signed=True))
 
     return change
 
@@ -62,7 +62,11 @@ def stays_in(mode: int) -> Callable[[Any], None]:
     ("table", "change", "sentence"),
     [
         (TABLE, faulted, r"must have no fault before it is led; got error code 0x7300; 'capsule run RIG.toml reset'"),
-        (TABLE, enabled, r"must be disabled before it is led; got one that is enabled, by somebody else \(statusword 0x"),
+        (
+            TABLE,
+            enabled,
+            r"must be disabled before it is led; got one that is enabled, by somebody else \(status",
+        ),
         (TABLE, knows(1 << 0 | 1 << 5), r"must know mode 8 \(cyclic .* it knows 1 \(profile position\), 6 \(homing\)"),
         (replace(TABLE, mode="velocity"), knows(1 << 7), r"must know mode 9 \(cyclic synchronous velocity\)"),
         (HOMING, knows(1 << 7), r"must know mode 6 \(homing\); 0x6502 says that it knows 8 \(cyclic"),
@@ -131,9 +135,7 @@ def not_there(drive: Any) -> None:
         (not_there, r"must be home within 1 s; statusword 0x10"),
     ],
 )
-def test_a_homing_that_was_none(
-    change: Callable[[Any], None], sentence: str, request: pytest.FixtureRequest
-) -> None:
+def test_a_homing_that_was_none(change: Callable[[Any], None], sentence: str, request: pytest.FixtureRequest) -> None:
     """Refused with the reason, and the drive ends at rest and not enabled."""
     with closing(Polled(request.node.name, HOMING)) as polled:
         change(polled.drive)

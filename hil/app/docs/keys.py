@@ -97,6 +97,9 @@ _CHOICES: Final[Mapping[str, tuple[str, ...]]] = {
     "mode": tuple(MODES),
 }
 
+_NESTED: Final[Mapping[str, str]] = {"options": '`"index.sub" = value`', "endpoints": '`"path" = id`'}
+"""Tables within a table, by what stands in a line of them."""
+
 CHECKED: Final[Mapping[tuple[type[Any], str], tuple[float, float]]] = {
     **{(BusTable, name): (lower, upper) for name, lower, upper in BUS_RANGES},
     (SimulatedBusTable, "data_bitrate"): BUS_RANGES[0][1:],
@@ -226,7 +229,7 @@ def _dataclass(cls: type[Any]) -> Iterator[tuple[str, str, str, str]]:
         else:
             listed = "list of text" if "str" in str(hints[field.name]) else "list of numbers"
             other = listed if "tuple" in str(hints[field.name]) else ""
-            other = '`"index.sub" = value`' if field.name == "options" else other
+            other = _NESTED.get(field.name, other)
             span = {str: "text", float: "number", bool: "true or false"}.get(hints[field.name], other)
         missing = field.default is dataclasses.MISSING
         yield field.name, span, "required" if missing else _value(field.default), field.metadata.get("source", "")

@@ -58,10 +58,11 @@ _AMBIENT_C: Final = 25.0
 class Cia402Drive:
     """Behaves as a `DriveNode` to the plant: `listen` once a slot, `output` for the plant's command.
 
-    In cyclic synchronous position: what RPDO 1 holds counts from the next SYNC, which the TPDOs answer. RPDO 1 later
-    than its event timer, a controller without heartbeat and too high a temperature are faults: brake, then latched. A
-    fault reset disables, no more. It takes a mode that 0x6502 names and shows it at 0x6061, homes from the rising edge
-    of bit 4 on, and sets bits 10 to 13 of its statusword as the mode wants them.
+    What RPDO 1 holds counts from the next SYNC, which the TPDOs answer; where none comes it goes on at its last rate:
+    the worst of what the profile leaves open for places, and what it means for speeds. RPDO 1 later than its event
+    timer, a controller without heartbeat and too high a temperature are faults: brake, then latched. A fault reset
+    disables, no more. It takes a mode that 0x6502 names and shows it at 0x6061, homes from the rising edge of bit 4 on,
+    and sets bits 10 to 13 of its statusword as the mode wants them.
 
     What it may do wrong: it `stays` in its mode whatever is asked for, `ignores` its targets and says so, is `jammed`,
     or does not find its home (`homeless`).
@@ -92,7 +93,7 @@ class Cia402Drive:
         self._now = self._since = now
         self._hot_since, self._word, self._mapped = math.inf, 0, False
         self.zero_m, self.homing = 0.0, UNHOMED
-        self._demand_m = math.nan
+        self._demand_m, self._rate_m_s, self._taken_at = math.nan, 0.0, now
         self._near_at, self._limited = now, False
         self.good_at = self._heard_at = -math.inf
         self.node.nmt.state = "INITIALISING"
@@ -137,6 +138,9 @@ class Cia402Drive:
     def output(self, dt: float, sensed: float) -> float:
         """The plant's command for the next `dt` s."""
         share = 0.0 if self.state != OPERATION else 0.5 if self._warm else 1.0
+        turns = self._rate_m_s and not (self.ignores or self.jammed)
+        if share and turns and self._now - self._taken_at > self.tick_s - 0.5 * dt:
+            self.power.aim(self.power.output + self._rate_m_s * dt, dt)
         return self.power.step(dt, share, sensed)
 
     @property
@@ -235,6 +239,7 @@ class Cia402Drive:
             wanted = self.zero_m + self.node.rpdo[1][0x607A].raw / counts
         self._demand_m = min(max(wanted, here - most, least), here + most, farthest)
         self._limited = abs(self._demand_m - wanted) > 1.5 / counts
+        self._rate_m_s, self._taken_at = (self._demand_m - here) / self.tick_s, self._now
         if not (self.ignores or self.jammed):
             self.power.aim(self._demand_m, self.tick_s)
 
@@ -245,7 +250,7 @@ class Cia402Drive:
         if self.state == OPERATION and not self.mode:
             self.state = SWITCHED_ON
         if self.state != OPERATION:
-            self._demand_m, self._limited = math.nan, False
+            self._demand_m, self._rate_m_s, self._limited = math.nan, 0.0, False
         if self.state == REACTING and state != REACTING:
             self.error = cause
             self.node.emcy.send(cause, 1)

@@ -41,6 +41,8 @@ UNDEFINED, AXIS_IDLE, CLOSED_LOOP_CONTROL = 0, 1, 8
 INITIALIZING, MISSING_ESTIMATE, INVERTER_OVER_TEMP, WATCHDOG, ESTOP = 0x1, 0x8, 0x4000, 0x1000000, 0x2000000
 _LENGTHS: Final = {0x04: 4, 0x07: 4, 0x0B: 8, 0x0C: 8, 0x0F: 8, 0x19: 4}
 """Bytes that the signals of a command take; the frame may be longer."""
+POS_GAIN: Final = 20.0
+"""axis0.controller.config.pos_gain as shipped, in 1/s."""
 _MOST: Final = 256
 _AMBIENT_C: Final = 25.0
 
@@ -48,11 +50,12 @@ _AMBIENT_C: Final = 25.0
 class OdriveDrive:
     """Behaves as a `DriveNode` to the plant: `listen` once a slot, `output` for the plant's command.
 
-    It has no SYNC: a position acts at once, its reports leave in its own cycle. A command feeds the watchdog, which
-    counts in closed loop control alone and is off unless `watchdog` says otherwise, as the maker ships it. An error
-    disarms: the axis is idle, the carriage coasts. An error whose cause is gone vanishes by itself, an e-stop stays;
-    the reason of the disarming stays until Clear_Errors or the next arming. What became of the state that was asked for
-    last is in each heartbeat.
+    It has no SYNC: a position acts at once, its reports leave in its own cycle. Its speed is `pos_gain` times what is
+    left to the position, plus Vel_FF, so that the last command drives it on until the watchdog ends it. A command feeds
+    the watchdog, which counts in closed loop control alone and is off unless `watchdog` says otherwise, as the maker
+    ships it. An error disarms: the axis is idle, the carriage coasts. An error whose cause is gone vanishes by itself,
+    an e-stop stays; the reason of the disarming stays until Clear_Errors or the next arming. What became of the state
+    that was asked for last is in each heartbeat.
 
     What it may do wrong: not be `calibrated`, or not take the commands `deaf_to`.
     """
@@ -82,6 +85,7 @@ class OdriveDrive:
         self.axis, self.errors, self.disarmed_by, self.result = UNDEFINED, INITIALIZING, 0, SUCCESS
         self.modes, self.vel_limit, self.current_A = (POSITION_CONTROL, PASSTHROUGH), 10.0, 10.0
         self.zero_m, self._stopped = 0.0, False
+        self._target_m, self._ahead_m_s = self.power.output, 0.0
         self._now = self._since = self._began = now
         self._runs = 0
         self.fed_at = self.good_at = -math.inf
@@ -127,7 +131,11 @@ class OdriveDrive:
 
     def output(self, dt: float, sensed: float) -> float:
         """The plant's command for the next `dt` s."""
-        return self.power.step(dt, float(self.axis == CLOSED_LOOP_CONTROL), sensed)
+        armed = self.axis == CLOSED_LOOP_CONTROL
+        if armed:
+            here = self.power.output
+            self.power.aim(here + (POS_GAIN * (self._target_m - here) + self._ahead_m_s) * dt, dt)
+        return self.power.step(dt, float(armed), sensed)
 
     def _judge(self) -> None:
         """What is wrong at this moment; it disarms an armed axis."""
@@ -170,15 +178,14 @@ class OdriveDrive:
         """Modes, setpoint, limits and zero."""
         scale = self.table.turns_per_m
         if command == 0x0B:
-            self.modes = struct.unpack_from("<II", data)
+            self.modes = data[0], data[4]
         elif command == 0x0C:
             self.fed_at = self.good_at = self._now
-            place = self.zero_m + struct.unpack_from("<f", data)[0] / scale
-            led = self.axis == CLOSED_LOOP_CONTROL and self.modes == (POSITION_CONTROL, PASSTHROUGH)
-            if led and math.isfinite(place):
-                self.power.aim(place, self.tick_s)
+            turns, ahead, _ = struct.unpack_from("<fhh", data)
+            if self.modes == (POSITION_CONTROL, PASSTHROUGH) and math.isfinite(turns):
+                self._target_m, self._ahead_m_s = self.zero_m + turns / scale, ahead / VEL_FF_SCALE / scale
         elif command == 0x0F:
-            self.vel_limit, self.current_A = struct.unpack_from("<ff", data)
+            self.vel_limit, self.current_A = (abs(limit) for limit in struct.unpack_from("<ff", data))
             self.power.speed_m_s = min(self.vel_limit / abs(scale), self.limits.carriage_speed_m_s)
         elif command == 0x19:
             self.zero_m = self.power.output - struct.unpack_from("<f", data)[0] / scale
@@ -202,7 +209,7 @@ class OdriveDrive:
             return
         self.disarmed_by = 0
         self.result = SUCCESS if wanted == CLOSED_LOOP_CONTROL else BUSY
-        self.power.aim(self.power.output, self.tick_s)
+        self._target_m, self._ahead_m_s = self.power.output, 0.0
         self._become(wanted)
 
     def _read(self, opcode: int, endpoint: int) -> None:

@@ -168,16 +168,18 @@ class OdriveBus(CarriageBus):
         elif command == GET_ERROR and data:
             self._failed(struct.unpack_from("<II", data), message.timestamp)
         elif command == GET_ENCODER_ESTIMATES:
-            self._turns, self._turns_s = struct.unpack_from("<ff", data)
+            turns, turns_s = struct.unpack_from("<ff", data)
+            if math.isfinite(turns) and math.isfinite(turns_s):
+                self._turns, self._turns_s = turns, turns_s
             scale = self.table.turns_per_m
-            self.feed(self.shown, self._turns / scale, self._turns_s / scale, message.timestamp)
+            self.feed(self.shown, turns / scale, turns_s / scale, message.timestamp)
         return True
 
     def _beaten(self, data: bytes, stamp: float) -> None:
         """A heartbeat: axis error, state, and the result of the last state asked for."""
         errors, axis, self._result = struct.unpack_from("<IBB", data)
         anew = bool(errors & INITIALIZING) or axis == 0
-        if self._led and (anew or (self._armed and axis == IDLE)):
+        if self._led and (anew or (self._armed and axis != CLOSED_LOOP)):
             self._armed = self._led = False
             self._left = "it booted anew" if anew else f"it left closed loop control by itself{self._why}"
         self._axis, self._errors = axis, errors

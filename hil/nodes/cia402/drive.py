@@ -131,7 +131,9 @@ class Cia402Drive:
         if not self._mapped:
             if self.state == OPERATION and self.mode == HOMING_MODE:
                 self._home(begins=bool(self._word & ~before & _START_HOMING))
-            self.node.sdo[0x6064].raw = round((self.power.output - self.zero_m) * self.table.counts_per_m)
+            counts = self.table.counts_per_m
+            self.node.sdo[0x6064].raw = round((self.power.output - self.zero_m) * counts)
+            self.node.sdo[0x606C].raw = round(self.power.rate * counts)
         self.node.sdo[0x6041].raw, self.node.sdo[0x603F].raw = self._statusword(), self.error
         self.network.beat(now)
 

@@ -12,6 +12,7 @@ from typing import Any, Final
 import can
 
 from controller.limits import Limits
+from hil.nodes.carriage_bus import RESTS_M_S
 from hil.nodes.cia402.homing import home, take_mode, word_of
 from hil.nodes.cia402.states import (
     FAULTED,
@@ -36,6 +37,8 @@ _INVALID: Final = 1 << 31
 _SYNCHRONOUS: Final = 1
 _MAPPED: Final = {0x1600: (0x60400010, 0x607A0020), 0x1A00: (0x60410010, 0x60640020), 0x1A01: (0x606C0020, 0x603F0010)}
 _BY_VELOCITY: Final = (0x60400010, 0x60FF0020)
+_LOOK_S: Final = 0.1
+"""For how long a drive is looked at to see that it rests."""
 ROUNDED: Final = (0x1017, 0x6065, 0x6066, 0x607D, 0x607F, 0x6085, 0x6099)
 """Objects, beside the table's options, that a drive may hold rounded: off by one, or by a thousandth."""
 
@@ -135,6 +138,8 @@ def set_up(
         if table.homing_method and not faulty:
             home(node, network, table)
         take_mode(node, table, MODES[table.mode])
+        if not faulty:
+            _check_place(node, table, limits)
         node.nmt.state = "OPERATIONAL"
         return [sentence for sentence in told if sentence]
     except ValueError:
@@ -174,6 +179,23 @@ def _check(node: Any, table: Cia402Table, *, faulty: bool) -> None:
     if state in (OPERATION, QUICK_STOPPING, NOT_READY):
         got = "no state that is ready" if state == NOT_READY else "one that is enabled, by somebody else"
         raise ValueError(f"{name} must be disabled before it is led; got {got} (statusword 0x{word:04X})")
+
+
+def _check_place(node: Any, table: Cia402Table, limits: Limits) -> None:
+    """Raises ValueError where it moves, or stands beyond the travel."""
+    name, places = f"cia402: node {table.node_id}", list[float]()
+    for wait_s in (_LOOK_S, 0.0):
+        places.append(word_of(node, 0x6064, signed=True) / table.counts_per_m)
+        speed = word_of(node, 0x606C, signed=True) / table.counts_per_m
+        time.sleep(wait_s)
+    speed = max(abs(speed), abs(places[1] - places[0]) / _LOOK_S)
+    if speed > RESTS_M_S:
+        raise ValueError(f"{name} must rest before it is led; it tells {speed:.3g} m/s")
+    if abs(places[1]) > limits.travel_m:
+        raise ValueError(
+            f"{name} must stand within limits.travel_m, {limits.travel_m:g} m of its zero; got {places[1]:g} m: home it"
+            " (cia402.homing_method)"
+        )
 
 
 def _set(node: Any, table: Cia402Table, entry: Entry, *, rounded: bool = False) -> str:

@@ -9,10 +9,12 @@ import struct
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Final
 
 import can
 
 from controller.limits import Limits
+from hil.nodes.carriage_bus import RESTS_M_S
 from hil.nodes.frame_map import plain
 from hil.nodes.listening import heard_for, silent
 from hil.nodes.odrive.protocol import (
@@ -35,9 +37,8 @@ from hil.nodes.odrive.protocol import (
 )
 from hil.nodes.odrive.table import FREE_NODES, READ_BACK, OdriveTable
 
-LISTEN_S = 0.3
-_RESTS_M_S = 5e-3
-_ZERO_M = 1e-3
+LISTEN_S: Final = 0.3
+_ZERO_M: Final = 1e-3
 """How far off zero a drive may tell its place that has just been made zero."""
 
 
@@ -126,7 +127,7 @@ def _check_place(heard: _Heard, table: OdriveTable, limits: Limits, node: str) -
     if not all(map(math.isfinite, places + speeds)):
         raise ValueError(f"{node} must know its place and speed before it is led; its encoder estimates are nan")
     speed = max(sum(map(abs, speeds)) / len(speeds), (max(places) - min(places)) / LISTEN_S)
-    if speed > _RESTS_M_S:
+    if speed > RESTS_M_S:
         raise ValueError(
             f"{node} must rest before it is led; its encoder tells {speed:.3g} m/s ({speed * abs(scale):.3g} turns/s)"
         )

@@ -50,6 +50,16 @@ def knows(modes: int) -> Callable[[Any], None]:
     return change
 
 
+def far(drive: Any) -> None:
+    drive.zero_m = 3.0
+
+
+def turning(drive: Any) -> None:
+    """Not led, at a speed that its place shows, too."""
+    drive.power.rate = 0.2
+    drive.output = lambda dt, _: setattr(drive.power, "output", drive.power.output + 0.2 * dt)
+
+
 def stays_in(mode: int) -> Callable[[Any], None]:
     def change(drive: Any) -> None:
         drive.mode, drive.stays = mode, True
@@ -61,6 +71,8 @@ def stays_in(mode: int) -> Callable[[Any], None]:
 @pytest.mark.parametrize(
     ("table", "change", "sentence"),
     [
+        (TABLE, far, r"must stand within limits\.travel_m, 1 m of its zero; got -3 m: home it"),
+        (TABLE, turning, r"must rest before it is led; it tells 0\.[12]"),
         (TABLE, faulted, r"must have no fault before it is led; got error code 0x7300; 'capsule run RIG.toml reset'"),
         (
             TABLE,
@@ -73,7 +85,7 @@ def stays_in(mode: int) -> Callable[[Any], None]:
         (TABLE, stays_in(1), r"must take mode 8 \(cyclic synchronous position\); 0x6061 shows 1 \(profile position\)"),
         (TABLE, stays_in(-3), r"must take mode 8 .*; 0x6061 shows -3 \(of the maker\)"),
     ],
-    ids=["fault", "enabled", "no csp", "no csv", "no homing", "stays", "maker's mode"],
+    ids=["far", "turning", "fault", "enabled", "no csp", "no csv", "no homing", "stays", "maker's mode"],
 )
 def test_one_that_is_not_to_be_led(
     table: Cia402Table, change: Callable[[Any], None], sentence: str, request: pytest.FixtureRequest

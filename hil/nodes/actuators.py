@@ -4,7 +4,7 @@ sets one up and speaks with it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, Final
@@ -21,8 +21,9 @@ from hil.nodes.frame_map import frame_map_of
 from hil.nodes.moteus.actuator import MoteusBus, MoteusTable
 from hil.nodes.moteus.actuator import set_up as set_up_moteus
 from hil.nodes.moteus.registers import HOST, PREFIXES, REPLY_WANTED
-from hil.nodes.odrive.actuator import OdriveBus, OdriveTable
-from hil.nodes.odrive.actuator import set_up as set_up_odrive
+from hil.nodes.odrive.actuator import OdriveBus
+from hil.nodes.odrive.setup import set_up as set_up_odrive
+from hil.nodes.odrive.table import OdriveTable, endpoints_of
 from models.files.tables import from_table
 
 ActuatorTable = Cia402Table | OdriveTable | MoteusTable
@@ -30,11 +31,15 @@ ACTUATORS: Final[Mapping[str, type[ActuatorTable]]] = MappingProxyType(
     {"cia402": Cia402Table, "odrive": OdriveTable, "moteus": MoteusTable}
 )
 """The tables by their name in a file."""
+_NESTED: Final[Mapping[str, tuple[str, Callable[[object], Any]]]] = MappingProxyType(
+    {"options": ("cia402", options_of), "endpoints": ("odrive", endpoints_of)}
+)
+"""Tables within one of them: whose they are, and how each is read."""
 
 
-def read_actuator(raw: Mapping[str, Any], kind: str) -> ActuatorTable | None:
-    """The drive that a file's tables name for a rig of `kind`, None where it is the catalogue's own. Raises ValueError
-    of one sentence.
+def read_actuator(raw: Mapping[str, Any], kind: str, limits: Limits) -> ActuatorTable | None:
+    """The drive that a file's tables name for a rig of `kind`, led within `limits`, None where it is the catalogue's
+    own. Raises ValueError of one sentence.
     """
     named = [name for name in ACTUATORS if name in raw]
     if not named:
@@ -43,11 +48,16 @@ def read_actuator(raw: Mapping[str, Any], kind: str) -> ActuatorTable | None:
         raise ValueError(f"tables must name one drive; got [{'], ['.join(named)}]")
     if kind != "magnetic":
         raise ValueError(f"{named[0]} must stand with rig.kind magnetic, whose carriage it is; got {kind!r}")
-    found: ActuatorTable = from_table(ACTUATORS[named[0]], raw[named[0]], named[0], skip=("options",))
-    if isinstance(raw[named[0]], Mapping) and "options" in raw[named[0]]:
-        if not isinstance(found, Cia402Table):
-            raise ValueError(f"options must stand in [cia402]; got them in [{named[0]}]")
-        return replace(found, options=options_of(raw[named[0]]["options"]))
+    name = named[0]
+    found: ActuatorTable = from_table(ACTUATORS[name], raw[name], name, skip=tuple(_NESTED))
+    for key, (owner, read) in _NESTED.items():
+        if not isinstance(raw[name], Mapping) or key not in raw[name]:
+            continue
+        if owner != name:
+            raise ValueError(f"{key} must stand in [{owner}]; got them in [{name}]")
+        found = replace(found, **{key: read(raw[name][key])})
+    if isinstance(found, OdriveTable):
+        found.check_speed(limits.carriage_speed_m_s)
     return found
 
 
@@ -71,16 +81,17 @@ def identifiers(table: ActuatorTable) -> tuple[frozenset[int], frozenset[int]]:
     return frozenset({own | told, session | told}), frozenset({own | says, session | says})
 
 
-def set_up(bus: can.BusABC, table: ActuatorTable, limits: Limits, tick_s: float) -> list[str]:
-    """Set the drive up and see that it stops by itself without commands; it stays disabled. Gives a sentence for each
-    setting that it took rounded, or may do without. Raises ValueError of one sentence.
+def set_up(bus: can.BusABC, table: ActuatorTable, limits: Limits, tick_s: float, *, faulty: bool = False) -> list[str]:
+    """Set the drive up and see that it rests and stops by itself without commands; it stays disabled. Gives a sentence
+    for each setting that it took rounded or does not tell. `faulty`: its fault is to be acknowledged, so it may have
+    one. Raises ValueError of one sentence.
     """
     if isinstance(table, Cia402Table):
-        return set_up_cia402(bus, table, limits, tick_s, frame_map_of("magnetic").life_ms(limits.carriage_speed_m_s))
-    if isinstance(table, MoteusTable):
-        return set_up_moteus(bus, table, limits)
-    set_up_odrive(bus, table, limits, tick_s)
-    return []
+        life_ms = frame_map_of("magnetic").life_ms(limits.carriage_speed_m_s)
+        return set_up_cia402(bus, table, limits, tick_s, life_ms, faulty=faulty)
+    if isinstance(table, OdriveTable):
+        return set_up_odrive(bus, table, limits, tick_s, faulty=faulty)
+    return set_up_moteus(bus, table, limits)
 
 
 def carriage_bus(inner: can.BusABC, table: ActuatorTable, catalogue: Catalogue, tick_s: float) -> CarriageBus:

@@ -23,6 +23,8 @@ _SPOKEN: Final = ("CarriageFeedback", "CarriageHeartbeat", "CarriageFault")
 _HEARD: Final = ("CarriageCommand", "ControllerHeartbeat", "DriveReset", "SafeStop", "Sync")
 _NODE_STATES: Final = {BOOT: 0, STANDBY: 1, WAITING: 1, STOPPING: 3, FAULT: 4}
 _LONGEST_S: Final = 167772.0
+RESTS_M_S: Final = 5e-3
+"""Below this speed a drive that is not led is at rest, for what its encoder's noise makes of its speed."""
 IDLE_TICKS: Final = 5
 """How often a drive that has been braked is told to take its torque away."""
 _SETTLE: Final = 2

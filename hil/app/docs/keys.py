@@ -25,8 +25,8 @@ from hil.nodes.cia402.states import RANGES as CIA402_RANGES
 from hil.nodes.controller.operator import OPERATOR_RANGES, OperatorLimits
 from hil.nodes.moteus.table import RANGES as MOTEUS_RANGES
 from hil.nodes.moteus.table import MoteusTable
-from hil.nodes.odrive.actuator import FREE_NODES, OdriveTable
-from hil.nodes.odrive.actuator import RANGES as ODRIVE_RANGES
+from hil.nodes.odrive.table import FREE_NODES, OdriveTable
+from hil.nodes.odrive.table import RANGES as ODRIVE_RANGES
 from hil.nodes.turning import HOMES
 from models.files.columns import ABOVE, COLUMNS, RANGES, TIME, variants_of
 from models.files.rig_tables import (
@@ -96,6 +96,9 @@ _CHOICES: Final[Mapping[str, tuple[str, ...]]] = {
     "home": HOMES,
     "mode": tuple(MODES),
 }
+
+_NESTED: Final[Mapping[str, str]] = {"options": '`"index.sub" = value`', "endpoints": '`"path" = id`'}
+"""Tables within a table, by what stands in a line of them."""
 
 CHECKED: Final[Mapping[tuple[type[Any], str], tuple[float, float]]] = {
     **{(BusTable, name): (lower, upper) for name, lower, upper in BUS_RANGES},
@@ -226,7 +229,7 @@ def _dataclass(cls: type[Any]) -> Iterator[tuple[str, str, str, str]]:
         else:
             listed = "list of text" if "str" in str(hints[field.name]) else "list of numbers"
             other = listed if "tuple" in str(hints[field.name]) else ""
-            other = '`"index.sub" = value`' if field.name == "options" else other
+            other = _NESTED.get(field.name, other)
             span = {str: "text", float: "number", bool: "true or false"}.get(hints[field.name], other)
         missing = field.default is dataclasses.MISSING
         yield field.name, span, "required" if missing else _value(field.default), field.metadata.get("source", "")

@@ -195,9 +195,14 @@ MEANINGS: Final[Mapping[str, str]] = {
     "homing_method": "object 0x6098: how the drive finds its zero as it is set up, by its own motion; 0: not at all",
     "homing_speed_m_s": "object 0x6099: its speed then",
     "homing_s": "how long that may take",
+    "following_m": "object 0x6065, led by places: this far off its target for `following_s` the drive must say so, and"
+    " is stopped; 0: 0x6065 and 0x6066 are left as they are",
+    "following_s": "object 0x6066: how long it may be so far off",
     "options": "objects of the drive's own, index and sub hexadecimal, each written and read back",
     "turns_per_m": "turns that it tells (an ODrive its motor's, a moteus its output's, behind"
     " `motor_position.rotor_to_output_ratio`), per metre of the carriage; negative: the other way",
+    "endpoints": "further ids of `flat_endpoints.json`, by path, of what is read back then (`docs/bus.md` lists them);"
+    " what is not stated is told as not asked for",
     "firmware": "its firmware, whose endpoint ids the next two are; another one is refused",
     "enable_watchdog_endpoint": "endpoint id of `axis0.config.enable_watchdog` in its `flat_endpoints.json`; 0: not"
     " stated, and it is not led",

@@ -116,14 +116,15 @@ def _run(
     with output_to_notes():
         task = deployment.task()
         try:
-            bus = ClockedBus(_drives_bus(deployment, path.parent, listen_only=dry_run or action == "check"), Clock())
+            listens, resets = dry_run or action == "check", action == "reset"
+            bus = ClockedBus(_drives_bus(deployment, path.parent, listen_only=listens, faulty=resets), Clock())
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
         try:
             if action == "check":
                 points = check(deployment, task, bus, catalogue)
             else:
-                led = _lead(deployment, bus, dry_run, logs, resets=action == "reset", learns=learn)
+                led = _lead(deployment, bus, dry_run, logs, resets=resets, learns=learn)
                 outcome, node, frames_log, lessons = led
                 if ENDS[outcome.end][0] and (trouble := _told_by_drive(bus)):
                     outcome.ended += f"; {trouble}"
@@ -241,9 +242,9 @@ def _fd_words(table: BusTable) -> str:
     return f"{points} dbitrate {table.data_bitrate} fd on" if table.fd else ""
 
 
-def _drives_bus(deployment: Deployment, folder: Path, *, listen_only: bool) -> can.BusABC:
-    """The deployment's bus; another maker's drive on it is set up first, but where nothing may be sent. Raises
-    ValueError of one sentence.
+def _drives_bus(deployment: Deployment, folder: Path, *, listen_only: bool, faulty: bool) -> can.BusABC:
+    """The deployment's bus; another maker's drive on it, which where `faulty` may have a fault, is set up first, but
+    where nothing may be sent. Raises ValueError of one sentence.
     """
     bus, table = open_bus(deployment.bus, folder), deployment.drive
     if not listen_only and (others := _controllers_on(bus, table)):
@@ -253,7 +254,7 @@ def _drives_bus(deployment: Deployment, folder: Path, *, listen_only: bool) -> c
         return bus
     if not listen_only:
         try:
-            for sentence in set_up(bus, table, deployment.limits, deployment.control.tick_s):
+            for sentence in set_up(bus, table, deployment.limits, deployment.control.tick_s, faulty=faulty):
                 notes().print(sentence, markup=False, soft_wrap=True)
         except ValueError:
             bus.shutdown()

@@ -158,7 +158,7 @@ def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
     if not isinstance(table, Mapping):
         raise ValueError(f"bus must be a table; got {table!r}")
     bus, faults = from_table(BusTable, table, "bus"), read_faults(raw.get("faults", []), loop.duration_s)
-    drive = read_actuator(raw, loop.kind)
+    drive = read_actuator(raw, loop.kind, loop.limits)
     check_no_key(drive, bus.key_file)
     plant = from_table(FmuTable, raw["plant"], "plant") if "plant" in raw else None
     operator = operator_limits(raw, loop.limits) if "operator" in raw else None

@@ -249,7 +249,7 @@ def read_plant(path: Path) -> DeployedPlant:
             )
         table = from_table(PlantTable, raw["plant"], "plant")
         bus = from_table(BusTable, raw.get("bus", {}), "bus")
-        drive = _drive(raw, _rig(raw).kind, bus)
+        drive = _drive(raw, _rig(raw).kind, bus, from_table(Limits, raw.get("limits", {}), "limits"))
         return DeployedPlant(path.parent / table.scenario, bus, table.priority, drive)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
@@ -279,7 +279,7 @@ def parse_deployment(
         limits,
         values,
         verdict,
-        _drive(raw, rig.kind, bus),
+        _drive(raw, rig.kind, bus, limits),
         operator=operator_limits(raw, limits),
         pace=read_pace(raw),
     )
@@ -340,9 +340,9 @@ def check_tick(tick_s: float, kind: str, limits: Limits) -> None:
         )
 
 
-def _drive(raw: Mapping[str, Any], kind: str, bus: BusTable) -> ActuatorTable | None:
+def _drive(raw: Mapping[str, Any], kind: str, bus: BusTable, limits: Limits) -> ActuatorTable | None:
     """The drive that the file names, on a bus that carries its frames."""
-    table = read_actuator(raw, kind)
+    table = read_actuator(raw, kind, limits)
     check_no_key(table, bus.key_file)
     if needs_fd(table) and not bus.fd:
         raise ValueError("bus.fd must be true with [moteus], whose frames are CAN FD; got false")

@@ -11,9 +11,13 @@ import can
 from hil.bus.catalogue import Catalogue
 from hil.nodes.carriage_bus import CarriageBus
 from hil.nodes.cia402.states import (
+    DEVIATES,
     ENABLE_OPERATION,
     FAULTED,
+    FOLLOWS,
     HALT_QUICKLY,
+    INTERNAL,
+    LIMITED,
     MASTER_NODE,
     OPERATION,
     OPERATIONAL,
@@ -27,10 +31,14 @@ from hil.nodes.cia402.states import (
     shown,
     state_of,
 )
-from hil.nodes.frame_map import BOOT, ENABLED, FASTEST_M_S, STANDBY, STOPPING, plain
+from hil.nodes.frame_map import BOOT, ENABLED, FASTEST_M_S, FAULT, OFF, STANDBY, STOPPING, plain
 
 _ALIVE: Final = struct.pack("B", OPERATIONAL)
 _NMT: Final = {4: STOPPING, OPERATIONAL: ENABLED, 127: STANDBY}
+FOLLOWING_ERROR: Final = 0x8611
+_FOLLOWS_LATEST, _ASTRAY_REPORTS = 100, 2
+"""Reports in operation until a drive must follow, as long as a brake takes to open; and those in a row after which one
+that has followed is believed that it does not."""
 
 
 class Cia402Bus(CarriageBus):
@@ -38,7 +46,8 @@ class Cia402Bus(CarriageBus):
     begins, fault frames.
 
     A CiA 402 drive has no time to live in its commands: RPDO 1 has a deadline instead (`hil.nodes.cia402.setup`), which
-    the same frames feed. Its warning shows as "derated".
+    the same frames feed. Its warning, and a limit of its own, show as "derated". Where it says while it is led that it
+    does not follow its target (bit 12), or that it is too far off (bit 13), that is a fault, latched here.
     """
 
     def __init__(self, inner: can.BusABC, table: Cia402Table, catalogue: Catalogue, tick_s: float) -> None:
@@ -50,21 +59,26 @@ class Cia402Bus(CarriageBus):
             0x700 + table.node_id: self._beat,
         }
         self._statusword, self._speed_m_s, self._place = 0, 0.0, 0
-        self._error = 0
+        self._error = self._word = self._astray = 0
+        self._followed, self._doubt = False, ""
         self._reset = self._told = self._known = False
         self._anew = ""
 
     @property
     def trouble(self) -> str:
-        """The error code 0x603F of the drive's fault, or that it has booted."""
-        told = f"error code 0x{self._error:04X}" if self._told else self._anew
-        return f"cia402 node {self.table.node_id}: {told}" if told else ""
+        """The error code 0x603F of the drive's fault, that it does not follow, has booted, or is at a limit."""
+        limit = "it is at a limit of its own (bit 11 of its statusword; 0x607D, 0x607F)"
+        told = [f"error code 0x{self._error:04X}" if self._told else self._doubt or self._anew]
+        told += [limit] if self._statusword & LIMITED else []
+        words = "; ".join(word for word in told if word)
+        return f"cia402 node {self.table.node_id}: {words}" if words else ""
 
     def command(self, mode: int, place_m: float, timeout: float | None) -> None:
         """Controlword and target: the place, or the speed that leads there within the tick and, by
         `velocity_gain_Hz`, makes up for what the drive was off the place before.
         """
-        word = controlword(mode, state_of(self._statusword), reset=self._reset)
+        wanted = OFF if self._doubt else mode
+        word = controlword(wanted, state_of(self._statusword), reset=self._reset)
         self._reset = False
         before, self._wanted_m = self._wanted_m, place_m if word == ENABLE_OPERATION else math.nan
         target = place_m
@@ -84,7 +98,7 @@ class Cia402Bus(CarriageBus):
 
     def acknowledge(self, timeout: float | None) -> None:
         """With the next command."""
-        self._reset = True
+        self._reset, self._doubt = True, ""
 
     def halt(self, timeout: float | None) -> None:
         """Brake where it moves."""
@@ -105,8 +119,30 @@ class Cia402Bus(CarriageBus):
         if len(data) != TPDO_STATE.size:
             return False
         self._statusword, self._place = TPDO_STATE.unpack(data)
-        self.feed(shown(self._statusword), self._place / self.table.counts_per_m, self._speed_m_s, stamp)
+        self._judge(stamp)
+        self.feed(
+            FAULT if self._doubt else shown(self._statusword),
+            self._place / self.table.counts_per_m,
+            self._speed_m_s,
+            stamp,
+        )
         return True
+
+    def _judge(self, stamp: float) -> None:
+        """Whether the drive says that it does as it is told, while it is led."""
+        if state_of(self._statusword) != OPERATION or self._word != ENABLE_OPERATION:
+            self._followed, self._astray = False, 0
+            return
+        follows = bool(self._statusword & FOLLOWS)
+        self._followed, self._astray = self._followed or follows, 0 if follows else self._astray + 1
+        if self._doubt:
+            return
+        if self.table.mode == "position" and self._statusword & DEVIATES:
+            self._doubt = "following error (bit 13 of its statusword; 0x6065, 0x6066)"
+        elif self._astray >= (_ASTRAY_REPORTS if self._followed else _FOLLOWS_LATEST):
+            self._doubt = "it does not follow its target (bit 12 of its statusword)"
+        if self._doubt:
+            self.fail(INTERNAL, FOLLOWING_ERROR, stamp)
 
     def _more(self, data: bytes, stamp: float) -> bool:
         """Speed and error: with the next feedback, and as a fault where one begins."""
@@ -130,4 +166,5 @@ class Cia402Bus(CarriageBus):
         return True
 
     def _command(self, word: int, counts: int, timeout: float | None) -> None:
+        self._word = word
         self.say(0x200 + self.table.node_id, RPDO.pack(word, min(max(counts, -(1 << 31)), (1 << 31) - 1)), timeout)

@@ -4,26 +4,34 @@ Needs canopen.
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Callable
 from typing import Any, Final
 
 import can
 import canopen
-from canopen.objectdictionary import ODArray, ODRecord, ODVariable, datatypes
 
 from controller.limits import Limits
-from hil.nodes.cia402.setup import PROFILE, entries
+from hil.nodes.cia402.node import MONITORED_OFF, PolledNetwork, dictionary
+from hil.nodes.cia402.setup import entries
 from hil.nodes.cia402.states import (
-    CYCLIC_SYNCHRONOUS_POSITION,
+    ATTAINED,
     CYCLIC_SYNCHRONOUS_VELOCITY,
+    DEVIATES,
     DISABLED,
+    FAULTED,
+    FOLLOWS,
+    HOMING_ERROR,
     HOMING_MODE,
+    LIMITED,
     NOT_READY,
     OPERATION,
+    REACHED,
     REACTING,
+    READY_TO_SWITCH_ON,
+    REMOTE,
     SWITCHED_ON,
+    VOLTAGE,
     Cia402Table,
     fault_of,
     next_state,
@@ -38,19 +46,26 @@ from hil.nodes.listening import waiting
 
 DEADLINE_ERROR, HEARTBEAT_ERROR, TEMPERATURE_ERROR, SENSOR_ERROR = 0x8250, 0x8130, 0x4310, 0x7300
 _MOST: Final = 256
-_LED: Final = (HOMING_MODE, CYCLIC_SYNCHRONOUS_POSITION, CYCLIC_SYNCHRONOUS_VELOCITY)
+UNHOMED, HOMING, HOMED, NOT_FOUND = range(4)
+_HOMING_BITS: Final = {UNHOMED: REACHED, HOMING: 0, HOMED: REACHED | ATTAINED, NOT_FOUND: REACHED | HOMING_ERROR}
+"""Bits 13, 12 and 10 of the statusword: not started or interrupted, on the way, done, failed at rest."""
+_START_HOMING: Final = 1 << 4
+_INVALID_VALUE, _NOT_NOW = 0x06090030, 0x08000022
+"""Abort codes of SDO."""
 _AMBIENT_C: Final = 25.0
-_TYPES: Final = {1: datatypes.UNSIGNED8, 2: datatypes.UNSIGNED16, 4: datatypes.UNSIGNED32}
-_SIGNED: Final = {1: datatypes.INTEGER8, 2: datatypes.INTEGER16, 4: datatypes.INTEGER32}
-_NEGATIVE: Final = (0x607D, 0x6064, 0x606C, 0x607A, 0x60FF, 0x6060, 0x6061, 0x6098)
 
 
 class Cia402Drive:
     """Behaves as a `DriveNode` to the plant: `listen` once a slot, `output` for the plant's command.
 
-    In cyclic synchronous position: what RPDO 1 holds counts from the next SYNC, which the TPDOs answer. RPDO 1 later
-    than its event timer, a controller without heartbeat and too high a temperature are faults: brake, then latched. A
-    fault reset disables, no more.
+    What RPDO 1 holds counts from the next SYNC, which the TPDOs answer; where none comes it goes on at its last rate:
+    the worst of what the profile leaves open for places, and what it means for speeds. RPDO 1 later than its event
+    timer, a controller without heartbeat and too high a temperature are faults: brake, then latched. A fault reset
+    disables, no more. It takes a mode that 0x6502 names and shows it at 0x6061, homes from the rising edge of bit 4 on,
+    and sets bits 10 to 13 of its statusword as the mode wants them.
+
+    What it may do wrong: it `stays` in its mode whatever is asked for, `ignores` its targets and says so, is `jammed`,
+    or does not find its home (`homeless`).
     """
 
     def __init__(
@@ -59,6 +74,7 @@ class Cia402Drive:
         self.bus, self.table, self.power, self.limits, self.tick_s = bus, table, power, limits, tick_s
         self.heated_to_C, self.misread = -math.inf, None
         self.home_m = 0.0
+        self.stays = self.ignores = self.jammed = self.homeless = False
         self.broken, self.node_id = False, table.node_id
         self.rejected = 0
         self.boot(0.0)
@@ -67,14 +83,18 @@ class Cia402Drive:
 
     def boot(self, now: float) -> None:
         """Begin anew, as after a loss of supply: nothing is set up."""
-        self.network = _Polled(self.bus)
+        self.network = PolledNetwork(self.bus)
         self.node = self.network.create_node(
-            canopen.LocalNode(self.table.node_id, _dictionary(self.table, self.limits, self.tick_s))
+            canopen.LocalNode(self.table.node_id, dictionary(self.table, self.limits, self.tick_s))
         )
+        self.mode = 0
+        self.node.add_write_callback(self._written)
         self.state, self.error, self.temperature_C = NOT_READY, 0, _AMBIENT_C
         self._now = self._since = now
         self._hot_since, self._word, self._mapped = math.inf, 0, False
-        self.zero_m, self.homed = 0.0, False
+        self.zero_m, self.homing = 0.0, UNHOMED
+        self._demand_m, self._rate_m_s, self._taken_at = math.nan, 0.0, now
+        self._near_at, self._limited = now, False
         self.good_at = self._heard_at = -math.inf
         self.node.nmt.state = "INITIALISING"
         self.node.nmt.state = "PRE-OPERATIONAL"
@@ -108,14 +128,21 @@ class Cia402Drive:
         if not self._mapped:
             self._word = int(self.node.sdo[0x6040].raw)
         self._go(self._word, before)
-        if not self._mapped and self.state == OPERATION and self.node.sdo[0x6060].raw == HOMING_MODE:
-            self._home()
-        self.node.sdo[0x6041].raw = self._statusword()
+        if not self._mapped:
+            if self.state == OPERATION and self.mode == HOMING_MODE:
+                self._home(begins=bool(self._word & ~before & _START_HOMING))
+            counts = self.table.counts_per_m
+            self.node.sdo[0x6064].raw = round((self.power.output - self.zero_m) * counts)
+            self.node.sdo[0x606C].raw = round(self.power.rate * counts)
+        self.node.sdo[0x6041].raw, self.node.sdo[0x603F].raw = self._statusword(), self.error
         self.network.beat(now)
 
     def output(self, dt: float, sensed: float) -> float:
         """The plant's command for the next `dt` s."""
         share = 0.0 if self.state != OPERATION else 0.5 if self._warm else 1.0
+        turns = self._rate_m_s and not (self.ignores or self.jammed)
+        if share and turns and self._now - self._taken_at > self.tick_s - 0.5 * dt:
+            self.power.aim(self.power.output + self._rate_m_s * dt, dt)
         return self.power.step(dt, share, sensed)
 
     @property
@@ -123,17 +150,48 @@ class Cia402Drive:
         return self.temperature_C > self.limits.derate_C
 
     def _statusword(self) -> int:
-        return statusword_of(self.state, warning=self._warm) | (1 << 12 if self.homed and not self._mapped else 0)
+        word = statusword_of(self.state, warning=self._warm)
+        word |= VOLTAGE if READY_TO_SWITCH_ON <= self.state < FAULTED else 0
+        if self.mode == HOMING_MODE:
+            return word | _HOMING_BITS[self.homing]
+        if not self._mapped:
+            return word
+        word |= REMOTE | (LIMITED if self._limited else 0)
+        if self.state != OPERATION or math.isnan(self._demand_m):
+            return word
+        late = self._now - self._near_at > 1e-3 * int(self.node.sdo[0x6066].raw)
+        deviates = late and self.mode != CYCLIC_SYNCHRONOUS_VELOCITY
+        return word | (0 if self.ignores else FOLLOWS) | (DEVIATES if deviates else 0)
 
-    def _home(self) -> None:
-        """Method 35 and 37 take the present place as zero; every other one moves to `home_m`."""
+    def _written(self, *, index: int, subindex: int, od: Any, data: bytes) -> None:
+        """What an SDO must not write; and a mode that is taken."""
+        if index == 0x6060:
+            mode = int.from_bytes(data, "little", signed=True)
+            if not (mode > 0 and int(self.node.sdo[0x6502].raw) & 1 << (mode - 1)):
+                raise canopen.SdoAbortedError(_INVALID_VALUE)
+            if not self.stays or not self.mode:
+                self.mode = mode
+                self.node.sdo[0x6061].raw = mode
+        elif subindex and index & 0xFE00 in (0x1600, 0x1A00) and not int(self.node.sdo[index - 0x200][1].raw) >> 31:
+            raise canopen.SdoAbortedError(_NOT_NOW)
+
+    def _home(self, *, begins: bool) -> None:
+        """From the rising edge of bit 4 until it falls: method 35 and 37 take the present place as zero, every other
+        one moves to `home_m`.
+        """
+        if begins:
+            self.homing = HOMING
+        if self.homing != HOMING:
+            return
+        if not self._word & _START_HOMING or self.homeless:
+            self.homing = NOT_FOUND if self.homeless else UNHOMED
+            return
         moves = self.node.sdo[0x6098].raw not in (35, 37)
         left = self.home_m - self.power.output if moves else 0.0
-        if self._word & 0x10 and not self.homed:
-            step = 1e-3 * int(self.node.sdo[0x6099][1].raw) / self.table.counts_per_m
-            self.power.aim(self.power.output + min(max(left, -step), step), 1e-3)
-            if abs(left) <= step:
-                self.zero_m, self.homed = self.power.output + left, True
+        step = 1e-3 * int(self.node.sdo[0x6099][1].raw) / self.table.counts_per_m
+        self.power.aim(self.power.output + min(max(left, -step), step), 1e-3)
+        if abs(left) <= step:
+            self.zero_m, self.homing = self.power.output + left, HOMED
 
     def _map(self) -> None:
         """Take the process data as it was set up."""
@@ -141,6 +199,9 @@ class Cia402Drive:
         for place in (self.node.rpdo[1], self.node.tpdo[1], self.node.tpdo[2]):
             place.read()
         self.node.rpdo[1].add_callback(self._told)
+        braking, window = int(self.node.sdo[0x6085].raw), int(self.node.sdo[0x6065].raw)
+        self.power.braking_m_s2 = braking / self.table.counts_per_m
+        self._window_m = math.inf if window == MONITORED_OFF else window / self.table.counts_per_m
         self.network.subscribe(int(self.node.sdo[0x1005].raw), self._synchronised)
         self.network.subscribe(0x700 + (int(self.node.sdo[0x1016][1].raw) >> 16), self._heard)
 
@@ -166,19 +227,32 @@ class Cia402Drive:
         second.transmit()
 
     def _follow(self) -> None:
-        """Take the target over: a place, or a speed for a tick."""
-        if self.node.sdo[0x6060].raw == CYCLIC_SYNCHRONOUS_VELOCITY:
-            speed = self.node.rpdo[1][0x60FF].raw / self.table.counts_per_m
-            self.power.aim(self.power.output + speed * self.tick_s, self.tick_s)
+        """Take the target over: a place, or a speed for a tick, within the drive's own limits."""
+        counts, before = self.table.counts_per_m, self._demand_m
+        if math.isnan(before) or abs(before - self.power.output) <= self._window_m:
+            self._near_at = self._now
+        most = int(self.node.sdo[0x607F].raw) / counts * self.tick_s
+        least, farthest = (self.zero_m + int(self.node.sdo[0x607D][side].raw) / counts for side in (1, 2))
+        here = self.power.output if math.isnan(before) else before
+        if self.mode == CYCLIC_SYNCHRONOUS_VELOCITY:
+            here = self.power.output
+            wanted = here + self.node.rpdo[1][0x60FF].raw / counts * self.tick_s
         else:
-            self.power.aim(self.zero_m + self.node.rpdo[1][0x607A].raw / self.table.counts_per_m, self.tick_s)
+            wanted = self.zero_m + self.node.rpdo[1][0x607A].raw / counts
+        self._demand_m = min(max(wanted, here - most, least), here + most, farthest)
+        self._limited = abs(self._demand_m - wanted) > 1.5 / counts
+        self._rate_m_s, self._taken_at = (self._demand_m - here) / self.tick_s, self._now
+        if not (self.ignores or self.jammed):
+            self.power.aim(self._demand_m, self.tick_s)
 
     def _go(self, word: int, before: int) -> None:
         """One step of the state machine."""
         cause, state = self._cause(), self.state
         self.state = next_state(state, word, before, cause=bool(cause), at_rest=self.power.at_rest)
-        if self.state == OPERATION and self.node.sdo[0x6060].raw not in _LED:
+        if self.state == OPERATION and not self.mode:
             self.state = SWITCHED_ON
+        if self.state != OPERATION:
+            self._demand_m, self._rate_m_s, self._limited = math.nan, 0.0, False
         if self.state == REACTING and state != REACTING:
             self.error = cause
             self.node.emcy.send(cause, 1)
@@ -206,82 +280,3 @@ class Cia402Drive:
             self._now - self._heard_at > 1e-3 * (int(self.node.sdo[0x1016][1].raw) & 0xFFFF) if self._mapped else False
         )
         return HEARTBEAT_ERROR if late and self.state in (SWITCHED_ON, OPERATION) else 0
-
-
-class _Polled(canopen.Network):  # type: ignore[misc]
-    """A network without threads: what is periodic leaves when `beat` is called, so that a dead drive is silent."""
-
-    def __init__(self, bus: can.BusABC) -> None:
-        super().__init__(bus)
-        self._beats: list[_Beat] = []
-
-    def send_periodic(self, can_id: int, data: Any, period: float, remote: bool = False) -> _Beat:
-        """Remember what is to be sent."""
-        self._beats.append(_Beat(self, can_id, bytes(data), period))
-        return self._beats[-1]
-
-    def send_message(self, can_id: int, data: Any, remote: bool = False) -> None:
-        """Send a frame; a drive that is off the bus goes on without it."""
-        with contextlib.suppress(can.CanError, OSError):
-            super().send_message(can_id, data, remote)
-
-    def beat(self, now: float) -> None:
-        """Send what is due."""
-        self._beats = [one for one in self._beats if one.alive]
-        for one in self._beats:
-            one.send(now)
-
-
-class _Beat:
-    """A periodic frame."""
-
-    def __init__(self, network: canopen.Network, identifier: int, data: bytes, period_s: float) -> None:
-        self._network, self._identifier, self._data, self._period_s = network, identifier, data, period_s
-        self._at, self.alive = -math.inf, True
-
-    def send(self, now: float) -> None:
-        """Send it where it is due."""
-        if now - self._at >= self._period_s - 1e-4:
-            self._at = now
-            self._network.send_message(self._identifier, self._data)
-
-    def update(self, data: Any) -> None:
-        """Other contents from now on."""
-        self._data = bytes(data)
-
-    def stop(self) -> None:
-        """No more."""
-        self.alive = False
-
-
-def _dictionary(table: Cia402Table, limits: Limits, tick_s: float) -> canopen.ObjectDictionary:
-    """The drive's objects: all that may be set, at the values that leave it still, and what it tells."""
-    found = canopen.ObjectDictionary()
-    tells = [(0x1000, 4, PROFILE | 2 << 16), (0x1001, 1, 0), (0x603F, 2, 0), (0x6040, 2, 0), (0x6041, 2, 0)]
-    tells += [(0x6061, 1, 0), (0x6064, 4, 0), (0x606C, 4, 0), (0x607A, 4, 0), (0x60FF, 4, 0), (0x6502, 4, 1 << 7)]
-    tells += [(0x6098, 1, 0)] * (not table.homing_method) + [(0x2000, 2, 0)]
-    for index, size, value in tells:
-        found.add_object(_variable(index, 0, size, value))
-    for entry in entries(table, limits, tick_s, 1):
-        many = entry.index in (0x1016, 0x607D, 0x6099, 0x60C2) or 0x1400 <= entry.index < 0x1B00
-        if not many:
-            found.add_object(_variable(entry.index, 0, entry.size, 0))
-            continue
-        if entry.index not in found:
-            record = ODArray if 0x1600 <= entry.index < 0x1800 or entry.index >= 0x1A00 else ODRecord
-            found.add_object(record(f"0x{entry.index:04X}", entry.index))
-            found[entry.index].add_member(_variable(entry.index, 0, 1, 0))
-        if entry.sub and entry.sub not in found[entry.index].subindices:
-            found[entry.index].add_member(_variable(entry.index, entry.sub, entry.size, 0))
-    return found
-
-
-def _variable(index: int, sub: int, size: int, value: int) -> ODVariable:
-    variable = ODVariable(f"0x{index:04X}:{sub:02X}", index, sub)
-    signed = index in _NEGATIVE or (index, sub) == (0x60C2, 2)
-    variable.data_type, variable.access_type = (
-        (_SIGNED if (signed and sub != 0) or (signed and size == 4) else _TYPES)[size],
-        "rw",
-    )
-    variable.default, variable.pdo_mappable = value, True
-    return variable

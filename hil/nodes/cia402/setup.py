@@ -1,5 +1,5 @@
-"""Sets a CiA 402 drive up over SDO before anything moves: what it maps, how long a command lives, how it stops. Needs
-the package canopen.
+"""Sets a CiA 402 drive up over SDO before anything moves: what it is doing, what it maps, how long a command lives, how
+it stops. Needs the package canopen.
 """
 
 from __future__ import annotations
@@ -12,24 +12,20 @@ from typing import Any, Final
 import can
 
 from controller.limits import Limits
+from hil.nodes.carriage_bus import RESTS_M_S
+from hil.nodes.cia402.homing import home, take_mode, word_of
 from hil.nodes.cia402.states import (
-    DISABLE_VOLTAGE,
-    DISABLED,
-    ENABLE_OPERATION,
     FAULTED,
-    HALT_QUICKLY,
     HOMING_MODE,
     MASTER_NODE,
     MODES,
+    NOT_READY,
     OPERATION,
-    OPERATIONAL,
+    QUICK_STOPPING,
     REACTING,
-    READY_TO_SWITCH_ON,
-    SHUTDOWN,
-    SWITCH_ON,
-    SWITCHED_ON,
     SYNC_ID,
     Cia402Table,
+    mode_words,
     state_of,
 )
 from hil.nodes.frame_map import QUICK_STOP_M_S2
@@ -41,9 +37,10 @@ _INVALID: Final = 1 << 31
 _SYNCHRONOUS: Final = 1
 _MAPPED: Final = {0x1600: (0x60400010, 0x607A0020), 0x1A00: (0x60410010, 0x60640020), 0x1A01: (0x606C0020, 0x603F0010)}
 _BY_VELOCITY: Final = (0x60400010, 0x60FF0020)
-ROUNDED: Final = (0x1017, 0x607D, 0x607F, 0x6085, 0x6099)
+_LOOK_S: Final = 0.1
+"""For how long a drive is looked at to see that it rests."""
+ROUNDED: Final = (0x1017, 0x6065, 0x6066, 0x607D, 0x607F, 0x6085, 0x6099)
 """Objects, beside the table's options, that a drive may hold rounded: off by one, or by a thousandth."""
-_ATTAINED, _HOMING_ERROR, _START_HOMING = 1 << 12, 1 << 13, 1 << 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,10 +63,13 @@ def entries(table: Cia402Table, limits: Limits, tick_s: float, time_to_live_ms: 
 
     RPDO 1 acts at SYNC and has a deadline of `time_to_live_ms`, whose expiry is a fault (0x6007: 1) that brakes
     (0x605E: 2), as does the loss of the controller's heartbeat; quick stop brakes and ends disabled (0x605A: 2).
+    Beyond `following_m` off its target for `following_s` the drive says so (0x6065, 0x6066).
     """
     node, counts = table.node_id, table.counts_per_m
     travel, speed = round(limits.travel_m * counts), round(limits.carriage_speed_m_s * counts)
     slow = max(round(table.homing_speed_m_s * counts), 1)
+    window = Entry(0x6065, 0, 4, round(table.following_m * counts))
+    following = (window, Entry(0x6066, 0, 2, round(1e3 * table.following_s)))
     homing = (Entry(0x6098, 0, 1, table.homing_method), Entry(0x6099, 1, 4, slow), Entry(0x6099, 2, 4, slow))
     return (
         Entry(0x1005, 0, 4, SYNC_ID),
@@ -81,6 +81,7 @@ def entries(table: Cia402Table, limits: Limits, tick_s: float, time_to_live_ms: 
         Entry(0x6007, 0, 2, 1),
         Entry(0x605A, 0, 2, 2),
         Entry(0x605E, 0, 2, 2),
+        *(following if table.following_m else ()),
         Entry(0x607D, 1, 4, -travel),
         Entry(0x607D, 2, 4, travel),
         Entry(0x607F, 0, 4, speed),
@@ -106,11 +107,15 @@ def _mapping(parameters: int, mapping: int, identifier: int, *more: Entry, by: s
     )
 
 
-def set_up(bus: can.BusABC, table: Cia402Table, limits: Limits, tick_s: float, time_to_live_ms: int) -> list[str]:
-    """Set the drive up, read back what it has taken, home it where the table says so, and start its PDOs; it stays
-    disabled. Blocks, at most some seconds and the time to home. Gives a sentence for each object that it took rounded.
+def set_up(
+    bus: can.BusABC, table: Cia402Table, limits: Limits, tick_s: float, time_to_live_ms: int, *, faulty: bool = False
+) -> list[str]:
+    """See what the drive is doing, set it up, read back what it has taken, home it where the table says so, and start
+    its PDOs; it stays disabled. Blocks, at most some seconds and the time to home. Gives a sentence for each object
+    that it took rounded. `faulty`: one with a fault is set up, too, and none is homed: the fault is to be acknowledged.
 
-    Raises ValueError of one sentence where canopen is missing, no drive answers, or it does not take what it must.
+    Raises ValueError of one sentence where canopen is missing, no drive answers, it is not at rest, or it does not take
+    what it must.
     """
     try:
         import canopen
@@ -124,16 +129,17 @@ def set_up(bus: can.BusABC, table: Cia402Table, limits: Limits, tick_s: float, t
     try:
         node = network.add_node(canopen.RemoteNode(table.node_id, canopen.ObjectDictionary()))
         node.sdo.RESPONSE_TIMEOUT = table.answers_s
+        _check(node, table, faulty=faulty)
         node.nmt.state = "PRE-OPERATIONAL"
-        kind = int.from_bytes(node.sdo.upload(0x1000, 0), "little") & 0xFFFF
-        if kind != PROFILE:
-            raise ValueError(f"cia402: node {table.node_id} must be a drive of profile 402; got profile {kind}")
         told = [_set(node, table, entry) for entry in entries(table, limits, tick_s, time_to_live_ms)]
         for index, sub, value in table.options:
             size = len(node.sdo.upload(index, sub))
             told.append(_set(node, table, Entry(index, sub, size, value), rounded=True))
-        if table.homing_method:
-            _home(node, network, table)
+        if table.homing_method and not faulty:
+            home(node, network, table)
+        take_mode(node, table, MODES[table.mode])
+        if not faulty:
+            _check_place(node, table, limits)
         node.nmt.state = "OPERATIONAL"
         return [sentence for sentence in told if sentence]
     except ValueError:
@@ -143,6 +149,53 @@ def set_up(bus: can.BusABC, table: Cia402Table, limits: Limits, tick_s: float, t
     finally:
         if network.notifier is not None:
             network.notifier.stop(2 * network.NOTIFIER_CYCLE)
+
+
+def _check(node: Any, table: Cia402Table, *, faulty: bool) -> None:
+    """Raises ValueError for a node that is no drive, does not know its modes, has a fault (but where `faulty`), or is
+    enabled. One that is stopped answers only once it is pre-operational.
+    """
+    name = f"cia402: node {table.node_id}"
+    try:
+        kind = word_of(node, 0x1000) & 0xFFFF
+    except Exception:  # noqa: BLE001 - drivers of many makers raise whatever they like
+        node.nmt.state = "PRE-OPERATIONAL"
+        kind = word_of(node, 0x1000) & 0xFFFF
+    if kind != PROFILE:
+        raise ValueError(f"{name} must be a drive of profile 402; got profile {kind}")
+    known = word_of(node, 0x6502)
+    for mode in (MODES[table.mode], *([HOMING_MODE] if table.homing_method else ())):
+        if not known >> (mode - 1) & 1:
+            knows = ", ".join(mode_words(bit + 1) for bit in range(16) if known >> bit & 1) or "none"
+            raise ValueError(f"{name} must know mode {mode_words(mode)}; 0x6502 says that it knows {knows}")
+    end = time.monotonic() + table.answers_s
+    while (state := state_of(word := word_of(node, 0x6041))) == NOT_READY and time.monotonic() < end:
+        time.sleep(0.01)
+    if state in (FAULTED, REACTING) and not faulty:
+        raise ValueError(
+            f"{name} must have no fault before it is led; got error code 0x{word_of(node, 0x603F):04X}; 'capsule run"
+            " RIG.toml reset' acknowledges it"
+        )
+    if state in (OPERATION, QUICK_STOPPING, NOT_READY):
+        got = "no state that is ready" if state == NOT_READY else "one that is enabled, by somebody else"
+        raise ValueError(f"{name} must be disabled before it is led; got {got} (statusword 0x{word:04X})")
+
+
+def _check_place(node: Any, table: Cia402Table, limits: Limits) -> None:
+    """Raises ValueError where it moves, or stands beyond the travel."""
+    name, places = f"cia402: node {table.node_id}", list[float]()
+    for wait_s in (_LOOK_S, 0.0):
+        places.append(word_of(node, 0x6064, signed=True) / table.counts_per_m)
+        speed = word_of(node, 0x606C, signed=True) / table.counts_per_m
+        time.sleep(wait_s)
+    speed = max(abs(speed), abs(places[1] - places[0]) / _LOOK_S)
+    if speed > RESTS_M_S:
+        raise ValueError(f"{name} must rest before it is led; it tells {speed:.3g} m/s")
+    if abs(places[1]) > limits.travel_m:
+        raise ValueError(
+            f"{name} must stand within limits.travel_m, {limits.travel_m:g} m of its zero; got {places[1]:g} m: home it"
+            " (cia402.homing_method)"
+        )
 
 
 def _set(node: Any, table: Cia402Table, entry: Entry, *, rounded: bool = False) -> str:
@@ -162,35 +215,3 @@ def _set(node: Any, table: Cia402Table, entry: Entry, *, rounded: bool = False) 
     if near and (rounded or entry.index in ROUNDED):
         return f"cia402: node {table.node_id} holds {held} at {where}, rounded from {entry.value}"
     raise ValueError(f"cia402: node {table.node_id} must take {entry.value} at {where}; it holds {data.hex()}")
-
-
-def _home(node: Any, network: Any, table: Cia402Table) -> None:
-    """Let the drive home itself, under our heartbeat, and disable it again; whatever goes wrong stops it. Raises
-    ValueError.
-    """
-    _set(node, table, Entry(0x6060, 0, 1, HOMING_MODE))
-    end, status = time.monotonic() + table.homing_s, 0
-    try:
-        while not status & _ATTAINED:
-            network.send_message(0x700 + MASTER_NODE, bytes((OPERATIONAL,)))
-            status = int.from_bytes(node.sdo.upload(0x6041, 0), "little")
-            if status & _HOMING_ERROR or state_of(status) in (REACTING, FAULTED):
-                raise ValueError(f"cia402: node {table.node_id} must home; got statusword 0x{status:04X}")
-            if time.monotonic() > end:
-                raise ValueError(f"cia402: node {table.node_id} must be home within {table.homing_s:g} s")
-            word = _HOMING_WORDS.get(state_of(status), DISABLE_VOLTAGE)
-            node.sdo.download(0x6040, 0, word.to_bytes(2, "little"))
-            time.sleep(0.005)
-    finally:
-        for word in (HALT_QUICKLY, DISABLE_VOLTAGE):
-            node.sdo.download(0x6040, 0, word.to_bytes(2, "little"))
-            time.sleep(0.05)
-    _set(node, table, Entry(0x6060, 0, 1, MODES[table.mode]))
-
-
-_HOMING_WORDS: Final = {
-    DISABLED: SHUTDOWN,
-    READY_TO_SWITCH_ON: SWITCH_ON,
-    SWITCHED_ON: ENABLE_OPERATION,
-    OPERATION: ENABLE_OPERATION | _START_HOMING,
-}

@@ -48,6 +48,14 @@ _WORDS: Final[Mapping[int, tuple[int, int]]] = MappingProxyType(
 """Mask and value of the statusword's bits that tell the state."""
 WARNING: Final = 0x80
 """Bit of the statusword: the drive does not do all it is asked for."""
+VOLTAGE, REMOTE, LIMITED = 1 << 4, 1 << 9, 1 << 11
+"""Further bits of the statusword: the power stage has its voltage, controlwords of the bus are obeyed, a limit of the
+drive's own is active."""
+FOLLOWS, DEVIATES = 1 << 12, 1 << 13
+"""In a cyclic mode: the target is followed; and, led by places, it is further off than 0x6065 for longer than
+0x6066."""
+REACHED, ATTAINED, HOMING_ERROR = 1 << 10, 1 << 12, 1 << 13
+"""While homing: at rest at the target, home is found, and it could not be found."""
 DISABLE_VOLTAGE, SHUTDOWN, SWITCH_ON, ENABLE_OPERATION, HALT_QUICKLY, RESET_FAULT = 0x00, 0x06, 0x07, 0x0F, 0x02, 0x80
 """Controlwords."""
 SYNC_ID: Final = 0x6A0
@@ -58,6 +66,21 @@ _SDO_WRITES: Final = (0, 1, 6)
 OPERATIONAL: Final = 5
 HOMING_MODE, CYCLIC_SYNCHRONOUS_POSITION, CYCLIC_SYNCHRONOUS_VELOCITY = 6, 8, 9
 """Modes of operation."""
+MODE_NAMES: Final[Mapping[int, str]] = MappingProxyType(
+    {
+        0: "none",
+        1: "profile position",
+        2: "velocity",
+        3: "profile velocity",
+        4: "profile torque",
+        HOMING_MODE: "homing",
+        7: "interpolated position",
+        CYCLIC_SYNCHRONOUS_POSITION: "cyclic synchronous position",
+        CYCLIC_SYNCHRONOUS_VELOCITY: "cyclic synchronous velocity",
+        10: "cyclic synchronous torque",
+    }
+)
+"""Modes of operation in words, as 0x6061 shows them; bit `mode - 1` of 0x6502 says that a drive knows one."""
 MODES: Final[Mapping[str, int]] = MappingProxyType(
     {"position": CYCLIC_SYNCHRONOUS_POSITION, "velocity": CYCLIC_SYNCHRONOUS_VELOCITY}
 )
@@ -83,7 +106,8 @@ class Cia402Table:
     """`[cia402]`: the carriage is a CANopen drive of this `node_id`, whose position counts `counts_per_m`; `answers_s`
     is how long it may take to be found. It is led in the cyclic synchronous `mode`; by velocity with `velocity_gain_Hz`
     on what is left of the way. `homing_method` (0x6098, 0: none) is run as it is set up, at `homing_speed_m_s` (0x6099)
-    and for at most `homing_s`. `options` are objects of its own: index, sub, value.
+    and for at most `homing_s`. Led by places, it must say so itself where it is off by more than `following_m` (0x6065)
+    for `following_s` (0x6066); 0 leaves both as they are. `options` are objects of its own: index, sub, value.
     """
 
     node_id: int = 1
@@ -94,6 +118,8 @@ class Cia402Table:
     homing_method: int = 0
     homing_speed_m_s: float = 0.01
     homing_s: float = 30.0
+    following_m: float = 0.005
+    following_s: float = 0.02
     options: tuple[tuple[int, int, int], ...] = ()
 
     def __post_init__(self) -> None:
@@ -132,6 +158,8 @@ RANGES: Final = (
     ("homing_method", -128, 127),
     ("homing_speed_m_s", 1e-4, 0.1),
     ("homing_s", 0.1, 600.0),
+    ("following_m", 0.0, 1.0),
+    ("following_s", 0.001, 1.0),
 )
 
 
@@ -167,9 +195,14 @@ def statusword_of(state: int, *, warning: bool = False) -> int:
 
 
 def shown(statusword: int) -> int:
-    """A drive's state in the catalogue's numbers; enabled with a warning is derated."""
+    """A drive's state in the catalogue's numbers; enabled with a warning, or at a limit of its own, is derated."""
     state = _STATES[state_of(statusword)]
-    return DERATED if state == ENABLED and statusword & WARNING else state
+    return DERATED if state == ENABLED and statusword & (WARNING | LIMITED) else state
+
+
+def mode_words(mode: int) -> str:
+    """A mode of operation by number and name."""
+    return f"{mode} ({MODE_NAMES.get(mode, 'of the maker')})"
 
 
 def fault_of(error: int) -> int:

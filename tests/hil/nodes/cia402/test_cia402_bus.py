@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import closing
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -12,9 +13,12 @@ from hypothesis import strategies as st
 from hil.bus.protection import Receiver
 from hil.nodes.cia402 import states as cia402
 from hil.nodes.cia402.states import (
+    DEVIATES,
     ENABLE_OPERATION,
     FAULTED,
+    FOLLOWS,
     HALT_QUICKLY,
+    LIMITED,
     OPERATION,
     RESET_FAULT,
     RPDO,
@@ -23,8 +27,8 @@ from hil.nodes.cia402.states import (
     TPDO_STATE,
     statusword_of,
 )
-from hil.nodes.frame_map import ENABLE, ENABLED
-from tests.hil.nodes.cia402.cia402_ends import Ends, command
+from hil.nodes.frame_map import DERATED, ENABLE, ENABLED, FAULT, OFF
+from tests.hil.nodes.cia402.cia402_ends import TABLE, Ends, command
 from tests.hil.ticks import TICK
 
 
@@ -78,6 +82,64 @@ def test_what_the_drive_says_is_heard_protected(ends: Ends) -> None:
     assert len(faults) == 2
     assert told == {"Code": 4, "Detail": 0x8250}
     assert ends.show(0x281, TPDO_MORE.pack(0, 0x8250)) == []
+
+
+def states(ends: Ends, *bits: int) -> list[float]:
+    """What the controller hears of a drive in operation that shows these bits, one report after the other."""
+    receiver, found = Receiver(ends.catalogue["CarriageFeedback"]), list[float]()
+    for bit in bits:
+        for message in ends.show(0x181, TPDO_STATE.pack(statusword_of(OPERATION) | bit, 0)):
+            values = receiver.accept(message.data, message.timestamp)
+            found += [values["State"]] if isinstance(values, dict) and "State" in values else []
+    return found
+
+
+def led(ends: Ends) -> None:
+    """The drive is in operation and is told to stay there."""
+    ends.show(0x181, TPDO_STATE.pack(statusword_of(OPERATION), 0))
+    ends.say("CarriageCommand", command(ENABLE, 0.0))
+    ends.told()
+
+
+def test_a_following_error_stops_it(ends: Ends) -> None:
+    """Bit 13, led by places: a fault, told in words, braked and not led again before it is acknowledged."""
+    led(ends)
+    assert states(ends, FOLLOWS, FOLLOWS | DEVIATES, FOLLOWS) == [ENABLED, FAULT, FAULT]
+    assert ends.near.trouble == "cia402 node 1: following error (bit 13 of its statusword; 0x6065, 0x6066)"
+    ends.say("CarriageCommand", command(ENABLE, 0.0))
+    assert RPDO.unpack(ends.told()[0][1])[0] == HALT_QUICKLY
+    ends.say("DriveReset", {"Target": 1, "Code": 11})
+    assert (states(ends, FOLLOWS), ends.near.trouble) == ([ENABLED], "")
+
+
+def test_one_that_no_longer_follows_its_target_is_stopped(ends: Ends) -> None:
+    """Bit 12: away for one report is nothing, for two a fault; from the begin a brake may take 0.2 s to open."""
+    led(ends)
+    assert states(ends, *[0] * 98, FOLLOWS, 0, FOLLOWS, 0, 0) == [ENABLED] * 102 + [FAULT]
+    assert ends.near.trouble == "cia402 node 1: it does not follow its target (bit 12 of its statusword)"
+
+
+def test_one_that_never_follows_is_stopped(ends: Ends) -> None:
+    led(ends)
+    assert states(ends, *[0] * 100)[-2:] == [ENABLED, FAULT]
+
+
+def test_bits_count_while_it_is_led_alone(ends: Ends) -> None:
+    """A drive that is being braked does not follow; and in cyclic synchronous velocity bit 13 is reserved."""
+    led(ends)
+    ends.say("CarriageCommand", command(OFF, 0.0))
+    assert FAULT not in states(ends, *[DEVIATES] * 120)
+    with closing(Ends("by speeds", replace(TABLE, mode="velocity"))) as speeds:
+        led(speeds)
+        assert states(speeds, FOLLOWS | DEVIATES, FOLLOWS | DEVIATES) == [ENABLED, ENABLED]
+
+
+def test_a_limit_of_its_own_is_told(ends: Ends) -> None:
+    led(ends)
+    assert states(ends, FOLLOWS | LIMITED) == [DERATED]
+    assert ends.near.trouble.endswith("it is at a limit of its own (bit 11 of its statusword; 0x607D, 0x607F)")
+    assert states(ends, FOLLOWS) == [ENABLED]
+    assert ends.near.trouble == ""
 
 
 @given(st.sampled_from([0x181, 0x281, 0x701]), st.binary(max_size=8))

@@ -139,3 +139,29 @@ def test_quick_stop_brakes_at_25_m_s2_and_disables(desk: Desk) -> None:
     assert desk.drive.power.output - place <= 0.25**2 / (2 * 25.0) + 0.25 * 2 * TICK
     desk.ticks(2, QUICK_STOP)
     assert desk.drive.state == DISABLED
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words", "within_s"),
+    [("jammed", "following error (bit 13", 0.065), ("ignores", "it does not follow its target (bit 12", 0.02)],
+)
+def test_one_that_says_that_it_does_not_follow_is_disabled(desk: Desk, wrong: str, words: str, within_s: float) -> None:
+    """At 0.25 m/s a motor that does not turn is 5 mm off after 20 ms, which it says after 20 ms more."""
+    desk.up()
+    desk.ticks(50, ENABLE, 0.25)
+    setattr(desk.drive, wrong, True)
+    since = desk.now
+    while desk.drive.state == OPERATION and desk.now < since + 1.0:
+        desk.ticks(1, ENABLE, 0.25)
+    assert desk.now - since <= within_s
+    assert words in desk.ends.near.trouble
+    desk.ticks(50, ENABLE, 0.25)
+    assert desk.drive.state == DISABLED
+
+
+def test_beyond_its_own_travel_it_says_so(desk: Desk) -> None:
+    desk.drive.power.output = desk.place = 0.9999
+    desk.up()
+    desk.ticks(20, ENABLE, 0.1)
+    assert "at a limit of its own" in desk.ends.near.trouble
+    assert desk.drive.power.output <= LIMITS.travel_m

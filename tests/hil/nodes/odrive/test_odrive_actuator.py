@@ -5,7 +5,6 @@ from __future__ import annotations
 import struct
 
 import can
-import cantools.database
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -13,38 +12,12 @@ from hypothesis import strategies as st
 from hil.bus.catalogue import load_catalogue
 from hil.nodes.drive.state_machine import OVER_TEMPERATURE, TIME_TO_LIVE
 from hil.nodes.frame_map import ENABLE, ENABLED, FAULT, OFF, QUICK_STOP, READY, STANDBY, WAITING
-from hil.nodes.odrive.actuator import FREE_NODES, SET_INPUT_POS, OdriveBus, OdriveTable, words_of
+from hil.nodes.odrive.actuator import FREE_NODES, OdriveBus, OdriveTable, words_of
 from hil.nodes.odrive.drive import OdriveDrive
 from tests.hil.nodes.maker_desk import LIMITS, Desk
 from tests.hil.ticks import TICK
 
 TABLE = OdriveTable()
-DESCRIBED = """VERSION ""
-BU_: Master ODrive
-BO_ 76 Set_Input_Pos: 8 Master
- SG_ Input_Pos : 0|32@1- (1,0) [0|0] "rev" ODrive
- SG_ Vel_FF : 32|16@1- (0.001,0) [0|0] "rev/s" ODrive
- SG_ Torque_FF : 48|16@1- (0.001,0) [0|0] "Nm" ODrive
-
-SIG_VALTYPE_ 76 Input_Pos : 1;
-"""
-"""The message 0x0C of node 2 as the maker's page gives it."""
-
-
-def test_a_position_is_what_the_maker_describes() -> None:
-    desk = Desk(TABLE)
-    desk.up()
-    wire = can.Bus(interface="virtual", channel="odrive position")
-    desk.bus.inner = can.Bus(interface="virtual", channel="odrive position")
-    desk.say("CarriageCommand", {"Position_m": 0.0005, "TimeToLive_ms": 18, "Mode": ENABLE, "Velocity_m_s": 0.0})
-    desk.say("Sync", {"Tick": 9999, "Period_s": TICK})
-    told = {m.arbitration_id: m.data for m in iter(lambda: wire.recv(0), None)}
-    database = cantools.database.load_string(DESCRIBED, "dbc")
-    found = database.decode_message("Set_Input_Pos", told[2 << 5 | SET_INPUT_POS])
-    assert found["Input_Pos"] == pytest.approx(0.05)
-    assert (found["Vel_FF"], found["Torque_FF"]) == (pytest.approx(25.0), 0.0)
-    desk.bus.shutdown()
-    wire.shutdown()
 
 
 def test_no_node_speaks_by_an_identifier_of_the_catalogue() -> None:
@@ -100,6 +73,63 @@ def test_an_error_that_clears_by_itself_stays_latched() -> None:
     assert desk.drive.errors == 0
     assert (desk.heard.state, desk.heard.fault) == (FAULT, OVER_TEMPERATURE)
     assert "INVERTER_OVER_TEMP" in desk.bus.trouble
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [("uncalibrated", r" (NOT_CALIBRATED)"), ("silent", "")],
+)
+def test_closed_loop_that_is_not_entered_is_told_with_the_result(change: str, words: str) -> None:
+    """A result of a failure ends asking after 0.1 s, silence after 0.5 s; what was left over from before does not."""
+    desk = Desk(TABLE)
+    assert isinstance(desk.drive, OdriveDrive)
+    desk.drive.result = 3
+    desk.ticks(20, READY)
+    if change == "uncalibrated":
+        desk.drive.calibrated = False
+        desk.ticks(40, ENABLE)
+        assert desk.bus.trouble == ""
+        desk.ticks(20, ENABLE)
+    else:
+        desk.drive.result, desk.drive.deaf_to = 0, frozenset({0x07})
+        desk.ticks(240, ENABLE)
+        assert desk.bus.trouble == ""
+        desk.ticks(20, ENABLE)
+    assert desk.bus.trouble == f"odrive node 2: it did not enter closed loop control{words}"
+    assert (desk.heard.state, desk.drive.safe) == (STANDBY, True)
+
+
+def test_a_result_that_is_left_over_is_no_failure() -> None:
+    desk = Desk(TABLE)
+    assert isinstance(desk.drive, OdriveDrive)
+    desk.drive.result = 3
+    desk.up()
+    assert (desk.heard.state, desk.bus.trouble) == (ENABLED, "")
+
+
+def test_an_axis_that_is_taken_away_is_told_with_the_result() -> None:
+    """As another master would, by the node that all hear: Set_Axis_State idle."""
+    desk = Desk(TABLE)
+    desk.up()
+    assert isinstance(desk.drive, OdriveDrive)
+    desk.drive.result = 2
+    desk.drive._take(0x07, bytes((1, 0, 0, 0)))
+    desk.ticks(20, ENABLE)
+    assert desk.bus.trouble == "odrive node 2: it left closed loop control by itself (CANCELLED)"
+
+
+def test_an_emergency_stop_to_all_stays_until_it_is_acknowledged() -> None:
+    desk = Desk(TABLE)
+    desk.up()
+    desk.bus.inner.send(can.Message(arbitration_id=63 << 5 | 0x02, is_extended_id=False))
+    desk.ticks(50, ENABLE)
+    assert desk.drive.safe
+    assert desk.bus.trouble == "odrive node 2: ESTOP_REQUESTED"
+    assert TABLE.orders(can.Message(arbitration_id=63 << 5 | 0x02, is_extended_id=False))
+    assert not TABLE.orders(can.Message(arbitration_id=63 << 5 | 0x06, is_extended_id=False, data=bytes(8)))
+    desk.reset()
+    desk.ticks(20, OFF)
+    assert (desk.heard.state, desk.bus.trouble) == (STANDBY, "")
 
 
 def test_a_reboot_and_another_node_are_told() -> None:

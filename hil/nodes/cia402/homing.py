@@ -1,0 +1,135 @@
+"""Lets a CiA 402 drive take a mode, and home itself, over SDO: neither is believed before the drive shows it."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import Any, Final
+
+from hil.nodes.cia402.states import (
+    ATTAINED,
+    DISABLE_VOLTAGE,
+    DISABLED,
+    ENABLE_OPERATION,
+    FAULTED,
+    HALT_QUICKLY,
+    HOMING_ERROR,
+    HOMING_MODE,
+    MASTER_NODE,
+    OPERATION,
+    OPERATIONAL,
+    REACHED,
+    REACTING,
+    READY_TO_SWITCH_ON,
+    SHUTDOWN,
+    SWITCH_ON,
+    SWITCHED_ON,
+    Cia402Table,
+    mode_words,
+    state_of,
+)
+
+_START_HOMING: Final = 1 << 4
+_HERE: Final = (35, 37)
+"""Homing methods that take the place where the drive stands."""
+_HERE_M: Final = 1e-4
+"""How far off its home offset such a drive may tell its place afterwards."""
+_WORDS: Final = {
+    DISABLED: SHUTDOWN,
+    READY_TO_SWITCH_ON: SWITCH_ON,
+    SWITCHED_ON: ENABLE_OPERATION,
+    OPERATION: ENABLE_OPERATION | _START_HOMING,
+}
+_MODE_S, _ERROR_S = 0.5, 0.1
+"""Within how long a drive must show the mode that it is told to take; and from when on after the start a homing error
+is of this homing."""
+
+
+def word_of(node: Any, index: int, *, signed: bool = False) -> int:
+    """The value of an object without subindex."""
+    return int.from_bytes(node.sdo.upload(index, 0), "little", signed=signed)
+
+
+def take_mode(node: Any, table: Cia402Table, mode: int) -> None:
+    """Ask for a mode (0x6060) and wait until it is shown (0x6061). Raises ValueError."""
+    node.sdo.download(0x6060, 0, mode.to_bytes(1, "little"))
+    end = time.monotonic() + _MODE_S
+    while (shown := word_of(node, 0x6061, signed=True)) != mode:
+        if time.monotonic() > end:
+            raise ValueError(_another_mode(table, mode, shown))
+        time.sleep(0.005)
+
+
+def _another_mode(table: Cia402Table, mode: int, shown: int) -> str:
+    return f"cia402: node {table.node_id} must take mode {mode_words(mode)}; 0x6061 shows {mode_words(shown)}"
+
+
+def home(node: Any, network: Any, table: Cia402Table) -> None:
+    """Let the drive home itself, under our heartbeat, and disable it again; whatever goes wrong stops it. Raises
+    ValueError.
+    """
+    take_mode(node, table, HOMING_MODE)
+    end, run = time.monotonic() + table.homing_s, _Homing(table)
+    try:
+        while True:
+            network.send_message(0x700 + MASTER_NODE, bytes((OPERATIONAL,)))
+            status = word_of(node, 0x6041)
+            if run.done(node, status):
+                break
+            if time.monotonic() > end:
+                left = "; bit 12 is from before it was started" if run.left_over(status) else ""
+                raise ValueError(
+                    f"cia402: node {table.node_id} must be home within {table.homing_s:g} s; statusword"
+                    f" 0x{status:04X}{left}"
+                )
+            word = _WORDS.get(state_of(status), DISABLE_VOLTAGE)
+            node.sdo.download(0x6040, 0, word.to_bytes(2, "little"))
+            if word & _START_HOMING:
+                run.started_s = min(run.started_s, time.monotonic())
+            time.sleep(0.005)
+    finally:
+        for word in (HALT_QUICKLY, DISABLE_VOLTAGE):
+            node.sdo.download(0x6040, 0, word.to_bytes(2, "little"))
+            time.sleep(0.05)
+
+
+class _Homing:
+    """What a statusword means on the way. Bit 12 of an earlier homing may still be set: it counts once it has been away
+    since the start, or where the drive stands at its home offset and was to take that place.
+    """
+
+    def __init__(self, table: Cia402Table) -> None:
+        self._table, self._away = table, False
+        self.started_s = math.inf
+
+    def left_over(self, status: int) -> bool:
+        """Whether bit 12 has been set all the time."""
+        return bool(status & ATTAINED) and not self._away
+
+    def done(self, node: Any, status: int) -> bool:
+        """Whether it is home: in mode 6, in operation, attained since the start, and at rest there. Raises ValueError
+        where it never will be.
+        """
+        name, state = f"cia402: node {self._table.node_id}", state_of(status)
+        if state in (REACTING, FAULTED):
+            raise ValueError(f"{name} must home; got a fault, error code 0x{word_of(node, 0x603F):04X}")
+        if state == OPERATION and (mode := word_of(node, 0x6061, signed=True)) != HOMING_MODE:
+            raise ValueError(_another_mode(self._table, HOMING_MODE, mode))
+        if state != OPERATION:
+            return False
+        self._away = self._away or not status & ATTAINED
+        since_s = time.monotonic() - self.started_s
+        if status & HOMING_ERROR and since_s > _ERROR_S:
+            raise ValueError(f"{name} must home; got a homing error (bit 13 of statusword 0x{status:04X})")
+        attained = status & ATTAINED and status & REACHED
+        return since_s > 0 and bool(attained) and (self._away or self._here(node))
+
+    def _here(self, node: Any) -> bool:
+        """Whether the drive was to take its place as home, and tells its home offset (0x607C) as its place."""
+        if self._table.homing_method not in _HERE:
+            return False
+        try:
+            offset = word_of(node, 0x607C, signed=True)
+        except Exception:  # noqa: BLE001 - an object that a drive may do without; drivers raise whatever they like
+            offset = 0
+        return abs(word_of(node, 0x6064, signed=True) - offset) <= max(_HERE_M * self._table.counts_per_m, 1.0)

@@ -17,7 +17,9 @@ import pytest
 
 from hil.app.main import run
 from hil.formats.channels import Channel, Heading
-from hil.formats.table import write_channels
+from hil.formats.table import FORMATS, write_channels
+from hil.log.reader import ENDINGS as LOGS
+from models.files.csv_reader import ENDINGS
 
 T = 0.01 * np.arange(100)
 SECRET = "something that is nobody's business "
@@ -278,14 +280,12 @@ def test_ros_bags(
     assert not (tmp_path / "ran").exists()
 
 
-@pytest.mark.parametrize(
-    "ending", "csv tsv txt dat csv.gz blf asc trc log mf4 mdf mcap parquet tdms bag db3 mat h5".split()
-)
+@pytest.mark.parametrize("ending", sorted({*ENDINGS, *(ending for one in FORMATS for ending in one.endings), *LOGS}))
 @pytest.mark.parametrize("kind", [fifo, lambda path: path.symlink_to("/dev/zero")], ids=["pipe", "device"])
 def test_no_pipe_and_no_device_is_read(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: Callable[[Path], object], ending: str
 ) -> None:
-    path = tmp_path / f"a.{ending}"
+    path = tmp_path / f"a{ending}"
     kind(path)
     assert "must be a regular file" in converted(path, capsys)[1]
 

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import os
+import resource
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, BinaryIO, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from models.files.columns import TIME_SERIES_ROWS
 from models.files.record import MOST_CELLS
+from models.files.source import opened
 
 Array = NDArray[np.float64]
 MOST_CHANNELS: Final = 20_000
@@ -80,6 +83,27 @@ def library(name: str, extra: str) -> Any:
             f"reading or writing this file needs the package {name.partition('.')[0]}, which is not installed: pip"
             f" install 'capsule-control[{extra}]'"
         ) from None
+
+
+@contextmanager
+def alone(path: Path) -> Iterator[BinaryIO]:
+    """The record `path`, open; within it no further file can be opened, by whatever library: what a record names
+    outside itself is refused by the system, a pipe before it is waited for. Modules must be loaded before.
+    """
+    with opened(path, "record") as file:
+        fence = os.dup(file.fileno())
+        os.close(fence)
+        most = resource.getrlimit(resource.RLIMIT_NOFILE)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (fence, most[1]))
+        try:
+            yield file
+        finally:
+            resource.setrlimit(resource.RLIMIT_NOFILE, most)
+
+
+def outside(what: str) -> RefusedError:
+    """What is said of a record of which a part is elsewhere: `what` says which, and where."""
+    return RefusedError(f"record must hold all that belongs to it itself; got {what}")
 
 
 def check_size(samples: Mapping[str, int]) -> None:

@@ -11,7 +11,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from hil.formats.channels import Channel, Heading, Pick, RefusedError, check_size, library, numbers
+from hil.formats.channels import Channel, Heading, Pick, RefusedError, alone, check_size, library, numbers, outside
+from models.files.source import opened
 
 EXTRA = "matlab"
 _HDF5: Final = b"\x89HDF\r\n\x1a\n"
@@ -20,7 +21,7 @@ _WIDEST, _DEEPEST = 64, 8
 
 def read(path: Path, pick: Pick) -> list[Channel]:
     """The arrays that `pick` takes: vectors by their names, columns of a matrix as `name(:,1)`."""
-    with path.open("rb") as file:
+    with opened(path, "record") as file:
         start = file.read(1024)
     return _read_hdf5(path, pick) if _HDF5 in start else _read_v5(path, pick)
 
@@ -28,10 +29,10 @@ def read(path: Path, pick: Pick) -> list[Channel]:
 def _read_v5(path: Path, pick: Pick) -> list[Channel]:
     from scipy.io import loadmat, whosmat
 
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), alone(path) as file:
         warnings.simplefilter("ignore")
-        check_size({name: max(shape, default=0) for name, shape, _ in whosmat(path)})
-        content = loadmat(path, simplify_cells=True)
+        check_size({name: max(shape, default=0) for name, shape, _ in whosmat(file)})
+        content = loadmat(file, simplify_cells=True)
     found = {channel.heading.name: channel for name, value in content.items() if not name.startswith("__")
              for channel in _channels(name, value)}  # fmt: skip
     if not found:
@@ -82,10 +83,14 @@ def _vectors(name: str, array: Any) -> Iterator[tuple[str, Any]]:
 
 def _read_hdf5(path: Path, pick: Pick) -> list[Channel]:
     h5py = library("h5py", EXTRA)
-    with h5py.File(path, "r") as file:
+    with alone(path) as content, h5py.File(content, "r") as file:
+        if away := file.visititems_links(_elsewhere):
+            raise outside(away)
         places: dict[str, tuple[Heading, str, int | None]] = {}
 
         def look(name: str, item: Any) -> None:
+            if isinstance(item, h5py.Dataset):
+                _own_samples(name, item)
             if isinstance(item, h5py.Dataset) and not name.startswith("#") and _told(item):
                 rows, columns = _shape(item)
                 title = name.replace("/", ".")
@@ -96,6 +101,20 @@ def _read_hdf5(path: Path, pick: Pick) -> list[Channel]:
         file.visititems(look)
         chosen = [places[name] for name in pick([heading for heading, _, _ in places.values()]) if name in places]
         return [Channel(heading, _column(file[name], k)) for heading, name, k in chosen]
+
+
+def _elsewhere(name: str, link: Any) -> str | None:
+    """What a link is, where it leads to another file."""
+    file = getattr(link, "filename", None)
+    return None if file is None else f"a link {name} to the file {file}"
+
+
+def _own_samples(name: str, item: Any) -> None:
+    """Refuse a dataset whose samples are stored in another file, or made up of other datasets."""
+    if item.external:
+        raise outside(f"samples of {name} in the file {item.external[0][0]}")
+    if item.is_virtual:
+        raise outside(f"a virtual dataset {name}, made up of others")
 
 
 def _told(item: Any) -> bool:

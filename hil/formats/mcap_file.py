@@ -9,7 +9,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from hil.formats.channels import Channel, Pick, RefusedError, library
+from hil.formats.channels import Channel, Pick, RefusedError, alone, library
 from hil.formats.clock import by_clock
 from hil.formats.messages import Message, channels_of
 from hil.formats.ros_bag import decoder_of
@@ -27,7 +27,7 @@ def read(path: Path, pick: Pick) -> list[Channel]:
 def _messages(path: Path) -> Iterator[Message]:
     reader = library("mcap.reader", EXTRA)
     decoders: dict[int, Callable[[bytes], Any]] = {}
-    with path.open("rb") as file:
+    with alone(path) as file:
         for schema, channel, message in reader.make_reader(file, validate_crcs=True).iter_messages():
             if channel.id not in decoders:
                 decoders[channel.id] = _decoder(schema, channel)

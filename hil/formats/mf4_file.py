@@ -20,13 +20,17 @@ from hil.formats.channels import (
     RefusedError,
     library,
     numbers,
+    outside,
     own_names,
 )
 from hil.formats.clock import by_clock
+from models.files.source import opened
 
 EXTRA = "mf4"
 _FRAMES = b"CAN_DataFrame"
 _TEXT = ("U", "S", "O", "V")
+_EMBEDDED = 1
+"""The flag of an attachment that is in the file itself."""
 _NUMBERS_4, _TEXTS_3 = range(6), (7, 8)
 """Types as the format numbers them: those of numbers in MDF 4, those of text and bytes in MDF 3."""
 
@@ -37,8 +41,17 @@ def _opened(path: Path) -> Iterator[Any]:
     logging.getLogger("asammdf").setLevel(logging.CRITICAL)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        with path.open("rb") as content, asammdf.MDF(content) as file:
+        with opened(path, "record") as content, asammdf.MDF(content, process_bus_logging=False) as file:
+            for one in getattr(file, "attachments", ()):
+                if not one.flags & _EMBEDDED:
+                    raise outside(f"an attachment in the file {one.file_name}")
             yield file
+
+
+def check_within(path: Path) -> None:
+    """Refuse an MF4 file that points outside itself: with attachments that are files of their own."""
+    with _opened(path):
+        pass
 
 
 def holds_frames(path: Path) -> bool:

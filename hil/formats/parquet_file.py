@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from hil.formats.channels import Channel, Heading, Pick, library, numbers
+from hil.formats.channels import Channel, Heading, Pick, alone, library, numbers, outside
 from hil.formats.clock import one_table
 
 EXTRA = "parquet"
@@ -16,7 +16,8 @@ _UNIT = b"unit"
 def read(path: Path, pick: Pick) -> list[Channel]:
     """The columns of numbers and of times that `pick` takes."""
     parquet, types = library("pyarrow.parquet", EXTRA), library("pyarrow.types", EXTRA)
-    with parquet.ParquetFile(path) as file:
+    with alone(path) as content, parquet.ParquetFile(content) as file:
+        _within(file.metadata)
         headings = {
             field.name: Heading(field.name, _unit(field, types), samples=file.metadata.num_rows)
             for field in file.schema_arrow
@@ -41,6 +42,14 @@ def write(path: Path, channels: Sequence[Channel]) -> None:
         for name, array in zip(columns, arrays, strict=True)
     ]
     parquet.write_table(pyarrow.Table.from_arrays(arrays, schema=pyarrow.schema(fields)), path)
+
+
+def _within(metadata: Any) -> None:
+    """Refuse a table of which columns are stored in another file."""
+    for group in map(metadata.row_group, range(metadata.num_row_groups)):
+        for column in map(group.column, range(group.num_columns)):
+            if column.file_path:
+                raise outside(f"the column {column.path_in_schema} in the file {column.file_path}")
 
 
 def _told(field: Any, types: Any) -> bool:

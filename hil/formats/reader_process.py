@@ -25,6 +25,8 @@ which libraries reserve without using them.
 """
 SECONDS: Final = 600
 """Most time on a processor in s."""
+UNPACKED: Final = 1 << 30
+"""Most bytes of a file that the process may write: what a library unpacks beside the record."""
 LEAST_S: Final = 10
 SLOWEST: Final = 500_000
 """Time on a processor in s that any file may take, and bytes of a file for which it may take a second more."""
@@ -37,13 +39,15 @@ def allowed_s(size: int) -> int:
 
 def confined(task: Callable[[Path, IO[bytes]], None]) -> None:
     """Do `task` with the file that the command line names and standard output, within limits of memory, and of time on
-    a processor that go with the size of the file.
+    a processor that go with the size of the file. HDF5 loads no filters from a folder.
     """
+    os.environ["HDF5_PLUGIN_PRELOAD"] = "::"
     path = Path(sys.argv[1])
     resource.setrlimit(resource.RLIMIT_AS, (ADDRESSES, ADDRESSES))
     resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
     longest = allowed_s(path.stat().st_size) if path.is_file() else SECONDS
     resource.setrlimit(resource.RLIMIT_CPU, (longest, longest))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (UNPACKED, UNPACKED))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     with os.fdopen(os.dup(1), "wb") as told:
         os.dup2(2, 1)

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -18,6 +17,7 @@ import numpy as np
 from hil.formats.channels import Array, Channel, Heading, Pick, check_size, refusing
 from hil.formats.ros_bag import is_bag
 from hil.formats.table import FORMATS, Format, format_of
+from hil.own_process import own_environment, own_module
 from models.files.source import check_source
 
 LONGEST_S: Final = 900.0
@@ -42,11 +42,12 @@ def reading_process(module: str, path: Path) -> Iterator[subprocess.Popen[bytes]
     leaving, and after `LONGEST_S`.
     """
     with subprocess.Popen(
-        [sys.executable, "-m", module, str(path.absolute())],
+        [*own_module(module), str(path.absolute())],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         cwd=Path(__file__).parents[2],
+        env=own_environment(),
     ) as reader:
         late = threading.Timer(LONGEST_S, reader.kill)
         late.start()

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import sqlite3
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any, Final
 
-from hil.formats.channels import Channel, Pick, RefusedError, library
+from hil.formats.channels import Channel, Pick, RefusedError, library, outside
 from hil.formats.messages import Message, channels_of
 from models.files.source import check_source
 
@@ -23,9 +25,26 @@ def read(path: Path, pick: Pick) -> list[Channel]:
     """The fields of messages that `pick` takes, at the times of their headers, else of arrival."""
     if path.is_dir():
         for part in path.iterdir():
-            check_source(part, "part of a bag")
+            _check_part(part)
     library("rosbags.highlevel", EXTRA)
     return channels_of(lambda: _messages(path), pick)
+
+
+def _check_part(part: Path) -> None:
+    """Refuse what may lie outside the bag, or make SQLite look there: links, names that it takes for addresses, and
+    tables that are computed.
+    """
+    if part.is_symlink():
+        raise outside(f"{part.name} in {part.readlink()}")
+    check_source(part, "part of a bag")
+    if set(str(part)) & set("%?#"):
+        raise RefusedError(f"names of a bag and its parts must be without %, ? and #; got {part}")
+    if part.suffix == ".db3":
+        with closing(sqlite3.connect(f"file:{part}?mode=ro&immutable=1", uri=True)) as tables:
+            computed = "type IN ('view', 'trigger') OR sql LIKE 'CREATE VIRTUAL%'"
+            found = tables.execute(f"SELECT name FROM sqlite_master WHERE {computed}").fetchone()
+        if found:
+            raise RefusedError(f"bag must hold plain tables; got {found[0]}, which is computed, in {part.name}")
 
 
 def _messages(path: Path) -> Iterator[Message]:

@@ -10,6 +10,7 @@ from typing import Final
 
 from hil.formats import matlab_file, mcap_file, mf4_file, parquet_file, ros_bag, tdms_file
 from hil.formats.channels import Channel, Read, refusing
+from models.files.source import opened
 
 Write = Callable[[Path, Sequence[Channel]], None]
 
@@ -54,9 +55,9 @@ def format_of(path: Path) -> Format | None:
 def _begins(path: Path) -> bytes:
     """The first bytes of a file; those of an MF4 file where it cannot be read."""
     try:
-        with path.open("rb") as file:
+        with opened(path, "record") as file:
             return file.read(3)
-    except OSError:
+    except (ValueError, OSError):
         return _MF4_BEGINS[0]
 
 

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from hil.formats.channels import Channel, Heading, Pick, library, numbers, own_names
+from hil.formats.channels import Channel, Heading, Pick, alone, library, numbers, own_names
 
 EXTRA = "tdms"
 _UNITS: Final = ("unit_string", "NI_UnitDescription", "Unit", "unit")
@@ -16,7 +16,8 @@ _STEP, _START = "wf_increment", "wf_start_time"
 
 def read(path: Path, pick: Pick) -> list[Channel]:
     """The channels of numbers and of times that `pick` takes; waveforms have clocks."""
-    with library("nptdms", EXTRA).TdmsFile.open(path) as file:
+    nptdms = library("nptdms", EXTRA)
+    with alone(path) as content, nptdms.TdmsFile.open(content) as file:
         parts = [(group.name, one) for group in file.groups() for one in group.channels() if _told(one)]
         names = own_names([(group, one.name) for group, one in parts])
         found = {name: (_heading(name, group, one), one) for name, (group, one) in zip(names, parts, strict=True)}

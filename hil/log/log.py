@@ -7,7 +7,6 @@ import fcntl
 import json
 import os
 import subprocess
-import sys
 import threading
 import time
 from abc import ABC, abstractmethod
@@ -17,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Final, Self
 
 from hil.log.blf_file import LATEST_S, PACKED, RECEIVED, SENT, WITHHELD, BlfFile, Logged
 from hil.log.writer_process import TROUBLE
+from hil.own_process import own_environment, own_module
 
 if TYPE_CHECKING:
     from hil.log.mcap_log import McapLog
@@ -210,8 +210,7 @@ class FrameLog(NodeLog):
 
     def _begin(self, *how: str) -> subprocess.Popen[str]:
         beside = "" if self._mcap is None else str(_unused(self._mcap) if how else self._mcap.absolute())
-        program = [sys.executable, "-m", "hil.log.writer_process"]
-        command = [*program, str(self.path.absolute()), str(self._calendar_s), beside]
+        command = [*own_module("hil.log.writer_process"), str(self.path.absolute()), str(self._calendar_s), beside]
         writer = subprocess.Popen(
             [*command, *how],
             stdin=self._reading,
@@ -219,6 +218,7 @@ class FrameLog(NodeLog):
             text=True,
             start_new_session=True,
             cwd=Path(__file__).parents[2],
+            env=own_environment(),
         )
         if self._priority:
             with contextlib.suppress(OSError):

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import IO, Final
 
 from hil.formats.channels import library, refusing
-from hil.formats.mf4_file import EXTRA
+from hil.formats.mf4_file import EXTRA, check_within
 from hil.formats.reader_process import confined
 from hil.formats.reading import reading_process
 from hil.log.blf_file import Logged
@@ -47,6 +47,7 @@ def tell_frames(path: Path, target: IO[bytes]) -> None:
     try:
         with refusing(path, "a log"):
             library("asammdf", EXTRA)
+            check_within(path)
         for frame in library_frames(path):
             target.write(_FRAME.pack(frame.time_ns, frame.id, frame.way, len(frame.data), frame.data))
     except ValueError as error:

@@ -2,7 +2,7 @@
 // The page of `capsule cockpit`: asks the server for what is new, draws it, shows the state, and, with a token, steers.
 
 const $ = id => document.getElementById(id);
-const TOKEN = new URLSearchParams(location.search).get("token") || "";
+const TOKEN = tokenOf();
 const LATE_MS = 2000, AGAIN_MS = [300, 1000, 2000], EVENTS = 5000;
 const FONT = 'Inter, "Segoe UI", system-ui, -apple-system, "Helvetica Neue", Arial, sans-serif';
 const page = { socket: null, hello: null, store: null, plots: [], events: [], cursor: null, paused: null, span: 60, end: 0,
@@ -13,6 +13,16 @@ function make(tag, name, text) {
   if (name) one.className = name;
   if (text !== undefined) one.textContent = text;
   return one;
+}
+
+// The token goes from the address into the memory of this tab: neither the address bar nor the history keeps it.
+function tokenOf() {
+  const told = new URLSearchParams(location.hash.slice(1)).get("token") || new URLSearchParams(location.search).get("token");
+  if (location.hash || location.search) history.replaceState(null, "", location.pathname);
+  try {
+    if (told) sessionStorage.setItem("token", told);
+    return told || sessionStorage.getItem("token") || "";
+  } catch { return told || ""; }
 }
 
 // ---- the connection

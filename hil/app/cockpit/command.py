@@ -54,7 +54,7 @@ def cockpit(
         page = Cockpit(source, hands=hands)
         shown = f"[{host}]" if ":" in host else host
         address = f"http://{shown}:{listener.getsockname()[1]}/"
-        _begin(f"{address}?token={page.token}" if hands else address, address, json_output)
+        _begin(f"{address}#token={page.token}" if hands else address, address, json_output)
         os.nice(5)
         serve(page, listener, host, lambda: bool(signals.wanted))
 

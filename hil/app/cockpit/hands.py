@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import signal
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -17,6 +16,7 @@ from hil.app.cockpit.source import BusSource
 from hil.nodes.controller.operator import STATUS, OperatorLimits
 from hil.nodes.operator_sender import OperatorSender
 from hil.nodes.transmit import FrameTransmitter
+from hil.own_process import own_environment, own_module
 
 HOLD_S: Final = 0.12
 """How long a page's word that its button is held counts; it says so every 40 ms."""
@@ -101,6 +101,10 @@ class Hands:
             self._steers, self._held_at = None, -float("inf")
         return ""
 
+    def armed(self, page: object) -> bool:
+        """Whether a page may steer."""
+        return page in self._armed
+
     def _hold(self, page: object, mode: str, value: float) -> str:
         now = self._clock()
         if page not in self._armed or mode not in ("speed", "position") or not abs(value) < 10.0:
@@ -117,11 +121,13 @@ class Hands:
             return "a controller leads already"
         out, error = tempfile.TemporaryFile(), tempfile.TemporaryFile()  # noqa: SIM115 - open until the run ends
         self._said = (out, error)
-        words = [sys.executable, "-m", "hil.app.start", "run", str(self.path), *action, "--json"]
+        words = [*own_module("hil.app.start"), "run", str(self.path), *action, "--json"]
 
         def begin() -> subprocess.Popen[bytes]:
             nothing = subprocess.DEVNULL
-            return subprocess.Popen(words, stdin=nothing, stdout=out, stderr=error, start_new_session=True)
+            return subprocess.Popen(
+                words, stdin=nothing, stdout=out, stderr=error, start_new_session=True, env=own_environment()
+            )
 
         self._run = self._starter.submit(begin).result()
         self.source.tell(f"{' '.join(['capsule run', *action])} started by this cockpit")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import hmac
+import ipaddress
 import json
 import secrets
 import socket
@@ -29,7 +31,11 @@ _TYPES: Final = {".html": "text/html", ".css": "text/css", ".js": "text/javascri
 LOOPBACK: Final = ("127.0.0.1", "localhost", "::1")
 STATE_EVERY: Final = 5
 """Pictures from one state of the cards to the next."""
-_PAGES: Final = 16
+OPERATORS: Final = 16
+WATCHERS: Final = 16
+"""Most pages with the token, and without it."""
+QUIET_S: Final = 10.0
+"""How long a connection may take to ask for something."""
 _LONGEST: Final = 4096
 _POLICY: Final = "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
 
@@ -43,12 +49,14 @@ class Cockpit:
         """
         self.source, self.hands = source, hands
         self.token = secrets.token_urlsafe(18) if token is None else token
-        self.pages: set[Page] = set()
+        self.pages: dict[Page, None] = {}
         self.pictures = 0
 
-    def application(self, loopback: bool) -> tornado.web.Application:
-        """The web application; with `loopback` only this machine's own names are answered."""
-        told = {"cockpit": self, "loopback": loopback}
+    def application(self, loopback: bool, host: str = "") -> tornado.web.Application:
+        """The web application; with `loopback` only this machine's own names are answered, else addresses and the
+        name `host`, too.
+        """
+        told = {"cockpit": self, "loopback": loopback, "host": host}
         named = {"/": "page.html", "/style.css": str(STYLE), **{f"/{name}": name for name in _FILES}}
         files = [(path, File, {**told, "name": name}) for path, name in named.items()]
         return tornado.web.Application(
@@ -66,6 +74,27 @@ class Cockpit:
         state = self.state() if self.pictures % STATE_EVERY == 0 else None
         for page in tuple(self.pages):
             page.send_new(state)
+
+    def place(self, page: Page) -> bool:
+        """Take a page in, where there is a place. Pages with and without the token have places of their own; one with
+        it takes that of the oldest that has it, sooner of one that is not armed.
+        """
+        alike = [other for other in self.pages if other.known == page.known]
+        if len(alike) >= (OPERATORS if page.known else WATCHERS):
+            if not page.known:
+                return False
+            hands = self.hands
+            oldest = next((other for other in alike if hands is None or not hands.armed(other)), alike[0])
+            self.leave(oldest)
+            oldest.close(1013, "a newer page with the token took this place")
+        self.pages[page] = None
+        return True
+
+    def leave(self, page: Page) -> None:
+        """A page is gone."""
+        self.pages.pop(page, None)
+        if self.hands is not None:
+            self.hands.left(page)
 
     def state(self) -> dict[str, Any]:
         """The state of the cards while a bus is watched."""
@@ -86,14 +115,14 @@ class _Handler(tornado.web.RequestHandler):
     cockpit: Cockpit
     loopback: bool
 
-    def initialize(self, cockpit: Cockpit, loopback: bool) -> None:
+    def initialize(self, cockpit: Cockpit, loopback: bool, host: str = "") -> None:
         """Called by tornado for each request."""
-        self.cockpit, self.loopback = cockpit, loopback
+        self.cockpit, self.loopback, self.host = cockpit, loopback, host
 
     def prepare(self) -> Awaitable[None] | None:
         """Refuse a page of another site that got this machine's address by a name of its own."""
         name = self.request.host_name.strip("[]")
-        if self.loopback and name not in LOOPBACK:
+        if name not in LOOPBACK and (self.loopback or not (name == self.host or _is_address(name))):
             raise tornado.web.HTTPError(403)
         return None
 
@@ -101,9 +130,9 @@ class _Handler(tornado.web.RequestHandler):
 class File(_Handler):
     """One of the page's own files."""
 
-    def initialize(self, cockpit: Cockpit, loopback: bool, name: str = "") -> None:
+    def initialize(self, cockpit: Cockpit, loopback: bool, host: str = "", name: str = "") -> None:
         """Called by tornado for each request."""
-        super().initialize(cockpit, loopback)
+        super().initialize(cockpit, loopback, host)
         self.file = _HERE / name
 
     def set_default_headers(self) -> None:
@@ -124,22 +153,25 @@ class Page(_Handler, tornado.websocket.WebSocketHandler):
     ring and comes with the next.
     """
 
+    known = commands = False
+
     def open(self, *_: str, **__: str) -> None:
         """A page has come."""
         self.next_bin, self.next_event, self._busy = 0, 0, False
-        if len(self.cockpit.pages) >= _PAGES:
-            self.close(1013, f"at most {_PAGES} pages")
+        token = self.request.query_arguments.get("token", [b""])[-1]
+        self.known = hmac.compare_digest(token, self.cockpit.token.encode())
+        if not self.cockpit.place(self):
+            self.close(1013, f"at most {WATCHERS} pages without the token")
             return
-        token = self.get_query_argument("token", "")
-        known = hmac.compare_digest(token.encode(), self.cockpit.token.encode())
-        self.commands = known and self.cockpit.hands is not None
-        self.cockpit.pages.add(self)
+        self.commands = self.known and self.cockpit.hands is not None
         self._say(self.cockpit.hello(self.commands))
         if isinstance(self.cockpit.source, BusSource):
             self.send_new(self.cockpit.state())
 
     def on_message(self, message: str | bytes) -> None:
-        """What the page asks for; what is no such thing is left unanswered."""
+        """What the page asks for; what is no such thing is left unanswered, and so is a page that has no place."""
+        if self not in self.cockpit.pages:
+            return
         try:
             asked = json.loads(message)
             kind = asked["ask"]
@@ -150,14 +182,12 @@ class Page(_Handler, tornado.websocket.WebSocketHandler):
                 refused = self.cockpit.hands.asked(self, asked)
                 if refused:
                     self._say({"kind": "refused", "words": refused})
-        except (ValueError, KeyError, TypeError, OverflowError):
+        except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
             return
 
     def on_close(self) -> None:
         """The page is gone."""
-        self.cockpit.pages.discard(self)
-        if self.cockpit.hands is not None:
-            self.cockpit.hands.left(self)
+        self.cockpit.leave(self)
 
     def send_new(self, state: dict[str, Any] | None) -> None:
         """The bins and events since the last time, and the `state` where there is one."""
@@ -205,6 +235,14 @@ class Page(_Handler, tornado.websocket.WebSocketHandler):
         tornado.ioloop.IOLoop.current().add_callback(wait)
 
 
+def _is_address(name: str) -> bool:
+    """Whether a host is told as an address: a name may be one of another site that leads here."""
+    with contextlib.suppress(ValueError):
+        ipaddress.ip_address(name)
+        return True
+    return False
+
+
 def bind(host: str, port: int) -> socket.socket:
     """A socket that listens there. Raises ValueError of one sentence where that cannot be."""
     try:
@@ -220,7 +258,13 @@ def bind(host: str, port: int) -> socket.socket:
 def serve(cockpit: Cockpit, listener: socket.socket, host: str, until: Callable[[], bool]) -> None:
     """Serve until `until` says so, which is asked every tenth of a second."""
     loop = tornado.ioloop.IOLoop.current()
-    server = tornado.httpserver.HTTPServer(cockpit.application(host in LOOPBACK), max_body_size=_LONGEST)
+    server = tornado.httpserver.HTTPServer(
+        cockpit.application(host in LOOPBACK, host),
+        max_body_size=_LONGEST,
+        max_header_size=4 * _LONGEST,
+        idle_connection_timeout=QUIET_S,
+        body_timeout=QUIET_S,
+    )
     server.add_socket(listener)
 
     def look() -> None:

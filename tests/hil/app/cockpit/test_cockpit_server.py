@@ -20,7 +20,7 @@ import tornado.websocket  # noqa: E402
 
 from hil.app.cockpit.facts import Facts  # noqa: E402
 from hil.app.cockpit.hands import Hands  # noqa: E402
-from hil.app.cockpit.server import Cockpit, bind  # noqa: E402
+from hil.app.cockpit.server import OPERATORS, WATCHERS, Cockpit, bind  # noqa: E402
 from hil.app.cockpit.source import BusSource, LogSource  # noqa: E402
 from hil.app.run.clock import Clock, ClockedBus  # noqa: E402
 from hil.bus.local import LocalBus  # noqa: E402
@@ -176,6 +176,132 @@ def test_only_the_right_token_commands(channel: str) -> None:
         assert served(Cockpit(source, hands=hands), talk) == [False, False, True]
         heard = list(iter(lambda: ear.recv(0), None))
         assert [message.arbitration_id for message in heard] == [setpoint]
+
+
+def test_those_without_the_token_leave_the_operators_places(channel: str) -> None:
+    """Watchers fill their own places; an operator gets in, is shown the run and stops it, and the seventeenth takes
+    the place of the oldest that is not armed.
+    """
+
+    async def talk(cockpit: Cockpit, where: str) -> None:
+        watchers = [await come(f"ws://{where}/socket") for _ in range(WATCHERS)]
+        refused = await tornado.websocket.websocket_connect(f"ws://{where}/socket?token=wrong")
+        assert await refused.read_message() is None
+        assert (refused.close_code, refused.close_reason) == (1013, f"at most {WATCHERS} pages without the token")
+        operators = [await come(f"ws://{where}/socket?token={cockpit.token}") for _ in range(OPERATORS)]
+        assert all(hello["commands"] for _, hello in operators)
+        await operators[0][0].write_message(json.dumps({"ask": "arm", "on": True}))
+        await operators[-1][0].write_message(json.dumps({"ask": "safe_stop"}))
+        await asyncio.sleep(0.1)
+        assert cockpit.hands is not None
+        cockpit.hands.cycle()
+        late, hello = await come(f"ws://{where}/socket?token={cockpit.token}")
+        assert hello["commands"]
+        gone = operators[1][0]
+        while await gone.read_message() is not None:
+            pass
+        assert gone.close_reason == "a newer page with the token took this place"
+        assert len(cockpit.pages) == WATCHERS + OPERATORS
+        for page in (late, *(page for page, _ in [*watchers, *operators] if page is not gone)):
+            await left(page)
+
+    with LocalBus(channel) as bus, LocalBus(channel) as ear:
+        source = BusSource(bus, Clock(), FACTS)
+        served(Cockpit(source, hands=Hands(source, Path("x.toml"), OperatorLimits(accept=True))), talk)
+        heard = {message.arbitration_id for message in iter(lambda: ear.recv(0), None)}
+        assert CATALOGUE["SafeStop"].id in heard
+
+
+NONSENSE: tuple[str | bytes, ...] = (
+    "[" * 3000,
+    '{"a":' * 800,
+    '{"ask": ' + "[" * 3000,
+    "",
+    "null",
+    "1",
+    '"ask"',
+    "[]",
+    "{}",
+    '{"ask": null}',
+    '{"ask": ["start"]}',
+    '{"ask": {"start": 1}}',
+    '{"ask": "hold"}',
+    '{"ask": "hold", "mode": [], "value": {}}',
+    '{"ask": "hold", "mode": "speed", "value": NaN}',
+    '{"ask": "hold", "mode": "speed", "value": ' + "9" * 4000 + "}",
+    '{"ask": "hold", "mode": "speed", "value": "1e-3"}',
+    '{"ask": "arm"}',
+    '{"ask": "window", "begin_s": -1e308, "end_s": 1e308, "pixels": 9}',
+    '{"ask": "window", "begin_s": NaN, "end_s": 1, "pixels": 9}',
+    '{"ask": "window", "begin_s": 0, "end_s": 1, "pixels": 1e999}',
+    '{"ask": "window", "begin_s": 0, "end_s": 1, "pixels": -1}',
+    '{"ask": "window", "begin_s": 0, "end_s": 5e-324, "pixels": 99999999}',
+    '{"ask": "window", "begin_s": [0], "end_s": {}, "pixels": null}',
+    '{"ask": "\\ud800"}',
+    b"\xff\xfe\x00",
+    b"\x00" * 4000,
+    b"[" * 3000,
+)
+
+
+@pytest.mark.parametrize("live", [True, False])
+def test_no_message_and_no_request_is_a_traceback(
+    log: LogSource, channel: str, live: bool, caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Whatever a page sends, it is answered or left unanswered, and the next page is served; one that is too long ends
+    the page that sent it.
+    """
+
+    async def talk(cockpit: Cockpit, where: str) -> None:
+        for token in ("", cockpit.token, "%ff", "%ed%a0%80", "a&token=b", "x" * 3000):
+            page, _ = await come(f"ws://{where}/socket?token={token}")
+            for message in NONSENSE:
+                await page.write_message(message, binary=isinstance(message, bytes))
+            await left(page)
+        page, _ = await come(f"ws://{where}/socket")
+        await page.write_message("x" * 100_000)
+        await left(page)
+        for path in ("/socket", "/?token=%ff", "/%ff", "/a\\b", "/page.html", "/" + "x" * 3000):
+            assert (await fetched(f"http://{where}{path}")).code in (200, 400, 404, 426)
+        for method in ("POST", "PUT", "DELETE", "PATCH", "OPTIONS"):
+            for path in ("/", "/socket"):
+                body = {} if method in ("DELETE", "OPTIONS") else {"body": "[" * 3000}
+                assert (await fetched(f"http://{where}{path}", method=method, **body)).code in (400, 405)
+        for raw in (b"\x00" * 100, b"GET / HTTP/1.1\r\nHost: [\r\n\r\n", b"GET / HTTP/1.1\r\n: x\r\n\r\n"):
+            reader, writer = await asyncio.open_connection(*where.split(":"))
+            writer.write(raw)
+            writer.write_eof()
+            await reader.read()
+            writer.close()
+        assert (await fetched(f"http://{where}/")).code == 200
+
+    if live:
+        with LocalBus(channel) as bus:
+            source = BusSource(bus, Clock(), FACTS)
+            served(Cockpit(source, hands=Hands(source, Path("x.toml"), OperatorLimits(accept=True))), talk)
+    else:
+        served(Cockpit(log), talk)
+    assert [record for record in caplog.records if record.exc_info] == []
+    assert "Traceback" not in caplog.text + "".join(capfd.readouterr())
+
+
+def test_a_cockpit_for_others_answers_addresses_alone(log: LogSource) -> None:
+    """Another site's name that leads to this machine is not answered there, either."""
+
+    async def go() -> list[int]:
+        listener = bind("127.0.0.1", 0)
+        server = tornado.httpserver.HTTPServer(Cockpit(log).application(False, "lab-pc"))
+        server.add_socket(listener)
+        address = f"http://127.0.0.1:{listener.getsockname()[1]}/"
+        try:
+            hosts = ("evil.example", "127.0.0.1", "10.1.2.3:80", "[fe80::1]", "lab-pc", "localhost")
+            return [(await fetched(address, headers={"Host": host})).code for host in hosts]
+        finally:
+            server.stop()
+            await server.close_all_connections()
+            await asyncio.sleep(0.1)
+
+    assert asyncio.run(go()) == [403, 200, 200, 200, 200, 200]
 
 
 def test_a_port_that_is_taken_is_a_sentence() -> None:

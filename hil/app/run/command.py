@@ -29,7 +29,8 @@ from hil.bus.authenticated import AuthenticatedBus, authenticator
 from hil.bus.catalogue import Catalogue, load_catalogue
 from hil.bus.key import next_epoch, read_key
 from hil.bus.local import LocalBus
-from hil.log.log import FrameLog, record_path
+from hil.log.log import FrameLog
+from hil.log.place import record_path
 from hil.log.recorder import Recorder, log_record
 from hil.nodes.actuators import ActuatorTable, carriage_bus, set_up
 from hil.nodes.carriage_bus import CarriageBus
@@ -338,12 +339,13 @@ def _document(
 ) -> dict[str, object]:
     grid, missing = outcome.grid, frames_log.dropped + frames_log.lost
     whole = not missing and not frames_log.troubles
+    not_kept = [] if whole or ENDS[outcome.end][0] else frames_log.troubles[-1:]
     return {
         "rig": str(path),
         "controller": node.task.controller,
         "dry_run": dry_run,
         "end": outcome.end if whole or ENDS[outcome.end][0] else "log",
-        "ended": outcome.ended,
+        "ended": "; ".join([outcome.ended, *not_kept]),
         "led": outcome.led,
         "ticks": grid.ticks,
         "missed_ticks": grid.missed,

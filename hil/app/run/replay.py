@@ -22,7 +22,7 @@ from hil.app.scenario.deployment import parse_deployment
 from hil.app.scenario.model_offer import Offered, offer_of
 from hil.bus.catalogue import Catalogue, load_catalogue
 from hil.log.blf_file import LOST, NOTED, RECEIVED, Logged
-from hil.log.log import FORMAT, record_path
+from hil.log.place import FORMAT, record_path
 from hil.log.reader import read_frames, read_log_record
 from hil.log.recorder import ACKNOWLEDGED, CUT, EXACT, HEARD, START, STOP, UNSOLVED, code_version
 from hil.nodes.controller.node import ControllerNode, Task

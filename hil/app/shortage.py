@@ -1,5 +1,5 @@
-"""What the system gives a process too little of, in a sentence; a file of its own so that it can be said before anything
-else is loaded.
+"""What the system gives a process too little of, in a sentence; a file of its own so that it can be said before
+anything else is loaded.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Standard input, output and error that no command dies of: full, closed or read by nobody. A file of its own so that it
-holds before anything else is loaded.
+"""Standard input, output and error that no command dies of: full, closed or read by nobody. A file of its own so that
+it holds before anything else is loaded.
 """
 
 from __future__ import annotations

@@ -79,13 +79,7 @@ def panels_of(wiring: FrameMap, catalogue: Catalogue) -> tuple[Panel, ...]:
             "Position",
             "mm",
             (
-                Line(
-                    "localisation",
-                    "CapsuleLocalisation",
-                    _said("CapsuleLocalisation", "Position_m", _MM),
-                    "grey",
-                    "faint",
-                ),
+                _said("localisation", "CapsuleLocalisation", "Position_m", _MM, "grey", "faint"),
                 Line(f"estimate ± {STDS:g}σ", "BelievedMotion", _band, "teal", "band"),
                 _said("estimate", "BelievedMotion", "Position_m", _MM, "teal"),
                 Line("reference", "WantedMotion", _wanted, "amber", "dash"),

@@ -15,11 +15,12 @@ from typing import Any, Final
 import can
 
 from hil.app.console import notes, output_to_notes, print_json, summary
+from hil.app.ends import RUN_ENDS
 from hil.app.learn.identify import Background
 from hil.app.learn.learner import Learner, Lesson, check_learnt
 from hil.app.run.check import check, limits_point, rehearse
 from hil.app.run.clock import Clock, ClockedBus
-from hil.app.run.loop import ENDS, Outcome, Signals, lead, prepare_process, reset
+from hil.app.run.loop import Outcome, Signals, lead, prepare_process, reset
 from hil.app.scenario.deployment import BusTable, Deployment, load_deployment
 from hil.app.scenario.model_health import health_words
 from hil.app.scenario.model_health import told as health_told
@@ -62,7 +63,7 @@ def run(
     mcap: Path | None = None,
 ) -> int:
     """Lead the drive that the rig file `path` names, or only check; 0 where all went as asked, 1 where it did not
-    (`hil.app.run.loop.ENDS`). A `reference` file takes the place of its own. The log's writer writes `mcap`, too.
+    (`hil.app.ends.RUN_ENDS`). A `reference` file takes the place of its own. The log's writer writes `mcap`, too.
 
     The action "reset" acknowledges a fault that the drive has latched, and does nothing else: that takes an operator's
     word. With `dry_run` everything is listened to and computed and nothing is sent. With `learn` a model that breaks is
@@ -118,7 +119,7 @@ def _run(
             else:
                 led = _lead(deployment, bus, dry_run, logs, resets=action == "reset", learns=learn)
                 outcome, node, frames_log, lessons = led
-                if ENDS[outcome.end][0] and (trouble := _told_by_drive(bus)):
+                if RUN_ENDS[outcome.end].status and (trouble := _told_by_drive(bus)):
                     outcome.ended += f"; {trouble}"
         finally:
             bus.shutdown()
@@ -143,7 +144,7 @@ def _run(
         print_json(found)
     else:
         _say(found, lessons)
-    return ENDS[str(found["end"])][0]
+    return RUN_ENDS[str(found["end"])].status
 
 
 def _not_begun(path: Path, words: str, json_output: bool) -> int:
@@ -153,7 +154,7 @@ def _not_begun(path: Path, words: str, json_output: bool) -> int:
         print_json({"rig": str(path), "end": "other_controller", "ended": ended, "led": False, "ticks": 0, "log": None})
     else:
         summary().print(f"ended: {ended}", markup=False, soft_wrap=True)
-    return ENDS["other_controller"][0]
+    return RUN_ENDS["other_controller"].status
 
 
 def open_bus(table: BusTable, folder: Path = Path()) -> can.BusABC:
@@ -339,12 +340,12 @@ def _document(
 ) -> dict[str, object]:
     grid, missing = outcome.grid, frames_log.dropped + frames_log.lost
     whole = not missing and not frames_log.troubles
-    not_kept = [] if whole or ENDS[outcome.end][0] else frames_log.troubles[-1:]
+    not_kept = [] if whole or RUN_ENDS[outcome.end].status else frames_log.troubles[-1:]
     return {
         "rig": str(path),
         "controller": node.task.controller,
         "dry_run": dry_run,
-        "end": outcome.end if whole or ENDS[outcome.end][0] else "log",
+        "end": outcome.end if whole or RUN_ENDS[outcome.end].status else "log",
         "ended": "; ".join([outcome.ended, *not_kept]),
         "led": outcome.led,
         "ticks": grid.ticks,

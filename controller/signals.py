@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
@@ -40,7 +41,8 @@ class Estimate:
     (n,), a slowly varying `disturbance_N` along +x that the model lacks; `lost` when it should not be acted on.
     `adapted`, where the estimator learns, says the same with other parameters: `disturbance_N` is what the model's own
     ones lack in the present motion. `innovations` are by how many standard deviations the positions taken in with it
-    were off what was expected, signed.
+    were off what was expected, signed; `surprise` is that of the newest position, be it taken in or refused, NaN where
+    none came.
     """
 
     time_s: float
@@ -50,6 +52,7 @@ class Estimate:
     lost: bool = False
     adapted: Adapted | None = None
     innovations: tuple[float, ...] = ()
+    surprise: float = math.nan
 
 
 class Reference(Protocol):

@@ -123,6 +123,7 @@ class Receiver(ABC):
         self._count = 0
         self._command = command
         self._innovations: list[float] = []
+        self._surprise = math.nan
         self._watch = Watch(self.noise, self.counts)
         self._offset = 0.0
 
@@ -137,6 +138,7 @@ class Receiver(ABC):
             self._count = min(self._count + 1, self._kept)
         self._command = command
         self._innovations.clear()
+        self._surprise = math.nan
         for m in sorted(measurements[-_MOST_A_TICK:], key=lambda m: m.stamp_s if m.stamp_s == m.stamp_s else math.inf):
             self._take(m, now)
         estimate = self._estimate(now) if self._count else None
@@ -164,6 +166,7 @@ class Receiver(ABC):
             self._offset = off if abs(off) > _FOLLOWS * self.noise.carriage_std_m else 0.0
         else:
             size = self._fuse(back, m)
+            self._surprise = size if position else self._surprise
             if position and abs(size) <= self.noise.gate:
                 self._watch.accept(m.value, m.stamp_s, now)
                 self._innovations.append(size)

@@ -266,4 +266,5 @@ class Estimator(Receiver):
             self._watch.lost(now, float(std[0])),
             adapted,
             tuple(self._innovations),
+            self._surprise,
         )

@@ -231,4 +231,5 @@ class ParticleEstimator(Receiver):
             self._watch.lost(now, float(cloud.std[0])),
             adapted,
             tuple(self._innovations),
+            self._surprise,
         )

@@ -15,7 +15,7 @@ from models.effects import BY_ID
 from models.files.rig import Rig
 from models.identification.finding import STAGES
 from models.identification.kinds import kind_for
-from models.identification.model import Model
+from models.identification.model import SEAL, Model
 from models.parameter import nearest
 
 
@@ -63,12 +63,18 @@ class AcceptanceTest:
         for name in (stage, current):
             if isinstance(name, str) and name not in STAGES:
                 raise ValueError(f"stage must be one of {', '.join(STAGES)}; got {name!r}; {nearest(name, STAGES)}")
-        return Verdict((*_kind(report, model, rig), *self._error(report, stage, current), *_bounds(model, rig, stage)))
+        return Verdict(
+            (
+                *_kind(report, model, rig),
+                *_one(report, model, stage),
+                *self._error(report, stage, current),
+                *_bounds(model, rig, stage),
+            )
+        )
 
     def _error(self, report: Mapping[str, Any], stage: str, current: str | float) -> tuple[str, ...]:
-        error = report.get("error")
-        held = error.get("holdout") if isinstance(error, Mapping) else None
-        if not isinstance(held, Mapping) or not _is_error(held.get(stage)):
+        held = _held_out(report)
+        if not _is_error(held.get(stage)):
             return (f"held-out error of the {stage} model must be in the report; it is missing",)
         new, old = number(held[stage]), number(held.get(current)) if isinstance(current, str) else number(current)
         if not _is_error(old):
@@ -76,6 +82,23 @@ class AcceptanceTest:
         if not new <= self.share * old:
             return (f"held-out error must be at most {self.share:g} of the current model's {old:.4g}; got {new:.4g}",)
         return ()
+
+
+def _held_out(report: Mapping[str, Any]) -> Mapping[str, Any]:
+    error = report.get("error")
+    held = error.get("holdout") if isinstance(error, Mapping) else None
+    return held if isinstance(held, Mapping) else {}
+
+
+def _one(report: Mapping[str, Any], model: Model, stage: str) -> tuple[str, ...]:
+    """Whether the model is whole and the report its own."""
+    reasons: tuple[str, ...] = ()
+    if not model.sealed:
+        reasons = (f"model must carry its checksum: {SEAL} writes it",)
+    own, told = model.held_out.get(stage), number(_held_out(report).get(stage))
+    if own is not None and not math.isclose(own, told, rel_tol=1e-9):
+        reasons += (f"report must be the one of the model, whose held-out error is {own:.4g}; got {told:.4g}",)
+    return reasons
 
 
 def _is_error(value: object) -> bool:

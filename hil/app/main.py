@@ -665,9 +665,6 @@ def run(args: Sequence[str]) -> int:
         return _said(str(error), INTERRUPTED)
     except typer.TyperException as error:
         return _said(_usage(error, args), BAD_INPUT)
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
     except OSError as error:
         return _said(file_trouble(error), BAD_INPUT)
     except ValueError as error:

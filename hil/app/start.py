@@ -1,4 +1,6 @@
-"""Where the program begins: an interruption while it is still being loaded ends with a sentence, too."""
+"""Where the program begins: an interruption, full streams and too little memory end with a sentence while it is still
+being loaded, too.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +8,10 @@ import os
 import sys
 
 from hil.app.interruption import INTERRUPTED, INTERRUPTION
+from hil.app.shortage import shortage, too_little
+from hil.app.streams import Streams
+
+BAD_INPUT = 2
 
 
 def leave_current_folder() -> None:
@@ -19,15 +25,27 @@ def leave_current_folder() -> None:
 
 def main() -> None:
     """Run the command line and end with its status."""
+    streams = Streams()
+    sys.exit(streams.status(_status(sys.argv[1:])))
+
+
+def _status(arguments: list[str]) -> int:
     leave_current_folder()
+    if words := too_little(arguments):
+        print("capsule:", words, file=sys.stderr)
+        return BAD_INPUT
     try:
         from hil.app.main import run
 
-        status = run(sys.argv[1:])
+        return run(arguments)
     except KeyboardInterrupt:
         print("capsule:", INTERRUPTION, file=sys.stderr)
-        status = INTERRUPTED
-    sys.exit(status)
+        return INTERRUPTED
+    except (MemoryError, ImportError, OSError) as error:
+        if not (words := shortage(error)):
+            raise
+        print("capsule:", words, file=sys.stderr)
+        return BAD_INPUT
 
 
 if __name__ == "__main__":

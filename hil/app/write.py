@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.app.shortage import shortage
 from models.files.writing import writing
 
 
@@ -33,8 +34,12 @@ def write_files(contents: Mapping[Path, str | bytes]) -> None:
 
 
 def file_trouble(error: OSError) -> str:
-    """A file that could not be read or written, as a sentence."""
-    return f"{error.filename or 'file'} must be one that can be read or written; got: {error.strerror or error}"
+    """What the system refused, as a sentence: a file, or what there was too little of."""
+    if words := shortage(error):
+        return words
+    if error.filename is None:
+        return f"the system must grant what the command needs; got: {error.strerror or error}"
+    return f"{error.filename} must be one that can be read or written; got: {error.strerror or error}"
 
 
 def table_text(columns: Mapping[str, NDArray[np.float64]]) -> str:
@@ -102,8 +107,9 @@ def check_file(path: Path, option: str, endings: tuple[str, ...]) -> Path:
     """Refuse a file name that cannot be written, before any work is done for it."""
     if not path.name.lower().endswith(endings):
         raise ValueError(f"{option} must be a file name that ends in {' or '.join(endings)}; got {path}")
-    if path.is_dir():
-        raise ValueError(f"{option} must be a file; got the folder {path}")
+    if path.exists() and not path.is_file():
+        got = "folder" if path.is_dir() else "device, pipe or socket"
+        raise ValueError(f"{option} must be a file; got the {got} {path}")
     check_folder(path.absolute().parent, f"folder of {option}")
     return path
 

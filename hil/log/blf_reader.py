@@ -45,6 +45,23 @@ def read_blf(path: Path, tell: Tell) -> Iterator[Logged]:
         yield from _Reading(path, file, tell).frames()
 
 
+def whole(path: Path) -> bool:
+    """Whether the file holds one object after the other from its header to the end that the header states."""
+    try:
+        with path.open("rb") as file:
+            head, size = _FILE.unpack(file.read(_FILE.size)), file.seek(0, 2)
+            at = max(int(head[1]), _FILE.size)
+            while at < size:
+                file.seek(at)
+                mark, _, _, length, _ = _BASE.unpack(file.read(_BASE.size))
+                if mark != b"LOBJ" or length < _BASE.size:
+                    return False
+                at += length + length % 4
+            return at >= size and size == int(head[10])
+    except (OSError, struct.error):
+        return False
+
+
 class _Reading:
     """One file; `place` is the offset of the object of the file that is being read."""
 

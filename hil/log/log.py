@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
-import json
 import os
 import subprocess
 import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Self
 
 from hil.log.blf_file import LATEST_S, PACKED, RECEIVED, SENT, WITHHELD, BlfFile, Logged
+from hil.log.place import check_regular, claim, missing, stands, write_record
 from hil.log.writer_process import TROUBLE
 from hil.own_process import own_environment, own_module
 
@@ -22,91 +23,12 @@ if TYPE_CHECKING:
     from hil.log.mcap_log import McapLog
 
 ROOM: Final = 1 << 20
-FORMAT: Final = 2
 _F_SETPIPE_SZ: Final = 1031
 _STOP_S: Final = 30.0
 _AGAIN_S: Final = 1.0
 _BEGINS_S = 10.0
 _TOGETHER: Final = 4096 // PACKED.size
 """Frames that the pipe takes together or not at all."""
-_MOST_NAMES: Final = 1000
-
-
-def record_path(path: Path) -> Path:
-    """Where the record of the log `path` stands: beside it, ending in `.json`."""
-    return path.with_suffix(".json")
-
-
-def keep_older(path: Path) -> Path | None:
-    """Move a log that stands at `path`, and its record, to the first free name `NAME-1.blf`, `NAME-2.blf`, ...; that
-    name, None where there is no such log. Raises ValueError where it cannot be moved.
-    """
-    if not path.exists():
-        return None
-    number = 1
-    while (kept := path.with_name(f"{path.stem}-{number}{path.suffix}")).exists() or record_path(kept).exists():
-        number += 1
-    try:
-        path.rename(kept)
-        if record_path(path).exists():
-            record_path(path).rename(record_path(kept))
-    except OSError as error:
-        raise ValueError(f"{path}: older log must be one that can be moved; got: {error.strerror or error}") from None
-    return kept
-
-
-def claim(path: Path) -> tuple[int, Path, Path | None]:
-    """A log's file for this run alone: a lock on it (a file descriptor), its name, and the name of an older log that
-    stood there (`keep_older`). Where another run is writing to `path` the name is `NAME-run2.blf`, `NAME-run3.blf`, ...
-    Raises ValueError where there is none to be had.
-    """
-    kept: Path | None = None
-    number, wanted = 1, path
-    for _ in range(_MOST_NAMES):
-        try:
-            lock = os.open(wanted, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o644)
-            if _locked(lock, wanted):
-                return lock, wanted, kept
-            os.close(lock)
-        except FileExistsError:
-            lock = os.open(wanted, os.O_RDWR)
-            if _locked(lock, wanted) and os.fstat(lock).st_size:
-                kept = keep_older(wanted)
-            else:
-                number += 1
-                wanted = path.with_name(f"{path.stem}-run{number}{path.suffix}")
-            os.close(lock)
-        except OSError as error:
-            raise ValueError(
-                f"{path}: log must be a file that can be written; got: {error.strerror or error}"
-            ) from None
-    raise ValueError(f"{path}: log must have a name that is free; got {_MOST_NAMES} that are not")
-
-
-def _locked(lock: int, path: Path) -> bool:
-    """Whether the open file is now this run's alone, and still the one at `path`."""
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        return os.fstat(lock).st_ino == path.stat().st_ino
-    except OSError:
-        return False
-
-
-def write_record(path: Path, record: Mapping[str, Any]) -> None:
-    """Write the record of the log `path`, complete or not at all. Raises ValueError for a path that is no BLF file or
-    cannot be written.
-    """
-    if path.suffix != ".blf":
-        raise ValueError(f"log must be a file name that ends in .blf; got {path}")
-    target = record_path(path)
-    temporary = target.with_name(f".{target.name}.{os.getpid()}")
-    try:
-        temporary.write_text(
-            json.dumps({"format": FORMAT, **record}, indent=2, sort_keys=True) + "\n", encoding="utf-8"
-        )
-        temporary.replace(target)
-    except OSError as error:
-        raise ValueError(f"{path}: log must be a file that can be written; got: {error.strerror or error}") from None
 
 
 class NodeLog(ABC):
@@ -116,6 +38,7 @@ class NodeLog(ABC):
 
     def __init__(self, path: Path, record: Mapping[str, Any]) -> None:
         """Begin the log `path` (.blf) with its `record`. Raises ValueError where they cannot be written."""
+        check_regular(path)
         write_record(path, record)
         self._record = dict(record)
         self.path, self.dropped, self.written = path, 0, 0
@@ -151,6 +74,12 @@ class NodeLog(ABC):
     @abstractmethod
     def _write(self, frames: Sequence[Logged]) -> int:
         """Write frames; how many were taken."""
+
+    def _end_record(self) -> None:
+        """Say in the record how many frames and notes the log holds: one that holds fewer was cut off. Raises
+        ValueError as the constructor.
+        """
+        self.add_to_record({"entries": self.written})
 
     @abstractmethod
     def close(self) -> None:
@@ -200,7 +129,7 @@ class FrameLog(NodeLog):
             fcntl.fcntl(self._pipe, _F_SETPIPE_SZ, ROOM)
         os.set_blocking(self._pipe, False)
         self.troubles: list[str] = []
-        self.lost, self._mcap = 0, mcap
+        self.lost, self._mcap, self._taken = 0, mcap, False
         self._tell, self._priority, self._on_file, self._closing = tell, 0, 0, threading.Event()
         self._begun = threading.Event()
         self._writer = self._begin()
@@ -227,27 +156,38 @@ class FrameLog(NodeLog):
 
     def _watched(self) -> None:
         """Follow the writer, and begin another one where it dies."""
-        while True:
+        for begun in count(1):
             before, word = self._on_file, ""
             assert self._writer.stdout is not None
             with self._writer.stdout as said:
                 for line in said:
                     word = line.strip()
                     if word.startswith(TROUBLE):
-                        self.troubles.append(word.removeprefix(TROUBLE))
-                        self._tell(self.troubles[-1])
+                        self._trouble(word.removeprefix(TROUBLE))
                         continue
                     self._on_file = before + int(word) if word.isdigit() else self._on_file
                     self._begun.set()
+                    if not self._taken and not stands(self._lock, self.path):
+                        self._taken = True
+                        self._tell(f"log {self.path}: its file was taken away; what follows is not kept")
             status = self._writer.wait()
             if status == 0 or self._closing.is_set():
                 return
             why = f"by signal {-status}" if status < 0 else word
-            self.troubles.append(f"log {self.path}: its writer ended ({why}); frames are missing")
-            self._tell(f"{self.troubles[-1]}; another one goes on")
-            if status > 0 or len(self.troubles) > 1:
+            self._trouble(f"log {self.path}: its writer ended ({why}); frames are missing", "; another one goes on")
+            if status > 0 or begun > 1:
                 self._closing.wait(_AGAIN_S)
-            self._writer = self._begin("append")
+            try:
+                self._writer = self._begin("append")
+            except OSError as error:
+                self._trouble(f"log {self.path}: no writer can be begun: {error.strerror or error}")
+                return
+
+    def _trouble(self, sentence: str, more: str = "") -> None:
+        """Keep and tell a trouble, once."""
+        if sentence not in self.troubles:
+            self.troubles.append(sentence)
+            self._tell(sentence + more)
 
     def _write(self, frames: Sequence[Logged]) -> int:
         if self._pipe < 0:
@@ -258,9 +198,7 @@ class FrameLog(NodeLog):
             try:
                 os.write(self._pipe, b"".join(frame.packed() for frame in some))
             except OSError:
-                if not self.dropped:
-                    self.troubles.append(f"log {self.path}: frames are dropped, its writer does not take them in time")
-                    self._tell(self.troubles[-1])
+                self._trouble(f"log {self.path}: frames are dropped, its writer does not take them in time")
                 break
             taken += len(some)
         return taken
@@ -285,10 +223,18 @@ class FrameLog(NodeLog):
             self._writer.kill()
             self._watch.join()
         os.close(self._reading)
-        os.close(self._lock)
         self.lost = max(self.written - self._on_file, 0)
         if self.lost:
             self.troubles.append(f"log {self.path}: {self.lost} frames that were handed to its writer are not on file")
+        if words := missing(self._lock, self.path):
+            self.lost = self.written
+            self.troubles.append(f"log {self.path}: {words}")
+        else:
+            try:
+                self._end_record()
+            except ValueError as error:
+                self.troubles.append(str(error))
+        os.close(self._lock)
 
 
 def _unused(path: Path) -> Path:
@@ -327,3 +273,4 @@ class LockstepLog(NodeLog):
         self._file.stop()
         if self._mcap is not None:
             self._mcap.close()
+        self._end_record()

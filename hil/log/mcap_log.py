@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
+from hil.bus.absent import without_absent
 from hil.bus.catalogue import load_catalogue
 from hil.bus.codec import Refusal
 from hil.bus.protection import Receiver, Reception
@@ -41,7 +42,7 @@ class McapLog:
             if frame.id not in self._begun:
                 self._begun.add(frame.id)
                 self._topics.add(known.name, {field.name: field.unit for field in known.fields})
-            self._topics.write(known.name, frame.time_ns, values)
+            self._topics.write(known.name, frame.time_ns, without_absent(known.name, values))
 
     def flush(self) -> None:
         """Hand what is in whole chunks to the operating system."""

@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.bus.absent import without_absent
 from hil.bus.catalogue import Catalogue, load_catalogue
 from hil.bus.codec import Refusal
 from hil.bus.protection import Receiver
@@ -76,7 +77,8 @@ def read_rig_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient:
 
 
 def log_channels(path: Path, tell: Tell | None = None) -> list[Channel]:
-    """Every signal of the good frames of the log `path` as a channel `Frame/Signal`, at the frames' times of arrival.
+    """Every signal of the good frames of the log `path` as a channel `Frame/Signal`, at the frames' times of arrival,
+    NaN where it says nothing.
     `tell` as `read_frames`. Raises ValueError of one sentence.
     """
     reading = _Reading(str(path), load_catalogue())
@@ -84,8 +86,9 @@ def log_channels(path: Path, tell: Tell | None = None) -> list[Channel]:
     channels: list[Channel] = []
     for name, frames in reading.good.items():
         times, kept = _increasing(np.array([t for t, _ in frames]))
+        heard = [without_absent(name, v) for _, v in frames]
         for one in reading.catalogue[name].fields:
-            values = np.array([v[one.name] for _, v in frames], dtype=float)[kept]
+            values = np.array([v[one.name] for v in heard], dtype=float)[kept]
             heading = Heading(f"{name}/{one.name}", one.unit, name, clocked=True, samples=len(values))
             channels.append(Channel(heading, values, times))
     if not channels:

@@ -12,13 +12,13 @@ from typing import Final
 
 import can
 
+from hil.bus.absent import NOT_MEASURED_C
 from hil.bus.catalogue import Catalogue
 from hil.bus.codec import Codec
 from hil.bus.protection import Sender
 from hil.bus.wrapping import WrappingBus
 from hil.nodes.frame_map import BOOT, FASTEST_M_S, FAULT, QUICK_STOP_M_S2, STANDBY, STOPPING, WAITING
 
-ROOM_TEMPERATURE_C: Final = 20.0
 _SPOKEN: Final = ("CarriageFeedback", "CarriageHeartbeat", "CarriageFault")
 _HEARD: Final = ("CarriageCommand", "ControllerHeartbeat", "DriveReset", "SafeStop", "Sync")
 _NODE_STATES: Final = {BOOT: 0, STANDBY: 1, WAITING: 1, STOPPING: 3, FAULT: 4}
@@ -144,7 +144,7 @@ class CarriageBus(WrappingBus):
     def feed(self, state: int, place_m: float, speed_m_s: float, stamp: float) -> None:
         """Let the controller hear a feedback, `state` in the catalogue's numbers."""
         speed = min(max(speed_m_s, -FASTEST_M_S), FASTEST_M_S)
-        temperature = {"State": float(state), "Temperature_degC": ROOM_TEMPERATURE_C}
+        temperature = {"State": float(state), "Temperature_degC": NOT_MEASURED_C}
         self._hear("CarriageFeedback", {"Position_m": place_m, "Velocity_m_s": speed, **temperature}, stamp)
 
     def beat(self, state: int, stamp: float, *, anew: bool = False) -> None:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+import re
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +40,8 @@ def read_model(path: Path, kind: str, *others: str) -> Model:
         model = Model.from_toml(text)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+    if not model.sealed:
+        _tell_unsealed(path)
     if model.kind not in (kind, *others):
         raise ValueError(
             f"{path}: model must be one of a {' or '.join((kind, *others))} rig; got one of a {model.kind} rig"
@@ -49,6 +55,8 @@ def read_report(path: Path) -> dict[str, Any]:
 
 
 FORMAT = 1
+CHECKSUM = "checksum"
+SEAL = "'python -m models.identification.seal MODEL.toml'"
 HELD_OUT = "held_out_error"
 """The name, among the values that a controller is given, of how far off the model was on records that no fit has seen.
 """
@@ -59,7 +67,8 @@ class Model:
     """`stages` maps nominal, calibrated and augmented to values: base parameters by name, effects' as `effect_id.name`.
     `held_out` maps them to the error of the free-running prediction of held-out records, in the measured column's unit;
     empty where none were held out; `cautions` say of a stage that it errs more there than an earlier one.
-    `own_effects` names file and SHA-256 of each effect from outside that it uses.
+    `own_effects` names file and SHA-256 of each effect from outside that it uses. It is `sealed` but where its file
+    carries no checksum.
     """
 
     kind: str
@@ -69,6 +78,7 @@ class Model:
     held_out: dict[str, float] = field(default_factory=dict)
     own_effects: dict[str, dict[str, str]] = field(default_factory=dict)
     cautions: dict[str, str] = field(default_factory=dict)
+    sealed: bool = field(default=True, compare=False)
 
     def believed(self, stage: str) -> dict[str, float]:
         """The values of `stage` for a controller, with its held-out error as `HELD_OUT` where that is known."""
@@ -91,7 +101,7 @@ class Model:
                 *(f"{json.dumps(name)} = {value!r}" for name, value in self.stages[stage].items()),
                 "",
             ]
-        return "\n".join(lines)
+        return sealed("\n".join(lines))
 
     @classmethod
     def from_toml(cls, text: str) -> Model:
@@ -101,6 +111,7 @@ class Model:
             raise ValueError(
                 f"model must have 'format' = {FORMAT} and a 'kind', as close-loop writes it; got {sorted(raw)[:6]}"
             )
+        _check_checksum(raw)
         own_effects = _own_effects(raw.get("own_effects", {}))
         stages = {stage: _values(raw.get(stage), stage) for stage in STAGES}
         provenance = raw.get("provenance", {})
@@ -108,7 +119,9 @@ class Model:
             raise ValueError(f"model must have a table [provenance]; got {provenance!r}")
         told = {str(k): str(v) for k, v in provenance.items()}
         errors, cautions = _errors(raw.get("held_out", {})), _cautions(raw.get("cautions", {}))
-        return cls(raw["kind"], stages, str(raw.get("verdict", "")), told, errors, own_effects, cautions)
+        return cls(
+            raw["kind"], stages, str(raw.get("verdict", "")), told, errors, own_effects, cautions, CHECKSUM in raw
+        )
 
     def predict(self, rig: Rig, record: Record, stage: str = "augmented") -> dict[str, NDArray[np.float64]]:
         """The measured columns as this model predicts them from the driven columns of `record` alone."""
@@ -141,6 +154,35 @@ class Model:
                 )
             own = [(p, p.fit) for p in effect_parameters([effects[name] for name in present])]
             _check_values(stage, values, [*((p, True) for p in base), *own])
+
+
+def sealed(text: str) -> str:
+    """The text of a model file with the checksum of its content, which neither comments nor the order of keys change.
+    Raises ValueError for no TOML.
+    """
+    line = f'{CHECKSUM} = "{_checksum(parse_toml(text, "model"))}"'
+    bare = re.sub(rf"^{CHECKSUM}\s*=.*\n", "", text, count=1, flags=re.MULTILINE)
+    return f"{line}\n{bare}"
+
+
+def _checksum(raw: Mapping[str, Any]) -> str:
+    content = {key: value for key, value in raw.items() if key != CHECKSUM}
+    return hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()[:16]
+
+
+def _check_checksum(raw: Mapping[str, Any]) -> None:
+    """Raises ValueError where a model file carries a checksum of another content."""
+    if CHECKSUM in raw and raw[CHECKSUM] != _checksum(raw):
+        raise ValueError(
+            f"model must be whole, as it was written with checksum {shown(raw[CHECKSUM])}; got content of"
+            f" {_checksum(raw)!r}: it is cut off or damaged, or was changed by hand: then {SEAL} seals it anew"
+        )
+
+
+@cache
+def _tell_unsealed(path: Path) -> None:
+    """Said once on standard error."""
+    print(f"{path}: model carries no checksum, so nothing tells whether it is whole; {SEAL} seals it", file=sys.stderr)
 
 
 def _check_values(stage: str, values: Mapping[str, float], declared: Sequence[tuple[Parameter, bool]]) -> None:

@@ -18,12 +18,12 @@ from hil.app.cockpit.source import BusSource, LogSource
 from hil.app.console import notes, output_to_notes, print_json, summary
 from hil.app.run.clock import Clock, ClockedBus
 from hil.app.run.command import open_bus
+from hil.app.run.log_task import task_of
 from hil.app.run.loop import Signals
-from hil.app.run.replay import task_of
 from hil.app.scenario.bus_scenario import load_sil_scenario, watched_bus
 from hil.app.scenario.deployment import load_deployment
 from hil.bus.catalogue import Catalogue, load_catalogue
-from hil.log.log import record_path
+from hil.log.place import record_path
 from hil.log.reader import ENDINGS, is_log, read_frames, read_log_record
 from hil.nodes.actuators import carriage_bus
 from hil.nodes.frame_map import frame_map_of

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
 from hil.app.cockpit.watch import grade_of, words
+from hil.bus.absent import without_absent
 from hil.bus.catalogue import Catalogue
 from hil.nodes.frame_map import FrameMap
 
@@ -77,9 +79,9 @@ def panels_of(wiring: FrameMap, catalogue: Catalogue) -> tuple[Panel, ...]:
             "Position",
             "mm",
             (
-                Line("localisation", "CapsuleLocalisation", _vouched("Position_m", _MM), "grey", "faint"),
+                _said("localisation", "CapsuleLocalisation", "Position_m", _MM, "grey", "faint"),
                 Line(f"estimate ± {STDS:g}σ", "BelievedMotion", _band, "teal", "band"),
-                Line("estimate", "BelievedMotion", _believed("Position_m", _MM), "teal"),
+                _said("estimate", "BelievedMotion", "Position_m", _MM, "teal"),
                 Line("reference", "WantedMotion", _wanted, "amber", "dash"),
             ),
             3,
@@ -97,7 +99,7 @@ def panels_of(wiring: FrameMap, catalogue: Catalogue) -> tuple[Panel, ...]:
             "Forces on the capsule",
             "mN",
             (
-                Line("force sensor", "ForceReading", _vouched("Force_N", _MN), "grey", "faint"),
+                _said("force sensor", "ForceReading", "Force_N", _MN, "grey", "faint"),
                 *(() if wiring.kind == "vibro" else (Line("drive", "BelievedForces", _force("Drive_N"), "blue"),)),
                 Line("wall", "BelievedForces", _force("Wall_N"), "red"),
                 Line("lacking in the model", "BelievedForces", _force("Lacking_N"), "violet"),
@@ -107,12 +109,17 @@ def panels_of(wiring: FrameMap, catalogue: Catalogue) -> tuple[Panel, ...]:
             (0.0,),
         ),
         Panel(
-            "Residual", "σ", (Line("surprise", "BelievedMotion", _believed("Surprise"), "blue"),), 1, 6.0, (-3.0, 3.0)
+            "Residual",
+            "σ",
+            (_said("surprise", "BelievedMotion", "Surprise", 1.0, "blue"),),
+            1,
+            6.0,
+            (-3.0, 3.0),
         ),
         Panel(
             "Evidence against the model",
             "% of an alarm",
-            (Line("evidence", "ModelHealth", _signal("Evidence", _PERCENT), "red"),),
+            (_said("evidence", "ModelHealth", "Evidence", _PERCENT, "red"),),
             0,
             110.0,
             (100.0,),
@@ -138,24 +145,18 @@ def _signal(name: str, factor: float = 1.0) -> Callable[[Values, Mapping[str, Va
     return of
 
 
-def _vouched(name: str, factor: float) -> Callable[[Values, Mapping[str, Values]], Span | None]:
-    """Of a sensor, where it vouches for the value."""
+def _said(name: str, frame: str, signal: str, factor: float, colour: str, look: str = "line") -> Line:
+    """A line of a signal where it says something."""
 
     def of(values: Values, _: Mapping[str, Values]) -> Span | None:
-        return (factor * values[name], factor * values[name]) if values["Valid"] else None
+        value = factor * without_absent(frame, values)[signal]
+        return None if math.isnan(value) else (value, value)
 
-    return of
+    return Line(name, frame, of, colour, look)
 
 
 def _lost(values: Values) -> bool:
     return values["Wall"] == 3
-
-
-def _believed(name: str, factor: float = 1.0) -> Callable[[Values, Mapping[str, Values]], Span | None]:
-    def of(values: Values, _: Mapping[str, Values]) -> Span | None:
-        return None if _lost(values) else (factor * values[name], factor * values[name])
-
-    return of
 
 
 def _band(values: Values, _: Mapping[str, Values]) -> Span | None:

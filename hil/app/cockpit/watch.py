@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from hil.app.quantities import DASH, fixed, quantity
+from hil.bus.absent import NOT_MEASURED_C
 from hil.bus.catalogue import Catalogue
 from hil.bus.codec import Refusal
 from hil.bus.load import frame_bits
@@ -138,7 +139,7 @@ class Watch:
             silent, feedback = name in self._silent, self.last.get(f"{node}{_FEEDBACK}")
             state = self.state(f"{node}{_FEEDBACK}" if feedback else name)
             more = []
-            if feedback:
+            if feedback and feedback["Temperature_degC"] != NOT_MEASURED_C:
                 more.append(f"{fixed(feedback['Temperature_degC'], 0)} °C")
             if state == "fault" and f"{node}{_FAULT}" in self.last:
                 more.append(words(self.state(f"{node}{_FAULT}", "Code")))

@@ -11,6 +11,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
+from hil.app import ends
 from hil.app.docs import api, effects, keys
 
 PARTS: Final[Mapping[str, Callable[[], str]]] = MappingProxyType(
@@ -20,6 +21,7 @@ PARTS: Final[Mapping[str, Callable[[], str]]] = MappingProxyType(
         "rig-keys": keys.rig_keys,
         "deployment-keys": keys.deployment_keys,
         "effects": effects.catalogue,
+        "ends": ends.table,
         "api": api.reference,
     }
 )

@@ -23,6 +23,7 @@ from hil.app.run.machine import (
 )
 from hil.app.run.replay import Tape
 from hil.app.scenario.deployment import Deployment
+from hil.bus.absent import NOT_MEASURED_C
 from hil.bus.authenticated import AuthenticatedBus
 from hil.bus.catalogue import Catalogue
 from hil.bus.protection import Sender
@@ -79,7 +80,8 @@ def _listen(deployment: Deployment, bus: ClockedBus, catalogue: Catalogue) -> li
     wiring, state = frame_map_of(deployment.rig.kind), receiver.state
     fed = got[wiring.feedback].accepted > 0
     doubt = doubt or ("" if receiver.beating or not fed else "no heartbeat as capsule.dbc has it")
-    words = doubt or (f"{_STATES[state]}, {receiver.temperature_C:g} degC" if fed else "nothing heard")
+    warm = "" if receiver.temperature_C == NOT_MEASURED_C else f", {receiver.temperature_C:g} degC"
+    words = doubt or (f"{_STATES[state]}{warm}" if fed else "nothing heard")
     drive = Point(f"drive {wiring.node}", not doubt and fed and state != FAULT, words)
     age = receiver.evidence(clock.now()).localisation_s
     seen = f"newest {1e3 * age:.0f} ms old" if math.isfinite(age) else "nothing heard"

@@ -16,11 +16,12 @@ import can
 
 from controller.supervision.fallback import shares
 from hil.app.console import notes, output_to_notes, print_json, summary
+from hil.app.ends import RUN_ENDS
 from hil.app.learn.identify import Background
 from hil.app.learn.learner import Learner, Lesson, check_learnt
 from hil.app.run.check import Point, check, limits_point, rehearse
 from hil.app.run.clock import Clock, ClockedBus
-from hil.app.run.loop import ENDS, Outcome, Signals, lead, prepare_process, reset
+from hil.app.run.loop import Outcome, Signals, lead, prepare_process, reset
 from hil.app.scenario.deployment import BusTable, Deployment, load_deployment
 from hil.app.scenario.model_health import health_words
 from hil.app.scenario.model_health import told as health_told
@@ -30,7 +31,8 @@ from hil.bus.authenticated import AuthenticatedBus, authenticator
 from hil.bus.catalogue import Catalogue, load_catalogue
 from hil.bus.key import next_epoch, read_key
 from hil.bus.local import LocalBus
-from hil.log.log import FrameLog, record_path
+from hil.log.log import FrameLog
+from hil.log.place import record_path
 from hil.log.recorder import Recorder, log_record
 from hil.nodes.actuators import ActuatorTable, carriage_bus, set_up
 from hil.nodes.carriage_bus import CarriageBus
@@ -65,7 +67,7 @@ def run(
     move: bool = False,
 ) -> int:
     """Lead the drive that the rig file `path` names, or only check; 0 where all went as asked, 1 where it did not
-    (`hil.app.run.loop.ENDS`). A `reference` file takes the place of its own. The log's writer writes `mcap`, too.
+    (`hil.app.ends.RUN_ENDS`). A `reference` file takes the place of its own. The log's writer writes `mcap`, too.
 
     With `move` the action "check" also leads the drive by a short motion to and fro (`Probe`), where all else is good.
     The action "reset" acknowledges a fault that the drive has latched, and does nothing else: that takes an operator's
@@ -126,7 +128,7 @@ def _run(
             else:
                 led = _lead(deployment, bus, dry_run, logs, resets=resets, learns=learn)
                 outcome, node, frames_log, lessons = led
-                if ENDS[outcome.end][0] and (trouble := _told_by_drive(bus)):
+                if RUN_ENDS[outcome.end].status and (trouble := _told_by_drive(bus)):
                     outcome.ended += f"; {trouble}"
         finally:
             bus.shutdown()
@@ -153,7 +155,7 @@ def _run(
         print_json(found)
     else:
         _say(found, lessons)
-    return ENDS[str(found["end"])][0]
+    return RUN_ENDS[str(found["end"])].status
 
 
 def _moved(path: Path, deployment: Deployment, log: Path, good: bool) -> Point:
@@ -162,7 +164,7 @@ def _moved(path: Path, deployment: Deployment, log: Path, good: bool) -> Point:
         return Point("answer", False, "the drive was not moved, as something else is bad")
     short = replace(deployment.control, duration_s=PROBED_S, probe=True)
     with output_to_notes():
-        bus = ClockedBus(_drives_bus(deployment, path.parent, listen_only=False), Clock())
+        bus = ClockedBus(_drives_bus(deployment, path.parent, listen_only=False, faulty=False), Clock())
         try:
             outcome = _lead(replace(deployment, control=short), bus, False, (log, None), resets=False, learns=False)[0]
         finally:
@@ -178,7 +180,7 @@ def _not_begun(path: Path, words: str, json_output: bool) -> int:
         print_json({"rig": str(path), "end": "other_controller", "ended": ended, "led": False, "ticks": 0, "log": None})
     else:
         summary().print(f"ended: {ended}", markup=False, soft_wrap=True)
-    return ENDS["other_controller"][0]
+    return RUN_ENDS["other_controller"].status
 
 
 def open_bus(table: BusTable, folder: Path = Path()) -> can.BusABC:
@@ -364,12 +366,13 @@ def _document(
 ) -> dict[str, object]:
     grid, missing = outcome.grid, frames_log.dropped + frames_log.lost
     whole = not missing and not frames_log.troubles
+    not_kept = [] if whole or RUN_ENDS[outcome.end].status else frames_log.troubles[-1:]
     return {
         "rig": str(path),
         "controller": node.task.controller,
         "dry_run": dry_run,
-        "end": outcome.end if whole or ENDS[outcome.end][0] else "log",
-        "ended": outcome.ended,
+        "end": outcome.end if whole or RUN_ENDS[outcome.end].status else "log",
+        "ended": "; ".join([outcome.ended, *not_kept]),
         "led": outcome.led,
         "led_share": shares(node.answer.led),
         "jumps": {"count": node.answer.jumps, "last_m": node.answer.jump_m},

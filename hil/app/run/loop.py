@@ -7,10 +7,10 @@ import gc
 import math
 import os
 import signal
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from types import FrameType, MappingProxyType
+from types import FrameType
 from typing import Any, Final
 
 from controller.supervision.fallback import DONE
@@ -58,30 +58,9 @@ class Signals:
                 signal.signal(number, handler)
 
 
-ENDS: Final[Mapping[str, tuple[int, str]]] = MappingProxyType(
-    {
-        "done": (0, "led for the whole of `duration_s`; with `--dry-run`: would have"),
-        "operator": (0, "led until Ctrl-C, SIGTERM or SIGHUP asked for a controlled stop"),
-        "reset": (0, "`reset`: the drive has no latched fault any more, or had none"),
-        "cancelled": (1, "Ctrl-C, SIGTERM or SIGHUP before the drive was enabled"),
-        "other_controller": (1, "another controller speaks on the bus: before leading nothing was sent"),
-        "no_drive": (1, "no drive that can be led was heard within 2 s: silent, or of another catalogue"),
-        "drive_fault": (1, "the drive has latched a fault: `capsule run RIG.toml reset` acknowledges it"),
-        "not_reset": (1, "`reset`: the fault stays, its cause is still there"),
-        "gave_up": (1, "the drive was not enabled within `control.give_up_s`"),
-        "stopped": (1, "the controller stopped by itself, for the reason in `ended`"),
-        "sensor_or_drive": (1, "localisation, drive and capsule contradict each other, in the probe or while it led"),
-        "no_rest": (1, "the drive moved while it was not enabled: before it was led, or after the stop"),
-        "not_led": (1, "the controller asked for led less than 99 % of the ticks, or sensor or drive were in doubt"),
-        "log": (1, "as asked, but frames are missing in the log"),
-    }
-)
-"""How a run may end: the exit status of `capsule run`, and what it means."""
-
-
 @dataclass
 class Outcome:
-    """How a run ended: `end` (one of `ENDS`), and in words; pacing, time that ticks took, plans that it `cut`; whether
+    """How a run ended: `end` (one of `RUN_ENDS`), and in words; pacing, time that ticks took, plans `cut`; whether
     the drive was `led`, so asked to move.
     """
 

@@ -8,25 +8,21 @@ import math
 import struct
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 import can
 
-from controller.excursion import Experiment
-from controller.model.control_model import ControlModel, control_model
 from hil.app.console import notes, output_to_notes, print_json, summary
-from hil.app.scenario.bus_scenario import parse_sil_scenario
-from hil.app.scenario.deployment import parse_deployment
-from hil.app.scenario.model_offer import Offered, offer_of
+from hil.app.run.log_task import task_of
 from hil.bus.catalogue import Catalogue, load_catalogue
 from hil.log.blf_file import LOST, NOTED, RECEIVED, Logged
-from hil.log.log import FORMAT, record_path
+from hil.log.place import FORMAT, record_path
 from hil.log.reader import read_frames, read_log_record
 from hil.log.recorder import ACKNOWLEDGED, CUT, EXACT, HEARD, START, STOP, UNSOLVED, code_version
 from hil.nodes.controller.node import ControllerNode, Task
-from models.files.toml import parse_toml
+from models.files.tables import shown
 
 _SHOWN: Final = 5
 
@@ -117,8 +113,8 @@ class Replay:
 
 
 def replay(path: Path, *, json_output: bool = False) -> int:
-    """Run the controller of the log `path` again; 0 where all its frames are the same, else 1. Raises ValueError of one
-    sentence.
+    """Run the controller of the log `path` again; 0 where all frames of a whole log are the same, else 1. Raises
+    ValueError of one sentence.
     """
     if path.suffix.lower() != ".blf":
         raise ValueError(
@@ -126,11 +122,19 @@ def replay(path: Path, *, json_output: bool = False) -> int:
             " notes that a replay needs"
         )
     record, catalogue = read_log_record(path), load_catalogue()
-    _fits(record, catalogue, record_path(path))
+    held = 0
+
+    def counted() -> Iterator[Logged]:
+        nonlocal held
+        for frame in read_frames(path, lambda said: notes().print(f"{path}: {said}", markup=False, soft_wrap=True)):
+            held += 1
+            yield frame
+
     try:
+        _fits(record, catalogue)
         with output_to_notes():
-            frames = read_frames(path, lambda said: notes().print(f"{path}: {said}", markup=False, soft_wrap=True))
-            found = replayed(frames, task_of(record, str(path)), catalogue, bool(record.get("dry_run")))
+            task = task_of(record, str(path))
+            found = replayed(counted(), task, catalogue, record.get("dry_run", False))
     except ValueError as error:
         raise ValueError(str(error) if str(error).startswith(str(path)) else f"{record_path(path)}: {error}") from None
     if not found.ticks:
@@ -138,80 +142,56 @@ def replay(path: Path, *, json_output: bool = False) -> int:
             f"{path}: log must hold ticks that its controller led through, each begun by a SYNC that it sent; got none:"
             " an empty log, or a recording of what another node heard"
         )
-    code = str(record.get("code", "unknown"))
+    cut_off = _cut_off(held, record.get("entries"))
+    _say(path, found, catalogue, cut_off, (str(record.get("code", "unknown")), code_version()), json_output)
+    return 0 if found.identical and not cut_off else 1
+
+
+def _cut_off(held: int, entries: int | None) -> str:
+    """Why a log that holds so many frames and notes is not the whole log of its run, "" where it is."""
+    if entries is None:
+        return "its record does not say where the log ends: its run was killed, goes on, or was an earlier version's"
+    return "" if held == entries else f"the log is cut off or another one: {held} of {entries} frames and notes"
+
+
+def _say(
+    path: Path, found: Replay, catalogue: Catalogue, cut_off: str, code: tuple[str, str], json_output: bool
+) -> None:
     lines = [difference.words(catalogue) for difference in found.differences[:_SHOWN]]
     if json_output:
-        counts = {
-            "ticks": found.ticks,
-            "frames": found.frames,
-            "cut_ticks": found.cut,
-            "different_ticks": len(found.differences),
-        }
         print_json(
             {
                 "log": str(path),
-                "identical": found.identical,
-                **counts,
+                "identical": found.identical and not cut_off,
+                "cut_off": cut_off or None,
+                "ticks": found.ticks,
+                "frames": found.frames,
+                "cut_ticks": found.cut,
+                "different_ticks": len(found.differences),
                 "differences": lines,
-                "code": [code, code_version()],
+                "code": list(code),
             }
         )
-        return 0 if found.identical else 1
+        return
     console = summary()
-    verdict = "identical" if found.identical else f"{len(found.differences)} ticks differ"
-    console.print(f"{found.ticks} ticks, {found.frames} frames: {verdict}", markup=False)
+    same = f"as logged, as far as they go; {cut_off}" if cut_off else "identical"
+    differs = f"{len(found.differences)} ticks differ" + (f"; {cut_off}" if cut_off else "")
+    console.print(
+        f"{found.ticks} ticks, {found.frames} frames: {same if found.identical else differs}",
+        markup=False,
+        soft_wrap=True,
+    )
     for line in lines:
         console.print(line, markup=False, soft_wrap=True)
-    if not found.identical and code != code_version():
-        console.print(f"code: log {code}, now {code_version()}", markup=False)
-    return 0 if found.identical else 1
+    if not found.identical and code[0] != code[1]:
+        console.print(f"code: log {code[0]}, now {code[1]}", markup=False)
 
 
-def _fits(record: Mapping[str, Any], catalogue: Catalogue, where: Path) -> None:
+def _fits(record: Mapping[str, Any], catalogue: Catalogue) -> None:
     """Raises ValueError for a record of another format, and for frames of another DBC."""
     for key, own in (("format", FORMAT), ("catalogue", catalogue.fingerprint)):
         if record.get(key) != own:
-            raise ValueError(f"{where}: {key} must be {own}, as this program has it; got {record.get(key)!r}")
-
-
-def task_of(record: Mapping[str, Any], where: str) -> Task:
-    """The controller's task that a log's record describes. Raises ValueError where it does not."""
-    values, name = record.get("values", {}), record.get("controller")
-    if not isinstance(values, dict) or not isinstance(name, str) or not ({"deployment", "scenario"} & set(record)):
-        raise ValueError(
-            f"{where}: record must have controller, values and a deployment or a scenario; got {', '.join(record)}"
-        )
-    try:
-        offered = None if record.get("offered") is None else Offered.of(record["offered"])
-        learned = [Offered.of(one) for one in record.get("learned", [])]
-        experiments = tuple(Experiment.of(one) for one in record.get("experiments", []))
-        if "deployment" in record:
-            deployment = replace(parse_deployment(str(record["deployment"]), values), offered=offered)
-            offers = (offer_of(one, deployment.believed) for one in learned)
-            task = replace(deployment.task(), controller=name, deadline_s=math.inf)
-            return replace(task, learned=tuple(one for one in offers if one), experiments=experiments)
-        on_bus = parse_sil_scenario(parse_toml(str(record["scenario"]), "scenario"))
-        scenario = on_bus.loop
-    except ValueError as error:
-        raise ValueError(f"{where}: record must describe a task; got: {error}") from None
-
-    def believed(values: Mapping[str, float]) -> ControlModel:
-        return control_model(scenario.belief, values, scenario.control.tick_s)
-
-    seen = scenario.instruments.localisation
-    told = (scenario.reference, scenario.limits, seen.std)
-    first, *rest = (offer_of(offered, believed), *(offer_of(one, believed) for one in learned))
-    return Task(
-        believed(values),
-        name,
-        *told,
-        resolution_m=seen.quantum,
-        offer=first,
-        estimator=scenario.control.estimator,
-        learned=tuple(one for one in rest if one),
-        experiments=experiments,
-        operator=on_bus.operator,
-    )
+            raise ValueError(f"{key} must be {own}, as this program has it; got {shown(record.get(key))}")
 
 
 def replayed(frames: Iterable[Logged], task: Task, catalogue: Catalogue, dry_run: bool = False) -> Replay:

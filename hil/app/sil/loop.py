@@ -227,8 +227,7 @@ def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:
         trace.stopped_because += f"; {bench.carriage.trouble}"
     answer = bench.node.answer
     if answer.unrest and answer.unrest not in trace.stopped_because:
-        told = [trace.stopped_because, f"then {answer.unrest}"]
-        trace.stopped_because = "; ".join(words for words in told if words)
+        trace.stopped_because = f"{trace.stopped_because or DONE}; then {answer.unrest}"
     trace.led_share = shares(answer.led)
     doubt = answer.not_led(bench.node.supervisor.first, estimator.health)
     trace.ended = trace.stopped_because or doubt or DONE

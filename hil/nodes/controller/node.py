@@ -191,6 +191,7 @@ class ControllerNode:
         self.experiments_at: list[float] = []
         self._bus, self._catalogue, self._clock = bus, catalogue, clock
         self._began = self._last = self._beat_at = self._health_at = self._view_at = self._status_at = -math.inf
+        self._surprise = math.nan
         self._origin, self._index = 0.0, 0
         self._number = 0
         self._led = self._rested = False
@@ -320,13 +321,16 @@ class ControllerNode:
 
     def _show(self, now: float, estimate: Estimate) -> None:
         """What is believed and wanted, once in `VIEW_S`, for those who watch."""
+        self._surprise = estimate.surprise if math.isfinite(estimate.surprise) else self._surprise
         if 0 <= now - self._view_at < VIEW_S - 0.5 * self.tick_s:
             return
         self._view_at, then = now, np.array([now + self.tick_s])
         wanted = (float(self._reference.position(then)[0]), float(self._reference.speed(then)[0]))
         model, follows = self.estimator.model, self.state == RUNNING and self._led
-        self.guard.send("BelievedMotion", motion_values(model, estimate), now)
-        self.guard.send("BelievedForces", force_values(model, estimate, self._in_force, now), now)
+        self.guard.send("BelievedMotion", motion_values(model, estimate, self._surprise), now)
+        self._surprise = math.nan
+        if (forces := force_values(model, estimate, self._in_force, now)) is not None:
+            self.guard.send("BelievedForces", forces, now)
         self.guard.send("WantedMotion", wanted_values(*wanted, follows, self.estimator.switches), now)
 
     def _estimated(self, now: float, arrived: list[Measurement], missed: int) -> Estimate:

@@ -9,43 +9,49 @@ from typing import Final
 
 from controller.model.control_model import ControlModel
 from controller.signals import Estimate
+from hil.bus.absent import NO_SURPRISE
 
 VIEW_S: Final = 0.04
 WALL: Final[Mapping[str, int]] = MappingProxyType({"sticks": 0, "slips_forward": 1, "slips_backward": 2, "lost": 3})
-_FARTHEST_M, _WIDEST_M, _FASTEST_M_S, _STRONGEST_N, _MOST_STDS = 1.1, 0.0819, 0.4, 6.5, 10.0
+_FARTHEST_M, _WIDEST_M, _FASTEST_M_S, _STRONGEST_N, _MOST_STDS = 1.1, 0.0819, 0.4, 6.5, 9.98
 
 
-def motion_values(model: ControlModel, estimate: Estimate) -> dict[str, float]:
+def motion_values(model: ControlModel, estimate: Estimate, surprise: float) -> dict[str, float]:
     """The signals of BelievedMotion: position and its standard deviation in m, what the wall does, and by how many
-    standard deviations the newest position was off.
+    standard deviations the newest position since the last such frame was off (NaN: none came). A belief that is no
+    number is lost.
     """
     x = model.index("x")
-    surprise = estimate.innovations[-1] if estimate.innovations else 0.0
+    lost = estimate.lost or not math.isfinite(estimate.state[x] + estimate.std[x])
     return {
         "Position_m": _within(estimate.state[x], _FARTHEST_M),
         "Std_m": abs(_within(estimate.std[x], _WIDEST_M)),
-        "Wall": WALL["lost"] if estimate.lost else _wall(model, estimate),
-        "Surprise": _within(surprise, _MOST_STDS),
+        "Wall": WALL["lost"] if lost else _wall(model, estimate),
+        "Surprise": _within(surprise, _MOST_STDS) if math.isfinite(surprise) else NO_SURPRISE,
     }
 
 
-def force_values(model: ControlModel, estimate: Estimate, command: float, now: float) -> dict[str, float]:
-    """The signals of BelievedForces in N, with `command` in the drive's unit in force at `now` in s."""
+def force_values(model: ControlModel, estimate: Estimate, command: float, now: float) -> dict[str, float] | None:
+    """The signals of BelievedForces in N, with `command` in the drive's unit in force at `now` in s; None where one is
+    no number, for the frame cannot say so.
+    """
     names = (q.name for q in model.symbols.parameters)
     p = dict(zip(names, model.values.tolist(), strict=True))
     x, v = (float(estimate.state[model.index(name)]) for name in ("x", "v"))
     drive = model.drive.force(x, v, command / model.drive.command_unit, p)
     wall = model.symbols.wall_force(estimate.state, now, model.values)
     forces = {"Drive_N": drive, "Wall_N": wall, "Lacking_N": estimate.disturbance_N}
+    if not all(math.isfinite(float(force)) for force in forces.values()):
+        return None
     return {name: _within(float(force), _STRONGEST_N) for name, force in forces.items()}
 
 
 def wanted_values(position_m: float, speed_m_s: float, follows: bool, switches: int) -> dict[str, float]:
-    """The signals of WantedMotion."""
+    """The signals of WantedMotion; what is no number is not followed."""
     return {
         "Position_m": _within(position_m, _FARTHEST_M),
         "Velocity_m_s": _within(speed_m_s, _FASTEST_M_S),
-        "Following": float(follows),
+        "Following": float(follows and math.isfinite(position_m + speed_m_s)),
         "Model": min(switches, 255),
     }
 

@@ -10,6 +10,7 @@ from typing import Final
 import can
 
 from controller.limits import Limits
+from hil.bus.absent import NOT_MEASURED_C
 from hil.bus.catalogue import Catalogue
 from hil.bus.codec import Refusal
 from hil.bus.protection import Receiver, Reception
@@ -244,7 +245,7 @@ class DriveNode:
             self.transmitter.say(self.wiring.heartbeat, beat)
 
     def _feedback(self) -> dict[str, float]:
-        warm = min(max(self.temperature_C, -40.0), 150.0)
+        warm = min(max(self.temperature_C, NOT_MEASURED_C + 1), 150.0)
         power, common = self.power, {"State": float(self.stage.state), "Temperature_degC": warm}
         shown = power.output if self.misread is None else self.misread(power.output)
         if isinstance(power, CarriagePower):

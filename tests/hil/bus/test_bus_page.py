@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 
-from hil.app.run.loop import ENDS
 from hil.app.sil.fault_outcomes import limit_of
 from hil.bus.catalogue import load_catalogue
 from hil.bus.markdown_tables import frames_table, load_table
@@ -49,8 +48,3 @@ def test_no_measured_time_exceeds_its_limit() -> None:
             assert limit == "-" or float(worst) <= float(limit)
             found += 1
     assert found == 3 * 69
-
-
-def test_every_end_of_a_run_stands_there_with_its_status() -> None:
-    for end, (status, meaning) in ENDS.items():
-        assert f"| `{end}` | {status} | {meaning} |" in PAGE

@@ -16,7 +16,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.log.blf_file import LOST, NOTED, RECEIVED, SENT, WITHHELD, BlfFile, Logged, unpacked
-from hil.log.log import FrameLog, LockstepLog, keep_older, record_path, write_record
+from hil.log.log import FrameLog, LockstepLog
+from hil.log.place import keep_older, record_path, write_record
 from hil.log.reader import is_log, read_frames, read_log_record
 
 NODE = """
@@ -74,7 +75,7 @@ def test_a_log_keeps_order_way_and_record(tmp_path: Path, kind: type[FrameLog] |
     assert list(read_frames(path)) == expected
     found = read_log_record(path)
     found.pop("calendar_start_s", None)
-    assert found == {"format": 2, "rig": "r", "code": "c"}
+    assert found == {"format": 2, "rig": "r", "code": "c", "entries": 3}
 
 
 def _node(path: Path) -> tuple[subprocess.Popen[str], int, int, float]:

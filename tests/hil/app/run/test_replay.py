@@ -19,7 +19,8 @@ from hil.app.scenario.scenario import parse_track_scenario
 from hil.app.sil import testbed as sil_bench
 from hil.bus.catalogue import load_catalogue
 from hil.log.blf_file import RECEIVED, SENT, BlfFile, Logged
-from hil.log.log import LockstepLog, record_path
+from hil.log.log import LockstepLog
+from hil.log.place import record_path
 from hil.log.reader import read_frames
 from hil.log.record import log_record
 from hil.log.recorder import EXACT, START, UNSOLVED, Recorder

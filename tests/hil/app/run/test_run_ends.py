@@ -17,9 +17,10 @@ import can
 import numpy as np
 import pytest
 
+from hil.app.ends import RUN_ENDS
 from hil.app.main import run
 from hil.app.run.clock import Clock
-from hil.app.run.loop import ENDS, Outcome, Signals, lead, reset
+from hil.app.run.loop import Outcome, Signals, lead, reset
 from hil.app.run.replay import replayed
 from hil.app.sil.testbed import Bench
 from hil.bus.catalogue import load_catalogue
@@ -114,7 +115,7 @@ def carriage_speeds(node: Rig) -> Any:
 
 def test_a_run_that_leads_to_its_end(tmp_path: Path) -> None:
     outcome, node = led(tmp_path)
-    assert (outcome.end, outcome.ended, outcome.led, ENDS[outcome.end][0]) == ("done", "done", True, 0)
+    assert (outcome.end, outcome.ended, outcome.led, RUN_ENDS[outcome.end].status) == ("done", "done", True, 0)
     assert node.bench.plant.drive.safe
 
 
@@ -140,7 +141,7 @@ def test_a_localisation_that_comes_late_finds_the_reference_waiting(tmp_path: Pa
 
 def test_a_localisation_that_never_comes_is_given_up(tmp_path: Path) -> None:
     outcome, node = led(tmp_path, {"kind": "lost", "at_s": 0.001, "duration_s": 15.0})
-    assert (outcome.end, outcome.led, ENDS[outcome.end][0]) == ("gave_up", False, 1)
+    assert (outcome.end, outcome.led, RUN_ENDS[outcome.end].status) == ("gave_up", False, 1)
     assert outcome.ended.startswith("gave up: the drive was not enabled within 3 s: ")
     assert node.bench.plant.drive.safe
 
@@ -154,14 +155,14 @@ def test_signals_before_and_after_the_drive_is_enabled(tmp_path: Path) -> None:
 
     assert led(tmp_path, each=soon)[0].end == "cancelled"
     outcome, _ = led(tmp_path, each=later)
-    assert (outcome.end, outcome.ended, ENDS[outcome.end][0]) == ("operator", "SIGHUP", 0)
+    assert (outcome.end, outcome.ended, RUN_ENDS[outcome.end].status) == ("operator", "SIGHUP", 0)
 
 
 def test_another_controller_ends_it(tmp_path: Path) -> None:
     before, _ = led(tmp_path, {"kind": "second_master", "at_s": 0.001, "duration_s": 1.0})
     assert (before.end, before.led) == ("other_controller", False)
     during, node = led(tmp_path, {"kind": "second_master", "at_s": 1.0, "duration_s": 0.2})
-    assert (during.end, during.led, ENDS[during.end][0]) == ("other_controller", True, 1)
+    assert (during.end, during.led, RUN_ENDS[during.end].status) == ("other_controller", True, 1)
     assert during.ended.startswith("another controller is on the bus (")
     assert node.bench.plant.drive.safe
 
@@ -189,7 +190,7 @@ def test_a_fault_is_not_led_and_reset_only_resets(tmp_path: Path) -> None:
         while node.bench.time_s < until:
             node.tick(node.bench.time_s)
         stays = reset(node, clock, recorder, Signals())
-        assert (stays.end, ENDS[stays.end][0]) == ("not_reset", 1)
+        assert (stays.end, RUN_ENDS[stays.end].status) == ("not_reset", 1)
         assert stays.ended == "drive fault 2 stays: its cause is still there"
 
 

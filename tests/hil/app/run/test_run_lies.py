@@ -1,5 +1,5 @@
-"""Localisers and drives that lie by valid frames, led by the loop of `capsule run`: they stop the run, or do no harm and
-are told.
+"""Localisers and drives that lie by valid frames, led by the loop of `capsule run`: they stop the run, or do no harm
+and are told.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil.app.run.loop import ENDS
+from hil.app.ends import RUN_ENDS
 from plant import layout as at
 from tests.hil.app.run.test_run_ends import Rig, led
 
 GAP_M = 0.02 / np.sqrt(3)
 HOLD = {"kind": "hold"}
 PROBED = {"judged_from_s": 0.1, "probe": True}
-STATUS = {end: status for end, (status, _) in ENDS.items()}
+STATUS = {name: end.status for name, end in RUN_ENDS.items()}
 
 
 def farthest_m(node: Rig) -> float:

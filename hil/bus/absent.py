@@ -1,0 +1,30 @@
+"""Which signals say nothing, by a flag of their frame or a value of their own: an integer on the wire has no NaN."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
+
+NO_SURPRISE: Final = -10.0
+NOT_MEASURED_C: Final = -40.0
+_SENSOR: Final = ("Valid", 0.0)
+_FLAGS: Final[Mapping[str, tuple[tuple[str, float], tuple[str, ...]]]] = MappingProxyType(
+    {
+        "CapsuleLocalisation": (_SENSOR, ("Position_m", "Quality", "Age_s")),
+        "ForceReading": (_SENSOR, ("Force_N", "Age_s")),
+        "BelievedMotion": (("Wall", 3.0), ("Position_m", "Std_m", "Surprise")),
+        "ModelHealth": (("State", 3.0), ("Since_s", "Evidence")),
+    }
+)
+"""Frame: the flag that says so, and what then says nothing."""
+_VALUES: Final[Mapping[str, float]] = MappingProxyType({"Surprise": NO_SURPRISE, "Temperature_degC": NOT_MEASURED_C})
+"""Signal: the value that stands for none."""
+
+
+def without_absent(frame: str, values: Mapping[str, float]) -> dict[str, float]:
+    """The signals of `frame`, NaN where they say nothing."""
+    (flag, said), silent = _FLAGS.get(frame, (("", 0.0), ()))
+    none = set(silent) if values.get(flag) == said and silent else set[str]()
+    return {name: math.nan if name in none or value == _VALUES.get(name) else value for name, value in values.items()}

@@ -1,0 +1,114 @@
+"""Where a log and the record beside it stand, that they are one run's alone, and what became of them."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from hil.log.blf_reader import whole
+
+FORMAT: Final = 2
+_MOST_NAMES: Final = 1000
+
+
+def record_path(path: Path) -> Path:
+    """Where the record of the log `path` stands: beside it, ending in `.json`."""
+    return path.with_suffix(".json")
+
+
+def keep_older(path: Path) -> Path | None:
+    """Move a log that stands at `path`, and its record, to the first free name `NAME-1.blf`, `NAME-2.blf`, ...; that
+    name, None where there is no such log. Raises ValueError where it cannot be moved.
+    """
+    if not path.exists():
+        return None
+    number = 1
+    while (kept := path.with_name(f"{path.stem}-{number}{path.suffix}")).exists() or record_path(kept).exists():
+        number += 1
+    try:
+        path.rename(kept)
+        if record_path(path).exists():
+            record_path(path).rename(record_path(kept))
+    except OSError as error:
+        raise ValueError(f"{path}: older log must be one that can be moved; got: {error.strerror or error}") from None
+    return kept
+
+
+def claim(path: Path) -> tuple[int, Path, Path | None]:
+    """A log's file for this run alone: a lock on it (a file descriptor), its name, and the name of an older log that
+    stood there (`keep_older`). Where another run is writing to `path` the name is `NAME-run2.blf`, `NAME-run3.blf`, ...
+    Raises ValueError where there is none to be had.
+    """
+    check_regular(path)
+    kept: Path | None = None
+    number, wanted = 1, path
+    for _ in range(_MOST_NAMES):
+        try:
+            lock = os.open(wanted, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o644)
+            if _locked(lock, wanted):
+                return lock, wanted, kept
+            os.close(lock)
+        except FileExistsError:
+            lock = os.open(wanted, os.O_RDWR)
+            if _locked(lock, wanted) and os.fstat(lock).st_size:
+                kept = keep_older(wanted)
+            else:
+                number += 1
+                wanted = path.with_name(f"{path.stem}-run{number}{path.suffix}")
+            os.close(lock)
+        except OSError as error:
+            raise ValueError(
+                f"{path}: log must be a file that can be written; got: {error.strerror or error}"
+            ) from None
+    raise ValueError(f"{path}: log must have a name that is free; got {_MOST_NAMES} that are not")
+
+
+def _locked(lock: int, path: Path) -> bool:
+    """Whether the open file is now this run's alone, and still the one at `path`."""
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return stands(lock, path)
+
+
+def stands(lock: int, path: Path) -> bool:
+    """Whether the open file is still the one at `path`."""
+    try:
+        return os.path.samestat(os.fstat(lock), path.stat())
+    except OSError:
+        return False
+
+
+def missing(lock: int, path: Path) -> str:
+    """What is wrong with the file of a log that has ended, "" where nothing is."""
+    if not stands(lock, path):
+        return "its file was taken away while the run went on; all its frames are missing"
+    return "" if whole(path) else "its file was written to by another program; frames are missing"
+
+
+def check_regular(path: Path) -> None:
+    """Raises ValueError where something else than a file or nothing stands at `path`."""
+    if path.exists() and not path.is_file():
+        got = "a folder" if path.is_dir() else "a device, a pipe or a socket"
+        raise ValueError(f"{path}: log must be a regular file; got {got}")
+
+
+def write_record(path: Path, record: Mapping[str, Any]) -> None:
+    """Write the record of the log `path`, complete or not at all. Raises ValueError for a path that is no BLF file or
+    cannot be written.
+    """
+    if path.suffix != ".blf":
+        raise ValueError(f"log must be a file name that ends in .blf; got {path}")
+    target = record_path(path)
+    temporary = target.with_name(f".{target.name}.{os.getpid()}")
+    text = json.dumps({"format": FORMAT, **record}, indent=2, sort_keys=True, allow_nan=False)
+    try:
+        temporary.write_text(text + "\n", encoding="utf-8")
+        temporary.replace(target)
+    except OSError as error:
+        raise ValueError(f"{path}: log must be a file that can be written; got: {error.strerror or error}") from None

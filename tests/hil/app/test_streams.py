@@ -1,0 +1,105 @@
+"""Full, closed and unread outputs: the outcome of a command is what it is, its status tells, and nobody sees a
+traceback.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Final
+
+import pytest
+
+from hil.app.streams import UNWRITTEN
+from tests.hil.app.run.deployments import PLANT, deployment
+from tests.hil.app.run.forked import LONGEST_S, SERVER
+
+FULL: Final = Path("/dev/full")
+pytestmark = pytest.mark.skipif(not FULL.exists(), reason="needs /dev/full")
+
+
+class Started:
+    """A command as it is started from a shell, with standard output and error each a file, "full", "closed", or "unread":
+    a pipe that nobody reads.
+    """
+
+    def __init__(self, folder: Path, *words: str, out: str = "file", err: str = "file") -> None:
+        self.files = [folder / f"started.{name}" for name in ("out", "err")]
+        for file in self.files:
+            file.write_text("")
+        self.process = SERVER.Process(target=_work, args=(folder, words, self.files, (out, err)), daemon=True)
+        self.process.start()
+
+    def ended(self) -> tuple[int, str, str]:
+        """Its status, and what came on both."""
+        self.process.join(LONGEST_S)
+        assert self.process.exitcode is not None
+        out, err = (file.read_text() for file in self.files)
+        return self.process.exitcode, out, err
+
+
+def _work(folder: Path, words: tuple[str, ...], files: list[Path], ways: tuple[str, str]) -> None:
+    from hil.app.start import main
+
+    os.chdir(folder)
+    sys.argv = ["capsule", *words]
+    for number, file, way in zip((1, 2), files, ways, strict=True):
+        if way == "closed":
+            os.close(number)
+            setattr(sys, ("", "stdout", "stderr")[number], None)
+        elif way == "unread":
+            reads, writes = os.pipe()
+            os.dup2(writes, number)
+            os.close(reads)
+            os.close(writes)
+        else:
+            handle = os.open(FULL if way == "full" else file, os.O_WRONLY | os.O_APPEND)
+            os.dup2(handle, number)
+            os.close(handle)
+    main()
+
+
+def words_of(command: str, folder: Path, channel: str) -> list[str]:
+    """A short one of each command that is long by nature, and of one that is not."""
+    scenario, deployed, jog = folder / "plant.toml", folder / "deployed.toml", folder / "jog.txt"
+    scenario.write_text(PLANT.replace("duration_s = 60.0", "duration_s = 0.6"))
+    tables = '[operator]\naccept = true\n[plant]\nscenario = "plant.toml"\n'
+    deployed.write_text(deployment(channel, more=tables))
+    jog.write_text("release 0.1\n")
+    return {
+        "sil": ["sil", str(scenario)],
+        "track": ["track", str(scenario)],
+        "plant": ["plant", str(deployed), "--seconds", "0.2"],
+        "run": ["run", str(deployed), "--log", str(folder / "run.blf")],
+        "check": ["run", str(deployed), "check"],
+        "jog": ["jog", str(deployed), "--script", str(jog), "--source", "script"],
+        "seeds": ["seeds"],
+    }[command]
+
+
+STATUS: Final = {"run": 1, "check": 1, "jog": 1}
+"""Of those that hear nobody; the others end with 0."""
+
+
+@pytest.mark.parametrize("more", [(), ("--json",)], ids=["", "json"])
+@pytest.mark.parametrize("command", ["sil", "track", "plant", "run", "check", "jog", "seeds"])
+def test_an_output_that_takes_nothing(command: str, more: tuple[str, ...], tmp_path: Path, channel: str) -> None:
+    words = [*words_of(command, tmp_path, channel), *more]
+    status = STATUS.get(command, 0)
+    for err in ("full", "closed", "unread"):
+        found, out, _ = Started(tmp_path, *words, err=err).ended()
+        assert found == status, err
+        assert out.strip(), err
+        assert "Traceback" not in out
+    for out_way, why in (("full", "No space left"), ("closed", "Bad file"), ("unread", "Broken pipe")):
+        found, _, said = Started(tmp_path, *words, out=out_way).ended()
+        assert found == (status or UNWRITTEN), said
+        assert said.splitlines()[-1].startswith("capsule: standard output must take the result; got: " + why)
+        assert "Traceback" not in said
+        assert Started(tmp_path, *words, out=out_way, err=out_way).ended()[0] == (status or UNWRITTEN)
+
+
+def test_bad_input_is_status_2_whatever_the_outputs(tmp_path: Path) -> None:
+    for out, err in (("file", "full"), ("full", "file"), ("closed", "closed"), ("unread", "unread")):
+        assert Started(tmp_path, "sil", "no_such_file.toml", out=out, err=err).ended()[0] == 2

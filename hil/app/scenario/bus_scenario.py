@@ -186,8 +186,6 @@ def _there(has: Mapping[str, bool], faults: tuple[Fault, ...], kind: str) -> Non
     for fault in faults:
         rigs = KINDS[fault.kind].rigs
         if rigs and kind not in rigs:
-            raise ValueError(
-                f"faults.kind {fault.name} must stand with a rig.kind of {' or '.join(rigs)}; got {kind!r}"
-            )
+            raise ValueError(f"faults.kind {fault.name} must stand with rig.kind {' or '.join(rigs)}; got {kind!r}")
         if fault.needs and not has[fault.needs]:
             raise ValueError(f"faults.kind {fault.name} must stand {_MISSING[fault.needs]}")

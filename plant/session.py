@@ -72,7 +72,7 @@ class Session:
         """
         if not rig.drive.free:
             raise ValueError(f"rig must have a free capsule (magnetic, coil, vibro); got {type(rig.drive).__name__}")
-        instruments = instruments or Instruments()
+        self.instruments = instruments = instruments or Instruments()
         self.plant: Stepped = plant or Plant(rig)
         self.command = float(command)
         self.rows: list[Floats] = []

@@ -508,12 +508,18 @@ def _plant(
     seconds: Annotated[
         float | None, typer.Option("--seconds", metavar="S", help="For how long; else until Ctrl-C.")
     ] = None,
+    lie: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--lie", metavar="KIND[:TARGET][=VALUE][@S]", help="What its localiser or drive lies about, and from when."
+        ),
+    ] = None,
     json_output: Json = False,
 ) -> None:
     """The simulated drive side alone, on the bus that the deployment file names; prints `ready` once it is there."""
     from hil.app.run.simulated_plant import plant
 
-    plant(deployment, seconds, json_output=json_output)
+    plant(deployment, seconds, lie or [], json_output=json_output)
 
 
 @_command("cockpit", "capsule cockpit deployment.toml")

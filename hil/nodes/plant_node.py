@@ -16,8 +16,8 @@ from controller.limits import Limits
 from hil.bus.catalogue import Catalogue
 from hil.nodes.drive.node import DriveNode
 from hil.nodes.drive.power_stage import CarriagePower, CoilPower, InnerMassPower, Power
-from hil.nodes.faults.lies import LyingDrive
-from hil.nodes.faults.table import Fault
+from hil.nodes.faults.lies import Lie, LyingDrive, LyingLocaliser, zero_of
+from hil.nodes.faults.table import DRIVE, Fault
 from hil.nodes.frame_map import frame_map_of, frames
 from hil.nodes.simulated_drives import SimulatedDrive
 from hil.nodes.transmit import FrameTransmitter
@@ -30,7 +30,6 @@ SLOT_S: Final = 1e-3
 """The drives' firmware runs this often."""
 _COIL_PARTS: Final = 2
 _FORCE_STD_N: Final = 1e-3
-Tamper = Callable[[float, list[Reading]], list[Reading]]
 
 
 def power_of(session: Session, limits: Limits) -> tuple[str, Power]:
@@ -52,8 +51,7 @@ class PlantNode:
     next slot.
 
     The coil's current loop runs twice a slot. A reading goes out in the first slot after it is at hand, with its age;
-    where none comes for one and a half cycles the localiser says so (Valid 0). `tampers` are what a broken localiser,
-    or one that lies, makes of the readings at hand at a time; `lie`, where set, what a drive that lies truly does.
+    where none comes for one and a half cycles the localiser says so (Valid 0).
     """
 
     def __init__(
@@ -79,8 +77,10 @@ class PlantNode:
         catalogue = catalogue or frames()
         kind, power = power_of(session, limits)
         self.session = session
-        self.tampers: list[Tamper] = []
-        self.lie: LyingDrive | None = None
+        self._localisers: dict[int, LyingLocaliser] = {}
+        self._told: list[tuple[float, float]] = []
+        self._lie: LyingDrive | None = None
+        self._now = 0.0
         self.drive: SimulatedDrive = drive or DriveNode(
             drive_bus, catalogue, frame_map_of(kind), power, limits, tick_s, draw=draw
         )
@@ -91,6 +91,7 @@ class PlantNode:
 
     def tick(self, now: float) -> None:
         """Go on from `now` by a slot."""
+        self._now = now
         if isinstance(self.drive.power, CoilPower):
             self.drive.power.output = self._sensed()
         self.drive.listen(now, self.slots)
@@ -100,30 +101,54 @@ class PlantNode:
         begin, span = self.session.time, now + SLOT_S - self.session.time
         for part in range(self._parts):
             command = self.drive.output(span / self._parts, self._sensed())
-            if self.lie is not None:
-                command = self.lie(begin + span * part / self._parts, span / self._parts, command)
+            if self._lie is not None:
+                command = self._lie(begin + span * part / self._parts, span / self._parts, command)
             found = self.session.advance(command, begin + span * (part + 1) / self._parts)
             self._readings += [r for r in found if r.channel == "position_m"]
 
-    def mislead(self, fault: Fault) -> None:
-        """From now on the drive truly does what `fault` makes of its commands."""
-        plant = self.session.plant
-        self.lie = LyingDrive(fault, plant.rig.drive, self.session.command, float(plant.state[at.S_CURRENT]))
+    @property
+    def told(self) -> list[tuple[float, float]]:
+        """Time in s and value of every reading that a localiser with a fault has told."""
+        return [*self._told, *(one for localiser in self._localisers.values() for one in localiser.told)]
 
-    def place(self) -> float:
+    def spoil(self, fault: Fault, seed: int = 0) -> None:
+        """From now on a sensor is broken, or localiser, report or drive lies, as `fault` says."""
+        plant, seen = self.session.plant, self.session.instruments.localisation
+        if fault.kind == "restless":
+            self.drive.power.stray = fault.amount
+        elif fault.target == DRIVE:
+            self._lie = LyingDrive(fault, plant.rig.drive, self.session.command, float(plant.state[at.S_CURRENT]))
+        elif fault.target == "feedback":
+            shown = Lie(fault, about=zero_of(plant.rig.drive))
+            self.drive.misread = lambda value: shown(self._now, value)
+        else:
+            self._localisers[id(fault)] = LyingLocaliser(fault, seen, seed, self._place)
+
+    def mend(self, fault: Fault) -> None:
+        """From now on it is sound again."""
+        if fault.kind == "restless":
+            self.drive.power.stray = 0.0
+        elif fault.target == DRIVE and self._lie is not None:
+            self._lie.end()
+        elif fault.target == "feedback":
+            self.drive.misread = None
+        elif id(fault) in self._localisers:
+            self._told += self._localisers.pop(id(fault)).told
+
+    def _place(self) -> float:
         """Where the carriage or the inner mass truly is, in m."""
         return self._newest(at.O_DRIVE if self.session.plant.rig.drive.straight else at.O_INNER_X)
 
     def _seen(self, now: float) -> list[Reading]:
         readings, self._readings = self._readings, []
-        for tamper in self.tampers:
-            readings = tamper(now, readings)
+        for localiser in self._localisers.values():
+            readings = localiser(now, readings)
         return readings
 
     def _sensed(self) -> float:
         """What the drive's own sensor shows its power stage."""
         if isinstance(self.drive.power, CoilPower):
-            return float(self.session.plant.state[at.S_CURRENT]) if self.lie is None else self.lie.current_A
+            return float(self.session.plant.state[at.S_CURRENT]) if self._lie is None else self._lie.current_A
         if isinstance(self.drive.power, InnerMassPower):
             return self._newest(at.O_INNER_X) - self._newest(at.O_X)
         return self.drive.power.output

@@ -137,21 +137,22 @@ def run(job: Job) -> Result:
 
 
 def say_lies(found: Iterable[Result]) -> int:
-    """A line a kind and rig, the unsafe runs one by one, and all in all; the number of unsafe ones."""
+    """A row a kind and rig of a table in Markdown, the unsafe runs one by one; the number of unsafe ones."""
     groups: dict[tuple[str, str], list[Result]] = defaultdict(list)
     for result in found:
         groups[result.job.name, result.job.rig].append(result)
-    print(f"{'lie':28s} {'rig':9s} {'runs':>5s} {'stopped':>8s} {'farthest mm':>12s} {'latest s':>9s} {'unsafe':>7s}")
+    print("| lie | rig | runs | stopped | farthest mm | latest s | unsafe |")
+    print("| --- | --- | --- | --- | --- | --- | --- |")
     for (name, rig), some in sorted(groups.items(), key=lambda g: (list(LIES).index(g[0][0]), g[0][1])):
-        print(f"{name:28s} {rig:9s} {numbers(some)}")
+        print(f"| {name} | {rig} | {numbers(some)} |")
     every = [one for some in groups.values() for one in some]
+    print(f"| all | all | {numbers(every)} |")
     for result in (one for one in every if one.unsafe):
         job = result.job
         print(
             f"unsafe ({result.unsafe}): {job.name}, size {job.size}, {job.rig}, {job.reference}, {job.controller}:"
             f" {1e3 * result.distance_m:.1f} mm; {result.stopped or 'not stopped'}"
         )
-    print(f"{'total':38s} {numbers(every)}")
     return sum(bool(one.unsafe) for one in every)
 
 
@@ -160,7 +161,8 @@ def numbers(some: Sequence[Result]) -> str:
     farthest = max((one.distance_m for one in some), default=0.0)
     latest = max((one.after_s for one in some if not math.isnan(one.after_s)), default=math.nan)
     stopped, unsafe = sum(bool(one.stopped) for one in some), sum(bool(one.unsafe) for one in some)
-    return f"{len(some):5d} {stopped:8d} {1e3 * farthest:12.1f} {latest:9.2f} {unsafe:7d}"
+    when = "-" if math.isnan(latest) else f"{latest:.2f}"
+    return f"{len(some)} | {stopped} | {1e3 * farthest:.1f} | {when} | {unsafe}"
 
 
 def say_sound(found: Iterable[Result]) -> int:

@@ -17,17 +17,16 @@ REFERENCES: Final[Mapping[str, Mapping[str, Mapping[str, Any]]]] = MappingProxyT
     {
         "hold": {rig: {"kind": "hold", "start_s": 0.3} for rig in ("magnetic", "coil", "vibro")},
         "ramp": {
-            "magnetic": {"kind": "ramp", "speed_mm_s": 3.0, "start_s": 0.3},
-            "coil": {"kind": "ramp", "speed_mm_s": 3.0, "start_s": 0.3},
-            "vibro": {"kind": "ramp", "speed_mm_s": 6.0, "start_s": 0.3},
+            rig: {"kind": "ramp", "speed_mm_s": speed, "start_s": 0.3}
+            for rig, speed in (("magnetic", 5.0), ("coil", 5.0), ("vibro", 10.0))
         },
         "sine": {
-            "magnetic": {"kind": "sine", "amplitude_mm": 10.0, "frequency_Hz": 0.2, "start_s": 0.3},
-            "coil": {"kind": "sine", "amplitude_mm": 10.0, "frequency_Hz": 0.2, "start_s": 0.3},
-            "vibro": {"kind": "sine", "amplitude_mm": 20.0, "frequency_Hz": 0.1, "start_s": 0.3},
+            rig: {"kind": "sine", "amplitude_mm": 20.0, "frequency_Hz": hertz, "start_s": 0.3}
+            for rig, hertz in (("magnetic", 0.15), ("coil", 0.15), ("vibro", 0.1))
         },
     }
 )
+"""Where to go: nowhere; on and on; and out and back, so that a capsule that is left behind is too far."""
 EVERY_RIG: Final = ("magnetic", "coil", "vibro")
 PLACED: Final = ("magnetic",)
 

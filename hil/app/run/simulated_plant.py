@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,22 +17,24 @@ from hil.app.scenario.deployment import BusTable, read_plant
 from hil.app.scenario.scenario import load_track_scenario
 from hil.bus.authenticated import AuthenticatedBus
 from hil.nodes.actuators import ActuatorTable
+from hil.nodes.faults.table import Fault, read_lie
 from hil.nodes.plant_node import SLOT_S, PlantNode, power_of
 from hil.nodes.simulated_drives import simulated_drive
 from plant import layout as at
 from plant.session import Session
 
 
-def plant(path: Path, seconds: float | None = None, *, json_output: bool = False) -> None:
+def plant(path: Path, seconds: float | None = None, lies: Sequence[str] = (), *, json_output: bool = False) -> None:
     """Put the plant of the deployment file `path` on its bus for `seconds`, else until Ctrl-C or SIGTERM, and print
     "ready" once it is there. With `json_output` that goes to standard error, and at the end what became of the plant,
     the truth included, to standard output.
 
-    Raises ValueError, one sentence, for a file that names no plant and for a bus that does not open.
+    Each of `lies` is one of its localiser or drive (`hil.nodes.faults.table.read_lie`). Raises ValueError, one
+    sentence, for a file that names no plant, a lie that is none and for a bus that does not open.
     """
     if seconds is not None and not 0 < seconds <= 1e6:
         raise ValueError(f"--seconds must be more than 0 and at most 1e6; got {seconds:g}")
-    deployed = read_plant(path)
+    deployed, told_lies = read_plant(path), [read_lie(text) for text in lies]
     told = sys.stderr if json_output else sys.stdout
     with output_to_notes():
         try:
@@ -43,6 +45,7 @@ def plant(path: Path, seconds: float | None = None, *, json_output: bool = False
                 deployed.priority,
                 drive=deployed.drive,
                 folder=path.parent,
+                lies=told_lies,
                 ready=lambda: print("ready", file=told, flush=True),
             )
         except ValueError as error:
@@ -59,6 +62,7 @@ def run_plant(
     *,
     drive: ActuatorTable | None = None,
     folder: Path = Path(),
+    lies: Sequence[Fault] = (),
     ready: Callable[[], None] = lambda: None,
 ) -> dict[str, Any]:
     """Put the plant of a scenario on a bus for `seconds` or until a signal; what became of it, the truth included.
@@ -67,6 +71,9 @@ def run_plant(
     deployment: slots that come late are made up for at once, so it never runs slow.
     """
     scenario = load_track_scenario(scenario_path)
+    for fault in lies:
+        fault.check_rig(scenario.kind)
+    due = sorted(lies, key=lambda fault: fault.at_s)
     Session(scenario.truth, scenario.instruments, scenario.seed, 0.0).advance(0.0, SLOT_S)
     raw = open_bus(bus_table, folder)
     clock = Clock()
@@ -83,6 +90,8 @@ def run_plant(
         while slots * SLOT_S < seconds and not signals.wanted:
             now = grid.wait()
             while slots * SLOT_S <= now:
+                while due and due[0].at_s <= slots * SLOT_S:
+                    node.spoil(due.pop(0))
                 node.tick(slots * SLOT_S)
                 slots += 1
             states[node.drive.stage.state] = states.get(node.drive.stage.state, 0) + 1

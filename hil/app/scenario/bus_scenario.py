@@ -22,7 +22,7 @@ from hil.bus.key import read_key
 from hil.bus.local import LocalBus
 from hil.nodes.actuators import ACTUATORS, ActuatorTable, read_actuator
 from hil.nodes.controller.operator import SETPOINT, OperatorLimits
-from hil.nodes.faults.table import KEY, KINDS, MAKER, OPERATOR, Fault, read_faults
+from hil.nodes.faults.table import KEY, MAKER, OPERATOR, Fault, read_faults
 from hil.nodes.fmu_plant import read_fmu
 from hil.nodes.frame_map import frame_map_of, frames
 from hil.nodes.plant_node import SLOT_S
@@ -184,10 +184,6 @@ _MISSING: Final[Mapping[str, str]] = MappingProxyType(
 def _there(has: Mapping[str, bool], faults: tuple[Fault, ...], kind: str) -> None:
     """Refuse a fault of what the scenario has not."""
     for fault in faults:
-        rigs = KINDS[fault.kind].rigs
-        if rigs and kind not in rigs:
-            raise ValueError(
-                f"faults.kind {fault.name} must stand with a rig.kind of {' or '.join(rigs)}; got {kind!r}"
-            )
+        fault.check_rig(kind)
         if fault.needs and not has[fault.needs]:
             raise ValueError(f"faults.kind {fault.name} must stand {_MISSING[fault.needs]}")

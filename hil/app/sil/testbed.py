@@ -28,8 +28,7 @@ from hil.nodes.carriage_bus import CarriageBus
 from hil.nodes.controller.node import ControllerNode, Task, Tick
 from hil.nodes.controller.operator import SETPOINT
 from hil.nodes.faults.injection import TAMPERING, FaultInjection
-from hil.nodes.faults.lies import Lie, LyingLocaliser, zero_of
-from hil.nodes.faults.table import DRIVE, LIES, SETPOINTS, Fault
+from hil.nodes.faults.table import LIES, SETPOINTS, Fault
 from hil.nodes.fmu_plant import FmuPlant
 from hil.nodes.frame_map import frame_map_of, frames
 from hil.nodes.plant_node import SLOT_S, PlantNode, power_of
@@ -72,7 +71,6 @@ class Bench:
         rig.
         """
         self._recorder, self._seed = recorder, seed
-        self.localisers: dict[int, LyingLocaliser] = {}
         loop, self.scenario = scenario.loop, scenario
         self.tick_s, self.wiring = loop.control.tick_s, frame_map_of(loop.kind)
         bus = scenario.bus
@@ -245,7 +243,7 @@ class Bench:
         elif fault.kind == "bus_off":
             self._off_bus(self.ports[fault.target], on)
         elif fault.kind in ("stuck", "biased", "nan", "lost", *LIES):
-            self._lie(fault, on)
+            self.plant.spoil(fault, self._seed) if on else self.plant.mend(fault)
         elif fault.kind == "over_temperature":
             drive.heated_to_C = fault.amount if on else -math.inf
         elif fault.kind == "drive_reset" and on:
@@ -259,26 +257,6 @@ class Bench:
         elif fault.kind == "wrong_bit_rate":
             self.medium.disturb = _Burst() if on else None
             self._off_bus(self.ports["drive"], on)
-
-    def _lie(self, fault: Fault, on: bool) -> None:
-        """A sensor that is broken, or a localiser or drive that lies, from now on, or no more."""
-        plant, truth = self.plant, self.scenario.loop.truth.drive
-        if fault.kind == "restless":
-            plant.drive.power.stray = fault.amount if on else 0.0
-        elif fault.target == DRIVE:
-            if on:
-                plant.mislead(fault)
-            elif plant.lie is not None:
-                plant.lie.end()
-        elif fault.target == "feedback":
-            shown = Lie(fault, about=zero_of(truth))
-            plant.drive.misread = (lambda value: shown(self.medium.now_s, value)) if on else None
-        elif on:
-            seen = LyingLocaliser(fault, self.scenario.loop.instruments.localisation, self._seed, plant.place)
-            self.localisers[id(fault)] = seen
-            plant.tampers.append(seen)
-        else:
-            plant.tampers.remove(self.localisers[id(fault)])
 
     def _hit(self, fault: Fault) -> list[tuple[FaultInjection, tuple[Fault, frozenset[int]]]]:
         """The links that a fault tampers with, and the identifiers there."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -227,6 +228,12 @@ class Fault:
         """What the scenario must have for it."""
         return OPERATOR if self.target == SETPOINTS else KINDS[self.kind].needs
 
+    def check_rig(self, kind: str) -> None:
+        """Raises ValueError for a `kind` of rig that cannot have it."""
+        rigs = KINDS[self.kind].rigs
+        if rigs and kind not in rigs:
+            raise ValueError(f"faults.kind {self.name} must stand with rig.kind {' or '.join(rigs)}; got {kind!r}")
+
     @property
     def end_s(self) -> float:
         """When it is over."""
@@ -247,3 +254,15 @@ def read_faults(tables: Any, duration_s: float) -> tuple[Fault, ...]:
         if fault.at_s >= duration_s:
             raise ValueError(f"faults.at_s must lie within the run of {duration_s:g} s; got {fault.at_s:g}")
     return tuple(found)
+
+
+def read_lie(text: str) -> Fault:
+    """A lie as it is typed: `KIND[:TARGET][=VALUE][@AT_S]`. Raises ValueError for one that is none."""
+    found = re.fullmatch(r"(\w+)(?::(\w+))?(?:=([^@]+))?(?:@(.+))?", text)
+    try:
+        kind, target, value, at_s = found.groups() if found else ("", "", "", "")
+        if kind not in LIES:
+            raise ValueError(f"the kind must be one of {', '.join(LIES)}; {nearest(kind, LIES)}")
+        return Fault(kind, float(at_s or 0.0), math.inf, target or "", float(value) if value else math.nan)
+    except ValueError as error:
+        raise ValueError(f"--lie must be KIND[:TARGET][=VALUE][@AT_S], of a lie; got {text!r}: {error}") from None

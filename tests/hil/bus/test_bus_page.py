@@ -8,7 +8,7 @@ import re
 from hil.app.sil.fault_outcomes import limit_of
 from hil.bus.catalogue import load_catalogue
 from hil.bus.markdown_tables import frames_table, load_table
-from hil.nodes.faults.table import KINDS, LINKS, OWN_KINDS, Fault
+from hil.nodes.faults.table import KINDS, LIES, LINKS, OWN_KINDS, Fault
 from tests.hil.app.sil.sil_runs import RIGS, scenario_of
 from tests.hil.nodes.faults.test_faults import REFUSED
 from tests.places import ROOT
@@ -37,6 +37,19 @@ def test_every_fault_stands_there_with_its_limits() -> None:
         for target in KINDS[kind].targets
     }
     assert rows == expected
+
+
+def test_every_lie_stands_there_with_its_targets_and_value() -> None:
+    rows = {
+        kind: (targets, value)
+        for kind, targets, value in re.findall(r"^\| `([a-z_]+)` \| [^|]+ \| ([a-z, ]+) \| ([^|]+) \|$", PAGE, re.M)
+    }
+    assert {kind: targets for kind, (targets, _) in rows.items()} == {
+        k: ", ".join(lie.targets) for k, lie in LIES.items()
+    }
+    for kind, (_, value) in rows.items():
+        own = LIES[kind].value
+        assert value.endswith(f" {own:g}") or (math.isnan(own) and not re.search(r"\d", value)), kind
 
 
 def test_no_measured_time_exceeds_its_limit() -> None:

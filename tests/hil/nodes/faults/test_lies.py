@@ -13,7 +13,7 @@ from hil.app.sil.fault_outcomes import Outcome, outcomes
 from hil.app.sil.loop import SilTrace, run_sil
 from hil.bus.protection import Receiver
 from hil.nodes.faults.table import LIES, Fault, read_faults
-from hil.nodes.frame_map import frame_map_of, frames
+from hil.nodes.frame_map import MOVING, STANDBY, WAITING, frame_map_of, frames
 from plant import layout as at
 from tests.hil.app.sil.sil_runs import model_of, scenario_of
 
@@ -29,6 +29,7 @@ class Heard:
         controller = scenario.loop.control.controller
         self.trace: SilTrace = run_sil(scenario, model_of(rig), controller, 1, shown=wire.append)
         self.outcomes: list[Outcome] = outcomes(scenario, self.trace)
+        self.report = frame_map_of(rig).feedback
         self._receivers = {
             frames()[name].id: Receiver(frames()[name])
             for name in ("CapsuleLocalisation", frame_map_of(rig).feedback, frame_map_of(rig).command)
@@ -44,6 +45,13 @@ class Heard:
     def column(self, frame: str, signal: str, since_s: float = AT_S + 0.05) -> tuple[np.ndarray, np.ndarray]:
         """Times and values of a signal."""
         rows = [v for v in self.values[frame] if v["t"] >= since_s and v.get("Valid", 1)]
+        return np.array([v["t"] for v in rows]), np.array([v[signal] for v in rows])
+
+    def led(
+        self, signal: str, states: tuple[int, ...] = MOVING, since_s: float = AT_S + 0.004
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Times and values of a signal of the drive's report while it is in one of these states."""
+        rows = [v for v in self.values[self.report] if v["t"] >= since_s and v["State"] in states]
         return np.array([v["t"] for v in rows]), np.array([v[signal] for v in rows])
 
     def true(self, t: np.ndarray, column: int = at.O_X) -> np.ndarray:
@@ -114,40 +122,39 @@ def test_noise_another_rig_and_another_place() -> None:
     assert np.max(np.abs(np.diff(told))) < 5e-4, "smooth"
     heard = Heard("magnetic", lie("swapped"), **QUIET)
     t, told, _ = heard.told()
-    assert told == pytest.approx(heard.true(t, at.O_DRIVE), abs=1e-3)
-    assert np.any(np.abs(told - heard.true(t)) > 5e-4)
+    assert np.median(np.abs(told - heard.true(t, at.O_DRIVE))) < 2e-4
+    assert np.median(np.abs(told - heard.true(t))) > 5e-4
 
 
 @pytest.mark.parametrize(("kind", "times"), [("turned", -1.0), ("scaled", 2.0), ("held", 0.0)])
 def test_carriage_goes_otherwise_while_its_report_follows(kind: str, times: float) -> None:
     heard = Heard("magnetic", lie(kind, target="drive"), seconds=0.8, **QUIET)
-    t, reported = heard.column("CarriageFeedback", "Position_m", AT_S)
+    t, reported = heard.led("Position_m")
     commanded = np.interp(t, *heard.column("CarriageCommand", "Position_m", 0.2))
-    assert reported == pytest.approx(commanded, abs=1e-3), "the report follows the command"
-    way, told = np.diff(heard.true(t, at.O_DRIVE)[[0, -1]])[0], np.diff(reported[[0, -1]])[0]
-    assert abs(told) > 5e-4
-    assert way == pytest.approx(times * told, abs=5e-5)
+    assert np.median(np.abs(reported - commanded)) < 2e-4, "the report follows the command"
+    assert np.ptp(reported) > 1e-4
+    assert np.polyfit(reported, heard.true(t, at.O_DRIVE), 1)[0] == pytest.approx(times, abs=0.1)
 
 
 @pytest.mark.parametrize(("kind", "times"), [("turned", -1.0), ("scaled", 2.0), ("held", 0.0)])
 def test_coil_gets_another_current_than_it_reports(kind: str, times: float) -> None:
     value = {"value": 0.0} if kind == "held" else {}
     heard = Heard("coil", lie(kind, target="drive", **value), seconds=0.5, **QUIET)
-    t, reported = heard.column("CoilFeedback", "Current_A", AT_S + 0.01)
-    assert np.max(np.abs(reported)) > 0.01
-    assert heard.true(t - 1e-3, at.O_CURRENT) == pytest.approx(times * reported, abs=0.03)
+    t, reported = heard.led("Current_A")
+    assert np.ptp(reported) > 0.01
+    assert np.polyfit(reported, heard.true(t - 1e-3, at.O_CURRENT), 1)[0] == pytest.approx(times, abs=0.2)
 
 
 def test_inner_mass_is_on_whatever_it_is_told() -> None:
     heard = Heard("vibro", lie("held", target="drive", value=1.0), seconds=0.6)
-    t, reported = heard.column("InnerMassFeedback", "Current_A", AT_S + 0.01)
+    t, reported = heard.led("Current_A")
     assert reported.min() == 0.0
     assert heard.true(t, at.O_DRIVE).min() == pytest.approx(1.3)
 
 
 def test_carriage_sticks_and_jumps() -> None:
     heard = Heard("magnetic", lie("sticks", target="drive", value=2e-3), seconds=2.0)
-    t, reported = heard.column("CarriageFeedback", "Position_m", AT_S)
+    t, reported = heard.led("Position_m")
     behind = np.abs(heard.true(t, at.O_DRIVE) - reported)
     assert 1.5e-3 < behind.max() < 3e-3
 
@@ -155,22 +162,21 @@ def test_carriage_sticks_and_jumps() -> None:
 @pytest.mark.parametrize("rig", ["magnetic", "coil", "vibro"])
 def test_a_drive_moves_by_itself_until_it_is_enabled_and_says_so(rig: str) -> None:
     value = {"magnetic": 0.02, "coil": 0.2, "vibro": 0.5}[rig]
-    heard = Heard(rig, {"kind": "restless", "at_s": 0.0, "value": value}, seconds=0.06)
+    heard = Heard(rig, {"kind": "restless", "at_s": 0.0, "value": value}, seconds=0.12)
     signal = {"magnetic": "Position_m", "coil": "Current_A", "vibro": "Current_A"}[rig]
-    t, reported = heard.column(frame_map_of(rig).feedback, signal, 0.03)
+    t, reported = heard.led(signal, (STANDBY, WAITING), 0.0)
     expected = value * t if rig == "magnetic" else np.full(t.size, value)
     assert reported == pytest.approx(expected, abs=2e-3)
     column = {"magnetic": at.O_DRIVE, "coil": at.O_CURRENT, "vibro": at.O_DRIVE}[rig]
     true = heard.true(t, column) / (1.3 if rig == "vibro" else 1.0)
-    assert true == pytest.approx(reported, abs=2e-3)
+    assert true[1:] == pytest.approx(reported[1:], abs=2e-3)
 
 
 @pytest.mark.parametrize(("kind", "times"), [("turned", -1.0), ("scaled", 2.0), ("held", 0.0)])
 def test_report_is_false_while_the_drive_moves_right(kind: str, times: float) -> None:
     heard = Heard("magnetic", lie(kind, target="feedback"), seconds=0.42)
-    t, reported = heard.column("CarriageFeedback", "Position_m", AT_S + 0.001)
-    moved = heard.true(t, at.O_DRIVE)
-    assert np.diff(reported[[0, -1]])[0] == pytest.approx(times * np.diff(moved[[0, -1]])[0], abs=2e-5)
+    t, reported = heard.led("Position_m")
+    assert np.polyfit(heard.true(t, at.O_DRIVE), reported, 1)[0] == pytest.approx(times, abs=0.1)
 
 
 def test_judged_by_the_true_place() -> None:

@@ -94,7 +94,7 @@ class PlantNode:
         self.drive.listen(now, self.slots)
         self._localiser.speak(now, self._seen())
         if self._force is not None:
-            self._force.speak(now, self._newest(at.O_FORCE))
+            self._force.speak(now, float(self.session.newest[at.O_FORCE]))
         begin, span = self.session.time, now + SLOT_S - self.session.time
         for part in range(self._parts):
             command = self.drive.output(span / self._parts, self._sensed())
@@ -112,12 +112,8 @@ class PlantNode:
         if isinstance(self.drive.power, CoilPower):
             return float(self.session.plant.state[at.S_CURRENT])
         if isinstance(self.drive.power, InnerMassPower):
-            return self._newest(at.O_INNER_X) - self._newest(at.O_X)
+            return float(self.session.newest[at.O_INNER_X] - self.session.newest[at.O_X])
         return self.drive.power.output
-
-    def _newest(self, column: int) -> float:
-        rows = next((rows for rows in reversed(self.session.rows[-3:]) if len(rows)), None)
-        return 0.0 if rows is None else float(rows[-1, column])
 
 
 class _Localiser:

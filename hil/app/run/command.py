@@ -15,7 +15,7 @@ from typing import Any, Final
 import can
 
 from hil.app.console import notes, output_to_notes, print_json, summary
-from hil.app.learn.identify import Background
+from hil.app.learn.background import Background
 from hil.app.learn.learner import Learner, Lesson, check_learnt
 from hil.app.run.check import check, limits_point, rehearse
 from hil.app.run.clock import Clock, ClockedBus

@@ -96,6 +96,7 @@ class Soaked:
             "most_MB": max((mb for _, mb in everything), default=None),
             "lives": len(self.lives),
             "ends": self.ends,
+            "series": [[(round(t), round(mb, 1)) for t, mb in life] for life in self.lives],
         }
 
 
@@ -205,9 +206,7 @@ def _end(processes: Sequence[subprocess.Popen[bytes] | None]) -> None:
 
 def _document(all_: Sequence[Soaked], took_s: float, warm_up_s: float) -> dict[str, Any]:
     found = {one.name: one.growth(warm_up_s) for one in all_}
-    flat = all(
-        one["growth_MB_h"] is not None and one["growth_MB_h"] <= BOUND_MB_H for one in found.values()
-    )
+    flat = all(one["growth_MB_h"] is not None and one["growth_MB_h"] <= BOUND_MB_H for one in found.values())
     return {
         "seconds": round(took_s),
         "warm_up_s": warm_up_s,
@@ -221,7 +220,7 @@ def _document(all_: Sequence[Soaked], took_s: float, warm_up_s: float) -> dict[s
 
 def _tell(found: dict[str, Any], out: Path | None) -> None:
     if out is not None:
-        out.write_text(json.dumps(found, indent=1) + "\n")
+        out.write_text(json.dumps(found) + "\n")
 
 
 def main() -> int:

@@ -150,8 +150,8 @@ def _told(path: Path, sender: OperatorSender, json_output: bool) -> int:
     else:
         told = [f"{counts['sent']} setpoints sent; {_words(sender)}"]
         if sender.refused:
-            whys = ", ".join(f"{why} {count}" for why, count in sorted(sender.refused.items()))
-            told.append(f"{sender.refused.total()} of {sender.taken + sender.refused.total()} held ones refused ({whys})")
+            whys, count = ", ".join(f"{why} {n}" for why, n in sorted(sender.refused.items())), sender.refused.total()
+            told.append(f"{count} of {sender.taken + count} with the switch held refused ({whys})")
         if sender.others:
             told.append(f"another sender is on the bus as {sender.source}: --source takes another name")
         summary().print("; ".join(told), markup=False, soft_wrap=True)

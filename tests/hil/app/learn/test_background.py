@@ -1,4 +1,4 @@
-"""The learner's process killed, stopped or cut off at any time: an answer that says so, another process, a bounded end."""
+"""The learner's process killed, stopped or cut off: an answer that says so, another process, an end within a bound."""
 
 from __future__ import annotations
 

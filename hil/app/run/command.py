@@ -355,6 +355,7 @@ def _document(
         "other_types": dict(node.receiver.strange),
         "other_controller": dict(node.receiver.foreign),
         "deaf_ticks": node.receiver.deaf,
+        "full_ticks": node.receiver.full,
         "refused": sum(node.guard.refused.values()),
         "unsent": node.guard.unsent,
         "log": str(frames_log.path),

@@ -159,6 +159,8 @@ def soak(seconds: float, every_s: float, warm_up_s: float, out: Path | None) -> 
                     assert one.process is not None
                     if one.process.poll() is not None:
                         one.ends.append(_last_words(folder, one))
+                        if one.name == "run":
+                            _reset(folder)
                         one.begin(folder)
                     one.sample()
                 count += 1
@@ -182,6 +184,12 @@ def _page(folder: Path, page: Page | None) -> Page | None:
     if not said.strip():
         return None
     return Page(json.loads(said)["watch_only"])
+
+
+def _reset(folder: Path) -> None:
+    """Acknowledge the fault that a drive latches whose controller was held up."""
+    words = [*CAPSULE, "run", "deployment.toml", "reset", "--log", "reset.blf"]
+    subprocess.run(words, cwd=folder, env=ENVIRONMENT, capture_output=True, check=False)
 
 
 def _last_words(folder: Path, one: Soaked) -> str:

@@ -24,7 +24,7 @@ from controller.supervision.fallback import Rules
 from controller.supervision.model_switch import ModelSwitch, Offer
 from controller.supervision.supervisor import Supervisor
 from hil.bus.catalogue import Catalogue
-from hil.nodes.controller.guard import LATE, STOP_PERIOD_S, Evidence, Fence, Guard, Passed
+from hil.nodes.controller.guard import STOP_PERIOD_S, Evidence, Fence, Guard, Passed
 from hil.nodes.controller.health import HEALTH_S, health_values
 from hil.nodes.controller.lateness import gap_words, paused
 from hil.nodes.controller.operator import STATUS, STATUS_S, Operator, OperatorLimits
@@ -269,8 +269,7 @@ class ControllerNode:
             self.receiver.challenge = -1
         out = self.guard.command(now, action.command, mode, evidence, now - self._enabled_s)
         if out.mode == QUICK_STOP:
-            late = out.reason == LATE and evidence.feedback_s < -self.tick_s
-            self._fail(paused(-evidence.feedback_s) if late else out.reason)
+            self._fail(out.reason)
         self._stop_all(now)
         self._show(now, estimate)
         self._last = now
@@ -399,7 +398,8 @@ class ControllerNode:
             self._fail(self.receiver.other_controller)
         if not self.leads:
             return
-        reason = self.receiver.doubt(now)
+        ahead_s = -self.receiver.evidence(now).feedback_s
+        reason = paused(ahead_s) if ahead_s > self.tick_s else self.receiver.doubt(now)
         if self._led:
             self._plausibility.wanted(float(self._reference.position(np.array([now]))[0]))
             reason = reason or self._plausibility.reason(self.estimator.counts.restarts)

@@ -132,6 +132,18 @@ def test_signals_ask_for_a_controlled_stop_and_ignored_ones_stay_so(number: sign
         signal.signal(number, before)
 
 
+def test_a_second_plant_on_the_bus_is_the_reason_of_the_stop(tmp_path: Path, channel: str, plant: Forked) -> None:
+    """Whatever its feedback made of the run first; and nothing is led then."""
+    child = leading(tmp_path, channel, "CarriageFeedback", lambda data: (data[6] >> 2) & 15 == 4)
+    (tmp_path / "second").mkdir()
+    words = "two drives of the same kind are on the bus (CarriageHeartbeat tells the uptimes of two)"
+    with plant_on(tmp_path / "second", channel):
+        found = json.loads(child.ended()[1])
+        again = json.loads(Forked(tmp_path, "run", str(tmp_path / "rig.toml"), "--json").ended()[1])
+    assert found["ended"].startswith(words) or found["ended"] in HELD_UP
+    assert (again["end"], again["ended"]) == ("no_drive", f"nothing to lead: {words}")
+
+
 def test_a_plant_that_dies_ends_the_run_with_a_reason(tmp_path: Path, channel: str, plant: Forked) -> None:
     child = leading(tmp_path, channel, "CarriageFeedback", lambda data: (data[6] >> 2) & 15 == 4)
     plant.kill()

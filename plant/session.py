@@ -50,8 +50,8 @@ class Instruments:
 
 
 class Session:
-    """A rig that is commanded step by step. `rows` keeps the truth for whoever judges the run; no controller may see
-    it.
+    """A rig that is commanded step by step. `newest` is the last row of the truth, `rows` all of it where the session
+    `keeps` it for whoever judges the run; no controller may see either.
 
     A magnet's carriage goes in a straight line to each command, a carriage position in m; a coil holds the commanded
     voltage in V, an inner mass without a coil the commanded share 0..1 of its force. Feedback of a carriage is its own
@@ -66,6 +66,8 @@ class Session:
         seed: int = 0,
         command: float = 0.0,
         plant: Stepped | None = None,
+        *,
+        keeps: bool = True,
     ) -> None:
         """At rest at 0 with `command` in force; `plant` steps in place of the rig's own. Raises ValueError for a rig
         whose capsule is not free, or numbers that cannot be.
@@ -76,6 +78,8 @@ class Session:
         self.plant: Stepped = plant or Plant(rig)
         self.command = float(command)
         self.rows: list[Floats] = []
+        self.newest: Floats = np.zeros(at.O_COUNT)
+        self._keeps = keeps
         rate = 1 / (_EVERY * rig.step_s)
         seeds = np.random.SeedSequence(seed).spawn(2)
         hidden = effect_table({name: dict(numbers) for name, numbers in rig.hidden.items()})
@@ -111,7 +115,10 @@ class Session:
         values = self.drive_values(command, steps)
         rows = self.plant.advance(values, _EVERY)
         self.command = float(command)
-        self.rows.append(rows)
+        if len(rows):
+            self.newest = rows[-1]
+        if self._keeps:
+            self.rows.append(rows)
         self._waiting += self._place.take(rows[:, at.O_T], rows[:, at.O_X])
         if self._drive is not None:
             self._waiting += self._drive.take(rows[:, at.O_T], self._fed_back(rows, values, first))

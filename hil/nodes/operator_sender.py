@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
@@ -21,6 +22,8 @@ from hil.nodes.transmit import FrameTransmitter
 CYCLE_S: Final = 0.02
 """How often a setpoint is to be sent, released ones too."""
 _MOST: Final = 256
+_READ_S: Final = 0.02
+"""A setpoint that was sent so long before an answer has been read by then."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +46,11 @@ class OperatorSender:
     Call one of `speed`, `position`, `release` every `CYCLE_S`, and `listen` as often: a sender is heard only once it
     has sent `release`, and whatever ends this program ends the motion within `life_ms`. The counter goes on by one each
     `CYCLE_S` of `clock`, in s, also where a call came later, for by it the controller sees what is held back on the
-    way. `unsent` of `transmitter` counts what the bus did not take. Raises ValueError for a source that the frame does
+    way. `unsent` of `transmitter` counts what the bus did not take.
+
+    Of the setpoints with the switch held `taken` counts those for which this source was in charge, `refused` the others
+    by reason, as the controller's answers say. `others` counts setpoints that somebody else sends as this source, the
+    controller's answers to whom are not told from those to this one. Raises ValueError for a source that the frame does
     not know.
     """
 
@@ -61,12 +68,18 @@ class OperatorSender:
         if not life.lower <= life_ms <= life.upper:
             raise ValueError(f"life_ms must lie in [{life.lower:g}, {life.upper:g}]; got {life_ms:g}")
         self.bus, self.answer, self.answers, self.sent = bus, None, 0, 0
+        self.taken, self.others = 0, 0
+        self.refused: Counter[str] = Counter()
         self.transmitter = FrameTransmitter(bus, catalogue, (SETPOINT,))
+        self.source = source
+        self._pending: list[float] = []
         self._clock, self._said_at, self._behind_s = clock, math.inf, 0.0
         self._common = {"TimeToLive_ms": life_ms, "Source": float(frame.field("Source").number(source))}
         self._modes = {raw: float(frame.field("Mode").number(raw)) for raw in ("position", "speed")}
         status = catalogue[STATUS]
         self._id, self._receiver = status.id, Receiver(status)
+        setpoint = catalogue[SETPOINT].field("Source")
+        self._setpoint, self._shift, self._mask = catalogue[SETPOINT].id, setpoint.start, (1 << setpoint.length) - 1
         self._names = {name: status.field(name).names for name in ("State", "Source", "Refused")}
 
     answer: Answer | None
@@ -86,8 +99,13 @@ class OperatorSender:
     def listen(self) -> Answer | None:
         """Take in what has come, nothing where the bus raises; the controller's last answer, None before the first."""
         for message in waiting(self.bus, _MOST):
-            if plain(message) and message.arbitration_id == self._id:
+            if not plain(message):
+                continue
+            if message.arbitration_id == self._id:
                 self._take(message)
+            elif message.arbitration_id == self._setpoint:
+                named = int.from_bytes(message.data, "little") >> self._shift & self._mask
+                self.others += named == self._common["Source"]
         return self.answer
 
     def _take(self, message: can.Message) -> None:
@@ -96,6 +114,16 @@ class OperatorSender:
             state, source, refused = (self._names[name][int(values[name])] for name in self._names)
             self.answer = Answer(state, source, refused, values["Position_m"], values["Velocity_m_s"])
             self.answers += 1
+            self._count(self.answer)
+
+    def _count(self, answer: Answer) -> None:
+        """What became of the setpoints that had been read when the controller said `answer`."""
+        read = [sent for sent in self._pending if sent <= self._clock() - _READ_S]
+        if answer.source != self.source and answer.refused != "none" and read:
+            self.refused[answer.refused] += len(read)
+        else:
+            self.taken += len(read)
+        self._pending = self._pending[len(read) :]
 
     def _say(self, mode: str, position_m: float, speed_m_s: float, *, held: bool) -> None:
         now = self._clock()
@@ -106,3 +134,5 @@ class OperatorSender:
         values = {"Mode": self._modes[mode], "Position_m": position_m, "Velocity_m_s": speed_m_s}
         self.transmitter.say(SETPOINT, values | self._common | {"DeadMan": float(held)})
         self.sent += 1
+        if held:
+            self._pending = [*self._pending[1 - _MOST :], now]

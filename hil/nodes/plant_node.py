@@ -97,7 +97,7 @@ class PlantNode:
         self.drive.listen(now, self.slots)
         self._localiser.speak(now, self._seen(now))
         if self._force is not None:
-            self._force.speak(now, self._newest(at.O_FORCE))
+            self._force.speak(now, float(self.session.newest[at.O_FORCE]))
         begin, span = self.session.time, now + SLOT_S - self.session.time
         for part in range(self._parts):
             command = self.drive.output(span / self._parts, self._sensed())
@@ -137,7 +137,7 @@ class PlantNode:
 
     def _place(self) -> float:
         """Where the carriage or the inner mass truly is, in m."""
-        return self._newest(at.O_DRIVE if self.session.plant.rig.drive.straight else at.O_INNER_X)
+        return float(self.session.newest[at.O_DRIVE if self.session.plant.rig.drive.straight else at.O_INNER_X])
 
     def _seen(self, now: float) -> list[Reading]:
         readings, self._readings = self._readings, []
@@ -150,12 +150,8 @@ class PlantNode:
         if isinstance(self.drive.power, CoilPower):
             return float(self.session.plant.state[at.S_CURRENT]) if self._lie is None else self._lie.current_A
         if isinstance(self.drive.power, InnerMassPower):
-            return self._newest(at.O_INNER_X) - self._newest(at.O_X)
+            return float(self.session.newest[at.O_INNER_X] - self.session.newest[at.O_X])
         return self.drive.power.output
-
-    def _newest(self, column: int) -> float:
-        rows = next((rows for rows in reversed(self.session.rows[-3:]) if len(rows)), None)
-        return 0.0 if rows is None else float(rows[-1, column])
 
 
 class _Localiser:

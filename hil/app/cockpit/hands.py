@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import IO, Any, Final
 
 from hil.app.cockpit.source import BusSource
+from hil.app.cockpit.watch import words
 from hil.nodes.controller.operator import STATUS, OperatorLimits
 from hil.nodes.operator_sender import OperatorSender
 from hil.nodes.transmit import FrameTransmitter
@@ -27,6 +28,9 @@ SAFE_S: Final = 0.5
 SAFE_STOP: Final = {"Target": 0.0, "Reason": 0.0}
 ENDS_S: Final = 10.0
 _OTHER: Final = "another page steers"
+_THROUGH: Final = "the button was held through a stop, or while another page steered: let it go first"
+_RESTS: Final = ("boot", "self_test", "standby", "fault")
+"""States of a drive that moves nothing, and that nothing is about to enable."""
 
 
 class Hands:
@@ -36,8 +40,9 @@ class Hands:
     has said so within `HOLD_S`: a page that is hidden, closed or cut off is one that has let go. A safe stop is the
     bus's own SafeStop for all, reason operator; the controller takes it for another one's and ends. A controlled stop
     is the signal that Ctrl-C is to a run that was started here; to another run it is a short press at speed 0, after
-    whose release the controller stops the drive. Runs are started by a thread that has the niceness which this process
-    had when these hands were made, however nice it is later.
+    whose release the controller stops the drive, and which enables none. Where the drive rests nothing is sent. A
+    button that was held through a stop, or while another page steered, counts once it has been let go. Runs are started
+    by a thread that has the niceness which this process had when these hands were made, however nice it is later.
     """
 
     def __init__(
@@ -53,6 +58,7 @@ class Hands:
         self._stops = FrameTransmitter(source.bus, source.facts.catalogue, ("SafeStop",))
         self._armed: set[object] = set()
         self._steers: object | None = None
+        self._through: dict[object, float] = {}
         self._held_at, self._wanted = -float("inf"), ("speed", 0.0)
         self._sends_until = self._presses_from = self._safe_until = -float("inf")
         self._run: subprocess.Popen[bytes] | None = None
@@ -72,6 +78,7 @@ class Hands:
         if kind == "hold":
             return self._hold(page, str(asked["mode"]), float(asked["value"]))
         if kind == "let_go":
+            self._through.pop(page, None)
             self._held_at = -float("inf") if page is self._steers else self._held_at
             return ""
         if kind in ("start", "reset"):
@@ -79,8 +86,10 @@ class Hands:
         if kind == "stop":
             return self._stop()
         if kind == "safe_stop":
+            self._end_hold()
             self._safe_until = self._clock() + SAFE_S
-            self.source.tell("safe stop sent to all by this cockpit", "bad")
+            rests = self._rests()
+            self.source.tell(f"safe stop sent to all by this cockpit{f'; {rests}' if rests else ''}", "bad")
             return ""
         raise ValueError(kind)
 
@@ -96,7 +105,8 @@ class Hands:
         """A page has disarmed, or is gone."""
         if page in self._armed:
             self._armed.discard(page)
-            self._sends_until = self._clock() + PARTING_S
+            self._sends_until = max(self._sends_until, self._clock() + PARTING_S)
+        self._through.pop(page, None)
         if page is self._steers:
             self._steers, self._held_at = None, -float("inf")
         return ""
@@ -109,8 +119,10 @@ class Hands:
         now = self._clock()
         if page not in self._armed or mode not in ("speed", "position") or not abs(value) < 10.0:
             raise ValueError(mode)
-        if self._steers is not page and now - self._held_at <= HOLD_S:
-            return _OTHER
+        other = self._steers is not page and now - self._held_at <= HOLD_S
+        if other or now - self._through.get(page, -float("inf")) <= HOLD_S:
+            self._through[page] = now
+            return _OTHER if other else _THROUGH
         self._steers, self._held_at, self._wanted = page, now, (mode, value)
         return ""
 
@@ -134,15 +146,34 @@ class Hands:
         return ""
 
     def _stop(self) -> str:
+        self._end_hold()
+        told = "controlled stop asked for by this cockpit"
         if self._run is not None:
             self._run.send_signal(signal.SIGINT)
-        elif self.limits is None or self.source.watch.newest(STATUS) is None:
+            self.source.tell(told, "doubt")
+            return ""
+        if rests := self._rests():
+            return f"{rests}, so nothing was sent"
+        if self.limits is None or self.source.watch.newest(STATUS) is None:
             return "this controller takes no setpoints: Ctrl-C in its terminal, or a safe stop here"
-        else:
-            self._presses_from = self._clock() + PARTING_S
-            self._sends_until = self._presses_from + PRESS_S + PARTING_S
-        self.source.tell("controlled stop asked for by this cockpit", "doubt")
+        if self.limits.sources and "cockpit" not in self.limits.sources:
+            return f"this controller takes setpoints of {', '.join(self.limits.sources)} alone: a safe stop stops it"
+        self._presses_from = self._clock() + PARTING_S
+        self._sends_until = self._presses_from + PRESS_S + PARTING_S
+        self.source.tell(f"{told}: the drive is stopped, the run goes on; Ctrl-C in its terminal ends it", "doubt")
         return ""
+
+    def _rests(self) -> str:
+        """That nothing moves, "" where something may."""
+        wiring, watch = self.source.facts.wiring, self.source.watch
+        state = watch.state(wiring.feedback) if watch.newest(wiring.feedback) is not None else ""
+        return f"nothing moves: {words(wiring.node)} is in {words(state)}" if state in _RESTS else ""
+
+    def _end_hold(self) -> None:
+        """Whoever holds a button must let it go before it counts again."""
+        if self._steers is not None:
+            self._through[self._steers] = self._clock()
+        self._held_at = -float("inf")
 
     # ---- what goes out
 
@@ -173,10 +204,10 @@ class Hands:
         out, error = (_text(file) for file in self._said)
         self._run = self._said = None
         try:
-            words = str(json.loads(out)["ended"])
+            ended = str(json.loads(out)["ended"])
         except (ValueError, KeyError, TypeError):
-            words = (error.strip().splitlines() or [f"status {status}"])[-1].removeprefix("capsule: ")
-        self.source.tell(f"capsule run ended: {words}", "note" if status == 0 else "bad")
+            ended = (error.strip().splitlines() or [f"status {status}"])[-1].removeprefix("capsule: ")
+        self.source.tell(f"capsule run ended: {ended}", "note" if status == 0 else "bad")
 
     def document(self, page: object) -> dict[str, Any]:
         """What a page's operator card shows."""

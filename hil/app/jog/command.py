@@ -21,6 +21,8 @@ from hil.nodes.operator_sender import CYCLE_S, OperatorSender
 
 HELD_S: Final = 0.15
 """A key counts as held for this long after the terminal has last told of it; they repeat every 30 ms or so."""
+QUIET_S: Final = 0.1
+"""How long to listen for another sender of the same name before anything is sent: five of its cycles."""
 GREETING_S: Final = 0.1
 PARTING_S: Final = 0.1
 _FASTER: Final = 1.25
@@ -36,7 +38,8 @@ def jog(
     json_output: bool = False,
 ) -> int:
     """Send setpoints on the bus of the deployment file `path` as `source`: of the arrow keys, or of `script`, a file
-    ("-": standard input). 0 where a controller has answered, else 1.
+    ("-": standard input). 0 where a controller has answered and taken all that was asked for while held, else 1; 1 too,
+    and nothing is sent, where another one sends as `source` already.
 
     Raises ValueError, one sentence, for what cannot be used, and where the keys are to come from no terminal.
     """
@@ -54,6 +57,10 @@ def jog(
         raise ValueError(f"{path}: {error}") from None
     with bus, Signals().caught() as signals:
         sender = OperatorSender(bus, source, life_ms)
+        time.sleep(QUIET_S)
+        sender.listen()
+        if sender.others:
+            return _told(path, sender, json_output)
         _send(sender, [Step("release", 0.0, GREETING_S)], signals)
         if script is None:
             notes().print("left and right steer while held, up and down set the speed, q ends", markup=False)
@@ -127,17 +134,25 @@ def _words(sender: OperatorSender) -> str:
     answer = sender.answer
     if answer is None:
         return "no controller answers"
-    refused = f"  refused: {answer.refused}" if answer.refused != "none" else ""
-    return f"{answer.state} by {answer.source} at {1e3 * answer.position_m:.2f} mm{refused}"
+    at = f"{answer.state} by {answer.source} at {1e3 * answer.position_m:.2f} mm"
+    if answer.source == sender.source:
+        return f"{at}, the end of the range" if answer.refused == "range" else at
+    return f"{at}  refused: {answer.refused}" if answer.refused != "none" else at
 
 
 def _told(path: Path, sender: OperatorSender, json_output: bool) -> int:
     answer, unsent = sender.answer, sender.transmitter.unsent
+    counts = {"sent": sender.sent - unsent, "unsent": unsent, "answers": sender.answers, "taken": sender.taken}
     if json_output:
         last = None if answer is None else {name: getattr(answer, name) for name in answer.__slots__}
-        counts = {"sent": sender.sent - unsent, "unsent": unsent, "answers": sender.answers}
-        print_json({"deployment": str(path), **counts, "last": last})
+        more = {"refused": dict(sender.refused), "others": sender.others}
+        print_json({"deployment": str(path), **counts, **more, "last": last})
     else:
-        words = f"{sender.sent - unsent} setpoints sent; {_words(sender)}"
-        summary().print(words, markup=False, soft_wrap=True)
-    return 0 if answer is not None else 1
+        told = [f"{counts['sent']} setpoints sent; {_words(sender)}"]
+        if sender.refused:
+            whys, count = ", ".join(f"{why} {n}" for why, n in sorted(sender.refused.items())), sender.refused.total()
+            told.append(f"{count} of {sender.taken + count} with the switch held refused ({whys})")
+        if sender.others:
+            told.append(f"another sender is on the bus as {sender.source}: --source takes another name")
+        summary().print("; ".join(told), markup=False, soft_wrap=True)
+    return 0 if answer is not None and not sender.refused and not sender.others else 1

@@ -4,19 +4,15 @@ out.
 
 from __future__ import annotations
 
-import os
-import signal
 from collections.abc import Callable, Mapping
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
 from typing import Final, TypeVar
 
 import numpy as np
 
 from controller.signals import Array
 from controller.supervision.acceptance import AcceptanceTest
-from hil.app.child_process import end_with_parent
 from hil.app.learn.experiment import Motion, motion_of
 from hil.app.learn.left_over import LeftOver
 from hil.app.quantities import quantity
@@ -37,7 +33,6 @@ from models.identification.search.refit import refit
 from models.identification.search.validation import free_run
 
 T = TypeVar("T")
-NICE: Final = 19
 KNOWN: Final = 0.01
 """Standard deviation, as a share, with which the base parameters of a model that held are known."""
 BELIEVED: Final = 0.05
@@ -80,7 +75,8 @@ class Question:
 class Answer:
     """What was found: `values` for a controller, empty where no model passed the gate, the `effects` named, the
     `verdict`, in a sentence why it is offered or not, what to drive next to tell more (`wanted`, its `motion` where one
-    is proposed), and how many `seconds` the search took.
+    is proposed), and how many `seconds` the search took. `searched` is False where there was none, for whoever was
+    asked is dead.
     """
 
     values: Mapping[str, float]
@@ -90,6 +86,7 @@ class Answer:
     wanted: str = ""
     seconds: float = 0.0
     motion: Motion = ((), ())
+    searched: bool = True
 
     @property
     def passed(self) -> bool:
@@ -226,39 +223,3 @@ def _part(name: str, rig: Rig, columns: Mapping[str, Array], begin: int, end: in
     part = {key: np.asarray(values[first:end]) for key, values in columns.items()}
     part[TIME] = part[TIME] - part[TIME][0]
     return from_row(Record(name, rig.kind, part), begin - first)
-
-
-class Background:
-    """A process of lowest priority that identifies, one question at a time; where there are two cores it leaves the one
-    with the lowest number to the controller.
-    """
-
-    def __init__(self) -> None:
-        self._pool = ProcessPoolExecutor(1, get_context("spawn"), _stand_back)
-
-    def begin(self) -> None:
-        """Start the process now, not with the first question."""
-        self._pool.submit(os.getpid).result()
-
-    def __call__(self, question: Question) -> Future[Answer]:
-        """Ask; the answer comes when it comes."""
-        return self._pool.submit(answer, question)
-
-    def close(self) -> None:
-        """End the process; an answer that is still to come is given up."""
-        for process in list(self._pool._processes.values()):
-            process.terminate()
-        self._pool.shutdown(wait=False, cancel_futures=True)
-
-
-def _stand_back() -> None:
-    """Of lowest priority, deaf to Ctrl-C (which asks the controller for a controlled stop), never longer than it."""
-    for number in (signal.SIGINT, signal.SIGHUP):
-        signal.signal(number, signal.SIG_IGN)
-    end_with_parent()
-    os.nice(NICE)
-    if not hasattr(os, "sched_getaffinity"):
-        return
-    cores = sorted(os.sched_getaffinity(0))
-    if len(cores) > 1:
-        os.sched_setaffinity(0, cores[1:])

@@ -210,8 +210,10 @@ class Learner:
         }
 
     def _excite(self, now: float, found: Answer) -> float:
-        """Have an experiment driven that may tell more; how long it takes in s, 0 where the pace allows none."""
-        experiment = experiment_of(found.motion, self.pace, self._told(now))
+        """Have an experiment driven that may tell more; how long it takes in s, 0 where the pace allows none, or nobody
+        searched.
+        """
+        experiment = experiment_of(found.motion, self.pace, self._told(now)) if found.searched else None
         if experiment is None:
             return 0.0
         self.lessons[-1].experiment_at_s = experiment.at_s

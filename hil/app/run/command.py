@@ -17,7 +17,7 @@ import can
 from controller.supervision.fallback import shares
 from hil.app.console import notes, output_to_notes, print_json, summary
 from hil.app.ends import RUN_ENDS
-from hil.app.learn.identify import Background
+from hil.app.learn.background import Background
 from hil.app.learn.learner import Learner, Lesson, check_learnt
 from hil.app.run.check import Point, check, limits_point, rehearse
 from hil.app.run.clock import Clock, ClockedBus
@@ -386,6 +386,7 @@ def _document(
         "other_types": dict(node.receiver.strange),
         "other_controller": dict(node.receiver.foreign),
         "deaf_ticks": node.receiver.deaf,
+        "full_ticks": node.receiver.full,
         "refused": sum(node.guard.refused.values()),
         "unsent": node.guard.unsent,
         "log": str(frames_log.path),

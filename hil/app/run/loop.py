@@ -7,6 +7,7 @@ import gc
 import math
 import os
 import signal
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -16,7 +17,9 @@ from typing import Any, Final
 from controller.supervision.fallback import DONE
 from hil.app.learn.learner import Learner
 from hil.app.run.clock import Clock, Grid, Histogram
+from hil.app.run.give_up import why_not_enabled
 from hil.log.recorder import Recorder
+from hil.nodes.controller.lateness import paused
 from hil.nodes.controller.node import FAULTY, RUNNING, ControllerNode
 from hil.nodes.controller.receive import HEARTBEAT_LOST_S
 from hil.nodes.frame_map import FAULT, MOVING
@@ -27,6 +30,11 @@ REST_S: Final = 0.2
 COME_TO_REST_S: Final = 2.0
 GIVE_UP_S: Final = 5.0
 RESET_S: Final = 1.0
+RECENT: Final = 25
+AWAY_S: Final = 4e-3
+"""By so much a tick may come late without being named beside the reason of a stop: a coil's command lives for 6 ms."""
+_LATE: Final = ("controller late", "drive fault", "drive left operation", "feedback lost", "drive not enabled")
+"""Reasons that a controller which does not get the processor brings about."""
 _MCL_CURRENT_AND_FUTURE: Final = 3
 
 
@@ -60,8 +68,9 @@ class Signals:
 
 @dataclass
 class Outcome:
-    """How a run ended: `end` (one of `RUN_ENDS`), and in words; pacing, time that ticks took, plans `cut`; whether
-    the drive was `led`, so asked to move.
+    """How a run ended: `end` (one of `RUN_ENDS`), and in words; pacing, time that ticks took, plans `cut`; whether the
+    drive was `led`, so asked to move; whether the estimate was `lost` at the end. `away_s` is for how long each of
+    the newest ticks was not done when it was due.
     """
 
     grid: Grid
@@ -70,6 +79,9 @@ class Outcome:
     end: str = "no_drive"
     ended: str = ""
     led: bool = False
+    lost: bool = True
+    done_s: float = math.inf
+    away_s: deque[float] = field(default_factory=lambda: deque([0.0], maxlen=RECENT))
 
 
 def lead(
@@ -103,8 +115,8 @@ def lead(
             if now - follows >= duration_s or (not enabled and now - began >= give_up_s):
                 break
         outcome.led = node.leads
-        outcome.end, outcome.ended = _ended(node, now, signals, enabled, give_up_s)
-    _come_to_rest(node, outcome, recorder, now)
+        outcome.end, outcome.ended = _ended(node, now, outcome, signals, enabled, give_up_s)
+    _cause(node, _come_to_rest(node, outcome, recorder, now), outcome)
     return outcome
 
 
@@ -142,6 +154,7 @@ def _listen(
         named = faulty and node.receiver.fault > 0 and node.receiver.state == FAULT
         return named or bool(_stranger(node)) or _fit(node, now)
 
+    node.receiver.skip()
     began = now = _tick(node, outcome, recorder)
     while now - began < LISTEN_S and not signals.wanted and (now - began < LEAST_S or not heard(now)):
         now = _tick(node, outcome, recorder)
@@ -170,28 +183,38 @@ def _ready(node: ControllerNode, now: float, outcome: Outcome, signals: Signals)
     return False
 
 
-def _ended(node: ControllerNode, now: float, signals: Signals, enabled: bool, give_up_s: float) -> tuple[str, str]:
+def _ended(
+    node: ControllerNode, now: float, outcome: Outcome, signals: Signals, enabled: bool, give_up_s: float
+) -> tuple[str, str]:
     """How a run ended that had a drive to lead, and in words."""
     if node.state == FAULTY:
         other = node.reason == node.receiver.other_controller
         deaf = f"; {node.receiver.refused_words}" if node.receiver.deaf else ""
-        return "other_controller" if other else node.end, node.reason + deaf
+        return "other_controller" if other else node.end, _reason(node, outcome) + deaf
     if signals.wanted:
         return ("operator", signals.wanted) if node.leads else ("cancelled", f"{signals.wanted} before it was enabled")
     if enabled:
         doubt = node.answer.not_led(node.supervisor.first, node.estimator.health)
         return ("not_led", doubt) if doubt else ("done", DONE)
-    age = node.receiver.evidence(now).localisation_s
-    place = (
-        "no localisation"
-        if age == math.inf
-        else f"localisation {age:.2g} s old"
-        if age > node.guard.fence.stop_s
-        else ""
-    )
-    refused = node.receiver.refused_words
-    missing = "; ".join(words for words in (place, refused) if words) or "the drive did not become ready"
+    missing = why_not_enabled(node, now, outcome.lost)
     return "gave_up", f"gave up: the drive was not enabled within {give_up_s:g} s: {missing}"
+
+
+def _reason(node: ControllerNode, outcome: Outcome) -> str:
+    """Why the node stopped, in the light of this loop's clock, which never jumps: a step of it is a pause."""
+    away_s = max(outcome.away_s)
+    if node.reason == "clock jumped" and away_s > node.tick_s:
+        return f"{paused(away_s)}, in which nothing was heard"
+    if away_s > AWAY_S and node.reason.startswith(_LATE):
+        return f"{node.reason}; the controller itself was late by {1e3 * away_s:.0f} ms"
+    return node.reason
+
+
+def _cause(node: ControllerNode, now: float, outcome: Outcome) -> None:
+    """Put the cause first that became known only while the drive came to rest, or from the clock of this loop."""
+    twins = node.receiver.twins(now)
+    if twins and twins not in outcome.ended and outcome.end in ("stopped", "gave_up", "no_drive"):
+        outcome.ended = f"{twins}: {outcome.ended}"
 
 
 def _stranger(node: ControllerNode) -> str:
@@ -211,8 +234,10 @@ def _fit(node: ControllerNode, now: float) -> bool:
     return not _doubt(node, now) and node.receiver.beating and node.receiver.evidence(now).feedback_s < HEARTBEAT_LOST_S
 
 
-def _come_to_rest(node: ControllerNode, outcome: Outcome, recorder: Recorder, now: float) -> None:
-    """The controlled stop: off is commanded until the drive has long enough said that it does not move."""
+def _come_to_rest(node: ControllerNode, outcome: Outcome, recorder: Recorder, now: float) -> float:
+    """The controlled stop: off is commanded until the drive has long enough said that it does not move; the time
+    then.
+    """
     recorder.stop(now)
     node.stop()
     since, rested = now, now
@@ -222,6 +247,7 @@ def _come_to_rest(node: ControllerNode, outcome: Outcome, recorder: Recorder, no
             rested = now
     if node.answer.unrest and node.answer.unrest not in outcome.ended:
         outcome.end, outcome.ended = "no_rest", f"{outcome.ended}; then {node.answer.unrest}"
+    return now
 
 
 def _tick(node: ControllerNode, outcome: Outcome, recorder: Recorder, learner: Learner | None = None) -> float:
@@ -232,7 +258,11 @@ def _tick(node: ControllerNode, outcome: Outcome, recorder: Recorder, learner: L
         error_m = float(tick.estimate.state[0]) - node.wanted_m(tick.time_s)
         learner.step(tick.time_s, node.estimator.health, error_m)
     outcome.cut += tick.action.cut_after is not None
-    outcome.busy.add(outcome.grid.clock.now() - now)
+    done = outcome.grid.clock.now()
+    outcome.busy.add(done - now)
+    outcome.lost = tick.estimate.lost
+    outcome.away_s.append(done - outcome.done_s - node.tick_s)
+    outcome.done_s = done
     return now
 
 

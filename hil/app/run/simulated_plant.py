@@ -7,8 +7,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from hil.app.console import output_to_notes, print_json
 from hil.app.run.clock import Clock, ClockedBus, Grid
 from hil.app.run.command import open_bus
@@ -78,7 +76,7 @@ def run_plant(
     raw = open_bus(bus_table, folder)
     clock = Clock()
     bus = ClockedBus(raw, clock)
-    session = Session(scenario.truth, scenario.instruments, scenario.seed, 0.0)
+    session = Session(scenario.truth, scenario.instruments, scenario.seed, 0.0, keeps=False)
     _, power = power_of(session, scenario.limits)
     foreign = None if drive is None else simulated_drive(bus, drive, power, scenario.limits, 2 * SLOT_S)
     node = PlantNode(session, scenario.limits, 2 * SLOT_S, bus, bus, drive=foreign)
@@ -96,7 +94,6 @@ def run_plant(
                 slots += 1
             states[node.drive.stage.state] = states.get(node.drive.stage.state, 0) + 1
     bus.shutdown()
-    place = np.concatenate(node.session.rows)[:, at.O_X]
     return {
         "slots": slots,
         "missed": grid.missed,
@@ -106,5 +103,5 @@ def run_plant(
         "state": node.drive.stage.state,
         "slots_in_state": states,
         "fault": node.drive.stage.fault,
-        "moved_m": float(place[-1] - place[0]),
+        "moved_m": float(session.newest[at.O_X]),
     }

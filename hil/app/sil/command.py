@@ -10,7 +10,7 @@ from typing import Any
 from controller.model.control_model import ControlModel
 from controller.supervision.fallback import DONE
 from hil.app.console import json_text, output_to_notes, print_json, progress_bar, summary
-from hil.app.learn.identify import Background
+from hil.app.learn.background import Background
 from hil.app.learn.learner import check_learnt
 from hil.app.scenario.bus_scenario import SilScenario, load_sil_scenario
 from hil.app.scenario.model_health import health_words

@@ -25,6 +25,7 @@ the last good frame to the safe state, once a tick until the guard sees it, the 
 coil, the decay of its current are taken off.
 """
 GUARD_REASON: Final = 2
+LATE: Final = "controller late"
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,14 +132,16 @@ def passed(wanted: object, mode: int, evidence: Evidence, before: Passed, dt: fl
 
 
 def _stopping(evidence: Evidence, missed: int, rate: float, fence: Fence) -> str:
-    """Why a drive that moves by `rate` a second must stop, "" where it need not."""
-    if missed >= fence.late_stop:
-        return "controller late"
-    if not -fence.tick_s <= evidence.feedback_s <= fence.feedback_s - abs(rate) / fence.braking:
+    """Why a drive that moves by `rate` a second must stop, "" where it need not. What came more than a tick after the
+    begin of this one shows that the controller was away in between.
+    """
+    if missed >= fence.late_stop or min(evidence.feedback_s, evidence.localisation_s) < -fence.tick_s:
+        return LATE
+    if not evidence.feedback_s <= fence.feedback_s - abs(rate) / fence.braking:
         return "feedback lost"
     if evidence.state != WAITING and evidence.state not in MOVING:
         return "drive not enabled"
-    if not -fence.tick_s <= evidence.localisation_s <= fence.stop_s:
+    if not evidence.localisation_s <= fence.stop_s:
         return "localisation lost"
     return ""
 

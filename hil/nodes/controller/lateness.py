@@ -1,10 +1,27 @@
-"""By how much setpoints come later than their counter says: what a gateway holds back ever longer."""
+"""Who was late: setpoints that a gateway holds back ever longer, by their counter, or the controller itself."""
 
 from __future__ import annotations
 
 import math
+from typing import Final
 
 from hil.bus.protection import COUNTS
+
+FILLED: Final = 16
+"""Frames that wait after a pause of any length, however small the bus's queue; a tick on time finds a few."""
+
+
+def paused(gap_s: float) -> str:
+    """The reason of a stop for a controller that did nothing for `gap_s`."""
+    return f"controller paused for {gap_s:.2g} s"
+
+
+def gap_words(gap_s: float, tick_s: float, reports: int, frames: int) -> str:
+    """What a step of the clock by `gap_s` was, after which `frames` were waiting, the drive's `reports` among them: a
+    pause, where they fill the time (a report for each two ticks at least, or `FILLED` of any sort), else a jump.
+    """
+    filled = 2 * reports >= gap_s / tick_s - 1 or frames >= FILLED
+    return paused(gap_s) if filled and gap_s > tick_s else "clock jumped"
 
 
 class Lateness:

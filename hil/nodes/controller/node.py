@@ -29,6 +29,7 @@ from hil.bus.catalogue import Catalogue
 from hil.nodes.controller.answer import Answer
 from hil.nodes.controller.guard import GUARD_REASON, STOP_PERIOD_S, Evidence, Fence, Guard, Passed
 from hil.nodes.controller.health import HEALTH_S, health_values
+from hil.nodes.controller.lateness import gap_words, paused
 from hil.nodes.controller.operator import STATUS, STATUS_S, Operator, OperatorLimits
 from hil.nodes.controller.plausibility import Plausibility
 from hil.nodes.controller.receive import FrameReceiver
@@ -140,8 +141,8 @@ class ControllerNode:
     tick in which it is heard and for as long as it speaks.
 
     Ticks that did not take place are caught up with while the last command lives, by the node's clock; whether it does
-    by the drive's, the drive says. After a longer step of the clock the node stops: "controller paused" where the
-    drive's feedback filled the time (a report for each two ticks at least), "clock jumped" where it did not.
+    by the drive's, the drive says. After a longer step of the clock the node stops: "controller paused for ... s" where
+    what was waiting filled the time, "clock jumped" where it did not (`gap_words`).
 
     Where the task accepts an `operator`, the reference is the task's own until one takes charge, then the operator's.
     While nobody has been in charge for long enough the drive is stopped; it is enabled again as at first, with the
@@ -342,8 +343,7 @@ class ControllerNode:
             self._plausibility.tick(self._before.value, [m.value for m in arrived if m.channel != "position_m"])
         if missed < 0:
             self.estimator.reset(now, self._in_force)
-            filled = 2 * self.receiver.feedbacks >= (now - self._last) / self.tick_s - 1 > 0
-            self._fail("controller paused" if filled else "clock jumped")
+            self._fail(gap_words(now - self._last, self.tick_s, self.receiver.feedbacks, self.receiver.frames))
         for k in range(missed, 0, -1):
             then = now + (1 - k) * self.tick_s
             self.estimator.observe(then, self._in_force, [m for m in arrived if m.stamp_s <= then])
@@ -453,7 +453,8 @@ class ControllerNode:
             self._fail(self.answer.unrest)
         if not self.leads:
             return
-        reason = self.receiver.doubt(now)
+        ahead_s = -self.receiver.evidence(now).feedback_s
+        reason = paused(ahead_s) if ahead_s > self.tick_s else self.receiver.doubt(now)
         if self._led:
             wanted_m = self.wanted_m(now)
             self._plausibility.wanted(wanted_m)

@@ -26,8 +26,10 @@ STATUS_S: Final = 0.05
 AHEAD_M: Final = 2e-3
 """A reference that is held is at most this far from where the capsule is believed to be."""
 _TOLD_S: Final = 0.2
-_COUNTED: Final = ("counter", "repeated")
-"""Reasons of the protection for a frame whose length and CRC are right."""
+RELEASED_S: Final = 0.05
+"""A switch that was held counts again once it has been heard released, for so long after it was last heard held."""
+_UNREADABLE: Final = ("length", "crc")
+"""Reasons of the protection for a frame of which nothing can be believed, not even its dead-man switch."""
 NOBODY: Final = 0
 OFF, READY, MOVING, HELD, STOPPED = range(5)
 """What the controller makes of setpoints, in the numbers of OperatorStatus."""
@@ -79,17 +81,21 @@ class Operator:
     """Takes OperatorSetpoint frames in and turns them into a reference; never raises, takes bounded time.
 
     One source is in charge: the one that presses its dead-man switch while no other holds its own, after it has been
-    heard released. It is so until it releases, or its setpoint has lived; then the reference is held from the next tick
-    on, and `resting` after `stop_after_s`: the drive is to be stopped, until somebody presses again. A source that was
-    late, or that was refused because of another, must be heard released before it counts. A release by the one in
-    charge counts whatever its counter, so also from a second node that sends as the same source; the source must then
-    be heard released in turn. `taken` says whether anybody
-    has ever been in charge since `begin`: until then the reference is the deployment's own.
+    heard released for `RELEASED_S`. It is so until it releases, or its setpoint has lived; then the reference is held
+    from the next tick on, and `resting` after `stop_after_s`: the drive is to be stopped, until somebody presses again.
+    Whatever ended the charge, the source must be heard released before it counts. A release by the one in charge counts
+    whatever its counter, so also from a second node that sends as the same source; as long as the first one's switch is
+    heard held, releases of the second do not make it count again. `taken` says whether anybody has ever been in charge
+    since `begin`: until then the reference is the deployment's own.
+
+    Once somebody has been in charge, a setpoint of speed 0 from any other accepted source is a stop: it ends the charge
+    of whoever has it and begins none, so it never enables a drive.
 
     `refused` counts frames by reason: those of the protection (length, crc, counter, repeated, range), `source` (not
     accepted here), `busy` (another one is in charge), `late` (older than its time to live when it was read, from its
     arrival less the time by which `Lateness` says it was held back on), `not_released`. `presses` and `expired` count
-    how often somebody took charge and how often a setpoint's life ended it.
+    how often somebody took charge and how often a setpoint's life ended it; `limited` counts how often a setpoint came
+    to the end of the range, where the reference stands however long it asks for more.
     """
 
     def __init__(self, limits: OperatorLimits, catalogue: Catalogue) -> None:
@@ -97,7 +103,7 @@ class Operator:
         source = frame.field("Source")
         self.id, self.limits = frame.id, limits
         self.refused: Counter[str] = Counter()
-        self.presses = self.expired = 0
+        self.presses = self.expired = self.limited = 0
         self._shift, self._mask = source.start, (1 << source.length) - 1
         self._receivers = {raw: Receiver(frame) for raw in source.names}
         self._late = {raw: Lateness(frame.cycle_s, limits.drift_share) for raw in source.names}
@@ -114,6 +120,8 @@ class Operator:
         """Nobody is in charge, and the deployment's reference is in force."""
         self.source, self.taken = NOBODY, False
         self._armed: set[int] = set()
+        self._pressed_at: dict[int, float] = {}
+        self._at_end = False
         self._dies_at = -math.inf
         self._let_go_at = math.inf
         self._wanted = (0, 0.0, 0.0)
@@ -124,21 +132,25 @@ class Operator:
         bits = int.from_bytes(data, "little")
         source = bits >> self._shift & self._mask
         values = self._receivers.get(source, self._nameless).accept(data, stamp)
+        genuine = not isinstance(values, Refusal) or values.reason not in _UNREADABLE
+        if genuine and bits & self._switch:
+            self._pressed_at[source] = stamp
+        elif genuine and source == self.source:
+            self._let_go(now)
         if isinstance(values, Refusal):
             self._refuse(values.reason, now)
-            if values.reason in _COUNTED and source == self.source and not bits & self._switch:
-                self._armed.discard(source)
-                self._let_go(now)
             return
         dies_at = stamp - self._late_s(source, stamp) + 1e-3 * values["TimeToLive_ms"]
         if source not in self._accepted:
             self._refuse("source", now)
         elif not values["DeadMan"]:
-            self._armed.add(source)
-            if source == self.source:
-                self._let_go(now)
+            if stamp - self._pressed_at.get(source, -math.inf) >= RELEASED_S:
+                self._armed.add(source)
         elif not stamp <= now <= dies_at:
             self._refuse("late", now)
+        elif self.taken and source != self.source and int(values["Mode"]) == self._speed and not values["Velocity_m_s"]:
+            if self.source != NOBODY:
+                self._let_go(now)
         elif self.source not in (NOBODY, source):
             self._armed.discard(source)
             self._refuse("busy", now)
@@ -154,7 +166,6 @@ class Operator:
         """End the charge of a source whose setpoint has lived."""
         if self.source != NOBODY and not now <= self._dies_at:
             self.expired += 1
-            self._armed.discard(self.source)
             self._let_go(now)
 
     @property
@@ -178,20 +189,22 @@ class Operator:
         if not self.taken:
             return reference
         wanted = self._wanted if self.source != NOBODY else None
-        if wanted == self._followed and isinstance(reference, Move):
-            return reference
-        self._followed = wanted
-        at = np.array([now])
-        place, speed = float(reference.position(at)[0]), float(reference.speed(at)[0])
-        if wanted is None:
-            return rest(_held(place, place_m))
-        return self._move(wanted, place, speed, now)
+        if wanted != self._followed or not isinstance(reference, Move):
+            self._followed = wanted
+            at = np.array([now])
+            place, speed = float(reference.position(at)[0]), float(reference.speed(at)[0])
+            reference = rest(_held(place, place_m)) if wanted is None else self._move(wanted, place, speed, now)
+        before, self._at_end = self._at_end, wanted is not None and self._beyond(wanted) and now >= reference.times[-1]
+        self.limited += self._at_end and not before
+        return reference
 
     def status(self, now: float, reference: Reference, leading: bool) -> dict[str, float]:
         """The signals of OperatorStatus at `now`."""
         at = np.array([now])
         state = HELD if self.taken else READY
         state = STOPPED if self.resting(now) else MOVING if self.source != NOBODY else state
+        if self._at_end:
+            self._why, self._why_at = self._reasons["range"], now
         told = 0 <= now - self._why_at <= _TOLD_S
         return {
             "State": state if leading else OFF,
@@ -205,20 +218,28 @@ class Operator:
         """What became of setpoints, for the document of a run."""
         accepted = sum(receiver.statistics.accepted for receiver in self._receivers.values())
         refused = {"accepted": accepted, "refused": dict(self.refused)}
-        return {"presses": self.presses, "expired": self.expired, **refused}
+        return {"presses": self.presses, "expired": self.expired, "limited": self.limited, **refused}
 
     def _move(self, wanted: tuple[int, float, float], place: float, speed: float, now: float) -> Move:
         mode, position, velocity = wanted
         limits = self.limits
-        low, high = min(limits.lowest_m, place), max(limits.highest_m, place)
+        stops = place + speed * abs(speed) / (2 * limits.acceleration_m_s2)
+        low, high = min(limits.lowest_m, place, stops), max(limits.highest_m, place, stops)
         fastest = min(abs(velocity), limits.speed_m_s)
         if mode == self._speed and not fastest:
             return brake(place, speed, limits.acceleration_m_s2, now)
         if mode == self._speed:
             goal = high if velocity > 0 else low
         else:
-            goal = min(max(position, limits.lowest_m), limits.highest_m)
+            goal = min(max(position, low), high)
         return move(goal, place, speed, fastest or limits.speed_m_s, limits.acceleration_m_s2, now)
+
+    def _beyond(self, wanted: tuple[int, float, float]) -> bool:
+        """Whether a setpoint asks for more than the range, once the reference stands."""
+        mode, position, velocity = wanted
+        if mode == self._speed:
+            return velocity != 0.0
+        return not self.limits.lowest_m <= position <= self.limits.highest_m
 
     def _late_s(self, source: int, stamp: float) -> float:
         receiver = self._receivers[source]
@@ -226,6 +247,7 @@ class Operator:
         return self._late[source].heard(receiver.counter, stamp, longest_s)
 
     def _let_go(self, now: float) -> None:
+        self._armed.discard(self.source)
         self.source, self._let_go_at = NOBODY, now
 
     def _refuse(self, reason: str, now: float) -> None:

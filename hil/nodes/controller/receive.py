@@ -15,10 +15,14 @@ from hil.bus.codec import Refusal
 from hil.bus.protection import Receiver, Reception
 from hil.nodes.controller.guard import Evidence
 from hil.nodes.controller.operator import SETPOINT, Operator
+from hil.nodes.controller.twins import Twins
 from hil.nodes.frame_map import BOOT, FrameMap, Observer, plain
+from hil.nodes.listening import waiting
 
 MOST: Final = 256
+SKIPPED: Final = 20_000
 HEARTBEAT_LOST_S: Final = 0.06
+LOCALISER: Final = "LocaliserHeartbeat"
 CONTROLLER: Final = "Controller"
 """The node of the catalogue that this one is."""
 
@@ -33,8 +37,9 @@ class FrameReceiver:
 
     `state`, `report` (position in m, current in A, level) and `temperature_C` are the drive's last good feedback;
     `fault` the code that it has latched. `report` is 0 before the first one. `feedbacks` is how many the last `listen`
-    took in. `still` is what must rest while the drive is not enabled: position in m, current in A. `challenge` is the
-    drive's newest number that has not been answered, -1 for none.
+    took in, of all good `frames`; `full` counts the ticks in which more were waiting than one takes. `told_s` is how
+    old the newest localisation was when it was read. `still` is what must rest while the drive is not enabled: position
+    in m, current in A. `challenge` is the drive's newest number that has not been answered, -1 for none.
 
     `foreign` counts the frames that only a controller sends, by name, whatever their bytes: another one speaks on this
     bus. `strange` counts, by type, what is no classic data frame with an 11-bit identifier; `deaf` the ticks in which
@@ -50,13 +55,17 @@ class FrameReceiver:
         observer: Observer | None = None,
         operator: Operator | None = None,
     ) -> None:
-        sensors = ("CapsuleLocalisation", "LocaliserHeartbeat", "ForceReading", "ForceSensorHeartbeat")
+        sensors = ("CapsuleLocalisation", LOCALISER, "ForceReading", "ForceSensorHeartbeat")
         names = (wiring.feedback, wiring.fault, wiring.heartbeat, wiring.challenge, *sensors)
         self._names = {catalogue[name].id: name for name in names}
         self.reception = Reception({catalogue[name].id: Receiver(catalogue[name]) for name in names})
+        self._twins = {catalogue[name].id: Twins(catalogue[name]) for name in (wiring.heartbeat, LOCALISER)}
+        self._beats = tuple(self._twins.values())
         self.wiring, self.tick_s = wiring, tick_s
         self.state, self.report, self.temperature_C, self.fault = BOOT, 0.0, 20.0, 0
-        self.still, self.challenge, self.feedbacks = 0.0, -1, 0
+        self.still = 0.0
+        self.challenge, self.feedbacks, self.frames, self.full = -1, 0, 0, 0
+        self.told_s = math.inf
         self.deaf, self.deaf_words = 0, ""
         self.strange: Counter[str] = Counter()
         self.foreign: Counter[str] = Counter()
@@ -79,10 +88,17 @@ class FrameReceiver:
         """Error frames so far."""
         return self.strange["error"]
 
+    def skip(self) -> None:
+        """Let go what has been waiting since the bus was opened: a queue that ran over has a gap, behind which good
+        frames would be refused until their counters are known again. Never raises, takes bounded time.
+        """
+        for _ in waiting(self._bus, SKIPPED):
+            pass
+
     def listen(self, now: float) -> list[Measurement]:
         """The measurements that came in. Never raises; a bus that cannot be read counts as silent."""
         found: list[Measurement] = []
-        self.feedbacks = 0
+        self.feedbacks = self.frames = 0
         for _ in range(MOST):
             try:
                 message = self._bus.recv(0)
@@ -104,9 +120,14 @@ class FrameReceiver:
             if self.operator is not None and message.arbitration_id == self.operator.id:
                 self.operator.accept(message.data, message.timestamp, now)
                 continue
+            if message.arbitration_id in self._twins:
+                self._twins[message.arbitration_id].hear(message.data, message.timestamp)
             values = self.reception.accept(message.arbitration_id, message.data, message.timestamp)
             if not isinstance(values, Refusal):
+                self.frames += 1
                 self._take(self._names[message.arbitration_id], values, message.timestamp, now, found)
+        else:
+            self.full += 1
         return found
 
     @property
@@ -149,18 +170,29 @@ class FrameReceiver:
 
     def doubt(self, now: float) -> str:
         """Why the drive cannot be trusted any more, "" where it can."""
+        if twins := self.twins(now):
+            return twins
         if self._other:
             return "drive knows another DBC"
         if self.fault:
             return f"drive fault {self.fault}"
         if now - self._beat_at > HEARTBEAT_LOST_S:
-            return "drive heartbeat lost"
+            refused = now - self._beats[0].heard_at <= HEARTBEAT_LOST_S
+            return "drive heartbeat refused: its counters are not one node's" if refused else "drive heartbeat lost"
+        return ""
+
+    def twins(self, now: float) -> str:
+        """That two drives, or two localisers, send by the same identifiers, "" where none do."""
+        for one, what in zip(self._beats, ("two drives of the same kind", "two localisers"), strict=True):
+            if one.two(now):
+                return f"{what} are on the bus ({one.name} tells the uptimes of two)"
         return ""
 
     def _take(self, name: str, values: dict[str, Any], stamp: float, now: float, found: list[Measurement]) -> None:
         if name == "CapsuleLocalisation":
             if values["Valid"]:
                 self._place_at = stamp - values["Age_s"]
+                self.told_s = now - self._place_at
                 found.append(Measurement("position_m", values["Position_m"], self._place_at))
         elif name == self.wiring.feedback:
             self.feedbacks += 1

@@ -113,7 +113,7 @@ def _when_enabled(node: Rig, do: Callable[[], None]) -> None:
 def _faulty(node: Rig, hot: bool = False) -> None:
     drive = node.bench.plant.drive
     drive.heated_to_C = 60.0 if hot else 0.0
-    if not node.receiver.state == FAULT and node.bench.time_s < 0.1:
+    if node.receiver.state != FAULT and node.bench.time_s < 0.1:
         drive.stage = type(drive.stage)(FAULT, node.bench.time_s, 2 if hot else 4)
         drive._tell = 2
 

@@ -12,7 +12,7 @@ from hil.app.cockpit.facts import Facts
 from hil.app.cockpit.hands import HOLD_S, PARTING_S, SAFE_S, Hands
 from hil.app.cockpit.source import BusSource
 from hil.app.run.clock import Clock
-from hil.bus.protection import Receiver
+from hil.bus.protection import Receiver, Sender
 from hil.nodes.controller.operator import OperatorLimits
 from hil.nodes.frame_map import FRAME_MAPS
 from tests.hil.app.cockpit.story import CATALOGUE
@@ -34,6 +34,14 @@ class Bench:
     def __post_init__(self) -> None:
         self.bus = ScriptedBus()
         self.hands = Hands(BusSource(self.bus, Clock(), FACTS), Path("x.toml"), self.limits, lambda: self.now)
+
+    def hears(self, state: str) -> None:
+        """A controller that takes setpoints, and a carriage in this state, as the bus has just told."""
+        feedback = {"Position_m": 0.0, "Velocity_m_s": 0.0, "Temperature_degC": 25.0}
+        status = {"State": 3, "Source": 0, "Refused": 0, "Position_m": 0.0, "Velocity_m_s": 0.0}
+        number = CATALOGUE["CarriageFeedback"].field("State").number(state)
+        for name, values in (("CarriageFeedback", feedback | {"State": number}), ("OperatorStatus", status)):
+            self.hands.source.watch.take(0.0, CATALOGUE[name].id, Sender(CATALOGUE[name]).frame(values))
 
     def told(self, seconds: float) -> list[dict[str, float]]:
         """The setpoints of so many seconds."""
@@ -115,6 +123,75 @@ def test_a_safe_stop_goes_to_all_and_lets_go(bench: Bench) -> None:
     bench.told(2 * SAFE_S)
     bench.told(0.1)
     assert not [m for m in bench.bus.sent if m.arbitration_id == SAFE_STOP.id]
+
+
+@pytest.mark.parametrize("state", ["standby", "fault", "boot"])
+def test_a_controlled_stop_where_nothing_moves_sends_nothing_and_says_so(bench: Bench, state: str) -> None:
+    bench.hears(state)
+    assert bench.hands.asked("page", {"ask": "stop"}) == f"nothing moves: carriage is in {state}, so nothing was sent"
+    assert bench.told(1.0) == []
+    assert not any("stop" in event.words for event in bench.hands.source.watch.events)
+
+
+@pytest.mark.parametrize("state", ["ready", "enabled", "derated"])
+def test_a_controlled_stop_of_another_ones_run_is_a_press_at_speed_0(bench: Bench, state: str) -> None:
+    """Also where the page that asked for it is gone at once."""
+    bench.hears(state)
+    assert bench.hands.asked("page", {"ask": "stop"}) == ""
+    bench.hands.left("page")
+    told = bench.told(1.0)
+    held = [one for one in told if one["DeadMan"]]
+    assert len(held) >= 7
+    assert {(one["Mode"], one["Velocity_m_s"]) for one in held} == {(1.0, 0.0)}
+    assert not told[0]["DeadMan"]
+    assert not told[-1]["DeadMan"]
+    assert "the run goes on" in bench.hands.source.watch.events[-1].words
+
+
+def test_a_safe_stop_goes_out_always_and_says_where_nothing_moves(bench: Bench) -> None:
+    bench.hears("standby")
+    assert bench.hands.asked("page", {"ask": "safe_stop"}) == ""
+    bench.told(0.1)
+    assert [m for m in bench.bus.sent if m.arbitration_id == SAFE_STOP.id]
+    words = "safe stop sent to all by this cockpit; nothing moves: carriage is in standby"
+    assert bench.hands.source.watch.events[-1].words == words
+
+
+@pytest.mark.parametrize("stop", ["stop", "safe_stop"])
+def test_a_button_that_is_held_through_a_stop_is_none_until_it_is_let_go(bench: Bench, stop: str) -> None:
+    bench.hears("enabled")
+    bench.hands.asked("page", ARM)
+    bench.hands.asked("page", SPEED)
+    bench.hands.asked("another page", {"ask": stop})
+    for _ in range(50):
+        assert bench.hands.asked("page", SPEED).startswith("the button was held through a stop")
+        assert not any(one["DeadMan"] and one["Velocity_m_s"] for one in bench.told(0.04))
+    bench.hands.asked("page", {"ask": "let_go"})
+    assert bench.hands.asked("page", SPEED) == ""
+    assert bench.told(0.02)[0]["DeadMan"]
+
+
+def test_a_button_that_is_held_while_another_page_steers_is_none_until_it_is_let_go(bench: Bench) -> None:
+    for page in ("one", "other"):
+        bench.hands.asked(page, ARM)
+    bench.hands.asked("one", SPEED)
+    assert bench.hands.asked("other", SPEED) == "another page steers"
+    bench.hands.asked("one", {"ask": "let_go"})
+    for _ in range(20):
+        assert bench.hands.asked("other", SPEED) != ""
+        assert not any(one["DeadMan"] for one in bench.told(0.04))
+    bench.told(0.2)
+    assert bench.hands.asked("other", SPEED) == "", "silent for longer than a hold lives: let go"
+
+
+def test_a_page_that_goes_and_comes_again_presses_nothing(bench: Bench) -> None:
+    """Reloaded, its socket lost, its browser gone while the button is held."""
+    bench.hands.asked("page", ARM)
+    bench.hands.asked("page", SPEED)
+    bench.told(0.04)
+    bench.hands.left("page")
+    bench.hands.asked("page again", ARM)
+    assert {one["DeadMan"] for one in bench.told(1.0)} == {0.0}
 
 
 def test_what_cannot_be_is_a_sentence() -> None:

@@ -84,10 +84,27 @@ def test_a_signal_asks_for_a_controlled_stop(tmp_path: Path, channel: str, plant
     child.send_signal(signal.SIGTERM)
     status, said, _ = child.ended()
     found, truth = json.loads(said), truth_of(plant)
-    assert found["ended"] in ("SIGTERM", *HELD_UP)
+    assert found["ended"] == "SIGTERM" or found["ended"] in HELD_UP
     assert status == (0 if found["ended"] == "SIGTERM" else 1)
     assert truth["fault"] == 0
     assert truth["state"] == 2
+
+
+@pytest.mark.parametrize("seconds", [0.2, 1.0, 5.0])
+def test_a_controller_that_is_stopped_for_a_while_says_for_how_long(
+    tmp_path: Path, channel: str, plant: Forked, seconds: float
+) -> None:
+    """SIGSTOP and SIGCONT while the drive speaks on."""
+    child = leading(tmp_path, channel, "CarriageCommand", lambda data: (data[7] >> 2) & 3 == 2)
+    child.send_signal(signal.SIGSTOP)
+    time.sleep(seconds)
+    child.send_signal(signal.SIGCONT)
+    status, said, _ = child.ended()
+    found = json.loads(said)
+    assert (found["end"], status) == ("stopped", 1)
+    words, told_s = found["ended"].split(" for ")
+    assert words == "controller paused"
+    assert seconds <= float(told_s.removesuffix(" s")) * 1.06
 
 
 def test_the_second_signal_ends_the_program_as_ever() -> None:
@@ -113,6 +130,18 @@ def test_signals_ask_for_a_controlled_stop_and_ignored_ones_stay_so(number: sign
             assert signals.wanted == ""
     finally:
         signal.signal(number, before)
+
+
+def test_a_second_plant_on_the_bus_is_the_reason_of_the_stop(tmp_path: Path, channel: str, plant: Forked) -> None:
+    """Whatever its feedback made of the run first; and nothing is led then."""
+    child = leading(tmp_path, channel, "CarriageFeedback", lambda data: (data[6] >> 2) & 15 == 4)
+    (tmp_path / "second").mkdir()
+    words = "two drives of the same kind are on the bus (CarriageHeartbeat tells the uptimes of two)"
+    with plant_on(tmp_path / "second", channel):
+        found = json.loads(child.ended()[1])
+        again = json.loads(Forked(tmp_path, "run", str(tmp_path / "rig.toml"), "--json").ended()[1])
+    assert found["ended"].startswith(words) or found["ended"] in HELD_UP
+    assert (again["end"], again["ended"]) == ("no_drive", f"nothing to lead: {words}")
 
 
 def test_a_plant_that_dies_ends_the_run_with_a_reason(tmp_path: Path, channel: str, plant: Forked) -> None:

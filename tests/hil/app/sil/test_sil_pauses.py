@@ -45,11 +45,39 @@ def test_a_longer_pause_is_told_from_a_jump_of_the_clock(kind: str, silent_ticks
     pause(paused, silent_ticks)
     paused.begin_tick()
     jumped.node.tick(jumped.time_s + silent_ticks * jumped.tick_s)
-    assert (paused.node.state, paused.node.reason) == (FAULTY, "controller paused")
+    told = f"controller paused for {(silent_ticks + 1) * paused.tick_s:.2g} s"
+    assert (paused.node.state, paused.node.reason) == (FAULTY, told)
     assert (jumped.node.state, jumped.node.reason) == (FAULTY, "clock jumped")
     for bench in (paused, jumped):
         go(bench, 0.1)
         assert bench.plant.drive.safe
+
+
+@pytest.mark.parametrize("kind", ["magnetic", "coil"])
+@pytest.mark.parametrize("seconds", [0.2, 1.0, 5.0])
+def test_a_pause_of_any_length_is_named_with_its_length(kind: str, seconds: float) -> None:
+    """More waits after it than a tick reads; the drive's reports that were read do not fill the time, and need not."""
+    bench = bench_of(kind)
+    bench.node.start(0.0, 0.0)
+    go(bench, 0.3)
+    pause(bench, round(seconds / bench.tick_s) - 1)
+    bench.begin_tick()
+    assert (bench.node.state, bench.node.reason) == (FAULTY, f"controller paused for {seconds:g} s")
+    assert bench.node.receiver.full == (seconds > 0.2)
+
+
+@pytest.mark.parametrize("silent_ticks", [2, 5, 500])
+def test_a_pause_between_a_ticks_begin_and_its_reading_is_the_controllers(silent_ticks: int) -> None:
+    """Feedback has come all the time, after the begin of the tick that reads it: it was not lost."""
+    bench = bench_of("magnetic")
+    bench.node.start(0.0, 0.0)
+    go(bench, 0.3)
+    began = bench.time_s
+    pause(bench, silent_ticks)
+    bench.node.tick(began)
+    assert bench.node.state == FAULTY
+    assert bench.node.reason.startswith("controller paused for ")
+    assert bench.plant.session.time - began > silent_ticks * bench.tick_s - 1e-3
 
 
 @pytest.mark.parametrize("late_s", [0.4e-3, 1.1e-3, 1.9e-3])
@@ -82,7 +110,7 @@ def test_a_fast_carriage_s_command_lives_shorter_by_the_time_to_brake() -> None:
     go(bench, 0.3)
     pause(bench, 5)
     bench.begin_tick()
-    assert (bench.node.state, bench.node.reason) == (FAULTY, "controller paused")
+    assert (bench.node.state, bench.node.reason) == (FAULTY, "controller paused for 0.012 s")
 
 
 @pytest.mark.parametrize("strange", [float("nan"), float("inf"), -1e300, 1e300])

@@ -329,7 +329,7 @@ def test_frames_of_other_types_are_not_setpoints(other: str) -> None:
     receiver = FrameReceiver(bus, catalogue, frame_map_of("magnetic"), 2e-3, operator=operator)
     receiver.listen(0.0)
     assert receiver.strange.total() == 1
-    assert operator.document() == {"presses": 0, "expired": 0, "accepted": 0, "refused": {}}
+    assert operator.document() == {"presses": 0, "expired": 0, "limited": 0, "accepted": 0, "refused": {}}
 
 
 def test_the_drive_moves_only_in_charge(tmp_path: Path) -> None:

@@ -1,0 +1,140 @@
+"""The process that identifies beside a run. It may be killed, stopped or cut off at any time: a lesson then fails, and
+the run goes on.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+from concurrent.futures import Future, ThreadPoolExecutor
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnProcess
+from typing import Final
+
+from hil.app.child_process import end_with_parent
+from hil.app.learn.identify import Answer, Question, answer
+
+NICE: Final = 19
+READY_S: Final = 60.0
+"""How long its start is waited for before the first tick."""
+CLOSED_S: Final = 2.0
+"""A process that has been killed is waited for no longer."""
+_SPAWN: Final = get_context("spawn")
+
+
+class Background:
+    """A process of lowest priority that identifies, one question at a time; where there are two cores it leaves the one
+    with the lowest number to the controller.
+
+    A thread alone waits for it, which `begin` starts before the controller takes its core and priority: what that
+    thread starts again later has neither. A future never raises: where the process dies, however it does, the answer is
+    that it did. The next question begins another one, and where that cannot be the answer says so.
+    """
+
+    def __init__(self) -> None:
+        self._keeper = ThreadPoolExecutor(1, "learner")
+        self._process: SpawnProcess | None = None
+        self._pipe: Connection | None = None
+        self._closed = False
+
+    def begin(self) -> None:
+        """Start the process now, not with the first question."""
+        self._keeper.submit(self._start).exception()
+
+    def __call__(self, question: Question) -> Future[Answer]:
+        """Ask; the answer comes when it comes."""
+        return self._keeper.submit(self._ask, question)
+
+    def close(self) -> None:
+        """Kill the process, within `CLOSED_S` also one that is stopped; an answer that is still to come is given up."""
+        self._closed = True
+        self._keeper.shutdown(wait=False, cancel_futures=True)
+        if (process := self._process) is not None:
+            process.kill()
+            process.join(CLOSED_S)
+
+    def _start(self) -> Connection:
+        """A process that is ready. Raises OSError or EOFError where there is none."""
+        ours, theirs = _SPAWN.Pipe()
+        with theirs:
+            self._process = _SPAWN.Process(target=_work, args=(theirs,), daemon=True)
+            self._process.start()
+        self._pipe = ours
+        if self._closed:
+            self._process.kill()
+        if not ours.poll(READY_S):
+            raise TimeoutError(f"not ready within {READY_S:g} s")
+        ours.recv()
+        return ours
+
+    def _ask(self, question: Question) -> Answer:
+        try:
+            pipe = self._pipe if self._process is not None and self._process.is_alive() else None
+            pipe = pipe or self._renewed()
+        except Exception as error:  # noqa: BLE001 - a system that is short of all may raise whatever it likes
+            self._end()
+            return _failed(f"the learner's process cannot be started: {_words(error)}")
+        try:
+            pipe.send(question)
+            found = pipe.recv()
+            assert isinstance(found, Answer)
+            return found
+        except Exception as error:  # noqa: BLE001 - whatever a broken pipe holds
+            return _failed(f"the learner's process {self._end() or f'gave no answer: {_words(error)}'}")
+
+    def _renewed(self) -> Connection:
+        self._end()
+        return self._start()
+
+    def _end(self) -> str:
+        """Kill the process and let go of the pipe; how it had ended before, "" where it had not."""
+        process, pipe, self._process, self._pipe = self._process, self._pipe, None, None
+        ended = ""
+        if process is not None and process.pid is not None:
+            process.join(0.1)
+            ended = "" if process.exitcode is None else _end_words(process.exitcode)
+            process.kill()
+            process.join(CLOSED_S)
+        if pipe is not None:
+            with contextlib.suppress(OSError):
+                pipe.close()
+        return ended
+
+
+def _failed(sentence: str) -> Answer:
+    return Answer({}, (), "none", sentence, searched=False)
+
+
+def _words(error: Exception) -> str:
+    return " ".join(str(error).split())[:200] or type(error).__name__
+
+
+def _end_words(code: int) -> str:
+    if code < 0:
+        with contextlib.suppress(ValueError):
+            return f"was killed ({signal.Signals(-code).name})"
+    return f"ended with status {code}"
+
+
+def _work(pipe: Connection) -> None:
+    """Answer until the pipe ends."""
+    _stand_back()
+    pipe.send(None)
+    with contextlib.suppress(EOFError, OSError):
+        while True:
+            pipe.send(answer(pipe.recv()))
+
+
+def _stand_back() -> None:
+    """Of lowest priority, deaf to Ctrl-C (which asks the controller for a controlled stop), never longer than it."""
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
+    end_with_parent()
+    os.nice(NICE)
+    if not hasattr(os, "sched_getaffinity"):
+        return
+    cores = sorted(os.sched_getaffinity(0))
+    if len(cores) > 1:
+        os.sched_setaffinity(0, cores[1:])

@@ -96,7 +96,7 @@ def _one(report: Mapping[str, Any], model: Model, stage: str) -> tuple[str, ...]
     if not model.sealed:
         reasons = (f"model must carry its checksum: {SEAL} writes it",)
     own, told = model.held_out.get(stage), number(_held_out(report).get(stage))
-    if own is not None and not math.isclose(own, told, rel_tol=1e-9):
+    if own is not None and math.isfinite(told) and not math.isclose(own, told, rel_tol=1e-9):
         reasons += (f"report must be the one of the model, whose held-out error is {own:.4g}; got {told:.4g}",)
     return reasons
 

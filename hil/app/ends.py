@@ -50,7 +50,7 @@ RUN_ENDS: Final[Mapping[str, End]] = MappingProxyType(
             "the drive was not enabled within `control.give_up_s`",
             "gave up: the drive was not enabled within ... s: ...",
         ),
-        "stopped": End(1, "the controller stopped by itself, for the reason in `ended`", "feedback lost..."),
+        "stopped": End(1, "the controller stopped by itself, for the reason in `ended`", "localisation lost..."),
         "log": End(1, "as asked, but frames are missing in the log", "...; log ...: ... frames are missing"),
     }
 )

@@ -50,7 +50,7 @@ RUN_ENDS: Final[Mapping[str, End]] = MappingProxyType(
             "the drive was not enabled within `control.give_up_s`",
             "gave up: the drive was not enabled within ... s: ...",
         ),
-        "stopped": End(1, "the controller stopped by itself, for the reason in `ended`", "feedback lost..."),
+        "stopped": End(1, "the controller stopped by itself, for the reason in `ended`", "localisation lost..."),
         "sensor_or_drive": End(
             1,
             "localisation, drive and capsule contradict each other, in the probe or while it led",
@@ -106,7 +106,7 @@ ENDS: Final[Mapping[str, Mapping[str, End]]] = MappingProxyType(
                 "capsule: memory must be at least ... kB (ulimit -v); got a limit of ... kB",
             ),
             "unwritten": End(
-                3,
+                1,
                 "the end would have been 0, but standard output is full, closed or read by nobody",
                 "capsule: standard output must take the result; got: ...",
             ),

@@ -11,7 +11,7 @@ import select
 import sys
 from typing import TextIO
 
-UNWRITTEN = 3
+UNWRITTEN = 1
 """The status of a command that did what it was asked for and whose result standard output did not take."""
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.app.shortage import shortage
-from models.files.writing import writing
+from models.files.writing import draft
 
 
 def write_files(contents: Mapping[Path, str | bytes]) -> None:
@@ -25,7 +25,7 @@ def write_files(contents: Mapping[Path, str | bytes]) -> None:
     waiting: list[tuple[Path, Path]] = []
     try:
         for path, content in contents.items():
-            waiting.append((_written(path, content.encode() if isinstance(content, str) else content), path))
+            waiting.append((draft(path, content.encode() if isinstance(content, str) else content), path))
         for temporary, path in waiting:
             temporary.replace(path)
     finally:
@@ -128,16 +128,3 @@ def check_mcap(path: Path, inputs: Sequence[Path]) -> None:
     check_targets([check_file(path, "--mcap", (".mcap",))], "--mcap", inputs)
     if find_spec("mcap") is None:
         raise ValueError("--mcap needs the package mcap, which is not installed: pip install '.[mcap]'")
-
-
-def _written(path: Path, data: bytes) -> Path:
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    temporary = Path(name)
-    try:
-        with writing(path), os.fdopen(handle, "wb") as file:
-            file.write(data)
-        temporary.chmod(0o644)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
-    return temporary

@@ -1,10 +1,12 @@
-"""Errors of writing that name the file."""
+"""Drafts of files that take their name once they are whole, and errors of writing that name the file."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from uuid import uuid4
 
 
 @contextmanager
@@ -14,3 +16,19 @@ def writing(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from error
+
+
+def draft(path: Path, data: bytes) -> Path:
+    """A file beside `path` with `data`, to be moved to `path`; who may read it is as the user's umask has it. Raises
+    OSError, and leaves nothing then.
+    """
+    made = path.with_name(f".{path.name}.{uuid4().hex[:12]}")
+    with writing(path):
+        handle = os.open(made, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(data)
+        except BaseException:
+            made.unlink(missing_ok=True)
+            raise
+    return made

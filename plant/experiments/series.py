@@ -6,15 +6,13 @@ from __future__ import annotations
 
 import gzip
 import io
-import os
-import tempfile
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Final, Literal, get_args
 
 import numpy as np
 
-from models.files.writing import writing
+from models.files.writing import draft
 from models.laws.geometry import Capsule, Tissue
 from plant import layout as at
 from plant.drives.kinds import Magnet, Pull
@@ -134,15 +132,11 @@ def write_text(path: Path, text: str) -> None:
 
 
 def _replace(path: Path, data: bytes) -> None:
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    made = draft(path, data)
     try:
-        with writing(path), os.fdopen(handle, "wb") as stream:
-            stream.write(data)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+        made.replace(path)
+    finally:
+        made.unlink(missing_ok=True)
 
 
 def rig_text(kind: Kind, noise: float = 1.0) -> str:

@@ -7,7 +7,6 @@ and draws all into DIR.
 from __future__ import annotations
 
 import argparse
-import json
 from dataclasses import asdict, dataclass
 from itertools import product
 from pathlib import Path
@@ -17,6 +16,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from hil.app.console import json_text
 from hil.app.report.document import document, heading
 from hil.app.report.theme import INK, figure_html, styled
 from models.laws.geometry import Capsule
@@ -132,7 +132,7 @@ def vibro_sweep(out: Path) -> dict[str, Any]:
         "verdicts": {v: [r["name"] for r in results if r["claim"] == v] for v in ("holds", "fails", "does not move")},
         "drives": results,
     }
-    write_text(out / "vibro_sweep.json", json.dumps(found, indent=1) + "\n")
+    write_text(out / "vibro_sweep.json", json_text(found))
     counts = ", ".join(f"{len(names)} {verdict}" for verdict, names in found["verdicts"].items())
     head = heading(
         f"{len(results)} drives",

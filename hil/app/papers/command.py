@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 from rich.console import Console
 
+from hil.app.console import print_json
 from hil.app.papers.page import write_page
 from hil.app.papers.table import print_rows, seed_rows
 
@@ -24,9 +24,7 @@ def seeds(json_output: bool = False, plot: Path | None = None) -> None:
     rows = seed_rows()
     page = None if plot is None else write_page(plot)
     if json_output:
-        print(
-            json.dumps({"rows": [r.record() for r in rows], "figures": None if page is None else str(page)}, indent=2)
-        )
+        print_json({"rows": [r.record() for r in rows], "figures": None if page is None else str(page)})
         return
     console = Console()
     if not console.is_terminal:

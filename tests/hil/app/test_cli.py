@@ -36,6 +36,7 @@ class FakeModel:
 
     kind = "axis"
     cautions: Mapping[str, str] = MappingProxyType({})
+    sealed = True
 
     def to_toml(self) -> str:
         return 'kind = "axis"\n'
@@ -131,8 +132,11 @@ def test_json_stands_alone_on_standard_output(
 
 
 def test_an_interruption_while_loading_ends_with_a_sentence(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
+    for name in ("stdin", "stdout", "stderr"):
+        monkeypatch.setattr(sys, name, getattr(sys, name))
+
     class _Interrupted(ModuleType):
         def __getattr__(self, name: str) -> None:
             raise KeyboardInterrupt
@@ -141,7 +145,7 @@ def test_an_interruption_while_loading_ends_with_a_sentence(
     with pytest.raises(SystemExit) as end:
         start.main()
     assert end.value.code == 130
-    assert capsys.readouterr().err == "capsule: interrupted: no result was written\n"
+    assert capfd.readouterr().err == "capsule: interrupted: no result was written\n"
 
 
 @pytest.mark.usefixtures("faked")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import resource
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,8 +14,10 @@ from hil.app.main import run
 from hil.app.write import file_trouble, sole_writer, write_files
 from hil.bus.local import channel_folder
 from hil.log.blf_file import SENT, BlfFile, Logged
+from hil.log.place import write_record
 from models.compiled.cache import cache_folder
 from models.compiled.private_folder import private_folder
+from plant.experiments.series import write_text
 
 
 def test_a_folder_is_for_one_command_and_goes_where_nothing_came(tmp_path: Path) -> None:
@@ -83,3 +86,17 @@ def test_a_folder_that_others_can_write_to_is_not_used(
     assert cache_folder() == cache_folder() != wide
     assert capsys.readouterr().err.count("compiled code is not kept in") == 1
     assert private_folder(short_path / "new").stat().st_mode & 0o777 == 0o700
+
+
+@pytest.mark.parametrize("mask", [0o077, 0o027, 0o022])
+def test_who_may_read_a_result_is_as_the_umask_has_it(short_path: Path, mask: int) -> None:
+    before = os.umask(mask)
+    try:
+        write_files({short_path / "a.json": "{}"})
+        write_text(short_path / "b.toml", "")
+        write_record(short_path / "c.blf", {})
+    finally:
+        os.umask(before)
+    modes = {path.stat().st_mode & 0o777 for path in short_path.iterdir()}
+    assert modes == {0o666 & ~mask}
+    assert len(list(short_path.iterdir())) == 3

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.skipif(not FULL.exists(), reason="needs /dev/full")
 
 
 class Started:
-    """A command as a shell starts it, with standard output and error each a file, "full", "closed", or "unread":
+    """A command as started from a shell, with standard output and error each a file, "full", "closed", or "unread":
     a pipe that nobody reads.
     """
 

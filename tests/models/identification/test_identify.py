@@ -14,7 +14,7 @@ from models.files.record import Record, read_record
 from models.files.rig import Rig, parse_rig, read_rig
 from models.identification import Model, close
 from models.identification.finding import Finding
-from models.identification.model import HELD_OUT
+from models.identification.model import HELD_OUT, sealed
 from models.identification.verdict import WORSE
 from models.laws.geometry import Capsule, Tissue
 from models.sets import measured_path
@@ -146,7 +146,7 @@ def test_a_model_survives_its_file() -> None:
 def test_a_held_out_error_is_a_number_of_a_stage(errors: str) -> None:
     text = Model("pull", {"nominal": {}, "calibrated": {}, "augmented": {}}).to_toml()
     with pytest.raises(ValueError, match=r"model.*\[held_out\]") as caught:
-        Model.from_toml(f"{text}[held_out]\n{errors}\n")
+        Model.from_toml(sealed(f"{text}[held_out]\n{errors}\n"))
     assert "\n" not in str(caught.value)
 
 

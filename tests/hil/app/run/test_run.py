@@ -15,6 +15,7 @@ from hil.bus.catalogue import load_catalogue
 from hil.bus.local import LocalBus
 from hil.bus.protection import Sender
 from models.files.rig import read_rig
+from models.identification.model import sealed
 from tests.conftest import RIG
 from tests.hil.app.run.deployments import deployment, rig_file
 
@@ -152,7 +153,7 @@ friction_coefficient = 0.085
 
 
 def test_a_model_leads_only_through_the_gate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "model.toml").write_text(_MODEL)
+    (tmp_path / "model.toml").write_text(sealed(_MODEL))
     (tmp_path / "report.json").write_text(
         '{"kind": "magnetic", "error": {"holdout": {"calibrated": 1.0, "augmented": 2.0}}}'
     )
@@ -168,6 +169,24 @@ def test_a_model_leads_only_through_the_gate(tmp_path: Path, capsys: pytest.Capt
     loaded = load_deployment(Path(rig_file(tmp_path, text)))
     assert loaded.verdict is not None
     assert loaded.verdict.passed
+
+
+def test_a_model_that_is_not_whole_does_not_lead(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Whatever its report says: cut off, changed by hand, or beside another model's report."""
+    text = deployment(more='[model]\nfile = "model.toml"\nreport = "report.json"\n')
+    rig, whole = rig_file(tmp_path, text), sealed(_MODEL)
+    report = '{"kind": "magnetic", "error": {"holdout": {"calibrated": 1.0, "augmented": 0.5}}}'
+    (tmp_path / "report.json").write_text(report)
+
+    def said(model: str) -> str:
+        (tmp_path / "model.toml").write_text(model)
+        assert run(["run", rig, "--log", str(tmp_path / "run.blf")]) == 2
+        return capsys.readouterr().err
+
+    for broken in (whole.rstrip()[:-1], whole.replace("0.085", "0.0851"), whole.replace("friction_coefficient", "#")):
+        assert "model must be whole, as it was written with checksum" in said(broken)
+    other = sealed(_MODEL + "[held_out]\naugmented = 0.4\n")
+    assert "report must be the one of the model, whose held-out error is 0.4; got 0.5" in said(other)
 
 
 def test_the_rig_of_a_deployment_is_that_of_its_rig_file(tmp_path: Path) -> None:

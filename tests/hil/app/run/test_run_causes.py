@@ -9,7 +9,8 @@ from typing import Any
 import can
 import pytest
 
-from hil.app.run.loop import ENDS, Signals
+from hil.app.ends import RUN_ENDS
+from hil.app.run.loop import Signals
 from hil.bus.protection import Sender
 from hil.bus.simulated import SimulatedBus
 from hil.nodes.controller.receive import FrameReceiver
@@ -83,7 +84,7 @@ def test_a_frame_that_is_not_whole_is_none() -> None:
 def test_a_second_localiser_is_named_while_leading(tmp_path: Path) -> None:
     """A stop, whatever was seen of it first. Two drives collide on a wire: those are tried on the local bus."""
     during, node = led(tmp_path, each=Second(1.0).each, seconds=2.0)
-    assert (during.end, during.led, ENDS[during.end][0]) == ("stopped", True, 1)
+    assert (during.end, during.led, RUN_ENDS[during.end].status) == ("stopped", True, 1)
     assert during.ended.startswith("two localisers are on the bus (LocaliserHeartbeat tells the uptimes of two)")
     assert node.bench.plant.drive.safe
 
@@ -117,5 +118,5 @@ def test_two_of_a_kind_are_named_before_anything_is_led() -> None:
 def test_a_localisation_that_is_told_as_too_old_is_named(tmp_path: Path, latency_s: float, words: str) -> None:
     """Refused frames are not the cause and not told."""
     outcome, _ = led(tmp_path, localisation={"latency_s": latency_s})
-    assert (outcome.end, ENDS[outcome.end][0]) == ("gave_up", 1)
+    assert (outcome.end, RUN_ENDS[outcome.end].status) == ("gave_up", 1)
     assert outcome.ended == f"gave up: the drive was not enabled within 3 s: {words}"

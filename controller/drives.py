@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from controller.limits import Envelope, Limits
+from controller.model.control_model import ControlModel
+from controller.model.friction import mean_friction
 from models.drives.drive import Drive
 
 Numbers = Mapping[str, float]
@@ -136,3 +138,11 @@ def actuator_of(drive: Drive, p: Numbers, envelope: Envelope) -> Actuator:
     if actuator is None:
         raise ValueError(f"drive must be {' or '.join(bodies())} for a PID on the force; got {drive.name!r}")
     return actuator(drive, p, envelope)
+
+
+def friction_command(model: ControlModel, envelope: Envelope) -> float:
+    """The command that overcomes a coil's mean friction; inf for other drives, which have a place or push no body."""
+    if envelope.placed or model.drive.name not in bodies():
+        return math.inf
+    p = dict(zip((q.name for q in model.symbols.parameters), model.values.tolist(), strict=True))
+    return max(abs(actuator_of(model.drive, p, envelope).command(mean_friction(model), 0.0, 0.0)), 1e-9)

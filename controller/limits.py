@@ -12,8 +12,8 @@ _NEAR = 1e-9  # share of a range within which two commands count as the same
 
 
 _LEAST = 1e-6
-_AROUND_M = 0.015
-"""Envelope of a drive that no gap bounds: half a capsule's length."""
+_AROUND_M = 0.01
+"""Envelope of a drive that no gap bounds: a third of a capsule's length."""
 
 
 def _limit(value: float, most: float, unit: str, source: str, least: float = _LEAST) -> Any:
@@ -59,7 +59,7 @@ class Limits:
         0.0,
         1.0,
         "m",
-        "choice: farthest that carriage and capsule may be from the wanted position; 0: the magnet's gap, 15 mm for"
+        "choice: farthest that carriage and capsule may be from the wanted position; 0: the magnet's gap, 10 mm for"
         " other drives",
         least=0.0,
     )

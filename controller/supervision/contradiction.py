@@ -15,6 +15,11 @@ _PUSHES: Final = 0.15
 _AGAINST: Final = 0.5
 _STROKE: Final = 1.5
 _ON_S: Final = 5.0
+_IN_VAIN: Final = (2.0, 0.12)
+_MOST_IN_VAIN: Final = 3.0
+_MEAN: Final = 0.3
+_MOVED_M: Final = 5e-4
+_MEAN_STDS: Final = 1.7
 _SLIPS_M_S: Final = 0.2
 _FASTEST_M_S: Final = 1.0
 _CONFIRMED: Final = 3
@@ -91,7 +96,9 @@ class Contradiction:
       by less, as the magnet pulls the harder.
     - Answer: a capsule that has not moved by `_STILL_M` and `_STDS` standard deviations of its localisation has not
       felt strokes of the drive of `_STROKE` of its gap or range, nor an inner mass that swung for `_ON_S`.
-
+    - Push: a coil that pushes harder than `_IN_VAIN[0]` times the friction moves its capsule by `_MOVED_M` the same way
+      (or four standard deviations of readings smoothed by `_MEAN`); what it pushes beyond, in frictions, does not sum
+      up to `_IN_VAIN[1]` seconds without that, and it pushes no harder than `_MOST_IN_VAIN` (`most`).
     - Speed: readings `_APART_S` apart show less than `_SPEED` of the capsule's limit, so that a drive later than
       anybody knows comes to rest before the limit. An inner mass shakes its capsule faster.
 
@@ -99,8 +106,13 @@ class Contradiction:
     in m, times in s. No method raises, allocates or takes longer with time.
     """
 
-    def __init__(self, envelope: Envelope, noise_m: float) -> None:
+    def __init__(self, envelope: Envelope, noise_m: float, friction: float = math.inf) -> None:
+        """`noise_m` is the localisation's standard deviation, `friction` the command that overcomes the model's
+        friction, which matters where the drive has no place.
+        """
         limits, self._envelope = envelope.limits, envelope
+        self._friction = abs(friction)
+        self._moved_m = max(_MOVED_M, _MEAN_STDS * noise_m)
         slack_m = _SLACK_M + _STDS * noise_m
         self._drive = Corridor(envelope.around_m, limits.carriage_speed_m_s, slack_m)
         self._capsule = Corridor(envelope.around_m, limits.speed_m_s, slack_m)
@@ -121,6 +133,8 @@ class Contradiction:
         self.against_m, self._on_s = 0.0, 0.0
         self._rested_m = self._farthest_m = math.nan
         self._way, self._outside = 0.0, 0
+        self._mean_m = self._from_m = math.nan
+        self._vain_s, self._vain_way = 0.0, 0.0
         self._low, self._high = math.inf, -math.inf
         self._seen_at = self._fast_at = self._fast_m = math.nan
 
@@ -134,12 +148,19 @@ class Contradiction:
             self._on_s += dt * (drive > 0)
             if self._on_s > _ON_S:
                 return f"{CONTRADICT}: the capsule has not moved while the inner mass swung for {_ON_S:g} s"
+        elif not self._envelope.placed and self._in_vain(drive, dt):
+            return f"{CONTRADICT}: the capsule does not answer {self._times(drive):.2g} times its friction"
         elif self._high - self._low > self._stroke:
             return f"{CONTRADICT}: the capsule does not answer, it has not moved while the {self._went()}"
         if self._envelope.placed and self._drive.leaves(drive, wanted_m, dt):
             off = 1e3 * (drive - wanted_m)
             return f"{CONTRADICT}: the carriage is {off:+.1f} mm from the wanted position, the capsule not"
         return ""
+
+    @property
+    def most(self) -> float:
+        """The greatest command of a coil for the next tick, either way: inf where the capsule has answered."""
+        return _MOST_IN_VAIN * self._friction if self._vain_s > 0 else math.inf
 
     def saw(self, place_m: float, drive: float, wanted_m: float, stamp_s: float) -> str:
         """The localisation shows the capsule at `place_m`; `drive` and `wanted_m` are those of its stamp."""
@@ -151,6 +172,7 @@ class Contradiction:
             self._way, self._farthest_m = way, place_m
         elif way * (place_m - self._farthest_m) > 0:
             self._farthest_m = place_m
+        self._answers(place_m)
         self.against_m = way * (self._farthest_m - place_m)
         if not abs(place_m - self._rested_m) <= self._still_m:
             self._rested_m, self._on_s, self._low, self._high = place_m, 0.0, drive, drive
@@ -166,6 +188,26 @@ class Contradiction:
             off = 1e3 * (place_m - wanted_m)
             return f"{CONTRADICT}: the capsule is told {off:+.1f} mm from the wanted position"
         return ""
+
+    def _in_vain(self, drive: float, dt: float) -> bool:
+        """Whether the drive has pushed harder than friction asks for too long without an answer."""
+        push = self._envelope.sense * drive
+        way = math.copysign(1.0, push) if push else 0.0
+        if way != self._vain_way:
+            self._vain_way, self._vain_s, self._from_m = way, 0.0, self._mean_m
+        least, longest_s = _IN_VAIN
+        self._vain_s += dt * max(self._times(drive) - least, 0.0)
+        return self._vain_s > longest_s
+
+    def _times(self, drive: float) -> float:
+        return abs(drive) / self._friction
+
+    def _answers(self, place_m: float) -> None:
+        """A capsule that goes the way it is pushed answers: what was pushed before does not count."""
+        before = self._mean_m
+        self._mean_m = place_m if math.isnan(before) else before + _MEAN * (place_m - before)
+        if not self._vain_way * (self._mean_m - self._from_m) < self._moved_m:
+            self._from_m, self._vain_s = self._mean_m, 0.0
 
     def _speed(self, place_m: float, stamp_s: float) -> float:
         """Speed in m/s since a reading `_APART_S` or longer ago, 0 until there is one."""

@@ -35,7 +35,7 @@ class Supervisor:
     cannot be stopped from inside, the drive's time to live does that.
 
     `place` and `pace` are the indices of position and speed in the estimate's state. `temperature_C` is what the drive
-    last said.
+    last said, `most` what a command may be either way for now.
     """
 
     name = "supervised"
@@ -61,7 +61,7 @@ class Supervisor:
         self._braking_m = (
             0.5 * envelope.rate**2 / envelope.acceleration if math.isfinite(envelope.acceleration) else math.inf
         )
-        self.halted = ""
+        self.halted, self.most = "", math.inf
         self._offered: tuple[Controller, ...] | None = None
         self._allowed: int | None = None
         self._begin(tuple(chain), 0.0)
@@ -134,7 +134,8 @@ class Supervisor:
         seen, self._cut_after = self._seen(now, estimate), None
         self._watch_rest(seen, reference)
         action, status = self._decide(seen, now, estimate, reference)
-        self.issued, broken = limited(action.command, self.issued, seen, tick, self.envelope)
+        wanted = min(max(action.command, -self.most), self.most) if math.isfinite(self.most) else action.command
+        self.issued, broken = limited(wanted, self.issued, seen, tick, self.envelope)
         self._watch_limits(broken)
         self._watch_swings(seen, reference)
         self._allowed = None

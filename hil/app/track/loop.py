@@ -12,7 +12,7 @@ from itertools import dropwhile
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.drives import envelope_of
+from controller.drives import envelope_of, friction_command
 from controller.estimator.base import Counts
 from controller.height import choose_height, values_at
 from controller.model.control_model import ControlModel, control_model
@@ -160,7 +160,7 @@ def run_loop(
     """
     envelope = envelope_of(model.drive, scenario.limits)
     supervisor = Supervisor(build(controller, model, envelope), envelope)
-    watch = Contradiction(envelope, scenario.instruments.localisation.std)
+    watch = Contradiction(envelope, scenario.instruments.localisation.std, friction_command(model, envelope))
     estimator = ModelSwitch(supervisor, controller, model, offer, estimator=scenario.control.estimator)
     estimator.begin(0.0)
     truth = _lifted(scenario, model)
@@ -176,6 +176,7 @@ def run_loop(
         estimate = estimator.observe(now, supervisor.issued.command, arrived)
         middle = time.perf_counter()
         supervisor.halt(_contradiction(watch, arrived, supervisor.issued.command, now, scenario, trace))
+        supervisor.most = watch.most
         action = supervisor.act(now, estimate, scenario.reference)
         end = time.perf_counter()
         trace.note(k, now, estimate, action, wall, (middle - start, end - middle))

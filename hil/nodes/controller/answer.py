@@ -23,7 +23,7 @@ _BACK_S: Final = 0.4
 """How far back reports of the drive are kept, for readings that come late: no localiser can tell a greater age."""
 _JUMP_M: Final = 2e-3
 """Step of the believed position from which on it is told, and the drive's rate begins anew."""
-_RESTS: Final = {"magnetic": 1.5e-4, "coil": 0.05, "vibro": 0.05}
+_RESTS: Final = {"magnetic": 1.5e-4, "coil": 0.012, "vibro": 0.012}
 """How far a drive at rest may be off where it came to rest in m, or its current off zero in A."""
 
 
@@ -35,9 +35,10 @@ class Answer:
     while it stands by or waits, "" where it does not.
     """
 
-    def __init__(self, envelope: Envelope, tick_s: float, noise_m: float) -> None:
+    def __init__(self, envelope: Envelope, tick_s: float, noise_m: float, friction: float) -> None:
+        """`friction` is the command that overcomes it."""
         self._envelope, self._tick_s = envelope, tick_s
-        self._contradiction = Contradiction(envelope, noise_m)
+        self._contradiction = Contradiction(envelope, noise_m, friction)
         self._reports = deque([0.0], maxlen=2 + math.ceil(_BACK_S / tick_s))
         self.led: Counter[str] = Counter()
         self.unrest, self._rested, self._most = "", math.nan, _RESTS[envelope.kind]
@@ -62,6 +63,11 @@ class Answer:
     def probe(self) -> Probe:
         """A new probe of this drive."""
         return Probe(self._envelope)
+
+    @property
+    def most(self) -> float:
+        """The greatest command of a coil, either way, while its capsule does not answer."""
+        return self._contradiction.most
 
     def begin(self) -> None:
         """The drive is enabled: what it and the capsule did before does not count."""

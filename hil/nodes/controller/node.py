@@ -14,7 +14,7 @@ from typing import Final
 import can
 import numpy as np
 
-from controller.drives import envelope_of
+from controller.drives import envelope_of, friction_command
 from controller.excursion import Excursion, Experiment
 from controller.limits import Envelope, Limits
 from controller.model.control_model import ControlModel
@@ -182,7 +182,7 @@ class ControllerNode:
             bus, catalogue, self.wiring, Fence.of(self.envelope, self.tick_s), dry=dry_run, observe=observer
         )
         self.state, self.reason, self.end = IDLE, "", "stopped"
-        self.answer = Answer(self.envelope, self.tick_s, task.seen_noise_m)
+        self.answer = Answer(self.envelope, self.tick_s, task.seen_noise_m, friction_command(task.model, self.envelope))
         self._probe: Probe | None = None
         self._probed = False
         lag_ticks = 2 + math.ceil(_LAG_S / self.tick_s)
@@ -519,4 +519,5 @@ class ControllerNode:
             self._plausibility.settle(self.estimator.counts.restarts)
             self.supervisor.reset(now, estimate, self.receiver.report)
         self.supervisor.temperature_C = self.receiver.temperature_C
+        self.supervisor.most = self.answer.most
         return self.supervisor.act(now + self.tick_s, estimate, self._reference)

@@ -20,6 +20,7 @@ from hil.nodes.listening import heard_for, silent
 from hil.nodes.odrive.protocol import (
     ABSOLUTE_POSITION,
     AXIS_STATES,
+    BUSY,
     GET_ENCODER_ESTIMATES,
     GET_VERSION,
     HEARTBEAT,
@@ -31,8 +32,10 @@ from hil.nodes.odrive.protocol import (
     SET_ABSOLUTE_POSITION,
     SET_CONTROLLER_MODE,
     SET_LIMITS,
+    SUCCESS,
     TX_SDO,
     UNDEFINED,
+    result_of,
     words_of,
 )
 from hil.nodes.odrive.table import FREE_NODES, READ_BACK, OdriveTable
@@ -71,7 +74,9 @@ def set_up(bus: can.BusABC, table: OdriveTable, limits: Limits, tick_s: float, *
     ask.tell(SET_LIMITS, struct.pack("<ff", fastest, table.motor_current_A))
     if table.home == "here" and not faulty:
         _take_zero(ask, table, node)
-    return _read_back(ask, table, limits.carriage_speed_m_s, node)
+    last = f"{node}'s last procedure ended with {result_of(heard.result)}"
+    told = [] if heard.result == SUCCESS else [last]
+    return told + _read_back(ask, table, limits.carriage_speed_m_s, node)
 
 
 def _check_watchdog(ask: _Questions, table: OdriveTable, node: str) -> None:
@@ -112,6 +117,8 @@ def _check_axis(heard: _Heard, node: str, *, faulty: bool) -> None:
     if heard.axis != IDLE:
         doing = AXIS_STATES.get(heard.axis, f"axis state {heard.axis}")
         raise ValueError(f"{node} must be idle before it is led; got {doing}")
+    if heard.result == BUSY:
+        raise ValueError(f"{node} must be idle before it is led; got a procedure that goes on (Procedure_Result BUSY)")
     if heard.errors and not faulty:
         words = words_of(heard.errors) or "INITIALIZING"
         raise ValueError(
@@ -164,13 +171,14 @@ def _read_back(ask: _Questions, table: OdriveTable, speed_m_s: float, node: str)
 
 @dataclass
 class _Heard:
-    """What a drive tells in its cycles: how often it beats, its axis state and errors told last, places and speeds in
-    turns.
+    """What a drive tells in its cycles: how often it beats, its axis state, errors and result told last, places and
+    speeds in turns.
     """
 
     beats: int = 0
     axis: int = UNDEFINED
     errors: int = 0
+    result: int = SUCCESS
     turns: list[tuple[float, float]] = field(default_factory=list)
 
 
@@ -215,9 +223,9 @@ class _Questions:
         """What it tells within `seconds`."""
         found = _Heard()
         for command, data in self._hear(seconds):
-            if command == HEARTBEAT and len(data) >= 5:
+            if command == HEARTBEAT and len(data) >= 7:
                 found.beats += 1
-                found.errors, found.axis = struct.unpack_from("<IB", data)
+                found.errors, found.axis, found.result = struct.unpack_from("<IBB", data)
             elif command == GET_ENCODER_ESTIMATES and len(data) >= 8:
                 found.turns.append(struct.unpack_from("<ff", data))
         return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 
 import can
@@ -116,6 +117,21 @@ def test_an_axis_that_is_taken_away_is_told_with_the_result() -> None:
     desk.drive._take(0x07, bytes((1, 0, 0, 0)))
     desk.ticks(20, ENABLE)
     assert desk.bus.trouble == "odrive node 2: it left closed loop control by itself (CANCELLED)"
+
+
+def test_an_axis_that_somebody_calibrates_is_not_led_on() -> None:
+    """Nor asked for closed loop control again, nor spoken to with a place that is nan."""
+    desk = Desk(TABLE)
+    desk.up()
+    assert isinstance(desk.drive, OdriveDrive)
+    desk.drive.axis, desk.drive.broken = 3, True
+    desk.ticks(40, ENABLE)
+    assert desk.bus.trouble.startswith("odrive node 2: ")
+    desk.drive.axis = 8
+    desk.drive._judge = lambda: None  # type: ignore[method-assign]
+    desk.ticks(20, OFF)
+    assert math.isfinite(desk.drive._target_m)
+    assert desk.drive.axis == 1
 
 
 def test_an_emergency_stop_to_all_stays_until_it_is_acknowledged() -> None:

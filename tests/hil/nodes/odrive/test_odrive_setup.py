@@ -164,6 +164,17 @@ def test_what_it_does_not_take_is_told(deaf: int, sentence: str, request: pytest
             setting_up(request, table)
 
 
+def test_what_became_of_its_last_procedure_is_told(running: Running, request: pytest.FixtureRequest) -> None:
+    assert isinstance(running.drive, OdriveDrive)
+    running.drive.result = 14
+    with can.Bus(interface="virtual", channel=request.node.name) as bus:
+        told = set_up(bus, TABLE, LIMITS, TICK)
+        assert told[0] == "odrive: node 2's last procedure ended with NOT_CALIBRATED"
+        running.drive.result = 1
+        with pytest.raises(ValueError, match=r"must be idle .* got a procedure that goes on \(Procedure_Result BUSY\)"):
+            set_up(bus, TABLE, LIMITS, TICK)
+
+
 def test_what_is_not_read_back_is_told(running: Running, request: pytest.FixtureRequest) -> None:
     with can.Bus(interface="virtual", channel=request.node.name) as bus:
         (sentence,) = set_up(bus, TABLE, LIMITS, TICK)

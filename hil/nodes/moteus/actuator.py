@@ -49,7 +49,8 @@ class MoteusBus(CarriageBus):
         self.table, self._tick_s = table, tick_s
         self._watchdog_s = wire.single(table.watchdog_s)
         self._servo, self._held_s = -1, math.nan
-        self._prefix, self._echoes, self._garbled = wire.SESSION, False, False
+        self._prefix, self._in_session = wire.SESSION, False
+        self._echoes = self._garbled = False
         self._sent: deque[tuple[float, ...]] = deque(maxlen=_REMEMBERED)
         self._place_m = self._speed_m_s = 0.0
         self._wanted_m, self._fresh = 0.0, False
@@ -67,6 +68,11 @@ class MoteusBus(CarriageBus):
         return f"moteus node {self.table.node_id}: {told}" if told else ""
 
     @property
+    def _booted(self) -> bool:
+        """Whether it is not any more as it was set up: it may have another place, too."""
+        return self._in_session and self._prefix != wire.SESSION
+
+    @property
     def shown(self) -> int:
         """The drive's mode in the catalogue's numbers."""
         if self._latched:
@@ -81,7 +87,7 @@ class MoteusBus(CarriageBus):
         """Held until the next SYNC; what stops the drive acts at once."""
         if mode == ENABLE and self._armed:
             self._wanted_m, self._fresh = place_m, True
-        elif mode == READY and self.shown == STANDBY:
+        elif mode == READY and self.shown == STANDBY and not self._booted:
             self._armed, self._led, self._asked, self._left = True, False, 0, ""
             self._last_m, self._stopped, self._braked, self._garbled = math.nan, 0, 0, False
         elif mode not in (READY, ENABLE):
@@ -122,6 +128,7 @@ class MoteusBus(CarriageBus):
             return False
         values = wire.told(bytes(message.data))
         self._prefix = message.arbitration_id >> 16
+        self._in_session = self._in_session or self._prefix == wire.SESSION
         if wire.MODE in values and math.isfinite(values[wire.MODE]):
             self._replied(values, message.timestamp)
         elif not message.data or message.data[0] != wire.STREAM_FROM_SERVO:

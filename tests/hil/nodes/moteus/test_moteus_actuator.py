@@ -268,7 +268,9 @@ def in_session() -> Desk:
 
 @pytest.mark.parametrize("boots_s", [0.004, 0.03])
 def test_one_that_has_booted_anew_is_not_led_by_what_was_for_the_other(boots_s: float) -> None:
-    """However fast it boots: it has its own can.prefix again, is found there, and led once it is enabled anew."""
+    """However fast it boots: it has its own can.prefix again, is found there, and led once it has been set up anew, for
+    its place may be another one.
+    """
     desk = in_session()
     assert isinstance(desk.drive, MoteusDrive)
     desk.up()
@@ -283,6 +285,10 @@ def test_one_that_has_booted_anew_is_not_led_by_what_was_for_the_other(boots_s: 
     desk.ticks(40, ENABLE)
     assert desk.bus.trouble == "moteus node 1: it was silent, perhaps booted anew"
     desk.place = desk.drive.power.output
+    desk.up()
+    assert (desk.heard.state, desk.drive.safe) == (STANDBY, True)
+    desk.drive.configure(8)
+    desk.ticks(60, OFF)
     desk.up()
     assert desk.heard.state == ENABLED
 

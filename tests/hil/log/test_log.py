@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import resource
+import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -264,3 +266,41 @@ def test_an_older_log_is_kept(tmp_path: Path) -> None:
         assert (kept.read_bytes(), record_path(kept).read_text()) == (bytes([number]), f"{number}")
     path.touch()
     assert keep_older(path) == tmp_path / "run-3.blf"
+
+
+def test_a_log_that_is_not_there_at_its_end_is_told(tmp_path: Path) -> None:
+    """Its folder was removed, another file stands there, or it was emptied: no frame of it counts as kept."""
+
+    def replaced(path: Path) -> None:
+        path.unlink()
+        path.write_bytes(b"")
+
+    def emptied(path: Path) -> None:
+        os.truncate(path, 0)
+
+    for number, spoil in enumerate((lambda path: shutil.rmtree(path.parent), replaced, emptied)):
+        path, told = tmp_path / str(number) / "run.blf", list[str]()
+        path.parent.mkdir()
+        with FrameLog(path, {}, told.append) as log:
+            log.sent(0.001, 0x100, b"abc")
+            time.sleep(1.0)
+            spoil(path)
+            log.sent(0.002, 0x100, b"abc")
+            time.sleep(1.0)
+        assert log.lost == 2
+        assert "frames are missing" in log.troubles[-1]
+        assert told or spoil is emptied
+
+
+@pytest.mark.parametrize("kind", [FrameLog, LockstepLog])
+def test_a_log_is_a_regular_file(tmp_path: Path, kind: type[FrameLog] | type[LockstepLog]) -> None:
+    """A pipe that nobody reads, a device, a socket and a folder are refused, not waited for."""
+    os.mkfifo(tmp_path / "pipe.blf")
+    (tmp_path / "device.blf").symlink_to("/dev/null")
+    (tmp_path / "folder.blf").mkdir()
+    with socket.socket(socket.AF_UNIX) as bound:
+        bound.bind(str(tmp_path / "socket.blf"))
+    for name, what in (("pipe", "a pipe"), ("device", "a device"), ("socket", "socket"), ("folder", "a folder")):
+        with pytest.raises(ValueError, match=rf"log must be a regular file; got .*{what}"):
+            kind(tmp_path / f"{name}.blf", {})
+    assert not list(tmp_path.glob("*.json"))

@@ -5,9 +5,12 @@ controller shows where.
 from __future__ import annotations
 
 import json
+import math
 import tomllib
 from functools import partial
+from itertools import product
 from pathlib import Path
+from typing import Any, Final
 
 import can
 import numpy as np
@@ -93,15 +96,57 @@ def test_one_bit_of_one_command_is_found(tmp_path: Path, capsys: pytest.CaptureF
     assert json.loads(capsys.readouterr().out)["different_ticks"] == 1
 
 
-def test_a_log_that_was_cut_off_is_compared_as_far_as_it_goes(tmp_path: Path) -> None:
+def test_a_log_that_was_cut_off_is_compared_as_far_as_it_goes_and_is_not_identical(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Anywhere, also where a block or the file would end; so is one whose run was killed, before it could say how much
+    it had logged.
+    """
     log = logged(tmp_path)
     frames = list(read_frames(log))
-    for count in (len(frames) // 2, len(frames) // 2 + 1, len(frames) // 2 + 2):
+
+    def told() -> dict[str, Any]:
+        capsys.readouterr()
+        assert run(["replay", str(log), "--json"]) == 1
+        return dict(json.loads(capsys.readouterr().out))
+
+    for count in (len(frames) // 2, len(frames) // 2 + 1, len(frames) - 1):
         file = BlfFile(log)
         for frame in frames[:count]:
             file.write(frame)
         file.stop()
-        assert run(["replay", str(log)]) == 0
+        found = told()
+        assert (found["identical"], found["different_ticks"]) == (False, 0)
+        assert found["cut_off"] == f"the log is cut off or another one: {count} of {len(frames)} frames and notes"
+    record = json.loads(record_path(log).read_text())
+    assert record.pop("entries") == len(frames)
+    record_path(log).write_text(json.dumps(record))
+    assert "its record does not say where the log ends" in told()["cut_off"]
+
+
+JUNK: Final[tuple[Any, ...]] = (None, [], {}, "", -1, 1.5, math.nan, 10**400, [1], [None], [{}], {"a": None}, [[]])
+
+
+def test_junk_in_a_record_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each key of a record, and those that it might have, with each kind of junk."""
+    path = tmp_path / "a.blf"
+    file = BlfFile(path)
+    file.write(Logged(0, SYNC, b"", SENT))
+    file.stop()
+    own = {"format": 2, "catalogue": load_catalogue().fingerprint, "entries": 1}
+    record = {"controller": "pid", "values": {}, "scenario": SHORT, **own}
+    keys = ("controller", "values", "scenario", "deployment", "format", "catalogue", "entries", "dry_run")
+    for key, junk in product((*keys, "offered", "learned", "experiments"), JUNK):
+        record_path(path).write_text(json.dumps({**record, key: junk}))
+        status = run(["replay", str(path)])
+        out, said = capsys.readouterr()
+        assert "Traceback" not in said
+        if status == 2:
+            assert said.count("\n") == 1
+            assert "a.json" in said or "a.blf" in said
+        else:
+            assert status == 1, (key, junk, out)
+            assert junk in ({}, [], None), (key, junk, out)
 
 
 def test_the_log_of_a_run_is_a_record(tmp_path: Path) -> None:

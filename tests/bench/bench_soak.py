@@ -3,9 +3,9 @@
 One plant, led by `capsule run`, steered by `capsule jog` (a script), shown by `capsule cockpit` to one open page, and a
 campaign with one worker of two, for `--seconds`. Every `--every` s the resident memory of each command with its
 processes is read (of the campaign its workers: who began it keeps a row of each run). Told is the growth in MB/h: the
-slope of the least-squares line through the samples that are later than `--warm-up` after each process has loaded, every
-life with a level of its own. A command that ends before its time (a machine that held `run` up for longer than a command
-lives) is begun again and counted. Status 1 where one grows by more than `BOUND_MB_H`, or was never measured.
+slope of the least-squares line through the samples that are later than `--warm-up` after each process has loaded,
+every life with a level of its own. A command that ends before its time (a machine that held `run` up for longer than a
+command lives) is begun again and counted. Status 1 where one grows by more than `BOUND_MB_H`, or was never measured.
 """
 
 from __future__ import annotations

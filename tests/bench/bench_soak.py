@@ -3,9 +3,9 @@
 One plant, led by `capsule run`, steered by `capsule jog` (a script), shown by `capsule cockpit` to one open page, and a
 campaign with one worker of two, for `--seconds`. Every `--every` s the resident memory of each command with its
 processes is read (of the campaign its workers: who began it keeps a row of each run). Told is the growth in MB/h: the
-slope of the least-squares line through the samples that are later than `--warm-up` of each process's life, every life
-with a level of its own. A command that ends before its time (a machine that held `run` up for longer than a command
-lives) is begun again and counted. Status 1 where one grows by more than `BOUND_MB_H`, or was never measured.
+slope of the least-squares line through the samples that are later than `--warm-up` after each process has loaded,
+every life with a level of its own. A command that ends before its time (a machine that held `run` up for longer than a
+command lives) is begun again and counted. Status 1 where one grows by more than `BOUND_MB_H`, or was never measured.
 """
 
 from __future__ import annotations
@@ -35,6 +35,8 @@ RUN_S: Final = 3590.0
 """As long as a `hold` may be; `run` is begun again then."""
 LEAST: Final = 10
 """Samples without which a slope is none."""
+LOADED: Final = 0.9
+"""A busy machine takes minutes to load a command; until then it grows."""
 _ENDS_S: Final = 20.0
 _STEERED_S: Final = 7.0
 CAMPAIGN: Final = """[campaign]
@@ -83,7 +85,7 @@ class Soaked:
 
     def growth(self, warm_up_s: float) -> dict[str, Any]:
         """Slope over all lives, in MB/h, and what else is told."""
-        kept = [np.array([s for s in life if s[0] >= warm_up_s]).reshape(-1, 2) for life in self.lives]
+        kept = [np.array(settled(life, warm_up_s)).reshape(-1, 2) for life in self.lives]
         kept = [life - life.mean(axis=0) for life in kept if len(life) >= LEAST]
         spread = sum(float(life[:, 0] @ life[:, 0]) for life in kept)
         slope = sum(float(life[:, 0] @ life[:, 1]) for life in kept) / spread * 3600.0 if spread else None
@@ -98,6 +100,12 @@ class Soaked:
             "ends": self.ends,
             "series": [[(round(t), round(mb, 1)) for t, mb in life] for life in self.lives],
         }
+
+
+def settled(life: Sequence[tuple[float, float]], warm_up_s: float) -> list[tuple[float, float]]:
+    """The samples of a life from `warm_up_s` on after it has come to `LOADED` of what it held at its end."""
+    loaded = next((t for t, mb in life if mb >= LOADED * life[-1][1]), 0.0)
+    return [(t, mb) for t, mb in life if t >= loaded + warm_up_s]
 
 
 def tree(pid: int) -> Iterator[int]:

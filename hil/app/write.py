@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from models.files.csv_header import guarded
 from models.files.writing import writing
 
 
@@ -38,9 +39,11 @@ def file_trouble(error: OSError) -> str:
 
 
 def table_text(columns: Mapping[str, NDArray[np.float64]]) -> str:
-    """Columns of one length as CSV."""
+    """Columns of one length as CSV, whose header no spreadsheet takes for a formula, whatever separates its cells."""
     text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerow(columns)
+    plain = not any(mark in name for name in columns for mark in ";\t")
+    quoting = csv.QUOTE_MINIMAL if plain else csv.QUOTE_ALL
+    csv.writer(text, lineterminator="\n", quoting=quoting).writerow(guarded(name) for name in columns)
     np.savetxt(text, np.column_stack(list(columns.values())), delimiter=",", fmt="%.10g")
     return text.getvalue()
 

@@ -41,9 +41,9 @@ def file_trouble(error: OSError) -> str:
 def table_text(columns: Mapping[str, NDArray[np.float64]]) -> str:
     """Columns of one length as CSV, whose header no spreadsheet takes for a formula, whatever separates its cells."""
     text = io.StringIO()
-    plain = not any(mark in name for name in columns for mark in ";\t")
-    quoting = csv.QUOTE_MINIMAL if plain else csv.QUOTE_ALL
-    csv.writer(text, lineterminator="\n", quoting=quoting).writerow(guarded(name) for name in columns)
+    mistaken = any(mark in name for name in columns for mark in ";\t")
+    writer = csv.writer(text, lineterminator="\n", quoting=csv.QUOTE_ALL if mistaken else csv.QUOTE_MINIMAL)
+    writer.writerow(guarded(name) for name in columns)
     np.savetxt(text, np.column_stack(list(columns.values())), delimiter=",", fmt="%.10g")
     return text.getvalue()
 

@@ -7,17 +7,21 @@ from __future__ import annotations
 import contextlib
 import json
 import math
+import re
 import sys
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.text import Text
 
 WIDTH = 110
 QUIET_S = 10.0
 """Off a terminal, a stage that goes on says so after so long."""
+_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 _FIRST_SHARE = 0.02  # of the work, before how long it takes is told
 
 
@@ -25,14 +29,29 @@ class InterruptionError(Exception):
     """Long work that the user stopped; its text says what was kept."""
 
 
+def printable(text: str) -> str:
+    """A text without characters that command a terminal or turn the order of writing round: those are told by their
+    numbers.
+    """
+    return _CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+
+
+class PlainConsole(Console):
+    """A console on which names from files are words and nothing else."""
+
+    def render_str(self, text: str, **how: Any) -> Text:
+        """As rich does, of `printable` text."""
+        return super().render_str(printable(text), **how)
+
+
 def notes() -> Console:
     """The console on standard error."""
-    return _console(Console(stderr=True, highlight=False))
+    return _console(PlainConsole(stderr=True, highlight=False, markup=False, emoji=False))
 
 
 def summary() -> Console:
     """The console on standard output."""
-    return _console(Console(highlight=False))
+    return _console(PlainConsole(highlight=False, markup=False, emoji=False))
 
 
 def print_json(document: Any) -> None:
@@ -42,7 +61,7 @@ def print_json(document: Any) -> None:
 
 def json_text(document: Any) -> str:
     """A document as JSON text."""
-    return json.dumps(plain(document), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+    return printable(json.dumps(plain(document), indent=2, allow_nan=False, ensure_ascii=False)) + "\n"
 
 
 def plain(value: Any) -> Any:
@@ -89,7 +108,9 @@ def progress_bar(title: str, *, even: bool = False) -> Iterator[Callable[[str, f
         task = progress.add_task(title, total=1.0)
 
         def report(stage: str, fraction: float) -> None:
-            progress.update(task, description=f"{title}: {stage}", completed=min(max(fraction, 0.0), 1.0))
+            progress.update(
+                task, description=escape(printable(f"{title}: {stage}")), completed=min(max(fraction, 0.0), 1.0)
+            )
 
         yield report
 

@@ -18,7 +18,7 @@ import typer
 from threadpoolctl import threadpool_limits
 from typer.core import TyperCommand
 
-from hil.app.console import InterruptionError, output_to_notes, print_json, summary
+from hil.app.console import InterruptionError, output_to_notes, print_json, printable, summary
 from hil.app.interruption import INTERRUPTED, INTERRUPTION
 from hil.app.write import file_trouble, own_folder
 from models.parameter import nearest
@@ -697,7 +697,7 @@ def _usage(error: typer.TyperException, args: Sequence[str]) -> str:
 
 def _said(sentence: str, status: int, pasted: Sequence[str] = ()) -> int:
     """Print a sentence, and below it what may be pasted into a file; the status."""
-    print("capsule:", " ".join(sentence.split()), file=sys.stderr)
+    print("capsule:", printable(" ".join(sentence.split())), file=sys.stderr)
     for text in pasted:
-        print(text, file=sys.stderr)
+        print(printable(text), file=sys.stderr)
     return status

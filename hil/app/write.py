@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.app.shortage import shortage
+from models.files.csv_header import guarded
 from models.files.writing import draft
 
 
@@ -43,9 +44,11 @@ def file_trouble(error: OSError) -> str:
 
 
 def table_text(columns: Mapping[str, NDArray[np.float64]]) -> str:
-    """Columns of one length as CSV."""
+    """Columns of one length as CSV, whose header no spreadsheet takes for a formula, whatever separates its cells."""
     text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerow(columns)
+    mistaken = any(mark in name for name in columns for mark in ";\t")
+    writer = csv.writer(text, lineterminator="\n", quoting=csv.QUOTE_ALL if mistaken else csv.QUOTE_MINIMAL)
+    writer.writerow(guarded(name) for name in columns)
     np.savetxt(text, np.column_stack(list(columns.values())), delimiter=",", fmt="%.10g")
     return text.getvalue()
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import shutil
 import tempfile
 import weakref
+import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
-from pathlib import Path
-from typing import Any
+from pathlib import Path, PurePosixPath
+from typing import Any, Final
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from hil.nodes.plant_variables import FORCE, WALL, input_of, outputs_of
 from plant import layout as at
 from plant.rig import Rig
 from plant.tables import Floats
+
+UNPACKED: Final = 1 << 30
+"""Most bytes that an FMU may unpack to."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +43,12 @@ def read_fmu(path: Path, rig: Rig) -> FmuFile:
     if not path.is_file():
         raise ValueError(f"plant.fmu must be a file; got {path}, which is not there")
     try:
+        _check_archive(path)
         told = fmpy.read_model_description(str(path))
     except Exception as error:  # noqa: BLE001  zip, XML, schema: whatever FMPy meets
         raise ValueError(f"plant.fmu must be an FMU; got {path}: {str(error).splitlines()[0]}") from None
+    if told.coSimulation is not None and not told.coSimulation.modelIdentifier.isidentifier():
+        raise ValueError(f"plant.fmu must name a library in itself; got {path}, {told.coSimulation.modelIdentifier!r}")
     if told.coSimulation is None or not told.fmiVersion.startswith(("2.", "3.")):
         raise ValueError(f"plant.fmu must be one for Co-Simulation, FMI 2 or 3; got {path}, FMI {told.fmiVersion}")
     command = input_of(rig.drive).name
@@ -55,6 +62,16 @@ def read_fmu(path: Path, rig: Rig) -> FmuFile:
         raise ValueError(f"plant.fmu must have the variables {needed}; got {path} without {', '.join(missing)}")
     columns = {there[name, "output"]: column for name, column in outputs.items() if (name, "output") in there}
     return FmuFile(told, there[command, "input"], columns)
+
+
+def _check_archive(path: Path) -> None:
+    """Refuse, before anything is unpacked, an archive with places outside itself or with more than a program is."""
+    with zipfile.ZipFile(path) as archive:
+        for part in archive.infolist():
+            if part.filename.startswith("/") or ".." in PurePosixPath(part.filename).parts:
+                raise ValueError(f"its part {part.filename} lies outside it")
+        if sum(part.file_size for part in archive.infolist()) > UNPACKED:
+            raise ValueError(f"it unpacks to more than {UNPACKED} bytes")
 
 
 class FmuPlant:

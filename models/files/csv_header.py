@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -16,6 +17,10 @@ LONGEST_TOP: Final = 100
 SPACES: Final = " "
 """Stands for cells with any number of spaces between them."""
 _COMMENTS: Final = ("#", "%", "//")
+_FORMULA: Final = "('* *[=+\\-@\uff1d\uff0b\uff0d\uff20])"
+"""How a cell begins that a spreadsheet takes for a formula, or one that was guarded."""
+_OPEN, _GUARDED = (re.compile(f'(^|[;,\t\r\n"]){guard}{_FORMULA}') for guard in ("", "'"))
+_QUOTED: Final = re.compile('"[^"]*"')
 
 
 class EmptyError(Exception):
@@ -32,6 +37,18 @@ class Header:
     separator: str
     rows: int
     units: tuple[str, ...] = ()
+
+
+def guarded(name: str) -> str:
+    """A name as a cell of words that no spreadsheet takes for a formula, whatever it takes for the separator of cells:
+    with an apostrophe where one would begin.
+    """
+    return _OPEN.sub(r"\1'\2", name)
+
+
+def unguarded(cell: str) -> str:
+    """The name that `guarded` made `cell` of."""
+    return _GUARDED.sub(r"\1\2", cell)
 
 
 def find_header(top: Sequence[str], names: Collection[str] = ()) -> Header:
@@ -59,6 +76,7 @@ def uncommented(line: str) -> str:
 
 def separator_of(line: str) -> str:
     """What separates the cells of a line."""
+    line = _QUOTED.sub("x", line)
     if ";" in line:
         return ";"
     if "\t" in line and "," not in line:
@@ -76,7 +94,7 @@ def split(line: str, separator: str) -> list[str]:
 def cells(line: str, separator: str) -> list[str]:
     """The cells of a line without spaces and quotes; none of a line that cannot be split."""
     try:
-        return [cell.strip().strip('"').strip() for cell in split(line, separator)]
+        return [unguarded(cell.strip().strip('"').strip()) for cell in split(line, separator)]
     except csv.Error:
         return []
 

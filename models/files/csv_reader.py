@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.files.clock_text import clock_s, over_midnight
-from models.files.csv_header import LONGEST_TOP, SPACES, EmptyError, find_header, split, to_number
+from models.files.csv_header import LONGEST_TOP, SPACES, EmptyError, find_header, split, to_number, unguarded
 from models.files.source import WINDOWS, encoding_of, opened
 
 ENDINGS = tuple(form + packed for form in (".csv", ".tsv", ".txt", ".dat") for packed in ("", ".gz"))
@@ -165,7 +165,7 @@ def _refuse_long(path: Path, number: int, line: str) -> None:
 
 
 def _header(path: Path, line: str, separator: str, once: Collection[str]) -> list[str]:
-    header = [name.strip().strip('"').strip() for name in _split(f"{path}, header", line, separator)]
+    header = [unguarded(name.strip().strip('"').strip()) for name in _split(f"{path}, header", line, separator)]
     if len(header) > MOST_COLUMNS:
         raise ValueError(f"{path}: header must have at most {MOST_COLUMNS} columns; got {len(header)}")
     named = [name for name in header if name]

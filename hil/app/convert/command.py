@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from hil.app.console import notes, print_json, summary
+from hil.app.console import notes, print_json, printable, summary
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import check_file, check_folder, check_targets, table_text, write_files
 from hil.formats.channels import Channel, Heading, refusing
@@ -132,8 +132,8 @@ def _content(one: Converted) -> bytes:
 
 def _title(heading: Heading) -> str:
     """A channel's name with its unit."""
-    name = " ".join(heading.name.split())
-    return f"{name} [{heading.unit}]" if heading.unit and not split_unit(name)[1] and name != TIME else name
+    name = " ".join(printable(heading.name).split())
+    return f"{name} [{printable(heading.unit)}]" if heading.unit and not split_unit(name)[1] and name != TIME else name
 
 
 def _document(one: Converted) -> dict[str, object]:

@@ -139,6 +139,9 @@ def effect_text(report: Mapping[str, Any], name: str, where: str) -> str:
 
 
 def _text(report: Mapping[str, Any], term: Mapping[str, Any], name: str) -> str:
+    wrong = [key for key in (*term["numbers"], *term["given"]) if not key.isidentifier()]
+    if wrong:
+        raise ValueError(wrong[0])  # a report may come from anywhere, and its keys become names of a program
     symbol, signal = SYMBOLS[term["variable"]]
     against = term["along"] == "-v"
     if term["sized"]:

@@ -128,7 +128,7 @@ def result_files(finding: Finding, model: Model) -> dict[str, str]:
 def print_summary(finding: Finding, out: Path) -> None:
     """The verdict, the error before and after, and where the report is."""
     console = summary()
-    console.print(f"[bold]{finding.verdict}[/bold]: ", end="")
+    console.print(f"{finding.verdict}: ", style="bold", end="")
     console.print(headline(finding), markup=False)
     for reason in finding.reasons:
         console.print(f"  {tidy(reason)}", markup=False, soft_wrap=True)

@@ -118,7 +118,7 @@ def check_table(finding: Finding) -> str:
 def candidate_table(finding: Finding) -> str:
     """All candidates of all rounds."""
     rows = [
-        [effect_words(row.id), escape(row.note), str(row.round), percent(row.screened), number(row.gain, 3)]
+        [escape(effect_words(row.id)), escape(row.note), str(row.round), percent(row.screened), number(row.gain, 3)]
         for row in finding.candidates
     ]
     return table(["candidate", "what became of it", "round", "screened", "gain"], rows, left=2)
@@ -143,7 +143,8 @@ def smallest_table(finding: Finding) -> str:
         effect = finding.effect(name)
         amplitude = effect.amplitude() if effect else None
         unit = amplitude.unit if amplitude else ""
-        rows.append([effect_words(name), parameter_words(amplitude.name) if amplitude else "", quantity(value, unit)])
+        words = parameter_words(amplitude.name) if amplitude else ""
+        rows.append([escape(effect_words(name)), escape(words), quantity(value, unit)])
     return table(["effect", "its amplitude", "smallest that would have been seen"], rows, left=2)
 
 

@@ -64,7 +64,7 @@ def figure_html(figure: go.Figure, name: str) -> str:
     beside = len({getattr(figure.layout, f"xaxis{axis[1:]}").domain for axis in columns}) if columns else 1
     wide = ' style="min-width: 640px"' if beside > 1 else ""
     height = int(figure.layout.height or 420)
-    text = str(pio.to_json(figure, validate=False)).replace("</", "<\\/").replace("<!--", "<\\!--")
+    text = str(pio.to_json(figure, validate=False)).replace("<", "\\u003c")
     return (
         f'<div class="figure" tabindex="0"><div{wide}><div class="plot" id="{name}" style="height: {height}px"></div>'
         f'<script type="application/json">{text}</script></div></div>'

@@ -87,6 +87,7 @@ def opened(browser: Any) -> Iterator[Open]:
         page.on("request", lambda asked: said.append(asked.url) if "//127.0.0.1:" not in asked.url else None)
         page.goto(address)
         shows(page, DRAWN)
+        assert "token" not in page.url
         return page
 
     yield open_page

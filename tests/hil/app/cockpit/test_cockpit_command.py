@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import re
+import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -68,3 +72,49 @@ def test_a_log_with_its_record_says_what_the_model_is_made_of(tmp_path: Path) ->
     assert model["kind"] == "learned"
     assert ["friction_coefficient", "0.09", "0.082"] in model["rows"]
     assert any(row[0] == "depth" for row in model["rows"])
+
+
+def test_no_request_carries_the_token_of_the_address(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], channel: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What stands behind the # stays in the browser."""
+    from hil.app.cockpit import server
+
+    tokens: list[str] = []
+    monkeypatch.setattr(server, "serve", lambda page, *_: tokens.append(page.token))
+    monkeypatch.setattr(command.os, "nice", lambda _: 0)
+    command.cockpit(Path(rig_file(tmp_path, deployment(channel))), port=0, json_output=True)
+    told = json.loads(capsys.readouterr().out)
+    assert told["address"] == f"{told['watch_only']}#token={tokens[0]}"
+
+
+TAKEN = """
+const bar = { hash: "HASH", search: "SEARCH", pathname: "/" }, kept = { token: "KEPT" };
+globalThis.location = bar;
+globalThis.history = { replaceState: (state, title, path) => { bar.hash = bar.search = ""; bar.pathname = path; } };
+globalThis.sessionStorage = { setItem: (key, value) => { kept[key] = value; }, getItem: key => kept[key] || null };
+FUNCTION
+console.log(JSON.stringify([tokenOf(), bar.pathname + bar.search + bar.hash, kept.token]));
+"""
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="needs node")
+@pytest.mark.parametrize(
+    ("hash_", "search", "kept", "found"),
+    [
+        ("#token=abc", "", "", ["abc", "/", "abc"]),
+        ("", "?token=abc", "", ["abc", "/", "abc"]),
+        ("", "", "abc", ["abc", "/", "abc"]),
+        ("#token=new", "", "old", ["new", "/", "new"]),
+        ("", "", "", ["", "/", ""]),
+    ],
+)
+def test_the_token_leaves_the_address_bar(hash_: str, search: str, kept: str, found: list[str]) -> None:
+    """The page's own function, with a browser's parts put in its place."""
+    script = (Path(command.__file__).parent / "cockpit.js").read_text()
+    function = re.search(r"function tokenOf\(\) \{.*?^\}", script, re.DOTALL | re.MULTILINE)
+    assert function is not None
+    text = TAKEN.replace("FUNCTION", function[0])
+    text = text.replace("HASH", hash_).replace("SEARCH", search).replace("KEPT", kept)
+    told = subprocess.run(["node", "-e", text], capture_output=True, text=True, check=True)
+    assert json.loads(told.stdout) == found

@@ -87,3 +87,31 @@ def test_a_name_that_is_taken_or_none_is_refused(tmp_path: Path, capsys: pytest.
     assert run(["effects", "propose", str(tmp_path), "--out", str(tmp_path / "a.py")]) == 2
     assert not (tmp_path / "a.py").exists()
     assert capsys.readouterr().err.count("\n") == 3
+
+
+@pytest.mark.parametrize("part", ["numbers", "given", "text", "records", "kind", "form"])
+def test_no_words_of_a_report_are_run(tmp_path: Path, capsys: pytest.CaptureFixture[str], part: str) -> None:
+    """A report may come from anywhere; what it says is text of the file that is made of it, never its program."""
+    mark = tmp_path / "ran"
+    code = f"__import__('pathlib').Path({str(mark)!r}).touch()"
+    numbers = {"middle": {"value": 0.01}, "width": {"value": 0.01}}
+    term = {"variable": "x_m", "along": "+x", "sized": False, "amplitude": {"value": 1.0}, "level": 1.0, "offset": 0.0}
+    term |= {"numbers": numbers, "given": {}, "form": "bump", "text": "a bump"}
+    left = {"term": term, "curves": [{"variable": "x_m", "centres": [0.0, 0.02]}], "records": ["one"]}
+    report = {"verdict": "unknown", "kind": "axis", "residual": left, "error": {"train": {"nominal": 1.0}}}
+    (tmp_path / "report.json").write_text(json.dumps(report))
+    words = ["effects", "propose", str(tmp_path), "--out", str(tmp_path / "own.py")]
+    assert run(words) == 0, capsys.readouterr().err
+    (tmp_path / "own.py").unlink()
+    if part == "numbers":
+        numbers[f'a"] or {code}, x=p["a'] = {"value": 1.0}
+    elif part == "given":
+        term["given"] = {f"x={code}, y": 1.0}
+    elif part in term:
+        term[part] = f'""" + str({code}) + """\n{code}\n' + "'+" + code
+    else:
+        (left if part in left else report)[part] = f"'}}) or {code}"
+    (tmp_path / "report.json").write_text(json.dumps(report))
+    run(words)
+    assert not mark.exists()
+    assert "Traceback" not in capsys.readouterr().err

@@ -70,6 +70,30 @@ def test_what_is_no_fmu_is_refused(
     assert len(error.splitlines()) == 1
 
 
+@pytest.mark.parametrize(
+    ("part", "size", "said"),
+    [
+        ("../away.txt", 1, "its part ../away.txt lies outside it"),
+        ("resources/../../away.txt", 1, "lies outside it"),
+        ("/tmp/away.txt", 1, "lies outside it"),
+        ("resources/zeros", 1100 << 20, "it unpacks to more than"),
+    ],
+    ids=["above", "above within", "absolute", "bomb"],
+)
+def test_an_fmu_that_unpacks_elsewhere_or_without_end_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], part: str, size: int, said: str
+) -> None:
+    with zipfile.ZipFile(tmp_path / "p.fmu", "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        with archive.open(part, "w", force_zip64=True) as file:
+            for _ in range(max(size >> 20, 1)):
+                file.write(bytes(min(size, 1 << 20)))
+        archive.writestr("modelDescription.xml", "<fmiModelDescription/>")
+    (tmp_path / "s.toml").write_text(SCENARIO + '[plant]\nfmu = "p.fmu"\n')
+    assert run(["sil", str(tmp_path / "s.toml")]) == 2
+    assert said in capsys.readouterr().err
+    assert not list(tmp_path.parent.glob("away.txt"))
+
+
 def test_track_has_no_fmu(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "s.toml").write_text(SCENARIO + '[plant]\nfmu = "p.fmu"\n')
     assert run(["track", str(tmp_path / "s.toml")]) == 2

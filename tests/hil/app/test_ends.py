@@ -5,6 +5,7 @@ documentation's table has them. An end without a case fails, and so does a case 
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 import resource
@@ -23,6 +24,8 @@ from typing import Any, Final
 import can
 import pytest
 
+from controller.feedforward import Feedforward
+from controller.signals import Action
 from hil.app.ends import ENDS, End, table
 from hil.app.main import run
 from hil.app.run import check, command
@@ -44,6 +47,7 @@ from tests.hil.app.sil.sil_runs import model_of, scenario_of
 from tests.hil.app.test_streams import Started
 
 SHORT: Final = PLANT.replace("duration_s = 60.0", "duration_s = 1.0")
+QUICK: Final = "duration_s = 0.7\nprobe = false"
 OPERATOR: Final = "[operator]\naccept = true\n"
 LOST: Final = {"kind": "lost", "at_s": 0.001, "duration_s": 15.0}
 
@@ -63,7 +67,7 @@ class Stage:
         status = run(words)
         return status, "".join(self.capsys.readouterr())
 
-    def rig(self, control: str = "duration_s = 0.7", more: str = "") -> str:
+    def rig(self, control: str = QUICK, more: str = "") -> str:
         return rig_file(self.folder, deployment(self.channel, control=control, more=more))
 
     def written(self, name: str, text: str) -> str:
@@ -75,7 +79,7 @@ class Stage:
         *faults: Mapping[str, Any],
         each: Callable[[Rig], None] = lambda node: None,
         words: tuple[str, ...] = (),
-        control: str = "duration_s = 0.7",
+        control: str = QUICK,
     ) -> tuple[int, str]:
         """`capsule run` on a simulated bus in simulated time, `each` before every tick: status and what `ended` says,
         `end` being the one of the case.
@@ -117,6 +121,12 @@ def _faulty(node: Rig, hot: bool = False) -> None:
     if node.receiver.state != FAULT and node.bench.time_s < 0.1:
         drive.stage = type(drive.stage)(FAULT, node.bench.time_s, 2 if hot else 4)
         drive._tell = 2
+
+
+def _without_answers(node: Rig) -> None:
+    """The controller asked for fails once it leads, and the next one of its chain goes on."""
+    if node.receiver.state == ENABLED:
+        node.supervisor._chain[0].act = lambda *_: Action(math.nan, "failed")  # type: ignore[method-assign]
 
 
 def _operator(stage: Stage) -> tuple[int, str]:
@@ -182,6 +192,11 @@ def _sil(stage: Stage, more: str = "", *words: str) -> tuple[int, str]:
     return stage.run("sil", stage.written("scenario.toml", SHORT + more), *words)
 
 
+def _sil_by_another(stage: Stage) -> tuple[int, str]:
+    stage.monkeypatch.setattr(Feedforward, "act", lambda *_: Action(math.nan, "failed"))
+    return _sil(stage)
+
+
 def _replayed(stage: Stage, spoil: Callable[[Path], None]) -> tuple[int, str]:
     _sil(stage, "", "--out", str(stage.folder / "out"))
     log = stage.folder / "out" / "frames.blf"
@@ -244,15 +259,22 @@ CASES: Final[Mapping[tuple[str, str], Case]] = MappingProxyType(
         ("run", "reset"): lambda stage: stage.lead(each=_faulty, words=("reset",)),
         ("run", "cancelled"): lambda stage: stage.lead(each=lambda node: _signalled(node, signal.SIGHUP)),
         ("run", "other_controller"): lambda stage: stage.lead(
-            {"kind": "second_master", "at_s": 1.0, "duration_s": 0.2}, control="duration_s = 2.0"
+            {"kind": "second_master", "at_s": 1.0, "duration_s": 0.2}, control="duration_s = 2.0\nprobe = false"
         ),
         ("run", "no_drive"): _no_drive,
         ("run", "drive_fault"): lambda stage: stage.lead(each=_faulty),
         ("run", "not_reset"): lambda stage: stage.lead(each=partial(_faulty, hot=True), words=("reset",)),
-        ("run", "gave_up"): lambda stage: stage.lead(LOST, control="duration_s = 0.7\ngive_up_s = 1.0"),
+        ("run", "gave_up"): lambda stage: stage.lead(LOST, control=f"{QUICK}\ngive_up_s = 1.0"),
         ("run", "stopped"): lambda stage: stage.lead(
-            {"kind": "lost", "at_s": 1.0, "duration_s": 1.0}, control="duration_s = 2.0"
+            {"kind": "lost", "at_s": 1.0, "duration_s": 1.0}, control="duration_s = 2.0\nprobe = false"
         ),
+        ("run", "sensor_or_drive"): lambda stage: stage.lead(
+            {"kind": "held", "target": "drive", "at_s": 0.0, "duration_s": 20.0}, control="duration_s = 0.7"
+        ),
+        ("run", "no_rest"): lambda stage: stage.lead(
+            {"kind": "restless", "target": "drive", "at_s": 0.0, "duration_s": 20.0}
+        ),
+        ("run", "not_led"): lambda stage: stage.lead(each=_without_answers),
         ("run", "log"): _log,
         ("run check", "good"): _good,
         ("run check", "bad"): lambda stage: stage.run("run", stage.rig(), "check"),
@@ -260,6 +282,7 @@ CASES: Final[Mapping[tuple[str, str], Case]] = MappingProxyType(
         ("jog", "unanswered"): _jog,
         ("plant", "over"): _plant,
         ("sil", "done"): _sil,
+        ("sil", "not_led"): _sil_by_another,
         ("sil", "stopped"): lambda stage: _sil(
             stage, '[[faults]]\nkind = "clock_jump"\nat_s = 0.7\nduration_s = 0.1\n'
         ),

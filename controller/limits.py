@@ -59,8 +59,7 @@ class Limits:
         0.0,
         1.0,
         "m",
-        "choice: farthest that carriage and capsule may be from the wanted position; 0: the magnet's gap, 10 mm for"
-        " other drives",
+        "choice: a magnet holds its capsule within its gap; else a third of a capsule's length",
         least=0.0,
     )
     current_A: float = _limit(1.0, 50.0, "A", "choice: 0.5 N at the default coil's 0.5 N/A")

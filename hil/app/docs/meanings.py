@@ -138,6 +138,10 @@ MEANINGS: Final[Mapping[str, str]] = {
     "give_up_s": "how long the drive may take to be enabled, localisation included, before the run is given up",
     "priority": "1 to 99 asks for the real-time scheduler SCHED_FIFO, 0 does not",
     "core": "processor core to run on, -1 for any",
+    "probe": "whether a short motion to and fro (5 mm behind a magnet, 3 mm else) shows that the capsule answers the"
+    " drive before the reference begins; over a simulated bus the reference then begins where the capsule is",
+    "envelope_m": "farthest that carriage and capsule may be from the wanted position; 0: the magnet's gap of greatest"
+    " pull, 10 mm for other drives",
     "judged_from_s": "time from which tracking errors count",
     "speed_mm_s": "speed of the move",
     "start_s": "time at which the move begins",

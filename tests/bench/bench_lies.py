@@ -107,13 +107,15 @@ def sound_jobs(asked: argparse.Namespace) -> Iterator[Job]:
 def run_all(jobs: Sequence[Job], processes: int) -> Iterator[Result]:
     """Their results as they come, with progress on standard error."""
     context = multiprocessing.get_context("spawn")
-    began = time.perf_counter()
+    began, bad = time.perf_counter(), 0
     with ProcessPoolExecutor(processes, mp_context=context) as pool:
         waiting = [pool.submit(run, job) for job in jobs]
         for k, done in enumerate(as_completed(waiting), start=1):
             result = done.result()
             left_s = (time.perf_counter() - began) / k * (len(jobs) - k)
-            print(f"\r{k} of {len(jobs)}, {left_s / 60:.0f} min left  ", end="", file=sys.stderr, flush=True)
+            bad += bool(result.unsafe if result.job.name else result.stopped)
+            told = f"\r{k} of {len(jobs)}, {bad} bad, {left_s / 60:.0f} min left  "
+            print(told, end="", file=sys.stderr, flush=True)
             yield result
     print(file=sys.stderr)
 

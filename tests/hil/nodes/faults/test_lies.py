@@ -1,7 +1,9 @@
 """What each lie does to the frames and to the plant: valid in form, false in content; and how its run is judged."""
 
 import math
+import os
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import can
@@ -11,10 +13,13 @@ import pytest
 from controller.drives import envelope_of
 from hil.app.sil.fault_outcomes import Outcome, outcomes
 from hil.app.sil.loop import SilTrace, run_sil
+from hil.bus.local import LocalBus
 from hil.bus.protection import Receiver
-from hil.nodes.faults.table import LIES, Fault, read_faults
+from hil.nodes.faults.table import LIES, Fault, read_faults, read_lie
 from hil.nodes.frame_map import MOVING, STANDBY, WAITING, frame_map_of, frames
 from plant import layout as at
+from tests.hil.app.run.deployments import PLANT, deployment
+from tests.hil.app.run.forked import Forked
 from tests.hil.app.sil.sil_runs import model_of, scenario_of
 
 AT_S = 0.4
@@ -222,3 +227,36 @@ def test_a_lie_that_the_rig_cannot_tell_is_refused() -> None:
 def test_lies_last_to_the_end_unless_said_otherwise() -> None:
     assert all(Fault(kind, 0.1).end_s == math.inf for kind in LIES)
     assert Fault("drift", 0.1, 0.5).end_s == 0.6
+
+
+def test_a_lie_as_it_is_typed() -> None:
+    """`capsule plant --lie`."""
+    assert read_lie("drift=-0.02@5") == Fault("drift", 5.0, math.inf, "localisation", -0.02)
+    assert read_lie("turned:drive").name == "turned drive"
+    for text, why in (("drifts", "the kind must be one of"), ("drift=x", "could not convert"), ("drop", "of a lie")):
+        with pytest.raises(ValueError, match=rf"^--lie must be KIND.*got '{text}': .*{why}|of a lie; got '{text}'"):
+            read_lie(text)
+
+
+def test_a_plant_lies_on_a_live_bus(tmp_path: Path) -> None:
+    """Whoever listens hears a localisation that is off, in frames that are valid."""
+    (tmp_path / "plant.toml").write_text(PLANT)
+    channel = f"lies-{os.getpid()}"
+    deployed = tmp_path / "deployed.toml"
+    deployed.write_text(deployment(channel, more='[plant]\nscenario = "plant.toml"\n'))
+    bus, name = LocalBus(channel), "CapsuleLocalisation"
+    child = Forked(tmp_path, "plant", str(deployed), "--seconds", "60", "--json", "--lie", "jumped=0.03@0.1")
+    try:
+        child.until_ready()
+        receiver, told = Receiver(frames()[name]), 0.0
+        for _ in range(3000):
+            message = bus.recv(1.0)
+            if message is not None and message.arbitration_id == frames()[name].id:
+                values = receiver.accept(message.data, message.timestamp)
+                told = max(told, values["Position_m"]) if isinstance(values, dict) else told
+            if told > 0.02:
+                break
+    finally:
+        child.kill()
+        bus.shutdown()
+    assert told == pytest.approx(0.03, abs=3e-3)

@@ -12,8 +12,8 @@ _NEAR = 1e-9  # share of a range within which two commands count as the same
 
 
 _LEAST = 1e-6
-_AROUND_M = {"coil": 0.01, "vibro": 0.015}
-"""Envelope of drives that no gap bounds: a third of a capsule's length, and half of it."""
+_AROUND_M = {"coil": 0.01, "vibro": 0.02}
+"""Envelope of drives that no gap bounds: a third and two thirds of a capsule's length."""
 
 
 def _limit(value: float, most: float, unit: str, source: str, least: float = _LEAST) -> Any:
@@ -59,7 +59,7 @@ class Limits:
         0.0,
         1.0,
         "m",
-        "choice: a magnet holds its capsule within its gap; else about a third of a capsule's length, or half of it",
+        "choice: a magnet holds its capsule within its gap; else a third or two thirds of a capsule's length",
         least=0.0,
     )
     current_A: float = _limit(1.0, 50.0, "A", "choice: 0.5 N at the default coil's 0.5 N/A")
@@ -115,8 +115,9 @@ class Envelope:
     @property
     def around_m(self) -> float:
         """Half width in m of the envelope around the wanted position."""
-        limits = self.limits
-        return limits.envelope_m or (self.gap_m / limits.gap_share if math.isfinite(self.gap_m) else _AROUND_M[self.kind])
+        if self.limits.envelope_m:
+            return self.limits.envelope_m
+        return self.gap_m / self.limits.gap_share if math.isfinite(self.gap_m) else _AROUND_M[self.kind]
 
     def neutral(self, position_m: float) -> float:
         """The command without force: the carriage above the capsule (at mid-travel where `position_m` is not finite),

@@ -12,11 +12,12 @@ _SLACK_M: Final = 2e-3
 _STDS: Final = 6.0
 _STILL_M: Final = 1e-3
 _PUSHES: Final = 0.15
-_AGAINST: Final = 0.5
-_STROKE: Final = 1.5
-_ON_S: Final = 5.0
-_IN_VAIN: Final = (2.6, 0.05)
-_MOST_IN_VAIN: Final = 3.0
+_AGAINST: Final = (5e-3, 0.5)
+_HARD: Final = 0.9
+_PULLED_S: Final = 1.0
+_ON_S: Final = 2.0
+_IN_VAIN: Final = (2.6, 0.08)
+_MOST_IN_VAIN: Final = 4.0
 _MEAN: Final = 0.3
 _MOVED_M: Final = 5e-4
 _MEAN_STDS: Final = 1.7
@@ -89,16 +90,17 @@ class Doubt:
 class Contradiction:
     """Why sensor and drive cannot both be right, from what they say alone.
 
-    - Envelope: carriage and capsule stay within `Envelope.around_m` of the wanted position. A magnet holds its capsule
-      within its gap, so a capsule whose localisation drifts away is led no farther than that.
+    - Envelope: the carriage stays within `Envelope.around_m` of the wanted position, the capsule within twice that, or
+      the capsule alone within `around_m` where the drive has no place. A magnet holds its capsule within its gap, so a
+      capsule whose localisation drifts away is led no farther than that.
     - Sign: a capsule goes where it is pushed. While it is pushed one way by more than `_PUSHES` of the greatest push it
-      goes back by less than `_AGAINST` of the envelope. Waves and walls that draw back move a capsule against a magnet
-      by less, as the magnet pulls the harder.
-    - Answer: a capsule that has not moved by `_STILL_M` and `_STDS` standard deviations of its localisation has not
-      felt strokes of the drive of `_STROKE` of its gap or range, nor an inner mass that swung for `_ON_S`.
-    - Push: a coil that pushes harder than `_IN_VAIN[0]` times the friction moves its capsule by `_MOVED_M` the same way
-      (or four standard deviations of readings smoothed by `_MEAN`); what it pushes beyond, in frictions, does not sum
-      up to `_IN_VAIN[1]` seconds without that, and it pushes no harder than `_MOST_IN_VAIN` (`most`).
+      goes back by less than `_AGAINST`, in m and as a share of the envelope. Waves and walls that draw back move a
+      capsule against a magnet by less, as the magnet pulls the harder.
+    - Answer: a capsule moves by `_MOVED_M` (or four standard deviations of readings smoothed by `_MEAN`) the way it is
+      pushed before a magnet has pulled by `_HARD` of its gap for `_PULLED_S`, and before what a coil pushes beyond
+      `_IN_VAIN[0]` times the friction sums up, in frictions, to `_IN_VAIN[1]` seconds; until then the coil pushes no
+      harder than `_MOST_IN_VAIN` (`most`). It moves by `_STILL_M` and `_STDS` standard deviations before an inner mass
+      has swung for `_ON_S`.
     - Speed: readings `_APART_S` apart show less than `_SPEED` of the capsule's limit, so that a drive later than
       anybody knows comes to rest before the limit. An inner mass shakes its capsule faster.
 
@@ -115,13 +117,13 @@ class Contradiction:
         self._moved_m = max(_MOVED_M, _MEAN_STDS * noise_m)
         slack_m = _SLACK_M + _STDS * noise_m
         self._drive = Corridor(envelope.around_m, limits.carriage_speed_m_s, slack_m)
-        self._capsule = Corridor(envelope.around_m, limits.speed_m_s, slack_m)
+        self._capsule = Corridor(envelope.around_m * (2 if envelope.placed else 1), limits.speed_m_s, slack_m)
         full = envelope.gap_m if envelope.placed else envelope.high
-        self._push, self._stroke = _PUSHES * full, _STROKE * full
+        self._push, self._hard_m = _PUSHES * full, _HARD * full
         self._fastest_m_s = _SPEED * limits.speed_m_s + 4 * noise_m / _APART_S
         self._pushes = envelope.kind != "vibro"
         self._doubt = Doubt(noise_m)
-        self._against_most_m = _AGAINST * envelope.around_m
+        self._against_most_m = min(_AGAINST[0], _AGAINST[1] * envelope.around_m)
         self._still_m = _STILL_M + _STDS * noise_m
         self.begin()
 
@@ -135,23 +137,16 @@ class Contradiction:
         self._way, self._outside = 0.0, 0
         self._mean_m = self._from_m = math.nan
         self._vain_s, self._vain_way = 0.0, 0.0
-        self._low, self._high = math.inf, -math.inf
         self._seen_at = self._fast_at = self._fast_m = math.nan
 
     def drove(self, drive: float, wanted_m: float, dt: float) -> str:
         """A tick of `dt` s in which the drive was at `drive`; why to stop, "" where there is no reason."""
-        if drive < self._low:
-            self._low = drive
-        if drive > self._high:
-            self._high = drive
         if not self._pushes:
             self._on_s += dt * (drive > 0)
             if self._on_s > _ON_S:
                 return f"{CONTRADICT}: the capsule has not moved while the inner mass swung for {_ON_S:g} s"
-        elif not self._envelope.placed and self._in_vain(drive, dt):
-            return f"{CONTRADICT}: the capsule does not answer {self._times(drive):.2g} times its friction"
-        elif self._high - self._low > self._stroke:
-            return f"{CONTRADICT}: the capsule does not answer, it has not moved while the {self._went()}"
+        elif self._in_vain(drive, dt):
+            return f"{CONTRADICT}: the capsule does not answer, it has not moved while {self._pushed(drive)}"
         if self._envelope.placed and self._drive.leaves(drive, wanted_m, dt):
             off = 1e3 * (drive - wanted_m)
             return f"{CONTRADICT}: the carriage is {off:+.1f} mm from the wanted position, the capsule not"
@@ -160,7 +155,7 @@ class Contradiction:
     @property
     def most(self) -> float:
         """The greatest command of a coil for the next tick, either way: inf where the capsule has answered."""
-        return _MOST_IN_VAIN * self._friction if self._vain_s > 0 else math.inf
+        return _MOST_IN_VAIN * self._friction if self._vain_s > 0 and not self._envelope.placed else math.inf
 
     def saw(self, place_m: float, drive: float, wanted_m: float, stamp_s: float) -> str:
         """The localisation shows the capsule at `place_m`; `drive` and `wanted_m` are those of its stamp."""
@@ -175,7 +170,7 @@ class Contradiction:
         self._answers(place_m)
         self.against_m = way * (self._farthest_m - place_m)
         if not abs(place_m - self._rested_m) <= self._still_m:
-            self._rested_m, self._on_s, self._low, self._high = place_m, 0.0, drive, drive
+            self._rested_m, self._on_s = place_m, 0.0
         dt = stamp_s - self._seen_at
         self._seen_at = stamp_s
         if self._pushes and (fast_m_s := self._speed(place_m, stamp_s)) > self._fastest_m_s:
@@ -190,17 +185,18 @@ class Contradiction:
         return ""
 
     def _in_vain(self, drive: float, dt: float) -> bool:
-        """Whether the drive has pushed harder than friction asks for too long without an answer."""
-        push = self._envelope.sense * drive
+        """Whether the drive has pushed hard for too long without an answer."""
+        placed = self._envelope.placed
+        push = drive - self._mean_m if placed else self._envelope.sense * drive
         way = math.copysign(1.0, push) if push else 0.0
         if way != self._vain_way:
             self._vain_way, self._vain_s, self._from_m = way, 0.0, self._mean_m
+        if placed:
+            self._vain_s += dt * (abs(push) >= self._hard_m)
+            return self._vain_s > _PULLED_S
         least, longest_s = _IN_VAIN
-        self._vain_s += dt * max(self._times(drive) - least, 0.0)
+        self._vain_s += dt * max(abs(drive) / self._friction - least, 0.0)
         return self._vain_s > longest_s
-
-    def _times(self, drive: float) -> float:
-        return abs(drive) / self._friction
 
     def _answers(self, place_m: float) -> None:
         """A capsule that goes the way it is pushed answers: what was pushed before does not count."""
@@ -218,8 +214,8 @@ class Contradiction:
         self._fast_at, self._fast_m = stamp_s, place_m
         return fast_m_s
 
-    def _went(self) -> str:
+    def _pushed(self, drive: float) -> str:
         """What the drive did meanwhile, in words."""
         if self._envelope.placed:
-            return f"carriage went {1e3 * (self._high - self._low):.1f} mm"
-        return f"drive went from {self._low:.2g} to {self._high:.2g}"
+            return f"the magnet pulled by {1e3 * self._hard_m:.1f} mm or more for {_PULLED_S:g} s"
+        return f"the coil pushed with {abs(drive) / self._friction:.2g} times its friction"

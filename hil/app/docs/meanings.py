@@ -141,7 +141,7 @@ MEANINGS: Final[Mapping[str, str]] = {
     "probe": "whether a short motion to and fro (5 mm behind a magnet, 3 mm else) shows that the capsule answers the"
     " drive before the reference begins; over a simulated bus the reference then begins where the capsule is",
     "envelope_m": "farthest that carriage and capsule may be from the wanted position; 0: the magnet's gap of greatest"
-    " pull, 10 mm for a coil, 15 mm for an inner mass",
+    " pull, 10 mm for a coil, 20 mm for an inner mass",
     "judged_from_s": "time from which tracking errors count",
     "speed_mm_s": "speed of the move",
     "start_s": "time at which the move begins",

@@ -194,7 +194,7 @@ def _ended(
     if signals.wanted:
         return ("operator", signals.wanted) if node.leads else ("cancelled", f"{signals.wanted} before it was enabled")
     if enabled:
-        doubt = node.answer.not_led(node.supervisor.first, node.estimator.health)
+        doubt = node.answer.not_led(node.wanted, node.estimator.health)
         return ("not_led", doubt) if doubt else ("done", DONE)
     missing = why_not_enabled(node, now, outcome.lost)
     return "gave_up", f"gave up: the drive was not enabled within {give_up_s:g} s: {missing}"

@@ -228,7 +228,7 @@ def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:
     if answer.unrest and answer.unrest not in trace.stopped_because:
         trace.stopped_because = f"{trace.stopped_because or DONE}; then {answer.unrest}"
     trace.led_share = shares(answer.led)
-    doubt = answer.not_led(bench.node.supervisor.first, estimator.health)
+    doubt = answer.not_led(bench.node.wanted, estimator.health)
     trace.ended = trace.stopped_because or doubt or DONE
     trace.solve_s = trace.solve_s[led] if led else np.zeros(1)
 

@@ -170,6 +170,7 @@ class ControllerNode:
         self.supervisor = Supervisor(
             build(task.controller, task.model, self.envelope, task.deadline_s), self.envelope, rules
         )
+        self._own, self.wanted = self.supervisor, self.supervisor.first
         self.estimator = ModelSwitch(
             self.supervisor, task.controller, task.model, task.offer, task.deadline_s, task.estimator
         )
@@ -465,7 +466,7 @@ class ControllerNode:
             reason = reason or found
             if self.receiver.state not in (WAITING, *MOVING):
                 reason = reason or "drive left operation"
-            reason = reason or self.supervisor.halted
+            reason = reason or self._own.halted
         if reason:
             self._fail(reason)
 
@@ -519,5 +520,5 @@ class ControllerNode:
             self._plausibility.settle(self.estimator.counts.restarts)
             self.supervisor.reset(now, estimate, self.receiver.report)
         self.supervisor.temperature_C = self.receiver.temperature_C
-        self.supervisor.most = self.answer.most
+        self._own.most = self.answer.most
         return self.supervisor.act(now + self.tick_s, estimate, self._reference)

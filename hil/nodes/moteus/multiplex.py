@@ -76,11 +76,13 @@ def answer(part: Part, register: Callable[[int], float | None]) -> tuple[bytes, 
     """The reply to a question for registers, and whether there are all of them: an error in its place where not, after
     which nothing more of the frame is read.
     """
-    values = [register(number) for number in range(part.first, part.first + part.count)]
-    known = [value for value in values if value is not None]
-    if len(known) < len(values):
-        return error(0x31, part.first + values.index(None), UNKNOWN), False
-    return _reply(part, known), True
+    values: list[float] = []
+    for number in range(part.first, part.first + part.count):
+        value = register(number)
+        if value is None:
+            return error(0x31, number, UNKNOWN), False
+        values.append(value)
+    return _reply(part, values), True
 
 
 def error(kind: int, number: int, code: int) -> bytes:
@@ -123,4 +125,7 @@ def _varuint(data: bytes, at: int) -> tuple[int, int]:
 
 
 def _number(number: int) -> bytes:
-    return bytes((number & 0x7F | 0x80, number >> 7)) if number >= 0x80 else bytes((number,))
+    head = b""
+    while number >= 0x80:
+        head, number = head + bytes((number & 0x7F | 0x80,)), number >> 7
+    return head + bytes((number,))

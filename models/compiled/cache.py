@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from models.compiled.private_folder import private_folder
+from models.files.writing import writing
 
 _LOADING = threading.Lock()
 
@@ -57,8 +58,9 @@ def _loaded(source: str) -> Any:
     path = cache_folder() / f"{name}.py"
     if not path.is_file() or path.read_bytes() != source.encode():
         draft = path.with_suffix(f".{os.getpid()}")
-        draft.write_bytes(source.encode())
-        os.replace(draft, path)
+        with writing(path):
+            draft.write_bytes(source.encode())
+            os.replace(draft, path)
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None
     assert spec.loader is not None

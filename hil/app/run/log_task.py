@@ -46,7 +46,10 @@ _KEYS: Final[Mapping[str, tuple[Test, str]]] = {
     "deployment": (lambda raw: isinstance(raw, str), "the text of a rig file"),
     "scenario": (lambda raw: isinstance(raw, str), "the text of a scenario file"),
     "dry_run": (lambda raw: isinstance(raw, bool), "true or false"),
-    "entries": (lambda raw: isinstance(raw, int) and not isinstance(raw, bool) and raw >= 0, "a number of frames"),
+    "entries": (
+        lambda raw: isinstance(raw, int) and not isinstance(raw, bool) and 0 <= raw < 1 << 63,
+        "a number of frames",
+    ),
     "offered": (lambda raw: raw is None or _offer(raw), "an object of values and at_s"),
     "learned": (lambda raw: isinstance(raw, list) and all(map(_offer, raw)), "a list of objects of values and at_s"),
     "experiments": (

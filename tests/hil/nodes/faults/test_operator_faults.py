@@ -116,8 +116,8 @@ def test_a_second_sender_of_the_same_source_ends_the_charge() -> None:
 
 
 def test_a_second_sender_whose_counters_fit_does_not_lead_on() -> None:
-    """Begun at another time its counters go on from the first one's. Its release holds the capsule all the same, and its
-    press counts no more than the first one's, which is still held.
+    """Begun at another time its counters go on from the first one's. Its release holds the capsule all the same, and
+    its press counts no more than the first one's, which is still held.
     """
     trace, (outcome,) = run("magnetic", 0.6, {"kind": "second_operator", "at_s": AT_S, "target": "same"})
     t = TICK_S * np.arange(len(trace.steered))

@@ -12,7 +12,7 @@ _NEAR = 1e-9  # share of a range within which two commands count as the same
 
 
 _LEAST = 1e-6
-_AROUND_M = {"coil": 0.01, "vibro": 0.02}
+AROUND_M = {"coil": 0.01, "vibro": 0.02}
 """Envelope of drives that no gap bounds: a third and two thirds of a capsule's length."""
 
 
@@ -117,7 +117,7 @@ class Envelope:
         """Half width in m of the envelope around the wanted position."""
         if self.limits.envelope_m:
             return self.limits.envelope_m
-        return self.gap_m / self.limits.gap_share if math.isfinite(self.gap_m) else _AROUND_M[self.kind]
+        return self.gap_m / self.limits.gap_share if math.isfinite(self.gap_m) else AROUND_M[self.kind]
 
     def neutral(self, position_m: float) -> float:
         """The command without force: the carriage above the capsule (at mid-travel where `position_m` is not finite),

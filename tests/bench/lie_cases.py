@@ -107,7 +107,7 @@ LIES: Final[Mapping[str, Case]] = MappingProxyType(
         "drive doubled": Case(by_value("scaled", 1.5, 2.0, 3.0, target="drive")),
         "drive halved": Case(by_value("scaled", 0.3, 0.5, 0.7, target="drive")),
         "drive sticks and jumps": Case(by_value("sticks", 0.002, 0.005, 0.01), PLACED),
-        "drive restless before": Case(restless_before(0.01, 0.02, 0.05)),
+        "drive restless before": Case(restless_before(0.02, 0.05, 0.1)),
         "drive restless after": Case(restless_after(0.05, 0.1, 0.2), seconds=3.0),
         "report held": Case(by_begin("held", target="feedback")),
         "report drifts": Case(by_value("drift", 0.002, 0.005, 0.02, target="feedback"), ("magnetic", "coil")),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from controller.estimator.noise import noise_of
 from hil.nodes.controller.node import ControllerNode
 from hil.nodes.frame_map import BOOT, FAULT, SELF_TEST, STANDBY, STOPPING, WAITING
 
@@ -39,7 +38,7 @@ def why_not_enabled(node: ControllerNode, now: float, lost: bool) -> str:
 
 
 def _why_lost(node: ControllerNode) -> str:
-    counts, latest_s = node.estimator.counts, noise_of(node.wiring.kind).latest_s
+    counts, latest_s = node.estimator.counts, node.envelope.limits.age_s
     told_s = node.receiver.told_s
     if told_s > latest_s:
         return f"localisation is told as {_ms(told_s)} old, and the estimator takes none older than {_ms(latest_s)}"

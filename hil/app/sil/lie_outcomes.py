@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.limits import AROUND_M
 from hil.app.scenario.bus_scenario import SilScenario
 from hil.app.sil.loop import SilTrace
 from hil.app.track.score import shares
@@ -21,17 +22,19 @@ from plant import layout as at
 from plant.drives.kinds import MAGNETS
 
 Array = NDArray[np.float64]
-ENVELOPE_M: Final = 0.015
-"""How far a capsule that no magnet holds may be from the wanted place. `[limits] envelope_m` is to replace it."""
-TRACKED_M: Final = 0.002
+GOES_ON_M: Final = {"coil": 0.015, "vibro": 0.005}
+"""How far a capsule that no magnet holds goes on beyond its envelope until it is found out and stopped: a coil's at half
+its speed limit for 0.1 s, which is what its answer takes.
+"""
+TRACKED_M: Final = 0.004
 """How far a capsule that follows a lie may be from the place that it says."""
 TICKS: Final = 2
 """From what tells that something is wrong to the drive's brake."""
 NOT_AT_REST: Final = "does not rest"
 """What is said of a drive that moves by itself."""
-_ADDED: Final = ("drift", "jumped", "sway")
-"""Lies that tell the true motion beside an offset of their own: where the drive shows no place, nothing contradicts a
-slow one.
+_ADDED: Final = ("drift", "jumped", "sway", "scaled")
+"""Lies that tell the true motion beside an offset of their own, or in another scale: where the drive shows no place,
+nothing contradicts a slow one.
 """
 
 
@@ -89,7 +92,10 @@ def allowed_m(scenario: SilScenario, trace: SilTrace, faults: Sequence[Fault], r
         allowed = np.full(len(rows), limits.gap_share * drive.gap_limit_m + ahead)
         believed = False
     else:
-        allowed = np.full(len(rows), ENVELOPE_M)
+        kind = scenario.loop.kind
+        around_m = (limits.envelope_m or AROUND_M[kind]) + GOES_ON_M[kind]
+        foreign_m = max((2 * f.amount + TRACKED_M for f in faults if f.kind == "foreign"), default=0.0)
+        allowed = np.full(len(rows), max(around_m, foreign_m))
         believed = all(f.kind in _ADDED for f in faults)
     if believed or {DRIVE, "localisation"} <= {f.target for f in faults if f.kind in LIES}:
         allowed = np.maximum(allowed, _size(trace, rows) + TRACKED_M)

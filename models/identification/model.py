@@ -33,11 +33,15 @@ LARGEST_MODEL = 1 << 22
 LARGEST_REPORT = 1 << 26
 
 
-def read_model(path: Path, kind: str, *others: str) -> Model:
-    """The model of a file, for rigs of `kind` or one of the `others`; a ValueError of one sentence where it is none."""
+def read_model(path: Path, kind: str, *others: str, whole: bool = True) -> Model:
+    """The model of a file, for rigs of `kind` or one of the `others`; a ValueError of one sentence where it is none. A
+    caller who sees to it later that it is `whole` says more of what is wrong with it first.
+    """
     text = read_text(path, "model", LARGEST_MODEL)
     try:
         model = Model.from_toml(text)
+        if whole:
+            model.check_whole()
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     if not model.sealed:
@@ -68,7 +72,7 @@ class Model:
     `held_out` maps them to the error of the free-running prediction of held-out records, in the measured column's unit;
     empty where none were held out; `cautions` say of a stage that it errs more there than an earlier one.
     `own_effects` names file and SHA-256 of each effect from outside that it uses. It is `sealed` but where its file
-    carries no checksum.
+    carries no checksum; `misfit` says what is wrong where that is one of another content.
     """
 
     kind: str
@@ -79,6 +83,7 @@ class Model:
     own_effects: dict[str, dict[str, str]] = field(default_factory=dict)
     cautions: dict[str, str] = field(default_factory=dict)
     sealed: bool = field(default=True, compare=False)
+    misfit: str = field(default="", compare=False)
 
     def believed(self, stage: str) -> dict[str, float]:
         """The values of `stage` for a controller, with its held-out error as `HELD_OUT` where that is known."""
@@ -111,7 +116,6 @@ class Model:
             raise ValueError(
                 f"model must have 'format' = {FORMAT} and a 'kind', as close-loop writes it; got {sorted(raw)[:6]}"
             )
-        _check_checksum(raw)
         own_effects = _own_effects(raw.get("own_effects", {}))
         stages = {stage: _values(raw.get(stage), stage) for stage in STAGES}
         provenance = raw.get("provenance", {})
@@ -120,8 +124,21 @@ class Model:
         told = {str(k): str(v) for k, v in provenance.items()}
         errors, cautions = _errors(raw.get("held_out", {})), _cautions(raw.get("cautions", {}))
         return cls(
-            raw["kind"], stages, str(raw.get("verdict", "")), told, errors, own_effects, cautions, CHECKSUM in raw
+            raw["kind"],
+            stages,
+            str(raw.get("verdict", "")),
+            told,
+            errors,
+            own_effects,
+            cautions,
+            CHECKSUM in raw,
+            _misfit(raw),
         )
+
+    def check_whole(self) -> None:
+        """Raises ValueError where its file carries the checksum of another content."""
+        if self.misfit:
+            raise ValueError(self.misfit)
 
     def predict(self, rig: Rig, record: Record, stage: str = "augmented") -> dict[str, NDArray[np.float64]]:
         """The measured columns as this model predicts them from the driven columns of `record` alone."""
@@ -170,13 +187,14 @@ def _checksum(raw: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()[:16]
 
 
-def _check_checksum(raw: Mapping[str, Any]) -> None:
-    """Raises ValueError where a model file carries a checksum of another content."""
-    if CHECKSUM in raw and raw[CHECKSUM] != _checksum(raw):
-        raise ValueError(
-            f"model must be whole, as it was written with checksum {shown(raw[CHECKSUM])}; got content of"
-            f" {_checksum(raw)!r}: it is cut off or damaged, or was changed by hand: then {SEAL} seals it anew"
-        )
+def _misfit(raw: Mapping[str, Any]) -> str:
+    """That a model file carries a checksum of another content, "" where it does not."""
+    if CHECKSUM not in raw or raw[CHECKSUM] == _checksum(raw):
+        return ""
+    return (
+        f"model must be whole, as it was written with checksum {shown(raw[CHECKSUM])}; got content of"
+        f" {_checksum(raw)!r}: it is cut off or damaged, or was changed by hand: then {SEAL} seals it anew"
+    )
 
 
 @cache

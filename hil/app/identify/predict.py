@@ -27,10 +27,11 @@ def predict(
     check_file(out, "--out", (".csv", ".csv.gz"))
     check_targets([out], "--out", [record, rig, model])
     belief = read_deployed_rig(rig)
-    learned = read_model(model, belief.kind)
+    learned = read_model(model, belief.kind, whole=False)
     driven = read_told(record, belief, driven_only=True)
     try:
         learned.check(belief, driven)
+        learned.check_whole()
     except ValueError as error:
         raise ValueError(f"{model}: {error}") from None
     if stage in learned.cautions:

@@ -26,7 +26,7 @@ TEXT = Model("magnetic", STAGES, "named", {"when": "now"}, {"augmented": 1e-3}).
 @given(st.integers(0, len(TEXT.rstrip()) - 1))
 def test_a_file_that_was_cut_off_is_no_model(length: int) -> None:
     with pytest.raises(ValueError, match="model") as caught:
-        Model.from_toml(TEXT[:length])
+        Model.from_toml(TEXT[:length]).check_whole()
     assert "\n" not in str(caught.value)
 
 
@@ -34,7 +34,7 @@ def test_a_file_that_was_cut_off_is_no_model(length: int) -> None:
 def test_a_file_without_one_of_its_lines_is_no_model(line: int) -> None:
     lines = TEXT.splitlines()
     with pytest.raises(ValueError, match="model"):
-        Model.from_toml("\n".join([*lines[:line], *lines[line + 1 :]]))
+        Model.from_toml("\n".join([*lines[:line], *lines[line + 1 :]])).check_whole()
 
 
 def test_comments_line_ends_and_empty_lines_change_nothing() -> None:

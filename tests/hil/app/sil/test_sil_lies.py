@@ -1,0 +1,36 @@
+"""A localisation that drifts, in `capsule sil` as a user types it: stopped, told, status 1."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from hil.app.main import run
+
+DRIFT = """
+[scenario]
+duration_s = 14.0
+seed = 1
+[rig]
+kind = "magnetic"
+magnet_stiffness_N_per_m = 24.2
+magnet_range_m = 0.02
+[tissue]
+preset = "jejunum"
+[effects.sensor_drift]
+span = 1.0
+time_s = 8.0
+[reference]
+kind = "hold"
+"""
+
+
+def test_a_drift_ends_a_run_over_the_bus(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "drift.toml").write_text(DRIFT)
+    assert run(["sil", str(tmp_path / "drift.toml"), "--json"]) == 1
+    found = json.loads(capsys.readouterr().out)
+    assert found["ended"].startswith("sensor or drive contradict each other: ")
+    assert found["tracking_max_m"] < 0.02 / 3**0.5
+    assert sum(found["led_share"].values()) == pytest.approx(1.0)

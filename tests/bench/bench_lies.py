@@ -4,8 +4,9 @@ wanted place until then, and how long that takes; and sound runs, none of which 
 `python -m tests.bench.bench_lies [--kinds NAME ...] [--rigs magnetic coil vibro] [--references hold ramp sine] [--sizes
 0 1 2] [--seconds S] [--controllers NAME ...] [--jobs N] [--json FILE]`: a line a kind and rig. `--sound N`: instead N
 sound runs, with friction, waves, folds and narrow places that nobody told the controller of, a gut, a magnet and a
-localisation of their own; a line each kind of rig and what each stopped run was stopped for. Status 1 where a run was
-unsafe, or a sound one stopped.
+localisation of their own; a line each kind of rig and what each stopped run was stopped for. Runs that the truth shows
+outside the envelope, or behind a magnet that pulls by all that it has, count apart. Status 1 where a run was unsafe, or
+a sound one falsely stopped.
 """
 
 from __future__ import annotations
@@ -23,9 +24,15 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
+from controller.limits import AROUND_M
+from hil.app.scenario.bus_scenario import SilScenario
 from hil.app.sil.fault_outcomes import outcomes
-from hil.app.sil.loop import run_sil
+from hil.app.sil.loop import SilTrace, run_sil
 from hil.app.sil.testbed import believed_on_bus
+from plant import layout as at
+from plant.drives.kinds import MAGNETS
 from tests.bench.lie_cases import EVERY_RIG, LIES, REFERENCES, sound
 from tests.hil.app.sil.sil_runs import scenario_of
 
@@ -133,9 +140,25 @@ def run(job: Job) -> Result:
     trace = run_sil(scenario, believed_on_bus(scenario, {}), job.controller, job.size)
     cpu_s = time.process_time() - began
     if not job.name:
-        return Result(job, trace.stopped_because, math.nan, math.nan, "", cpu_s)
+        left = bool(trace.stopped_because) and was_left(scenario, trace)
+        return Result(job, trace.stopped_because, math.nan, math.nan, "left behind" if left else "", cpu_s)
     outcome = outcomes(scenario, trace)[-1]
     return Result(job, trace.stopped_because, outcome.safe_after_s, outcome.distance_m, outcome.why, cpu_s)
+
+
+def was_left(scenario: SilScenario, trace: SilTrace) -> bool:
+    """Whether a sound run was rightly stopped: the true capsule was outside the envelope, or stayed behind a magnet
+    that truly pulled by nine tenths of its gap for as long as an answer may take.
+    """
+    moves = trace.slots[trace.slots[:, 1] == 0, 0]
+    rows = trace.rows[trace.rows[:, at.O_T] <= (moves[-1] if moves.size else 0.0)]
+    limits, drive = scenario.loop.limits, scenario.loop.truth.drive
+    ticks = scenario.loop.control.tick_s * np.arange(len(trace.steered))
+    off = np.abs(rows[:, at.O_X] - np.interp(rows[:, at.O_T], ticks, trace.steered[:, 0]))
+    if not isinstance(drive, MAGNETS):
+        return bool(np.max(off[-200:]) >= 0.9 * (limits.envelope_m or AROUND_M[scenario.loop.kind]))
+    gap = np.abs(rows[:, at.O_DRIVE] - rows[:, at.O_X])[rows[:, at.O_T] > rows[-1, at.O_T] - 0.9]
+    return bool(np.min(gap) >= 0.85 * limits.gap_share * drive.gap_limit_m)
 
 
 def say_lies(found: Iterable[Result]) -> int:
@@ -172,11 +195,13 @@ def say_sound(found: Iterable[Result]) -> int:
     every = list(found)
     for rig in sorted({one.job.rig for one in every}):
         some = [one for one in every if one.job.rig == rig]
-        print(f"{rig:9s} {len(some):5d} runs {sum(bool(one.stopped) for one in some):5d} stopped")
-    false = [one for one in every if one.stopped]
-    for one in false:
-        print(f"stopped: run {one.job.size}, {one.job.rig}, {one.job.reference}, {one.job.controller}: {one.stopped}")
-    print(f"{len(every)} sound runs, {len(false)} stopped")
+        left, stopped = sum(bool(one.unsafe) for one in some), sum(bool(one.stopped) for one in some)
+        print(f"{rig:9s} {len(some):5d} runs, {stopped} stopped, {left} of them left behind")
+    for one in (one for one in every if one.stopped):
+        job = one.job
+        print(f"{one.unsafe or 'FALSE'}: run {job.size}, {job.rig}, {job.reference}, {job.controller}: {one.stopped}")
+    false = [one for one in every if one.stopped and not one.unsafe]
+    print(f"{len(every)} sound runs, {len(false)} falsely stopped")
     return len(false)
 
 

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from models.effects import BY_ID
 from plant.hidden.registry import HIDDEN
 from plant.hidden.table import draw
 
@@ -132,13 +133,16 @@ def scaled_rig(rig: str, rng: np.random.Generator) -> dict[str, Any]:
     return {"tissue": tissue} if rig == "coil" else {}
 
 
-NOT_SOUND: Final = ("sensor_", "mains_hum", "actuator_lag", "driver_lag")
-"""What lies of its own accord: what a sensor gets wrong, and a drive that is late though nobody said so."""
+SOUND: Final = ("friction", "force", "wall")
+"""Folders of the catalogue whose effects a sound rig may have: friction, waves, folds, narrow places, walls. What a
+drive or a sensor gets wrong lies of its own accord.
+"""
 
 
 def hidden_of(rig: str) -> list[str]:
     """What may hide in a sound rig of this kind."""
-    return [h.id for h in HIDDEN if rig in h.drives and not h.id.startswith(NOT_SOUND)]
+    gut = {name for name, effect in BY_ID.items() if effect.__module__.split(".")[2] in SOUND}
+    return [h.id for h in HIDDEN if rig in h.drives and h.answer in gut]
 
 
 def sound(number: int, rig: str) -> dict[str, Any]:

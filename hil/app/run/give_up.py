@@ -38,10 +38,7 @@ def why_not_enabled(node: ControllerNode, now: float, lost: bool) -> str:
 
 
 def _why_lost(node: ControllerNode) -> str:
-    counts, latest_s = node.estimator.counts, node.envelope.limits.age_s
-    told_s = node.receiver.told_s
-    if told_s > latest_s:
-        return f"localisation is told as {_ms(told_s)} old, and the estimator takes none older than {_ms(latest_s)}"
+    counts = node.estimator.counts
     return (
         f"of the localisations {counts.accepted} were as expected, {counts.outliers} were not, {counts.unusable} came"
         " too late to be used"

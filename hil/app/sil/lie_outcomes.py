@@ -23,8 +23,8 @@ from plant.drives.kinds import MAGNETS
 
 Array = NDArray[np.float64]
 GOES_ON_M: Final = {"coil": 0.015, "vibro": 0.005}
-"""How far a capsule that no magnet holds goes on beyond its envelope until it is found out and stopped: a coil's at half
-its speed limit for 0.1 s, which is what its answer takes.
+"""How far a capsule that no magnet holds goes on beyond its envelope until it is found out and stopped: a coil's at
+half its speed limit for 0.1 s, which is what its answer takes.
 """
 TRACKED_M: Final = 0.004
 """How far a capsule that follows a lie may be from the place that it says."""

@@ -205,7 +205,7 @@ class Deployment:
             offer=offer,
             estimator=control.estimator,
             operator=self.operator if self.operator.accept else None,
-            probe=control.probe,
+            probe=control.probe and not self.operator.accept,
         )
 
     def believed(self, values: Mapping[str, float]) -> ControlModel:

@@ -136,8 +136,8 @@ def judged(
         found["bus"]["unauthenticated"] = trace.unauthenticated
     if trace.operator is not None:
         found["operator"] = trace.operator
-    found["ended"], found["led_share"] = trace.ended, trace.led_share
     found["faults"] = [outcome.document() for outcome in outcomes(scenario, trace)]
+    found["ended"], found["led_share"] = trace.ended, trace.led_share
     return found, trace
 
 

@@ -23,7 +23,9 @@ _BACK_S: Final = 0.4
 """How far back reports of the drive are kept, for readings that come late: no localiser can tell a greater age."""
 _JUMP_M: Final = 2e-3
 """Step of the believed position from which on it is told, and the drive's rate begins anew."""
-_RESTS: Final = {"magnetic": 1.5e-4, "coil": 0.012, "vibro": 0.012}
+_ASTRAY: Final = 3
+"""Ticks in a row in which it must be so: a report may be an old one."""
+_RESTS: Final = {"magnetic": 3e-4, "coil": 0.012, "vibro": 0.012}
 """How far a drive at rest may be off where it came to rest in m, or its current off zero in A."""
 
 
@@ -42,6 +44,7 @@ class Answer:
         self._reports = deque([0.0], maxlen=2 + math.ceil(_BACK_S / tick_s))
         self.led: Counter[str] = Counter()
         self.unrest, self._rested, self._most = "", math.nan, _RESTS[envelope.kind]
+        self._astray = 0
         self.jumps, self.jump_m, self.cautious_s = 0, 0.0, -math.inf
         self._followed, self._believed_m = 0, math.nan
 
@@ -116,7 +119,8 @@ class Answer:
             return
         if math.isnan(self._rested):
             self._rested = still if self._envelope.placed else 0.0
-        if abs(still - self._rested) > self._most and not self.unrest:
+        self._astray = self._astray + 1 if abs(still - self._rested) > self._most else 0
+        if self._astray >= _ASTRAY and not self.unrest:
             went = (
                 f"it went {1e3 * (still - self._rested):+.1f} mm"
                 if self._envelope.placed

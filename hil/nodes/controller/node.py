@@ -59,7 +59,7 @@ class Task:
     a tick (inf, as lockstep needs it, where no clock decides). `offer` is a model that is to take over at a rest,
     `estimator` one of `controller.registry.ESTIMATORS`, `learned` those models that were learned in a run that is
     replayed, `experiments` those that it asked for, `operator` what setpoints from the bus are held to, where they are
-    accepted. With `probe` a short motion to and fro comes before the reference (`Probe`), unless an operator leads.
+    accepted. With `probe` a short motion to and fro comes before the reference (`Probe`).
     """
 
     model: ControlModel

@@ -63,7 +63,18 @@ def test_json_has_the_keys_that_others_rely_on(short: Path, tmp_path: Path, caps
             "ticks",
             "estimator",
         ),
-        *("solve_ms", "estimate_ms", "real_time_factor", "events", "monitor", "log", "bus", "faults"),
+        *(
+            "solve_ms",
+            "estimate_ms",
+            "real_time_factor",
+            "events",
+            "monitor",
+            "log",
+            "bus",
+            "faults",
+            "ended",
+            "led_share",
+        ),
     ]
     assert (found["scenario"], found["controller"], found["seed"], found["model"]) == (
         "short",
@@ -101,8 +112,8 @@ def test_summary_names_the_fault(short: Path, capsys: pytest.CaptureFixture[str]
 def test_a_drive_that_was_never_led_is_told(short: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = SHORT.replace("at_s = 0.5", "at_s = 0.0").replace('kind = "killed"', 'kind = "lost"\nduration_s = 5.0')
     short.write_text(text, encoding="utf-8")
-    assert capsule(["sil", str(short)]) == 0
-    assert "stopped: the drive was never led: estimate lost" in capsys.readouterr().out
+    assert capsule(["sil", str(short)]) == 1
+    assert "ended: the drive was never led: estimate lost" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

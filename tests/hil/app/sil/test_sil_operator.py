@@ -53,7 +53,7 @@ def told(path: Path, capsys: pytest.CaptureFixture[str], *more: str) -> dict[str
 def test_steered_held_and_stopped(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Once in charge, two seconds' worth of setpoints taken, none refused; the log replays bit by bit."""
     found = told(written(tmp_path), capsys, "--out", str(tmp_path / "out"))
-    assert found["operator"] == {"presses": 1, "expired": 0, "accepted": 60, "refused": {}}
+    assert found["operator"] == {"presses": 1, "expired": 0, "accepted": 60, "limited": 0, "refused": {}}
     assert found["hard_violations"] == 0
     assert found["tracking_max_m"] < 1e-3, "of what the operator wanted, not of the file's rest"
     assert "unauthenticated" not in found["bus"]
@@ -77,7 +77,7 @@ def test_over_an_authenticated_bus(tmp_path: Path, capsys: pytest.CaptureFixture
 
 def test_the_summary_tells_of_both(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     fault = '[[faults]]\nkind = "unkeyed"\ntarget = "commands"\nat_s = 0.4\n'
-    assert capsule(["sil", str(written(tmp_path, SCENARIO + KEYED + fault))]) == 0
+    assert capsule(["sil", str(written(tmp_path, SCENARIO + KEYED + fault))]) == 1
     out = capsys.readouterr().out
     assert "operator: 1 presses, 0 late, 60 setpoints taken" in out
     assert "not authentic: 100 classic" in out

@@ -139,7 +139,8 @@ MEANINGS: Final[Mapping[str, str]] = {
     "priority": "1 to 99 asks for the real-time scheduler SCHED_FIFO, 0 does not",
     "core": "processor core to run on, -1 for any",
     "probe": "whether a short motion to and fro (5 mm behind a magnet, 3 mm else) shows that the capsule answers the"
-    " drive before the reference begins, unless setpoints of an operator are taken; over a simulated bus the reference then begins where the capsule is",
+    " drive before the reference begins, unless setpoints of an operator are taken; over a simulated bus the reference"
+    " then begins where the capsule is",
     "envelope_m": "farthest that carriage and capsule may be from the wanted position; 0: the magnet's gap of greatest"
     " pull, 10 mm for a coil, 20 mm for an inner mass",
     "judged_from_s": "time from which tracking errors count",

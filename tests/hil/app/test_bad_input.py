@@ -16,6 +16,7 @@ from models.files.record import Record
 from models.files.rig import read_rig
 from models.identification import Model
 from models.identification.kinds import kind_for
+from models.identification.model import sealed
 from models.parameter import Parameter
 from tests.rig_texts import GUT, PLATE
 
@@ -336,7 +337,7 @@ def test_a_stage_with_jittered_times_is_evened_out(
     tmp_path: Path, rig: Callable[[str], str], model: Callable[[str], Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
     learned, out = model("axis"), tmp_path / "p.csv"
-    learned.write_text(without(learned.read_text(), "directional_asymmetry"))
+    learned.write_text(sealed(without(learned.read_text(), "directional_asymmetry")))
     late = T + np.random.default_rng(0).uniform(-4e-4, 4e-4, len(T))
     forces = []
     for t in (T, late):

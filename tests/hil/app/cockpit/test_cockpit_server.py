@@ -33,6 +33,10 @@ FACTS = Facts("test", "", FRAME_MAPS["magnetic"], CATALOGUE)
 Talk = Callable[[Cockpit, str], Awaitable[Any]]
 
 
+PAGES: list[Any] = []
+"""Those that have come, each closed at the end."""
+
+
 def served(cockpit: Cockpit, talk: Talk) -> Any:
     """What `talk(cockpit, "127.0.0.1:PORT")` comes to while the cockpit is served."""
 
@@ -43,6 +47,8 @@ def served(cockpit: Cockpit, talk: Talk) -> Any:
         try:
             return await asyncio.wait_for(talk(cockpit, f"127.0.0.1:{listener.getsockname()[1]}"), 20)
         finally:
+            while PAGES:
+                PAGES.pop().close()
             server.stop()
             await server.close_all_connections()
             await asyncio.sleep(0.1)  # both ends of a socket close in the loop's next rounds
@@ -69,6 +75,7 @@ async def left(page: Any) -> None:
 async def come(address: str) -> tuple[Any, dict[str, Any]]:
     """A page, and what it is told first."""
     page = await tornado.websocket.websocket_connect(address)
+    PAGES.append(page)
     return page, json.loads(await page.read_message())
 
 
@@ -186,6 +193,7 @@ def test_those_without_the_token_leave_the_operators_places(channel: str) -> Non
     async def talk(cockpit: Cockpit, where: str) -> None:
         watchers = [await come(f"ws://{where}/socket") for _ in range(WATCHERS)]
         refused = await tornado.websocket.websocket_connect(f"ws://{where}/socket?token=wrong")
+        PAGES.append(refused)
         assert await refused.read_message() is None
         assert (refused.close_code, refused.close_reason) == (1013, f"at most {WATCHERS} pages without the token")
         operators = [await come(f"ws://{where}/socket?token={cockpit.token}") for _ in range(OPERATORS)]
@@ -297,6 +305,8 @@ def test_a_cockpit_for_others_answers_addresses_alone(log: LogSource) -> None:
             hosts = ("evil.example", "127.0.0.1", "10.1.2.3:80", "[fe80::1]", "lab-pc", "localhost")
             return [(await fetched(address, headers={"Host": host})).code for host in hosts]
         finally:
+            while PAGES:
+                PAGES.pop().close()
             server.stop()
             await server.close_all_connections()
             await asyncio.sleep(0.1)

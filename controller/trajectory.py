@@ -33,14 +33,17 @@ class Trajectory:
 
     def position(self, t: Array) -> Array:
         """Position in m at the times `t` in s, same shape."""
-        at = np.minimum(np.maximum(np.asarray(t, dtype=float) / STEP_S, 0.0), self.places.size - 1.0)
-        low = at.astype(np.int64)
-        return np.asarray(self.places[low] + (at - low) * self._steps[low + 1])
+        return np.asarray(np.interp(np.asarray(t, dtype=float) / STEP_S, self._grid, self.places))
 
     def speed(self, t: Array) -> Array:
         """Speed in m/s at the times `t` in s, same shape."""
         at = np.minimum(np.maximum(np.asarray(t, dtype=float) / STEP_S + (1 + 1e-9), 0.0), float(self.places.size))
         return np.asarray(self._steps[at.astype(np.int64)] / STEP_S)
+
+    @cached_property
+    def _grid(self) -> Array:
+        """Number of each position (n,)."""
+        return np.arange(float(self.places.size))
 
     @cached_property
     def _steps(self) -> Array:

@@ -152,7 +152,7 @@ def _listen(
 
     def heard(now: float) -> bool:
         named = faulty and node.receiver.fault > 0 and node.receiver.state == FAULT
-        return named or bool(_stranger(node)) or _fit(node, now)
+        return named or bool(_stranger(node)) or (_fit(node, now) and not node.answer.unrest)
 
     node.receiver.skip()
     began = now = _tick(node, outcome, recorder)
@@ -171,7 +171,7 @@ def _ready(node: ControllerNode, now: float, outcome: Outcome, signals: Signals)
     elif doubt.startswith("drive fault"):
         outcome.end = "drive_fault"
         outcome.ended = f"nothing to lead: {doubt}; 'capsule run RIG.toml reset' acknowledges it"
-    elif node.answer.unrest:
+    elif node.answer.unrest and not node.receiver.twins(now):
         outcome.end, outcome.ended = "no_rest", f"nothing to lead: {node.answer.unrest}"
     elif not _fit(node, now):
         fed = node.receiver.evidence(now).feedback_s < HEARTBEAT_LOST_S
@@ -245,7 +245,7 @@ def _come_to_rest(node: ControllerNode, outcome: Outcome, recorder: Recorder, no
         now = _tick(node, outcome, recorder)
         if node.receiver.state in MOVING:
             rested = now
-    if node.answer.unrest and node.answer.unrest not in outcome.ended:
+    if node.answer.unrest and node.answer.unrest not in outcome.ended and not node.receiver.twins(now):
         outcome.end, outcome.ended = "no_rest", f"{outcome.ended}; then {node.answer.unrest}"
     return now
 

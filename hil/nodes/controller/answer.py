@@ -20,7 +20,7 @@ from controller.supervision.probe import Probe
 from hil.nodes.frame_map import STANDBY, WAITING
 
 _BACK_S: Final = 0.4
-"""How far back reports of the drive are kept, for readings that come late: no localiser can tell a greater age."""
+"""How far back the drive's reports and the wanted positions are kept, for readings that come late: no localiser can tell a greater age."""
 _JUMP_M: Final = 2e-3
 """Step of the believed position from which on it is told, and the drive's rate begins anew."""
 _ASTRAY: Final = 3
@@ -41,7 +41,7 @@ class Answer:
         """`friction` is the command that overcomes it."""
         self._envelope, self._tick_s = envelope, tick_s
         self._contradiction = Contradiction(envelope, noise_m, friction)
-        self._reports = deque([0.0], maxlen=2 + math.ceil(_BACK_S / tick_s))
+        self._ticks = deque([(0.0, 0.0)], maxlen=2 + math.ceil(_BACK_S / tick_s))
         self.led: Counter[str] = Counter()
         self.unrest, self._rested, self._most = "", math.nan, _RESTS[envelope.kind]
         self._astray = 0
@@ -75,7 +75,7 @@ class Answer:
     def begin(self) -> None:
         """The drive is enabled: what it and the capsule did before does not count."""
         self._contradiction.begin()
-        self._reports.clear()
+        self._ticks.clear()
 
     def look(
         self,
@@ -90,18 +90,18 @@ class Answer:
         """A tick at `now` in s: the drive reports `drive`, the capsule is `wanted_m`, `seen` has come, true `late_s`
         before its stamp. Why to stop, "" where there is no reason.
         """
-        self._reports.append(drive)
+        self._ticks.append((drive, wanted_m))
         reason = self._contradiction.drove(drive, wanted_m, self._tick_s)
         for m in seen:
             if m.channel != "position_m" or not math.isfinite(m.value + m.stamp_s):
                 continue
             stamp_s = m.stamp_s - late_s
-            back = min(max(round((now - stamp_s) / self._tick_s), 0), len(self._reports) - 1)
-            then, at = self._reports[-1 - back], np.array([stamp_s])
-            place_m = float(reference.position(at)[0])
+            back = min(max(round((now - stamp_s) / self._tick_s), 0), len(self._ticks) - 1)
+            then, place_m = self._ticks[-1 - back]
             reason = reason or self._contradiction.saw(m.value, then, place_m, stamp_s)
             if probe is not None:
-                probe.saw(m.value, then, place_m, float(reference.speed(at)[0]))
+                at = np.array([stamp_s])
+                probe.saw(m.value, then, float(reference.position(at)[0]), float(reference.speed(at)[0]))
         return reason
 
     def believe(self, now: float, position_m: float, followed: int) -> None:

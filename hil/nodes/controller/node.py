@@ -166,6 +166,7 @@ class ControllerNode:
         """Raises ValueError for a rig that has no drive on the bus and a controller that cannot lead it."""
         catalogue = catalogue or frames()
         self.task, self.wiring = task, frame_map_of(task.model.drive.name)
+        self._x = task.model.index("x")
         self.envelope: Envelope = envelope_of(task.model.drive, task.limits)
         self.supervisor = Supervisor(
             build(task.controller, task.model, self.envelope, task.deadline_s), self.envelope, rules
@@ -273,8 +274,8 @@ class ControllerNode:
         self.answer.believe(now, self._place(estimate), self.estimator.counts.followed)
         middle = self._clock()
         self._steer(now, estimate)
-        self._judge(now, arrived)
         evidence = self.receiver.evidence(now)
+        self._judge(now, arrived, evidence)
         mode = self._mode(evidence, estimate)
         action = self._act(now, mode, estimate) if solved else Action(math.nan, "late")
         end = self._clock()
@@ -376,7 +377,7 @@ class ControllerNode:
 
     def _place(self, estimate: Estimate) -> float:
         """Where the capsule is believed to be, in m."""
-        return float(estimate.state[self.task.model.index("x")])
+        return float(estimate.state[self._x])
 
     @property
     def _in_force(self) -> float:
@@ -445,7 +446,7 @@ class ControllerNode:
             start_m = float(self.task.reference.position(np.zeros(1))[0])
             self._begin_reference(now + self.tick_s, self.wanted_m(now) - start_m)
 
-    def _judge(self, now: float, arrived: list[Measurement]) -> None:
+    def _judge(self, now: float, arrived: list[Measurement], evidence: Evidence) -> None:
         """Stop for good where there is a reason to."""
         if self.receiver.foreign and not self.guard.dry:
             self._fail(self.receiver.other_controller)
@@ -454,15 +455,15 @@ class ControllerNode:
             self._fail(self.answer.unrest)
         if not self.leads:
             return
-        ahead_s = -self.receiver.evidence(now).feedback_s
+        ahead_s = -evidence.feedback_s
         reason = paused(ahead_s) if ahead_s > self.tick_s else self.receiver.doubt(now)
         if self._led:
             wanted_m = self.wanted_m(now)
             self._plausibility.wanted(wanted_m)
             reason = reason or self._plausibility.reason(self.estimator.counts.restarts)
             drive = self.receiver.report if self.envelope.kind != "vibro" else self.guard.sent.value
-            late_s, probe = self.estimator.model.delay_s, self._probe
-            found = self.answer.look(now, drive, wanted_m, arrived, late_s, self._reference, probe)
+            late_s = self.estimator.model.delay_s
+            found = self.answer.look(now, drive, wanted_m, arrived, late_s, self._reference, self._probe)
             reason = reason or found
             if self.receiver.state not in (WAITING, *MOVING):
                 reason = reason or "drive left operation"

@@ -8,14 +8,13 @@ from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
-from controller.baselines.classical import CLASSICAL, CLASSICAL_FRICTION, JERKINESS
 from controller.baselines.lqr import LQR
 from controller.baselines.pid import PID
-from controller.drives import bodies
+from controller.drives import DRIVES, INNER_MASS, driven_of
 from controller.estimator.base import Receiver
 from controller.estimator.cubature_filter import Estimator
 from controller.estimator.kinematic_filter import KinematicFilter, Kinematics
-from controller.estimator.noise import Noise, trusting
+from controller.estimator.noise import trusting
 from controller.estimator.particle_filter import ParticleEstimator
 from controller.estimator.ukf import UnscentedEstimator
 from controller.feedforward import Feedforward
@@ -26,6 +25,7 @@ from controller.mpc.mpc import MPC
 from controller.mpc.settings import Bounds, Horizon
 from controller.own import own_controllers
 from controller.signals import Controller
+from controller.tuned import FilterNoise
 from controller.vibro.controller import vibro_controller
 from models.parameter import nearest
 
@@ -57,11 +57,11 @@ Observer = Receiver | KinematicFilter
 
 
 def _pid(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
-    return (PID(model, envelope, CLASSICAL[envelope.kind]),)
+    return (PID(model, envelope, driven_of(model.drive).pid),)
 
 
 def _pid_friction(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
-    return (PID(model, envelope, CLASSICAL_FRICTION[envelope.kind], mean_friction(model)),)
+    return (PID(model, envelope, driven_of(model.drive).pid_friction, mean_friction(model)),)
 
 
 def _pid_estimated(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
@@ -99,7 +99,7 @@ def _inner_mass(optimise: bool = True, feedback: bool = True) -> Builder:
 
 
 _INNER_MASS: Mapping[str, Builder] = {
-    "vibro": _inner_mass(),
+    INNER_MASS.leading: _inner_mass(),
     "vibro_square": _inner_mass(optimise=False),
     "vibro_map": _inner_mass(feedback=False),
 }
@@ -126,7 +126,7 @@ def leads(name: str) -> tuple[str, ...]:
     """The kinds of drive that the controller `name` can lead."""
     if name in _OWN:
         return tuple(getattr(_OWN[name], "kinds", ()))
-    return ("vibro",) if name in _INNER_MASS else bodies()
+    return tuple(kind for kind, driven in DRIVES.items() if driven.shaken == (name in _INNER_MASS))
 
 
 def use_controllers(paths: Sequence[Path]) -> None:
@@ -148,7 +148,7 @@ def _own(cls: type[Controller]) -> Builder:
         except Exception as error:  # noqa: BLE001 - a user's class raises whatever it likes
             got = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
             raise ValueError(f"controller {cls.__name__} must be one that can be made; got {got}") from None
-        return (first, PID(model, envelope)) if model.drive.name in bodies() else (first,)
+        return (first, PID(model, envelope)) if not envelope.shaken else (first,)
 
     return chain
 
@@ -166,15 +166,17 @@ def estimator_for(name: str, model: ControlModel, estimator: str = "default", ag
     """What the controller `name` sees the measurements through, those up to `age_s` old, unless another `estimator` is
     asked for.
     """
-    if estimator == "default" and name in ("pid", "pid_friction"):
-        return KinematicFilter(model, Kinematics(JERKINESS[name][model.drive.name]), Noise().up_to(age_s))
+    driven = driven_of(model.drive)
+    classical = {"pid": driven.pid, "pid_friction": driven.pid_friction}.get(name)
+    if estimator == "default" and classical is not None:
+        return KinematicFilter(model, Kinematics(classical.jerkiness), FilterNoise().up_to(age_s))
     sharp = model.sharp
     noise = trusting(sharp).up_to(age_s)
     if estimator == "ukf":
         return UnscentedEstimator(sharp, noise)
-    if model.drive.name not in bodies():
+    if driven.shaken:
         return Estimator(sharp, noise)
-    if (name, model.drive.name) == ("mpc", "magnetic"):
+    if name == "mpc" and driven.placed:
         noise = replace(noise, push_wander_N=MPC_PUSH_N)
     return ParticleEstimator(sharp, noise)
 

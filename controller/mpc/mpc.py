@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.drives import envelope_of
+from controller.drives import bodies, envelope_of
 from controller.limits import number
 from controller.model.control_model import ControlModel
 from controller.mpc.planner import Plan, Planner
@@ -49,8 +49,8 @@ class MPC(Controller):
         horizon: Horizon | None = None,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
-        if model.drive.name not in ("magnetic", "coil"):
-            raise ValueError(f"model must be of a magnetic or coil rig for the MPC; got {model.drive.name!r}")
+        if model.drive.name not in bodies():
+            raise ValueError(f"model must be of a {' or '.join(bodies())} rig for the MPC; got {model.drive.name!r}")
         self.model, self.clock = model, clock
         self.horizon = Horizon() if horizon is None else horizon
         self.bounds = Bounds.of(envelope_of(model.drive)) if bounds is None else bounds

@@ -78,8 +78,7 @@ class Supervisor:
         self._reason = "start"
         self._bad_until, self._rest_since, self._limited_since = -math.inf, math.inf, math.inf
         self._unfollowed_s = 0.0
-        shaken = self.envelope.kind == "vibro"  # which goes to and fro with its inner mass
-        self._swings = Swings(math.inf if shaken else self.rules.swing_m, self.rules.swing_s)
+        self._swings = Swings(math.inf if self.envelope.shaken else self.rules.swing_m, self.rules.swing_s)
         self._stopped_at, self._stop_from = math.inf, 0.0
 
     @property
@@ -195,7 +194,7 @@ class Supervisor:
     def _hand_over(self, rung: int, command: float) -> None:
         self._note(self._chain[rung].name, "tried again" if 0 <= rung < self._active else self._reason)
         self._active, self._stopped_at = rung, math.inf
-        if self.envelope.kind != "vibro":
+        if not self.envelope.shaken:
             running = self.issued.rate * self._tick if self.envelope.placed else 0.0
             self._blend.begin(self.issued.command + running - command, self._elapsed)
 
@@ -208,9 +207,8 @@ class Supervisor:
         if self.envelope.placed:
             return Action(self.issued.command, "stopped")
         since = self._elapsed - self._stopped_at
-        left = (
-            max(0.0, 1 - since / self.rules.stop_s) if self.envelope.kind == "coil" and self.rules.stop_s > 0 else 0.0
-        )
+        fades = not self.envelope.shaken and self.rules.stop_s > 0
+        left = max(0.0, 1 - since / self.rules.stop_s) if fades else 0.0
         return Action(left * self._stop_from, "stopped")
 
     def _watch_limits(self, broken: Sequence[str]) -> None:

@@ -10,6 +10,7 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.drives import INNER_MASS
 from controller.model.control_model import ControlModel
 from controller.signals import Action, Controller, Estimate, Reference, Status
 from controller.vibro.cycles import VibroModel
@@ -30,7 +31,7 @@ class VibroController(Controller):
     was learnt in it. The status is `limited` while the map's reach holds the command back.
     """
 
-    name = "vibro"
+    name = INNER_MASS.leading
 
     def __init__(self, drive: DriveMap, tuning: Tuning | None = None, weights: Weights | None = None) -> None:
         self.drive, self.tuning = drive, tuning or Tuning()

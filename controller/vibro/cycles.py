@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.drives import INNER_MASS
 from controller.vibro.table_values import unloaded
 from controller.vibro.waveform import Waveform
 from models.assembly.model import Assembly, assemble
@@ -81,9 +82,10 @@ class VibroModel:
 
         Raises ValueError for another kind of rig and for values that belong to no effect or parameter of it.
         """
-        if rig.drive is None or rig.kind not in ("vibro", "vibro_table"):
-            raise ValueError(f"rig must be of kind 'vibro' or 'vibro_table'; got {rig.kind!r}")
-        drive = drive_of(replace(rig, kind="vibro"))
+        if rig.drive is None or rig.kind not in INNER_MASS.models:
+            kinds = " or ".join(map(repr, INNER_MASS.models))
+            raise ValueError(f"rig must be of kind {kinds}; got {rig.kind!r}")
+        drive = drive_of(replace(rig, kind=INNER_MASS.name))
         assert isinstance(drive, Vibro)
         return cls.of(surface_of(rig), drive, unloaded(values or {}))
 

@@ -26,7 +26,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from controller.limits import AROUND_M
+from controller.drives import DRIVES
 from hil.app.scenario.bus_scenario import SilScenario
 from hil.app.sil.fault_outcomes import outcomes
 from hil.app.sil.loop import SilTrace, run_sil
@@ -156,7 +156,7 @@ def was_left(scenario: SilScenario, trace: SilTrace) -> bool:
     ticks = scenario.loop.control.tick_s * np.arange(len(trace.steered))
     off = np.abs(rows[:, at.O_X] - np.interp(rows[:, at.O_T], ticks, trace.steered[:, 0]))
     if not isinstance(drive, MAGNETS):
-        return bool(np.max(off[-200:]) >= 0.9 * (limits.envelope_m or AROUND_M[scenario.loop.kind]))
+        return bool(np.max(off[-200:]) >= 0.9 * (limits.envelope_m or DRIVES[scenario.loop.kind].around_m))
     gap = np.abs(rows[:, at.O_DRIVE] - rows[:, at.O_X])[rows[:, at.O_T] > rows[-1, at.O_T] - 0.9]
     return bool(np.min(gap) >= 0.85 * limits.gap_share * drive.gap_limit_m)
 

@@ -6,10 +6,11 @@ import math
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import asdict, dataclass, field
-from typing import Any, Final, Literal
+from typing import Any, Literal
 
 import numpy as np
 
+from controller.drives import bodies
 from controller.excursion import Experiment
 from controller.model.control_model import ControlModel
 from controller.monitor.monitor import Health
@@ -25,8 +26,6 @@ from hil.log.record import SOURCES
 from models.files.columns import TIME
 from models.files.rig import Rig
 
-LEARNT: Final = ("magnetic", "coil")
-"""Kinds of rig whose runs are records that can be identified on."""
 Phase = Literal["watching", "gathering", "identifying", "preparing", "offered", "on trial"]
 Beside = Callable[[Callable[[], Prepared]], "Future[Prepared]"]
 """Runs what takes long, beside the ticks or at once."""
@@ -34,8 +33,8 @@ Beside = Callable[[Callable[[], Prepared]], "Future[Prepared]"]
 
 def check_learnt(rig: Rig) -> None:
     """Raises ValueError for a rig whose runs make no record."""
-    if rig.kind not in LEARNT:
-        raise ValueError(f"--learn must stand with a rig of kind {' or '.join(LEARNT)}; got {rig.kind}")
+    if rig.kind not in bodies():
+        raise ValueError(f"--learn must stand with a rig of kind {' or '.join(bodies())}; got {rig.kind}")
 
 
 @dataclass

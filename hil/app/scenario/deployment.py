@@ -21,7 +21,6 @@ from hil.app.scenario.model_offer import Offered, offer_of, read_offer, read_off
 from hil.app.scenario.reference import read_reference, with_reference
 from hil.bus.catalogue import load_catalogue
 from hil.nodes.actuators import ACTUATORS, ActuatorTable, needs_fd, read_actuator
-from hil.nodes.controller.guard import FEEDBACK_S
 from hil.nodes.controller.node import Task
 from hil.nodes.controller.operator import OperatorLimits
 from hil.nodes.frame_map import FRAME_MAPS, frame_map_of
@@ -332,7 +331,8 @@ def _check_tables(raw: Mapping[str, Any]) -> None:
 
 def check_tick(tick_s: float, kind: str, limits: Limits) -> None:
     """A tick must be shorter than a command lives and than the guard waits for feedback, or the drive is never led."""
-    longest = min(1e-3 * frame_map_of(kind).life_ms(limits.carriage_speed_m_s), FEEDBACK_S[kind])
+    wiring = frame_map_of(kind)
+    longest = min(1e-3 * wiring.life_ms(limits.carriage_speed_m_s), wiring.feedback_s)
     if tick_s > longest + 1e-9:
         raise ValueError(
             f"control.tick_s must be at most {longest:g} s for a {kind} rig on the bus, else commands die between"

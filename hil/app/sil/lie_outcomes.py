@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.limits import AROUND_M
+from controller.drives import DRIVES
 from hil.app.scenario.bus_scenario import SilScenario
 from hil.app.sil.loop import SilTrace
 from hil.app.track.score import shares
@@ -22,10 +22,6 @@ from plant import layout as at
 from plant.drives.kinds import MAGNETS
 
 Array = NDArray[np.float64]
-GOES_ON_M: Final = {"coil": 0.015, "vibro": 0.005}
-"""How far a capsule that no magnet holds goes on beyond its envelope until it is found out and stopped: a coil's at
-half its speed limit for 0.1 s, which is what its answer takes.
-"""
 TRACKED_M: Final = 0.004
 """How far a capsule that follows a lie may be from the place that it says."""
 TICKS: Final = 2
@@ -92,8 +88,8 @@ def allowed_m(scenario: SilScenario, trace: SilTrace, faults: Sequence[Fault], r
         allowed = np.full(len(rows), limits.gap_share * drive.gap_limit_m + ahead)
         believed = False
     else:
-        kind = scenario.loop.kind
-        around_m = (limits.envelope_m or AROUND_M[kind]) + GOES_ON_M[kind]
+        driven = DRIVES[scenario.loop.kind]
+        around_m = (limits.envelope_m or driven.around_m) + driven.goes_on_m
         foreign_m = max((2 * f.amount + TRACKED_M for f in faults if f.kind == "foreign"), default=0.0)
         allowed = np.full(len(rows), max(around_m, foreign_m))
         believed = all(f.kind in _ADDED for f in faults)

@@ -25,7 +25,7 @@ class Driven:
     where an inner mass is driven, which cycles move and no force on the body (`shaken`). `placed`: the command is the
     place of a carriage, which rests where it is; every other one rests at 0. `around_m`: half width of the envelope
     around the wanted position where no gap sets one; `goes_on_m`: how far the capsule goes on beyond it until it is
-    found out and stopped. `models`: the kinds of rig whose models it is led by. `simulated`: the column that a
+    found out and stopped. `models`: the kinds of rig whose models it is led by, its own where empty. `simulated`: the column that a
     simulation commands, the kind's own where empty. `leading`: the controller where none is named.
 
     `follow`: how far its report may be beyond the commands of late; `rests`: how far a drive at rest may be off where
@@ -100,7 +100,6 @@ CARRIAGE: Final = Driven(
     bounds=_carriage,
     actuator=CarriageActuator,
     placed=True,
-    models=("magnetic",),
     pid=PidGains(100.0, 300.0, 1.0, jerkiness=5e-3),
     pid_friction=PidGains(20.0, 100.0, 2.0, jerkiness=1e-3),
     pid_estimated=PidGains(200.0, 1200.0, 2.0),
@@ -116,7 +115,6 @@ COIL: Final = Driven(
     actuator=CoilActuator,
     around_m=0.01,  # a third of a capsule's length
     goes_on_m=0.015,  # at half its speed limit for 0.1 s, which is what its answer takes
-    models=("coil",),
     simulated="coil_voltage_V",
     pid=PidGains(100.0, 300.0, 0.5, jerkiness=5e-3),
     pid_friction=PidGains(100.0, 300.0, 2.0, jerkiness=5e-3),

@@ -49,7 +49,7 @@ class Options:
                 raise ValueError(f"--stage must stand with --model unless it is nominal; got {self.stage!r} alone")
             return {}, "nominal"
         stage = self.stage or "augmented"
-        model = read_model(self.model, *DRIVES[kind].models)
+        model = read_model(self.model, *(DRIVES[kind].models or (kind,)))
         if stage in model.cautions:
             notes().print(f"{self.model}: {model.cautions[stage]}", markup=False, soft_wrap=True)
         return model.believed(stage), stage

@@ -25,12 +25,11 @@ class Driven:
     where an inner mass is driven, which cycles move and no force on the body (`shaken`). `placed`: the command is the
     place of a carriage, which rests where it is; every other one rests at 0. `around_m`: half width of the envelope
     around the wanted position where no gap sets one; `goes_on_m`: how far the capsule goes on beyond it until it is
-    found out and stopped. `models`: the kinds of rig whose models it is led by, its own where empty. `simulated`: the column that a
-    simulation commands, the kind's own where empty. `leading`: the controller where none is named.
-
-    `follow`: how far its report may be beyond the commands of late; `rests`: how far a drive at rest may be off where
-    it came to rest, or its current off zero, in m or A. `shown`: name,
-    unit and factor of the command on a page, and its axis where it is simulated.
+    found out and stopped. `models`: the kinds of rig whose models it is led by, `simulated`: the column that a
+    simulation commands, each its own kind's where empty. `leading`: the controller where none is named. `follow`: how
+    far its report may be beyond the commands of late; `rests`: how far a drive at rest may be off where it came to
+    rest, or its current off zero, in m or A. `shown`: name, unit and factor of the command on a page, and its axis
+    where it is simulated.
     """
 
     name: str

@@ -22,7 +22,7 @@ from controller.limits import Envelope, Limits
 from controller.model.control_model import ControlModel
 from controller.model.friction import AT_FIRST, level_off, mean_friction
 from controller.mpc.mpc import MPC
-from controller.mpc.settings import Bounds, Horizon
+from controller.mpc.settings import Horizon
 from controller.own import own_controllers
 from controller.signals import Controller
 from controller.tuned import FilterNoise
@@ -56,62 +56,29 @@ Builder = Callable[[ControlModel, Envelope, float], Chain]
 Observer = Receiver | KinematicFilter
 
 
-def _pid(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
-    return (PID(model, envelope, driven_of(model.drive).pid),)
-
-
-def _pid_friction(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
-    return (PID(model, envelope, driven_of(model.drive).pid_friction, mean_friction(model)),)
-
-
-def _pid_estimated(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
-    return (PID(model, envelope),)
-
-
-def _pid_friction_estimated(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
-    return (PID(model, envelope, friction_N=mean_friction(model)),)
-
-
-def _feedforward(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
-    return (Feedforward(model, envelope), PID(model, envelope))
-
-
-def _lqr(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
-    return (LQR(model, envelope), PID(model, envelope))
-
-
 def _mpc(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
-    horizon = Horizon(iterations=ITERATIONS, deadline_s=deadline_s, late_slip=_late_slip(model), hold_s=HOLD_S)
-    mpc = MPC(model, Bounds.of(envelope), horizon=horizon)
-    return (mpc, Feedforward(model, envelope), PID(model, envelope))
-
-
-def _late_slip(model: ControlModel) -> float:
     off = level_off(model)
-    return LATE_SLIP if off is None else min(LATE_SLIP, _LEAST_LATE + AT_FIRST * off)
-
-
-def _inner_mass(optimise: bool = True, feedback: bool = True) -> Builder:
-    def chain(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
-        return (vibro_controller(model, optimise, feedback),)
-
-    return chain
+    late = LATE_SLIP if off is None else min(LATE_SLIP, _LEAST_LATE + AT_FIRST * off)
+    horizon = Horizon(iterations=ITERATIONS, deadline_s=deadline_s, late_slip=late, hold_s=HOLD_S)
+    return (MPC(model, envelope, horizon=horizon), Feedforward(model, envelope), PID(model, envelope))
 
 
 _INNER_MASS: Mapping[str, Builder] = {
-    INNER_MASS.leading: _inner_mass(),
-    "vibro_square": _inner_mass(optimise=False),
-    "vibro_map": _inner_mass(feedback=False),
+    INNER_MASS.leading: lambda model, envelope, _: (vibro_controller(model),),
+    "vibro_square": lambda model, envelope, _: (vibro_controller(model, optimise=False),),
+    "vibro_map": lambda model, envelope, _: (vibro_controller(model, feedback=False),),
 }
 _OWN: dict[str, type[Controller]] = {}
 """Controllers from outside, by name."""
 _BUILDERS: dict[str, Builder] = {
-    "pid": _pid,
-    "pid_friction": _pid_friction,
-    "pid_estimated": _pid_estimated,
-    "pid_friction_estimated": _pid_friction_estimated,
-    "lqr": _lqr,
-    "feedforward": _feedforward,
+    "pid": lambda model, envelope, _: (PID(model, envelope, driven_of(model.drive).pid),),
+    "pid_friction": lambda model, envelope, _: (
+        PID(model, envelope, driven_of(model.drive).pid_friction, mean_friction(model)),
+    ),
+    "pid_estimated": lambda model, envelope, _: (PID(model, envelope),),
+    "pid_friction_estimated": lambda model, envelope, _: (PID(model, envelope, friction_N=mean_friction(model)),),
+    "lqr": lambda model, envelope, _: (LQR(model, envelope), PID(model, envelope)),
+    "feedforward": lambda model, envelope, _: (Feedforward(model, envelope), PID(model, envelope)),
     "mpc": _mpc,
     **_INNER_MASS,
 }

@@ -10,11 +10,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.limits import Envelope
 from controller.model.control_model import ControlModel
 from controller.mpc.condense import cost, keep_feasible, quadratic, sensitivities
 from controller.mpc.qp import Program
 from controller.mpc.rows import FREE
-from controller.mpc.settings import Bounds, Horizon, Weights
+from controller.mpc.settings import Horizon, Weights
 
 Array = NDArray[np.float64]
 
@@ -52,21 +53,21 @@ class Planner:
     def __init__(
         self,
         model: ControlModel,
-        bounds: Bounds,
+        envelope: Envelope,
         weights: Weights,
         horizon: Horizon,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
-        self.model, self.bounds, self.horizon, self.clock = model, bounds, horizon, clock
+        self.model, self.horizon, self.clock = model, horizon, clock
         n, N = len(model.states), horizon.stages
         gain = model.force_per_command
         rate = weights.rate_N_s / gain
         self.follows = 1.0 if model.gap_limit_m is not None else 0.0
         self.scales = np.array([weights.position_m, weights.speed_m_s, rate, weights.jump_N_s / gain, weights.final])
-        self.soft = np.minimum([bounds.gap_m, bounds.speed_m_s, bounds.wall_force_N], FREE)
+        self.soft = np.minimum([envelope.gap_m, envelope.limits.speed_m_s, envelope.limits.force_N], FREE)
         self.penalty = np.array([weights.gap, weights.speed, weights.force])
-        most = min(bounds.rate, (bounds.high - bounds.low) / horizon.stage_s)
-        self.hard = np.array([bounds.low, bounds.high, most, min(bounds.acceleration, FREE)])
+        most = min(envelope.rate, (envelope.high - envelope.low) / horizon.stage_s)
+        self.hard = np.array([envelope.low, envelope.high, most, min(envelope.acceleration, FREE)])
         self.program = Program.sized(N, horizon.stage_s, model.tick_s, rate, self.hard, self.soft, self.penalty)
         self.A, self.B, self.Z = np.zeros((N, n, n)), np.zeros((N, n, 2)), np.zeros((N + 1, n, N))
         self.forces, self.slopes = np.zeros(N + 1), np.zeros((N + 1, n))

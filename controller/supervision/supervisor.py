@@ -14,7 +14,7 @@ import numpy as np
 from controller.limits import Envelope, Issued, Seen, limited, number
 from controller.signals import Action, Array, Controller, Estimate, Reference, Status
 from controller.supervision.acceptance import Verdict
-from controller.supervision.fallback import Blend, Event, FallbackChain, RetryRules, Rules
+from controller.supervision.fallback import Blend, Event, FallbackChain, Rules
 from controller.supervision.swings import Swings
 
 SERIOUS = frozenset({"range", "gap", "speed", "temperature"})
@@ -67,9 +67,7 @@ class Supervisor:
         self._begin(tuple(chain), 0.0)
 
     def _begin(self, chain: tuple[Controller, ...], now: float) -> None:
-        self._fallback = FallbackChain(
-            RetryRules(len(chain), self.rules.retry_s, self.rules.retry_longest_s, self.rules.forgive_s)
-        )
+        self._fallback = FallbackChain(len(chain), self.rules)
         self._blend = Blend(self.rules.blend_s)
         self._chain, self._now, self._elapsed, self._tick = chain, now, 0.0, 0.0
         self._active = -1

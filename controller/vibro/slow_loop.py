@@ -113,7 +113,7 @@ def transition(h: float, lag_s: float) -> tuple[Array, Array]:
 
 
 _PROGRESS_M, _SPEED_M_S, _CHANGE_M_S = 1.0e-3, 2.0e-3, 4.0e-3
-"""What counts as 1 in the plan's cost: progress off in m, mean speed off in m/s, change of the command a step in m/s."""
+"""What counts as 1 in a plan's cost: progress off in m, mean speed off in m/s, change of the command a step in m/s."""
 
 
 class AveragedMpc:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from controller.drives import bodies, envelope_of
 from controller.limits import Envelope, number
 from controller.model.control_model import ControlModel
-from controller.mpc.planner import Plan, Planner
+from controller.mpc.planner import MpcPlan, Planner
 from controller.mpc.settings import Horizon, Weights
 from controller.signals import Action, Controller, Estimate, Reference
 
@@ -63,7 +63,7 @@ class MPC(Controller):
         self._command, self._rate, self._plan, self._time = 0.0, 0.0, np.zeros(self.horizon.stages + 1), 0.0
         self._resting = self._followable = False
         self._same = _SAME * (self.envelope.high - self.envelope.low)
-        self.last: Plan | None = None
+        self.last: MpcPlan | None = None
         self._compile()
 
     def _compile(self) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from controller.limits import Envelope, Issued, Seen, limited, number
 from controller.signals import Action, Array, Controller, Estimate, Reference, Status
-from controller.supervision.acceptance import Verdict
+from controller.supervision.acceptance import Acceptance
 from controller.supervision.fallback import Blend, Event, FallbackChain, Rules
 from controller.supervision.swings import Swings
 
@@ -95,7 +95,7 @@ class Supervisor:
         self.issued, _ = limited(math.nan, Issued(number(command)), self._seen(now, estimate), 0.0, self.envelope)
         self._begin(self._chain, number(now))
 
-    def offer(self, chain: Sequence[Controller], verdict: Verdict) -> bool:
+    def offer(self, chain: Sequence[Controller], verdict: Acceptance) -> bool:
         """Keep `chain`, controllers of a new model, for `take_offered`, if its `verdict` passed; whether it did."""
         if verdict.passed and chain:
             self._offered = tuple(chain)

@@ -47,7 +47,7 @@ ANATOMY_KEYS: Final = ("places_m", "level", "seed")
 
 
 @dataclass(frozen=True)
-class Run:
+class RunTable:
     """How long and with which seed; table `[scenario]`."""
 
     name: str = ""
@@ -57,7 +57,7 @@ class Run:
 
 
 @dataclass(frozen=True)
-class Noise:
+class SensorNoise:
     """White noise and rounding of the measured column, in its unit; table `[noise]`."""
 
     force_std_N: float = 0.0
@@ -79,7 +79,7 @@ class Sampling:
 class Scenario:
     """A simulated experiment: rig, command, sensor."""
 
-    run: Run
+    run: RunTable
     kind: str
     rig: Rig
     profile: Profile
@@ -108,11 +108,11 @@ def parse_scenario(raw: Table, folder: Path) -> Scenario:
     return Scenario(run, kind, rig, _profile(raw.get("profile", {}), folder), _sensor(raw, kind))
 
 
-def parse_truth(raw: Table) -> tuple[Run, str, Rig]:
+def parse_truth(raw: Table) -> tuple[RunTable, str, Rig]:
     """How long a scenario runs, the kind of its rig and all that is true of that, from parsed TOML. Errors as
     `load_scenario`.
     """
-    run = from_table(Run, raw.get("scenario", {}), "scenario")
+    run = from_table(RunTable, raw.get("scenario", {}), "scenario")
     if not SHORTEST_STEP_S <= run.step_s <= LONGEST_STEP_S:
         raise ValueError(f"scenario.step_s must be {SHORTEST_STEP_S:g} to {LONGEST_STEP_S:g} s; got {run.step_s:g}")
     if not run.step_s <= run.duration_s <= MOST_STEPS * run.step_s:
@@ -231,7 +231,7 @@ def _profile(table: Table, folder: Path) -> Profile:
 
 def _sensor(raw: Table, kind: str) -> Sensor:
     sampling = from_table(Sampling, raw.get("sensor", {}), "sensor")
-    noise = from_table(Noise, raw.get("noise", {}), "noise")
+    noise = from_table(SensorNoise, raw.get("noise", {}), "noise")
     std, quantum = (
         (noise.force_std_N, noise.force_quantum_N)
         if DRIVES[kind] is Pull

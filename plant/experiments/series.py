@@ -15,7 +15,7 @@ import numpy as np
 from models.files.writing import draft
 from models.laws.geometry import Tissue
 from plant.experiments.recording import record_scenario
-from plant.experiments.scenario import Run, Scenario
+from plant.experiments.scenario import RunTable, Scenario
 from plant.experiments.series_rigs import BELIEVED
 from plant.hidden.registry import hidden
 from plant.hidden.table import draw
@@ -78,7 +78,7 @@ def _record(
 ) -> dict[str, Floats]:
     belief = BELIEVED[kind]
     std, span = (FORCE_STD_N, FORCE_SPAN_N) if belief.pulled else (POSITION_STD_M, POSITION_SPAN_M)
-    run = Run("", duration_s, 0 if belief.plain else int(rng.integers(2**31)), rig.step_s)
+    run = RunTable("", duration_s, 0 if belief.plain else int(rng.integers(2**31)), rig.step_s)
     scenario = Scenario(run, belief.kind, rig, belief.profile, Sensor(rate_Hz, noise * std, span=span))
     columns = record_scenario(scenario, rng if belief.plain else None)
     return {name: values for name, values in columns.items() if name not in belief.unlogged}

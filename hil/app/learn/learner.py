@@ -15,7 +15,7 @@ from controller.excursion import Experiment
 from controller.model.control_model import ControlModel
 from controller.monitor.monitor import Health
 from controller.signals import Array
-from controller.supervision.acceptance import Verdict
+from controller.supervision.acceptance import Acceptance
 from controller.supervision.history import History
 from controller.supervision.model_switch import ModelSwitch, Offer, Prepared
 from hil.app.learn.experiment import experiment_of
@@ -224,7 +224,7 @@ class Learner:
     def _prepare(self, now: float, values: Mapping[str, float], then: Phase) -> None:
         """Have the controllers of a model made, which is on offer `then`."""
         self._next, self._phase = (values, then), "preparing"
-        self._made = self.beside(lambda: self.switch.prepare(Offer(self.believed(values), Verdict())))
+        self._made = self.beside(lambda: self.switch.prepare(Offer(self.believed(values), Acceptance())))
         self._put(now)
 
     def _put(self, now: float) -> None:

@@ -14,7 +14,7 @@ import can
 from controller.limits import Limits
 from controller.model.control_model import ControlModel, control_model
 from controller.registry import CONTROLLERS, checked_estimator, leads
-from controller.supervision.acceptance import AcceptanceTest, Verdict
+from controller.supervision.acceptance import Acceptance, AcceptanceTest
 from controller.trajectory import Trajectory
 from hil.app.scenario.learning import Pace, read_pace
 from hil.app.scenario.model_offer import Offered, offer_of, read_offer, read_offer_table
@@ -186,7 +186,7 @@ class Deployment:
     reference: Trajectory
     limits: Limits
     values: Mapping[str, float]
-    verdict: Verdict | None = None
+    verdict: Acceptance | None = None
     drive: ActuatorTable | None = None
     offered: Offered | None = None
     operator: OperatorLimits = OperatorLimits()
@@ -255,7 +255,7 @@ def read_plant(path: Path) -> DeployedPlant:
 
 
 def parse_deployment(
-    text: str, values: Mapping[str, float], name: str = "rig", verdict: Verdict | None = None
+    text: str, values: Mapping[str, float], name: str = "rig", verdict: Acceptance | None = None
 ) -> Deployment:
     """A deployment from TOML text and the learned `values`. Errors as `load_deployment`."""
     raw = parse_toml(text, "rig file")
@@ -367,7 +367,7 @@ def _rig(raw: Mapping[str, Any], where: str = "rig file") -> Rig:
     return parse_rig({name: table for name, table in raw.items() if name not in OWN_TABLES}, where)
 
 
-def _learned(raw: Mapping[str, Any], folder: Path) -> tuple[dict[str, float], Verdict | None]:
+def _learned(raw: Mapping[str, Any], folder: Path) -> tuple[dict[str, float], Acceptance | None]:
     """Values of the model that the file names and what the gate says of them."""
     if not isinstance(raw.get("model"), dict):
         return {}, None

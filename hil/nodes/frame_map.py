@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
@@ -46,11 +46,11 @@ class FrameMap:
     channel: str
     target: int
     still_ms: int
-    still: str
-    bounds: tuple[tuple[str, str], ...]
-    stops_s: float
-    seen_s: float
     feedback_s: float
+    still: str = "Current_A"
+    bounds: tuple[tuple[str, str], ...] = ()
+    stops_s: float = 0.010
+    seen_s: float = 0.010
     braking_m_s2: float = math.inf
 
     @property
@@ -106,7 +106,6 @@ def answer_of(number: int, target: int) -> int:
     return zlib.crc32(number.to_bytes(4, "little") + bytes([target]))
 
 
-_CARRIAGE_BOUNDS: Final = (("Position_m", "travel_m"), ("Velocity_m_s", "carriage_speed_m_s"))
 CARRIAGE_MAP: Final = FrameMap(
     CARRIAGE,
     "Carriage",
@@ -114,23 +113,16 @@ CARRIAGE_MAP: Final = FrameMap(
     "carriage_position_m",
     1,
     18,
-    "Position_m",
-    _CARRIAGE_BOUNDS,
+    0.0215,
+    still="Position_m",
+    bounds=(("Position_m", "travel_m"), ("Velocity_m_s", "carriage_speed_m_s")),
     stops_s=0.020,
     seen_s=0.025,
-    feedback_s=0.0215,
     braking_m_s2=QUICK_STOP_M_S2,
 )
-_COIL_BOUNDS: Final = (("Current_A", "current_A"),)
-COIL_MAP: Final = FrameMap(
-    COIL, "Coil", "Current_A", "coil_current_A", 2, 6, "Current_A", _COIL_BOUNDS, 0.010, 0.010, 0.0045
-)
-INNER_MASS_MAP: Final = FrameMap(
-    INNER_MASS, "InnerMass", "Level", "drive_on", 3, 6, "Current_A", (), 0.010, 0.010, 0.0065
-)
-FRAME_MAPS: Mapping[str, FrameMap] = MappingProxyType(
-    {one.drive.name: one for one in (CARRIAGE_MAP, COIL_MAP, INNER_MASS_MAP)}
-)
+COIL_MAP = FrameMap(COIL, "Coil", "Current_A", "coil_current_A", 2, 6, 0.0045, bounds=(("Current_A", "current_A"),))
+INNER_MASS_MAP: Final = FrameMap(INNER_MASS, "InnerMass", "Level", "drive_on", 3, 6, 0.0065)
+FRAME_MAPS: Final = MappingProxyType({one.drive.name: one for one in (CARRIAGE_MAP, COIL_MAP, INNER_MASS_MAP)})
 
 
 def frame_map_of(kind: str) -> FrameMap:

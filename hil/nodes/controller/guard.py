@@ -47,19 +47,10 @@ class Fence:
     @classmethod
     def of(cls, envelope: Envelope, wiring: FrameMap, tick_s: float) -> Fence:
         """The fence that a drive's limits set."""
-        limits = envelope.limits
-        return cls(
-            envelope.low,
-            envelope.high,
-            envelope.rate,
-            envelope.placed,
-            tick_s,
-            wiring.feedback_s,
-            wiring.braking_m_s2,
-            stop_s=limits.age_s,
-            first_share=limits.first_speed_m_s / limits.carriage_speed_m_s,
-            growth=limits.first_acceleration_m_s2 / limits.carriage_speed_m_s,
-        )
+        e, limits, speed = envelope, envelope.limits, envelope.limits.carriage_speed_m_s
+        held = (e.low, e.high, e.rate, e.placed, tick_s, wiring.feedback_s, wiring.braking_m_s2)
+        first, growth = limits.first_speed_m_s / speed, limits.first_acceleration_m_s2 / speed
+        return cls(*held, stop_s=limits.age_s, first_share=first, growth=growth)
 
     def after(self, since_s: float) -> Fence:
         """The fence `since_s` s after the drive was enabled on a rig."""

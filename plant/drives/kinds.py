@@ -94,27 +94,38 @@ class Pull(Drive):
 
 
 @dataclass(frozen=True)
-class Magnet(Drive):
-    """Carriage magnet: `k g/(1 + (g/r)^2)^2` on the gap g."""
+class Carriage(Drive):
+    """A magnet on a carriage."""
 
     kind: ClassVar[str] = registry.MAGNETIC
     free: ClassVar[bool] = True
     straight: ClassVar[bool] = True
-    magnet_stiffness_N_per_m: float = 25.0
-    magnet_range_m: float = 0.02
 
     @property
     def feedback(self) -> str:
         return "carriage_position_m"
+
+    def columns(self, commanded: Floats, mean: Floats, reading: Floats, current: Floats) -> dict[str, Floats]:
+        return {"carriage_position_m": commanded, "position_m": reading}
+
+    @property
+    @abstractmethod
+    def gap_limit_m(self) -> float:
+        """The gap in m at which the magnet pulls most."""
+
+
+@dataclass(frozen=True)
+class Magnet(Carriage):
+    """Carriage magnet: `k g/(1 + (g/r)^2)^2` on the gap g."""
+
+    magnet_stiffness_N_per_m: float = 25.0
+    magnet_range_m: float = 0.02
 
     def loop(self, effects: Floats) -> tuple[Any, tuple[int, ...]]:
         return advance_body, (MAGNET,)
 
     def fill(self, p: Floats) -> None:
         p[at.P_MAGNET_K], p[at.P_MAGNET_RANGE] = self.magnet_stiffness_N_per_m, self.magnet_range_m
-
-    def columns(self, commanded: Floats, mean: Floats, reading: Floats, current: Floats) -> dict[str, Floats]:
-        return {"carriage_position_m": commanded, "position_m": reading}
 
     def numbers(self) -> dict[str, float]:
         return {"magnet_stiffness_N_per_m": self.magnet_stiffness_N_per_m}
@@ -124,27 +135,19 @@ class Magnet(Drive):
 
     @property
     def gap_limit_m(self) -> float:
-        """The gap in m at which the magnet pulls most."""
         return self.magnet_range_m / math.sqrt(3)
 
 
 @dataclass(frozen=True)
-class MagnetPair(Drive):
+class MagnetPair(Carriage):
     """A carriage magnet and the capsule's as two dipoles at a height across the lumen, whose attraction presses the
     capsule on its surface. `along`: the moments lie along the lumen, opposite to each other, else across it.
     """
 
-    kind: ClassVar[str] = registry.MAGNETIC
-    free: ClassVar[bool] = True
-    straight: ClassVar[bool] = True
     outer_moment_A_m2: float = 400.0
     inner_moment_A_m2: float = 1.0
     height_m: float = 0.15
     along: bool = False
-
-    @property
-    def feedback(self) -> str:
-        return "carriage_position_m"
 
     def loop(self, effects: Floats) -> tuple[Any, tuple[int, ...]]:
         return advance_body, (PAIR,)
@@ -152,9 +155,6 @@ class MagnetPair(Drive):
     def fill(self, p: Floats) -> None:
         p[at.P_OUTER_MOMENT], p[at.P_INNER_MOMENT] = self.outer_moment_A_m2, self.inner_moment_A_m2
         p[at.P_MAGNET_HEIGHT], p[at.P_MAGNET_ALONG] = self.height_m, float(self.along)
-
-    def columns(self, commanded: Floats, mean: Floats, reading: Floats, current: Floats) -> dict[str, Floats]:
-        return {"carriage_position_m": commanded, "position_m": reading}
 
     def forces(self, gap_m: Floats) -> tuple[Floats, Floats]:
         """Pull along the lumen and attraction across it in N at the gaps (n,)."""
@@ -165,7 +165,6 @@ class MagnetPair(Drive):
 
     @property
     def gap_limit_m(self) -> float:
-        """The gap in m at which the magnet pulls most."""
         gaps = np.linspace(0.0, self.height_m, 2001)
         return float(gaps[np.argmax(self.forces(gaps)[0])])
 
@@ -278,7 +277,5 @@ class Vibro(Drive):
         return replace(self, force_N=self.force_N * force, spring_stiffness_N_per_m=stiffness)
 
 
-MAGNETS: Final = (Magnet, MagnetPair)
-"""The drives that pull from a carriage."""
 DRIVES: Final[dict[str, type[Drive]]] = {drive.kind: drive for drive in (Pull, Magnet, Coil, Vibro)}
 """The drives that a scenario can name, by the kind of rig."""

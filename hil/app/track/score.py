@@ -18,7 +18,7 @@ from hil.app.scenario.model_health import told
 from hil.app.scenario.scenario import TrackScenario
 from hil.app.track.loop import Trace
 from plant import layout as at
-from plant.drives.kinds import MAGNETS, Coil, MagnetPair, Vibro
+from plant.drives.kinds import Carriage, Coil, MagnetPair, Vibro
 from plant.rig import Rig
 
 Array = NDArray[np.float64]
@@ -111,7 +111,7 @@ def shares(truth: Rig, limits: Limits, rows: Array) -> dict[str, Array]:
     found = {"speed": np.abs(rows[:, at.O_V]) / limits.speed_m_s}
     if truth.drive.pushes:
         found["force"] = np.abs(wall_force(truth, rows)) / limits.force_N
-    if isinstance(truth.drive, MAGNETS):
+    if isinstance(truth.drive, Carriage):
         found["gap"] = np.abs(rows[:, at.O_DRIVE] - rows[:, at.O_X]) / truth.drive.gap_limit_m
     if isinstance(truth.drive, Coil):
         found["current"] = np.abs(rows[:, at.O_CURRENT]) / limits.current_A
@@ -126,7 +126,7 @@ def limit_use(scenario: TrackScenario, trace: Trace) -> dict[str, float]:
     if isinstance(truth.drive, MagnetPair) and magnets is not None and magnets.pressing_limit_N is not None:
         gap = (trace.rows[:, at.O_DRIVE] - trace.rows[:, at.O_X])[::_SELDOM]
         used["pressing"] = float(np.max(truth.drive.forces(gap)[1])) / magnets.pressing_limit_N
-    if isinstance(truth.drive, MAGNETS):
+    if isinstance(truth.drive, Carriage):
         command = trace.command[np.isfinite(trace.command)]
         speed = np.abs(np.diff(command)) / tick / limits.carriage_speed_m_s
         acceleration = np.abs(np.diff(command, 2)) / tick**2 / limits.carriage_acceleration_m_s2

@@ -15,6 +15,7 @@ import can
 from hil.nodes.drive.state_machine import HEARTBEAT_LOST, OVER_CURRENT, OVER_TEMPERATURE, TIME_TO_LIVE
 from hil.nodes.frame_map import (
     BOOT,
+    CARRIAGE_MAP,
     DERATED,
     ENABLE,
     ENABLED,
@@ -24,7 +25,6 @@ from hil.nodes.frame_map import (
     STANDBY,
     STOPPING,
     WAITING,
-    frame_map_of,
     plain,
 )
 from models.files.tables import check_ranges
@@ -147,8 +147,7 @@ class Cia402Table:
 
     def stops_s(self, speed_m_s: float) -> float:
         """The longest time in s from the last command to the carriage at rest, from `speed_m_s`."""
-        wiring = frame_map_of("magnetic")
-        return 1e-3 * wiring.life_ms(speed_m_s) + 2 * abs(speed_m_s) / wiring.braking_m_s2
+        return 1e-3 * CARRIAGE_MAP.life_ms(speed_m_s) + 2 * abs(speed_m_s) / CARRIAGE_MAP.braking_m_s2
 
 
 RANGES: Final = (

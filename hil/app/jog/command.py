@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final
 
-from hil.app.console import notes, print_json, summary
+from hil.app.console import note, print_json, say
 from hil.app.jog.keyboard import keys, raw_terminal
 from hil.app.run.clock import Clock, ClockedBus
 from hil.app.run.command import open_bus
@@ -63,7 +63,7 @@ def jog(
             return _told(path, sender, json_output)
         _send(sender, [Step("release", 0.0, GREETING_S)], signals)
         if script is None:
-            notes().print("left and right steer while held, up and down set the speed, q ends", markup=False)
+            note("left and right steer while held, up and down set the speed, q ends")
             with raw_terminal(sys.stdin.fileno()):
                 _by_keys(sender, limits, signals)
             sys.stderr.write("\n")
@@ -154,5 +154,5 @@ def _told(path: Path, sender: OperatorSender, json_output: bool) -> int:
             told.append(f"{count} of {sender.taken + count} with the switch held refused ({whys})")
         if sender.others:
             told.append(f"another sender is on the bus as {sender.source}: --source takes another name")
-        summary().print("; ".join(told), markup=False, soft_wrap=True)
+        say("; ".join(told))
     return 0 if answer is not None and not sender.refused and not sender.others else 1

@@ -9,7 +9,7 @@ from typing import Any
 
 from controller.model.control_model import ControlModel
 from controller.supervision.fallback import DONE
-from hil.app.console import json_text, output_to_notes, print_json, progress_bar, summary
+from hil.app.console import json_text, output_to_notes, print_json, progress_bar, say
 from hil.app.learn.background import Background
 from hil.app.learn.learner import check_learnt
 from hil.app.scenario.bus_scenario import SilScenario, load_sil_scenario
@@ -142,11 +142,6 @@ def judged(
 
 
 def _say(scenario: SilScenario, found: dict[str, Any], trace: SilTrace) -> None:
-    console = summary()
-
-    def say(text: str) -> None:
-        console.print(text, markup=False, soft_wrap=True)
-
     loop, bus, solve = scenario.loop, found["bus"], found["solve_ms"]
     say(f"{loop.name}: {loop.kind} rig on the bus, {loop.duration_s:g} s, seed {found['seed']}, {found['model']} model")
     say(
@@ -168,7 +163,6 @@ def _say(scenario: SilScenario, found: dict[str, Any], trace: SilTrace) -> None:
     say(health_words(found))
     if sentence := offer_words(found):
         say(sentence)
-    for lesson in trace.lessons:
-        say(lesson.words)
+    say(*(lesson.words for lesson in trace.lessons))
     if trace.ended != DONE:
         say(f"ended: {trace.ended}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -12,7 +11,6 @@ from typing import Final
 
 import can
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.model.control_model import ControlModel
 from controller.supervision.fallback import DONE, shares
@@ -135,7 +133,8 @@ def run_sil(
     loop, bench = scenario.loop, Bench(scenario, model, controller, seed, offer=offer, recorder=recorder)
     bench.show(shown)
     ticks = round(loop.duration_s / bench.tick_s)
-    trace, tap = _empty(ticks, bench.slots), _Tap(bench) if digest else None
+    room = {"slots": np.zeros((ticks * bench.slots, 3)), "steered": np.zeros((ticks, 4))}
+    trace, tap = SilTrace.empty(ticks, **room), _Tap(bench) if digest else None
     longest_s = max(LEAST_S, scenario.bus.longest_s_per_s * loop.duration_s) + LEARNING_S * (learning is not None)
     learner = None if learning is None else learning(bench.node)
     sentence = (
@@ -190,24 +189,6 @@ def _ticks(
             report(controller, k / ticks)
         look()
     return led
-
-
-def _empty(ticks: int, slots: int) -> SilTrace:
-    nothing: list[NDArray[np.float64]] = [np.full(ticks, math.nan) for _ in range(7)]
-    a, b, c, d, e, f, g = nothing
-    return SilTrace(
-        a,
-        b,
-        c,
-        d,
-        e,
-        np.zeros(ticks, dtype=bool),
-        [],
-        f,
-        g,
-        slots=np.zeros((ticks * slots, 3)),
-        steered=np.zeros((ticks, 4)),
-    )
 
 
 def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:

@@ -32,7 +32,7 @@ from hil.nodes.faults.table import LIES, SETPOINTS, Fault
 from hil.nodes.fmu_plant import FmuPlant
 from hil.nodes.frame_map import frame_map_of, frames
 from hil.nodes.plant_node import SLOT_S, PlantNode, power_of
-from hil.nodes.simulated_drives import Configured, simulated_drive
+from hil.nodes.simulated_drives import simulated_drive
 from plant.session import Session
 
 PHASE_S = 0.2e-3
@@ -100,8 +100,7 @@ class Bench:
         if scenario.drive is not None:
             _, power = power_of(session, loop.limits)
             drive = simulated_drive(ends["drive"], scenario.drive, power, loop.limits, self.tick_s)
-            if isinstance(drive, Configured):
-                drive.configure(self.wiring.life_ms(loop.limits.carriage_speed_m_s))
+            drive.configure(self.wiring.life_ms(loop.limits.carriage_speed_m_s))
             ends["controller"] = carriage_bus(ends["controller"], scenario.drive, frames(), self.tick_s)
         self.carriage = ends["controller"] if isinstance(ends["controller"], CarriageBus) else None
         self.node = ControllerNode(task, ends["controller"], observer=recorder)

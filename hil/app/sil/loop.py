@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import signal
+import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
+from types import FrameType
 from typing import Final
 
 import can
@@ -22,7 +26,6 @@ from hil.app.scenario.bus_scenario import SilScenario
 from hil.app.scenario.model_offer import Offered
 from hil.app.scenario.scenario import TrackScenario
 from hil.app.sil.testbed import Bench, believed_on_bus
-from hil.app.sil.timeout import at_most
 from hil.app.track.loop import Array, Progress, Trace
 from hil.bus.simulated import SimulatedBus
 from hil.log.recorder import Recorder
@@ -220,3 +223,33 @@ def _never_led(bench: Bench, trace: SilTrace) -> str:
         "estimate lost" if trace.lost[-1] else "it did not get ready in time"
     )
     return f"the drive was never led: {doubt}"
+
+
+_AGAIN_S: Final = 1.0
+
+
+@contextmanager
+def at_most(longest_s: float, sentence: str) -> Iterator[Callable[[], None]]:
+    """Fail what runs within it with ValueError(`sentence`) after `longest_s` s of wall clock: by a timer, within a call
+    that does not return too, where this is the main thread; else where the function that it gives is called, as between
+    two ticks.
+    """
+    end = time.monotonic() + longest_s
+
+    def look() -> None:
+        if time.monotonic() >= end:
+            raise ValueError(sentence)
+
+    def ring(_: int, __: FrameType | None) -> None:
+        look()
+
+    if threading.current_thread() is not threading.main_thread():
+        yield look
+        return
+    before = signal.signal(signal.SIGALRM, ring)
+    signal.setitimer(signal.ITIMER_REAL, longest_s, _AGAIN_S)
+    try:
+        yield look
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)

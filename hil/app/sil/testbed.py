@@ -17,8 +17,7 @@ import can
 from controller.model.control_model import ControlModel, control_model
 from controller.supervision.model_switch import Offer
 from hil.app.scenario.bus_scenario import SilScenario
-from hil.app.sil.hand import Hand, SecondOperator
-from hil.app.sil.stranger import Stranger
+from hil.app.sil.hand import Hand, SecondOperator, Stranger
 from hil.bus.authenticated import AuthenticatedBus, inside
 from hil.bus.key import read_key
 from hil.bus.simulated import Medium, SimulatedBus

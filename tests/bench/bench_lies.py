@@ -2,11 +2,12 @@
 wanted place until then, and how long that takes; and sound runs, none of which may be stopped.
 
 `python -m tests.bench.bench_lies [--kinds NAME ...] [--rigs magnetic coil vibro] [--references hold ramp sine] [--sizes
-0 1 2] [--seconds S] [--controllers NAME ...] [--jobs N] [--json FILE]`: a line a kind and rig. `--sound N`: instead N
+0 1 2] [--seconds S] [--controllers NAME ...] [--jobs N] [--lines FILE]`: a line a kind and rig. `--sound N`: instead N
 sound runs, with friction, waves, folds and narrow places that nobody told the controller of, a gut, a magnet and a
 localisation of their own; a line each kind of rig and what each stopped run was stopped for. Runs that the truth shows
-outside the envelope, or behind a magnet that pulls by all that it has, count apart. Status 1 where a run was unsafe, or
-a sound one falsely stopped.
+outside the envelope, or behind a magnet that pulls by all that it has, count apart. FILE gets each run as a line of
+JSON once it has ended, and runs that stand there are not done again. Status 1 where a run was unsafe, or a sound one
+falsely stopped.
 """
 
 from __future__ import annotations
@@ -32,11 +33,12 @@ from hil.app.sil.fault_outcomes import outcomes
 from hil.app.sil.loop import SilTrace, run_sil
 from hil.app.sil.testbed import believed_on_bus
 from plant import layout as at
-from plant.drives.kinds import MAGNETS
+from plant.drives.kinds import MAGNETS, Coil
 from tests.bench.lie_cases import EVERY_RIG, LIES, REFERENCES, sound
 from tests.hil.app.sil.sil_runs import scenario_of
 
 SOUND_S: Final = 12.0
+STOOD_S, STOOD_M = 0.06, 5e-4
 USUAL: Final = {"magnetic": "feedforward", "coil": "feedforward", "vibro": "vibro"}
 
 
@@ -79,12 +81,17 @@ def main() -> int:
     parser.add_argument("--sound", nargs="?", type=int, const=300, help="so many sound runs instead (300)")
     parser.add_argument("--first", type=int, default=0, help="number of the first sound run")
     parser.add_argument("--jobs", type=int, default=2, help="processes")
-    parser.add_argument("--json", type=Path, help="file for every run")
+    parser.add_argument("--lines", type=Path, help="file of runs, to be gone on with")
     asked = parser.parse_args()
     began = time.perf_counter()
-    found = list(run_all(list(sound_jobs(asked) if asked.sound else lie_jobs(asked)), asked.jobs))
-    if asked.json is not None:
-        asked.json.write_text(json.dumps([plain(result) for result in found], indent=1), encoding="utf-8")
+    jobs = list(sound_jobs(asked) if asked.sound else lie_jobs(asked))
+    before = {} if asked.lines is None or not asked.lines.exists() else read(asked.lines)
+    found = [before[job] for job in jobs if job in before]
+    for result in run_all([job for job in jobs if job not in before], asked.jobs):
+        found.append(result)
+        if asked.lines is not None:
+            with asked.lines.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(plain(result)) + "\n")
     bad = say_sound(found) if asked.sound else say_lies(found)
     cpu_s = sum(result.cpu_s for result in found)
     print(f"{time.perf_counter() - began:.0f} s by the wall clock, {cpu_s:.0f} s of processor, {asked.jobs} processes")
@@ -148,7 +155,8 @@ def run(job: Job) -> Result:
 
 def was_left(scenario: SilScenario, trace: SilTrace) -> bool:
     """Whether a sound run was rightly stopped: the true capsule was outside the envelope, or stayed behind a magnet
-    that truly pulled by nine tenths of its gap for as long as an answer may take.
+    that truly pulled by nine tenths of its gap for as long as an answer may take, or stood truly still while a coil
+    pushed.
     """
     moves = trace.slots[trace.slots[:, 1] == 0, 0]
     rows = trace.rows[trace.rows[:, at.O_T] <= (moves[-1] if moves.size else 0.0)]
@@ -156,7 +164,9 @@ def was_left(scenario: SilScenario, trace: SilTrace) -> bool:
     ticks = scenario.loop.control.tick_s * np.arange(len(trace.steered))
     off = np.abs(rows[:, at.O_X] - np.interp(rows[:, at.O_T], ticks, trace.steered[:, 0]))
     if not isinstance(drive, MAGNETS):
-        return bool(np.max(off[-200:]) >= 0.9 * (limits.envelope_m or AROUND_M[scenario.loop.kind]))
+        late = rows[rows[:, at.O_T] > rows[-1, at.O_T] - STOOD_S, at.O_X]
+        stood = isinstance(drive, Coil) and np.ptp(late) < STOOD_M
+        return bool(stood or np.max(off[-200:]) >= 0.9 * (limits.envelope_m or AROUND_M[scenario.loop.kind]))
     gap = np.abs(rows[:, at.O_DRIVE] - rows[:, at.O_X])[rows[:, at.O_T] > rows[-1, at.O_T] - 0.9]
     return bool(np.min(gap) >= 0.85 * limits.gap_share * drive.gap_limit_m)
 
@@ -207,9 +217,17 @@ def say_sound(found: Iterable[Result]) -> int:
 
 def plain(result: Result) -> dict[str, Any]:
     """A result for JSON: no number is null."""
-    fields = {**asdict(result.job), **asdict(result)}
-    del fields["job"]
-    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in fields.items()}
+    return {k: None if isinstance(v, float) and math.isnan(v) else v for k, v in asdict(result).items()}
+
+
+def read(path: Path) -> dict[Job, Result]:
+    """The runs of a file that `--lines` wrote."""
+    found = {}
+    for line in path.read_text(encoding="utf-8").splitlines():
+        fields = {k: math.nan if v is None else v for k, v in json.loads(line).items()}
+        job = Job(**fields.pop("job"))
+        found[job] = Result(job, **fields)
+    return found
 
 
 if __name__ == "__main__":

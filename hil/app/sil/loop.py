@@ -57,7 +57,8 @@ def learning_of(scenario: SilScenario, values: Mapping[str, float], ask: Ask) ->
 @dataclass
 class SilTrace(Trace):
     """What a run over the bus leaves beside `Trace`: `slots` (n, 3) are the end of each of the drive's slots in s,
-    whether it was in its safe state, and when the last good command had come; `steered` (ticks, 4) are `Bench.steered`
+    whether it was in its safe state, and when the last good command had come; `led_at` the last tick in s in which the
+    drive was led (-inf: none); `steered` (ticks, 4) are `Bench.steered`
     at the ticks' begins, `experiments_at` when experiments interrupted the reference, in s of its time; `operator` says
     what became of setpoints, `ended` how the run ended, `led_share` who led for which share of its ticks,
     `unauthenticated` what was not taken on an authenticated bus; `digest` is the hash of all frames with their times
@@ -68,6 +69,7 @@ class SilTrace(Trace):
     slots: Array = field(default_factory=lambda: np.zeros((0, 3)))
     steered: Array = field(default_factory=lambda: np.zeros((0, 4)))
     told: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    led_at: float = -math.inf
     unauthenticated: dict[str, int] = field(default_factory=dict)
     operator: dict[str, object] | None = None
     frames: int = 0
@@ -212,6 +214,7 @@ def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:
     if answer.unrest and answer.unrest not in trace.stopped_because:
         trace.stopped_because = f"{trace.stopped_because or DONE}; then {answer.unrest}"
     trace.led_share = shares(answer.led)
+    trace.led_at = led[-1] * bench.tick_s if led else -math.inf
     doubt = answer.not_led(bench.node.wanted, estimator.health)
     trace.ended = trace.stopped_because or doubt or DONE
     trace.solve_s = trace.solve_s[led] if led else np.zeros(1)

@@ -20,7 +20,9 @@ from controller.supervision.probe import Probe
 from hil.nodes.frame_map import STANDBY, WAITING
 
 _BACK_S: Final = 0.4
-"""How far back the drive's reports and the wanted positions are kept, for readings that come late: no localiser can tell a greater age."""
+"""How far back the drive's reports and the wanted positions are kept, for readings that come late: no localiser can tell
+a greater age.
+"""
 _JUMP_M: Final = 2e-3
 """Step of the believed position from which on it is told, and the drive's rate begins anew."""
 _ASTRAY: Final = 3

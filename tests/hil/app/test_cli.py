@@ -50,6 +50,9 @@ class FakeModel:
     def check(self, rig: Rig, record: Record) -> None:
         pass
 
+    def check_whole(self) -> None:
+        pass
+
     def predict(self, rig: Rig, record: Record, stage: str) -> dict[str, np.ndarray]:
         print("chatter that must not reach standard output")
         return {"t_s": record["t_s"], "force_N": np.zeros(len(record))}

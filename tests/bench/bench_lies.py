@@ -27,7 +27,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from controller.limits import AROUND_M
+from controller.drives import DRIVES
 from hil.app.scenario.bus_scenario import SilScenario
 from hil.app.sil.fault_outcomes import outcomes
 from hil.app.sil.loop import SilTrace, run_sil
@@ -166,7 +166,7 @@ def was_left(scenario: SilScenario, trace: SilTrace) -> bool:
     if not isinstance(drive, MAGNETS):
         late = rows[rows[:, at.O_T] > rows[-1, at.O_T] - STOOD_S, at.O_X]
         stood = isinstance(drive, Coil) and np.ptp(late) < STOOD_M
-        return bool(stood or np.max(off[-200:]) >= 0.9 * (limits.envelope_m or AROUND_M[scenario.loop.kind]))
+        return bool(stood or np.max(off[-200:]) >= 0.9 * (limits.envelope_m or DRIVES[scenario.loop.kind].around_m))
     gap = np.abs(rows[:, at.O_DRIVE] - rows[:, at.O_X])[rows[:, at.O_T] > rows[-1, at.O_T] - 0.9]
     return bool(np.min(gap) >= 0.85 * limits.gap_share * drive.gap_limit_m)
 

@@ -11,6 +11,7 @@ from typing import Any
 
 from controller.design.margins import Margins
 from controller.design.study import Study, study
+from controller.drives import INNER_MASS
 from controller.model.control_model import ControlModel, control_model
 from controller.vibro.cycles import VibroModel
 from hil.app.console import output_to_notes, print_json, summary
@@ -49,7 +50,7 @@ def design(
         raise ValueError(f"--delay must lie in [0, {LONGEST_DELAY_MS:g}] ms; got {delay_ms:g}")
     label = {"rig": str(rig), "model": stage if model else "nominal", "page": None if out is None else str(out / PAGE)}
     title, page = belief.name or rig.stem, None if out is None else out / PAGE
-    if belief.kind == "vibro":
+    if belief.kind == INNER_MASS.name:
         with output_to_notes():
             shaken = study_of(VibroModel.from_rig(belief, values), 1e-3 * delay_ms)
         _hand_over(page, lambda: vibro_html(shaken, title), json_output, vibro_json(shaken) | label)

@@ -27,11 +27,6 @@ LISTEN_S: Final = 0.5
 REHEARSED: Final = 400
 SHARE: Final = 0.5
 _STATES: Final = ("boot", "self test", "standby", "ready", "enabled", "derated", "quick stop", "fault")
-_SIGNALS: Final = {
-    "magnetic": (("Position_m", "travel_m"), ("Velocity_m_s", "carriage_speed_m_s")),
-    "coil": (("Current_A", "current_A"),),
-    "vibro": (),
-}
 
 
 @dataclass(frozen=True)
@@ -82,8 +77,9 @@ def _listen(deployment: Deployment, bus: ClockedBus, catalogue: Catalogue) -> li
 
 def limits_point(limits: Limits, kind: str, catalogue: Catalogue) -> Point:
     """Every limit must fit into its signal: beyond it the codec would refuse the command."""
-    frame = catalogue[frame_map_of(kind).command]
-    for signal, name in _SIGNALS[kind]:
+    wiring = frame_map_of(kind)
+    frame = catalogue[wiring.command]
+    for signal, name in wiring.bounds:
         field, most = frame.field(signal), float(getattr(limits, name))
         if most > field.upper:
             return Point(
@@ -161,7 +157,7 @@ def _made_up(node: ControllerNode, tape: Tape, catalogue: Catalogue) -> Callable
 
     def speak(k: int, now: float) -> None:
         state = ENABLED if node.guard.sent.mode == ENABLE else WAITING
-        moved = {} if wiring.kind == "vibro" else {wiring.signal: node.guard.sent.value}
+        moved = {} if wiring.drive.shaken else {wiring.signal: node.guard.sent.value}
         say(wiring.feedback, rest | moved | {"State": state, "Temperature_degC": 25.0}, now)
         every = max(round(0.01 / node.tick_s), 1)
         if k % every == 0:

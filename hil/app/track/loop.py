@@ -13,7 +13,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.drives import envelope_of, friction_command
+from controller.drives import DRIVES, envelope_of, friction_command
 from controller.estimator.base import Counts
 from controller.height import choose_height, values_at
 from controller.model.control_model import ControlModel, control_model
@@ -25,7 +25,7 @@ from controller.supervision.fallback import Event
 from controller.supervision.model_switch import ModelSwitch, Offer
 from controller.supervision.supervisor import Supervisor
 from controller.vibro.table_values import in_time
-from hil.app.scenario.scenario import DRIVEN, TrackScenario
+from hil.app.scenario.scenario import TrackScenario
 from models.files.rig import at_height
 from plant.drives.kinds import MagnetPair
 from plant.rig import Rig
@@ -115,11 +115,12 @@ def believed_model(
     """The control model of what the scenario's controller believes, with the `values` of one stage of a model file;
     those of a `vibro_table` are turned into a drive's in time.
     """
-    belief, numbers = in_time(scenario.belief, values) if scenario.kind == "vibro" else (scenario.belief, values)
+    drive = DRIVES[scenario.kind]
+    belief, numbers = in_time(scenario.belief, values) if drive.shaken else (scenario.belief, values)
     height = _height_m(scenario, numbers, before)
     if height is not None:
         belief, numbers = at_height(belief, height), values_at(belief, numbers, height)
-    return control_model(belief, numbers, scenario.control.tick_s, driven=DRIVEN[scenario.kind])
+    return control_model(belief, numbers, scenario.control.tick_s, driven=drive.simulated)
 
 
 def _height_m(scenario: TrackScenario, values: Mapping[str, float], before: ControlModel | None) -> float | None:

@@ -131,8 +131,7 @@ class Cia402Table:
 
     def stops_s(self, speed_m_s: float) -> float:
         """The longest time in s from the last command to the carriage at rest, from `speed_m_s`."""
-        wiring = our.frame_map_of("magnetic")
-        return 1e-3 * wiring.life_ms(speed_m_s) + 2 * abs(speed_m_s) / wiring.braking_m_s2
+        return 1e-3 * our.CARRIAGE_MAP.life_ms(speed_m_s) + 2 * abs(speed_m_s) / our.CARRIAGE_MAP.braking_m_s2
 
 
 RANGES: Final = (

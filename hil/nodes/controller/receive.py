@@ -231,8 +231,8 @@ class FrameReceiver:
         elif name == self.wiring.feedback:
             self.feedbacks += 1
             self._fed_at, self.state, self.temperature_C = stamp, int(values["State"]), values["Temperature_degC"]
-            self.still = values["Position_m" if self.wiring.kind == "magnetic" else "Current_A"]
-            if self.wiring.kind != "vibro":
+            self.still = values[self.wiring.still]
+            if not self.wiring.drive.shaken:
                 self.report = values[self.wiring.signal]
                 since = max(now - stamp, 0.0)
                 begin = now - self.tick_s * math.ceil(since / self.tick_s - 1e-6)

@@ -137,7 +137,7 @@ class DriveNode:
     def output(self, dt: float, sensed: float) -> float:
         """The plant's command for the next `dt` s."""
         share = 0.0 if not states.may_move(self.stage) else 0.5 if self.stage.state == DERATED else 1.0
-        load = (self.power.output / self.limits.current_A) ** 2 if self.wiring.kind == "coil" else 0.0
+        load = (self.power.output / self.limits.current_A) ** 2 if isinstance(self.power, CoilPower) else 0.0
         self.temperature_C += dt / _WARMING_S * (_AMBIENT_C + _WARMTH_C * load - self.temperature_C)
         self.temperature_C = max(self.temperature_C, self.heated_to_C)
         return self.power.step(dt, share, sensed)

@@ -19,7 +19,7 @@ from hil.nodes.listening import waiting
 from hil.nodes.moteus.multiplex import LINE, POLL, READ_ONLY, UNKNOWN, WRITE, Part, answer, error, parts
 from hil.nodes.moteus.registers import SESSION
 from hil.nodes.moteus.table import FAULTS, MoteusTable
-from hil.nodes.moteus.trajectory import Trajectory
+from hil.nodes.moteus.trajectory import MotorPath
 
 STOPPED, FAULTED, ENABLING, POSITION, TIMED_OUT, ZERO_VELOCITY, BRAKE = 0, 1, 2, 10, 11, 12, 15
 ENCODER_FAULT, OVER_TEMPERATURE, NO_ACCELERATION_LIMIT = 35, 38, 47
@@ -63,7 +63,7 @@ class MoteusDrive(MakersDrive):
             "servo.bemf_feedforward_override": 0.0,
             "servo.fixed_voltage_mode": 0.0,
         }
-        self.path = Trajectory()
+        self.path = MotorPath()
         super().__init__(bus, table, power, limits, tick_s)
 
     def boot(self, now: float) -> None:

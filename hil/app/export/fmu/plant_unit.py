@@ -16,7 +16,7 @@ from models.parameter import nearest
 from plant import layout as at
 from plant.drives.kinds import Pull
 from plant.experiments.scenario import TABLES as OF_SIMULATE
-from plant.experiments.scenario import Run, parse_truth
+from plant.experiments.scenario import RunTable, parse_truth
 from plant.hidden import carriage
 from plant.rig import Plant, Rig
 from plant.tables import Floats
@@ -86,7 +86,7 @@ def _header(plant: Plant, stages: list[tuple[int, Floats]], kind: tuple[int, ...
     )
 
 
-def read_truth(path: Path) -> tuple[Run, Rig]:
+def read_truth(path: Path) -> tuple[RunTable, Rig]:
     """How long the scenario file `path`, one of `simulate`, `track` or `sil`, runs, and its plant. Raises ValueError of
     one sentence.
     """

@@ -54,6 +54,17 @@ def summary() -> Console:
     return _console(PlainConsole(highlight=False, markup=False, emoji=False))
 
 
+def say(*lines: str) -> None:
+    """Print lines on standard output as long as they are."""
+    for line in lines:
+        summary().print(line, soft_wrap=True)
+
+
+def note(line: str) -> None:
+    """Print a line on standard error as long as it is."""
+    notes().print(line, soft_wrap=True)
+
+
 def print_json(document: Any) -> None:
     """Print one JSON object; numbers that are not finite become null."""
     sys.stdout.write(json_text(document))

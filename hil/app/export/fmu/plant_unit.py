@@ -10,7 +10,7 @@ from hil.app.export.fmu.machine_code import MATRIX, REAL, VECTOR, WHOLE, object_
 from hil.app.export.fmu.package import Unit, Variable, c_array, reference, start_values
 from hil.app.scenario.scenario import BUS_TABLES, TABLES, TRUTH_TABLES
 from hil.nodes.actuators import ACTUATORS
-from hil.nodes.plant_variables import FORCE, input_of, outputs_of
+from hil.nodes.fmu_plant import FORCE, input_of, outputs_of
 from models.files.toml import read_toml
 from models.parameter import nearest
 from plant import layout as at

@@ -80,7 +80,7 @@ def _driven(belief: Rig) -> str:
 
 def _hint(page: Path | None) -> None:
     if page is None:
-        summary().print("no plots drawn: --out DIR draws them", markup=False)
+        summary().print("no plots drawn: --out DIR draws them")
 
 
 def _hand_over(page: Path | None, html: Callable[[], str], json_output: bool, numbers: dict[str, Any]) -> None:
@@ -135,10 +135,10 @@ def print_design(found: Study, plant: ControlModel, page: Path | None) -> None:
     """Poles, gains, margins and cycles as tables."""
     console = summary()
     for line in words_of(found, plant):
-        console.print(line, markup=False, soft_wrap=True)
+        console.print(line, soft_wrap=True)
     console.print(margin_table(found))
     console.print(cycle_table(found))
     for line in balance_lines(found):
-        console.print(line, markup=False)
+        console.print(line)
     if page is not None:
-        console.print(f"plots: {page}", markup=False, soft_wrap=True)
+        console.print(f"plots: {page}", soft_wrap=True)

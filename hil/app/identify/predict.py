@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.app.console import notes, output_to_notes, print_json, summary
+from hil.app.console import note, output_to_notes, print_json, summary
 from hil.app.identify.close_loop import read_told
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import check_file, check_targets, write_table
@@ -35,7 +35,7 @@ def predict(
     except ValueError as error:
         raise ValueError(f"{model}: {error}") from None
     if stage in learned.cautions:
-        notes().print(f"{model}: {learned.cautions[stage]}", markup=False, soft_wrap=True)
+        note(f"{model}: {learned.cautions[stage]}")
     with output_to_notes():
         columns = learned.predict(belief, driven, stage)
     write_table(out, columns)
@@ -54,9 +54,9 @@ def predict(
         )
         return
     console = summary()
-    console.print(f"{stage} model, {rows} rows: {out}", markup=False, soft_wrap=True)
+    console.print(f"{stage} model, {rows} rows: {out}", soft_wrap=True)
     for name, value in differences.items():
-        console.print(f"rms of {name}, measured minus predicted: {value:.4g}", markup=False)
+        console.print(f"rms of {name}, measured minus predicted: {value:.4g}")
 
 
 def compare(record: Record, columns: dict[str, NDArray[np.float64]]) -> dict[str, Any]:

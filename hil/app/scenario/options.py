@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from hil.app.console import notes
+from hil.app.console import note
 from hil.app.scenario.scenario import TrackScenario
 from models.identification.finding import STAGES
 from models.identification.model import read_model
@@ -53,5 +53,5 @@ class Options:
         stage = self.stage or "augmented"
         model = read_model(self.model, *_MODELS.get(kind, (kind,)))
         if stage in model.cautions:
-            notes().print(f"{self.model}: {model.cautions[stage]}", markup=False, soft_wrap=True)
+            note(f"{self.model}: {model.cautions[stage]}")
         return model.believed(stage), stage

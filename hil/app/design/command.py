@@ -21,9 +21,9 @@ from hil.app.design.vibro import print_vibro, study_of, vibro_html, vibro_json
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import write_files
 from models.files.rig import Rig
+from models.files.tables import check_word
 from models.identification.finding import STAGES
 from models.identification.model import read_model
-from models.parameter import nearest
 
 PAGE = "design.html"
 TICK_S = 0.002
@@ -92,8 +92,7 @@ def _hand_over(page: Path | None, html: Callable[[], str], json_output: bool, nu
 
 
 def _values(belief: Rig, model: Path | None, stage: str) -> dict[str, float]:
-    if stage not in STAGES:
-        raise ValueError(f"--stage must be one of {', '.join(STAGES)}; got {stage!r}; {nearest(stage, STAGES)}")
+    check_word(stage, "--stage", STAGES)
     return {} if model is None else read_model(model, belief.kind).believed(stage)
 
 

@@ -9,7 +9,7 @@ from typing import Any, Final
 from hil.app.console import json_text, output_to_notes, print_json, say
 from hil.app.export.found import Found, read_found
 from hil.app.write import check_file, check_folder, check_targets, table_text, write_files
-from models.parameter import nearest
+from models.files.tables import check_word
 
 Made = tuple[Mapping[Path, str | bytes], dict[str, Any]]
 FORMS: Final = ("fmu", "table", "mujoco")
@@ -31,8 +31,7 @@ def export(
     """Write a scenario's plant, or the model of a rig at a stage, in the `form` asked for, complete or not at all, and
     say what of it the form could not carry. Raises ValueError of one sentence.
     """
-    if form not in FORMS:
-        raise ValueError(f"form must be one of {', '.join(FORMS)}; got {form!r}; {nearest(form, FORMS)}")
+    check_word(form, "form", FORMS)
     if scenario is not None and (model is not None or rig is not None):
         raise ValueError(f"SCENARIO.toml must stand without --model and --rig; got {scenario} with them")
     if scenario is not None and form != "fmu":

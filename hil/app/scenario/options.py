@@ -7,9 +7,9 @@ from pathlib import Path
 
 from hil.app.console import note
 from hil.app.scenario.scenario import TrackScenario
+from models.files.tables import check_word
 from models.identification.finding import STAGES
 from models.identification.model import read_model
-from models.parameter import nearest
 
 _MODELS = {"vibro": ("vibro", "vibro_table")}
 """Kinds of model files that a rig of a kind can be controlled with, where there are several."""
@@ -42,10 +42,8 @@ class Options:
 
     def values(self, kind: str) -> tuple[dict[str, float], str]:
         """Parameters that a rig of `kind` is believed to have, and the name of their stage. Raises ValueError."""
-        if self.stage is not None and self.stage not in STAGES:
-            raise ValueError(
-                f"--stage must be one of {', '.join(STAGES)}; got {self.stage!r}; {nearest(self.stage, STAGES)}"
-            )
+        if self.stage is not None:
+            check_word(self.stage, "--stage", STAGES)
         if self.model is None:
             if self.stage not in (None, "nominal"):
                 raise ValueError(f"--stage must stand with --model unless it is nominal; got {self.stage!r} alone")

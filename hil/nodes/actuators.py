@@ -18,9 +18,10 @@ from hil.nodes.cia402.bus import Cia402Bus
 from hil.nodes.cia402.setup import set_up as set_up_cia402
 from hil.nodes.cia402.states import MASTER_NODE, SYNC_ID, Cia402Table, options_of
 from hil.nodes.frame_map import CARRIAGE_MAP
-from hil.nodes.moteus.actuator import MoteusBus, MoteusTable
-from hil.nodes.moteus.actuator import set_up as set_up_moteus
+from hil.nodes.moteus.actuator import MoteusBus
 from hil.nodes.moteus.registers import HOST, PREFIXES, REPLY_WANTED
+from hil.nodes.moteus.setup import set_up as set_up_moteus
+from hil.nodes.moteus.table import MoteusTable
 from hil.nodes.odrive.actuator import OdriveBus
 from hil.nodes.odrive.setup import set_up as set_up_odrive
 from hil.nodes.odrive.table import OdriveTable, endpoints_of

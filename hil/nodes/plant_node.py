@@ -14,12 +14,12 @@ import numpy as np
 
 from controller.limits import Limits
 from hil.bus.catalogue import Catalogue
+from hil.nodes.drive.makers import MakersDrive
 from hil.nodes.drive.node import DriveNode
 from hil.nodes.drive.power_stage import CarriagePower, CoilPower, InnerMassPower, Power
 from hil.nodes.faults.lies import Lie, LyingDrive, LyingLocaliser, zero_of
 from hil.nodes.faults.table import DRIVE, Fault
 from hil.nodes.frame_map import CARRIAGE_MAP, COIL_MAP, INNER_MASS_MAP, FrameMap, frames
-from hil.nodes.simulated_drives import SimulatedDrive
 from hil.nodes.transmit import FrameTransmitter
 from plant import layout as at
 from plant.drives.kinds import Carriage, Coil, Vibro
@@ -64,7 +64,7 @@ class PlantNode:
         *,
         force_seed: int | None = None,
         catalogue: Catalogue | None = None,
-        drive: SimulatedDrive | None = None,
+        drive: MakersDrive | None = None,
         draw: Callable[[], int] = lambda: secrets.randbits(32),
     ) -> None:
         """`force_seed` None: without a force sensor. `drive`: another one than the catalogue's. `draw` makes the
@@ -81,7 +81,9 @@ class PlantNode:
         self._told: list[tuple[float, float]] = []
         self._lie: LyingDrive | None = None
         self._now = 0.0
-        self.drive: SimulatedDrive = drive or DriveNode(drive_bus, catalogue, wiring, power, limits, tick_s, draw=draw)
+        self.drive: DriveNode | MakersDrive = drive or DriveNode(
+            drive_bus, catalogue, wiring, power, limits, tick_s, draw=draw
+        )
         self._parts = _COIL_PARTS if wiring is COIL_MAP else 1
         self._localiser = _Localiser(sensor_bus, catalogue)
         self._force = None if force_seed is None else _ForceSensor(sensor_bus, catalogue, force_seed)

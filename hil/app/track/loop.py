@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import dropwhile
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,10 +71,10 @@ class Trace:
         return Counter(dropwhile(lambda name: name == "stop", self.active))
 
     @classmethod
-    def empty(cls, ticks: int) -> Trace:
-        """Room for `ticks` entries."""
+    def empty(cls, ticks: int, **more: Any) -> Self:
+        """Room for `ticks` entries, and what is `more`."""
         a, b, c, d, e, f, g = (np.full(ticks, np.nan) for _ in range(7))
-        return cls(a, b, c, d, e, np.zeros(ticks, dtype=bool), [], f, g)
+        return cls(a, b, c, d, e, np.zeros(ticks, dtype=bool), [], f, g, **more)
 
     def note(
         self, k: int, now: float, estimate: Estimate, action: Action, wall: int | None, times: tuple[float, float]

@@ -28,12 +28,11 @@ from controller.supervision.supervisor import Supervisor
 from hil.bus.catalogue import Catalogue
 from hil.nodes.controller.answer import Answer
 from hil.nodes.controller.guard import GUARD_REASON, STOP_PERIOD_S, Evidence, Fence, Guard, Passed
-from hil.nodes.controller.health import HEALTH_S, health_values
 from hil.nodes.controller.lateness import gap_words, paused
 from hil.nodes.controller.operator import STATUS, STATUS_S, Operator, OperatorLimits
 from hil.nodes.controller.plausibility import Plausibility
 from hil.nodes.controller.receive import FrameReceiver
-from hil.nodes.controller.view import VIEW_S, force_values, motion_values, wanted_values
+from hil.nodes.controller.view import HEALTH_S, VIEW_S, force_values, health_values, motion_values, wanted_values
 from hil.nodes.frame_map import (
     BOOT,
     ENABLE,

@@ -14,9 +14,10 @@ from hil.bus.protection import Receiver
 from hil.bus.simulated import Medium, SimulatedBus
 from hil.nodes.controller.node import FAULTY, OTHER_CONTROLLER
 from hil.nodes.faults.injection import FaultInjection
-from hil.nodes.faults.table import KINDS, OWN_KINDS, Fault, read_faults
+from hil.nodes.faults.table import KINDS, Fault, read_faults
 from hil.nodes.frame_map import frame_map_of, frames
 from tests.hil.app.sil.sil_runs import RIGS, model_of, run, scenario_of
+from tests.hil.nodes.fault_rows import OWN_KINDS
 
 AT_S, DURATION_S = 0.3, 0.2
 REFUSED = ("duplicate", "reorder", "replay")

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.app.design import vibro_sweep as sweep
 from plant.drives.kinds import Pull
 from plant.rig import Rig
+from tests.bench import vibro_sweep as sweep
 
 
 def test_verdicts() -> None:

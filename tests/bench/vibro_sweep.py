@@ -1,6 +1,6 @@
 """Mean speed of vibro drives on the gut over drive frequency, held against paper A's claim about the wall's 0.05 s.
 
-`python -m hil.app.design.vibro_sweep DIR` sweeps 24 drives (a quarter of a minute), prints for which the claim holds,
+`python -m tests.bench.vibro_sweep DIR` sweeps 24 drives (a quarter of a minute), prints for which the claim holds,
 and draws all into DIR.
 """
 
@@ -179,7 +179,7 @@ def _figure(found: dict[str, Any]) -> go.Figure:
 
 def main() -> None:
     """Sweep, draw, and print the verdicts."""
-    parser = argparse.ArgumentParser(prog="python -m hil.app.design.vibro_sweep", description=CLAIM)
+    parser = argparse.ArgumentParser(prog="python -m tests.bench.vibro_sweep", description=CLAIM)
     parser.add_argument("out", type=Path, metavar="DIR", help="folder for vibro_sweep.html and vibro_sweep.json")
     out = parser.parse_args().out
     found = vibro_sweep(out)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from inspect import isfunction
 from types import MappingProxyType
 from typing import Any, ClassVar, Final
 
 from models.laws.dynamic_modulus import DynamicModulus
-from models.parameter import Parameter
+from models.parameter import Parameter, Role
 
 Values = Mapping[str, Any]
 Shares = tuple[Any, Any, Any]
@@ -42,11 +43,34 @@ class Signals:
     load: Any = 0.0
 
 
+def number(
+    value: float,
+    unit: str = "1",
+    lower: float = -math.inf,
+    upper: float = math.inf,
+    source: str = "",
+    *,
+    fit: bool = True,
+    spread: float = math.inf,
+    role: Role = "",
+    least: float = 0.0,
+) -> Parameter:
+    """A parameter of an effect, called as the attribute that it is given to, from the effect's source where it has none
+    of its own; calibration may change it.
+    """
+    return Parameter("", value, unit, lower, upper, source, fit, spread, role, least)
+
+
+def by_name(**entries: Any) -> Mapping[str, Any]:
+    """A table of an effect, by the names of its parameters or states."""
+    return MappingProxyType(entries)
+
+
 @dataclass(frozen=True)
 class Effect:
     """An effect beyond the base model. Every hook's default is "no effect".
 
-    Subclasses declare their parameters as `Parameter` fields; the first one is the amplitude, and at the amplitude's
+    Subclasses declare their parameters as attributes, each a `number(...)`; the first one is the amplitude, and at its
     value 0 the effect is absent. Hooks get the signals `s`, the parameters' values `p` by field name and the hidden
     states `z` by name. `by_speed` says that the level changes with the speed and not only with its direction. `follows`
     names the states that are at the "command" or the "position" after a long rest; the others are at 0. A refinement
@@ -75,7 +99,8 @@ class Effect:
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:
         """The effect's parameters in the order of their declaration, the amplitude first."""
-        return tuple(f.default for f in fields(cls) if isinstance(f.default, Parameter))
+        declared = {name: value for base in reversed(cls.__mro__) for name, value in vars(base).items()}
+        return tuple(value for value in declared.values() if isinstance(value, Parameter))
 
     @classmethod
     def amplitude(cls) -> Parameter:

@@ -1,15 +1,11 @@
 """Resistance that drifts with time."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
 from typing import Any
 
 from models.effects.effect import Signals, Values
 from models.effects.in_time import DriftInTime, drift
 
 
-@dataclass(frozen=True)
 class TissueDrying(DriftInTime):
     """Level `1 + b s + c s^2` in a clock time s that settles, also at rest."""
 

@@ -218,12 +218,10 @@ class InnerMassEffect(Effect):
         return 1.0
 
 
-HOOKS: Final[Mapping[str, Callable[..., Any]]] = MappingProxyType(
-    {
-        name: hook
-        for base in (Effect, InnerMassEffect)
-        for name, hook in vars(base).items()
-        if isfunction(hook) and not name.startswith("_")
-    }
-)
+HOOKS: Final[Mapping[str, Callable[..., Any]]] = {
+    name: hook
+    for base in (Effect, InnerMassEffect)
+    for name, hook in vars(base).items()
+    if isfunction(hook) and not name.startswith("_")
+}
 """Every hook with the answer of its base class; the last two are `InnerMassEffect`'s alone."""

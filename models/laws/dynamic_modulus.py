@@ -20,11 +20,6 @@ class DynamicModulus:
     storage: Any
     loss: Any
 
-    @property
-    def loss_tangent(self) -> Any:
-        """`tan(delta) = Y2/Y1`."""
-        return self.loss / self.storage
-
 
 def angular_frequency(frequency_Hz: Any, reading: Reading = "hertz") -> Any:
     """`omega = 2 pi f` in rad/s, or the printed number itself where "Hz" is read as rad/s ("radians")."""

@@ -77,8 +77,3 @@ def normal_load(speed: Any, capsule: Capsule, tissue: Tissue) -> Any:
     """
     nose, cylinder = pressure_integrals(speed, capsule, tissue)
     return capsule.mass_kg * GRAVITY + math.cos(tissue.theta) * nose + cylinder
-
-
-def coulomb_limit(speed: Any, capsule: Capsule, tissue: Tissue) -> Any:
-    """`f_c = mu N` in N: the tension at which the wall slips; `speed` v in m/s (paper V Eq. 11)."""
-    return tissue.friction_coefficient * normal_load(speed, capsule, tissue)

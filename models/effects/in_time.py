@@ -3,11 +3,10 @@
 """
 
 import math
-from typing import Any
 
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values, number
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 _SETTLES = "drifts of a bench settle within minutes"
 
@@ -22,13 +21,13 @@ class DriftInTime(Effect):
     settling_s = number(100.0, "s", 10.0, 1000.0, _SETTLES, spread=100.0)
 
 
-def drift(t: Any, p: Values) -> Any:
+def drift(t: Value, p: Values) -> Value:
     """The factor of a `DriftInTime` at the time `t` in s since the record began."""
     s = settling_time(t, p)
     return np.maximum(1 + (p["rate_per_s"] + p["bend_per_s2"] * s) * s, 0.05)
 
 
-def settling_time(t: Any, p: Values) -> Any:
+def settling_time(t: Value, p: Values) -> Value:
     """The time s in s that runs slower and slower, up to `settling_s`."""
     return t / (1 + t / p["settling_s"])
 
@@ -44,7 +43,7 @@ def frequencies(lowest_Hz: float, highest_Hz: float, ratio: float = RATIO) -> tu
     return tuple(lowest_Hz * ratio**k for k in range(count))
 
 
-def with_harmonics(wave: Any, turn: Any, p: Values, first: int, names: tuple[str, ...]) -> Any:
+def with_harmonics(wave: Value, turn: Value, p: Values, first: int, names: tuple[str, ...]) -> Value:
     """`wave` and the harmonics of the angle `turn` in rad, from order `first` on, whose sizes are `NAME_sin` and
     `NAME_cos` of `names`.
     """
@@ -73,15 +72,15 @@ class ForceInTime(Effect):
     fourth_cos = number(0.0, "1", -0.5, 0.5, _FORM, spread=0.2)
     offset = number(0.0, "1", -1.5, 1.5, _FORM)
 
-    def force(self, s: Signals, p: Values, z: Values) -> Any:
+    def force(self, s: Signals, p: Values, z: Values) -> Value:
         return contraction(turn(s, p), p)
 
 
-def turn(s: Signals, p: Values, late: Any = 0.0) -> Any:
+def turn(s: Signals, p: Values, late: Value = 0.0) -> Value:
     """The angle q in rad of a `ForceInTime` that is `late` by so many turns."""
     return 2 * math.pi * (p["frequency_Hz"] * s.t - late) + p["phase_rad"]
 
 
-def contraction(turn: Any, p: Values) -> Any:
+def contraction(turn: Value, p: Values) -> Value:
     """The force of a `ForceInTime` at its angle `turn` in rad."""
     return p["force_N"] * with_harmonics(np.sin(turn) + p["offset"], turn, p, 2, ("second", "third", "fourth"))

@@ -1,10 +1,8 @@
 """A dead zone of the drive."""
 
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values, number
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 
 class ActuatorDeadZone(Effect):
@@ -20,5 +18,5 @@ class ActuatorDeadZone(Effect):
 
     zone = number(0.0, "of the command", 0.0, 1.0)
 
-    def command(self, s: Signals, p: Values, z: Values) -> Any:
+    def command(self, s: Signals, p: Values, z: Values) -> Value:
         return np.sign(s.command) * np.maximum(np.abs(s.command) - p["zone"], 0.0)

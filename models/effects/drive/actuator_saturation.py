@@ -1,8 +1,6 @@
 """Saturation of the drive."""
 
-from typing import Any
-
-from models.effects.effect import Effect, Signals, Values, number
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 
 class ActuatorSaturation(Effect):
@@ -18,5 +16,5 @@ class ActuatorSaturation(Effect):
 
     inverse_square = number(0.0, "1/command^2", 0.0, 100.0)
 
-    def gain(self, s: Signals, p: Values, z: Values) -> Any:
+    def gain(self, s: Signals, p: Values, z: Values) -> Value:
         return 1 / (1 + p["inverse_square"] * s.command**2)

@@ -1,8 +1,6 @@
 """Back-EMF of the drive's coil."""
 
-from typing import Any
-
-from models.effects.effect import Effect, Signals, Values, number
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 
 class BackEmf(Effect):
@@ -20,5 +18,5 @@ class BackEmf(Effect):
 
     loss_s_per_m = number(0.0, "of the command's unit a m/s", 0.0, 60.0, "tracing catalogue 21; 0 to 60 V s/m")
 
-    def command(self, s: Signals, p: Values, z: Values) -> Any:
+    def command(self, s: Signals, p: Values, z: Values) -> Value:
         return s.command - p["loss_s_per_m"] * s.v

@@ -1,10 +1,8 @@
 """Play in the drive."""
 
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values, by_name, number
+from models.effects.effect import Effect, Signals, Value, Values, by_name, number
 
 _SMALLEST = 1e-4  # sharpness, below which the share differs from its limit by less than that
 
@@ -32,10 +30,10 @@ class CarriageBacklash(Effect):
     sharpness = number(10.0, "1", 0.0, 60.0, "from an elastic seat to a loose nut")
     order = number(1.0, "1", 1.0, 4.0, "a seat that stiffens", spread=1.0)
 
-    def command(self, s: Signals, p: Values, z: Values) -> Any:
+    def command(self, s: Signals, p: Values, z: Values) -> Value:
         return z["position_m"]
 
-    def advance(self, s: Signals, p: Values, z: Values, h: Any) -> dict[str, Any]:
+    def advance(self, s: Signals, p: Values, z: Values, h: Value) -> dict[str, Value]:
         half, change, k = p["play_m"] / 2, s.rate * h, np.maximum(p["sharpness"], _SMALLEST)
         ahead = (s.command - 0.5 * change - z["position_m"]) * np.sign(change)
         through = np.clip(0.5 + 0.5 * ahead / np.maximum(half, 1e-9), 0.0, 1.0)

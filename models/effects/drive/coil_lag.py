@@ -1,10 +1,8 @@
 """The coil's current lags the switch, and the force goes with its square."""
 
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import InnerMassEffect, Signals, Values, number
+from models.effects.effect import InnerMassEffect, Signals, Value, Values, number
 
 _OFF = 1e-12  # share of the force below which the coil counts as off: the root's slope stays finite
 
@@ -26,10 +24,10 @@ class CoilLag(InnerMassEffect):
 
     time_s = number(0.0, "s", 0.0, 0.015, "coil with R 100 ohm: milliseconds")
 
-    def command(self, s: Signals, p: Values, z: Values) -> Any:
+    def command(self, s: Signals, p: Values, z: Values) -> Value:
         return z["current"] ** 2
 
-    def advance(self, s: Signals, p: Values, z: Values, h: Any) -> dict[str, Any]:
+    def advance(self, s: Signals, p: Values, z: Values, h: Value) -> dict[str, Value]:
         kept = np.exp(-h / np.maximum(p["time_s"], 1e-9))
         final = np.sqrt(np.maximum(s.command, _OFF))
         return {"current": final + (z["current"] - final) * kept}

@@ -1,10 +1,8 @@
 """The coil's force changes with the inner mass's place in it."""
 
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import InnerMassEffect, Values, number
+from models.effects.effect import InnerMassEffect, Value, Values, number
 from models.effects.inner_mass.spring_hardening import TRAVEL_M
 
 
@@ -26,5 +24,5 @@ class CoilReach(InnerMassEffect):
 
     gain_per_m = number(0.0, "1/m", -60.0, 60.0, "a factor of e over 16 mm")
 
-    def reach(self, stretch: Any, p: Values) -> Any:
+    def reach(self, stretch: Value, p: Values) -> Value:
         return np.exp(p["gain_per_m"] * np.clip(stretch, -TRAVEL_M, TRAVEL_M))

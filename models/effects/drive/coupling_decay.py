@@ -1,10 +1,8 @@
 """The magnet's grip changes along the track."""
 
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values, number
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 
 class CouplingDecay(Effect):
@@ -22,5 +20,5 @@ class CouplingDecay(Effect):
     slope_per_m = number(0.0, "1/m", -30.0, 30.0)
     bend_per_m2 = number(0.0, "1/m^2", -600.0, 600.0)
 
-    def gain(self, s: Signals, p: Values, z: Values) -> Any:
+    def gain(self, s: Signals, p: Values, z: Values) -> Value:
         return np.maximum(1 + (p["slope_per_m"] + p["bend_per_m2"] * s.x) * s.x, 0.05)

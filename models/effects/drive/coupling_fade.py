@@ -1,8 +1,6 @@
 """The magnet's (or coil's) grip changes with time (heating)."""
 
-from typing import Any
-
-from models.effects.effect import Signals, Values
+from models.effects.effect import Signals, Value, Values
 from models.effects.in_time import DriftInTime, drift
 
 
@@ -17,5 +15,5 @@ class CouplingFade(DriftInTime):
     confounders = ("tissue_drying",)
     separated_by = "an idle pause; logged current"
 
-    def gain(self, s: Signals, p: Values, z: Values) -> Any:
+    def gain(self, s: Signals, p: Values, z: Values) -> Value:
         return drift(s.t, p)

@@ -1,10 +1,8 @@
 """Magnetic memory of the drive's core."""
 
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values, by_name, number
+from models.effects.effect import Effect, Signals, Value, Values, by_name, number
 
 
 class MagneticHysteresis(Effect):
@@ -28,8 +26,8 @@ class MagneticHysteresis(Effect):
     remanence = number(0.0, "command", -2.0, 2.0)
     width = number(0.05, "command", 0.001, 5.0)
 
-    def command(self, s: Signals, p: Values, z: Values) -> Any:
+    def command(self, s: Signals, p: Values, z: Values) -> Value:
         return s.command + p["remanence"] * z["memory"]
 
-    def advance(self, s: Signals, p: Values, z: Values, h: Any) -> dict[str, Any]:
+    def advance(self, s: Signals, p: Values, z: Values, h: Value) -> dict[str, Value]:
         return {"memory": np.clip(z["memory"] + s.rate * h / p["width"], -1.0, 1.0)}

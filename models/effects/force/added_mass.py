@@ -1,8 +1,6 @@
 """Inertia beyond the capsule's."""
 
-from typing import Any
-
-from models.effects.effect import Effect, Signals, Values, number
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 
 class AddedMass(Effect):
@@ -23,8 +21,8 @@ class AddedMass(Effect):
 
     mass_kg = number(0.0, "kg", -0.005, 2.0)
 
-    def force(self, s: Signals, p: Values, z: Values) -> Any:
+    def force(self, s: Signals, p: Values, z: Values) -> Value:
         return -p["mass_kg"] * z["acceleration"]
 
-    def advance(self, s: Signals, p: Values, z: Values, h: Any) -> dict[str, Any]:
+    def advance(self, s: Signals, p: Values, z: Values, h: Value) -> dict[str, Value]:
         return {"acceleration": (s.v - z["speed"]) / h, "speed": s.v}

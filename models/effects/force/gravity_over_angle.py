@@ -1,11 +1,10 @@
 """The torque of a weight on a lever about an axis that turns."""
 
 import math
-from typing import Any
 
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values, by_name, number
+from models.effects.effect import Effect, Signals, Value, Values, by_name, number
 
 
 class GravityOverAngle(Effect):
@@ -24,5 +23,5 @@ class GravityOverAngle(Effect):
     torque_N_m = number(0.0, "N m", -1e3, 1e3)
     hanging_rad = number(0.0, "rad", -7.0, 7.0, role="phase")
 
-    def force(self, s: Signals, p: Values, z: Values) -> Any:
+    def force(self, s: Signals, p: Values, z: Values) -> Value:
         return -p["torque_N_m"] * np.sin(s.x - p["hanging_rad"])

@@ -1,8 +1,6 @@
 """A constant force along the lumen."""
 
-from typing import Any
-
-from models.effects.effect import Effect, Signals, Values, number
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 
 class InclineGravity(Effect):
@@ -18,5 +16,5 @@ class InclineGravity(Effect):
 
     force_N = number(0.0, "N", -0.5, 0.5)
 
-    def force(self, s: Signals, p: Values, z: Values) -> Any:
+    def force(self, s: Signals, p: Values, z: Values) -> Value:
         return p["force_N"]

@@ -1,8 +1,6 @@
 """A force wave that travels along the lumen."""
 
-from typing import Any
-
-from models.effects.effect import Signals, Values, by_name, number
+from models.effects.effect import Signals, Value, Values, by_name, number
 from models.effects.in_time import ForceInTime, contraction, frequencies, turn
 
 _SPEED = "contractions that travel at 5 to 20 mm/s, 8.6 to 12.5 a minute"
@@ -29,10 +27,10 @@ class PeristalticWave(ForceInTime):
     frequency_Hz = number(0.18, "Hz", 0.03, 0.6)
     wavenumber_per_m = number(18.0, "1/m", -80.0, 80.0, _SPEED, least=3.5)
 
-    def force(self, s: Signals, p: Values, z: Values) -> Any:
+    def force(self, s: Signals, p: Values, z: Values) -> Value:
         return contraction(wave_turn(s, p), p)
 
 
-def wave_turn(s: Signals, p: Values) -> Any:
+def wave_turn(s: Signals, p: Values) -> Value:
     """The angle in rad of the wave at the capsule's place."""
     return turn(s, p, p["wavenumber_per_m"] * s.x)

@@ -1,8 +1,6 @@
 """A spring between an axis and its frame."""
 
-from typing import Any
-
-from models.effects.effect import Effect, Signals, Values, number
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 
 class SpringOverPosition(Effect):
@@ -19,5 +17,5 @@ class SpringOverPosition(Effect):
 
     stiffness_N_per_m = number(0.0, "N/m", -1e5, 1e5)
 
-    def force(self, s: Signals, p: Values, z: Values) -> Any:
+    def force(self, s: Signals, p: Values, z: Values) -> Value:
         return -p["stiffness_N_per_m"] * s.x

@@ -1,10 +1,8 @@
 """Extra resistance proportional to (or a power of) speed."""
 
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values, by_name, number
+from models.effects.effect import Effect, Signals, Value, Values, by_name, number
 
 _CREEP = 1e-6  # m/s
 
@@ -26,6 +24,6 @@ class ViscousDrag(Effect):
     coefficient_N = number(0.0, "N at 10 mm/s", 0.0, 0.3)
     exponent = number(1.0, "1", 0.4, 2.0)
 
-    def force(self, s: Signals, p: Values, z: Values) -> Any:
+    def force(self, s: Signals, p: Values, z: Values) -> Value:
         fast = np.maximum(np.abs(s.v), _CREEP)  # below it linear, so that the slope at rest is finite
         return -p["coefficient_N"] * s.v / 0.01 * (fast / 0.01) ** (p["exponent"] - 1)

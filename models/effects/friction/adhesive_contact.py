@@ -1,8 +1,6 @@
 """The surfaces attract each other: friction at no load."""
 
-from typing import Any
-
-from models.effects.effect import Effect, Signals, Values, number
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 
 class AdhesiveContact(Effect):
@@ -21,5 +19,5 @@ class AdhesiveContact(Effect):
 
     load_N = number(0.0, "N", -10.0, 100.0)
 
-    def normal_load(self, s: Signals, p: Values, z: Values) -> Any:
+    def normal_load(self, s: Signals, p: Values, z: Values) -> Value:
         return p["load_N"]

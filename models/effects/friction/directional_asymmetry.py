@@ -1,8 +1,6 @@
 """Resistance that differs between forward and backward."""
 
-from typing import Any
-
-from models.effects.effect import Effect, Signals, Values, number
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 
 class DirectionalAsymmetry(Effect):
@@ -20,5 +18,5 @@ class DirectionalAsymmetry(Effect):
 
     asymmetry = number(0.0, "1", -0.9, 0.9)
 
-    def level(self, s: Signals, p: Values, z: Values) -> Any:
+    def level(self, s: Signals, p: Values, z: Values) -> Value:
         return 1 + p["asymmetry"] * s.direction

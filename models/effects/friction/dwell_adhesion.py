@@ -1,10 +1,8 @@
 """A break-away peak that grows with the time at rest."""
 
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values, by_name, number
+from models.effects.effect import Effect, Signals, Value, Values, by_name, number
 
 
 class DwellAdhesion(Effect):
@@ -26,10 +24,10 @@ class DwellAdhesion(Effect):
     ageing_time_s = number(2.0, "s", 0.1, 60.0)
     slip_length_m = number(0.0005, "m", 5e-05, 0.01)
 
-    def level(self, s: Signals, p: Values, z: Values) -> Any:
+    def level(self, s: Signals, p: Values, z: Values) -> Value:
         return 1 + p["peak"] * z["age"]
 
-    def advance(self, s: Signals, p: Values, z: Values, h: Any) -> dict[str, Any]:
+    def advance(self, s: Signals, p: Values, z: Values, h: Value) -> dict[str, Value]:
         rest = np.where(np.abs(s.v) < 1e-6, 1.0, 0.0)
         aged = 1 - (1 - z["age"]) * np.exp(-h / p["ageing_time_s"])
         return {"age": np.where(rest == 1, aged, z["age"] * np.exp(-np.abs(s.v) * h / p["slip_length_m"]))}

@@ -1,11 +1,10 @@
 """Resistance that varies periodically along the lumen (folds)."""
 
 import math
-from typing import Any
 
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values, by_name, number
+from models.effects.effect import Effect, Signals, Value, Values, by_name, number
 
 
 class FoldPeriodic(Effect):
@@ -32,7 +31,7 @@ class FoldPeriodic(Effect):
     third_sin = number(0.0, "1", -0.7, 0.7)
     third_cos = number(0.0, "1", -0.7, 0.7)
 
-    def level(self, s: Signals, p: Values, z: Values) -> Any:
+    def level(self, s: Signals, p: Values, z: Values) -> Value:
         turn = 2 * math.pi * s.x / p["wavelength_m"] + p["phase_rad"]
         wave = np.sin(turn) + p["second_sin"] * np.sin(2 * turn) + p["second_cos"] * np.cos(2 * turn)
         wave = wave + p["third_sin"] * np.sin(3 * turn) + p["third_cos"] * np.cos(3 * turn)

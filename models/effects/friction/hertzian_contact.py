@@ -1,10 +1,8 @@
 """Soft contacts grow slower than the load: a coefficient of friction that is a power of the load."""
 
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values, number
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 _LEAST_N = 1e-9
 
@@ -26,5 +24,5 @@ class HertzianContact(Effect):
     exponent = number(0.0, "1", -0.9, 1.0)
     reference_N = number(1.0, "N", 1e-6, 1e9, fit=False)
 
-    def level(self, s: Signals, p: Values, z: Values) -> Any:
+    def level(self, s: Signals, p: Values, z: Values) -> Value:
         return (np.maximum(np.abs(s.load), _LEAST_N) / p["reference_N"]) ** p["exponent"]

@@ -1,10 +1,8 @@
 """Friction that grows with the load that an axis carries."""
 
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values, number
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 
 class LoadDependentFriction(Effect):
@@ -21,5 +19,5 @@ class LoadDependentFriction(Effect):
 
     growth_per_load = number(0.0, "1/(N or N m)", -1e3, 1e3)
 
-    def level(self, s: Signals, p: Values, z: Values) -> Any:
+    def level(self, s: Signals, p: Values, z: Values) -> Value:
         return np.maximum(1 + p["growth_per_load"] * np.abs(s.load), 0.05)

@@ -1,10 +1,8 @@
 """Resistance that changes steadily along the lumen."""
 
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values, by_name, number
+from models.effects.effect import Effect, Signals, Value, Values, by_name, number
 
 
 class LumenTaper(Effect):
@@ -29,7 +27,7 @@ class LumenTaper(Effect):
     reach_m = number(0.05, "m", 0.01, 1.0)
     middle_m = number(0.0, "m", -0.3, 0.3, spread=0.05)
 
-    def level(self, s: Signals, p: Values, z: Values) -> Any:
+    def level(self, s: Signals, p: Values, z: Values) -> Value:
         r = s.x - p["middle_m"]
         y = r / np.sqrt(1 + (r / p["reach_m"]) ** 2)
         return np.maximum(1 + (p["slope_per_m"] + (p["bend_per_m2"] + p["curl_per_m3"] * y) * y) * y, 0.05)

@@ -1,8 +1,6 @@
 """The magnet's attraction across the lumen presses the capsule on what it lies on."""
 
-from typing import Any
-
-from models.effects.effect import Effect, Signals, Values, by_name, number
+from models.effects.effect import Effect, Signals, Value, Values, by_name, number
 
 
 class MagnetNormalLoad(Effect):
@@ -23,6 +21,6 @@ class MagnetNormalLoad(Effect):
     load_N = number(0.0, "N", 0.0, 5.0)
     width_m = number(0.02, "m", 0.003, 0.3)
 
-    def normal_load(self, s: Signals, p: Values, z: Values) -> Any:
+    def normal_load(self, s: Signals, p: Values, z: Values) -> Value:
         apart = (s.command - s.x) / p["width_m"]
         return p["load_N"] / (1 + apart * apart) ** 2

@@ -1,10 +1,8 @@
 """Resistance that falls with the distance travelled over the tissue."""
 
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values, by_name, number
+from models.effects.effect import Effect, Signals, Value, Values, by_name, number
 
 
 class Preconditioning(Effect):
@@ -27,6 +25,6 @@ class Preconditioning(Effect):
     length_m = number(0.05, "m", 0.01, 0.5)
     quick = number(0.0, "1", 0.0, 0.9, "Terry 2014: the first cycle takes most", spread=0.3)
 
-    def level(self, s: Signals, p: Values, z: Values) -> Any:
+    def level(self, s: Signals, p: Values, z: Values) -> Value:
         way = s.travelled / p["length_m"]
         return 1 - p["fall"] * (1 - (1 - p["quick"]) * np.exp(-way) - p["quick"] * np.exp(-5 * way))

@@ -1,10 +1,8 @@
 """One local place of higher resistance."""
 
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values, by_name, number
+from models.effects.effect import Effect, Signals, Value, Values, by_name, number
 
 _END = 1e-9 - 1  # of a bump that ends, where its logarithm would
 
@@ -33,7 +31,7 @@ class Stenosis(Effect):
     tail = number(1.0, "1", -0.6, 2.0)
     skew = number(0.0, "1", -0.6, 0.6)
 
-    def level(self, s: Signals, p: Values, z: Values) -> Any:
+    def level(self, s: Signals, p: Values, z: Values) -> Value:
         away = s.x - p["centre_m"]
         apart = away / (p["width_m"] * (1 + p["skew"] * np.sign(away)))
         tail = p["tail"]

@@ -1,10 +1,8 @@
 """Extra resistance at low speed that fades as speed grows."""
 
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values, by_name, number
+from models.effects.effect import Effect, Signals, Value, Values, by_name, number
 
 _REST = 1e-9  # m/s, keeps the power's derivative finite
 
@@ -30,5 +28,5 @@ class Stribeck(Effect):
     speed_m_s = number(0.003, "m/s", 0.0002, 0.05)
     exponent = number(2.0, "1", 0.5, 4.0, "Armstrong-Helouvry 1991: 1/2 to 2", spread=1.0)
 
-    def level(self, s: Signals, p: Values, z: Values) -> Any:
+    def level(self, s: Signals, p: Values, z: Values) -> Value:
         return 1 + p["excess"] * np.exp(-((np.maximum(np.abs(s.v), _REST) / p["speed_m_s"]) ** p["exponent"]))

@@ -1,8 +1,6 @@
 """Resistance that drifts with time."""
 
-from typing import Any
-
-from models.effects.effect import Signals, Values
+from models.effects.effect import Signals, Value, Values
 from models.effects.in_time import DriftInTime, drift
 
 
@@ -18,5 +16,5 @@ class TissueDrying(DriftInTime):
     separated_by = "wait without moving"
     refined_by = ("level_at_onset", "drying_shape")
 
-    def level(self, s: Signals, p: Values, z: Values) -> Any:
+    def level(self, s: Signals, p: Values, z: Values) -> Value:
         return drift(s.t, p)

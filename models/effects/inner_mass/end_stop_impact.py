@@ -1,10 +1,8 @@
 """The inner mass reaches its stops."""
 
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import InnerMassEffect, Values, by_name, number
+from models.effects.effect import InnerMassEffect, Value, Values, by_name, number
 
 
 class EndStopImpact(InnerMassEffect):
@@ -25,7 +23,7 @@ class EndStopImpact(InnerMassEffect):
     gap_m = number(0.01, "m", 0.0005, 0.03, "travel of the inner mass")
     loss_s = number(2e-4, "s", 0.0, 5e-3, "loss factor of rubber 0.05 to 1 at 100 Hz")
 
-    def suspension(self, stretch: Any, rate: Any, p: Values) -> Any:
+    def suspension(self, stretch: Value, rate: Value, p: Values) -> Value:
         beyond = np.maximum(np.abs(stretch) - p["gap_m"], 0.0)
         pressed = np.maximum(beyond + p["loss_s"] * np.sign(stretch) * rate, 0.0)
         return p["stiffness_N_per_m"] * np.where(beyond > 0, np.sign(stretch) * pressed, 0.0)

@@ -1,10 +1,8 @@
 """Dry friction between the inner mass and its guide."""
 
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import InnerMassEffect, Values, number
+from models.effects.effect import InnerMassEffect, Value, Values, number
 
 CREEP_SPEED = 2.0e-3
 
@@ -24,5 +22,5 @@ class GuideFriction(InnerMassEffect):
 
     friction_N = number(0.0, "N", 0.0, 0.6, "up to the inner mass's weight")
 
-    def suspension(self, stretch: Any, rate: Any, p: Values) -> Any:
+    def suspension(self, stretch: Value, rate: Value, p: Values) -> Value:
         return p["friction_N"] * rate / np.sqrt(rate * rate + CREEP_SPEED**2)

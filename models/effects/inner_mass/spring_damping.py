@@ -1,8 +1,6 @@
 """Damping of the inner mass's suspension."""
 
-from typing import Any
-
-from models.effects.effect import InnerMassEffect, Values, number
+from models.effects.effect import InnerMassEffect, Value, Values, number
 
 
 class SpringDamping(InnerMassEffect):
@@ -19,5 +17,5 @@ class SpringDamping(InnerMassEffect):
 
     damping_N_s_per_m = number(0.0, "N s/m", 0.0, 5.0, "up to about half of critical")
 
-    def suspension(self, stretch: Any, rate: Any, p: Values) -> Any:
+    def suspension(self, stretch: Value, rate: Value, p: Values) -> Value:
         return p["damping_N_s_per_m"] * rate

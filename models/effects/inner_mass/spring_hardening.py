@@ -1,10 +1,8 @@
 """A suspension that grows stiffer, or softer, with displacement."""
 
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import InnerMassEffect, Values, number
+from models.effects.effect import InnerMassEffect, Value, Values, number
 
 TRAVEL_M = 0.03
 """Beyond it the hardening of the spring and the reach of the coil stay what they are there."""
@@ -29,6 +27,6 @@ class SpringHardening(InnerMassEffect):
     cubic_N_per_m3 = number(0.0, "N/m^3", -2.0e5, 1.0e6, "half the linear force at 10 mm")
     power = number(3.0, "1", 1.5, 5.0, "a Duffing spring has 3")
 
-    def suspension(self, stretch: Any, rate: Any, p: Values) -> Any:
+    def suspension(self, stretch: Value, rate: Value, p: Values) -> Value:
         far = np.minimum(np.maximum(np.abs(stretch), _REST_M), TRAVEL_M) / AT_M
         return p["cubic_N_per_m3"] * AT_M**2 * far ** (p["power"] - 1) * stretch

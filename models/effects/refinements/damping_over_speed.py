@@ -3,11 +3,10 @@ shape.
 """
 
 import itertools
-from typing import Any
 
 import numpy as np
 
-from models.effects.effect import InnerMassEffect, Values, number
+from models.effects.effect import InnerMassEffect, Value, Values, number
 
 KNOTS_M_S = (0.0, 0.1, 0.2, 0.4, 0.8)
 
@@ -27,7 +26,7 @@ class DampingOverSpeed(InnerMassEffect):
 
     c_1, c_2, c_3, c_4 = (number(0.0, "N s/m", -2.0, 2.0, spread=0.2) for _ in range(4))
 
-    def suspension(self, stretch: Any, rate: Any, p: Values) -> Any:
+    def suspension(self, stretch: Value, rate: Value, p: Values) -> Value:
         damping, below = 0.0, 0.0
         for k, (low, high) in enumerate(itertools.pairwise(KNOTS_M_S), start=1):
             damping = damping + (p[f"c_{k}"] - below) * np.clip((np.abs(rate) - low) / (high - low), 0.0, 1.0)

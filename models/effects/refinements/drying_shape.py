@@ -1,10 +1,8 @@
 """The finer shape of a drift of the resistance. Refines an effect, never named itself."""
 
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values, number
+from models.effects.effect import Effect, Signals, Value, Values, number
 from models.effects.friction.tissue_drying import TissueDrying
 from models.effects.in_time import settling_time
 
@@ -27,6 +25,6 @@ class DryingShape(Effect):
 
     third, fourth, fifth = (number(0.0, "1", -1.0, 1.0, spread=0.1) for _ in range(3))
 
-    def level(self, s: Signals, p: Values, z: Values) -> Any:
+    def level(self, s: Signals, p: Values, z: Values) -> Value:
         u = settling_time(s.t, p) / settling_time(_MINUTE_S, p)
         return np.maximum(1 + (p["third"] + (p["fourth"] + p["fifth"] * u) * u) * u**3, 0.05)

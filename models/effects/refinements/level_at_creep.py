@@ -1,10 +1,8 @@
 """What a law of speed or direction makes of a body that creeps or rests. Refines an effect, never named itself."""
 
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values, number
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 
 class LevelAtCreep(Effect):
@@ -25,6 +23,6 @@ class LevelAtCreep(Effect):
     even = number(0.0, "1", -0.9, 0.9, spread=0.3)
     speed_m_s = number(2e-4, "m/s", 1e-6, 2e-3)
 
-    def level(self, s: Signals, p: Values, z: Values) -> Any:
+    def level(self, s: Signals, p: Values, z: Values) -> Value:
         creep = np.exp(-np.abs(s.v) / p["speed_m_s"])
         return np.maximum(1 + (p["even"] + s.direction * p["odd"]) * creep, 0.05)

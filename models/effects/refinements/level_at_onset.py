@@ -1,10 +1,8 @@
 """Whether the nose or the slip limit feels a changed resistance. Refines an effect, never named itself."""
 
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import Effect, Shares, Values, by_name, number
+from models.effects.effect import Effect, Shares, Value, Values, by_name, number
 
 _WEIGHT = "paper V Eq. 11: of the normal load only what the wall presses follows the hoop stress, not the weight"
 _SIDES = (
@@ -37,5 +35,5 @@ class LevelAtOnset(Effect):
         return _less(nose, np.maximum(-q, 0.0)), _less(weight, p["kept"]), _less(pressed, np.maximum(q, 0.0))
 
 
-def _less(level: Any, share: Any) -> Any:
+def _less(level: Value, share: Value) -> Value:
     return level - share * (level - 1)

@@ -3,11 +3,10 @@ named itself.
 """
 
 import itertools
-from typing import Any
 
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values, number
+from models.effects.effect import Effect, Signals, Value, Values, number
 from models.parameter import Parameter
 
 KNOTS_M_S = (0.0, 0.0002, 0.0005, 0.001, 0.002, 0.004, 0.008, 0.016)
@@ -35,7 +34,7 @@ class LevelOverSpeed(Effect):
     even_1, even_2, even_3, even_4, even_5, even_6, even_7, even_8 = (_knot() for _ in range(8))
     odd_1, odd_2, odd_3, odd_4, odd_5, odd_6, odd_7, odd_8 = (_knot() for _ in range(8))
 
-    def level(self, s: Signals, p: Values, z: Values) -> Any:
+    def level(self, s: Signals, p: Values, z: Values) -> Value:
         even, odd = p["even_1"], p["odd_1"]
         for k, (low, high) in enumerate(itertools.pairwise(KNOTS_M_S), start=1):
             share = np.clip((np.abs(s.v) - low) / (high - low), 0.0, 1.0)

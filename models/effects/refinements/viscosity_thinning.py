@@ -1,8 +1,6 @@
 """How a viscous wall's resistance thins with its rate. Refines an effect, never named itself."""
 
-from typing import Any
-
-from models.effects.effect import Effect, Signals, Values, by_name, number
+from models.effects.effect import Effect, Signals, Value, Values, by_name, number
 from models.effects.wall.wall_viscosity import WallViscosity
 
 
@@ -24,6 +22,6 @@ class ViscosityThinning(Effect):
     power = number(0.0, "1", -0.9, 0.5, spread=0.3)
     rate_m_s = number(2e-3, "m/s", 1e-4, 2e-2)
 
-    def wall_force(self, s: Signals, p: Values, z: Values) -> Any:
+    def wall_force(self, s: Signals, p: Values, z: Values) -> Value:
         ratio = s.drag_rate / p["rate_m_s"]
         return p["viscosity_N_s_per_m"] * s.drag_rate * ((1 + ratio * ratio) ** (p["power"] / 2) - 1)

@@ -2,9 +2,7 @@
 itself.
 """
 
-from typing import Any
-
-from models.effects.effect import Effect, Signals, Values, number
+from models.effects.effect import Effect, Signals, Value, Values, number
 from models.effects.force.peristaltic_wave import PeristalticWave, wave_turn
 from models.effects.in_time import with_harmonics
 from models.parameter import Parameter
@@ -29,5 +27,5 @@ class WaveHarmonics(Effect):
     fifth_sin, fifth_cos, sixth_sin, sixth_cos = (_harmonic() for _ in range(4))
     seventh_sin, seventh_cos, eighth_sin, eighth_cos = (_harmonic() for _ in range(4))
 
-    def force(self, s: Signals, p: Values, z: Values) -> Any:
+    def force(self, s: Signals, p: Values, z: Values) -> Value:
         return p["force_N"] * with_harmonics(0.0, wave_turn(s, p), p, 5, ("fifth", "sixth", "seventh", "eighth"))

@@ -1,11 +1,10 @@
 """50/60 Hz on the signal."""
 
 import math
-from typing import Any
 
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values, by_name, number
+from models.effects.effect import Effect, Signals, Value, Values, by_name, number
 
 
 class MainsHum(Effect):
@@ -25,5 +24,5 @@ class MainsHum(Effect):
     frequency_Hz = number(50.0, "Hz", 49.0, 61.0)
     phase_rad = number(0.0, "rad", -7.0, 7.0, role="phase")
 
-    def measured(self, s: Signals, p: Values, z: Values, y: Any) -> Any:
+    def measured(self, s: Signals, p: Values, z: Values, y: Value) -> Value:
         return y + p["hum"] * np.sin(2 * math.pi * p["frequency_Hz"] * s.t + p["phase_rad"])

@@ -1,8 +1,6 @@
 """The sensor's zero is off."""
 
-from typing import Any
-
-from models.effects.effect import Effect, Signals, Values, number
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 
 class SensorBias(Effect):
@@ -18,5 +16,5 @@ class SensorBias(Effect):
 
     bias = number(0.0, "of the measured unit", -0.5, 0.5)
 
-    def measured(self, s: Signals, p: Values, z: Values, y: Any) -> Any:
+    def measured(self, s: Signals, p: Values, z: Values, y: Value) -> Value:
         return y + p["bias"]

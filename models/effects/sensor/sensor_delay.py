@@ -1,8 +1,6 @@
 """The measurement is late."""
 
-from typing import Any
-
-from models.effects.effect import Effect, Values, number
+from models.effects.effect import Effect, Value, Values, number
 
 
 class SensorDelay(Effect):
@@ -18,5 +16,5 @@ class SensorDelay(Effect):
 
     delay_s = number(0.0, "s", 0.0, 0.5)
 
-    def delay(self, p: Values) -> Any:
+    def delay(self, p: Values) -> Value:
         return p["delay_s"]

@@ -1,10 +1,8 @@
 """The sensor's zero drifts with time."""
 
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values, number
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 _FORM = "an amplifier warms up within a minute, then drifts on"
 
@@ -27,6 +25,6 @@ class SensorDrift(Effect):
     quicker = number(0.0, "1", -1.0, 30.0, _FORM, spread=5.0)
     warming_s = number(15.0, "s", 3.0, 200.0, _FORM, spread=30.0)
 
-    def measured(self, s: Signals, p: Values, z: Values, y: Any) -> Any:
+    def measured(self, s: Signals, p: Values, z: Values, y: Value) -> Value:
         warmed = p["warming_s"] * (1 - np.exp(-s.t / p["warming_s"]))
         return y + p["rate_per_s"] * (s.t + p["quicker"] * warmed)

@@ -1,8 +1,6 @@
 """The sensor's gain is off."""
 
-from typing import Any
-
-from models.effects.effect import Effect, Signals, Values, number
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 
 class SensorScale(Effect):
@@ -18,5 +16,5 @@ class SensorScale(Effect):
 
     error = number(0.0, "1", -0.5, 0.5)
 
-    def measured(self, s: Signals, p: Values, z: Values, y: Any) -> Any:
+    def measured(self, s: Signals, p: Values, z: Values, y: Value) -> Value:
         return y * (1 + p["error"])

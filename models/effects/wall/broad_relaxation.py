@@ -1,8 +1,6 @@
 """A relaxation spectrum broader than two Maxwell branches: a springpot beside them."""
 
-from typing import Any
-
-from models.effects.effect import Effect, Values, by_name, number
+from models.effects.effect import Effect, Value, Values, by_name, number
 from models.effects.formula import Formula, written
 from models.laws.dynamic_modulus import DynamicModulus, springpot_modulus
 
@@ -28,7 +26,7 @@ class BroadRelaxation(Effect):
     stiffness_Pa = number(0.0, "Pa", 0.0, 1e7)
     exponent = number(0.25, "1", 0.02, 0.6)
 
-    def modulus(self, frequency_Hz: Any, p: Values) -> DynamicModulus:
+    def modulus(self, frequency_Hz: Value, p: Values) -> DynamicModulus:
         """Storage and loss modulus in Pa that the springpot adds at `frequency_Hz`, any shape."""
         return springpot_modulus(frequency_Hz / REFERENCE_HZ, 0.0, p["stiffness_Pa"], p["exponent"])
 

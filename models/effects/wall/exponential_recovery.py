@@ -1,10 +1,8 @@
 """The wall draws back exponentially instead of at constant speed."""
 
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values, number
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 
 class ExponentialRecovery(Effect):
@@ -23,5 +21,5 @@ class ExponentialRecovery(Effect):
     share = number(0.0, "1", -0.5, 1.5)
     times = number(3.0, "1", 0.5, 10.0, "95 % of an exponential within t_r", spread=1.0)
 
-    def recovery(self, s: Signals, p: Values, z: Values, speed: Any, onset: Any) -> Any:
+    def recovery(self, s: Signals, p: Values, z: Values, speed: Value, onset: Value) -> Value:
         return speed * (1 - p["share"] + p["share"] * p["times"] * np.abs(s.drag) / onset)

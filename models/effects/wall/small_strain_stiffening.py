@@ -1,10 +1,8 @@
 """A wall that is stiffer at small, fast stretch than its quasi-static law."""
 
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values, by_name, number
+from models.effects.effect import Effect, Signals, Value, Values, by_name, number
 
 _NO_TAIL = 1e-3
 
@@ -30,5 +28,5 @@ class SmallStrainStiffening(Effect):
     scale_m = number(2e-4, "m", 2e-5, 2e-3, "between A's 0.03 mm and the mm of quasi-static tests")
     tail = number(_NO_TAIL, "1", _NO_TAIL, 2.0, "tissue softens over more than one scale", spread=0.5)
 
-    def stiffening(self, s: Signals, p: Values, z: Values) -> Any:
+    def stiffening(self, s: Signals, p: Values, z: Values) -> Value:
         return 1 + p["excess"] * np.exp(-np.log1p(p["tail"] * np.abs(s.drag) / p["scale_m"]) / p["tail"])

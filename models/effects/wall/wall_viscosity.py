@@ -1,8 +1,6 @@
 """Wall tension that depends on the rate of stretch."""
 
-from typing import Any
-
-from models.effects.effect import Effect, Signals, Values, number
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 
 class WallViscosity(Effect):
@@ -20,5 +18,5 @@ class WallViscosity(Effect):
 
     viscosity_N_s_per_m = number(0.0, "N s/m", -1.0, 30.0)
 
-    def wall_force(self, s: Signals, p: Values, z: Values) -> Any:
+    def wall_force(self, s: Signals, p: Values, z: Values) -> Value:
         return p["viscosity_N_s_per_m"] * s.drag_rate

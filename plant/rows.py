@@ -1,7 +1,5 @@
 """One recorded row: time, state, force and drive of a moment."""
 
-from __future__ import annotations
-
 from plant import layout as at
 from plant.compiling import compiled
 from plant.tables import Floats

@@ -1,7 +1,5 @@
 """The seed papers' laws on dense even grids, so that a compiled step can read them in a few nanoseconds."""
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 

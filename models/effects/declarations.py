@@ -1,7 +1,5 @@
 """What an effect states of itself: names that something reads, of the right sort, and hooks of the right form."""
 
-from __future__ import annotations
-
 import inspect
 import math
 import re

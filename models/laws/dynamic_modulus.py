@@ -1,7 +1,5 @@
 """Storage and loss modulus of the wall under oscillating shear: five elements (paper V Eq. 14-19) and a springpot."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any, Literal

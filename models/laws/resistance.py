@@ -1,7 +1,5 @@
 """Environmental resistance of the nose and normal load of the capsule in the stretched gut (paper V Eq. 7, 8, 12)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """Nothing under the body: it hangs or floats, and no friction holds it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

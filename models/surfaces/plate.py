@@ -1,7 +1,5 @@
 """A rigid plate under the body: Coulomb friction and nothing else."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

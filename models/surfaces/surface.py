@@ -1,7 +1,5 @@
 """What a surface is: how it holds the body that lies on it, and what a model may fit of it. One subclass a file."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any, ClassVar, Final

@@ -1,7 +1,5 @@
 """An imposed capsule position and the force that it takes (stiff pull)."""
 
-from __future__ import annotations
-
 from plant import layout as at
 from plant.anatomy import profile_level
 from plant.compiling import compiled

@@ -1,7 +1,5 @@
 """A body with an inner mass on a spring between two stops (vibro-impact drive, capsubot)."""
 
-from __future__ import annotations
-
 from typing import Final
 
 from plant import layout as at

@@ -1,7 +1,5 @@
 """The one list of hidden effects: name, form, numbers with their ranges, and the drives they make sense for."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -53,7 +54,10 @@ def residual_figure(drawn: Sequence[Panel], before: str, after: str) -> go.Figur
                 _cloud(figure, signal, factor * rests[stage][quantity], quantity, colour, (row, column))
                 for way, dash in _ways(drawn, quantity, name):
                     centres, means = binned(signal[way], factor * rests[stage][quantity][way])
-                    look = {"mode": "lines+markers", "line": {"color": colour, "width": 2, "dash": dash}}
+                    look: dict[str, Any] = {
+                        "mode": "lines+markers",
+                        "line": {"color": colour, "width": 2, "dash": dash},
+                    }
                     look |= {"marker": {"size": 4}, "name": quantity, "showlegend": False}
                     figure.add_scatter(x=centres, y=means, row=row, col=column, **look)
             signal_factor, prefixed = scale(np.concatenate([panel.signals[name] for panel in drawn]), signal_unit)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
@@ -38,7 +40,11 @@ def trace_figure(panel: Panel, points: int, residual: bool = True) -> go.Figure:
 
 def motion_figure(proposal: Proposal) -> go.Figure:
     """The waypoints of `proposal`, in mm over s."""
-    look = {"mode": "lines+markers", "line": {"color": STAGE_COLOURS["augmented"], "width": 2}, "marker": {"size": 5}}
+    look: dict[str, Any] = {
+        "mode": "lines+markers",
+        "line": {"color": STAGE_COLOURS["augmented"], "width": 2},
+        "marker": {"size": 5},
+    }
     look["showlegend"] = False
     hover = "%{x:.2f} s: %{y:.3f} mm<extra></extra>"
     figure = go.Figure(go.Scatter(x=proposal.times_s, y=1e3 * proposal.places_m, hovertemplate=hover, **look))
@@ -54,7 +60,7 @@ def _line(figure: go.Figure, panel: Panel, values: Array, name: str, colour: str
 def _markers(figure: go.Figure, panel: Panel, factor: float) -> None:
     symbols = {"nominal": "x-thin", "calibrated": "diamond", "augmented": "circle"}
     order = np.argsort(panel.abscissa, kind="stable")
-    here = {"x": panel.abscissa[order], "mode": "markers", "row": 1, "col": 1}
+    here: dict[str, Any] = {"x": panel.abscissa[order], "mode": "markers", "row": 1, "col": 1}
     for stage, values in panel.predicted.items():
         edge = {"color": STAGE_COLOURS[stage], "width": 2 if stage == "nominal" else 0}
         marker = {"color": STAGE_COLOURS[stage], "symbol": symbols[stage], "size": 9, "line": edge}
@@ -66,6 +72,10 @@ def _markers(figure: go.Figure, panel: Panel, factor: float) -> None:
 def _rest(figure: go.Figure, panel: Panel, stage: str, values: Array, points: int) -> None:
     colour = STAGE_COLOURS[stage]
     x, y = thinned(panel.abscissa, values, points) if panel.dense else (panel.abscissa, values)
-    style = {"mode": "lines" if panel.dense else "markers", "name": f"left by {stage}", "showlegend": False}
+    style: dict[str, Any] = {
+        "mode": "lines" if panel.dense else "markers",
+        "name": f"left by {stage}",
+        "showlegend": False,
+    }
     style |= {"line": {"color": colour, "width": 1}} if panel.dense else {"marker": {"color": colour, "size": 7}}
     figure.add_scatter(x=x.astype(np.float32), y=y.astype(np.float32), row=2, col=1, **style)

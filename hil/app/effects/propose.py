@@ -82,8 +82,8 @@ def propose(folder: Path, out: Path, *, json_output: bool = False) -> None:
         print_json(told)
         return
     console = summary()
-    console.print(f"{out}: effect {out.stem}, passed {len(CHECKS)} checks", markup=False, soft_wrap=True)
-    console.print(f"use it: capsule close-loop RECORD... --rig RIG.toml --effects {out}", markup=False, soft_wrap=True)
+    console.print(f"{out}: effect {out.stem}, passed {len(CHECKS)} checks", soft_wrap=True)
+    console.print(f"use it: capsule close-loop RECORD... --rig RIG.toml --effects {out}", soft_wrap=True)
 
 
 def _check(text: str, out: Path) -> None:

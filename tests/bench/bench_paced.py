@@ -28,8 +28,8 @@ from hil.app.scenario.deployment import PLANNING
 from hil.bus.catalogue import load_catalogue
 from hil.bus.codec import Refusal
 from hil.bus.protection import Receiver, Sender
-from plant.drives.kinds import Magnet
-from plant.rig import Rig
+from plant.drives.kinds import TrueMagnet
+from plant.rig import Truth
 from plant.session import Session
 from tests.controller.loops import believed
 
@@ -73,7 +73,7 @@ class Peer:
 
     def __init__(self, bus: can.BusABC) -> None:
         self.port = Port(bus, ("CapsuleLocalisation", "CarriageFeedback"), ("CarriageCommand",))
-        self.session = Session(Rig(Magnet(24.2), hoop_factor=1.09), seed=1)
+        self.session = Session(Truth(TrueMagnet(24.2), hoop_factor=1.09), seed=1)
         self.command, self.rate = 0.0, 0.0
 
     def go_on(self, until_s: float) -> None:

@@ -1,7 +1,5 @@
 """Settings of the checks of records; `tests/bench/bench_checks.py` holds their false alarms and power."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from models.setting import setting

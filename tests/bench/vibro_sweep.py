@@ -30,25 +30,8 @@ from plant.tables import Floats
 CLAIM: Final = "A Section 5.3: a vibrating drive hardly moves the capsule unless its period is below the wall's 0.05 s"
 WALL_HZ: Final = 20.0
 FREQUENCIES_HZ: Final = (
-    2.0,
-    3.0,
-    4.0,
-    6.0,
-    8.0,
-    10.0,
-    12.5,
-    15.0,
-    18.0,
-    20.0,
-    22.0,
-    25.0,
-    28.0,
-    32.0,
-    36.0,
-    40.0,
-    50.0,
-    60.0,
-)
+    2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 12.5, 15.0, 18.0, 20.0, 22.0, 25.0, 28.0, 32.0, 36.0, 40.0, 50.0, 60.0,
+)  # fmt: skip
 HARDLY_M_S: Final = 0.5e-3  # below: it does not move to speak of
 SLOW_SHARE: Final = 0.2  # the claim holds when slow drives reach less than this share of the fast ones' speed
 _SETTLE_S, _MEASURE_S, _EVERY = 1.0, 3.0, 10
@@ -68,11 +51,8 @@ class SweepDrive:
     @property
     def name(self) -> str:
         """A short label."""
-        stop = "front stop" if self.front_stop else "no stop"
-        return (
-            f"{self.force_N * 1e3:.0f} mN, {self.spring_N_per_m:.0f} N/m, {'on board' if self.on_board else 'field'},"
-            f" {stop}"
-        )
+        drive, stop = "on board" if self.on_board else "field", "front stop" if self.front_stop else "no stop"
+        return f"{self.force_N * 1e3:.0f} mN, {self.spring_N_per_m:.0f} N/m, {drive}, {stop}"
 
     def rig(self) -> Truth:
         """The drive in a 1.67 g shell of the default capsule's size on the gut."""
@@ -121,9 +101,8 @@ def vibro_sweep(out: Path) -> dict[str, Any]:
     results = []
     for drive in sweep_drives():
         speeds = np.array([mean_speed(drive.rig(), f) for f in FREQUENCIES_HZ])
-        results.append(
-            {"name": drive.name, **asdict(drive), "mean_speed_m_s": speeds.round(7).tolist(), "claim": judge(speeds)}
-        )
+        told = {"name": drive.name, **asdict(drive), "mean_speed_m_s": speeds.round(7).tolist()}
+        results.append({**told, "claim": judge(speeds)})
     median = np.median(np.abs([r["mean_speed_m_s"] for r in results]), axis=0)
     found: dict[str, Any] = {
         "claim": CLAIM,
@@ -134,11 +113,8 @@ def vibro_sweep(out: Path) -> dict[str, Any]:
     }
     write_text(out / "vibro_sweep.json", json_text(found))
     counts = ", ".join(f"{len(names)} {verdict}" for verdict, names in found["verdicts"].items())
-    head = heading(
-        f"{len(results)} drives",
-        "Vibro drives on the gut",
-        f"{CLAIM}: {counts}. The dashed line is a period of 0.05 s.",
-    )
+    story = f"{CLAIM}: {counts}. The dashed line is a period of 0.05 s."
+    head = heading(f"{len(results)} drives", "Vibro drives on the gut", story)
     figure = figure_html(_figure(found), "figure-1")
     write_text(out / "vibro_sweep.html", document("Vibro drives", head, [("speed", "Mean speed", figure)]))
     return found

@@ -157,7 +157,9 @@ class SearchSettings:
     folds: int = setting(8, "1", "parts of the conditions, each held out in turn")
     friction_untold: float = setting(0.05, "1", "relative scatter of a reading where nothing tells it")
     friction_finest: float = setting(1e-3, "1", "relative: readings are never believed to be better")
-    period_scatter: tuple[float, float, float] = setting((0.25, 0.12, 0.07), "1", "of period, valley, peak", "paper A, Table 2")
+    period_scatter: tuple[float, float, float] = setting(
+        (0.25, 0.12, 0.07), "1", "of period, valley, peak", "paper A, Table 2"
+    )
     pull_m_s: float = setting(0.5e-3, "m/s", "pull at which the periods were read", "paper A, Table 1")
     return_m_s: float = setting(0.6e-3, "m/s", "average speed at which the wall then draws back", "paper A, Table 1")
     period_widest: float = setting(5.0, "1", "logarithm of how much stiffer or softer a wall may be")

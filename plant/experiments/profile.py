@@ -18,7 +18,7 @@ from plant.experiments.excitation import (
 )
 from plant.tables import Floats
 
-LONGEST_S: Final = 86400.0
+LONGEST_S: Final = 86400.0  # a day
 FASTEST_M_S: Final = 0.5
 """Longest run, and the fastest speed either way, above the range over which the resistance law was integrated."""
 

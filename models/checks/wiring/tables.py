@@ -14,6 +14,7 @@ from models.checks.view import View
 from models.checks.wiring.units import beyond_its_range, off_its_size
 from models.files.columns import COLUMNS
 
+# least, most and unit of what such rigs measure
 _USUAL: Mapping[tuple[str, str], tuple[float, float, str]] = MappingProxyType(
     {
         ("periods", "period_s"): (1e-3, 60.0, "s"),

@@ -10,7 +10,7 @@ from models.checks.instrument.resolution import PLACES
 from models.checks.settings import SET
 from models.checks.view import Array, View, white_noise
 
-_USUAL = (np.pi, 2 * np.pi, 180.0, 360.0, *(2.0**k for k in range(8, 33)))
+_USUAL = (np.pi, 2 * np.pi, 180.0, 360.0, *(2.0**k for k in range(8, 33)))  # angles and counters that begin again
 
 
 def check_wraps(view: View) -> list[RecordFinding]:

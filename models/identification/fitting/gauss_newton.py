@@ -32,7 +32,7 @@ _STEPS = (
     (10.0, 1.0),
     (10.0, 0.4),
 )  # damping and share of a Gauss-Newton step, likeliest first
-_TINY = 1e-12
+_TINY = 1e-12  # change of the residuals that is none
 
 
 @dataclass(frozen=True)

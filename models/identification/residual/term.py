@@ -51,8 +51,9 @@ class Form:
 
 PURE: Final = ("slope", "phase")
 """Numbers without the variable's unit."""
+# starts, least and most of a form's middle over the signal's span
 _MIDDLE: Final = ((0.15, 0.35, 0.5, 0.65, 0.85), -0.5, 1.5)
-_WIDTH: Final = ((0.05, 0.2, 0.5), 0.01, 3.0)
+_WIDTH: Final = ((0.05, 0.2, 0.5), 0.01, 3.0)  # the same of its width
 _CYCLES: Final = tuple(1 / k for k in (0.7, 1, 1.5, 2, 2.5, 3, 4, 5, 6, 8))
 FORMS: Final = (
     Form("line", {}, ("scale",)),

@@ -21,7 +21,7 @@ from hil.nodes.transmit import FrameTransmitter
 
 CYCLE_S: Final = 0.02
 """How often a setpoint is to be sent, released ones too."""
-_MOST: Final = 256
+_MOST: Final = 256  # frames that are read at once
 _READ_S: Final = 0.02
 """A setpoint that was sent so long before an answer has been read by then."""
 

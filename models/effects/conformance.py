@@ -59,11 +59,12 @@ SIGNALS: Final[Mapping[str, float]] = {
 """Values of the signals, SI, at which the hooks are tried."""
 _ONE_WAY: Final = ("t", "travelled", "dwell", "command")
 _BACK: Final = {name: value if name in _ONE_WAY else -value for name, value in SIGNALS.items()}
-_REST: Final = dict.fromkeys(SIGNALS, 0.0) | {"direction": 1.0}
+_REST: Final = dict.fromkeys(SIGNALS, 0.0) | {"direction": 1.0}  # signals of a capsule at rest
+# arguments other than 1, of usual size
 _OTHER: Final = {"y": 0.03, "h": 1e-3, "v_i": 5e-3, "u_c": 3e-4, "xi": 0.012, "xi_rate": 0.1, "f": 3.0}
-_ARGUMENTS: Final = dict.fromkeys(ARGUMENTS, 1.0) | _OTHER | {"e": 1e-3, "e_rate": 0.02}
+_ARGUMENTS: Final = dict.fromkeys(ARGUMENTS, 1.0) | _OTHER | {"e": 1e-3, "e_rate": 0.02}  # of every hook
 _FACTORS: Final = ("level", "stiffening", "gain", "reach")
-_STATE: Final = 0.2
+_STATE: Final = 0.2  # value of every hidden state
 _UNSEEN: Final = ("advance", "follow", "response")
 """Hooks whose answers no prediction shows by themselves."""
 

@@ -4,8 +4,8 @@ import numpy as np
 
 from plant.tables import Floats
 
-RUN_SPEEDS_M_S = (0.5e-3, 1e-3, 2e-3, 4e-3, 7e-3, 10e-3, 14e-3)
-_RAMP_S = 0.02
+RUN_SPEEDS_M_S = (0.5e-3, 1e-3, 2e-3, 4e-3, 7e-3, 10e-3, 14e-3)  # of a pull programme
+_RAMP_S = 0.02  # time in which a stage comes to speed
 
 
 def piecewise_runs(segments: list[tuple[float, float]], dt: float, ramp_s: float = _RAMP_S) -> Floats:

@@ -11,7 +11,7 @@ from models.files.csv_reader import read_blocks
 from plant.experiments.excitation import piecewise_runs, pulse_width, random_runs, random_wander
 from plant.tables import Floats
 
-LONGEST_S: Final = 86400.0
+LONGEST_S: Final = 86400.0  # a day
 FASTEST_M_S: Final = 0.5
 """Longest run, and the fastest speed either way, above the range over which the resistance law was integrated."""
 

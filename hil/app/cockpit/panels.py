@@ -16,7 +16,7 @@ Values = Mapping[str, float]
 Span = tuple[float, float]
 STDS: Final = 2.0
 """Half the width of the estimate's band, in standard deviations."""
-_MM, _MN, _PERCENT = 1e3, 1e3, 100.0
+_MM, _MN, _PERCENT = 1e3, 1e3, 100.0  # in a metre; mN in a newton
 
 
 @dataclass(frozen=True)

@@ -17,13 +17,13 @@ from hil.nodes.frame_map import plain
 
 BUSY_S: Final = 0.02
 """What one picture may take of the time to take frames in; the rest waits for the next, as pages and signals do not."""
-QUIET_S: Final = 0.5
+QUIET_S: Final = 0.5  # without a frame, after which the bus's own trouble is told
 AWAY_S: Final = 0.25
 """After such a pause a bus's queue may have run over: what is refused then is this process's doing."""
-SNAPSHOTS: Final = 2000
-LOG_EVENTS: Final = 5000
-SHORTEST_S: Final = 0.1
-CALENDAR_S: Final = 1e6
+SNAPSHOTS: Final = 2000  # of a log's state at most
+LOG_EVENTS: Final = 5000  # of a log that are kept
+SHORTEST_S: Final = 0.1  # between two snapshots
+CALENDAR_S: Final = 1e6  # a later stamp is a date
 
 
 class BusSource:

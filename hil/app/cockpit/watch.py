@@ -21,10 +21,10 @@ KEPT: Final = 200
 """Events that are kept while a bus is watched, and kinds of refusals that are told apart."""
 SILENT_S: Final = 2 * HEARTBEAT_LOST_S
 """How long a node that sends heartbeats may be quiet before it is called silent."""
-BURST_S: Final = 0.5
-_LOAD_S: Final = 1.0
-_FRESH: Final = 10
-_LOST: Final = 3
+BURST_S: Final = 0.5  # within which the same refusal is one event
+_LOAD_S: Final = 1.0  # over which the bus load is averaged
+_FRESH: Final = 10  # cycles, within which a value is new
+_LOST: Final = 3  # `Wall` of an estimate that is lost
 _BEAT, _FAULT, _FEEDBACK = "Heartbeat", "Fault", "Feedback"
 _GRADES: Final[Mapping[str, tuple[str, ...]]] = {
     "bad": ("fault", "quick_stop", "broken", "lost"),

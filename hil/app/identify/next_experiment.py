@@ -9,7 +9,7 @@ from typing import Any
 from models.files.toml import toml_text
 from models.identification.finding import NEXT_CSV, Proposal
 
-_MM = 1e3
+_MM = 1e3  # in a metre
 
 
 def next_toml(proposal: Proposal, kind: str) -> str:

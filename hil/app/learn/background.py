@@ -16,7 +16,7 @@ from typing import Final
 from hil.app.child_process import end_with_parent
 from hil.app.learn.identify import LearningAnswer, LearningQuestion, answer
 
-NICE: Final = 19
+NICE: Final = 19  # the lowest priority
 READY_S: Final = 60.0
 """How long its start is waited for before the first tick."""
 CLOSED_S: Final = 2.0

@@ -38,7 +38,7 @@ KNOWN: Final = 0.01
 """Standard deviation, as a share, with which the base parameters of a model that held are known."""
 BELIEVED: Final = 0.05
 """The same for those of a model that is about to be fitted to what was measured while it held."""
-_ROUNDS = 4
+_ROUNDS = 4  # in which the noise is found
 _AS_STATED = 1.05  # rms of the residuals in units of the noise, up to which the noise is right
 LEAD_S: Final = 8.0
 """So long before its first row that counts a record is run through: where the capsule hangs behind its magnet then, and

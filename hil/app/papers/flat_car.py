@@ -60,7 +60,7 @@ def flat_car_rows() -> Iterator[Row]:
     yield row("c_spatial_period", quantity, "mm", spatial, "finding", note, paper=stated, measured=mean)
 
 
-_MN = 1e3
+_MN = 1e3  # in a newton
 _SHADES = ("#9ca3af", "#6b7280", "#374151")
 
 

@@ -15,7 +15,7 @@ from hil.app.papers.viscoelastic import measured_band
 from models.identification.kinds.periods.kind import Cycle, PeriodsKind
 from models.sets import load_measurement
 
-SLOW, FAST = 0.5e-3, 10e-3
+SLOW, FAST = 0.5e-3, 10e-3  # m/s, papers A and C
 
 
 def base_cycle(speed_m_s: float) -> Cycle:
@@ -46,7 +46,7 @@ def two_speeds_rows() -> Iterator[Row]:
             yield row(f"base_{name}_{speed_key(v)}", quantity, unit, computed, miss, note, measured=seen)
 
 
-_MN = 1e3
+_MN = 1e3  # in a newton, and mm in a metre
 
 
 def two_speeds_drawing() -> Drawing:

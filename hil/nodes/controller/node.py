@@ -111,18 +111,18 @@ class Shifted:
 __all__ = ["FAULTY", "HALTING", "IDLE", "RUNNING", "ControllerNode", "Task", "Tick"]
 IDLE, RUNNING, HALTING, FAULTY = 1, 2, 3, 4
 """States of the node, in the numbers of its heartbeat."""
-HEARTBEAT_S: Final = 0.02
+HEARTBEAT_S: Final = 0.02  # period
 _LAG_S: Final = 8e-3
 """Of a drive's report behind the command, which a drive rides through: `Driven.follow` counts beyond the commands of as
 long ago and a tick more.
 """
-_RESTS_M_S: Final = 1e-4
+_RESTS_M_S: Final = 1e-4  # speed of a reference that rests
 _REST_S: Final = 0.05
 """A reference rests at a time around which, so long before and after, it is no faster."""
 OTHER_CONTROLLER: Final = 9
 """Reason of a SafeStop."""
-_CROWDED_S: Final = 0.1
-_ROUNDING_S: Final = 1e-6
+_CROWDED_S: Final = 0.1  # after a foreign controller's frame
+_ROUNDING_S: Final = 1e-6  # of a frame's life
 GRID_SLACK: Final = 1e-3
 """Share of a tick by which a time may lie before its point of the grid, by rounding."""
 

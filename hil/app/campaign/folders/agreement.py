@@ -13,7 +13,7 @@ from scipy.stats import t as student
 from hil.app.campaign.folders.answers import Answer
 from hil.app.quantities import number
 
-LEAST_OTHERS: Final = 4
+LEAST_OTHERS: Final = 4  # series beside one that tell whether it is unlike them
 FALSE_ALARMS: Final = 0.01
 """Chance that any number of a kind of rig is called out where all rigs are alike."""
 

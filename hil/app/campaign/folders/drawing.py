@@ -11,7 +11,7 @@ from hil.app.campaign.folders.answers import Answer
 from hil.app.quantities import number
 from hil.app.report.theme import FLOOR, GRID, INK, STAGE_COLOURS
 
-WIDTH, HEIGHT, EDGE = 230, 22, 9
+WIDTH, HEIGHT, EDGE = 230, 22, 9  # pixels
 _SHAPES: Final = {
     "nominal": '<rect x="{a:.1f}" y="{b:.1f}" width="9" height="9" fill="white" stroke="{ink}" stroke-width="1.5"/>',
     "calibrated": '<path d="M{x:.1f} {t:.1f} l6 6 l-6 6 l-6 -6 z" fill="{colour}" stroke="{ink}"/>',

@@ -14,10 +14,9 @@ import numpy as np
 from models.assembly.effects import Active
 from models.assembly.step import Stepper
 from models.drives.drive import Drive
-from models.drives.elastic_link import Link
 from models.effects.effect import Effect
 from models.parameter import Parameter
-from models.surfaces.gut import LONGEST, Wall
+from models.surfaces.gut import LONGEST
 from models.surfaces.surface import Surface
 
 BASE_STATES = ("x", "v", "a", "u", "slip", "u_rate", "direction", "travelled", "dwell")
@@ -53,11 +52,6 @@ def effect_parameters(effects: Sequence[type[Effect]]) -> tuple[Parameter, ...]:
     return tuple(replace(p, name=f"{e.id}.{p.name}") for e in effects for p in e.parameters())
 
 
-def assemble_gut(wall: Wall, drive: Drive, effects: Sequence[type[Effect]] = (), smoothing: float = 0.0) -> Assembly:
-    """The capsule in the gut under `drive`: the base model of stick and slip plus `effects`; see `assemble`."""
-    return assemble(wall, drive, effects, smoothing)
-
-
 def assemble(surface: Surface, drive: Drive, effects: Sequence[type[Effect]] = (), smoothing: float = 0.0) -> Assembly:
     """The body on `surface` (the gut's `Wall` or a `Plate`) under `drive`, with `effects`.
 
@@ -77,7 +71,7 @@ def assemble(surface: Surface, drive: Drive, effects: Sequence[type[Effect]] = (
     p = {item.name: q[i] for i, item in enumerate(parameters)}
     now: dict[str, Any] = {name: state[i] for i, name in enumerate(names)}
     active = Active(tuple(effects), p, {name: now[name] for name in hidden})
-    stepper = Stepper(surface, drive, active, Link.of(p), smoothing)
+    stepper = Stepper(surface, drive, active, active.link(), smoothing)
     unit, last = drive.command_unit, c0 if drive.held else c1
     first, last = (c0, last) if unit == 1 else (c0 / unit, last / unit)
     new, output = stepper.advance(now, first, last, t, h)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from controller.supervision.acceptance import AcceptanceTest, Verdict
+from controller.supervision.acceptance import Acceptance, AcceptanceTest
 from hil.app.console import json_text
 from hil.app.demo.story import RIG, Learned, Mission, Progress, Told, found_in
 from hil.app.learn.identify import answer_at_once
@@ -100,7 +100,7 @@ class LoopStory:
         return Told(finding, gate, missions, tuple(truth), truth=truth)
 
 
-def admitted(finding: Finding, model: Model, rig: Rig) -> Iterator[tuple[str, Verdict]]:
+def admitted(finding: Finding, model: Model, rig: Rig) -> Iterator[tuple[str, Acceptance]]:
     """The gate's verdict on each stage in turn, against the last that it let in; at first the nominal model is in
     use.
     """

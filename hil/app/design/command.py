@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from controller.design.study import Study, study
+from controller.drives import INNER_MASS
 from controller.model.control_model import control_model
 from controller.vibro.cycles import VibroModel
 from hil.app.console import output_to_notes, print_json, say, summary
@@ -47,7 +48,7 @@ def design(
         raise ValueError(f"--delay must lie in [0, {LONGEST_DELAY_MS:g}] ms; got {delay_ms:g}")
     title, page = belief.name or rig.stem, None if out is None else out / PAGE
     label = {"rig": str(rig), "model": stage if model else "nominal", "page": page and str(page)}
-    vibrates = belief.kind == "vibro"
+    vibrates = belief.kind == INNER_MASS.name
     if not vibrates and not SPEEDS_MM_S[0] <= abs(speed_mm_s) <= SPEEDS_MM_S[1]:
         raise ValueError(f"--speed must lie in [{SPEEDS_MM_S[0]:g}, {SPEEDS_MM_S[1]:g}] mm/s; got {speed_mm_s:g}")
     with own_folder(out, "--out"):

@@ -6,7 +6,7 @@ import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Final, cast
+from typing import Final
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from models.files.record import Array, Record, read_record
 from models.files.rig import parse_rig
 from models.identification.kinds import kind_for
 from models.identification.kinds.axis.coordinates import TURN
-from plant.experiments.series import Kind, make_series
+from plant.experiments.series import make_series
 
 _SECONDS: Final = 12.0
 _PULL_M_S: Final = 5e-4
@@ -34,7 +34,7 @@ def template(kind: str, *, rotary: bool = False) -> tuple[Tables, Columns]:
 def _series(kind: str) -> tuple[Tables, Columns]:
     """The plant alone: stick and slip, numbers that differ from the nominal ones, noise; 100 rows a second."""
     with TemporaryDirectory() as name:
-        folder = make_series(cast(Kind, kind), None, 1, Path(name), _SECONDS)
+        folder = make_series(kind, None, 1, Path(name), _SECONDS)
         tables = tomllib.loads((folder / "rig.toml").read_text(encoding="utf-8"))
         return tables, read_record(folder / "train_1.csv.gz", parse_rig(tables)).columns
 

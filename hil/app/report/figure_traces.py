@@ -40,12 +40,8 @@ def trace_figure(panel: Panel, points: int, residual: bool = True) -> go.Figure:
 
 def motion_figure(proposal: Proposal) -> go.Figure:
     """The waypoints of `proposal`, in mm over s."""
-    look: dict[str, Any] = {
-        "mode": "lines+markers",
-        "line": {"color": STAGE_COLOURS["augmented"], "width": 2},
-        "marker": {"size": 5},
-    }
-    look["showlegend"] = False
+    line = {"color": STAGE_COLOURS["augmented"], "width": 2}
+    look: dict[str, Any] = {"mode": "lines+markers", "line": line, "marker": {"size": 5}, "showlegend": False}
     hover = "%{x:.2f} s: %{y:.3f} mm<extra></extra>"
     figure = go.Figure(go.Scatter(x=proposal.times_s, y=1e3 * proposal.places_m, hovertemplate=hover, **look))
     return axes(figure, "time in s", f"{column_words(proposal.column)[0]} in mm", 260)

@@ -14,13 +14,12 @@ import can
 from controller.limits import Limits
 from controller.model.control_model import ControlModel, control_model
 from controller.registry import CONTROLLERS, checked_estimator, leads
-from controller.supervision.acceptance import AcceptanceTest, Verdict
+from controller.supervision.acceptance import Acceptance, AcceptanceTest
 from controller.trajectory import Trajectory
 from hil.app.scenario.model_offer import Offered, OfferTable, offer_of, read_offer
 from hil.app.scenario.reference import read_reference, with_reference
 from hil.bus.catalogue import load_catalogue
 from hil.nodes.actuators import ACTUATORS, ActuatorTable, needs_fd, read_actuator
-from hil.nodes.controller.guard import FEEDBACK_S
 from hil.nodes.controller.node import Task
 from hil.nodes.controller.operator import OperatorLimits
 from hil.nodes.frame_map import FRAME_MAPS, frame_map_of
@@ -179,7 +178,7 @@ class Deployment:
     reference: Trajectory
     limits: Limits
     values: Mapping[str, float]
-    verdict: Verdict | None = None
+    verdict: Acceptance | None = None
     drive: ActuatorTable | None = None
     offered: Offered | None = None
     operator: OperatorLimits = OperatorLimits()
@@ -247,7 +246,7 @@ def read_plant(path: Path) -> DeployedPlant:
 
 
 def parse_deployment(
-    text: str, values: Mapping[str, float], name: str = "rig", verdict: Verdict | None = None
+    text: str, values: Mapping[str, float], name: str = "rig", verdict: Acceptance | None = None
 ) -> Deployment:
     """A deployment from TOML text and the learned `values`. Errors as `load_deployment`."""
     raw = parse_toml(text, "rig file")
@@ -321,7 +320,8 @@ def _check_tables(raw: Mapping[str, Any]) -> None:
 
 def check_tick(tick_s: float, kind: str, limits: Limits) -> None:
     """A tick must be shorter than a command lives and than the guard waits for feedback, or the drive is never led."""
-    longest = min(1e-3 * frame_map_of(kind).life_ms(limits.carriage_speed_m_s), FEEDBACK_S[kind])
+    wiring = frame_map_of(kind)
+    longest = min(1e-3 * wiring.life_ms(limits.carriage_speed_m_s), wiring.feedback_s)
     if tick_s > longest + 1e-9:
         raise ValueError(
             f"control.tick_s must be at most {longest:g} s for a {kind} rig on the bus, else commands die between"
@@ -356,7 +356,7 @@ def _rig(raw: Mapping[str, Any], where: str = "rig file") -> Rig:
     return parse_rig({name: table for name, table in raw.items() if name not in OWN_TABLES}, where)
 
 
-def _learned(raw: Mapping[str, Any], folder: Path) -> tuple[dict[str, float], Verdict | None]:
+def _learned(raw: Mapping[str, Any], folder: Path) -> tuple[dict[str, float], Acceptance | None]:
     """Values of the model that the file names and what the gate says of them."""
     if not isinstance(raw.get("model"), dict):
         return {}, None

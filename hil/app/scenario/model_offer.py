@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from controller.model.control_model import ControlModel
-from controller.supervision.acceptance import AcceptanceTest, Verdict
+from controller.supervision.acceptance import Acceptance, AcceptanceTest
 from controller.supervision.model_switch import Offer
 from models.files.rig import Rig
 from models.files.tables import Declared, limited
@@ -67,7 +67,7 @@ def read_offer(table: OfferTable | None, folder: Path, rig: Rig, values: Mapping
 
 def offer_of(offered: Offered | None, believed: Callable[[Mapping[str, float]], ControlModel]) -> Offer | None:
     """For a controller, whose models `believed` makes from values."""
-    return None if offered is None else Offer(believed(offered.values), Verdict(), offered.at_s)
+    return None if offered is None else Offer(believed(offered.values), Acceptance(), offered.at_s)
 
 
 def told(offered: Offered | None, taken_at_s: float) -> dict[str, Any]:

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from controller.drives import DRIVES
 from hil.app.console import note
 from hil.app.scenario.scenario import TrackScenario
 from models.files.tables import check_word
 from models.identification.finding import STAGES
 from models.identification.model import read_model
-
-_MODELS = {"vibro": ("vibro", "vibro_table")}
-"""Kinds of model files that a rig of a kind can be controlled with, where there are several."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +47,7 @@ class Options:
                 raise ValueError(f"--stage must stand with --model unless it is nominal; got {self.stage!r} alone")
             return {}, "nominal"
         stage = self.stage or "augmented"
-        model = read_model(self.model, *_MODELS.get(kind, (kind,)))
+        model = read_model(self.model, *(DRIVES[kind].models or (kind,)))
         if stage in model.cautions:
             note(f"{self.model}: {model.cautions[stage]}")
         return model.believed(stage), stage

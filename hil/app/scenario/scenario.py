@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from controller.drives import DRIVES
 from controller.limits import Limits
 from controller.registry import CONTROLLERS, checked_estimator, leads
 from controller.trajectory import Trajectory
@@ -21,8 +22,7 @@ from models.files.tables import Declared, converted, from_table, limited
 from models.files.toml import in_file, read_toml
 from models.parameter import nearest
 from plant.experiments.scenario import parse_truth
-from plant.rig import STEP_S, Plant
-from plant.rig import Rig as Truth
+from plant.rig import STEP_S, Plant, Truth
 from plant.sensing.instruments import Instrument
 from plant.session import FEEDBACK, LOCALISATION, Instruments
 
@@ -34,8 +34,6 @@ BUS_TABLES: Final = ("bus", "faults", "plant", "operator", "jog", "learning")
 """Tables that a scenario on the bus may have beside these."""
 SAMPLE_STEPS: Final = 10
 """Steps of the plant between samples of the truth (`plant.session`)."""
-DRIVEN: Final[Mapping[str, str]] = {"magnetic": "", "coil": "coil_voltage_V", "vibro": ""}
-_LEADING: Final[Mapping[str, str]] = {"magnetic": "feedforward", "coil": "feedforward", "vibro": "vibro"}
 
 
 @dataclass(frozen=True)
@@ -99,8 +97,8 @@ def parse_track_scenario(raw: Table) -> TrackScenario:
     if converted(seed, int, "anatomy.seed") < 0:
         raise ValueError(f"anatomy.seed must be zero or more; got {seed}")
     run, kind, truth = parse_truth({name: table for name, table in raw.items() if name in TRUTH_TABLES})
-    if kind not in DRIVEN:
-        raise ValueError(f"rig.kind must be one of {', '.join(DRIVEN)} to be controlled; got {kind!r}")
+    if kind not in DRIVES:
+        raise ValueError(f"rig.kind must be one of {', '.join(DRIVES)} to be controlled; got {kind!r}")
     surface = raw.get("surface", {}).get("kind", "gut")
     if surface == "air":
         raise ValueError("surface.kind must be 'gut' or 'plate' for a rig to be controlled; got 'air'")
@@ -151,7 +149,7 @@ def _buildable(truth: Truth, raw: Table) -> None:
 
 
 def _control(table: Table, kind: str, duration_s: float, step_s: float) -> Control:
-    control = from_table(Control, {"controller": _LEADING[kind], **table}, "control")
+    control = from_table(Control, {"controller": DRIVES[kind].leading, **table}, "control")
     name, able = control.controller, [name for name in CONTROLLERS if kind in leads(name)]
     if name not in able:
         raise ValueError(

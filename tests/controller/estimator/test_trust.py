@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.drives import envelope_of
-from controller.estimator.noise import noise_of, trusting
+from controller.drives import DRIVES, envelope_of
+from controller.estimator.noise import trusting
 from controller.estimator.particle_filter import ParticleEstimator
 from controller.model.control_model import ControlModel, control_model
 from controller.model.friction import mean_friction, proved_off
@@ -16,8 +16,8 @@ from controller.mpc.mpc import MPC
 from controller.registry import LATE_SLIP, build
 from models.identification.model import HELD_OUT
 from plant.anatomy import Anatomy, random_anatomy
-from plant.drives.kinds import Magnet
-from plant.rig import Rig
+from plant.drives.kinds import TrueMagnet
+from plant.rig import Truth
 from tests.controller.estimator.test_particle_filter import errors
 from tests.controller.loops import believed, model_of
 
@@ -34,7 +34,7 @@ def proved(error_m: float, kind: str = "magnetic") -> ControlModel:
 def test_nothing_is_believed_to_wander_more_for_it_and_less_behind_a_better_model(one: float, other: float) -> None:
     better, worse = (trusting(replace(MODEL, held_out_error=e)) for e in sorted((one, other)))
     for name in WALKS:
-        assert 0 < getattr(better, name) <= getattr(worse, name) <= getattr(noise_of("magnetic"), name)
+        assert 0 < getattr(better, name) <= getattr(worse, name) <= getattr(DRIVES["magnetic"].noise, name)
 
 
 def test_a_force_shows_as_a_position_over_the_magnets_stiffness() -> None:
@@ -48,9 +48,9 @@ def test_a_force_shows_as_a_position_over_the_magnets_stiffness() -> None:
 
 
 def test_what_was_not_held_against_anything_and_what_has_no_magnet_is_believed_as_ever() -> None:
-    assert trusting(MODEL) == noise_of("magnetic")
-    assert trusting(proved(1e-6, "coil")) == noise_of("coil")
-    assert trusting(proved(1e-3)).brisk_level_wander == noise_of("magnetic").brisk_level_wander
+    assert trusting(MODEL) == DRIVES["magnetic"].noise
+    assert trusting(proved(1e-6, "coil")) == DRIVES["coil"].noise
+    assert trusting(proved(1e-3)).brisk_level_wander == DRIVES["magnetic"].noise.brisk_level_wander
 
 
 def test_an_mpc_expects_slip_less_late_behind_a_model_that_proved_right() -> None:
@@ -69,7 +69,7 @@ def test_a_model_that_proved_right_knows_more_where_it_is_right_and_is_not_lost_
     def rms(model: ControlModel, gut: bool) -> float:
         found = []
         for seed in range(210, 213):
-            truth = Rig(Magnet(25.0), anatomy=random_anatomy(seed) if gut else Anatomy())
+            truth = Truth(TrueMagnet(25.0), anatomy=random_anatomy(seed) if gut else Anatomy())
             found.append(errors(ParticleEstimator, truth, seed, model=model)[2000:])
         return float(np.sqrt(np.mean(np.square(found))))
 

@@ -8,20 +8,20 @@ from itertools import count
 import numpy as np
 import pytest
 
+from controller.limits import Envelope, Limits
 from controller.model.control_model import ControlModel, control_model
 from controller.mpc.mpc import MPC
-from controller.mpc.settings import Bounds, Horizon, Weights
+from controller.mpc.settings import Horizon, Weights
 from controller.signals import Action, Adapted, Estimate
-from plant.drives.kinds import Magnet
+from plant.drives.kinds import TrueMagnet
 from plant.layout import S_SLIP, S_U, S_V, S_X
-from plant.rig import Plant
-from plant.rig import Rig as PlantRig
+from plant.rig import Plant, Truth
 from tests.controller.model.test_control_model import rig_of
 from tests.models.running import Array
 
 TICK_S = 2e-3
 PATIENT = Horizon(deadline_s=10.0)
-BOUNDS = Bounds(-0.1, 0.1, 0.05, 5.0, speed_m_s=0.1, gap_m=0.011, wall_force_N=0.5)
+BOUNDS = Envelope(-0.1, 0.1, Limits(speed_m_s=0.1, force_N=0.5), 0.05, 5.0, 0.011)
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,8 @@ def test_a_bound_on_the_wall_s_force_is_kept(model: ControlModel) -> None:
     """Fast motion presses harder: with a bound of 85 mN the capsule goes more slowly than it could."""
 
     def pressed(limit: float) -> tuple[float, float]:
-        run = closed(MPC(model, replace(BOUNDS, wall_force_N=limit), horizon=PATIENT), model, Line(25e-3), 0.6)
+        envelope = replace(BOUNDS, limits=replace(BOUNDS.limits, force_N=limit))
+        run = closed(MPC(model, envelope, horizon=PATIENT), model, Line(25e-3), 0.6)
         return float(np.max(run.command - run.x)), float(run.x[-1])
 
     (free_gap, free), (held_gap, held) = pressed(0.5), pressed(0.07)
@@ -166,7 +167,7 @@ def test_a_hold_has_no_limit_cycle(model: ControlModel) -> None:
     """Move 2 mm, then stay, on the plant with exact friction and 15 % other forces, which a slow observer of the
     disturbance takes up: the carriage stops and stays where it is.
     """
-    mpc, plant = MPC(model, BOUNDS, horizon=PATIENT), Plant(PlantRig(Magnet(25.0, 0.02), hoop_factor=1.15))
+    mpc, plant = MPC(model, BOUNDS, horizon=PATIENT), Plant(Truth(TrueMagnet(25.0, 0.02), hoop_factor=1.15))
     expected, command, force, n = model.initial(), 0.0, 0.0, 2500
     x, commands = np.zeros(n), np.zeros(n)
     mpc.reset(0.0, Estimate(0.0, expected, expected), command)
@@ -260,8 +261,6 @@ def test_what_it_cannot_lead_is_refused() -> None:
         Horizon(stages=0)
     with pytest.raises(ValueError, match="hold_s must lie"):
         Horizon(hold_s=0.2)
-    with pytest.raises(ValueError, match="low < high"):
-        Bounds(1.0, 0.0, 1.0)
     with pytest.raises(ValueError, match="weight gap"):
         Weights(gap=0.0)
 

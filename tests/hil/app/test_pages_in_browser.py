@@ -17,17 +17,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controller.supervision.acceptance import Verdict
+from controller.supervision.acceptance import Acceptance
 from hil.app.campaign.folders.answers import answer_of
 from hil.app.campaign.folders.page import page_html as folders_html
 from hil.app.campaign.page import page_html as campaign_html
 from hil.app.demo.loop import LOOPS
 from hil.app.demo.page import demo_html
 from hil.app.demo.story import Mission, Told
-from hil.app.design.vibro_sweep import vibro_sweep
 from hil.app.papers.command import write_page
 from hil.app.report import report_html
 from hil.app.sil.story import PAGE
+from tests.bench.vibro_sweep import vibro_sweep
 from tests.conftest import RIG
 from tests.hil.app.campaign.test_campaign_folders import answer
 from tests.hil.app.design.test_design import VIBRO
@@ -155,7 +155,7 @@ def demo_page() -> str:
         for stage, lag in (("nominal", 2.0), ("calibrated", 1.0), ("augmented", 0.1))
     }
     truth = {"fold_periodic": {"depth": 0.3, "period_m": 4e-3}}
-    told = Told(finding, {stage: Verdict() for stage in ("calibrated", "augmented")}, missions, ("fold_periodic",))
+    told = Told(finding, {stage: Acceptance() for stage in ("calibrated", "augmented")}, missions, ("fold_periodic",))
     return demo_html([(LOOPS[0], replace(told, truth=truth)), (LOOPS[0], Told(finding))], 200.0)
 
 

@@ -11,13 +11,15 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from controller.baselines.pid import PID, PidGains
+from controller.actuators import Actuator
+from controller.baselines.pid import PID
 from controller.drives import DRIVES as CONTROLLED
-from controller.drives import Actuator, Driven, envelope_of
+from controller.drives import Driven, envelope_of
 from controller.estimator.cubature_filter import Estimator
-from controller.limits import Envelope, Limits
+from controller.limits import Limits
 from controller.model.control_model import control_model
 from controller.trajectory import by_speeds
+from controller.tuned import PidGains
 from models.drives.drive import Drive
 from models.drives.from_rig import DRIVES, SURFACES, drive_of, surface_of
 from models.files.record import Record
@@ -30,8 +32,7 @@ from models.parameter import Parameter
 from models.surfaces.surface import Levels, Surface, Values
 from plant.drives.kinds import DRIVES as SIMULATED
 from plant.drives.kinds import Force
-from plant.rig import Plant, Plate
-from plant.rig import Rig as Truth
+from plant.rig import Plant, TruePlate, Truth
 from tests.controller.loops import closed_loop
 
 MASS_KG, THRUST, MU = 0.02, 0.8, 0.3
@@ -95,8 +96,8 @@ class Jet(Force):
         return THRUST
 
 
-def _envelope(drive: Drive, limits: Limits) -> Envelope:
-    return Envelope("coil", -1.0, 1.0, 1e3, np.inf, np.inf, 1.0, limits)
+def _bounds(drive: Drive, limits: Limits) -> dict[str, float]:
+    return {"low": -1.0, "high": 1.0, "rate": 1e3}
 
 
 @pytest.fixture
@@ -104,7 +105,7 @@ def rig(monkeypatch: pytest.MonkeyPatch) -> Rig:
     """A rig of the new kinds, which three tables and the surfaces' know of."""
     monkeypatch.setitem(DRIVES, "thruster", lambda rig, by_voltage: Thruster())
     monkeypatch.setitem(SURFACES, "plate", lambda rig: Slab(rig.capsule.mass_kg))
-    monkeypatch.setitem(CONTROLLED, "thruster", Driven(_envelope, Actuator))
+    monkeypatch.setitem(CONTROLLED, "thruster", Driven(name="thruster", bounds=_bounds, actuator=Actuator))
     monkeypatch.setitem(SIMULATED, "thruster", Jet)
     capsule = Capsule(mass_kg=MASS_KG)
     return Rig("thruster", capsule, surface=SurfaceTable(kind="plate", friction_coefficient=MU))
@@ -112,7 +113,7 @@ def rig(monkeypatch: pytest.MonkeyPatch) -> Rig:
 
 def truth() -> Truth:
     """The simulated rig: another program, the same friction."""
-    return Truth(SIMULATED["thruster"](), Capsule(mass_kg=MASS_KG), surface=Plate(MU))
+    return Truth(SIMULATED["thruster"](), Capsule(mass_kg=MASS_KG), surface=TruePlate(MU))
 
 
 def test_it_is_assembled_predicted_and_calibrated(rig: Rig) -> None:

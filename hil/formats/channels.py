@@ -51,11 +51,6 @@ Pick = Callable[[Sequence[Heading]], Collection[str]]
 Read = Callable[[Path, Pick], list[Channel]]
 
 
-def all_of(headings: Sequence[Heading]) -> Collection[str]:
-    """Pick every channel."""
-    return [heading.name for heading in headings]
-
-
 @contextmanager
 def refusing(path: Path, wanted: str) -> Iterator[None]:
     """Within it, whatever a library says of the file `path` is a ValueError of one sentence, with what is `wanted`."""

@@ -47,6 +47,7 @@ from hil.nodes.frame_map import (
     answer_of,
     frame_map_of,
     frames,
+    heartbeat,
 )
 
 
@@ -312,9 +313,7 @@ class ControllerNode:
         self.guard.send("Sync", {"Tick": self._number % (1 << 32), "Period_s": self.tick_s}, now)
         if not 0 <= now - self._beat_at < HEARTBEAT_S - 0.5 * self.tick_s:
             self._beat_at = now
-            up = min(max(now - self._began, 0.0), 167772.0)
-            beat = {"State": self.state, "Uptime_s": up, "Catalogue": self._catalogue.fingerprint}
-            self.guard.send("ControllerHeartbeat", beat, now)
+            self.guard.send("ControllerHeartbeat", heartbeat(self.state, now - self._began, self._catalogue), now)
         if not 0 <= now - self._health_at < HEALTH_S - 0.5 * self.tick_s:
             self._health_at = now
             self.guard.send("ModelHealth", health_values(self.estimator.health, self._began), now)

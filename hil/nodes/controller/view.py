@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Final
 
 from controller.model.control_model import ControlModel
 from controller.monitor.monitor import Health
 from controller.signals import Estimate
 from hil.bus.absent import NO_SURPRISE
+from hil.nodes.frame_map import LONGEST_S
 
 VIEW_S: Final = 0.04
-WALL: Final[Mapping[str, int]] = MappingProxyType({"sticks": 0, "slips_forward": 1, "slips_backward": 2, "lost": 3})
+WALL: Final[Mapping[str, int]] = {"sticks": 0, "slips_forward": 1, "slips_backward": 2, "lost": 3}
 _FARTHEST_M, _WIDEST_M, _FASTEST_M_S, _STRONGEST_N, _MOST_STDS = 1.1, 0.0819, 0.4, 6.5, 9.98
 
 
@@ -69,9 +69,8 @@ def _within(value: float, most: float) -> float:
 
 
 HEALTH_S: Final = 0.1
-STATES: Final[Mapping[str, int]] = MappingProxyType({"holds": 0, "doubtful": 1, "broken": 2, "not watched": 3})
-CHANGES: Final[Mapping[str, int]] = MappingProxyType({"": 0, "sudden": 1, "slow": 2})
-_LONGEST_S: Final = 167772.0
+STATES: Final[Mapping[str, int]] = {"holds": 0, "doubtful": 1, "broken": 2, "not watched": 3}
+CHANGES: Final[Mapping[str, int]] = {"": 0, "sudden": 1, "slow": 2}
 _MOST: Final = 2.55
 
 
@@ -80,7 +79,7 @@ def health_values(health: Health, began_s: float) -> dict[str, float]:
     return {
         "State": STATES[health.state],
         "Change": CHANGES[health.change],
-        "Since_s": min(max(health.since_s - began_s, 0.0), _LONGEST_S),
+        "Since_s": min(max(health.since_s - began_s, 0.0), LONGEST_S),
         "Evidence": min(max(health.evidence, 0.0), _MOST),
         "Alarms": min(health.alarms, 255),
     }

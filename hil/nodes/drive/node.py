@@ -21,26 +21,26 @@ from hil.nodes.drive.sync_clock import SyncClock
 from hil.nodes.frame_map import (
     BOOT,
     DERATED,
-    FAULT,
+    IN_HEARTBEAT,
     OFF,
-    SELF_TEST,
     STANDBY,
-    STOPPING,
     WAITING,
     FrameMap,
     answer_of,
+    heartbeat,
     plain,
 )
+from hil.nodes.listening import waiting
 from hil.nodes.transmit import FrameTransmitter
 
 HEARTBEAT_S: Final = 0.06
 SAFE_STOP_S: Final = 0.06
 HOT_S: Final = 0.2
-_MOST: Final = 256
+MOST: Final = 256
+"""Frames that a firmware takes in at once."""
 _AMBIENT_C: Final = 25.0
 _WARMING_S: Final = 60.0
 _WARMTH_C: Final = 8.0
-_NODE_STATE: Final = {BOOT: 0, SELF_TEST: 0, STANDBY: 1, WAITING: 1, STOPPING: 3, FAULT: 4}
 
 
 class DriveNode:
@@ -142,17 +142,13 @@ class DriveNode:
         self.temperature_C = max(self.temperature_C, self.heated_to_C)
         return self.power.step(dt, share, sensed)
 
+    def _deafened(self, _: Exception) -> None:
+        self.deaf += 1
+
     def _hear(self, now: float) -> bool:
         """Take in what has come; whether SYNC was among it."""
         synced = False
-        for _ in range(_MOST):
-            try:
-                message = self.bus.recv(0)
-            except Exception:  # noqa: BLE001 - drivers of many makers raise whatever they like
-                self.deaf += 1
-                break
-            if message is None:
-                break
+        for message in waiting(self.bus, MOST, self._deafened):
             if not plain(message):
                 self.strange += 1
                 continue
@@ -227,12 +223,7 @@ class DriveNode:
             self.transmitter.say(self.wiring.feedback, self._feedback())
         if now - self._beat_at >= 0.02 - 0.1 * self.tick_s and self.stage.state != BOOT:
             self._beat_at = now
-            up = min(now - self._began, 167772.0)
-            beat = {
-                "State": _NODE_STATE.get(self.stage.state, 2),
-                "Uptime_s": up,
-                "Catalogue": self.catalogue.fingerprint,
-            }
+            beat = heartbeat(IN_HEARTBEAT[self.stage.state], now - self._began, self.catalogue)
             self.transmitter.say(self.wiring.heartbeat, beat)
 
     def _feedback(self) -> dict[str, float]:

@@ -22,9 +22,9 @@ from hil.app.design.vibro import print_vibro, study_of, vibro_html, vibro_json
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import write_files
 from models.files.rig import Rig
+from models.files.tables import check_word
 from models.identification.finding import STAGES
 from models.identification.model import read_model
-from models.parameter import nearest
 
 PAGE = "design.html"
 TICK_S = 0.002
@@ -81,7 +81,7 @@ def _driven(belief: Rig) -> str:
 
 def _hint(page: Path | None) -> None:
     if page is None:
-        summary().print("no plots drawn: --out DIR draws them", markup=False)
+        summary().print("no plots drawn: --out DIR draws them")
 
 
 def _hand_over(page: Path | None, html: Callable[[], str], json_output: bool, numbers: dict[str, Any]) -> None:
@@ -93,8 +93,7 @@ def _hand_over(page: Path | None, html: Callable[[], str], json_output: bool, nu
 
 
 def _values(belief: Rig, model: Path | None, stage: str) -> dict[str, float]:
-    if stage not in STAGES:
-        raise ValueError(f"--stage must be one of {', '.join(STAGES)}; got {stage!r}; {nearest(stage, STAGES)}")
+    check_word(stage, "--stage", STAGES)
     return {} if model is None else read_model(model, belief.kind).believed(stage)
 
 
@@ -136,10 +135,10 @@ def print_design(found: Study, plant: ControlModel, page: Path | None) -> None:
     """Poles, gains, margins and cycles as tables."""
     console = summary()
     for line in words_of(found, plant):
-        console.print(line, markup=False, soft_wrap=True)
+        console.print(line, soft_wrap=True)
     console.print(margin_table(found))
     console.print(cycle_table(found))
     for line in balance_lines(found):
-        console.print(line, markup=False)
+        console.print(line)
     if page is not None:
-        console.print(f"plots: {page}", markup=False, soft_wrap=True)
+        console.print(f"plots: {page}", soft_wrap=True)

@@ -14,6 +14,7 @@ from models.drives.from_rig import DRIVES, drive_of, surface_of
 from models.effects import BY_ID
 from models.effects.effect import Effect
 from models.files.rig import Rig
+from models.files.tables import check_word
 from models.identification.finding import STAGES
 from models.identification.kinds.series.drive_input import OF_THE_LOG
 from models.identification.model import Model, read_model
@@ -55,8 +56,7 @@ def read_found(rig: Path, model: Path, stage: str, driven: str = "") -> Found:
 
     Raises ValueError of one sentence.
     """
-    if stage not in STAGES:
-        raise ValueError(f"--stage must be one of {', '.join(STAGES)}; got {stage!r}; {nearest(stage, STAGES)}")
+    check_word(stage, "--stage", STAGES)
     belief = read_deployed_rig(rig)
     if belief.kind not in DRIVES:
         raise ValueError(f"{rig}: rig.kind must be one of {', '.join(DRIVES)} to be exported; got {belief.kind!r}")

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from controller.drives import DRIVES
-from hil.app.console import notes
+from hil.app.console import note
 from hil.app.scenario.scenario import TrackScenario
+from models.files.tables import check_word
 from models.identification.finding import STAGES
 from models.identification.model import read_model
-from models.parameter import nearest
 
 
 @dataclass(frozen=True)
@@ -40,10 +40,8 @@ class Options:
 
     def values(self, kind: str) -> tuple[dict[str, float], str]:
         """Parameters that a rig of `kind` is believed to have, and the name of their stage. Raises ValueError."""
-        if self.stage is not None and self.stage not in STAGES:
-            raise ValueError(
-                f"--stage must be one of {', '.join(STAGES)}; got {self.stage!r}; {nearest(self.stage, STAGES)}"
-            )
+        if self.stage is not None:
+            check_word(self.stage, "--stage", STAGES)
         if self.model is None:
             if self.stage not in (None, "nominal"):
                 raise ValueError(f"--stage must stand with --model unless it is nominal; got {self.stage!r} alone")
@@ -51,5 +49,5 @@ class Options:
         stage = self.stage or "augmented"
         model = read_model(self.model, *(DRIVES[kind].models or (kind,)))
         if stage in model.cautions:
-            notes().print(f"{self.model}: {model.cautions[stage]}", markup=False, soft_wrap=True)
+            note(f"{self.model}: {model.cautions[stage]}")
         return model.believed(stage), stage

@@ -11,7 +11,7 @@ from hil.app.export.fmu.package import Unit, Variable, c_array, reference, start
 from hil.app.scenario.scenario import BUS_TABLES, TABLES, TRUTH_TABLES
 from hil.nodes.actuators import ACTUATORS
 from hil.nodes.fmu_plant import FORCE, input_of, outputs_of
-from models.files.toml import read_toml
+from models.files.toml import in_file, read_toml
 from models.parameter import nearest
 from plant import layout as at
 from plant.drives.kinds import Pull
@@ -92,7 +92,7 @@ def read_truth(path: Path) -> tuple[RunTable, Rig]:
     """
     raw, _ = read_toml(path, "scenario")
     tables = {name: table for name, table in raw.items() if name in TRUTH_TABLES}
-    try:
+    with in_file(path):
         for name, table in raw.items():
             if name not in (*TABLES, *BUS_TABLES, *OF_SIMULATE, *ACTUATORS):
                 known = (*TABLES, *BUS_TABLES)
@@ -101,6 +101,4 @@ def read_truth(path: Path) -> tuple[RunTable, Rig]:
                 raise ValueError(f"{name} must be a table; got {table!r}")
         run, _, rig = parse_truth(tables)
         Plant(rig)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
     return run, rig

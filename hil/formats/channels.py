@@ -20,7 +20,6 @@ from models.files.record import MOST_CELLS
 from models.files.source import opened
 
 Array = NDArray[np.float64]
-MOST_CHANNELS: Final = 20_000
 _ZEROED: Final = "datetime64[ns]"
 
 

@@ -14,22 +14,12 @@ from hil.bus.absent import NOT_MEASURED_C
 from hil.bus.catalogue import Catalogue
 from hil.bus.codec import Refusal
 from hil.bus.protection import Receiver, Reception
+from hil.nodes import frame_map as wire
 from hil.nodes.drive import state_machine as states
 from hil.nodes.drive.power_stage import CarriagePower, CoilPower, InnerMassPower, Power
 from hil.nodes.drive.state_machine import Stage, Told
 from hil.nodes.drive.sync_clock import SyncClock
-from hil.nodes.frame_map import (
-    BOOT,
-    DERATED,
-    IN_HEARTBEAT,
-    OFF,
-    STANDBY,
-    WAITING,
-    FrameMap,
-    answer_of,
-    heartbeat,
-    plain,
-)
+from hil.nodes.frame_map import FrameMap, answer_of, heartbeat, plain
 from hil.nodes.listening import waiting
 from hil.nodes.transmit import FrameTransmitter
 
@@ -95,12 +85,12 @@ class DriveNode:
             self.catalogue,
             (self.wiring.feedback, self.wiring.fault, self.wiring.heartbeat, self.wiring.challenge),
         )
-        self.stage = Stage(BOOT, now)
+        self.stage = Stage(wire.BOOT, now)
         self.good_at, self.stale, self.strange, self.deaf = -math.inf, 0, 0, 0
         self._number, self._answered, self._asked_at = 0, False, -math.inf
         self._metronome = SyncClock()
         self._began, self._last = now, now
-        self._mode, self._setpoint, self._taken, self._waiting = OFF, 0.0, OFF, False
+        self._mode, self._setpoint, self._taken, self._waiting = wire.OFF, 0.0, wire.OFF, False
         self._dies_at = self._stop_until = self._heard_at = self._beat_at = -math.inf
         self._reset, self._hot_since, self._phase, self._tell = states.NO_FAULT, math.inf, 0, 0
         self._stranger, self._uptime_s, self._shown = False, math.inf, 0.0
@@ -130,13 +120,13 @@ class DriveNode:
         before, self.stage, self._reset = self.stage, states.next_stage(self.stage, told, now), states.NO_FAULT
         if self.stage.fault and not before.fault:
             self._tell = 2
-        if self.stage.state == STANDBY != before.state:
+        if self.stage.state == wire.STANDBY != before.state:
             self._number, self._answered, self._asked_at = self._draw() & 0xFFFFFFFF, False, -math.inf
         self._report(now, self._phase == 0)
 
     def output(self, dt: float, sensed: float) -> float:
         """The plant's command for the next `dt` s."""
-        share = 0.0 if not states.may_move(self.stage) else 0.5 if self.stage.state == DERATED else 1.0
+        share = 0.0 if not states.may_move(self.stage) else 0.5 if self.stage.state == wire.DERATED else 1.0
         load = (self.power.output / self.limits.current_A) ** 2 if isinstance(self.power, CoilPower) else 0.0
         self.temperature_C += dt / _WARMING_S * (_AMBIENT_C + _WARMTH_C * load - self.temperature_C)
         self.temperature_C = max(self.temperature_C, self.heated_to_C)
@@ -185,7 +175,7 @@ class DriveNode:
         elif name == "DriveReset" and mine:
             self._reset, self._metronome = int(values["Code"]), SyncClock()
         elif name == "EnableAnswer":
-            if values["Target"] == self.wiring.target and self.stage.state == STANDBY:
+            if values["Target"] == self.wiring.target and self.stage.state == wire.STANDBY:
                 self._answered = values["Answer"] == answer_of(self._number, self.wiring.target)
         elif name == "ControllerHeartbeat":
             if values["Uptime_s"] < self._uptime_s and self.stage.fault:
@@ -207,7 +197,7 @@ class DriveNode:
             return states.OVER_TEMPERATURE
         if self.power.overload:
             return states.OVER_CURRENT
-        moving = states.may_move(self.stage) or self.stage.state == WAITING
+        moving = states.may_move(self.stage) or self.stage.state == wire.WAITING
         if moving and (self._stranger or now - self._heard_at > HEARTBEAT_S):
             return states.HEARTBEAT_LOST
         return states.NO_FAULT
@@ -216,14 +206,14 @@ class DriveNode:
         if self._tell:
             self._tell -= 1
             self.transmitter.say(self.wiring.fault, {"Code": self.stage.fault, "Detail": 0})
-        if self.stage.state == STANDBY and not self._answered and now - self._asked_at >= 0.02 - 0.1 * self.tick_s:
+        if self.stage.state == wire.STANDBY and not self._answered and now - self._asked_at >= 0.02 - 0.1 * self.tick_s:
             self._asked_at = now
             self.transmitter.say(self.wiring.challenge, {"Number": self._number})
-        if due and self.stage.state != BOOT:
+        if due and self.stage.state != wire.BOOT:
             self.transmitter.say(self.wiring.feedback, self._feedback())
-        if now - self._beat_at >= 0.02 - 0.1 * self.tick_s and self.stage.state != BOOT:
+        if now - self._beat_at >= 0.02 - 0.1 * self.tick_s and self.stage.state != wire.BOOT:
             self._beat_at = now
-            beat = heartbeat(IN_HEARTBEAT[self.stage.state], now - self._began, self.catalogue)
+            beat = heartbeat(wire.IN_HEARTBEAT[self.stage.state], now - self._began, self.catalogue)
             self.transmitter.say(self.wiring.heartbeat, beat)
 
     def _feedback(self) -> dict[str, float]:

@@ -2,8 +2,6 @@
 tables.
 """
 
-from __future__ import annotations
-
 from typing import Final
 
 # parameters `p`

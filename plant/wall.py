@@ -1,7 +1,5 @@
 """The wall's stick and slip, and the forces that it puts on the capsule, over one step."""
 
-from __future__ import annotations
-
 from typing import Final
 
 from plant.compiling import compiled

@@ -1,7 +1,5 @@
 """A magnet on a carriage and one in the capsule, from their own moments: the dipoles of `models.laws.dipole`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

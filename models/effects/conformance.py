@@ -9,7 +9,6 @@ from dataclasses import fields
 from inspect import getsourcefile
 from itertools import product
 from traceback import extract_tb
-from types import MappingProxyType
 from typing import Any, Final
 
 import casadi as ca
@@ -20,27 +19,27 @@ from models.effects.effect import HOOKS, Effect, Signals
 from models.effects.equation import ARGUMENTS, answered, disagreement
 
 _BODY: Final = frozenset(HOOKS) - {"suspension", "reach", "link", "gain", "modulus"}
-READ: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
-    {
-        "pull": _BODY | {"link"},
-        "magnetic": _BODY | {"gain"},
-        "coil": _BODY | {"gain"},
-        "vibro": _BODY | {"gain", "suspension", "reach"},
-        "vibro_table": frozenset(HOOKS),
-        "axis": frozenset({"level", "force", "measured", "delay"}),
-        "periods": frozenset({"stiffening", "wall_force"}),
-        "friction": frozenset({"level", "force", "normal_load"}),
-        "dma": frozenset({"modulus"}),
-    }
-)
+READ: Final[Mapping[str, frozenset[str]]] = {
+    "pull": _BODY | {"link"},
+    "magnetic": _BODY | {"gain"},
+    "coil": _BODY | {"gain"},
+    "vibro": _BODY | {"gain", "suspension", "reach"},
+    "vibro_table": frozenset(HOOKS),
+    "axis": frozenset({"level", "force", "measured", "delay"}),
+    "periods": frozenset({"stiffening", "wall_force"}),
+    "friction": frozenset({"level", "force", "normal_load"}),
+    "dma": frozenset({"modulus"}),
+}
 """The hooks that each kind of rig asks (the compiled solver of a `vibro_table` has its own form of ours)."""
 KINDS: Final = tuple(READ)
 _MOVING: Final = frozenset(f.name for f in fields(Signals)) - {"load"}
-_GIVEN: Final[Mapping[str, frozenset[str]]] = MappingProxyType(
-    dict.fromkeys(KINDS, _MOVING)
-    | {"axis": frozenset({"t", "x", "v", "direction", "load"}), "friction": frozenset({"v", "direction", "load"})}
-    | {"periods": frozenset({"v", "direction", "drag", "drag_rate"}), "dma": frozenset()}
-)
+_GIVEN: Final[Mapping[str, frozenset[str]]] = {
+    **dict.fromkeys(KINDS, _MOVING),
+    "axis": frozenset({"t", "x", "v", "direction", "load"}),
+    "friction": frozenset({"v", "direction", "load"}),
+    "periods": frozenset({"v", "direction", "drag", "drag_rate"}),
+    "dma": frozenset(),
+}
 """The signals that each kind of rig has; the others are 0 there."""
 SIGNALS: Final[Mapping[str, float]] = {
     "t": 0.7,

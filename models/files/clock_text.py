@@ -1,7 +1,5 @@
 """Stamps that a logger wrote as a time of day or as a date with one, in seconds."""
 
-from __future__ import annotations
-
 import math
 import re
 from datetime import UTC, datetime

@@ -1,7 +1,5 @@
 """The one way in which a file that a user names is opened and read: regular files alone, never beyond a bound."""
 
-from __future__ import annotations
-
 import codecs
 import json
 import os

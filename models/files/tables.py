@@ -1,7 +1,5 @@
 """Frozen dataclasses from TOML tables: unknown keys, missing ones and wrong types refused in one sentence each."""
 
-from __future__ import annotations
-
 import math
 import sys
 import types

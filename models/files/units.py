@@ -1,7 +1,5 @@
 """Units as people and instruments write them, with their factors: what a column's unit is in another one."""
 
-from __future__ import annotations
-
 import difflib
 import math
 import re

@@ -1,7 +1,5 @@
 """Drive profiles: dwells and runs at several speeds, wandering sums of sines, pulse-width modulation in trains."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from plant.tables import Floats

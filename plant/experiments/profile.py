@@ -1,7 +1,5 @@
 """What a scenario commands: the profiles that its file can name, each giving one drive value a step."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -19,7 +19,7 @@ from plant.experiments.scenario import RunTable, Scenario
 from plant.experiments.series_rigs import BELIEVED
 from plant.hidden.registry import hidden
 from plant.hidden.table import draw
-from plant.rig import Rig
+from plant.rig import Truth
 from plant.sensing.sensors import Sensor
 from plant.tables import Floats
 
@@ -74,7 +74,7 @@ def make_series(
 
 
 def _record(
-    kind: str, rig: Rig, rng: np.random.Generator, duration_s: float, noise: float, rate_Hz: float
+    kind: str, rig: Truth, rng: np.random.Generator, duration_s: float, noise: float, rate_Hz: float
 ) -> dict[str, Floats]:
     belief = BELIEVED[kind]
     std, span = (FORCE_STD_N, FORCE_SPAN_N) if belief.pulled else (POSITION_STD_M, POSITION_SPAN_M)
@@ -131,7 +131,7 @@ def hidden_ids(effect: str | None) -> list[str]:
     return effect.split("+") if effect else []
 
 
-def _answer_text(rig: Rig, effect: str | None, seed: int) -> str:
+def _answer_text(rig: Truth, effect: str | None, seed: int) -> str:
     lines = [f'effect = "{effect or "none"}"', f"seed = {seed}"]
     lines += [] if rig.surface else [f"hoop_stress_factor = {rig.hoop_factor:.6g}"]
     lines += [f"friction_coefficient = {(rig.surface or rig.tissue).friction_coefficient:.6g}"]

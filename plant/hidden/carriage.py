@@ -1,7 +1,5 @@
 """Hidden effects between the commanded and the real drive: a cascade of lags and a play with rounded ends."""
 
-from __future__ import annotations
-
 from typing import Final
 
 from plant.compiling import compiled

@@ -1,7 +1,5 @@
 """Chosen hidden effects as the table of numbers that the compiled steps read."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a sensor makes of the truth: rate, delay, low-pass, the hidden sensor effects, noise, quantisation."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Final
 
 from hil.nodes.faults.table import Fault
-from plant.drives.kinds import Coil, Drive
+from plant.drives.kinds import TrueCoil, TrueDrive
 from plant.sensing.instruments import Instrument, Reading
 
 SWAY_S: Final = 8.0
@@ -114,7 +114,7 @@ class LyingDrive:
     where it was sent, a coil the `current_A` that its voltage would bring about.
     """
 
-    def __init__(self, fault: Fault, drive: Drive, at: float, current_A: float) -> None:
+    def __init__(self, fault: Fault, drive: TrueDrive, at: float, current_A: float) -> None:
         """`at` is the plant's command before."""
         self.current_A = current_A
         self._lie: Lie | None = Lie(fault, about=zero_of(drive))
@@ -122,7 +122,7 @@ class LyingDrive:
 
     def __call__(self, time_s: float, dt: float, command: float) -> float:
         """The plant's true command for the next `dt` s in place of `command`."""
-        if isinstance(self._drive, Coil):
+        if isinstance(self._drive, TrueCoil):
             ohm, henry = self._drive.resistance_ohm, self._drive.inductance_H
             share = -math.expm1(-dt * ohm / henry) if henry > 0 else 1.0
             self.current_A += share * (command / ohm - self.current_A)
@@ -141,6 +141,6 @@ class LyingDrive:
         self._lie = None
 
 
-def zero_of(drive: Drive) -> float:
+def zero_of(drive: TrueDrive) -> float:
     """About what a drive's command is turned or scaled: no current, no level; nan for a carriage, whose place it is."""
     return math.nan if drive.straight else 0.0

@@ -7,7 +7,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -24,23 +23,19 @@ _KNOTS = 8
 _T95 = 1.96
 _TRIED = 3
 
-SYMBOLS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
-    {
-        "t_s": ("t", "s.t"),
-        "x_m": ("x", "s.x"),
-        "x_rad": ("x", "s.x"),
-        "v_m_s": ("v", "s.v"),
-        "v_rad_s": ("v", "s.v"),
-        "gap_m": ("gap", "s.command - s.x"),
-        "travelled_m": ("travelled", "s.travelled"),
-        "load_N": ("load", "s.load"),
-        "load_N_m": ("load", "s.load"),
-    }
-)
+SYMBOLS: Final[Mapping[str, tuple[str, str]]] = {
+    "t_s": ("t", "s.t"),
+    "x_m": ("x", "s.x"),
+    "x_rad": ("x", "s.x"),
+    "v_m_s": ("v", "s.v"),
+    "v_rad_s": ("v", "s.v"),
+    "gap_m": ("gap", "s.command - s.x"),
+    "travelled_m": ("travelled", "s.travelled"),
+    "load_N": ("load", "s.load"),
+    "load_N_m": ("load", "s.load"),
+}
 """What an effect can look at: a signal's symbol in formulas, and how a hook has it."""
-UNITS: Final[Mapping[str, str]] = MappingProxyType(
-    {"t": "s", "x": "m", "v": "m/s", "gap": "m", "travelled": "m", "load": "N"}
-)
+UNITS: Final[Mapping[str, str]] = {"t": "s", "x": "m", "v": "m/s", "gap": "m", "travelled": "m", "load": "N"}
 
 
 @dataclass(frozen=True)

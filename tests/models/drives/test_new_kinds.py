@@ -32,8 +32,7 @@ from models.parameter import Parameter
 from models.surfaces.surface import Levels, Surface, Values
 from plant.drives.kinds import DRIVES as SIMULATED
 from plant.drives.kinds import Force
-from plant.rig import Plant, Plate
-from plant.rig import Rig as Truth
+from plant.rig import Plant, TruePlate, Truth
 from tests.controller.loops import closed_loop
 
 MASS_KG, THRUST, MU = 0.02, 0.8, 0.3
@@ -114,7 +113,7 @@ def rig(monkeypatch: pytest.MonkeyPatch) -> Rig:
 
 def truth() -> Truth:
     """The simulated rig: another program, the same friction."""
-    return Truth(SIMULATED["thruster"](), Capsule(mass_kg=MASS_KG), surface=Plate(MU))
+    return Truth(SIMULATED["thruster"](), Capsule(mass_kg=MASS_KG), surface=TruePlate(MU))
 
 
 def test_it_is_assembled_predicted_and_calibrated(rig: Rig) -> None:

@@ -100,7 +100,6 @@ def test_it_takes_part_until_it_is_no_longer_asked_for() -> None:
         ([('0.0, "N"', '0.0, "Newtonish"')], "force_N must have a unit, such as N, m/s or 1; got 'Newtonish'"),
         ([("-0.2, 0.2", "0.2, -0.2")], "force_N must have its lower bound first; got 0.2, -0.2"),
         ([('Parameter("force_N"', 'Parameter("force"')], "force_N must have a parameter of the same name; got 'force'"),
-        ([("force_N: Parameter", "force_N")], "force_N must be a field of a dataclass"),
         ([('"place_m": (', '"place": (')], "grid must name parameters; got 'place'; did you mean 'place_m'?"),
         ([("-9e-3, -6e-3", "-9, -6e-3")], "grid must have starts of place_m in [-0.1, 0.1]"),
         (
@@ -127,6 +126,14 @@ def test_what_cannot_be_used_is_refused_in_a_sentence(
     assert sentence in str(refused.value)
     assert "\n" not in str(refused.value)
     assert "soft_bump" not in BY_ID
+
+
+def test_its_numbers_may_be_plain_attributes(tmp_path: Path) -> None:
+    plain = [("@dataclass(frozen=True)\n", ""), ("Signals, Values", "Signals, Values, number"), (": Parameter", "")]
+    named = [(f'Parameter("{name}", ', "number(") for name in ("force_N", "place_m", "width_m")]
+    (field,) = use_effects([EXAMPLE])
+    (bump,) = use_effects([own_file(tmp_path, *plain, *named)])
+    assert bump.parameters() == field.parameters()
 
 
 def test_two_effects_of_a_file_take_part_and_may_name_each_other(tmp_path: Path) -> None:

@@ -119,21 +119,10 @@ def document(answers: Sequence[Answer]) -> dict[str, Any]:
         "verdicts": verdicts(answers),
         "lacking": [{"effects": effect, "named": named, "part": part} for effect, named, part in lacking(answers)],
         "series": [
-            {
-                "name": answer.name,
-                "kind": answer.kind,
-                "verdict": answer.verdict,
-                "effects": answer.effects,
-                "part": answer.part,
-                "error": answer.errors,
-                "noise_floor": answer.floor,
-                "better": answer.better,
-                "disagrees": list(answer.disagrees),
-                "reasons": answer.result.get("reasons", []),
-                "report": answer.report,
-                "refused": answer.error,
-                "seconds": answer.result.get("seconds"),
-            }
+            {name: getattr(answer, name) for name in ("name", "kind", "verdict", "effects", "part")}
+            | {"error": answer.errors, "noise_floor": answer.floor, "better": answer.better}
+            | {"disagrees": list(answer.disagrees), "reasons": answer.result.get("reasons", [])}
+            | {"report": answer.report, "refused": answer.error, "seconds": answer.result.get("seconds")}
             for answer in answers
         ],
     }

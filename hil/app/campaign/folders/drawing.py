@@ -10,7 +10,6 @@ from typing import Final
 from hil.app.campaign.folders.answers import Answer
 from hil.app.quantities import number
 from hil.app.report.theme import FLOOR, GRID, INK, STAGE_COLOURS
-from hil.app.report.words import STAGE_WORDS
 
 WIDTH, HEIGHT, EDGE = 230, 22, 9
 _SHAPES: Final = {
@@ -45,7 +44,7 @@ def error_drawing(answer: Answer, axis: Axis) -> str:
         return ""
     shown = [stage for stage in _SHAPES if stage != "augmented" or answer.effects]
     shares = {stage: answer.errors[stage] / answer.floor for stage in shown if answer.errors[stage] > 0}
-    said = ", ".join(f"{STAGE_WORDS[stage]} {number(share, 3)}" for stage, share in shares.items())
+    said = ", ".join(f"{stage} {number(share, 3)}" for stage, share in shares.items())
     marks = "".join(_mark(stage, axis.place(share)) for stage, share in shares.items())
     decades = "".join(_line(axis.place(10.0**power), GRID) for power in range(1, 1 + round(math.log10(axis.most))))
     return (
@@ -59,8 +58,7 @@ def error_drawing(answer: Answer, axis: Axis) -> str:
 def legend(axis: Axis) -> str:
     """What the marks are."""
     marks = "".join(
-        f'<span><svg width="18" height="{HEIGHT}">{_mark(stage, 9.0)}</svg> {STAGE_WORDS[stage]}</span>'
-        for stage in _SHAPES
+        f'<span><svg width="18" height="{HEIGHT}">{_mark(stage, 9.0)}</svg> {stage}</span>' for stage in _SHAPES
     )
     return (
         f'<p class="legend">Errors on records that no fit has seen, where there are any, over the noise floor (dark'

@@ -115,17 +115,10 @@ def _line(answer: Answer, axis: Axis) -> list[str]:
     unit = answer.result["error"].get("unit") or ""
     first, last = (quantity(answer.errors[stage], unit) for stage in ("nominal", "augmented"))
     held = "" if answer.part == "holdout" else "<small>on training records</small>"
-    sure = answer.sure or DASH
     times = f"{number(answer.better, 3)}&nbsp;×" if math.isfinite(answer.better) else DASH
-    return [
-        _link(answer) + kind,
-        chip,
-        _lacks(answer),
-        sure,
-        f"<span>{first} →</span> <span>{last}</span>{held}",
-        times,
-        error_drawing(answer, axis),
-    ]
+    errors = f"<span>{first} →</span> <span>{last}</span>{held}"
+    said = [_lacks(answer), answer.sure or DASH, errors, times]
+    return [_link(answer) + kind, chip, *said, error_drawing(answer, axis)]
 
 
 def _lacks(answer: Answer) -> str:
@@ -154,13 +147,10 @@ def _link(answer: Answer) -> str:
 def _table(heads: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
     """A table whose rows become cards where the page is narrow."""
     head = "".join(f"<th>{escape(h)}</th>" for h in heads)
-    body = "".join(
-        "<tr>"
-        + "".join(
-            f'<td{" class=empty" if not cell else ""} data-head="{escape(h)}">{cell}</td>'
-            for h, cell in zip(heads, line, strict=True)
-        )
-        + "</tr>"
-        for line in lines
-    )
+    body = ""
+    for line in lines:
+        body += "<tr>"
+        for h, cell in zip(heads, line, strict=True):
+            body += f'<td{"" if cell else " class=empty"} data-head="{escape(h)}">{cell}</td>'
+        body += "</tr>"
     return f'<table class="cards"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>'

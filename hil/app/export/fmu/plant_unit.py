@@ -14,18 +14,18 @@ from hil.nodes.fmu_plant import FORCE, input_of, outputs_of
 from models.files.toml import in_file, read_toml
 from models.parameter import nearest
 from plant import layout as at
-from plant.drives.kinds import Pull
+from plant.drives.kinds import TruePull
 from plant.experiments.scenario import TABLES as OF_SIMULATE
 from plant.experiments.scenario import RunTable, parse_truth
 from plant.hidden import carriage
-from plant.rig import Plant, Rig
+from plant.rig import Plant, Truth
 from plant.tables import Floats
 
 _CORE: Final = Path(__file__).with_name("plant_core.c")
 _PLACES: Final = ("S_STEP", "S_DIRECTION", "S_COUNT", "P_COUNT", "O_FORCE", "O_COUNT", "L_COUNT", "NODES")
 
 
-def plant_unit(name: str, rig: Rig, duration_s: float) -> Unit:
+def plant_unit(name: str, rig: Truth, duration_s: float) -> Unit:
     """The FMU of `rig` at rest at 0. Raises ValueError where its drive changes its kind when a hidden effect begins."""
     plant = Plant(rig)
     stages = plant.stages()
@@ -50,7 +50,7 @@ def plant_unit(name: str, rig: Rig, duration_s: float) -> Unit:
 
 def _header(plant: Plant, stages: list[tuple[int, Floats]], kind: tuple[int, ...], variables: list[Variable]) -> str:
     drive, h = plant.rig.drive, stages[0][1]
-    straight = drive.straight or isinstance(drive, Pull)
+    straight = drive.straight or isinstance(drive, TruePull)
     defines = {name: int(getattr(at, name)) for name in _PLACES} | {
         "VARIABLES": 1 + len(variables),
         "INPUT": 1,
@@ -86,7 +86,7 @@ def _header(plant: Plant, stages: list[tuple[int, Floats]], kind: tuple[int, ...
     )
 
 
-def read_truth(path: Path) -> tuple[RunTable, Rig]:
+def read_truth(path: Path) -> tuple[RunTable, Truth]:
     """How long the scenario file `path`, one of `simulate`, `track` or `sil`, runs, and its plant. Raises ValueError of
     one sentence.
     """

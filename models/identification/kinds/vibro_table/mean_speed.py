@@ -1,7 +1,5 @@
 """Mean speeds of a body with an inner mass on a plate, for a table of periods and duties."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -18,9 +18,9 @@ from models.identification.kinds.series.kind import SeriesKind
 from models.identification.search.refit import refit, whole
 from models.identification.search.validation import NEAR_NOISE, judged
 from plant import layout as at
-from plant.drives.kinds import Magnet
+from plant.drives.kinds import TrueMagnet
 from plant.experiments.series import make_series
-from plant.rig import STEP_S, Plant, Plate, Rig
+from plant.rig import STEP_S, Plant, TruePlate, Truth
 from tests.models.identification.search.test_vibro_search import read_series
 
 
@@ -71,7 +71,7 @@ def test_a_magnet_swings_a_capsule_in_the_air() -> None:
     t = np.arange(0.0, 6.0, STEP_S)
     carriage = 2e-3 * np.sin(9 * t) + 3e-3 * np.sin(2 * t)
     drag = {"viscous_drag": {"force_N": 0.02}}
-    rows = Plant(Rig(Magnet(24.0), surface=Plate(0.0), hidden=drag)).advance(carriage, 250)
+    rows = Plant(Truth(TrueMagnet(24.0), surface=TruePlate(0.0), hidden=drag)).advance(carriage, 250)
     place = rows[:, at.O_X] + 2e-5 * np.random.default_rng(1).standard_normal(rows.shape[0])
     rig = parse_rig(
         {

@@ -25,10 +25,10 @@ def motion_values(model: ControlModel, estimate: Estimate, surprise: float) -> d
     x = model.index("x")
     lost = estimate.lost or not math.isfinite(estimate.state[x] + estimate.std[x])
     return {
-        "Position_m": _within(estimate.state[x], _FARTHEST_M),
-        "Std_m": abs(_within(estimate.std[x], _WIDEST_M)),
+        "Position_m": within(estimate.state[x], _FARTHEST_M),
+        "Std_m": abs(within(estimate.std[x], _WIDEST_M)),
         "Wall": WALL["lost"] if lost else _wall(model, estimate),
-        "Surprise": _within(surprise, _MOST_STDS) if math.isfinite(surprise) else NO_SURPRISE,
+        "Surprise": within(surprise, _MOST_STDS) if math.isfinite(surprise) else NO_SURPRISE,
     }
 
 
@@ -44,14 +44,14 @@ def force_values(model: ControlModel, estimate: Estimate, command: float, now: f
     forces = {"Drive_N": drive, "Wall_N": wall, "Lacking_N": estimate.disturbance_N}
     if not all(math.isfinite(float(force)) for force in forces.values()):
         return None
-    return {name: _within(float(force), _STRONGEST_N) for name, force in forces.items()}
+    return {name: within(float(force), _STRONGEST_N) for name, force in forces.items()}
 
 
 def wanted_values(position_m: float, speed_m_s: float, follows: bool, switches: int) -> dict[str, float]:
     """The signals of WantedMotion; what is no number is not followed."""
     return {
-        "Position_m": _within(position_m, _FARTHEST_M),
-        "Velocity_m_s": _within(speed_m_s, _FASTEST_M_S),
+        "Position_m": within(position_m, _FARTHEST_M),
+        "Velocity_m_s": within(speed_m_s, _FASTEST_M_S),
         "Following": float(follows and math.isfinite(position_m + speed_m_s)),
         "Model": min(switches, 255),
     }
@@ -64,7 +64,8 @@ def _wall(model: ControlModel, estimate: Estimate) -> int:
     return WALL["slips_forward"] if slip > least else WALL["slips_backward"] if slip < -least else WALL["sticks"]
 
 
-def _within(value: float, most: float) -> float:
+def within(value: float, most: float) -> float:
+    """`value` to at most `most` either way, 0 where it is no number."""
     return min(max(float(value), -most), most) if math.isfinite(value) else 0.0
 
 

@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import Literal
 
 SETS = Path(__file__).parent / "sets"
-_ROUNDING = 1e-9
+_ROUNDING = 1e-9  # of a value, by which it may be beyond its bounds
 Role = Literal["", "phase", "place"]
 
 

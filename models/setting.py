@@ -1,7 +1,5 @@
 """A setting: a number that we chose, with its unit, its meaning and what it was chosen on."""
 
-from __future__ import annotations
-
 from dataclasses import field
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A simulated rig: capsule, tissue, surface, drive, anatomy and hidden effects put together, advanced in chunks."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Mapping
@@ -18,7 +16,7 @@ from plant.hidden.registry import ONSET
 from plant.hidden.table import begun, effect_table
 from plant.tables import Floats, tabulate
 
-STEP_S = 20e-6
+STEP_S = 20e-6  # of the plant
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from plant import layout as at
 from plant.compiling import compiled
 
 Floats = NDArray[np.float64]
-_PER_SPEED = (at.NODES - 1) / at.SPEED_SPAN
+_PER_SPEED = (at.NODES - 1) / at.SPEED_SPAN  # nodes of a table for each unit of its argument
 _PER_ROOT = (at.NODES - 1) / at.MUCUS_SPAN
 _PER_DRAG = (at.NODES - 1) / at.DRAG_SPAN
 

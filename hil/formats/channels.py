@@ -20,7 +20,7 @@ from models.files.record import MOST_CELLS
 from models.files.source import opened
 
 Array = NDArray[np.float64]
-MOST_CHANNELS: Final = 20_000
+MOST_CHANNELS: Final = 20_000  # of a file
 _ZEROED: Final = "datetime64[ns]"
 
 

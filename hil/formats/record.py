@@ -16,7 +16,7 @@ from models.files.mapping import ColumnMap, MappedColumn
 from models.files.record import Record, find_columns, record_of
 from models.files.rig import Rig
 
-_CALENDAR_S = 1e6
+_CALENDAR_S = 1e6  # a later stamp is a date
 _SWITCHES = ("drive_on",)
 
 

@@ -28,8 +28,8 @@ from plant.session import Session
 
 SLOT_S: Final = 1e-3
 """The drives' firmware runs this often."""
-_COIL_PARTS: Final = 2
-_FORCE_STD_N: Final = 1e-3
+_COIL_PARTS: Final = 2  # steps of the plant in a tick: a coil's current is quick
+_FORCE_STD_N: Final = 1e-3  # noise of the simulated force cell
 
 
 def power_of(session: Session, limits: Limits) -> tuple[FrameMap, Power]:

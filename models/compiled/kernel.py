@@ -1,7 +1,5 @@
 """A CasADi step function as a compiled NumPy loop: one declaration of the model, run at the speed of machine code."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -18,7 +16,7 @@ Loop = Callable[[Array, Array, Array, float, Array, int, float, Array], None]
 
 LANES = 8
 """Parameter sets that a loop runs side by side: as many doubles as the widest vector units hold."""
-SLOW_S = 2.0
+SLOW_S = 2.0  # time constant within which an observer leaves an error alone
 NEVER_S = 1e30
 """`slow_s` of an observer that corrects all of the error: where nothing holds a place, a slow error is the model's own
 drift.

@@ -10,7 +10,7 @@ from models.drives.magnetic import Magnetic
 from models.laws.dipole import PAIRINGS, Orientation, attraction, pull
 from models.parameter import Parameter
 
-_STEPS = 4
+_STEPS = 4  # of Newton's method
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from models.files.units import factor, split_unit
 
 TIME = "t_s"
-TIME_SERIES_ROWS = 2_000_000
-TABLE_ROWS = 100_000
+TIME_SERIES_ROWS = 2_000_000  # most rows of a record: half an hour at 1 kHz
+TABLE_ROWS = 100_000  # most rows of a table
 
 
 @dataclass(frozen=True)
@@ -85,13 +85,13 @@ VARIANTS: Mapping[str, tuple[Columns, ...]] = MappingProxyType(
 for a force.
 """
 
-_FORCE = (-1e3, 1e3, "between -1000 and 1000 N")
-_LOAD = (-1e9, 1e9, "between -1e9 and 1e9 N")
+_FORCE = (-1e3, 1e3, "between -1000 and 1000 N")  # least, most, and both in words
+_LOAD = (-1e9, 1e9, "between -1e9 and 1e9 N")  # the same
 SLOWEST_PULL = 1e-7
 """In m/s: a tooth of a tenth of a millimetre every quarter of an hour."""
-_PLACE = (-100.0, 100.0, "between -100 and 100 m")
+_PLACE = (-100.0, 100.0, "between -100 and 100 m")  # the same
 
-RANGES = MappingProxyType(
+RANGES = MappingProxyType(  # what a value of a column may be, by column
     {
         "position_m": _PLACE,
         "carriage_position_m": _PLACE,

@@ -7,7 +7,7 @@ import stat
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
-LARGEST_TEXT: Final = 1 << 20
+LARGEST_TEXT: Final = 1 << 20  # bytes of a file that a person writes
 LARGEST_DATA: Final = 1 << 31
 """Most bytes of a file of settings, and of a file of samples."""
 WINDOWS: Final = "cp1252"

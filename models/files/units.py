@@ -18,7 +18,8 @@ class Unit:
     factor: float
 
 
-GRAVITY: Final = 9.80665
+GRAVITY: Final = 9.80665  # m/s2, standard
+# of SI
 _PREFIXES: Final = {"": 1.0, "n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "d": 1e-1, "k": 1e3, "M": 1e6, "G": 1e9}
 _PREFIX_WORDS: Final = {
     "": "",

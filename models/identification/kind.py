@@ -19,9 +19,6 @@ Theta = Mapping[str, float]
 absent.
 """
 
-EXPLAINED = 0.9
-"""Share of the misfit beyond chance that effects take away where they count as what was missing."""
-
 
 class Kind(Protocol):
     """One kind of rig with the experimenter's beliefs: free-running prediction, criterion, reported error.

@@ -9,16 +9,16 @@ from types import MappingProxyType
 
 import numpy as np
 
-from models.checks.settings import CHECKS
+from models.checks.settings import SET as CHECKS
 from models.files.columns import COLUMNS, TIME
 from models.files.record import Record, named
 from models.identification.kind import Kind
+from models.identification.settings import SET
 
 MOST_SECONDS = MappingProxyType(
     {"pull": 3600.0, "magnetic": 3600.0, "coil": 3600.0, "vibro": 600.0, "vibro_table": 1e5}
 )
 """Longest motion that one record may ask to be computed, by kind of rig."""
-_GAP = 1000.0
 _PARTS = MappingProxyType(
     {
         "axis": "more records, or one of at least four stretches of motion that last more than 0.4 s each",
@@ -101,7 +101,7 @@ def _check_clock(record: Record) -> None:
             f"{record.name}: t_s must step by at most {CHECKS.step_s[1]:g} s; got steps of {usual:g} s: is it in s?"
         )
     worst = int(np.argmax(steps))
-    if steps[worst] > _GAP * usual:
+    if steps[worst] > SET.gap * usual:
         raise ValueError(
             f"{record.name}: t_s must go on without a gap; got none between {t[worst]:.12g} s and {t[worst + 1]:.12g} s"
             f" where steps are {usual:g} s: cut the record there"

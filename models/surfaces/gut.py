@@ -21,9 +21,9 @@ from models.surfaces.surface import FULL, Held, Levels, Surface, Values
 
 FAST, FASTEST = 0.3, 1.0  # m/s, ends of the fitted ranges of the pressure integrals; a shaken body reaches 0.4
 LONGEST = 3e-3  # m, end of the fitted range of the wall drag
-_KNEE = 3e-3
-_DEGREE, _DEGREE_BEYOND = 12, 4
-_TINY = 1e-12
+_KNEE = 3e-3  # m/s, about which the fitted polynomial is finest
+_DEGREE, _DEGREE_BEYOND = 12, 4  # of the polynomials up to `FAST` and beyond
+_TINY = 1e-12  # a difference that is none, in m or N
 
 
 def _polynomial(value: Any, coefficients: tuple[float, ...]) -> Any:

@@ -9,7 +9,7 @@ from models.parameter import Parameter
 Values = Mapping[str, Any]
 Levels = tuple[Any, Any, Any]
 Held = tuple[Any, Any]
-FULL: Final[Levels] = (1.0, 1.0, 1.0)
+FULL: Final[Levels] = (1.0, 1.0, 1.0)  # factors on elastic resistance, weight and load where nothing changes them
 
 
 class Surface(ABC):

@@ -26,7 +26,7 @@ from plant.surface import clipped_speed, kinetic_limit, sliding_limit
 from plant.tables import Floats
 from plant.wall import move_wall, wall_force
 
-MAGNET: Final = 0
+MAGNET: Final = 0  # kinds of drive in the compiled step
 COIL: Final = 1
 FORCE: Final = 2
 LINK: Final = 3

@@ -14,7 +14,7 @@ from plant.surface import clipped_speed, kinetic_limit, sliding_limit
 from plant.tables import Floats
 from plant.wall import move_wall, wall_force
 
-BY_FORCE: Final = 0
+BY_FORCE: Final = 0  # what the inner mass is driven by
 BY_VOLTAGE: Final = 1
 
 

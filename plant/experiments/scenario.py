@@ -40,9 +40,9 @@ TABLES: Final = (
     "anatomy",
     "effects",
 )
-MOST_STEPS: Final = 50_000_000
-SHORTEST_STEP_S: Final = 1e-6
-LONGEST_STEP_S: Final = 1e-2
+MOST_STEPS: Final = 50_000_000  # of a simulation: a thousand seconds at the usual step
+SHORTEST_STEP_S: Final = 1e-6  # of the compiled step
+LONGEST_STEP_S: Final = 1e-2  # of the compiled step
 ANATOMY_KEYS: Final = ("places_m", "level", "seed")
 
 

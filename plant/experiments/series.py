@@ -2,8 +2,6 @@
 hidden effect.
 """
 
-from __future__ import annotations
-
 import gzip
 import io
 from dataclasses import replace
@@ -25,7 +23,7 @@ from plant.tables import Floats
 
 KINDS: Final = tuple(BELIEVED)
 RECORDS: Final = ("train_1", "train_2", "train_3", "holdout")
-FORCE_STD_N: Final = 1e-3
+FORCE_STD_N: Final = 1e-3  # noise and span of a made-up sensor: force cell, localisation
 POSITION_STD_M: Final = 5e-5
 FORCE_SPAN_N: Final = 0.25
 POSITION_SPAN_M: Final = 25e-3

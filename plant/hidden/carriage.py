@@ -11,7 +11,7 @@ DRIVER: Final = ROWS["driver_lag"]
 BACKLASH: Final = ROWS["carriage_backlash"]
 BEHIND: Final = [LAG, DRIVER, BACKLASH]
 """Effects between the commanded and the real drive."""
-CARRIAGE_NUMBERS: Final = 2 + len(LAG_SHARES)
+CARRIAGE_NUMBERS: Final = 2 + len(LAG_SHARES)  # of the memory: two of the play, one a lag
 
 
 @compiled

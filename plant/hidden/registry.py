@@ -13,7 +13,7 @@ CARRIED: Final = (PULL, MAGNETIC)
 PUSHED: Final = (MAGNETIC, COIL)
 RESTING: Final = (*CARRIED, COIL, FORCE)
 GUT_DRIVES: Final = (*CARRIED, COIL, VIBRO, FORCE)
-LAG_SHARES: Final = (1 / 2, 1 / 3, 1 / 6)
+LAG_SHARES: Final = (1 / 2, 1 / 3, 1 / 6)  # of a lag's time that each of its stages has
 IN_A_ROW: Final = "three first-order lags in a row, a/2, a/3 and a/6"
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from plant.hidden.registry import LAG_SHARES, ONSET, ROWS
 from plant.tables import Floats
 
-FASTEST_HZ = 1e6
+FASTEST_HZ = 1e6  # sampling rate
 MOST = 1e3
 """Largest noise, quantum and span (m or N), delay and time constant (s) that a sensor is given."""
 

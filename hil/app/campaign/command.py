@@ -25,7 +25,7 @@ from hil.app.write import own_folder, write_files
 from models.effects import use_effects
 
 RESULTS, PAGE, NUMBERS, REPORTS = "results.jsonl", "campaign.html", "campaign.json", "series"
-_SHOWN: Final = 5
+_SHOWN: Final = 5  # worst cases that the terminal shows
 _MARK: Final = "close-loop over folders"
 """What the results of series are known by; a series is known by a hash of its own."""
 Workers = tuple[int | None, str | None]

@@ -68,8 +68,8 @@ def _are_bounds(kind: str, numbers: list[Any]) -> bool:
     return bool(-most < lower <= upper < most and (kind != "log_uniform" or lower > 0))
 
 
-_MOST: Final = 1e300
-_MOST_INTEGER: Final = 10**15
+_MOST: Final = 1e300  # what a drawn number may be
+_MOST_INTEGER: Final = 10**15  # the same of an integer
 _DRAWS: Final[Mapping[str, Callable[[np.random.Generator, tuple[Any, ...]], Any]]] = {
     "uniform": lambda rng, n: float(rng.uniform(n[0], n[1])),
     "log_uniform": lambda rng, n: float(math.exp(rng.uniform(math.log(n[0]), math.log(n[1])))),
@@ -79,7 +79,7 @@ _DRAWS: Final[Mapping[str, Callable[[np.random.Generator, tuple[Any, ...]], Any]
 
 
 TABLES: Final = ("campaign", "draw", "grid", "variants")
-MOST_RUNS: Final = 1_000_000
+MOST_RUNS: Final = 1_000_000  # of a campaign
 METRICS: Final = tuple(field.name for field in fields(Score) if field.type in ("float", "int"))
 ENGINES: Final[Mapping[str, Callable[[Table], Any]]] = {"track": parse_track_scenario, "sil": parse_sil_scenario}
 

@@ -15,7 +15,7 @@ from hil.app.report.theme import figure_html, line_colour, styled, symbol
 from hil.app.report.words import column_words
 
 Row = Mapping[str, Any]
-WORST: Final = 12
+WORST: Final = 12  # cases on the page
 _NUMBERS: Final = ("median", "p95", "max")
 _EACH: Final = 40
 """Runs up to which the spread shows each one."""

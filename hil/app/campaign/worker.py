@@ -14,7 +14,7 @@ from typing import Any, Final, Protocol
 from hil.app.child_process import end_with_parent
 from hil.app.write import file_trouble
 
-TRIES: Final = 3
+TRIES: Final = 3  # pools that a run may cost
 Row = dict[str, Any]
 
 

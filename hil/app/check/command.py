@@ -17,7 +17,7 @@ from models.checks.finding import RecordFinding
 from models.checks.information.excitation import cannot_show
 from models.effects import effects_for
 
-STOPPED = 1
+STOPPED = 1  # exit status where a finding would stop a fit
 
 
 def check(records: Sequence[Path], rig: Path, *, json_output: bool = False) -> int:

@@ -18,7 +18,7 @@ Values = Mapping[str, float]
 Span = tuple[float, float]
 STDS: Final = 2.0
 """Half the width of the estimate's band, in standard deviations."""
-_MM, _MN, _PERCENT = 1e3, 1e3, 100.0
+_MM, _MN, _PERCENT = 1e3, 1e3, 100.0  # in a metre; mN in a newton
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Panel:
+class LivePanel:
     """Lines over one axis: `unit`, the `places` behind the point that its readings have, the least `span` that it
     shows, and dashed `marks`.
     """
@@ -60,7 +60,7 @@ class Panel:
         return {**told, "marks": list(self.marks), "strips": self.strips, "lines": lines}
 
 
-def panels_of(wiring: FrameMap, catalogue: Catalogue) -> tuple[Panel, ...]:
+def panels_of(wiring: FrameMap, catalogue: Catalogue) -> tuple[LivePanel, ...]:
     """The panels of a rig whose drive is `wiring`."""
     drive = wiring.drive
     word, unit, factor, _ = drive.shown
@@ -94,13 +94,13 @@ def panels_of(wiring: FrameMap, catalogue: Catalogue) -> tuple[Panel, ...]:
         strip("model", "ModelHealth", "State"),
     )
     return (
-        Panel("Position", "mm", places, 3, 1.0),
-        Panel("Estimate less reference", "mm", (error,), 3, 0.1, (0.0,)),
-        Panel(word, unit, (*reported, command), 3, 0.01),
-        Panel("Forces on the capsule", "mN", forces, 1, 2.0, (0.0,)),
-        Panel("Residual", "σ", (surprise,), 1, 6.0, (-3.0, 3.0)),
-        Panel("Evidence against the model", "% of an alarm", (evidence,), 0, 110.0, (100.0,)),
-        Panel("States", "", states, strips=True),
+        LivePanel("Position", "mm", places, 3, 1.0),
+        LivePanel("Estimate less reference", "mm", (error,), 3, 0.1, (0.0,)),
+        LivePanel(word, unit, (*reported, command), 3, 0.01),
+        LivePanel("Forces on the capsule", "mN", forces, 1, 2.0, (0.0,)),
+        LivePanel("Residual", "σ", (surprise,), 1, 6.0, (-3.0, 3.0)),
+        LivePanel("Evidence against the model", "% of an alarm", (evidence,), 0, 110.0, (100.0,)),
+        LivePanel("States", "", states, strips=True),
     )
 
 
@@ -176,7 +176,7 @@ class Facts:
             "panels": [panel.document() for panel in self.panels()],
         }
 
-    def panels(self) -> tuple[Panel, ...]:
+    def panels(self) -> tuple[LivePanel, ...]:
         """What is drawn."""
         return panels_of(self.wiring, self.catalogue)
 

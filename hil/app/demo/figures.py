@@ -21,8 +21,8 @@ from hil.app.report.words import error_scale, tested_part
 from models.identification.finding import STAGES, Finding
 
 SIGNALS: Final = ("x_m", "v_m_s")
-POINTS: Final = 3000
-HEADROOM: Final = 1.15
+POINTS: Final = 3000  # of a line
+HEADROOM: Final = 1.15  # above the highest bar
 
 
 def improvement_figure(loops: Sequence[tuple[Story, Told]]) -> go.Figure:

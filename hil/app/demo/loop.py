@@ -33,8 +33,8 @@ from plant import layout as at
 
 SCENARIOS: Final = Path(__file__).parents[2] / "scenarios"
 MISSION, HOLDOUT = "mission", "holdout"
-_DRIVEN, _FOUND = 0.12, 0.75
-SEEDS = 1000
+_DRIVEN, _FOUND = 0.12, 0.75  # shares of the work up to the end of the drives, and of the search
+SEEDS = 1000  # by which seeds of two loops are apart
 Tables = dict[str, Any]
 
 

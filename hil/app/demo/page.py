@@ -25,7 +25,7 @@ from hil.app.sil.story import PAGE as LEARNED
 from hil.app.sil.story import error_figure, parts_table
 from models.identification.finding import NEXT_TOML, STAGES, Finding
 
-POINTS: Final = 4000
+POINTS: Final = 4000  # of a line
 _LINES: Final = (
     "<p>Dots are samples. The solid line is their local mean while the capsule moves forward, the dotted one while it"
     " moves backward; orange is the model before, teal the one after.</p>"

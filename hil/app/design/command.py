@@ -24,8 +24,8 @@ from models.identification.finding import STAGES
 from models.identification.model import read_model
 
 PAGE = "design.html"
-TICK_S = 0.002
-SPEEDS_MM_S, LONGEST_DELAY_MS = (0.01, 100.0), 200.0
+TICK_S = 0.002  # of the controller
+SPEEDS_MM_S, LONGEST_DELAY_MS = (0.01, 100.0), 200.0  # that may be asked for, and the delay
 
 
 def design(

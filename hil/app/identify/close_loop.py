@@ -30,7 +30,7 @@ REPORT, NUMBERS, MODEL = "report.html", "report.json", "model.toml"
 FILES = (REPORT, NUMBERS, MODEL, NEXT_TOML, NEXT_CSV)
 
 
-_MM = 1e3
+_MM = 1e3  # in a metre
 
 
 def close_loop(

@@ -17,8 +17,8 @@ from models.identification.kinds import kind_for
 from models.identification.kinds.axis.coordinates import TURN
 from plant.experiments.series import make_series
 
-_SECONDS: Final = 12.0
-_PULL_M_S: Final = 5e-4
+_SECONDS: Final = 12.0  # of a template record
+_PULL_M_S: Final = 5e-4  # of paper A
 Columns = Mapping[str, Array]
 
 

@@ -23,7 +23,7 @@ from hil.app.report.document import document, heading
 from hil.app.report.theme import figure_html
 from hil.app.write import write_files
 
-_PAGE_WIDTH = 120
+_PAGE_WIDTH = 120  # characters of a table in a file
 _COLOURS = {
     **dict.fromkeys(("reproduced", "consistent"), "green"),
     **dict.fromkeys(("check value", "not comparable"), "dim"),

@@ -15,7 +15,7 @@ from models.laws.hoop import high_speed_moduli
 from models.parameter import load_set
 from models.sets import load_measurement
 
-_DIP_HZ = 40.0
+_DIP_HZ = 40.0  # of the modulus in paper V's Table 2
 
 
 @dataclass(frozen=True)

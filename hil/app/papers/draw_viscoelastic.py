@@ -19,7 +19,7 @@ from models.laws.geometry import Regime
 from models.laws.hoop import high_speed_moduli
 from models.parameter import load_set
 
-_MN = 1e3
+_MN = 1e3  # in a newton
 _TOP, _JUMP = HIGH_SPEEDS[-1], HIGH_SPEEDS[0]
 
 

@@ -17,7 +17,7 @@ from models.sets import load_measurement
 SOURCE = "constant_velocity_section_2.3"
 
 
-_MN = 1e3
+_MN = 1e3  # in a newton
 _SHADES = ("#9ca3af", "#6b7280", "#374151")
 
 

@@ -15,10 +15,10 @@ from hil.app.papers.viscoelastic import measured_band
 from models.identification.kinds.periods.kind import Cycle, PeriodsKind
 from models.sets import load_measurement
 
-SLOW, FAST = 0.5e-3, 10e-3
+SLOW, FAST = 0.5e-3, 10e-3  # m/s, papers A and C
 
 
-_MN = 1e3
+_MN = 1e3  # in a newton
 
 
 def base_cycle(speed_m_s: float) -> Cycle:

@@ -17,9 +17,9 @@ from models.laws.tension import wall_tension
 from models.parameter import load_set
 from models.sets import load_measurement
 
-LOW_SPEEDS = (0.5e-3, 1e-3, 5e-3, 10e-3, 20e-3)
-HIGH_SPEEDS = (20e-3, 40e-3, 60e-3)
-BAND_SPEED = 10e-3
+LOW_SPEEDS = (0.5e-3, 1e-3, 5e-3, 10e-3, 20e-3)  # m/s, of the paper's slow pulls
+HIGH_SPEEDS = (20e-3, 40e-3, 60e-3)  # m/s, of its fast ones
+BAND_SPEED = 10e-3  # m/s, at which it measured a band
 
 
 def viscoelastic_rig() -> tuple[Capsule, Tissue]:

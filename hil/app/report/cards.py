@@ -22,6 +22,7 @@ from models.identification.finding import Finding, FoundEffect
 from models.identification.verdict import WORSE
 
 _MOST: Final = math.log(1000)
+# places on a logarithmic axis, and what stands there
 _MARKS: Final = ((0.0, "1"), (math.log(2), "1/2"), (math.log(10), "1/10"), (math.log(100), "1/100"), (_MOST, "1/1000"))
 
 

@@ -14,7 +14,7 @@ from hil.app.report.words import effect_words, error_scale
 from models.identification.finding import STAGES, CandidateRow, Finding
 
 PARTS = {"train": "training", "holdout": "held out"}
-MOST_ROUNDS, MOST_CANDIDATES = 4, 14
+MOST_ROUNDS, MOST_CANDIDATES = 4, 14  # of the search, and candidates of each
 _GAIN = "gain on data left out, fitted"
 CHOSEN, ALIKE, OTHER = STAGE_COLOURS["augmented"], "#8cc4c8", "#cfd6dd"
 

@@ -38,7 +38,7 @@ from hil.app.report.words import (
 )
 from models.identification.finding import NEXT_CSV, NEXT_TOML, Finding
 
-POINTS, MOST_PANELS = 50_000, 12
+POINTS, MOST_PANELS = 50_000, 12  # of all lines of a figure, and its panels
 _INDEXED = re.compile(r"\b([A-Za-z])_([A-Za-z])\b")
 """A letter with an index in a sentence."""
 VERDICTS = {"named": "effect named", "none": "nothing missing", "unknown": "no verdict"}

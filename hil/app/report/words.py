@@ -17,7 +17,7 @@ from models.files.columns import COLUMNS
 from models.identification.finding import STAGES, Finding
 
 _COUNTS = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine")
-_MOST_VALUES = 100_000
+_MOST_VALUES = 100_000  # that a sentence is worked out from
 _WELL_ABOVE = 2.0  # noise floors
 _IDS = re.compile(rf"\b(?:{'|'.join(sorted((name for name in BY_ID if '_' in name), key=len, reverse=True))})\b")
 _SMALL = re.compile(r"(?<![\w.])(\d+\.?\d*(?:e[+-]?\d+)?) (N|m|rad|V|A)(?![\w/·^²]|\s?[mNs]\b)")

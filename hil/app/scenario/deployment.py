@@ -39,7 +39,7 @@ OWN_TABLES: Final = (
 )  # fmt: skip
 
 
-DATA_BIT_RATES: Final = (1_000_000, 8_000_000)
+DATA_BIT_RATES: Final = (1_000_000, 8_000_000)  # of CAN FD
 
 
 @dataclass(frozen=True)

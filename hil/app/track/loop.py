@@ -33,7 +33,7 @@ from plant.session import Session
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
-_REPORTS = 50
+_REPORTS = 50  # of the progress
 
 
 @dataclass

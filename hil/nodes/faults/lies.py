@@ -15,10 +15,10 @@ from hil.nodes.faults.table import Fault
 from plant.drives.kinds import TrueCoil, TrueDrive
 from plant.sensing.instruments import Instrument, Reading
 
-SWAY_S: Final = 8.0
+SWAY_S: Final = 8.0  # period
 FASTEST_M_S: Final = 0.5
 """Of a carriage that jumps."""
-_FOREIGN_S: Final = (11.0, 4.7, 2.9)
+_FOREIGN_S: Final = (11.0, 4.7, 2.9)  # periods of the sines of a foreign motion
 _LATE: Final = ("late", "late_unsaid")
 
 

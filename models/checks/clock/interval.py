@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from models.checks.finding import RecordFinding
-from models.checks.settings import CHECKS
+from models.checks.settings import SET
 from models.checks.view import View
 from models.files.columns import TIME
 
@@ -15,15 +15,15 @@ def check_interval(view: View) -> list[RecordFinding]:
     if not view.timed:
         return []
     usual = float(np.median(np.abs(np.diff(view.t))))
-    if usual == 0 or CHECKS.step_s[0] <= usual <= CHECKS.step_s[1]:
+    if usual == 0 or SET.step_s[0] <= usual <= SET.step_s[1]:
         return _short(view)
-    least = usual < CHECKS.step_s[0]
+    least = usual < SET.step_s[0]
     return [
         view.finding(
             "time_units",
             "stops",
             "t_s, throughout",
-            f"t_s must step by {'at least' if least else 'at most'} {CHECKS.step_s[not least]:g} s;"
+            f"t_s must step by {'at least' if least else 'at most'} {SET.step_s[not least]:g} s;"
             f" got steps of {usual:g} s: is it in s?",
             "interval between stamps",
             f"{view.unit_line(TIME)}",
@@ -33,7 +33,7 @@ def check_interval(view: View) -> list[RecordFinding]:
 
 def _short(view: View) -> list[RecordFinding]:
     span = float(np.ptp(view.t))
-    if span >= CHECKS.record_s:
+    if span >= SET.record_s:
         return []
     return [
         view.finding(

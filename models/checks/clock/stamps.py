@@ -1,11 +1,9 @@
 """Time stamps: uneven, missing, repeated, beginning again, with pauses."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.checks.finding import RecordFinding
-from models.checks.settings import CHECKS
+from models.checks.settings import SET
 from models.checks.view import View
 
 
@@ -61,9 +59,9 @@ def check_uneven(view: View) -> list[RecordFinding]:
     if not len(steps):
         return []
     found = []
-    lost = np.flatnonzero((np.diff(view.t) / view.dt > 1.5) & (np.diff(view.t) / view.dt <= CHECKS.stamps_pause)) + 1
+    lost = np.flatnonzero((np.diff(view.t) / view.dt > 1.5) & (np.diff(view.t) / view.dt <= SET.stamps_pause)) + 1
     jitter = float(np.std(steps[(steps > 0.2) & (steps < 1.5)])) if np.any((steps > 0.2) & (steps < 1.5)) else 0.0
-    if jitter > CHECKS.stamps_uneven:
+    if jitter > SET.stamps_uneven:
         found.append(
             view.finding(
                 "stamps_uneven",
@@ -95,7 +93,7 @@ def check_pauses(view: View) -> list[RecordFinding]:
     """Long gaps."""
     if not view.timed:
         return []
-    gaps = np.flatnonzero(np.diff(view.t) / view.dt > CHECKS.stamps_pause) + 1
+    gaps = np.flatnonzero(np.diff(view.t) / view.dt > SET.stamps_pause) + 1
     if not len(gaps):
         return []
     longest = float(np.max(np.diff(view.t)[gaps - 1]))
@@ -106,7 +104,7 @@ def check_pauses(view: View) -> list[RecordFinding]:
             f"t_s, {view.at(gaps)}",
             f"the record pauses {'once' if len(gaps) == 1 else f'{len(gaps)} times'}, up to {longest:.3g} s; what moved"
             " meanwhile is not known",
-            f"intervals of more than {CHECKS.stamps_pause:g} times the usual one",
+            f"intervals of more than {SET.stamps_pause:g} times the usual one",
             f"cut the record at line {view.record.line(int(gaps[0]))}",
         )
     ]

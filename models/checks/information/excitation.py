@@ -11,7 +11,7 @@ from types import MappingProxyType
 import numpy as np
 
 from models.checks.finding import RecordFinding
-from models.checks.settings import CHECKS
+from models.checks.settings import SET
 from models.checks.view import Array, View, running_mean, runs_of
 from models.effects.effect import Effect
 from models.files.record import Record, where_measured
@@ -28,7 +28,7 @@ class Excitation:
     def _strokes(self) -> list[list[tuple[int, int, float]]]:
         out = []
         for view in self.views:
-            least = max(2, round(CHECKS.stroke_s / view.dt))
+            least = max(2, round(SET.stroke_s / view.dt))
             rows = [
                 (a, b, d)
                 for d in (1.0, -1.0)
@@ -67,7 +67,7 @@ class Excitation:
             1
             for view in self.views
             for a, b in runs_of(~view.moves)
-            if (b - a) * view.dt > CHECKS.rest_s and b < len(view.t)
+            if (b - a) * view.dt > SET.rest_s and b < len(view.t)
         )
 
     @cached_property
@@ -80,7 +80,7 @@ class Excitation:
         """Whether the place is a straight line of the time since the record's start, the same one in all records."""
         t = np.concatenate([(view.t - view.t[0])[view.moves] for view in self.views])
         x = np.concatenate([view.record[view.moving_column][view.moves] for view in self.views])
-        return bool(len(t) > 1 and np.ptp(t) * np.ptp(x) > 0 and np.corrcoef(t, x)[0, 1] ** 2 > CHECKS.straight)
+        return bool(len(t) > 1 and np.ptp(t) * np.ptp(x) > 0 and np.corrcoef(t, x)[0, 1] ** 2 > SET.straight)
 
 
 Need = Callable[[Excitation], str]
@@ -96,15 +96,15 @@ def _reversals(e: Excitation) -> str:
 
 def _speeds(e: Excitation) -> str:
     low, high = e.speeds
-    return "" if high > CHECKS.speeds_range * low else f"the motion has one speed only ({e.views[0].told(high)}/s)"
+    return "" if high > SET.speeds_range * low else f"the motion has one speed only ({e.views[0].told(high)}/s)"
 
 
 def _places(e: Excitation) -> str:
-    return "" if e.travel > CHECKS.travel_m else f"the motion covers {e.views[0].told(e.travel)} only"
+    return "" if e.travel > SET.travel_m else f"the motion covers {e.views[0].told(e.travel)} only"
 
 
 def _rests(e: Excitation) -> str:
-    return "" if e.rests else f"the motion never starts again after a rest of {CHECKS.rest_s:g} s"
+    return "" if e.rests else f"the motion never starts again after a rest of {SET.rest_s:g} s"
 
 
 def _load(e: Excitation) -> str:
@@ -113,7 +113,7 @@ def _load(e: Excitation) -> str:
     if not loads:
         return f"no load is logged (column {' or '.join(names)})" if names else "no load is logged"
     low, high = np.percentile(np.concatenate(loads), [5, 95])
-    return "" if high > CHECKS.speeds_range * low else f"the logged load is {high:.3g} throughout"
+    return "" if high > SET.speeds_range * low else f"the logged load is {high:.3g} throughout"
 
 
 def _turning(e: Excitation) -> str:
@@ -121,7 +121,7 @@ def _turning(e: Excitation) -> str:
 
 
 def _time(e: Excitation) -> str:
-    return "" if e.longest > CHECKS.long_s else f"the longest record lasts {e.longest:.3g} s only"
+    return "" if e.longest > SET.long_s else f"the longest record lasts {e.longest:.3g} s only"
 
 
 def _wall(e: Excitation) -> str:
@@ -131,11 +131,7 @@ def _wall(e: Excitation) -> str:
 
 def _samples(e: Excitation) -> str:
     rate = min(1 / view.dt for view in e.views)
-    return (
-        ""
-        if rate > 2 * CHECKS.fastest_mains_hz
-        else f"it is measured {rate:.3g} times a second, too seldom for a mains tone"
-    )
+    return "" if rate > 2 * SET.mains_top else f"it is measured {rate:.3g} times a second, too seldom for a mains tone"
 
 
 NEEDS: Mapping[str, Need] = MappingProxyType(
@@ -215,7 +211,7 @@ def shown_with(rig: Rig, records: Sequence[Record], hidden: Sequence[type[Effect
         offered, own = Excitation((*views, alone)), Excitation((alone,))
         met = {name for name, told in NEEDS.items() if not told(offered)}
         low, high = (max(float(speed), 1e-9) for speed in own.speeds)
-        rich = min(own.reversals, CHECKS.rich_turns) + min(own.rests, CHECKS.rich_starts) + float(np.log(high / low))
+        rich = min(own.reversals, SET.rich_turns) + min(own.rests, SET.rich_starts) + float(np.log(high / low))
         return frozenset(effect.id for effect in hidden if met.issuperset(effect.needs)), rich
 
     return shown
@@ -243,7 +239,7 @@ def check_information(view: View) -> list[RecordFinding]:
         return []
     n = max(2, min(len(view.y) // 40, 50))
     smooth = running_mean(view.y, n)
-    if float(np.std(smooth)) > CHECKS.alive * 2.0 * view.noise / np.sqrt(2 * n + 1):
+    if float(np.std(smooth)) > SET.alive * 2.0 * view.noise / np.sqrt(2 * n + 1):
         return []
     return [
         view.finding(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from models.checks.finding import RecordFinding
-from models.checks.settings import CHECKS
+from models.checks.settings import SET
 from models.checks.view import View
 
 
@@ -18,11 +18,11 @@ def run_in(view: View) -> int:
     if not (_starts_in_motion(view) or _starts_loaded(view)):
         return 0
     travelled = np.cumsum(np.abs(view.speed) * view.dt)
-    way = CHECKS.wall_settled_m if view.kind == "pull" else CHECKS.settled_m
-    return min(int(np.searchsorted(travelled, way)), round(CHECKS.start_share * len(travelled)))
+    way = SET.wall_settled_m if view.kind == "pull" else SET.settled_m
+    return min(int(np.searchsorted(travelled, way)), round(SET.start_share * len(travelled)))
 
 
-def _first(view: View, seconds: float = CHECKS.start_s) -> slice:
+def _first(view: View, seconds: float = SET.start_s) -> slice:
     return slice(0, max(2, round(seconds / view.dt)))
 
 
@@ -46,7 +46,7 @@ def _starts_loaded(view: View) -> bool:
     low, high = np.percentile(load[view.moves], [10, 90])
     forth = float(np.mean(view.speed[view.moves] > 0))
     middle, most = (0.5 * (low + high), 0.5 * (high - low)) if 0.2 < forth < 0.8 else (0.0, max(abs(low), abs(high)))
-    return bool(abs(float(np.mean(load[_first(view, CHECKS.at_once_s)])) - middle) > CHECKS.loaded * most > 0)
+    return bool(abs(float(np.mean(load[_first(view, SET.at_once_s)])) - middle) > SET.loaded * most > 0)
 
 
 def check_start(view: View) -> list[RecordFinding]:

@@ -1,11 +1,9 @@
 """Values that pile up at the end of a range: an amplifier or a converter that clips."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.checks.finding import RecordFinding
-from models.checks.settings import CHECKS
+from models.checks.settings import SET
 from models.checks.view import Mask, View, grid_step, runs_of
 
 
@@ -15,7 +13,7 @@ def clipped(view: View) -> Mask:
     """
     y, mask = view.y, np.zeros(len(view.y), dtype=bool)
     step = grid_step(y)
-    if not view.timed or np.ptp(y) == 0 or view.noise <= max(CHECKS.clip_dither * step, 1e-7 * float(np.ptp(y))):
+    if not view.timed or np.ptp(y) == 0 or view.noise <= max(SET.clip_dither * step, 1e-7 * float(np.ptp(y))):
         return mask
     for end in (float(y.max()), float(y.min())):
         at = np.abs(y - end) <= max(0.5 * step, 1e-9 * float(np.ptp(y)))
@@ -23,9 +21,9 @@ def clipped(view: View) -> Mask:
         rest = y[~at]
         usual = len(rest) / max(1, int(np.sum(np.diff(rest) != 0)) + 1)
         if (
-            at.mean() > CHECKS.clip_share
-            and np.sum(runs >= CHECKS.clip_run) >= CHECKS.clip_runs
-            and runs.mean() > CHECKS.clip_longer * usual / 2
+            at.mean() > SET.clip_share
+            and np.sum(runs >= SET.clip_run) >= SET.clips
+            and runs.mean() > SET.clip_long * usual / 2
         ):
             mask |= at
     return mask

@@ -1,13 +1,11 @@
 """Noise that is not white: a sensor that filters."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.checks.finding import RecordFinding
 from models.checks.instrument.outliers import without_outliers
 from models.checks.instrument.tones import tones
-from models.checks.settings import CHECKS
+from models.checks.settings import SET
 from models.checks.view import Array, View
 
 
@@ -27,9 +25,9 @@ def check_colour(view: View) -> list[RecordFinding]:
     if not view.timed or view.noise == 0:
         return []
     view = View(without_outliers(view), view.rig)
-    told = ((view.windows_at_rest(samples), fewest, least) for samples, fewest, least in CHECKS.colour_windows)
+    told = ((view.windows_at_rest(samples), fewest, least) for samples, fewest, least in SET.colour_windows)
     rows, least = next(((rows, least) for rows, fewest, least in told if len(rows) >= fewest), (np.zeros((0, 1)), 0.0))
-    if not rows.size or (correlation := _correlation(view, rows)) < max(least, CHECKS.colour_sure / np.sqrt(rows.size)):
+    if not rows.size or (correlation := _correlation(view, rows)) < max(least, SET.colour_sure / np.sqrt(rows.size)):
         return []
     return [
         view.finding(

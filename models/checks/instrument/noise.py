@@ -9,7 +9,7 @@ from annotated_types import Ge
 
 from models.checks.finding import RecordFinding
 from models.checks.instrument.usable import usable
-from models.checks.settings import CHECKS
+from models.checks.settings import SET
 from models.checks.view import VIBRATING, Array, View, grid_step, spectral_noise, white_noise
 from models.files.rig import Rig
 from models.files.rig_tables import Noise, bounds
@@ -50,7 +50,7 @@ def noise_used(stated: float | None, told: float, span: float, step: float = 0.0
     stated one is absurd beside the `span` of the signal.
     """
     stated = stated if stated is None else math.hypot(stated, step / math.sqrt(12))
-    if stated is None or told > CHECKS.noise_off * stated or stated > CHECKS.noise_absurd * span:
+    if stated is None or told > SET.noise_off * stated or stated > SET.noise_absurd * span:
         return told
     return stated
 
@@ -61,7 +61,7 @@ def check_noise(view: View) -> list[RecordFinding]:
         return []
     found, unit, stated = [], view.unit, stated_noise(view.rig, view.measured)
     told = told_noise(view.y[usable(view)], view.kind, stated[1] if stated else None)
-    if stated is not None and told > CHECKS.noise_off * stated[1]:
+    if stated is not None and told > SET.noise_off * stated[1]:
         found.append(
             view.finding(
                 "noise_stated",
@@ -73,7 +73,7 @@ def check_noise(view: View) -> list[RecordFinding]:
                 _stated(stated[0], told),
             )
         )
-    elif stated is not None and stated[1] > CHECKS.noise_absurd * float(np.ptp(view.y)):
+    elif stated is not None and stated[1] > SET.noise_absurd * float(np.ptp(view.y)):
         found.append(
             view.finding(
                 "noise_stated",
@@ -85,7 +85,7 @@ def check_noise(view: View) -> list[RecordFinding]:
                 _stated(stated[0], told),
             )
         )
-    elif stated is not None and told < stated[1] / (2 * CHECKS.noise_off):
+    elif stated is not None and told < stated[1] / (2 * SET.noise_off):
         found.append(
             view.finding(
                 "noise_stated",

@@ -11,7 +11,7 @@ from scipy.optimize import minimize_scalar
 from scipy.signal import StateSpace, butter, correlate, lsim, sosfiltfilt
 
 from models.checks.finding import RecordFinding
-from models.checks.settings import CHECKS
+from models.checks.settings import SET
 from models.checks.view import Array, View
 from models.checks.wiring.delay import late, later, stated_drift
 from models.files.rig_tables import MOST_DRIFT
@@ -30,7 +30,7 @@ class Answer:
     @property
     def near(self) -> float:
         """The strongest correlation about no lag at all, with its sign."""
-        low, high = CHECKS.swing_beside_s
+        low, high = SET.swing_beside_s
         low = min(low, -1.01 * (self.lags_s[1] - self.lags_s[0]))
         beside = self.correlation[(self.lags_s >= low) & (self.lags_s <= high)]
         return float(beside[np.argmax(np.abs(beside))])
@@ -48,7 +48,7 @@ class Answer:
     @property
     def turned(self) -> bool:
         """Whether the place goes against the body's."""
-        return self.near < -CHECKS.swing_sure and self.best < -self.near + CHECKS.swing_turned
+        return self.near < -SET.swing_sure and self.best < -self.near + SET.swing_turned
 
 
 def check_inner_mass(view: View) -> list[RecordFinding]:
@@ -62,7 +62,7 @@ def check_inner_mass(view: View) -> list[RecordFinding]:
         return []
     answer, where = _answer(*both, _grid_s(view)), f"{view.measured} against {view.driven}, throughout"
     if answer.turned:
-        shifted = f", or it comes about {late(answer.late_s)}" if answer.best > CHECKS.swing_sure else ""
+        shifted = f", or it comes about {late(answer.late_s)}" if answer.best > SET.swing_sure else ""
         return [
             view.finding(
                 "drive_sign",
@@ -74,7 +74,7 @@ def check_inner_mass(view: View) -> list[RecordFinding]:
                 view.turned_line(view.measured),
             )
         ]
-    if answer.best >= CHECKS.swing_alike and not CHECKS.swing_sizes[0] < answer.size < CHECKS.swing_sizes[1]:
+    if answer.best >= SET.alike and not SET.swing_sizes[0] < answer.size < SET.swing_sizes[1]:
         return [
             view.finding(
                 "units",
@@ -116,11 +116,7 @@ def _clock(view: View, both: tuple[Array, Array], answer: Answer, where: str) ->
                 f"[clock] drift = {stated_drift(view) + drift:.2g}",
             )
         ]
-    if (
-        answer.best < CHECKS.swing_alike
-        or abs(answer.late_s) <= CHECKS.swing_late_s
-        or answer.best < max(answer.near, 0.0) + CHECKS.swing_ahead
-    ):
+    if answer.best < SET.alike or abs(answer.late_s) <= SET.late_s or answer.best < max(answer.near, 0.0) + SET.ahead:
         return []
     return [
         view.finding(
@@ -130,7 +126,7 @@ def _clock(view: View, both: tuple[Array, Array], answer: Answer, where: str) ->
             f"{view.measured} comes about {late(answer.late_s)} than the drive that makes it: two clocks, a filter or"
             " a slow sensor",
             f"correlation {answer.best:.2f} with the swings in the air then, {answer.near:.2f} without a shift",
-            f"[clock] offset_s = {answer.late_s:.2g}, offset_std_s = {CHECKS.swing_std_s:g}",
+            f"[clock] offset_s = {answer.late_s:.2g}, offset_std_s = {SET.swing_std_s:g}",
         )
     ]
 
@@ -147,22 +143,18 @@ def _drift(view: View, both: tuple[Array, Array], best: float) -> float:
     def apart(drifted: float) -> float:
         return 1 - _answer(x, np.interp(at + drifted * share, at, y), step).best
 
-    most = min(CHECKS.lag_most_drifted_s, MOST_DRIFT * length)
-    grid = np.arange(-most, most + CHECKS.swing_step_s / 2, CHECKS.swing_step_s)
+    most = min(SET.lag_most_drifted_s, MOST_DRIFT * length)
+    grid = np.arange(-most, most + SET.swing_step_s / 2, SET.swing_step_s)
     near = float(grid[np.argmin([apart(float(drifted)) for drifted in grid])])
-    found = minimize_scalar(apart, bounds=(near - CHECKS.swing_step_s, near + CHECKS.swing_step_s), method="bounded")
+    found = minimize_scalar(apart, bounds=(near - SET.swing_step_s, near + SET.swing_step_s), method="bounded")
     follows = 1 - float(found.fun)
-    told = (
-        follows >= CHECKS.swing_follows
-        and follows > best + CHECKS.swing_ahead
-        and abs(found.x) > CHECKS.swing_drifted_s
-    )
+    told = follows >= SET.swing_follows and follows > best + SET.ahead and abs(found.x) > SET.swing_drifted_s
     return float(found.x) / length if told else 0.0
 
 
 def _grid_s(view: View) -> float:
     """The even grid's step in s: no finer than the band needs."""
-    return max(view.dt, CHECKS.swing_finest_s)
+    return max(view.dt, SET.swing_finest_s)
 
 
 def swings(view: View) -> tuple[Array, Array] | None:
@@ -171,20 +163,13 @@ def swings(view: View) -> tuple[Array, Array] | None:
     """
     force, step = _force(view), _grid_s(view)
     nyquist = 0.5 / step
-    if (
-        force is None
-        or view.t[-1] - view.t[0] < CHECKS.swing_s
-        or nyquist < 2 * CHECKS.swing_band_hz[0]
-        or not np.ptp(force)
-    ):
+    if force is None or view.t[-1] - view.t[0] < SET.swing_s or nyquist < 2 * SET.band_hz[0] or not np.ptp(force):
         return None
     grid = np.arange(view.t[0], view.t[-1], step)
     order = np.argsort(view.t, kind="stable")
     driven, y = (np.interp(grid, view.t[order], values[order]) for values in (force, view.y))
     x = _in_the_air(view, driven - driven.mean(), grid - grid[0])
-    band = butter(
-        2, (CHECKS.swing_band_hz[0], min(CHECKS.swing_band_hz[1], 0.8 * nyquist)), "band", fs=1 / step, output="sos"
-    )
+    band = butter(2, (SET.band_hz[0], min(SET.band_hz[1], 0.8 * nyquist)), "band", fs=1 / step, output="sos")
     a, b = sosfiltfilt(band, x), sosfiltfilt(band, y)
     return (a, b) if np.ptp(a) and np.ptp(b) else None
 
@@ -211,7 +196,7 @@ def _in_the_air(view: View, force: Array, t: Array) -> Array:
     drive, body = view.rig.drive, view.rig.capsule.mass_kg
     assert drive is not None
     m, k = drive.inner_mass_kg, drive.spring_stiffness_N_per_m
-    c = max(drive.spring_damping_N_s_per_m, CHECKS.swing_damped * 2 * float(np.sqrt(k * m)))
+    c = max(drive.spring_damping_N_s_per_m, SET.swing_damped * 2 * float(np.sqrt(k * m)))
     a = float(drive.reaction_on_body)
     system = StateSpace(
         [[0, 1, 0, 0], [-k / m - k / body, -c / m - c / body, 0, 0], [k / body, c / body, 0, 0], [0, 0, 1, 0]],
@@ -225,7 +210,7 @@ def _in_the_air(view: View, force: Array, t: Array) -> Array:
 
 def _answer(x: Array, y: Array, dt: float) -> Answer:
     """Correlations of `y` with `x` moved by up to 0.15 s."""
-    most = max(1, round(CHECKS.lag_longest_s / dt))
+    most = max(1, round(SET.lag_longest_s / dt))
     inner, among = x[most:-most] - x[most:-most].mean(), len(x) - 2 * most
     sums, squares = (np.cumsum(np.concatenate([[0.0], one])) for one in (y, y**2))
     mean, power = ((one[among:] - one[:-among]) / among for one in (sums, squares))

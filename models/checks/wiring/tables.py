@@ -9,11 +9,12 @@ from types import MappingProxyType
 import numpy as np
 
 from models.checks.finding import RecordFinding
-from models.checks.settings import CHECKS
+from models.checks.settings import SET
 from models.checks.view import View
 from models.checks.wiring.units import beyond_its_range, off_its_size
 from models.files.columns import COLUMNS
 
+# least, most and unit of what such rigs measure
 _USUAL: Mapping[tuple[str, str], tuple[float, float, str]] = MappingProxyType(
     {
         ("periods", "period_s"): (1e-3, 60.0, "s"),
@@ -51,7 +52,7 @@ def _constant(view: View) -> list[RecordFinding]:
     """A measured column that is the same under every condition."""
     driven = [name for names in view.record.layout.driven for name in names if name in view.record.columns]
     conditions = len(np.unique(np.column_stack([view.record[name] for name in driven]), axis=0)) if driven else 0
-    if conditions < CHECKS.conditions or np.ptp(view.y):
+    if conditions < SET.conditions or np.ptp(view.y):
         return []
     return [
         view.finding(
@@ -71,7 +72,7 @@ def _friction(view: View) -> list[RecordFinding]:
     against = np.sign(speed) * np.sign(friction) < 0
     if view.measured == "friction_coefficient" or not against.any():
         return []
-    if np.mean(against) > 1 - CHECKS.conditions_against:
+    if np.mean(against) > 1 - SET.conditions_against:
         return [
             view.finding(
                 "force_sign",
@@ -101,15 +102,15 @@ def _moduli(view: View) -> list[RecordFinding]:
     """Loss over storage modulus, as every material has it."""
     ratio = view.record["loss_modulus_Pa"] / view.record["storage_modulus_Pa"]
     usual = float(np.median(ratio))
-    if CHECKS.loss_ratio[0] <= usual <= CHECKS.loss_ratio[1]:
+    if SET.loss_ratio[0] <= usual <= SET.loss_ratio[1]:
         return []
     return [
         view.finding(
             "units",
             "stops",
             "loss_modulus_Pa against storage_modulus_Pa, throughout",
-            f"loss_modulus_Pa is {usual:.3g} times storage_modulus_Pa; materials have {CHECKS.loss_ratio[0]:g} to"
-            f" {CHECKS.loss_ratio[1]:g}: another unit of one of the two?",
+            f"loss_modulus_Pa is {usual:.3g} times storage_modulus_Pa; materials have {SET.loss_ratio[0]:g} to"
+            f" {SET.loss_ratio[1]:g}: another unit of one of the two?",
             "median of the ratio",
             view.unit_line("loss_modulus_Pa"),
         )
@@ -123,7 +124,7 @@ def _mean_speeds(view: View) -> list[RecordFinding]:
         return []
     own = 2 * math.pi * math.sqrt(drive.inner_mass_kg / drive.spring_stiffness_N_per_m)
     usual = float(np.median(view.record["period_s"]))
-    if own / CHECKS.period_ratio <= usual <= own * CHECKS.period_ratio:
+    if own / SET.period_ratio <= usual <= own * SET.period_ratio:
         return []
     return [
         view.finding(

@@ -6,7 +6,7 @@ import numpy as np
 
 from models.checks.finding import RecordFinding
 from models.checks.instrument.resolution import PLACES
-from models.checks.settings import CHECKS
+from models.checks.settings import SET
 from models.checks.view import Array, View, running_mean
 from models.drives.from_rig import surface_of
 from models.files.columns import TIME, first_wrong, range_of
@@ -21,21 +21,17 @@ def check_units(view: View) -> list[RecordFinding]:
     travel, fastest = float(np.ptp(x)), float(np.percentile(np.abs(view.speed), 99))
     out = []
     if view.kind in CAPSULE_SERIES:
-        small = 0 < travel < CHECKS.usual_travel_m[0] and (travel > 20 * view.noise or travel < CHECKS.nothing_m)
-        if travel > CHECKS.usual_travel_m[1] or small:
-            out.append(off_its_size(view, view.moving_column, f"travels {travel:.3g} m", CHECKS.usual_travel_m, "m"))
-        elif fastest > CHECKS.usual_speed_m_s[1]:
-            out.append(
-                off_its_size(view, view.moving_column, f"moves at {fastest:.3g} m/s", CHECKS.usual_speed_m_s, "m/s")
-            )
-        elif view.dt >= CHECKS.seldom_s and 0 < fastest < CHECKS.crawls_m_s:
+        small = 0 < travel < SET.usual_travel_m[0] and (travel > 20 * view.noise or travel < SET.nothing_m)
+        if travel > SET.usual_travel_m[1] or small:
+            out.append(off_its_size(view, view.moving_column, f"travels {travel:.3g} m", SET.usual_travel_m, "m"))
+        elif fastest > SET.usual_m_s[1]:
+            out.append(off_its_size(view, view.moving_column, f"moves at {fastest:.3g} m/s", SET.usual_m_s, "m/s"))
+        elif view.dt >= SET.seldom_s and 0 < fastest < SET.crawls_m_s:
             out.append(_slow(view, fastest))
         if view.kind == "magnetic" and view.driven is not None and view.measured in view.record.columns:
             out += _behind_the_magnet(view, view.record[view.driven])
     else:
-        usual, unit = (
-            (CHECKS.usual_turning_speed_rad_s, "rad/s") if view.turns else (CHECKS.usual_stage_speed_m_s, "m/s")
-        )
+        usual, unit = (SET.usual_rad_s, "rad/s") if view.turns else (SET.usual_stage_m_s, "m/s")
         if fastest > usual[1]:
             out.append(off_its_size(view, view.moving_column, f"moves at {fastest:.3g} {unit}", usual, unit))
     out += _of_the_drive(view)
@@ -73,15 +69,13 @@ def _behind_the_magnet(view: View, carriage: Array) -> list[RecordFinding]:
     """A capsule that follows its magnet goes as far as that goes: neither several times as far, nor a fraction of a way
     that is long against the magnet's reach.
     """
-    n = max(1, round(CHECKS.mean_s / view.dt))
+    n = max(1, round(SET.mean_s / view.dt))
     x, c = running_mean(view.y, n), running_mean(carriage, n)
     if not np.std(x) or not np.std(c):
         return []
-    slope, follows = float(np.std(x) / np.std(c)), float(np.corrcoef(x, c)[0, 1]) > CHECKS.way_follows
+    slope, follows = float(np.std(x) / np.std(c)), float(np.corrcoef(x, c)[0, 1]) > SET.way_follows
     reach = view.rig.magnet.magnet_range_m if view.rig.magnet else np.inf
-    if not follows or not (
-        slope > CHECKS.way_apart or (slope < 1 / CHECKS.way_apart and np.ptp(c) > CHECKS.way_long * reach)
-    ):
+    if not follows or not (slope > SET.way_apart or (slope < 1 / SET.way_apart and np.ptp(c) > SET.way_long * reach)):
         return []
     return [
         view.finding(
@@ -101,8 +95,8 @@ def _of_the_force(view: View) -> list[RecordFinding]:
         return []
     column, force = view.pushing
     size = float(np.percentile(np.abs(force), 90))
-    if view.kind == "pull" and (size > CHECKS.usual_force_N[1] or 0 < size < CHECKS.usual_force_N[0]):
-        return [off_its_size(view, column, f"is of the size of {size:.3g} N", CHECKS.usual_force_N, "N")]
+    if view.kind == "pull" and (size > SET.usual_force_N[1] or 0 < size < SET.usual_force_N[0]):
+        return [off_its_size(view, column, f"is of the size of {size:.3g} N", SET.usual_force_N, "N")]
     return _against_the_surface(view, column, force)
 
 
@@ -119,7 +113,7 @@ def _against_the_surface(view: View, column: str, force: Array) -> list[RecordFi
     lowest, usual, highest = (
         float(sum(surface.hold(speed, {name: values[i] for name, values in ranges}))) for i in range(3)
     )
-    if not usual or lowest / CHECKS.size_far <= size <= highest * CHECKS.size_far:
+    if not usual or lowest / SET.size_far <= size <= highest * SET.size_far:
         return []
     what = "is" if view.kind == "pull" else "makes"
     return [

@@ -4,7 +4,7 @@ import numpy as np
 
 from models.effects.effect import Effect, Signals, Value, Values, number
 
-_LEAST_N = 1e-9
+_LEAST_N = 1e-9  # load whose power is finite
 
 
 class HertzianContact(Effect):

@@ -4,7 +4,7 @@ import numpy as np
 
 from models.effects.effect import InnerMassEffect, Value, Values, number
 
-CREEP_SPEED = 2.0e-3
+CREEP_SPEED = 2.0e-3  # m/s, below which dry friction passes through 0
 
 
 class GuideFriction(InnerMassEffect):

@@ -8,7 +8,7 @@ TRAVEL_M = 0.03
 """Beyond it the hardening of the spring and the reach of the coil stay what they are there."""
 AT_M = 0.01
 """Displacement at which the hardening has the same force whatever its power is."""
-_REST_M = 1e-6
+_REST_M = 1e-6  # stretch whose power is finite
 
 
 class SpringHardening(InnerMassEffect):

@@ -8,7 +8,7 @@ import numpy as np
 
 from models.effects.effect import InnerMassEffect, Value, Values, number
 
-KNOTS_M_S = (0.0, 0.1, 0.2, 0.4, 0.8)
+KNOTS_M_S = (0.0, 0.1, 0.2, 0.4, 0.8)  # of the curve, over the inner mass's speed
 
 
 class DampingOverSpeed(InnerMassEffect):

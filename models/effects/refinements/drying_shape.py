@@ -6,7 +6,7 @@ from models.effects.effect import Effect, Signals, Value, Values, number
 from models.effects.friction.tissue_drying import TissueDrying
 from models.effects.in_time import settling_time
 
-_MINUTE_S = 60.0
+_MINUTE_S = 60.0  # time after which both shapes are the same
 
 
 class DryingShape(Effect):

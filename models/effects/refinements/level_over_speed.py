@@ -9,7 +9,7 @@ import numpy as np
 from models.effects.effect import Effect, Signals, Value, Values, number
 from models.parameter import Parameter
 
-KNOTS_M_S = (0.0, 0.0002, 0.0005, 0.001, 0.002, 0.004, 0.008, 0.016)
+KNOTS_M_S = (0.0, 0.0002, 0.0005, 0.001, 0.002, 0.004, 0.008, 0.016)  # of the curve, each about twice the one before
 
 
 def _knot() -> Parameter:

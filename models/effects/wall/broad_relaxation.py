@@ -4,7 +4,7 @@ from models.effects.effect import Effect, Value, Values, by_name, number
 from models.effects.formula import Formula, written
 from models.laws.dynamic_modulus import DynamicModulus, springpot_modulus
 
-REFERENCE_HZ = 10.0
+REFERENCE_HZ = 10.0  # at which the stiffness is stated
 
 
 class BroadRelaxation(Effect):

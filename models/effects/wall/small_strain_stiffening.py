@@ -4,7 +4,7 @@ import numpy as np
 
 from models.effects.effect import Effect, Signals, Value, Values, by_name, number
 
-_NO_TAIL = 1e-3
+_NO_TAIL = 1e-3  # exponent of a tail that is none
 
 
 class SmallStrainStiffening(Effect):

@@ -22,7 +22,7 @@ ORDER: Final = ("refused", "unknown", "named", "none")
 """What becomes of a series, what needs a look first."""
 
 
-LEAST_OTHERS: Final = 4
+LEAST_OTHERS: Final = 4  # series beside one that tell whether it is unlike them
 FALSE_ALARMS: Final = 0.01
 """Chance that any number of a kind of rig is called out where all rigs are alike."""
 

@@ -23,7 +23,7 @@ MARKS: Final = {"named": "●", "none": "○", "unknown": "?", "refused": "✕"}
 _HEADS: Final = ("series", "verdict", "what it lacks", "how sure", "error, nominal to last", "how much better", "")
 
 
-WIDTH, HEIGHT, EDGE = 230, 22, 9
+WIDTH, HEIGHT, EDGE = 230, 22, 9  # pixels
 _SHAPES: Final = {
     "nominal": '<rect x="{a:.1f}" y="{b:.1f}" width="9" height="9" fill="white" stroke="{ink}" stroke-width="1.5"/>',
     "calibrated": '<path d="M{x:.1f} {t:.1f} l6 6 l-6 6 l-6 -6 z" fill="{colour}" stroke="{ink}"/>',

@@ -21,7 +21,7 @@ from xml.sax.saxutils import quoteattr
 
 _FMI: Final = Path(__file__).with_name("fmi3.c")
 _FLAGS: Final = ("-O2", "-std=gnu11", "-fPIC", "-shared", "-fvisibility=hidden")
-_LONGEST_S: Final = 120.0
+_LONGEST_S: Final = 120.0  # for which a compiler may run
 _STAMP: Final = (2000, 1, 1, 0, 0, 0)  # of every file in the archive, so that the same input gives the same FMU
 _MACHINES: Final = {"amd64": "x86_64", "arm64": "aarch64"}
 

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-GRAVITY = 9.81
+GRAVITY = 9.81  # m/s2
 
 
 class VibroCycle(NamedTuple):

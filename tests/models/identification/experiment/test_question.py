@@ -13,8 +13,9 @@ from models.files.rig import Rig
 from models.files.rig_tables import Noise
 from models.identification.experiment.plan import Move, Plan, Room
 from models.identification.experiment.question import Candidate, Question, question, refitted, separation
-from models.identification.fitting.fit import WIDE, Problem, narrowing
+from models.identification.fitting.fit import Problem, narrowing
 from models.identification.kinds.series.kind import SeriesKind
+from models.identification.settings import SET
 
 ROOM = Room("position_m", 0.0, 20e-3, 0.0, 8e-3, 10.0, 2e-3)
 KIND = SeriesKind.from_rig(Rig("pull", noise=Noise(force_std_N=1e-3)), [])
@@ -37,7 +38,7 @@ def one_pass() -> Record:
 @pytest.fixture(scope="module")
 def asked() -> Question:
     problem = Problem.of(KIND, [one_pass()], DRYING.effects, KIND.criteria - 1)
-    rival = replace(DRYING, theta=narrowing(problem, DRYING.theta, WIDE).theta)
+    rival = replace(DRYING, theta=narrowing(problem, DRYING.theta, SET.wide).theta)
     return question(KIND, [one_pass()], TAPER, rival, np.random.default_rng(0))
 
 

@@ -90,7 +90,7 @@ _MOST_A_TICK = 8
 _FOLLOWS = 3.0
 
 
-class Receiver(ABC):
+class Estimator(ABC):
     """Position, speed, wall, drive and what friction the model lacks, from localisation (`position_m`) and drive
     feedback.
 

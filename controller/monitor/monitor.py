@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from controller.estimator.base import Receiver
+from controller.estimator.base import Estimator
 from controller.model.friction import mean_friction
 from controller.monitor.expected import EXPECTED, Expected
 from controller.monitor.forecast import Forecast, Second
@@ -62,7 +62,7 @@ class Monitor:
     never raises, takes bounded time and allocates nothing that grows.
     """
 
-    def __init__(self, estimator: Receiver, expected: Expected | None = None) -> None:
+    def __init__(self, estimator: Estimator, expected: Expected | None = None) -> None:
         model = estimator.model
         self._estimator = estimator
         self._expected = expected or EXPECTED.get(model.drive.name, Expected())

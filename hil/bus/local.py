@@ -19,7 +19,7 @@ from typing import Any, Final
 
 import can
 
-from models.compiled.private_folder import private_folder
+from models.compiled.cache import private_folder
 
 INTERFACE: Final = "capsule_local"
 _HEAD: Final = struct.Struct("<dIB")

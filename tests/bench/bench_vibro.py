@@ -17,9 +17,8 @@ import numpy as np
 
 from controller.vibro.controller import VibroController
 from controller.vibro.cycles import Cycles, Pace, VibroModel, impact_of
-from controller.vibro.design.cost_by_impact import cheapest, optima, squares
+from controller.vibro.design.cost_by_impact import squares
 from controller.vibro.design.drive_map import design, designed
-from controller.vibro.design.four_phase import best_four_phase
 from controller.vibro.design.speed_map import best_square, speed_map
 from controller.vibro.gears import DriveMap
 from controller.vibro.slow_loop import Tuning
@@ -29,6 +28,8 @@ from models.laws.geometry import Capsule, Tissue
 from models.surfaces.gut import Wall
 from plant.drives.kinds import Vibro as TrueVibro
 from plant.rig import Rig
+from tests.bench.four_phase import best_four_phase
+from tests.bench.optima import cheapest, optima
 from tests.controller.vibro.vibro_runs import (
     Steady,
     believed,

@@ -46,8 +46,8 @@ def _signature(name: str, value: Any) -> str:
     if len(line := f"{name}{signature}") <= _WIDEST:
         return line
     parameters = [f"    {parameter}," for parameter in _written(signature)]
-    returned = signature.return_annotation
-    arrow = "" if returned is inspect.Signature.empty or inspect.isclass(value) else f" -> {returned!r}"
+    bare = inspect.isclass(value) or signature.return_annotation is signature.empty
+    arrow = "" if bare else f" -> {inspect.formatannotation(signature.return_annotation)}"
     return "\n".join([f"{name}(", *parameters, f"){arrow}"])
 
 

@@ -1,7 +1,5 @@
 """A simulated rig: capsule, tissue, surface, drive, anatomy and hidden effects put together, advanced in chunks."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """The plant in a closed loop: a command goes in, time goes on, readings come out."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final, Protocol
 

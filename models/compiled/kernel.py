@@ -1,7 +1,5 @@
 """A CasADi step function as a compiled NumPy loop: one declaration of the model, run at the speed of machine code."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial

@@ -1,7 +1,5 @@
 """CasADi functions as machine code that works in one array, kept on disk."""
 
-from __future__ import annotations
-
 import hashlib
 import marshal
 import os

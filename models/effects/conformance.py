@@ -17,6 +17,7 @@ import numpy as np
 from models.effects.declarations import declared, hooked, of_parameters
 from models.effects.effect import HOOKS, Effect, Signals
 from models.effects.equation import ARGUMENTS, answered, disagreement
+from models.parameter import nearest
 
 _BODY: Final = frozenset(HOOKS) - {"suspension", "reach", "link", "gain", "modulus"}
 READ: Final[Mapping[str, frozenset[str]]] = {
@@ -77,7 +78,9 @@ def first_failure(effect: type[Effect], known: Collection[str]) -> str | None:
         except (Exception, SystemExit) as error:  # noqa: BLE001 - a user's hook raises whatever it likes
             frames = [f for f in extract_tb(error.__traceback__) if f.filename == getsourcefile(effect)]
             where = f"{frames[-1].name}, line {frames[-1].lineno}" if frames else f"'{check.__doc__}'"
-            return f"{effect.__name__} must run; got {type(error).__name__} in {where}: {_words(error)}"
+            names = [p.name for p in effect.parameters()]
+            hint = f"; {nearest(str(error.args[0]), [*names, *effect.states])}" if isinstance(error, KeyError) else ""
+            return f"{effect.__name__} must run; got {type(error).__name__} in {where}: {_words(error)}{hint}"
         if failure is not None:
             return failure
     return None
@@ -140,13 +143,15 @@ def _numbers(effect: type[Effect], known: Collection[str]) -> str | None:
     stays = sorted(set(effect.states) - {hook.partition(".")[2] for hook in answers(effect, p, z, SIGNALS)})
     if stays:
         return f"{effect.__name__}.states must each be given by advance or follow; got {stays[0]!r}, which is not"
-    for kind, s in _points(effect):
-        for hook, value in answers(effect, p, z, s).items():
+    rng = np.random.default_rng(3)
+    drawn = [{q.name: float(rng.uniform(q.lower, q.upper)) for q in effect.parameters()} for _ in range(3)]
+    for values, (kind, s) in product((p, *drawn), _points(effect)):
+        for hook, value in answers(effect, values, z, s).items():
             if np.shape(value) != () or np.asarray(value).dtype.kind not in "biuf":
                 return f"{effect.__name__}.{hook} must return one number; got {type(value).__name__} {value}"
             if not np.isfinite(value):
-                where = ", ".join(f"{key} = {number:g}" for key, number in s.items() if number)
-                return f"{effect.__name__}.{hook} must be finite; got {value} on {kind} at {where or 'rest'}"
+                where = ", ".join(f"{key} = {number:.3g}" for key, number in {**values, **s}.items() if number)
+                return f"{effect.__name__}.{hook} must be finite; got {value} on {kind} at {where}"
     return None
 
 

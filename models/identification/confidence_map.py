@@ -1,7 +1,5 @@
 """From a search's score to a probability, in words too: an isotonic map fitted to series whose truth is known."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path

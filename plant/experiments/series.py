@@ -2,8 +2,6 @@
 hidden effect.
 """
 
-from __future__ import annotations
-
 import gzip
 import io
 from dataclasses import replace

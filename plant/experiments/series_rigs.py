@@ -1,7 +1,5 @@
 """The rigs of made-up experiments: what their experimenter believes, what is true, what drives them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Final

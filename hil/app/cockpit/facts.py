@@ -6,7 +6,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
-from hil.app.cockpit.panels import Panel, panels_of
+from hil.app.cockpit.panels import LivePanel, panels_of
 from hil.app.scenario.model_facts import model_facts
 from hil.bus.catalogue import Catalogue
 from hil.nodes.controller.node import Task
@@ -34,7 +34,7 @@ class Facts:
             "panels": [panel.document() for panel in self.panels()],
         }
 
-    def panels(self) -> tuple[Panel, ...]:
+    def panels(self) -> tuple[LivePanel, ...]:
         """What is drawn."""
         return panels_of(self.wiring, self.catalogue)
 

@@ -35,7 +35,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Panel:
+class LivePanel:
     """Lines over one axis: `unit`, the `places` behind the point that its readings have, the least `span` that it
     shows, and dashed `marks`.
     """
@@ -63,7 +63,7 @@ class Panel:
         return {**told, "marks": list(self.marks), "strips": self.strips, "lines": lines}
 
 
-def panels_of(wiring: FrameMap, catalogue: Catalogue) -> tuple[Panel, ...]:
+def panels_of(wiring: FrameMap, catalogue: Catalogue) -> tuple[LivePanel, ...]:
     """The panels of a rig whose drive is `wiring`."""
     drive = wiring.drive
     word, unit, factor, _ = drive.shown
@@ -75,7 +75,7 @@ def panels_of(wiring: FrameMap, catalogue: Catalogue) -> tuple[Panel, ...]:
         return Line(name, frame, _signal(signal), signal.lower(), "strip", names)
 
     return (
-        Panel(
+        LivePanel(
             "Position",
             "mm",
             (
@@ -87,15 +87,15 @@ def panels_of(wiring: FrameMap, catalogue: Catalogue) -> tuple[Panel, ...]:
             3,
             1.0,
         ),
-        Panel("Estimate less reference", "mm", (Line("error", "WantedMotion", _error, "red"),), 3, 0.1, (0.0,)),
-        Panel(
+        LivePanel("Estimate less reference", "mm", (Line("error", "WantedMotion", _error, "red"),), 3, 0.1, (0.0,)),
+        LivePanel(
             word,
             unit,
             (*reported, Line("command", wiring.command, seen, "amber", "dash")),
             3,
             0.01,
         ),
-        Panel(
+        LivePanel(
             "Forces on the capsule",
             "mN",
             (
@@ -108,7 +108,7 @@ def panels_of(wiring: FrameMap, catalogue: Catalogue) -> tuple[Panel, ...]:
             2.0,
             (0.0,),
         ),
-        Panel(
+        LivePanel(
             "Residual",
             "σ",
             (_said("surprise", "BelievedMotion", "Surprise", 1.0, "blue"),),
@@ -116,7 +116,7 @@ def panels_of(wiring: FrameMap, catalogue: Catalogue) -> tuple[Panel, ...]:
             6.0,
             (-3.0, 3.0),
         ),
-        Panel(
+        LivePanel(
             "Evidence against the model",
             "% of an alarm",
             (_said("evidence", "ModelHealth", "Evidence", _PERCENT, "red"),),
@@ -124,7 +124,7 @@ def panels_of(wiring: FrameMap, catalogue: Catalogue) -> tuple[Panel, ...]:
             110.0,
             (100.0,),
         ),
-        Panel(
+        LivePanel(
             "States",
             "",
             (

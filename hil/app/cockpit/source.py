@@ -10,7 +10,7 @@ import numpy as np
 
 from hil.app.cockpit.facts import Facts
 from hil.app.cockpit.series import LineFeed, Ring, Samples
-from hil.app.cockpit.watch import Watch
+from hil.app.cockpit.watch import FrameWatch
 from hil.app.run.clock import Clock
 from hil.log.blf_file import NOTED, Logged
 from hil.nodes.frame_map import plain
@@ -31,7 +31,7 @@ class BusSource:
 
     def __init__(self, bus: can.BusABC, clock: Clock, facts: Facts) -> None:
         self.bus, self.clock, self.facts = bus, clock, facts
-        self.watch = Watch(facts.catalogue)
+        self.watch = FrameWatch(facts.catalogue)
         self.ring = Ring(_feed(facts))
         self._trouble, self._heard, self._polled = "", -1.0, clock.now()
 
@@ -80,7 +80,7 @@ class LogSource:
 
     def __init__(self, frames: Iterable[Logged], facts: Facts) -> None:
         """Raises ValueError where the frames do, and where there is none of the catalogue."""
-        self.facts, self.watch = facts, Watch(facts.catalogue, LOG_EVENTS)
+        self.facts, self.watch = facts, FrameWatch(facts.catalogue, LOG_EVENTS)
         self.samples = Samples(_feed(facts))
         self.end_s = 0.0
         self._times, self._states = list[float](), list[dict[str, Any]]()

@@ -26,7 +26,7 @@ from controller.supervision.model_switch import ModelSwitch, Offer
 from controller.supervision.probe import Probe
 from controller.supervision.supervisor import Supervisor
 from hil.bus.catalogue import Catalogue
-from hil.nodes.controller.answer import Answer
+from hil.nodes.controller.answer import Onlooker
 from hil.nodes.controller.guard import GUARD_REASON, STOP_PERIOD_S, Evidence, Fence, Guard, Passed
 from hil.nodes.controller.lateness import gap_words, paused
 from hil.nodes.controller.operator import STATUS, STATUS_S, Operator, OperatorLimits
@@ -189,7 +189,7 @@ class ControllerNode:
         )
         self.state, self.reason, self.end = IDLE, "", "stopped"
         friction = friction_command(task.model, self.envelope)
-        self.answer = Answer(self.envelope, self.wiring.drive.rests, self.tick_s, task.seen_noise_m, friction)
+        self.answer = Onlooker(self.envelope, self.wiring.drive.rests, self.tick_s, task.seen_noise_m, friction)
         self._probe: Probe | None = None
         self._probed = False
         lag_ticks = 2 + math.ceil(_LAG_S / self.tick_s)

@@ -1,7 +1,5 @@
 """Time stamps: uneven, missing, repeated, beginning again, with pauses."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.checks.finding import RecordFinding

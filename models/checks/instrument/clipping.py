@@ -1,7 +1,5 @@
 """Values that pile up at the end of a range: an amplifier or a converter that clips."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.checks.finding import RecordFinding

@@ -1,7 +1,5 @@
 """Noise that is not white: a sensor that filters."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.checks.finding import RecordFinding

@@ -1,7 +1,5 @@
 """Values that are held: a slow sensor logged at a faster rate."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.checks.finding import RecordFinding

@@ -1,7 +1,5 @@
 """A measured place that goes elsewhere from one sample to the next, faster than anything could move the capsule."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Stretches in which a noisy sensor has no noise: it was lost, and its values are held or filled in."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.checks.finding import RecordFinding

@@ -1,7 +1,5 @@
 """A place that begins again: an angle that goes on at -180 after 180 degrees, a counter that overflows."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Curves and surfaces of the residual over one or two signals, each with the share of it that they foretell."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -74,7 +74,11 @@ def test_it_takes_part_until_it_is_no_longer_asked_for() -> None:
         ([("import numpy as np", "import nothing_of_that_name")], "ModuleNotFoundError"),
         ([("class SoftBump", "class class")], "SyntaxError"),
         ([('summary = "a soft bump that pushes the capsule away from its middle"', "")], "summary must say"),
-        ([('p["place_m"]', 'p["place"]')], "KeyError in force, line 34"),
+        ([('p["place_m"]', 'p["place"]')], "KeyError in force, line 34: 'place'; did you mean 'place_m'?"),
+        (
+            [("return p[", "return np.sqrt(p['force_N']) * p[")],
+            "force must be finite; got nan on coil at force_N = -0.1",
+        ),
         (
             [("def force", "def forse")],
             "SoftBump.forse must be a hook, or begin with an underscore where it is its own; did",
@@ -91,7 +95,7 @@ def test_it_takes_part_until_it_is_no_longer_asked_for() -> None:
         ([("return p[", "return np.nan * p[")], "force must be finite; got nan on coil"),
         (
             [("return p[", "return 0 * np.log(np.abs(s.v)) + p[")],
-            "force must be finite; got nan on coil at direction = 1",
+            "direction = 1",
         ),
         ([("return p[", "return np.ones(2) * p[")], "force must return one number; got ndarray"),
         ([("return p[", "return 0.0 * p[")], "must use each parameter; got 'force_N'"),

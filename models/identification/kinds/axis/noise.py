@@ -1,7 +1,5 @@
 """The noise of an axis: of its force, where anything tells it, and what the noise of its position makes of that."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 from math import comb

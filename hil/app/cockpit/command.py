@@ -12,8 +12,8 @@ from typing import Final
 
 import can
 
-from hil.app.cockpit.facts import Facts, models_of, wiring_of
 from hil.app.cockpit.hands import Hands
+from hil.app.cockpit.panels import Facts, models_of, wiring_of
 from hil.app.cockpit.source import BusSource, LogSource
 from hil.app.console import note, output_to_notes, print_json, summary
 from hil.app.run.clock import Clock, ClockedBus

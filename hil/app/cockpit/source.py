@@ -8,7 +8,7 @@ from typing import Any, Final
 import can
 import numpy as np
 
-from hil.app.cockpit.facts import Facts
+from hil.app.cockpit.panels import Facts
 from hil.app.cockpit.series import LineFeed, Ring, Samples
 from hil.app.cockpit.watch import FrameWatch
 from hil.app.run.clock import Clock

@@ -11,8 +11,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 from hil.app.console import json_text, print_json, summary, text_table
-from hil.app.demo.learning import LEARNING, LearningStory
-from hil.app.demo.loop import LOOPS, LoopStory
+from hil.app.demo.loop import LEARNING, LOOPS, LearningStory, LoopStory
 from hil.app.demo.next_record import BEFORE, NEXT_RECORD
 from hil.app.demo.page import demo_html
 from hil.app.demo.story import PRINTED, Learned, Story, Told

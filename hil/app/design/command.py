@@ -13,9 +13,8 @@ from controller.drives import INNER_MASS
 from controller.model.control_model import control_model
 from controller.vibro.cycles import VibroModel
 from hil.app.console import output_to_notes, print_json, say, summary
-from hil.app.design.gains import command_unit, gains_json
 from hil.app.design.page import design_html
-from hil.app.design.tables import balance_lines, cycle_table, margin_table, words_of
+from hil.app.design.tables import balance_lines, command_unit, cycle_table, gains_json, margin_table, words_of
 from hil.app.design.vibro import study_of, vibro_html, vibro_json, vibro_lines, vibro_tables
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import own_folder, write_files

@@ -1,15 +1,20 @@
-"""What a design found in words and tables, for terminal and page alike."""
+"""What a design found in words and tables, for terminal and page alike: poles, gains, margins, cycles."""
 
 from __future__ import annotations
 
+from typing import Any
+
 from rich.table import Table
 
+from controller.baselines.lqr import Gains, lqr_gains
 from controller.design.describing_function import AMPLITUDES_M, Balance
 from controller.design.margins import Margins
 from controller.design.study import Study
+from controller.design.tuning import Pid
+from controller.drives import driven_of
 from controller.model.control_model import ControlModel
+from controller.model.linear import linearise
 from hil.app.console import text_table
-from hil.app.design.gains import gains_words
 from hil.app.quantities import number
 
 MARGINS = ("gain", "phase in deg", "more delay in ms", "sensitivity")
@@ -68,3 +73,58 @@ def cycle_table(found: Study) -> Table:
             numbers = [number(x, 3) for x in (1e6 * c.peak_to_peak_m, c.period_s, 1e6 * c.rms_m)]
             table.add_row(name, part, *numbers, "yes" if c.hunts else "no")
     return table
+
+
+def command_unit(model: ControlModel) -> str:
+    """Unit of the command: m of a carriage, A or V of a coil."""
+    return model.command_name.rpartition("_")[2]
+
+
+def gains_json(pid: Pid, lqr: Gains, unit: str) -> dict[str, Any]:
+    """The designed gains; K_p in `command_unit` per m."""
+    return {
+        "command_unit": unit,
+        "pid": {"K_p": pid.K_p, "K_i_per_s": pid.K_i, "K_d_s": pid.K_d, "filter_s": pid.filter_s},
+        "lqr": {"K": dict(zip(lqr.states, lqr.K.tolist(), strict=True)), "K_i_per_s": lqr.K_i},
+    }
+
+
+def gains_words(pid: Pid, lqr: Gains, model: ControlModel) -> list[str]:
+    """Lines for the designed gains, and for those of the controllers that run."""
+    unit = command_unit(model)
+    own = f"K_p {pid.K_p:.4g} {unit}/m, K_i {pid.K_i:.4g} {unit}/(m s), K_d {pid.K_d:.4g} {unit} s/m"
+    return [
+        f"PID, from position error to {model.command_name}: {own} (filter {1e3 * pid.filter_s:g} ms)",
+        f"LQR: {_feedback(lqr, unit)}",
+        "not used by track, sil and run, whose controllers have these gains, whatever the delay:",
+        *_running(model),
+    ]
+
+
+def _running(model: ControlModel) -> list[str]:
+    drive = driven_of(model.drive)
+    pids = {"pid": drive.pid, "pid_friction": drive.pid_friction}
+    pids["pid_estimated and the PID below the others"] = drive.pid_estimated
+    lines = [
+        f"  {name}, from position error to force: k_p {g.k_p:g} N/m, k_i {g.k_i:g} N/(m s), k_d {g.k_d:g} N s/m"
+        for name, g in pids.items()
+    ]
+    return [
+        *lines,
+        (
+            f"  lqr: {_feedback(lqr_gains(linearise(model, 'slip')), command_unit(model))} at this tick of"
+            f" {1e3 * model.tick_s:g} ms"
+        ),
+    ]
+
+
+def _feedback(gains: Gains, unit: str) -> str:
+    terms = [f"{name} {gain:.4g} {_per(unit, name)}" for name, gain in zip(gains.states, gains.K, strict=True)]
+    return f"{', '.join(terms)}, K_i {gains.K_i:.4g} {unit}/(m s)"
+
+
+def _per(unit: str, state: str) -> str:
+    """Unit of a gain on `state`."""
+    if state == "v":
+        return f"{unit} s/m"
+    return f"{unit}/{'m' if state == 'x' else state.rpartition('_')[2]}"

@@ -8,25 +8,29 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from rich.table import Table
 
 from hil.app.console import json_text, note, notes, output_to_notes, print_json, progress_bar, summary, text_table
-from hil.app.identify.next_experiment import next_toml
 from hil.app.report import headline, report_html, report_json
+from hil.app.report.cards import grouped
 from hil.app.report.dependence import story
-from hil.app.report.findings import grouped
 from hil.app.report.words import error_cells, error_scale, tidy
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import check_targets, sole_writer, table_text, write_files
 from hil.log.record import read_rig_record
 from models.files.record import Record
 from models.files.rig import Rig
+from models.files.toml import toml_text
 from models.identification import Model, close
-from models.identification.finding import NEXT_CSV, NEXT_TOML, STAGES, Finding
+from models.identification.finding import NEXT_CSV, NEXT_TOML, STAGES, Finding, Proposal
 
 REPORT, NUMBERS, MODEL = "report.html", "report.json", "model.toml"
 FILES = (REPORT, NUMBERS, MODEL, NEXT_TOML, NEXT_CSV)
+
+
+_MM = 1e3  # in a metre
 
 
 def close_loop(
@@ -153,3 +157,31 @@ def error_table(finding: Finding) -> Table:
     for part, name in (("train", "training"), ("holdout", "held out")):
         table.add_row(name, *error_cells(finding, part))
     return table
+
+
+def next_toml(proposal: Proposal, kind: str) -> str:
+    """The reference, places counted from where it starts, and what it is expected to separate or to show."""
+    tables: dict[str, Any] = {
+        "experiment": {"kind": kind, "column": proposal.column, "duration_s": round(float(proposal.times_s[-1]), 4)},
+        "reference": {
+            "kind": "waypoints",
+            "times_s": [round(float(t), 4) for t in proposal.times_s[1:]],
+            "positions_mm": [round(_MM * float(x - proposal.places_m[0]), 4) for x in proposal.places_m[1:]],
+        },
+    }
+    if proposal.separations:
+        tables["separates"] = {
+            f"{one.effect}_from_{one.rival}": {
+                "standard_deviations": round(one.standard_deviations, 2),
+                "best_record_so_far": one.best_record,
+                "standard_deviations_so_far": round(one.so_far, 2),
+            }
+            for one in proposal.separations
+        }
+    if proposal.shows:
+        tables["shows"] = {"effects": list(proposal.shows)}
+    head = (
+        f"# The next experiment, proposed by close-loop; {NEXT_CSV} holds the same motion for a rig driven from a file."
+        "\n# capsule track, sil and run drive it with --reference.\n"
+    )
+    return head + toml_text(tables)

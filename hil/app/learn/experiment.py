@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from controller.excursion import Experiment
-from hil.app.scenario.learning import Pace
+from hil.app.scenario.deployment import Pace
 from models.identification.finding import Proposal
 
 STROKES: Final = ((1.0, 1.0), (-1.0, 0.5), (0.5, 2.0), (-0.5, 2.0), (0.5, 0.5), (0.0, 1.0))

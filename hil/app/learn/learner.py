@@ -20,7 +20,7 @@ from controller.supervision.history import History
 from controller.supervision.model_switch import ModelSwitch, Offer, Prepared
 from hil.app.learn.experiment import experiment_of
 from hil.app.learn.identify import LEAD_S, Ask, LearningAnswer, LearningQuestion, at_once
-from hil.app.scenario.learning import Pace
+from hil.app.scenario.deployment import Pace
 from hil.app.scenario.model_offer import Offered
 from hil.log.record import SOURCES
 from models.files.columns import TIME

@@ -17,6 +17,10 @@ from models.sets import load_measurement
 SOURCE = "constant_velocity_section_2.3"
 
 
+_MN = 1e3  # in a newton
+_SHADES = ("#9ca3af", "#6b7280", "#374151")
+
+
 def measured_teeth(quantity: str) -> list[float]:
     """The three samples' `period` in s or `peak_to_peak_force` in N."""
     return [
@@ -58,10 +62,6 @@ def flat_car_rows() -> Iterator[Row]:
     stated, mean = (t * s["capsule_speed_m_s"] for t in (s["period_s"], period))
     quantity = "C: way per period at 10 mm/s"
     yield row("c_spatial_period", quantity, "mm", spatial, "finding", note, paper=stated, measured=mean)
-
-
-_MN = 1e3  # in a newton
-_SHADES = ("#9ca3af", "#6b7280", "#374151")
 
 
 def flat_car_drawing() -> Drawing:

@@ -18,6 +18,9 @@ from models.sets import load_measurement
 SLOW, FAST = 0.5e-3, 10e-3  # m/s, papers A and C
 
 
+_MN = 1e3  # in a newton
+
+
 def base_cycle(speed_m_s: float) -> Cycle:
     """The base model's tooth for the default capsule and gut, nothing fitted."""
     kind = PeriodsKind.around(velocity_m_s=speed_m_s)
@@ -44,9 +47,6 @@ def two_speeds_rows() -> Iterator[Row]:
         ):
             quantity = f"base model: {name} at {v * 1e3:g} mm/s"
             yield row(f"base_{name}_{speed_key(v)}", quantity, unit, computed, miss, note, measured=seen)
-
-
-_MN = 1e3  # in a newton, and mm in a metre
 
 
 def two_speeds_drawing() -> Drawing:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import can
 
-from hil.app.cockpit.facts import Facts
+from hil.app.cockpit.panels import Facts
 from hil.app.cockpit.source import BusSource, LogSource
 from hil.app.cockpit.watch import KEPT, FrameWatch
 from hil.app.run.clock import Clock

@@ -22,8 +22,7 @@ import hil.app.demo.command as demo_module
 import hil.app.demo.story as story_module
 from controller.supervision.acceptance import Acceptance
 from hil.app.demo.command import demo
-from hil.app.demo.learning import LEARNING, LearningStory
-from hil.app.demo.loop import LOOPS, SCENARIOS, Excitation, LoopStory, admitted
+from hil.app.demo.loop import LEARNING, LOOPS, SCENARIOS, Excitation, LearningStory, LoopStory, admitted
 from hil.app.demo.next_record import NEXT_RECORD
 from hil.app.demo.page import demo_html
 from hil.app.demo.story import PRINTED, Mission, Progress, Told

@@ -13,6 +13,8 @@ MODULE: Final = "hil.api"
 _WIDEST: Final = 100  # characters of a signature on one line
 _QUOTED: Final = re.compile(r"(: |-> )'([^']*)'")
 """An annotation that is kept as text."""
+_MODULES: Final = re.compile(r"\b(?:models|collections)\.(?:\w+\.)*(?=[A-Z])")
+"""Modules in front of a class in one that is not."""
 
 
 def reference() -> str:
@@ -34,7 +36,7 @@ def described(module: ModuleType) -> str:
 
 def _entry(name: str, value: Any) -> str:
     text = inspect.cleandoc(value.__doc__ or "")
-    signature = _QUOTED.sub(r"\1\2", _signature(name, value))
+    signature = _MODULES.sub("", _QUOTED.sub(r"\1\2", _signature(name, value)))
     return f"## {name}\n\n```python\n{signature}\n```\n\n{text}"
 
 

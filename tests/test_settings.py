@@ -73,3 +73,21 @@ def test_every_setting_is_explained_and_read(room: str) -> None:
     for field in fields(record):
         assert all(field.metadata[key] for key in ("unit", "meaning", "chosen_on")), field.name
         assert field.name in read, field.name
+
+
+PLAIN = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0)
+"""Numbers in a comparison that are no threshold; nor is one below 1e-6, which stands for rounding."""
+
+
+def _compared(source: str) -> Iterator[float]:
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Compare):
+            values = [n.value for n in ast.walk(node) if isinstance(n, ast.Constant)]
+            yield from (v for v in values if isinstance(v, float) and v not in PLAIN and v >= 1e-6)
+
+
+@pytest.mark.parametrize("room", RECORDS)
+def test_no_threshold_hides_in_a_comparison(room: str) -> None:
+    files = sorted((ROOT / room).rglob("*.py"))
+    found = [f"{path.relative_to(ROOT)}: {v:g}" for path in files for v in _compared(path.read_text("utf-8"))]
+    assert len(found) <= 5, "\n".join(found)

@@ -13,8 +13,8 @@ import numpy as np
 
 from models.effects.effect import Effect, InnerMassEffect, Signals
 from models.effects.equation import disagreement
+from models.rigs.kinds import KINDS
 
-KINDS: Final = ("pull", "magnetic", "coil", "vibro", "vibro_table", "axis", "periods", "friction", "dma")
 SIGNALS: Final[Mapping[str, float]] = {
     "t": 0.7,
     "x": 4e-3,

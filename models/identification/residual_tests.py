@@ -7,11 +7,11 @@ from contextlib import suppress
 
 import numpy as np
 
-from models.files.record import Record
 from models.identification.finding import Check
 from models.identification.fitting.fit import Fit, evaluate
 from models.identification.kind import Kind
 from models.identification.search.validation import free_run
+from models.records.record import Record
 
 _LAGS = 40
 _WIDER = 1.3

@@ -9,13 +9,13 @@ import numpy as np
 from scipy.stats import chi2
 
 from models.checks.finding import RecordFinding
-from models.files.record import Record
 from models.identification.finding import STAGES, Check, Estimate
 from models.identification.fitting.confidence import near
 from models.identification.fitting.fit import Fit, axes
 from models.identification.kind import Kind, declared
 from models.identification.search.forward_selection import CLEAN, Search
 from models.identification.search.validation import NEAR_NOISE
+from models.records.record import Record
 
 _LEVEL = 0.995  # of chi-square: up to which a mean square of residuals is chance
 _SEEN_AGAIN = 2.0  # times that a period must be seen in a record

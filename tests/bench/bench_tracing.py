@@ -23,14 +23,14 @@ from typing import Any, Final
 import numpy as np
 
 from hil.app.main import run as capsule
-from models.files.record import Record, read_record
-from models.files.rig import read_rig
 from models.identification.fitting.fit import FINE, NARROW, Problem, narrowing
 from models.identification.kinds import kind_for
 from models.identification.kinds.series.kind import SeriesKind
 from models.identification.kinds.series.simulation import active_effects
 from models.identification.model import read_model
 from models.identification.search.validation import free_run
+from models.records.record import Record, read_record
+from models.rigs.reader import read_rig
 from plant.experiments.series import Kind, hidden_ids, make_series
 from plant.hidden.registry import hidden
 

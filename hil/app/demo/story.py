@@ -15,9 +15,10 @@ from hil.app.identify.close_loop import read_series, result_files
 from hil.app.papers.analytical import best_miss, thirty_periods
 from hil.app.quantities import change
 from hil.app.write import write_files
-from models.files.rig import Rig, read_rig
 from models.identification import Model, close
 from models.identification.finding import Finding
+from models.rigs.reader import read_rig
+from models.rigs.rig import Rig
 from models.sets import measured_path
 
 Array = NDArray[np.float64]

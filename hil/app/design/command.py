@@ -20,10 +20,10 @@ from hil.app.design.tables import balance_lines, cycle_table, margin_table, word
 from hil.app.design.vibro import print_vibro, study_of, vibro_html, vibro_json
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import write_files
-from models.files.rig import Rig
 from models.identification.finding import STAGES
 from models.identification.model import read_model
 from models.parameter import nearest
+from models.rigs.rig import Rig
 
 PAGE = "design.html"
 TICK_S = 0.002

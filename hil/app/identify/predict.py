@@ -12,10 +12,10 @@ from hil.app.console import notes, output_to_notes, print_json, summary
 from hil.app.identify.close_loop import read_told
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import check_file, check_targets, write_table
-from models.files.record import Record
 from models.identification.finding import STAGES
 from models.identification.model import read_model
 from models.parameter import nearest
+from models.records.record import Record
 
 
 def predict(

@@ -22,8 +22,8 @@ from hil.app.learn.identify import LEAD_S, Answer, Ask, Question, at_once
 from hil.app.scenario.learning import Pace
 from hil.app.scenario.model_offer import Offered
 from hil.log.record import SOURCES
-from models.files.columns import TIME
-from models.files.rig import Rig
+from models.rigs.columns import TIME
+from models.rigs.rig import Rig
 
 LEARNT: Final = ("magnetic", "coil")
 """Kinds of rig whose runs are records that can be identified on."""

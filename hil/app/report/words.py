@@ -13,8 +13,8 @@ import numpy as np
 
 from hil.app.quantities import amount, number, percent, scale
 from models.effects import BY_ID
-from models.files.columns import COLUMNS
 from models.identification.finding import Finding
+from models.rigs.kinds import KINDS
 
 STAGE_WORDS = MappingProxyType({"nominal": "nominal", "calibrated": "calibrated", "augmented": "augmented"})
 _COUNTS = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine")
@@ -212,7 +212,7 @@ def interpolation(finding: Finding) -> str:
     fitted = sum(e.told or not math.isnan(e.value) for e in finding.calibration.values())
     fitted += sum(len(effect.parameters) for effect in finding.effects)
     last = "augmented" if finding.effects else "calibrated"
-    layout = COLUMNS[finding.kind]
+    layout = KINDS[finding.kind].layout
     driven = (*(name for names in layout.driven for name in names), *layout.optional)
     shown = [t for t in finding.traces if t.role != "holdout" and last in t.predicted]
     values = [np.atleast_2d(t.predicted[last].T).T for t in shown]

@@ -9,10 +9,10 @@ from typing import Any, Final
 from models.drives.coil import Coil, Winding
 from models.drives.magnetic import Magnetic
 from models.drives.vibro import Vibro
-from models.files.rig import TABLES as RIG_TABLES
-from models.files.rig import Rig, parse_rig
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import nearest
+from models.rigs.reader import parse_rig, table_names
+from models.rigs.rig import Rig
 from models.surfaces.plate import Plate
 
 Table = Mapping[str, Any]
@@ -39,9 +39,9 @@ def read_belief(table: Table, kind: str, surface: str, magnets: Table | None = N
     magnets being its data sheet's, `[rig.magnet]`. Raises ValueError.
     """
     for name, content in table.items():
-        if name not in RIG_TABLES:
+        if name not in table_names():
             raise ValueError(
-                f"tables of [belief] must be those of a rig file; got {name!r}; {nearest(name, RIG_TABLES)}"
+                f"tables of [belief] must be those of a rig file; got {name!r}; {nearest(name, table_names())}"
             )
         if not isinstance(content, Mapping):
             raise ValueError(f"belief.{name} must be a table; got {content!r}")

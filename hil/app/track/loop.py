@@ -25,7 +25,7 @@ from controller.supervision.model_switch import ModelSwitch, Offer
 from controller.supervision.supervisor import Supervisor
 from controller.vibro.table_values import in_time
 from hil.app.scenario.scenario import DRIVEN, TrackScenario
-from models.files.rig import at_height
+from models.rigs.rig import at_height
 from plant.drives.kinds import MagnetPair
 from plant.rig import Rig
 from plant.session import Session

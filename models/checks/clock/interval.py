@@ -8,7 +8,7 @@ import numpy as np
 
 from models.checks.finding import RecordFinding
 from models.checks.view import View
-from models.files.columns import TIME
+from models.rigs.columns import TIME
 
 STEPS_S: Final = (1e-6, 1.0)
 """Least and most usual interval between samples of a record."""

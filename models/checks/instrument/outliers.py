@@ -7,8 +7,8 @@ import numpy as np
 from models.checks.finding import RecordFinding
 from models.checks.instrument.clipping import clipped
 from models.checks.view import Array, Mask, View
-from models.files.columns import TIME
-from models.files.record import Record
+from models.records.record import Record
+from models.rigs.columns import TIME
 
 _FAR = 12.0  # standard deviations of the noise
 _BEYOND = 8.0  # times what nineteen in twenty samples reach

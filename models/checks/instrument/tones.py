@@ -6,7 +6,7 @@ import numpy as np
 from scipy.signal import periodogram
 
 from models.checks.finding import RecordFinding
-from models.checks.view import VIBRATING, View
+from models.checks.view import View
 
 _SEGMENTS = 6
 _LOWEST_HZ = 5.0
@@ -56,7 +56,7 @@ def _at_rest(view: View) -> list[tuple[float, float]]:
 
 def _throughout(view: View) -> list[tuple[float, float]]:
     n = len(view.y) // _SEGMENTS
-    if not view.timed or n < 128 or view.kind in VIBRATING:
+    if not view.timed or n < 128 or view.kind.vibrates:
         return []
     pieces = np.diff(view.y[: n * _SEGMENTS].reshape(_SEGMENTS, n), axis=1)
     frequency, power = periodogram(pieces, 1 / view.dt, window="hann", axis=1)
@@ -81,7 +81,7 @@ def check_tones(view: View) -> list[RecordFinding]:
     unit, n = view.measured.rsplit("_", 1)[1], len(view.y)
     speeds = np.abs(view.speed[view.moves]) if view.timed else np.zeros(0)
     steady = len(speeds) > 0 and float(np.percentile(speeds, 90)) < 1.3 * float(np.percentile(speeds, 10))
-    own = steady or view.kind not in ("pull", "axis")  # stick-slip at one speed, or the tone of a capsule on its spring
+    own = steady or not view.kind.imposed  # stick-slip at one speed, or the tone of a capsule on its spring
     shown = []
     for hertz, amplitude in tones(view):
         mains = next((m for m in _MAINS_HZ if abs(hertz - m) < max(_NEAR * m, 1.5 * _SEGMENTS / n / view.dt)), None)

@@ -12,14 +12,13 @@ from models.checks.finding import RecordFinding
 from models.checks.instrument.jumps import jumps
 from models.checks.instrument.resolution import without_steps
 from models.checks.view import Array, View
-from models.files.rig_tables import MOST_DRIFT
+from models.rigs.tables import MOST_DRIFT
 
 _LONGEST_S = 0.15
 _LEAST_SAMPLES = 2.0
 _LEAST_S = 0.012  # what stick and slip alone may look like
 _TOLD_TO_S, _TOLD_TO_DRIFTING_S = 0.004, 0.015  # standard deviation of the lag told, at the first stamp
-_PAIRS = {"pull": ("position_m", "force_N"), "magnetic": ("carriage_position_m", "position_m")}
-_GAIN_DRIFTING = {"pull": 0.03, "magnetic": 0.15}  # as _GAIN, of a drift over a constant shift
+_GAIN_DRIFTING, _GAIN_FOLLOWING = 0.03, 0.15  # as _GAIN, of a drift over a constant shift
 _GAIN = 0.03  # share of the misfit that the shift must take away
 _SOFT = (0.01, 0.025, 0.06, 0.15, 0.4)  # of the usual speed, below which friction changes its sign gradually
 _REACHES = tuple(0.0004 * 1.8**k for k in range(10))  # of the span
@@ -43,11 +42,11 @@ def check_delay(view: View) -> list[RecordFinding]:
     """Whether the force of a pull or a stage answers the motion late or early, or ever later; and whether the place of
     a capsule comes ever later than its magnet's (behind which it comes late anyway).
     """
-    pair = _PAIRS.get(view.kind)
-    if pair is None or not view.timed or not set(pair) <= set(view.record.columns):
+    pair = view.kind.layout.own()
+    if not view.kind.led or not view.timed or not set(pair) <= set(view.record.columns):
         return []
     lag = lag_of(view, *pair)
-    if lag is None or not (lag.drift or view.kind == "pull") or (lag.drift and len(jumps(view))):
+    if lag is None or not (lag.drift or view.kind.drawn) or (lag.drift and len(jumps(view))):
         return []
     place, measured = pair
     known = f"offset_s = {lag.first_s:.3g}, offset_std_s = {_TOLD_TO_DRIFTING_S if lag.drift else _TOLD_TO_S:g}"
@@ -59,7 +58,7 @@ def check_delay(view: View) -> list[RecordFinding]:
         return [view.finding("clock_offset", "note", where, said, how, f"[clock] {known}")]
     said = f"{measured} comes {1e3 * abs(lag.drift):.3g} ms {later(lag.drift)} with every second"
     drift = f"drift = {lag.drift + stated_drift(view):.3g}"
-    if view.kind == "pull":
+    if view.kind.drawn:
         said, drift = f"{said}, from {late(lag.first_s)} at the first stamp on", f"{known}, {drift}"
     said += ": two clocks that do not run alike"
     return [view.finding("clock_drift", "weakens", where, said, how, f"[clock] {drift}")]
@@ -106,7 +105,10 @@ def lag_of(view: View, place: str, measured: str) -> Lag | None:
     middle, drifted = (float(value) for value in found.x)
     gain = 1 - float(found.fun) / max(constant[0], 1e-300)
     most = min(_MOST_DRIFTED_S, MOST_DRIFT * length)
-    if gain > _GAIN_DRIFTING[view.kind] and max(_LEAST_DRIFTED_S, least) < abs(drifted) < most:
+    if (
+        gain > (_GAIN_FOLLOWING if view.kind.follows else _GAIN_DRIFTING)
+        and max(_LEAST_DRIFTED_S, least) < abs(drifted) < most
+    ):
         return Lag(middle - drifted / 2, drifted / length, gain)
     gain, offset = 1 - constant[0] / max(left(0.0, 0.0), 1e-300), constant[1]
     inside = 0 < best < len(lags) - 1
@@ -123,7 +125,7 @@ def _misfit(view: View, x: Array, speed: Array, y: Array, rows: int) -> Callable
     inner = (even > begin + margin) & (even < end - margin)
     at, share = even[inner], (even[inner] - (begin + end) / 2) / (end - begin)
     loop = _loop(np.interp(even, view.t, x), np.interp(even, view.t, speed))[inner]
-    if view.kind == "magnetic":  # a wall that dries lets the capsule come later and later, in both directions alike
+    if view.kind.follows:  # a wall that dries lets the capsule come later and later, in both directions alike
         loop = np.column_stack([loop, share[:, None] * np.delete(loop, 2, axis=1)])
     within, _ = np.linalg.qr(loop)
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from models.checks.finding import RecordFinding
 from models.checks.view import View
-from models.files.rig_tables import Magnets
 from models.laws.dipole import too_strong
+from models.rigs.magnets import Magnets
 
 _MOST = 0.1  # share by which the dipoles may be off before it is told
 _FURTHER, _FURTHEST = 1.05, 40  # steps in height in which they are looked at from there

@@ -24,7 +24,7 @@ def check_stuck(view: View) -> list[RecordFinding]:
     whole = float(np.diff(np.percentile(y[view.moves], [5, 95]))[0])
     settled, least = round(_SETTLED_S / view.dt), round((_SETTLED_S + _LEAST_S) / view.dt)
     rests = [(a + settled, b) for a, b in runs_of(~view.moves) if b - a >= least]
-    least_swings = 2 if view.kind == "axis" else 1
+    least_swings = 2 if view.kind.stage else 1
     stuck = [(a, b) for a, b in rests if _swings(y[a:b], 0.5 * _MUCH * whole) >= least_swings]
     if not stuck or whole < 20 * view.noise:
         return []

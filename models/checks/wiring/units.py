@@ -7,9 +7,8 @@ import numpy as np
 from models.checks.finding import RecordFinding
 from models.checks.instrument.resolution import PLACES
 from models.checks.view import Array, View, running_mean
-from models.drives.from_rig import surface_of
-from models.files.columns import TIME, first_wrong, range_of
-from models.files.rig import CAPSULE_SERIES
+from models.rigs.columns import TIME
+from models.rigs.parts import surface_of
 
 _TRAVEL_M = (2e-5, 3.0)
 _SPEED_M_S = (2e-6, 1.0)
@@ -29,7 +28,7 @@ def check_units(view: View) -> list[RecordFinding]:
     x = view.record[view.moving_column]
     travel, fastest = float(np.ptp(x)), float(np.percentile(np.abs(view.speed), 99))
     out = []
-    if view.kind in CAPSULE_SERIES:
+    if view.kind.of_capsule:
         small = 0 < travel < _TRAVEL_M[0] and (travel > 20 * view.noise or travel < _NOTHING_M)
         if travel > _TRAVEL_M[1] or small:
             out.append(off_its_size(view, view.moving_column, f"travels {travel:.3g} m", _TRAVEL_M, "m"))
@@ -37,7 +36,7 @@ def check_units(view: View) -> list[RecordFinding]:
             out.append(off_its_size(view, view.moving_column, f"moves at {fastest:.3g} m/s", _SPEED_M_S, "m/s"))
         elif view.dt >= _SELDOM_S and 0 < fastest < _CRAWLS_M_S:
             out.append(_slow(view, fastest))
-        if view.kind == "magnetic" and view.driven is not None and view.measured in view.record.columns:
+        if view.kind.follows and view.driven is not None and view.measured in view.record.columns:
             out += _behind_the_magnet(view, view.record[view.driven])
     else:
         usual, unit = (_TURNING_SPEED_RAD_S, "rad/s") if view.turns else (_STAGE_SPEED_M_S, "m/s")
@@ -59,7 +58,7 @@ def _of_the_drive(view: View) -> list[RecordFinding]:
 
 def beyond_its_range(view: View, column: str, remedy: str) -> list[RecordFinding]:
     """A value of `column` that no such column can hold."""
-    limits, row = range_of(view.kind, column), first_wrong(view.kind, column, view.record[column])
+    limits, row = view.kind.range(column), view.kind.first_wrong(column, view.record[column])
     if limits is None or row is None:
         return []
     return [
@@ -67,7 +66,8 @@ def beyond_its_range(view: View, column: str, remedy: str) -> list[RecordFinding
             "units",
             "stops",
             f"{column}, {view.at([row])}",
-            f"{column} must be {limits[2]}; got {view.record[column][row]:g}: another unit, or another way to say it?",
+            f"{column} must be {limits.words}; got {view.record[column][row]:g}: another unit, or another way to say"
+            " it?",
             "values against what the column can hold",
             remedy,
         )
@@ -104,7 +104,7 @@ def _of_the_force(view: View) -> list[RecordFinding]:
         return []
     column, force = view.pushing
     size = float(np.percentile(np.abs(force), 90))
-    if view.kind == "pull" and (size > _FORCE_N[1] or 0 < size < _FORCE_N[0]):
+    if view.kind.drawn and (size > _FORCE_N[1] or 0 < size < _FORCE_N[0]):
         return [off_its_size(view, column, f"is of the size of {size:.3g} N", _FORCE_N, "N")]
     return _against_the_surface(view, column, force)
 
@@ -124,7 +124,7 @@ def _against_the_surface(view: View, column: str, force: Array) -> list[RecordFi
     )
     if not usual or lowest / _FAR <= size <= highest * _FAR:
         return []
-    what = "is" if view.kind == "pull" else "makes"
+    what = "is" if view.kind.drawn else "makes"
     return [
         view.finding(
             "force_size",

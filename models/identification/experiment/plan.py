@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from models.files.record import Record
 from models.identification.kind import Array
+from models.records.record import Record
 
 RAMP_S = 0.05
 """Time over which a motion's corners are rounded."""

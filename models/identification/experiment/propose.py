@@ -8,8 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from models.checks.information.excitation import Shown
-from models.files.columns import COLUMNS
-from models.files.record import Record
 from models.identification.experiment.plan import Plan, Room, random_plan, varied
 from models.identification.experiment.question import Candidate, Question, question, refitted, separation
 from models.identification.finding import NEXT_CSV, Proposal, Separation
@@ -17,10 +15,9 @@ from models.identification.fitting.fit import parallel
 from models.identification.kind import Kind
 from models.identification.search.fitted_model import FittedModel
 from models.identification.search.forward_selection import Search
+from models.records.record import Record
+from models.rigs.kinds import KINDS
 
-_QUICK = "pull"
-KINDS = (_QUICK, "magnetic")
-"""Kinds of rig that are led along a path."""
 _QUESTIONS = 3
 _FIRST, _AGAIN, _BEST, _ROUNDS = 32, 12, 4, 5
 _FIRST_SLOW, _AGAIN_SLOW, _BEST_SLOW, _ROUNDS_SLOW = 12, 6, 2, 3  # where a motion takes many times longer to predict
@@ -40,9 +37,10 @@ def propose(
     there are none, it makes `shown` (of a motion, the effects that it could show and the records cannot, and how rich
     it is) as large; None for `shown` says that nothing is out of sight.
     """
-    if kind.name not in KINDS:
+    rig = KINDS[kind.name]
+    if not rig.led:
         return None
-    room = Room.of(records, COLUMNS[kind.name].driven[0][0])
+    room = Room.of(records, rig.layout.driven[0][0])
     if not room.speed > 0 or not room.span > 0:
         return None
     pairs = [
@@ -50,7 +48,7 @@ def propose(
         for effect, model, rival in found.doubts
     ]
     if pairs:
-        read = _beginnings(records, _READ_S if kind.name == _QUICK else _READ_SLOW_S)
+        read = _beginnings(records, _READ_S if rig.drawn else _READ_SLOW_S)
         asked = [question(kind, read, *pair, rng) for pair in pairs[:_QUESTIONS]]
         plan, apart = _best(kind, room, asked, read, rng)
     elif shown is None:
@@ -134,7 +132,7 @@ def _best(
         return list(zip(parallel(worth, plans), plans, strict=True))
 
     slow = (_FIRST_SLOW, _AGAIN_SLOW, _BEST_SLOW, _ROUNDS_SLOW)
-    first, again, best, rounds = (_FIRST, _AGAIN, _BEST, _ROUNDS) if kind.name == _QUICK else slow
+    first, again, best, rounds = (_FIRST, _AGAIN, _BEST, _ROUNDS) if KINDS[kind.name].drawn else slow
     rows = judged([random_plan(room, rng) for _ in range(first)])
     for _ in range(rounds):
         rows = sorted(rows, key=lambda row: -row[0])[:best]

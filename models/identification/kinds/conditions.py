@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.checks.view import View
-from models.files.record import Record
-from models.files.rig import Rig
+from models.records.record import Record
+from models.rigs.rig import Rig
 
 _NEAR = 1.25  # a speed this close to another one counts as the same
 _OVERLAP = 0.4  # of a record's places that the others must cover

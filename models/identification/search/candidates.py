@@ -11,7 +11,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from models.effects import BY_ID, REFINEMENTS
-from models.files.record import Record
 from models.identification.fitting.fit import NARROW, Fit, Problem, costs_of, descend, narrowing
 from models.identification.kind import Kind, had
 from models.identification.search.fitted_model import Fits, FittedModel
@@ -29,6 +28,7 @@ from models.identification.search.validation import (
     judged,
     judged_cost,
 )
+from models.records.record import Record
 
 ENTERED = 12
 POOL = 6

@@ -12,10 +12,10 @@ from scipy.stats import chi2, qmc
 
 from models.checks.instrument.usable import lead_in_s
 from models.effects import BY_ID
-from models.files.record import Record
 from models.identification.fitting.fit import NARROW, Axis, Fit, Problem, axes, costs_of, narrowing
 from models.identification.kind import Kind
 from models.identification.search.validation import free_run
+from models.records.record import Record
 
 _TELLING = 2  # number of the first beginning that is worth wide secants, and on which ranks are told
 _ROUNDS = 6

@@ -8,10 +8,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from models.files.record import Record
 from models.identification.kind import Kind
 from models.identification.search.growing_horizon import prefixes
 from models.identification.search.validation import Split, judged_cost
+from models.records.record import Record
 
 _THOUSANDTH = 1e-3
 _IMITATIONS = 4

@@ -7,13 +7,13 @@ from collections.abc import MutableMapping, Sequence
 import numpy as np
 
 from models.effects import BY_ID, REFINEMENTS
-from models.files.record import Record
 from models.identification.fitting.fit import FINE, NARROW, Fit, Problem, costs_of, narrowing
 from models.identification.kind import Kind, had
 from models.identification.search.candidates import BEHIND, better_without, without
 from models.identification.search.fitted_model import FittedModel
 from models.identification.search.refit import mend, refit
 from models.identification.search.validation import NEAR_NOISE, TOLD, fewest
+from models.records.record import Record
 
 _CLOSE = 1.25  # floors on the training records, up to which nothing is wanted
 _SHARE = 0.1  # of the reported error on the training records, the least that tells a finer shape

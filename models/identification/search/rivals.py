@@ -9,7 +9,6 @@ import numpy as np
 
 from models.effects import BY_ID
 from models.effects.effect import Effect
-from models.files.record import Record
 from models.identification.fitting.fit import NARROW, Problem, costs_of, descend
 from models.identification.kind import effects_in, had
 from models.identification.search.candidates import BEHIND, FINAL, POOL, Trial, opening, without
@@ -19,6 +18,7 @@ from models.identification.search.own_range import within
 from models.identification.search.refit import step_on
 from models.identification.search.screening import Screened
 from models.identification.search.validation import APART, TOLD, Array, ahead, free_run, judged, judged_cost
+from models.records.record import Record
 
 _GAIN = 0.3  # of the effect's gain in the logarithm of the cost, the most that a rival may leave
 _SCREENED = 0.3  # of the effect's share of the residual when screened, the least that a rival must explain

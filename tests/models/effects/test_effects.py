@@ -17,9 +17,10 @@ from models.drives.magnetic import Magnetic
 from models.drives.pull import Pull
 from models.drives.vibro import Vibro
 from models.effects import BY_ID, EFFECTS, REFINEMENTS, effects_for
-from models.effects.conformance import CHECKS, KINDS, SIGNALS, answers, values_of
+from models.effects.conformance import CHECKS, SIGNALS, answers, values_of
 from models.effects.effect import Effect
 from models.laws.geometry import Capsule, Tissue
+from models.rigs.kinds import KINDS
 from models.surfaces.gut import Wall
 from tests.models.running import Array, pulses, stepped
 

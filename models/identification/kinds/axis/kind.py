@@ -17,8 +17,6 @@ import numpy as np
 
 from models.checks.instrument.usable import used
 from models.effects.effect import Effect, Signals
-from models.files.record import Record
-from models.files.rig import Rig
 from models.identification.kind import Array, OneByOne, Theta, present
 from models.identification.kinds.axis.coordinates import LINE, TURN, Coordinates, coordinates_of
 from models.identification.kinds.axis.effects import Size, candidates
@@ -36,6 +34,9 @@ from models.identification.kinds.axis.zero_phase import (
 from models.identification.kinds.conditions import may_be_left_out
 from models.identification.kinds.variant import Range
 from models.parameter import Parameter
+from models.records.record import Record
+from models.rigs.axis import AXIS
+from models.rigs.rig import Rig
 
 NOISES = ("_force_noise", "_speed_noise", "_shaken_inertia", "_weight")
 """Columns that a part of a record carries on from the whole: its noise."""
@@ -60,7 +61,7 @@ class AxisKind(OneByOne):
     coordinates: Coordinates = LINE
     band: float = BAND_HZ
     effects: tuple[type[Effect], ...] = field(default_factory=lambda: candidates(LINE, None))
-    name: str = "axis"
+    name: str = AXIS.id
     criteria: int = 1
     final: int = 0
     judges: tuple[int, ...] = (0,)

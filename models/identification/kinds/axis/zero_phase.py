@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, cheby1, filtfilt, freqz
 
-from models.files.record import USED, Record
+from models.records.record import USED, Record
 
 Array = NDArray[np.float64]
 BAND_HZ = 20.0  # closed-loop bandwidth that the authors' cut-offs are multiples of

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from models.effects.equation import lines_of
-from models.files.record import Record
 from models.identification.fitting.confidence import near
 from models.identification.kind import Theta
 from models.identification.kinds.dma.common_residual import (
@@ -17,6 +16,7 @@ from models.identification.kinds.dma.common_residual import (
     springpot_alone,
 )
 from models.identification.kinds.dma.kind import DmaKind
+from models.records.record import Record
 
 _LITTLE = 1.1  # two errors that differ by less are told as alike
 _DIP = 0.05  # of the modulus: a smaller one is not told as a dip

@@ -12,9 +12,9 @@ from scipy.optimize import brentq
 
 from models.effects.equation import lines_of
 from models.effects.formula import Formula
-from models.files.record import Record, named
 from models.identification.kind import Array, Theta
 from models.identification.kinds.periods.kind import RETURN_SPEED, SPEED, PeriodsKind
+from models.records.record import Record, named
 
 _WIDEST = 5.0  # logarithm of how much stiffer or softer a wall may be
 

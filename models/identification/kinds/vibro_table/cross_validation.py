@@ -8,10 +8,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from models.files.record import Record
 from models.identification.fitting.fit import Problem, descend
 from models.identification.kind import Theta
 from models.identification.kinds.vibro_table.kind import VibroTableKind
+from models.records.record import Record
 
 _FEWEST = 24
 _STEPS = 4

@@ -19,14 +19,17 @@ from controller.limits import Envelope, Limits
 from controller.model.control_model import control_model
 from controller.trajectory import by_speeds
 from models.drives.drive import Drive
-from models.drives.from_rig import DRIVES, SURFACES, drive_of, surface_of
-from models.files.record import Record
-from models.files.rig import Rig
-from models.files.rig_tables import Surface as SurfaceTable
 from models.identification.fitting.fit import Problem, narrowing
 from models.identification.kinds.series.kind import SeriesKind
 from models.laws.geometry import GRAVITY, Capsule
 from models.parameter import Parameter
+from models.records.record import Record
+from models.rigs.columns import Columns
+from models.rigs.kind import RigKind
+from models.rigs.kinds import KINDS
+from models.rigs.parts import SURFACES, drive_of, surface_of
+from models.rigs.rig import Rig
+from models.rigs.tables import Surface as SurfaceTable
 from models.surfaces.surface import Levels, Surface, Values
 from plant.drives.kinds import DRIVES as SIMULATED
 from plant.drives.kinds import Force
@@ -99,10 +102,17 @@ def _envelope(drive: Drive, limits: Limits) -> Envelope:
     return Envelope("coil", -1.0, 1.0, 1e3, np.inf, np.inf, 1.0, limits)
 
 
+THRUSTER = RigKind(
+    id="thruster",
+    layouts=(Columns((("jet",),), ("position_m",)),),
+    drive=lambda rig, by_voltage: Thruster(),
+)
+
+
 @pytest.fixture
 def rig(monkeypatch: pytest.MonkeyPatch) -> Rig:
     """A rig of the new kinds, which three tables and the surfaces' know of."""
-    monkeypatch.setitem(DRIVES, "thruster", lambda rig, by_voltage: Thruster())
+    monkeypatch.setitem(KINDS, "thruster", THRUSTER)
     monkeypatch.setitem(SURFACES, "plate", lambda rig: Slab(rig.capsule.mass_kg))
     monkeypatch.setitem(CONTROLLED, "thruster", Driven(_envelope, Actuator))
     monkeypatch.setitem(SIMULATED, "thruster", Jet)

@@ -5,15 +5,17 @@ position loop.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
+from controller.drives import driven_of
 from controller.limits import Envelope, number
 from controller.model.control_model import ControlModel
 from controller.model.inverse import Inverse
 from controller.signals import Action, Array, Controller, Estimate, Reference
+from controller.tuned import Correction
 
 _RESPONDING: Final = 0.7
 _NO_FASTER: Final = 0.75
@@ -30,37 +32,10 @@ capsule and learns nothing.
 """
 
 
-@dataclass(frozen=True)
-class Loop:
-    """How errors are taken back: the speed asked for is `r' + pace_1_s (r - x)` with these bounds.
-
-    While the reference moves, a capsule ahead by less than `noise_m` waits for it at the most, so that noise does not
-    turn friction round; no correction exceeds `most_m_s`. At rest errors up to `slack_m` are left alone, which is what
-    keeps a held capsule from hunting; beyond it the capsule is brought back to half of that. `reach_s` is the time
-    within which the inverse gets to the speed; a coil's must leave its current some ticks, and a lagging drive gets
-    most of its time constant, with a slower pace.
-    """
-
-    pace_1_s: float = 20.0
-    noise_m: float = 1.6e-3
-    most_m_s: float = 10e-3
-    slack_m: float = 0.4e-3
-    rest_m_s: float = 2e-5
-    reach_s: float = 1e-3
-
-    def __post_init__(self) -> None:
-        for name in (f.name for f in fields(self)):
-            if not 0 <= getattr(self, name) < math.inf:
-                raise ValueError(f"loop {name} must be zero or more; got {getattr(self, name)!r}")
-
-
-LOOPS = {"magnetic": Loop(), "coil": Loop(pace_1_s=40.0, noise_m=0.4e-3, most_m_s=20e-3, reach_s=4e-3)}
-
-
 class Feedforward(Controller):
-    """Each tick the capsule is to go on from the reference's speed to the next one's, corrected by `Loop`; the command
-    is the model's inverse for that, from the wall displacement, slip and drive states of the estimate, against its
-    disturbance.
+    """Each tick the capsule is to go on from the reference's speed to the next one's, with a `Correction`; the
+    command is the model's inverse for that, from the wall displacement, slip and drive states of the estimate, against
+    its disturbance.
 
     In stick the tension that grows with the drag is followed, in slip its fall. Where friction falls with speed, a
     capsule that is slower than asked for gets more than the command that takes it on from rest, the less of it the
@@ -70,8 +45,8 @@ class Feedforward(Controller):
 
     name = "feedforward"
 
-    def __init__(self, model: ControlModel, envelope: Envelope, loop: Loop | None = None) -> None:
-        loop = LOOPS.get(envelope.kind, Loop()) if loop is None else loop
+    def __init__(self, model: ControlModel, envelope: Envelope, loop: Correction | None = None) -> None:
+        loop = driven_of(model.drive).correction if loop is None else loop
         self._reach_s = max(loop.reach_s, _RESPONDING * model.response_s)
         self.loop = (
             replace(loop, pace_1_s=min(loop.pace_1_s, _NO_FASTER / self._reach_s)) if model.response_s > 0 else loop

@@ -12,8 +12,6 @@ _NEAR = 1e-9  # share of a range within which two commands count as the same
 
 
 _LEAST = 1e-6
-AROUND_M = {"coil": 0.01, "vibro": 0.02}
-"""Envelope of drives that no gap bounds: a third and two thirds of a capsule's length."""
 
 
 def _limit(value: float, most: float, unit: str, source: str, least: float = _LEAST) -> Any:
@@ -98,26 +96,28 @@ class Limits:
 class Envelope:
     """`Limits` as one drive's command knows them (`controller.drives`): range [`low`, `high`], `rate` a second,
     `acceleration` a second squared, largest `gap_m` between carriage and capsule, each inf where it does not apply;
-    `sense` is the sign of the force of a positive command. `kind`: magnetic, coil or vibro. `placed`: the command is
-    the place of a carriage, which rests where it is; every other one rests at 0.
+    `sense` is the sign of the force of a positive command. `placed`: the command is the place of a carriage, which
+    rests where it is; every other one rests at 0. `shaken`: an inner mass shakes the capsule to and fro.
+    `without_gap_m`: half the width of the envelope around the wanted position where no gap sets it.
     """
 
-    kind: str
     low: float
     high: float
-    rate: float
-    acceleration: float
-    gap_m: float
-    sense: float
     limits: Limits
+    rate: float = math.inf
+    acceleration: float = math.inf
+    gap_m: float = math.inf
+    sense: float = 1.0
     placed: bool = False
+    shaken: bool = False
+    without_gap_m: float = 0.01
 
     @property
     def around_m(self) -> float:
         """Half width in m of the envelope around the wanted position."""
         if self.limits.envelope_m:
             return self.limits.envelope_m
-        return self.gap_m / self.limits.gap_share if math.isfinite(self.gap_m) else AROUND_M[self.kind]
+        return self.gap_m / self.limits.gap_share if math.isfinite(self.gap_m) else self.without_gap_m
 
     def neutral(self, position_m: float) -> float:
         """The command without force: the carriage above the capsule (at mid-travel where `position_m` is not finite),
@@ -256,7 +256,7 @@ def _held(
         held = _within(aim, *room)
         if held != aim:
             broken.append("gap")
-    if abs(v) > envelope.limits.speed_m_s and envelope.kind != "vibro":
+    if abs(v) > envelope.limits.speed_m_s and not envelope.shaken:
         most = before if envelope.placed else 0.0
         slower = min(held, most) if v * envelope.sense > 0 else max(held, most)
         if slower != held:

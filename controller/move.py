@@ -11,7 +11,7 @@ from controller.signals import Array
 
 
 @dataclass(frozen=True, slots=True)
-class Move:
+class SetpointMove:
     """A reference of phases with constant acceleration: phase k begins at `times[k]` in s at `places[k]` in m and
     `speeds[k]` in m/s and changes its speed by `rates[k]` in m/s2; all four (n,). Before the first it stands.
     """
@@ -36,13 +36,13 @@ class Move:
         return k, np.maximum(t - self.times[k], 0.0)
 
 
-def rest(place_m: float, begin_s: float = 0.0) -> Move:
+def rest(place_m: float, begin_s: float = 0.0) -> SetpointMove:
     """Stay at `place_m`."""
     zero = np.zeros(1)
-    return Move(np.array([begin_s]), np.array([place_m]), zero, zero)
+    return SetpointMove(np.array([begin_s]), np.array([place_m]), zero, zero)
 
 
-def brake(place_m: float, speed_m_s: float, acceleration_m_s2: float, begin_s: float) -> Move:
+def brake(place_m: float, speed_m_s: float, acceleration_m_s2: float, begin_s: float) -> SetpointMove:
     """From `speed_m_s` to rest."""
     goal = place_m + speed_m_s * abs(speed_m_s) / (2 * acceleration_m_s2)
     return move(goal, place_m, speed_m_s, math.inf, acceleration_m_s2, begin_s)
@@ -50,7 +50,7 @@ def brake(place_m: float, speed_m_s: float, acceleration_m_s2: float, begin_s: f
 
 def move(
     goal_m: float, place_m: float, speed_m_s: float, fastest_m_s: float, acceleration_m_s2: float, begin_s: float
-) -> Move:
+) -> SetpointMove:
     """The quickest move from `place_m` at `speed_m_s` to rest at `goal_m` that is no faster than `fastest_m_s` and
     speeds up and slows down by `acceleration_m_s2`, both positive: to the greatest speed, on with it, to rest. One that
     begins faster slows down first; one that cannot stop before the goal comes back to it.
@@ -70,4 +70,4 @@ def move(
     gone = sign * np.cumsum([0.0, 0.5 * (v + top) * first, top * cruise, 0.5 * top * last])
     places = place_m + gone
     places[-1] = goal_m
-    return Move(times, places, speeds, rates)
+    return SetpointMove(times, places, speeds, rates)

@@ -8,14 +8,13 @@ from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
-from controller.baselines.classical import CLASSICAL, CLASSICAL_FRICTION, JERKINESS
 from controller.baselines.lqr import LQR
 from controller.baselines.pid import PID
-from controller.drives import bodies
+from controller.drives import DRIVES, INNER_MASS, driven_of
 from controller.estimator.base import Receiver
 from controller.estimator.cubature_filter import Estimator
 from controller.estimator.kinematic_filter import KinematicFilter, Kinematics
-from controller.estimator.noise import Noise, trusting
+from controller.estimator.noise import trusting
 from controller.estimator.particle_filter import ParticleEstimator
 from controller.estimator.ukf import UnscentedEstimator
 from controller.feedforward import Feedforward
@@ -23,9 +22,10 @@ from controller.limits import Envelope, Limits
 from controller.model.control_model import ControlModel
 from controller.model.friction import AT_FIRST, level_off, mean_friction
 from controller.mpc.mpc import MPC
-from controller.mpc.settings import Bounds, Horizon
+from controller.mpc.settings import Horizon
 from controller.own import own_controllers
 from controller.signals import Controller
+from controller.tuned import FilterNoise
 from controller.vibro.controller import vibro_controller
 from models.parameter import nearest
 
@@ -56,62 +56,29 @@ Builder = Callable[[ControlModel, Envelope, float], Chain]
 Observer = Receiver | KinematicFilter
 
 
-def _pid(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
-    return (PID(model, envelope, CLASSICAL[envelope.kind]),)
-
-
-def _pid_friction(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
-    return (PID(model, envelope, CLASSICAL_FRICTION[envelope.kind], mean_friction(model)),)
-
-
-def _pid_estimated(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
-    return (PID(model, envelope),)
-
-
-def _pid_friction_estimated(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
-    return (PID(model, envelope, friction_N=mean_friction(model)),)
-
-
-def _feedforward(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
-    return (Feedforward(model, envelope), PID(model, envelope))
-
-
-def _lqr(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
-    return (LQR(model, envelope), PID(model, envelope))
-
-
 def _mpc(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
-    horizon = Horizon(iterations=ITERATIONS, deadline_s=deadline_s, late_slip=_late_slip(model), hold_s=HOLD_S)
-    mpc = MPC(model, Bounds.of(envelope), horizon=horizon)
-    return (mpc, Feedforward(model, envelope), PID(model, envelope))
-
-
-def _late_slip(model: ControlModel) -> float:
     off = level_off(model)
-    return LATE_SLIP if off is None else min(LATE_SLIP, _LEAST_LATE + AT_FIRST * off)
-
-
-def _inner_mass(optimise: bool = True, feedback: bool = True) -> Builder:
-    def chain(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
-        return (vibro_controller(model, optimise, feedback),)
-
-    return chain
+    late = LATE_SLIP if off is None else min(LATE_SLIP, _LEAST_LATE + AT_FIRST * off)
+    horizon = Horizon(iterations=ITERATIONS, deadline_s=deadline_s, late_slip=late, hold_s=HOLD_S)
+    return (MPC(model, envelope, horizon=horizon), Feedforward(model, envelope), PID(model, envelope))
 
 
 _INNER_MASS: Mapping[str, Builder] = {
-    "vibro": _inner_mass(),
-    "vibro_square": _inner_mass(optimise=False),
-    "vibro_map": _inner_mass(feedback=False),
+    INNER_MASS.leading: lambda model, envelope, _: (vibro_controller(model),),
+    "vibro_square": lambda model, envelope, _: (vibro_controller(model, optimise=False),),
+    "vibro_map": lambda model, envelope, _: (vibro_controller(model, feedback=False),),
 }
 _OWN: dict[str, type[Controller]] = {}
 """Controllers from outside, by name."""
 _BUILDERS: dict[str, Builder] = {
-    "pid": _pid,
-    "pid_friction": _pid_friction,
-    "pid_estimated": _pid_estimated,
-    "pid_friction_estimated": _pid_friction_estimated,
-    "lqr": _lqr,
-    "feedforward": _feedforward,
+    "pid": lambda model, envelope, _: (PID(model, envelope, driven_of(model.drive).pid),),
+    "pid_friction": lambda model, envelope, _: (
+        PID(model, envelope, driven_of(model.drive).pid_friction, mean_friction(model)),
+    ),
+    "pid_estimated": lambda model, envelope, _: (PID(model, envelope),),
+    "pid_friction_estimated": lambda model, envelope, _: (PID(model, envelope, friction_N=mean_friction(model)),),
+    "lqr": lambda model, envelope, _: (LQR(model, envelope), PID(model, envelope)),
+    "feedforward": lambda model, envelope, _: (Feedforward(model, envelope), PID(model, envelope)),
     "mpc": _mpc,
     **_INNER_MASS,
 }
@@ -126,7 +93,7 @@ def leads(name: str) -> tuple[str, ...]:
     """The kinds of drive that the controller `name` can lead."""
     if name in _OWN:
         return tuple(getattr(_OWN[name], "kinds", ()))
-    return ("vibro",) if name in _INNER_MASS else bodies()
+    return tuple(kind for kind, driven in DRIVES.items() if driven.shaken == (name in _INNER_MASS))
 
 
 def use_controllers(paths: Sequence[Path]) -> None:
@@ -148,7 +115,7 @@ def _own(cls: type[Controller]) -> Builder:
         except Exception as error:  # noqa: BLE001 - a user's class raises whatever it likes
             got = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
             raise ValueError(f"controller {cls.__name__} must be one that can be made; got {got}") from None
-        return (first, PID(model, envelope)) if model.drive.name in bodies() else (first,)
+        return (first, PID(model, envelope)) if not envelope.shaken else (first,)
 
     return chain
 
@@ -166,15 +133,17 @@ def estimator_for(name: str, model: ControlModel, estimator: str = "default", ag
     """What the controller `name` sees the measurements through, those up to `age_s` old, unless another `estimator` is
     asked for.
     """
-    if estimator == "default" and name in ("pid", "pid_friction"):
-        return KinematicFilter(model, Kinematics(JERKINESS[name][model.drive.name]), Noise().up_to(age_s))
+    driven = driven_of(model.drive)
+    classical = {"pid": driven.pid, "pid_friction": driven.pid_friction}.get(name)
+    if estimator == "default" and classical is not None:
+        return KinematicFilter(model, Kinematics(classical.jerkiness), FilterNoise().up_to(age_s))
     sharp = model.sharp
     noise = trusting(sharp).up_to(age_s)
     if estimator == "ukf":
         return UnscentedEstimator(sharp, noise)
-    if model.drive.name not in bodies():
+    if driven.shaken:
         return Estimator(sharp, noise)
-    if (name, model.drive.name) == ("mpc", "magnetic"):
+    if name == "mpc" and driven.placed:
         noise = replace(noise, push_wander_N=MPC_PUSH_N)
     return ParticleEstimator(sharp, noise)
 

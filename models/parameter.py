@@ -37,6 +37,8 @@ class Parameter:
     least: float = 0.0
 
     def __post_init__(self) -> None:
+        if self.lower > self.upper:
+            raise ValueError(f"{self.name} must have its lower bound first; got {self.lower:g}, {self.upper:g}")
         if not self.lower <= self.value <= self.upper:
             raise ValueError(
                 f"{self.name} must lie in [{self.lower:g}, {self.upper:g}] {self.unit}; got {self.value:g}"

@@ -16,7 +16,7 @@ from controller.signals import Action, Controller, Estimate, Reference
 
 
 @dataclass(frozen=True)
-class Weights:
+class LqrWeights:
     """What the LQR calls large (Bryson): errors of position, speed and of the integral of position, and the command
     beyond the reference's own (a gap in m, a current in A), each weighed by its inverse square.
     """
@@ -32,7 +32,7 @@ class Weights:
                 raise ValueError(f"weight {name} must be positive; got {getattr(self, name)!r}")
 
     @classmethod
-    def suited(cls, plant: Linear) -> Weights:
+    def suited(cls, plant: Linear) -> LqrWeights:
         """A command is large that moves the capsule by 0.2 mm at 20 1/s."""
         moved = plant.response(np.exp(1j * np.array([20.0 * plant.tick_s])))[0, 0]
         return cls(2e-4 / float(np.abs(moved)))
@@ -64,13 +64,13 @@ def augmented(plant: Linear) -> tuple[Array, Array]:
     return A, np.vstack([plant.B, [[0.0]]])
 
 
-def lqr_gains(plant: Linear, weights: Weights | None = None) -> Gains:
+def lqr_gains(plant: Linear, weights: LqrWeights | None = None) -> Gains:
     """The gains that minimise `sum (x/position_m)^2 + (v/speed_m_s)^2 + (i/integral_m_s)^2 + (u/command)^2` on
     `plant`.
     """
     import control  # draws matplotlib in, a second that other controllers need not wait
 
-    weights = Weights.suited(plant) if weights is None else weights
+    weights = LqrWeights.suited(plant) if weights is None else weights
     A, B = augmented(plant)
     Q = np.diag(
         [weights.position_m**-2, weights.speed_m_s**-2, *[0.0] * (len(plant.states) - 2), weights.integral_m_s**-2]

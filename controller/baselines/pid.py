@@ -5,38 +5,14 @@ wall.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
-from controller.drives import actuator_of
+from controller.drives import actuator_of, driven_of
 from controller.limits import Envelope, number
 from controller.model.control_model import ControlModel
 from controller.signals import Action, Controller, Estimate, Reference
-
-
-@dataclass(frozen=True)
-class PidGains:
-    """`F = k_p (r - x) + k_i int (r - x) dt + k_d (r' - v)` in N/m, N/(m s), N s/m; the integral is held within
-    `windup_N`.
-    """
-
-    k_p: float
-    k_i: float
-    k_d: float
-    windup_N: float = 0.15
-
-    def __post_init__(self) -> None:
-        for name in ("k_p", "k_i", "k_d", "windup_N"):
-            if not 0 <= getattr(self, name) < math.inf:
-                raise ValueError(f"PID gain {name} must be zero or more; got {getattr(self, name)!r}")
-
-
-TUNED = {"magnetic": PidGains(200.0, 1200.0, 2.0), "coil": PidGains(200.0, 400.0, 4.0)}
-"""Least tracking error of a small grid (k_p 25 to 200, k_i 60 to 1500, k_d 0 to 4) on the shipped ramp and sine, the
-shipped steps for the coil, with a nominal wall, 8 to 10 s, seed 7, on the same estimates that the other controllers
-get. No benchmark judges on that seed.
-"""
+from controller.tuned import PidGains
 
 
 class PID(Controller):
@@ -53,7 +29,7 @@ class PID(Controller):
         speed_m_s: float = 5e-4,
     ) -> None:
         self.name = "pid" if friction_N == 0 else "pid_friction"
-        self.gains = TUNED[envelope.kind] if gains is None else gains
+        self.gains = driven_of(model.drive).pid_estimated if gains is None else gains
         names = (p.name for p in model.symbols.parameters)
         known: dict[str, float] = dict(zip(names, model.values.tolist(), strict=True))
         self._actuator, self._tick = actuator_of(model.drive, known, envelope), model.tick_s

@@ -81,7 +81,7 @@ def describe(
         force, _ = surface.hold(0.0, known, model.drive.carried_kg)
         return Describing(amplitude_m, omega, np.outer(1j * 4 * force / (math.pi * amplitude_m), np.ones_like(omega)))
     ids = dict.fromkeys(name.split(".")[0] for name in known if "." in name)
-    pulled = assemble(surface, Pull(), tuple(BY_ID[name] for name in ids if "pull" in BY_ID[name].kinds))
+    pulled = assemble(surface, Pull(), tuple(BY_ID[name] for name in ids if Pull.name in BY_ID[name].kinds))
     kernel, p = lower(pulled.step, pulled.correct), pulled.vector(known)
     N = np.zeros((len(amplitude_m), len(omega)), dtype=np.complex128)
     for j, w in enumerate(omega):

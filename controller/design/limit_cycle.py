@@ -30,7 +30,7 @@ speed in m/s.
 
 
 @dataclass(frozen=True)
-class Cycle:
+class LimitCycle:
     """What the position error does in the last half of a run: `peak_to_peak_m`, `period_s` (NaN without a repetition),
     `rms_m`.
     """
@@ -46,7 +46,7 @@ class Cycle:
 
 
 @dataclass(frozen=True)
-class Run:
+class LoopRun:
     """A simulated run: times (k,) in s, reference and position (k,) in m, command (k,)."""
 
     t: Array
@@ -54,7 +54,7 @@ class Run:
     position: Array
     command: Array
 
-    def cycle(self) -> Cycle:
+    def cycle(self) -> LimitCycle:
         """How the error of the last half of the run repeats."""
         half = len(self.t) // 2
         error = (self.position - self.reference)[half:]
@@ -62,7 +62,7 @@ class Run:
         rises = np.flatnonzero((swing[1:] > 0) & (swing[:-1] <= 0))
         tick = float(self.t[1] - self.t[0])
         period = float(np.mean(np.diff(rises))) * tick if len(rises) > 2 and float(np.ptp(error)) > STILL else math.nan
-        return Cycle(float(np.ptp(error)), period, float(np.sqrt(np.mean(error**2))))
+        return LimitCycle(float(np.ptp(error)), period, float(np.sqrt(np.mean(error**2))))
 
 
 def pid_law(pid: Pid, tick_s: float, moves_along: bool) -> Law:
@@ -108,7 +108,7 @@ def simulate(
     hold_s: float,
     delay_s: float,
     exact: Assembly | None = None,
-) -> Run:
+) -> LoopRun:
     """Run `law` on `model` with friction that holds a resting capsule: `seconds` at `speed_m_s`, then a hold of
     `hold_s`; what the law sees is `delay_s` late. Returns the whole run, one sample a tick. `exact` is what
     `exactly(model)` gives, built here where None.
@@ -130,7 +130,7 @@ def simulate(
         position[k], commands[k] = state[0], command
         for i in range(steps):
             state = np.asarray(exact.step(state, command, command, t[k] + i * tick / steps, tick / steps, p)[0]).ravel()
-    return Run(t, reference, position, commands)
+    return LoopRun(t, reference, position, commands)
 
 
 def exactly(model: ControlModel) -> Assembly:

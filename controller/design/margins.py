@@ -34,7 +34,7 @@ class Margins:
 
 
 @dataclass(frozen=True)
-class Loop:
+class OpenLoop:
     """An open loop `L` (discrete, broken at the plant's command) and the poles (k,) of the closed one, both with
     `delay_s`.
     """
@@ -69,7 +69,7 @@ class Loop:
         return np.asarray(np.abs(1 / (1 + self.L)))
 
 
-def closed_loop(name: str, plant: Linear, open_loop: control.StateSpace, delay_s: float) -> Loop:
+def closed_loop(name: str, plant: Linear, open_loop: control.StateSpace, delay_s: float) -> OpenLoop:
     """Frequency response with the exact delay; poles with the delay in whole ticks, rounded up."""
     h = plant.tick_s
     omega = np.geomspace(0.02, 0.999 * math.pi / h, _POINTS)
@@ -77,7 +77,7 @@ def closed_loop(name: str, plant: Linear, open_loop: control.StateSpace, delay_s
     late = math.ceil(delay_s / h - 1e-9)
     whole = open_loop if late == 0 else control.series(open_loop, _held_back(late, h))
     closed = whole.A - whole.B @ whole.C / (1 + float(np.squeeze(whole.D)))
-    return Loop(name, plant.phase, h, delay_s, omega, L, np.linalg.eigvals(closed).astype(complex))
+    return OpenLoop(name, plant.phase, h, delay_s, omega, L, np.linalg.eigvals(closed).astype(complex))
 
 
 def _held_back(ticks: int, h: float) -> control.StateSpace:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 from controller.baselines.lqr import LQR, Gains
 from controller.design.describing_function import Balance, Describing, balances, compliance, describe, without_wall
-from controller.design.limit_cycle import Cycle, Law, Run, exactly, lqr_law, pid_law, simulate
-from controller.design.margins import Complex, Loop
+from controller.design.limit_cycle import Law, LimitCycle, LoopRun, exactly, lqr_law, pid_law, simulate
+from controller.design.margins import Complex, OpenLoop
 from controller.design.tuning import PEAK, Pid, pid_loop, state_loop, tuned_lqr, tuned_pid
 from controller.drives import envelope_of
 from controller.model.control_model import ControlModel
@@ -29,12 +29,12 @@ class Study:
     plants: tuple[Linear, ...]
     pid: Pid
     lqr: Gains
-    loops: tuple[Loop, ...]
-    runs: dict[str, dict[str, Run]]
+    loops: tuple[OpenLoop, ...]
+    runs: dict[str, dict[str, LoopRun]]
     wall: Describing
     free: Linear
 
-    def cycles(self) -> dict[str, dict[str, Cycle]]:
+    def cycles(self) -> dict[str, dict[str, LimitCycle]]:
         """How each controller's error repeats."""
         return {name: {part: run.cycle() for part, run in parts.items()} for name, parts in self.runs.items()}
 

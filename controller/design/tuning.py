@@ -12,8 +12,8 @@ from itertools import product
 import control
 import numpy as np
 
-from controller.baselines.lqr import Gains, Weights, augmented, lqr_gains
-from controller.design.margins import Complex, Loop, closed_loop
+from controller.baselines.lqr import Gains, LqrWeights, augmented, lqr_gains
+from controller.design.margins import Complex, OpenLoop, closed_loop
 from controller.model.linear import Array, Linear
 
 FILTER_S = 5e-3
@@ -45,12 +45,12 @@ class Pid:
         return np.asarray(self.K_p + self.K_i * tick_s / (z - 1) + self.K_d / self.filter_s * (z - 1) / (z - left))
 
 
-def pid_loop(plant: Linear, pid: Pid, delay_s: float) -> Loop:
+def pid_loop(plant: Linear, pid: Pid, delay_s: float) -> OpenLoop:
     """PID on the position, measured `delay_s` late."""
     return closed_loop("pid", plant, control.series(pid.system(plant.tick_s), plant.system()), delay_s)
 
 
-def state_loop(plant: Linear, gains: Gains, delay_s: float) -> Loop:
+def state_loop(plant: Linear, gains: Gains, delay_s: float) -> OpenLoop:
     """State feedback with integral, states `delay_s` old: what is left where no estimator predicts across the delay."""
     A, B = augmented(plant)
     open_loop = control.ss(A, B, np.r_[gains.K, gains.K_i][None, :], 0.0, plant.tick_s)
@@ -86,7 +86,7 @@ def tuned_lqr(plants: Sequence[Linear], design: Linear, delay_s: float, peak: fl
     grid = _Grid.of(plants, delay_s)
     scale = 1 / max(float(np.interp(20.0, grid.omega, np.abs(X[0]))) for X in grid.states)
     commands, times = 2e-4 * scale * np.geomspace(0.1, 10, _STEPS // 2), np.geomspace(0.02, 1.0, _TIMES)
-    choices = [lqr_gains(design, Weights(float(c), integral_m_s=2e-4 * T)) for c, T in product(commands, times)]
+    choices = [lqr_gains(design, LqrWeights(float(c), integral_m_s=2e-4 * T)) for c, T in product(commands, times)]
     for gains in sorted(choices, key=lambda gains: -gains.K_i):
         loops = [gains.K @ X + gains.K_i * grid.tick_s / (grid.z - 1) * X[0] for X in grid.states]
         if grid.peak(loops) <= peak and all(state_loop(plant, gains, delay_s).stable() for plant in plants):

@@ -8,9 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
-from controller.estimator.noise import Noise, trusting
+from controller.estimator.noise import trusting
 from controller.model.control_model import ControlModel
 from controller.signals import Estimate, Measurement
+from controller.tuned import FilterNoise
 
 _APART = 4 * math.sqrt(2)
 """Standard deviations of a reading by which two of the same place may differ: four of their difference's."""
@@ -42,7 +43,7 @@ class Watch:
     `outliers_in_a_row`: then the readings jumped.
     """
 
-    noise: Noise
+    noise: FilterNoise
     counts: Counts = field(default_factory=Counts)
     accepted_at: float = -math.inf
     refused: int = 0
@@ -101,7 +102,7 @@ class Receiver(ABC):
     its stamp; the time that this takes is bounded. Never raises.
     """
 
-    def __init__(self, model: ControlModel, noise: Noise | None = None) -> None:
+    def __init__(self, model: ControlModel, noise: FilterNoise | None = None) -> None:
         self.model = model
         self.noise = trusting(model) if noise is None else noise
         self._watch = Watch(self.noise)

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from controller.estimator.base import Receiver
 from controller.estimator.cubature_kernels import fuse, place_points, take_moments, take_spread
 from controller.estimator.friction_scale import Level
-from controller.estimator.noise import START_STD, Noise
+from controller.estimator.noise import START_STD
 from controller.model.control_model import ControlModel
 from controller.signals import Adapted, Estimate, Measurement
+from controller.tuned import FilterNoise
 
 Array = NDArray[np.float64]
 _START_STD: Final = {**START_STD, "current_A": 0.1, "stretch_m": 1e-4, "rate_m_s": 1e-2}
@@ -52,7 +53,7 @@ class Process:
     """
 
     model: ControlModel
-    noise: Noise
+    noise: FilterNoise
     where: NDArray[np.int64] = field(init=False)
     wander: Array = field(init=False)
 
@@ -193,7 +194,7 @@ class Estimator(Receiver):
 
     process: ClassVar[type[Process]] = Process
 
-    def __init__(self, model: ControlModel, noise: Noise | None = None) -> None:
+    def __init__(self, model: ControlModel, noise: FilterNoise | None = None) -> None:
         super().__init__(model, noise)
         self._process = self.process(model, self.noise)
         self._ticks = [_Tick(self._process.start(0.0, 1.0, 0.0, 0.0)) for _ in range(self._kept)]

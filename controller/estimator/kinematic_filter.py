@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.estimator.base import Counts, Watch, Wrong
-from controller.estimator.noise import Noise
 from controller.model.control_model import ControlModel
 from controller.signals import Estimate, Measurement
+from controller.tuned import FilterNoise
 
 _MOST_A_TICK = 8
 _START_SPEED_M_S = 5e-3
@@ -40,9 +40,11 @@ class KinematicFilter:
     `Estimator`. A position older than the last one is not used. Never raises.
     """
 
-    def __init__(self, model: ControlModel, kinematics: Kinematics | None = None, noise: Noise | None = None) -> None:
+    def __init__(
+        self, model: ControlModel, kinematics: Kinematics | None = None, noise: FilterNoise | None = None
+    ) -> None:
         self.model = model
-        self.noise = Noise() if noise is None else noise
+        self.noise = FilterNoise() if noise is None else noise
         self.kinematics = Kinematics() if kinematics is None else kinematics
         self._blank = model.initial()
         self._watch = Watch(self.noise)

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from controller.estimator.base import Receiver
 from controller.estimator.friction_scale import Level
-from controller.estimator.noise import START_STD, Noise
+from controller.estimator.noise import START_STD
 from controller.estimator.particle_kernels import draw, expected, gather, gather_columns, led, scatter, survey, weigh
 from controller.model.control_model import ControlModel
 from controller.signals import Estimate, Measurement
+from controller.tuned import FilterNoise
 
 Array = NDArray[np.float64]
 _RENEWED: Final = 0.5  # share of the particles below which the weights are worth so few that all are drawn anew
@@ -36,7 +37,7 @@ class ParticleCloud:
     """
 
     model: ControlModel
-    noise: Noise
+    noise: FilterNoise
     kept: int
     count: int = 300
     scatter_s: float = 0.01
@@ -176,7 +177,7 @@ class ParticleEstimator(Receiver):
     magnet 100 do as well.
     """
 
-    def __init__(self, model: ControlModel, noise: Noise | None = None, *, count: int = 300) -> None:
+    def __init__(self, model: ControlModel, noise: FilterNoise | None = None, *, count: int = 300) -> None:
         super().__init__(model, noise)
         self._cloud = ParticleCloud(model, self.noise, self._kept, count)
         self._commands, self._currents = np.zeros(self._kept), np.zeros(self._kept)

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from controller.estimator.cubature_filter import CubatureFilter, Estimator, Process
 from controller.estimator.cubature_kernels import root
-from controller.estimator.noise import Noise
 from controller.model.control_model import ControlModel
+from controller.tuned import FilterNoise
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ class FilterpyProcess(Process):
     weight, one of them a call of the model's step.
     """
 
-    def __init__(self, model: ControlModel, noise: Noise) -> None:
+    def __init__(self, model: ControlModel, noise: FilterNoise) -> None:
         super().__init__(model, noise)
         n = self.size
         points = MerweScaledSigmaPoints(n, alpha=1.0, beta=0.0, kappa=0.0, sqrt_method=safe_root)

@@ -92,7 +92,7 @@ class ControlModel:
     @property
     def substeps(self) -> int:
         """Steps of the integrator within a tick."""
-        longest = _LONGEST_VIBRO_S if self.drive.name == "vibro" else LONGEST_STEP_S
+        longest = _LONGEST_VIBRO_S if self.drive.turning else LONGEST_STEP_S
         return max(1, math.ceil(self.tick_s / longest - 1e-9))
 
     @property

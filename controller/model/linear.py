@@ -82,9 +82,10 @@ def linearise(model: ControlModel, phase: Phase, speed_m_s: float = 1e-3) -> Lin
     nothing small moves the capsule, so only sliding is linear. Raises ValueError for an inner-mass drive, whose body
     turns in every cycle, and where no command within 1000 of the command's units keeps the speed.
     """
-    if model.drive.name == "vibro":
+    if model.drive.turning:
         raise ValueError(
-            "drive must move the capsule steadily to be linearised; got 'vibro', whose body turns in every cycle"
+            "drive must move the capsule steadily to be linearised;"
+            f" got {model.drive.name!r}, whose body turns in every cycle"
         )
     state = _sliding(model, phase, speed_m_s)
     command = _balancing(model, state)

@@ -6,12 +6,13 @@ import math
 from dataclasses import dataclass
 from typing import Final, Literal
 
+from controller.drives import driven_of
 from controller.estimator.base import Receiver
 from controller.model.friction import mean_friction
-from controller.monitor.expected import EXPECTED, Expected
 from controller.monitor.forecast import Forecast, Second
 from controller.monitor.sums import ABOUT_S, Sum, shifted, wider
 from controller.signals import Estimate
+from controller.tuned import Expected
 
 State = Literal["holds", "doubtful", "broken", "not watched"]
 Change = Literal["", "sudden", "slow"]
@@ -65,7 +66,7 @@ class Monitor:
     def __init__(self, estimator: Receiver, expected: Expected | None = None) -> None:
         model = estimator.model
         self._estimator = estimator
-        self._expected = expected or EXPECTED.get(model.drive.name, Expected())
+        self._expected = expected or driven_of(model.drive).expected
         self._forecast = Forecast(model, estimator.noise.position_std_m)
         self._friction_N = max(mean_friction(model), 1e-3)
         self.begin(0.0)

@@ -11,11 +11,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.drives import envelope_of
-from controller.limits import number
+from controller.drives import bodies, envelope_of
+from controller.limits import Envelope, number
 from controller.model.control_model import ControlModel
-from controller.mpc.planner import Plan, Planner
-from controller.mpc.settings import Bounds, Horizon, Weights
+from controller.mpc.planner import MpcPlan, Planner
+from controller.mpc.settings import Horizon, Weights
 from controller.signals import Action, Controller, Estimate, Reference
 
 Array = NDArray[np.float64]
@@ -44,31 +44,33 @@ class MPC(Controller):
     def __init__(
         self,
         model: ControlModel,
-        bounds: Bounds | None = None,
+        envelope: Envelope | None = None,
         weights: Weights | None = None,
         horizon: Horizon | None = None,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
-        if model.drive.name not in ("magnetic", "coil"):
-            raise ValueError(f"model must be of a magnetic or coil rig for the MPC; got {model.drive.name!r}")
+        if model.drive.name not in bodies():
+            raise ValueError(f"model must be of a {' or '.join(bodies())} rig for the MPC; got {model.drive.name!r}")
         self.model, self.clock = model, clock
         self.horizon = Horizon() if horizon is None else horizon
-        self.bounds = Bounds.of(envelope_of(model.drive)) if bounds is None else bounds
+        self.envelope = envelope_of(model.drive) if envelope is None else envelope
         self.weights = Weights() if weights is None else weights
-        self.planner = Planner(model, self.bounds, self.weights, self.horizon, clock)
+        self.planner = Planner(model, self.envelope, self.weights, self.horizon, clock)
         self._modes = [model.index(name) for name in model.modes]
         names = [p.name for p in model.symbols.parameters]
         self._grip = names.index("friction_coefficient") if "u" in model.states and self.horizon.late_slip > 0 else None
         self._grid: Array = np.linspace(0.0, self.horizon.stages * self.horizon.stage_s, self.horizon.stages + 1)
         self._command, self._rate, self._plan, self._time = 0.0, 0.0, np.zeros(self.horizon.stages + 1), 0.0
         self._resting = self._followable = False
-        self._same = _SAME * (self.bounds.high - self.bounds.low)
-        self.last: Plan | None = None
+        self._same = _SAME * (self.envelope.high - self.envelope.low)
+        self.last: MpcPlan | None = None
         self._compile()
 
     def _compile(self) -> None:
         """Make one plan, so that machine code is there before the first tick."""
-        unhurried = Planner(self.model, self.bounds, self.weights, replace(self.horizon, deadline_s=1e9, iterations=1))
+        unhurried = Planner(
+            self.model, self.envelope, self.weights, replace(self.horizon, deadline_s=1e9, iterations=1)
+        )
         targets = np.zeros((3, self._grid.size))
         targets[0] = 1e-3
         unhurried.plan(0.0, self.model.initial(), 0.0, targets, np.zeros(self._grid.size), 0.0)
@@ -137,7 +139,7 @@ class MPC(Controller):
         ahead = commands[: math.ceil(self.horizon.hold_s / stage) + 2].tolist()
         for here, there in pairwise(ahead):
             rate = (there - here) / stage
-            if not abs(rate - before) < _CALM * self.bounds.acceleration * self.model.tick_s:
+            if not abs(rate - before) < _CALM * self.envelope.acceleration * self.model.tick_s:
                 return False
             before = rate
         return True

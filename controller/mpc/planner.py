@@ -10,11 +10,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.limits import Envelope
 from controller.model.control_model import ControlModel
 from controller.mpc.condense import cost, keep_feasible, quadratic, sensitivities
 from controller.mpc.qp import Program
 from controller.mpc.rows import FREE
-from controller.mpc.settings import Bounds, Horizon, Weights
+from controller.mpc.settings import Horizon, Weights
 
 Array = NDArray[np.float64]
 
@@ -26,7 +27,7 @@ CATCH_S = 0.03
 
 
 @dataclass
-class Plan:
+class MpcPlan:
     """Commands (N + 1,) and the path (N + 1, n) that the model makes of them, with its cost; `iterations` done, whether
     the deadline `cut` them short, whether the last one was of little use (`settled`), `failed` where nothing finite
     came out, and the s that each phase took.
@@ -52,21 +53,21 @@ class Planner:
     def __init__(
         self,
         model: ControlModel,
-        bounds: Bounds,
+        envelope: Envelope,
         weights: Weights,
         horizon: Horizon,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
-        self.model, self.bounds, self.horizon, self.clock = model, bounds, horizon, clock
+        self.model, self.horizon, self.clock = model, horizon, clock
         n, N = len(model.states), horizon.stages
         gain = model.force_per_command
         rate = weights.rate_N_s / gain
         self.follows = 1.0 if model.gap_limit_m is not None else 0.0
         self.scales = np.array([weights.position_m, weights.speed_m_s, rate, weights.jump_N_s / gain, weights.final])
-        self.soft = np.minimum([bounds.gap_m, bounds.speed_m_s, bounds.wall_force_N], FREE)
+        self.soft = np.minimum([envelope.gap_m, envelope.limits.speed_m_s, envelope.limits.force_N], FREE)
         self.penalty = np.array([weights.gap, weights.speed, weights.force])
-        most = min(bounds.rate, (bounds.high - bounds.low) / horizon.stage_s)
-        self.hard = np.array([bounds.low, bounds.high, most, min(bounds.acceleration, FREE)])
+        most = min(envelope.rate, (envelope.high - envelope.low) / horizon.stage_s)
+        self.hard = np.array([envelope.low, envelope.high, most, min(envelope.acceleration, FREE)])
         self.program = Program.sized(N, horizon.stage_s, model.tick_s, rate, self.hard, self.soft, self.penalty)
         self.A, self.B, self.Z = np.zeros((N, n, n)), np.zeros((N, n, 2)), np.zeros((N + 1, n, N))
         self.forces, self.slopes = np.zeros(N + 1), np.zeros((N + 1, n))
@@ -82,7 +83,7 @@ class Planner:
         guess: Array,
         last_rate: float,
         parameters: Array | None = None,
-    ) -> Plan:
+    ) -> MpcPlan:
         """The plan from `state` (n,) at `now` in s; `guess` (N + 1,) are commands whose first is the one in force,
         changing at `last_rate`; `reference` (3, N + 1) position, speed, command rate; `parameters` (p,) in the model's
         order where they are not the model's own. Never raises; bounded by `horizon.iterations`.
@@ -115,13 +116,13 @@ class Planner:
         """Whether another step would end too late."""
         return elapsed_s > self.horizon.deadline_s if self.allowed is None else steps >= self.allowed
 
-    def _rolled(self, now: float, plan: Plan, d: float, reference: Array, last_rate: float) -> None:
+    def _rolled(self, now: float, plan: MpcPlan, d: float, reference: Array, last_rate: float) -> None:
         """Fill in the path and the cost of a plan's commands."""
         k, h = self.model.kernels, self.horizon
         k.roll(plan.path, plan.commands, d, now, h.stage_s, h.substeps, self.parameters)
         self._priced(now, plan, reference, last_rate)
 
-    def _priced(self, now: float, plan: Plan, reference: Array, last_rate: float) -> None:
+    def _priced(self, now: float, plan: MpcPlan, reference: Array, last_rate: float) -> None:
         h = self.horizon
         if self.pressed:
             k = self.model.kernels
@@ -142,10 +143,10 @@ class Planner:
 
     def candidates(
         self, now: float, state: Array, d: float, reference: Array, guess: Array, last_rate: float
-    ) -> tuple[Plan, Plan]:
+    ) -> tuple[MpcPlan, MpcPlan]:
         """The guess, and the plan that follows the reference by inverting the model, both within the hard bounds."""
         k, h, b = self.model.kernels, self.horizon, self.hard
-        warm, ahead = (Plan(np.array(guess), np.zeros((h.stages + 1, state.size)), np.inf) for _ in range(2))
+        warm, ahead = (MpcPlan(np.array(guess), np.zeros((h.stages + 1, state.size)), np.inf) for _ in range(2))
         warm.path[0] = ahead.path[0] = state
         pace = (CATCH_S, b[2], b[0], b[1], d, now, h.stage_s, h.substeps, self.parameters)
         k.pursue(ahead.path, ahead.commands, reference[0], reference[1], *pace)
@@ -155,7 +156,7 @@ class Planner:
         return warm, ahead
 
     def _iterate(
-        self, now: float, best: Plan, d: float, reference: Array, last_rate: float, took: dict[str, float]
+        self, now: float, best: MpcPlan, d: float, reference: Array, last_rate: float, took: dict[str, float]
     ) -> bool:
         """One SQP step from `best`, which it changes; False where it is not worth another."""
         k, h, t0 = self.model.kernels, self.horizon, self.clock()
@@ -192,10 +193,12 @@ class Planner:
         took["search"] += self.clock() - t3
         return gain > _ENOUGH * (abs(best.cost) + _LITTLE)
 
-    def _searched(self, now: float, best: Plan, change: Array, d: float, reference: Array, last_rate: float) -> float:
+    def _searched(
+        self, now: float, best: MpcPlan, change: Array, d: float, reference: Array, last_rate: float
+    ) -> float:
         """Go along `change` as far as the cost falls; returns by how much it did."""
         moves = np.concatenate([[0.0], np.cumsum(change)]) * (self.program.unit * self.horizon.stage_s)
-        trial = Plan(best.commands, best.path.copy(), np.inf)
+        trial = MpcPlan(best.commands, best.path.copy(), np.inf)
         for share in _SHORTENINGS:
             trial.commands = best.commands + share * moves
             keep_feasible(trial.commands, last_rate, self.horizon.stage_s, self.model.tick_s, self.hard)

@@ -1,11 +1,9 @@
-"""What an MPC is told: horizon, weights and bounds."""
+"""What an MPC is told beside its drive's limits: horizon and weights."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
-
-from controller.limits import Envelope
 
 
 @dataclass(frozen=True)
@@ -75,31 +73,3 @@ class Weights:
         for f in fields(self):
             if not 0 < getattr(self, f.name) < math.inf:
                 raise ValueError(f"weight {f.name} must be a positive number; got {getattr(self, f.name)}")
-
-
-@dataclass(frozen=True)
-class Bounds:
-    """Hard: command in [`low`, `high`], its `rate` a second, the rate's change `acceleration` a second. Soft: capsule
-    `speed_m_s`, `gap_m` between carriage and capsule, `wall_force_N` that the wall holds; inf where there is none.
-    """
-
-    low: float
-    high: float
-    rate: float
-    acceleration: float = math.inf
-    speed_m_s: float = math.inf
-    gap_m: float = math.inf
-    wall_force_N: float = math.inf
-
-    def __post_init__(self) -> None:
-        if not self.low < self.high or math.isinf(self.low) or math.isinf(self.high):
-            raise ValueError(f"bounds must have finite low < high; got {self.low:g}, {self.high:g}")
-        for name in ("rate", "acceleration", "speed_m_s", "gap_m", "wall_force_N"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"bound {name} must be above 0; got {getattr(self, name):g}")
-
-    @classmethod
-    def of(cls, envelope: Envelope) -> Bounds:
-        """The bounds that a drive's limits set."""
-        e, most = envelope, envelope.limits
-        return cls(e.low, e.high, e.rate, e.acceleration, most.speed_m_s, e.gap_m, most.force_N)

@@ -20,7 +20,7 @@ from models.rigs.rig import Rig
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Acceptance:
     """Whether a model passed, and what spoke against it."""
 
     reasons: tuple[str, ...] = ()
@@ -54,7 +54,7 @@ class AcceptanceTest:
         *,
         stage: str = "augmented",
         current: str | float = "calibrated",
-    ) -> Verdict:
+    ) -> Acceptance:
         """Judge `stage` of a `model` that close-loop wrote with its `report` (the object of report.json) for `rig`.
 
         `current` is the stage in use, or the held-out error of the model in use on the same records. A report or a
@@ -63,7 +63,7 @@ class AcceptanceTest:
         for name in (stage, current):
             if isinstance(name, str) and name not in STAGES:
                 raise ValueError(f"stage must be one of {', '.join(STAGES)}; got {name!r}; {nearest(name, STAGES)}")
-        return Verdict(
+        return Acceptance(
             (
                 *_kind(report, model, rig),
                 *_one(report, model, stage),

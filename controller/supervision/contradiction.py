@@ -121,7 +121,7 @@ class Contradiction:
         full = envelope.gap_m if envelope.placed else envelope.high
         self._push, self._hard_m = _PUSHES * full, _HARD * full
         self._fastest_m_s = _SPEED * limits.speed_m_s + 4 * noise_m / _APART_S
-        self._pushes = envelope.kind != "vibro"
+        self._pushes = not envelope.shaken
         self._doubt = Doubt(noise_m)
         self._against_most_m = min(_AGAINST[0], _AGAINST[1] * envelope.around_m)
         self._still_m = _STILL_M + _STDS * noise_m

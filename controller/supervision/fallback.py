@@ -55,26 +55,15 @@ class Event:
     reason: str
 
 
-@dataclass(frozen=True)
-class RetryRules:
-    """`count` controllers, best first; a failed one waits `retry_s`, twice as long each time up to `longest_s`, all in
-    s, and starts anew after `forgive_s` of good work.
-    """
-
-    count: int
-    retry_s: float
-    longest_s: float
-    forgive_s: float
-
-
 class FallbackChain:
     """Which controllers are suspended, and until when."""
 
-    def __init__(self, rungs: RetryRules) -> None:
-        self._rungs = rungs
-        self._closed_until = [-math.inf] * rungs.count
-        self._wait = [rungs.retry_s] * rungs.count
-        self._good_since = [math.inf] * rungs.count
+    def __init__(self, count: int, rules: Rules) -> None:
+        """`count` controllers, best first."""
+        self._rules = rules
+        self._closed_until = [-math.inf] * count
+        self._wait = [rules.retry_s] * count
+        self._good_since = [math.inf] * count
 
     def open(self, now: float) -> Iterator[int]:
         """The controllers that may be asked at `now`, best first."""
@@ -85,7 +74,7 @@ class FallbackChain:
     def failed(self, rung: int, now: float) -> None:
         """Suspend a controller."""
         self._closed_until[rung] = max(self._closed_until[rung], now + self._wait[rung])
-        self._wait[rung] = min(2 * self._wait[rung], max(self._rungs.longest_s, self._rungs.retry_s))
+        self._wait[rung] = min(2 * self._wait[rung], max(self._rules.retry_longest_s, self._rules.retry_s))
         self._good_since[rung] = math.inf
 
     def ban(self, rung: int) -> None:
@@ -100,8 +89,8 @@ class FallbackChain:
     def worked(self, rung: int, now: float) -> None:
         """A controller gave a usable answer."""
         self._good_since[rung] = min(self._good_since[rung], now)
-        if now - self._good_since[rung] >= self._rungs.forgive_s:
-            self._wait[rung] = self._rungs.retry_s
+        if now - self._good_since[rung] >= self._rules.forgive_s:
+            self._wait[rung] = self._rules.retry_s
 
 
 DONE: Final = "done"

@@ -14,7 +14,7 @@ from controller.model.control_model import ControlModel
 from controller.monitor.monitor import NOT_WATCHED, Health, Monitor
 from controller.registry import Chain, Observer, build, estimator_for
 from controller.signals import Estimate, Measurement
-from controller.supervision.acceptance import Verdict
+from controller.supervision.acceptance import Acceptance
 from controller.supervision.history import History
 from controller.supervision.supervisor import Supervisor
 
@@ -26,7 +26,7 @@ class Offer:
     """
 
     model: ControlModel
-    verdict: Verdict
+    verdict: Acceptance
     at_s: float = 0.0
 
 

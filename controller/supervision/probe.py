@@ -34,10 +34,9 @@ class Probe:
     """
 
     def __init__(self, envelope: Envelope) -> None:
-        shaken = envelope.kind == "vibro"
         self.placed = envelope.placed
         self.stroke_m = min(_STROKE_M, 0.5 * envelope.around_m) if envelope.placed else _SHORT_M
-        speed = _SLOW_M_S if shaken else min(_SPEED_M_S, envelope.limits.speed_m_s)
+        speed = _SLOW_M_S if envelope.shaken else min(_SPEED_M_S, envelope.limits.speed_m_s)
         self.path: Trajectory = through((self.stroke_m, -self.stroke_m, 0.0), speed, _DWELL_S, _DWELL_S)
         self._rows: list[tuple[float, float, float, float]] = []
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from controller.limits import Envelope, Issued, Seen, limited, number
 from controller.signals import Action, Array, Controller, Estimate, Reference, Status
-from controller.supervision.acceptance import Verdict
-from controller.supervision.fallback import Blend, Event, FallbackChain, RetryRules, Rules
+from controller.supervision.acceptance import Acceptance
+from controller.supervision.fallback import Blend, Event, FallbackChain, Rules
 from controller.supervision.swings import Swings
 
 SERIOUS = frozenset({"range", "gap", "speed", "temperature"})
@@ -67,9 +67,7 @@ class Supervisor:
         self._begin(tuple(chain), 0.0)
 
     def _begin(self, chain: tuple[Controller, ...], now: float) -> None:
-        self._fallback = FallbackChain(
-            RetryRules(len(chain), self.rules.retry_s, self.rules.retry_longest_s, self.rules.forgive_s)
-        )
+        self._fallback = FallbackChain(len(chain), self.rules)
         self._blend = Blend(self.rules.blend_s)
         self._chain, self._now, self._elapsed, self._tick = chain, now, 0.0, 0.0
         self._active = -1
@@ -78,8 +76,7 @@ class Supervisor:
         self._reason = "start"
         self._bad_until, self._rest_since, self._limited_since = -math.inf, math.inf, math.inf
         self._unfollowed_s = 0.0
-        shaken = self.envelope.kind == "vibro"  # which goes to and fro with its inner mass
-        self._swings = Swings(math.inf if shaken else self.rules.swing_m, self.rules.swing_s)
+        self._swings = Swings(math.inf if self.envelope.shaken else self.rules.swing_m, self.rules.swing_s)
         self._stopped_at, self._stop_from = math.inf, 0.0
 
     @property
@@ -98,7 +95,7 @@ class Supervisor:
         self.issued, _ = limited(math.nan, Issued(number(command)), self._seen(now, estimate), 0.0, self.envelope)
         self._begin(self._chain, number(now))
 
-    def offer(self, chain: Sequence[Controller], verdict: Verdict) -> bool:
+    def offer(self, chain: Sequence[Controller], verdict: Acceptance) -> bool:
         """Keep `chain`, controllers of a new model, for `take_offered`, if its `verdict` passed; whether it did."""
         if verdict.passed and chain:
             self._offered = tuple(chain)
@@ -195,7 +192,7 @@ class Supervisor:
     def _hand_over(self, rung: int, command: float) -> None:
         self._note(self._chain[rung].name, "tried again" if 0 <= rung < self._active else self._reason)
         self._active, self._stopped_at = rung, math.inf
-        if self.envelope.kind != "vibro":
+        if not self.envelope.shaken:
             running = self.issued.rate * self._tick if self.envelope.placed else 0.0
             self._blend.begin(self.issued.command + running - command, self._elapsed)
 
@@ -208,9 +205,8 @@ class Supervisor:
         if self.envelope.placed:
             return Action(self.issued.command, "stopped")
         since = self._elapsed - self._stopped_at
-        left = (
-            max(0.0, 1 - since / self.rules.stop_s) if self.envelope.kind == "coil" and self.rules.stop_s > 0 else 0.0
-        )
+        fades = not self.envelope.shaken and self.rules.stop_s > 0
+        left = max(0.0, 1 - since / self.rules.stop_s) if fades else 0.0
         return Action(left * self._stop_from, "stopped")
 
     def _watch_limits(self, broken: Sequence[str]) -> None:

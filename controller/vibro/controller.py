@@ -10,12 +10,13 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.drives import INNER_MASS
 from controller.model.control_model import ControlModel
 from controller.signals import Action, Controller, Estimate, Reference, Status
 from controller.vibro.cycles import VibroModel
 from controller.vibro.design.drive_map import designed
 from controller.vibro.gears import Choice, DriveMap
-from controller.vibro.slow_loop import AveragedMpc, ProgressFilter, Tuning, Weights
+from controller.vibro.slow_loop import AveragedMpc, ProgressFilter, Tuning
 from controller.vibro.waveform import REST, Waveform
 
 _FAR = 1e3  # m or m/s, beyond it a number is none
@@ -30,12 +31,12 @@ class VibroController(Controller):
     was learnt in it. The status is `limited` while the map's reach holds the command back.
     """
 
-    name = "vibro"
+    name = INNER_MASS.leading
 
-    def __init__(self, drive: DriveMap, tuning: Tuning | None = None, weights: Weights | None = None) -> None:
+    def __init__(self, drive: DriveMap, tuning: Tuning | None = None) -> None:
         self.drive, self.tuning = drive, tuning or Tuning()
         self.filter = ProgressFilter(drive.lag_s)
-        self.mpc = AveragedMpc(drive.lag_s, weights=weights)
+        self.mpc = AveragedMpc(drive.lag_s)
         self._biases: dict[int, float] = {}
         self._begin(0.0, 0.0)
 

@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.drives import INNER_MASS
 from controller.vibro.table_values import unloaded
 from controller.vibro.waveform import Waveform
 from models.assembly.model import Assembly, assemble
@@ -35,7 +36,7 @@ _ELSEWHERE = ("body_mass_kg", "inner_mass_kg", "mirror")
 
 
 @dataclass(frozen=True)
-class Pace:
+class Gait:
     """What a waveform does in the long run: mean `speed_m_s` and the body's highest `peak_m_s`, the coil's heat
     `copper_W = F^2 R/k^2`, its mechanical `work_W`, and how far the inner mass swings to the `front_m` and to the
     `rear_m` of its rest.
@@ -81,9 +82,10 @@ class VibroModel:
 
         Raises ValueError for another kind of rig and for values that belong to no effect or parameter of it.
         """
-        if rig.drive is None or rig.kind not in ("vibro", "vibro_table"):
-            raise ValueError(f"rig must be of kind 'vibro' or 'vibro_table'; got {rig.kind!r}")
-        drive = drive_of(replace(rig, kind="vibro"))
+        if rig.drive is None or rig.kind not in INNER_MASS.models:
+            kinds = " or ".join(map(repr, INNER_MASS.models))
+            raise ValueError(f"rig must be of kind {kinds}; got {rig.kind!r}")
+        drive = drive_of(replace(rig, kind=INNER_MASS.name))
         assert isinstance(drive, Vibro)
         return cls.of(surface_of(rig), drive, unloaded(values or {}))
 
@@ -133,7 +135,7 @@ class Cycles:
         self._kernel = _metered(assembly, model.drive.reaction_on_body)
         self._parameters = assembly.vector(model.values)
 
-    def pace(self, waveform: Waveform, settle_s: float = SETTLE_S, measure_s: float = MEASURE_S) -> Pace:
+    def pace(self, waveform: Waveform, settle_s: float = SETTLE_S, measure_s: float = MEASURE_S) -> Gait:
         """Mean speed and powers of `waveform` over whole cycles for `measure_s`, after `settle_s` from rest."""
         n = max(math.ceil(waveform.period_s / STEP_S), 4 * len(waveform.levels))
         levels = waveform.sampled(n)
@@ -148,7 +150,7 @@ class Cycles:
         copper = squares * force * force / self.model.copper_N2_per_W / time
         speed = self.model.mirror * (path[-1] - path[0]) / time
         peak = np.max(np.abs(np.diff(path))) * n / waveform.period_s
-        return Pace(float(speed), float(copper), float(work / time), float(front), float(rear), float(peak))
+        return Gait(float(speed), float(copper), float(work / time), float(front), float(rear), float(peak))
 
     def rest(self) -> Array:
         """The model's state at rest with its meters at 0, to `step` from."""
@@ -212,7 +214,7 @@ Impact = Literal["none", "front", "rear", "both"]
 IMPACTS: tuple[Impact, ...] = ("none", "front", "rear", "both")
 
 
-def impact_of(model: VibroModel, pace: Pace) -> Impact:
+def impact_of(model: VibroModel, pace: Gait) -> Impact:
     """The stops of `model` that lie within the swings of `pace`."""
     front = model.drive.front is not None and pace.front_m > model.drive.front.gap_m
     rear = model.drive.rear is not None and pace.rear_m > model.drive.rear.gap_m

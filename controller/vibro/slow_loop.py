@@ -112,13 +112,8 @@ def transition(h: float, lag_s: float) -> tuple[Array, Array]:
     return np.array([[1.0, glide, h], [0.0, keep, 0.0], [0.0, 0.0, 1.0]]), np.array([h - glide, 1 - keep, 0.0])
 
 
-@dataclass(frozen=True)
-class Weights:
-    """What counts as 1 in the cost: progress off in m, mean speed off in m/s, change of the command per step in m/s."""
-
-    progress_m: float = 1.0e-3
-    speed_m_s: float = 2.0e-3
-    change_m_s: float = 4.0e-3
+_PROGRESS_M, _SPEED_M_S, _CHANGE_M_S = 1.0e-3, 2.0e-3, 4.0e-3
+"""What counts as 1 in a plan's cost: progress off in m, mean speed off in m/s, change of the command a step in m/s."""
 
 
 class AveragedMpc:
@@ -128,8 +123,7 @@ class AveragedMpc:
     Condensed once; a step is one matrix product and, where the bounds bind, a fixed number of sweeps over the commands.
     """
 
-    def __init__(self, lag_s: float, step_s: float = 0.1, horizon: int = 12, weights: Weights | None = None) -> None:
-        w = weights or Weights()
+    def __init__(self, lag_s: float, step_s: float = 0.1, horizon: int = 12) -> None:
         self.step_s, self.horizon = step_s, horizon
         F, g = transition(step_s, lag_s)
         self._free = np.zeros((2 * horizon, 3))
@@ -139,15 +133,15 @@ class AveragedMpc:
             power = F @ power
             for j in range(k + 1):
                 response = columns[k - j]
-                self._forced[k, j] = response[0] / w.progress_m
-                self._forced[horizon + k, j] = (response[1] + response[2]) / w.speed_m_s
-            self._free[k] = power[0] / w.progress_m
-            self._free[horizon + k] = (power[1] + power[2]) / w.speed_m_s
+                self._forced[k, j] = response[0] / _PROGRESS_M
+                self._forced[horizon + k, j] = (response[1] + response[2]) / _SPEED_M_S
+            self._free[k] = power[0] / _PROGRESS_M
+            self._free[horizon + k] = (power[1] + power[2]) / _SPEED_M_S
             columns.append(F @ columns[-1])
-        self._scale = np.concatenate((np.full(horizon, 1 / w.progress_m), np.full(horizon, 1 / w.speed_m_s)))
-        change = (np.eye(horizon) - np.eye(horizon, k=-1)) / w.change_m_s
+        self._scale = np.concatenate((np.full(horizon, 1 / _PROGRESS_M), np.full(horizon, 1 / _SPEED_M_S)))
+        change = (np.eye(horizon) - np.eye(horizon, k=-1)) / _CHANGE_M_S
         self._first = np.zeros(horizon)
-        self._first[0] = 1 / w.change_m_s
+        self._first[0] = 1 / _CHANGE_M_S
         self._hessian = self._forced.T @ self._forced + change.T @ change
         self._inverse = np.linalg.inv(self._hessian)
         self._diagonal = np.diag(self._hessian).tolist()

@@ -10,12 +10,14 @@ import math
 import re
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import Any
 
+from rich.box import HEAVY_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
 from rich.text import Text
 
 WIDTH = 110
@@ -52,6 +54,25 @@ def notes() -> Console:
 def summary() -> Console:
     """The console on standard output."""
     return _console(PlainConsole(highlight=False, markup=False, emoji=False))
+
+
+def say(*lines: str) -> None:
+    """Print lines on standard output as long as they are."""
+    for line in lines:
+        summary().print(line, soft_wrap=True)
+
+
+def note(line: str) -> None:
+    """Print a line on standard error as long as it is."""
+    notes().print(line, soft_wrap=True)
+
+
+def text_table(title: str, heads: Sequence[str], words: Collection[str] = ("",), *, bare: bool = False) -> Table:
+    """An empty table for the terminal: columns named among `words` hold words, the others numbers; `bare`: no frame."""
+    table = Table(title=title or None, title_justify="left", box=None if bare else HEAVY_HEAD, pad_edge=not bare)
+    for head in heads:
+        table.add_column(head, justify="left" if head in words else "right")
+    return table
 
 
 def print_json(document: Any) -> None:

@@ -4,13 +4,24 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from hil.app.console import output_to_notes, print_json, say
 from hil.app.write import check_targets
 from plant.experiments.recording import record_scenario
 from plant.experiments.scenario import load_scenario
 from plant.experiments.series import write_record
 
 
-def simulate(scenario: Path, out: Path) -> None:
+def simulate(scenario: Path, out: Path, *, json_output: bool = False) -> None:
+    """Write the record of the scenario file `scenario` to `out` and say so. Raises ValueError as `write_simulated`."""
+    with output_to_notes():
+        write_simulated(scenario, out)
+    if json_output:
+        print_json({"scenario": str(scenario), "record": str(out)})
+    else:
+        say(f"record: {out}")
+
+
+def write_simulated(scenario: Path, out: Path) -> None:
     """Run the scenario file `scenario` and write its record to `out` (`.csv` or `.csv.gz`), complete or not at all.
 
     Raises `ValueError` for a scenario or an output path that cannot be used; the message says what would be right.

@@ -9,7 +9,7 @@ import struct
 import time
 from collections import Counter
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Final
 
 import can
 
@@ -158,11 +158,3 @@ class AuthenticatedBus(WrappingBus):
             del seen[min(seen)]
         seen[epoch] = count
         return True
-
-    def fileno(self) -> int:
-        """As the inner bus."""
-        return self.inner.fileno()
-
-    def send_periodic(self, *_: Any, **__: Any) -> Any:
-        """Refused: a frame that is sent again is not fresh."""
-        raise NotImplementedError("frames of an authenticated bus are sent one by one")

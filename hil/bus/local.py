@@ -19,9 +19,9 @@ from typing import Any, Final
 
 import can
 
+from hil.bus.wrapping import OwnBus
 from models.compiled.private_folder import private_folder
 
-INTERFACE: Final = "capsule_local"
 _HEAD: Final = struct.Struct("<dIB")
 """Time, identifier, type; the data follow."""
 _EXTENDED, _FD, _SWITCHED = 1, 2, 4
@@ -32,7 +32,7 @@ _NODES: Final = 64
 _BUFFER: Final = 1 << 20
 
 
-class LocalBus(can.BusABC):
+class LocalBus(OwnBus):
     """A node on the local bus `channel`. Every node is connected to every other one; there is no hub whose death would
     end the bus.
 
@@ -181,10 +181,6 @@ class LocalBus(can.BusABC):
     def fileno(self) -> int:
         """Readable while a frame (or a node that joins) waits."""
         return self._poll.fileno()
-
-    def send_periodic(self, *_: Any, **__: Any) -> Any:
-        """Refused: commands are sent one by one, so that a dead controller's end with it."""
-        raise NotImplementedError("frames of the local bus are sent one by one")
 
     def shutdown(self) -> None:
         """Leave the bus."""

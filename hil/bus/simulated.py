@@ -8,11 +8,12 @@ import heapq
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import can
 
 from hil.bus.load import fd_frame_bits, frame_bits
+from hil.bus.wrapping import OwnBus
 
 PASSIVE, BUS_OFF = 128, 256
 ERROR_BITS = 23
@@ -38,7 +39,6 @@ class Counters:
     transmit: int = 0
     receive: int = 0
     sent: int = 0
-    received: int = 0
     errors: int = 0
     longest_s: float = 0.0
 
@@ -155,7 +155,6 @@ class Medium:
             if port is not sender and counters.transmit < BUS_OFF and self._now >= port.offline_until:
                 if counters.receive:
                     counters.receive = min(counters.receive - 1, PASSIVE - 1)
-                counters.received += 1
                 port.inbox.append(got)
         return True
 
@@ -231,7 +230,7 @@ def _first(port: SimulatedBus) -> _Waiting:
     return port.waiting[0]
 
 
-class SimulatedBus(can.BusABC):
+class SimulatedBus(OwnBus):
     """A node on a `Medium`, a python-can bus. `recv` gives what has come in by the medium's time and never waits,
     whatever its timeout; `send` queues at the medium's time. Both refuse a node that is off the bus with
     CanOperationError.
@@ -276,10 +275,6 @@ class SimulatedBus(can.BusABC):
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         return (self.inbox.popleft() if self.inbox else None), False
 
-    def flush_tx_buffer(self) -> None:
-        """Forget what waits to be sent."""
-        self.waiting.clear()
-
     @property
     def state(self) -> can.BusState:
         """ACTIVE, PASSIVE from 128 errors on, ERROR off the bus."""
@@ -291,10 +286,6 @@ class SimulatedBus(can.BusABC):
     @state.setter
     def state(self, new_state: can.BusState) -> None:
         raise NotImplementedError("the state of a simulated node is what its error counters say")
-
-    def send_periodic(self, *_: Any, **__: Any) -> Any:
-        """Refused: a dead process's frames would go on."""
-        raise NotImplementedError("frames of a simulated node are sent one by one")
 
     def recover(self) -> None:
         """Ask to return to the bus; nothing else brings a node back."""

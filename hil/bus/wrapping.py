@@ -1,4 +1,4 @@
-"""A bus around another one: what all of them pass on."""
+"""Buses of our own: what all of them refuse, and what those around another one pass on."""
 
 from __future__ import annotations
 
@@ -7,7 +7,15 @@ from typing import Any
 import can
 
 
-class WrappingBus(can.BusABC):
+class OwnBus(can.BusABC):
+    """Frames are sent one by one: those of a dead process, or a dead controller's commands, must end with it."""
+
+    def send_periodic(self, *_: Any, **__: Any) -> Any:
+        """Refused."""
+        raise NotImplementedError(f"frames of {self.channel_info} are sent one by one")
+
+
+class WrappingBus(OwnBus):
     """Passes frames, state and the end on to `inner`; a subclass changes what it is there to change."""
 
     def __init__(self, inner: can.BusABC, channel_info: str) -> None:
@@ -33,10 +41,6 @@ class WrappingBus(can.BusABC):
     @state.setter
     def state(self, new_state: can.BusState) -> None:
         self.inner.state = new_state
-
-    def send_periodic(self, *_: Any, **__: Any) -> Any:
-        """Refused, as everywhere."""
-        raise NotImplementedError("frames are sent one by one")
 
     def __del__(self) -> None:
         """Nothing of its own to release; `inner` warns where it was not closed."""

@@ -14,7 +14,7 @@ from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Self
 
-from hil.log.blf_file import LATEST_S, PACKED, RECEIVED, SENT, WITHHELD, BlfFile, Logged
+from hil.log.blf_file import PACKED, BlfFile, Logged
 from hil.log.place import check_regular, claim, missing, stands, write_record
 from hil.log.writer_process import TROUBLE
 from hil.own_process import own_environment, own_module
@@ -51,25 +51,11 @@ class NodeLog(ABC):
         self._record |= more
         write_record(self.path, self._record)
 
-    def received(self, time_s: float, identifier: int, data: bytes | bytearray) -> None:
-        """Note a frame that came in at `time_s` of the node's clock."""
-        self._put(time_s, identifier, data, RECEIVED)
-
-    def sent(self, time_s: float, identifier: int, data: bytes | bytearray, withheld: bool = False) -> None:
-        """Note a frame that the tick at `time_s` sent, or only computed (`withheld`)."""
-        self._put(time_s, identifier, data, WITHHELD if withheld else SENT)
-
     def put(self, frames: Sequence[Logged]) -> None:
         """Write frames together: all of them, or those at the end not."""
         taken = self._write(frames) if frames else 0
         self.written += taken
         self.dropped += len(frames) - taken
-
-    def _put(self, time_s: float, identifier: int, data: bytes | bytearray, way: int) -> None:
-        if not 0 <= time_s <= LATEST_S or len(data) > 8:
-            self.dropped += 1
-        else:
-            self.put([Logged(round(time_s * 1e9), identifier, bytes(data), way)])
 
     @abstractmethod
     def _write(self, frames: Sequence[Logged]) -> int:

@@ -1,23 +1,56 @@
-"""The CAN frames of an MF4 file, read by python-can and asammdf in a process of its own: a damaged file takes nothing
-with it. Frames come as `_FRAME` on its standard output, behind them a sentence where something is wrong.
+"""CAN frames by python-can's own readers; those of an MF4 file, which asammdf reads for it, in a process of its own: a
+damaged file takes nothing with it. They come as `PACKED` on its standard output, then what is wrong in a sentence.
 """
 
 from __future__ import annotations
 
-import struct
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO, Final
+from typing import IO, Any, Final
+
+import can
 
 from hil.formats.channels import library, refusing
 from hil.formats.mf4_file import EXTRA, check_within
 from hil.formats.reader_process import confined
 from hil.formats.reading import reading_process
-from hil.log.blf_file import Logged
-from hil.log.library_reader import library_frames
+from hil.log.blf_file import PACKED, Logged, way_of
 
-_FRAME: Final = struct.Struct("<qIBB8s")
-"""Time in ns, identifier, which way, count of bytes, bytes."""
+
+def library_frames(path: Path) -> Iterator[Logged]:
+    """The classic data frames with 11-bit identifiers of a file that python-can reads by its ending, within this
+    process. Raises ValueError of one sentence.
+    """
+    try:
+        reader: Any = can.LogReader(path)
+    except Exception as error:  # noqa: BLE001 - libraries raise whatever they like at a damaged file
+        raise ValueError(f"{path}: log must be one in the format that its name ends in; got: {_words(error)}") from None
+    with reader:
+        yield from _frames(reader, path)
+
+
+def _frames(reader: Any, path: Path) -> Iterator[Logged]:
+    messages, count = iter(reader), 0
+    while True:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                message = next(messages)
+            stamp = round(message.timestamp * 1e9)
+        except StopIteration:
+            return
+        except Exception as error:  # noqa: BLE001 - libraries raise whatever they like at a damaged file
+            raise ValueError(f"{path}: log must be whole; got after {count} frames: {_words(error)}") from None
+        count += 1
+        if not (message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd):
+            yield Logged(stamp, message.arbitration_id, bytes(message.data), way_of(message))
+
+
+def _words(error: BaseException) -> str:
+    return " ".join(str(error).split())[:160] or type(error).__name__
+
+
 _END: Final = 0xFFFF_FFFF
 """Identifier of what stands behind the frames: its time is the length of the sentence below it."""
 
@@ -30,8 +63,8 @@ def read_mf4_frames(path: Path) -> Iterator[Logged]:
 
 
 def _received(path: Path, told: IO[bytes]) -> Iterator[Logged]:
-    while len(data := told.read(_FRAME.size)) == _FRAME.size:
-        time_ns, identifier, way, size, content = _FRAME.unpack(data)
+    while len(data := told.read(PACKED.size)) == PACKED.size:
+        time_ns, identifier, way, size, content = PACKED.unpack(data)
         if identifier != _END:
             yield Logged(time_ns, identifier, content[:size], way)
         elif said := told.read(time_ns).decode():
@@ -49,11 +82,11 @@ def tell_frames(path: Path, target: IO[bytes]) -> None:
             library("asammdf", EXTRA)
             check_within(path)
         for frame in library_frames(path):
-            target.write(_FRAME.pack(frame.time_ns, frame.id, frame.way, len(frame.data), frame.data))
+            target.write(frame.packed())
     except ValueError as error:
         said = str(error).removeprefix(f"{path}: ")
     text = said.encode()
-    target.write(_FRAME.pack(len(text), _END, 0, 0, b"") + text)
+    target.write(PACKED.pack(len(text), _END, 0, 0, b"") + text)
     target.flush()
 
 

@@ -9,8 +9,7 @@ from typing import Any, Final
 from hil.formats.mf4_file import holds_frames
 from hil.log.blf_file import Logged
 from hil.log.blf_reader import Tell, read_blf
-from hil.log.library_reader import library_frames
-from hil.log.mf4_process import read_mf4_frames
+from hil.log.mf4_process import library_frames, read_mf4_frames
 from hil.log.place import record_path
 from models.files.source import check_source, read_json
 

@@ -22,6 +22,7 @@ from hil.formats.table import format_of
 from hil.log.blf_file import RECEIVED, SENT, Logged
 from hil.log.blf_reader import Tell
 from hil.log.reader import is_log, read_frames
+from hil.nodes.frame_map import CARRIAGE_MAP, FRAME_MAPS
 from models.records.record import Record, kept_between, read_record
 from models.rigs.columns import TIME
 from models.rigs.kinds import KINDS
@@ -53,15 +54,24 @@ class Sources:
     held: bool = False
 
 
-_CARRIAGE, _PLACE = ("CarriageFeedback", "Position_m"), Source("position_m", "CapsuleLocalisation", "Position_m")
-_PULL: Final = Sources(Source("position_m", *_CARRIAGE), Source("force_N", "ForceReading", "Force_N"))
+_PLACE: Final = Source("position_m", "CapsuleLocalisation", "Position_m")
+_ON_BUS: Final = (
+    Sources(
+        Source("position_m", CARRIAGE_MAP.feedback, CARRIAGE_MAP.signal), Source("force_N", "ForceReading", "Force_N")
+    ),
+    *(
+        Sources(
+            Source(one.channel, one.command if one.drive.shaken else one.feedback, one.signal), _PLACE, one.drive.shaken
+        )
+        for one in FRAME_MAPS.values()
+    ),
+)
 SOURCES: Final[Mapping[str, Sources]] = MappingProxyType(
     {
-        "pull": _PULL,
-        "axis": _PULL,
-        "magnetic": Sources(Source("carriage_position_m", *_CARRIAGE), _PLACE),
-        "coil": Sources(Source("coil_current_A", "CoilFeedback", "Current_A"), _PLACE),
-        "vibro": Sources(Source("drive_on", "InnerMassCommand", "Level"), _PLACE, held=True),
+        kind: sources
+        for sources in _ON_BUS
+        for kind, one in KINDS.items()
+        if one.layout.measured == (sources.measured.column,) and sources.driven.column in sum(one.layout.driven, ())
     }
 )
 

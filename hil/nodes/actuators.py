@@ -17,10 +17,11 @@ from hil.nodes.carriage_bus import CarriageBus
 from hil.nodes.cia402.bus import Cia402Bus
 from hil.nodes.cia402.setup import set_up as set_up_cia402
 from hil.nodes.cia402.states import MASTER_NODE, SYNC_ID, Cia402Table, options_of
-from hil.nodes.frame_map import frame_map_of
-from hil.nodes.moteus.actuator import MoteusBus, MoteusTable
-from hil.nodes.moteus.actuator import set_up as set_up_moteus
+from hil.nodes.frame_map import CARRIAGE_MAP
+from hil.nodes.moteus.actuator import MoteusBus
 from hil.nodes.moteus.registers import HOST, PREFIXES, REPLY_WANTED
+from hil.nodes.moteus.setup import set_up as set_up_moteus
+from hil.nodes.moteus.table import MoteusTable
 from hil.nodes.odrive.actuator import OdriveBus
 from hil.nodes.odrive.setup import set_up as set_up_odrive
 from hil.nodes.odrive.table import OdriveTable, endpoints_of
@@ -46,7 +47,7 @@ def read_actuator(raw: Mapping[str, Any], kind: str, limits: Limits) -> Actuator
         return None
     if len(named) > 1:
         raise ValueError(f"tables must name one drive; got [{'], ['.join(named)}]")
-    if kind != "magnetic":
+    if kind != CARRIAGE_MAP.drive.name:
         raise ValueError(f"{named[0]} must stand with rig.kind magnetic, whose carriage it is; got {kind!r}")
     name = named[0]
     found: ActuatorTable = from_table(ACTUATORS[name], raw[name], name, skip=tuple(_NESTED))
@@ -87,7 +88,7 @@ def set_up(bus: can.BusABC, table: ActuatorTable, limits: Limits, tick_s: float,
     one. Raises ValueError of one sentence.
     """
     if isinstance(table, Cia402Table):
-        life_ms = frame_map_of("magnetic").life_ms(limits.carriage_speed_m_s)
+        life_ms = CARRIAGE_MAP.life_ms(limits.carriage_speed_m_s)
         return set_up_cia402(bus, table, limits, tick_s, life_ms, faulty=faulty)
     if isinstance(table, OdriveTable):
         return set_up_odrive(bus, table, limits, tick_s, faulty=faulty)

@@ -17,7 +17,7 @@ from hil.bus.catalogue import Catalogue
 from hil.bus.codec import Codec
 from hil.bus.protection import Sender
 from hil.bus.wrapping import WrappingBus
-from hil.nodes.frame_map import BOOT, FASTEST_M_S, FAULT, QUICK_STOP_M_S2, STANDBY, STOPPING, WAITING
+from hil.nodes.frame_map import BOOT, FASTEST_M_S, FAULT, STANDBY, STOPPING, WAITING
 
 _SPOKEN: Final = ("CarriageFeedback", "CarriageHeartbeat", "CarriageFault")
 _HEARD: Final = ("CarriageCommand", "ControllerHeartbeat", "DriveReset", "SafeStop", "Sync")
@@ -25,37 +25,7 @@ _NODE_STATES: Final = {BOOT: 0, STANDBY: 1, WAITING: 1, STOPPING: 3, FAULT: 4}
 _LONGEST_S: Final = 167772.0
 RESTS_M_S: Final = 5e-3
 """Below this speed a drive that is not led is at rest, for what its encoder's noise makes of its speed."""
-IDLE_TICKS: Final = 5
-"""How often a drive that has been braked is told to take its torque away."""
-_SETTLE: Final = 2
 _TOO_SHORT: Final = 7
-
-
-class BrakePath:
-    """The way to rest at `QUICK_STOP_M_S2`, a step each `tick_s`, for a drive that follows places."""
-
-    def __init__(self, tick_s: float) -> None:
-        self._tick_s = tick_s
-        self._place_m = self._rate_m_s = math.nan
-        self._rested = 0
-
-    def leave(self) -> None:
-        """Brake no more."""
-        self._rate_m_s, self._rested = math.nan, 0
-
-    def step(self, place_m: float, speed_m_s: float) -> tuple[float, float] | None:
-        """The next place and rate, beginning at `place_m` with `speed_m_s`; None once the drive has had `_SETTLE` steps
-        to come to rest there, until `leave`.
-        """
-        if math.isnan(self._rate_m_s):
-            self._place_m, self._rate_m_s = place_m, speed_m_s
-        if self._rested >= _SETTLE:
-            return None
-        before = self._rate_m_s
-        self._rate_m_s = math.copysign(max(abs(before) - QUICK_STOP_M_S2 * self._tick_s, 0.0), before)
-        self._place_m += 0.5 * (before + self._rate_m_s) * self._tick_s
-        self._rested += before == 0.0
-        return self._place_m, self._rate_m_s
 
 
 class CarriageBus(WrappingBus):

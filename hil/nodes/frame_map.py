@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
@@ -12,6 +12,7 @@ from typing import Final
 
 import can
 
+from controller.drives import CARRIAGE, COIL, INNER_MASS, Driven
 from hil.bus.catalogue import Catalogue, load_catalogue
 from models.parameter import nearest
 
@@ -29,19 +30,27 @@ QUICK_STOP_M_S2: Final = 25.0
 
 @dataclass(frozen=True)
 class FrameMap:
-    """One drive on the bus. `node` is its name there, `channel` the column of records that its `signal` is, `target`
-    its number in SafeStop and DriveReset. A command is worth something for `life_ms`: the drive's safe state (carriage
-    at rest, no current, inner mass off) follows the last one within 10 ms for the coil and inner mass, within 20 ms for
-    the carriage, the time to brake included. For as long a controller that did not get the processor may be silent and
-    go on.
+    """One `drive` on the bus. `node` is its name there, `channel` the column of records that its `signal` is, `still`
+    the signal of its feedback that rests while it is not enabled, `target` its number in SafeStop and DriveReset,
+    `bounds` the limits that its command's signals must hold. A command is worth something for `life_ms`: the drive's
+    safe state (carriage at rest, no current, inner mass off) follows the last one within `stops_s`, the time to brake
+    included. For as long a controller that did not get the processor may be silent and go on. The last
+    good feedback it follows within `seen_s`. `feedback_s` is how old the feedback of a drive at rest may be: what is
+    left of that once a tick until the guard sees it, the way of the stop to the drive and, of a coil, the decay of its
+    current are taken off.
     """
 
-    kind: str
+    drive: Driven
     node: str
     signal: str
     channel: str
     target: int
     still_ms: int
+    feedback_s: float
+    still: str = "Current_A"
+    bounds: tuple[tuple[str, str], ...] = ()
+    stops_s: float = 0.010
+    seen_s: float = 0.010
     braking_m_s2: float = math.inf
 
     @property
@@ -78,9 +87,9 @@ class FrameMap:
     def values(self, command: float, rate: float, mode: int) -> dict[str, float]:
         """The signals of a command frame for `command` in the drive's unit that changes by `rate` a second."""
         values = {self.signal: command, "TimeToLive_ms": self.life_ms(rate), "Mode": mode}
-        if self.kind == "magnetic":
+        if self.drive.placed:
             values["Velocity_m_s"] = min(max(rate, -FASTEST_M_S), FASTEST_M_S)
-        elif self.kind == "vibro":
+        elif self.drive.shaken:
             values |= {"Period_s": 0.0, "Duty": 0.0}
         return values
 
@@ -97,13 +106,23 @@ def answer_of(number: int, target: int) -> int:
     return zlib.crc32(number.to_bytes(4, "little") + bytes([target]))
 
 
-FRAME_MAPS: Mapping[str, FrameMap] = MappingProxyType(
-    {
-        "magnetic": FrameMap("magnetic", "Carriage", "Position_m", "carriage_position_m", 1, 18, QUICK_STOP_M_S2),
-        "coil": FrameMap("coil", "Coil", "Current_A", "coil_current_A", 2, 6),
-        "vibro": FrameMap("vibro", "InnerMass", "Level", "drive_on", 3, 6),
-    }
+CARRIAGE_MAP: Final = FrameMap(
+    CARRIAGE,
+    "Carriage",
+    "Position_m",
+    "carriage_position_m",
+    1,
+    18,
+    0.0215,
+    still="Position_m",
+    bounds=(("Position_m", "travel_m"), ("Velocity_m_s", "carriage_speed_m_s")),
+    stops_s=0.020,
+    seen_s=0.025,
+    braking_m_s2=QUICK_STOP_M_S2,
 )
+COIL_MAP = FrameMap(COIL, "Coil", "Current_A", "coil_current_A", 2, 6, 0.0045, bounds=(("Current_A", "current_A"),))
+INNER_MASS_MAP: Final = FrameMap(INNER_MASS, "InnerMass", "Level", "drive_on", 3, 6, 0.0065)
+FRAME_MAPS: Final = MappingProxyType({one.drive.name: one for one in (CARRIAGE_MAP, COIL_MAP, INNER_MASS_MAP)})
 
 
 def frame_map_of(kind: str) -> FrameMap:

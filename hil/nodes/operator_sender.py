@@ -92,6 +92,13 @@ class OperatorSender:
         """Go to a position, no faster than `speed_m_s` (0: the deployment's speed), dead-man switch held."""
         self._say("position", position_m, speed_m_s, held=True)
 
+    def steer(self, mode: str, value: float) -> None:
+        """As a step of a script has it: by "speed" or "position", else "release"."""
+        if mode == "release":
+            self.release()
+        else:
+            (self.speed if mode == "speed" else self.position)(value)
+
     def release(self) -> None:
         """The dead-man switch is released: the capsule is held at once, and the drive stopped after a while."""
         self._say("speed", 0.0, 0.0, held=False)

@@ -14,12 +14,12 @@ import numpy as np
 
 from controller.limits import Limits
 from hil.bus.catalogue import Catalogue
+from hil.nodes.drive.makers import MakersDrive
 from hil.nodes.drive.node import DriveNode
 from hil.nodes.drive.power_stage import CarriagePower, CoilPower, InnerMassPower, Power
 from hil.nodes.faults.lies import Lie, LyingDrive, LyingLocaliser, zero_of
 from hil.nodes.faults.table import DRIVE, Fault
-from hil.nodes.frame_map import frame_map_of, frames
-from hil.nodes.simulated_drives import SimulatedDrive
+from hil.nodes.frame_map import CARRIAGE_MAP, COIL_MAP, INNER_MASS_MAP, FrameMap, frames
 from hil.nodes.transmit import FrameTransmitter
 from plant import layout as at
 from plant.drives.kinds import MAGNETS, Coil, Vibro
@@ -32,15 +32,15 @@ _COIL_PARTS: Final = 2
 _FORCE_STD_N: Final = 1e-3
 
 
-def power_of(session: Session, limits: Limits) -> tuple[str, Power]:
-    """Kind and power stage of the session's drive. Raises ValueError for one that no frame describes."""
+def power_of(session: Session, limits: Limits) -> tuple[FrameMap, Power]:
+    """Wiring and power stage of the session's drive. Raises ValueError for one that no frame describes."""
     drive = session.plant.rig.drive
     if isinstance(drive, MAGNETS):
-        return "magnetic", CarriagePower(limits.carriage_speed_m_s, limits.travel_m, session.command)
+        return CARRIAGE_MAP, CarriagePower(limits.carriage_speed_m_s, limits.travel_m, session.command)
     if isinstance(drive, Coil):
-        return "coil", CoilPower(limits.current_A, drive.resistance_ohm, drive.inductance_H)
+        return COIL_MAP, CoilPower(limits.current_A, drive.resistance_ohm, drive.inductance_H)
     if isinstance(drive, Vibro) and drive.coil is None:
-        return "vibro", InnerMassPower()
+        return INNER_MASS_MAP, InnerMassPower()
     raise ValueError(
         "rig.kind on the bus must be magnetic, coil or vibro driven by a level; got a vibro drive with a coil"
     )
@@ -64,7 +64,7 @@ class PlantNode:
         *,
         force_seed: int | None = None,
         catalogue: Catalogue | None = None,
-        drive: SimulatedDrive | None = None,
+        drive: MakersDrive | None = None,
         draw: Callable[[], int] = lambda: secrets.randbits(32),
     ) -> None:
         """`force_seed` None: without a force sensor. `drive`: another one than the catalogue's. `draw` makes the
@@ -75,16 +75,16 @@ class PlantNode:
         if self.slots < 1 or abs(self.slots * SLOT_S - tick_s) > 1e-9:
             raise ValueError(f"tick_s must be a multiple of the drives' {SLOT_S:g} s; got {tick_s:g}")
         catalogue = catalogue or frames()
-        kind, power = power_of(session, limits)
+        wiring, power = power_of(session, limits)
         self.session = session
         self._localisers: dict[int, LyingLocaliser] = {}
         self._told: list[tuple[float, float]] = []
         self._lie: LyingDrive | None = None
         self._now = 0.0
-        self.drive: SimulatedDrive = drive or DriveNode(
-            drive_bus, catalogue, frame_map_of(kind), power, limits, tick_s, draw=draw
+        self.drive: DriveNode | MakersDrive = drive or DriveNode(
+            drive_bus, catalogue, wiring, power, limits, tick_s, draw=draw
         )
-        self._parts = _COIL_PARTS if kind == "coil" else 1
+        self._parts = _COIL_PARTS if wiring is COIL_MAP else 1
         self._localiser = _Localiser(sensor_bus, catalogue)
         self._force = None if force_seed is None else _ForceSensor(sensor_bus, catalogue, force_seed)
         self._readings: list[Reading] = []

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from models.drives.elastic_link import Link
 from models.effects.effect import Effect, InnerMassEffect, Shares, Signals
 
 
@@ -60,6 +61,11 @@ class Active:
         for e in self.effects:
             factors = e().shared(self._own(e, self.p), factors)
         return factors
+
+    def link(self) -> Link | None:
+        """The elastic link through which the rig pulls; None for a rigid one."""
+        links = (e().link(self._own(e, self.p)) for e in self.effects)
+        return next((link for link in links if link is not None), None)
 
     def advance(self, s: Signals, h: Any) -> Active:
         """The same effects with their hidden states a step `h` later, each under the command that the one before lets

@@ -14,7 +14,6 @@ import numpy as np
 from models.assembly.effects import Active
 from models.assembly.step import Stepper
 from models.drives.drive import Drive
-from models.drives.elastic_link import Link
 from models.effects.effect import Effect
 from models.parameter import Parameter
 from models.surfaces.gut import LONGEST, Wall
@@ -77,7 +76,7 @@ def assemble(surface: Surface, drive: Drive, effects: Sequence[type[Effect]] = (
     p = {item.name: q[i] for i, item in enumerate(parameters)}
     now: dict[str, Any] = {name: state[i] for i, name in enumerate(names)}
     active = Active(tuple(effects), p, {name: now[name] for name in hidden})
-    stepper = Stepper(surface, drive, active, Link.of(p), smoothing)
+    stepper = Stepper(surface, drive, active, active.link(), smoothing)
     unit, last = drive.command_unit, c0 if drive.held else c1
     first, last = (c0, last) if unit == 1 else (c0 / unit, last / unit)
     new, output = stepper.advance(now, first, last, t, h)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +9,6 @@ import numpy as np
 
 _STIFFEST = 1e-7  # m/N, compliance below which a link counts as rigid
 _STEEPEST = 12.0  # argument of the hyperbolic functions beyond which the link hardens no more
-_PARAMETERS = ("compliance_m_per_N", "hardening_per_m", "damping_N_s_per_m")
 
 
 @dataclass(frozen=True)
@@ -22,12 +20,6 @@ class Link:
     compliance: Any
     hardening: Any
     damping: Any
-
-    @classmethod
-    def of(cls, p: Mapping[str, Any]) -> Link | None:
-        """The link among the parameters `p` by full name; None where the rig has none."""
-        values = [p.get(f"string_compliance.{name}") for name in _PARAMETERS]
-        return None if values[0] is None else cls(*values)
 
     def force(self, stretch: Any) -> Any:
         """Elastic force in N."""

@@ -1,19 +1,39 @@
-"""What every effect must keep to, ours and a user's: declared parameters, hooks with the right signatures that serve
-numbers and CasADi symbols alike, and that say nothing at amplitude zero.
+"""What every effect must keep to, ours and a user's: declarations that something reads, hooks with the right signatures
+that each of its rigs asks, that serve numbers, arrays and CasADi symbols alike, and that say nothing at amplitude zero.
 """
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import fields
+from inspect import getsourcefile
+from itertools import product
+from traceback import extract_tb
 from typing import Any, Final
 
 import casadi as ca
 import numpy as np
 
-from models.effects.effect import Effect, InnerMassEffect, Signals
-from models.effects.equation import disagreement
+from models.effects.declarations import declared, hooked, of_parameters
+from models.effects.effect import HOOKS, Effect, Signals
+from models.effects.equation import ARGUMENTS, answered, disagreement
+from models.rigs.kind import RigKind
 from models.rigs.kinds import KINDS
+
+_BODY: Final = frozenset(HOOKS) - {"suspension", "reach", "link", "gain", "modulus"}
+_MOVING: Final = frozenset(f.name for f in fields(Signals)) - {"load"}
+
+
+def asked(kind: RigKind) -> frozenset[str]:
+    """The hooks that a kind of rig asks."""
+    return kind.hooks | _BODY if kind.of_capsule or kind.runs else kind.hooks
+
+
+def signals_of(kind: str) -> frozenset[str]:
+    """The signals that a kind of rig has; the others are 0 there."""
+    signals = KINDS[kind].signals
+    return _MOVING if signals is None else signals
+
 
 SIGNALS: Final[Mapping[str, float]] = {
     "t": 0.7,
@@ -30,19 +50,27 @@ SIGNALS: Final[Mapping[str, float]] = {
     "load": 1.5,
 }
 """Values of the signals, SI, at which the hooks are tried."""
-MULTIPLIERS: Final = ("level", "stiffening", "gain")
-_PLAIN: Final = (*MULTIPLIERS, "force", "wall_force", "command")
+_ONE_WAY: Final = ("t", "travelled", "dwell", "command")
+_BACK: Final = {name: value if name in _ONE_WAY else -value for name, value in SIGNALS.items()}
+_REST: Final = dict.fromkeys(SIGNALS, 0.0) | {"direction": 1.0}
+_OTHER: Final = {"y": 0.03, "h": 1e-3, "v_i": 5e-3, "u_c": 3e-4, "xi": 0.012, "xi_rate": 0.1, "f": 3.0}
+_ARGUMENTS: Final = dict.fromkeys(ARGUMENTS, 1.0) | _OTHER | {"e": 1e-3, "e_rate": 0.02}
+_FACTORS: Final = ("level", "stiffening", "gain", "reach")
 _STATE: Final = 0.2
+_UNSEEN: Final = ("advance", "follow", "response")
+"""Hooks whose answers no prediction shows by themselves."""
 
 
 def first_failure(effect: type[Effect], known: Collection[str]) -> str | None:
     """The first rule that `effect` breaks, in a sentence; None where it keeps to all. `known` are the ids in use."""
     for check in CHECKS.values():
         try:
-            failure = check(effect, known)
-        except Exception as error:  # noqa: BLE001 - a user's hook raises whatever it likes
-            words = " ".join(str(error).split())[:160]
-            return f"{effect.__name__} must run; got {type(error).__name__} in '{check.__doc__}': {words}"
+            with np.errstate(all="ignore"):
+                failure = check(effect, known)
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - a user's hook raises whatever it likes
+            frames = [f for f in extract_tb(error.__traceback__) if f.filename == getsourcefile(effect)]
+            where = f"{frames[-1].name}, line {frames[-1].lineno}" if frames else f"'{check.__doc__}'"
+            return f"{effect.__name__} must run; got {type(error).__name__} in {where}: {_words(error)}"
         if failure is not None:
             return failure
     return None
@@ -54,102 +82,123 @@ def values_of(effect: type[Effect]) -> dict[str, float]:
 
 
 def answers(effect: type[Effect], p: Mapping[str, Any], z: Mapping[str, Any], s: Mapping[str, Any]) -> dict[str, Any]:
-    """What every hook says at parameters `p`, states `z` and signals `s`."""
-    e, signals = effect(), Signals(**s)
-    said = {hook: getattr(e, hook)(signals, p, z) for hook in _PLAIN}
-    said |= {"recovery": e.recovery(signals, p, z, 5e-3, 3e-4), "measured": e.measured(signals, p, z, 0.03)}
-    said |= {"delay": e.delay(p), "response": e.response(p)}
-    said |= {f"advance.{k}": v for k, v in e.advance(signals, p, z, 1e-3).items()}
-    said |= {f"follow.{k}": v for k, v in e.follow(signals, p, z, 0.03, 1e-3).items()}
-    if isinstance(e, InnerMassEffect):
-        said |= {"suspension": e.suspension(0.012, 0.1, p), "reach": e.reach(0.012, p)}
-    return said
+    """What every hook that `effect` answers says at parameters `p`, states `z` and signals `s`."""
+    return dict(answered(effect, p, z, s, _ARGUMENTS))
 
 
-def _declared(effect: type[Effect], known: Collection[str]) -> str | None:
-    """declarations"""
+def _words(error: BaseException) -> str:
+    return " ".join(str(error).split())[:160]
+
+
+def _points(effect: type[Effect]) -> Iterator[tuple[str, dict[str, float]]]:
+    """Signals to try the hooks at, as each of the effect's kinds of rig has them."""
+    for kind, point in product(sorted(effect.kinds), (SIGNALS, _BACK, _REST)):
+        yield kind, {name: value if name in signals_of(kind) else 0.0 for name, value in point.items()}
+
+
+def _nothing(hook: str, s: Mapping[str, float], given: Mapping[str, float] = _ARGUMENTS) -> float:
+    """What `hook` says where there is no effect."""
+    unchanged = {"command": s["command"], "measured": given["y"], "recovery": given["v_i"]}
+    return unchanged.get(hook, given.get(hook, 1.0 if hook in _FACTORS else 0.0))
+
+
+def _of_kinds(effect: type[Effect], known: Collection[str]) -> str | None:
+    """kinds of rig"""
     name = effect.__name__
-    if not isinstance(effect.id, str) or not effect.id.isidentifier() or effect.id != effect.id.lower():
-        return f"{name}.id must be lower-case letters, digits and underscores; got {effect.id!r}"
-    if not effect.summary:
-        return f"{name}.summary must say in a few words what the effect is; got none"
-    if not effect.kinds or not effect.kinds <= set(KINDS):
-        return f"{name}.kinds must be among {', '.join(KINDS)}; got {sorted(effect.kinds)}"
-    strange = sorted(set(effect.confounders) - set(known))
-    return f"{name}.confounders must be ids of known effects; got {strange[0]!r}" if strange else None
+    strange = sorted(str(kind) for kind in effect.kinds if kind not in KINDS)
+    if not effect.kinds or strange:
+        return f"{name}.kinds must be among {', '.join(KINDS)}; got {repr(strange[0]) if strange else 'none'}"
+    own = [hook for hook in HOOKS if effect.answers(hook)]
+    if not own:
+        return f"{name} must answer a hook; got none; hooks are {', '.join(HOOKS)}"
+    for kind in sorted(effect.kinds):
+        unread = [hook for hook in own if hook not in asked(KINDS[kind])]
+        if unread:
+            asked = ", ".join(hook for hook in HOOKS if hook in asked(KINDS[kind]))
+            return f"{name}.kinds must be rigs that ask its hooks; got {kind!r}, which asks {asked}, never {unread[0]}"
+    return None
 
 
-def _parameters(effect: type[Effect], known: Collection[str]) -> str | None:
-    """parameters"""
-    name, parameters = effect.__name__, effect.parameters()
-    if not parameters:
-        return f"{name} must have a parameter, its amplitude first; got none"
-    loose = next((p for p in parameters if not np.isfinite([p.lower, p.upper]).all() or p.lower >= p.upper), None)
-    if loose is not None:
-        return (
-            f"{name}.{loose.name} must have finite bounds, the lower below the upper; got {loose.lower}, {loose.upper}"
-        )
-    amplitude = effect.amplitude()
-    if amplitude.value != 0.0 or not amplitude.fit:
-        return f"{name}.{amplitude.name}, the amplitude, must start at 0 and be fitted; got {amplitude.value:g}"
-    if effect.probe == 0 or not amplitude.lower <= effect.probe <= amplitude.upper:
-        return f"{name}.probe must be an amplitude within its bounds and not 0; got {effect.probe:g}"
-    names = [p.name for p in parameters]
-    unknown = next((grid for grid in effect.grid if grid not in names), None)
-    return f"{name}.grid must name parameters; got {unknown!r}" if unknown is not None else None
-
-
-def _signatures(effect: type[Effect], known: Collection[str]) -> str | None:
-    """signatures"""
-    base = InnerMassEffect if issubclass(effect, InnerMassEffect) else Effect
-    for hook, ours in inspect.getmembers(base, inspect.isfunction):
-        if hook.startswith("_") or getattr(effect, hook) is ours:
-            continue
-        wanted, got = (list(inspect.signature(f).parameters) for f in (ours, getattr(effect, hook)))
-        if wanted != got:
-            return f"{effect.__name__}.{hook} must take ({', '.join(wanted)}); got ({', '.join(got)})"
+def _numbers(effect: type[Effect], known: Collection[str]) -> str | None:
+    """numbers"""
+    p, z = values_of(effect), dict.fromkeys(effect.states, _STATE)
+    for hook in ("advance", "follow"):
+        call: Any = getattr(effect(), hook)
+        got = call(Signals(**SIGNALS), p, z, *((1e-3,) if hook == "advance" else (0.03, 1e-3)))
+        if not isinstance(got, Mapping) or not set(got) <= set(effect.states):
+            return f"{effect.__name__}.{hook} must return a dict of the states {effect.states}; got {got!r}"
+    sides = len(effect().shared(p, (1.0, 1.0, 1.0)))
+    if sides != 3:
+        return f"{effect.__name__}.shared must return three factors; got {sides}"
+    stays = sorted(set(effect.states) - {hook.partition(".")[2] for hook in answers(effect, p, z, SIGNALS)})
+    if stays:
+        return f"{effect.__name__}.states must each be given by advance or follow; got {stays[0]!r}, which is not"
+    for kind, s in _points(effect):
+        for hook, value in answers(effect, p, z, s).items():
+            if np.shape(value) != () or np.asarray(value).dtype.kind not in "biuf":
+                return f"{effect.__name__}.{hook} must return one number; got {type(value).__name__} {value}"
+            if not np.isfinite(value):
+                where = ", ".join(f"{key} = {number:g}" for key, number in s.items() if number)
+                return f"{effect.__name__}.{hook} must be finite; got {value} on {kind} at {where or 'rest'}"
     return None
 
 
 def _symbols(effect: type[Effect], known: Collection[str]) -> str | None:
-    """numbers and CasADi symbols"""
-    p, z = values_of(effect), dict.fromkeys(effect.states, _STATE)
+    """arrays and CasADi symbols"""
+    name, p, z = effect.__name__, values_of(effect), dict.fromkeys(effect.states, _STATE)
     plain = answers(effect, p, z, SIGNALS)
     symbols = [{name: ca.SX.sym(name) for name in table} for table in (p, z, SIGNALS)]
     try:
         symbolic = {hook: ca.SX(value) for hook, value in answers(effect, *symbols).items()}
+        arrays = answers(effect, p, z, {k: np.full(3, v) for k, v in SIGNALS.items()})
     except Exception as error:  # noqa: BLE001 - whatever a branch on a symbol raises
-        words = " ".join(str(error).split())[:160]
-        return (
-            f"{effect.__name__} must trace to CasADi symbols (np.where, np.tanh, ... instead of if, math); got: {words}"
-        )
+        return f"{name} must trace to CasADi symbols (np.where, np.tanh, ... instead of if, math); got: {_words(error)}"
     evaluate = ca.Function("f", [s for table in symbols for s in table.values()], list(symbolic.values()))
     got = evaluate.call([value for table in (p, z, SIGNALS) for value in table.values()])
     for hook, value in zip(symbolic, got, strict=True):
-        if not np.isclose(float(value), float(plain[hook]), rtol=1e-10, atol=1e-15):
-            return (
-                f"{effect.__name__}.{hook} must say the same to symbols as to numbers; got {float(value):g} and"
-                f" {float(plain[hook]):g}"
-            )
-    return None
+        if value.shape != (1, 1) or not np.isclose(float(value), float(plain[hook]), rtol=1e-10, atol=1e-15):
+            return f"{name}.{hook} must say the same to symbols as to numbers; got {value} and {float(plain[hook]):g}"
+        same = np.shape(arrays[hook]) in ((), (3,)) and np.allclose(arrays[hook], plain[hook], rtol=1e-10, atol=1e-15)
+        if not same:
+            return f"{name}.{hook} must say the same to arrays as to numbers; got {arrays[hook]} and {plain[hook]:g}"
+    said = ca.vertcat(*symbolic.values())
+    unused = next((key for key, symbol in symbols[0].items() if not ca.depends_on(said, symbol)), None)
+    return None if unused is None else f"{name} must use each parameter; got {unused!r}, which changes no hook"
 
 
 def _silent(effect: type[Effect], known: Collection[str]) -> str | None:
     """amplitude zero"""
     p = values_of(effect) | {effect.amplitude().name: 0.0}
-    z: dict[str, Any] = dict.fromkeys(effect.states, _STATE)
-    e, s = effect(), Signals(**SIGNALS)
-    z = z | e.advance(s, p, z, 1e-3) | e.follow(s, p, z, 0.03, 1e-3)
-    silence = {"level": 1.0, "stiffening": 1.0, "gain": 1.0, "force": 0.0, "wall_force": 0.0, "delay": 0.0}
-    silence["normal_load"] = 0.0
-    silence |= {"command": SIGNALS["command"], "measured": 0.03, "recovery": 5e-3, "suspension": 0.0, "reach": 1.0}
-    for hook, value in answers(effect, p, z, SIGNALS).items():
-        if hook in silence and not np.isclose(float(value), silence[hook], rtol=1e-6, atol=0.0):
-            return (
-                f"{effect.__name__}.{hook} must be {silence[hook]:g} (no effect) where {effect.amplitude().name} is 0;"
-                f" got {float(value):g}"
-            )
+    for kind, signals in _points(effect):
+        z: dict[str, Any] = dict.fromkeys(effect.states, _STATE)
+        e, s = effect(), Signals(**signals)
+        z = z | e.advance(s, p, z, 1e-3) | e.follow(s, p, z, 0.03, 1e-3)
+        for hook, value in answers(effect, p, z, signals).items():
+            nothing = _nothing(hook, signals)
+            free = hook == "link" or hook.startswith(("advance.", "follow."))
+            if not free and not np.isclose(float(value), nothing, rtol=1e-6, atol=1e-11):
+                at = f"where {effect.amplitude().name} is 0; got {float(value):g} on {kind}"
+                return f"{effect.__name__}.{hook} must be {nothing:g} (no effect) {at}"
     return None
+
+
+def _shown(effect: type[Effect], known: Collection[str]) -> str | None:
+    """what shows"""
+    rng, p = np.random.default_rng(5), values_of(effect)
+    hidden = set(effect.kinds)
+    for kind, k in product(sorted(effect.kinds), range(12)):
+        s = {n: v * rng.uniform(-3, 3) if n in signals_of(kind) else 0.0 for n, v in SIGNALS.items()}
+        s |= {name: abs(s[name]) for name in _ONE_WAY} | {"direction": float(k % 2 * 2 - 1)}
+        z = {state: float(rng.uniform(0.05, 0.9)) for state in effect.states}
+        given = {name: value * rng.uniform(0.1, 3) for name, value in _ARGUMENTS.items()}
+        said = dict(answered(effect, p, z, s, given))
+        if any(v != _nothing(hook, s, given) for hook, v in said.items() if hook.partition(".")[0] not in _UNSEEN):
+            hidden.discard(kind)
+    if not hidden:
+        return None
+    lacking = ", ".join(name for name in SIGNALS if name not in signals_of(min(hidden)))
+    got = f"nothing at its probe on {min(hidden)!r}" + f", which has no {lacking}" * bool(lacking)
+    return f"{effect.__name__} must show on each of its kinds of rig; got {got}"
 
 
 def _finite(effect: type[Effect], known: Collection[str]) -> str | None:
@@ -181,11 +230,14 @@ def _printed(effect: type[Effect], known: Collection[str]) -> str | None:
 
 
 CHECKS: Final[Mapping[str, Callable[[type[Effect], Collection[str]], str | None]]] = {
-    "declared": _declared,
-    "parameters": _parameters,
-    "signatures": _signatures,
+    "declared": declared,
+    "parameters": of_parameters,
+    "signatures": hooked,
+    "kinds": _of_kinds,
+    "finite": _numbers,
     "symbols": _symbols,
     "silent_at_zero": _silent,
+    "shown": _shown,
     "bounded_states": _finite,
     "equations": _printed,
 }

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
+from inspect import isfunction
 from types import MappingProxyType
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Final
 
+from models.laws.dynamic_modulus import DynamicModulus
 from models.parameter import Parameter
 
 Values = Mapping[str, Any]
 Shares = tuple[Any, Any, Any]
+NEEDS: Final = ("both_ways", "reversals", "speeds", "places", "rests", "time", "load", "samples", "wall", "turning")
+"""What a motion may offer for an effect to show."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +107,7 @@ class Effect:
     @classmethod
     def answers(cls, hook: str) -> bool:
         """Whether the effect has an answer of its own under `hook`."""
-        return getattr(cls, hook) is not getattr(Effect, hook)
+        return getattr(cls, hook, HOOKS[hook]) is not HOOKS[hook]
 
     def level(self, s: Signals, p: Values, z: Values) -> Any:
         """Factor on the wall's grip, that is on F_e and f_c (on the Coulomb friction of a plate or an axis)."""
@@ -149,6 +153,10 @@ class Effect:
         """Factor on the drive's force."""
         return 1.0
 
+    def link(self, p: Values) -> Any:
+        """The elastic link (`models.drives.elastic_link.Link`) through which a rig pulls; None for a rigid one."""
+        return None
+
     def measured(self, s: Signals, p: Values, z: Values, y: Any) -> Any:
         """What the sensor shows of the true output `y`."""
         return y
@@ -156,6 +164,10 @@ class Effect:
     def delay(self, p: Values) -> Any:
         """Time in s by which the measurement is late."""
         return 0.0
+
+    def modulus(self, frequency_Hz: Any, p: Values) -> DynamicModulus:
+        """Storage and loss modulus in Pa that it adds to the wall's at `frequency_Hz`, any shape."""
+        return DynamicModulus(0.0, 0.0)
 
     def follow(self, s: Signals, p: Values, z: Values, y: Any, h: Any) -> dict[str, Any]:
         """The sensor's own hidden states after a step `h` in s during which the true output was `y`."""
@@ -179,3 +191,14 @@ class InnerMassEffect(Effect):
     def reach(self, stretch: Any, p: Values) -> Any:
         """Factor on the coil's force."""
         return 1.0
+
+
+HOOKS: Final[Mapping[str, Callable[..., Any]]] = MappingProxyType(
+    {
+        name: hook
+        for base in (Effect, InnerMassEffect)
+        for name, hook in vars(base).items()
+        if isfunction(hook) and not name.startswith("_")
+    }
+)
+"""Every hook with the answer of its base class; the last two are `InnerMassEffect`'s alone."""

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
+from inspect import signature
 from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
 
-from models.effects.effect import Effect, InnerMassEffect, Signals
+from models.effects.effect import HOOKS, Effect, Signals
 from models.effects.formula import Formula, called, value_of, written
 
 LEFT: Final[Mapping[str, str]] = MappingProxyType(
@@ -30,12 +31,20 @@ LEFT: Final[Mapping[str, str]] = MappingProxyType(
         "delay": "delay of the reading in s",
         "suspension": "added force of the spring in N",
         "reach": "factor on the coil's force",
+        "link": "force in N of the link at the stretch e",
+        "modulus.storage": "added storage modulus in Pa",
+        "modulus.loss": "added loss modulus in Pa",
     }
 )
 """What each hook gives, by the hook's name; states are called by their own."""
-ARGUMENTS: Final = ("y", "h", "v_i", "u_c", "xi", "xi_rate", "nose", "weight", "pressed")
+SIDES: Final = ("nose", "weight", "pressed")
+_SYMBOLS: Final = {
+    "y": "y", "h": "h", "speed": "v_i", "onset": "u_c", "stretch": "xi", "rate": "xi_rate", "frequency_Hz": "f",
+}  # fmt: skip
+ARGUMENTS: Final = (*_SYMBOLS.values(), *SIDES, "e", "e_rate")
 """Names in formulas beside signals, parameters and states: the true output, a step in s, the base model's speed of
-drawing back and the drag at which it slips, the inner mass's displacement and speed, factors as `level` has them.
+drawing back and the drag at which it slips, the inner mass's displacement and speed, a frequency in Hz, factors as
+`level` has them, a link's stretch and its rate.
 """
 
 
@@ -61,11 +70,13 @@ def equations_of(
     p = _Symbols(numbers)
     names = {f.name: Formula(f.name) for f in fields(Signals)}
     z = _states(effect)
+    own = [Equation(hook, left, right) for hook, left, right in effect.further(p)]
     found = [
         Equation(hook, _left(effect, hook), written(Formula.of(right), digits))
         for hook, right in answered(effect, p, z, names, {name: Formula(name) for name in ARGUMENTS})
+        if all(hook.partition(".")[0] != equation.hook for equation in own)
     ]
-    return [*found, *_declared(effect, p)]
+    return [*found, *own]
 
 
 def text_of(effect: type[Effect], values: Mapping[str, float] | None = None) -> str:
@@ -112,30 +123,24 @@ def answered(
     effect: type[Effect], p: Mapping[str, Any], z: Mapping[str, Any], s: Mapping[str, Any], given: Mapping[str, Any]
 ) -> Iterator[tuple[str, Any]]:
     """Every hook that `effect` answers with what it says at parameters `p`, states `z`, signals `s` and the arguments
-    `given` by the names of `ARGUMENTS`; a state's as `advance.NAME` or `follow.NAME`.
+    `given` by the names of `ARGUMENTS`; a state's as `advance.NAME` or `follow.NAME`, a modulus's as `modulus.storage`
+    and `modulus.loss`.
     """
-    e, signals = effect(), Signals(**s)
-    for hook in ("level", "force", "normal_load", "stiffening", "wall_force", "command", "gain"):
+    e, factors = effect(), tuple(given[side] for side in SIDES)
+    known = {"s": Signals(**s), "p": p, "z": z, "factors": factors} | {a: given[b] for a, b in _SYMBOLS.items()}
+    for hook, base in HOOKS.items():
         if effect.answers(hook):
-            yield hook, getattr(e, hook)(signals, p, z)
-    if effect.answers("recovery"):
-        yield "recovery", e.recovery(signals, p, z, given["v_i"], given["u_c"])
-    if effect.answers("measured"):
-        yield "measured", e.measured(signals, p, z, given["y"])
-    for hook in ("response", "delay"):
-        if effect.answers(hook):
-            yield hook, getattr(e, hook)(p)
-    if effect.answers("shared"):
-        sides = ("nose", "weight", "pressed")
-        factors = (given["nose"], given["weight"], given["pressed"])
-        yield from zip(sides, e.shared(p, factors), strict=True)
-    yield from ((f"advance.{name}", value) for name, value in e.advance(signals, p, z, given["h"]).items())
-    yield from ((f"follow.{k}", value) for k, value in e.follow(signals, p, z, given["y"], given["h"]).items())
-    if isinstance(e, InnerMassEffect):
-        if getattr(effect, "suspension") is not InnerMassEffect.suspension:  # noqa: B009 - mypy: not of Effect
-            yield "suspension", e.suspension(given["xi"], given["xi_rate"], p)
-        if getattr(effect, "reach") is not InnerMassEffect.reach:  # noqa: B009
-            yield "reach", e.reach(given["xi"], p)
+            said = getattr(e, hook)(*(known[name] for name in list(signature(base).parameters)[1:]))
+            if hook == "shared":
+                yield from zip(SIDES, said, strict=True)
+            elif hook == "link":
+                yield hook, said.force(given["e"]) + said.damping * given["e_rate"]
+            elif hook == "modulus":
+                yield from ((f"modulus.{name}", getattr(said, name)) for name in ("storage", "loss"))
+            elif hook in ("advance", "follow"):
+                yield from ((f"{hook}.{name}", value) for name, value in said.items())
+            else:
+                yield hook, said
 
 
 def disagreement(effect: type[Effect], rng: np.random.Generator) -> str | None:
@@ -151,7 +156,7 @@ def disagreement(effect: type[Effect], rng: np.random.Generator) -> str | None:
     texts = {e.hook: e.right for e in equations_of(effect)}
     states = {symbol.name: z[state] for state, symbol in _states(effect).items()}
     for hook, right in answered(effect, p, z, s, given):
-        value = value_of(texts[hook], {**s, **given, **p, **states})
+        value = value_of(texts[hook], {**s, **given, **p, **states}) if hook in texts else right
         if not np.isclose(float(value), float(right), rtol=1e-9, atol=1e-12):
             return f"{hook}: the printed equation gives {float(value):.6g}, the hook {float(right):.6g}"
     return None
@@ -164,15 +169,10 @@ def _states(effect: type[Effect]) -> dict[str, Formula]:
 
 
 def _left(effect: type[Effect], hook: str) -> str:
-    if "." in hook:
+    if hook not in LEFT:
         state = hook.partition(".")[2]
         return f"{_states(effect)[state].name} after a step of h"
     return LEFT[hook]
-
-
-def _declared(effect: type[Effect], p: Mapping[str, Any]) -> list[Equation]:
-    """Equations that an effect writes itself, because its hook is no hook of the base class."""
-    return [Equation(hook, left, right) for hook, left, right in effect.further(p)]
 
 
 class _Symbols(dict[str, Any]):

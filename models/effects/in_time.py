@@ -26,10 +26,11 @@ class DriftInTime(Effect):
     bend_per_s2: Parameter = Parameter("bend_per_s2", 0.0, "1/s^2", -3e-3, 3e-3, _SETTLES, fit=True)
     settling_s: Parameter = Parameter("settling_s", 100.0, "s", 10.0, 1000.0, _SETTLES, fit=True, spread=100.0)
 
-    def factor(self, t: Any, p: Values) -> Any:
-        """The factor at the time `t` in s since the record began."""
-        s = settling_time(t, p)
-        return np.maximum(1 + (p["rate_per_s"] + p["bend_per_s2"] * s) * s, 0.05)
+
+def drift(t: Any, p: Values) -> Any:
+    """The factor of a `DriftInTime` at the time `t` in s since the record began."""
+    s = settling_time(t, p)
+    return np.maximum(1 + (p["rate_per_s"] + p["bend_per_s2"] * s) * s, 0.05)
 
 
 def settling_time(t: Any, p: Values) -> Any:
@@ -84,14 +85,15 @@ class ForceInTime(Effect):
     fourth_cos: Parameter = Parameter("fourth_cos", 0.0, "1", -0.5, 0.5, _FORM, fit=True, spread=0.2)
     offset: Parameter = Parameter("offset", 0.0, "1", -1.5, 1.5, _FORM, fit=True)
 
-    def turns_at(self, x: Any, p: Values) -> Any:
-        """Turns by which the force is late at the place `x` in m."""
-        return 0.0
-
-    def turn(self, s: Signals, p: Values) -> Any:
-        """The angle q in rad."""
-        return 2 * math.pi * (p["frequency_Hz"] * s.t - self.turns_at(s.x, p)) + p["phase_rad"]
-
     def force(self, s: Signals, p: Values, z: Values) -> Any:
-        turn = self.turn(s, p)
-        return p["force_N"] * with_harmonics(np.sin(turn) + p["offset"], turn, p, 2, ("second", "third", "fourth"))
+        return contraction(turn(s, p), p)
+
+
+def turn(s: Signals, p: Values, late: Any = 0.0) -> Any:
+    """The angle q in rad of a `ForceInTime` that is `late` by so many turns."""
+    return 2 * math.pi * (p["frequency_Hz"] * s.t - late) + p["phase_rad"]
+
+
+def contraction(turn: Any, p: Values) -> Any:
+    """The force of a `ForceInTime` at its angle `turn` in rad."""
+    return p["force_N"] * with_harmonics(np.sin(turn) + p["offset"], turn, p, 2, ("second", "third", "fourth"))

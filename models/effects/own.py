@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, MutableMapping, Sequence
+from collections.abc import Collection, Container, Iterator, MutableMapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -37,14 +37,14 @@ def use(paths: Sequence[Path], known: MutableMapping[str, type[Effect]]) -> list
     """
     forget(known)
     try:
-        for origin in _found(paths):
+        found = list(_found(paths))
+        ids = {*known, *(origin.effect.id for origin in found if isinstance(origin.effect.id, str))}
+        for origin in found:
             name = origin.effect.id
             if isinstance(name, str) and name in known:
                 taken = LOADED[name].file if name in LOADED else "the catalogue"
                 raise ValueError(f"{origin.file}: id must be one that is free; got {name!r}, which {taken} has")
-            if "vibro_table" in origin.effect.kinds:
-                raise ValueError(f"{origin.file}: kinds must not have 'vibro_table', whose solver has its own effects")
-            failure = first_failure(origin.effect, known)
+            failure = own_failure(origin.effect, ids)
             if failure is not None:
                 raise ValueError(f"{origin.file}: {failure}")
             known[name] = origin.effect
@@ -53,6 +53,13 @@ def use(paths: Sequence[Path], known: MutableMapping[str, type[Effect]]) -> list
         forget(known)
         raise
     return [origin.effect for origin in LOADED.values()]
+
+
+def own_failure(effect: type[Effect], known: Collection[str]) -> str | None:
+    """The first rule that an effect from outside breaks, in a sentence; `known` are the ids in use."""
+    if isinstance(effect.kinds, Container) and "vibro_table" in effect.kinds:
+        return f"{effect.__name__}.kinds must not have 'vibro_table', whose solver has its own effects"
+    return first_failure(effect, known)
 
 
 def forget(known: MutableMapping[str, type[Effect]]) -> None:
@@ -74,7 +81,7 @@ def _found(paths: Sequence[Path]) -> Iterator[Origin]:
 def effects_in(path: Path) -> list[Origin]:
     """The effects that a Python file declares. Raises ValueError of one sentence where it cannot be run or has none."""
     declared, digest = classes_in(path, "effects")
-    classes = [c for c in declared if issubclass(c, Effect)]
+    classes = [c for c in declared if issubclass(c, Effect) and (c.id or not c.__subclasses__())]
     if not classes:
         raise ValueError(f"{path}: file must have a subclass of models.effects.effect.Effect; got none")
     return [Origin(c, path.name, digest) for c in classes]

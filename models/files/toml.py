@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +43,16 @@ def parse_toml(text: str, what: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # a number of more digits than Python reads is a plain ValueError
         raise ValueError(f"{what} must be TOML; got: {' '.join(str(error).split())[:200]}") from None
+
+
+@contextmanager
+def in_file(path: Path) -> Iterator[None]:
+    """Within it, a ValueError begins with the file that it is about."""
+    try:
+        yield
+    except ValueError as error:
+        said = str(error).startswith((f"{path}:", f"{path.parent}/"))
+        raise ValueError(str(error) if said else f"{path}: {error}") from None
 
 
 def read_toml(path: Path, what: str, largest: int = LARGEST_TEXT) -> tuple[dict[str, Any], str]:

@@ -55,4 +55,6 @@ AXIS = RigKind(
     turning_template=_turning_template,
     wanted="more records, or one of at least four stretches of motion that last more than 0.4 s each",
     stage=True,
+    hooks=frozenset({"level", "force", "measured", "delay"}),
+    signals=frozenset({"t", "x", "v", "direction", "load"}),
 )

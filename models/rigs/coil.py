@@ -42,4 +42,5 @@ COIL = RigKind(
     longest_s=3600.0,
     switched=True,
     pushed=True,
+    hooks=frozenset({"gain"}),
 )

@@ -18,4 +18,6 @@ DMA = RigKind(
     layouts=(Columns((("frequency_Hz",),), ("storage_modulus_Pa", "loss_modulus_Pa"), time=False, minimum=3),),
     template=_template,
     wanted="more samples or frequencies",
+    hooks=frozenset({"modulus"}),
+    signals=frozenset(),
 )

@@ -34,4 +34,6 @@ FRICTION = RigKind(
     tables={"contact": Contact},
     template=_template,
     wanted="more speeds or loads",
+    hooks=frozenset({"level", "force", "normal_load"}),
+    signals=frozenset({"v", "direction", "load"}),
 )

@@ -57,6 +57,10 @@ class RigKind:
     """What `capsule init` writes; None: what the simulated plant of this kind gives."""
     turning_template: Template | None = None
     """The same of a rig that turns."""
+    hooks: frozenset[str] = frozenset()
+    """Hooks of an effect that are asked, beside those of a body's that moves."""
+    signals: frozenset[str] | None = None
+    """What an effect is told; None: all of a moving body's."""
     longest_s: float = np.inf
     """Longest motion that one record may ask to be computed."""
     wanted: str = "more records, or a longer one"

@@ -47,4 +47,5 @@ MAGNETIC = RigKind(
     drive=_drive,
     longest_s=3600.0,
     follows=True,
+    hooks=frozenset({"gain"}),
 )

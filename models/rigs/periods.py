@@ -47,4 +47,6 @@ PERIODS = RigKind(
     wanted="more periods",
     rising=("valley_N", "peak_N"),
     scatters=True,
+    hooks=frozenset({"stiffening", "wall_force"}),
+    signals=frozenset({"v", "direction", "drag", "drag_rate"}),
 )

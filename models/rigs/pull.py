@@ -15,4 +15,5 @@ PULL = RigKind(
     drive=lambda rig, by_voltage: Pull(),
     longest_s=3600.0,
     drawn=True,
+    hooks=frozenset({"link"}),
 )

@@ -49,4 +49,5 @@ VIBRO = RigKind(
     longest_s=600.0,
     switched=True,
     vibrates=True,
+    hooks=frozenset({"gain", "suspension", "reach"}),
 )

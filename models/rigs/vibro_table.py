@@ -38,4 +38,5 @@ VIBRO_TABLE = RigKind(
     longest_s=1e5,
     wanted="runs at more pairs of period_s and duty",
     runs=True,
+    hooks=frozenset({"suspension", "reach", "link", "gain", "modulus"}),
 )

@@ -20,7 +20,7 @@ MEASURED = Path(__file__).parent / "measured"
 
 
 @dataclass(frozen=True)
-class Measurement:
+class PaperMeasurement:
     """One printed table: its columns (float arrays in the unit of `units`, or text), where it comes from, and what it
     is not.
     """
@@ -37,11 +37,11 @@ class Measurement:
             raise KeyError(f"measurement {self.name} has no column {column!r}; {nearest(column, dict(self.columns))}")
         return self.columns[column]
 
-    def select(self, **where: object) -> Measurement:
+    def select(self, **where: object) -> PaperMeasurement:
         """The rows whose columns equal the given values, as `select(sample=1)`."""
         keep = np.all([self[column] == value for column, value in where.items()], axis=0)
         columns = MappingProxyType({name: column[keep] for name, column in self.columns.items()})
-        return Measurement(self.name, self.title, self.source, self.caution, self.units, columns)
+        return PaperMeasurement(self.name, self.title, self.source, self.caution, self.units, columns)
 
 
 def available_measurements() -> list[str]:
@@ -60,7 +60,7 @@ def measured_path(name: str) -> Path:
 
 
 @cache
-def load_measurement(name: str) -> Measurement:
+def load_measurement(name: str) -> PaperMeasurement:
     """Read `measured/NAME.csv` and its entry in `measured.toml`; `ValueError` if there is none or the columns
     differ.
     """
@@ -72,6 +72,6 @@ def load_measurement(name: str) -> Measurement:
     if list(units) != list(rows[0]):
         raise ValueError(f"columns of {path.name} must be {list(units)}; got {list(rows[0])}")
     columns = {c: np.array([row[c] if unit == "text" else float(row[c]) for row in rows]) for c, unit in units.items()}
-    return Measurement(
+    return PaperMeasurement(
         name, head["title"], head["source"], head["caution"], MappingProxyType(units), MappingProxyType(columns)
     )

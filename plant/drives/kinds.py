@@ -13,17 +13,18 @@ from plant import layout as at
 from plant.drives.body import COIL, FORCE, LINK, MAGNET, PAIR, advance_body, pair_force
 from plant.drives.pull import advance_pull
 from plant.drives.vibro import BY_FORCE, BY_VOLTAGE, advance_vibro
-from plant.hidden.registry import ROWS
+from plant.hidden import registry
 from plant.tables import Floats
 
 
 @dataclass(frozen=True)
 class Drive(ABC):
-    """A drive's true numbers. `free`: the capsule can be led in closed loop; `straight`: a command is gone to in a
-    straight line, else it is held; `feedback` is the column that the drive itself reports, "" for none; `pushes`: it
-    puts a force on the body that a limit applies to.
+    """A drive's true numbers; `kind` is that of its rig. `free`: the capsule can be led in closed loop; `straight`: a
+    command is gone to in a straight line, else it is held; `feedback` is the column that the drive itself reports, ""
+    for none; `pushes`: it puts a force on the body that a limit applies to.
     """
 
+    kind: ClassVar[str] = ""
     free: ClassVar[bool] = False
     straight: ClassVar[bool] = False
     pushes: ClassVar[bool] = True
@@ -76,12 +77,13 @@ class Drive(ABC):
 class Pull(Drive):
     """Imposed position; a link of `link_stiffness_N_per_m` (0: rigid) with `link_damping_N_s_per_m`."""
 
+    kind: ClassVar[str] = registry.PULL
     measured: ClassVar[int] = at.O_FORCE
     link_stiffness_N_per_m: float = 0.0
     link_damping_N_s_per_m: float = 0.05
 
     def loop(self, effects: Floats) -> tuple[Any, tuple[int, ...]]:
-        elastic = self.link_stiffness_N_per_m > 0 or effects[ROWS["string_compliance"], 0] > 0
+        elastic = self.link_stiffness_N_per_m > 0 or effects[registry.ROWS["string_compliance"], 0] > 0
         return (advance_body, (LINK,)) if elastic else (advance_pull, ())
 
     def fill(self, p: Floats) -> None:
@@ -95,6 +97,7 @@ class Pull(Drive):
 class Magnet(Drive):
     """Carriage magnet: `k g/(1 + (g/r)^2)^2` on the gap g."""
 
+    kind: ClassVar[str] = registry.MAGNETIC
     free: ClassVar[bool] = True
     straight: ClassVar[bool] = True
     magnet_stiffness_N_per_m: float = 25.0
@@ -131,6 +134,7 @@ class MagnetPair(Drive):
     capsule on its surface. `along`: the moments lie along the lumen, opposite to each other, else across it.
     """
 
+    kind: ClassVar[str] = registry.MAGNETIC
     free: ClassVar[bool] = True
     straight: ClassVar[bool] = True
     outer_moment_A_m2: float = 400.0
@@ -174,6 +178,7 @@ class MagnetPair(Drive):
 class Coil(Drive):
     """Voltage-driven coil: `L i' = U - R i - K_e v`, `|i|` limited, `F = K i`."""
 
+    kind: ClassVar[str] = registry.COIL
     free: ClassVar[bool] = True
     gain_N_per_A: float = 0.5
     resistance_ohm: float = 10.0
@@ -206,6 +211,8 @@ class Coil(Drive):
 class Force(Drive):
     """A force in N on the body, nothing else."""
 
+    kind: ClassVar[str] = registry.FORCE
+
     def loop(self, effects: Floats) -> tuple[Any, tuple[int, ...]]:
         return advance_body, (FORCE,)
 
@@ -221,6 +228,7 @@ class Vibro(Drive):
     inner mass alone.
     """
 
+    kind: ClassVar[str] = registry.VIBRO
     free: ClassVar[bool] = True
     pushes: ClassVar[bool] = False
     inner_mass_kg: float = 0.074
@@ -272,5 +280,5 @@ class Vibro(Drive):
 
 MAGNETS: Final = (Magnet, MagnetPair)
 """The drives that pull from a carriage."""
-DRIVES: Final[dict[str, type[Drive]]] = {"pull": Pull, "magnetic": Magnet, "coil": Coil, "vibro": Vibro}
+DRIVES: Final[dict[str, type[Drive]]] = {drive.kind: drive for drive in (Pull, Magnet, Coil, Vibro)}
 """The drives that a scenario can name, by the kind of rig."""

@@ -96,7 +96,7 @@ class ConstantSpeed:
 
 
 @dataclass(frozen=True)
-class Sine:
+class SineProfile:
     """`offset + amplitude sin(2 pi f t)`; the amplitude is given in the drive's unit, one of the three."""
 
     frequency_Hz: float
@@ -180,7 +180,7 @@ PROFILES: Final[dict[str, type[Profile]]] = {
     "wander": Wander,
     "runs": Runs,
     "constant_speed": ConstantSpeed,
-    "sine": Sine,
+    "sine": SineProfile,
     "pwm": Pwm,
     "random_pulses": RandomPulses,
     "random_voltage": RandomVoltage,

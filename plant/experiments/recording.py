@@ -13,21 +13,24 @@ from plant.tables import Floats
 _FASTEST_ROWS = 10  # steps between the truth's samples at most
 
 
-def record_scenario(scenario: Scenario) -> dict[str, Floats]:
+def record_scenario(scenario: Scenario, rng: np.random.Generator | None = None) -> dict[str, Floats]:
     """Columns of interfaces.md for the rig's kind: time, what is driven, what is measured.
 
     `drive_on` is the share of the time since the last sample in which the drive was on, so that no edge is lost between
-    samples. The same scenario gives the same numbers. Raises `ValueError` when the drive's values are not usable.
+    samples. The same scenario gives the same numbers: profile and sensor draw from streams of its seed, or from
+    `rng` where that is given. Raises `ValueError` when the drive's values are not usable.
     """
     dt, seeds = scenario.rig.step_s, np.random.SeedSequence(scenario.run.seed).spawn(2)
-    drive = scenario.profile.values(scenario.run.duration_s, dt, np.random.default_rng(seeds[0]))
+    first, second = (rng or np.random.default_rng(seed) for seed in seeds)
+    drive = scenario.profile.values(scenario.run.duration_s, dt, first)
     truth = scenario.rig.drive
     switched = isinstance(scenario.profile, Pwm)
     plant = Plant(scenario.rig)
-    every = int(np.clip(0.25 / (scenario.sensor.rate_Hz * dt), 1, _FASTEST_ROWS))
+    finest = 1 if rng is None else _FASTEST_ROWS
+    every = int(np.clip(0.25 / (scenario.sensor.rate_Hz * dt), finest, _FASTEST_ROWS))
     rows = plant.advance(drive * truth.command_scale if switched else drive, every)
     measured = rows[:, truth.measured]
-    t, reading = scenario.sensor.measure(rows[:, at.O_T], measured, np.random.default_rng(seeds[1]), plant.effects)
+    t, reading = scenario.sensor.measure(rows[:, at.O_T], measured, second, plant.effects)
     commanded = np.interp(t, dt * np.arange(drive.size), drive)
     current = np.interp(t, rows[:, at.O_T], rows[:, at.O_CURRENT])
     columns = truth.columns(commanded, _mean_before(t, drive, dt), reading, current)

@@ -11,7 +11,8 @@ from models.files.tables import choice, converted, from_table, is_number, shown,
 from models.files.toml import read_toml
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import nearest
-from models.rigs.magnets import Magnet, read_magnets
+from models.rigs.magnets import Magnet as MagnetTable
+from models.rigs.magnets import read_magnets
 from models.rigs.schema import Table as RigTable
 from models.rigs.schema import check_range
 from models.rigs.tables import BodyTable, CapsuleTable, TissueTable
@@ -19,7 +20,7 @@ from models.rigs.tables import Drive as DriveTable
 from models.rigs.tables import Noise as NoiseTable
 from models.rigs.tables import Surface as SurfaceTable
 from plant.anatomy import Anatomy, along, random_anatomy
-from plant.drives.kinds import DRIVES, Drive, MagnetPair
+from plant.drives.kinds import DRIVES, Coil, Drive, Magnet, MagnetPair, Pull, Vibro
 from plant.experiments.profile import PROFILES, Profile, Recorded
 from plant.hidden.registry import hidden
 from plant.hidden.table import effect_table
@@ -47,7 +48,7 @@ ANATOMY_KEYS: Final = ("places_m", "level", "seed")
 
 
 @dataclass(frozen=True)
-class Run:
+class RunTable:
     """How long and with which seed; table `[scenario]`."""
 
     name: str = ""
@@ -57,7 +58,7 @@ class Run:
 
 
 @dataclass(frozen=True)
-class Noise:
+class SensorNoise:
     """White noise and rounding of the measured column, in its unit; table `[noise]`."""
 
     force_std_N: float = 0.0
@@ -79,7 +80,7 @@ class Sampling:
 class Scenario:
     """A simulated experiment: rig, command, sensor."""
 
-    run: Run
+    run: RunTable
     kind: str
     rig: Rig
     profile: Profile
@@ -108,11 +109,11 @@ def parse_scenario(raw: Table, folder: Path) -> Scenario:
     return Scenario(run, kind, rig, _profile(raw.get("profile", {}), folder), _sensor(raw, kind))
 
 
-def parse_truth(raw: Table) -> tuple[Run, str, Rig]:
+def parse_truth(raw: Table) -> tuple[RunTable, str, Rig]:
     """How long a scenario runs, the kind of its rig and all that is true of that, from parsed TOML. Errors as
     `load_scenario`.
     """
-    run = from_table(Run, raw.get("scenario", {}), "scenario")
+    run = from_table(RunTable, raw.get("scenario", {}), "scenario")
     if not SHORTEST_STEP_S <= run.step_s <= LONGEST_STEP_S:
         raise ValueError(f"scenario.step_s must be {SHORTEST_STEP_S:g} to {LONGEST_STEP_S:g} s; got {run.step_s:g}")
     if not run.step_s <= run.duration_s <= MOST_STEPS * run.step_s:
@@ -128,9 +129,9 @@ def parse_truth(raw: Table) -> tuple[Run, str, Rig]:
         "noise": NoiseTable,
         "surface": SurfaceTable,
     }
-    if kind == "magnetic":
-        models |= {"rig": Magnet}
-    if kind == "vibro":
+    if DRIVES[kind] is Magnet:
+        models |= {"rig": MagnetTable}
+    if DRIVES[kind] is Vibro:
         models |= {"drive": DriveTable, "rig": DriveTable}
     for name, model in models.items():
         _in_range(raw.get(name, {}), model, name)
@@ -158,9 +159,9 @@ def _in_range(table: Table, model: type[RigTable], where: str) -> None:
 
 def _drive(kind: str, raw: Table) -> Drive:
     rig, drive = raw.get("rig", {}), raw.get("drive", {})
-    if kind == "magnetic" and "magnet" in rig:
+    if DRIVES[kind] is Magnet and "magnet" in rig:
         return _magnets(rig)
-    where = "drive" if kind in ("vibro", "coil") else "rig"
+    where = "drive" if DRIVES[kind] in (Coil, Vibro) else "rig"
     table = {**drive, **{key: value for key, value in rig.items() if key != "kind"}}
     return from_table(DRIVES[kind], table, where)
 
@@ -231,10 +232,10 @@ def _profile(table: Table, folder: Path) -> Profile:
 
 def _sensor(raw: Table, kind: str) -> Sensor:
     sampling = from_table(Sampling, raw.get("sensor", {}), "sensor")
-    noise = from_table(Noise, raw.get("noise", {}), "noise")
+    noise = from_table(SensorNoise, raw.get("noise", {}), "noise")
     std, quantum = (
         (noise.force_std_N, noise.force_quantum_N)
-        if kind == "pull"
+        if DRIVES[kind] is Pull
         else (noise.position_std_m, noise.position_quantum_m)
     )
     return Sensor(sampling.rate_Hz, std, quantum, sampling.delay_s, sampling.lowpass_s)

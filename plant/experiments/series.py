@@ -6,39 +6,33 @@ from __future__ import annotations
 
 import gzip
 import io
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Final, Literal, get_args
+from typing import Final
 
 import numpy as np
 
 from models.files.writing import draft
-from models.laws.geometry import Capsule, Tissue
-from plant import layout as at
-from plant.drives.kinds import Magnet, Pull
-from plant.experiments.excitation import random_runs, random_wander
+from models.laws.geometry import Tissue
 from plant.experiments.recording import record_scenario
-from plant.experiments.scenario import Run, Scenario
+from plant.experiments.scenario import RunTable, Scenario
 from plant.experiments.series_rigs import BELIEVED
 from plant.hidden.registry import hidden
 from plant.hidden.table import draw
-from plant.rig import STEP_S, Plant, Rig
+from plant.rig import Rig
 from plant.sensing.sensors import Sensor
 from plant.tables import Floats
 
-Kind = Literal["pull", "magnetic", "coil", "coil_voltage", "vibro", "vibro_plate", "magnetic_plate", "coil_plate"]
-KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
+KINDS: Final = tuple(BELIEVED)
 RECORDS: Final = ("train_1", "train_2", "train_3", "holdout")
 FORCE_STD_N: Final = 1e-3
 POSITION_STD_M: Final = 5e-5
 FORCE_SPAN_N: Final = 0.25
 POSITION_SPAN_M: Final = 25e-3
-_EVERY = 10  # steps between the samples that the sensor sees
-_NOMINAL_MAGNET = Magnet()
 
 
 def make_series(
-    kind: Kind,
+    kind: str,
     effect: str | None,
     seed: int,
     out: Path,
@@ -62,14 +56,14 @@ def make_series(
         raise ValueError(f"kind must be one of {', '.join(KINDS)}; got {kind!r}")
     ids = hidden_ids(effect)
     for name in ids:
-        if drive_kind(kind) not in hidden(name).drives:
+        if BELIEVED[kind].kind not in hidden(name).drives:
             raise ValueError(
                 f"effect of a {kind} rig must be one for that kind; got {name!r}, which is for"
                 f" {', '.join(hidden(name).drives)}"
             )
     truth, *streams = (np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(2 + len(RECORDS)))
     effect_stream, *record_streams = streams
-    rig = replace(_truth(kind, truth), hidden={name: draw(name, effect_stream) for name in ids})
+    rig = replace(BELIEVED[kind].truth(truth), hidden={name: draw(name, effect_stream) for name in ids})
     out.mkdir(parents=True, exist_ok=True)
     for name, stream in zip(RECORDS, record_streams, strict=True):
         columns = _record(kind, rig, stream, duration_s, noise, rate_Hz)
@@ -79,39 +73,15 @@ def make_series(
     return out
 
 
-def _truth(kind: Kind, rng: np.random.Generator) -> Rig:
-    """The rig as it is, without what is hidden."""
-    if kind in BELIEVED:
-        return BELIEVED[kind].truth(rng)
-    hoop, friction, magnet = rng.uniform(0.85, 1.15), rng.uniform(0.85, 1.15), rng.uniform(0.95, 1.05)
-    return Rig(
-        drive=(
-            Pull()
-            if kind == "pull"
-            else Magnet(_NOMINAL_MAGNET.magnet_stiffness_N_per_m * magnet, _NOMINAL_MAGNET.magnet_range_m)
-        ),
-        tissue=Tissue(friction_coefficient=Tissue().friction_coefficient * friction),
-        hoop_factor=float(hoop),
-    )
-
-
 def _record(
-    kind: Kind, rig: Rig, rng: np.random.Generator, duration_s: float, noise: float, rate_Hz: float
+    kind: str, rig: Rig, rng: np.random.Generator, duration_s: float, noise: float, rate_Hz: float
 ) -> dict[str, Floats]:
-    pulled = kind == "pull"
-    std, span = (FORCE_STD_N, FORCE_SPAN_N) if pulled else (POSITION_STD_M, POSITION_SPAN_M)
-    sensor = Sensor(rate_Hz, noise * std, span=span)
-    if kind in BELIEVED:
-        belief, run = BELIEVED[kind], Run("", duration_s, int(rng.integers(2**31)), rig.step_s)
-        columns = record_scenario(Scenario(run, belief.kind, rig, belief.profile, sensor))
-        return {name: values for name, values in columns.items() if name not in belief.unlogged}
-    drive = random_runs(rng, duration_s, STEP_S) if pulled else random_wander(rng, duration_s, STEP_S)
-    plant = Plant(rig)
-    rows = plant.advance(drive, _EVERY)
-    t, reading = sensor.measure(rows[:, at.O_T], rows[:, at.O_FORCE if pulled else at.O_X], rng, plant.effects)
-    driven = np.interp(t, np.arange(drive.size) * STEP_S, drive)
-    names = ("position_m", "force_N") if pulled else ("carriage_position_m", "position_m")
-    return {"t_s": t, names[0]: driven, names[1]: reading}
+    belief = BELIEVED[kind]
+    std, span = (FORCE_STD_N, FORCE_SPAN_N) if belief.pulled else (POSITION_STD_M, POSITION_SPAN_M)
+    run = RunTable("", duration_s, 0 if belief.plain else int(rng.integers(2**31)), rig.step_s)
+    scenario = Scenario(run, belief.kind, rig, belief.profile, Sensor(rate_Hz, noise * std, span=span))
+    columns = record_scenario(scenario, rng if belief.plain else None)
+    return {name: values for name, values in columns.items() if name not in belief.unlogged}
 
 
 def write_record(path: Path, columns: dict[str, Floats]) -> None:
@@ -139,29 +109,21 @@ def _replace(path: Path, data: bytes) -> None:
         made.unlink(missing_ok=True)
 
 
-def rig_text(kind: Kind, noise: float = 1.0) -> str:
+def rig_text(kind: str, noise: float = 1.0) -> str:
     """The rig file that the experimenter believes: nominal values in the keys of interfaces.md, `noise` times the usual
     noise.
     """
-    belief = BELIEVED.get(kind)
-    capsule, tissue = Capsule() if belief is None else belief.nominal.capsule, Tissue()
+    belief = BELIEVED[kind]
+    capsule, tissue = belief.nominal.capsule, Tissue()
     lines = ["# rig of one experiment series; SI units", "[capsule]"]
-    sizes = () if belief and belief.nominal.surface else ("radius_m", "cylinder_length_m")
+    sizes = () if belief.nominal.surface else ("radius_m", "cylinder_length_m")
     lines += [f"{name} = {getattr(capsule, name)!r}" for name in (*sizes, "mass_kg")]
     if sizes:
         lines += ["", "[tissue]", 'preset = "jejunum"']
         lines += [f"{name} = {getattr(tissue, name)!r}" for name in tissue.__dataclass_fields__]
-    lines += ["", "[rig]", f'kind = "{kind}"'] if belief is None else belief.tables()
-    if kind == "magnetic":
-        lines += [f"{name} = {getattr(_NOMINAL_MAGNET, name)!r}" for name in (f.name for f in fields(_NOMINAL_MAGNET))]
-    pulled = kind == "pull"
-    stated = f"force_std_N = {noise * FORCE_STD_N!r}" if pulled else f"position_std_m = {noise * POSITION_STD_M!r}"
-    return "\n".join([*lines, "", "[noise]", stated, ""])
-
-
-def drive_kind(kind: Kind) -> str:
-    """The kind of drive that a kind of series has."""
-    return BELIEVED[kind].kind if kind in BELIEVED else kind
+    lines += belief.tables()
+    name, std = ("force_std_N", FORCE_STD_N) if belief.pulled else ("position_std_m", POSITION_STD_M)
+    return "\n".join([*lines, "", "[noise]", f"{name} = {noise * std!r}", ""])
 
 
 def hidden_ids(effect: str | None) -> list[str]:

@@ -1,6 +1,4 @@
-"""The rigs of made-up experiments under a coil or an inner mass, or on a plate: what their experimenter believes, what
-is true, what drives them.
-"""
+"""The rigs of made-up experiments: what their experimenter believes, what is true, what drives them."""
 
 from __future__ import annotations
 
@@ -10,10 +8,12 @@ from typing import Final
 
 import numpy as np
 
-from models.laws.geometry import Capsule, Tissue
-from plant.drives.kinds import Coil, Magnet, Vibro
-from plant.experiments.profile import Profile, RandomPulses, RandomVoltage, Wander
+from models.laws.geometry import Capsule
+from plant.drives.kinds import Coil, Magnet, Pull, Vibro
+from plant.experiments.excitation import random_runs
+from plant.experiments.profile import Profile, RandomPulses, RandomRuns, RandomVoltage, Wander
 from plant.rig import Plate, Rig
+from plant.tables import Floats
 
 FINE_STEP_S: Final = 5e-6
 """Step of the plant: an error at a single edge of the switch stays in the position to the end, so it must lie below the
@@ -23,19 +23,31 @@ noise.
 
 @dataclass(frozen=True)
 class Believed:
-    """One made-up rig: its `kind` in a rig file, its nominal numbers, how it is driven, and which columns of its
-    records are not logged.
+    """One made-up rig: its nominal numbers, how it is driven, which columns of its records are not logged, what shares
+    of nominal its force and spring may be. A `plain` one draws a record from one stream of random numbers, and its rig
+    file has no table `[surface]`.
     """
 
-    kind: str
     nominal: Rig
     profile: Profile
     unlogged: tuple[str, ...] = ()
+    shares: tuple[float, float] = (0.93, 1.07)
+    plain: bool = False
+
+    @property
+    def kind(self) -> str:
+        """Its kind in a rig file."""
+        return self.nominal.drive.kind
+
+    @property
+    def pulled(self) -> bool:
+        """Whether its force is measured, not its position."""
+        return isinstance(self.nominal.drive, Pull)
 
     def truth(self, rng: np.random.Generator) -> Rig:
-        """A rig whose hoop stress and friction differ from nominal by up to 15 %, force and spring by up to 7 %."""
+        """A rig whose hoop stress and friction differ from nominal by up to 15 %, force and spring within `shares`."""
         hoop, friction = (float(rng.uniform(0.85, 1.15)) for _ in range(2))
-        force, spring = (float(rng.uniform(0.93, 1.07)) for _ in range(2))
+        force, spring = (float(rng.uniform(*self.shares)) for _ in range(2))
         rig, drive, plate = self.nominal, self.nominal.drive, self.nominal.surface
         drive = drive.varied(force, spring)
         if plate is not None:
@@ -49,21 +61,20 @@ class Believed:
         surface: Mapping[str, object] = (
             {"kind": "gut"} if plate is None else {"kind": "plate", "friction_coefficient": plate.friction_coefficient}
         )
-        below = _table("surface", surface)
+        below = [] if self.plain else _table("surface", surface)
+        head = {"kind": self.kind}
         if isinstance(drive, Coil):
             winding: Mapping[str, object] = {
                 "coil_resistance_Ohm": drive.resistance_ohm,
                 "coil_inductance_H": drive.inductance_H,
                 "current_limit_A": drive.current_limit_A,
             }
-            rig = {"kind": self.kind, "force_constant_N_per_A": drive.gain_N_per_A}
+            rig = {**head, "force_constant_N_per_A": drive.gain_N_per_A}
             return [*_table("rig", {**rig, **(winding if self.unlogged else {})}), *below]
-        if isinstance(drive, Magnet):
-            return [*_table("rig", {"kind": self.kind, **asdict(drive)}), *below]
-        assert isinstance(drive, Vibro)
+        if not isinstance(drive, Vibro):
+            return [*_table("rig", {**head, **({} if self.pulled else asdict(drive))}), *below]
         names = ("inner_mass_kg", "spring_stiffness_N_per_m", "spring_damping_N_s_per_m", "force_N", "reaction_on_body")
-        head = _table("rig", {"kind": self.kind})
-        return [*head, *_table("drive", {name: getattr(drive, name) for name in names}), *below]
+        return [*_table("rig", head), *_table("drive", {name: getattr(drive, name) for name in names}), *below]
 
 
 def _table(name: str, values: Mapping[str, object]) -> list[str]:
@@ -73,23 +84,24 @@ def _table(name: str, values: Mapping[str, object]) -> list[str]:
     return ["", f"[{name}]", *(f"{key} = {row}" for key, row in zip(values, rows, strict=True))]
 
 
+class _WholeRuns(RandomRuns):
+    """The same to the end of the last pair of runs."""
+
+    def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
+        return random_runs(rng, duration_s, dt)
+
+
+_LIGHT, _SLIPPERY, _HEAVY = Capsule(mass_kg=0.02), Plate(0.29), Capsule(mass_kg=0.193)
+_COIL: Final = Coil(back_emf_V_s_per_m=0.0)
 BELIEVED: Final = {
-    "coil": Believed("coil", Rig(Coil(back_emf_V_s_per_m=0.0), step_s=FINE_STEP_S), RandomVoltage()),
-    "coil_voltage": Believed("coil", Rig(Coil(), step_s=FINE_STEP_S), RandomVoltage(), ("coil_current_A",)),
-    "magnetic_plate": Believed("magnetic", Rig(Magnet(), Capsule(mass_kg=0.02), surface=Plate(0.29)), Wander()),
-    "coil_plate": Believed(
-        "coil",
-        Rig(Coil(back_emf_V_s_per_m=0.0), Capsule(mass_kg=0.02), surface=Plate(0.29), step_s=FINE_STEP_S),
-        RandomVoltage(1.0),
-    ),
-    "vibro": Believed(
-        "vibro",
-        Rig(Vibro(0.01, 150.0, 0.2, 0.5), Capsule(mass_kg=0.02), Tissue(), step_s=FINE_STEP_S),
-        RandomPulses(0.055),
-    ),
+    Pull.kind: Believed(Rig(Pull()), _WholeRuns(), shares=(0.95, 1.05), plain=True),
+    Magnet.kind: Believed(Rig(Magnet()), Wander(), shares=(0.95, 1.05), plain=True),
+    Coil.kind: Believed(Rig(_COIL, step_s=FINE_STEP_S), RandomVoltage()),
+    "coil_voltage": Believed(Rig(Coil(), step_s=FINE_STEP_S), RandomVoltage(), ("coil_current_A",)),
+    Vibro.kind: Believed(Rig(Vibro(0.01, 150.0, 0.2, 0.5), _LIGHT, step_s=FINE_STEP_S), RandomPulses(0.055)),
     "vibro_plate": Believed(
-        "vibro",
-        Rig(Vibro(0.074, 256.23, 0.3, 1.25), Capsule(mass_kg=0.193), surface=Plate(0.29), step_s=FINE_STEP_S),
-        RandomPulses(0.08),
+        Rig(Vibro(0.074, 256.23, 0.3, 1.25), _HEAVY, surface=_SLIPPERY, step_s=FINE_STEP_S), RandomPulses(0.08)
     ),
+    "magnetic_plate": Believed(Rig(Magnet(), _LIGHT, surface=_SLIPPERY), Wander()),
+    "coil_plate": Believed(Rig(_COIL, _LIGHT, surface=_SLIPPERY, step_s=FINE_STEP_S), RandomVoltage(1.0)),
 }

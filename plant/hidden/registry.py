@@ -49,9 +49,12 @@ class Hidden:
         return self.called or self.id
 
 
-GUT_DRIVES: Final = ("pull", "magnetic", "coil", "vibro", "force")
-RESTING: Final = ("pull", "magnetic", "coil", "force")
-CARRIED: Final = ("pull", "magnetic")
+PULL, MAGNETIC, COIL, VIBRO, FORCE = "pull", "magnetic", "coil", "vibro", "force"
+"""The simulated drives by name: `plant.drives.kinds` has what is true of each."""
+CARRIED: Final = (PULL, MAGNETIC)
+PUSHED: Final = (MAGNETIC, COIL)
+RESTING: Final = (*CARRIED, COIL, FORCE)
+GUT_DRIVES: Final = (*CARRIED, COIL, VIBRO, FORCE)
 LAG_SHARES: Final = (1 / 2, 1 / 3, 1 / 6)
 IN_A_ROW: Final = "three first-order lags in a row, a/2, a/3 and a/6"
 
@@ -143,7 +146,7 @@ HIDDEN: Final[tuple[Hidden, ...]] = (
         "attraction_load",
         "resistance + a (g/g_0)^2 on the gap g",
         (Shape("force_N", 3e-3, 7e-3), Shape("gap_m", 3e-3, 4e-3)),
-        ("magnetic",),
+        (MAGNETIC,),
         False,
     ),
     Hidden("viscous_drag", "-a sgn(v) (|v|/10 mm/s)^0.85", (Shape("force_N", 10e-3, 30e-3),), GUT_DRIVES),
@@ -181,65 +184,65 @@ HIDDEN: Final[tuple[Hidden, ...]] = (
         "string_compliance",
         "force k e (1 + (e/e_0)^2) on the link's stretch e, a = 1/k",
         (Shape("compliance_m_per_N", 5e-3, 15e-3), Shape("scale_m", 1.5e-3, 4e-3)),
-        ("pull",),
+        (PULL,),
     ),
     Hidden(
         "coupling_decay",
         "gain (1 - a (1 + tanh((x - 5 mm)/l))/2)",
         (Shape("share", 0.2, 0.4), Shape("length_m", 10e-3, 20e-3)),
-        ("magnetic", "coil"),
+        PUSHED,
     ),
     Hidden(
         "coupling_fade",
         "gain (1 - a (1 - exp(-t/t_h)))",
         (Shape("share", 0.2, 0.4), Shape("time_s", 12.0, 30.0)),
-        ("magnetic", "coil"),
+        PUSHED,
     ),
     Hidden(
         "dipole_load",
         "load a (1 - 3/2 q)/(1 + q)^(7/2) across the lumen, q = (g/h)^2 on the gap g",
         (Shape("load_N", 0.5, 1.0), Shape("height_m", 12e-3, 20e-3)),
-        ("magnetic",),
+        (MAGNETIC,),
         called="magnet_normal_load",
     ),
-    Hidden("actuator_lag", IN_A_ROW, (Shape("time_s", 0.06, 0.16),), (*CARRIED, "coil")),
-    Hidden("driver_lag", IN_A_ROW, (Shape("time_s", 2e-3, 6e-3),), ("vibro",), called="actuator_lag"),
+    Hidden("actuator_lag", IN_A_ROW, (Shape("time_s", 0.06, 0.16),), (PULL, *PUSHED)),
+    Hidden("driver_lag", IN_A_ROW, (Shape("time_s", 2e-3, 6e-3),), (VIBRO,), called="actuator_lag"),
     Hidden("carriage_backlash", "play of width a whose ends are rounded", (Shape("width_m", 1.0e-3, 2.5e-3),), CARRIED),
-    Hidden("actuator_dead_zone", "current below a does nothing, rounded", (Shape("current_A", 0.05, 0.12),), ("coil",)),
-    Hidden("actuator_saturation", "force F/(1 + |F/a|^3)^(1/3)", (Shape("force_N", 0.08, 0.12),), ("magnetic", "coil")),
+    Hidden("actuator_dead_zone", "current below a does nothing, rounded", (Shape("current_A", 0.05, 0.12),), (COIL,)),
+    Hidden("actuator_saturation", "force F/(1 + |F/a|^3)^(1/3)", (Shape("force_N", 0.08, 0.12),), PUSHED),
     Hidden(
         "magnetic_hysteresis",
         "force + a z, z' = (1 - z|z| sgn(d'))d'/d_0 on the drive d",
         (Shape("force_N", 10e-3, 25e-3), Shape("scale", 1.5e-3, 3e-3)),
-        ("magnetic", "coil"),
+        PUSHED,
     ),
-    Hidden("back_emf", "voltage - a v (1 + |v|/0.2 m/s)", (Shape("gain_V_s_per_m", 5.0, 15.0),), ("coil",)),
-    Hidden("spring_damping", "-a r' (1 + |r'|/0.5 m/s)", (Shape("damping_N_s_per_m", 0.2, 0.8),), ("vibro",)),
+    Hidden("back_emf", "voltage - a v (1 + |v|/0.2 m/s)", (Shape("gain_V_s_per_m", 5.0, 15.0),), (COIL,)),
+    Hidden("spring_damping", "-a r' (1 + |r'|/0.5 m/s)", (Shape("damping_N_s_per_m", 0.2, 0.8),), (VIBRO,)),
     Hidden(
         "end_stop_impact",
         "stops at +-a, k d (1 + 1.5 s/m d')",
         (Shape("gap_m", 2e-3, 4e-3), Shape("stiffness_N_per_m", 5e3, 2e4)),
-        ("vibro",),
+        (VIBRO,),
     ),
     Hidden(
         "spring_stiffening",
         "-a r (sqrt(1 + (r/l)^2) - 1)",
         (Shape("stiffness_N_per_m", 40.0, 120.0), Shape("length_m", 3e-3, 6e-3)),
-        ("vibro",),
+        (VIBRO,),
         called="spring_hardening",
     ),
     Hidden(
         "guide_rubbing",
         "-a r'/(|r'| + 3 mm/s) (1 + exp(-|r'|/0.15 m/s)/2)",
         (Shape("friction_N", 0.02, 0.06),),
-        ("vibro",),
+        (VIBRO,),
         called="guide_friction",
     ),
     Hidden(
         "coil_field",
         "coil's force (1 - a tanh(r/l))",
         (Shape("share", 0.2, 0.45, True), Shape("length_m", 6e-3, 12e-3)),
-        ("vibro",),
+        (VIBRO,),
         called="coil_reach",
     ),
     Hidden(

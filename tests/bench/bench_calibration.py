@@ -34,7 +34,8 @@ from scipy.optimize import isotonic_regression
 from hil.app.main import run as capsule
 from hil.log.recorder import code_version
 from models.identification.confidence_map import FEWEST, ConfidenceMap
-from plant.experiments.series import Kind, drive_kind, make_series
+from plant.experiments.series import make_series
+from plant.experiments.series_rigs import BELIEVED
 from plant.hidden.registry import HIDDEN, hidden
 from tests.bench.bench_tracing import EFFECTS
 
@@ -52,7 +53,7 @@ class Drawn:
     """One series to be made."""
 
     number: int
-    kind: Kind
+    kind: str
     effect: str | None
     instrument: str
 
@@ -70,12 +71,12 @@ class Statement:
     right: bool
 
 
-def drawn(number: int, seed: int, kinds: Sequence[Kind]) -> Drawn:
+def drawn(number: int, seed: int, kinds: Sequence[str]) -> Drawn:
     """Series `number` of the draw `seed`, the same whatever the count is."""
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number,)))
     kind = kinds[number % len(kinds)]
     instrument = tuple(INSTRUMENTS)[int(rng.integers(len(INSTRUMENTS)))]
-    outside = [e.id for e in HIDDEN if not e.published and drive_kind(kind) in e.drives]
+    outside = [e.id for e in HIDDEN if not e.published and BELIEVED[kind].kind in e.drives]
     absent, without = rng.random(2)
     within = EFFECTS[kind] if kind == "vibro_plate" or without >= OUTSIDE_SHARE else outside
     effect = None if absent < NONE_SHARE else str(rng.choice(within))

@@ -26,11 +26,11 @@ from models.checks.view import Array, View
 from models.records.record import Record, read_record
 from models.rigs.reader import parse_rig, read_rig
 from models.rigs.rig import Rig
-from plant.experiments.series import Kind, make_series
+from plant.experiments.series import make_series
 from plant.hidden.registry import HIDDEN, hidden
 from tests.places import SHARED
 
-KINDS: Final[tuple[Kind, ...]] = ("pull", "magnetic", "coil", "vibro_plate", "vibro")
+KINDS: Final[tuple[str, ...]] = ("pull", "magnetic", "coil", "vibro_plate", "vibro")
 SHAKEN: Final = ("vibro", "vibro_plate")
 NOISES: Final = (0.3, 1.0, 5.0)
 

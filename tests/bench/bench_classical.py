@@ -13,11 +13,12 @@ from unittest.mock import patch
 
 import numpy as np
 
-from controller.baselines.pid import PID, PidGains
+from controller.baselines.pid import PID
 from controller.estimator.kinematic_filter import KinematicFilter, Kinematics
 from controller.limits import Envelope
 from controller.model.control_model import ControlModel
 from controller.model.friction import mean_friction
+from controller.tuned import PidGains
 from hil.app.scenario.scenario import TrackScenario, parse_track_scenario
 from hil.app.track import loop as track_loop
 from hil.app.track.score import score

@@ -25,7 +25,7 @@ from models.rigs.rig import Rig as Belief
 from plant.drives.kinds import Coil, Vibro
 from plant.experiments.profile import RandomPulses, RandomVoltage
 from plant.experiments.recording import record_scenario
-from plant.experiments.scenario import Run, Scenario
+from plant.experiments.scenario import RunTable, Scenario
 from plant.hidden.table import draw
 from plant.rig import Plate, Rig
 from plant.sensing.sensors import Sensor
@@ -104,7 +104,7 @@ def series(
     records = []
     for i in range(count):
         columns = record_scenario(
-            Scenario(Run("", seconds, 1000 * seed + i), belief.kind, rig, profile, Sensor(500.0, NOISE_M))
+            Scenario(RunTable("", seconds, 1000 * seed + i), belief.kind, rig, profile, Sensor(500.0, NOISE_M))
         )
         if by_voltage:
             del columns["coil_current_A"]

@@ -22,8 +22,9 @@ from typing import Any, Final
 import numpy as np
 
 from hil.nodes.actuators import ACTUATORS
-from hil.nodes.faults.table import KINDS, MAKERS_ROWS, OPERATOR, OWN_KINDS, Fault
+from hil.nodes.faults.table import KINDS, OPERATOR, Fault
 from tests.hil.app.sil.sil_runs import RIGS, run
+from tests.hil.nodes.fault_rows import MAKERS_ROWS, OWN_KINDS
 
 LENGTH_S: Final = 0.2
 STATES: Final[Mapping[str, tuple[float, tuple[Mapping[str, Any], ...]]]] = {

@@ -27,17 +27,18 @@ from typing import Any, Final
 
 import numpy as np
 
-from controller.limits import AROUND_M
+from controller.drives import DRIVES
 from hil.app.scenario.bus_scenario import SilScenario
 from hil.app.sil.fault_outcomes import outcomes
 from hil.app.sil.loop import SilTrace, run_sil
 from hil.app.sil.testbed import believed_on_bus
 from plant import layout as at
-from plant.drives.kinds import MAGNETS
+from plant.drives.kinds import MAGNETS, Coil
 from tests.bench.lie_cases import EVERY_RIG, LIES, REFERENCES, sound
 from tests.hil.app.sil.sil_runs import scenario_of
 
 SOUND_S: Final = 12.0
+STOOD_S, STOOD_M = 0.06, 5e-4
 USUAL: Final = {"magnetic": "feedforward", "coil": "feedforward", "vibro": "vibro"}
 
 
@@ -154,7 +155,8 @@ def run(job: Job) -> Result:
 
 def was_left(scenario: SilScenario, trace: SilTrace) -> bool:
     """Whether a sound run was rightly stopped: the true capsule was outside the envelope, or stayed behind a magnet
-    that truly pulled by nine tenths of its gap for as long as an answer may take.
+    that truly pulled by nine tenths of its gap for as long as an answer may take, or stood truly still while a coil
+    pushed.
     """
     moves = trace.slots[trace.slots[:, 1] == 0, 0]
     rows = trace.rows[trace.rows[:, at.O_T] <= (moves[-1] if moves.size else 0.0)]
@@ -162,7 +164,9 @@ def was_left(scenario: SilScenario, trace: SilTrace) -> bool:
     ticks = scenario.loop.control.tick_s * np.arange(len(trace.steered))
     off = np.abs(rows[:, at.O_X] - np.interp(rows[:, at.O_T], ticks, trace.steered[:, 0]))
     if not isinstance(drive, MAGNETS):
-        return bool(np.max(off[-200:]) >= 0.9 * (limits.envelope_m or AROUND_M[scenario.loop.kind]))
+        late = rows[rows[:, at.O_T] > rows[-1, at.O_T] - STOOD_S, at.O_X]
+        stood = isinstance(drive, Coil) and np.ptp(late) < STOOD_M
+        return bool(stood or np.max(off[-200:]) >= 0.9 * (limits.envelope_m or DRIVES[scenario.loop.kind].around_m))
     gap = np.abs(rows[:, at.O_DRIVE] - rows[:, at.O_X])[rows[:, at.O_T] > rows[-1, at.O_T] - 0.9]
     return bool(np.min(gap) >= 0.85 * limits.gap_share * drive.gap_limit_m)
 

@@ -17,7 +17,6 @@ from controller.limits import Limits
 from hil.nodes.frame_map import ENABLE, QUICK_STOP
 from hil.nodes.moteus.drive import MoteusDrive
 from hil.nodes.moteus.table import MoteusTable
-from hil.nodes.simulated_drives import Configured
 from tests.hil.nodes.maker_desk import WIRING, Desk
 from tests.hil.ticks import TICK
 
@@ -39,8 +38,7 @@ SETTINGS: Final[Mapping[str, tuple[MoteusTable, float, float]]] = MappingProxyTy
 def led(table: MoteusTable, mode: float, limit: float) -> Desk:
     """A desk whose carriage goes at full speed."""
     desk = Desk(table, booted=False)
-    if isinstance(desk.drive, Configured):
-        desk.drive.configure(WIRING.life_ms(SPEED_M_S))
+    desk.drive.configure(WIRING.life_ms(SPEED_M_S))
     if isinstance(desk.drive, MoteusDrive):
         desk.drive.settings |= {"servo.timeout_mode": mode, "servo.default_accel_limit": limit}
     desk.ticks(50, 0)

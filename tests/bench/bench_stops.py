@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 from hil.nodes.actuators import ACTUATORS
 from hil.nodes.frame_map import ENABLE, QUICK_STOP, frame_map_of
-from hil.nodes.simulated_drives import Configured
 from hil.nodes.turning import Turning
 from tests.hil.nodes.maker_desk import LIMITS, Desk
 from tests.hil.ticks import TICK
@@ -34,8 +33,7 @@ class Stopped:
 def led(name: str, speed_m_s: float, ticks: int) -> Desk:
     """The drive `name` at a constant speed for `ticks`."""
     desk = Desk(ACTUATORS[name](), booted=False)
-    if isinstance(desk.drive, Configured):
-        desk.drive.configure(frame_map_of("magnetic").life_ms(LIMITS.carriage_speed_m_s))
+    desk.drive.configure(frame_map_of("magnetic").life_ms(LIMITS.carriage_speed_m_s))
     desk.ticks(50, 0)
     desk.up()
     desk.ticks(ticks, ENABLE, speed_m_s)

@@ -24,7 +24,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from plant.experiments.series import Kind, make_series, write_record
+from plant.experiments.series import make_series, write_record
 from tests.places import SHARED
 
 _FINER = 10
@@ -50,7 +50,7 @@ class Row:
     """One fault: a series of the plant, how its records are spoiled, what the rig file says instead, what is right."""
 
     what: str
-    kind: Kind
+    kind: str
     effect: str | None
     right: Right
     spoil: Spoil | None = None

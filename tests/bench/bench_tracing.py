@@ -31,11 +31,11 @@ from models.identification.model import read_model
 from models.identification.search.validation import free_run
 from models.records.record import Record, read_record
 from models.rigs.reader import read_rig
-from plant.experiments.series import Kind, hidden_ids, make_series
+from plant.experiments.series import hidden_ids, make_series
 from plant.hidden.registry import hidden
 
 TRAIN: Final = ("train_1", "train_2", "train_3")
-EFFECTS: Final[dict[Kind, tuple[str, ...]]] = {
+EFFECTS: Final[dict[str, tuple[str, ...]]] = {
     "pull": (
         "stribeck",
         "viscous_drag",
@@ -118,7 +118,7 @@ EFFECTS: Final[dict[Kind, tuple[str, ...]]] = {
     ),
 }
 
-PAIRS: Final[dict[Kind, tuple[str, ...]]] = {
+PAIRS: Final[dict[str, tuple[str, ...]]] = {
     "pull": (
         "fold_periodic+tissue_drying",
         "peristaltic_wave+stribeck",
@@ -136,7 +136,7 @@ PAIRS: Final[dict[Kind, tuple[str, ...]]] = {
 }
 
 
-def learned(kind: Kind, effect: str | None, seed: int, out: Path) -> Path:
+def learned(kind: str, effect: str | None, seed: int, out: Path) -> Path:
     """The folder with a series and what `capsule close-loop` made of it."""
     folder = out / f"{kind}_{effect}_{seed}"
     if not (folder / "model.toml").exists():
@@ -165,7 +165,7 @@ def close_series(folder: Path, out: Path) -> None:
         raise RuntimeError(f"close-loop refused {folder}: {said.getvalue()}")
 
 
-def run(kind: Kind, effect: str | None, seed: int, out: Path) -> dict[str, Any]:
+def run(kind: str, effect: str | None, seed: int, out: Path) -> dict[str, Any]:
     """One series made, closed and judged."""
     folder = learned(kind, effect, seed, out)
     model_kind, _, holdout, theta = read_series(folder, folder)
@@ -242,7 +242,7 @@ def main() -> None:
     arguments.out.mkdir(parents=True, exist_ok=True)
     rows = [json.loads(line) for line in ledger.read_text().splitlines()] if ledger.exists() else []
     done = {(r["kind"], r["effect"], r["seed"]) for r in rows}
-    wanted: list[tuple[Kind, str | None, int]] = []
+    wanted: list[tuple[str, str | None, int]] = []
     effects = PAIRS if arguments.pairs else EFFECTS
     for kind in arguments.kind or list(effects):
         wanted += [

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from controller.vibro.controller import VibroController
-from controller.vibro.cycles import Cycles, Pace, VibroModel, impact_of
+from controller.vibro.cycles import Cycles, Gait, VibroModel, impact_of
 from controller.vibro.design.cost_by_impact import cheapest, optima, squares
 from controller.vibro.design.drive_map import design, designed
 from controller.vibro.design.four_phase import best_four_phase
@@ -79,7 +79,7 @@ def energies() -> list[Row]:
     return rows
 
 
-def _said(wave: Waveform, pace: Pace) -> Row:
+def _said(wave: Waveform, pace: Gait) -> Row:
     return {
         "J_per_m": round(pace.energy_J_per_m, 2),
         "work_J_per_m": round(pace.work_J_per_m, 3),

@@ -14,9 +14,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.limits import Envelope, Limits
 from controller.model.control_model import ControlModel, control_model
 from controller.model.symbols import PURSUIT_S, Symbols
-from controller.mpc.settings import Bounds, Horizon, Weights
+from controller.mpc.settings import Horizon, Weights
 from controller.signals import Estimate
 from models.parameter import Parameter
 from models.rigs.reader import parse_rig
@@ -28,7 +29,7 @@ TICK_S = 5e-3
 SMOOTHING = 1e-3
 STATES = ("x", "v", "u", "force_N")
 NOISE = np.array([2e-5, 3e-4, 1e-5, 1e-4])
-BOUNDS = Bounds(-0.2, 0.2, 5.0)
+BOUNDS = Envelope(-0.2, 0.2, Limits(speed_m_s=5.0, force_N=20.0), 5.0)
 WEIGHTS = Weights(position_m=1e-4, speed_m_s=2e-2, rate_N_s=2.0, jump_N_s=4.0)
 HORIZON = Horizon(stages=30, stage_s=TICK_S, substeps=3, iterations=3, deadline_s=10.0)
 PARAMETERS = {

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from controller.drives import envelope_of
+from controller.drives import DRIVES, envelope_of
 from controller.estimator.cubature_filter import Estimator
 from controller.model.control_model import ControlModel, control_model
 from controller.signals import Array, Controller, Measurement, Reference
 from controller.supervision.supervisor import Supervisor
-from hil.app.scenario.scenario import DRIVEN, parse_track_scenario
+from hil.app.scenario.scenario import parse_track_scenario
 from models.rigs.rig import Rig
 from plant.rig import Rig as Truth
 from plant.session import Instruments, Session
@@ -25,7 +25,7 @@ def believed(kind: str = "magnetic") -> Rig:
 
 def model_of(kind: str = "magnetic", tick_s: float = 1e-3) -> ControlModel:
     """The control model of a nominal rig."""
-    return control_model(believed(kind), {}, tick_s, driven=DRIVEN[kind])
+    return control_model(believed(kind), {}, tick_s, driven=DRIVES[kind].simulated)
 
 
 def closed_loop(

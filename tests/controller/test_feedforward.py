@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from controller.baselines.pid import PID, PidGains
+from controller.baselines.pid import PID
 from controller.drives import envelope_of
 from controller.estimator.cubature_filter import Estimator
 from controller.model.control_model import control_model
@@ -16,6 +16,7 @@ from controller.model.inverse import Inverse
 from controller.registry import CONTROLLERS, build, leads
 from controller.signals import Array, Estimate
 from controller.trajectory import STEP_S, Trajectory, by_speeds, through
+from controller.tuned import PidGains
 from plant import layout as at
 from plant.drives.kinds import Magnet
 from plant.rig import Rig

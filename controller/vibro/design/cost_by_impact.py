@@ -7,7 +7,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from controller.vibro.cycles import IMPACTS, Cycles, Impact, Pace, impact_of
+from controller.vibro.cycles import IMPACTS, Cycles, Gait, Impact, impact_of
 from controller.vibro.design.optimal_cycle import optimal_cycle
 from controller.vibro.design.speed_map import SpeedMap, best_square
 from controller.vibro.gears import DriveMap
@@ -25,7 +25,7 @@ class Alternative:
     """
 
     waveform: Waveform
-    pace: Pace
+    pace: Gait
     impact: Impact
     shape: Shape
 
@@ -63,7 +63,7 @@ def cheapest(found: list[Alternative]) -> Alternative | None:
     return min(found, key=lambda one: one.pace.energy_J_per_m, default=None)
 
 
-def brought_to(cycles: Cycles, wave: Waveform, speed_m_s: float) -> tuple[Waveform, Pace]:
+def brought_to(cycles: Cycles, wave: Waveform, speed_m_s: float) -> tuple[Waveform, Gait]:
     """`wave` brought within 2 % of `speed_m_s` by its strength, as far as that goes."""
     pace = cycles.pace(wave)
     for _ in range(10):

@@ -10,7 +10,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.vibro.cycles import SETTLE_S, Cycles, Pace
+from controller.vibro.cycles import SETTLE_S, Cycles, Gait
 from controller.vibro.design.speed_map import free_period
 from controller.vibro.waveform import Waveform
 
@@ -77,11 +77,11 @@ def four_phase(
     return Waveform.even(period_s, levels)
 
 
-def best_four_phase(cycles: Cycles, speeds_m_s: tuple[float, ...]) -> dict[float, tuple[Waveform, Pace] | None]:
+def best_four_phase(cycles: Cycles, speeds_m_s: tuple[float, ...]) -> dict[float, tuple[Waveform, Gait] | None]:
     """For each mean speed the cheapest four-phase drive that comes within 10 % of it, replayed as a waveform; None
     without one.
     """
-    found: dict[float, tuple[Waveform, Pace] | None] = dict.fromkeys(speeds_m_s)
+    found: dict[float, tuple[Waveform, Gait] | None] = dict.fromkeys(speeds_m_s)
     directions = sorted({int(math.copysign(1, v)) for v in speeds_m_s})
     for ratio, share, stroke, middle, direction in product(RATIOS, SHARES, STROKES_M, MIDDLES, directions):
         wave = four_phase(cycles, ratio * free_period(cycles.model), share, stroke, direction, middle)

@@ -22,8 +22,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.vibro.cycles import Cycles, Pace, VibroModel
-from controller.vibro.design.smooth_cycle import SCALE, Part, smooth_part
+from controller.vibro.cycles import Cycles, Gait, VibroModel
+from controller.vibro.design.smooth_cycle import SCALE, CyclePart, smooth_part
 from controller.vibro.waveform import Waveform
 
 Array = NDArray[np.float64]
@@ -61,7 +61,7 @@ class Optimum:
     """
 
     waveform: Waveform
-    pace: Pace
+    pace: Gait
     found: bool
     reason: str
 
@@ -121,7 +121,7 @@ def _lags(cycles: Cycles, waveform: Waveform, parts: int) -> dict[str, float]:
     return found
 
 
-def _solve(cycles: Cycles, part: Part, waveform: Waveform, aim: float, parts: int) -> Waveform | None:
+def _solve(cycles: Cycles, part: CyclePart, waveform: Waveform, aim: float, parts: int) -> Waveform | None:
     """One round from `waveform`, or None where IPOPT gave nothing finite."""
     states = cycles.last_cycle(waveform, 2 * parts)
     columns = [cycles.states.index(name) for name in part.names]
@@ -146,7 +146,7 @@ def _solve(cycles: Cycles, part: Part, waveform: Waveform, aim: float, parts: in
 class _Program:
     """The nonlinear program of one round in CasADi's symbols: nodes Z (n, N + 1), levels C, period T, slacks E."""
 
-    def __init__(self, model: VibroModel, part: Part, aim: float, parts: int) -> None:
+    def __init__(self, model: VibroModel, part: CyclePart, aim: float, parts: int) -> None:
         self.model, self.part, self.aim, self.n = model, part, aim, parts
         self.Z, self.C = ca.MX.sym("Z", len(part.names), parts + 1), ca.MX.sym("C", parts)
         self.T, self.E = ca.MX.sym("T"), ca.MX.sym("E", parts + 1)

@@ -37,7 +37,7 @@ class KnownSlip(Stepper):
 
 
 @dataclass(frozen=True)
-class Part:
+class CyclePart:
     """`advance(z, c, h, slip) -> z` over `steps` steps of h in s from the scaled node z (n,), the level c held;
     `strain(z)` = T(u)/f_c of the wall, None on a plate. A node holds the states `names` in units of `scale`.
     """
@@ -49,7 +49,7 @@ class Part:
     strain: ca.Function | None
 
 
-def smooth_part(model: VibroModel, smoothing: float, steps: int, lags: Mapping[str, float]) -> Part:
+def smooth_part(model: VibroModel, smoothing: float, steps: int, lags: Mapping[str, float]) -> CyclePart:
     """A part of the cycle of `model` with friction smoothed over `smoothing` in m/s. Nodes hold `NODES` and the
     effects' states in `lags`, each with its size; other states of effects stay as they are at the start.
     """
@@ -72,9 +72,9 @@ def smooth_part(model: VibroModel, smoothing: float, steps: int, lags: Mapping[s
     end = ca.vertcat(*(now[name] / scale[i] for i, name in enumerate(names)))
     advance = ca.Function("advance", [z, c, h, slip], [end])
     if not model.surface.dragged:
-        return Part(names, scale, steps, advance, None)
+        return CyclePart(names, scale, steps, advance, None)
     u, v = z[4] * SCALE[4], z[1] * SCALE[1]
     _, onset = model.surface.hold(np.sqrt(v * v + smoothing**2), p, model.drive.carried_kg)
     own = stepper()
     strain = ca.Function("strain", [z], [own.tension(u) * own.stiffening(Signals(), u) / onset])
-    return Part(names, scale, steps, advance, strain)
+    return CyclePart(names, scale, steps, advance, strain)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.vibro.cycles import IMPACTS, Cycles, Impact, Pace, VibroModel, impact_of
+from controller.vibro.cycles import IMPACTS, Cycles, Gait, Impact, VibroModel, impact_of
 from controller.vibro.waveform import Waveform
 
 Array = NDArray[np.float64]
@@ -74,7 +74,7 @@ def speed_map(
 
 def best_square(
     cycles: Cycles, table: SpeedMap, speed_m_s: float, full_force: bool = False, impact: Impact | None = None
-) -> tuple[Waveform, Pace] | None:
+) -> tuple[Waveform, Gait] | None:
     """The cheapest square wave at `speed_m_s`: those of the map within a quarter of it, brought there by their
     amplitude.
 
@@ -82,7 +82,7 @@ def best_square(
     `impact`: those that hit these stops alone. None where the map has nothing that comes within 2 %.
     """
     ends = sorted((0.75 * speed_m_s, 1.25 * speed_m_s))
-    best: tuple[Waveform, Pace] | None = None
+    best: tuple[Waveform, Gait] | None = None
     candidates = [w for w in table.squares(ends[0], ends[1], impact) if not full_force or max(w.levels) == 1]
     for candidate in candidates[:_TRIED]:
         wave, pace = _brought_to(cycles, candidate, speed_m_s, full_force)
@@ -92,7 +92,7 @@ def best_square(
     return best
 
 
-def _brought_to(cycles: Cycles, wave: Waveform, speed: float, by_duty: bool) -> tuple[Waveform, Pace]:
+def _brought_to(cycles: Cycles, wave: Waveform, speed: float, by_duty: bool) -> tuple[Waveform, Gait]:
     """The square wave near `wave` at `speed`, by a few steps on amplitude or duty."""
     level, duty, pace = max(wave.levels), wave.edges[1], cycles.pace(wave)
     flip = duty > 0.5

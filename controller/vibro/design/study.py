@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
-from controller.design.margins import Loop, closed_loop
+from controller.design.margins import OpenLoop, closed_loop
 from controller.model.linear import Linear
 from controller.vibro.cycles import Cycles, VibroModel
 from controller.vibro.design.cost_by_impact import Alternative, from_map, squares
@@ -49,7 +49,7 @@ class SlowLoop:
     """
 
     speed_m_s: float
-    loop: Loop
+    loop: OpenLoop
     slope_low: float
     slope_high: float
 
@@ -71,7 +71,7 @@ class VibroStudy:
     delay_s: float
 
     @property
-    def loops(self) -> tuple[Loop, ...]:
+    def loops(self) -> tuple[OpenLoop, ...]:
         """The slow loops' frequency responses."""
         return tuple(one.loop for one in self.slow)
 

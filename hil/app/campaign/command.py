@@ -1,60 +1,100 @@
-"""`capsule campaign`: thousands of closed loops, resumed where they were cut off, and what came of them."""
+"""`capsule campaign`: thousands of closed loops, or `close-loop` on many series; resumed where it was cut off, and what
+came of it.
+"""
 
 from __future__ import annotations
 
 import shlex
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
 from rich.table import Table
 
 from hil.app.campaign.file import Campaign, load_campaign
+from hil.app.campaign.folders.agreement import with_disagreements
+from hil.app.campaign.folders.answers import Answer, answer_of, lacking, verdicts
+from hil.app.campaign.folders.answers import document as answers_document
+from hil.app.campaign.folders.page import page_html as answers_html
+from hil.app.campaign.folders.series import find_series
 from hil.app.campaign.page import groups, page_html, summary_of, value_of, worst_of
 from hil.app.campaign.results import Results
 from hil.app.campaign.running import check_workers, run_missing
 from hil.app.campaign.worker import Row, run_job
-from hil.app.console import json_text, output_to_notes, print_json, summary
+from hil.app.console import json_text, output_to_notes, print_json, summary, text_table
 from hil.app.quantities import number
-from hil.app.write import write_files
+from hil.app.write import own_folder, write_files
+from models.effects import use_effects
 
-RESULTS, PAGE, NUMBERS = "results.jsonl", "campaign.html", "campaign.json"
+RESULTS, PAGE, NUMBERS, REPORTS = "results.jsonl", "campaign.html", "campaign.json", "series"
 _SHOWN: Final = 5
+_MARK: Final = "close-loop over folders"
+"""What the results of series are known by; a series is known by a hash of its own."""
+Workers = tuple[int | None, str | None]
+Outcome = tuple[str, dict[str, Any], Sequence[str | Table], bool]
+"""The page, the numbers, what is said, and whether a run failed."""
 
 
 def campaign(
-    path: Path,
+    paths: Sequence[Path],
     out: Path,
     *,
     workers: int | None = None,
     scheduler: str | None = None,
     run: int | None = None,
     json_output: bool = False,
+    seed: int = 0,
+    own: Sequence[Path] = (),
 ) -> int:
-    """Do the runs of the campaign file `path` that the folder `out` does not hold yet, and write `campaign.html` and
-    `campaign.json`.
+    """Do the runs of a campaign file that the folder `out` does not hold yet, or close the loop on each series in the
+    folders `paths`, with the effects of the files `own`; write `campaign.html` and `campaign.json`, and each series'
+    report below `series`.
 
     With `run` that one run alone is done and printed. 1 where a run failed, else 0. Raises ValueError of one sentence.
     """
-    plan = load_campaign(path)
-    if run is not None:
-        return _one(plan, run)
-    check_workers(workers, scheduler)
+    over_series = len(paths) > 1 or paths[0].is_dir()
+    if not over_series and (own or seed):
+        raise ValueError("--effects and --seed must be left out with a campaign file, which has its own seed")
+    if over_series and run is not None:
+        raise ValueError("--run must be left out with folders: close-loop does one series alone")
+    on = (workers, scheduler)
+    with own_folder(out if run is None else None, "--out"):
+        plan = None if over_series else load_campaign(paths[0])
+        if plan is not None and run is not None:
+            return _one(plan, run)
+        check_workers(*on)
+        if plan is not None:
+            page, found, lines, failed = _loops(plan, out, shlex.join(["capsule", "campaign", str(paths[0])]), on)
+        else:
+            page, found, lines, failed = _series(paths, out, own, seed, on)
+        found["report"] = str(out / PAGE)
+        write_files({out / PAGE: page, out / NUMBERS: json_text(found)})
+    if json_output:
+        print_json(found)
+    else:
+        for line in (*lines, f"report: {found['report']}"):
+            summary().print(line, soft_wrap=isinstance(line, str))
+    return int(failed)
+
+
+def _loops(plan: Campaign, out: Path, repeat: str, on: Workers) -> Outcome:
     results = Results(out / RESULTS, plan.fingerprint)
     jobs = [plan.job(number) for number in range(len(plan))]
     try:
         resumed = len(results.done)
-        rows = run_missing(plan.name, jobs, results, plan.head.chunk, workers, scheduler)
+        rows = run_missing(plan.name, jobs, results, plan.head.chunk, *on)
     finally:
         results.close()
-    repeat = shlex.join(["capsule", "campaign", str(path)])
-    found = document(plan, rows, repeat) | {"resumed": resumed, "report": str(out / PAGE)}
-    page = page_html(plan.name, plan.head.metric, rows, list(plan.draws), repeat)
-    write_files({out / PAGE: page, out / NUMBERS: json_text(found)})
-    if json_output:
-        print_json(found)
-    else:
-        _say(plan, found)
-    return 1 if any("error" in row for row in rows) else 0
+    metric = plan.head.metric
+    found = document(plan, rows, repeat) | {"resumed": resumed}
+    heads = ("", "runs", "failed", "unsafe", "hard_violations", "median", "p95", "max")
+    table = text_table("", heads, bare=True)
+    for name, numbers in found["groups"].items():
+        table.add_row(name, *(number(numbers[head]) for head in heads[1:]))
+    worst = [f"worst: {number(one['value'])}  {one['repeat']}" for one in found["worst"][:_SHOWN]]
+    head = f"{plan.name}: {len(plan)} runs, {resumed} of them done before; {metric}"
+    page = page_html(plan.name, metric, rows, list(plan.draws), repeat)
+    return page, found, [head, table, *worst], any("error" in row for row in rows)
 
 
 def document(plan: Campaign, rows: list[Row], repeat: str) -> dict[str, Any]:
@@ -69,12 +109,8 @@ def document(plan: Campaign, rows: list[Row], repeat: str) -> dict[str, Any]:
         "all": summary_of(rows, metric),
         "groups": {name: summary_of(part, metric) for name, part in groups(rows, list(plan.draws)).items()},
         "worst": [
-            {
-                "run": row["run"],
-                "value": value_of(row, metric),
-                "point": row["point"],
-                "repeat": f"{repeat} --run {row['run']}",
-            }
+            {"run": row["run"], "value": value_of(row, metric), "point": row["point"]}
+            | {"repeat": f"{repeat} --run {row['run']}"}
             for row in worst_of(rows, metric)
         ],
         "seconds_of_runs": sum(row.get("seconds", 0.0) for row in rows),
@@ -90,16 +126,38 @@ def _one(plan: Campaign, number: int) -> int:
     return 1 if "error" in row else 0
 
 
-def _say(plan: Campaign, found: dict[str, Any]) -> None:
-    console, metric = summary(), plan.head.metric
-    console.print(f"{plan.name}: {len(plan)} runs, {found['resumed']} of them done before; {metric}", markup=False)
-    table = Table(box=None, pad_edge=False)
-    heads = ("", "runs", "failed", "unsafe", "hard_violations", "median", "p95", "max")
-    for head in heads:
-        table.add_column(head, justify="right" if head else "left")
-    for name, numbers in found["groups"].items():
-        table.add_row(name, *(number(numbers[head]) for head in heads[1:]))
-    console.print(table)
-    for one in found["worst"][:_SHOWN]:
-        console.print(f"worst: {number(one['value'])}  {one['repeat']}", markup=False, soft_wrap=True)
-    console.print(f"report: {found['report']}", markup=False, soft_wrap=True)
+def _series(paths: Sequence[Path], out: Path, effects: Sequence[Path], seed: int, on: Workers) -> Outcome:
+    use_effects(effects)
+    jobs = find_series(paths, out / REPORTS, effects, seed)
+    results = Results(out / RESULTS, _MARK)
+    try:
+        for job in jobs:
+            if not job.reported and "result" in results.done.get(job.number, {}):
+                del results.done[job.number]
+        resumed = sum(job.number in results.done for job in jobs)
+        rows = run_missing("campaign", jobs, results, 1, *on, _said)
+    finally:
+        results.close()
+    answers = with_disagreements(
+        [answer_of(job.name, row, f"{REPORTS}/{job.name}") for job, row in zip(jobs, rows, strict=True)]
+    )
+    found = answers_document(answers) | {"resumed": resumed}
+    return answers_html(answers), found, _lines(answers, resumed), any(answer.error for answer in answers)
+
+
+def _said(row: Row) -> str:
+    told = "refused" if "error" in row else row["result"]["verdict"]
+    return f"{row['point']['series']}: {told}"
+
+
+def _lines(answers: Sequence[Answer], resumed: int) -> list[str | Table]:
+    counts = ", ".join(f"{count} {verdict}" for verdict, count in verdicts(answers).items() if count)
+    lines: list[str | Table] = [f"{len(answers)} series, {resumed} of them done before: {counts}"]
+    table = text_table("", ("", "named by", "a part in"), bare=True)
+    for effect, named, part in lacking(answers):
+        table.add_row(effect, str(named), str(part))
+    lines += [table] * bool(table.row_count)
+    for answer in answers:
+        lines += [f"{answer.name} disagrees with {sentence}" for sentence in answer.disagrees]
+        lines += [f"{answer.name} refused: {answer.error}"] * bool(answer.error)
+    return lines

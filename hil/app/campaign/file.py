@@ -30,8 +30,8 @@ from hil.app.campaign.loop import Loop, Table
 from hil.app.scenario.bus_scenario import parse_sil_scenario
 from hil.app.scenario.scenario import parse_track_scenario
 from hil.app.track.score import Score
-from models.files.tables import from_table
-from models.files.toml import read_toml
+from models.files.tables import Declared, limited
+from models.files.toml import in_file, read_toml
 from models.identification.finding import STAGES
 from models.identification.model import read_model
 from models.parameter import nearest
@@ -91,32 +91,19 @@ ENGINES: Final[Mapping[str, Callable[[Table], Any]]] = {"track": parse_track_sce
 
 
 @dataclass(frozen=True)
-class Head:
+class Head(Declared, where="campaign"):
     """`[campaign]`. `chunk` runs go to a worker at once; `metric` is what the report is about, a number that `track`
     prints.
     """
 
     scenario: str
-    engine: str = "track"
-    cases: int = 1
-    seed: int = 0
-    chunk: int = 4
-    metric: str = "tracking_rmse_m"
+    engine: str = limited("track", among=ENGINES)
+    cases: int = limited(1, 1, MOST_RUNS)
+    seed: int = limited(0, 0)
+    chunk: int = limited(4, 1, 1000)
+    metric: str = limited("tracking_rmse_m", among=METRICS)
     model: str = ""
-    stage: str = "augmented"
-
-    def __post_init__(self) -> None:
-        for name, choices in (("engine", tuple(ENGINES)), ("stage", STAGES), ("metric", METRICS)):
-            if getattr(self, name) not in choices:
-                got = getattr(self, name)
-                raise ValueError(
-                    f"campaign.{name} must be one of {', '.join(choices)}; got {got!r}; {nearest(got, choices)}"
-                )
-        for name, most in (("cases", MOST_RUNS), ("chunk", 1000)):
-            if not 1 <= getattr(self, name) <= most:
-                raise ValueError(f"campaign.{name} must lie in [1, {most}]; got {getattr(self, name)}")
-        if self.seed < 0:
-            raise ValueError(f"campaign.seed must be zero or more; got {self.seed}")
+    stage: str = limited("augmented", among=STAGES)
 
 
 @dataclass(frozen=True)
@@ -166,14 +153,12 @@ class Campaign:
 
 def load_campaign(path: Path) -> Campaign:
     """Read and check a campaign file and its scenario; a ValueError of one sentence says what is wrong."""
-    try:
+    with in_file(path):
         raw, _ = read_toml(path, "campaign")
         for table in raw:
             if table not in TABLES:
-                raise ValueError(
-                    f"{path}: tables must be among {', '.join(TABLES)}; got [{table}]; {nearest(table, TABLES)}"
-                )
-        head = from_table(Head, _table(raw, "campaign"), "campaign")
+                raise ValueError(f"tables must be among {', '.join(TABLES)}; got [{table}]; {nearest(table, TABLES)}")
+        head = Head.read(raw)
         scenario, _ = read_toml(path.parent / head.scenario, "scenario")
         kind = str(_table(scenario, "rig").get("kind", ""))
         values = read_model(path.parent / head.model, kind).believed(head.stage) if head.model else {}
@@ -193,9 +178,6 @@ def load_campaign(path: Path) -> Campaign:
                     "scenario of a campaign must have no [offer]; campaign.model is what its controllers know"
                 )
             ENGINES[head.engine](tables)
-    except ValueError as error:
-        said = str(error).startswith((f"{path}:", f"{path.parent}/"))
-        raise ValueError(str(error) if said else f"{path}: {error}") from None
     return campaign
 
 

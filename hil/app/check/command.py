@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from hil.app.console import print_json, summary
+from hil.app.console import print_json, say, summary
 from hil.app.identify.close_loop import read_series
 from hil.app.report.findings import grouped
 from hil.app.report.words import tidy
@@ -33,20 +33,20 @@ def check(records: Sequence[Path], rig: Path, *, json_output: bool = False) -> i
     else:
         show(summary(), findings, hidden)
         if not findings:
-            summary().print("nothing to tell of these records", markup=False)
+            say("nothing to tell of these records")
     return STOPPED if stopping(findings) else 0
 
 
 def show(console: Console, findings: Sequence[RecordFinding], hidden: dict[str, str]) -> None:
     """Findings by what they are, each with its places and its remedy, then what the records cannot show."""
     for alike in grouped(findings):
-        console.print(f"{alike[0].severity}: {alike[0].id.replace('_', ' ')}", markup=False, style="bold")
+        console.print(f"{alike[0].severity}: {alike[0].id.replace('_', ' ')}", style="bold")
         for finding in alike:
-            console.print(f"  {finding.file}, {finding.where}: {tidy(finding.sentence)}", markup=False, soft_wrap=True)
-        console.print(f"  told by: {alike[0].how}", markup=False, soft_wrap=True)
-        console.print(f"  remedy: {alike[0].remedy}", markup=False, soft_wrap=True)
+            console.print(f"  {finding.file}, {finding.where}: {tidy(finding.sentence)}", soft_wrap=True)
+        console.print(f"  told by: {alike[0].how}", soft_wrap=True)
+        console.print(f"  remedy: {alike[0].remedy}", soft_wrap=True)
     if hidden:
-        console.print("these records cannot show", markup=False, style="bold")
+        console.print("these records cannot show", style="bold")
         for why in dict.fromkeys(hidden.values()):
             names = ", ".join(name for name, said in hidden.items() if said == why)
-            console.print(f"  {names}: {why}", markup=False, soft_wrap=True)
+            console.print(f"  {names}: {why}", soft_wrap=True)

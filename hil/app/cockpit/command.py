@@ -15,7 +15,7 @@ import can
 from hil.app.cockpit.facts import Facts, models_of, wiring_of
 from hil.app.cockpit.hands import Hands
 from hil.app.cockpit.source import BusSource, LogSource
-from hil.app.console import notes, output_to_notes, print_json, summary
+from hil.app.console import note, output_to_notes, print_json, summary
 from hil.app.run.clock import Clock, ClockedBus
 from hil.app.run.command import open_bus
 from hil.app.run.log_task import task_of
@@ -66,10 +66,10 @@ def _begin(address: str, watch_only: str, json_output: bool) -> None:
         sys.stdout.flush()
         return
     console = summary()
-    console.print(f"cockpit: {address}", markup=False, soft_wrap=True)
+    console.print(f"cockpit: {address}", soft_wrap=True)
     if address != watch_only:
-        console.print(f"to watch alone, without commands: {watch_only}", markup=False, soft_wrap=True)
-    console.print("Ctrl-C ends it", markup=False)
+        console.print(f"to watch alone, without commands: {watch_only}", soft_wrap=True)
+    console.print("Ctrl-C ends it")
     sys.stdout.flush()
 
 
@@ -130,7 +130,7 @@ def _log(path: Path, catalogue: Catalogue) -> LogSource:
     """The whole log, read, and what the record beside it says."""
 
     def tell(words: str) -> None:
-        notes().print(f"{path}: {words}", markup=False, soft_wrap=True)
+        note(f"{path}: {words}")
 
     frames = list(read_frames(path, tell))
     if record_path(path).exists():

@@ -10,7 +10,7 @@ from hil.app.cockpit.panels import Panel, panels_of
 from hil.app.scenario.model_facts import model_facts
 from hil.bus.catalogue import Catalogue
 from hil.nodes.controller.node import Task
-from hil.nodes.frame_map import FRAME_MAPS, FrameMap
+from hil.nodes.frame_map import CARRIAGE_MAP, FRAME_MAPS, FrameMap
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,4 @@ def models_of(task: Task) -> tuple[dict[str, Any], ...]:
 
 def wiring_of(heard: Collection[str]) -> FrameMap:
     """The drive whose feedback stands in a log of which no record says whose it is; a carriage where none does."""
-    for wiring in FRAME_MAPS.values():
-        if wiring.feedback in heard:
-            return wiring
-    return FRAME_MAPS["magnetic"]
+    return next((wiring for wiring in FRAME_MAPS.values() if wiring.feedback in heard), CARRIAGE_MAP)

@@ -17,7 +17,6 @@ Span = tuple[float, float]
 STDS: Final = 2.0
 """Half the width of the estimate's band, in standard deviations."""
 _MM, _MN, _PERCENT = 1e3, 1e3, 100.0
-_DRIVES: Final = {"magnetic": ("Carriage", "mm", _MM), "coil": ("Current", "A", 1.0), "vibro": ("Level", "%", _PERCENT)}
 
 
 @dataclass(frozen=True)
@@ -66,9 +65,10 @@ class Panel:
 
 def panels_of(wiring: FrameMap, catalogue: Catalogue) -> tuple[Panel, ...]:
     """The panels of a rig whose drive is `wiring`."""
-    word, unit, factor = _DRIVES[wiring.kind]
-    fed = "Current_A" if wiring.kind == "vibro" else wiring.signal
-    reported = () if wiring.kind == "vibro" else (Line("reported", wiring.feedback, _signal(fed, factor), "blue"),)
+    drive = wiring.drive
+    word, unit, factor, _ = drive.shown
+    seen = _signal(wiring.signal, factor)
+    reported = () if drive.shaken else (Line("reported", wiring.feedback, seen, "blue"),)
 
     def strip(name: str, frame: str, signal: str) -> Line:
         names = catalogue[frame].field(signal).names
@@ -89,9 +89,9 @@ def panels_of(wiring: FrameMap, catalogue: Catalogue) -> tuple[Panel, ...]:
         ),
         Panel("Estimate less reference", "mm", (Line("error", "WantedMotion", _error, "red"),), 3, 0.1, (0.0,)),
         Panel(
-            f"{word}",
+            word,
             unit,
-            (*reported, Line("command", wiring.command, _signal(wiring.signal, factor), "amber", "dash")),
+            (*reported, Line("command", wiring.command, seen, "amber", "dash")),
             3,
             0.01,
         ),
@@ -100,7 +100,7 @@ def panels_of(wiring: FrameMap, catalogue: Catalogue) -> tuple[Panel, ...]:
             "mN",
             (
                 _said("force sensor", "ForceReading", "Force_N", _MN, "grey", "faint"),
-                *(() if wiring.kind == "vibro" else (Line("drive", "BelievedForces", _force("Drive_N"), "blue"),)),
+                *(() if drive.shaken else (Line("drive", "BelievedForces", _force("Drive_N"), "blue"),)),
                 Line("wall", "BelievedForces", _force("Wall_N"), "red"),
                 Line("lacking in the model", "BelievedForces", _force("Lacking_N"), "violet"),
             ),

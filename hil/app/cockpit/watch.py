@@ -35,7 +35,7 @@ _GRADES: Final[Mapping[str, tuple[str, ...]]] = {
 
 
 @dataclass(frozen=True)
-class Event:
+class Entry:
     """One line of the page's list: `grade` is note, good, doubt or bad."""
 
     time_s: float
@@ -57,7 +57,7 @@ class Watch:
         self.reception = Reception({frame.id: Receiver(frame) for frame in catalogue.frames.values()})
         self.last: dict[str, dict[str, float]] = {}
         self.at: dict[str, float] = {}
-        self.events: deque[Event] = deque(maxlen=kept)
+        self.events: deque[Entry] = deque(maxlen=kept)
         self.count = self.events_count = 0
         self.now = 0.0
         self._setpoint = catalogue[SETPOINT]
@@ -96,7 +96,7 @@ class Watch:
 
     def say(self, time_s: float, words: str, grade: str = "note") -> None:
         """Add an event."""
-        self.events.append(Event(time_s, words, grade))
+        self.events.append(Entry(time_s, words, grade))
         self.events_count += 1
 
     def state(self, name: str, signal: str = "State") -> str:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from hil.app.console import notes, print_json, printable, summary
+from hil.app.console import note, print_json, printable, say
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import check_file, check_folder, check_targets, table_text, write_files
 from hil.formats.channels import Channel, Heading, refusing
@@ -59,16 +59,15 @@ def convert(
     done = [_converted(path, target, belief) for path, target in targets.items()]
     write_files({one.out: _content(one) for one in done})
     for one in done:
-        for note in one.notes:
-            notes().print(f"{one.path}: {note}", markup=False, soft_wrap=True)
+        for words in one.notes:
+            note(f"{one.path}: {words}")
     if json_output:
         print_json({"files": [_document(one) for one in done]})
         return
     for one in done:
         names = [channel.heading.name for channel in one.channels]
         listed = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
-        said = f"{one.path} -> {one.out}: {one.rows} rows, {len(names)} columns: {listed}"
-        summary().print(said, markup=False, soft_wrap=True)
+        say(f"{one.path} -> {one.out}: {one.rows} rows, {len(names)} columns: {listed}")
 
 
 def _targets(paths: Sequence[Path], out: str) -> dict[Path, Path]:

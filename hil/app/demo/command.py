@@ -130,17 +130,17 @@ def _say(
             table.add_row("  the same run driven again", "tracking", *_tracked(one), "", _gate_words(one))
     console.print(table)
     for story, one in lines:
-        console.print(f"{story.name}: {out / story.name / REPORT}", markup=False, soft_wrap=True)
+        console.print(f"{story.name}: {out / story.name / REPORT}", soft_wrap=True)
         if one.before is not None:
             said = f"  before the proposed record: {headline(one.before)} {out / story.name / BEFORE / REPORT}"
-            console.print(said, markup=False, soft_wrap=True)
+            console.print(said, soft_wrap=True)
         if one.hidden:
             words = listed(effect_words(name) for name in one.hidden)
-            console.print(f"  what the simulated rig kept to itself: {words}", markup=False)
+            console.print(f"  what the simulated rig kept to itself: {words}")
     for story, learnt in learned:
-        console.print(f"{story.name}: {learnt.sentence}: {out / story.name / LEARNED}", markup=False, soft_wrap=True)
-    console.print(f"all: {out / PAGE}", markup=False, soft_wrap=True)
-    console.print(f"{seconds:.0f} s", markup=False)
+        console.print(f"{story.name}: {learnt.sentence}: {out / story.name / LEARNED}", soft_wrap=True)
+    console.print(f"all: {out / PAGE}", soft_wrap=True)
+    console.print(f"{seconds:.0f} s")
 
 
 def _predicted(one: Told) -> list[str]:

@@ -12,8 +12,9 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from hil.app.demo.story import Array, Mission, Story, Told
-from hil.app.quantities import number, scale
+from hil.app.quantities import scale
 from hil.app.report.figure_residuals import residual_figure
+from hil.app.report.figure_summary import stage_bar
 from hil.app.report.panels import panels, thinned
 from hil.app.report.theme import MUTED, STAGE_COLOURS, styled
 from hil.app.report.words import STAGE_WORDS, error_scale, tested_part
@@ -36,25 +37,12 @@ def improvement_figure(loops: Sequence[tuple[Story, Told]]) -> go.Figure:
         predictions = {stage: factor * predicted[stage] for stage in STAGES if stage in predicted}
         for column, values in enumerate((predictions, tracked), start=1 + 2 * place):
             for stage, value in values.items():
-                figure.add_bar(
-                    x=[STAGE_WORDS[stage]],
-                    y=[value],
-                    name=STAGE_WORDS[stage],
-                    marker={"color": STAGE_COLOURS[stage], "cornerradius": 3},
-                    text=[number(value, 3)],
-                    textposition="outside",
-                    cliponaxis=False,
-                    showlegend=column == 1,
-                    row=1,
-                    col=column,
-                )
+                here = {"x": [STAGE_WORDS[stage]], "showlegend": column == 1, "row": 1, "col": column}
+                figure.add_bar(y=[value], **here, **stage_bar(stage, [value]))
         figure.update_yaxes(range=[0, HEADROOM * max(tracked.values(), default=1.0)], row=1, col=2 + 2 * place)
         figure.update_yaxes(range=[0, HEADROOM * max(predictions.values(), default=1.0)], row=1, col=1 + 2 * place)
-    return (
-        styled(figure, 340, bargap=0.35)
-        .update_xaxes(showticklabels=False)
-        .update_layout(legend={"y": -0.04, "yanchor": "top"})
-    )
+    styled(figure, 340, bargap=0.35).update_layout(legend={"y": -0.04, "yanchor": "top"})
+    return figure.update_xaxes(showticklabels=False)
 
 
 def _units(told: Told) -> tuple[tuple[str, str], tuple[str, str]]:
@@ -79,15 +67,8 @@ def mission_figure(missions: Mapping[str, Mission]) -> go.Figure:
     first = next(iter(missions.values()))
     _line(figure, first.time_s, first.reference_m, "reference", MUTED, 1, width=3.0)
     for stage, mission in missions.items():
-        _line(figure, mission.time_s, mission.position_m, STAGE_WORDS[stage], STAGE_COLOURS[stage], 1)
-        _line(
-            figure,
-            mission.time_s,
-            mission.position_m - mission.reference_m,
-            STAGE_WORDS[stage],
-            STAGE_COLOURS[stage],
-            2,
-        )
+        for row, metres in ((1, mission.position_m), (2, mission.position_m - mission.reference_m)):
+            _line(figure, mission.time_s, metres, STAGE_WORDS[stage], STAGE_COLOURS[stage], row)
     figure.update_yaxes(title_text="position in mm", row=1, col=1)
     figure.update_yaxes(title_text="error in mm", row=2, col=1)
     figure.update_xaxes(title_text="time in s", row=2, col=1)

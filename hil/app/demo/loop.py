@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from controller.supervision.acceptance import AcceptanceTest, Verdict
+from controller.supervision.acceptance import Acceptance, AcceptanceTest
 from hil.app.demo.story import RIG, Mission, Progress, Told, found_in
 from hil.app.report import report_json
 from hil.app.scenario.bus_scenario import SilScenario, parse_sil_scenario
@@ -96,7 +96,7 @@ class LoopStory:
         return Told(finding, gate, missions, tuple(truth), truth=truth)
 
 
-def admitted(finding: Finding, model: Model, rig: Rig) -> Iterator[tuple[str, Verdict]]:
+def admitted(finding: Finding, model: Model, rig: Rig) -> Iterator[tuple[str, Acceptance]]:
     """The gate's verdict on each stage in turn, against the last that it let in; at first the nominal model is in
     use.
     """

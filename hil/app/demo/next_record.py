@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from hil.app.demo.loop import HOLDOUT, SCENARIOS, SEEDS
 from hil.app.demo.story import RIG, Progress, Told, found_in
-from hil.app.simulate import simulate
+from hil.app.simulate import write_simulated
 from hil.app.write import write_files
 from models.files.toml import toml_text
 from models.identification.finding import NEXT_CSV, Proposal
@@ -52,7 +52,7 @@ class NextRecordStory:
             run = {**raw["scenario"], "name": f"{self.name} {name}", "seed": first + number}
             tables = {**raw, **changed, "scenario": run | dict(changed.get("scenario", {}))}
             write_files({folder / f"{name}.toml": toml_text(tables)})
-            simulate(folder / f"{name}.toml", folder / f"{name}.csv")
+            write_simulated(folder / f"{name}.toml", folder / f"{name}.csv")
             return folder / f"{name}.csv"
 
         def part(begin: float, end: float) -> Progress:

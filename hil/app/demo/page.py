@@ -16,8 +16,7 @@ from hil.app.quantities import DASH, amount, quantity, scale, unit_words
 from hil.app.quantities import told as numbers_told
 from hil.app.report import headline
 from hil.app.report.document import document, heading, mixed_table, table
-from hil.app.report.figure_motion import motion_figure
-from hil.app.report.figure_traces import trace_figure
+from hil.app.report.figure_traces import motion_figure, trace_figure
 from hil.app.report.panels import panels
 from hil.app.report.tables import separations_table
 from hil.app.report.theme import figure_html

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.supervision.acceptance import Verdict
+from controller.supervision.acceptance import Acceptance
 from hil.app.identify.close_loop import read_series, result_files
 from hil.app.papers.analytical import best_miss, thirty_periods
 from hil.app.quantities import change
@@ -47,7 +47,7 @@ class Told:
     """
 
     finding: Finding
-    gate: Mapping[str, Verdict] = field(default_factory=dict)
+    gate: Mapping[str, Acceptance] = field(default_factory=dict)
     missions: Mapping[str, Mission] = field(default_factory=dict)
     hidden: tuple[str, ...] = ()
     caution: str = ""

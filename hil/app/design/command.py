@@ -11,6 +11,7 @@ from typing import Any
 
 from controller.design.margins import Margins
 from controller.design.study import Study, study
+from controller.drives import INNER_MASS
 from controller.model.control_model import ControlModel, control_model
 from controller.vibro.cycles import VibroModel
 from hil.app.console import output_to_notes, print_json, summary
@@ -20,9 +21,9 @@ from hil.app.design.tables import balance_lines, cycle_table, margin_table, word
 from hil.app.design.vibro import print_vibro, study_of, vibro_html, vibro_json
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import write_files
+from models.files.tables import check_word
 from models.identification.finding import STAGES
 from models.identification.model import read_model
-from models.parameter import nearest
 from models.rigs.rig import Rig
 
 PAGE = "design.html"
@@ -49,7 +50,7 @@ def design(
         raise ValueError(f"--delay must lie in [0, {LONGEST_DELAY_MS:g}] ms; got {delay_ms:g}")
     label = {"rig": str(rig), "model": stage if model else "nominal", "page": None if out is None else str(out / PAGE)}
     title, page = belief.name or rig.stem, None if out is None else out / PAGE
-    if belief.kind == "vibro":
+    if belief.kind == INNER_MASS.name:
         with output_to_notes():
             shaken = study_of(VibroModel.from_rig(belief, values), 1e-3 * delay_ms)
         _hand_over(page, lambda: vibro_html(shaken, title), json_output, vibro_json(shaken) | label)
@@ -80,7 +81,7 @@ def _driven(belief: Rig) -> str:
 
 def _hint(page: Path | None) -> None:
     if page is None:
-        summary().print("no plots drawn: --out DIR draws them", markup=False)
+        summary().print("no plots drawn: --out DIR draws them")
 
 
 def _hand_over(page: Path | None, html: Callable[[], str], json_output: bool, numbers: dict[str, Any]) -> None:
@@ -92,8 +93,7 @@ def _hand_over(page: Path | None, html: Callable[[], str], json_output: bool, nu
 
 
 def _values(belief: Rig, model: Path | None, stage: str) -> dict[str, float]:
-    if stage not in STAGES:
-        raise ValueError(f"--stage must be one of {', '.join(STAGES)}; got {stage!r}; {nearest(stage, STAGES)}")
+    check_word(stage, "--stage", STAGES)
     return {} if model is None else read_model(model, belief.kind).believed(stage)
 
 
@@ -135,10 +135,10 @@ def print_design(found: Study, plant: ControlModel, page: Path | None) -> None:
     """Poles, gains, margins and cycles as tables."""
     console = summary()
     for line in words_of(found, plant):
-        console.print(line, markup=False, soft_wrap=True)
+        console.print(line, soft_wrap=True)
     console.print(margin_table(found))
     console.print(cycle_table(found))
     for line in balance_lines(found):
-        console.print(line, markup=False)
+        console.print(line)
     if page is not None:
-        console.print(f"plots: {page}", markup=False, soft_wrap=True)
+        console.print(f"plots: {page}", soft_wrap=True)

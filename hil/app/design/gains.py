@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from controller.baselines.classical import CLASSICAL, CLASSICAL_FRICTION
 from controller.baselines.lqr import Gains, lqr_gains
-from controller.baselines.pid import TUNED
 from controller.design.tuning import Pid
+from controller.drives import driven_of
 from controller.model.control_model import ControlModel
 from controller.model.linear import linearise
 
@@ -39,11 +38,12 @@ def gains_words(pid: Pid, lqr: Gains, model: ControlModel) -> list[str]:
 
 
 def _running(model: ControlModel) -> list[str]:
-    pids = {"pid": CLASSICAL, "pid_friction": CLASSICAL_FRICTION, "pid_estimated and the PID below the others": TUNED}
-    kind = model.drive.name
+    drive = driven_of(model.drive)
+    pids = {"pid": drive.pid, "pid_friction": drive.pid_friction}
+    pids["pid_estimated and the PID below the others"] = drive.pid_estimated
     lines = [
         f"  {name}, from position error to force: k_p {g.k_p:g} N/m, k_i {g.k_i:g} N/(m s), k_d {g.k_d:g} N s/m"
-        for name, g in ((name, table[kind]) for name, table in pids.items())
+        for name, g in pids.items()
     ]
     return [
         *lines,

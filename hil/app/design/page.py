@@ -11,7 +11,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 from rich.table import Table
 
-from controller.design.margins import Complex, Loop
+from controller.design.margins import Complex, OpenLoop
 from controller.design.study import Study
 from controller.model.control_model import ControlModel
 from controller.model.linear import Array
@@ -35,7 +35,7 @@ def design_html(found: Study, plant: ControlModel, title: str) -> str:
     return page_html(head, numbers, loop_figures(found.loops) | own)
 
 
-def loop_figures(loops: Sequence[Loop]) -> dict[str, tuple[str, go.Figure]]:
+def loop_figures(loops: Sequence[OpenLoop]) -> dict[str, tuple[str, go.Figure]]:
     """What is drawn of linear loops, by heading: words and figure."""
     return {
         "Open loop (Bode)": ("", bode_figure(loops)),
@@ -69,13 +69,13 @@ def listed_html(lines: Sequence[str]) -> str:
     return f"<ul>{''.join(f'<li>{escape(signed(line.strip()))}</li>' for line in lines)}</ul>"
 
 
-def _look(loops: Sequence[Loop], loop: Loop) -> dict[str, object]:
+def _look(loops: Sequence[OpenLoop], loop: OpenLoop) -> dict[str, object]:
     names = list(dict.fromkeys(item.name for item in loops))
     dash = "solid" if loop.phase == "stick" else "dash"
     return {"color": line_colour(names.index(loop.name)), "dash": dash}
 
 
-def bode_figure(loops: Sequence[Loop]) -> go.Figure:
+def bode_figure(loops: Sequence[OpenLoop]) -> go.Figure:
     """Gain and phase of every open loop, delay included."""
     figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.06)
     for loop in loops:
@@ -93,7 +93,7 @@ def bode_figure(loops: Sequence[Loop]) -> go.Figure:
     return styled(figure, 520)
 
 
-def nyquist_figure(loops: Sequence[Loop]) -> go.Figure:
+def nyquist_figure(loops: Sequence[OpenLoop]) -> go.Figure:
     """Every open loop near -1."""
     figure = go.Figure()
     for loop in loops:
@@ -109,7 +109,7 @@ def nyquist_figure(loops: Sequence[Loop]) -> go.Figure:
     return figure.update_yaxes(title="imaginary part", range=[-3, 2], scaleanchor="x")
 
 
-def sensitivity_figure(loops: Sequence[Loop]) -> go.Figure:
+def sensitivity_figure(loops: Sequence[OpenLoop]) -> go.Figure:
     """What each loop makes of a disturbance: below 0 dB it is damped."""
     figure = go.Figure()
     for loop in loops:
@@ -167,7 +167,7 @@ def crossings(loop: Complex, omega: Array) -> tuple[Array, Array]:
     return gain, hertz
 
 
-def pole_figure(loops: Sequence[Loop]) -> go.Figure:
+def pole_figure(loops: Sequence[OpenLoop]) -> go.Figure:
     """Poles of the closed loops in the discrete plane; stable inside the circle."""
     figure = go.Figure()
     for loop in loops:

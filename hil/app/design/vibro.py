@@ -97,11 +97,11 @@ def print_vibro(found: VibroStudy, page: Path | None) -> None:
     """Resonance, gears, costs and margins as tables."""
     console = summary()
     for line in vibro_lines(found):
-        console.print(line, markup=False)
+        console.print(line)
     console.print(_cost_table(found))
     console.print(_loop_table(found))
     if page is not None:
-        console.print(f"plots: {page}", markup=False, soft_wrap=True)
+        console.print(f"plots: {page}", soft_wrap=True)
 
 
 def _cost_table(found: VibroStudy) -> Table:

@@ -13,8 +13,8 @@ from controller.registry import CONTROLLERS, ESTIMATORS
 from hil.app.docs.meanings import MEANINGS, UNITS
 from hil.app.scenario.bus_scenario import BusTable as SimulatedBusTable
 from hil.app.scenario.bus_scenario import FmuTable, JogTable
-from hil.app.scenario.deployment import BUS_RANGES, BusTable, ControlTable, ModelTable, PlantTable
-from hil.app.scenario.learning import PACE_RANGES, Pace
+from hil.app.scenario.deployment import BusTable, ControlTable, ModelTable, PlantTable
+from hil.app.scenario.learning import Pace
 from hil.app.scenario.model_offer import OfferTable
 from hil.app.scenario.reference import REFERENCES
 from hil.app.scenario.scenario import Control
@@ -101,26 +101,18 @@ _NESTED: Final[Mapping[str, str]] = {"options": '`"index.sub" = value`', "endpoi
 """Tables within a table, by what stands in a line of them."""
 
 CHECKED: Final[Mapping[tuple[type[Any], str], tuple[float, float]]] = {
-    **{(BusTable, name): (lower, upper) for name, lower, upper in BUS_RANGES},
-    (SimulatedBusTable, "data_bitrate"): BUS_RANGES[0][1:],
     (JogTable, "life_ms"): (1, 200),
-    (ControlTable, "tick_s"): (5e-4, 0.02),
-    (ControlTable, "seen_noise_m"): (0.0, 0.01),
-    (ControlTable, "resolution_m"): (0.0, 0.01),
-    (ControlTable, "duration_s"): (0.01, 86400.0),
-    (ControlTable, "give_up_s"): (0.5, 3600.0),
-    (ControlTable, "priority"): (0, 99),
-    (ControlTable, "core"): (-1, math.inf),
-    (Control, "tick_s"): (1e-4, 0.02),
-    (Control, "judged_from_s"): (0.0, math.inf),
-    (OfferTable, "at_s"): (0.0, math.inf),
-    **{(Pace, name): (lower, upper) for name, lower, upper in PACE_RANGES},
     (Cia402Table, "node_id"): (1, 15),
     **{(Cia402Table, name): (lower, upper) for name, lower, upper in CIA402_RANGES},
-    (PlantTable, "priority"): (0, 99),
     **{(OperatorLimits, name): (lower, upper) for name, lower, upper in OPERATOR_RANGES},
     **{(OdriveTable, name): (lower, upper) for name, lower, upper in ODRIVE_RANGES},
     **{(MoteusTable, name): (lower, upper) for name, lower, upper in MOTEUS_RANGES},
+    **{
+        (cls, field.name): field.metadata["range"]
+        for cls in DEPLOYMENT_TABLES.values()
+        for field in dataclasses.fields(cls)
+        if math.isfinite(field.metadata.get("range", (math.nan,))[0])
+    },
 }
 """Ranges that a table checks as it is made; the test of the page tries both ends of each."""
 

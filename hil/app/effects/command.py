@@ -9,6 +9,7 @@ from typing import Any
 from rich.table import Table
 
 from hil.app.console import print_json, summary
+from hil.app.effects.propose import propose
 from models.effects import BY_ID, EFFECTS, use_effects
 from models.effects.conformance import CHECKS
 from models.effects.effect import Effect
@@ -17,10 +18,18 @@ from models.effects.own import LOADED
 from models.parameter import nearest
 
 
-def effects(action: str, file: Path | None, own: Sequence[Path] = (), *, json_output: bool = False) -> None:
-    """List the catalogue with the effects of the files `own` (`action` "list"), or run the conformance checks on the
-    effects of `file` ("check"). Raises ValueError, one sentence, for a file whose effects cannot be used.
+def effects(
+    action: str, file: Path | None, own: Sequence[Path] = (), out: Path | None = None, *, json_output: bool = False
+) -> None:
+    """List the catalogue with the effects of the files `own` (`action` "list"), run the conformance checks on the
+    effects of `file` ("check"), or write what the report in the folder `file` proposes to `out` ("propose"). Raises
+    ValueError, one sentence, for what cannot be used.
     """
+    if (action == "propose") != (out is not None) or (action == "propose" and file is None):
+        raise ValueError(f"--out FILE.py must stand with propose DIR alone; got {action}, {file or 'no folder'}")
+    if file is not None and out is not None:
+        propose(file, out, json_output=json_output)
+        return
     if action not in ("list", "check"):
         raise ValueError(
             f"action must be list, check or propose; got {action!r}; {nearest(action, ('list', 'check', 'propose'))}"
@@ -41,7 +50,7 @@ def effects(action: str, file: Path | None, own: Sequence[Path] = (), *, json_ou
         summary().print(_table(found))
     else:
         for effect in found:
-            summary().print(f"{effect.id}: passed {len(CHECKS)} checks: {', '.join(CHECKS)}", markup=False)
+            summary().print(f"{effect.id}: passed {len(CHECKS)} checks: {', '.join(CHECKS)}")
 
 
 def described(effect: type[Effect]) -> dict[str, Any]:

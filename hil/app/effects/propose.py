@@ -13,8 +13,8 @@ from typing import Any, Final
 from hil.app.console import print_json, summary
 from hil.app.write import check_file, check_targets, write_files
 from models.effects import BY_ID
-from models.effects.conformance import CHECKS, first_failure
-from models.effects.own import effects_in
+from models.effects.conformance import CHECKS
+from models.effects.own import effects_in, own_failure
 from models.files.tables import is_number
 from models.identification.model import read_report
 from models.identification.residual.term import FORMS, SYMBOLS, UNITS
@@ -82,8 +82,8 @@ def propose(folder: Path, out: Path, *, json_output: bool = False) -> None:
         print_json(told)
         return
     console = summary()
-    console.print(f"{out}: effect {out.stem}, passed {len(CHECKS)} checks", markup=False, soft_wrap=True)
-    console.print(f"use it: capsule close-loop RECORD... --rig RIG.toml --effects {out}", markup=False, soft_wrap=True)
+    console.print(f"{out}: effect {out.stem}, passed {len(CHECKS)} checks", soft_wrap=True)
+    console.print(f"use it: capsule close-loop RECORD... --rig RIG.toml --effects {out}", soft_wrap=True)
 
 
 def _check(text: str, out: Path) -> None:
@@ -92,7 +92,7 @@ def _check(text: str, out: Path) -> None:
         draft = Path(folder) / out.name
         draft.write_text(text, encoding="utf-8")
         for origin in effects_in(draft):
-            failure = first_failure(origin.effect, BY_ID)
+            failure = own_failure(origin.effect, BY_ID)
             if failure is not None:
                 raise ValueError(f"{out}: {failure}")
 

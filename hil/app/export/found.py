@@ -12,6 +12,7 @@ from models.assembly.model import Assembly, assemble
 from models.drives.drive import Drive
 from models.effects import BY_ID
 from models.effects.effect import Effect
+from models.files.tables import check_word
 from models.identification.finding import STAGES
 from models.identification.kinds.series.drive_input import OF_THE_LOG
 from models.identification.model import Model, read_model
@@ -56,8 +57,7 @@ def read_found(rig: Path, model: Path, stage: str, driven: str = "") -> Found:
 
     Raises ValueError of one sentence.
     """
-    if stage not in STAGES:
-        raise ValueError(f"--stage must be one of {', '.join(STAGES)}; got {stage!r}; {nearest(stage, STAGES)}")
+    check_word(stage, "--stage", STAGES)
     belief = read_deployed_rig(rig)
     if not KINDS[belief.kind].of_capsule:
         known = ", ".join(name for name, kind in KINDS.items() if kind.of_capsule)

@@ -10,13 +10,16 @@ from numpy.typing import NDArray
 
 from hil.app.export.found import Found
 from hil.app.export.table import friction_table
+from models.drives.coil import Coil
+from models.drives.magnetic import Magnetic
+from models.drives.pull import Pull
 
 Array = NDArray[np.float64]
 _STEP_S: Final = 1e-3
 _DRIVES: Final = {
-    "magnetic": "the magnet's force beyond small gaps: the actuator is a linear spring of its stiffness",
-    "pull": "the elastic link of a pull, where there is one: the actuator holds the place stiffly",
-    "coil": "the coil's reach along the lumen: the actuator's force is that at place 0",
+    Magnetic.name: "the magnet's force beyond small gaps: the actuator is a linear spring of its stiffness",
+    Pull.name: "the elastic link of a pull, where there is one: the actuator holds the place stiffly",
+    Coil.name: "the coil's reach along the lumen: the actuator's force is that at place 0",
 }
 _HARD: Final = 0.9999
 """Impedance of friction, MuJoCo's largest: with its usual 0.9 a body of some grams would creep at centimetres a second

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from rich.table import Table
 
-from hil.app.console import json_text, notes, output_to_notes, print_json, progress_bar, summary
+from hil.app.console import json_text, note, notes, output_to_notes, print_json, progress_bar, summary
 from hil.app.identify.next_experiment import next_toml
 from hil.app.quantities import amount
 from hil.app.report import headline, report_html, report_json
@@ -58,7 +58,7 @@ def _closed(records: Sequence[Path], rig: Path, out: Path, holdout: Sequence[Pat
     belief = read_deployed_rig(rig)
     train, held = read_series(records, holdout, belief)
     for record, role in [(r, "training") for r in train] + [(r, "held out") for r in held]:
-        notes().print(f"{record.name}: {len(record)} rows, {role}", markup=False)
+        notes().print(f"{record.name}: {len(record)} rows, {role}")
     with _termination_interrupts():
         return find_and_write(belief, train, held, out, "close-loop", seed)
 
@@ -99,8 +99,8 @@ def read_series(
 def read_told(path: Path, rig: Rig, *, driven_only: bool = False, lenient: bool = False) -> Record:
     """A record of `rig`; what reading it took is told on standard error. The options as `read_rig_record` has them."""
     record = read_rig_record(path, rig, driven_only=driven_only, lenient=lenient)
-    for note in record.notes:
-        notes().print(f"{record.name}: {note}", markup=False, soft_wrap=True)
+    for said in record.notes:
+        note(f"{record.name}: {said}")
     return record
 
 
@@ -129,23 +129,23 @@ def print_summary(finding: Finding, out: Path) -> None:
     """The verdict, the error before and after, and where the report is."""
     console = summary()
     console.print(f"{finding.verdict}: ", style="bold", end="")
-    console.print(headline(finding), markup=False)
+    console.print(headline(finding))
     for reason in finding.reasons:
-        console.print(f"  {tidy(reason)}", markup=False, soft_wrap=True)
+        console.print(f"  {tidy(reason)}", soft_wrap=True)
     for sentence in story(finding.dependence) if finding.dependence else ():
-        console.print(f"  {sentence}", markup=False, soft_wrap=True)
+        console.print(f"  {sentence}", soft_wrap=True)
     if finding.dependence and finding.dependence.term:
-        console.print(f"  as an effect file: capsule effects propose {out} --out my_effect.py", markup=False)
+        console.print(f"  as an effect file: capsule effects propose {out} --out my_effect.py")
     for alike in grouped(finding.findings):
         more = f" (and {len(alike) - 1} more)" if len(alike) > 1 else ""
-        console.print(f"{alike[0].severity}: {tidy(alike[0].sentence)}{more}", markup=False, soft_wrap=True)
+        console.print(f"{alike[0].severity}: {tidy(alike[0].sentence)}{more}", soft_wrap=True)
     console.print(
         error_table({"training": finding.error["train"], "held out": finding.error.get("holdout", {})}, finding)
     )
-    console.print(f"report: {out / REPORT}", markup=False, soft_wrap=True)
-    console.print(f"model:  {out / MODEL}", markup=False, soft_wrap=True)
+    console.print(f"report: {out / REPORT}", soft_wrap=True)
+    console.print(f"model:  {out / MODEL}", soft_wrap=True)
     if finding.proposal is not None:
-        console.print(f"next:   {tidy(finding.next_experiment or '')}", markup=False, soft_wrap=True)
+        console.print(f"next:   {tidy(finding.next_experiment or '')}", soft_wrap=True)
 
 
 def error_table(rows: dict[str, dict[str, float]], finding: Finding) -> Table:

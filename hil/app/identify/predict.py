@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.app.console import notes, output_to_notes, print_json, summary
+from hil.app.console import note, output_to_notes, print_json, summary
 from hil.app.identify.close_loop import read_told
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import check_file, check_targets, write_table
+from models.files.tables import check_word
+from models.files.toml import in_file
 from models.identification.finding import STAGES
 from models.identification.model import read_model
-from models.parameter import nearest
 from models.records.record import Record
 
 
@@ -22,20 +23,17 @@ def predict(
     record: Path, rig: Path, model: Path, out: Path, *, stage: str = "augmented", json_output: bool = False
 ) -> None:
     """Write the free-running prediction of `record` to `out`, one row a sample (a condition, for a table of runs)."""
-    if stage not in STAGES:
-        raise ValueError(f"--stage must be one of {', '.join(STAGES)}; got {stage!r}; {nearest(stage, STAGES)}")
+    check_word(stage, "--stage", STAGES)
     check_file(out, "--out", (".csv", ".csv.gz"))
     check_targets([out], "--out", [record, rig, model])
     belief = read_deployed_rig(rig)
     learned = read_model(model, belief.kind, whole=False)
     driven = read_told(record, belief, driven_only=True)
-    try:
+    with in_file(model):
         learned.check(belief, driven)
         learned.check_whole()
-    except ValueError as error:
-        raise ValueError(f"{model}: {error}") from None
     if stage in learned.cautions:
-        notes().print(f"{model}: {learned.cautions[stage]}", markup=False, soft_wrap=True)
+        note(f"{model}: {learned.cautions[stage]}")
     with output_to_notes():
         columns = learned.predict(belief, driven, stage)
     write_table(out, columns)
@@ -54,9 +52,9 @@ def predict(
         )
         return
     console = summary()
-    console.print(f"{stage} model, {rows} rows: {out}", markup=False, soft_wrap=True)
+    console.print(f"{stage} model, {rows} rows: {out}", soft_wrap=True)
     for name, value in differences.items():
-        console.print(f"rms of {name}, measured minus predicted: {value:.4g}", markup=False)
+        console.print(f"rms of {name}, measured minus predicted: {value:.4g}")
 
 
 def compare(record: Record, columns: dict[str, NDArray[np.float64]]) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Final, cast
+from typing import Any, Final
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from models.rigs.kind import RigKind, Tables
 from models.rigs.reader import parse_rig
 from models.rigs.schema import Table, field_of
 from models.rigs.tables import Noise
-from plant.experiments.series import Kind, make_series
+from plant.experiments.series import make_series
 
 _SECONDS: Final = 12.0
 
@@ -34,7 +34,7 @@ def template(kind: RigKind, *, rotary: bool = False) -> tuple[Tables, Columns]:
     made = kind.turning_template if rotary else kind.template
     if made is None:
         with TemporaryDirectory() as name:
-            folder = make_series(cast(Kind, kind.id), None, 1, Path(name), _SECONDS)
+            folder = make_series(kind.id, None, 1, Path(name), _SECONDS)
             stated = tomllib.loads((folder / "rig.toml").read_text(encoding="utf-8"))
             return stated, read_record(folder / "train_1.csv.gz", parse_rig(stated)).columns
     rng = np.random.default_rng(1)

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
+import os
+import select
 import sys
+import termios
 import time
+import tty
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-from hil.app.console import notes, print_json, summary
-from hil.app.jog.keyboard import keys, raw_terminal
+from hil.app.console import note, print_json, say
 from hil.app.run.clock import Clock, ClockedBus
 from hil.app.run.command import open_bus
 from hil.app.run.loop import Signals
@@ -63,7 +67,7 @@ def jog(
             return _told(path, sender, json_output)
         _send(sender, [Step("release", 0.0, GREETING_S)], signals)
         if script is None:
-            notes().print("left and right steer while held, up and down set the speed, q ends", markup=False)
+            note("left and right steer while held, up and down set the speed, q ends")
             with raw_terminal(sys.stdin.fileno()):
                 _by_keys(sender, limits, signals)
             sys.stderr.write("\n")
@@ -98,12 +102,7 @@ def _cycles(signals: Signals, seconds: float = math.inf) -> Iterator[float]:
 def _send(sender: OperatorSender, planned: Iterable[Step], signals: Signals) -> None:
     for step in planned:
         for _ in _cycles(signals, step.seconds):
-            if step.mode == "speed":
-                sender.speed(step.value)
-            elif step.mode == "position":
-                sender.position(step.value)
-            else:
-                sender.release()
+            sender.steer(step.mode, step.value)
             sender.listen()
 
 
@@ -154,5 +153,59 @@ def _told(path: Path, sender: OperatorSender, json_output: bool) -> int:
             told.append(f"{count} of {sender.taken + count} with the switch held refused ({whys})")
         if sender.others:
             told.append(f"another sender is on the bus as {sender.source}: --source takes another name")
-        summary().print("; ".join(told), markup=False, soft_wrap=True)
+        say("; ".join(told))
     return 0 if answer is not None and not sender.refused and not sender.others else 1
+
+
+KEYS: Final = {
+    "\x1b[C": "right",
+    "\x1b[D": "left",
+    "\x1b[A": "up",
+    "\x1b[B": "down",
+    "\x1bOC": "right",
+    "\x1bOD": "left",
+    "\x1bOA": "up",
+    "\x1bOB": "down",
+    "\x1b": "quit",
+    "q": "quit",
+    "\x03": "quit",
+    "\x04": "quit",
+    " ": "release",
+}
+
+
+@contextmanager
+def raw_terminal(descriptor: int) -> Iterator[None]:
+    """Within it keys come at once and are not shown; whatever ends it, the terminal is as it was."""
+    before = termios.tcgetattr(descriptor)
+    try:
+        tty.setcbreak(descriptor, termios.TCSANOW)
+        yield
+    finally:
+        termios.tcsetattr(descriptor, termios.TCSADRAIN, before)
+
+
+def keys(descriptor: int) -> list[str]:
+    """The keys that have been pressed since the last call, by the names of `KEYS`; others are left out. Never waits;
+    a terminal that is gone is "quit".
+    """
+    text = b""
+    while len(text) < 4096 and select.select([descriptor], [], [], 0)[0]:
+        try:
+            more = os.read(descriptor, 256)
+        except OSError:
+            more = b""
+        if not more:
+            return ["quit"]
+        text += more
+    return _named(text.decode("utf-8", "replace"))
+
+
+def _named(text: str) -> list[str]:
+    found, at = [], 0
+    while at < len(text):
+        length = next((n for n in (3, 1) if text[at : at + n] in KEYS), 0)
+        if length:
+            found.append(KEYS[text[at : at + length]])
+        at += length or 1
+    return found

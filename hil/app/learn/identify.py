@@ -11,6 +11,7 @@ from typing import Final, TypeVar
 
 import numpy as np
 
+from controller.drives import CARRIAGE
 from controller.signals import Array
 from controller.supervision.acceptance import AcceptanceTest
 from hil.app.learn.experiment import Motion, motion_of
@@ -157,7 +158,7 @@ def _as_it_held(question: Question) -> tuple[Rig, dict[str, float], Mapping[str,
     rig, columns, end = question.rig, question.columns, question.broken_from
     times = columns[TIME]
     begin = int(np.searchsorted(times, times[0] + LEAD_S))
-    if rig.kind != "magnetic" or times[end] - times[0] < LEAD_S + HELD_S:
+    if rig.kind != CARRIAGE.name or times[end] - times[0] < LEAD_S + HELD_S:
         return rig, question.in_use, columns
     driven, measured = SOURCES[rig.kind].driven.column, SOURCES[rig.kind].measured.column
     before = ready(_part("before", rig, columns, begin, end), rig)

@@ -6,15 +6,16 @@ import math
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from dataclasses import asdict, dataclass, field
-from typing import Any, Final, Literal
+from typing import Any, Literal
 
 import numpy as np
 
+from controller.drives import bodies
 from controller.excursion import Experiment
 from controller.model.control_model import ControlModel
 from controller.monitor.monitor import Health
 from controller.signals import Array
-from controller.supervision.acceptance import Verdict
+from controller.supervision.acceptance import Acceptance
 from controller.supervision.history import History
 from controller.supervision.model_switch import ModelSwitch, Offer, Prepared
 from hil.app.learn.experiment import experiment_of
@@ -25,8 +26,6 @@ from hil.log.record import SOURCES
 from models.rigs.columns import TIME
 from models.rigs.rig import Rig
 
-LEARNT: Final = ("magnetic", "coil")
-"""Kinds of rig whose runs are records that can be identified on."""
 Phase = Literal["watching", "gathering", "identifying", "preparing", "offered", "on trial"]
 Beside = Callable[[Callable[[], Prepared]], "Future[Prepared]"]
 """Runs what takes long, beside the ticks or at once."""
@@ -34,8 +33,8 @@ Beside = Callable[[Callable[[], Prepared]], "Future[Prepared]"]
 
 def check_learnt(rig: Rig) -> None:
     """Raises ValueError for a rig whose runs make no record."""
-    if rig.kind not in LEARNT:
-        raise ValueError(f"--learn must stand with a rig of kind {' or '.join(LEARNT)}; got {rig.kind}")
+    if rig.kind not in bodies():
+        raise ValueError(f"--learn must stand with a rig of kind {' or '.join(bodies())}; got {rig.kind}")
 
 
 @dataclass
@@ -225,7 +224,7 @@ class Learner:
     def _prepare(self, now: float, values: Mapping[str, float], then: Phase) -> None:
         """Have the controllers of a model made, which is on offer `then`."""
         self._next, self._phase = (values, then), "preparing"
-        self._made = self.beside(lambda: self.switch.prepare(Offer(self.believed(values), Verdict())))
+        self._made = self.beside(lambda: self.switch.prepare(Offer(self.believed(values), Acceptance())))
         self._put(now)
 
     def _put(self, now: float) -> None:

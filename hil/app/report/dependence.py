@@ -15,7 +15,7 @@ from hil.app.report.mathml import equations_html
 from hil.app.report.theme import STAGE_COLOURS, styled
 from hil.app.report.words import column_words, listed
 from models.effects.conformance import SIGNALS
-from models.identification.finding import Curve, Dependence, Surface, Term
+from models.identification.finding import Curve, Dependence, Term
 
 COMMAND = "capsule effects propose REPORT_DIR --out my_effect.py"
 _SHOWN = 4
@@ -35,9 +35,15 @@ _FORMS = {
 
 def story(found: Dependence) -> list[str]:
     """What the residual depends on, in sentences for page and terminal."""
-    return [
-        sentence for sentence in (_best(found), _two(found.surface), _line(found), _proposed(found.term)) if sentence
-    ]
+    said, surface, term = [_best(found)], found.surface, found.term
+    if surface is not None:
+        names = listed(column_words(name)[0] for name in surface.variables)
+        said.append(f"Two signals matter together: a surface over {names} foretells {percent(surface.share)}.")
+    if found.tone is not None:
+        said.append(f"{percent(found.tone.share)} of its power is a tone of {number(found.tone.frequency_Hz, 3)} Hz.")
+    if term is not None:
+        said.append(f"Proposed term, {_FORMS[term.form]}: {term.text}, in {term.amplitude.unit} and SI units.")
+    return said
 
 
 def _best(found: Dependence) -> str:
@@ -53,25 +59,6 @@ def _over(curve: Curve) -> str:
     return f"over {words}{', as a resistance,' if curve.along == '-v' else ''}"
 
 
-def _two(surface: Surface | None) -> str:
-    if surface is None:
-        return ""
-    names = listed(column_words(name)[0] for name in surface.variables)
-    return f"Two signals matter together: a surface over {names} foretells {percent(surface.share)}."
-
-
-def _line(found: Dependence) -> str:
-    if found.tone is None:
-        return ""
-    return f"{percent(found.tone.share)} of its power is a tone of {number(found.tone.frequency_Hz, 3)} Hz."
-
-
-def _proposed(term: Term | None) -> str:
-    if term is None:
-        return ""
-    return f"Proposed term, {_FORMS[term.form]}: {term.text}, in {term.amplitude.unit} and SI units."
-
-
 def curves_figure(found: Dependence) -> go.Figure | None:
     """The curves that foretell most, each with its 95 % interval."""
     shown = [c for c in found.curves if c.share >= _TELLS][:_SHOWN]
@@ -83,19 +70,12 @@ def curves_figure(found: Dependence) -> go.Figure | None:
         words, own = column_words(curve.variable)
         along, prefixed = scale(curve.centres, own)
         x = along * curve.centres
-        band = {"mode": "lines", "line": {"width": 0}, "hoverinfo": "skip", "showlegend": False}
-        figure.add_scatter(x=x, y=factor * curve.low, row=1, col=col, **band)
-        figure.add_scatter(x=x, y=factor * curve.high, fill="tonexty", fillcolor=_BAND, row=1, col=col, **band)
-        figure.add_scatter(
-            x=x,
-            y=factor * curve.values,
-            mode="lines+markers",
-            line={"color": STAGE_COLOURS["augmented"], "width": 2},
-            marker={"size": 4},
-            showlegend=False,
-            row=1,
-            col=col,
-        )
+        here = {"x": x, "showlegend": False, "row": 1, "col": col}
+        band = {"mode": "lines", "line": {"width": 0}, "hoverinfo": "skip", **here}
+        figure.add_scatter(y=factor * curve.low, **band)
+        figure.add_scatter(y=factor * curve.high, fill="tonexty", fillcolor=_BAND, **band)
+        line = {"color": STAGE_COLOURS["augmented"], "width": 2}
+        figure.add_scatter(y=factor * curve.values, mode="lines+markers", line=line, marker={"size": 4}, **here)
         size = "size of " if curve.sized else ""
         figure.update_xaxes(title=f"{size}{words} in {prefixed}", row=1, col=col)
     resisting = all(curve.along == "-v" for curve in shown)

@@ -10,7 +10,7 @@ from plotly.subplots import make_subplots
 
 from hil.app.quantities import scale
 from hil.app.report.panels import Array, Panel
-from hil.app.report.theme import INK, MUTED, STAGE_COLOURS, styled
+from hil.app.report.theme import INK, MUTED, STAGE_COLOURS, axes, styled
 
 
 def speed_map(drawn: Sequence[Panel], last: str) -> go.Figure | None:
@@ -22,29 +22,22 @@ def speed_map(drawn: Sequence[Panel], last: str) -> go.Figure | None:
         return None
     period, duty = (np.concatenate([panel.signals[name] for panel in drawn]) for name in ("period_s", "duty"))
     columns = {"measured": np.concatenate([panel.measured for panel in drawn])}
-    columns |= {
-        stage: np.concatenate([panel.predicted[stage] for panel in drawn]) for stage in dict.fromkeys(("nominal", last))
-    }
+    for stage in dict.fromkeys(("nominal", last)):
+        columns[stage] = np.concatenate([panel.predicted[stage] for panel in drawn])
     conditions, means = _by_condition(np.column_stack((period, duty)), columns)
     factor, unit = scale(columns["measured"], drawn[0].unit)
     limit = factor * float(np.nanmax(np.abs(means["measured"])))
     titles = [name if name == "measured" else f"{name} model" for name in means]
     figure = make_subplots(rows=1, cols=len(means), shared_yaxes=True, horizontal_spacing=0.03, subplot_titles=titles)
+    edge = {"color": INK, "width": 0.7}
     for column, values in enumerate(means.values(), start=1):
         figure.add_scatter(
             x=1e3 * conditions[:, 0],
             y=conditions[:, 1],
             mode="markers",
-            marker={
-                "color": factor * values,
-                "coloraxis": "coloraxis",
-                "size": 11,
-                "line": {"color": INK, "width": 0.7},
-            },
+            marker={"color": factor * values, "coloraxis": "coloraxis", "size": 11, "line": edge},
             hovertemplate=f"T %{{x:.3g}} ms, duty %{{y:.2f}}: %{{marker.color:.3g}} {unit}<extra></extra>",
-            showlegend=False,
-            row=1,
-            col=column,
+            **{"showlegend": False, "row": 1, "col": column},
         )
         figure.update_xaxes(title="drive period in ms", row=1, col=column)
     figure.update_yaxes(title="duty", row=1, col=1)
@@ -60,14 +53,8 @@ def agreement_figure(drawn: Sequence[Panel], last: str) -> go.Figure:
     factor, unit = scale(measured, drawn[0].unit)
     figure = go.Figure()
     ends = factor * np.array([measured.min(), measured.max()])
-    figure.add_scatter(
-        x=ends,
-        y=ends,
-        mode="lines",
-        line={"color": MUTED, "dash": "dash", "width": 1},
-        showlegend=False,
-        hoverinfo="skip",
-    )
+    line = {"color": MUTED, "dash": "dash", "width": 1}
+    figure.add_scatter(x=ends, y=ends, mode="lines", line=line, showlegend=False, hoverinfo="skip")
     for stage in dict.fromkeys(("nominal", last)):
         for role, symbol in (("train", "circle"), ("holdout", "diamond-open")):
             some = [panel for panel in drawn if (panel.role == "holdout") == (role == "holdout")]
@@ -79,9 +66,7 @@ def agreement_figure(drawn: Sequence[Panel], last: str) -> go.Figure:
                     name=stage + (", held out" if role == "holdout" else ""),
                     marker={"color": STAGE_COLOURS[stage], "symbol": symbol, "size": 8, "opacity": 0.85},
                 )
-    styled(figure, 420)
-    figure.update_xaxes(title=f"measured {drawn[0].quantity} in {unit}")
-    return figure.update_yaxes(title=f"predicted in {unit}")
+    return axes(figure, f"measured {drawn[0].quantity} in {unit}", f"predicted in {unit}", 420)
 
 
 def _by_condition(conditions: Array, columns: dict[str, Array]) -> tuple[Array, dict[str, Array]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -53,9 +54,15 @@ def residual_figure(drawn: Sequence[Panel], before: str, after: str) -> go.Figur
                 _cloud(figure, signal, factor * rests[stage][quantity], quantity, colour, (row, column))
                 for way, dash in _ways(drawn, quantity, name):
                     centres, means = binned(signal[way], factor * rests[stage][quantity][way])
-                    _means(figure, centres, means, quantity, {"color": colour, "width": 2, "dash": dash}, (row, column))
+                    look: dict[str, Any] = {
+                        "mode": "lines+markers",
+                        "line": {"color": colour, "width": 2, "dash": dash},
+                    }
+                    look |= {"marker": {"size": 4}, "name": quantity, "showlegend": False}
+                    figure.add_scatter(x=centres, y=means, row=row, col=column, **look)
             signal_factor, prefixed = scale(np.concatenate([panel.signals[name] for panel in drawn]), signal_unit)
-            _rescale(figure, signal_factor, (row, column))
+            for trace in figure.select_traces(row=row, col=column):
+                trace.x = signal_factor * np.asarray(trace.x)
             figure.update_xaxes(title=f"{words} in {prefixed}" if prefixed else words, row=row, col=column)
         figure.update_yaxes(title=f"residual in {unit}", range=[-limit, limit], row=row, col=1)
         figure.update_yaxes(range=[-limit, limit], row=row, col=2)
@@ -85,17 +92,8 @@ def _cloud(figure: go.Figure, signal: Array, rest: Array, name: str, colour: str
         some = np.sort(np.random.default_rng(0).choice(some, MOST_POINTS, replace=False))
     row, col = place
     marker = {"color": colour, "size": 4 if len(some) > 100 else 7, "opacity": 0.28 if len(some) > 100 else 0.6}
-    figure.add_scatter(
-        x=signal[some].astype(np.float32),
-        y=rest[some].astype(np.float32),
-        mode="markers",
-        marker=marker,
-        name=name,
-        showlegend=False,
-        hoverinfo="skip",
-        row=row,
-        col=col,
-    )
+    points = {"x": signal[some].astype(np.float32), "y": rest[some].astype(np.float32), "marker": marker}
+    figure.add_scatter(**points, mode="markers", name=name, showlegend=False, hoverinfo="skip", row=row, col=col)
 
 
 def _ways(drawn: Sequence[Panel], quantity: str, name: str) -> list[tuple[NDArray[np.bool_], str]]:
@@ -110,25 +108,3 @@ def _ways(drawn: Sequence[Panel], quantity: str, name: str) -> list[tuple[NDArra
     least = 0.02 * float(np.nanmax(np.abs(speed)))
     ways = ((speed > least, "solid"), (speed < -least, "dot"))
     return [(way, dash) for way, dash in ways if np.count_nonzero(way) > 50] or [(np.ones(size, dtype=bool), "solid")]
-
-
-def _means(
-    figure: go.Figure, centres: Array, means: Array, name: str, line: dict[str, object], place: tuple[int, int]
-) -> None:
-    row, col = place
-    figure.add_scatter(
-        x=centres,
-        y=means,
-        mode="lines+markers",
-        line=line,
-        marker={"size": 4},
-        name=name,
-        showlegend=False,
-        row=row,
-        col=col,
-    )
-
-
-def _rescale(figure: go.Figure, factor: float, place: tuple[int, int]) -> None:
-    for trace in figure.select_traces(row=place[0], col=place[1]):
-        trace.x = factor * np.asarray(trace.x)

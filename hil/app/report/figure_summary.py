@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
@@ -14,6 +15,7 @@ from models.identification.finding import STAGES, CandidateRow, Finding
 
 PARTS = {"train": "training", "holdout": "held out"}
 MOST_ROUNDS, MOST_CANDIDATES = 4, 14
+_GAIN = "gain on data left out, fitted"
 CHOSEN, ALIKE, OTHER = STAGE_COLOURS["augmented"], "#8cc4c8", "#cfd6dd"
 
 
@@ -26,16 +28,8 @@ def error_figure(finding: Finding) -> go.Figure:
     figure = go.Figure()
     for stage in STAGES:
         heights = [factor * finding.error[part].get(stage, math.nan) for part in parts]
-        figure.add_bar(
-            x=[PARTS[part] for part in parts],
-            y=heights,
-            name=STAGE_WORDS[stage],
-            marker={"color": STAGE_COLOURS[stage], "cornerradius": 3},
-            text=[number(h, 3) for h in heights],
-            textposition="outside",
-            cliponaxis=False,
-            hovertemplate=f"%{{x}}, {stage}: %{{y:.4g}} {unit}<extra></extra>",
-        )
+        hover = f"%{{x}}, {stage}: %{{y:.4g}} {unit}<extra></extra>"
+        figure.add_bar(x=[PARTS[part] for part in parts], y=heights, hovertemplate=hover, **stage_bar(stage, heights))
     if _finite(finding.noise_floor) and finding.noise_floor > 0:
         level = factor * finding.noise_floor
         line = {"color": FLOOR, "dash": "dash", "width": 1.5}
@@ -44,6 +38,12 @@ def error_figure(finding: Finding) -> go.Figure:
     return figure.update_yaxes(
         title=f"error in {unit}" if unit else "error", type="log" if wide else "linear", rangemode="tozero"
     )
+
+
+def stage_bar(stage: str, heights: list[float]) -> dict[str, Any]:
+    """The look of the bars of a stage, each with its number above it."""
+    look = {"name": STAGE_WORDS[stage], "marker": {"color": STAGE_COLOURS[stage], "cornerradius": 3}}
+    return look | {"text": [number(h, 3) for h in heights], "textposition": "outside", "cliponaxis": False}
 
 
 def candidate_figure(finding: Finding) -> go.Figure | None:
@@ -60,28 +60,16 @@ def candidate_figure(finding: Finding) -> go.Figure | None:
         horizontal_spacing=0.04,
         vertical_spacing=64 / _height(sizes),
         row_heights=[max(size, 3) for size in sizes],
-        subplot_titles=[
-            title
-            for index in rounds
-            for title in (f"round {index}: share of the residual, screened", "gain on data left out, fitted")
-        ],
+        subplot_titles=[t for k in rounds for t in (f"round {k}: share of the residual, screened", _GAIN)],
     )
     for place, rows in enumerate(shown.values(), start=1):
         names = [effect_words(row.id) for row in rows]
         colours = [_colour(finding, row.id) for row in rows]
         notes = [row.note for row in rows]
         for column, values in enumerate(([100 * row.screened for row in rows], [row.gain for row in rows]), start=1):
-            figure.add_bar(
-                x=values,
-                y=names,
-                orientation="h",
-                marker={"color": colours, "cornerradius": 2},
-                customdata=notes,
-                hovertemplate="%{y}: %{x:.3g}<br>%{customdata}<extra></extra>",
-                showlegend=False,
-                row=place,
-                col=column,
-            )
+            here = {"orientation": "h", "showlegend": False, "row": place, "col": column}
+            hover = {"customdata": notes, "hovertemplate": "%{y}: %{x:.3g}<br>%{customdata}<extra></extra>"}
+            figure.add_bar(x=values, y=names, marker={"color": colours, "cornerradius": 2}, **hover, **here)
         figure.update_xaxes(ticksuffix=" %", rangemode="tozero", row=place, col=1)
     styled(figure, _height(sizes), bargap=0.28, margin={"l": 165, "r": 20, "t": 34, "b": 40})
     return figure.update_yaxes(autorange="reversed", tickfont={"color": MUTED}, ticklabelstandoff=6)

@@ -1,6 +1,8 @@
-"""Figures of a record: measured against predicted, and what each model leaves."""
+"""Figures of a record: measured against predicted, what each model leaves, and the motion of a proposed one."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -8,20 +10,16 @@ from plotly.subplots import make_subplots
 
 from hil.app.quantities import scale
 from hil.app.report.panels import Array, Panel, thinned
-from hil.app.report.theme import INK, STAGE_COLOURS, styled
+from hil.app.report.theme import INK, STAGE_COLOURS, axes, styled
 from hil.app.report.words import STAGE_WORDS, column_words
+from models.identification.finding import Proposal
 
 
 def trace_figure(panel: Panel, points: int, residual: bool = True) -> go.Figure:
     """Measured and predicted over the record's abscissa; below, what the models after the nominal one leave."""
     factor, unit = scale([*panel.measured, *(v for values in panel.predicted.values() for v in values)], panel.unit)
-    figure = make_subplots(
-        rows=2 if residual else 1,
-        cols=1,
-        shared_xaxes=True,
-        vertical_spacing=0.06,
-        row_heights=[0.68, 0.32][: 1 + residual],
-    )
+    heights = [0.68, 0.32][: 1 + residual]
+    figure = make_subplots(rows=len(heights), cols=1, shared_xaxes=True, vertical_spacing=0.06, row_heights=heights)
     if panel.dense:
         lines = [(STAGE_WORDS[stage], STAGE_COLOURS[stage], values) for stage, values in panel.predicted.items()]
         lines.insert(2, ("measured", INK, panel.measured))
@@ -40,6 +38,15 @@ def trace_figure(panel: Panel, points: int, residual: bool = True) -> go.Figure:
     return figure.update_yaxes(title="residual", row=2, col=1) if residual else figure
 
 
+def motion_figure(proposal: Proposal) -> go.Figure:
+    """The waypoints of `proposal`, in mm over s."""
+    line = {"color": STAGE_COLOURS["augmented"], "width": 2}
+    look: dict[str, Any] = {"mode": "lines+markers", "line": line, "marker": {"size": 5}, "showlegend": False}
+    hover = "%{x:.2f} s: %{y:.3f} mm<extra></extra>"
+    figure = go.Figure(go.Scatter(x=proposal.times_s, y=1e3 * proposal.places_m, hovertemplate=hover, **look))
+    return axes(figure, "time in s", f"{column_words(proposal.column)[0]} in mm", 260)
+
+
 def _line(figure: go.Figure, panel: Panel, values: Array, name: str, colour: str, points: int) -> None:
     x, y = thinned(panel.abscissa, values, points)
     line = {"color": colour, "width": 1.2}
@@ -49,32 +56,22 @@ def _line(figure: go.Figure, panel: Panel, values: Array, name: str, colour: str
 def _markers(figure: go.Figure, panel: Panel, factor: float) -> None:
     symbols = {"nominal": "x-thin", "calibrated": "diamond", "augmented": "circle"}
     order = np.argsort(panel.abscissa, kind="stable")
-    x = panel.abscissa[order]
+    here = {"x": panel.abscissa[order], "mode": "markers", "row": 1, "col": 1}
     for stage, values in panel.predicted.items():
-        colour = STAGE_COLOURS[stage]
-        marker = {
-            "color": colour,
-            "symbol": symbols[stage],
-            "size": 9,
-            "line": {"color": colour, "width": 2 if stage == "nominal" else 0},
-        }
-        figure.add_scatter(
-            x=x, y=factor * values[order], name=STAGE_WORDS[stage], mode="markers", marker=marker, row=1, col=1
-        )
+        edge = {"color": STAGE_COLOURS[stage], "width": 2 if stage == "nominal" else 0}
+        marker = {"color": STAGE_COLOURS[stage], "symbol": symbols[stage], "size": 9, "line": edge}
+        figure.add_scatter(y=factor * values[order], name=STAGE_WORDS[stage], marker=marker, **here)
     marker = {"color": "white", "size": 9, "line": {"color": INK, "width": 2}}
-    figure.add_scatter(
-        x=x, y=factor * panel.measured[order], name="measured", mode="markers", marker=marker, row=1, col=1
-    )
+    figure.add_scatter(y=factor * panel.measured[order], name="measured", marker=marker, **here)
 
 
 def _rest(figure: go.Figure, panel: Panel, stage: str, values: Array, points: int) -> None:
     colour = STAGE_COLOURS[stage]
     x, y = thinned(panel.abscissa, values, points) if panel.dense else (panel.abscissa, values)
-    style = (
-        {"mode": "lines", "line": {"color": colour, "width": 1}}
-        if panel.dense
-        else {"mode": "markers", "marker": {"color": colour, "size": 7}}
-    )
-    figure.add_scatter(
-        x=x.astype(np.float32), y=y.astype(np.float32), name=f"left by {stage}", showlegend=False, row=2, col=1, **style
-    )
+    style: dict[str, Any] = {
+        "mode": "lines" if panel.dense else "markers",
+        "name": f"left by {stage}",
+        "showlegend": False,
+    }
+    style |= {"line": {"color": colour, "width": 1}} if panel.dense else {"marker": {"color": colour, "size": 7}}
+    figure.add_scatter(x=x.astype(np.float32), y=y.astype(np.float32), row=2, col=1, **style)

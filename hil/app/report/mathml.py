@@ -33,54 +33,13 @@ SYMBOLS: Final = MappingProxyType(
 )
 """Letters of the base models' parameters; parameters of effects go by their names."""
 _FUNCTIONS: Final = frozenset(
-    [
-        "sin",
-        "cos",
-        "tan",
-        "tanh",
-        "exp",
-        "log",
-        "log1p",
-        "sqrt",
-        "sgn",
-        "Sgn",
-        "max",
-        "min",
-        "int",
-        "mean",
-        "median",
-        "on",
-        "clip",
-        "abs",
-        "sign",
-        "floor",
-        "hypot",
-    ]
-)
+    ("sin", "cos", "tan", "tanh", "exp", "log", "log1p", "sqrt", "sgn", "Sgn", "max", "min", "int", "mean", "median",
+     "on", "clip", "abs", "sign", "floor", "hypot")
+)  # fmt: skip
 _SHORT_WORDS: Final = frozenset(
-    [
-        "in",
-        "of",
-        "at",
-        "by",
-        "to",
-        "is",
-        "as",
-        "or",
-        "it",
-        "if",
-        "so",
-        "an",
-        "be",
-        "ms",
-        "mm",
-        "mN",
-        "Pa",
-        "Hz",
-        "kg",
-        "dB",
-    ]
-)
+    ("in", "of", "at", "by", "to", "is", "as", "or", "it", "if", "so", "an", "be", "ms", "mm", "mN", "Pa",
+     "Hz", "kg", "dB")
+)  # fmt: skip
 _TOKEN: Final = re.compile(
     r"\s*(?:(?P<number>\d+\.?\d*(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z]+(?:_?[A-Za-z0-9]+)*)"
     r"|(?P<mark><=|>=|==|!=|\S))"
@@ -199,18 +158,14 @@ class _Reader:
         return "".join(out)
 
     def _sum(self) -> str:
-        out = []
-        if self._peek("-", "+"):
-            out.append(f'<mo form="prefix">{_sign(self._next().text)}</mo>')
-        out.append(self._product())
+        out = f'<mo form="prefix">{_sign(self._next().text)}</mo>' if self._peek("-", "+") else ""
+        out += self._product()
         while self._peek("+", "-"):
-            out.append(f"{_BREAK}<mo>{_sign(self._next().text)}</mo>")
-            out.append(self._product())
-        return "".join(out)
+            out += f"{_BREAK}<mo>{_sign(self._next().text)}</mo>{self._product()}"
+        return out
 
     def _product(self) -> str:
-        done: list[str] = []
-        factors: list[str] = []
+        done, factors = list[str](), list[str]()
         while self._at < len(self._tokens):
             if self._peek("/") and factors:
                 self._next()
@@ -234,12 +189,12 @@ class _Reader:
         base = self._atom()
         if not base:
             return ""
-        primes = 0
+        primes = ""
         while self._peek("'"):
             self._next()
-            primes += 1
+            primes += "′"
         if primes:
-            base = f"<msup>{_row([base])}<mo>{'′' * primes}</mo></msup>"
+            base = f"<msup>{_row([base])}<mo>{primes}</mo></msup>"
         while self._at < len(self._tokens) and self._peek("(") and self._tokens[self._at].near:
             base = f"<mrow>{base}{self._group()}</mrow>"
         if self._peek("^"):
@@ -295,11 +250,10 @@ class _Reader:
 
     def _compared(self) -> str:
         """One argument of a function: a sum, or two with a relation between them."""
-        out = [self._sum()]
+        out = self._sum()
         while self._peek("<", ">", "<=", ">=", "==", "=", "!="):
-            out.append(f"<mo>{_RELATIONS[self._next().text]}</mo>")
-            out.append(self._sum())
-        return "".join(out)
+            out += f"<mo>{_RELATIONS[self._next().text]}</mo>{self._sum()}"
+        return out
 
     def _group(self) -> str:
         opening = self._next().text

@@ -11,10 +11,9 @@ from hil.app.report.dependence import curves_figure, dependence_html, surface_fi
 from hil.app.report.document import document, heading
 from hil.app.report.effect_card import effect_card, symbols_of
 from hil.app.report.figure_map import agreement_figure, speed_map
-from hil.app.report.figure_motion import motion_figure
 from hil.app.report.figure_residuals import residual_figure
 from hil.app.report.figure_summary import candidate_figure, error_figure
-from hil.app.report.figure_traces import trace_figure
+from hil.app.report.figure_traces import motion_figure, trace_figure
 from hil.app.report.findings import findings_html, warning_html
 from hil.app.report.mathml import equations_html
 from hil.app.report.panels import Panel, closer, panels

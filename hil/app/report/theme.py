@@ -8,15 +8,13 @@ from typing import Any
 import plotly.graph_objects as go
 import plotly.io as pio
 
-INK, MUTED, GRID, FLOOR, PAPER = "#1d2733", "#66727f", "#e6eaee", "#8792a0", "#ffffff"
+INK, MUTED, GRID, FLOOR = "#1d2733", "#66727f", "#e6eaee", "#8792a0"
 STAGE_COLOURS = MappingProxyType({"nominal": "#a9b4c2", "calibrated": "#e0913a", "augmented": "#0b7a84"})
 QUANTITY_COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#8a7d1a")
 """Okabe and Ito's colours, which people of every colour vision tell apart; the yellow one darker, for white paper."""
 DASHES = ("solid", "dash", "dot", "dashdot")
 SYMBOLS = ("circle", "diamond", "square", "triangle-up", "cross", "x", "star")
 FONT = "Inter, 'Segoe UI', system-ui, -apple-system, 'Helvetica Neue', Arial, sans-serif"
-LEGEND_LINE = 19
-"""Height of a legend's line, px."""
 ROOM_BELOW = 56
 """Of a figure, px: a tick, a label with a power and a title. Plotly draws a figure twice whose labels need more."""
 
@@ -54,6 +52,11 @@ def styled(figure: go.Figure, height: int, **layout: Any) -> go.Figure:
     figure.update_annotations(font={"size": 13, "color": MUTED})
     figure.update_layout(**layout)
     return figure
+
+
+def axes(figure: go.Figure, x: str, y: str, height: int, **layout: Any) -> go.Figure:
+    """The figure in the pages' look, its axes titled."""
+    return styled(figure, height, **layout).update_xaxes(title=x).update_yaxes(title=y)
 
 
 def figure_html(figure: go.Figure, name: str) -> str:

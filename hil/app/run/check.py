@@ -11,16 +11,8 @@ from typing import Final
 import can
 
 from controller.limits import Limits
+from hil.app.run import machine
 from hil.app.run.clock import ClockedBus, Histogram
-from hil.app.run.machine import (
-    lateness,
-    link_advice,
-    link_faults,
-    link_of,
-    priority_words,
-    stamp_words,
-    tick_to_hold,
-)
 from hil.app.run.replay import Tape
 from hil.app.scenario.deployment import Deployment
 from hil.bus.absent import NOT_MEASURED_C
@@ -35,11 +27,6 @@ LISTEN_S: Final = 0.5
 REHEARSED: Final = 400
 SHARE: Final = 0.5
 _STATES: Final = ("boot", "self test", "standby", "ready", "enabled", "derated", "quick stop", "fault")
-_SIGNALS: Final = {
-    "magnetic": (("Position_m", "travel_m"), ("Velocity_m_s", "carriage_speed_m_s")),
-    "coil": (("Current_A", "current_A"),),
-    "vibro": (),
-}
 
 
 @dataclass(frozen=True)
@@ -90,8 +77,9 @@ def _listen(deployment: Deployment, bus: ClockedBus, catalogue: Catalogue) -> li
 
 def limits_point(limits: Limits, kind: str, catalogue: Catalogue) -> Point:
     """Every limit must fit into its signal: beyond it the codec would refuse the command."""
-    frame = catalogue[frame_map_of(kind).command]
-    for signal, name in _SIGNALS[kind]:
+    wiring = frame_map_of(kind)
+    frame = catalogue[wiring.command]
+    for signal, name in wiring.bounds:
         field, most = frame.field(signal), float(getattr(limits, name))
         if most > field.upper:
             return Point(
@@ -119,8 +107,8 @@ def _time(task: Task, catalogue: Catalogue) -> Point:
     took = rehearse(task, catalogue)
     p99 = took.quantile(0.99)
     words = f"p99 {1e3 * p99:.2f} ms, max {1e3 * took.longest_s:.2f} ms of a tick of {1e3 * task.model.tick_s:g} ms"
-    late = lateness()
-    held = tick_to_hold(late, p99, SHARE)
+    late = machine.lateness()
+    held = machine.tick_to_hold(late, p99, SHARE)
     holds = f"a tick of {1e3 * held:g} ms" if math.isfinite(held) else "no tick"
     words += f"; woken late by {1e3 * late.quantile(0.99):.2f} ms (p99), {1e3 * late.longest_s:.2f} (longest) at the"
     words += f" present priority: this machine holds {holds} (control.tick_s)"
@@ -129,10 +117,10 @@ def _time(task: Task, catalogue: Catalogue) -> Point:
 
 def _machine(deployment: Deployment, bus: ClockedBus) -> Point:
     """What the interface and the machine lack; another bit rate than the file's is bad, the rest is advice."""
-    table, link = deployment.bus, link_of(deployment.bus)
-    faults, priority = link_faults(link, table), priority_words(deployment.control)
-    told = [*faults, *link_advice(link, table), *([priority] if priority else [])]
-    told.append(f"time stamps: {stamp_words(table, bus)}")
+    table, link = deployment.bus, machine.link_of(deployment.bus)
+    faults, priority = machine.link_faults(link, table), machine.priority_words(deployment.control)
+    told = [*faults, *machine.link_advice(link, table), *([priority] if priority else [])]
+    told.append(f"time stamps: {machine.stamp_words(table, bus)}")
     return Point("machine", not faults, "; ".join(told))
 
 
@@ -169,7 +157,7 @@ def _made_up(node: ControllerNode, tape: Tape, catalogue: Catalogue) -> Callable
 
     def speak(k: int, now: float) -> None:
         state = ENABLED if node.guard.sent.mode == ENABLE else WAITING
-        moved = {} if wiring.kind == "vibro" else {wiring.signal: node.guard.sent.value}
+        moved = {} if wiring.drive.shaken else {wiring.signal: node.guard.sent.value}
         say(wiring.feedback, rest | moved | {"State": state, "Temperature_degC": 25.0}, now)
         every = max(round(0.01 / node.tick_s), 1)
         if k % every == 0:

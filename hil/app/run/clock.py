@@ -51,10 +51,6 @@ class ClockedBus(WrappingBus):
             message.is_rx = True
         return message
 
-    def fileno(self) -> int:
-        """As the inner bus."""
-        return self.inner.fileno()
-
     def shutdown(self) -> None:
         """Close both; an interface that raises is done with, too."""
         with contextlib.suppress(Exception):  # drivers of many makers raise whatever they like

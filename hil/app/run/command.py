@@ -8,14 +8,14 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 import can
 
 from controller.supervision.fallback import shares
-from hil.app.console import notes, output_to_notes, print_json, summary
+from hil.app.console import note, output_to_notes, print_json, say
 from hil.app.ends import RUN_ENDS
 from hil.app.learn.background import Background
 from hil.app.learn.learner import Learner, Lesson, check_learnt
@@ -28,7 +28,7 @@ from hil.app.scenario.model_health import told as health_told
 from hil.app.scenario.model_offer import offer_words, told
 from hil.app.write import check_file, check_mcap, check_targets
 from hil.bus.authenticated import AuthenticatedBus, authenticator
-from hil.bus.catalogue import Catalogue, load_catalogue
+from hil.bus.catalogue import load_catalogue
 from hil.bus.key import next_epoch, read_key
 from hil.bus.local import LocalBus
 from hil.log.log import FrameLog
@@ -36,7 +36,7 @@ from hil.log.place import record_path
 from hil.log.recorder import Recorder, log_record
 from hil.nodes.actuators import ActuatorTable, carriage_bus, set_up
 from hil.nodes.carriage_bus import CarriageBus
-from hil.nodes.controller.node import ControllerNode
+from hil.nodes.controller.node import ControllerNode, Task
 from hil.nodes.controller.receive import controllers_frames
 from hil.nodes.frame_map import plain
 from hil.nodes.listening import heard_for
@@ -97,56 +97,68 @@ def run(
     limits = limits_point(deployment.limits, deployment.rig.kind, catalogue)
     if action != "check" and not limits.good:
         raise ValueError(f"{path}: {limits.words}")
+    asked = _Asked(path, deployment, action, dry_run, log, mcap, learn)
     try:
-        return _run(path, deployment, catalogue, action, dry_run, (log, mcap), json_output, learn, move)
+        if action == "check":
+            return _checked(asked, move, json_output)
+        return _led(asked, json_output)
     except _OtherControllerError as error:
         return _not_begun(path, str(error), json_output)
 
 
-def _run(
-    path: Path,
-    deployment: Deployment,
-    catalogue: Catalogue,
-    action: str,
-    dry_run: bool,
-    logs: tuple[Path, Path | None],
-    json_output: bool,
-    learn: bool,
-    move: bool,
-) -> int:
-    """As `run`, of what can be used. Raises _OtherControllerError besides."""
-    with output_to_notes():
-        task = deployment.task()
-        try:
-            listens, resets = dry_run or action == "check", action == "reset"
-            bus = ClockedBus(_drives_bus(deployment, path.parent, listen_only=listens, faulty=resets), Clock())
-        except ValueError as error:
-            raise ValueError(f"{path}: {error}") from None
-        try:
-            if action == "check":
-                points = check(deployment, task, bus, catalogue)
-            else:
-                led = _lead(deployment, bus, dry_run, logs, resets=resets, learns=learn)
-                outcome, node, frames_log, lessons = led
-                if RUN_ENDS[outcome.end].status and (trouble := _told_by_drive(bus)):
-                    outcome.ended += f"; {trouble}"
-        finally:
-            bus.shutdown()
-    if action == "check":
-        if move:
-            points.append(_moved(path, deployment, logs[0], all(p.good for p in points)))
-        if json_output:
-            print_json({"rig": str(path), "good": all(p.good for p in points), "points": [vars(p) for p in points]})
-        for point in () if json_output else points:
-            summary().print(
-                f"{'ok ' if point.good else 'BAD'} {point.what}: {point.words}", markup=False, soft_wrap=True
-            )
-        return 0 if all(p.good for p in points) else 1
-    found = _document(path, outcome, node, frames_log, dry_run) | {"overruns": _overruns(bus)}
-    found |= told(deployment.offered, node.estimator.taken_at)
+@dataclass(frozen=True)
+class _Asked:
+    """What `run` is asked for that can be used."""
+
+    path: Path
+    deployment: Deployment
+    action: str
+    dry_run: bool
+    log: Path
+    mcap: Path | None = None
+    learn: bool = False
+
+    @contextmanager
+    def begun(self) -> Iterator[tuple[Task, ClockedBus]]:
+        """The task, and then the bus on which it is done; what is printed meanwhile are notes. Raises ValueError of one
+        sentence, and _OtherControllerError.
+        """
+        listens, resets = self.dry_run or self.action == "check", self.action == "reset"
+        with output_to_notes():
+            task = self.deployment.task()
+            try:
+                bus = ClockedBus(_drives_bus(self.deployment, self.path.parent, listens, resets), Clock())
+            except ValueError as error:
+                raise ValueError(f"{self.path}: {error}") from None
+            with bus:
+                yield task, bus
+
+
+def _checked(asked: _Asked, move: bool, json_output: bool) -> int:
+    """Look, move the drive where that is asked for, and say what was found."""
+    with asked.begun() as (task, bus):
+        points = check(asked.deployment, task, bus, load_catalogue())
+    if move:
+        points.append(_moved(asked, all(p.good for p in points)))
+    good = all(p.good for p in points)
+    if json_output:
+        print_json({"rig": str(asked.path), "good": good, "points": [vars(p) for p in points]})
+    else:
+        say(*(f"{'ok ' if point.good else 'BAD'} {point.what}: {point.words}" for point in points))
+    return 0 if good else 1
+
+
+def _led(asked: _Asked, json_output: bool) -> int:
+    """Lead, or reset, and say what came of it. Raises _OtherControllerError where nothing was sent."""
+    with asked.begun() as (task, bus):
+        outcome, node, frames_log, lessons = _lead(asked, task, bus)
+        if RUN_ENDS[outcome.end].status and (trouble := _told_by_drive(bus)):
+            outcome.ended += f"; {trouble}"
+    found = _document(asked, outcome, node, frames_log) | {"overruns": _overruns(bus)}
+    found |= told(asked.deployment.offered, node.estimator.taken_at)
     if isinstance(bus.inner, AuthenticatedBus):
         found["unauthenticated"] = dict(bus.inner.refused)
-    if learn:
+    if asked.learn:
         found["learned"] = [lesson.document() for lesson in lessons]
     if node.operator is not None:
         found["operator"] = node.operator.document()
@@ -158,17 +170,14 @@ def _run(
     return RUN_ENDS[str(found["end"])].status
 
 
-def _moved(path: Path, deployment: Deployment, log: Path, good: bool) -> Point:
+def _moved(asked: _Asked, good: bool) -> Point:
     """Whether the capsule answers the drive: the probe alone, led on the bus, where all else is `good`."""
     if not good:
         return Point("answer", False, "the drive was not moved, as something else is bad")
-    short = replace(deployment.control, duration_s=PROBED_S, probe=True)
-    with output_to_notes():
-        bus = ClockedBus(_drives_bus(deployment, path.parent, listen_only=False, faulty=False), Clock())
-        try:
-            outcome = _lead(replace(deployment, control=short), bus, False, (log, None), resets=False, learns=False)[0]
-        finally:
-            bus.shutdown()
+    short = replace(asked.deployment, control=replace(asked.deployment.control, duration_s=PROBED_S, probe=True))
+    probing = replace(asked, deployment=short, action="lead", mcap=None)
+    with probing.begun() as (task, bus):
+        outcome = _lead(probing, task, bus)[0]
     done = outcome.end == "done"
     return Point("answer", done, "the capsule went to and fro as asked" if done else outcome.ended)
 
@@ -179,7 +188,7 @@ def _not_begun(path: Path, words: str, json_output: bool) -> int:
     if json_output:
         print_json({"rig": str(path), "end": "other_controller", "ended": ended, "led": False, "ticks": 0, "log": None})
     else:
-        summary().print(f"ended: {ended}", markup=False, soft_wrap=True)
+        say(f"ended: {ended}")
     return RUN_ENDS["other_controller"].status
 
 
@@ -244,7 +253,7 @@ def _fd_words(table: BusTable) -> str:
     return f"{points} dbitrate {table.data_bitrate} fd on" if table.fd else ""
 
 
-def _drives_bus(deployment: Deployment, folder: Path, *, listen_only: bool, faulty: bool) -> can.BusABC:
+def _drives_bus(deployment: Deployment, folder: Path, listen_only: bool, faulty: bool) -> can.BusABC:
     """The deployment's bus; another maker's drive on it, which where `faulty` may have a fault, is set up first, but
     where nothing may be sent. Raises ValueError of one sentence.
     """
@@ -257,7 +266,7 @@ def _drives_bus(deployment: Deployment, folder: Path, *, listen_only: bool, faul
     if not listen_only:
         try:
             for sentence in set_up(bus, table, deployment.limits, deployment.control.tick_s, faulty=faulty):
-                notes().print(sentence, markup=False, soft_wrap=True)
+                note(sentence)
         except ValueError:
             bus.shutdown()
             raise
@@ -281,17 +290,9 @@ def _controllers_on(bus: can.BusABC, table: ActuatorTable | None) -> list[str]:
     return sorted(heard)
 
 
-def _lead(
-    deployment: Deployment,
-    bus: ClockedBus,
-    dry_run: bool,
-    logs: tuple[Path, Path | None],
-    *,
-    resets: bool,
-    learns: bool,
-) -> tuple[Outcome, ControllerNode, FrameLog, list[Lesson]]:
-    path, mcap = logs
-    task, catalogue, control = deployment.task(), load_catalogue(), deployment.control
+def _lead(asked: _Asked, task: Task, bus: ClockedBus) -> tuple[Outcome, ControllerNode, FrameLog, list[Lesson]]:
+    deployment, path, dry_run = asked.deployment, asked.log, asked.dry_run
+    catalogue, control = load_catalogue(), deployment.control
     record = log_record(
         {"deployment": deployment.text},
         control.controller,
@@ -304,27 +305,23 @@ def _lead(
         clock_origin_ns=bus.clock.origin_ns,
     )
     rehearse(task, catalogue)
-
-    def tell(sentence: str) -> None:
-        notes().print(sentence, markup=False, soft_wrap=True)
-
-    with FrameLog(path, record, tell, mcap) as frames_log, Signals().caught() as signals, ExitStack() as beside:
+    with FrameLog(path, record, note, asked.mcap) as frames_log, Signals().caught() as signals, ExitStack() as beside:
         if frames_log.kept is not None:
-            tell(f"older log kept as {frames_log.kept}")
+            note(f"older log kept as {frames_log.kept}")
         if frames_log.path != path:
-            tell(f"{path} is the log of a run that goes on: this one's is {frames_log.path}")
+            note(f"{path} is the log of a run that goes on: this one's is {frames_log.path}")
         recorder = Recorder(frames_log, dry_run)
         node = ControllerNode(task, bus, catalogue=catalogue, observer=recorder, dry_run=dry_run)
-        learner = beside.enter_context(_learning(deployment, node, frames_log)) if learns else None
+        learner = beside.enter_context(_learning(deployment, node, frames_log)) if asked.learn else None
         refused = prepare_process(control.priority, control.core)
         if control.priority > 0 and not refused:
             frames_log.hasten(1)
         for sentence in refused:
-            tell(sentence)
-        if resets:
+            note(sentence)
+        if asked.action == "reset":
             outcome = reset(node, bus.clock, recorder, signals)
         else:
-            tell(f"{deployment.name}: leading for {control.duration_s:g} s; Ctrl-C stops")
+            note(f"{deployment.name}: leading for {control.duration_s:g} s; Ctrl-C stops")
             outcome = lead(node, bus.clock, control.duration_s, recorder, signals, control.give_up_s, learner)
     return outcome, node, frames_log, [] if learner is None else learner.lessons
 
@@ -361,16 +358,14 @@ def _learning(deployment: Deployment, node: ControllerNode, frames_log: FrameLog
         maker.shutdown(cancel_futures=False)
 
 
-def _document(
-    path: Path, outcome: Outcome, node: ControllerNode, frames_log: FrameLog, dry_run: bool
-) -> dict[str, object]:
+def _document(asked: _Asked, outcome: Outcome, node: ControllerNode, frames_log: FrameLog) -> dict[str, Any]:
     grid, missing = outcome.grid, frames_log.dropped + frames_log.lost
     whole = not missing and not frames_log.troubles
     not_kept = [] if whole or RUN_ENDS[outcome.end].status else frames_log.troubles[-1:]
     return {
-        "rig": str(path),
+        "rig": str(asked.path),
         "controller": node.task.controller,
-        "dry_run": dry_run,
+        "dry_run": asked.dry_run,
         "end": outcome.end if whole or RUN_ENDS[outcome.end].status else "log",
         "ended": "; ".join([outcome.ended, *not_kept]),
         "led": outcome.led,
@@ -409,27 +404,15 @@ def _told_by_drive(bus: ClockedBus) -> str:
     return bus.inner.trouble if isinstance(bus.inner, CarriageBus) else ""
 
 
-def _say(found: dict[str, object], lessons: Sequence[Lesson]) -> None:
-    console = summary()
-    console.print(
-        f"{found['controller']}: {found['ticks']} ticks, {found['missed_ticks']} missed; ended: {found['ended']}",
-        markup=False,
-        soft_wrap=True,
-    )
-    for trouble in found["log_troubles"] if isinstance(found["log_troubles"], list) else ():
-        console.print(trouble, markup=False, soft_wrap=True)
+def _say(found: dict[str, Any], lessons: Sequence[Lesson]) -> None:
+    say(f"{found['controller']}: {found['ticks']} ticks, {found['missed_ticks']} missed; ended: {found['ended']}")
+    say(*found["log_troubles"])
     for name, words in (("late_ms", "began late by"), ("tick_ms", "took")):
         times = found[name]
-        assert isinstance(times, dict)
-        console.print(
-            f"ticks {words} ms: median {times['median']:.3f}, p99 {times['p99']:.3f}, max {times['max']:.3f}",
-            markup=False,
-        )
+        say(f"ticks {words} ms: median {times['median']:.3f}, p99 {times['p99']:.3f}, max {times['max']:.3f}")
     if found["cut_ticks"]:
-        console.print(f"{found['cut_ticks']} plans were cut short by the clock", markup=False)
-    console.print(health_words(found), markup=False)
+        say(f"{found['cut_ticks']} plans were cut short by the clock")
+    say(health_words(found))
     if sentence := offer_words(found):
-        console.print(sentence, markup=False)
-    for lesson in lessons:
-        console.print(lesson.words, markup=False, soft_wrap=True)
-    console.print(f"log: {found['log']}", markup=False, soft_wrap=True)
+        say(sentence)
+    say(*(lesson.words for lesson in lessons), f"log: {found['log']}")

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import can
 
-from hil.app.console import notes, output_to_notes, print_json, summary
+from hil.app.console import note, output_to_notes, print_json, say
 from hil.app.run.log_task import task_of
 from hil.bus.catalogue import Catalogue, load_catalogue
 from hil.log.blf_file import LOST, NOTED, RECEIVED, Logged
@@ -126,7 +126,7 @@ def replay(path: Path, *, json_output: bool = False) -> int:
 
     def counted() -> Iterator[Logged]:
         nonlocal held
-        for frame in read_frames(path, lambda said: notes().print(f"{path}: {said}", markup=False, soft_wrap=True)):
+        for frame in read_frames(path, lambda said: note(f"{path}: {said}")):
             held += 1
             yield frame
 
@@ -173,18 +173,11 @@ def _say(
             }
         )
         return
-    console = summary()
     same = f"as logged, as far as they go; {cut_off}" if cut_off else "identical"
     differs = f"{len(found.differences)} ticks differ" + (f"; {cut_off}" if cut_off else "")
-    console.print(
-        f"{found.ticks} ticks, {found.frames} frames: {same if found.identical else differs}",
-        markup=False,
-        soft_wrap=True,
-    )
-    for line in lines:
-        console.print(line, markup=False, soft_wrap=True)
+    say(f"{found.ticks} ticks, {found.frames} frames: {same if found.identical else differs}", *lines)
     if not found.identical and code[0] != code[1]:
-        console.print(f"code: log {code[0]}, now {code[1]}", markup=False)
+        say(f"code: log {code[0]}, now {code[1]}")
 
 
 def _fits(record: Mapping[str, Any], catalogue: Catalogue) -> None:

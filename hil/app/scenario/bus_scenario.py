@@ -12,9 +12,9 @@ from typing import Any, Final
 
 import can
 
-from hil.app.scenario.deployment import BUS_RANGES, check_key, check_no_key, check_tick, operator_limits
+from hil.app.scenario.deployment import DATA_BIT_RATES, check_key, check_no_key, check_tick, operator_limits
 from hil.app.scenario.jog_script import Step, steps
-from hil.app.scenario.learning import Pace, read_pace
+from hil.app.scenario.learning import Pace
 from hil.app.scenario.reference import with_reference
 from hil.app.scenario.scenario import BUS_TABLES, TABLES, TrackScenario, parse_track_scenario
 from hil.bus.authenticated import authenticator
@@ -26,13 +26,13 @@ from hil.nodes.faults.table import KEY, MAKER, OPERATOR, Fault, read_faults
 from hil.nodes.fmu_plant import read_fmu
 from hil.nodes.frame_map import frame_map_of, frames
 from hil.nodes.plant_node import SLOT_S
-from models.files.tables import check_ranges, from_table
-from models.files.toml import read_toml, toml_text
+from models.files.tables import Declared, check_word, limited
+from models.files.toml import in_file, read_toml, toml_text
 from models.parameter import nearest
 
 
 @dataclass(frozen=True)
-class BusTable:
+class BusTable(Declared, where="bus"):
     """Table `[bus]`: whether the force sensor speaks too, and how many s of wall clock a simulated s may take before
     the run is failed; a run has at least 60 s. `fd`, `data_bitrate` and `key_file` as in a deployment's; the path is
     relative to the scenario, and every node begins with the same epoch, which is not kept.
@@ -41,18 +41,18 @@ class BusTable:
     force_sensor: bool = False
     longest_s_per_s: float = 60.0
     fd: bool = False
-    data_bitrate: int = 5_000_000
+    data_bitrate: int = limited(5_000_000, *DATA_BIT_RATES)
     key_file: str = ""
 
     def __post_init__(self) -> None:
-        check_ranges(self, "bus", BUS_RANGES[:1])
+        super().__post_init__()
         check_key(self.key_file, self.fd)
         if not self.longest_s_per_s > 0:
             raise ValueError(f"bus.longest_s_per_s must be positive; got {self.longest_s_per_s:g}")
 
 
 @dataclass(frozen=True)
-class FmuTable:
+class FmuTable(Declared, where="plant"):
     """Table `[plant]`: the FMU, relative to the scenario, that steps in place of the simulated plant. What is sensed
     and how, and what hides in the sensors, stays the scenario's.
     """
@@ -61,7 +61,7 @@ class FmuTable:
 
 
 @dataclass(frozen=True)
-class JogTable:
+class JogTable(Declared, where="jog"):
     """Table `[jog]`: an operator who steers as `source`, with setpoints that live for `life_ms`: the lines of a
     `script` as `capsule jog --script` reads it, from the run's begin on; the dead-man switch is released after them.
     """
@@ -75,10 +75,7 @@ class JogTable:
         life, known = frame.field("TimeToLive_ms"), list(frame.field("Source").names.values())
         if not life.lower <= self.life_ms <= life.upper:
             raise ValueError(f"jog.life_ms must lie in [{life.lower:g}, {life.upper:g}]; got {self.life_ms:g}")
-        if self.source not in known:
-            raise ValueError(
-                f"jog.source must be one of {', '.join(known)}; got {self.source!r}; {nearest(self.source, known)}"
-            )
+        check_word(self.source, "jog.source", known)
 
     def planned(self) -> tuple[Step, ...]:
         """What is sent, one after the other. Raises ValueError for a line that says nothing."""
@@ -120,10 +117,8 @@ def load_sil_scenario(path: Path, reference: Path | None = None) -> tuple[SilSce
     if reference is not None:
         raw = with_reference(raw, reference, "scenario")
         text = toml_text(raw)
-    try:
+    with in_file(path):
         return _with_files(parse_sil_scenario(raw), path.parent), text
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
 
 
 def _with_files(scenario: SilScenario, folder: Path) -> SilScenario:
@@ -154,22 +149,19 @@ def parse_sil_scenario(raw: Mapping[str, Any]) -> SilScenario:
     if round(slots) < 1 or abs(slots - round(slots)) > 1e-6:
         raise ValueError(f"control.tick_s must be a multiple of {SLOT_S:g} s on the bus; got {loop.control.tick_s:g}")
     check_tick(loop.control.tick_s, loop.kind, loop.limits)
-    table = raw.get("bus", {})
-    if not isinstance(table, Mapping):
-        raise ValueError(f"bus must be a table; got {table!r}")
-    bus, faults = from_table(BusTable, table, "bus"), read_faults(raw.get("faults", []), loop.duration_s)
+    bus, faults = BusTable.read(raw), read_faults(raw.get("faults", []), loop.duration_s)
     drive = read_actuator(raw, loop.kind, loop.limits)
     check_no_key(drive, bus.key_file)
-    plant = from_table(FmuTable, raw["plant"], "plant") if "plant" in raw else None
+    plant = FmuTable.read(raw) if "plant" in raw else None
     operator = operator_limits(raw, loop.limits) if "operator" in raw else None
-    jog = from_table(JogTable, raw["jog"], "jog") if "jog" in raw else None
+    jog = JogTable.read(raw) if "jog" in raw else None
     if jog is not None:
         jog.planned()
         if not (operator and operator.accept):
             raise ValueError("operator.accept must be true with [jog], or the controller takes no setpoints; got false")
     _there({MAKER: drive is not None, OPERATOR: jog is not None, KEY: bool(bus.key_file)}, faults, loop.kind)
     held = operator if operator and operator.accept else None
-    return SilScenario(loop, bus, faults, drive, plant, held, jog, read_pace(raw))
+    return SilScenario(loop, bus, faults, drive, plant, held, jog, Pace.read(raw))
 
 
 _MISSING: Final[Mapping[str, str]] = MappingProxyType(

@@ -14,19 +14,18 @@ import can
 from controller.limits import Limits
 from controller.model.control_model import ControlModel, control_model
 from controller.registry import CONTROLLERS, checked_estimator, leads
-from controller.supervision.acceptance import AcceptanceTest, Verdict
+from controller.supervision.acceptance import Acceptance, AcceptanceTest
 from controller.trajectory import Trajectory
-from hil.app.scenario.learning import Pace, read_pace
-from hil.app.scenario.model_offer import Offered, offer_of, read_offer, read_offer_table
+from hil.app.scenario.learning import Pace
+from hil.app.scenario.model_offer import Offered, OfferTable, offer_of, read_offer
 from hil.app.scenario.reference import read_reference, with_reference
 from hil.bus.catalogue import load_catalogue
 from hil.nodes.actuators import ACTUATORS, ActuatorTable, needs_fd, read_actuator
-from hil.nodes.controller.guard import FEEDBACK_S
 from hil.nodes.controller.node import Task
 from hil.nodes.controller.operator import OperatorLimits
 from hil.nodes.frame_map import FRAME_MAPS, frame_map_of
-from models.files.tables import check_ranges, from_table
-from models.files.toml import parse_toml, read_toml, toml_text
+from models.files.tables import Declared, from_table, limited
+from models.files.toml import in_file, parse_toml, read_toml, toml_text
 from models.identification.finding import STAGES
 from models.identification.model import read_model, read_report
 from models.parameter import nearest
@@ -42,8 +41,11 @@ OWN_TABLES: Final = (
 )  # fmt: skip
 
 
+DATA_BIT_RATES: Final = (1_000_000, 8_000_000)
+
+
 @dataclass(frozen=True)
-class BusTable:
+class BusTable(Declared, where="bus"):
     """`[bus]`: a python-can interface, its channel and the bit rate, which must be the catalogue's. `fd` opens it for
     CAN FD, whose data go at `data_bitrate`; the sample points are shares of a bit. With `key_file`, relative to the
     deployment file, every frame is authenticated.
@@ -53,16 +55,16 @@ class BusTable:
     channel: str | int = ""
     bitrate: int = 1_000_000
     fd: bool = False
-    data_bitrate: int = 5_000_000
-    sample_point: float = 0.667
-    data_sample_point: float = 0.667
+    data_bitrate: int = limited(5_000_000, *DATA_BIT_RATES)
+    sample_point: float = limited(0.667, 0.5, 0.9)
+    data_sample_point: float = limited(0.667, 0.5, 0.9)
     key_file: str = ""
 
     def __post_init__(self) -> None:
         rate = load_catalogue().bit_rate
         if self.bitrate != rate:
             raise ValueError(f"bus.bitrate must be {rate}, as capsule.dbc has it; got {self.bitrate}")
-        check_ranges(self, "bus", BUS_RANGES)
+        super().__post_init__()
         check_key(self.key_file, self.fd)
         if self.fd:
             self.timing()
@@ -85,82 +87,52 @@ class BusTable:
         return found
 
 
-BUS_RANGES: Final = (
-    ("data_bitrate", 1_000_000, 8_000_000),
-    ("sample_point", 0.5, 0.9),
-    ("data_sample_point", 0.5, 0.9),
-)
 NEAR_POINT: Final = 0.05
 """By how much a sample point may be off what is asked for."""
 
 
 @dataclass(frozen=True)
-class ControlTable:
+class ControlTable(Declared, where="control"):
     """`[control]`: which controller at which tick, the noise of the localisation and its pixels or steps, how long from
     the drive's being enabled on, and how long to wait for that; `priority` 1 to 99 asks for SCHED_FIFO, `core` from 0
     on for one core alone. Unless `probe` is false a short motion to and fro comes before the reference.
     """
 
-    controller: str = "feedforward"
-    tick_s: float = 2e-3
-    seen_noise_m: float = 5e-4
-    resolution_m: float = 0.0
-    duration_s: float = 10.0
-    give_up_s: float = 5.0
-    priority: int = 0
-    core: int = -1
+    controller: str = limited("feedforward", among=CONTROLLERS)
+    tick_s: float = limited(2e-3, 5e-4, 0.02)
+    seen_noise_m: float = limited(5e-4, 0.0, 0.01)
+    resolution_m: float = limited(0.0, 0.0, 0.01)
+    duration_s: float = limited(10.0, 0.01, 86400.0)
+    give_up_s: float = limited(5.0, 0.5, 3600.0)
+    priority: int = limited(0, 0, 99)
+    core: int = limited(-1, -1)
     estimator: str = "default"
     probe: bool = True
 
     def __post_init__(self) -> None:
-        ranges = (
-            ("tick_s", 5e-4, 0.02),
-            ("seen_noise_m", 0.0, 0.01),
-            ("resolution_m", 0.0, 0.01),
-            ("duration_s", 0.01, 86400.0),
-            ("give_up_s", 0.5, 3600.0),
-        )
-        check_ranges(self, "control", ranges)
-        if not 0 <= self.priority <= 99:
-            raise ValueError(f"control.priority must lie in [0, 99]; got {self.priority}")
         if self.core < -1:
             raise ValueError(f"control.core must be a core's number, or -1 for any; got {self.core}")
+        super().__post_init__()
         checked_estimator(self.estimator)
-        if self.controller not in CONTROLLERS:
-            choices = f"one of {', '.join(CONTROLLERS)}"
-            raise ValueError(
-                f"control.controller must be {choices}; got {self.controller!r};"
-                f" {nearest(self.controller, CONTROLLERS)}"
-            )
 
 
 @dataclass(frozen=True)
-class ModelTable:
+class ModelTable(Declared, where="model"):
     """`[model]`: a file that close-loop wrote and its report.json, paths relative to the rig file."""
 
     file: str
     report: str
-    stage: str = "augmented"
-
-    def __post_init__(self) -> None:
-        if self.stage not in STAGES:
-            raise ValueError(
-                f"model.stage must be one of {', '.join(STAGES)}; got {self.stage!r}; {nearest(self.stage, STAGES)}"
-            )
+    stage: str = limited("augmented", among=STAGES)
 
 
 @dataclass(frozen=True)
-class PlantTable:
+class PlantTable(Declared, where="plant"):
     """`[plant]`: the scenario, relative to the file, whose plant `capsule plant` simulates where no rig is at hand, and
     the real-time priority that it asks for. The controller never reads that scenario.
     """
 
     scenario: str
-    priority: int = 0
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.priority <= 99:
-            raise ValueError(f"plant.priority must lie in [0, 99]; got {self.priority}")
+    priority: int = limited(0, 0, 99)
 
 
 @dataclass(frozen=True)
@@ -188,7 +160,7 @@ class Deployment:
     reference: Trajectory
     limits: Limits
     values: Mapping[str, float]
-    verdict: Verdict | None = None
+    verdict: Acceptance | None = None
     drive: ActuatorTable | None = None
     offered: Offered | None = None
     operator: OperatorLimits = OperatorLimits()
@@ -224,12 +196,13 @@ def load_deployment(path: Path, reference: Path | None = None) -> Deployment:
     if reference is not None:
         raw = with_reference(raw, reference, "control")
         text = toml_text(raw)
-    try:
+    with in_file(path):
         values, verdict = _learned(raw, path.parent)
         deployment = parse_deployment(text, values, path.stem, verdict)
-        return replace(deployment, offered=read_offer(read_offer_table(raw), path.parent, deployment.rig, values))
-    except ValueError as error:
-        raise ValueError(str(error) if str(error).startswith(str(path.parent)) else f"{path}: {error}") from None
+        return replace(
+            deployment,
+            offered=read_offer(OfferTable.read(raw) if "offer" in raw else None, path.parent, deployment.rig, values),
+        )
 
 
 def read_deployed_rig(path: Path) -> Rig:
@@ -242,34 +215,32 @@ def read_deployed_rig(path: Path) -> Rig:
 def read_plant(path: Path) -> DeployedPlant:
     """The simulated plant that a deployment file names; ValueError of one sentence where it names none."""
     raw, _ = read_toml(path, "deployment file")
-    try:
+    with in_file(path):
         _check_tables(raw)
         if "plant" not in raw:
             raise ValueError(
                 "table [plant] must be there with the key 'scenario', whose plant is simulated; it is missing"
             )
-        table = from_table(PlantTable, raw["plant"], "plant")
-        bus = from_table(BusTable, raw.get("bus", {}), "bus")
+        table = PlantTable.read(raw)
+        bus = BusTable.read(raw)
         drive = _drive(raw, _rig(raw).kind, bus, from_table(Limits, raw.get("limits", {}), "limits"))
         return DeployedPlant(path.parent / table.scenario, bus, table.priority, drive)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
 
 
 def parse_deployment(
-    text: str, values: Mapping[str, float], name: str = "rig", verdict: Verdict | None = None
+    text: str, values: Mapping[str, float], name: str = "rig", verdict: Acceptance | None = None
 ) -> Deployment:
     """A deployment from TOML text and the learned `values`. Errors as `load_deployment`."""
     raw = parse_toml(text, "rig file")
     _check_tables(raw)
     rig = _rig(raw)
-    control = from_table(ControlTable, raw.get("control", {}), "control")
+    control = ControlTable.read(raw)
     if rig.kind in FRAME_MAPS and rig.kind not in leads(control.controller):
         raise ValueError(f"control.controller must be one that leads a {rig.kind} rig; got {control.controller!r}")
     limits = from_table(Limits, raw.get("limits", {}), "limits")
     if rig.kind in FRAME_MAPS:
         check_tick(control.tick_s, rig.kind, limits)
-    bus = from_table(BusTable, raw.get("bus", {}), "bus")
+    bus = BusTable.read(raw)
     return Deployment(
         name,
         text,
@@ -282,7 +253,7 @@ def parse_deployment(
         verdict,
         _drive(raw, rig.kind, bus, limits),
         operator=operator_limits(raw, limits),
-        pace=read_pace(raw),
+        pace=Pace.read(raw),
     )
 
 
@@ -310,14 +281,12 @@ def read_operator(path: Path) -> tuple[BusTable, OperatorLimits]:
     are accepted.
     """
     raw, _ = read_toml(path, "deployment file")
-    try:
+    with in_file(path):
         _check_tables(raw)
         operator = operator_limits(raw, from_table(Limits, raw.get("limits", {}), "limits"))
         if not operator.accept:
             raise ValueError("operator.accept must be true, or the controller takes no setpoints; got false")
-        return from_table(BusTable, raw.get("bus", {}), "bus"), operator
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
+        return BusTable.read(raw), operator
 
 
 def _check_tables(raw: Mapping[str, Any]) -> None:
@@ -328,12 +297,13 @@ def _check_tables(raw: Mapping[str, Any]) -> None:
         if not isinstance(content, dict):
             raise ValueError(f"{table} must be a table; got {content!r}")
     if "plant" in raw:
-        from_table(PlantTable, raw["plant"], "plant")
+        PlantTable.read(raw)
 
 
 def check_tick(tick_s: float, kind: str, limits: Limits) -> None:
     """A tick must be shorter than a command lives and than the guard waits for feedback, or the drive is never led."""
-    longest = min(1e-3 * frame_map_of(kind).life_ms(limits.carriage_speed_m_s), FEEDBACK_S[kind])
+    wiring = frame_map_of(kind)
+    longest = min(1e-3 * wiring.life_ms(limits.carriage_speed_m_s), wiring.feedback_s)
     if tick_s > longest + 1e-9:
         raise ValueError(
             f"control.tick_s must be at most {longest:g} s for a {kind} rig on the bus, else commands die between"
@@ -368,11 +338,11 @@ def _rig(raw: Mapping[str, Any], where: str = "rig file") -> Rig:
     return parse_rig({name: table for name, table in raw.items() if name not in OWN_TABLES}, where)
 
 
-def _learned(raw: Mapping[str, Any], folder: Path) -> tuple[dict[str, float], Verdict | None]:
+def _learned(raw: Mapping[str, Any], folder: Path) -> tuple[dict[str, float], Acceptance | None]:
     """Values of the model that the file names and what the gate says of them."""
     if not isinstance(raw.get("model"), dict):
         return {}, None
-    table, rig = from_table(ModelTable, raw["model"], "model"), _rig(raw)
+    table, rig = ModelTable.read(raw), _rig(raw)
     model = read_model(folder / table.file, rig.kind)
     verdict = AcceptanceTest().judge(read_report(folder / table.report), model, rig, stage=table.stage)
     return model.believed(table.stage), verdict

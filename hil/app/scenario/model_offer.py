@@ -11,33 +11,24 @@ from pathlib import Path
 from typing import Any
 
 from controller.model.control_model import ControlModel
-from controller.supervision.acceptance import AcceptanceTest, Verdict
+from controller.supervision.acceptance import Acceptance, AcceptanceTest
 from controller.supervision.model_switch import Offer
-from models.files.tables import from_table
+from models.files.tables import Declared, limited
 from models.identification.finding import STAGES
 from models.identification.model import read_model, read_report
-from models.parameter import nearest
 from models.rigs.rig import Rig
 
 
 @dataclass(frozen=True)
-class OfferTable:
+class OfferTable(Declared, where="offer"):
     """`[offer]`: the model file and its report.json, paths relative to the file that names them; which stage, and from
     when on.
     """
 
     file: str
     report: str
-    stage: str = "augmented"
-    at_s: float = 0.0
-
-    def __post_init__(self) -> None:
-        if self.stage not in STAGES:
-            raise ValueError(
-                f"offer.stage must be one of {', '.join(STAGES)}; got {self.stage!r}; {nearest(self.stage, STAGES)}"
-            )
-        if not self.at_s >= 0:
-            raise ValueError(f"offer.at_s must be zero or more; got {self.at_s:g}")
+    stage: str = limited("augmented", among=STAGES)
+    at_s: float = limited(0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -55,16 +46,6 @@ class Offered:
     def document(self) -> dict[str, Any]:
         """For the record beside a log."""
         return {"values": dict(self.values), "at_s": self.at_s}
-
-
-def read_offer_table(raw: Mapping[str, Any]) -> OfferTable | None:
-    """The table of a file's tables. Raises ValueError of one sentence."""
-    if "offer" not in raw:
-        return None
-    table = raw["offer"]
-    if not isinstance(table, Mapping):
-        raise ValueError(f"offer must be a table; got {table!r}")
-    return from_table(OfferTable, table, "offer")
 
 
 def read_offer(table: OfferTable | None, folder: Path, rig: Rig, values: Mapping[str, float]) -> Offered | None:
@@ -86,7 +67,7 @@ def read_offer(table: OfferTable | None, folder: Path, rig: Rig, values: Mapping
 
 def offer_of(offered: Offered | None, believed: Callable[[Mapping[str, float]], ControlModel]) -> Offer | None:
     """For a controller, whose models `believed` makes from values."""
-    return None if offered is None else Offer(believed(offered.values), Verdict(), offered.at_s)
+    return None if offered is None else Offer(believed(offered.values), Acceptance(), offered.at_s)
 
 
 def told(offered: Offered | None, taken_at_s: float) -> dict[str, Any]:

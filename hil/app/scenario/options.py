@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from hil.app.console import notes
+from controller.drives import DRIVES
+from hil.app.console import note
 from hil.app.scenario.scenario import TrackScenario
+from models.files.tables import check_word
 from models.identification.finding import STAGES
 from models.identification.model import read_model
-from models.parameter import nearest
-
-_MODELS = {"vibro": ("vibro", "vibro_table")}
-"""Kinds of model files that a rig of a kind can be controlled with, where there are several."""
 
 
 @dataclass(frozen=True)
@@ -42,16 +40,14 @@ class Options:
 
     def values(self, kind: str) -> tuple[dict[str, float], str]:
         """Parameters that a rig of `kind` is believed to have, and the name of their stage. Raises ValueError."""
-        if self.stage is not None and self.stage not in STAGES:
-            raise ValueError(
-                f"--stage must be one of {', '.join(STAGES)}; got {self.stage!r}; {nearest(self.stage, STAGES)}"
-            )
+        if self.stage is not None:
+            check_word(self.stage, "--stage", STAGES)
         if self.model is None:
             if self.stage not in (None, "nominal"):
                 raise ValueError(f"--stage must stand with --model unless it is nominal; got {self.stage!r} alone")
             return {}, "nominal"
         stage = self.stage or "augmented"
-        model = read_model(self.model, *_MODELS.get(kind, (kind,)))
+        model = read_model(self.model, *(DRIVES[kind].models or (kind,)))
         if stage in model.cautions:
-            notes().print(f"{self.model}: {model.cautions[stage]}", markup=False, soft_wrap=True)
+            note(f"{self.model}: {model.cautions[stage]}")
         return model.believed(stage), stage

@@ -5,19 +5,20 @@ believes.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from controller.drives import DRIVES
 from controller.limits import Limits
 from controller.registry import CONTROLLERS, checked_estimator, leads
 from controller.trajectory import Trajectory
 from hil.app.scenario.checks import CheckTable, read_checks
-from hil.app.scenario.model_offer import OfferTable, read_offer_table
+from hil.app.scenario.model_offer import OfferTable
 from hil.app.scenario.nominal_rig import read_belief
 from hil.app.scenario.reference import read_reference, with_reference
-from models.files.tables import converted, from_table
-from models.files.toml import read_toml
+from models.files.tables import Declared, converted, from_table, limited
+from models.files.toml import in_file, read_toml
 from models.parameter import nearest
 from models.rigs.rig import Rig
 from plant.experiments.scenario import parse_truth
@@ -34,29 +35,24 @@ BUS_TABLES: Final = ("bus", "faults", "plant", "operator", "jog", "learning")
 """Tables that a scenario on the bus may have beside these."""
 SAMPLE_STEPS: Final = 10
 """Steps of the plant between samples of the truth (`plant.session`)."""
-DRIVEN: Final[Mapping[str, str]] = {"magnetic": "", "coil": "coil_voltage_V", "vibro": ""}
-_LEADING: Final[Mapping[str, str]] = {"magnetic": "feedforward", "coil": "feedforward", "vibro": "vibro"}
 
 
 @dataclass(frozen=True)
-class Control:
+class Control(Declared, where="control"):
     """Table `[control]`: the tick, which controller runs where the command line names none (a vibro rig's own for that
     kind), and from when on tracking is judged. With `probe` a run over the bus begins where the capsule is, with a
     short motion to and fro, as `capsule run` does.
     """
 
-    tick_s: float = 1e-3
+    tick_s: float = limited(1e-3, 1e-4, 0.02)
     controller: str = "feedforward"
-    judged_from_s: float = 0.5
+    judged_from_s: float = limited(0.5, 0.0)
     estimator: str = "default"
     probe: bool = False
 
     def __post_init__(self) -> None:
-        if not 1e-4 <= self.tick_s <= 0.02:
-            raise ValueError(f"control.tick_s must lie in [1e-4, 0.02] s; got {self.tick_s:g}")
+        super().__post_init__()
         checked_estimator(self.estimator)
-        if not self.judged_from_s >= 0:
-            raise ValueError(f"control.judged_from_s must be zero or more; got {self.judged_from_s:g}")
 
 
 @dataclass(frozen=True)
@@ -85,10 +81,8 @@ def load_track_scenario(path: Path, reference: Path | None = None) -> TrackScena
     """
     raw, _ = read_toml(path, "scenario")
     raw = with_reference(raw, reference, "scenario")
-    try:
+    with in_file(path):
         return parse_track_scenario(raw)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
 
 
 def parse_track_scenario(raw: Table) -> TrackScenario:
@@ -104,8 +98,8 @@ def parse_track_scenario(raw: Table) -> TrackScenario:
     if converted(seed, int, "anatomy.seed") < 0:
         raise ValueError(f"anatomy.seed must be zero or more; got {seed}")
     run, kind, truth = parse_truth({name: table for name, table in raw.items() if name in TRUTH_TABLES})
-    if kind not in DRIVEN:
-        raise ValueError(f"rig.kind must be one of {', '.join(DRIVEN)} to be controlled; got {kind!r}")
+    if kind not in DRIVES:
+        raise ValueError(f"rig.kind must be one of {', '.join(DRIVES)} to be controlled; got {kind!r}")
     surface = raw.get("surface", {}).get("kind", "gut")
     if surface == "air":
         raise ValueError("surface.kind must be 'gut' or 'plate' for a rig to be controlled; got 'air'")
@@ -131,7 +125,7 @@ def parse_track_scenario(raw: Table) -> TrackScenario:
         limits=limits,
         control=control,
         checks=read_checks(raw.get("checks", {}), kind, reference, instruments, control.judged_from_s, run.duration_s),
-        offer=read_offer_table(raw),
+        offer=OfferTable.read(raw) if "offer" in raw else None,
     )
 
 
@@ -156,7 +150,7 @@ def _buildable(truth: Truth, raw: Table) -> None:
 
 
 def _control(table: Table, kind: str, duration_s: float, step_s: float) -> Control:
-    control = from_table(Control, {"controller": _LEADING[kind], **table}, "control")
+    control = from_table(Control, {"controller": DRIVES[kind].leading, **table}, "control")
     name, able = control.controller, [name for name in CONTROLLERS if kind in leads(name)]
     if name not in able:
         raise ValueError(
@@ -179,7 +173,8 @@ def _control(table: Table, kind: str, duration_s: float, step_s: float) -> Contr
 
 
 def _instrument(table: Table, where: str, nominal: Instrument, duration_s: float) -> Instrument:
-    given = {f.name: _plain(getattr(nominal, f.name)) for f in fields(Instrument)} | dict(table)
+    plain = ((name, list(value) if isinstance(value, tuple) else value) for name, value in vars(nominal).items())
+    given = {**dict(plain), **table}
     try:
         instrument = from_table(Instrument, given, where)
     except ValueError as error:
@@ -197,7 +192,3 @@ def _instrument(table: Table, where: str, nominal: Instrument, duration_s: float
                 f"{where}.{name} must be pairs of a start from 0 on and a positive length; got {list(spans)[:8]}"
             )
     return instrument
-
-
-def _plain(value: Any) -> Any:
-    return list(value) if isinstance(value, tuple) else value

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
+import can
+
 from controller.model.control_model import ControlModel
 from controller.supervision.fallback import DONE
-from hil.app.console import json_text, output_to_notes, print_json, progress_bar, summary
+from hil.app.console import json_text, output_to_notes, print_json, progress_bar, say
 from hil.app.learn.background import Background
 from hil.app.learn.learner import check_learnt
-from hil.app.scenario.bus_scenario import SilScenario, load_sil_scenario
+from hil.app.scenario.bus_scenario import SilScenario, load_sil_scenario, watched_bus
 from hil.app.scenario.model_health import health_words
 from hil.app.scenario.model_offer import Offered, offer_of, offer_words, read_offer, told
 from hil.app.scenario.options import Options
@@ -20,7 +25,6 @@ from hil.app.sil.fault_outcomes import outcomes
 from hil.app.sil.loop import Learning, SilTrace, judged_loop, learning_of, run_sil
 from hil.app.sil.story import story_files
 from hil.app.sil.testbed import believed_on_bus
-from hil.app.sil.watched import Watched
 from hil.app.track.score import document, score
 from hil.app.write import check_mcap, write_files
 from hil.log.log import LockstepLog
@@ -142,11 +146,6 @@ def judged(
 
 
 def _say(scenario: SilScenario, found: dict[str, Any], trace: SilTrace) -> None:
-    console = summary()
-
-    def say(text: str) -> None:
-        console.print(text, markup=False, soft_wrap=True)
-
     loop, bus, solve = scenario.loop, found["bus"], found["solve_ms"]
     say(f"{loop.name}: {loop.kind} rig on the bus, {loop.duration_s:g} s, seed {found['seed']}, {found['model']} model")
     say(
@@ -168,7 +167,41 @@ def _say(scenario: SilScenario, found: dict[str, Any], trace: SilTrace) -> None:
     say(health_words(found))
     if sentence := offer_words(found):
         say(sentence)
-    for lesson in trace.lessons:
-        say(lesson.words)
+    say(*(lesson.words for lesson in trace.lessons))
     if trace.ended != DONE:
         say(f"ended: {trace.ended}")
+
+
+class Watched:
+    """Passes every frame of the simulated bus on to the local bus `channel`, on which nobody is listened to.
+
+    The frames' simulated times are kept to by the wall clock, from the first one on: a run that could be faster waits.
+    A local bus that takes no more frames costs the run nothing but what is shown of it.
+    """
+
+    def __init__(self, channel: str) -> None:
+        """Raises ValueError where there can be no such bus."""
+        self._bus = watched_bus(channel)
+        self._zero_s = math.nan
+
+    def __call__(self, message: can.Message) -> None:
+        """One frame, as it leaves the wire."""
+        now = time.monotonic()
+        if math.isnan(self._zero_s):
+            self._zero_s = now - message.timestamp
+        time.sleep(max(0.0, self._zero_s + message.timestamp - now))
+        shown = can.Message(
+            arbitration_id=message.arbitration_id,
+            is_extended_id=message.is_extended_id,
+            is_fd=message.is_fd,
+            bitrate_switch=message.bitrate_switch,
+            data=message.data,
+        )
+        with contextlib.suppress(can.CanError):
+            self._bus.send(shown)
+
+    def __enter__(self) -> Watched:
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self._bus.shutdown()

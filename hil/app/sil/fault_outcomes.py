@@ -18,22 +18,18 @@ from hil.app.track.score import violations
 from hil.nodes.actuators import ActuatorTable
 from hil.nodes.controller.operator import AHEAD_M, OperatorLimits
 from hil.nodes.faults.table import KEY, KINDS, LIES, OPERATOR, Fault
+from hil.nodes.frame_map import CARRIAGE_MAP, frame_map_of
 from hil.nodes.operator_sender import CYCLE_S
 from plant import layout as at
 
 WANTED, SOURCE, _, PRESSED = range(4)
 """Columns of `SilTrace.steered`."""
-TO_LIVE_S: Final[Mapping[str, float]] = MappingProxyType({"magnetic": 0.020, "coil": 0.010, "vibro": 0.010})
-"""From the last good command frame to the safe state, for each kind of rig."""
-SEEN_S: Final[Mapping[str, float]] = MappingProxyType({"magnetic": 0.025, "coil": 0.010, "vibro": 0.010})
-"""From the last good feedback."""
 BUS_S: Final = 0.02
 STUCK_S: Final = 0.05
 PLACE_S: Final = 0.155
 """150 ms without localisation, and the next tick's way to the drive."""
 _RIDDEN: Final = ("duplicate", "reorder", "replay", "beyond_limits", "second_operator")
 _STRANGERS: Final = ("second_master", "player")
-_UNSEEN: Final = (("coil", "biased"), ("vibro", "stuck"), ("vibro", "biased"))
 _OWN_S: Final[Mapping[str, float]] = MappingProxyType(
     {
         "babbling": BUS_S,
@@ -52,12 +48,9 @@ def limit_s(rig: str, fault: Fault) -> float:
     old frames, of frames that changed places each second one is taken; a report that nothing acts on; and a fault
     weaker than its kind's own value. Not for faults of an operator (`operator_limit_s`).
     """
-    kind, target = fault.kind, fault.target
-    if (
-        kind in _RIDDEN
-        or (kind, target) == ("delay", "localisation")
-        or (target == "feedback" and (rig, kind) in _UNSEEN)
-    ):
+    kind, target, wiring = fault.kind, fault.target, frame_map_of(rig)
+    unseen = (kind == "biased" and not wiring.drive.placed) or (kind == "stuck" and wiring.drive.shaken)
+    if kind in _RIDDEN or (kind, target) == ("delay", "localisation") or (target == "feedback" and unseen):
         return math.inf
     if abs(fault.amount) < KINDS[kind].value:
         return math.inf
@@ -66,14 +59,14 @@ def limit_s(rig: str, fault: Fault) -> float:
     if kind in ("killed", "frozen") or (
         (kind in ("drop", "delay", "corrupt", "retyped") or KINDS[kind].needs == KEY) and target in ("commands", "all")
     ):
-        return TO_LIVE_S[rig]
+        return wiring.stops_s
     if kind == "unreadable":
-        return SEEN_S[rig] if target == "controller" else TO_LIVE_S[rig]
+        return wiring.seen_s if target == "controller" else wiring.stops_s
     if kind == "bus_off" and target in ("controller", "drive"):
         return BUS_S
     if kind == "stuck" or (kind, target) == ("biased", "feedback"):
         return STUCK_S
-    return SEEN_S[rig] if target == "feedback" else PLACE_S
+    return wiring.seen_s if target == "feedback" else PLACE_S
 
 
 def makers_limit_s(drive: ActuatorTable, limits: Limits, fault: Fault) -> float:
@@ -83,10 +76,10 @@ def makers_limit_s(drive: ActuatorTable, limits: Limits, fault: Fault) -> float:
     check, which are obeyed until the drive does not follow.
     """
     unseen = fault.kind == "corrupt" and fault.target in ("commands", "all")
-    if unseen or math.isinf(limit_s("magnetic", fault)):
+    if unseen or math.isinf(limit_s(CARRIAGE_MAP.drive.name, fault)):
         return math.inf
     seen = fault.target in ("feedback", "localisation", "localiser") or fault.kind in ("over_temperature", "late_solve")
-    return drive.stops_s(limits.carriage_speed_m_s) + (limit_s("magnetic", fault) if seen else 0.0)
+    return drive.stops_s(limits.carriage_speed_m_s) + (limit_s(CARRIAGE_MAP.drive.name, fault) if seen else 0.0)
 
 
 def hold_s(jog: JogTable, operator: OperatorLimits, fault: Fault) -> float:

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.limits import AROUND_M
+from controller.drives import DRIVES
 from hil.app.scenario.bus_scenario import SilScenario
 from hil.app.sil.loop import SilTrace
 from hil.app.track.score import shares
@@ -22,12 +22,6 @@ from plant import layout as at
 from plant.drives.kinds import MAGNETS
 
 Array = NDArray[np.float64]
-GOES_ON_M: Final = {"coil": 0.015, "vibro": 0.005}
-"""How far a capsule that no magnet holds goes on beyond its envelope until it is found out and stopped: a coil's at
-half its speed limit for 0.1 s, which is what its answer takes.
-"""
-TRACKED_M: Final = 0.004
-"""How far a capsule that follows a lie may be from the place that it says."""
 TICKS: Final = 2
 """From what tells that something is wrong to the drive's brake."""
 NOT_AT_REST: Final = "does not rest"
@@ -71,7 +65,7 @@ def lied(scenario: SilScenario, trace: SilTrace, faults: Sequence[Fault], end: f
         distance = np.abs(rows[:, at.O_X] - np.interp(rows[:, at.O_T], ticks, trace.steered[:, 0]))
     again = bool(rests.size and moved.size and not safe[rests[0] :][within[rests[0] :]].all() and scenario.jog is None)
     if any(f.kind == "restless" for f in faults):
-        why = "" if NOT_AT_REST in trace.stopped_because and not moved.size else "led, or not told"
+        why = "" if NOT_AT_REST in trace.stopped_because and trace.led_at <= begin else "led, or not told"
     elif np.any(distance > allowed_m(scenario, trace, faults, rows)):
         why = "too far"
     else:
@@ -85,20 +79,19 @@ def allowed_m(scenario: SilScenario, trace: SilTrace, faults: Sequence[Fault], r
     contradicts the lie, as far as the lie has gone so far: an offset of a coil's or inner mass's localisation, and a
     localiser and a drive that lie alike.
     """
-    limits, drive = scenario.loop.limits, scenario.loop.truth.drive
+    limits, drive, driven = scenario.loop.limits, scenario.loop.truth.drive, DRIVES[scenario.loop.kind]
     if isinstance(drive, MAGNETS):
         speed = limits.carriage_speed_m_s
         ahead = speed * TICKS * scenario.loop.control.tick_s + speed**2 / (2 * QUICK_STOP_M_S2)
         allowed = np.full(len(rows), limits.gap_share * drive.gap_limit_m + ahead)
         believed = False
     else:
-        kind = scenario.loop.kind
-        around_m = (limits.envelope_m or AROUND_M[kind]) + GOES_ON_M[kind]
-        foreign_m = max((2 * f.amount + TRACKED_M for f in faults if f.kind == "foreign"), default=0.0)
+        around_m = (limits.envelope_m or driven.around_m) + driven.goes_on_m
+        foreign_m = max((2 * f.amount + driven.tracked_m for f in faults if f.kind == "foreign"), default=0.0)
         allowed = np.full(len(rows), max(around_m, foreign_m))
         believed = all(f.kind in _ADDED for f in faults)
     if believed or {DRIVE, "localisation"} <= {f.target for f in faults if f.kind in LIES}:
-        allowed = np.maximum(allowed, _size(trace, rows) + TRACKED_M)
+        allowed = np.maximum(allowed, _size(trace, rows) + driven.tracked_m)
     return allowed
 
 

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import math
+import signal
+import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
+from types import FrameType
 from typing import Final
 
 import can
 import numpy as np
-from numpy.typing import NDArray
 
 from controller.model.control_model import ControlModel
 from controller.supervision.fallback import DONE, shares
@@ -24,7 +27,6 @@ from hil.app.scenario.bus_scenario import SilScenario
 from hil.app.scenario.model_offer import Offered
 from hil.app.scenario.scenario import TrackScenario
 from hil.app.sil.testbed import Bench, believed_on_bus
-from hil.app.sil.timeout import at_most
 from hil.app.track.loop import Array, Progress, Trace
 from hil.bus.simulated import SimulatedBus
 from hil.log.recorder import Recorder
@@ -56,7 +58,8 @@ def learning_of(scenario: SilScenario, values: Mapping[str, float], ask: Ask) ->
 @dataclass
 class SilTrace(Trace):
     """What a run over the bus leaves beside `Trace`: `slots` (n, 3) are the end of each of the drive's slots in s,
-    whether it was in its safe state, and when the last good command had come; `steered` (ticks, 4) are `Bench.steered`
+    whether it was in its safe state, and when the last good command had come; `led_at` the last tick in s in which the
+    drive was led (-inf: none); `steered` (ticks, 4) are `Bench.steered`
     at the ticks' begins, `experiments_at` when experiments interrupted the reference, in s of its time; `operator` says
     what became of setpoints, `ended` how the run ended, `led_share` who led for which share of its ticks,
     `unauthenticated` what was not taken on an authenticated bus; `digest` is the hash of all frames with their times
@@ -67,6 +70,7 @@ class SilTrace(Trace):
     slots: Array = field(default_factory=lambda: np.zeros((0, 3)))
     steered: Array = field(default_factory=lambda: np.zeros((0, 4)))
     told: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    led_at: float = -math.inf
     unauthenticated: dict[str, int] = field(default_factory=dict)
     operator: dict[str, object] | None = None
     frames: int = 0
@@ -135,7 +139,8 @@ def run_sil(
     loop, bench = scenario.loop, Bench(scenario, model, controller, seed, offer=offer, recorder=recorder)
     bench.show(shown)
     ticks = round(loop.duration_s / bench.tick_s)
-    trace, tap = _empty(ticks, bench.slots), _Tap(bench) if digest else None
+    room = {"slots": np.zeros((ticks * bench.slots, 3)), "steered": np.zeros((ticks, 4))}
+    trace, tap = SilTrace.empty(ticks, **room), _Tap(bench) if digest else None
     longest_s = max(LEAST_S, scenario.bus.longest_s_per_s * loop.duration_s) + LEARNING_S * (learning is not None)
     learner = None if learning is None else learning(bench.node)
     sentence = (
@@ -192,24 +197,6 @@ def _ticks(
     return led
 
 
-def _empty(ticks: int, slots: int) -> SilTrace:
-    nothing: list[NDArray[np.float64]] = [np.full(ticks, math.nan) for _ in range(7)]
-    a, b, c, d, e, f, g = nothing
-    return SilTrace(
-        a,
-        b,
-        c,
-        d,
-        e,
-        np.zeros(ticks, dtype=bool),
-        [],
-        f,
-        g,
-        slots=np.zeros((ticks * slots, 3)),
-        steered=np.zeros((ticks, 4)),
-    )
-
-
 def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:
     """What the bench knows at the end; step times count while the controller leads the drive."""
     trace.rows = np.concatenate(bench.plant.session.rows)
@@ -228,6 +215,7 @@ def _finish(trace: SilTrace, bench: Bench, led: list[int]) -> None:
     if answer.unrest and answer.unrest not in trace.stopped_because:
         trace.stopped_because = f"{trace.stopped_because or DONE}; then {answer.unrest}"
     trace.led_share = shares(answer.led)
+    trace.led_at = led[-1] * bench.tick_s if led else -math.inf
     doubt = answer.not_led(bench.node.wanted, estimator.health)
     trace.ended = trace.stopped_because or doubt or DONE
     trace.solve_s = trace.solve_s[led] if led else np.zeros(1)
@@ -239,3 +227,33 @@ def _never_led(bench: Bench, trace: SilTrace) -> str:
         "estimate lost" if trace.lost[-1] else "it did not get ready in time"
     )
     return f"the drive was never led: {doubt}"
+
+
+_AGAIN_S: Final = 1.0
+
+
+@contextmanager
+def at_most(longest_s: float, sentence: str) -> Iterator[Callable[[], None]]:
+    """Fail what runs within it with ValueError(`sentence`) after `longest_s` s of wall clock: by a timer, within a call
+    that does not return too, where this is the main thread; else where the function that it gives is called, as between
+    two ticks.
+    """
+    end = time.monotonic() + longest_s
+
+    def look() -> None:
+        if time.monotonic() >= end:
+            raise ValueError(sentence)
+
+    def ring(_: int, __: FrameType | None) -> None:
+        look()
+
+    if threading.current_thread() is not threading.main_thread():
+        yield look
+        return
+    before = signal.signal(signal.SIGALRM, ring)
+    signal.setitimer(signal.ITIMER_REAL, longest_s, _AGAIN_S)
+    try:
+        yield look
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)

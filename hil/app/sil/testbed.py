@@ -17,8 +17,7 @@ import can
 from controller.model.control_model import ControlModel, control_model
 from controller.supervision.model_switch import Offer
 from hil.app.scenario.bus_scenario import SilScenario
-from hil.app.sil.hand import Hand, SecondOperator
-from hil.app.sil.stranger import Stranger
+from hil.app.sil.hand import Hand, SecondOperator, Stranger
 from hil.bus.authenticated import AuthenticatedBus, inside
 from hil.bus.key import read_key
 from hil.bus.simulated import Medium, SimulatedBus
@@ -32,7 +31,7 @@ from hil.nodes.faults.table import LIES, SETPOINTS, Fault
 from hil.nodes.fmu_plant import FmuPlant
 from hil.nodes.frame_map import frame_map_of, frames
 from hil.nodes.plant_node import SLOT_S, PlantNode, power_of
-from hil.nodes.simulated_drives import Configured, simulated_drive
+from hil.nodes.simulated_drives import simulated_drive
 from plant.session import Session
 
 PHASE_S = 0.2e-3
@@ -100,8 +99,7 @@ class Bench:
         if scenario.drive is not None:
             _, power = power_of(session, loop.limits)
             drive = simulated_drive(ends["drive"], scenario.drive, power, loop.limits, self.tick_s)
-            if isinstance(drive, Configured):
-                drive.configure(self.wiring.life_ms(loop.limits.carriage_speed_m_s))
+            drive.configure(self.wiring.life_ms(loop.limits.carriage_speed_m_s))
             ends["controller"] = carriage_bus(ends["controller"], scenario.drive, frames(), self.tick_s)
         self.carriage = ends["controller"] if isinstance(ends["controller"], CarriageBus) else None
         self.node = ControllerNode(task, ends["controller"], observer=recorder)

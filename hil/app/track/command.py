@@ -8,7 +8,7 @@ from typing import Any
 
 from controller.registry import CONTROLLERS, leads
 from controller.supervision.fallback import DONE, not_led, shares
-from hil.app.console import json_text, notes, output_to_notes, print_json, progress_bar
+from hil.app.console import json_text, note, output_to_notes, print_json, progress_bar
 from hil.app.scenario.model_offer import offer_of, read_offer, told
 from hil.app.scenario.options import Options
 from hil.app.scenario.scenario import load_track_scenario
@@ -48,10 +48,7 @@ def track(path: Path, asked: Options, compare: bool = False) -> int:
         offer = offer_of(offered, lambda new: believed_model(scenario, new, believed))
         late, latest = scenario.instruments.localisation.latency_s, scenario.limits.age_s
         if late >= latest:
-            notes().print(
-                f"localisation comes {late:g} s late and is not used: limits.age_s is {latest:g} s",
-                markup=False,
-            )
+            note(f"localisation comes {late:g} s late and is not used: limits.age_s is {latest:g} s")
         with progress_bar(scenario.name, even=True) as report:
             for k, name in enumerate(names):
                 part = partial(_part, report, k, len(names))
@@ -60,10 +57,8 @@ def track(path: Path, asked: Options, compare: bool = False) -> int:
                 worth = score(scenario, trace)
                 found = document(scenario, scenario.name, name, number, used, worth, log)
                 found |= told(offered, trace.taken_at)
-                found["ended"], found["led_share"] = (
-                    trace.halted or not_led(trace.led, trace.first) or DONE,
-                    shares(trace.led),
-                )
+                found["ended"] = trace.halted or not_led(trace.led, trace.first) or DONE
+                found["led_share"] = shares(trace.led)
                 if believed.rig.magnets is not None:
                     found["height_m"] = believed.rig.magnets.height_m
                 found["checks"] = [one.document() for one in verdicts(scenario, name, trace, worth)]

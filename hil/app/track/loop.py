@@ -8,11 +8,12 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import dropwhile
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.drives import envelope_of, friction_command
+from controller.drives import DRIVES, envelope_of, friction_command
 from controller.estimator.base import Counts
 from controller.height import choose_height, values_at
 from controller.model.control_model import ControlModel, control_model
@@ -24,7 +25,7 @@ from controller.supervision.fallback import Event
 from controller.supervision.model_switch import ModelSwitch, Offer
 from controller.supervision.supervisor import Supervisor
 from controller.vibro.table_values import in_time
-from hil.app.scenario.scenario import DRIVEN, TrackScenario
+from hil.app.scenario.scenario import TrackScenario
 from models.rigs.rig import at_height
 from plant.drives.kinds import MagnetPair
 from plant.rig import Rig
@@ -70,10 +71,10 @@ class Trace:
         return Counter(dropwhile(lambda name: name == "stop", self.active))
 
     @classmethod
-    def empty(cls, ticks: int) -> Trace:
-        """Room for `ticks` entries."""
+    def empty(cls, ticks: int, **more: Any) -> Self:
+        """Room for `ticks` entries, and what is `more`."""
         a, b, c, d, e, f, g = (np.full(ticks, np.nan) for _ in range(7))
-        return cls(a, b, c, d, e, np.zeros(ticks, dtype=bool), [], f, g)
+        return cls(a, b, c, d, e, np.zeros(ticks, dtype=bool), [], f, g, **more)
 
     def note(
         self, k: int, now: float, estimate: Estimate, action: Action, wall: int | None, times: tuple[float, float]
@@ -114,11 +115,12 @@ def believed_model(
     """The control model of what the scenario's controller believes, with the `values` of one stage of a model file;
     those of a `vibro_table` are turned into a drive's in time.
     """
-    belief, numbers = in_time(scenario.belief, values) if scenario.kind == "vibro" else (scenario.belief, values)
+    drive = DRIVES[scenario.kind]
+    belief, numbers = in_time(scenario.belief, values) if drive.shaken else (scenario.belief, values)
     height = _height_m(scenario, numbers, before)
     if height is not None:
         belief, numbers = at_height(belief, height), values_at(belief, numbers, height)
-    return control_model(belief, numbers, scenario.control.tick_s, driven=DRIVEN[scenario.kind])
+    return control_model(belief, numbers, scenario.control.tick_s, driven=drive.simulated)
 
 
 def _height_m(scenario: TrackScenario, values: Mapping[str, float], before: ControlModel | None) -> float | None:

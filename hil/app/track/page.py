@@ -12,6 +12,7 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
+from controller.drives import DRIVES
 from hil.app.quantities import fixed, number, quantity
 from hil.app.report.document import document, heading, mixed_table, table
 from hil.app.report.panels import thinned
@@ -27,7 +28,6 @@ Run = tuple[dict[str, Any], Trace]
 POINTS = 4000
 ACROSS = 2
 """Small multiples side by side."""
-_UNITS = {"magnetic": ("carriage in mm", 1e3), "coil": ("coil voltage in V", 1.0), "vibro": ("drive on", 1.0)}
 
 
 def page_html(scenario: TrackScenario, runs: Sequence[Run]) -> str:
@@ -169,7 +169,8 @@ def _multiples(t: Array, errors: Sequence[tuple[dict[str, Any], Array]]) -> go.F
 def _inside(scenario: TrackScenario, runs: Sequence[Run]) -> go.Figure:
     """Command, error of the estimate and disturbance; of several runs one shows, the legend brings in the others."""
     figure = make_subplots(rows=3, cols=1, shared_xaxes=True, vertical_spacing=0.05)
-    unit, factor = _UNITS[scenario.kind]
+    drive = DRIVES[scenario.kind]
+    factor = 1e3 if drive.placed else 1.0
     best = min(range(len(runs)), key=lambda k: runs[k][0]["tracking_rmse_m"])
     for k, (found, trace) in enumerate(runs):
         t, rows = trace.time_s, trace.rows
@@ -182,7 +183,7 @@ def _inside(scenario: TrackScenario, runs: Sequence[Run]) -> go.Figure:
                 "visible": True if k == best else "legendonly",
             }
             figure.add_trace(_line(t, values, found["controller"], line_look(k), **look), row=row, col=1)
-    for row, title in enumerate((unit, "estimate less truth in mm", "disturbance in mN"), start=1):
+    for row, title in enumerate((drive.shown[-1], "estimate less truth in mm", "disturbance in mN"), start=1):
         figure.update_yaxes(title_text=title, row=row, col=1)
     figure.update_xaxes(title_text="time in s", row=3, col=1)
     return styled(figure, 760)

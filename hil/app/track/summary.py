@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
-from rich.console import Console
 from rich.table import Table
 
 from controller.supervision.fallback import DONE
-from hil.app.console import summary
+from hil.app import console
 from hil.app.quantities import fixed, number
 from hil.app.scenario.model_health import health_words
 from hil.app.scenario.model_offer import offer_words
@@ -18,39 +17,32 @@ from hil.app.scenario.scenario import TrackScenario
 from hil.app.track.score import HARD
 
 Found = Mapping[str, Any]
+_WORDS: Final = ("controller", "check", "ticks not ok", "most of a hard limit")
+"""Columns that hold words."""
 
 
 def say(scenario: TrackScenario, found: Sequence[Found], out: Path | None) -> None:
     """Print the JSON objects of a scenario's runs as tables, and where the report is."""
-    console = summary()
     seconds = f"{scenario.duration_s:g} s, seed {found[0]['seed']}"
-    console.print(f"{scenario.name}: {scenario.kind} rig, {seconds}, {found[0]['model']} model", markup=False)
+    console.say(f"{scenario.name}: {scenario.kind} rig, {seconds}, {found[0]['model']} model")
     heads = ("rmse mm", "max mm", "final mm", "mean mm/s", "wall mN", "effort mN", "violations")
-    _print(console, heads, [[one["controller"], *_tracking(one)] for one in found])
-    _print(
-        console,
-        ("ticks not ok", "most of a hard limit"),
-        [[one["controller"], not_ok(one), most_used(one)] for one in found],
-    )
+    _print(heads, [[one["controller"], *_tracking(one)] for one in found])
+    _print(_WORDS[2:], [[one["controller"], not_ok(one), most_used(one)] for one in found])
     steps = ("solve ms: median", "p99", "max", "estimate ms: median", "p99", "max")
-    _print(console, steps, [[one["controller"], *times(one)] for one in found])
+    _print(steps, [[one["controller"], *times(one)] for one in found])
     checks = [
         [one["controller"], check["check"], number(check["value"]), number(check["limit"]), verdict(check)]
         for one in found
         for check in one["checks"]
     ]
     if checks:
-        _print(console, ("check", "value", "at most", "verdict"), checks)
+        _print(("check", "value", "at most", "verdict"), checks)
     for one in found:
-        for event in one["events"]:
-            console.print(f"{one['controller']}: {_change(event)}", markup=False)
-        if one["ended"] != DONE:
-            console.print(f"{one['controller']}: ended: {one['ended']}", markup=False, soft_wrap=True)
-        console.print(f"{one['controller']}: {health_words(one)}", markup=False)
-        if sentence := offer_words(one):
-            console.print(f"{one['controller']}: {sentence}", markup=False)
+        ended = "" if one["ended"] == DONE else f"ended: {one['ended']}"
+        told = (*map(_change, one["events"]), ended, health_words(one), offer_words(one))
+        console.say(*(f"{one['controller']}: {words}" for words in told if words))
     if out is not None:
-        console.print(f"report: {out / 'track.html'}", markup=False, soft_wrap=True)
+        console.say(f"report: {out / 'track.html'}")
 
 
 def not_ok(found: Found) -> str:
@@ -81,23 +73,16 @@ def _change(event: Mapping[str, Any]) -> str:
 
 
 def _tracking(one: Found) -> list[str]:
-    lengths = [
-        fixed(1e3 * one[key], 3) for key in ("tracking_rmse_m", "tracking_max_m", "final_error_m", "mean_speed_m_s")
-    ]
-    return [
-        *lengths,
-        *(fixed(1e3 * one[key], 1) for key in ("wall_force_max_N", "effort")),
-        str(one["hard_violations"]),
-    ]
+    lengths = ("tracking_rmse_m", "tracking_max_m", "final_error_m", "mean_speed_m_s")
+    numbers = [fixed(1e3 * one[key], 3) for key in lengths]
+    numbers += [fixed(1e3 * one[key], 1) for key in ("wall_force_max_N", "effort")]
+    return [*numbers, str(one["hard_violations"])]
 
 
-def _print(console: Console, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+def _print(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     table = Table(box=None, pad_edge=False)
     for title in ("controller", *heads):
-        table.add_column(
-            title,
-            justify="left" if title in ("controller", "check", "ticks not ok", "most of a hard limit") else "right",
-        )
+        table.add_column(title, justify="left" if title in _WORDS else "right")
     for row in rows:
         table.add_row(*row)
-    console.print(table)
+    console.summary().print(table)

@@ -10,31 +10,12 @@ import can
 
 from hil.bus.catalogue import Catalogue
 from hil.nodes.carriage_bus import CarriageBus
-from hil.nodes.cia402.states import (
-    DEVIATES,
-    ENABLE_OPERATION,
-    FAULTED,
-    FOLLOWS,
-    HALT_QUICKLY,
-    INTERNAL,
-    LIMITED,
-    MASTER_NODE,
-    OPERATION,
-    OPERATIONAL,
-    RPDO,
-    SYNC_ID,
-    TPDO_MORE,
-    TPDO_STATE,
-    Cia402Table,
-    controlword,
-    fault_of,
-    shown,
-    state_of,
-)
+from hil.nodes.cia402 import states as p402
+from hil.nodes.cia402.states import Cia402Table
 from hil.nodes.frame_map import BOOT, ENABLED, FASTEST_M_S, FAULT, OFF, STANDBY, STOPPING, plain
 
-_ALIVE: Final = struct.pack("B", OPERATIONAL)
-_NMT: Final = {4: STOPPING, OPERATIONAL: ENABLED, 127: STANDBY}
+_ALIVE: Final = struct.pack("B", p402.OPERATIONAL)
+_NMT: Final = {4: STOPPING, p402.OPERATIONAL: ENABLED, 127: STANDBY}
 FOLLOWING_ERROR: Final = 0x8611
 _FOLLOWS_LATEST, _ASTRAY_REPORTS = 100, 2
 """Reports in operation until a drive must follow, as long as a brake takes to open; and those in a row after which one
@@ -69,7 +50,7 @@ class Cia402Bus(CarriageBus):
         """The error code 0x603F of the drive's fault, that it does not follow, has booted, or is at a limit."""
         limit = "it is at a limit of its own (bit 11 of its statusword; 0x607D, 0x607F)"
         told = [f"error code 0x{self._error:04X}" if self._told else self._doubt or self._anew]
-        told += [limit] if self._statusword & LIMITED else []
+        told += [limit] if self._statusword & p402.LIMITED else []
         words = "; ".join(word for word in told if word)
         return f"cia402 node {self.table.node_id}: {words}" if words else ""
 
@@ -78,9 +59,9 @@ class Cia402Bus(CarriageBus):
         `velocity_gain_Hz`, makes up for what the drive was off the place before.
         """
         wanted = OFF if self._doubt else mode
-        word = controlword(wanted, state_of(self._statusword), reset=self._reset)
+        word = p402.controlword(wanted, p402.state_of(self._statusword), reset=self._reset)
         self._reset = False
-        before, self._wanted_m = self._wanted_m, place_m if word == ENABLE_OPERATION else math.nan
+        before, self._wanted_m = self._wanted_m, place_m if word == p402.ENABLE_OPERATION else math.nan
         target = place_m
         if self.table.mode == "velocity":
             off = 0.0 if math.isnan(before) else before - self._place / self.table.counts_per_m
@@ -90,11 +71,11 @@ class Cia402Bus(CarriageBus):
 
     def synchronise(self, timeout: float | None) -> None:
         """CANopen's own SYNC beside the catalogue's."""
-        self.say(SYNC_ID, b"", timeout)
+        self.say(p402.SYNC_ID, b"", timeout)
 
     def live(self, timeout: float | None) -> None:
         """The heartbeat that the drive watches."""
-        self.say(0x700 + MASTER_NODE, _ALIVE, timeout)
+        self.say(0x700 + p402.MASTER_NODE, _ALIVE, timeout)
 
     def acknowledge(self, timeout: float | None) -> None:
         """With the next command."""
@@ -102,8 +83,8 @@ class Cia402Bus(CarriageBus):
 
     def halt(self, timeout: float | None) -> None:
         """Brake where it moves."""
-        if state_of(self._statusword) == OPERATION:
-            self._command(HALT_QUICKLY, 0 if self.table.mode == "velocity" else self._place, timeout)
+        if p402.state_of(self._statusword) == p402.OPERATION:
+            self._command(p402.HALT_QUICKLY, 0 if self.table.mode == "velocity" else self._place, timeout)
 
     def take(self, message: can.Message) -> bool:
         """TPDOs and heartbeat of the node."""
@@ -116,12 +97,12 @@ class Cia402Bus(CarriageBus):
 
     def _moved(self, data: bytes, stamp: float) -> bool:
         """State and position: a feedback. As the next two it says whether the frame was as long as it must be."""
-        if len(data) != TPDO_STATE.size:
+        if len(data) != p402.TPDO_STATE.size:
             return False
-        self._statusword, self._place = TPDO_STATE.unpack(data)
+        self._statusword, self._place = p402.TPDO_STATE.unpack(data)
         self._judge(stamp)
         self.feed(
-            FAULT if self._doubt else shown(self._statusword),
+            FAULT if self._doubt else p402.shown(self._statusword),
             self._place / self.table.counts_per_m,
             self._speed_m_s,
             stamp,
@@ -130,30 +111,30 @@ class Cia402Bus(CarriageBus):
 
     def _judge(self, stamp: float) -> None:
         """Whether the drive says that it does as it is told, while it is led."""
-        if state_of(self._statusword) != OPERATION or self._word != ENABLE_OPERATION:
+        if p402.state_of(self._statusword) != p402.OPERATION or self._word != p402.ENABLE_OPERATION:
             self._followed, self._astray = False, 0
             return
-        follows = bool(self._statusword & FOLLOWS)
+        follows = bool(self._statusword & p402.FOLLOWS)
         self._followed, self._astray = self._followed or follows, 0 if follows else self._astray + 1
         if self._doubt:
             return
-        if self.table.mode == "position" and self._statusword & DEVIATES:
+        if self.table.mode == "position" and self._statusword & p402.DEVIATES:
             self._doubt = "following error (bit 13 of its statusword; 0x6065, 0x6066)"
         elif self._astray >= (_ASTRAY_REPORTS if self._followed else _FOLLOWS_LATEST):
             self._doubt = "it does not follow its target (bit 12 of its statusword)"
         if self._doubt:
-            self.fail(INTERNAL, FOLLOWING_ERROR, stamp)
+            self.fail(p402.INTERNAL, FOLLOWING_ERROR, stamp)
 
     def _more(self, data: bytes, stamp: float) -> bool:
         """Speed and error: with the next feedback, and as a fault where one begins."""
-        if len(data) != TPDO_MORE.size:
+        if len(data) != p402.TPDO_MORE.size:
             return False
-        counts, error = TPDO_MORE.unpack(data)
+        counts, error = p402.TPDO_MORE.unpack(data)
         self._speed_m_s = counts / self.table.counts_per_m
-        faulted = state_of(self._statusword) == FAULTED
+        faulted = p402.state_of(self._statusword) == p402.FAULTED
         if faulted and not self._told:
             self._error = error
-            self.fail(fault_of(error), error, stamp)
+            self.fail(p402.fault_of(error), error, stamp)
         self._told = faulted
         return True
 
@@ -167,4 +148,4 @@ class Cia402Bus(CarriageBus):
 
     def _command(self, word: int, counts: int, timeout: float | None) -> None:
         self._word = word
-        self.say(0x200 + self.table.node_id, RPDO.pack(word, min(max(counts, -(1 << 31)), (1 << 31) - 1)), timeout)
+        self.say(0x200 + self.table.node_id, p402.RPDO.pack(word, min(max(counts, -(1 << 31)), (1 << 31) - 1)), timeout)

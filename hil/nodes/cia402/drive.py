@@ -5,81 +5,48 @@ Needs canopen.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any, Final
 
-import can
 import canopen
 
-from controller.limits import Limits
+from hil.nodes.cia402 import states as p402
 from hil.nodes.cia402.node import MONITORED_OFF, PolledNetwork, dictionary
 from hil.nodes.cia402.setup import entries
-from hil.nodes.cia402.states import (
-    ATTAINED,
-    CYCLIC_SYNCHRONOUS_VELOCITY,
-    DEVIATES,
-    DISABLED,
-    FAULTED,
-    FOLLOWS,
-    HOMING_ERROR,
-    HOMING_MODE,
-    LIMITED,
-    NOT_READY,
-    OPERATION,
-    REACHED,
-    REACTING,
-    READY_TO_SWITCH_ON,
-    REMOTE,
-    SWITCHED_ON,
-    VOLTAGE,
-    Cia402Table,
-    fault_of,
-    next_state,
-    shown,
-    statusword_of,
-)
+from hil.nodes.cia402.states import Cia402Table
+from hil.nodes.drive.makers import MOST, MakersDrive
 from hil.nodes.drive.node import HOT_S
-from hil.nodes.drive.power_stage import CarriagePower
 from hil.nodes.drive.state_machine import NO_FAULT, Stage
 from hil.nodes.frame_map import plain
 from hil.nodes.listening import waiting
 
 DEADLINE_ERROR, HEARTBEAT_ERROR, TEMPERATURE_ERROR, SENSOR_ERROR = 0x8250, 0x8130, 0x4310, 0x7300
-_MOST: Final = 256
 UNHOMED, HOMING, HOMED, NOT_FOUND = range(4)
-_HOMING_BITS: Final = {UNHOMED: REACHED, HOMING: 0, HOMED: REACHED | ATTAINED, NOT_FOUND: REACHED | HOMING_ERROR}
+_HOMING_BITS: Final = {
+    UNHOMED: p402.REACHED,
+    HOMING: 0,
+    HOMED: p402.REACHED | p402.ATTAINED,
+    NOT_FOUND: p402.REACHED | p402.HOMING_ERROR,
+}
 """Bits 13, 12 and 10 of the statusword: not started or interrupted, on the way, done, failed at rest."""
 _START_HOMING: Final = 1 << 4
 _INVALID_VALUE, _NOT_NOW = 0x06090030, 0x08000022
 """Abort codes of SDO."""
-_AMBIENT_C: Final = 25.0
 
 
-class Cia402Drive:
-    """Behaves as a `DriveNode` to the plant: `listen` once a slot, `output` for the plant's command.
-
-    What RPDO 1 holds counts from the next SYNC, which the TPDOs answer; where none comes it goes on at its last rate:
-    the worst of what the profile leaves open for places, and what it means for speeds. RPDO 1 later than its event
-    timer, a controller without heartbeat and too high a temperature are faults: brake, then latched. A fault reset
-    disables, no more. It takes a mode that 0x6502 names and shows it at 0x6061, homes from the rising edge of bit 4 on,
-    and sets bits 10 to 13 of its statusword as the mode wants them.
+class Cia402Drive(MakersDrive):
+    """What RPDO 1 holds counts from the next SYNC, which the TPDOs answer; where none comes it goes on at its last
+    rate: the worst of what the profile leaves open for places, and what it means for speeds. RPDO 1 later than its
+    event timer, a controller without heartbeat and too high a temperature are faults: brake, then latched. A fault
+    reset disables, no more. It takes a mode that 0x6502 names and shows it at 0x6061, homes from the rising edge of bit
+    4 on, and sets bits 10 to 13 of its statusword as the mode wants them.
 
     What it may do wrong: it `stays` in its mode whatever is asked for, `ignores` its targets and says so, is `jammed`,
     or does not find its home (`homeless`).
     """
 
-    def __init__(
-        self, bus: can.BusABC, table: Cia402Table, power: CarriagePower, limits: Limits, tick_s: float
-    ) -> None:
-        self.bus, self.table, self.power, self.limits, self.tick_s = bus, table, power, limits, tick_s
-        self.heated_to_C, self.misread = -math.inf, None
-        self.home_m = 0.0
-        self.stays = self.ignores = self.jammed = self.homeless = False
-        self.broken, self.node_id = False, table.node_id
-        self.rejected = 0
-        self.boot(0.0)
-
-    misread: Callable[[float], float] | None
+    table: Cia402Table
+    home_m = 0.0
+    stays = ignores = jammed = homeless = False
 
     def boot(self, now: float) -> None:
         """Begin anew, as after a loss of supply: nothing is set up."""
@@ -89,7 +56,7 @@ class Cia402Drive:
         )
         self.mode = 0
         self.node.add_write_callback(self._written)
-        self.state, self.error, self.temperature_C = NOT_READY, 0, _AMBIENT_C
+        self.state, self.error = p402.NOT_READY, 0
         self._now = self._since = now
         self._hot_since, self._word, self._mapped = math.inf, 0, False
         self.zero_m, self.homing = 0.0, UNHOMED
@@ -106,30 +73,29 @@ class Cia402Drive:
         self.node.nmt.state = "OPERATIONAL"
 
     @property
-    def safe(self) -> bool:
-        """Whether the drive follows no command and is at rest."""
-        return self.state != OPERATION and self.power.at_rest
+    def led(self) -> bool:
+        """Whether it is in operation."""
+        return self.state == p402.OPERATION
 
     @property
     def stage(self) -> Stage:
         """State and fault in the catalogue's numbers."""
-        return Stage(shown(self._statusword()), self._since, fault_of(self.error) if self.error else NO_FAULT)
+        return Stage(p402.shown(self._statusword()), self._since, p402.fault_of(self.error) if self.error else NO_FAULT)
 
     def listen(self, now: float, slots: int) -> None:
         """One run of the firmware: take frames in, judge, go on; reports leave with each SYNC."""
         self._now = now
-        for message in waiting(self.bus, _MOST):
+        for message in waiting(self.bus, MOST):
             if plain(message) and self.node_id == self.table.node_id:
                 self.network.notify(message.arbitration_id, bytearray(message.data), message.timestamp)
         if self.node.nmt.state == "OPERATIONAL" and not self._mapped:
             self._map()
-        self.temperature_C = max(_AMBIENT_C, self.heated_to_C)
         before = self._word
         if not self._mapped:
             self._word = int(self.node.sdo[0x6040].raw)
         self._go(self._word, before)
         if not self._mapped:
-            if self.state == OPERATION and self.mode == HOMING_MODE:
+            if self.state == p402.OPERATION and self.mode == p402.HOMING_MODE:
                 self._home(begins=bool(self._word & ~before & _START_HOMING))
             counts = self.table.counts_per_m
             self.node.sdo[0x6064].raw = round((self.power.output - self.zero_m) * counts)
@@ -139,7 +105,7 @@ class Cia402Drive:
 
     def output(self, dt: float, sensed: float) -> float:
         """The plant's command for the next `dt` s."""
-        share = 0.0 if self.state != OPERATION else 0.5 if self._warm else 1.0
+        share = 0.0 if self.state != p402.OPERATION else 0.5 if self._warm else 1.0
         turns = self._rate_m_s and not (self.ignores or self.jammed)
         if share and turns and self._now - self._taken_at > self.tick_s - 0.5 * dt:
             self.power.aim(self.power.output + self._rate_m_s * dt, dt)
@@ -150,18 +116,18 @@ class Cia402Drive:
         return self.temperature_C > self.limits.derate_C
 
     def _statusword(self) -> int:
-        word = statusword_of(self.state, warning=self._warm)
-        word |= VOLTAGE if READY_TO_SWITCH_ON <= self.state < FAULTED else 0
-        if self.mode == HOMING_MODE:
+        word = p402.statusword_of(self.state, warning=self._warm)
+        word |= p402.VOLTAGE if p402.READY_TO_SWITCH_ON <= self.state < p402.FAULTED else 0
+        if self.mode == p402.HOMING_MODE:
             return word | _HOMING_BITS[self.homing]
         if not self._mapped:
             return word
-        word |= REMOTE | (LIMITED if self._limited else 0)
-        if self.state != OPERATION or math.isnan(self._demand_m):
+        word |= p402.REMOTE | (p402.LIMITED if self._limited else 0)
+        if self.state != p402.OPERATION or math.isnan(self._demand_m):
             return word
         late = self._now - self._near_at > 1e-3 * int(self.node.sdo[0x6066].raw)
-        deviates = late and self.mode != CYCLIC_SYNCHRONOUS_VELOCITY
-        return word | (0 if self.ignores else FOLLOWS) | (DEVIATES if deviates else 0)
+        deviates = late and self.mode != p402.CYCLIC_SYNCHRONOUS_VELOCITY
+        return word | (0 if self.ignores else p402.FOLLOWS) | (p402.DEVIATES if deviates else 0)
 
     def _written(self, *, index: int, subindex: int, od: Any, data: bytes) -> None:
         """What an SDO must not write; and a mode that is taken."""
@@ -216,13 +182,11 @@ class Cia402Drive:
         if math.isfinite(self.good_at):
             before, self._word = self._word, int(self.node.rpdo[1][0x6040].raw)
             self._go(self._word, before)
-            if self.state == OPERATION:
+            if self.state == p402.OPERATION:
                 self._follow()
-        place, speed = self.power.output - self.zero_m, self.power.rate
-        place = place if self.misread is None else self.misread(place)
-        first, second = self.node.tpdo[1], self.node.tpdo[2]
-        first[0x6041].raw, first[0x6064].raw = self._statusword(), round(place * self.table.counts_per_m)
-        second[0x606C].raw, second[0x603F].raw = round(speed * self.table.counts_per_m), self.error
+        first, second, counts = self.node.tpdo[1], self.node.tpdo[2], self.table.counts_per_m
+        first[0x6041].raw, first[0x6064].raw = self._statusword(), round(self.shown_m * counts)
+        second[0x606C].raw, second[0x603F].raw = round(self.power.rate * counts), self.error
         first.transmit()
         second.transmit()
 
@@ -234,7 +198,7 @@ class Cia402Drive:
         most = int(self.node.sdo[0x607F].raw) / counts * self.tick_s
         least, farthest = (self.zero_m + int(self.node.sdo[0x607D][side].raw) / counts for side in (1, 2))
         here = self.power.output if math.isnan(before) else before
-        if self.mode == CYCLIC_SYNCHRONOUS_VELOCITY:
+        if self.mode == p402.CYCLIC_SYNCHRONOUS_VELOCITY:
             here = self.power.output
             wanted = here + self.node.rpdo[1][0x60FF].raw / counts * self.tick_s
         else:
@@ -248,15 +212,15 @@ class Cia402Drive:
     def _go(self, word: int, before: int) -> None:
         """One step of the state machine."""
         cause, state = self._cause(), self.state
-        self.state = next_state(state, word, before, cause=bool(cause), at_rest=self.power.at_rest)
-        if self.state == OPERATION and not self.mode:
-            self.state = SWITCHED_ON
-        if self.state != OPERATION:
+        self.state = p402.next_state(state, word, before, cause=bool(cause), at_rest=self.power.at_rest)
+        if self.state == p402.OPERATION and not self.mode:
+            self.state = p402.SWITCHED_ON
+        if self.state != p402.OPERATION:
             self._demand_m, self._rate_m_s, self._limited = math.nan, 0.0, False
-        if self.state == REACTING and state != REACTING:
+        if self.state == p402.REACTING and state != p402.REACTING:
             self.error = cause
             self.node.emcy.send(cause, 1)
-        elif self.state == DISABLED and self.error:
+        elif self.state == p402.DISABLED and self.error:
             self.error = 0
             self.node.emcy.reset()
         self._since = self._now if self.state != state else self._since
@@ -271,7 +235,7 @@ class Cia402Drive:
         if self.broken:
             return SENSOR_ERROR
         if (
-            self.state == OPERATION
+            self.state == p402.OPERATION
             and self._mapped
             and self._now - self.good_at > 1e-3 * int(self.node.sdo[0x1400][5].raw)
         ):
@@ -279,4 +243,4 @@ class Cia402Drive:
         late = (
             self._now - self._heard_at > 1e-3 * (int(self.node.sdo[0x1016][1].raw) & 0xFFFF) if self._mapped else False
         )
-        return HEARTBEAT_ERROR if late and self.state in (SWITCHED_ON, OPERATION) else 0
+        return HEARTBEAT_ERROR if late and self.state in (p402.SWITCHED_ON, p402.OPERATION) else 0

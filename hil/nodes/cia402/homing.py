@@ -6,28 +6,8 @@ import math
 import time
 from typing import Any, Final
 
-from hil.nodes.cia402.states import (
-    ATTAINED,
-    DISABLE_VOLTAGE,
-    DISABLED,
-    ENABLE_OPERATION,
-    FAULTED,
-    HALT_QUICKLY,
-    HOMING_ERROR,
-    HOMING_MODE,
-    MASTER_NODE,
-    OPERATION,
-    OPERATIONAL,
-    REACHED,
-    REACTING,
-    READY_TO_SWITCH_ON,
-    SHUTDOWN,
-    SWITCH_ON,
-    SWITCHED_ON,
-    Cia402Table,
-    mode_words,
-    state_of,
-)
+from hil.nodes.cia402 import states as p402
+from hil.nodes.cia402.states import Cia402Table
 
 _START_HOMING: Final = 1 << 4
 _HERE: Final = (35, 37)
@@ -35,10 +15,10 @@ _HERE: Final = (35, 37)
 _HERE_M: Final = 1e-4
 """How far off its home offset such a drive may tell its place afterwards."""
 _WORDS: Final = {
-    DISABLED: SHUTDOWN,
-    READY_TO_SWITCH_ON: SWITCH_ON,
-    SWITCHED_ON: ENABLE_OPERATION,
-    OPERATION: ENABLE_OPERATION | _START_HOMING,
+    p402.DISABLED: p402.SHUTDOWN,
+    p402.READY_TO_SWITCH_ON: p402.SWITCH_ON,
+    p402.SWITCHED_ON: p402.ENABLE_OPERATION,
+    p402.OPERATION: p402.ENABLE_OPERATION | _START_HOMING,
 }
 _MODE_S, _ERROR_S = 0.5, 0.1
 """Within how long a drive must show the mode that it is told to take; and from when on after the start a homing error
@@ -61,18 +41,18 @@ def take_mode(node: Any, table: Cia402Table, mode: int) -> None:
 
 
 def _another_mode(table: Cia402Table, mode: int, shown: int) -> str:
-    return f"cia402: node {table.node_id} must take mode {mode_words(mode)}; 0x6061 shows {mode_words(shown)}"
+    return f"cia402: node {table.node_id} must take mode {p402.mode_words(mode)}; 0x6061 shows {p402.mode_words(shown)}"
 
 
 def home(node: Any, network: Any, table: Cia402Table) -> None:
     """Let the drive home itself, under our heartbeat, and disable it again; whatever goes wrong stops it. Raises
     ValueError.
     """
-    take_mode(node, table, HOMING_MODE)
+    take_mode(node, table, p402.HOMING_MODE)
     end, run = time.monotonic() + table.homing_s, _Homing(table)
     try:
         while True:
-            network.send_message(0x700 + MASTER_NODE, bytes((OPERATIONAL,)))
+            network.send_message(0x700 + p402.MASTER_NODE, bytes((p402.OPERATIONAL,)))
             status = word_of(node, 0x6041)
             if run.done(node, status):
                 break
@@ -82,13 +62,13 @@ def home(node: Any, network: Any, table: Cia402Table) -> None:
                     f"cia402: node {table.node_id} must be home within {table.homing_s:g} s; statusword"
                     f" 0x{status:04X}{left}"
                 )
-            word = _WORDS.get(state_of(status), DISABLE_VOLTAGE)
+            word = _WORDS.get(p402.state_of(status), p402.DISABLE_VOLTAGE)
             node.sdo.download(0x6040, 0, word.to_bytes(2, "little"))
             if word & _START_HOMING:
                 run.started_s = min(run.started_s, time.monotonic())
             time.sleep(0.005)
     finally:
-        for word in (HALT_QUICKLY, DISABLE_VOLTAGE):
+        for word in (p402.HALT_QUICKLY, p402.DISABLE_VOLTAGE):
             node.sdo.download(0x6040, 0, word.to_bytes(2, "little"))
             time.sleep(0.05)
 
@@ -104,24 +84,24 @@ class _Homing:
 
     def left_over(self, status: int) -> bool:
         """Whether bit 12 has been set all the time."""
-        return bool(status & ATTAINED) and not self._away
+        return bool(status & p402.ATTAINED) and not self._away
 
     def done(self, node: Any, status: int) -> bool:
         """Whether it is home: in mode 6, in operation, attained since the start, and at rest there. Raises ValueError
         where it never will be.
         """
-        name, state = f"cia402: node {self._table.node_id}", state_of(status)
-        if state in (REACTING, FAULTED):
+        name, state = f"cia402: node {self._table.node_id}", p402.state_of(status)
+        if state in (p402.REACTING, p402.FAULTED):
             raise ValueError(f"{name} must home; got a fault, error code 0x{word_of(node, 0x603F):04X}")
-        if state == OPERATION and (mode := word_of(node, 0x6061, signed=True)) != HOMING_MODE:
-            raise ValueError(_another_mode(self._table, HOMING_MODE, mode))
-        if state != OPERATION:
+        if state == p402.OPERATION and (mode := word_of(node, 0x6061, signed=True)) != p402.HOMING_MODE:
+            raise ValueError(_another_mode(self._table, p402.HOMING_MODE, mode))
+        if state != p402.OPERATION:
             return False
-        self._away = self._away or not status & ATTAINED
+        self._away = self._away or not status & p402.ATTAINED
         since_s = time.monotonic() - self.started_s
-        if status & HOMING_ERROR and since_s > _ERROR_S:
+        if status & p402.HOMING_ERROR and since_s > _ERROR_S:
             raise ValueError(f"{name} must home; got a homing error (bit 13 of statusword 0x{status:04X})")
-        attained = status & ATTAINED and status & REACHED
+        attained = status & p402.ATTAINED and status & p402.REACHED
         return since_s > 0 and bool(attained) and (self._away or self._here(node))
 
     def _here(self, node: Any) -> bool:

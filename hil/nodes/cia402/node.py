@@ -11,15 +11,11 @@ import canopen
 from canopen.objectdictionary import ODArray, ODRecord, ODVariable, datatypes
 
 from controller.limits import Limits
+from hil.nodes.cia402 import states as p402
 from hil.nodes.cia402.setup import PROFILE, entries
-from hil.nodes.cia402.states import (
-    CYCLIC_SYNCHRONOUS_POSITION,
-    CYCLIC_SYNCHRONOUS_VELOCITY,
-    HOMING_MODE,
-    Cia402Table,
-)
+from hil.nodes.cia402.states import Cia402Table
 
-KNOWN: Final = (HOMING_MODE, CYCLIC_SYNCHRONOUS_POSITION, CYCLIC_SYNCHRONOUS_VELOCITY)
+KNOWN: Final = (p402.HOMING_MODE, p402.CYCLIC_SYNCHRONOUS_POSITION, p402.CYCLIC_SYNCHRONOUS_VELOCITY)
 """Modes of operation that the drive knows."""
 MONITORED_OFF: Final = 0xFFFFFFFF
 """A following error window that is none, as drives are shipped."""

@@ -13,21 +13,9 @@ import can
 
 from controller.limits import Limits
 from hil.nodes.carriage_bus import RESTS_M_S
+from hil.nodes.cia402 import states as p402
 from hil.nodes.cia402.homing import home, take_mode, word_of
-from hil.nodes.cia402.states import (
-    FAULTED,
-    HOMING_MODE,
-    MASTER_NODE,
-    MODES,
-    NOT_READY,
-    OPERATION,
-    QUICK_STOPPING,
-    REACTING,
-    SYNC_ID,
-    Cia402Table,
-    mode_words,
-    state_of,
-)
+from hil.nodes.cia402.states import Cia402Table
 from hil.nodes.frame_map import QUICK_STOP_M_S2
 
 HEARTBEAT_MS: Final = 20
@@ -72,8 +60,8 @@ def entries(table: Cia402Table, limits: Limits, tick_s: float, time_to_live_ms: 
     following = (window, Entry(0x6066, 0, 2, round(1e3 * table.following_s)))
     homing = (Entry(0x6098, 0, 1, table.homing_method), Entry(0x6099, 1, 4, slow), Entry(0x6099, 2, 4, slow))
     return (
-        Entry(0x1005, 0, 4, SYNC_ID),
-        Entry(0x1016, 1, 4, MASTER_NODE << 16 | HEARTBEAT_LOST_MS),
+        Entry(0x1005, 0, 4, p402.SYNC_ID),
+        Entry(0x1016, 1, 4, p402.MASTER_NODE << 16 | HEARTBEAT_LOST_MS),
         Entry(0x1017, 0, 2, HEARTBEAT_MS),
         *_mapping(0x1400, 0x1600, 0x200 + node, Entry(0x1400, 5, 2, time_to_live_ms), by=table.mode),
         *_mapping(0x1800, 0x1A00, 0x180 + node),
@@ -89,7 +77,7 @@ def entries(table: Cia402Table, limits: Limits, tick_s: float, time_to_live_ms: 
         Entry(0x60C2, 1, 1, round(1e4 * tick_s)),
         Entry(0x60C2, 2, 1, -4),
         *(homing if table.homing_method else ()),
-        Entry(0x6060, 0, 1, MODES[table.mode]),
+        Entry(0x6060, 0, 1, p402.MODES[table.mode]),
     )
 
 
@@ -137,7 +125,7 @@ def set_up(
             told.append(_set(node, table, Entry(index, sub, size, value), rounded=True))
         if table.homing_method and not faulty:
             home(node, network, table)
-        take_mode(node, table, MODES[table.mode])
+        take_mode(node, table, p402.MODES[table.mode])
         if not faulty:
             _check_place(node, table, limits)
         node.nmt.state = "OPERATIONAL"
@@ -164,20 +152,20 @@ def _check(node: Any, table: Cia402Table, *, faulty: bool) -> None:
     if kind != PROFILE:
         raise ValueError(f"{name} must be a drive of profile 402; got profile {kind}")
     known = word_of(node, 0x6502)
-    for mode in (MODES[table.mode], *([HOMING_MODE] if table.homing_method else ())):
+    for mode in (p402.MODES[table.mode], *([p402.HOMING_MODE] if table.homing_method else ())):
         if not known >> (mode - 1) & 1:
-            knows = ", ".join(mode_words(bit + 1) for bit in range(16) if known >> bit & 1) or "none"
-            raise ValueError(f"{name} must know mode {mode_words(mode)}; 0x6502 says that it knows {knows}")
+            knows = ", ".join(p402.mode_words(bit + 1) for bit in range(16) if known >> bit & 1) or "none"
+            raise ValueError(f"{name} must know mode {p402.mode_words(mode)}; 0x6502 says that it knows {knows}")
     end = time.monotonic() + table.answers_s
-    while (state := state_of(word := word_of(node, 0x6041))) == NOT_READY and time.monotonic() < end:
+    while (state := p402.state_of(word := word_of(node, 0x6041))) == p402.NOT_READY and time.monotonic() < end:
         time.sleep(0.01)
-    if state in (FAULTED, REACTING) and not faulty:
+    if state in (p402.FAULTED, p402.REACTING) and not faulty:
         raise ValueError(
             f"{name} must have no fault before it is led; got error code 0x{word_of(node, 0x603F):04X}; 'capsule run"
             " RIG.toml reset' acknowledges it"
         )
-    if state in (OPERATION, QUICK_STOPPING, NOT_READY):
-        got = "no state that is ready" if state == NOT_READY else "one that is enabled, by somebody else"
+    if state in (p402.OPERATION, p402.QUICK_STOPPING, p402.NOT_READY):
+        got = "no state that is ready" if state == p402.NOT_READY else "one that is enabled, by somebody else"
         raise ValueError(f"{name} must be disabled before it is led; got {got} (statusword 0x{word:04X})")
 
 

@@ -12,40 +12,17 @@ from typing import Final
 
 import can
 
+from hil.nodes import frame_map as our
 from hil.nodes.drive.state_machine import HEARTBEAT_LOST, OVER_CURRENT, OVER_TEMPERATURE, TIME_TO_LIVE
-from hil.nodes.frame_map import (
-    BOOT,
-    DERATED,
-    ENABLE,
-    ENABLED,
-    FAULT,
-    OFF,
-    QUICK_STOP,
-    STANDBY,
-    STOPPING,
-    WAITING,
-    frame_map_of,
-    plain,
-)
 from models.files.tables import check_ranges
 from models.parameter import nearest
 
 DISABLED, READY_TO_SWITCH_ON, SWITCHED_ON, OPERATION, QUICK_STOPPING, REACTING, FAULTED = range(1, 8)
 """States of the power drive system; 0 is "not ready to switch on"."""
 NOT_READY: Final = 0
-_WORDS: Final[Mapping[int, tuple[int, int]]] = MappingProxyType(
-    {
-        NOT_READY: (0x4F, 0x00),
-        DISABLED: (0x4F, 0x40),
-        READY_TO_SWITCH_ON: (0x6F, 0x21),
-        SWITCHED_ON: (0x6F, 0x23),
-        OPERATION: (0x6F, 0x27),
-        QUICK_STOPPING: (0x6F, 0x07),
-        REACTING: (0x4F, 0x0F),
-        FAULTED: (0x4F, 0x08),
-    }
-)
-"""Mask and value of the statusword's bits that tell the state."""
+_MASKS: Final = (0x4F, 0x4F, 0x6F, 0x6F, 0x6F, 0x6F, 0x4F, 0x4F)
+_WORDS: Final = (0x00, 0x40, 0x21, 0x23, 0x27, 0x07, 0x0F, 0x08)
+"""Masks and values of the statusword's bits that tell each state."""
 WARNING: Final = 0x80
 """Bit of the statusword: the drive does not do all it is asked for."""
 VOLTAGE, REMOTE, LIMITED = 1 << 4, 1 << 9, 1 << 11
@@ -95,10 +72,17 @@ SENSOR: Final = 7
 _ERRORS: Final[Mapping[int, int]] = MappingProxyType(
     {0x2300: OVER_CURRENT, 0x4300: OVER_TEMPERATURE, 0x7300: SENSOR, 0x8250: TIME_TO_LIVE, 0x8130: HEARTBEAT_LOST}
 )
-_STATES: Final[Mapping[int, int]] = MappingProxyType(
-    {NOT_READY: BOOT, DISABLED: STANDBY, READY_TO_SWITCH_ON: WAITING, SWITCHED_ON: WAITING, OPERATION: ENABLED}
-    | {QUICK_STOPPING: STOPPING, REACTING: FAULT, FAULTED: FAULT}
+_SHOWN: Final = (
+    our.BOOT,
+    our.STANDBY,
+    our.WAITING,
+    our.WAITING,
+    our.ENABLED,
+    our.STOPPING,
+    our.FAULT,
+    our.FAULT,
 )
+"""The states in the catalogue's numbers."""
 
 
 @dataclass(frozen=True)
@@ -136,7 +120,7 @@ class Cia402Table:
         """Whether `message` is one by which a master commands this drive: RPDO 1, NMT to it or to all, CANopen's SYNC,
         the heartbeat that the drive watches, and what writes over SDO.
         """
-        if not plain(message):
+        if not our.plain(message):
             return False
         data = bytes(message.data[:2])
         if message.arbitration_id == 0:
@@ -147,8 +131,7 @@ class Cia402Table:
 
     def stops_s(self, speed_m_s: float) -> float:
         """The longest time in s from the last command to the carriage at rest, from `speed_m_s`."""
-        wiring = frame_map_of("magnetic")
-        return 1e-3 * wiring.life_ms(speed_m_s) + 2 * abs(speed_m_s) / wiring.braking_m_s2
+        return 1e-3 * our.CARRIAGE_MAP.life_ms(speed_m_s) + 2 * abs(speed_m_s) / our.CARRIAGE_MAP.braking_m_s2
 
 
 RANGES: Final = (
@@ -186,18 +169,19 @@ def options_of(raw: object) -> tuple[tuple[int, int, int], ...]:
 
 def state_of(statusword: int) -> int:
     """The state that a statusword shows; "not ready" for one that shows none."""
-    return next((state for state, (mask, word) in _WORDS.items() if statusword & mask == word), NOT_READY)
+    told = zip(_MASKS, _WORDS, strict=True)
+    return next((state for state, (mask, word) in enumerate(told) if statusword & mask == word), NOT_READY)
 
 
 def statusword_of(state: int, *, warning: bool = False) -> int:
     """The statusword of a state."""
-    return _WORDS[state][1] | (WARNING if warning else 0)
+    return _WORDS[state] | (WARNING if warning else 0)
 
 
 def shown(statusword: int) -> int:
     """A drive's state in the catalogue's numbers; enabled with a warning, or at a limit of its own, is derated."""
-    state = _STATES[state_of(statusword)]
-    return DERATED if state == ENABLED and statusword & (WARNING | LIMITED) else state
+    state = _SHOWN[state_of(statusword)]
+    return our.DERATED if state == our.ENABLED and statusword & (WARNING | LIMITED) else state
 
 
 def mode_words(mode: int) -> str:
@@ -220,14 +204,14 @@ def controlword(mode: int, state: int, *, reset: bool = False) -> int:
     if state == FAULTED:
         return RESET_FAULT if reset else DISABLE_VOLTAGE
     if state == OPERATION:
-        return ENABLE_OPERATION if mode == ENABLE else HALT_QUICKLY
+        return ENABLE_OPERATION if mode == our.ENABLE else HALT_QUICKLY
     if state == QUICK_STOPPING:
         return HALT_QUICKLY
-    if mode in (OFF, QUICK_STOP) or state in (NOT_READY, REACTING):
+    if mode in (our.OFF, our.QUICK_STOP) or state in (NOT_READY, REACTING):
         return DISABLE_VOLTAGE
     if state == DISABLED:
-        return DISABLE_VOLTAGE if mode == ENABLE else SHUTDOWN
-    if mode == ENABLE:
+        return DISABLE_VOLTAGE if mode == our.ENABLE else SHUTDOWN
+    if mode == our.ENABLE:
         return SWITCH_ON if state == READY_TO_SWITCH_ON else ENABLE_OPERATION
     return SHUTDOWN
 

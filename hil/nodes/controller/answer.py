@@ -20,13 +20,13 @@ from controller.supervision.probe import Probe
 from hil.nodes.frame_map import STANDBY, WAITING
 
 _BACK_S: Final = 0.4
-"""How far back the drive's reports and the wanted positions are kept, for readings that come late: no localiser can tell a greater age."""
+"""How far back the drive's reports and the wanted positions are kept, for readings that come late: no localiser can
+tell a greater age.
+"""
 _JUMP_M: Final = 2e-3
 """Step of the believed position from which on it is told, and the drive's rate begins anew."""
 _ASTRAY: Final = 3
 """Ticks in a row in which it must be so: a report may be an old one."""
-_RESTS: Final = {"magnetic": 3e-4, "coil": 0.012, "vibro": 0.012}
-"""How far a drive at rest may be off where it came to rest in m, or its current off zero in A."""
 
 
 class Answer:
@@ -37,13 +37,13 @@ class Answer:
     while it stands by or waits, "" where it does not.
     """
 
-    def __init__(self, envelope: Envelope, tick_s: float, noise_m: float, friction: float) -> None:
-        """`friction` is the command that overcomes it."""
+    def __init__(self, envelope: Envelope, rests: float, tick_s: float, noise_m: float, friction: float) -> None:
+        """`rests` is `Driven.rests`, `friction` the command that overcomes it."""
         self._envelope, self._tick_s = envelope, tick_s
         self._contradiction = Contradiction(envelope, noise_m, friction)
         self._ticks = deque([(0.0, 0.0)], maxlen=2 + math.ceil(_BACK_S / tick_s))
         self.led: Counter[str] = Counter()
-        self.unrest, self._rested, self._most = "", math.nan, _RESTS[envelope.kind]
+        self.unrest, self._rested, self._most = "", math.nan, rests
         self._astray = 0
         self.jumps, self.jump_m, self.cautious_s = 0, 0.0, -math.inf
         self._followed, self._believed_m = 0, math.nan

@@ -8,7 +8,6 @@ import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import Final
 
 import can
@@ -16,14 +15,9 @@ import can
 from controller.limits import Envelope, number
 from hil.bus.catalogue import Catalogue
 from hil.bus.protection import Sender
-from hil.nodes.frame_map import ENABLE, FRAME_MAPS, MOVING, QUICK_STOP, WAITING, FrameMap, Observer
+from hil.nodes.frame_map import ENABLE, MOVING, QUICK_STOP, WAITING, FrameMap, Observer
 
 STOP_PERIOD_S: Final = 0.02
-FEEDBACK_S: Final[Mapping[str, float]] = MappingProxyType({"magnetic": 0.0215, "coil": 0.0045, "vibro": 0.0065})
-"""How old the feedback of a drive at rest may be: what is left of 25 ms (carriage) and 10 ms (coil, inner mass) from
-the last good frame to the safe state, once a tick until the guard sees it, the way of the stop to the drive and, of a
-coil, the decay of its current are taken off.
-"""
 GUARD_REASON: Final = 2
 LATE: Final = "controller late"
 
@@ -51,23 +45,12 @@ class Fence:
     growth: float = math.inf
 
     @classmethod
-    def of(cls, envelope: Envelope, tick_s: float) -> Fence:
+    def of(cls, envelope: Envelope, wiring: FrameMap, tick_s: float) -> Fence:
         """The fence that a drive's limits set."""
-        rests = envelope.placed
-        feedback_s, braking = FEEDBACK_S[envelope.kind], FRAME_MAPS[envelope.kind].braking_m_s2
-        limits = envelope.limits
-        return cls(
-            envelope.low,
-            envelope.high,
-            envelope.rate,
-            rests,
-            tick_s,
-            feedback_s,
-            braking,
-            stop_s=limits.age_s,
-            first_share=limits.first_speed_m_s / limits.carriage_speed_m_s,
-            growth=limits.first_acceleration_m_s2 / limits.carriage_speed_m_s,
-        )
+        e, limits, speed = envelope, envelope.limits, envelope.limits.carriage_speed_m_s
+        held = (e.low, e.high, e.rate, e.placed, tick_s, wiring.feedback_s, wiring.braking_m_s2)
+        first, growth = limits.first_speed_m_s / speed, limits.first_acceleration_m_s2 / speed
+        return cls(*held, stop_s=limits.age_s, first_share=first, growth=growth)
 
     def after(self, since_s: float) -> Fence:
         """The fence `since_s` s after the drive was enabled on a rig."""

@@ -28,12 +28,11 @@ from controller.supervision.supervisor import Supervisor
 from hil.bus.catalogue import Catalogue
 from hil.nodes.controller.answer import Answer
 from hil.nodes.controller.guard import GUARD_REASON, STOP_PERIOD_S, Evidence, Fence, Guard, Passed
-from hil.nodes.controller.health import HEALTH_S, health_values
 from hil.nodes.controller.lateness import gap_words, paused
 from hil.nodes.controller.operator import STATUS, STATUS_S, Operator, OperatorLimits
 from hil.nodes.controller.plausibility import Plausibility
 from hil.nodes.controller.receive import FrameReceiver
-from hil.nodes.controller.view import VIEW_S, force_values, motion_values, wanted_values
+from hil.nodes.controller.view import HEALTH_S, VIEW_S, force_values, health_values, motion_values, wanted_values
 from hil.nodes.frame_map import (
     BOOT,
     ENABLE,
@@ -113,10 +112,10 @@ __all__ = ["FAULTY", "HALTING", "IDLE", "RUNNING", "ControllerNode", "Task", "Ti
 IDLE, RUNNING, HALTING, FAULTY = 1, 2, 3, 4
 """States of the node, in the numbers of its heartbeat."""
 HEARTBEAT_S: Final = 0.02
-_FOLLOW: Final = {"magnetic": 1e-3, "coil": 0.075, "vibro": math.inf}
-"""In the command's unit, beyond the commands of the last `_LAG_S` and a tick more."""
 _LAG_S: Final = 8e-3
-"""Of a drive's report behind the command, which a drive rides through."""
+"""Of a drive's report behind the command, which a drive rides through: `Driven.follow` counts beyond the commands of as
+long ago and a tick more.
+"""
 _RESTS_M_S: Final = 1e-4
 _REST_S: Final = 0.05
 """A reference rests at a time around which, so long before and after, it is no faster."""
@@ -181,14 +180,20 @@ class ControllerNode:
         self.operator = None if task.operator is None else Operator(task.operator, catalogue)
         self.receiver = FrameReceiver(bus, catalogue, self.wiring, self.tick_s, observer, self.operator)
         self.guard = Guard(
-            bus, catalogue, self.wiring, Fence.of(self.envelope, self.tick_s), dry=dry_run, observe=observer
+            bus,
+            catalogue,
+            self.wiring,
+            Fence.of(self.envelope, self.wiring, self.tick_s),
+            dry=dry_run,
+            observe=observer,
         )
         self.state, self.reason, self.end = IDLE, "", "stopped"
-        self.answer = Answer(self.envelope, self.tick_s, task.seen_noise_m, friction_command(task.model, self.envelope))
+        friction = friction_command(task.model, self.envelope)
+        self.answer = Answer(self.envelope, self.wiring.drive.rests, self.tick_s, task.seen_noise_m, friction)
         self._probe: Probe | None = None
         self._probed = False
         lag_ticks = 2 + math.ceil(_LAG_S / self.tick_s)
-        self._plausibility = Plausibility(_FOLLOW[self.wiring.kind], task.seen_noise_m, task.resolution_m, lag_ticks)
+        self._plausibility = Plausibility(self.wiring.drive.follow, task.seen_noise_m, task.resolution_m, lag_ticks)
         self._reference: Reference = task.reference
         self._experiments = deque(task.experiments)
         self.experiments_at: list[float] = []
@@ -461,7 +466,7 @@ class ControllerNode:
             wanted_m = self.wanted_m(now)
             self._plausibility.wanted(wanted_m)
             reason = reason or self._plausibility.reason(self.estimator.counts.restarts)
-            drive = self.receiver.report if self.envelope.kind != "vibro" else self.guard.sent.value
+            drive = self.receiver.report if not self.envelope.shaken else self.guard.sent.value
             late_s = self.estimator.model.delay_s
             found = self.answer.look(now, drive, wanted_m, arrived, late_s, self._reference, self._probe)
             reason = reason or found

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from controller.move import Move, brake, move, rest
+from controller.move import SetpointMove, brake, move, rest
 from controller.signals import Reference
 from hil.bus.catalogue import Catalogue
 from hil.bus.codec import Refusal
@@ -189,7 +189,7 @@ class Operator:
         if not self.taken:
             return reference
         wanted = self._wanted if self.source != NOBODY else None
-        if wanted != self._followed or not isinstance(reference, Move):
+        if wanted != self._followed or not isinstance(reference, SetpointMove):
             self._followed = wanted
             at = np.array([now])
             place, speed = float(reference.position(at)[0]), float(reference.speed(at)[0])
@@ -220,7 +220,7 @@ class Operator:
         refused = {"accepted": accepted, "refused": dict(self.refused)}
         return {"presses": self.presses, "expired": self.expired, "limited": self.limited, **refused}
 
-    def _move(self, wanted: tuple[int, float, float], place: float, speed: float, now: float) -> Move:
+    def _move(self, wanted: tuple[int, float, float], place: float, speed: float, now: float) -> SetpointMove:
         mode, position, velocity = wanted
         limits = self.limits
         stops = place + speed * abs(speed) / (2 * limits.acceleration_m_s2)

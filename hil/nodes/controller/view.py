@@ -1,4 +1,4 @@
-"""What the controller believes and wants, as the frames for those who watch say it."""
+"""What the controller believes and wants, and what the monitor says of its model, in frames for those who watch."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import Final
 
 from controller.model.control_model import ControlModel
+from controller.monitor.monitor import Health
 from controller.signals import Estimate
 from hil.bus.absent import NO_SURPRISE
 
@@ -65,3 +66,21 @@ def _wall(model: ControlModel, estimate: Estimate) -> int:
 
 def _within(value: float, most: float) -> float:
     return min(max(float(value), -most), most) if math.isfinite(value) else 0.0
+
+
+HEALTH_S: Final = 0.1
+STATES: Final[Mapping[str, int]] = MappingProxyType({"holds": 0, "doubtful": 1, "broken": 2, "not watched": 3})
+CHANGES: Final[Mapping[str, int]] = MappingProxyType({"": 0, "sudden": 1, "slow": 2})
+_LONGEST_S: Final = 167772.0
+_MOST: Final = 2.55
+
+
+def health_values(health: Health, began_s: float) -> dict[str, float]:
+    """The signals of ModelHealth; times count from `began_s`, when the node began."""
+    return {
+        "State": STATES[health.state],
+        "Change": CHANGES[health.change],
+        "Since_s": min(max(health.since_s - began_s, 0.0), _LONGEST_S),
+        "Evidence": min(max(health.evidence, 0.0), _MOST),
+        "Alarms": min(health.alarms, 255),
+    }

@@ -14,18 +14,9 @@ from hil.bus.absent import NOT_MEASURED_C
 from hil.bus.catalogue import Catalogue
 from hil.bus.codec import Refusal
 from hil.bus.protection import Receiver, Reception
+from hil.nodes.drive import state_machine as states
 from hil.nodes.drive.power_stage import CarriagePower, CoilPower, InnerMassPower, Power
-from hil.nodes.drive.state_machine import (
-    BUS_OFF,
-    HEARTBEAT_LOST,
-    NO_FAULT,
-    OVER_CURRENT,
-    OVER_TEMPERATURE,
-    Stage,
-    Told,
-    may_move,
-    next_stage,
-)
+from hil.nodes.drive.state_machine import Stage, Told
 from hil.nodes.drive.sync_clock import SyncClock
 from hil.nodes.frame_map import (
     BOOT,
@@ -111,7 +102,7 @@ class DriveNode:
         self._began, self._last = now, now
         self._mode, self._setpoint, self._taken, self._waiting = OFF, 0.0, OFF, False
         self._dies_at = self._stop_until = self._heard_at = self._beat_at = -math.inf
-        self._reset, self._hot_since, self._phase, self._tell = NO_FAULT, math.inf, 0, 0
+        self._reset, self._hot_since, self._phase, self._tell = states.NO_FAULT, math.inf, 0, 0
         self._stranger, self._uptime_s, self._shown = False, math.inf, 0.0
 
     @property
@@ -122,7 +113,7 @@ class DriveNode:
     @property
     def safe(self) -> bool:
         """Whether the drive follows no command and is in its safe state."""
-        return not may_move(self.stage) and self.power.at_rest
+        return not states.may_move(self.stage) and self.power.at_rest
 
     def listen(self, now: float, slots: int) -> None:
         """One run of the firmware at `now`, `slots` of which make a tick: take frames in, step the state machine,
@@ -136,7 +127,7 @@ class DriveNode:
         alive, stopped = now <= self._dies_at, now < self._stop_until
         hot = self.temperature_C > self.limits.derate_C
         told = Told(self._mode, alive, stopped, self._reset, cause, hot, self.power.at_rest, self._answered)
-        before, self.stage, self._reset = self.stage, next_stage(self.stage, told, now), NO_FAULT
+        before, self.stage, self._reset = self.stage, states.next_stage(self.stage, told, now), states.NO_FAULT
         if self.stage.fault and not before.fault:
             self._tell = 2
         if self.stage.state == STANDBY != before.state:
@@ -145,8 +136,8 @@ class DriveNode:
 
     def output(self, dt: float, sensed: float) -> float:
         """The plant's command for the next `dt` s."""
-        share = 0.0 if not may_move(self.stage) else 0.5 if self.stage.state == DERATED else 1.0
-        load = (self.power.output / self.limits.current_A) ** 2 if self.wiring.kind == "coil" else 0.0
+        share = 0.0 if not states.may_move(self.stage) else 0.5 if self.stage.state == DERATED else 1.0
+        load = (self.power.output / self.limits.current_A) ** 2 if isinstance(self.power, CoilPower) else 0.0
         self.temperature_C += dt / _WARMING_S * (_AMBIENT_C + _WARMTH_C * load - self.temperature_C)
         self.temperature_C = max(self.temperature_C, self.heated_to_C)
         return self.power.step(dt, share, sensed)
@@ -214,16 +205,16 @@ class DriveNode:
     def _cause(self, now: float) -> int:
         """What is wrong at this moment."""
         if self.bus.state == can.BusState.ERROR:
-            return BUS_OFF
+            return states.BUS_OFF
         self._hot_since = min(self._hot_since, now) if self.temperature_C > self.limits.temperature_C else math.inf
         if now - self._hot_since >= HOT_S:
-            return OVER_TEMPERATURE
+            return states.OVER_TEMPERATURE
         if self.power.overload:
-            return OVER_CURRENT
-        moving = may_move(self.stage) or self.stage.state == WAITING
+            return states.OVER_CURRENT
+        moving = states.may_move(self.stage) or self.stage.state == WAITING
         if moving and (self._stranger or now - self._heard_at > HEARTBEAT_S):
-            return HEARTBEAT_LOST
-        return NO_FAULT
+            return states.HEARTBEAT_LOST
+        return states.NO_FAULT
 
     def _report(self, now: float, due: bool) -> None:
         if self._tell:

@@ -79,23 +79,16 @@ class FaultInjection(WrappingBus):
         self._past[message.arbitration_id].append(message)
         return frames
 
-    def _drop(self, frame: can.Message, fault: Fault) -> list[can.Message]:
-        return [] if self._rng.random() < fault.amount else [frame]
-
-    def _delay(self, frame: can.Message, fault: Fault) -> list[can.Message]:
-        return self._later(frame, fault.amount)
-
-    def _hold_back(self, frame: can.Message, fault: Fault) -> list[can.Message]:
-        self._behind_s += fault.amount
-        return self._later(frame, self._behind_s)
-
     def _later(self, frame: can.Message, delay_s: float) -> list[can.Message]:
+        """The frame comes `delay_s` later."""
         self._number += 1
         heapq.heappush(self._late, (frame.timestamp + delay_s, self._number, frame))
         return []
 
-    def _duplicate(self, frame: can.Message, fault: Fault) -> list[can.Message]:
-        return [frame, frame]
+    def _hold_back(self, frame: can.Message, fault: Fault) -> list[can.Message]:
+        """It comes later by more each time."""
+        self._behind_s += fault.amount
+        return self._later(frame, self._behind_s)
 
     def _reorder(self, frame: can.Message, fault: Fault) -> list[can.Message]:
         before = self._held.pop(frame.arbitration_id, None)
@@ -110,9 +103,7 @@ class FaultInjection(WrappingBus):
         data = bytearray(frame.data)
         for bit in self._rng.sample(range(8 * len(data)), self._rng.randint(1, 8)):
             data[bit // 8] ^= 1 << bit % 8
-        frame = copy.copy(frame)
-        frame.data = data
-        return [frame]
+        return [_holding(frame, data)]
 
     def _retype(self, frame: can.Message, fault: Fault) -> list[can.Message]:
         self._number += 1
@@ -135,26 +126,6 @@ class FaultInjection(WrappingBus):
         old, back = self._past[frame.arbitration_id], int(fault.amount)
         return [frame] if len(old) < back else [frame, _stamped(old[-back], frame.timestamp)]
 
-    def _freeze(self, frame: can.Message, fault: Fault) -> list[can.Message]:
-        return [_stamped(self._recording(frame)[-1], frame.timestamp)]
-
-    def _miscount(self, frame: can.Message, fault: Fault) -> list[can.Message]:
-        return [_rewritten(frame, lambda bits: bits ^ COUNTS // 2 << 8)]
-
-    def _overreach(self, frame: can.Message, fault: Fault) -> list[can.Message]:
-        place = frames()[SETPOINT].field("Position_m")
-        return [_rewritten(frame, lambda bits: _with(bits, place, place.raw_upper + 1))]
-
-    def _overask(self, frame: can.Message, fault: Fault) -> list[can.Message]:
-        speed = frames()[SETPOINT].field("Velocity_m_s")
-        return [_rewritten(frame, lambda bits: _with(bits, speed, speed.raw_upper))]
-
-    def _forge(self, frame: can.Message, fault: Fault) -> list[can.Message]:
-        return [_holding(frame, frame.data[:-1] + bytes([frame.data[-1] ^ 1]))]
-
-    def _other_key(self, frame: can.Message, fault: Fault) -> list[can.Message]:
-        return [self._resealed(frame, bytes(byte ^ 0xFF for byte in self._key), *freshness(frame.data))]
-
     def _record(self, frame: can.Message, fault: Fault) -> list[can.Message]:
         recording = self._recording(frame)
         recording.append(recording.pop(0))
@@ -165,16 +136,11 @@ class FaultInjection(WrappingBus):
         old = list(self._past[frame.arbitration_id])[-COUNTS:]
         return self._recorded.setdefault(frame.arbitration_id, old or [frame])
 
-    def _unkey(self, frame: can.Message, fault: Fault) -> list[can.Message]:
-        return [inside(frame)]
-
-    def _turn_back(self, frame: can.Message, fault: Fault) -> list[can.Message]:
+    def _resealed(self, frame: can.Message, flips: int = 0, back: int = 0) -> can.Message:
+        """The frame as one who has the key, its bits changed by `flips`, makes it in an epoch that is `back` behind."""
         count, epoch = freshness(frame.data)
-        return [self._resealed(frame, self._key, count, epoch - 1)]
-
-    def _resealed(self, frame: can.Message, key: bytes, count: int, epoch: int) -> can.Message:
-        code = authenticator(key)
-        return _holding(frame, sealed(code, frame.arbitration_id, frame.data[:PAYLOAD], count, epoch))
+        code = authenticator(bytes(byte ^ flips for byte in self._key))
+        return _holding(frame, sealed(code, frame.arbitration_id, frame.data[:PAYLOAD], count, epoch - back))
 
 
 def _stamped(message: can.Message, time_s: float) -> can.Message:
@@ -201,25 +167,33 @@ def _with(bits: int, field: Field, raw: int) -> int:
     return bits & ~(mask << field.start) | (raw & mask) << field.start
 
 
-_TAMPERING: Final[Mapping[str, Callable[[FaultInjection, can.Message, Fault], list[can.Message]]]] = MappingProxyType(
+def _asking(frame: can.Message, name: str, more: int) -> can.Message:
+    """A setpoint whose signal `name` is at the end of its range, or `more` beyond."""
+    field = frames()[SETPOINT].field(name)
+    return _rewritten(frame, lambda bits: _with(bits, field, field.raw_upper + more))
+
+
+_Tampered = Callable[[FaultInjection, can.Message, Fault], list[can.Message]]
+_TAMPERING: Final[Mapping[str, _Tampered]] = MappingProxyType(
     {
-        "drop": FaultInjection._drop,
-        "delay": FaultInjection._delay,
-        "duplicate": FaultInjection._duplicate,
+        "drop": lambda link, frame, fault: [] if link._rng.random() < fault.amount else [frame],
+        "delay": lambda link, frame, fault: link._later(frame, fault.amount),
+        "duplicate": lambda link, frame, fault: [frame, frame],
         "reorder": FaultInjection._reorder,
         "corrupt": FaultInjection._corrupt,
         "replay": FaultInjection._replay,
         "retyped": FaultInjection._retype,
         "held_back": FaultInjection._hold_back,
-        "frozen_setpoint": FaultInjection._freeze,
-        "miscounted": FaultInjection._miscount,
-        "out_of_range": FaultInjection._overreach,
-        "beyond_limits": FaultInjection._overask,
-        "forged": FaultInjection._forge,
-        "wrong_key": FaultInjection._other_key,
+        "frozen_setpoint": lambda link, frame, fault: [_stamped(link._recording(frame)[-1], frame.timestamp)],
+        "miscounted": lambda link, frame, fault: [_rewritten(frame, lambda bits: bits ^ COUNTS // 2 << 8)],
+        "out_of_range": lambda link, frame, fault: [_asking(frame, "Position_m", 1)],
+        "beyond_limits": lambda link, frame, fault: [_asking(frame, "Velocity_m_s", 0)],
+        "forged": lambda link, frame, fault: [_holding(frame, frame.data[:-1] + bytes([frame.data[-1] ^ 1]))],
+        "wrong_key": lambda link, frame, fault: [link._resealed(frame, flips=0xFF)],
         "recorded": FaultInjection._record,
-        "unkeyed": FaultInjection._unkey,
-        "epoch_back": FaultInjection._turn_back,
+        "unkeyed": lambda link, frame, fault: [inside(frame)],
+        "epoch_back": lambda link, frame, fault: [link._resealed(frame, back=1)],
     }
 )
+"""What becomes of a frame by each fault."""
 TAMPERING: Final = tuple(_TAMPERING)

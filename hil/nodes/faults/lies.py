@@ -47,35 +47,9 @@ class Lie:
         return self._rng.gauss(0.0, self._std)
 
     def _drift(self, since_s: float, value: float) -> float:
+        """Off at a steady speed, at most by the fault's size."""
         most = math.inf if math.isnan(self.fault.size_m) else self.fault.size_m
         return value + min(max(self.fault.amount * since_s, -most), most)
-
-    def _added(self, since_s: float, value: float) -> float:
-        return value + self.fault.amount
-
-    def _sway(self, since_s: float, value: float) -> float:
-        return value + self.fault.amount * math.sin(2 * math.pi * since_s / SWAY_S)
-
-    def _flipped(self, since_s: float, value: float) -> float:
-        return -value
-
-    def _turned(self, since_s: float, value: float) -> float:
-        return 2 * self.about - value
-
-    def _scaled(self, since_s: float, value: float) -> float:
-        return self.about + self.fault.amount * (value - self.about)
-
-    def _held(self, since_s: float, value: float) -> float:
-        return (self.first if math.isnan(self.fault.value) else self.fault.value) + self.noise
-
-    def _stuck(self, since_s: float, value: float) -> float:
-        return self.first
-
-    def _nan(self, since_s: float, value: float) -> float:
-        return math.nan
-
-    def _same(self, since_s: float, value: float) -> float:
-        return value
 
     def _foreign(self, since_s: float, value: float) -> float:
         """Three slow sines, that begin where the truth is."""
@@ -83,35 +57,27 @@ class Lie:
         way = sum(math.sin(2 * math.pi * since_s / period_s + p) - math.sin(p) for period_s, p in waves)
         return self.first + self.fault.amount * way / len(_FOREIGN_S) + self.noise
 
-    def _noisy(self, since_s: float, value: float) -> float:
-        return value + math.sqrt(self.fault.amount**2 - 1) * self.noise
-
-    def _coarse(self, since_s: float, value: float) -> float:
-        return round(value / self.fault.amount) * self.fault.amount
-
-    def _sticks(self, since_s: float, value: float) -> float:
-        return value if abs(value - self.last) >= self.fault.amount else self.last
-
 
 _MADE: Final[Mapping[str, Callable[[Lie, float, float], float]]] = MappingProxyType(
     {
-        "stuck": Lie._stuck,
-        "biased": Lie._added,
-        "nan": Lie._nan,
+        "stuck": lambda lie, since_s, value: lie.first,
+        "biased": lambda lie, since_s, value: value + lie.fault.amount,
+        "nan": lambda lie, since_s, value: math.nan,
         "drift": Lie._drift,
-        "jumped": Lie._added,
-        "sway": Lie._sway,
-        "flipped": Lie._flipped,
-        "turned": Lie._turned,
-        "scaled": Lie._scaled,
-        "held": Lie._held,
-        "swapped": Lie._same,
+        "jumped": lambda lie, since_s, value: value + lie.fault.amount,
+        "sway": lambda lie, since_s, value: value + lie.fault.amount * math.sin(2 * math.pi * since_s / SWAY_S),
+        "flipped": lambda lie, since_s, value: -value,
+        "turned": lambda lie, since_s, value: 2 * lie.about - value,
+        "scaled": lambda lie, since_s, value: lie.about + lie.fault.amount * (value - lie.about),
+        "held": lambda lie, since_s, value: lie.noise + (lie.first if math.isnan(lie.fault.value) else lie.fault.value),
+        "swapped": lambda lie, since_s, value: value,
         "foreign": Lie._foreign,
-        "noisy": Lie._noisy,
-        "coarse": Lie._coarse,
-        "sticks": Lie._sticks,
+        "noisy": lambda lie, since_s, value: value + math.sqrt(lie.fault.amount**2 - 1) * lie.noise,
+        "coarse": lambda lie, since_s, value: round(value / lie.fault.amount) * lie.fault.amount,
+        "sticks": lambda lie, since_s, value: value if abs(value - lie.last) >= lie.fault.amount else lie.last,
     }
 )
+"""What a lie makes of a time in s since it began and of a sound sensor's value."""
 
 
 class LyingLocaliser:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Final
 
+from controller.drives import CARRIAGE, INNER_MASS
 from models.files.tables import from_table
 from models.parameter import nearest
 
@@ -60,7 +61,9 @@ LIES: Mapping[str, FaultKind] = MappingProxyType(
         "late": FaultKind("readings are so old when they are told, and say so", SENSORS[:1], 0.12, "s", (1e-3, 0.4)),
         "late_unsaid": FaultKind("readings are so old, told as fresh", SENSORS[:1], 0.12, "s", (1e-3, 0.4)),
         "swapped": FaultKind(
-            "the place of carriage or inner mass is told as the capsule's", SENSORS[:1], rigs=("magnetic", "vibro")
+            "the place of carriage or inner mass is told as the capsule's",
+            SENSORS[:1],
+            rigs=(CARRIAGE.name, INNER_MASS.name),
         ),
         "foreign": FaultKind("a smooth motion of another rig is told", SENSORS[:1], 0.01, "m either way", (1e-4, 0.5)),
         "noisy": FaultKind("the noise is so many times as large", SENSORS[:1], 10.0, "times", (1.0, 100.0)),
@@ -71,7 +74,7 @@ LIES: Mapping[str, FaultKind] = MappingProxyType(
             0.005,
             "m",
             (1e-5, 0.1),
-            rigs=("magnetic",),
+            rigs=(CARRIAGE.name,),
         ),
         "restless": FaultKind(
             "the drive moves by itself while it is not enabled, and reports it",
@@ -138,36 +141,6 @@ KINDS: Mapping[str, FaultKind] = MappingProxyType(
         **LIES,
     }
 )
-
-OWN_KINDS: Final = tuple(name for name, kind in KINDS.items() if kind.needs != MAKER and name not in LIES)
-"""Faults that the catalogue's own drives can have, lies apart."""
-MAKERS_ROWS: Final = (
-    ("drop", "commands"),
-    ("drop", "feedback"),
-    ("killed", ""),
-    ("frozen", ""),
-    ("encoder_error", ""),
-    ("over_temperature", ""),
-    ("wrong_node", ""),
-    ("wrong_bit_rate", ""),
-    ("drive_reset", ""),
-    ("bus_off", "controller"),
-    ("late_solve", ""),
-    ("drop", "all"),
-    ("delay", "all"),
-    ("retyped", "commands"),
-    ("retyped", "feedback"),
-    ("unreadable", "controller"),
-    ("unreadable", "drive"),
-    ("second_master", ""),
-    ("player", ""),
-    ("babbling", ""),
-    ("bus_off", "drive"),
-    ("stuck", "feedback"),
-    ("biased", "localisation"),
-    ("clock_jump", ""),
-)
-"""Faults and targets through which every drive of another maker goes."""
 
 
 @dataclass(frozen=True)

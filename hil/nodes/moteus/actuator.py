@@ -13,13 +13,11 @@ from typing import Final
 import can
 
 from hil.bus.catalogue import Catalogue
-from hil.nodes.carriage_bus import IDLE_TICKS, BrakePath, CarriageBus
-from hil.nodes.frame_map import BOOT, ENABLE, ENABLED, FAULT, READY, STANDBY, STOPPING, WAITING
+from hil.nodes.frame_map import BOOT, ENABLED, FAULT, STANDBY, STOPPING, WAITING
 from hil.nodes.moteus import registers as wire
-from hil.nodes.moteus.setup import set_up
 from hil.nodes.moteus.table import FAULTS, INTERNAL, WATCHDOG, MoteusTable
+from hil.nodes.turning import IDLE_TICKS, TurningBus
 
-__all__ = ("MoteusBus", "MoteusTable", "set_up")
 _BEAT_S: Final = 0.015
 _FORGIVEN: Final = 3
 _GIVE_UP_TICKS: Final = 250
@@ -33,33 +31,25 @@ _LONGEST: Final = 64
 """Length of a frame that stops: of bits that a gateway flips most are then in its padding."""
 
 
-class MoteusBus(CarriageBus):
+class MoteusBus(TurningBus):
     """A command leaves with the SYNC after it as position mode with its own watchdog; every SYNC asks mode, place,
     speed, fault and the watchdog that the drive holds, and the reply comes in as feedback and heartbeat.
 
     "Ready" is told once the stopped drive has taken the watchdog and told it back; "enable" then begins position mode,
     without limits of speed and acceleration, for the places come with their own. Every reply tells the command that the
-    drive holds, too: after one that was not sent it is stopped. To stop, the carriage is braked by positions
-    (`BrakePath`) and the drive then stopped. "Stopped" clears a fault of this drive, so none is sent while one is
-    latched, until that is acknowledged.
+    drive holds, too: after one that was not sent it is stopped. "Stopped" clears a fault of this drive, so none is sent
+    while one is latched, until that is acknowledged.
     """
 
     def __init__(self, inner: can.BusABC, table: MoteusTable, catalogue: Catalogue, tick_s: float) -> None:
-        super().__init__(inner, f"moteus node {table.node_id}", catalogue, table.orders)
-        self.table, self._tick_s = table, tick_s
+        super().__init__(inner, "moteus", table, catalogue, tick_s)
         self._watchdog_s = wire.single(table.watchdog_s)
         self._servo, self._held_s = -1, math.nan
         self._prefix, self._in_session = wire.SESSION, False
         self._echoes = self._garbled = False
         self._sent: deque[tuple[float, ...]] = deque(maxlen=_REMEMBERED)
-        self._place_m = self._speed_m_s = 0.0
-        self._wanted_m, self._fresh = 0.0, False
-        self._last_m = self._rate_m_s = math.nan
-        self._armed = self._led = False
-        self._asked, self._stopped, self._braked, self._forgiven, self._unanswered = 0, 0, 0, 0, _LOST_TICKS
-        self._latched, self._left = "", ""
-        self._braking = BrakePath(tick_s)
-        self._beat_at = -math.inf
+        self._braked, self._forgiven, self._unanswered = 0, 0, _LOST_TICKS
+        self._latched, self._beat_at = "", -math.inf
 
     @property
     def trouble(self) -> str:
@@ -83,17 +73,10 @@ class MoteusBus(CarriageBus):
             return ENABLED if self._armed else STOPPING
         return WAITING if self._armed and 2 <= self._servo <= 4 else STOPPING if self._servo >= 0 else BOOT
 
-    def command(self, mode: int, place_m: float, timeout: float | None) -> None:
-        """Held until the next SYNC; what stops the drive acts at once."""
-        if mode == ENABLE and self._armed:
-            self._wanted_m, self._fresh = place_m, True
-        elif mode == READY and self.shown == STANDBY and not self._booted:
-            self._armed, self._led, self._asked, self._left = True, False, 0, ""
-            self._last_m, self._stopped, self._braked, self._garbled = math.nan, 0, 0, False
-        elif mode not in (READY, ENABLE):
-            self._armed = False
-        if not self._armed:
-            self._rest(timeout)
+    def _arm(self) -> None:
+        if not self._booted:
+            super()._arm()
+            self._braked, self._garbled = 0, False
 
     def synchronise(self, timeout: float | None) -> None:
         """One frame a tick: the newest command, once; the watchdog for a drive that is to become ready; else a
@@ -106,7 +89,6 @@ class MoteusBus(CarriageBus):
         if self._armed and self._led and self._silent:
             self._armed, self._left = False, "silent"
         if self._armed and fresh:
-            self._braking.leave()
             self._lead(timeout)
         elif self._armed and self._servo == wire.STOPPED and self._held_s != self._watchdog_s:
             self._tell(wire.mode_write(wire.STOPPED) + wire.hold(self.table.watchdog_s) + wire.QUERY, timeout)
@@ -117,10 +99,6 @@ class MoteusBus(CarriageBus):
         """Stop, which clears a fault; what is still wrong then is latched again."""
         self._latched, self._left, self._forgiven = "", "", _FORGIVEN
         self._stop(timeout)
-
-    def halt(self, timeout: float | None) -> None:
-        """Brake, with the next command: there is one a tick."""
-        self._armed = False
 
     def take(self, message: can.Message) -> bool:
         """The node's replies."""
@@ -187,24 +165,21 @@ class MoteusBus(CarriageBus):
     def _lead(self, timeout: float | None) -> None:
         """Position mode: from the last place in a straight line to the wanted one within the tick."""
         begin = self._wanted_m if self._servo != wire.POSITION_MODE else self._last_m
-        self._rate_m_s = rate = (self._wanted_m - begin) / self._tick_s
-        self._last_m = self._wanted_m
+        self._take_wanted(begin)
         self._asked = 0 if self._servo == wire.POSITION_MODE else self._asked + 1
         if self._asked > _GIVE_UP_TICKS:
             self._armed, self._left = False, "it did not enter position mode"
-        self._aim(begin, rate, timeout)
+        self._aim(begin, self._rate_m_s, timeout)
 
     def _rest(self, timeout: float | None) -> None:
-        """A step of the way to rest of a drive that operates; at rest it is stopped. One that does not answer, or does
-        not get what it is sent, might take a place for its first command: its phases are shorted instead. Where it does
-        not stop, it is only asked on, and its watchdog ends it, if it holds the right one.
+        """For a drive that operates. One that does not answer, or does not get what it is sent, might take a place for
+        its first command: its phases are shorted instead. Where it does not stop, it is only asked on, and its watchdog
+        ends it, if it holds the right one.
         """
         if self._latched or self._servo <= wire.FAULTED:
             return
-        led = not math.isnan(self._last_m)
-        onward = (self._last_m, self._rate_m_s) if led else (self._place_m, self._speed_m_s)
         follows = self._servo == wire.POSITION_MODE and not (self._garbled or self._silent)
-        step = self._braking.step(*onward) if follows else None
+        step = self._brake() if follows else None
         if step is not None:
             self._aim(*step, timeout)
         elif not follows and self._braked < _BRAKE_TICKS and self._servo in (wire.POSITION_MODE, wire.BRAKE):

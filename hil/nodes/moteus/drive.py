@@ -6,12 +6,12 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable
 from typing import Final
 
 import can
 
 from controller.limits import Limits
+from hil.nodes.drive.makers import MOST, MakersDrive
 from hil.nodes.drive.power_stage import CarriagePower
 from hil.nodes.drive.state_machine import NO_FAULT, TIME_TO_LIVE, Stage
 from hil.nodes.frame_map import ENABLED, FAULT, STANDBY
@@ -19,7 +19,7 @@ from hil.nodes.listening import waiting
 from hil.nodes.moteus.multiplex import LINE, POLL, READ_ONLY, UNKNOWN, WRITE, Part, answer, error, parts
 from hil.nodes.moteus.registers import SESSION
 from hil.nodes.moteus.table import FAULTS, MoteusTable
-from hil.nodes.moteus.trajectory import Trajectory
+from hil.nodes.moteus.trajectory import MotorPath
 
 STOPPED, FAULTED, ENABLING, POSITION, TIMED_OUT, ZERO_VELOCITY, BRAKE = 0, 1, 2, 10, 11, 12, 15
 ENCODER_FAULT, OVER_TEMPERATURE, NO_ACCELERATION_LIMIT = 35, 38, 47
@@ -35,28 +35,24 @@ the maker states none, it goes with gains or resistance and what is moved.
 _COMMAND: Final = {0x20: 0.0, 0x21: 0.0, 0x25: math.nan, 0x27: 0.0, 0x28: math.nan, 0x29: math.nan}
 """What a command holds of which nothing is written."""
 _RESTING: Final = 1e-9
-_MOST: Final = 256
 _LONGEST: Final = 64
-_AMBIENT_C, _SUPPLY_V = 25.0, 24.0
+_SUPPLY_V: Final = 24.0
 
 
-class MoteusDrive:
-    """Behaves as a `DriveNode` to the plant: `listen` once a slot, `output` for the plant's command.
-
-    It speaks only when asked. `settings` are its configuration as shipped since firmware of March 2026. A command in
+class MoteusDrive(MakersDrive):
+    """It speaks only when asked. `settings` are its configuration as shipped since firmware of March 2026. A command in
     position mode goes on at its rate until it ends with its watchdog, 0 meaning `default_timeout_s` and nan none: then
     mode 11, which brakes by `timeout_mode` and is latched until "stopped". A fault takes the torque away: the carriage
     coasts; "stopped" clears it. After a boot it knows its place at the output if an `output_encoder` is there, else
     within a turn of the rotor. What "conf set" wrote is lost then.
     """
 
+    table: MoteusTable
+    output_encoder = takes_prefix = True
+
     def __init__(
         self, bus: can.BusABC, table: MoteusTable, power: CarriagePower, limits: Limits, tick_s: float
     ) -> None:
-        self.bus, self.table, self.power, self.limits, self.tick_s = bus, table, power, limits, tick_s
-        self.heated_to_C, self.misread = -math.inf, None
-        self.node_id, self.broken = table.node_id, False
-        self.output_encoder = self.takes_prefix = True
         self.settings = {
             "servo.default_timeout_s": 0.1,
             "servo.timeout_mode": 12.0,
@@ -67,11 +63,8 @@ class MoteusDrive:
             "servo.bemf_feedforward_override": 0.0,
             "servo.fixed_voltage_mode": 0.0,
         }
-        self.rejected = 0
-        self.path = Trajectory()
-        self.boot(0.0)
-
-    misread: Callable[[float], float] | None
+        self.path = MotorPath()
+        super().__init__(bus, table, power, limits, tick_s)
 
     def boot(self, now: float) -> None:
         """Begin anew, as after a loss of supply."""
@@ -96,14 +89,9 @@ class MoteusDrive:
         self.held[0x27] = seconds
 
     @property
-    def safe(self) -> bool:
-        """Whether the drive follows no command and is at rest."""
-        return self.mode != POSITION and self.power.at_rest
-
-    @property
-    def temperature_C(self) -> float:
-        """Temperature of its board."""
-        return max(_AMBIENT_C, self.heated_to_C)
+    def led(self) -> bool:
+        """Whether it is in position mode."""
+        return self.mode == POSITION
 
     @property
     def stage(self) -> Stage:
@@ -117,7 +105,7 @@ class MoteusDrive:
     def listen(self, now: float, slots: int) -> None:
         """One run of the firmware: take frames in, judge, answer."""
         self._now = now
-        for message in waiting(self.bus, _MOST):
+        for message in waiting(self.bus, MOST):
             number, long = message.arbitration_id, message.arbitration_id > 0x7FF
             framed = message.is_fd and not message.is_error_frame and message.is_extended_id == long
             mine = number >> 16 == self.prefix and number & 0xFF in (self.node_id, 0x7F)
@@ -241,12 +229,11 @@ class MoteusDrive:
         return self.settings[setting] if self.held[number] == 0.0 else self.held[number]
 
     def _register(self, number: int) -> float | None:
-        place, scale = self.power.output, self.table.turns_per_m
-        place = place if self.misread is None else self.misread(place)
+        scale = math.nan if self.broken else self.table.turns_per_m
         known = {
             0x00: float(self.mode),
-            0x01: math.nan if self.broken else place * scale,
-            0x02: math.nan if self.broken else self.power.rate * scale,
+            0x01: self.shown_m * scale,
+            0x02: self.power.rate * scale,
             0x03: 0.0,
             0x0C: float(self.home),
             0x0D: _SUPPLY_V,
@@ -280,15 +267,13 @@ class MoteusDrive:
         data = data[:_LONGEST]
         length = next(n for n in (*range(9), 12, 16, 20, 24, 32, 48, _LONGEST) if n >= len(data))
         identifier = self.prefix << 16 | self.node_id << 8 | destination
-        message = can.Message(
-            arbitration_id=identifier,
-            is_extended_id=identifier > 0x7FF,
-            is_fd=True,
-            bitrate_switch=True,
-            data=data + bytes([0x50]) * (length - len(data)),
-            is_rx=False,
+        self.send(
+            can.Message(
+                arbitration_id=identifier,
+                is_extended_id=identifier > 0x7FF,
+                is_fd=True,
+                bitrate_switch=True,
+                data=data + bytes([0x50]) * (length - len(data)),
+                is_rx=False,
+            )
         )
-        try:
-            self.bus.send(message, 0)
-        except (can.CanError, OSError):
-            self.rejected += 1

@@ -10,7 +10,7 @@ _NO_LIMIT: Final = 1e9
 
 
 @dataclass
-class Trajectory:
+class MotorPath:
     """From a command on, `x = x_c + v_c t` is matched with at most `speed` (turns/s) and by accelerations of at most
     `acceleration` (turns/s2), nan where there is no limit. Without both, place and rate are the command's at once. A
     command without a place (nan) is one of speed alone.

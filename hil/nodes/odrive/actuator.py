@@ -10,46 +10,16 @@ from typing import Final
 import can
 
 from hil.bus.catalogue import Catalogue
-from hil.nodes.carriage_bus import IDLE_TICKS, BrakePath, CarriageBus
-from hil.nodes.frame_map import (
-    BOOT,
-    ENABLE,
-    ENABLED,
-    FAULT,
-    READY,
-    STANDBY,
-    STOPPING,
-    WAITING,
-    plain,
-)
-from hil.nodes.odrive.protocol import (
-    AXIS_STATE,
-    BUSY,
-    CLEAR_ERRORS,
-    CLOSED_LOOP,
-    GET_ENCODER_ESTIMATES,
-    GET_ERROR,
-    HEARTBEAT,
-    HEARTBEAT_S,
-    IDLE,
-    INITIALIZING,
-    SET_AXIS_STATE,
-    SET_INPUT_POS,
-    SUCCESS,
-    VEL_FF_SCALE,
-    code_of,
-    result_of,
-    words_of,
-)
-from hil.nodes.odrive.setup import set_up
-from hil.nodes.odrive.table import FREE_NODES, RANGES, OdriveTable
+from hil.nodes.frame_map import BOOT, ENABLED, FAULT, STANDBY, STOPPING, WAITING, plain
+from hil.nodes.odrive import protocol as wire
+from hil.nodes.odrive.table import FREE_NODES, OdriveTable
+from hil.nodes.turning import IDLE_TICKS, TurningBus
 
-__all__ = ["FREE_NODES", "RANGES", "SET_INPUT_POS", "OdriveBus", "OdriveTable", "code_of", "set_up", "words_of"]
 _SAID: Final = MappingProxyType(
     {
-        HEARTBEAT: ("CarriageHeartbeat", 7),
-        GET_ERROR: ("CarriageFault", 8),
-        GET_ENCODER_ESTIMATES: ("CarriageFeedback", 8),
+        wire.HEARTBEAT: ("CarriageHeartbeat", 7),
+        wire.GET_ERROR: ("CarriageFault", 8),
+        wire.GET_ENCODER_ESTIMATES: ("CarriageFeedback", 8),
     }
 )
 """What becomes of its frames, and how long they are at least."""
@@ -59,79 +29,55 @@ _GIVE_UP_TICKS, _FAILED_TICKS = 250, 50
 _FORGIVEN: Final = 2
 
 
-class OdriveBus(CarriageBus):
+class OdriveBus(TurningBus):
     """A command leaves with the SYNC after it as Set_Input_Pos, which feeds the drive's watchdog; its encoder estimates
     come in as feedback, its heartbeats as heartbeats, an error as a fault.
 
-    "Ready" is told of an idle axis without errors once it is asked for; "enable" then asks for closed loop control. To
-    stop, the carriage is braked by positions (`BrakePath`) and the axis then made idle. An error, and a reason
-    for which the axis disarmed itself, is latched until it is acknowledged, though the drive may forget it before.
+    "Ready" is told of an idle axis without errors once it is asked for; "enable" then asks for closed loop control. An
+    error, and a reason for which the axis disarmed itself, is latched until it is acknowledged, though the drive may
+    forget it before.
     """
 
     def __init__(self, inner: can.BusABC, table: OdriveTable, catalogue: Catalogue, tick_s: float) -> None:
-        super().__init__(inner, f"ODrive node {table.node_id}", catalogue, table.orders)
-        self.table, self._tick_s = table, tick_s
+        super().__init__(inner, "ODrive", table, catalogue, tick_s)
         self._axis = self._errors = self._result = self._latched = self._forgiven = 0
-        self._turns = self._turns_s = 0.0
-        self._wanted_m, self._fresh, self._mode = 0.0, False, 0
-        self._armed = self._led = False
-        self._asked = self._stopped = 0
-        self._last_m = self._rate_m_s = math.nan
-        self._braking = BrakePath(tick_s)
         self._heard_at, self._others_at, self._others = -math.inf, -math.inf, set[int]()
-        self._left = ""
 
     @property
     def trouble(self) -> str:
         """Errors by name, a reboot, or other nodes that speak while this one is silent."""
-        silent = self._others_at - self._heard_at > 5 * HEARTBEAT_S
+        silent = self._others_at - self._heard_at > 5 * wire.HEARTBEAT_S
         others = f"silent, but node {', '.join(map(str, sorted(self._others)))} speaks" if silent else ""
-        told = [words for words in (words_of(self._latched), self._left, others) if words]
+        told = [words for words in (wire.words_of(self._latched), self._left, others) if words]
         return f"odrive node {self.table.node_id}: {'; '.join(told)}" if told else ""
 
     @property
     def _why(self) -> str:
         """The result of the state that was asked for last, where it is one of a failure."""
-        return "" if self._result in (SUCCESS, BUSY) else f" ({result_of(self._result)})"
+        return "" if self._result in (wire.SUCCESS, wire.BUSY) else f" ({wire.result_of(self._result)})"
 
     @property
     def shown(self) -> int:
         """The axis' state in the catalogue's numbers."""
         if self._latched:
             return FAULT
-        if self._axis == CLOSED_LOOP:
+        if self._axis == wire.CLOSED_LOOP:
             return ENABLED if self._armed else STOPPING
-        if self._axis == IDLE and not self._errors:
+        if self._axis == wire.IDLE and not self._errors:
             return WAITING if self._armed else STANDBY
         return BOOT
-
-    def command(self, mode: int, place_m: float, timeout: float | None) -> None:
-        """Held until the next SYNC; what stops the drive acts at once."""
-        self._mode = mode
-        if mode == ENABLE and self._armed:
-            self._wanted_m, self._fresh = place_m, True
-        elif mode == READY and self.shown == STANDBY:
-            self._armed, self._led, self._asked, self._left = True, False, 0, ""
-            self._last_m, self._stopped = math.nan, 0
-        elif mode not in (READY, ENABLE):
-            self._armed = False
-        if not self._armed and self._axis == CLOSED_LOOP:
-            self._brake(timeout)
 
     def synchronise(self, timeout: float | None) -> None:
         """Send the newest command, once; ask for closed loop control where the axis is still idle."""
         fresh, self._fresh = self._fresh, False
         if not fresh or not self._armed:
             return
-        begin = self._wanted_m if self._asked or math.isnan(self._last_m) else self._last_m
-        self._rate_m_s = (self._wanted_m - begin) / self._tick_s
-        self._last_m = self._wanted_m
-        self._braking.leave()
-        if self._axis != CLOSED_LOOP:
+        self._take_wanted(self._wanted_m if self._asked or math.isnan(self._last_m) else self._last_m)
+        if self._axis != wire.CLOSED_LOOP:
             if self._asked % _ASK_TICKS == 0:
-                self._tell(SET_AXIS_STATE, AXIS_STATE.pack(CLOSED_LOOP), timeout)
+                self._tell(wire.SET_AXIS_STATE, wire.AXIS_STATE.pack(wire.CLOSED_LOOP), timeout)
             self._asked += 1
-            failed = self._result not in (SUCCESS, BUSY)
+            failed = self._result not in (wire.SUCCESS, wire.BUSY)
             if self._asked > (_FAILED_TICKS if failed else _GIVE_UP_TICKS):
                 self._armed, self._left = False, f"it did not enter closed loop control{self._why}"
         self._place(self._wanted_m, self._rate_m_s, timeout)
@@ -139,15 +85,11 @@ class OdriveBus(CarriageBus):
     def acknowledge(self, timeout: float | None) -> None:
         """Clear_Errors; what is still wrong then is latched again."""
         self._latched, self._forgiven, self._left = 0, _FORGIVEN, ""
-        self._tell(CLEAR_ERRORS, b"\0", timeout)
+        self._tell(wire.CLEAR_ERRORS, b"\0", timeout)
 
     def live(self, timeout: float | None) -> None:
         """Ask for the reason of a disarming: the error itself may be gone before a heartbeat tells it."""
-        self._tell(GET_ERROR, b"", timeout)
-
-    def halt(self, timeout: float | None) -> None:
-        """Brake, with the next command: there is one a tick."""
-        self._armed = False
+        self._tell(wire.GET_ERROR, b"", timeout)
 
     def take(self, message: can.Message) -> bool:
         """The node's frames; that other nodes speak is remembered."""
@@ -155,37 +97,36 @@ class OdriveBus(CarriageBus):
         if not plain(message) or node not in FREE_NODES:
             return False
         if node != self.table.node_id:
-            if command == HEARTBEAT and len(data) == 8:
+            if command == wire.HEARTBEAT and len(data) == 8:
                 self._others_at = message.timestamp
                 self._others.add(node)
             return False
         self._heard_at = message.timestamp
         name, least = _SAID.get(command, ("", 0))
-        if len(data) < least and not (command == GET_ERROR and not data):
+        if len(data) < least and not (command == wire.GET_ERROR and not data):
             self.refuse(name, message)
-        elif command == HEARTBEAT:
+        elif command == wire.HEARTBEAT:
             self._beaten(data, message.timestamp)
-        elif command == GET_ERROR and data:
+        elif command == wire.GET_ERROR and data:
             self._failed(struct.unpack_from("<II", data), message.timestamp)
-        elif command == GET_ENCODER_ESTIMATES:
-            turns, turns_s = struct.unpack_from("<ff", data)
-            if math.isfinite(turns) and math.isfinite(turns_s):
-                self._turns, self._turns_s = turns, turns_s
-            scale = self.table.turns_per_m
-            self.feed(self.shown, turns / scale, turns_s / scale, message.timestamp)
+        elif command == wire.GET_ENCODER_ESTIMATES:
+            place_m, speed_m_s = (told / self.table.turns_per_m for told in struct.unpack_from("<ff", data))
+            if math.isfinite(place_m) and math.isfinite(speed_m_s):
+                self._place_m, self._speed_m_s = place_m, speed_m_s
+            self.feed(self.shown, place_m, speed_m_s, message.timestamp)
         return True
 
     def _beaten(self, data: bytes, stamp: float) -> None:
         """A heartbeat: axis error, state, and the result of the last state asked for."""
         errors, axis, self._result = struct.unpack_from("<IBB", data)
-        anew = bool(errors & INITIALIZING) or axis == 0
-        if self._led and (anew or (self._armed and axis != CLOSED_LOOP)):
+        anew = bool(errors & wire.INITIALIZING) or axis == 0
+        if self._led and (anew or (self._armed and axis != wire.CLOSED_LOOP)):
             self._armed = self._led = False
             self._left = "it booted anew" if anew else f"it left closed loop control by itself{self._why}"
         self._axis, self._errors = axis, errors
-        self._led = self._led or (self._armed and axis == CLOSED_LOOP)
-        self._asked = 0 if axis == CLOSED_LOOP else self._asked
-        self._failed((errors & ~INITIALIZING, 0), stamp)
+        self._led = self._led or (self._armed and axis == wire.CLOSED_LOOP)
+        self._asked = 0 if axis == wire.CLOSED_LOOP else self._asked
+        self._failed((errors & ~wire.INITIALIZING, 0), stamp)
         self._forgiven = max(self._forgiven - 1, 0)
         self.beat(self.shown, stamp, anew=anew)
 
@@ -197,27 +138,23 @@ class OdriveBus(CarriageBus):
         before, self._latched = self._latched, self._latched | errors
         if not before:
             self._armed, self._left = False, ""
-            self.fail(code_of(errors), errors.bit_length() - 1, stamp)
+            self.fail(wire.code_of(errors), errors.bit_length() - 1, stamp)
 
-    def _brake(self, timeout: float | None) -> None:
-        """A step of the way to rest; at rest the axis is made idle. Where it does not become idle, silence leaves it to
-        its watchdog.
-        """
-        scale = self.table.turns_per_m
-        led = not math.isnan(self._last_m)
-        onward = (self._last_m, self._rate_m_s) if led else (self._turns / scale, self._turns_s / scale)
-        step = self._braking.step(*onward)
-        if step is not None:
+    def _rest(self, timeout: float | None) -> None:
+        """At rest the axis is made idle. Where it does not become idle, silence leaves it to its watchdog."""
+        if self._axis != wire.CLOSED_LOOP:
+            return
+        if (step := self._brake()) is not None:
             self._place(*step, timeout)
         elif self._stopped < IDLE_TICKS:
             self._stopped += 1
-            self._tell(SET_AXIS_STATE, AXIS_STATE.pack(IDLE), timeout)
+            self._tell(wire.SET_AXIS_STATE, wire.AXIS_STATE.pack(wire.IDLE), timeout)
 
     def _place(self, place_m: float, rate_m_s: float, timeout: float | None) -> None:
         """Set_Input_Pos: position, and its rate in thousandths of a turn a second, which the table has room for."""
         scale = self.table.turns_per_m
-        ahead = round(VEL_FF_SCALE * rate_m_s * scale)
-        self._tell(SET_INPUT_POS, struct.pack("<fhh", place_m * scale, min(max(ahead, -32768), 32767), 0), timeout)
+        ahead = round(wire.VEL_FF_SCALE * rate_m_s * scale)
+        self._tell(wire.SET_INPUT_POS, struct.pack("<fhh", place_m * scale, min(max(ahead, -32768), 32767), 0), timeout)
 
     def _tell(self, command: int, data: bytes, timeout: float | None) -> None:
         self.say(self.table.node_id << 5 | command, data, timeout)

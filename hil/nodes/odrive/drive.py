@@ -6,29 +6,15 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable
 from typing import Final
 
 import can
 
-from controller.limits import Limits
-from hil.nodes.drive.power_stage import CarriagePower
+from hil.nodes.drive.makers import MOST, MakersDrive
 from hil.nodes.drive.state_machine import NO_FAULT, Stage
 from hil.nodes.frame_map import BOOT, ENABLED, FAULT, STANDBY, plain
 from hil.nodes.listening import waiting
-from hil.nodes.odrive.protocol import (
-    AXIS_STATES,
-    BROADCAST,
-    BUSY,
-    DISARMED,
-    INVALID_STATE,
-    NOT_CALIBRATED,
-    PASSTHROUGH,
-    POSITION_CONTROL,
-    SUCCESS,
-    VEL_FF_SCALE,
-    code_of,
-)
+from hil.nodes.odrive import protocol as wire
 from hil.nodes.odrive.table import OdriveTable
 
 ENABLE_WATCHDOG, WATCHDOG_TIMEOUT = 417, 418
@@ -43,47 +29,30 @@ _LENGTHS: Final = {0x04: 4, 0x07: 4, 0x0B: 8, 0x0C: 8, 0x0F: 8, 0x19: 4}
 """Bytes that the signals of a command take; the frame may be longer."""
 POS_GAIN: Final = 20.0
 """axis0.controller.config.pos_gain as shipped, in 1/s."""
-_MOST: Final = 256
-_AMBIENT_C: Final = 25.0
 
 
-class OdriveDrive:
-    """Behaves as a `DriveNode` to the plant: `listen` once a slot, `output` for the plant's command.
-
-    It has no SYNC: a position acts at once, its reports leave in its own cycle. Its speed is `pos_gain` times what is
-    left to the position, plus Vel_FF, so that the last command drives it on until the watchdog ends it. A command feeds
-    the watchdog, which counts in closed loop control alone and is off unless `watchdog` says otherwise, as the maker
-    ships it. An error disarms: the axis is idle, the carriage coasts. An error whose cause is gone vanishes by itself,
+class OdriveDrive(MakersDrive):
+    """It has no SYNC: a position acts at once, its reports leave in its own cycle. Its speed is `pos_gain` times what
+    is left to the position, plus Vel_FF, so that the last command drives it on until the watchdog ends it. A command
+    feeds the watchdog, which counts in closed loop control alone and may be off, as the maker ships it (`watchdog_on`).
+    An error disarms: the axis is idle, the carriage coasts. An error whose cause is gone vanishes by itself,
     an e-stop stays; the reason of the disarming stays until Clear_Errors or the next arming. What became of the state
     that was asked for last is in each heartbeat.
 
     What it may do wrong: not be `calibrated`, or not take the commands `deaf_to`.
     """
 
-    def __init__(
-        self,
-        bus: can.BusABC,
-        table: OdriveTable,
-        power: CarriagePower,
-        limits: Limits,
-        tick_s: float,
-        *,
-        watchdog: bool = True,
-    ) -> None:
-        self.bus, self.table, self.power, self.limits, self.tick_s = bus, table, power, limits, tick_s
-        self.heated_to_C, self.misread = -math.inf, None
-        self.node_id, self.broken = table.node_id, False
-        self.watchdog_on, self.watchdog_s = watchdog, table.watchdog_s
-        self.rejected, self.calibrated, self.deaf_to = 0, True, frozenset[int]()
-        power.braking_m_s2 = table.coast_m_s2
-        self.boot(0.0)
-
-    misread: Callable[[float], float] | None
+    table: OdriveTable
+    watchdog_on = calibrated = True
+    watchdog_s = math.nan
+    deaf_to = frozenset[int]()
 
     def boot(self, now: float) -> None:
-        """Begin anew, as after a loss of supply."""
-        self.axis, self.errors, self.disarmed_by, self.result = UNDEFINED, INITIALIZING, 0, SUCCESS
-        self.modes, self.vel_limit, self.current_A = (POSITION_CONTROL, PASSTHROUGH), 10.0, 10.0
+        """Begin anew, as after a loss of supply; what it has saved stays."""
+        self.power.braking_m_s2 = self.table.coast_m_s2
+        self.watchdog_s = self.table.watchdog_s if math.isnan(self.watchdog_s) else self.watchdog_s
+        self.axis, self.errors, self.disarmed_by, self.result = UNDEFINED, INITIALIZING, 0, wire.SUCCESS
+        self.modes, self.vel_limit, self.current_A = (wire.POSITION_CONTROL, wire.PASSTHROUGH), 10.0, 10.0
         self.zero_m, self._stopped = 0.0, False
         self._target_m, self._ahead_m_s = self.power.output, 0.0
         self._now = self._since = self._began = now
@@ -91,30 +60,25 @@ class OdriveDrive:
         self.fed_at = self.good_at = -math.inf
 
     @property
-    def safe(self) -> bool:
-        """Whether the drive follows no command and is at rest."""
-        return self.axis != CLOSED_LOOP_CONTROL and self.power.at_rest
-
-    @property
-    def temperature_C(self) -> float:
-        """Temperature of its inverter."""
-        return max(_AMBIENT_C, self.heated_to_C)
+    def led(self) -> bool:
+        """Whether it is in closed loop control."""
+        return self.axis == CLOSED_LOOP_CONTROL
 
     @property
     def stage(self) -> Stage:
         """State and fault in the catalogue's numbers."""
         told = (self.errors & ~INITIALIZING) | self.disarmed_by
         idle = FAULT if told else STANDBY if self.axis == AXIS_IDLE else BOOT
-        state = ENABLED if self.axis == CLOSED_LOOP_CONTROL else idle
-        return Stage(state, self._since, code_of(told) if told else NO_FAULT)
+        state = ENABLED if self.led else idle
+        return Stage(state, self._since, wire.code_of(told) if told else NO_FAULT)
 
     def listen(self, now: float, slots: int) -> None:
         """One run of the firmware: take frames in, judge, report."""
         self._now = now
         if self.axis == UNDEFINED and now - self._began >= BOOT_S:
             self._become(AXIS_IDLE)
-        for message in waiting(self.bus, _MOST):
-            if plain(message) and message.arbitration_id >> 5 in (self.node_id, BROADCAST):
+        for message in waiting(self.bus, MOST):
+            if plain(message) and message.arbitration_id >> 5 in (self.node_id, wire.BROADCAST):
                 self._take(message.arbitration_id & 0x1F, bytes(message.data))
         self._judge()
         self._runs += 1
@@ -123,31 +87,26 @@ class OdriveDrive:
         if self._runs % HEARTBEAT_EVERY == 0:
             self._say(0x01, struct.pack("<IBBBB", self.errors, self.axis, self.result, 0, 0))
         if self._runs % ESTIMATES_EVERY == 0:
-            place, speed = self.power.output - self.zero_m, self.power.rate
-            place = place if self.misread is None else self.misread(place)
-            scale = self.table.turns_per_m
-            told = (math.nan, math.nan) if self.broken else (place * scale, speed * scale)
-            self._say(0x09, struct.pack("<ff", *told))
+            scale = math.nan if self.broken else self.table.turns_per_m
+            self._say(0x09, struct.pack("<ff", self.shown_m * scale, self.power.rate * scale))
 
     def output(self, dt: float, sensed: float) -> float:
         """The plant's command for the next `dt` s."""
-        armed = self.axis == CLOSED_LOOP_CONTROL
-        if armed:
+        if self.led:
             here = self.power.output
             self.power.aim(here + (POS_GAIN * (self._target_m - here) + self._ahead_m_s) * dt, dt)
-        return self.power.step(dt, float(armed), sensed)
+        return self.power.step(dt, float(self.led), sensed)
 
     def _judge(self) -> None:
         """What is wrong at this moment; it disarms an armed axis."""
         wrong = (INITIALIZING if self.axis == UNDEFINED else 0) | (ESTOP if self._stopped else 0)
         wrong |= MISSING_ESTIMATE if self.broken else 0
         wrong |= INVERTER_OVER_TEMP if self.temperature_C > self.limits.temperature_C else 0
-        armed = self.axis == CLOSED_LOOP_CONTROL
-        if armed and self.watchdog_on and self._now - self.fed_at > self.watchdog_s:
+        if self.led and self.watchdog_on and self._now - self.fed_at > self.watchdog_s:
             wrong |= WATCHDOG
         self.errors = wrong
-        if armed and wrong:
-            self.disarmed_by, self.result = wrong, DISARMED
+        if self.led and wrong:
+            self.disarmed_by, self.result = wrong, wire.DISARMED
             self._become(AXIS_IDLE)
 
     def _take(self, command: int, data: bytes) -> None:
@@ -182,8 +141,8 @@ class OdriveDrive:
         elif command == 0x0C:
             self.fed_at = self.good_at = self._now
             turns, ahead, _ = struct.unpack_from("<fhh", data)
-            if self.modes == (POSITION_CONTROL, PASSTHROUGH) and math.isfinite(turns):
-                self._target_m, self._ahead_m_s = self.zero_m + turns / scale, ahead / VEL_FF_SCALE / scale
+            if self.modes == (wire.POSITION_CONTROL, wire.PASSTHROUGH) and math.isfinite(turns):
+                self._target_m, self._ahead_m_s = self.zero_m + turns / scale, ahead / wire.VEL_FF_SCALE / scale
         elif command == 0x0F:
             self.vel_limit, self.current_A = (abs(limit) for limit in struct.unpack_from("<ff", data))
             self.power.speed_m_s = min(self.vel_limit / abs(scale), self.limits.carriage_speed_m_s)
@@ -195,20 +154,20 @@ class OdriveDrive:
         self.fed_at = self._now
         if wanted == AXIS_IDLE:
             self._become(AXIS_IDLE)
-        elif wanted not in AXIS_STATES or wanted == UNDEFINED:
-            self.result = INVALID_STATE
+        elif wanted not in wire.AXIS_STATES or wanted == UNDEFINED:
+            self.result = wire.INVALID_STATE
         elif wanted != self.axis:
             self._begin(wanted)
 
     def _begin(self, wanted: int) -> None:
         """A state in which the motor has a current."""
-        self.result = DISARMED if self.errors else SUCCESS
+        self.result = wire.DISARMED if self.errors else wire.SUCCESS
         if wanted == CLOSED_LOOP_CONTROL and not self.calibrated:
-            self.result = NOT_CALIBRATED
-        if self.axis != AXIS_IDLE or self.result != SUCCESS:
+            self.result = wire.NOT_CALIBRATED
+        if self.axis != AXIS_IDLE or self.result != wire.SUCCESS:
             return
         self.disarmed_by = 0
-        self.result = SUCCESS if wanted == CLOSED_LOOP_CONTROL else BUSY
+        self.result = wire.SUCCESS if wanted == CLOSED_LOOP_CONTROL else wire.BUSY
         self._target_m, self._ahead_m_s = self.power.output, 0.0
         self._become(wanted)
 
@@ -219,7 +178,7 @@ class OdriveDrive:
             "axis0.controller.config.input_mode": struct.pack("<B", self.modes[1]),
             "axis0.controller.config.vel_limit": struct.pack("<f", self.vel_limit),
             "axis0.config.motor.current_soft_max": struct.pack("<f", self.current_A),
-            "axis0.config.can.input_vel_scale": struct.pack("<I", VEL_FF_SCALE),
+            "axis0.config.can.input_vel_scale": struct.pack("<I", wire.VEL_FF_SCALE),
             "axis0.controller.config.circular_setpoints": struct.pack("<?", False),
         }
         known = {
@@ -236,7 +195,4 @@ class OdriveDrive:
 
     def _say(self, command: int, data: bytes) -> None:
         identifier = self.node_id << 5 | command
-        try:
-            self.bus.send(can.Message(arbitration_id=identifier, is_extended_id=False, data=data, is_rx=False), 0)
-        except (can.CanError, OSError):
-            self.rejected += 1
+        self.send(can.Message(arbitration_id=identifier, is_extended_id=False, data=data, is_rx=False))

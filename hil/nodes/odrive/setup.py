@@ -17,27 +17,7 @@ from controller.limits import Limits
 from hil.nodes.carriage_bus import RESTS_M_S
 from hil.nodes.frame_map import plain
 from hil.nodes.listening import heard_for, silent
-from hil.nodes.odrive.protocol import (
-    ABSOLUTE_POSITION,
-    AXIS_STATES,
-    BUSY,
-    GET_ENCODER_ESTIMATES,
-    GET_VERSION,
-    HEARTBEAT,
-    HEARTBEAT_S,
-    IDLE,
-    PASSTHROUGH,
-    POSITION_CONTROL,
-    RX_SDO,
-    SET_ABSOLUTE_POSITION,
-    SET_CONTROLLER_MODE,
-    SET_LIMITS,
-    SUCCESS,
-    TX_SDO,
-    UNDEFINED,
-    result_of,
-    words_of,
-)
+from hil.nodes.odrive import protocol as wire
 from hil.nodes.odrive.table import FREE_NODES, READ_BACK, OdriveTable
 
 LISTEN_S: Final = 0.3
@@ -55,7 +35,7 @@ def set_up(bus: can.BusABC, table: OdriveTable, limits: Limits, tick_s: float, *
     """
     table.check_speed(limits.carriage_speed_m_s)
     ask = _Questions(bus, table)
-    version = ask.reply(GET_VERSION, b"", GET_VERSION, lambda data: len(data) == 8)
+    version = ask.reply(wire.GET_VERSION, b"", wire.GET_VERSION, lambda data: len(data) == 8)
     firmware = ".".join(map(str, version[4:7]))
     node = f"odrive: node {table.node_id}"
     if firmware != table.firmware:
@@ -70,12 +50,12 @@ def set_up(bus: can.BusABC, table: OdriveTable, limits: Limits, tick_s: float, *
     if not faulty:
         _check_place(heard, table, limits, node)
     fastest = abs(table.turns_per_m) * limits.carriage_speed_m_s
-    ask.tell(SET_CONTROLLER_MODE, struct.pack("<II", POSITION_CONTROL, PASSTHROUGH))
-    ask.tell(SET_LIMITS, struct.pack("<ff", fastest, table.motor_current_A))
+    ask.tell(wire.SET_CONTROLLER_MODE, struct.pack("<II", wire.POSITION_CONTROL, wire.PASSTHROUGH))
+    ask.tell(wire.SET_LIMITS, struct.pack("<ff", fastest, table.motor_current_A))
     if table.home == "here" and not faulty:
         _take_zero(ask, table, node)
-    last = f"{node}'s last procedure ended with {result_of(heard.result)}"
-    told = [] if heard.result == SUCCESS else [last]
+    last = f"{node}'s last procedure ended with {wire.result_of(heard.result)}"
+    told = [] if heard.result == wire.SUCCESS else [last]
     return told + _read_back(ask, table, limits.carriage_speed_m_s, node)
 
 
@@ -100,9 +80,9 @@ def _check_watchdog(ask: _Questions, table: OdriveTable, node: str) -> None:
 
 def _check_cycles(heard: _Heard, node: str, tick_s: float) -> None:
     """It must tell its state and its place often enough."""
-    if heard.beats < 0.8 * LISTEN_S / HEARTBEAT_S:
+    if heard.beats < 0.8 * LISTEN_S / wire.HEARTBEAT_S:
         raise ValueError(
-            f"{node} must send a heartbeat every {1e3 * HEARTBEAT_S:g} ms (can.heartbeat_msg_rate_ms); got"
+            f"{node} must send a heartbeat every {1e3 * wire.HEARTBEAT_S:g} ms (can.heartbeat_msg_rate_ms); got"
             f" {heard.beats} in {LISTEN_S:g} s"
         )
     if len(heard.turns) < 0.8 * LISTEN_S / (2 * tick_s):
@@ -114,13 +94,13 @@ def _check_cycles(heard: _Heard, node: str, tick_s: float) -> None:
 
 def _check_axis(heard: _Heard, node: str, *, faulty: bool) -> None:
     """It must do nothing, and have no error but where `faulty`."""
-    if heard.axis != IDLE:
-        doing = AXIS_STATES.get(heard.axis, f"axis state {heard.axis}")
+    if heard.axis != wire.IDLE:
+        doing = wire.AXIS_STATES.get(heard.axis, f"axis state {heard.axis}")
         raise ValueError(f"{node} must be idle before it is led; got {doing}")
-    if heard.result == BUSY:
+    if heard.result == wire.BUSY:
         raise ValueError(f"{node} must be idle before it is led; got a procedure that goes on (Procedure_Result BUSY)")
     if heard.errors and not faulty:
-        words = words_of(heard.errors) or "INITIALIZING"
+        words = wire.words_of(heard.errors) or "INITIALIZING"
         raise ValueError(
             f"{node} must have no active error before it is led; got {words}; once its cause is gone, 'capsule run"
             " RIG.toml reset' acknowledges it"
@@ -147,7 +127,7 @@ def _check_place(heard: _Heard, table: OdriveTable, limits: Limits, node: str) -
 
 def _take_zero(ask: _Questions, table: OdriveTable, node: str) -> None:
     """Make the present place zero, and see that the encoder tells so."""
-    ask.tell(SET_ABSOLUTE_POSITION, ABSOLUTE_POSITION.pack(0.0))
+    ask.tell(wire.SET_ABSOLUTE_POSITION, wire.ABSOLUTE_POSITION.pack(0.0))
     end, place = time.monotonic() + min(table.answers_s, 1.0), math.inf
     while time.monotonic() < end and not abs(place) <= _ZERO_M:
         told = ask.cycles(0.02).turns
@@ -176,9 +156,9 @@ class _Heard:
     """
 
     beats: int = 0
-    axis: int = UNDEFINED
+    axis: int = wire.UNDEFINED
     errors: int = 0
-    result: int = SUCCESS
+    result: int = wire.SUCCESS
     turns: list[tuple[float, float]] = field(default_factory=list)
 
 
@@ -216,17 +196,17 @@ class _Questions:
             told = struct.unpack_from("<BHB", data)[1] if len(data) >= 4 else -1
             return told == number and len(data) >= 4 + struct.calcsize(kind)
 
-        data = self.reply(RX_SDO, struct.pack("<BHB", 0, number, 0), TX_SDO, fits)
+        data = self.reply(wire.RX_SDO, struct.pack("<BHB", 0, number, 0), wire.TX_SDO, fits)
         return float(struct.unpack_from(kind, data, 4)[0])
 
     def cycles(self, seconds: float) -> _Heard:
         """What it tells within `seconds`."""
         found = _Heard()
         for command, data in self._hear(seconds):
-            if command == HEARTBEAT and len(data) >= 7:
+            if command == wire.HEARTBEAT and len(data) >= 7:
                 found.beats += 1
                 found.errors, found.axis, found.result = struct.unpack_from("<IBB", data)
-            elif command == GET_ENCODER_ESTIMATES and len(data) >= 8:
+            elif command == wire.GET_ENCODER_ESTIMATES and len(data) >= 8:
                 found.turns.append(struct.unpack_from("<ff", data))
         return found
 
@@ -240,6 +220,6 @@ class _Questions:
             node, command = message.arbitration_id >> 5, message.arbitration_id & 0x1F
             if node == self._table.node_id:
                 found.append((command, bytes(message.data)))
-            elif command == HEARTBEAT and node in FREE_NODES and len(message.data) == 8:
+            elif command == wire.HEARTBEAT and node in FREE_NODES and len(message.data) == 8:
                 self._others.add(node)
         return found

@@ -10,15 +10,7 @@ from typing import Final
 import can
 
 from hil.nodes.frame_map import frames, plain
-from hil.nodes.odrive.protocol import (
-    BROADCAST,
-    LARGEST_VEL_FF,
-    PASSTHROUGH,
-    POSITION_CONTROL,
-    RX_SDO,
-    TOLD,
-    VEL_FF_SCALE,
-)
+from hil.nodes.odrive import protocol as wire
 from hil.nodes.turning import Turning
 from models.parameter import nearest
 
@@ -48,14 +40,14 @@ class OdriveTable(Turning):
         if self.node_id not in FREE_NODES:
             free = ", ".join(map(str, FREE_NODES))
             raise ValueError(
-                f"odrive.node_id must be one of {free}, clear of the catalogue's identifiers and of {BROADCAST}, which"
-                f" every ODrive hears; got {self.node_id}"
+                f"odrive.node_id must be one of {free}, clear of the catalogue's identifiers and of {wire.BROADCAST},"
+                f" which every ODrive hears; got {self.node_id}"
             )
         self.check("odrive", RANGES)
 
     def check_speed(self, speed_m_s: float) -> None:
         """Raises ValueError where Set_Input_Pos cannot carry the rate of `limits.carriage_speed_m_s`."""
-        most = LARGEST_VEL_FF / VEL_FF_SCALE
+        most = wire.LARGEST_VEL_FF / wire.VEL_FF_SCALE
         turns_s = abs(self.turns_per_m) * speed_m_s
         if turns_s > most:
             raise ValueError(
@@ -68,9 +60,9 @@ class OdriveTable(Turning):
         question.
         """
         node, command = message.arbitration_id >> 5, message.arbitration_id & 0x1F
-        if not plain(message) or node not in (self.node_id, BROADCAST) or command in TOLD:
+        if not plain(message) or node not in (self.node_id, wire.BROADCAST) or command in wire.TOLD:
             return False
-        return command != RX_SDO or bytes(message.data[:1]) != b"\0"
+        return command != wire.RX_SDO or bytes(message.data[:1]) != b"\0"
 
 
 RANGES: Final = (
@@ -82,16 +74,17 @@ RANGES: Final = (
     ("coast_m_s2", 0.1, 100.0),
     ("answers_s", 0.1, 60.0),
 )
-FREE_NODES: Final = tuple(n for n in range(BROADCAST) if n not in {frame.id >> 5 for frame in frames().frames.values()})
+_TAKEN: Final = {frame.id >> 5 for frame in frames().frames.values()}
+FREE_NODES: Final = tuple(n for n in range(wire.BROADCAST) if n not in _TAKEN)
 """Nodes none of whose 32 identifiers is one of the catalogue's, but for that of all."""
 
 READ_BACK: Final[Mapping[str, tuple[str, Callable[[OdriveTable, float], float]]]] = MappingProxyType(
     {
-        "axis0.controller.config.control_mode": ("<B", lambda *_: POSITION_CONTROL),
-        "axis0.controller.config.input_mode": ("<B", lambda *_: PASSTHROUGH),
+        "axis0.controller.config.control_mode": ("<B", lambda *_: wire.POSITION_CONTROL),
+        "axis0.controller.config.input_mode": ("<B", lambda *_: wire.PASSTHROUGH),
         "axis0.controller.config.vel_limit": ("<f", lambda table, speed_m_s: abs(table.turns_per_m) * speed_m_s),
         "axis0.config.motor.current_soft_max": ("<f", lambda table, _: table.motor_current_A),
-        "axis0.config.can.input_vel_scale": ("<I", lambda *_: VEL_FF_SCALE),
+        "axis0.config.can.input_vel_scale": ("<I", lambda *_: wire.VEL_FF_SCALE),
         "axis0.controller.config.circular_setpoints": ("<?", lambda *_: 0),
     }
 )

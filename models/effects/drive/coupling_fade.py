@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from models.effects.effect import Signals, Values
-from models.effects.in_time import DriftInTime
+from models.effects.in_time import DriftInTime, drift
 
 
 @dataclass(frozen=True)
@@ -22,4 +22,4 @@ class CouplingFade(DriftInTime):
     separated_by = "an idle pause; logged current"
 
     def gain(self, s: Signals, p: Values, z: Values) -> Any:
-        return self.factor(s.t, p)
+        return drift(s.t, p)

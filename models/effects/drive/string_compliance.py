@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 from models.drives.elastic_link import Link
 from models.effects.effect import Effect, Values
-from models.effects.formula import Formula, written
 from models.parameter import Parameter
 
 
@@ -32,9 +31,5 @@ class StringCompliance(Effect):
         "damping_N_s_per_m", 0.02, "N s/m", 0.0, 0.3, "loss within the thread", fit=True
     )
 
-    @classmethod
-    def further(cls, p: Values) -> list[tuple[str, str, str]]:
-        stretch, rate = Formula("e"), Formula("e_rate")
-        link = Link(*(p[name.name] for name in cls.parameters()))
-        force = written(Formula.of(link.force(stretch) + link.damping * rate), 4)
-        return [("link", "force in N of the link at the stretch e", force)]
+    def link(self, p: Values) -> Link:
+        return Link(*(p[name.name] for name in self.parameters()))

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
-from models.effects.effect import Values
-from models.effects.in_time import ForceInTime, frequencies
+from models.effects.effect import Signals, Values
+from models.effects.in_time import ForceInTime, contraction, frequencies, turn
 from models.parameter import Parameter
 
 _SOURCE = "Kerlin and Phillips 1982: 8.6 to 12.5 a minute; gut 35:625: 59 to 93 mN"
@@ -38,5 +38,10 @@ class PeristalticWave(ForceInTime):
     frequency_Hz: Parameter = Parameter("frequency_Hz", 0.18, "Hz", 0.03, 0.6, _SOURCE, fit=True)
     wavenumber_per_m: Parameter = Parameter("wavenumber_per_m", 18.0, "1/m", -80.0, 80.0, _SPEED, fit=True, least=3.5)
 
-    def turns_at(self, x: Any, p: Values) -> Any:
-        return p["wavenumber_per_m"] * x
+    def force(self, s: Signals, p: Values, z: Values) -> Any:
+        return contraction(wave_turn(s, p), p)
+
+
+def wave_turn(s: Signals, p: Values) -> Any:
+    """The angle in rad of the wave at the capsule's place."""
+    return turn(s, p, p["wavenumber_per_m"] * s.x)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from models.effects.effect import Signals, Values
-from models.effects.in_time import DriftInTime
+from models.effects.in_time import DriftInTime, drift
 
 
 @dataclass(frozen=True)
@@ -23,4 +23,4 @@ class TissueDrying(DriftInTime):
     refined_by = ("level_at_onset", "drying_shape")
 
     def level(self, s: Signals, p: Values, z: Values) -> Any:
-        return self.factor(s.t, p)
+        return drift(s.t, p)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from models.effects.effect import Effect, Signals, Values
-from models.effects.force.peristaltic_wave import PeristalticWave
+from models.effects.force.peristaltic_wave import PeristalticWave, wave_turn
 from models.effects.in_time import with_harmonics
 from models.parameter import Parameter
 
@@ -42,5 +42,4 @@ class WaveHarmonics(Effect):
     eighth_cos: Parameter = _harmonic("eighth_cos")
 
     def force(self, s: Signals, p: Values, z: Values) -> Any:
-        turn = PeristalticWave().turn(s, p)
-        return p["force_N"] * with_harmonics(0.0, turn, p, 5, ("fifth", "sixth", "seventh", "eighth"))
+        return p["force_N"] * with_harmonics(0.0, wave_turn(s, p), p, 5, ("fifth", "sixth", "seventh", "eighth"))

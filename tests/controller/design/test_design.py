@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from controller.baselines.lqr import LQR, lqr_gains
-from controller.design.limit_cycle import Run, lqr_law, simulate
+from controller.design.limit_cycle import LoopRun, lqr_law, simulate
 from controller.design.margins import closed_loop
 from controller.design.tuning import Pid, pid_loop, state_loop, tuned_lqr, tuned_pid
 from controller.drives import envelope_of
@@ -173,12 +173,12 @@ def test_lqr_answers_failed_to_what_it_cannot_use() -> None:
 
 def test_a_cycle_is_told_from_a_run_that_settles() -> None:
     t = np.arange(0, 10, 0.01)
-    swings = Run(t, 0 * t, 1e-4 * np.sin(2 * np.pi * t / 0.5), 0 * t).cycle()
+    swings = LoopRun(t, 0 * t, 1e-4 * np.sin(2 * np.pi * t / 0.5), 0 * t).cycle()
     assert swings.hunts
     assert swings.period_s == pytest.approx(0.5, rel=0.01)
     assert swings.peak_to_peak_m == pytest.approx(2e-4, rel=0.01)
-    assert not Run(t, 0 * t, 1e-3 * np.exp(-t), 0 * t).cycle().hunts
-    assert not Run(t, 0 * t, 1e-8 * np.sin(t), 0 * t).cycle().hunts
+    assert not LoopRun(t, 0 * t, 1e-3 * np.exp(-t), 0 * t).cycle().hunts
+    assert not LoopRun(t, 0 * t, 1e-8 * np.sin(t), 0 * t).cycle().hunts
 
 
 def test_what_turns_in_every_cycle_is_not_linearised() -> None:

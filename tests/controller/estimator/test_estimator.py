@@ -9,10 +9,10 @@ import pytest
 
 from controller.estimator.base import Receiver
 from controller.estimator.cubature_filter import Estimator
-from controller.estimator.noise import Noise
 from controller.estimator.particle_filter import ParticleEstimator
 from controller.estimator.ukf import UnscentedEstimator
 from controller.signals import Array, Measurement
+from controller.tuned import FilterNoise
 from plant import layout as at
 from plant.drives.kinds import Coil, Magnet
 from plant.rig import Rig
@@ -183,4 +183,4 @@ def test_a_coil_is_followed_too(kind: type[Receiver]) -> None:
 def test_impossible_noise_is_refused() -> None:
     """A noise without size would divide by zero."""
     with pytest.raises(ValueError, match="position_std_m"):
-        Noise(position_std_m=0.0)
+        FilterNoise(position_std_m=0.0)

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from controller.estimator.cubature_filter import Process
 from controller.estimator.cubature_kernels import fuse, root
-from controller.estimator.noise import Noise
 from controller.estimator.ukf import FilterpyProcess, safe_root
+from controller.tuned import FilterNoise
 from tests.controller.loops import model_of
 
 MODEL = model_of().sharp
@@ -16,7 +16,7 @@ MODEL = model_of().sharp
 
 def test_the_same_numbers_as_filterpy() -> None:
     """Through stick and slip, five ticks and a position from the same belief, the two filters agree to rounding."""
-    process, other = Process(MODEL, Noise(gate=100.0)), FilterpyProcess(MODEL, Noise(gate=100.0))
+    process, other = Process(MODEL, FilterNoise(gate=100.0)), FilterpyProcess(MODEL, FilterNoise(gate=100.0))
     fast, slow = (process.start(0.0, 0.5e-3, 0.0, 0.0) for _ in range(2))
     rng = np.random.default_rng(3)
     modes, agreed = set(), 0
@@ -42,7 +42,7 @@ def test_the_same_numbers_as_filterpy() -> None:
 
 def test_covariance_stays_one() -> None:
     """Twenty thousand ticks to and fro: symmetric, positive, bounded. `bench_estimator` does a million."""
-    process = Process(MODEL, Noise())
+    process = Process(MODEL, FilterNoise())
     b = process.start(0.0, 0.5e-3, 0.0, 0.0)
     rng = np.random.default_rng(0)
     for k in range(1, 20001):

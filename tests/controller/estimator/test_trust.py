@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.drives import envelope_of
-from controller.estimator.noise import noise_of, trusting
+from controller.drives import DRIVES, envelope_of
+from controller.estimator.noise import trusting
 from controller.estimator.particle_filter import ParticleEstimator
 from controller.model.control_model import ControlModel, control_model
 from controller.model.friction import mean_friction, proved_off
@@ -34,7 +34,7 @@ def proved(error_m: float, kind: str = "magnetic") -> ControlModel:
 def test_nothing_is_believed_to_wander_more_for_it_and_less_behind_a_better_model(one: float, other: float) -> None:
     better, worse = (trusting(replace(MODEL, held_out_error=e)) for e in sorted((one, other)))
     for name in WALKS:
-        assert 0 < getattr(better, name) <= getattr(worse, name) <= getattr(noise_of("magnetic"), name)
+        assert 0 < getattr(better, name) <= getattr(worse, name) <= getattr(DRIVES["magnetic"].noise, name)
 
 
 def test_a_force_shows_as_a_position_over_the_magnets_stiffness() -> None:
@@ -48,9 +48,9 @@ def test_a_force_shows_as_a_position_over_the_magnets_stiffness() -> None:
 
 
 def test_what_was_not_held_against_anything_and_what_has_no_magnet_is_believed_as_ever() -> None:
-    assert trusting(MODEL) == noise_of("magnetic")
-    assert trusting(proved(1e-6, "coil")) == noise_of("coil")
-    assert trusting(proved(1e-3)).brisk_level_wander == noise_of("magnetic").brisk_level_wander
+    assert trusting(MODEL) == DRIVES["magnetic"].noise
+    assert trusting(proved(1e-6, "coil")) == DRIVES["coil"].noise
+    assert trusting(proved(1e-3)).brisk_level_wander == DRIVES["magnetic"].noise.brisk_level_wander
 
 
 def test_an_mpc_expects_slip_less_late_behind_a_model_that_proved_right() -> None:

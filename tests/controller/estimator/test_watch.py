@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from controller.estimator.base import Watch, Wrong
-from controller.estimator.noise import Noise
+from controller.tuned import FilterNoise
 
-NOISE = Noise(position_std_m=1e-4)
+NOISE = FilterNoise(position_std_m=1e-4)
 EVERY_S = 0.01
 
 

@@ -14,8 +14,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from controller.drives import DRIVES
 from controller.estimator.noise import trusting
-from controller.monitor.expected import EXPECTED
 from controller.monitor.forecast import Forecast
 from controller.monitor.monitor import DOUBTFUL, FIRST, Monitor
 from controller.monitor.sums import MOST, Sum, shifted, wider
@@ -65,7 +65,7 @@ def test_a_model_that_is_right_holds() -> None:
 
 def test_a_push_is_a_sudden_change_and_is_dated() -> None:
     run = estimates(20.0)
-    half = EXPECTED["magnetic"]
+    half = DRIVES["magnetic"].expected
     shift = 8 * half.miss_m
     moved = [
         (t, c, replace(e, state=e.state + np.eye(len(e.state))[0] * shift * max(t - 10.0, 0.0))) for t, c, e in run
@@ -190,5 +190,5 @@ def test_evidence_speaks_for_a_model_that_is_right_and_against_one_that_is_not()
 
 
 def test_every_drive_has_thresholds_that_leave_room_for_doubt() -> None:
-    assert set(EXPECTED) == {"magnetic", "coil", "vibro"}
+    assert len({driven.expected for driven in DRIVES.values()}) == 3
     assert 0 < DOUBTFUL < 1 <= FIRST

@@ -13,9 +13,9 @@ from controller.supervision.contradiction import CONTRADICT, Contradiction, Corr
 from controller.supervision.probe import Probe
 
 TICK_S = 2e-3
-MAGNET = Envelope("magnetic", -1.0, 1.0, 0.25, 10.0, 0.011, 1.0, Limits(), placed=True)
-COIL = Envelope("coil", -1.0, 1.0, 1200.0, math.inf, math.inf, -1.0, Limits())
-SHAKEN = Envelope("vibro", 0.0, 1.0, math.inf, math.inf, math.inf, 1.0, Limits())
+MAGNET = Envelope(-1.0, 1.0, Limits(), 0.25, 10.0, 0.011, placed=True)
+COIL = Envelope(-1.0, 1.0, Limits(), 1200.0, sense=-1.0)
+SHAKEN = Envelope(0.0, 1.0, Limits(), shaken=True, without_gap_m=0.02)
 AROUND_M = MAGNET.around_m
 
 
@@ -48,7 +48,7 @@ def rest(t: float) -> float:
 def test_an_envelope_is_its_gap_unless_stated() -> None:
     assert pytest.approx(0.011 / 0.95) == AROUND_M
     assert (COIL.around_m, SHAKEN.around_m) == (0.01, 0.02)
-    assert Envelope("coil", -1, 1, 1, 1, math.inf, 1, Limits(envelope_m=0.004)).around_m == 0.004
+    assert Envelope(-1, 1, Limits(envelope_m=0.004), 1, 1).around_m == 0.004
 
 
 @pytest.mark.parametrize("speed_m_s", [5e-4, 1e-3, 5e-3, 0.02])

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from controller.supervision.acceptance import Verdict
+from controller.supervision.acceptance import Acceptance
 from controller.supervision.fallback import Rules
 from tests.controller.supervision.supervisor_stubs import DT, Ramp, estimate, magnetic, run, steady
 
-PASSED, REFUSED = Verdict(), Verdict(("worse on held-out records",))
+PASSED, REFUSED = Acceptance(), Acceptance(("worse on held-out records",))
 
 
 def test_a_new_model_is_taken_at_rest_only_and_without_a_step() -> None:

@@ -13,7 +13,7 @@ import pytest
 
 from controller.baselines.lqr import LQR
 from controller.baselines.pid import PID
-from controller.design.limit_cycle import Run, simulate
+from controller.design.limit_cycle import LoopRun, simulate
 from controller.drives import envelope_of
 from controller.model.control_model import ControlModel, control_model
 from controller.signals import Action, Array, Estimate, Reference
@@ -54,7 +54,7 @@ class Moving:
         return np.full_like(t, self.rate)
 
 
-def run(model: ControlModel) -> tuple[Run, Supervisor]:
+def run(model: ControlModel) -> tuple[LoopRun, Supervisor]:
     envelope = envelope_of(model.drive)
     supervisor = Supervisor([Failing(model, envelope), PID(model, envelope)], envelope)
     supervisor.reset(0.0, Estimate(0.0, model.initial(), np.zeros(4)), 0.0)

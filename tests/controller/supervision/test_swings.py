@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from controller.drives import envelope_of
-from controller.feedforward import LOOPS, Feedforward
+from controller.drives import COIL, envelope_of
+from controller.feedforward import Feedforward
 from controller.signals import Estimate
 from controller.supervision.supervisor import Supervisor
 from controller.supervision.swings import Swings
@@ -78,8 +78,8 @@ def test_feedforward_calms_down_to_a_sixteenth_of_its_pace() -> None:
     model = believed_model(scenario, {})
     loop = Feedforward(model, envelope_of(model.drive, scenario.limits))
     assert [loop.calm() for _ in range(5)] == [True] * 4 + [False]
-    assert loop.loop.pace_1_s == LOOPS["coil"].pace_1_s / 16
-    assert loop.loop.most_m_s == LOOPS["coil"].most_m_s / 16
+    assert loop.loop.pace_1_s == COIL.correction.pace_1_s / 16
+    assert loop.loop.most_m_s == COIL.correction.most_m_s / 16
 
 
 def test_a_coil_whose_localisation_is_later_than_it_knows_comes_to_swing_less(monkeypatch: pytest.MonkeyPatch) -> None:

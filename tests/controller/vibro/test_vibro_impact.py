@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from controller.vibro.cycles import Cycles, Pace, VibroModel, impact_of
+from controller.vibro.cycles import Cycles, Gait, VibroModel, impact_of
 from controller.vibro.design.cost_by_impact import cheapest, optima, squares
 from controller.vibro.design.speed_map import free_period, speed_map
 from controller.vibro.waveform import Waveform
@@ -28,7 +28,7 @@ def near(front: float | None, rear: float | None) -> VibroModel:
     [((1e-3, 1e-3), "none"), ((5e-3, 1e-3), "front"), ((1e-3, 5e-3), "rear"), ((5e-3, 5e-3), "both")],
 )
 def test_an_impact_is_a_swing_beyond_the_gap(swing: tuple[float, float], impact: str) -> None:
-    pace = Pace(1e-2, 0.1, 0.1, *swing, peak_m_s=0.1)
+    pace = Gait(1e-2, 0.1, 0.1, *swing, peak_m_s=0.1)
     assert impact_of(near(NEAR_M, NEAR_M), pace) == impact
     assert impact_of(near(None, None), pace) == "none"
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controller.supervision.acceptance import Verdict
+from controller.supervision.acceptance import Acceptance
 from hil.app.campaign.folders.answers import answer_of
 from hil.app.campaign.folders.page import page_html as folders_html
 from hil.app.campaign.page import page_html as campaign_html
@@ -155,7 +155,7 @@ def demo_page() -> str:
         for stage, lag in (("nominal", 2.0), ("calibrated", 1.0), ("augmented", 0.1))
     }
     truth = {"fold_periodic": {"depth": 0.3, "period_m": 4e-3}}
-    told = Told(finding, {stage: Verdict() for stage in ("calibrated", "augmented")}, missions, ("fold_periodic",))
+    told = Told(finding, {stage: Acceptance() for stage in ("calibrated", "augmented")}, missions, ("fold_periodic",))
     return demo_html([(LOOPS[0], replace(told, truth=truth)), (LOOPS[0], Told(finding))], 200.0)
 
 

@@ -8,8 +8,9 @@ import re
 from hil.app.sil.fault_outcomes import limit_of
 from hil.bus.catalogue import load_catalogue
 from hil.bus.markdown_tables import frames_table, load_table
-from hil.nodes.faults.table import KINDS, LIES, LINKS, OWN_KINDS, Fault
+from hil.nodes.faults.table import KINDS, LIES, LINKS, Fault
 from tests.hil.app.sil.sil_runs import RIGS, scenario_of
+from tests.hil.nodes.fault_rows import OWN_KINDS
 from tests.hil.nodes.faults.test_faults import REFUSED
 from tests.places import ROOT
 

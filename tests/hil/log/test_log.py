@@ -25,11 +25,12 @@ from hil.log.reader import is_log, read_frames, read_log_record
 NODE = """
 import sys, time
 from pathlib import Path
+from hil.log.blf_file import SENT, Logged
 from hil.log.log import FrameLog
 log = FrameLog(Path(sys.argv[1]), {"rig": "test"})
 began, k = time.monotonic(), 0
 while True:
-    log.sent(k * 1e-3, 0x100, k.to_bytes(8, "little"))
+    log.put([Logged(k * 1_000_000, 0x100, k.to_bytes(8, "little"), SENT)])
     k += 1
     if k % 50 == 0:
         print(k, log._writer.pid, flush=True)
@@ -42,6 +43,11 @@ FRAMES = st.builds(
     st.binary(max_size=8),
     st.sampled_from((RECEIVED, SENT, WITHHELD, NOTED)),
 )
+
+
+def sent(log: FrameLog, time_s: float, identifier: int, data: bytes) -> None:
+    """A frame that a tick sent."""
+    log.put([Logged(round(time_s * 1e9), identifier, data, SENT)])
 
 
 @given(st.lists(FRAMES, max_size=30))
@@ -62,18 +68,14 @@ def test_frames_pass_the_pipe_unchanged(frames: list[Logged]) -> None:
 @pytest.mark.parametrize("kind", [FrameLog, LockstepLog])
 def test_a_log_keeps_order_way_and_record(tmp_path: Path, kind: type[FrameLog] | type[LockstepLog]) -> None:
     path = tmp_path / "run.blf"
-    with kind(path, {"rig": "r", "code": "c"}) as log:
-        log.received(0.25, 0x200, b"12345678")
-        log.sent(0.002, 0x100, bytearray(b"abc"))
-        log.sent(0.002, 0x110, b"", withheld=True)
-        log.sent(float("nan"), 0x110, b"")
-        log.sent(-1.0, 0x110, b"")
-    assert (log.written, log.dropped) == (3, 2)
     expected = [
         Logged(250_000_000, 0x200, b"12345678", RECEIVED),
         Logged(2_000_000, 0x100, b"abc", SENT),
         Logged(2_000_000, 0x110, b"", WITHHELD),
     ]
+    with kind(path, {"rig": "r", "code": "c"}) as log:
+        log.put(expected)
+    assert (log.written, log.dropped) == (3, 0)
     assert list(read_frames(path)) == expected
     found = read_log_record(path)
     found.pop("calendar_start_s", None)
@@ -153,14 +155,14 @@ def test_a_dead_writer_does_not_disturb_the_node(tmp_path: Path) -> None:
     log = FrameLog(tmp_path / "a.blf", {}, told.append)
     first = log._writer
     for k in range(100):
-        log.sent(1e-3 * k, 1, b"")
+        sent(log, 1e-3 * k, 1, b"")
     began = time.monotonic()
     while log._on_file < 100 and time.monotonic() - began < 60:
         time.sleep(0.02)
     first.kill()
     first.wait()
     for k in range(100, 200):
-        log.sent(1e-3 * k, 1, b"")
+        sent(log, 1e-3 * k, 1, b"")
     while log._writer is first and time.monotonic() - began < 60:
         time.sleep(0.02)
     assert "its writer ended (by signal 9); frames are missing; another one goes on" in told[0]
@@ -175,18 +177,18 @@ def test_a_disk_that_is_full_is_told_at_once_and_what_waits_is_written_later(tmp
     """Here the system lets the writer's files grow no further; the next writer has room again."""
     told: list[str] = []
     with FrameLog(tmp_path / "a.blf", {}, told.append) as log:
-        log.sent(0.0, 1, b"")
+        sent(log, 0.0, 1, b"")
         began = time.monotonic()
         while log._on_file < 1 and time.monotonic() - began < 60:
             time.sleep(0.02)
         size = (tmp_path / "a.blf").stat().st_size
         resource.prlimit(log._writer.pid, resource.RLIMIT_FSIZE, (size, size))
         for k in range(1, 300):
-            log.sent(1e-3 * k, 1, k.to_bytes(8, "little"))
+            sent(log, 1e-3 * k, 1, k.to_bytes(8, "little"))
         while not told and time.monotonic() - began < 60:
             time.sleep(0.02)
         assert told, "while the node goes on"
-        log.sent(1.0, 1, b"")
+        sent(log, 1.0, 1, b"")
     assert "frames are missing" in told[0]
     assert log.lost > 0
     assert log.troubles[-1].endswith("frames that were handed to its writer are not on file")
@@ -198,14 +200,14 @@ def test_a_disk_that_is_full_is_told_at_once_and_what_waits_is_written_later(tmp
 def test_two_logs_of_one_name_are_two_files(tmp_path: Path) -> None:
     path = tmp_path / "run.blf"
     with FrameLog(path, {"run": 1}) as first, FrameLog(path, {"run": 2}) as second:
-        first.sent(0.1, 1, b"1")
-        second.sent(0.2, 2, b"2")
+        sent(first, 0.1, 1, b"1")
+        sent(second, 0.2, 2, b"2")
     assert (first.path, second.path, first.kept, second.kept) == (path, tmp_path / "run-run2.blf", None, None)
     assert [f.id for f in read_frames(first.path)] == [1]
     assert [f.id for f in read_frames(second.path)] == [2]
     assert [read_log_record(log.path)["run"] for log in (first, second)] == [1, 2]
     with FrameLog(path, {"run": 3}) as third:
-        third.sent(0.3, 3, b"3")
+        sent(third, 0.3, 3, b"3")
     assert (third.path, third.kept) == (path, tmp_path / "run-1.blf")
     assert [f.id for f in read_frames(tmp_path / "run-1.blf")] == [1]
 
@@ -213,7 +215,7 @@ def test_two_logs_of_one_name_are_two_files(tmp_path: Path) -> None:
 def test_other_programs_read_the_time_of_day(tmp_path: Path) -> None:
     path = tmp_path / "run.blf"
     with FrameLog(path, {}) as log:
-        log.sent(12.5, 1, b"1")
+        sent(log, 12.5, 1, b"1")
     with can.LogReader(path) as reader:
         (message,) = list(reader)
     assert message.timestamp == pytest.approx(read_log_record(path)["calendar_start_s"] + 12.5, abs=0.01)
@@ -282,10 +284,10 @@ def test_a_log_that_is_not_there_at_its_end_is_told(tmp_path: Path) -> None:
         path, told = tmp_path / str(number) / "run.blf", list[str]()
         path.parent.mkdir()
         with FrameLog(path, {}, told.append) as log:
-            log.sent(0.001, 0x100, b"abc")
+            sent(log, 0.001, 0x100, b"abc")
             time.sleep(1.0)
             spoil(path)
-            log.sent(0.002, 0x100, b"abc")
+            sent(log, 0.002, 0x100, b"abc")
             time.sleep(1.0)
         assert log.lost == 2
         assert "frames are missing" in log.troubles[-1]

@@ -16,10 +16,11 @@ from hil.bus.protection import Sender
 from hil.bus.simulated import Medium, SimulatedBus
 from hil.nodes.actuators import ActuatorTable, carriage_bus
 from hil.nodes.controller.receive import FrameReceiver
+from hil.nodes.drive.makers import MakersDrive
 from hil.nodes.drive.power_stage import CarriagePower
 from hil.nodes.frame_map import ENABLE, OFF, READY, frame_map_of
 from hil.nodes.plant_node import SLOT_S
-from hil.nodes.simulated_drives import SimulatedDrive, simulated_drive
+from hil.nodes.simulated_drives import simulated_drive
 from tests.hil.ticks import TICK
 
 LIMITS = Limits()
@@ -27,7 +28,7 @@ NAMES = ("Sync", "CarriageCommand", "ControllerHeartbeat", "DriveReset")
 WIRING = frame_map_of("magnetic")
 
 
-def drive_on(bus: can.BusABC, table: ActuatorTable) -> SimulatedDrive:
+def drive_on(bus: can.BusABC, table: ActuatorTable) -> MakersDrive:
     """A simulated drive of the table at rest."""
     return simulated_drive(bus, table, CarriagePower(LIMITS.carriage_speed_m_s, LIMITS.travel_m), LIMITS, TICK)
 

@@ -19,9 +19,9 @@ from hil.nodes.actuators import ActuatorTable, carriage_bus, set_up
 from hil.nodes.cia402.states import Cia402Table
 from hil.nodes.controller.receive import FrameReceiver
 from hil.nodes.frame_map import ENABLE, FAULT, OFF, STANDBY
-from hil.nodes.moteus.actuator import MoteusTable
 from hil.nodes.moteus.registers import BROADCAST, HOST, POSITION_MODE, QUERY, STOPPED, frame_to, mode_write
-from hil.nodes.odrive.actuator import OdriveTable
+from hil.nodes.moteus.table import MoteusTable
+from hil.nodes.odrive.table import OdriveTable
 from tests.hil.app.run.deployments import deployment, rig_file
 from tests.hil.app.run.plant_process import REAL_TIME, RUN_S, led
 from tests.hil.nodes.maker_desk import LIMITS, WIRING, Desk

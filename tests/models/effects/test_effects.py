@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import fields
 from functools import cache
+from inspect import signature
 from pathlib import Path
 
 import casadi as ca
@@ -17,12 +20,15 @@ from models.drives.magnetic import Magnetic
 from models.drives.pull import Pull
 from models.drives.vibro import Vibro
 from models.effects import BY_ID, EFFECTS, REFINEMENTS, effects_for
-from models.effects.conformance import CHECKS, SIGNALS, answers, values_of
-from models.effects.effect import Effect
+from models.effects.conformance import CHECKS, values_of
+from models.effects.declarations import DECLARATIONS
+from models.effects.effect import HOOKS, Effect
 from models.laws.geometry import Capsule, Tissue
+from models.parameter import Parameter
 from models.rigs.kinds import KINDS
 from models.surfaces.gut import Wall
 from tests.models.running import Array, pulses, stepped
+from tests.places import ROOT
 
 PUBLISHED = (
     "stribeck",
@@ -137,19 +143,18 @@ def test_its_parameters_are_declared(effect: type[Effect]) -> None:
 
 
 @each_effect
-def test_its_hooks_say_the_same_to_numbers_and_arrays(effect: type[Effect]) -> None:
-    p, z = values_of(effect), dict.fromkeys(effect.states, 0.2)
-    plain = answers(effect, p, z, SIGNALS)
-    array = {k: np.full(3, v) for k, v in SIGNALS.items()}
-    for name, value in answers(effect, p, z, array).items():
-        np.testing.assert_allclose(value, plain[name], rtol=1e-10)
-
-
-@each_effect
 @pytest.mark.parametrize("check", CHECKS)
 def test_it_conforms(effect: type[Effect], check: str) -> None:
     """What `capsule effects check` asks of a user's effect."""
     assert CHECKS[check](effect, set(BY_ID)) is None
+
+
+def test_contributing_names_every_hook_and_declaration() -> None:
+    text = (ROOT / "CONTRIBUTING.md").read_text()
+    told = set(re.findall(r"[a-z_]+", " ".join(re.findall(r"`([^`\n]+)`", text)), re.IGNORECASE))
+    assert {*HOOKS, *DECLARATIONS, *(f.name for f in fields(Parameter))} - told == set()
+    for hook, base in HOOKS.items():
+        assert f"| `{hook}({', '.join(list(signature(base).parameters)[1:])})` |" in text
 
 
 @on_each_rig

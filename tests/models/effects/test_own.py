@@ -7,14 +7,18 @@ from collections.abc import Iterator
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from models.effects import BY_ID, effects_for, use_effects
+from models.identification.kinds.dma.kind import DmaKind
 from models.identification.model import Model, own_effects_of
+from models.records.record import Record
 from tests.places import ROOT
 
 EXAMPLE = ROOT / "examples" / "own_effect" / "soft_bump.py"
 TEXT = EXAMPLE.read_text(encoding="utf-8")
+KINDS = '"pull", "magnetic", "coil", "vibro"'
 
 
 @pytest.fixture(autouse=True)
@@ -27,7 +31,7 @@ def own_file(folder: Path, *changes: tuple[str, str]) -> Path:
     """The example with `changes` (old, new) in a file of its own."""
     text = TEXT
     for old, new in changes:
-        assert old in text
+        assert old in text, old
         text = text.replace(old, new)
     path = folder / "mine.py"
     path.write_text(text, encoding="utf-8")
@@ -70,7 +74,48 @@ def test_it_takes_part_until_it_is_no_longer_asked_for() -> None:
         ([("import numpy as np", "import nothing_of_that_name")], "ModuleNotFoundError"),
         ([("class SoftBump", "class class")], "SyntaxError"),
         ([('summary = "a soft bump that pushes the capsule away from its middle"', "")], "summary must say"),
-        ([('p["place_m"]', 'p["place"]')], "KeyError"),
+        ([('p["place_m"]', 'p["place"]')], "KeyError in force, line 34"),
+        (
+            [("def force", "def forse")],
+            "SoftBump.forse must be a hook, or begin with an underscore where it is its own; did",
+        ),
+        (
+            [("confounders =", "confouders =")],
+            "must be a declaration, or begin with an underscore where it is its own; did",
+        ),
+        ([(KINDS, '"dma"')], "kinds must be rigs that ask its hooks; got 'dma', which asks modulus, never force"),
+        ([("def force", "def gain"), ("return p[", "return 1 + p[")], "got 'pull', which asks level, "),
+        ([("s.x", "s.load")], "got nothing at its probe on 'coil', which has no load"),
+        ([(f"frozenset({{{KINDS}}})", KINDS)], "kinds must be a set of kinds of rig"),
+        ([(KINDS, "*()")], "kinds must be among pull, magnetic, coil, vibro, vibro_table, axis, periods"),
+        ([("return p[", "return np.nan * p[")], "force must be finite; got nan on coil"),
+        (
+            [("return p[", "return 0 * np.log(np.abs(s.v)) + p[")],
+            "force must be finite; got nan on coil at direction = 1",
+        ),
+        ([("return p[", "return np.ones(2) * p[")], "force must return one number; got ndarray"),
+        ([("return p[", "return 0.0 * p[")], "must use each parameter; got 'force_N'"),
+        ([('/ p["width_m"]', "/ 1e-3")], "must use each parameter; got 'width_m'"),
+        ([("return p[", "raise SystemExit(0)\n        return p[")], "must run; got SystemExit in force, line 35: 0"),
+        ([('0.0, "N"', '0.0, "Newtonish"')], "force_N must have a unit, such as N, m/s or 1; got 'Newtonish'"),
+        ([("-0.2, 0.2", "0.2, -0.2")], "force_N must have its lower bound first; got 0.2, -0.2"),
+        ([('Parameter("force_N"', 'Parameter("force"')], "force_N must have a parameter of the same name; got 'force'"),
+        ([("force_N: Parameter", "force_N")], "force_N must be a field of a dataclass"),
+        ([('"place_m": (', '"place": (')], "grid must name parameters; got 'place'; did you mean 'place_m'?"),
+        ([("-9e-3, -6e-3", "-9, -6e-3")], "grid must have starts of place_m in [-0.1, 0.1]"),
+        (
+            [("probe =", 'needs = ("place",)\n    probe =')],
+            "needs must be among its choices; got 'place'; did you mean",
+        ),
+        (
+            [("probe =", 'states = ("heat",)\n    probe =')],
+            "states must each be given by advance or follow; got 'heat'",
+        ),
+        ([('("stenosis", "incline_gravity")', '"stenosis"')], "confounders must be a tuple of names"),
+        (
+            [("force(self, s: Signals, p: Values, z: Values)", "reach(self, stretch, p)")],
+            "must be a subclass of InnerMass",
+        ),
     ],
 )
 def test_what_cannot_be_used_is_refused_in_a_sentence(
@@ -82,6 +127,39 @@ def test_what_cannot_be_used_is_refused_in_a_sentence(
     assert sentence in str(refused.value)
     assert "\n" not in str(refused.value)
     assert "soft_bump" not in BY_ID
+
+
+def test_two_effects_of_a_file_take_part_and_may_name_each_other(tmp_path: Path) -> None:
+    first = ('("stenosis", "incline_gravity")', '("firm_bump",)')
+    path = own_file(tmp_path, first)
+    second = TEXT[TEXT.index("@dataclass") :].replace("soft_bump", "firm_bump").replace("SoftBump", "FirmBump")
+    path.write_text(path.read_text() + "\n\n" + second)
+    assert [effect.id for effect in use_effects([path])] == ["soft_bump", "firm_bump"]
+    path.write_text(path.read_text().replace("firm_bump", "soft_bump"))
+    with pytest.raises(ValueError, match=r"got 'soft_bump', which mine\.py has"):
+        use_effects([path])
+
+
+MODULUS = """
+    def modulus(self, frequency_Hz: Any, p: Values) -> DynamicModulus:
+        size = p["force_N"] * frequency_Hz / (1 + p["place_m"] ** 2 + p["width_m"])
+        return DynamicModulus(size, 0.1 * size)
+"""
+
+
+def test_an_own_effect_on_a_dma_is_asked_for_its_modulus(tmp_path: Path) -> None:
+    path = own_file(tmp_path, (KINDS, '"dma"'), ('"N", -0.2, 0.2', '"Pa", 0.0, 1e6'), ("probe = 0.01", "probe = 1e3"))
+    text = path.read_text()
+    imported = "from models.laws.dynamic_modulus import DynamicModulus\nfrom models.parameter"
+    path.write_text(text[: text.index("    def force")].replace("from models.parameter", imported) + MODULUS)
+    use_effects([path])
+    kind = DmaKind.around()
+    record = Record("sweep", "dma", {"frequency_Hz": np.array([1.0, 10.0])})
+    base = kind.nominal()
+    added = kind.predict(
+        record, {**base, "soft_bump.force_N": 1e4, "soft_bump.place_m": 0.0, "soft_bump.width_m": 2e-3}
+    )
+    np.testing.assert_allclose(added - kind.predict(record, base), np.outer([1e4, 1e5], [1, 0.1]) / 1.002)
 
 
 def test_one_bad_file_leaves_no_other_in_use(tmp_path: Path) -> None:

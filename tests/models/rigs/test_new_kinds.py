@@ -11,13 +11,15 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from controller.baselines.pid import PID, PidGains
+from controller.actuators import Actuator
+from controller.baselines.pid import PID
 from controller.drives import DRIVES as CONTROLLED
-from controller.drives import Actuator, Driven, envelope_of
+from controller.drives import Driven, envelope_of
 from controller.estimator.cubature_filter import Estimator
-from controller.limits import Envelope, Limits
+from controller.limits import Limits
 from controller.model.control_model import control_model
 from controller.trajectory import by_speeds
+from controller.tuned import PidGains
 from models.drives.drive import Drive
 from models.identification.fitting.fit import Problem, narrowing
 from models.identification.kinds.series.kind import SeriesKind
@@ -98,8 +100,8 @@ class Jet(Force):
         return THRUST
 
 
-def _envelope(drive: Drive, limits: Limits) -> Envelope:
-    return Envelope("coil", -1.0, 1.0, 1e3, np.inf, np.inf, 1.0, limits)
+def _bounds(drive: Drive, limits: Limits) -> dict[str, float]:
+    return {"low": -1.0, "high": 1.0, "rate": 1e3}
 
 
 THRUSTER = RigKind(
@@ -114,7 +116,7 @@ def rig(monkeypatch: pytest.MonkeyPatch) -> Rig:
     """A rig of the new kinds, which three tables and the surfaces' know of."""
     monkeypatch.setitem(KINDS, "thruster", THRUSTER)
     monkeypatch.setitem(SURFACES, "plate", lambda rig: Slab(rig.capsule.mass_kg))
-    monkeypatch.setitem(CONTROLLED, "thruster", Driven(_envelope, Actuator))
+    monkeypatch.setitem(CONTROLLED, "thruster", Driven(name="thruster", bounds=_bounds, actuator=Actuator))
     monkeypatch.setitem(SIMULATED, "thruster", Jet)
     capsule = Capsule(mass_kg=MASS_KG)
     return Rig("thruster", capsule, surface=SurfaceTable(kind="plate", friction_coefficient=MU))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.app.simulate import simulate
+from hil.app.simulate import write_simulated
 from plant.anatomy import Anatomy, along, random_anatomy
 from plant.experiments.excitation import pulse_width
 from plant.experiments.scenario import parse_scenario, parse_truth
@@ -54,7 +54,7 @@ def test_simulate_writes_the_record_of_the_kind(
     file = tmp_path / "scenario.toml"
     file.write_text(BASE.format(kind=kind, profile=profile) + more)
     for name in ("one.csv", "two.csv.gz"):
-        simulate(file, tmp_path / name)
+        write_simulated(file, tmp_path / name)
     record = read_columns(tmp_path / "one.csv")
     assert list(record) == columns
     assert record["t_s"].size == 500
@@ -67,7 +67,7 @@ def test_simulate_writes_the_record_of_the_kind(
 def test_drive_on_keeps_every_edge(tmp_path: Path) -> None:
     file = tmp_path / "scenario.toml"
     file.write_text(BASE.format(kind="vibro", profile='kind = "pwm"\nperiod_s = 0.0371\nduty = 0.313') + VIBRO)
-    simulate(file, tmp_path / "out.csv")
+    write_simulated(file, tmp_path / "out.csv")
     on = read_columns(tmp_path / "out.csv")["drive_on"]
     assert np.min(on) >= 0
     assert np.max(on) <= 1
@@ -95,13 +95,13 @@ def test_a_bad_scenario_is_refused_in_one_sentence(old: str, new: str, message: 
     file = tmp_path / "scenario.toml"
     file.write_text(BASE.format(kind="magnetic", profile='kind = "wander"').replace(old, new))
     with pytest.raises(ValueError, match=message):
-        simulate(file, tmp_path / "out.csv")
+        write_simulated(file, tmp_path / "out.csv")
     assert [path.name for path in tmp_path.iterdir()] == ["scenario.toml"]
 
 
 def test_simulate_refuses_another_file_type(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"must end in \.csv"):
-        simulate(tmp_path / "scenario.toml", tmp_path / "out.parquet")
+        write_simulated(tmp_path / "scenario.toml", tmp_path / "out.parquet")
 
 
 def test_the_same_seed_is_the_same_series(tmp_path: Path) -> None:

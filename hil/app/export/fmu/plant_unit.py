@@ -10,13 +10,13 @@ from hil.app.export.fmu.machine_code import MATRIX, REAL, VECTOR, WHOLE, object_
 from hil.app.export.fmu.package import Unit, Variable, c_array, reference, start_values
 from hil.app.scenario.scenario import BUS_TABLES, TABLES, TRUTH_TABLES
 from hil.nodes.actuators import ACTUATORS
-from hil.nodes.plant_variables import FORCE, input_of, outputs_of
-from models.files.toml import read_toml
+from hil.nodes.fmu_plant import FORCE, input_of, outputs_of
+from models.files.toml import in_file, read_toml
 from models.parameter import nearest
 from plant import layout as at
 from plant.drives.kinds import Pull
 from plant.experiments.scenario import TABLES as OF_SIMULATE
-from plant.experiments.scenario import Run, parse_truth
+from plant.experiments.scenario import RunTable, parse_truth
 from plant.hidden import carriage
 from plant.rig import Plant, Rig
 from plant.tables import Floats
@@ -86,13 +86,13 @@ def _header(plant: Plant, stages: list[tuple[int, Floats]], kind: tuple[int, ...
     )
 
 
-def read_truth(path: Path) -> tuple[Run, Rig]:
+def read_truth(path: Path) -> tuple[RunTable, Rig]:
     """How long the scenario file `path`, one of `simulate`, `track` or `sil`, runs, and its plant. Raises ValueError of
     one sentence.
     """
     raw, _ = read_toml(path, "scenario")
     tables = {name: table for name, table in raw.items() if name in TRUTH_TABLES}
-    try:
+    with in_file(path):
         for name, table in raw.items():
             if name not in (*TABLES, *BUS_TABLES, *OF_SIMULATE, *ACTUATORS):
                 known = (*TABLES, *BUS_TABLES)
@@ -101,6 +101,4 @@ def read_truth(path: Path) -> tuple[Run, Rig]:
                 raise ValueError(f"{name} must be a table; got {table!r}")
         run, _, rig = parse_truth(tables)
         Plant(rig)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
     return run, rig

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from models.effects import effects_for
 from models.effects.effect import Effect
-from models.effects.wall.broad_relaxation import BroadRelaxation
 from models.identification.kind import Array, OneByOne, Theta, present
 from models.laws.dynamic_modulus import angular_frequency, five_element_modulus
 from models.laws.hoop import Moduli
@@ -86,9 +85,8 @@ class DmaKind(OneByOne):
         wall = five_element_modulus(angular_frequency(frequency), moduli_of(theta))
         out = np.column_stack([wall.storage, wall.loss])
         for effect, values in present(self.effects, theta):
-            if isinstance(effect, BroadRelaxation):
-                extra = effect.modulus(frequency, values)
-                out += np.column_stack([extra.storage, extra.loss])
+            extra = effect.modulus(frequency, values)
+            out += np.column_stack([extra.storage, extra.loss])
         return out
 
     def residual(self, record: Record, theta: Theta, criterion: int = 1) -> Array:

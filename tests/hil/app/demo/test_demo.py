@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 
 import hil.app.demo.command as demo_module
 import hil.app.demo.story as story_module
-from controller.supervision.acceptance import Verdict
+from controller.supervision.acceptance import Acceptance
 from hil.app.demo.command import demo
 from hil.app.demo.learning import LEARNING, LearningStory
 from hil.app.demo.loop import LOOPS, SCENARIOS, Excitation, LoopStory, admitted
@@ -140,7 +140,7 @@ def test_the_gate_holds_each_model_against_the_last_that_it_let_in(
 def test_a_model_that_was_refused_is_said_to_be(driven: Driven) -> None:
     one = driven[1]
     missions = {stage: one.missions[stage] for stage in STAGES[:2]}
-    gate = {**one.gate, "augmented": Verdict(("held-out error must be lower",))}
+    gate = {**one.gate, "augmented": Acceptance(("held-out error must be lower",))}
     page = demo_html([(LOOPS[0], replace(one, missions=missions, gate=gate))], 1.0)
     assert "with the calibrated model" in page
     assert "held-out error must be lower" in page
@@ -194,7 +194,7 @@ class Quick:
         numbers = {"tracking_rmse_m": 1e-3, "tracking_max_m": 2e-3, "stopped_because": "", "log": "mission.blf"}
         time_s, at_m, to_m = (finding.traces[0].signals[name][:50] for name in ("t_s", "x_m", "x_m"))
         missions = {stage: Mission(numbers, time_s, at_m, to_m) for stage in STAGES}
-        return Told(finding, {stage: Verdict() for stage in STAGES[1:]}, missions, ("fold_periodic",))
+        return Told(finding, {stage: Acceptance() for stage in STAGES[1:]}, missions, ("fold_periodic",))
 
 
 def test_records_that_cannot_tell_lead_to_the_one_that_tells(tmp_path: Path) -> None:

@@ -12,8 +12,7 @@ from hil.app.ends import RUN_ENDS
 from hil.app.run.loop import Signals
 from hil.bus.protection import Sender
 from hil.bus.simulated import SimulatedBus
-from hil.nodes.controller.receive import FrameReceiver
-from hil.nodes.controller.twins import Twins
+from hil.nodes.controller.receive import FrameReceiver, Twins
 from hil.nodes.frame_map import frame_map_of, frames
 from hil.nodes.plant_node import SLOT_S, PlantNode
 from plant.session import Session

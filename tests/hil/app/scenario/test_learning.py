@@ -7,7 +7,7 @@ import tomllib
 import pytest
 
 from hil.app.scenario.bus_scenario import parse_sil_scenario
-from hil.app.scenario.learning import Pace, read_pace
+from hil.app.scenario.learning import Pace
 from tests.hil.app.sil.test_sil import SHORT
 
 
@@ -28,4 +28,4 @@ def test_a_scenario_says_how_long_is_gathered() -> None:
 )
 def test_what_it_cannot_be_is_told(table: dict[str, object], said: str) -> None:
     with pytest.raises(ValueError, match=said):
-        read_pace({"learning": table})
+        Pace.read({"learning": table})

@@ -12,7 +12,7 @@ import pytest
 
 from controller.estimator.base import Receiver
 from controller.monitor.monitor import Monitor
-from controller.supervision.acceptance import Verdict
+from controller.supervision.acceptance import Acceptance
 from controller.supervision.model_switch import ModelSwitch, Offer, Prepared
 from hil.app.main import run
 from hil.app.scenario.deployment import load_deployment
@@ -75,7 +75,7 @@ def test_a_better_model_takes_over_at_a_rest_without_a_jump_and_tracks_better(tm
     scenario = load_track_scenario(path)
     found = read_offer(scenario.offer, tmp_path, scenario.belief, {})
     assert found is not None
-    offer = Offer(believed_model(scenario, found.values), Verdict(), found.at_s)
+    offer = Offer(believed_model(scenario, found.values), Acceptance(), found.at_s)
     with_it, without = tracked(scenario, offer, controller), tracked(scenario, None, controller)
     taken = with_it.taken_at
     assert taken > 1.5
@@ -103,7 +103,7 @@ def test_the_tick_that_takes_a_model_makes_nothing_of_it(tmp_path: Path, monkeyp
     scenario = load_track_scenario(path)
     found = read_offer(scenario.offer, tmp_path, scenario.belief, {})
     assert found is not None
-    offer = Offer(believed_model(scenario, found.values), Verdict(), found.at_s)
+    offer = Offer(believed_model(scenario, found.values), Acceptance(), found.at_s)
     made: list[Receiver] = []
     begin, take = Monitor.__init__, ModelSwitch._take_over
     during: list[int] = []

@@ -12,9 +12,9 @@ from hil.app.cockpit.command import _source
 from hil.app.cockpit.source import BusSource
 from hil.app.main import run
 from hil.app.scenario.bus_scenario import load_sil_scenario
+from hil.app.sil.command import Watched
 from hil.app.sil.loop import run_sil
 from hil.app.sil.testbed import believed_on_bus
-from hil.app.sil.watched import Watched
 from hil.bus.local import LocalBus
 from tests.hil.app.sil.test_sil import SHORT
 

@@ -13,10 +13,13 @@ from controller.limits import Limits
 from hil.nodes.controller.guard import Evidence, Fence, Passed, passed
 from hil.nodes.frame_map import (
     BOOT,
+    CARRIAGE_MAP,
+    COIL_MAP,
     DERATED,
     ENABLE,
     ENABLED,
     FAULT,
+    INNER_MASS_MAP,
     OFF,
     QUICK_STOP,
     READY,
@@ -197,13 +200,13 @@ def test_whatever_is_asked_for(wanted: list[tuple[object, int, float, float, flo
 
 def test_fence_of_limits() -> None:
     limits = Limits(current_A=0.7, age_s=0.12)
-    carriage = Fence.of(envelope_of(Magnetic(25.0, 0.02), limits), TICK)
+    carriage = Fence.of(envelope_of(Magnetic(25.0, 0.02), limits), CARRIAGE_MAP, TICK)
     assert (carriage.low, carriage.high, carriage.rate, carriage.rests) == (-1.0, 1.0, 0.25, True)
     assert (carriage.tick_s, carriage.stop_s, carriage.derate_s, carriage.late_stop) == (TICK, 0.12, 0.05, 3)
     assert (carriage.feedback_s, carriage.braking) == (0.0215, 25.0)
-    coil = Fence.of(envelope_of(Coil(0.5), limits), TICK)
+    coil = Fence.of(envelope_of(Coil(0.5), limits), COIL_MAP, TICK)
     assert (coil.low, coil.high, coil.rate, coil.rests) == (-0.7, 0.7, 1200.0, False)
     assert (coil.feedback_s, coil.braking) == (0.0045, math.inf)
-    inner_mass = Fence.of(envelope_of(Vibro(), limits), TICK)
+    inner_mass = Fence.of(envelope_of(Vibro(), limits), INNER_MASS_MAP, TICK)
     assert (inner_mass.low, inner_mass.high, inner_mass.rests) == (0.0, 1.0, False)
     assert (inner_mass.feedback_s, inner_mass.braking) == (0.0065, math.inf)

@@ -9,7 +9,7 @@ import pytest
 
 from controller.monitor.monitor import Change, Health, State
 from hil.bus.protection import Receiver, Sender
-from hil.nodes.controller.health import CHANGES, HEALTH_S, STATES, health_values
+from hil.nodes.controller.view import CHANGES, HEALTH_S, STATES, health_values
 from hil.nodes.frame_map import frames
 
 FRAME = frames()["ModelHealth"]

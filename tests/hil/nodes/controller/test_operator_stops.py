@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controller.move import Move, move
+from controller.move import SetpointMove, move
 from hil.bus.catalogue import load_catalogue
 from hil.nodes.controller.operator import Operator, OperatorLimits
 from hil.nodes.frame_map import ENABLED, MOVING
@@ -78,7 +78,7 @@ def test_a_stop_counts_from_any_source(tmp_path: Path) -> None:
 
 
 def steered(
-    reference: Move, values: dict[str, float], limits: OperatorLimits = LIMITS
+    reference: SetpointMove, values: dict[str, float], limits: OperatorLimits = LIMITS
 ) -> tuple[np.ndarray, Operator, str]:
     """Where the reference goes in a second in which the same setpoint comes fifty times with a speed that trembles, and
     why the controller says it does not go further.

@@ -8,15 +8,16 @@ import can
 import numpy as np
 import pytest
 
-from hil.app.sil.fault_outcomes import TO_LIVE_S, limit_of, limit_s, outcomes
+from hil.app.sil.fault_outcomes import limit_of, limit_s, outcomes
 from hil.app.sil.testbed import Bench
 from hil.bus.protection import Receiver
 from hil.bus.simulated import Medium, SimulatedBus
 from hil.nodes.controller.node import FAULTY, OTHER_CONTROLLER
 from hil.nodes.faults.injection import FaultInjection
-from hil.nodes.faults.table import KINDS, OWN_KINDS, Fault, read_faults
-from hil.nodes.frame_map import frames
+from hil.nodes.faults.table import KINDS, Fault, read_faults
+from hil.nodes.frame_map import frame_map_of, frames
 from tests.hil.app.sil.sil_runs import RIGS, model_of, run, scenario_of
+from tests.hil.nodes.fault_rows import OWN_KINDS
 
 AT_S, DURATION_S = 0.3, 0.2
 REFUSED = ("duplicate", "reorder", "replay")
@@ -42,7 +43,7 @@ def test_matrix(rig: str, fault: str, target: str) -> None:
     first = np.argmax(t - AT_S >= found[0].safe_after_s - 1e-9)
     assert safe[first:].all(), "a drive must not begin again by itself"
     if fault in ("drop", "delay", "corrupt", "retyped", "killed", "frozen") and target in ("", "commands", "all"):
-        assert found[0].since_good_s <= TO_LIVE_S[rig]
+        assert found[0].since_good_s <= frame_map_of(rig).stops_s
 
 
 def test_limits_are_those_that_are_asked() -> None:

@@ -11,10 +11,10 @@ import pytest
 from hil.app.scenario.bus_scenario import parse_sil_scenario
 from hil.app.sil.fault_outcomes import makers_limit_s
 from hil.nodes.actuators import ACTUATORS, identifiers
-from hil.nodes.faults.table import MAKERS_ROWS
-from hil.nodes.moteus.actuator import MoteusTable
-from hil.nodes.odrive.actuator import OdriveTable
+from hil.nodes.moteus.table import MoteusTable
+from hil.nodes.odrive.table import OdriveTable
 from tests.hil.app.sil.sil_runs import RIGS, run, scenario_of
+from tests.hil.nodes.fault_rows import MAKERS_ROWS
 from tests.hil.nodes.maker_desk import Desk
 from tests.hil.scripted_bus import ScriptedBus
 

@@ -20,8 +20,10 @@ from hil.bus.wrapping import WrappingBus
 from hil.nodes.drive.state_machine import OVER_TEMPERATURE, TIME_TO_LIVE
 from hil.nodes.frame_map import ENABLE, ENABLED, FAULT, OFF, QUICK_STOP, READY, STANDBY, WAITING
 from hil.nodes.moteus import registers as wire
-from hil.nodes.moteus.actuator import MoteusBus, MoteusTable, set_up
+from hil.nodes.moteus.actuator import MoteusBus
 from hil.nodes.moteus.drive import BOOT_S, MoteusDrive
+from hil.nodes.moteus.setup import set_up
+from hil.nodes.moteus.table import MoteusTable
 from tests.hil.app.run.deployments import deployment
 from tests.hil.nodes.maker_desk import LIMITS, Desk, Running
 from tests.hil.scripted_bus import ScriptedBus

@@ -13,8 +13,10 @@ from hypothesis import strategies as st
 from hil.bus.catalogue import load_catalogue
 from hil.nodes.drive.state_machine import OVER_TEMPERATURE, TIME_TO_LIVE
 from hil.nodes.frame_map import ENABLE, ENABLED, FAULT, OFF, QUICK_STOP, READY, STANDBY, WAITING
-from hil.nodes.odrive.actuator import FREE_NODES, OdriveBus, OdriveTable, words_of
+from hil.nodes.odrive.actuator import OdriveBus
 from hil.nodes.odrive.drive import OdriveDrive
+from hil.nodes.odrive.protocol import words_of
+from hil.nodes.odrive.table import FREE_NODES, OdriveTable
 from tests.hil.nodes.maker_desk import LIMITS, Desk
 from tests.hil.ticks import TICK
 

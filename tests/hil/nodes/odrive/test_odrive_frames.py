@@ -12,8 +12,9 @@ import pytest
 
 from hil.bus.simulated import SimulatedBus
 from hil.nodes.frame_map import ENABLE, OFF, QUICK_STOP
-from hil.nodes.odrive.actuator import OdriveTable, set_up
 from hil.nodes.odrive.drive import OdriveDrive
+from hil.nodes.odrive.setup import set_up
+from hil.nodes.odrive.table import OdriveTable
 from tests.hil.nodes.maker_desk import LIMITS, Desk, Running
 from tests.hil.ticks import TICK
 

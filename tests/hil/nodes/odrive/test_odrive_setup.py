@@ -11,12 +11,12 @@ import can
 import pytest
 
 from hil.app.scenario.deployment import parse_deployment
-from hil.nodes.moteus.actuator import MoteusTable
+from hil.nodes.moteus.table import MoteusTable
 from hil.nodes.odrive import drive as simulated
-from hil.nodes.odrive.actuator import OdriveTable, set_up
 from hil.nodes.odrive.drive import OdriveDrive
 from hil.nodes.odrive.protocol import AXIS_STATES
-from hil.nodes.odrive.table import READ_BACK
+from hil.nodes.odrive.setup import set_up
+from hil.nodes.odrive.table import READ_BACK, OdriveTable
 from tests.hil.app.run.deployments import deployment
 from tests.hil.nodes.maker_desk import LIMITS, Running
 from tests.hil.ticks import TICK

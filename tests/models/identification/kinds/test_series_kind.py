@@ -26,7 +26,7 @@ from plant.drives.kinds import Vibro as PlantVibro
 from plant.experiments.excitation import pulse_width
 from plant.experiments.profile import RandomPulses
 from plant.experiments.recording import record_scenario
-from plant.experiments.scenario import Run, Scenario
+from plant.experiments.scenario import RunTable, Scenario
 from plant.rig import Plate as PlantPlate
 from plant.rig import Rig as PlantRig
 from plant.sensing.sensors import Sensor
@@ -169,7 +169,7 @@ def test_lost_and_late_samples_cost_little(name: str) -> None:
 def test_a_coil_on_board_that_is_driven_by_voltage_follows_the_plant() -> None:
     coil = PlantCoil(0.5, 10.0, 0.05, 1.0, 0.5)
     truth = PlantRig(PlantVibro(0.01, 150.0, 0.3, coil=coil), Capsule(mass_kg=0.02), surface=PlantPlate(0.29))
-    run = Scenario(Run("", 4.0, 5), "vibro", truth, RandomPulses(0.05, amplitude_V=8.0), Sensor(500.0, 5e-5))
+    run = Scenario(RunTable("", 4.0, 5), "vibro", truth, RandomPulses(0.05, amplitude_V=8.0), Sensor(500.0, 5e-5))
     record = Record("r", "vibro", record_scenario(run))
     drive = {
         "inner_mass_kg": 0.01, "spring_stiffness_N_per_m": 150.0, "spring_damping_N_s_per_m": 0.3, "force_N": 0.4,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hil.app.main import run
-from hil.app.plot.command import thinned
+from hil.app.plot import thinned
 
 
 def test_a_file_is_drawn_as_it_stands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

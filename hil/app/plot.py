@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from hil.app.console import print_json, summary
+from hil.app.console import print_json, say
 from hil.app.identify.close_loop import read_series
 from hil.app.report.document import document, heading
 from hil.app.report.theme import figure_html, line_look, styled
@@ -27,26 +27,21 @@ _MOST_POINTS: Final = 4000
 """Points that a line shows; more are drawn by the largest and the smallest of each stretch."""
 
 
-def plot(paths: Sequence[Path], rig: Path | None, out: Path, *, json_output: bool = False) -> None:
-    """Draw the records `paths` into the page `out` (.html): of a `rig` as close-loop reads them, else all columns of
+def plot(records: Sequence[Path], rig: Path | None, out: Path, *, json_output: bool = False) -> None:
+    """Draw the files `records` into the page `out` (.html): of a `rig` as close-loop reads them, else all columns of
     numbers as they stand in the files. Raises ValueError, one sentence.
     """
-    check_targets([check_file(out, "--out", (".html",))], "--out", [*paths, *([rig] if rig else [])])
+    check_targets([check_file(out, "--out", (".html",))], "--out", [*records, *([rig] if rig else [])])
     if rig:
-        read = read_series(paths, (), read_deployed_rig(rig))[0]
-        records = [replace(record, columns=as_measured(record)) for record in read]
+        read = [replace(r, columns=as_measured(r)) for r in read_series(records, (), read_deployed_rig(rig))[0]]
     else:
-        records = [record for path in paths for record in as_they_stand(path)]
-    write_files({out: page(records)})
+        read = [record for path in records for record in as_they_stand(path)]
+    write_files({out: page(read)})
     if json_output:
-        print_json(
-            {
-                "page": str(out),
-                "records": [{"name": r.name, "rows": len(r), "columns": list(r.columns)} for r in records],
-            }
-        )
+        told = [{"name": record.name, "rows": len(record), "columns": list(record.columns)} for record in read]
+        print_json({"page": str(out), "records": told})
     else:
-        summary().print(f"page: {out}", markup=False, soft_wrap=True)
+        say(f"page: {out}")
 
 
 def as_they_stand(path: Path) -> list[Record]:

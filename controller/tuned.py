@@ -1,0 +1,152 @@
+"""What a loop is tuned by for each drive: PID's gains, feedforward's correction, filter's noise, monitor's scales."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Final
+
+_SURPRISE: Final = (
+    0.7  # of the mean normalised difference, three standard deviations of its noise, beyond which something pushes
+)
+_ASTRAY: Final = 1.5  # of the same, more than six: the model goes another way than the capsule
+_RECENT: Final = 0.1  # share of the newest position in that mean
+TOLD_S: Final = 0.4
+"""The greatest age in s that a localiser can tell."""
+_DRIVE_SPREADS: Mapping[str, float] = {"current_A": 0.2, "stretch_m": 1e-4, "rate_m_s": 1e-2}
+
+
+@dataclass(frozen=True)
+class PidGains:
+    """`F = k_p (r - x) + k_i int (r - x) dt + k_d (r' - v)` in N/m, N/(m s), N s/m; the integral is held within
+    `windup_N`. `jerkiness`, in m/s per root s, is that of the kinematic filter (`Kinematics`) that it sees through, nan
+    where it sees what the friction-aware estimator believes.
+    """
+
+    k_p: float = 0.0
+    k_i: float = 0.0
+    k_d: float = 0.0
+    windup_N: float = 0.15
+    jerkiness: float = math.nan
+
+    def __post_init__(self) -> None:
+        for name in ("k_p", "k_i", "k_d", "windup_N"):
+            if not 0 <= getattr(self, name) < math.inf:
+                raise ValueError(f"PID gain {name} must be zero or more; got {getattr(self, name)!r}")
+
+
+@dataclass(frozen=True)
+class Correction:
+    """How errors are taken back: the speed asked for is `r' + pace_1_s (r - x)` with these bounds.
+
+    While the reference moves, a capsule ahead by less than `noise_m` waits for it at the most, so that noise does not
+    turn friction round; no correction exceeds `most_m_s`. At rest errors up to `slack_m` are left alone, which is what
+    keeps a held capsule from hunting; beyond it the capsule is brought back to half of that. `reach_s` is the time
+    within which the inverse gets to the speed; a coil's must leave its current some ticks, and a lagging drive gets
+    most of its time constant, with a slower pace.
+    """
+
+    pace_1_s: float = 20.0
+    noise_m: float = 1.6e-3
+    most_m_s: float = 10e-3
+    slack_m: float = 0.4e-3
+    rest_m_s: float = 2e-5
+    reach_s: float = 1e-3
+
+    def __post_init__(self) -> None:
+        for name in (f.name for f in fields(self)):
+            if not 0 <= getattr(self, name) < math.inf:
+                raise ValueError(f"loop {name} must be zero or more; got {getattr(self, name)!r}")
+
+
+@dataclass(frozen=True)
+class FilterNoise:
+    """Standard deviations, SI. `*_wander` are random walks, a second's worth; what is not named here wanders by
+    `other_wander` of 1.
+
+    The friction level is a share of the wall's pressure (of the friction coefficient on a plate), the force what no
+    friction explains; `level_std` (`fitted_level_std` of a model that a fit has moved) and `force_std_N` are how far
+    they may be off at the start. Half of the particles hold that the level wanders by `level_wander`, as in a tube,
+    half by `brisk_level_wander`, as along a gut that changes. The force wanders by `push_wander_N` instead while
+    positions come out on one side of what was expected: something pushes. While they are far off on one side the
+    position wanders by `slip_wander_m`, too: strokes carry the capsule further, or less far, than believed.
+
+    A measurement further than `gate` standard deviations from what was expected is an outlier. After `slips_in_a_row`
+    of them the believed place follows, where the capsule may have gone from one to the next at `slip_m_s`; else
+    `outliers_in_a_row` mean that the belief is wrong, not they. The estimate is lost without an accepted position for
+    `age_s`, above `lost_std_m`, and until `proof` positions in a row were accepted after a new start. A reading later
+    than `latest_s` is not used. Both are `Limits.age_s` of the rig (`up_to`).
+    """
+
+    position_std_m: float = 0.5e-3
+    feedback_std: float = 1e-3
+    carriage_std_m: float = 2e-5
+    position_wander_m: float = 1e-4
+    slip_wander_m: float = 1e-4
+    speed_wander_m_s: float = 1e-2
+    wall_wander_m: float = 5e-5
+    force_wander_N: float = 2e-3
+    push_wander_N: float = 2e-3
+    force_std_N: float = 3e-3
+    level_wander: float = 0.01
+    brisk_level_wander: float = 0.06
+    level_std: float = 0.05
+    fitted_level_std: float = 0.05
+    other_wander: float = 1e-3
+    gate: float = 5.0
+    outliers_in_a_row: int = 12
+    slips_in_a_row: int = 3
+    slip_m_s: float = 0.2
+    proof: int = 5
+    age_s: float = 0.15
+    lost_std_m: float = 2e-3
+    latest_s: float = 0.15
+    drive_wander: Mapping[str, float] = field(default_factory=lambda: dict(_DRIVE_SPREADS))
+
+    def __post_init__(self) -> None:
+        for name in (f.name for f in fields(self) if f.name != "drive_wander"):
+            if not 0 < getattr(self, name) < math.inf:
+                raise ValueError(f"noise {name} must be a positive number; got {getattr(self, name)!r}")
+
+    def up_to(self, age_s: float) -> FilterNoise:
+        """The same, with positions taken as old as `Limits.age_s` lets a command rest on: the bus tells no greater age
+        than `TOLD_S`.
+        """
+        return replace(self, age_s=age_s, latest_s=min(age_s, TOLD_S))
+
+    def surprised(self, before: float, size: float) -> float:
+        """By how many standard deviations recent positions were off on average, one more of them by `size`."""
+        return before + _RECENT * (size - before)
+
+    def walks(self, surprise: float) -> tuple[float, float]:
+        """How force and position wander after positions that were off by `surprise` on average."""
+        force = self.push_wander_N if abs(surprise) > _SURPRISE else self.force_wander_N
+        return force, self.slip_wander_m if abs(surprise) > _ASTRAY else self.position_wander_m
+
+    def wander(self, state: str) -> float:
+        """Standard deviation of the random walk of the model's `state` over a second."""
+        own = {"x": self.position_wander_m, "v": self.speed_wander_m_s, "u": self.wall_wander_m}
+        return own.get(state, self.drive_wander.get(state.rpartition(".")[2], self.other_wander))
+
+
+@dataclass(frozen=True)
+class Expected:
+    """Of seconds in which the capsule moved by `least_m` or more: `miss_m` is the standard deviation of the forecast's
+    miss beside what begin and end are uncertain by, `innovation` that of the mean standardised innovation, `ahead`
+    that of `Second.ahead`, `lacking` that of the force that the model lacks, as a share of its mean friction. `alarm`
+    is the evidence of forecast, innovations and time that raises an alarm, `drift` that of the drift.
+
+    Evidence is a logarithm of a likelihood ratio: with scales that are not too small and independent seconds, false
+    alarms of one sum are e^alarm seconds of motion apart or more (Lorden 1971), 45 h with 12. The force that is
+    lacking is alike over several seconds in an uneven gut, so `lacking` and `drift` stand for that: in 40 h along 80
+    guts from 100 on (level and noise alone, without the loop) the sum stayed below 12.
+    """
+
+    least_m: float = 0.2e-3
+    miss_m: float = 0.6e-3
+    innovation: float = 0.12
+    ahead: float = 1.4
+    lacking: float = 0.09
+    alarm: float = 14.0
+    drift: float = 20.0

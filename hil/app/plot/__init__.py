@@ -1,1 +1,0 @@
-"""`capsule plot`: pictures of records."""

@@ -1,0 +1,52 @@
+"""Options and arguments that several commands share, each declared once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+MOST_SEED = (1 << 63) - 1
+_STAGES = "nominal/calibrated/augmented"
+
+
+def option(name: str, metavar: str, words: str) -> Any:
+    """The option `--name METAVAR` with its `words` in the help."""
+    return typer.Option(name, metavar=metavar, help=words)
+
+
+def several(name: str, metavar: str, words: str) -> Any:
+    """An option that may be given several times; none is an empty list."""
+    return typer.Option(name, metavar=metavar, help=words, default_factory=list, show_default=False)
+
+
+def argument(metavar: str, words: str) -> Any:
+    """The argument METAVAR with its `words` in the help."""
+    return typer.Argument(metavar=metavar, help=words)
+
+
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else there.")]
+RigFile = Annotated[Path, option("--rig", "RIG.toml", "What the experimenter believes about the rig.")]
+Records = Annotated[list[Path], argument("RECORD...", "Records of one rig.")]
+Learn = Annotated[
+    bool, typer.Option("--learn", help="Once the model breaks, identify in the background and take what passes.")
+]
+Seed = Annotated[int, typer.Option("--seed", min=0, max=MOST_SEED, help="Sets every random number.")]
+RunSeed = Annotated[
+    int | None, typer.Option("--seed", min=0, max=MOST_SEED, help="Sets every random number; else the scenario's.")
+]
+ControllerName = Annotated[str | None, option("--controller", "NAME", "Which controller.")]
+LearnedModel = Annotated[Path | None, option("--model", "MODEL.toml", "A model that close-loop wrote.")]
+Stage = Annotated[str, option("--stage", _STAGES, "Which model.")]
+StageOrScenario = Annotated[str | None, option("--stage", _STAGES, "Which model.")]
+OwnEffects = Annotated[list[Path], several("--effects", "FILE.py", "Effects of your own; may be given several times.")]
+OwnControllers = Annotated[
+    list[Path],
+    several("--controllers", "FILE.py", "Controllers of your own; may be given several times."),
+]
+ReferenceFile = Annotated[
+    Path | None,
+    option("--reference", "FILE.toml", "Where to go, instead of its own: next_experiment.toml of close-loop."),
+]
+McapFile = Annotated[Path | None, option("--mcap", "FILE.mcap", "The bus's signals as MCAP, too, while it runs.")]

@@ -1,0 +1,151 @@
+"""What an effect states of itself: names that something reads, of the right sort, and hooks of the right form."""
+
+from __future__ import annotations
+
+import inspect
+import math
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import fields
+from typing import Any, Final
+
+from models.effects.effect import HOOKS, NEEDS, Effect, InnerMassEffect
+from models.files.units import unit
+from models.parameter import Parameter, nearest
+
+_TUPLES: Final = ("states", "confounders", "refined_by", "needs", "proposed_on")
+_WORDS: Final = ("id", "summary", "source", "separated_by", "of")
+DECLARATIONS: Final = (*_WORDS, "kinds", *_TUPLES, "follows", "grid", "probe", "by_speed", "further")
+"""What an effect may declare beside its parameters and hooks."""
+_OURS: Final = (*DECLARATIONS, "parameters")
+_OWN_HOOKS: Final = ("suspension", "reach")
+_UNITS: Final = ("kg", "K", "J", "W", "T", "C", "F", "H", "ohm", "degC", "Wb", "or", "at")
+_RELATIVE: Final = ("command", "measured unit")
+"""What a unit may be stated in terms of."""
+
+
+def declared(effect: type[Effect], known: Collection[str]) -> str | None:
+    """declarations"""
+    name = effect.__name__
+    values = {key: getattr(effect, key) for key in DECLARATIONS}
+    if not isinstance(effect.id, str) or not effect.id.isidentifier() or effect.id != effect.id.lower():
+        return f"{name}.id must be lower-case letters, digits and underscores; got {effect.id!r}"
+    loose = next((key for key in _WORDS if not isinstance(values[key], str)), None)
+    if loose is not None:
+        return f"{name}.{loose} must be text; got {values[loose]!r}"
+    if not effect.summary:
+        return f"{name}.summary must say in a few words what the effect is; got none"
+    if not isinstance(effect.kinds, frozenset | set):
+        return f"{name}.kinds must be a set of kinds of rig, such as frozenset({{'pull'}}); got {effect.kinds!r}"
+    loose = next((key for key in _TUPLES if not _is_names(values[key])), None)
+    if loose is not None:
+        return f"{name}.{loose} must be a tuple of names, such as ('a',); got {values[loose]!r}"
+    if not isinstance(effect.by_speed, bool):
+        return f"{name}.by_speed must be True or False; got {effect.by_speed!r}"
+    values["of"] = (effect.of,) if effect.of else ()
+    for key, choices in (("confounders", known), ("refined_by", known), ("of", known), ("needs", NEEDS)):
+        strange = sorted(set(values[key]) - set(choices))
+        if strange:
+            what = "among its choices" if key == "needs" else "ids of known effects"
+            return f"{name}.{key} must be {what}; got {strange[0]!r}; {nearest(strange[0], list(choices))}"
+    if not isinstance(effect.follows, Mapping) or not set(effect.follows) <= set(effect.states):
+        return f"{name}.follows must map states to 'command' or 'position'; got {effect.follows!r}"
+    wrong = sorted(str(value) for value in effect.follows.values() if value not in ("command", "position"))
+    return f"{name}.follows must map states to 'command' or 'position'; got {wrong[0]!r}" if wrong else None
+
+
+def _is_names(value: Any) -> bool:
+    return isinstance(value, tuple) and all(isinstance(entry, str) for entry in value)
+
+
+def of_parameters(effect: type[Effect], known: Collection[str]) -> str | None:
+    """parameters"""
+    name, own = effect.__name__, _own(effect)
+    declared = {f.name: f.default for f in fields(effect)}
+    for key, value in own.items():
+        if isinstance(value, Parameter) and key not in declared:
+            return f"{name}.{key} must be a field of a dataclass: {key}: Parameter = ... below @dataclass(frozen=True)"
+    for key, value in declared.items():
+        if isinstance(value, Parameter) and value.name != key and "parameters" not in own:
+            return f"{name}.{key} must have a parameter of the same name; got {value.name!r}"
+    parameters = effect.parameters()
+    if not parameters:
+        return f"{name} must have a parameter, its amplitude first; got none"
+    failures = (f"{name}.{p.name} {wrong}" for p in parameters if (wrong := _wrong(p)) is not None)
+    failure = next(failures, None)
+    if failure is not None:
+        return failure
+    amplitude = effect.amplitude()
+    if amplitude.value != 0.0 or not amplitude.fit:
+        return f"{name}.{amplitude.name}, the amplitude, must start at 0 and be fitted; got {amplitude.value:g}"
+    if not _is_number(effect.probe) or effect.probe == 0 or not amplitude.lower <= effect.probe <= amplitude.upper:
+        return f"{name}.probe must be an amplitude within its bounds and not 0; got {effect.probe!r}"
+    return _of_grid(effect)
+
+
+def _of_grid(effect: type[Effect]) -> str | None:
+    where, bounds = f"{effect.__name__}.grid", {p.name: p for p in effect.parameters()}
+    if not isinstance(effect.grid, Mapping):
+        return f"{where} must map parameters to tuples of starts; got {effect.grid!r}"
+    for key, starts in effect.grid.items():
+        if key not in bounds:
+            return f"{where} must name parameters; got {key!r}; {nearest(str(key), list(bounds))}"
+        p = bounds[key]
+        inside = isinstance(starts, tuple) and starts and all(_is_number(x) and p.lower <= x <= p.upper for x in starts)
+        if not inside:
+            return f"{where} must have starts of {key} in [{p.lower:g}, {p.upper:g}]; got {starts!r}"
+    return None
+
+
+def _wrong(p: Parameter) -> str | None:
+    """What is wrong with a parameter."""
+    finite = all(_is_number(x) and math.isfinite(x) for x in (p.value, p.lower, p.upper))
+    if not finite or p.lower >= p.upper:
+        return f"must have finite bounds, the lower below the upper; got {p.lower}, {p.upper}"
+    if not (_is_number(p.spread) and _is_number(p.least) and p.spread > 0) or not 0 <= p.least < max(-p.lower, p.upper):
+        return f"must have a spread above 0 and a least size within its bounds; got {p.spread}, {p.least}"
+    if p.role not in ("", "phase", "place"):
+        return f"must have the role 'phase', 'place' or none; got {p.role!r}"
+    if not _is_unit(p.unit):
+        return f"must have a unit, such as N, m/s or 1; got {p.unit!r}"
+    return None
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and not math.isnan(value)
+
+
+def _is_unit(text: Any) -> bool:
+    """Whether a text is a unit: 1, one in terms of the command or the reading, or a product of known symbols."""
+    if not isinstance(text, str) or text == "1" or any(word in text for word in _RELATIVE):
+        return isinstance(text, str)
+    symbols = re.findall(r"[^\W\d_]+", text)
+    return bool(symbols) and all(s in _UNITS or unit(s) is not None for s in symbols)
+
+
+def hooked(effect: type[Effect], known: Collection[str]) -> str | None:
+    """signatures"""
+    name, parameters = effect.__name__, {f.name for f in fields(effect) if isinstance(f.default, Parameter)}
+    inner = issubclass(effect, InnerMassEffect)
+    for key, value in _own(effect).items():
+        if key in HOOKS:
+            if key in _OWN_HOOKS and not inner:
+                return f"{name} must be a subclass of InnerMassEffect to answer {key!r}; got one of Effect"
+            if not inspect.isfunction(value):
+                return f"{name}.{key} must be a method; got {value!r}"
+            wanted, got = (list(inspect.signature(f).parameters) for f in (HOOKS[key], value))
+            if wanted != got:
+                return f"{name}.{key} must take ({', '.join(wanted)}); got ({', '.join(got)})"
+        elif key not in _OURS and key not in parameters:
+            what, choices = ("hook", tuple(HOOKS)) if inspect.isroutine(value) else ("declaration", DECLARATIONS)
+            hint = nearest(key, choices)
+            return f"{name}.{key} must be a {what}, or begin with an underscore where it is its own; {hint}"
+    return None
+
+
+def _own(effect: type[Effect]) -> dict[str, Any]:
+    """What `effect` has of its own, and of bases below ours, by its public names."""
+    own: dict[str, Any] = {}
+    for c in reversed([c for c in effect.__mro__ if issubclass(c, Effect) and c not in (Effect, InnerMassEffect)]):
+        own |= dict.fromkeys(inspect.get_annotations(c)) | vars(c)
+    return {key: value for key, value in own.items() if not key.startswith("_")}

@@ -38,6 +38,14 @@ COIL = RigKind(
     head=CoilHead,
     tables=IN_GUT,
     further={"surface": Surface, "clock": Clock},
+    nominal={
+        "rig": {
+            "force_constant_N_per_A": Coil().force_constant_N_per_A,
+            "coil_resistance_Ohm": Winding().resistance_ohm,
+            "coil_inductance_H": Winding().inductance_H,
+            "current_limit_A": Winding().current_limit_A,
+        }
+    },
     drive=_drive,
     longest_s=3600.0,
     switched=True,

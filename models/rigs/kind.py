@@ -51,6 +51,8 @@ class RigKind:
     further: Mapping[str, type[Table]] = field(default_factory=dict)
     head: type[Head] = Head
     instead: Instead | None = None
+    nominal: Tables = field(default_factory=dict)
+    """What an experimenter believes who states nothing, beside the papers' capsule and gut."""
     drive: Callable[[Rig, bool], Drive] | None = None
     """The drive of a time series of a capsule; the flag says that a record logs the coil's voltage."""
     template: Template | None = None

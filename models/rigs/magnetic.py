@@ -44,6 +44,7 @@ MAGNETIC = RigKind(
     instead=Instead("magnet", Magnets, read_magnets, MagnetsHead),
     tables=IN_GUT,
     further={"surface": Surface, "clock": Clock},
+    nominal={"rig": {"magnet_stiffness_N_per_m": Magnetic().stiffness_N_per_m, "magnet_range_m": Magnetic().range_m}},
     drive=_drive,
     longest_s=3600.0,
     follows=True,

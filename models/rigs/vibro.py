@@ -45,6 +45,13 @@ VIBRO = RigKind(
     layouts=(Columns((("drive_on", "coil_voltage_V"),), ("position_m",)),),
     tables={**IN_GUT, "drive": DriveTable, "surface": Surface},
     further={"clock": Clock},
+    nominal={
+        "capsule": {"mass_kg": 0.193},
+        "drive": {
+            name: getattr(Vibro(), name)
+            for name in ("inner_mass_kg", "spring_stiffness_N_per_m", "force_N", "reaction_on_body")
+        },
+    },
     drive=_drive,
     longest_s=600.0,
     switched=True,

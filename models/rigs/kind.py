@@ -59,6 +59,8 @@ class RigKind:
     """What `capsule init` writes; None: what the simulated plant of this kind gives."""
     turning_template: Template | None = None
     """The same of a rig that turns."""
+    effects: frozenset[str] = frozenset()
+    """Effects that can act here, by id, beside those that name this kind."""
     hooks: frozenset[str] = frozenset()
     """Hooks of an effect that are asked, beside those of a body's that moves."""
     signals: frozenset[str] | None = None

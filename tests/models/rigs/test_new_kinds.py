@@ -1,12 +1,12 @@
-"""A drive and a surface that nobody here knows take part once they stand in the tables: one in models, one in the
-controller, one in the plant.
+"""A kind of rig that nobody here knows takes part once it is declared: read, checked, calibrated, its effect found,
+reported, initialised, documented; and led, with one table in the controller and one in the plant.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar
+import re
+from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -20,74 +20,28 @@ from controller.limits import Limits
 from controller.model.control_model import control_model
 from controller.trajectory import by_speeds
 from controller.tuned import PidGains
+from hil.api import identify
+from hil.app.docs import keys
+from hil.app.identify.close_loop import result_files
+from hil.app.init.command import init
+from models.checks.examine import examine
 from models.drives.drive import Drive
 from models.identification.fitting.fit import Problem, narrowing
 from models.identification.kinds.series.kind import SeriesKind
-from models.laws.geometry import GRAVITY, Capsule
-from models.parameter import Parameter
-from models.records.record import Record
-from models.rigs.columns import Columns
-from models.rigs.kind import RigKind
+from models.laws.geometry import Capsule
+from models.records.record import Record, read_record, record_of
 from models.rigs.kinds import KINDS
 from models.rigs.parts import SURFACES, drive_of, surface_of
+from models.rigs.reader import parse_rig, read_rig
 from models.rigs.rig import Rig
-from models.rigs.tables import Surface as SurfaceTable
-from models.surfaces.surface import Levels, Surface, Values
 from plant.drives.kinds import DRIVES as SIMULATED
 from plant.drives.kinds import Force
 from plant.rig import Plant, Plate
 from plant.rig import Rig as Truth
 from tests.controller.loops import closed_loop
+from tests.models.rigs.thruster import MASS_KG, MU, TABLES, THRUST, THRUSTER, JetTable, Slab, bursts
 
-MASS_KG, THRUST, MU = 0.02, 0.8, 0.3
-
-
-@dataclass(frozen=True)
-class Thruster(Drive):
-    """A jet that pushes with a force in proportion to its command."""
-
-    name: ClassVar[str] = "thruster"
-    commanded: ClassVar[str] = "jet"
-    measured: ClassVar[str] = "position_m"
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("thrust_N", 1.0, "N", 0.5, 2.0, "data sheet", fit=True),)
-
-    def force(self, x: Any, v: Any, command: Any, p: Mapping[str, Any]) -> Any:
-        return p["thrust_N"] * command
-
-    def command_for(self, force: Any, x: Any, v: Any, p: Mapping[str, Any]) -> Any:
-        return force / p["thrust_N"]
-
-    def equations(self, p: Mapping[str, Any]) -> list[str]:
-        return [f"F_act = {p['thrust_N']:.4g} jet"]
-
-
-@dataclass(frozen=True)
-class Slab(Surface):
-    """Coulomb friction whose coefficient is known and not fitted."""
-
-    mass_kg: float
-
-    @property
-    def body_kg(self) -> float:
-        return self.mass_kg
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("slab_friction", MU, "1", 0.1, 1.0, "known"),)
-
-    def hold(
-        self,
-        speed: Any,
-        p: Values,
-        carried_kg: float = 0.0,
-        levels: Levels = (1.0, 1.0, 1.0),
-        pressing: Any = 0.0,
-    ) -> tuple[Any, Any]:
-        return p["slab_friction"] * ((self.mass_kg + carried_kg) * GRAVITY + pressing) * levels[0], 0.0
-
-    def equations(self, p: Values) -> list[str]:
-        return [f"m a = F_act - {p['slab_friction']:.4g} m g Sgn(v)"]
+_HEAD = "| key | unit | range | default | meaning |\n| --- | --- | --- | --- | --- |\n"
 
 
 class Jet(Force):
@@ -104,22 +58,14 @@ def _bounds(drive: Drive, limits: Limits) -> dict[str, float]:
     return {"low": -1.0, "high": 1.0, "rate": 1e3}
 
 
-THRUSTER = RigKind(
-    id="thruster",
-    layouts=(Columns((("jet",),), ("position_m",)),),
-    drive=lambda rig, by_voltage: Thruster(),
-)
-
-
 @pytest.fixture
 def rig(monkeypatch: pytest.MonkeyPatch) -> Rig:
-    """A rig of the new kinds, which three tables and the surfaces' know of."""
-    monkeypatch.setitem(KINDS, "thruster", THRUSTER)
+    """A rig of the new kind, which its declaration, the surfaces' table, the controller's and the plant's know of."""
+    monkeypatch.setitem(KINDS, THRUSTER.id, THRUSTER)
     monkeypatch.setitem(SURFACES, "plate", lambda rig: Slab(rig.capsule.mass_kg))
-    monkeypatch.setitem(CONTROLLED, "thruster", Driven(name="thruster", bounds=_bounds, actuator=Actuator))
-    monkeypatch.setitem(SIMULATED, "thruster", Jet)
-    capsule = Capsule(mass_kg=MASS_KG)
-    return Rig("thruster", capsule, surface=SurfaceTable(kind="plate", friction_coefficient=MU))
+    monkeypatch.setitem(CONTROLLED, THRUSTER.id, Driven(name=THRUSTER.id, bounds=_bounds, actuator=Actuator))
+    monkeypatch.setitem(SIMULATED, THRUSTER.id, Jet)
+    return parse_rig(TABLES)
 
 
 def truth() -> Truth:
@@ -138,6 +84,45 @@ def test_it_is_assembled_predicted_and_calibrated(rig: Rig) -> None:
     fit = narrowing(Problem.of(kind, [record], [], kind.final), kind.nominal())
     assert fit.theta["thrust_N"] == pytest.approx(THRUST, rel=2e-3)
     assert np.std(kind.predict(record, fit.theta) - place) < 0.02 * np.std(place)
+
+
+def test_its_file_is_read_and_what_is_wrong_is_said(rig: Rig) -> None:
+    assert rig.own["jet"] == JetTable(thrust_N=1.0)
+    wrong = {
+        "table [jet] must be there for a rig of kind 'thruster'": {k: v for k, v in TABLES.items() if k != "jet"},
+        "[jet] key must be a known one; got 'trust_N'; did you mean 'thrust_N'": TABLES | {"jet": {"trust_N": 1.0}},
+        "[jet] must have the key 'thrust_N' (at least 1e-12": TABLES | {"jet": {}},
+    }
+    for sentence, tables in wrong.items():
+        with pytest.raises(ValueError, match=re.escape(sentence)):
+            parse_rig(tables)
+    record = record_of("jet", bursts(np.random.default_rng(2), 2.0), rig)
+    assert record.layout is THRUSTER.layout
+    with pytest.raises(ValueError, match=r"jet must be between -1 \(back\) and 1 \(forth\); got 2"):
+        record_of("jet", record.columns | {"jet": record["jet"] + 2.0}, rig)
+    with pytest.raises(ValueError, match="got the columns of kind thruster"):
+        record_of("jet", record.columns, parse_rig({"rig": {"kind": "friction"}}))
+
+
+def test_its_effect_is_found_and_reported(rig: Rig) -> None:
+    rows = [bursts(np.random.default_rng(seed), drag_N_s_per_m=0.5) for seed in (1, 2, 3)]
+    records = [record_of(f"jet_{k}", columns, rig) for k, columns in enumerate(rows)]
+    assert [one for one in examine(rig, records) if one.severity == "stops"] == []
+    told = identify(rig, records[:2], records[2:])
+    assert (told.finding.verdict, [one.id for one in told.finding.effects]) == ("named", ["viscous_drag"])
+    page = str(result_files(told.finding, told.model)["report.html"])
+    assert "thruster rig" in page
+    assert "viscous_drag" in page
+
+
+def test_it_is_initialised_and_documented(rig: Rig, tmp_path: Path) -> None:
+    init(THRUSTER.id, tmp_path)
+    assert read_rig(tmp_path / "rig.toml") == rig
+    assert len(read_record(tmp_path / "record.csv", rig)) >= THRUSTER.layout.minimum
+    assert "thrust_N = 1.0" in (tmp_path / "rig.toml").read_text(encoding="utf-8")
+    assert "| `thruster` | `t_s`, `jet` | `position_m` | 100 |" in keys.columns()
+    row = "| `thrust_N` | N | >= 1e-12, < 1e+09 | required | thrust of the jet where it is fully open |"
+    assert f"### `[jet]`\n\n{_HEAD}{row}" in keys.rig_keys()
 
 
 def test_it_is_led_in_closed_loop(rig: Rig) -> None:

@@ -24,7 +24,7 @@ _BODY: Final = frozenset(HOOKS) - {"suspension", "reach", "link", "gain", "modul
 _MOVING: Final = frozenset(f.name for f in fields(Signals)) - {"load"}
 
 
-def asked(kind: RigKind) -> frozenset[str]:
+def hooks_of(kind: RigKind) -> frozenset[str]:
     """The hooks that a kind of rig asks."""
     return kind.hooks | _BODY if kind.of_capsule or kind.runs else kind.hooks
 
@@ -112,9 +112,9 @@ def _of_kinds(effect: type[Effect], known: Collection[str]) -> str | None:
     if not own:
         return f"{name} must answer a hook; got none; hooks are {', '.join(HOOKS)}"
     for kind in sorted(effect.kinds):
-        unread = [hook for hook in own if hook not in asked(KINDS[kind])]
+        unread = [hook for hook in own if hook not in hooks_of(KINDS[kind])]
         if unread:
-            asked = ", ".join(hook for hook in HOOKS if hook in asked(KINDS[kind]))
+            asked = ", ".join(hook for hook in HOOKS if hook in hooks_of(KINDS[kind]))
             return f"{name}.kinds must be rigs that ask its hooks; got {kind!r}, which asks {asked}, never {unread[0]}"
     return None
 

@@ -92,7 +92,7 @@ def glided(t: Array, jet: Array, drag_N_s_per_m: float = 0.0) -> Array:
     return np.array(places)
 
 
-def bursts(rng: np.random.Generator, seconds: float = 20.0, drag_N_s_per_m: float = 0.0) -> Rows:
+def bursts(rng: np.random.Generator, seconds: float = 8.0, drag_N_s_per_m: float = 0.0) -> Rows:
     """The columns of a record of bursts to and fro."""
     t = np.arange(0, seconds, 5e-3)
     size = np.repeat(rng.uniform(0.09, 0.25, 1 + int(seconds)), 200)[: t.size]
@@ -120,5 +120,5 @@ THRUSTER = RigKind(
     tables={"capsule": BodyTable, "jet": JetTable, "surface": SurfaceTable},
     drive=lambda rig, by_voltage: Thruster(rig.own["jet"].thrust_N),
     template=_template,
-    effects=frozenset({"viscous_drag", "stribeck", "directional_asymmetry"}),
+    effects=frozenset({"viscous_drag", "stribeck"}),
 )

@@ -17,7 +17,7 @@ from controller.model.inverse import Inverse
 from controller.signals import Action, Array, Controller, Estimate, Reference
 from controller.tuned import Correction
 
-_RESPONDING: Final = 0.7
+_RESPONDING: Final = 0.7  # of the drive's response time, the least time ahead that is inverted for
 _NO_FASTER: Final = 0.75
 """In what share of a drive's time constant the inverse of a lagging drive gets to its speed, and what pace of the loop
 that allows, as a share of one over that time. Of 0.2 to 1.0 and paces of 0.2 to 1.0, over lags of 30 to 150 ms, these

@@ -14,7 +14,7 @@ from models.rigs.rig import Rig, at_height
 RESERVE: Final = 2.0
 """Times the friction at the speed asked for that the magnet must be able to pull (choice: folds and narrow places)."""
 STIFFNESS: Final = "magnet_stiffness_N_per_m"
-_HEIGHTS: Final = 61
+_HEIGHTS: Final = 61  # heights that the command is chosen from
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ _SHORTEST_TICK = 1e-6  # s
 _NEAR = 1e-9  # share of a range within which two commands count as the same
 
 
-_LEAST = 1e-6
+_LEAST = 1e-6  # smallest that a limit may be set to, in its unit
 
 
 def _limit(value: float, most: float, unit: str, source: str, least: float = _LEAST) -> Any:

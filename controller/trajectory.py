@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-STEP_S = 1e-3
-LONGEST_S = 3600.0
+STEP_S = 1e-3  # of a trajectory's table
+LONGEST_S = 3600.0  # of a trajectory: its table is in memory
 
 
 @dataclass(frozen=True)

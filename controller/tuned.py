@@ -14,6 +14,7 @@ _ASTRAY: Final = 1.5  # of the same, more than six: the model goes another way t
 _RECENT: Final = 0.1  # share of the newest position in that mean
 TOLD_S: Final = 0.4
 """The greatest age in s that a localiser can tell."""
+# A, m and m/s by which the states of a drive wander
 _DRIVE_SPREADS: Mapping[str, float] = {"current_A": 0.2, "stretch_m": 1e-4, "rate_m_s": 1e-2}
 
 

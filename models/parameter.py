@@ -13,7 +13,8 @@ from types import MappingProxyType
 from typing import Literal
 
 SETS = Path(__file__).parent / "sets"
-_ROUNDING = 1e-9
+_ROUNDING = 1e-9  # of a value, by which it may be beyond its bounds
+Role = Literal["", "phase", "place"]
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ class Parameter:
     source: str = ""
     fit: bool = False
     spread: float = float("inf")
-    role: Literal["", "phase", "place"] = ""
+    role: Role = ""
     least: float = 0.0
 
     def __post_init__(self) -> None:
@@ -43,6 +44,10 @@ class Parameter:
             raise ValueError(
                 f"{self.name} must lie in [{self.lower:g}, {self.upper:g}] {self.unit}; got {self.value:g}"
             )
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        object.__setattr__(self, "name", self.name or name)
+        object.__setattr__(self, "source", self.source or getattr(owner, "source", ""))
 
     def at(self, value: float) -> Parameter:
         """The same parameter at another value."""

@@ -2,8 +2,6 @@
 tables.
 """
 
-from __future__ import annotations
-
 from typing import Final
 
 # parameters `p`
@@ -39,8 +37,8 @@ from typing import Final
     P_PROFILE_START,  # m
     P_PROFILE_STEP,  # m
 ) = range(30)
-P_COUNT: Final = 30
-GUT: Final = 0.0
+P_COUNT: Final = 30  # parameters
+GUT: Final = 0.0  # what the body lies on
 PLATE: Final = 1.0
 
 # state `s`
@@ -63,11 +61,11 @@ PLATE: Final = 1.0
     S_DRIVE_LAST,  # last drive value, for its rate
     S_PRESSING,  # N, with which a magnet presses the body on its surface
 ) = range(17)
-S_COUNT: Final = 17
+S_COUNT: Final = 17  # numbers of the state
 
 # recorded columns
 O_T, O_X, O_V, O_U, O_FORCE, O_DRIVE, O_CURRENT, O_INNER_X, O_INNER_V = range(9)
-O_COUNT: Final = 9
+O_COUNT: Final = 9  # recorded columns
 COLUMNS: Final = (
     "t_s",
     "position_m",
@@ -82,8 +80,8 @@ COLUMNS: Final = (
 
 # law tables: one row a law over an even grid
 L_RESISTANCE, L_PRESSURE, L_MUCUS, L_TENSION, L_DRAG = range(5)
-L_COUNT: Final = 5
-NODES: Final = 20001
+L_COUNT: Final = 5  # laws in the table
+NODES: Final = 20001  # of each law's table
 SPEED_SPAN: Final = 0.5  # m/s
 MUCUS_SPAN: Final = 1.0  # (m/s)^(1/4): the film's drag is nearly a fourth root at rest
 DRAG_SPAN: Final = 8e-3  # m

@@ -1,7 +1,5 @@
 """A simulated rig: capsule, tissue, surface, drive, anatomy and hidden effects put together, advanced in chunks."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Mapping
@@ -12,17 +10,17 @@ import numpy as np
 from models.laws.geometry import GRAVITY, Capsule, Tissue
 from plant import layout as at
 from plant.anatomy import Anatomy
-from plant.drives.kinds import Drive
+from plant.drives.kinds import TrueDrive
 from plant.hidden.carriage import BEHIND, CARRIAGE_NUMBERS, real_drive
 from plant.hidden.registry import ONSET
 from plant.hidden.table import begun, effect_table
 from plant.tables import Floats, tabulate
 
-STEP_S = 20e-6
+STEP_S = 20e-6  # of the plant
 
 
 @dataclass(frozen=True)
-class Plate:
+class TruePlate:
     """A rigid plate: Coulomb friction, static coefficient at least the sliding one (None: the same)."""
 
     friction_coefficient: float = 0.29
@@ -30,15 +28,15 @@ class Plate:
 
 
 @dataclass(frozen=True)
-class Rig:
+class Truth:
     """All that is true of a simulated rig. `surface` None is the gut of `tissue`; `hoop_factor` scales the hoop
     stress.
     """
 
-    drive: Drive
+    drive: TrueDrive
     capsule: Capsule = Capsule()
     tissue: Tissue = Tissue()
-    surface: Plate | None = None
+    surface: TruePlate | None = None
     hoop_factor: float = 1.0
     anatomy: Anatomy = Anatomy()
     hidden: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
@@ -50,7 +48,7 @@ class Plant:
     `plant.layout`. An effect that has an onset begins with the step nearest to it.
     """
 
-    def __init__(self, rig: Rig) -> None:
+    def __init__(self, rig: Truth) -> None:
         if not rig.step_s > 0:
             raise ValueError(f"step_s must be positive; got {rig.step_s:g}")
         self.rig = rig
@@ -146,7 +144,7 @@ def _check(record: object, where: str) -> None:
             )
 
 
-def _parameters(rig: Rig) -> Floats:
+def _parameters(rig: Truth) -> Floats:
     for record, where in (
         (rig.capsule, "capsule"),
         (rig.tissue, "tissue"),

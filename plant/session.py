@@ -1,7 +1,5 @@
 """The plant in a closed loop: a command goes in, time goes on, readings come out."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final, Protocol
 
@@ -9,7 +7,7 @@ import numpy as np
 
 from plant import layout as at
 from plant.hidden.table import effect_table
-from plant.rig import Plant, Rig
+from plant.rig import Plant, Truth
 from plant.sensing.instruments import Instrument, Reading, Stream
 from plant.tables import Floats
 
@@ -24,7 +22,7 @@ class Stepped(Protocol):
     """
 
     @property
-    def rig(self) -> Rig:
+    def rig(self) -> Truth:
         """What is true of the rig."""
 
     @property
@@ -61,7 +59,7 @@ class Session:
 
     def __init__(
         self,
-        rig: Rig,
+        rig: Truth,
         instruments: Instruments | None = None,
         seed: int = 0,
         command: float = 0.0,
@@ -73,7 +71,7 @@ class Session:
         whose capsule is not free, or numbers that cannot be.
         """
         if not rig.drive.free:
-            raise ValueError(f"rig must have a free capsule (magnetic, coil, vibro); got {type(rig.drive).__name__}")
+            raise ValueError(f"rig must have a free capsule (magnetic, coil, vibro); got {rig.drive.kind}")
         self.instruments = instruments = instruments or Instruments()
         self.plant: Stepped = plant or Plant(rig)
         self.command = float(command)

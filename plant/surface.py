@@ -1,7 +1,5 @@
 """What holds a sliding or resting body: the gut or a plate, and the clip that makes friction set-valued."""
 
-from __future__ import annotations
-
 from plant.compiling import compiled
 from plant.layout import GUT, P_MU, P_MU_STATIC, P_SURFACE, P_WEIGHT, S_PRESSING
 from plant.tables import Floats, resistance

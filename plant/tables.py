@@ -1,7 +1,5 @@
 """The seed papers' laws on dense even grids, so that a compiled step can read them in a few nanoseconds."""
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 
@@ -13,24 +11,13 @@ from models.laws.hyperelastic import WallConstants
 from models.laws.mucus import mucus_drag
 from models.laws.resistance import environmental_resistance, normal_load
 from models.laws.tension import wall_tension
+from plant import layout as at
 from plant.compiling import compiled
-from plant.layout import (
-    DRAG_SPAN,
-    L_COUNT,
-    L_DRAG,
-    L_MUCUS,
-    L_PRESSURE,
-    L_RESISTANCE,
-    L_TENSION,
-    MUCUS_SPAN,
-    NODES,
-    SPEED_SPAN,
-)
 
 Floats = NDArray[np.float64]
-_PER_SPEED = (NODES - 1) / SPEED_SPAN
-_PER_ROOT = (NODES - 1) / MUCUS_SPAN
-_PER_DRAG = (NODES - 1) / DRAG_SPAN
+_PER_SPEED = (at.NODES - 1) / at.SPEED_SPAN  # nodes of a table for each unit of its argument
+_PER_ROOT = (at.NODES - 1) / at.MUCUS_SPAN
+_PER_DRAG = (at.NODES - 1) / at.DRAG_SPAN
 
 
 @lru_cache(maxsize=16)
@@ -42,28 +29,28 @@ def tabulate(capsule: Capsule, tissue: Tissue, wall: WallConstants | None = None
 
     Raises `ValueError` when the wall's tension does not grow with its drag over the grid: then there is no u_c.
     """
-    rows = np.empty((L_COUNT, NODES))
-    speed = np.linspace(0.0, SPEED_SPAN, NODES)
-    rows[L_RESISTANCE] = environmental_resistance(speed, capsule, tissue)
-    rows[L_PRESSURE] = normal_load(speed, capsule, tissue) - capsule.mass_kg * GRAVITY
-    slip = np.linspace(0.0, MUCUS_SPAN, NODES) ** 4
-    rows[L_MUCUS, 0] = 0.0
-    rows[L_MUCUS, 1:] = mucus_drag(slip[1:], tissue.mucus_thickness_m)
-    drag = np.linspace(0.0, DRAG_SPAN, NODES)
+    rows = np.empty((at.L_COUNT, at.NODES))
+    speed = np.linspace(0.0, at.SPEED_SPAN, at.NODES)
+    rows[at.L_RESISTANCE] = environmental_resistance(speed, capsule, tissue)
+    rows[at.L_PRESSURE] = normal_load(speed, capsule, tissue) - capsule.mass_kg * GRAVITY
+    slip = np.linspace(0.0, at.MUCUS_SPAN, at.NODES) ** 4
+    rows[at.L_MUCUS, 0] = 0.0
+    rows[at.L_MUCUS, 1:] = mucus_drag(slip[1:], tissue.mucus_thickness_m)
+    drag = np.linspace(0.0, at.DRAG_SPAN, at.NODES)
     pull = wall_tension(
         drag, wall or WallConstants.from_set(), wall_section(capsule, tissue), stretched_length(capsule)
     )
     if not np.all(np.diff(pull) > 0):
-        raise ValueError(f"wall tension must grow with the drag up to {DRAG_SPAN:g} m; got a law that does not")
-    rows[L_TENSION] = pull
-    rows[L_DRAG] = np.interp(np.linspace(0.0, pull[-1], NODES), pull, drag)
+        raise ValueError(f"wall tension must grow with the drag up to {at.DRAG_SPAN:g} m; got a law that does not")
+    rows[at.L_TENSION] = pull
+    rows[at.L_DRAG] = np.interp(np.linspace(0.0, pull[-1], at.NODES), pull, drag)
     rows.flags.writeable = False
     return rows
 
 
 @compiled
 def _read(rows: Floats, law: int, place: float) -> float:
-    node = min(int(place), NODES - 2)
+    node = min(int(place), at.NODES - 2)
     low = rows[law, node]
     return float(low + (rows[law, node + 1] - low) * (place - node))
 
@@ -71,30 +58,30 @@ def _read(rows: Floats, law: int, place: float) -> float:
 @compiled
 def resistance(rows: Floats, speed: float) -> float:
     """`F_e(|v|)` in N."""
-    return float(_read(rows, L_RESISTANCE, abs(speed) * _PER_SPEED))
+    return float(_read(rows, at.L_RESISTANCE, abs(speed) * _PER_SPEED))
 
 
 @compiled
 def pressure_load(rows: Floats, speed: float) -> float:
     """`cos(theta) I1 + I2` in N at `|v|`: the part of N that the wall exerts."""
-    return float(_read(rows, L_PRESSURE, abs(speed) * _PER_SPEED))
+    return float(_read(rows, at.L_PRESSURE, abs(speed) * _PER_SPEED))
 
 
 @compiled
 def film_drag(rows: Floats, slip: float) -> float:
     """`F_v(w)` in N, odd in the slip `w` in m/s."""
-    drag = _read(rows, L_MUCUS, math.sqrt(math.sqrt(abs(slip))) * _PER_ROOT)
+    drag = _read(rows, at.L_MUCUS, math.sqrt(math.sqrt(abs(slip))) * _PER_ROOT)
     return float(math.copysign(drag, slip))
 
 
 @compiled
 def tension(rows: Floats, drag: float) -> float:
     """`T(u)` in N, odd in the wall's drag `u` in m; linear beyond the grid."""
-    return float(math.copysign(_read(rows, L_TENSION, abs(drag) * _PER_DRAG), drag))
+    return float(math.copysign(_read(rows, at.L_TENSION, abs(drag) * _PER_DRAG), drag))
 
 
 @compiled
 def drag_at(rows: Floats, force: float) -> float:
     """The drag `u` in m at which `T(u)` is `force` in N (not negative)."""
-    top = rows[L_TENSION, NODES - 1]
-    return float(_read(rows, L_DRAG, force * ((NODES - 1) / top)))
+    top = rows[at.L_TENSION, at.NODES - 1]
+    return float(_read(rows, at.L_DRAG, force * ((at.NODES - 1) / top)))

@@ -1,7 +1,5 @@
 """The wall's stick and slip, and the forces that it puts on the capsule, over one step."""
 
-from __future__ import annotations
-
 from typing import Final
 
 from plant.compiling import compiled
@@ -9,8 +7,8 @@ from plant.hidden.wall import rate_tension, recovery_speed, stiffening
 from plant.layout import GUT, P_MU, P_RECOVERY, P_SURFACE, P_WEIGHT, S_PRESSING, S_SLIP, S_U
 from plant.tables import Floats, drag_at, film_drag, pressure_load, tension
 
-_MOST: Final = 200
-_SETTLED_M: Final = 1e-9
+_MOST: Final = 200  # iterations for the stretch of a stiffened wall
+_SETTLED_M: Final = 1e-9  # change of the stretch that ends them
 
 
 @compiled

@@ -15,20 +15,17 @@ from models.laws.geometry import Capsule, Regime, Tissue
 from models.surfaces import plate
 from models.surfaces.gut import Wall
 from plant import layout as at
-from plant.drives.kinds import Coil, Magnet
-from plant.drives.kinds import MagnetPair as PlantPair
-from plant.drives.kinds import Pull as PlantPull
-from plant.drives.kinds import Vibro as PlantVibro
-from plant.rig import Plant, Plate, Rig
+from plant.drives.kinds import TrueCoil, TrueMagnet, TrueMagnetPair, TruePull, TrueVibro
+from plant.rig import Plant, TruePlate, Truth
 from plant.tables import resistance
 from tests.models.running import Array, pulses, run
 
 STEP_S = 20e-6
 BODY = Capsule(mass_kg=0.02)
-WINDING, COIL = Winding(10.0, 0.05, 1.0, 0.5), Coil(0.5, 10.0, 0.05, 1.0, 0.5)
+WINDING, COIL = Winding(10.0, 0.05, 1.0, 0.5), TrueCoil(0.5, 10.0, 0.05, 1.0, 0.5)
 
 
-def plant_path(rig: Rig, drive: Array) -> Array:
+def plant_path(rig: Truth, drive: Array) -> Array:
     return np.asarray(Plant(rig).advance(drive)[:, at.O_X])
 
 
@@ -42,7 +39,7 @@ def test_the_smooth_model_converges_to_the_plant_with_order_one(speed_m_s: float
     """
     h = 5e-6
     carriage = speed_m_s * np.arange(0.0, 1.5, h)
-    exact = plant_path(Rig(Magnet(25.0, 0.02), step_s=h), carriage)
+    exact = plant_path(Truth(TrueMagnet(25.0, 0.02), step_s=h), carriage)
     wall, errors = Wall.around(Capsule(), Tissue()), []
     smoothings = (1e-5, 5e-6, 2.5e-6)
     for smoothing in smoothings:
@@ -58,7 +55,9 @@ def test_the_smooth_model_converges_to_the_plant_with_order_one(speed_m_s: float
 def test_model_and_plant_take_the_regime_of_the_tissue(regime: Regime, force_N: float) -> None:
     """At 60 mm/s paper V's high-speed moduli give 125 mN where its low-speed ones give 99."""
     tissue = Tissue(regime=regime)
-    assert resistance(Plant(Rig(Magnet(25.0, 0.02), tissue=tissue)).tables, 60e-3) == pytest.approx(force_N, rel=2e-4)
+    assert resistance(Plant(Truth(TrueMagnet(25.0, 0.02), tissue=tissue)).tables, 60e-3) == pytest.approx(
+        force_N, rel=2e-4
+    )
     assert Wall.around(Capsule(), tissue).grip(60e-3, 1.0, 0.082)[0] == pytest.approx(force_N, rel=2e-4)
 
 
@@ -70,7 +69,7 @@ def test_a_wall_that_the_capsule_overtakes_stays_stuck_above_its_slip_limit() ->
     torn = int(wall.drag_at(wall.grip(20e-3, 1.0, 0.082)[1]) / (20e-3 * STEP_S)) + 5
     for back, stuck in ((10e-3, True), (1e-3, False)):
         place = np.concatenate([[0.0], np.cumsum(np.repeat([20e-3, -back], [torn, 200]) * STEP_S)])
-        u = Plant(Rig(PlantPull())).advance(np.append(place, place[-1]))[:, at.O_U]
+        u = Plant(Truth(TruePull())).advance(np.append(place, place[-1]))[:, at.O_U]
         limit = wall.grip(back, 1.0, 0.082)[1]
         assert wall.tension(u[torn + 25]) > 1.02 * limit
         rate = -back if stuck else -wall.drag_at(limit) / 0.05
@@ -87,8 +86,8 @@ def test_a_pair_of_magnets_pulls_and_presses_as_in_the_plant(along: bool, on_pla
     """
     t = np.arange(0.0, 3.0, STEP_S)
     carriage = 0.03 * np.sin(2 * t)
-    pair = PlantPair(400.0, 1.0, 0.1, along)
-    rows = Plant(Rig(pair, surface=Plate(0.2) if on_plate else None)).advance(carriage)
+    pair = TrueMagnetPair(400.0, 1.0, 0.1, along)
+    rows = Plant(Truth(pair, surface=TruePlate(0.2) if on_plate else None)).advance(carriage)
     k = pair.numbers()["magnet_stiffness_N_per_m"]
     drive = MagnetPair(k, height_m=0.1, orientation="along" if along else "across")
     surface = plate.Plate(4e-3, 0.2) if on_plate else Wall.around(Capsule(), Tissue())
@@ -104,7 +103,7 @@ def test_a_pair_of_magnets_pulls_and_presses_as_in_the_plant(along: bool, on_pla
 def test_vibro_on_a_plate_moves_like_the_plant(reaction: bool, stops: bool) -> None:
     on, gaps = pulses(0.05, 0.4, 40, STEP_S), (2e-3, 3000.0, 1.5e-3, 3000.0) if stops else ()
     exact = plant_path(
-        Rig(PlantVibro(0.01, 150.0, 0.05, 0.5, reaction, *gaps), capsule=BODY, surface=Plate(0.29)), 0.5 * on
+        Truth(TrueVibro(0.01, 150.0, 0.05, 0.5, reaction, *gaps), capsule=BODY, surface=TruePlate(0.29)), 0.5 * on
     )
     walls = (Stop(2e-3, 3000.0), Stop(1.5e-3, 3000.0)) if stops else (None, None)
     x = run(assemble(plate.Plate(0.02, 0.29), Vibro(0.01, 150.0, 0.05, 0.5, reaction, *walls)), on, STEP_S)[
@@ -118,7 +117,7 @@ def test_vibro_in_the_gut_moves_like_the_plant(force_N: float, period_s: float) 
     """The last one is shaken at its spring's resonance, to and fro at 0.47 m/s."""
     h = 1.25e-6  # the plant places a slip at a step's end
     on = pulses(period_s, 0.4, 40, h)
-    exact = plant_path(Rig(PlantVibro(0.01, 150.0, 0.05, force_N), capsule=BODY, step_s=h), force_N * on)
+    exact = plant_path(Truth(TrueVibro(0.01, 150.0, 0.05, force_N), capsule=BODY, step_s=h), force_N * on)
     x = run(assemble(Wall.around(BODY, Tissue()), Vibro(0.01, 150.0, 0.05, force_N)), on, h)[: exact.size]
     assert np.max(np.abs(x - exact)) < 5e-3 * np.ptp(exact)
 
@@ -126,7 +125,7 @@ def test_vibro_in_the_gut_moves_like_the_plant(force_N: float, period_s: float) 
 def test_a_voltage_driven_coil_in_the_gut_moves_like_the_plant() -> None:
     t = np.arange(0.0, 6.0, STEP_S)
     voltage = 4 * np.sin(3 * t)
-    rows = Plant(Rig(COIL)).advance(voltage)
+    rows = Plant(Truth(COIL)).advance(voltage)
     model = assemble(Wall.around(Capsule(), Tissue()), VoltageCoil(0.5, winding=WINDING))
     exact, n = rows[:, at.O_X], rows.shape[0]
     assert np.ptp(exact) > 0.03
@@ -137,7 +136,7 @@ def test_a_voltage_driven_coil_in_the_gut_moves_like_the_plant() -> None:
 
 def test_a_voltage_driven_inner_mass_moves_like_the_plant() -> None:
     voltage = 8.0 * pulses(0.05, 0.4, 40, STEP_S)
-    exact = plant_path(Rig(PlantVibro(0.01, 150.0, 0.05, coil=COIL), capsule=BODY, surface=Plate(0.29)), voltage)
+    exact = plant_path(Truth(TrueVibro(0.01, 150.0, 0.05, coil=COIL), capsule=BODY, surface=TruePlate(0.29)), voltage)
     drive = VoltageVibro(0.01, 150.0, 0.05, coil_force_N_per_A=0.5, winding=WINDING)
     x = run(assemble(plate.Plate(0.02, 0.29), drive), voltage, STEP_S)[: exact.size]
     assert np.max(np.abs(x - exact)) < 5e-3 * np.ptp(exact)

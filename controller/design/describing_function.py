@@ -31,8 +31,8 @@ from models.surfaces.plate import Plate
 AMPLITUDES_M = np.geomspace(1e-5, 3e-3, 24)
 FREQUENCIES_HZ = np.geomspace(0.1, 40.0, 20)
 _SETTLE, _MEASURE = 2, 4  # cycles
-_STEPS, _LONGEST_STEP_S = 1024, 2e-3
-_FINE = 4
+_STEPS, _LONGEST_STEP_S = 1024, 2e-3  # least steps of a period, and the longest
+_FINE = 4  # times finer than the wall's table, the grid that a cycle is looked for on
 
 
 @dataclass(frozen=True)

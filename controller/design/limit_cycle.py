@@ -20,8 +20,8 @@ from models.assembly.model import Assembly, assemble
 from models.effects import BY_ID
 from models.rigs.parts import surface_of
 
-STILL = 1e-6
-_LONGEST_STEP_S = 1e-3
+STILL = 1e-6  # m, peak to peak: below it the loop rests
+_LONGEST_STEP_S = 1e-3  # longest step of the simulation
 
 Law = Callable[[float, Array, float, float], float]
 """Command of a controller for the tick at t in s from the state (n,) as it is seen, the reference's position in m and

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from controller.model.linear import Array, Linear
 
 Complex = NDArray[np.complex128]
-_POINTS = 4000
+_POINTS = 4000  # frequencies up to half the sampling rate
 
 
 @dataclass(frozen=True)

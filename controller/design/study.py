@@ -15,7 +15,7 @@ from controller.drives import envelope_of
 from controller.model.control_model import ControlModel
 from controller.model.linear import PHASES, Linear, linearise
 
-RAMP_S, HOLD_S = 5.0, 4.0
+RAMP_S, HOLD_S = 5.0, 4.0  # s at a constant speed, and s held after it
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,10 @@ from controller.baselines.lqr import Gains, LqrWeights, augmented, lqr_gains
 from controller.design.margins import Complex, OpenLoop, closed_loop
 from controller.model.linear import Array, Linear
 
-FILTER_S = 5e-3
-PEAK = 1.6
-_STEPS = 24
-_TIMES = 6
+FILTER_S = 5e-3  # s, of the PID's derivative
+PEAK = 1.6  # most that the sensitivity may rise to: the loop stays 1/1.6 off -1
+_STEPS = 24  # gains that are tried on a logarithmic axis
+_TIMES = 6  # times of the integral that are tried
 
 
 @dataclass(frozen=True)

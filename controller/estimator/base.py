@@ -87,8 +87,8 @@ class Watch:
 
 
 CURRENT = "coil_current_A"
-_MOST_A_TICK = 8
-_FOLLOWS = 3.0
+_MOST_A_TICK = 8  # measurements of a tick that are taken in, the last ones
+_FOLLOWS = 3.0  # standard deviations of the carriage, a sent place farther off is its lag
 
 
 class Receiver(ABC):

@@ -21,6 +21,7 @@ from controller.signals import Adapted, Estimate, Measurement
 from controller.tuned import FilterNoise
 
 Array = NDArray[np.float64]
+# of states in their unit, before anything was measured
 _START_STD: Final = {**START_STD, "current_A": 0.1, "stretch_m": 1e-4, "rate_m_s": 1e-2}
 
 

@@ -64,7 +64,8 @@ def place_points(
     root(P, L)
     n = z.shape[0]
     for m in range(2 * n + 1):
-        states[m] = modes
+        for i in range(modes.shape[0]):
+            states[m, i] = modes[i]
         side = 0.0 if m == 0 else (scale if m % 2 == 1 else -scale)
         column = (m - 1) // 2
         for i in range(n):
@@ -115,7 +116,8 @@ def take_moments(
         for m in range(1, 2 * n + 1):
             total += points[m, i]
         z[i] = total / (2 * n)
-    modes[:] = states[0]
+    for i in range(modes.shape[0]):
+        modes[i] = states[0, i]
     for i in range(n):
         for j in range(i + 1):
             total = 0.0

@@ -15,8 +15,8 @@ from controller.model.control_model import ControlModel
 from controller.signals import Estimate, Measurement
 from controller.tuned import FilterNoise
 
-_MOST_A_TICK = 8
-_START_SPEED_M_S = 5e-3
+_MOST_A_TICK = 8  # measurements of a tick that are taken in, the last ones
+_START_SPEED_M_S = 5e-3  # standard deviation before anything was measured
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from controller.model.control_model import ControlModel
 from controller.model.friction import AT_FIRST, level_off, proved_off
 from controller.tuned import FilterNoise
 
-START_STD: Final[Mapping[str, float]] = {"v": 1e-3, "u": 1e-4}
+START_STD: Final[Mapping[str, float]] = {"v": 1e-3, "u": 1e-4}  # m/s and m, before anything was measured
 
 
 def trusting(model: ControlModel) -> FilterNoise:

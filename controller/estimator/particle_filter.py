@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from controller.estimator.base import Receiver
 from controller.estimator.friction_scale import Level
 from controller.estimator.noise import START_STD
-from controller.estimator.particle_kernels import draw, expected, gather, gather_columns, led, scatter, survey, weigh
+from controller.estimator.particle_kernels import draw, expected, led, scatter, survey, weigh
 from controller.model.control_model import ControlModel
 from controller.signals import Estimate, Measurement
 from controller.tuned import FilterNoise
@@ -47,9 +47,8 @@ class ParticleCloud:
     def __post_init__(self) -> None:
         model, P = self.model, self.count
         self.where = Level(model)
-        self.states, self._spare = np.zeros((P, len(model.states))), np.zeros((P, len(model.states)))
-        self.level, self.force_N, self.brisk, self.weights, self._one = (np.zeros(P) for _ in range(5))
-        self.past, self._values = np.zeros((self.kept, P)), np.zeros(P)
+        self.states, self.past = np.zeros((P, len(model.states))), np.zeros((self.kept, P))
+        self.level, self.force_N, self.brisk, self.weights, self._values = (np.zeros(P) for _ in range(5))
         self._chosen, self._normals, self._chances = np.zeros(P, dtype=np.int64), np.zeros((3, P)), np.zeros(P)
         self._every = max(1, round(self.scatter_s / model.tick_s))
         self._bounds = np.array([self.where.low, self.where.high])
@@ -141,10 +140,8 @@ class ParticleCloud:
     def _renew(self) -> None:
         chosen = self._chosen
         draw(self.weights, self.draws.random(), chosen)
-        gather(self.states, chosen, self._spare)
-        gather_columns(self.past, chosen, self._one)
-        for row in (self.level, self.force_N, self.brisk):
-            gather(row, chosen, self._one)
+        for rows in (self.states, self.past.T, self.level, self.force_N, self.brisk):
+            rows[:] = rows[chosen]
         self.weights[:] = 1 / self.count
         copies = np.flatnonzero(chosen == self.leader)
         self.leader = int(copies[0]) if copies.size else -1

@@ -79,23 +79,6 @@ def scatter(
 
 
 @njit(cache=True)
-def gather(rows: Array, chosen: Indices, spare: Array) -> None:
-    """Put `rows[chosen]` in the place of `rows`; `spare` is of the same shape."""
-    spare[:] = rows
-    for k in range(chosen.size):
-        rows[k] = spare[chosen[k]]
-
-
-@njit(cache=True)
-def gather_columns(table: Array, chosen: Indices, spare: Array) -> None:
-    """Put `table[:, chosen]` in the place of `table`."""
-    for i in range(table.shape[0]):
-        spare[:] = table[i]
-        for k in range(chosen.size):
-            table[i, k] = spare[chosen[k]]
-
-
-@njit(cache=True)
 def survey(weights: Array, states: Array, level: Array, force: Array, mean: Array, std: Array) -> tuple[float, float]:
     """Fill `mean` and `std` (n,) with those of `states` (P, n); the means of `level` and `force` (P,)."""
     mean[:], std[:] = 0.0, 0.0

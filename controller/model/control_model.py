@@ -27,9 +27,10 @@ from models.rigs.rig import Rig
 
 Array = NDArray[np.float64]
 
+# m/s over which sticking passes into slipping: of plans, and where it must be as good as exact
 SMOOTHING, SHARP_M_S = 2e-5, 1e-6
-LONGEST_STEP_S = 1e-3
-_LONGEST_VIBRO_S = 3e-4
+LONGEST_STEP_S = 1e-3  # of the model's integration
+_LONGEST_VIBRO_S = 3e-4  # the same where an inner mass swings
 
 
 @dataclass(frozen=True)

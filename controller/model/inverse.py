@@ -12,10 +12,10 @@ from controller.limits import Envelope
 from controller.model.control_model import ControlModel
 
 Array = NDArray[np.float64]
-_EVALUATIONS: Final = 30
+_EVALUATIONS: Final = 30  # of the model at most, to find a command
 _SHARE: Final = 1e-4  # of the commands that come into question, to which one is found
-_JUMP_S: Final = 1e-7
-_JUMP_STEPS: Final = 4
+_JUMP_S: Final = 1e-7  # step in which the command in force goes over to one that is tried
+_JUMP_STEPS: Final = 4  # in which it is integrated
 
 
 class Inverse:

@@ -1,145 +1,178 @@
-"""The control model's step as machine code: by a C compiler where there is one, else by numba from CasADi's
-instructions.
-"""
+"""The control model's step as machine code, and the loops over it that estimators and the MPC ask for."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from controller.model.native import native_functions
 from controller.model.symbols import Symbols
-from models.compiled.cache import load
-from models.compiled.python_source import statements
+from models.compiled.machine_code import Code, addresses, call
 
 Array = NDArray[np.float64]
-
-_FRAME = '''"""Generated from a CasADi function."""
-
-import math
-
-import numba
-import numpy as np
-
-FLAGS = {{"contract", "afn", "nsz"}}
+compiled = njit(cache=True, error_model="numpy")
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy", fastmath=FLAGS)
-def substep(state, c0, c1, d, t, h, parameters):
-{unpack}
-{step}
-{store_step}
+@compiled
+def _copy(to: Array, source: Array, first: int, size: int, begin: int) -> None:
+    """`to[first : first + size] = source[begin : begin + size]`, which takes numba seconds to compile."""
+    for i in range(size):
+        to[first + i] = source[begin + i]
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy", fastmath=FLAGS)
-def slopes(state, c0, c1, d, t, h, parameters, J):
-{unpack}
-{slopes}
-{store_slopes}
+@compiled
+def _work(path: Array, parameters: Array) -> Array:
+    """Room for what a model's code reads and writes: state, parameters, results."""
+    n, m = path.shape[1], parameters.shape[0]
+    work = np.zeros(n + m + n * (n + 3))
+    _copy(work, parameters, n, m, 0)
+    return work
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy", fastmath=FLAGS)
-def aim(state, speed, d, t, parameters):
-{unpack}
-{pursuit}
-    return {aim}
-
-
-@numba.njit(nogil=True, cache=True, error_model="numpy", fastmath=FLAGS)
-def hold(state, t, parameters, slope):
-{unpack}
-{wall}
-{store_wall}
-    return {force}
-
-
-@numba.njit(nogil=True, cache=True, error_model="numpy")
-def stage_on(state, command, after, d, t, h, substeps, parameters):
-    rise = (after - command) / substeps
+@compiled
+def _stage(
+    code: int, work: Array, x: Array, command: float, after: float, d: float, t: float, h: float, substeps: int
+) -> None:
+    """Move the state `x` (n,) on by `substeps` steps of `h`."""
+    n = x.shape[0]
+    now, rise = np.empty(5), (after - command) / substeps
+    _copy(work, x, 0, n, 0)
+    now[2], now[4] = d, h
     for j in range(substeps):
-        c0 = command + j * rise
-        substep(state, c0, c0 + rise, d, t + j * h, h, parameters)
+        now[0] = command + j * rise
+        now[1] = now[0] + rise
+        now[3] = t + j * h
+        call(code, work, now)
+    _copy(x, work, 0, n, 0)
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
-def run(states, command, after, d, t, tick, substeps, parameters):
+@compiled
+def _run_each(
+    code: int,
+    states: Array,
+    command: float,
+    after: float,
+    d: Array,
+    t: float,
+    tick: float,
+    substeps: int,
+    parameters: Array,
+    which: int,
+    values: Array,
+) -> None:
+    n, work = states.shape[1], _work(states, parameters)
     for k in range(states.shape[0]):
-        stage_on(states[k], command, after, d[k], t, tick / substeps, substeps, parameters)
+        if which >= 0:
+            work[n + which] = values[k]
+        _stage(code, work, states[k], command, after, d[k], t, tick / substeps, substeps)
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
-def run_each(states, command, after, d, t, tick, substeps, parameters, which, values):
-    own = parameters.copy()
-    for k in range(states.shape[0]):
-        own[which] = values[k]
-        stage_on(states[k], command, after, d[k], t, tick / substeps, substeps, own)
-
-
-@numba.njit(nogil=True, cache=True, error_model="numpy")
-def roll(path, commands, d, t, stage, substeps, parameters):
-    h = stage / substeps
+@compiled
+def _roll(
+    code: int, path: Array, commands: Array, d: float, t: float, stage: float, substeps: int, parameters: Array
+) -> None:
+    work = _work(path, parameters)
     for k in range(commands.shape[0] - 1):
-        path[k + 1] = path[k]
-        stage_on(path[k + 1], commands[k], commands[k + 1], d, t + k * stage, h, substeps, parameters)
+        _copy(path[k + 1], path[k], 0, path.shape[1], 0)
+        _stage(code, work, path[k + 1], commands[k], commands[k + 1], d, t + k * stage, stage / substeps, substeps)
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
-def pursue(path, commands, position, speed, catch, rate, low, high, d, t, stage, substeps, parameters):
-    h = stage / substeps
+@compiled
+def _pursue(
+    codes: tuple[int, int],
+    path: Array,
+    commands: Array,
+    position: Array,
+    speed: Array,
+    catch: float,
+    rate: float,
+    low: float,
+    high: float,
+    d: float,
+    t: float,
+    stage: float,
+    substeps: int,
+    parameters: Array,
+) -> None:
+    n, work, now = path.shape[1], _work(path, parameters), np.empty(3)
+    aimed = n + parameters.shape[0]
     for k in range(commands.shape[0] - 1):
-        wanted = speed[k + 1] + (position[k + 1] - path[k, 0]) / catch
-        c = aim(path[k], wanted, d, t + k * stage, parameters)
-        c = min(max(c, commands[k] - rate * stage), commands[k] + rate * stage)
+        _copy(work, path[k], 0, n, 0)
+        now[0] = speed[k + 1] + (position[k + 1] - path[k, 0]) / catch
+        now[1], now[2] = d, t + k * stage
+        call(codes[1], work, now)
+        c = min(max(work[aimed], commands[k] - rate * stage), commands[k] + rate * stage)
         commands[k + 1] = min(max(c, low), high)
-        path[k + 1] = path[k]
-        stage_on(path[k + 1], commands[k], commands[k + 1], d, t + k * stage, h, substeps, parameters)
+        _copy(path[k + 1], path[k], 0, path.shape[1], 0)
+        _stage(codes[0], work, path[k + 1], commands[k], commands[k + 1], d, now[2], stage / substeps, substeps)
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
-def holds(path, forces, slopes, t, stage, parameters):
+@compiled
+def _holds(code: int, path: Array, forces: Array, slopes: Array, t: float, stage: float, parameters: Array) -> None:
+    n, work, now = path.shape[1], _work(path, parameters), np.empty(1)
+    held = n + parameters.shape[0]
     for k in range(path.shape[0]):
-        forces[k] = hold(path[k], t + k * stage, parameters, slopes[k])
+        _copy(work, path[k], 0, n, 0)
+        now[0] = t + k * stage
+        call(code, work, now)
+        forces[k] = work[held]
+        _copy(slopes[k], work, 0, n, held + 1)
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
-def linearise(path, A, B, commands, d, t, stage, substeps, parameters):
-    n = path.shape[1]
-    h = stage / substeps
-    J = np.zeros((n, n + 3))
-    S = np.zeros((n, n + 2))
-    moved = np.zeros(n)
+@compiled
+def _linearise(
+    code: int,
+    path: Array,
+    A: Array,
+    B: Array,
+    commands: Array,
+    d: float,
+    t: float,
+    stage: float,
+    substeps: int,
+    parameters: Array,
+) -> None:
+    n, work, now = path.shape[1], _work(path, parameters), np.empty(5)
+    J = work[n + parameters.shape[0] :]  # column by column
+    S, moved = np.zeros((n, n + 2)), np.zeros(n)
+    now[2], now[4] = d, stage / substeps
     for k in range(commands.shape[0] - 1):
-        path[k + 1] = path[k]
+        _copy(work, path[k], 0, n, 0)
         rise = (commands[k + 1] - commands[k]) / substeps
-        S[:] = 0.0
         for i in range(n):
-            S[i, i] = 1.0
+            for m in range(n + 2):
+                S[i, m] = 1.0 if i == m else 0.0
         for j in range(substeps):
-            c0 = commands[k] + j * rise
-            slopes(path[k + 1], c0, c0 + rise, d, t + k * stage + j * h, h, parameters, J)
+            now[0] = commands[k] + j * rise
+            now[1] = now[0] + rise
+            now[3] = t + k * stage + j * now[4]
+            call(code, work, now)
             first, last = j / substeps, (j + 1) / substeps
             for m in range(n + 2):
                 for i in range(n):
                     moved[i] = 0.0
-                    for l in range(n):
-                        moved[i] += J[i, l] * S[l, m]
+                    for o in range(n):
+                        moved[i] += J[n * o + i] * S[o, m]
                 for i in range(n):
                     S[i, m] = moved[i]
             for i in range(n):
-                S[i, n] += J[i, n] * (1 - first) + J[i, n + 1] * (1 - last)
-                S[i, n + 1] += J[i, n] * first + J[i, n + 1] * last
-        A[k] = S[:, :n]
-        B[k] = S[:, n:]
-'''
+                by_c0, by_c1 = J[n * n + i], J[n * (n + 1) + i]
+                S[i, n] += by_c0 * (1 - first) + by_c1 * (1 - last)
+                S[i, n + 1] += by_c0 * first + by_c1 * last
+        _copy(path[k + 1], work, 0, n, 0)
+        for i in range(n):
+            _copy(A[k, i], S[i], 0, n, 0)
+            _copy(B[k, i], S[i], 0, 2, n)
 
 
 @dataclass(frozen=True)
 class Kernels:
-    """Compiled functions of one model, `native` where a C compiler made them; arrays are C-contiguous float64, n
-    states, all changed in place, nothing allocated but scratch.
+    """Compiled functions of one model; arrays are C-contiguous float64, n states, all changed in place, nothing
+    allocated but scratch.
 
     - `step(x (n,), command, disturbance_N, t) -> (n,)`: one tick, a new array.
     - `steps(states (m, n), command, disturbance_N (m,), t)`: one tick of m states at once, in place (a filter's sigma
@@ -158,71 +191,49 @@ class Kernels:
       its slopes.
     """
 
-    run: Any
-    run_each: Any
-    roll: Any
-    linearise: Any
-    pursue: Any
-    holds: Any
+    codes: Mapping[str, int]
     parameters: Array
     tick_s: float
     substeps: int
-    native: bool = False
 
     def step(self, x: Array, command: float, disturbance_N: float, t: float) -> Array:
         """The state (n,) a tick later."""
         states = np.array(x, dtype=float).reshape(1, -1)
-        self.run(states, command, command, np.array([disturbance_N]), t, self.tick_s, self.substeps, self.parameters)
+        self.steps(states, command, np.array([disturbance_N]), t)
         return np.asarray(states[0])
 
     def steps(self, states: Array, command: float, disturbance_N: Array, t: float) -> None:
         """Move `states` (m, n), each under its own disturbance (m,), a tick on, in place."""
         self.run(states, command, command, disturbance_N, t, self.tick_s, self.substeps, self.parameters)
 
+    def run(self, states: Array, command: float, after: float, d: Array, t: float, *pace: Any) -> None:
+        """See above, as of all that follow."""
+        self.run_each(states, command, after, d, t, *pace, -1, d)
+
+    def run_each(self, *arguments: Any) -> None:
+        _run_each(self.codes["substep"], *arguments)
+
+    def roll(self, *arguments: Any) -> None:
+        _roll(self.codes["substep"], *arguments)
+
+    def linearise(self, *arguments: Any) -> None:
+        _linearise(self.codes["slopes"], *arguments)
+
+    def pursue(self, *arguments: Any) -> None:
+        _pursue((self.codes["substep"], self.codes["pursuit"]), *arguments)
+
+    def holds(self, *arguments: Any) -> None:
+        _holds(self.codes["wall_slopes"], *arguments)
+
 
 def compile_kernels(symbols: Symbols, values: Array, tick_s: float, substeps: int) -> Kernels:
     """The functions of `symbols` at the parameters `values`; the code holds no parameter, so other values of the same
     model reuse it.
     """
-    numbers, native = np.ascontiguousarray(values, dtype=float), native_functions(symbols)
-    if native is not None:
-        return Kernels(**native, parameters=numbers, tick_s=tick_s, substeps=substeps, native=True)
-    m = load(_generated(symbols))
-    return Kernels(m.run, m.run_each, m.roll, m.linearise, m.pursue, m.holds, numbers, tick_s, substeps)
-
-
-def _generated(symbols: Symbols) -> str:
-    """The source of numba's module."""
     n = len(symbols.states)
-    names = _named(symbols, {(1, 0): "c0", (2, 0): "c1", (3, 0): "d", (4, 0): "t", (5, 0): "h"}, 6)
-    step, stepped = statements(symbols.substep, names, "w")
-    slope, sloped = statements(symbols.slopes, names, "w")
-    wall, held = statements(symbols.wall_slopes, _named(symbols, {(1, 0): "t"}, 2), "w")
-    pursuit, aimed = statements(symbols.pursuit, _named(symbols, {(1, 0): "speed", (2, 0): "d", (3, 0): "t"}, 4), "w")
-    unpack = [f"s{i} = state[{i}]" for i in range(n)] + [
-        f"p{i} = parameters[{i}]" for i in range(len(symbols.parameters))
-    ]
-    store = [f"state[{i}] = {sloped.get((0, i), '0.0')}" for i in range(n)]
-    store += [f"J[{k % n}, {k // n}] = {sloped.get((1, k), '0.0')}" for k in range(n * (n + 3))]
-    return _FRAME.format(
-        unpack=_block(unpack),
-        step=_block(step),
-        store_step=_block([f"state[{i}] = {stepped.get((0, i), '0.0')}" for i in range(n)]),
-        slopes=_block(slope),
-        store_slopes=_block(store),
-        pursuit=_block(pursuit),
-        aim=aimed.get((0, 0), "0.0"),
-        wall=_block(wall),
-        store_wall=_block([f"slope[{i}] = {held.get((1, i), '0.0')}" for i in range(n)]),
-        force=held.get((0, 0), "0.0"),
-    )
-
-
-def _named(symbols: Symbols, scalars: dict[tuple[int, int], str], parameters: int) -> dict[tuple[int, int], str]:
-    """Names of a function's inputs: states first, `scalars`, the parameters as argument number `parameters`."""
-    names = {(0, i): f"s{i}" for i in range(len(symbols.states))} | scalars
-    return names | {(parameters, i): f"p{i}" for i in range(len(symbols.parameters))}
-
-
-def _block(lines: list[str]) -> str:
-    return "\n".join(f"    {line}" for line in lines)
+    end = n + len(symbols.parameters)
+    outputs = {"substep": (0,), "slopes": (0, end), "wall_slopes": (end, end + 1), "pursuit": (end,)}
+    functions = [getattr(symbols, name) for name in outputs]
+    codes = [Code(f, {0: 0, f.n_in() - 1: n}, at) for f, at in zip(functions, outputs.values(), strict=True)]
+    numbers = np.ascontiguousarray(values, dtype=float)
+    return Kernels(dict(zip(outputs, addresses(codes), strict=True)), numbers, tick_s, substeps)

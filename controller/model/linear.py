@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 Phase = Literal["stick", "slip", "averaged"]
 PHASES: tuple[Phase, ...] = ("stick", "slip")
 _MEMORIES = ("direction", "travelled", "slip")
-_WIDEST = 1e3
+_WIDEST = 1e3  # largest command, in its unit, at which a sliding capsule is looked for
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from models.surfaces.gut import Drag, drag_rate
 from models.surfaces.surface import Surface
 
 _BASE = ("x", "v", "u", "slip", "direction", "travelled", "dwell")
-PURSUIT_S = 0.02
+PURSUIT_S = 0.02  # time in which a command brings the capsule to its speed
 
 
 @dataclass(frozen=True)

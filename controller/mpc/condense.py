@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 F = TypeVar("F", bound=Callable[..., Any])
 
-EXCESS = 10.0
+EXCESS = 10.0  # of the square beside the share by which a soft bound is exceeded
 
 
 def compiled(function: F) -> F:

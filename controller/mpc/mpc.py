@@ -20,10 +20,10 @@ from controller.signals import Action, Controller, Estimate, Reference
 
 Array = NDArray[np.float64]
 
-REST_S = 0.05
-REST_STDS = 3.0
-_WIDEST = 3.0
-_CALM = 0.99
+REST_S = 0.05  # a capsule is left alone that would take longer to cross the band
+REST_STDS = 3.0  # standard deviations of the estimate that count as rest
+_WIDEST = 3.0  # times the horizon's `rest_m`, however unsure the estimate
+_CALM = 0.99  # of the most that a rate may change by: a plan that stays below is followed on
 _SAME = 1e-9  # share of the range within which two commands count as the same
 
 

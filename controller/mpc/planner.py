@@ -19,11 +19,11 @@ from controller.mpc.settings import Horizon, Weights
 
 Array = NDArray[np.float64]
 
-_SHORTENINGS = (1.0, 0.4, 0.1)
+_SHORTENINGS = (1.0, 0.4, 0.1)  # shares of a step that the line search tries
 _PRESSED = 0.5  # share of the bound on the wall's force from which on every trial looks at it
-_ENOUGH = 5e-3
-_LITTLE = 1e-6
-CATCH_S = 0.03
+_ENOUGH = 5e-3  # of the cost, the least that a step must gain to be followed by another
+_LITTLE = 1e-6  # cost that counts as none
+CATCH_S = 0.03  # time in which a guess that follows the reference catches up with it
 
 
 @dataclass

@@ -13,7 +13,7 @@ from controller.mpc.rows import FREE, hard_rows, soft_rows
 
 Array = NDArray[np.float64]
 
-_ITERATIONS = 300
+_ITERATIONS = 300  # of the active set, before a program counts as unsolved
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from controller.mpc.condense import compiled
 
 Array = NDArray[np.float64]
 
-FREE = 1e30
+FREE = 1e30  # no bound, for the solver
 _NEAR = 0.6  # share of a bound from which on it gets rows
 
 

@@ -8,24 +8,24 @@ from typing import Final
 from controller.limits import Envelope
 
 CONTRADICT: Final = "sensor or drive contradict each other"
-_SLACK_M: Final = 2e-3
-_STDS: Final = 6.0
-_STILL_M: Final = 1e-3
-_PUSHES: Final = 0.15
-_AGAINST: Final = (5e-3, 0.5)
-_HARD: Final = 0.9
-_PULLED_S: Final = 1.0
-_ON_S: Final = 2.0
-_IN_VAIN: Final = (2.6, 0.08)
-_MOST_IN_VAIN: Final = 4.0
-_MEAN: Final = 0.3
-_MOVED_M: Final = 5e-4
-_MEAN_STDS: Final = 1.7
-_SLIPS_M_S: Final = 0.2
-_FASTEST_M_S: Final = 1.0
-_CONFIRMED: Final = 3
-_SPEED: Final = 0.5
-_APART_S: Final = 0.04
+_SLACK_M: Final = 2e-3  # room beyond the envelope
+_STDS: Final = 6.0  # standard deviations of the readings, beyond which two contradict each other
+_STILL_M: Final = 1e-3  # way from which a capsule moves
+_PUSHES: Final = 0.15  # of the drive's limit, what pushes
+_AGAINST: Final = (5e-3, 0.5)  # m and share of the envelope that a capsule may go against the push
+_HARD: Final = 0.9  # of a magnet's gap, or of the current, that pulls hard
+_PULLED_S: Final = 1.0  # for which a magnet must have pulled
+_ON_S: Final = 2.0  # for which an inner mass must have swung
+_IN_VAIN: Final = (2.6, 0.08)  # times friction, and seconds of it, that must move a capsule
+_MOST_IN_VAIN: Final = 4.0  # times friction: what is harder counts as this
+_MEAN: Final = 0.3  # weight of a new reading in the smoothed one
+_MOVED_M: Final = 5e-4  # way that is an answer to a push
+_MEAN_STDS: Final = 1.7  # standard deviations of readings, four of the smoothed ones
+_SLIPS_M_S: Final = 0.2  # speed at which a capsule slips away between two readings
+_FASTEST_M_S: Final = 1.0  # speed that no capsule on the run has
+_CONFIRMED: Final = 3  # readings in a row that a jump is believed from
+_SPEED: Final = 0.5  # of the speed limit, what readings apart must show less than
+_APART_S: Final = 0.04  # of two readings that tell a speed
 
 
 class Corridor:

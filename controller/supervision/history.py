@@ -12,7 +12,7 @@ from controller.signals import Array, Measurement
 ROOM: Final = 1 << 18
 """Readings that are kept of a channel: nine minutes at 500 Hz."""
 
-_FIRST_LOOK: Final = 256
+_FIRST_LOOK: Final = 256  # rows that are looked back through first
 
 
 class _Ring:

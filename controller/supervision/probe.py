@@ -11,18 +11,18 @@ from controller.signals import Array
 from controller.supervision.contradiction import CONTRADICT
 from controller.trajectory import Trajectory, through
 
-_STROKE_M: Final = 5e-3
-_SHORT_M: Final = 3e-3
-_SPEED_M_S: Final = 0.01
-_SLOW_M_S: Final = 2e-3
-_DWELL_S: Final = 0.2
+_STROKE_M: Final = 5e-3  # way to and fro where the envelope allows it
+_SHORT_M: Final = 3e-3  # the same where the capsule's place in its envelope is unknown
+_SPEED_M_S: Final = 0.01  # at which the probe is driven
+_SLOW_M_S: Final = 2e-3  # the same of a capsule that its drive shakes
+_DWELL_S: Final = 0.2  # rest at each end
 _LEAST: Final = 0.4
 """Share of the way asked for that a sound capsule goes."""
 _GAIN: Final = (0.6, 1.65)
 """Way of a carriage for a way of the capsule that it drags, once it does: 1, folds and a narrow place apart."""
-_DRAGGED_M: Final = 1.5e-3
-_FEWEST: Final = 20
-_MOST: Final = 8192
+_DRAGGED_M: Final = 1.5e-3  # way since it turned, after which a capsule counts as dragged along
+_FEWEST: Final = 20  # readings that a verdict needs
+_MOST: Final = 8192  # readings that are kept
 
 
 class Probe:

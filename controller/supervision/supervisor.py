@@ -18,7 +18,7 @@ from controller.supervision.fallback import Blend, Event, FallbackChain, Rules
 from controller.supervision.swings import Swings
 
 SERIOUS = frozenset({"range", "gap", "speed", "temperature"})
-_EVENTS = 256
+_EVENTS = 256  # that are kept, the last ones
 _FORGOTTEN = 0.5  # s of turning about far from the aim that a second of following it makes up for
 _FULL = 0.99  # share of the full rate from which on a carriage counts as running at it
 _NO_ACTION = Action(math.nan, "failed")

@@ -28,8 +28,8 @@ from models.rigs.rig import Rig
 from models.surfaces.surface import Surface
 
 Array = NDArray[np.float64]
-STEP_S = 6e-5
-SETTLE_S, MEASURE_S = 0.6, 0.6
+STEP_S = 6e-5  # longest step of a cycle's integration
+SETTLE_S, MEASURE_S = 0.6, 0.6  # s before a pace is measured, and s for which it is
 COPPER_N2_PER_W = 0.5**2 / Winding.resistance_ohm
 """Square of the coil's motor constant, `k^2/R` in N^2/W: 0.5 N/A and 10 ohm as the other coils of this project have."""
 _ELSEWHERE = ("body_mass_kg", "inner_mass_kg", "mirror")

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-_TINY = 1e-12
+_TINY = 1e-12  # of a cycle: a part as short as rounding is none
 
 
 @dataclass(frozen=True)

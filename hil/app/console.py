@@ -20,7 +20,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 from rich.table import Table
 from rich.text import Text
 
-WIDTH = 110
+WIDTH = 110  # characters, where the terminal tells none
 QUIET_S = 10.0
 """Off a terminal, a stage that goes on says so after so long."""
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")

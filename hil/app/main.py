@@ -45,7 +45,7 @@ from hil.app.shared_options import (
 from hil.app.write import file_trouble, own_folder
 from models.parameter import nearest
 
-BAD_INPUT = 2
+BAD_INPUT = 2  # exit status
 FILES = (
     "--out", "--rig", "--model", "--reference", "--holdout", "--log", "--mcap", "--plot", "--effects", "--controllers",
 )  # fmt: skip

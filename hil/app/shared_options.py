@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-MOST_SEED = (1 << 63) - 1
+MOST_SEED = (1 << 63) - 1  # what a signed word of 64 bits holds
 _STAGES = "nominal/calibrated/augmented"
 
 

@@ -11,8 +11,8 @@ from typing import Final
 
 LEAST_MEMORY: Final = 1 << 30
 """Bytes of address space without which libraries end in the middle of being loaded, some of them without a word."""
-LEAST_FILES: Final = 32
-_ENDLESS: Final = 1 << 62
+LEAST_FILES: Final = 32  # open files that the program needs
+_ENDLESS: Final = 1 << 62  # bytes: a limit beyond is none
 _MANY: Final = (errno.EMFILE, errno.ENFILE)
 _FULL: Final = ("failed to map segment", "annot allocate memory", "Could not find/load shared object")
 """How loaders and libraries say that there is no memory to put a library into."""

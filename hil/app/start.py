@@ -11,7 +11,7 @@ from hil.app.interruption import INTERRUPTED, INTERRUPTION
 from hil.app.shortage import shortage, too_little
 from hil.app.streams import Streams
 
-BAD_INPUT = 2
+BAD_INPUT = 2  # exit status
 
 
 def leave_current_folder() -> None:

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-NO_SURPRISE: Final = -10.0
-NOT_MEASURED_C: Final = -40.0
-_SENSOR: Final = ("Valid", 0.0)
+NO_SURPRISE: Final = -10.0  # a value on the wire that says that there is none
+NOT_MEASURED_C: Final = -40.0  # the same of a temperature
+_SENSOR: Final = ("Valid", 0.0)  # signal and value by which a sensor's frame says that it says nothing
 _FLAGS: Final[Mapping[str, tuple[tuple[str, float], tuple[str, ...]]]] = MappingProxyType(
     {
         "CapsuleLocalisation": (_SENSOR, ("Position_m", "Quality", "Age_s")),

@@ -21,10 +21,10 @@ LENGTH: Final = 24
 """Bytes of a frame on the wire: payload, freshness (count, then epoch), authenticator."""
 _FRESHNESS: Final = struct.Struct("<II")
 _IDENTIFIER: Final = struct.Struct("<H")
-_CODE: Final = 8
-_COUNTS: Final = 1 << 32
-_SENDERS: Final = 8
-_MOST: Final = 64
+_CODE: Final = 8  # bytes of a frame's code
+_COUNTS: Final = 1 << 32  # of 32 bits, after which a key must change
+_SENDERS: Final = 8  # starts of a sender that are remembered
+_MOST: Final = 64  # frames that are refused in one call
 
 
 def authenticator(key: bytes) -> Callable[[int, bytes], bytes]:

@@ -20,8 +20,8 @@ DBC = Path(__file__).parents[1] / "capsule.dbc"
 CRC, COUNTER = "CRC", "Counter"
 SEND_TYPES = ("Cyclic", "Event", "IfActive")
 """Every cycle; twice on an event; every cycle while what it says holds."""
-_ROUNDING = 1e-9
-_LARGEST_DBC = 1 << 22
+_ROUNDING = 1e-9  # of a raw value
+_LARGEST_DBC = 1 << 22  # bytes
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,7 +22,7 @@ _FORMATS: Final = ",".join(
         '"ExtendedCAN_FD"',
     ]
 )
-_ADDED: Final = (
+_ADDED: Final = (  # signals behind a frame's own: start and length in bits, meaning
     ("Count", 8 * PAYLOAD, 32, "Frames that the sender has sent since its start"),
     ("Epoch", 8 * PAYLOAD + 32, 32, "Number of the sender's start, greater than all before"),
     ("Authenticator", 8 * PAYLOAD + 64, 64, "AES-CMAC of identifier (2 bytes, least first) and bytes 0 to 15, 8 bytes"),

@@ -12,9 +12,9 @@ import time
 from pathlib import Path
 from typing import Final
 
-_SIZES: Final = (16, 32)
-_LONGEST: Final = 4096
-_EPOCHS: Final = 1 << 32
+_SIZES: Final = (16, 32)  # bytes of an AES key that are taken
+_LONGEST: Final = 4096  # bytes of its file
+_EPOCHS: Final = 1 << 32  # of 32 bits
 
 
 def read_key(path: Path) -> bytes:

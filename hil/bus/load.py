@@ -17,7 +17,7 @@ import numba
 
 from hil.bus.catalogue import Catalogue, Frame
 
-_CRC15 = 0x4599
+_CRC15 = 0x4599  # of classic CAN, ISO 11898-1
 _TAIL = 13
 """Bits after the CRC that are never stuffed: delimiter, acknowledgement, end of frame, and the space to the next one.
 """
@@ -69,8 +69,8 @@ def _stuffed(head: int, word: int, size: int) -> int:
     return before + 15 + stuff
 
 
-_OVERHEAD = 44
-_GAP = 3
+_OVERHEAD = 44  # bits of a frame without data
+_GAP = 3  # bits between two frames
 _STUFFED = 34
 """Bits of a classic frame with an 11-bit identifier: all but data, the space between frames, and those of the overhead
 that are stuffed.

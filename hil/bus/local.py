@@ -26,10 +26,10 @@ _HEAD: Final = struct.Struct("<dIB")
 """Time, identifier, type; the data follow."""
 _EXTENDED, _FD, _SWITCHED = 1, 2, 4
 """Bits of the type."""
-_MOST_DATA: Final = 64
-_LONGEST_PATH: Final = 100
-_NODES: Final = 64
-_BUFFER: Final = 1 << 20
+_MOST_DATA: Final = 64  # bytes of a CAN FD frame
+_LONGEST_PATH: Final = 100  # characters of a socket's address
+_NODES: Final = 64  # that may wait for the listener
+_BUFFER: Final = 1 << 20  # bytes of a socket
 
 
 class LocalBus(OwnBus):

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from hil.bus.catalogue import Frame
 from hil.bus.codec import Codec, Reason, Refusal
 
-POLYNOMIAL = 0x2F
-_START = _END = 0xFF
+POLYNOMIAL = 0x2F  # of AUTOSAR's CRC-8
+_START = _END = 0xFF  # of it
 
 
 def crc_table(polynomial: int) -> bytes:
@@ -42,10 +42,10 @@ def crc8(data: bytes | bytearray | memoryview, data_id: int) -> int:
     return table[rest ^ data_id] ^ _END
 
 
-COUNTS = 16
-MOST_LOST = 4
-CYCLES = 5
-RESYNC = 3
+COUNTS = 16  # of the counter's four bits
+MOST_LOST = 4  # frames that a counter may skip
+CYCLES = 5  # without a frame, after which data are invalid
+RESYNC = 3  # good frames after which they are valid again
 
 
 class Sender:

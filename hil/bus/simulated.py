@@ -15,11 +15,11 @@ import can
 from hil.bus.load import fd_frame_bits, frame_bits
 from hil.bus.wrapping import OwnBus
 
-PASSIVE, BUS_OFF = 128, 256
-ERROR_BITS = 23
-SUSPENDED_BITS = 8
-RECOVERY_BITS = 128 * 11
-SPACE_BITS = 3
+PASSIVE, BUS_OFF = 128, 256  # errors from which a node is passive, or off, ISO 11898-1
+ERROR_BITS = 23  # longest error frame, ISO 11898-1
+SUSPENDED_BITS = 8  # for which a passive sender waits, ISO 11898-1
+RECOVERY_BITS = 128 * 11  # after bus-off, ISO 11898-1
+SPACE_BITS = 3  # between two frames, ISO 11898-1
 QUEUE = 64
 """Error counts at which a node becomes passive and leaves the bus; bits of an error signalling (two flags of 6,
 delimiter 8, space 3), of a passive node's pause, of the idle bus that ends a bus-off; the space between frames; frames

@@ -20,7 +20,7 @@ from models.records.record import MOST_CELLS
 from models.rigs.columns import TIME_SERIES_ROWS
 
 Array = NDArray[np.float64]
-MOST_CHANNELS: Final = 20_000
+MOST_CHANNELS: Final = 20_000  # of a file
 _ZEROED: Final = "datetime64[ns]"
 
 

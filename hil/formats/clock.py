@@ -28,7 +28,7 @@ def mean_before(rows: Array, times: Array, levels: Array) -> Array:
     return np.asarray((upto - before) / (rows - last))
 
 
-_MOST_PARTS = 100
+_MOST_PARTS = 100  # usual distances that count in a gap
 
 
 def between(rows: Array, times: Array) -> tuple[Array, np.ndarray]:

@@ -16,7 +16,7 @@ from models.files.source import opened
 
 EXTRA = "matlab"
 _HDF5: Final = b"\x89HDF\r\n\x1a\n"
-_WIDEST, _DEEPEST = 64, 8
+_WIDEST, _DEEPEST = 64, 8  # columns of an array, and nesting of structures
 
 
 def read(path: Path, pick: Pick) -> list[Channel]:

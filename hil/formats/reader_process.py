@@ -18,7 +18,7 @@ import numpy as np
 from hil.formats.channels import Channel, Heading, refusing
 from hil.formats.table import format_of
 
-MEMORY: Final = 7 << 27
+MEMORY: Final = 7 << 27  # bytes that a reader may take
 ADDRESSES: Final = 8 << 30
 """Most memory in bytes of the process's own (its code comes to it, which leaves it below 1 GB), and most addresses,
 which libraries reserve without using them.
@@ -27,7 +27,7 @@ SECONDS: Final = 600
 """Most time on a processor in s."""
 UNPACKED: Final = 1 << 30
 """Most bytes of a file that the process may write: what a library unpacks beside the record."""
-LEAST_S: Final = 10
+LEAST_S: Final = 10  # that a reader may run
 SLOWEST: Final = 500_000
 """Time on a processor in s that any file may take, and bytes of a file for which it may take a second more."""
 

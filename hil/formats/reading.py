@@ -20,8 +20,8 @@ from hil.formats.table import FORMATS, Format, format_of
 from hil.own_process import own_environment, own_module
 from models.files.source import check_source
 
-LONGEST_S: Final = 900.0
-_LONGEST_LINE: Final = 1 << 26
+LONGEST_S: Final = 900.0  # that a reader may run
+_LONGEST_LINE: Final = 1 << 26  # bytes that it may say at once
 
 
 def read_channels(path: Path, pick: Pick) -> list[Channel]:

@@ -17,7 +17,7 @@ from models.rigs.kinds import KINDS
 from models.rigs.mapping import ColumnMap, MappedColumn
 from models.rigs.rig import Rig
 
-_CALENDAR_S = 1e6
+_CALENDAR_S = 1e6  # a later stamp is a date
 _SWITCHES = ("drive_on",)
 
 

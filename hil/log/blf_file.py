@@ -18,7 +18,7 @@ note.
 """
 LOST: Final = 8
 """The note that frames are missing (the other notes: `hil.log.recorder`)."""
-LATEST_S: Final = 1e6
+LATEST_S: Final = 1e6  # of a log's own time
 APPLICATION: Final = 200
 """The application that writes, in a BLF header: by it our own files are known."""
 _HEAD: Final = struct.Struct("<4sLBBBBBBBBQ")

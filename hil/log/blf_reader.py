@@ -27,10 +27,10 @@ _BASE: Final = struct.Struct("<4sHHLL")
 _STAMP: Final = struct.Struct("<L2HQ")
 _CONTAINER: Final = struct.Struct("<H6xL4x")
 _FRAME: Final = struct.Struct("<HBBL8s")
-_CONTAINERS, _FRAMES = 10, (1, 86)
+_CONTAINERS, _FRAMES = 10, (1, 86)  # types of objects in a BLF file
 _HEADERS: Final = {1: 32, 2: 40}
 """Bytes of an object's header of each version that there is."""
-_LARGEST_ID, _REMOTE, _DIRECTION, _TEN_US = 0x7FF, 0x80, 0x1, 1
+_LARGEST_ID, _REMOTE, _DIRECTION, _TEN_US = 0x7FF, 0x80, 0x1, 1  # of a base frame; flags of an object
 _WAYS: Final = {2: WITHHELD, 3: NOTED}
 
 Tell = Callable[[str], None]

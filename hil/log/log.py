@@ -22,11 +22,11 @@ from hil.own_process import own_environment, own_module
 if TYPE_CHECKING:
     from hil.log.mcap_log import McapLog
 
-ROOM: Final = 1 << 20
-_F_SETPIPE_SZ: Final = 1031
-_STOP_S: Final = 30.0
-_AGAIN_S: Final = 1.0
-_BEGINS_S = 10.0
+ROOM: Final = 1 << 20  # bytes between node and writer
+_F_SETPIPE_SZ: Final = 1031  # of fcntl(2)
+_STOP_S: Final = 30.0  # in which a writer must end
+_AGAIN_S: Final = 1.0  # between two looks
+_BEGINS_S = 10.0  # in which it must begin
 _TOGETHER: Final = 4096 // PACKED.size
 """Frames that the pipe takes together or not at all."""
 

@@ -11,8 +11,8 @@ from typing import Any, Final
 
 from hil.log.blf_reader import whole
 
-FORMAT: Final = 2
-_MOST_NAMES: Final = 1000
+FORMAT: Final = 2  # of the record beside a log
+_MOST_NAMES: Final = 1000  # that are tried for a new log
 
 
 def record_path(path: Path) -> Path:

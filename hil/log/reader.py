@@ -15,7 +15,7 @@ from models.files.source import check_source, read_json
 
 ENDINGS: Final = (".blf", ".asc", ".mf4", ".trc", ".log")
 """Vector's BLF and ASC, ASAM MF4 (with the package asammdf), PEAK's TRC, candump's log."""
-LARGEST_RECORD: Final = 1 << 26
+LARGEST_RECORD: Final = 1 << 26  # bytes
 
 
 def is_log(path: Path) -> bool:

@@ -29,8 +29,8 @@ from models.rigs.kinds import KINDS
 from models.rigs.rig import Rig
 
 Array = NDArray[np.float64]
-_CALENDAR_S: Final = 1e6
-_ENABLE, _ENABLED, _DERATED = 2, 4, 5
+_CALENDAR_S: Final = 1e6  # a later stamp is a date
+_ENABLE, _ENABLED, _DERATED = 2, 4, 5  # `Mode` of a command, and `State` of a drive that follows it
 _HEARTBEAT: Final = "Heartbeat"
 
 

@@ -27,7 +27,7 @@ it) and stop, a tick that is computed without a solution, after how many steps t
 short, the true time of the next frame or note where the log's is another one, that the next frame was heard by the tick
 before it, and the operator's acknowledgement of a fault. `LOST` says that frames are missing here.
 """
-_GIT_S: Final = 5
+_GIT_S: Final = 5  # for which git may run
 
 
 class Recorder:

@@ -20,10 +20,10 @@ from hil.log.blf_file import LOST, NOTED, PACKED, BlfFile, Logged, unpacked
 if TYPE_CHECKING:
     from hil.log.mcap_log import McapLog
 
-FLUSH_S: Final = 0.4
+FLUSH_S: Final = 0.4  # after which a container is written though it is not full
 TROUBLE: Final = "trouble: "
 """What a line on standard output begins with that is neither a number of frames nor the end."""
-_BLOCK: Final = PACKED.size * 2048
+_BLOCK: Final = PACKED.size * 2048  # bytes read at once
 
 
 def write_until_end(

@@ -21,11 +21,11 @@ from hil.nodes.frame_map import BOOT, FASTEST_M_S, FAULT, STANDBY, STOPPING, WAI
 
 _SPOKEN: Final = ("CarriageFeedback", "CarriageHeartbeat", "CarriageFault")
 _HEARD: Final = ("CarriageCommand", "ControllerHeartbeat", "DriveReset", "SafeStop", "Sync")
-_NODE_STATES: Final = {BOOT: 0, STANDBY: 1, WAITING: 1, STOPPING: 3, FAULT: 4}
-_LONGEST_S: Final = 167772.0
+_NODE_STATES: Final = {BOOT: 0, STANDBY: 1, WAITING: 1, STOPPING: 3, FAULT: 4}  # `State` of a heartbeat; others run
+_LONGEST_S: Final = 167772.0  # that the frame can say
 RESTS_M_S: Final = 5e-3
 """Below this speed a drive that is not led is at rest, for what its encoder's noise makes of its speed."""
-_TOO_SHORT: Final = 7
+_TOO_SHORT: Final = 7  # bytes: a frame that every node refuses
 
 
 class CarriageBus(WrappingBus):

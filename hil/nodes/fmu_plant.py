@@ -15,8 +15,8 @@ from typing import Any, Final
 import numpy as np
 
 from plant import layout as at
-from plant.drives.kinds import Coil, Drive, Pull, Vibro
-from plant.rig import Rig
+from plant.drives.kinds import TrueCoil, TrueDrive, TruePull, TrueVibro
+from plant.rig import Truth
 from plant.tables import Floats
 
 
@@ -45,24 +45,24 @@ _INNER: Final = (
 )
 
 
-def input_of(drive: Drive) -> Named:
+def input_of(drive: TrueDrive) -> Named:
     """The command of a drive."""
-    if isinstance(drive, Pull):
+    if isinstance(drive, TruePull):
         return Named("pull_position_m", "m", "imposed position, reached at the end of a communication step")
     if _by_coil(drive):
         return Named("coil_voltage_V", "V", "coil's voltage, held over a communication step")
-    if isinstance(drive, Vibro):
+    if isinstance(drive, TrueVibro):
         return Named("drive_on", "1", "share 0..1 of the drive's force, held over a communication step")
     return Named("carriage_position_m", "m", "carriage, reached at the end of a communication step")
 
 
-def outputs_of(drive: Drive) -> list[Named]:
+def outputs_of(drive: TrueDrive) -> list[Named]:
     """What a rig with this drive shows beside the force."""
-    return [*_EVERY, *([_CURRENT] if _by_coil(drive) else []), *(_INNER if isinstance(drive, Vibro) else [])]
+    return [*_EVERY, *([_CURRENT] if _by_coil(drive) else []), *(_INNER if isinstance(drive, TrueVibro) else [])]
 
 
-def _by_coil(drive: Drive) -> bool:
-    return isinstance(drive, Coil) or (isinstance(drive, Vibro) and drive.coil is not None)
+def _by_coil(drive: TrueDrive) -> bool:
+    return isinstance(drive, TrueCoil) or (isinstance(drive, TrueVibro) and drive.coil is not None)
 
 
 UNPACKED: Final = 1 << 30
@@ -78,7 +78,7 @@ class FmuFile:
     outputs: Mapping[int, int]
 
 
-def read_fmu(path: Path, rig: Rig) -> FmuFile:
+def read_fmu(path: Path, rig: Truth) -> FmuFile:
     """The FMU `path` for a plant like `rig`, Co-Simulation of FMI 2 or 3. Raises ValueError of one sentence for a file
     that is none, or one with other variables.
     """
@@ -125,7 +125,7 @@ class FmuPlant:
     drive's command is set to what it is at the step's end.
     """
 
-    def __init__(self, path: Path, rig: Rig) -> None:
+    def __init__(self, path: Path, rig: Truth) -> None:
         """Raises ValueError as `read_fmu`, and for one that does not start."""
         import fmpy
         from fmpy.fmi2 import FMU2Slave

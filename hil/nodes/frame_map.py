@@ -23,7 +23,7 @@ OFF, READY, ENABLE, QUICK_STOP = range(4)
 BOOT, SELF_TEST, STANDBY, WAITING, ENABLED, DERATED, STOPPING, FAULT = range(8)
 """States of a drive, in the numbers of its feedback; `WAITING` is "ready", `STOPPING` "quick_stop"."""
 MOVING: Final = (ENABLED, DERATED)
-FASTEST_M_S: Final = 0.4
+FASTEST_M_S: Final = 0.4  # what the frame can say
 QUICK_STOP_M_S2: Final = 25.0
 """Braking of the carriage without a command: from its 0.25 m/s to rest in 10 ms."""
 

@@ -21,13 +21,13 @@ from hil.nodes.transmit import FrameTransmitter
 
 CYCLE_S: Final = 0.02
 """How often a setpoint is to be sent, released ones too."""
-_MOST: Final = 256
+_MOST: Final = 256  # frames that are read at once
 _READ_S: Final = 0.02
 """A setpoint that was sent so long before an answer has been read by then."""
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class OperatorAnswer:
     """What the controller said last: `state` (off, ready, moving, held, stopped), the `source` in charge ("nobody"),
     why a setpoint was `refused` within the last 0.2 s ("none"), and the wanted position and speed.
     """
@@ -82,7 +82,7 @@ class OperatorSender:
         self._setpoint, self._shift, self._mask = catalogue[SETPOINT].id, setpoint.start, (1 << setpoint.length) - 1
         self._names = {name: status.field(name).names for name in ("State", "Source", "Refused")}
 
-    answer: Answer | None
+    answer: OperatorAnswer | None
 
     def speed(self, speed_m_s: float) -> None:
         """Steer at a speed, dead-man switch held; the controller keeps it within the deployment's limits."""
@@ -103,7 +103,7 @@ class OperatorSender:
         """The dead-man switch is released: the capsule is held at once, and the drive stopped after a while."""
         self._say("speed", 0.0, 0.0, held=False)
 
-    def listen(self) -> Answer | None:
+    def listen(self) -> OperatorAnswer | None:
         """Take in what has come, nothing where the bus raises; the controller's last answer, None before the first."""
         for message in waiting(self.bus, _MOST):
             if not plain(message):
@@ -119,11 +119,11 @@ class OperatorSender:
         values = self._receiver.accept(message.data, message.timestamp)
         if not isinstance(values, Refusal):
             state, source, refused = (self._names[name][int(values[name])] for name in self._names)
-            self.answer = Answer(state, source, refused, values["Position_m"], values["Velocity_m_s"])
+            self.answer = OperatorAnswer(state, source, refused, values["Position_m"], values["Velocity_m_s"])
             self.answers += 1
             self._count(self.answer)
 
-    def _count(self, answer: Answer) -> None:
+    def _count(self, answer: OperatorAnswer) -> None:
         """What became of the setpoints that had been read when the controller said `answer`."""
         read = [sent for sent in self._pending if sent <= self._clock() - _READ_S]
         if answer.source != self.source and answer.refused != "none" and read:

@@ -22,24 +22,24 @@ from hil.nodes.faults.table import DRIVE, Fault
 from hil.nodes.frame_map import CARRIAGE_MAP, COIL_MAP, INNER_MASS_MAP, FrameMap, frames
 from hil.nodes.transmit import FrameTransmitter
 from plant import layout as at
-from plant.drives.kinds import MAGNETS, Coil, Vibro
+from plant.drives.kinds import Carriage, TrueCoil, TrueVibro
 from plant.sensing.instruments import Reading
 from plant.session import Session
 
 SLOT_S: Final = 1e-3
 """The drives' firmware runs this often."""
-_COIL_PARTS: Final = 2
-_FORCE_STD_N: Final = 1e-3
+_COIL_PARTS: Final = 2  # steps of the plant in a tick: a coil's current is quick
+_FORCE_STD_N: Final = 1e-3  # noise of the simulated force cell
 
 
 def power_of(session: Session, limits: Limits) -> tuple[FrameMap, Power]:
     """Wiring and power stage of the session's drive. Raises ValueError for one that no frame describes."""
     drive = session.plant.rig.drive
-    if isinstance(drive, MAGNETS):
+    if isinstance(drive, Carriage):
         return CARRIAGE_MAP, CarriagePower(limits.carriage_speed_m_s, limits.travel_m, session.command)
-    if isinstance(drive, Coil):
+    if isinstance(drive, TrueCoil):
         return COIL_MAP, CoilPower(limits.current_A, drive.resistance_ohm, drive.inductance_H)
-    if isinstance(drive, Vibro) and drive.coil is None:
+    if isinstance(drive, TrueVibro) and drive.coil is None:
         return INNER_MASS_MAP, InnerMassPower()
     raise ValueError(
         "rig.kind on the bus must be magnetic, coil or vibro driven by a level; got a vibro drive with a coil"

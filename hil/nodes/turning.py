@@ -19,7 +19,7 @@ HOMES: Final = ("kept", "here")
 """What becomes of the drive's zero: it stays, or is made the present place."""
 IDLE_TICKS: Final = 5
 """How often a drive that has been braked is told to take its torque away."""
-_SETTLE: Final = 2
+_SETTLE: Final = 2  # steps that a drive has to come to rest
 
 
 class Turning:

@@ -16,7 +16,7 @@ from models.assembly.step import Stepper
 from models.drives.drive import Drive
 from models.effects.effect import Effect
 from models.parameter import Parameter
-from models.surfaces.gut import LONGEST, Wall
+from models.surfaces.gut import LONGEST
 from models.surfaces.surface import Surface
 
 BASE_STATES = ("x", "v", "a", "u", "slip", "u_rate", "direction", "travelled", "dwell")
@@ -50,11 +50,6 @@ class Assembly:
 def effect_parameters(effects: Sequence[type[Effect]]) -> tuple[Parameter, ...]:
     """The effects' parameters under their full names `effect_id.name`."""
     return tuple(replace(p, name=f"{e.id}.{p.name}") for e in effects for p in e.parameters())
-
-
-def assemble_gut(wall: Wall, drive: Drive, effects: Sequence[type[Effect]] = (), smoothing: float = 0.0) -> Assembly:
-    """The capsule in the gut under `drive`: the base model of stick and slip plus `effects`; see `assemble`."""
-    return assemble(wall, drive, effects, smoothing)
 
 
 def assemble(surface: Surface, drive: Drive, effects: Sequence[type[Effect]] = (), smoothing: float = 0.0) -> Assembly:

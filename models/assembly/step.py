@@ -16,7 +16,7 @@ from models.surfaces.surface import Surface
 
 _REST = 1e-7  # m/s, below it the capsule counts as at rest for the direction of the last motion
 _REST_IMPOSED = 1e-11  # m/s, the same of an imposed motion, which creeps as it likes
-_STEFFENSEN = 3
+_STEFFENSEN = 3  # iterations for the stretch of a stiffened wall
 _STRAIGHT = 1e-13  # m or m/s, below it a sequence has settled
 _MOST_TURN = (
     0.5  # where friction falls so steeply with speed that a step's speed runs away, it is followed half of the way

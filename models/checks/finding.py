@@ -1,7 +1,5 @@
 """What a check found in a record."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 from typing import Literal
 

@@ -13,6 +13,7 @@ from scipy.signal import welch
 from scipy.special import gammaincinv
 
 from models.checks.finding import RecordFinding, Severity
+from models.checks.settings import SET
 from models.files.toml import inline_table
 from models.files.units import unit_of
 from models.records.record import Record
@@ -23,13 +24,7 @@ from models.rigs.rig import Rig
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-_WINDOWS_S = (0.1, 0.2, 0.4, 0.8)
-_SHOWN = 0.3
-_STRETCH_S, _SETTLED_S = 0.2, 0.3
-_SPECTRUM, _QUIETEST, _QUIET = 256, 0.1, 0.3
-_FLAT = 1.5  # times as loud as the quietest tenth, the most in the quietest three
 _OVERLAPPED = 0.95  # of the degrees of freedom of windows that overlap by half, what they count (Welch 1967)
-_STILL = 0.02  # of the fastest speed, below which a motion counts as rest
 
 
 @dataclass(frozen=True)
@@ -120,14 +115,14 @@ class View:
         """Speed in m/s over the shortest of a few windows that shows more motion than noise, and its noise."""
         x = self.record[self.moving_column]
         noise = max(white_noise(x), grid_step(x) / np.sqrt(12))
-        for window in _WINDOWS_S:
+        for window in SET.speed_windows_s:
             n = max(1, round(window / 2 / self.dt))
             smooth, centre = running_mean(x, n), running_mean(np.arange(len(x), dtype=np.float64), n)
             ahead = np.minimum(np.arange(len(x)) + n, len(x) - 1)
             back = np.maximum(np.arange(len(x)) - n, 0)
             speed = (smooth[ahead] - smooth[back]) / (np.maximum(centre[ahead] - centre[back], 0.5) * self.dt)
             left = noise * float(np.sqrt(2 / (2 * n + 1))) / (2 * n * self.dt)
-            if 5 * left < _SHOWN * float(np.percentile(np.abs(speed), 90)):
+            if 5 * left < SET.speed_shown * float(np.percentile(np.abs(speed), 90)):
                 break
         return np.asarray(speed), left
 
@@ -145,7 +140,7 @@ class View:
     def moves(self) -> Mask:
         """Where the motion is faster than rest and its own noise."""
         fastest = float(np.percentile(np.abs(self.speed), 99))
-        return np.asarray(np.abs(self.speed) > max(_STILL * fastest, 5 * self.speed_noise, 1e-7))
+        return np.asarray(np.abs(self.speed) > max(SET.still * fastest, 5 * self.speed_noise, 1e-7))
 
     @cached_property
     def rests(self) -> Mask:
@@ -157,7 +152,7 @@ class View:
         """Pieces of so many samples of the measured column at rest, 0.3 s and more after a motion, shape (n, samples);
         in that time a wall may still draw back.
         """
-        after = round(_SETTLED_S / self.dt)
+        after = round(SET.rest_settled_s / self.dt)
         rows = [
             self.y[k : k + samples] for a, b in runs_of(self.rests) for k in range(a + after, b - samples + 1, samples)
         ]
@@ -166,7 +161,7 @@ class View:
     @cached_property
     def strokes(self) -> list[tuple[int, int, float]]:
         """Stretches of motion one way (first row, row after the last, direction) that last 0.2 s or more."""
-        least = max(3, round(_STRETCH_S / self.dt))
+        least = max(3, round(SET.rest_stretch_s / self.dt))
         return [
             (a, b, direction)
             for direction in (1.0, -1.0)
@@ -220,17 +215,17 @@ def spectral_noise(x: Array) -> tuple[float, bool]:
     window): motion only adds to it, also one that a few samples a swing follow no longer. And whether the spectrum is
     flat there; where it is not, the motion is louder than the noise at every frequency and the value is a bound.
     """
-    window = min(_SPECTRUM, len(x) // 8)
+    window = min(SET.spectrum_window, len(x) // 8)
     if window < 16:
         return white_noise(x), True
     _, power = welch(x, nperseg=window, detrend="linear")
-    quietest, quiet = np.quantile(power[2:-1], [_QUIETEST, _QUIET])
+    quietest, quiet = np.quantile(power[2:-1], [SET.spectrum_quietest, SET.spectrum_quiet])
     degrees = _OVERLAPPED * 2 * (2 * len(x) / window - 1)
     chance = (
-        2 * gammaincinv(degrees / 2, _QUIETEST) / degrees
+        2 * gammaincinv(degrees / 2, SET.spectrum_quietest) / degrees
     )  # of white noise's mean, its quietest tenth by chi square
     std = float(np.sqrt(0.5 * quietest / chance))
-    return std, bool(quiet < _FLAT * quietest)
+    return std, bool(quiet < SET.spectrum_flat * quietest)
 
 
 def runs_of(mask: Mask) -> list[tuple[int, int]]:

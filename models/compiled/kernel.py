@@ -1,72 +1,73 @@
 """A CasADi step function as a compiled NumPy loop: one declaration of the model, run at the speed of machine code."""
 
-from __future__ import annotations
-
-import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
-from pathlib import Path
+from functools import cached_property, partial
 
 import casadi as ca
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from models.compiled.cache import load
-from models.compiled.program import program_of
+from models.compiled.machine_code import Code, addresses, call
 
 Array = NDArray[np.float64]
 Loop = Callable[[Array, Array, Array, float, Array, int, float, Array], None]
 
 LANES = 8
 """Parameter sets that a loop runs side by side: as many doubles as the widest vector units hold."""
-SLOW_S = 2.0
+SLOW_S = 2.0  # time constant within which an observer leaves an error alone
 NEVER_S = 1e30
 """`slow_s` of an observer that corrects all of the error: where nothing holds a place, a slow error is the model's own
 drift.
 """
-_WRITERS = ("arithmetic.py", "program.py")
-_FRAME = '''"""Generated from a CasADi function; written out by {digest}."""
-
-import numba
-import numpy as np
-
-from models.compiled.program import correction_program, step_program
-
-step = step_program("""
-{step}
-""".strip(), {lanes})
-correct = correction_program("""
-{correct}
-""".strip(), {lanes})
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
-def run(state, commands, measured, gain, parameters, substeps, dt, output):
-    h = dt / substeps
-    slow = np.zeros({lanes})
-    work = np.concatenate((state.ravel(), parameters.ravel(), np.zeros({lanes})))
+@njit(nogil=True, cache=True, error_model="numpy")
+def _run(
+    codes: tuple[int, ...],
+    forgets: float,
+    state: Array,
+    commands: Array,
+    measured: Array,
+    gain: float,
+    parameters: Array,
+    substeps: int,
+    dt: float,
+    output: Array,
+) -> None:
+    step, correct = codes
+    n, lanes = state.shape
+    m, h = parameters.shape[0], dt / substeps
+    work = np.zeros((n + m + 2) * lanes)
+    for lane in range(lanes):  # slices' assignment takes numba seconds to compile
+        for i in range(n):
+            work[i * lanes + lane] = state[i, lane]
+        for i in range(m):
+            work[(n + i) * lanes + lane] = parameters[i, lane]
+    shown, error = work[-2 * lanes : -lanes], work[-lanes:]
+    slow, now, gains = np.zeros(lanes), np.zeros(4), np.full(1, gain)
     for k in range(commands.shape[0]):
         c1 = commands[k]
         c0 = commands[k - 1] if k > 0 else c1
         for j in range(substeps if k > 0 else 1):
-            a0 = c0 + (c1 - c0) * (j / substeps)
-            a1 = c0 + (c1 - c0) * ((j + 1) / substeps)
-            t = (k - 1) * dt + j * h if k > 0 else -h
-            for lane in range({lanes}):
-                step(work, lane, a0, a1, t, h)
-        for lane in range({lanes}):
-            output[k, lane] = work[{shown} + lane]
+            now[0] = c0 + (c1 - c0) * (j / substeps)
+            now[1] = c0 + (c1 - c0) * ((j + 1) / substeps)
+            now[2] = (k - 1) * dt + j * h if k > 0 else -h
+            now[3] = h
+            call(step, work, now)
+        for lane in range(lanes):
+            output[k, lane] = shown[lane]
         if gain != 0.0:
-            for lane in range({lanes}):
-                e = measured[k, lane] - work[{shown} + lane]
+            for lane in range(lanes):
+                e = measured[k, lane] - shown[lane]
                 e = e if e == e else slow[lane]
-                slow[lane] += min(dt / {forgets}, 1.0) * (e - slow[lane])
-                correct(work, lane, e - slow[lane], gain)
-    for i in range(state.shape[0]):
-        for lane in range({lanes}):
-            state[i, lane] = work[i * {lanes} + lane]
-'''
+                slow[lane] += min(dt / forgets, 1.0) * (e - slow[lane])
+                error[lane] = e - slow[lane]
+            call(correct, work, gains)
+    for lane in range(lanes):
+        for i in range(n):
+            state[i, lane] = work[i * lanes + lane]
 
 
 @dataclass(frozen=True)
@@ -107,17 +108,8 @@ class Kernel:
 
     def _compiled(self, lanes: int) -> Loop:
         n, m = self.step.numel_in(0), self.step.numel_in(5)
-        state = {(0, i): f"m{i}" for i in range(n)}
-        names = state | {(5, i): f"m{n + i}" for i in range(m)} | {(1, 0): "a0", (2, 0): "a1", (3, 0): "t", (4, 0): "h"}
-        text = _FRAME.format(
-            digest=_digest(),
-            step=program_of(self.step, names, state | {(1, 0): f"m{n + m}"}),
-            correct=program_of(self.correct, state | {(1, 0): "e", (2, 0): "gain"}, state),
-            lanes=lanes,
-            shown=(n + m) * lanes,
-            forgets=self.slow_s,
-        )
-        return load(text).run  # type: ignore[no-any-return]
+        codes = (Code(self.step, {0: 0, 5: n}, (0, n + m)), Code(self.correct, {0: 0, 1: n + m + 1}, (0,)))
+        return partial(_run, addresses(codes, lanes), self.slow_s)
 
 
 def lower(step: ca.Function, correct: ca.Function, slow_s: float = SLOW_S) -> Kernel:
@@ -129,14 +121,6 @@ def lower(step: ca.Function, correct: ca.Function, slow_s: float = SLOW_S) -> Ke
     `correct` then moves the state by `gain` times the prediction's error less its slow part (a mean over about
     `slow_s`): an observer that keeps slip events in step and leaves alone what a model lacks slowly, and that runs free
     where `measured` is NaN; a gain of 0 runs free throughout and never looks at `measured`. Compiled when first run
-    and kept on disk under the hash of its source. Running raises ValueError for operations that are not scalar.
+    and kept on disk. Running raises ValueError for operations that are not scalar.
     """
     return Kernel(step, correct, slow_s)
-
-
-def _digest() -> str:
-    """Hash of the files that write the machine code: numba's own cache does not look into them."""
-    digest = hashlib.sha256()
-    for name in _WRITERS:
-        digest.update(Path(__file__).with_name(name).read_bytes())
-    return digest.hexdigest()[:12]

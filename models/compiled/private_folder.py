@@ -1,7 +1,5 @@
 """Folders for what is run or spoken to later: the user's own, closed to everybody else."""
 
-from __future__ import annotations
-
 import os
 import stat
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Differences between what was measured and what a model says, in one pass: a fit makes them millions of times."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -11,7 +11,7 @@ import numpy as np
 from models.drives.drive import ANYWHERE, BELIEVED, Actuation, Drive, Push
 from models.parameter import Parameter
 
-_SHARE = 0.3
+_SHARE = 0.3  # by which a fit may take the force constant off its value
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,5 @@
 """What a drive is: how a command becomes motion or force, and what is measured."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar

@@ -1,7 +1,5 @@
 """A magnet on a carriage and one in the capsule, from their own moments: the dipoles of `models.laws.dipole`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -12,7 +10,7 @@ from models.drives.magnetic import Magnetic
 from models.laws.dipole import PAIRINGS, Orientation, attraction, pull
 from models.parameter import Parameter
 
-_STEPS = 4
+_STEPS = 4  # of Newton's method
 
 
 @dataclass(frozen=True)

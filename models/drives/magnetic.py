@@ -1,7 +1,5 @@
 """A magnet on a carriage outside the body: a magnetic spring with a finite range."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar

@@ -1,7 +1,5 @@
 """A stiff pull: the rig imposes the capsule's position and measures the force."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -17,6 +17,7 @@ import numpy as np
 from models.effects.declarations import declared, hooked, of_parameters
 from models.effects.effect import HOOKS, Effect, Signals
 from models.effects.equation import ARGUMENTS, answered, disagreement
+from models.parameter import nearest
 from models.rigs.kind import RigKind
 from models.rigs.kinds import KINDS
 
@@ -52,11 +53,12 @@ SIGNALS: Final[Mapping[str, float]] = {
 """Values of the signals, SI, at which the hooks are tried."""
 _ONE_WAY: Final = ("t", "travelled", "dwell", "command")
 _BACK: Final = {name: value if name in _ONE_WAY else -value for name, value in SIGNALS.items()}
-_REST: Final = dict.fromkeys(SIGNALS, 0.0) | {"direction": 1.0}
+_REST: Final = dict.fromkeys(SIGNALS, 0.0) | {"direction": 1.0}  # signals of a capsule at rest
+# arguments other than 1, of usual size
 _OTHER: Final = {"y": 0.03, "h": 1e-3, "v_i": 5e-3, "u_c": 3e-4, "xi": 0.012, "xi_rate": 0.1, "f": 3.0}
-_ARGUMENTS: Final = dict.fromkeys(ARGUMENTS, 1.0) | _OTHER | {"e": 1e-3, "e_rate": 0.02}
+_ARGUMENTS: Final = dict.fromkeys(ARGUMENTS, 1.0) | _OTHER | {"e": 1e-3, "e_rate": 0.02}  # of every hook
 _FACTORS: Final = ("level", "stiffening", "gain", "reach")
-_STATE: Final = 0.2
+_STATE: Final = 0.2  # value of every hidden state
 _UNSEEN: Final = ("advance", "follow", "response")
 """Hooks whose answers no prediction shows by themselves."""
 
@@ -70,7 +72,9 @@ def first_failure(effect: type[Effect], known: Collection[str]) -> str | None:
         except (Exception, SystemExit) as error:  # noqa: BLE001 - a user's hook raises whatever it likes
             frames = [f for f in extract_tb(error.__traceback__) if f.filename == getsourcefile(effect)]
             where = f"{frames[-1].name}, line {frames[-1].lineno}" if frames else f"'{check.__doc__}'"
-            return f"{effect.__name__} must run; got {type(error).__name__} in {where}: {_words(error)}"
+            names = [p.name for p in effect.parameters()]
+            hint = f"; {nearest(str(error.args[0]), [*names, *effect.states])}" if isinstance(error, KeyError) else ""
+            return f"{effect.__name__} must run; got {type(error).__name__} in {where}: {_words(error)}{hint}"
         if failure is not None:
             return failure
     return None
@@ -133,13 +137,15 @@ def _numbers(effect: type[Effect], known: Collection[str]) -> str | None:
     stays = sorted(set(effect.states) - {hook.partition(".")[2] for hook in answers(effect, p, z, SIGNALS)})
     if stays:
         return f"{effect.__name__}.states must each be given by advance or follow; got {stays[0]!r}, which is not"
-    for kind, s in _points(effect):
-        for hook, value in answers(effect, p, z, s).items():
+    rng = np.random.default_rng(3)
+    drawn = [{q.name: float(rng.uniform(q.lower, q.upper)) for q in effect.parameters()} for _ in range(3)]
+    for values, (kind, s) in product((p, *drawn), _points(effect)):
+        for hook, value in answers(effect, values, z, s).items():
             if np.shape(value) != () or np.asarray(value).dtype.kind not in "biuf":
                 return f"{effect.__name__}.{hook} must return one number; got {type(value).__name__} {value}"
             if not np.isfinite(value):
-                where = ", ".join(f"{key} = {number:g}" for key, number in s.items() if number)
-                return f"{effect.__name__}.{hook} must be finite; got {value} on {kind} at {where or 'rest'}"
+                where = ", ".join(f"{key} = {number:.3g}" for key, number in {**values, **s}.items() if number)
+                return f"{effect.__name__}.{hook} must be finite; got {value} on {kind} at {where}"
     return None
 
 

@@ -1,12 +1,9 @@
 """What an effect states of itself: names that something reads, of the right sort, and hooks of the right form."""
 
-from __future__ import annotations
-
 import inspect
 import math
 import re
 from collections.abc import Collection, Mapping
-from dataclasses import fields
 from typing import Any, Final
 
 from models.effects.effect import HOOKS, NEEDS, Effect, InnerMassEffect
@@ -61,12 +58,8 @@ def _is_names(value: Any) -> bool:
 def of_parameters(effect: type[Effect], known: Collection[str]) -> str | None:
     """parameters"""
     name, own = effect.__name__, _own(effect)
-    declared = {f.name: f.default for f in fields(effect)}
     for key, value in own.items():
-        if isinstance(value, Parameter) and key not in declared:
-            return f"{name}.{key} must be a field of a dataclass: {key}: Parameter = ... below @dataclass(frozen=True)"
-    for key, value in declared.items():
-        if isinstance(value, Parameter) and value.name != key and "parameters" not in own:
+        if isinstance(value, Parameter) and value.name != key:
             return f"{name}.{key} must have a parameter of the same name; got {value.name!r}"
     parameters = effect.parameters()
     if not parameters:
@@ -125,8 +118,7 @@ def _is_unit(text: Any) -> bool:
 
 def hooked(effect: type[Effect], known: Collection[str]) -> str | None:
     """signatures"""
-    name, parameters = effect.__name__, {f.name for f in fields(effect) if isinstance(f.default, Parameter)}
-    inner = issubclass(effect, InnerMassEffect)
+    name, inner = effect.__name__, issubclass(effect, InnerMassEffect)
     for key, value in _own(effect).items():
         if key in HOOKS:
             if key in _OWN_HOOKS and not inner:
@@ -136,7 +128,7 @@ def hooked(effect: type[Effect], known: Collection[str]) -> str | None:
             wanted, got = (list(inspect.signature(f).parameters) for f in (HOOKS[key], value))
             if wanted != got:
                 return f"{name}.{key} must take ({', '.join(wanted)}); got ({', '.join(got)})"
-        elif key not in _OURS and key not in parameters:
+        elif key not in _OURS and not isinstance(value, Parameter):
             what, choices = ("hook", tuple(HOOKS)) if inspect.isroutine(value) else ("declaration", DECLARATIONS)
             hint = nearest(key, choices)
             return f"{name}.{key} must be a {what}, or begin with an underscore where it is its own; {hint}"

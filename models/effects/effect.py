@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from inspect import isfunction
 from types import MappingProxyType
 from typing import Any, ClassVar, Final
 
 from models.laws.dynamic_modulus import DynamicModulus
-from models.parameter import Parameter
+from models.parameter import Parameter, Role
 
-Values = Mapping[str, Any]
-Shares = tuple[Any, Any, Any]
+Value = Any
+"""A number, an array or a CasADi symbol: a hook serves all of them."""
+Values = Mapping[str, Value]
+Shares = tuple[Value, Value, Value]
 NEEDS: Final = ("both_ways", "reversals", "speeds", "places", "rests", "time", "load", "samples", "wall", "turning")
 """What a motion may offer for an effect to show."""
 
@@ -28,25 +31,48 @@ class Signals:
     at 0.
     """
 
-    t: Any = 0.0
-    x: Any = 0.0
-    v: Any = 0.0
-    direction: Any = 0.0
-    command: Any = 0.0
-    rate: Any = 0.0
-    travelled: Any = 0.0
-    tension: Any = 0.0
-    drag: Any = 0.0
-    drag_rate: Any = 0.0
-    dwell: Any = 0.0
-    load: Any = 0.0
+    t: Value = 0.0
+    x: Value = 0.0
+    v: Value = 0.0
+    direction: Value = 0.0
+    command: Value = 0.0
+    rate: Value = 0.0
+    travelled: Value = 0.0
+    tension: Value = 0.0
+    drag: Value = 0.0
+    drag_rate: Value = 0.0
+    dwell: Value = 0.0
+    load: Value = 0.0
+
+
+def number(
+    value: float,
+    unit: str = "1",
+    lower: float = -math.inf,
+    upper: float = math.inf,
+    source: str = "",
+    *,
+    fit: bool = True,
+    spread: float = math.inf,
+    role: Role = "",
+    least: float = 0.0,
+) -> Parameter:
+    """A parameter of an effect, called as the attribute that it is given to, from the effect's source where it has none
+    of its own; calibration may change it.
+    """
+    return Parameter("", value, unit, lower, upper, source, fit, spread, role, least)
+
+
+def by_name(**entries: Any) -> Mapping[str, Any]:
+    """A table of an effect, by the names of its parameters or states."""
+    return MappingProxyType(entries)
 
 
 @dataclass(frozen=True)
 class Effect:
     """An effect beyond the base model. Every hook's default is "no effect".
 
-    Subclasses declare their parameters as `Parameter` fields; the first one is the amplitude, and at the amplitude's
+    Subclasses declare their parameters as attributes, each a `number(...)`; the first one is the amplitude, and at its
     value 0 the effect is absent. Hooks get the signals `s`, the parameters' values `p` by field name and the hidden
     states `z` by name. `by_speed` says that the level changes with the speed and not only with its direction. `follows`
     names the states that are at the "command" or the "position" after a long rest; the others are at 0. A refinement
@@ -75,7 +101,8 @@ class Effect:
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:
         """The effect's parameters in the order of their declaration, the amplitude first."""
-        return tuple(f.default for f in fields(cls) if isinstance(f.default, Parameter))
+        declared = {name: value for base in reversed(cls.__mro__) for name, value in vars(base).items()}
+        return tuple(value for value in declared.values() if isinstance(value, Parameter))
 
     @classmethod
     def amplitude(cls) -> Parameter:
@@ -109,7 +136,7 @@ class Effect:
         """Whether the effect has an answer of its own under `hook`."""
         return getattr(cls, hook, HOOKS[hook]) is not HOOKS[hook]
 
-    def level(self, s: Signals, p: Values, z: Values) -> Any:
+    def level(self, s: Signals, p: Values, z: Values) -> Value:
         """Factor on the wall's grip, that is on F_e and f_c (on the Coulomb friction of a plate or an axis)."""
         return 1.0
 
@@ -119,37 +146,37 @@ class Effect:
         """
         return factors
 
-    def force(self, s: Signals, p: Values, z: Values) -> Any:
+    def force(self, s: Signals, p: Values, z: Values) -> Value:
         """Extra force on the capsule along +x in N; a resistance has the sign of -v."""
         return 0.0
 
-    def normal_load(self, s: Signals, p: Values, z: Values) -> Any:
+    def normal_load(self, s: Signals, p: Values, z: Values) -> Value:
         """Extra force in N that presses the capsule on its surface, beside the weights."""
         return 0.0
 
-    def stiffening(self, s: Signals, p: Values, z: Values) -> Any:
+    def stiffening(self, s: Signals, p: Values, z: Values) -> Value:
         """Factor on the wall's tension T(u)."""
         return 1.0
 
-    def wall_force(self, s: Signals, p: Values, z: Values) -> Any:
+    def wall_force(self, s: Signals, p: Values, z: Values) -> Value:
         """Extra force in N with which the wall resists being dragged; does not count towards the slip condition."""
         return 0.0
 
-    def recovery(self, s: Signals, p: Values, z: Values, speed: Any, onset: Any) -> Any:
+    def recovery(self, s: Signals, p: Values, z: Values, speed: Value, onset: Value) -> Value:
         """Speed in m/s at which a slipping wall draws back, given the base model's `speed` and the drag `onset` u_c at
         which it slips.
         """
         return speed
 
-    def command(self, s: Signals, p: Values, z: Values) -> Any:
+    def command(self, s: Signals, p: Values, z: Values) -> Value:
         """The command that reaches the capsule, given the one that was sent."""
         return s.command
 
-    def response(self, p: Values) -> Any:
+    def response(self, p: Values) -> Value:
         """Time constant in s with which the command arrives."""
         return 0.0
 
-    def gain(self, s: Signals, p: Values, z: Values) -> Any:
+    def gain(self, s: Signals, p: Values, z: Values) -> Value:
         """Factor on the drive's force."""
         return 1.0
 
@@ -157,23 +184,23 @@ class Effect:
         """The elastic link (`models.drives.elastic_link.Link`) through which a rig pulls; None for a rigid one."""
         return None
 
-    def measured(self, s: Signals, p: Values, z: Values, y: Any) -> Any:
+    def measured(self, s: Signals, p: Values, z: Values, y: Value) -> Value:
         """What the sensor shows of the true output `y`."""
         return y
 
-    def delay(self, p: Values) -> Any:
+    def delay(self, p: Values) -> Value:
         """Time in s by which the measurement is late."""
         return 0.0
 
-    def modulus(self, frequency_Hz: Any, p: Values) -> DynamicModulus:
+    def modulus(self, frequency_Hz: Value, p: Values) -> DynamicModulus:
         """Storage and loss modulus in Pa that it adds to the wall's at `frequency_Hz`, any shape."""
         return DynamicModulus(0.0, 0.0)
 
-    def follow(self, s: Signals, p: Values, z: Values, y: Any, h: Any) -> dict[str, Any]:
+    def follow(self, s: Signals, p: Values, z: Values, y: Value, h: Value) -> dict[str, Value]:
         """The sensor's own hidden states after a step `h` in s during which the true output was `y`."""
         return {}
 
-    def advance(self, s: Signals, p: Values, z: Values, h: Any) -> dict[str, Any]:
+    def advance(self, s: Signals, p: Values, z: Values, h: Value) -> dict[str, Value]:
         """The hidden states after a step `h` in s, unconditionally stable."""
         return {}
 
@@ -184,21 +211,19 @@ class InnerMassEffect(Effect):
     moves against the body.
     """
 
-    def suspension(self, stretch: Any, rate: Any, p: Values) -> Any:
+    def suspension(self, stretch: Value, rate: Value, p: Values) -> Value:
         """Extra force in N that pulls the inner mass back to the body (and the body after it)."""
         return 0.0
 
-    def reach(self, stretch: Any, p: Values) -> Any:
+    def reach(self, stretch: Value, p: Values) -> Value:
         """Factor on the coil's force."""
         return 1.0
 
 
-HOOKS: Final[Mapping[str, Callable[..., Any]]] = MappingProxyType(
-    {
-        name: hook
-        for base in (Effect, InnerMassEffect)
-        for name, hook in vars(base).items()
-        if isfunction(hook) and not name.startswith("_")
-    }
-)
+HOOKS: Final[Mapping[str, Callable[..., Any]]] = {
+    name: hook
+    for base in (Effect, InnerMassEffect)
+    for name, hook in vars(base).items()
+    if isfunction(hook) and not name.startswith("_")
+}
 """Every hook with the answer of its base class; the last two are `InnerMassEffect`'s alone."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from inspect import signature
-from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -13,29 +12,27 @@ import numpy as np
 from models.effects.effect import HOOKS, Effect, Signals
 from models.effects.formula import Formula, called, value_of, written
 
-LEFT: Final[Mapping[str, str]] = MappingProxyType(
-    {
-        "level": "friction scale",
-        "nose": "factor on F_e",
-        "weight": "factor on mu m g",
-        "pressed": "factor on mu N_p",
-        "force": "added force in N",
-        "normal_load": "added normal load in N",
-        "stiffening": "factor on T(u)",
-        "wall_force": "added wall force in N",
-        "recovery": "v_i",
-        "command": "command that arrives",
-        "response": "time constant of the command in s",
-        "gain": "factor on the drive's force",
-        "measured": "reading",
-        "delay": "delay of the reading in s",
-        "suspension": "added force of the spring in N",
-        "reach": "factor on the coil's force",
-        "link": "force in N of the link at the stretch e",
-        "modulus.storage": "added storage modulus in Pa",
-        "modulus.loss": "added loss modulus in Pa",
-    }
-)
+LEFT: Final[Mapping[str, str]] = {
+    "level": "friction scale",
+    "nose": "factor on F_e",
+    "weight": "factor on mu m g",
+    "pressed": "factor on mu N_p",
+    "force": "added force in N",
+    "normal_load": "added normal load in N",
+    "stiffening": "factor on T(u)",
+    "wall_force": "added wall force in N",
+    "recovery": "v_i",
+    "command": "command that arrives",
+    "response": "time constant of the command in s",
+    "gain": "factor on the drive's force",
+    "measured": "reading",
+    "delay": "delay of the reading in s",
+    "suspension": "added force of the spring in N",
+    "reach": "factor on the coil's force",
+    "link": "force in N of the link at the stretch e",
+    "modulus.storage": "added storage modulus in Pa",
+    "modulus.loss": "added loss modulus in Pa",
+}
 """What each hook gives, by the hook's name; states are called by their own."""
 SIDES: Final = ("nose", "weight", "pressed")
 _SYMBOLS: Final = {

@@ -171,23 +171,21 @@ def _power(a: Formula, b: Formula) -> Formula:
     return a if b.number == 1 else Formula("^", (a, b))
 
 
-_OPERATIONS: Final[Mapping[str, Callable[..., Formula]]] = MappingProxyType(
-    {
-        "add": _sum,
-        "subtract": lambda a, b: _sum(a, _negative(b)),
-        "multiply": _product,
-        "divide": _quotient,
-        "power": _power,
-        "float_power": _power,
-        "square": lambda a: _power(a, Formula.of(2.0)),
-        "negative": _negative,
-        "less": lambda a, b: a < b,
-        "less_equal": lambda a, b: a <= b,
-        "greater": lambda a, b: a > b,
-        "greater_equal": lambda a, b: a >= b,
-        "equal": lambda a, b: a == b,
-    }
-)
+_OPERATIONS: Final[Mapping[str, Callable[..., Formula]]] = {
+    "add": _sum,
+    "subtract": lambda a, b: _sum(a, _negative(b)),
+    "multiply": _product,
+    "divide": _quotient,
+    "power": _power,
+    "float_power": _power,
+    "square": lambda a: _power(a, Formula.of(2.0)),
+    "negative": _negative,
+    "less": lambda a, b: a < b,
+    "less_equal": lambda a, b: a <= b,
+    "greater": lambda a, b: a > b,
+    "greater_equal": lambda a, b: a >= b,
+    "equal": lambda a, b: a == b,
+}
 _LEAST_NAMED: Final = 6
 """Characters from which a part that stands twice gets a name of its own."""
 
@@ -265,23 +263,23 @@ class _Writing:
         return str(int(number)) if number == int(number) and abs(number) < 1e6 else repr(number)
 
 
-_FUNCTIONS: Final[Mapping[str, Any]] = MappingProxyType(
-    {**{written: getattr(np, name) for name, written in _WRITTEN.items()}, "where": np.where, "clip": np.clip}
-)
-_COMPUTED: Final[Mapping[type, Any]] = MappingProxyType(
-    {
-        ast.Add: operator.add,
-        ast.Sub: operator.sub,
-        ast.Mult: operator.mul,
-        ast.Div: operator.truediv,
-        ast.Pow: operator.pow,
-        ast.Lt: operator.lt,
-        ast.LtE: operator.le,
-        ast.Gt: operator.gt,
-        ast.GtE: operator.ge,
-        ast.Eq: operator.eq,
-    }
-)
+_FUNCTIONS: Final[Mapping[str, Any]] = {
+    **{written: getattr(np, name) for name, written in _WRITTEN.items()},
+    "where": np.where,
+    "clip": np.clip,
+}
+_COMPUTED: Final[Mapping[type, Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+    ast.Eq: operator.eq,
+}
 
 
 def value_of(text: str, names: Mapping[str, Any]) -> Any:

@@ -2,8 +2,6 @@
 `capsule.effects`. Once loaded they take part like our own.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Container, Iterator, MutableMapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -3,8 +3,6 @@
 Each serves numbers, arrays, CasADi symbols and formulas, for an effect's hook calls it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

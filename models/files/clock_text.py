@@ -1,7 +1,5 @@
 """Stamps that a logger wrote as a time of day or as a date with one, in seconds."""
 
-from __future__ import annotations
-
 import math
 import re
 from datetime import UTC, datetime
@@ -10,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-DAY_S: Final = 86400.0
+DAY_S: Final = 86400.0  # a stamp from here on is no time of day
 _OF_DAY = re.compile(r"(?:.*[ T])?(\d{1,2}):(\d{2}):(\d{2}(?:\.\d*)?)(?: ?([AaPp])[Mm])?")
 _MINUTES = re.compile(r"(\d{1,4}):(\d{2}\.\d*)")
 

@@ -1,7 +1,5 @@
 """Where a text file's header stands: below comments and lines about the file, above a row of units and the numbers."""
 
-from __future__ import annotations
-
 import csv
 import math
 import re

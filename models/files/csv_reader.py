@@ -2,8 +2,6 @@
 memory.
 """
 
-from __future__ import annotations
-
 import csv
 import gzip
 import io
@@ -24,11 +22,11 @@ from models.files.csv_header import LONGEST_TOP, SPACES, EmptyError, find_header
 from models.files.source import WINDOWS, encoding_of, opened
 
 ENDINGS = tuple(form + packed for form in (".csv", ".tsv", ".txt", ".dat") for packed in ("", ".gz"))
-BLOCK_CHARACTERS = 1 << 22
-LONGEST_LINE = 1 << 20
-MOST_COLUMNS = 256
-MOST_CHARACTERS = 1 << 30
-MOST_BLANK = 1_000_000
+BLOCK_CHARACTERS = 1 << 22  # read at once
+LONGEST_LINE = 1 << 20  # characters
+MOST_COLUMNS = 256  # of a table of measurements
+MOST_CHARACTERS = 1 << 30  # of a file: 1 GB
+MOST_BLANK = 1_000_000  # lines without a value
 _START = 1 << 16
 """Bytes by which the encoding is told."""
 

@@ -1,7 +1,5 @@
 """A user's Python file: run once, and the classes that it declares."""
 
-from __future__ import annotations
-
 import hashlib
 import importlib.util
 import inspect

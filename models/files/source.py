@@ -1,7 +1,5 @@
 """The one way in which a file that a user names is opened and read: regular files alone, never beyond a bound."""
 
-from __future__ import annotations
-
 import codecs
 import json
 import os
@@ -9,7 +7,7 @@ import stat
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
-LARGEST_TEXT: Final = 1 << 20
+LARGEST_TEXT: Final = 1 << 20  # bytes of a file that a person writes
 LARGEST_DATA: Final = 1 << 31
 """Most bytes of a file of settings, and of a file of samples."""
 WINDOWS: Final = "cp1252"

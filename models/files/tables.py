@@ -1,7 +1,5 @@
 """Frozen dataclasses from TOML tables: unknown keys, missing ones and wrong types refused in one sentence each."""
 
-from __future__ import annotations
-
 import math
 import sys
 import types
@@ -16,8 +14,9 @@ from models.parameter import nearest
 
 Table = Mapping[str, Any]
 R = TypeVar("R")
-LARGEST_INTEGER: Final = 1 << 63
-_SMALLEST: Final = 1e-12
+LARGEST_INTEGER: Final = 1 << 63  # what TOML's integers hold
+_SMALLEST: Final = 1e-12  # least of a positive number, in SI
+# most of a number by its dimension, in SI
 _LARGEST: Final = {"m": 1e6, "s": 1e12, "N": 1e6, "m/s": 1e6, "N/m": 1e9, "A": 1e4, "V": 1e6}
 _LARGEST_OTHER: Final = 1e15
 """Magnitudes of numbers in a file by what their unit measures, in SI; those of integers such as seeds have none."""

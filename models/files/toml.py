@@ -1,7 +1,5 @@
 """A TOML file that a user wrote, with whatever is wrong with it said in one sentence."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from collections.abc import Iterator, Mapping

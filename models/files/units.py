@@ -1,7 +1,5 @@
 """Units as people and instruments write them, with their factors: what a column's unit is in another one."""
 
-from __future__ import annotations
-
 import difflib
 import math
 import re
@@ -20,7 +18,8 @@ class Unit:
     factor: float
 
 
-GRAVITY: Final = 9.80665
+GRAVITY: Final = 9.80665  # m/s2, standard
+# of SI
 _PREFIXES: Final = {"": 1.0, "n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "d": 1e-1, "k": 1e3, "M": 1e6, "G": 1e9}
 _PREFIX_WORDS: Final = {
     "": "",

@@ -1,7 +1,5 @@
 """Drafts of files that take their name once they are whole, and errors of writing that name the file."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """From a search's score to a probability, in words too: an isotonic map fitted to series whose truth is known."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -10,10 +8,9 @@ from typing import Final
 import numpy as np
 
 from models.files.toml import parse_toml
+from models.identification.settings import SET
 
 MAP: Final = Path(__file__).with_name("confidence.toml")
-FEWEST: Final = 100
-"""Series, below which nothing counts as calibrated."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +28,7 @@ class ConfidenceMap:
     @property
     def calibrated(self) -> bool:
         """Whether it rests on enough series."""
-        return self.series >= FEWEST and len(self.score) > 0
+        return self.series >= SET.calibrated_on and len(self.score) > 0
 
     @property
     def most(self) -> float:
@@ -52,7 +49,7 @@ class ConfidenceMap:
     def origin(self) -> str:
         """What it rests on."""
         if not self.calibrated:
-            return f"No map on {FEWEST} series or more is at hand."
+            return f"No map on {SET.calibrated_on} series or more is at hand."
         return f"Isotonic map on {self.statements} such findings in {self.series} simulated series, {self.date}."
 
     def to_toml(self) -> str:

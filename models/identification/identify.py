@@ -26,14 +26,12 @@ from models.identification.model import Model, own_effects_of
 from models.identification.record_checks import check_parts, check_records
 from models.identification.residual.dependence import dependence_of
 from models.identification.residual_tests import chance_error, residual_checks
-from models.identification.search.forward_selection import CLEAN, MOST_EFFECTS, Search, search
+from models.identification.search.forward_selection import Search, search
+from models.identification.settings import SET
 from models.identification.verdict import at_bounds, by_chance, model_checks, setback_findings, setbacks, verdict_of
 from models.records.record import Record
 from models.rigs.columns import TIME
 from models.rigs.rig import Rig
-
-_DRAWS = 5
-_AS_LIKELY_AS_NOT = 0.5  # that an effect which explains but a part is there: what is unknown may look like it
 
 
 def close(
@@ -43,7 +41,7 @@ def close(
     progress: Callable[[str, float], None],
     seed: int = 0,
     known: Known = NOTHING_KNOWN,
-    most: int = MOST_EFFECTS,
+    most: int = SET.most_effects,
 ) -> tuple[Finding, Model]:
     """Calibrate the rig's model on `train`, find what it lacks, and report the errors before and after; `holdout` is
     looked through for what makes it unusable, then not opened until the end.
@@ -77,9 +75,9 @@ def close(
     }
     spread = intervals(kind, found.augmented, found.model, found.parts)
     rng = np.random.default_rng(seed)
-    likely = [drawn(kind, found.augmented, found.model, rng) for _ in range(_DRAWS)]
+    likely = [drawn(kind, found.augmented, found.model, rng) for _ in range(SET.draws)]
     sure = [name for name, estimate in spread.items() if estimate.told]
-    near = [drawn(kind, found.augmented, found.model, rng, sure) for _ in range(_DRAWS)]
+    near = [drawn(kind, found.augmented, found.model, rng, sure) for _ in range(SET.draws)]
     residuals = residual_checks(kind, train, found.augmented, near, effects=found.effects)
     chance = chance_error(kind, holdout, found.augmented, likely)
     floor = kind.noise_floor(holdout or train)
@@ -186,7 +184,7 @@ def _stage_values(kind: AnyKind, found: Search) -> dict[str, dict[str, float]]:
 
 def _effect(name: str, found: Search, spread: Mapping[str, Estimate], verdict: str) -> FoundEffect:
     curves = {curve: _own(curve, spread) for curve in found.refinements if curve in BY_ID[name].refined_by}
-    score = found.score[name] if verdict == "named" else min(found.score[name], _AS_LIKELY_AS_NOT)
+    score = found.score[name] if verdict == "named" else min(found.score[name], SET.part_score)
     known = confidence_map()
     sure = known.probability(score)
     return FoundEffect(
@@ -234,7 +232,7 @@ def _statements(found: Search, verdict: str) -> list[str]:
             f"Predictability horizon: a 0.1 % change of the base parameters adds or removes slip events after"
             f" {found.horizon_s:g} s; effects are judged on the records up to there."
         )
-    elif found.sensitivity > CLEAN * found.null_cost:
+    elif found.sensitivity > SET.clean * found.null_cost:
         said.append(
             "The motion is sensitive to parameters: a 0.1 % change of the base parameters adds or removes slip events"
             f" and alone leaves a validation cost of {found.sensitivity:.3g}; errors far below that are coincidence."
@@ -247,7 +245,7 @@ def _statements(found: Search, verdict: str) -> list[str]:
     if verdict == "unknown":
         said.append(
             "The residual is structured and no candidate explains it."
-            if found.after >= CLEAN * found.null_cost
+            if found.after >= SET.clean * found.null_cost
             else (
                 "Fits leave as much of the model's own predictions: an effect that is smaller than that cannot be seen."
             )

@@ -29,8 +29,8 @@ from models.parameter import Parameter, nearest
 from models.records.record import Record, named
 from models.rigs.rig import Rig
 
-LARGEST_MODEL = 1 << 22
-LARGEST_REPORT = 1 << 26
+LARGEST_MODEL = 1 << 22  # bytes of a model file
+LARGEST_REPORT = 1 << 26  # bytes of a report
 
 
 def read_model(path: Path, kind: str, *others: str, whole: bool = True) -> Model:
@@ -58,7 +58,7 @@ def read_report(path: Path) -> dict[str, Any]:
     return read_json(path, "report that close-loop wrote", LARGEST_REPORT)
 
 
-FORMAT = 1
+FORMAT = 1  # of the model file, which a reader asks for
 CHECKSUM = "checksum"
 SEAL = "'python -m models.identification.seal MODEL.toml'"
 HELD_OUT = "held_out_error"

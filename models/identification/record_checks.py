@@ -8,13 +8,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from models.checks.clock.interval import STEPS_S
+from models.checks.settings import SET as CHECKS
 from models.identification.kind import Kind
+from models.identification.settings import SET
 from models.records.record import Record, named
 from models.rigs.columns import TIME
 from models.rigs.kinds import KINDS
-
-_GAP = 1000.0
 
 
 def check_demand(record: Record) -> None:
@@ -26,9 +25,9 @@ def check_demand(record: Record) -> None:
         what, asked = "period_s times cycles, summed over the runs,", float(np.sum(np.prod(runs, axis=1)))
     elif record.layout.time:
         steps = np.diff(record[TIME])
-        if np.median(steps) < STEPS_S[0]:
+        if np.median(steps) < CHECKS.step_s[0]:
             raise ValueError(
-                f"{record.name}: t_s must step by at least {STEPS_S[0]:g} s; got steps of {np.median(steps):g} s"
+                f"{record.name}: t_s must step by at least {CHECKS.step_s[0]:g} s; got steps of {np.median(steps):g} s"
             )
         what, asked = "t_s", float(np.sum(steps))
     else:
@@ -80,12 +79,12 @@ def _check_clock(record: Record) -> None:
     t = record[TIME]
     steps = np.diff(t)
     usual = float(np.median(steps))
-    if usual > STEPS_S[1]:
+    if usual > CHECKS.step_s[1]:
         raise ValueError(
-            f"{record.name}: t_s must step by at most {STEPS_S[1]:g} s; got steps of {usual:g} s: is it in s?"
+            f"{record.name}: t_s must step by at most {CHECKS.step_s[1]:g} s; got steps of {usual:g} s: is it in s?"
         )
     worst = int(np.argmax(steps))
-    if steps[worst] > _GAP * usual:
+    if steps[worst] > SET.gap * usual:
         raise ValueError(
             f"{record.name}: t_s must go on without a gap; got none between {t[worst]:.12g} s and {t[worst + 1]:.12g} s"
             f" where steps are {usual:g} s: cut the record there"

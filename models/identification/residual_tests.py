@@ -11,12 +11,8 @@ from models.identification.finding import Check
 from models.identification.fitting.fit import Fit, evaluate
 from models.identification.kind import Kind
 from models.identification.search.validation import free_run
+from models.identification.settings import SET
 from models.records.record import Record
-
-_LAGS = 40
-_WIDER = 1.3
-_NUMBERS = 5000
-_UNSEEN = 0.1  # share of the noise's power below which the residual, or its correlated part, is too small to count
 
 
 def residual_checks(
@@ -28,16 +24,16 @@ def residual_checks(
     effects: Sequence[str] = (),
 ) -> tuple[Check, ...]:
     """Size and whiteness of the residual, with limits from records imitated on models `likely` (values that the fit's
-    own uncertainty leaves open) and held against the fit: the largest of one from each; of tables of few
-    numbers, whose scatter is wide and whose imitation is quick, the mean of as many such as make `_NUMBERS` numbers.
+    own uncertainty leaves open) and held against the fit: the largest of one from each; of tables of few numbers, whose
+    scatter is wide and whose imitation is quick, the mean of as many such as make `SET.imitated_numbers` numbers.
 
-    Where an effect was found, its form need not be the true one to the last: autocorrelation up to `_UNSEEN` is let
+    Where an effect was found, its form need not be the true one to the last: autocorrelation up to `SET.unseen` is let
     pass, which among many numbers is beyond chance, but a tenth of the noise's power at most.
     """
     criterion = free_run(kind)
     rng = np.random.default_rng(seed)
     residual = evaluate(kind, records, fit.theta, criterion)
-    actual, rounds = _numbers(residual), max(1, _NUMBERS // (len(residual) * len(likely)))
+    actual, rounds = _numbers(residual), max(1, SET.imitated_numbers // (len(residual) * len(likely)))
     largest = []
     for _ in range(rounds):
         imitated = []
@@ -49,9 +45,9 @@ def residual_checks(
             largest.append(np.max(imitated, axis=0))
     if not largest:
         raise ValueError("records must be such that the fitted model can give their like; it gives none that is read")
-    limits = _WIDER * np.mean(largest, axis=0)
+    limits = SET.limit_wider * np.mean(largest, axis=0)
     if effects:
-        limits[1] = max(limits[1], len(residual) * _UNSEEN**2)
+        limits[1] = max(limits[1], len(residual) * SET.unseen**2)
     words = (
         (
             "residual_size",
@@ -61,11 +57,11 @@ def residual_checks(
         (
             "whiteness",
             "whiteness",
-            f"mean of the first {_LAGS} squared autocorrelations of the residuals, times their number (Ljung-Box)",
+            f"mean of the first {SET.lags} squared autocorrelations of the residuals, times their number (Ljung-Box)",
         ),
     )
     return tuple(
-        Check(name, title, float(value), float(limit), bool(value <= limit or actual[0] < _UNSEEN), meaning)
+        Check(name, title, float(value), float(limit), bool(value <= limit or actual[0] < SET.unseen), meaning)
         for (name, title, meaning), value, limit in zip(words, actual, limits, strict=True)
     )
 
@@ -86,6 +82,6 @@ def chance_error(
 def _numbers(residual: np.ndarray) -> np.ndarray:
     r = residual - residual.mean()
     power = max(float(r @ r), 1e-300)
-    lags = range(1, min(_LAGS, len(r) // 2) + 1)
+    lags = range(1, min(SET.lags, len(r) // 2) + 1)
     rho = np.array([float(r[:-lag] @ r[lag:]) / power for lag in lags])
     return np.array([float(residual @ residual) / len(residual), len(r) * float(np.mean(rho**2)) if len(rho) else 0.0])

@@ -2,8 +2,6 @@
 `python -m models.identification.seal MODEL.toml`.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

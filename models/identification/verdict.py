@@ -13,13 +13,9 @@ from models.identification.finding import STAGES, Check, Estimate
 from models.identification.fitting.confidence import near
 from models.identification.fitting.fit import Fit, axes
 from models.identification.kind import Kind, declared
-from models.identification.search.forward_selection import CLEAN, Search
-from models.identification.search.validation import NEAR_NOISE
+from models.identification.search.forward_selection import Search
+from models.identification.settings import SET
 from models.records.record import Record
-
-_LEVEL = 0.995  # of chi-square: up to which a mean square of residuals is chance
-_SEEN_AGAIN = 2.0  # times that a period must be seen in a record
-_BEYOND_CHANCE = 2.0  # times what imitations leave of held-out records, up to which nothing is missing
 
 
 def verdict_of(effects: Sequence[str], checks: Sequence[Check]) -> str:
@@ -48,10 +44,10 @@ def model_checks(
     1/sqrt(q) as much, so records left out may exceed 1 by 1/q times as much. The mean square of few residuals
     scatters as chi-square has it, which is allowed, too. `longest_s` is how long the longest record lasts.
     """
-    limit = CLEAN * (max(found.null_cost, found.sensitivity) if found.effects else min(found.null_cost, NEAR_NOISE))
+    limit = SET.clean * (max(found.null_cost, found.sensitivity) if found.effects else min(found.null_cost, SET.near))
     if found.effects:
         limit = max(limit, 1 + (allowed - 1) / found.trained_share)
-    limit = max(limit, float(chi2.ppf(_LEVEL, found.augmented.count)) / found.augmented.count)
+    limit = max(limit, float(chi2.ppf(SET.chance_level, found.augmented.count)) / found.augmented.count)
     left, of = found.after, "mean square on records left out of the fits"
     if found.augmented.chi2 < left and not found.effects:
         left, of = found.augmented.chi2, f"{of}, or of the fit to all, which without an effect has nothing to overfit"
@@ -86,7 +82,7 @@ def model_checks(
                     "periods",
                     "period of an effect over the longest record",
                     max(periods) / longest_s,
-                    1 / _SEEN_AGAIN,
+                    1 / SET.seen_again,
                     "what does not come back within a record may be any slow change",
                 )
             )
@@ -107,7 +103,7 @@ def model_checks(
         if np.isfinite(chance):
             over_chance = held_out["calibrated"] / max(chance, 1e-300)
             words = "of the free run, by the most that noise and uncertain parameters make of it"
-            checks.append(_check("held_out", "held-out error over chance", over_chance, _BEYOND_CHANCE, words))
+            checks.append(_check("held_out", "held-out error over chance", over_chance, SET.beyond_chance, words))
     base = [estimate.told for name, estimate in spread.items() if "." not in name]
     if base:
         share = float(np.mean([not told for told in base]))
@@ -125,8 +121,6 @@ def model_checks(
 
 WORSE: Final = "worse_on_held_out_records"
 """Id of the finding on a stage of the model that errs more on held-out records than one before it."""
-_CLEARLY = 1.01  # times the error of another stage, from which on one is worse
-_NEAR_FLOOR = 1.25  # noise floors, up to which a difference is none
 
 
 def setbacks(error: Mapping[str, float], floor: float) -> dict[str, str]:
@@ -137,8 +131,8 @@ def setbacks(error: Mapping[str, float], floor: float) -> dict[str, str]:
     known = [stage for stage in STAGES if np.isfinite(error.get(stage, np.nan))]
     for place, stage in enumerate(known):
         better = min(known[:place], key=lambda name: error[name], default=stage)
-        least = _NEAR_FLOOR * floor if np.isfinite(floor) else 0.0
-        if error[stage] > max(_CLEARLY * error[better], least):
+        least = SET.near_floor * floor if np.isfinite(floor) else 0.0
+        if error[stage] > max(SET.clearly_worse * error[better], least):
             said[stage] = (
                 f"the {stage} model predicts held-out records worse than the {better} one"
                 f" ({error[stage]:.3g} against {error[better]:.3g})"
@@ -150,7 +144,7 @@ def by_chance(error: float, chance: float) -> bool:
     """Whether noise and uncertain parameters alone give such a held-out `error`: one slip missed makes a free run err
     by more than a parameter that is a percent off, also where the fit is right.
     """
-    return bool(error <= _BEYOND_CHANCE * chance)
+    return bool(error <= SET.beyond_chance * chance)
 
 
 def setback_findings(

@@ -11,8 +11,6 @@ across it between the centres, q = (g/h)^2 and C = mu_0 m_1 m_2/(4 pi), the ener
 Source: K. W. Yung et al., Magn. Electr. Sep. 9 (1998) 39, Eq. 8 (force between two dipoles).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any, Final, Literal

@@ -1,7 +1,5 @@
 """Storage and loss modulus of the wall under oscillating shear: five elements (paper V Eq. 14-19) and a springpot."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -19,11 +17,6 @@ class DynamicModulus:
 
     storage: Any
     loss: Any
-
-    @property
-    def loss_tangent(self) -> Any:
-        """`tan(delta) = Y2/Y1`."""
-        return self.loss / self.storage
 
 
 def angular_frequency(frequency_Hz: Any, reading: Reading = "hertz") -> Any:

@@ -1,7 +1,5 @@
 """Resistance and Coulomb limit of a capsule in a purely hyperelastic gut (paper A Eq. 6-11)."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

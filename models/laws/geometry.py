@@ -1,7 +1,5 @@
 """The capsule's shape and the tissue around it: the few lengths and angles that every law shares."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any, Literal, get_args

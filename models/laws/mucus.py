@@ -1,7 +1,5 @@
 """Drag of the shear-thinning mucus film between capsule and wall (paper V Eq. 9, 10)."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Environmental resistance of the nose and normal load of the capsule in the stretched gut (paper V Eq. 7, 8, 12)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any
@@ -77,8 +75,3 @@ def normal_load(speed: Any, capsule: Capsule, tissue: Tissue) -> Any:
     """
     nose, cylinder = pressure_integrals(speed, capsule, tissue)
     return capsule.mass_kg * GRAVITY + math.cos(tissue.theta) * nose + cylinder
-
-
-def coulomb_limit(speed: Any, capsule: Capsule, tissue: Tissue) -> Any:
-    """`f_c = mu N` in N: the tension at which the wall slips; `speed` v in m/s (paper V Eq. 11)."""
-    return tissue.friction_coefficient * normal_load(speed, capsule, tissue)

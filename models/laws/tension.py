@@ -1,7 +1,5 @@
 """Tension of the wall that the capsule has dragged along (paper A Eq. 12)."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A table `[columns]` that is proposed for a file whose columns have other names and units than ours."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

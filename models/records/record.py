@@ -22,7 +22,7 @@ from models.rigs.mapping import MappedColumn, check_stated
 from models.rigs.rig import Rig
 
 Array = NDArray[np.float64]
-MOST_CELLS = 32_000_000
+MOST_CELLS = 32_000_000  # numbers of a record: 256 MB
 USED = "_used"
 """Column of a record: 1 where the measured value counts, 0 where there is none or it was filled in."""
 LARGEST_SAMPLE = 1e12

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 TIME = "t_s"
-TIME_SERIES_ROWS = 2_000_000
-TABLE_ROWS = 100_000
+TIME_SERIES_ROWS = 2_000_000  # most rows of a record: half an hour at 1 kHz
+TABLE_ROWS = 100_000  # most rows of a table
 
 
 @dataclass(frozen=True)
@@ -72,12 +72,12 @@ class Range(NamedTuple):
         return np.asarray((within if self.zero else within & (values != 0)) | np.isnan(values))
 
 
-_FORCE = Range(-1e3, 1e3, "between -1000 and 1000 N")
+_FORCE = Range(-1e3, 1e3, "between -1000 and 1000 N")  # of a capsule
 SLOWEST_PULL = 1e-7
 """In m/s: a tooth of a tenth of a millimetre every quarter of an hour."""
-_PLACE = Range(-100.0, 100.0, "between -100 and 100 m")
+_PLACE = Range(-100.0, 100.0, "between -100 and 100 m")  # of the same
 
-RANGES = MappingProxyType(
+RANGES = MappingProxyType(  # what a value of a column may be, by column
     {
         "position_m": _PLACE,
         "carriage_position_m": _PLACE,

@@ -11,7 +11,7 @@ from models.rigs.kind import Record, RigKind, Tables
 from models.rigs.rig import Head
 from models.rigs.tables import PaperCapsuleTable, PaperTissueTable
 
-_PULL_M_S = 5e-4
+_PULL_M_S = 5e-4  # of paper A
 
 
 class PeriodsHead(Head):

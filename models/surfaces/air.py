@@ -1,12 +1,10 @@
 """Nothing under the body: it hangs or floats, and no friction holds it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
 from models.parameter import Parameter
-from models.surfaces.surface import Levels, Surface, Values
+from models.surfaces.surface import FULL, Held, Levels, Surface, Values
 
 
 @dataclass(frozen=True)
@@ -22,14 +20,7 @@ class Air(Surface):
     def parameters(self) -> tuple[Parameter, ...]:
         return ()
 
-    def hold(
-        self,
-        speed: Any,
-        p: Values,
-        carried_kg: float = 0.0,
-        levels: Levels = (1.0, 1.0, 1.0),
-        pressing: Any = 0.0,
-    ) -> tuple[Any, Any]:
+    def hold(self, speed: Any, p: Values, carried_kg: float = 0.0, levels: Levels = FULL, pressing: Any = 0.0) -> Held:
         return 0.0, 0.0
 
     def equations(self, p: Values) -> list[str]:

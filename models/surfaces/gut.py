@@ -17,13 +17,13 @@ from models.laws.mucus import mucus_drag
 from models.laws.resistance import pressure_integrals
 from models.laws.tension import wall_tension
 from models.parameter import Parameter
-from models.surfaces.surface import Levels, Surface, Values
+from models.surfaces.surface import FULL, Held, Levels, Surface, Values
 
 FAST, FASTEST = 0.3, 1.0  # m/s, ends of the fitted ranges of the pressure integrals; a shaken body reaches 0.4
 LONGEST = 3e-3  # m, end of the fitted range of the wall drag
-_KNEE = 3e-3
-_DEGREE, _DEGREE_BEYOND = 12, 4
-_TINY = 1e-12
+_KNEE = 3e-3  # m/s, about which the fitted polynomial is finest
+_DEGREE, _DEGREE_BEYOND = 12, 4  # of the polynomials up to `FAST` and beyond
+_TINY = 1e-12  # a difference that is none, in m or N
 
 
 def _polynomial(value: Any, coefficients: tuple[float, ...]) -> Any:
@@ -102,14 +102,7 @@ class Wall(Surface):
     def parameters(self) -> tuple[Parameter, ...]:
         return base_parameters(self.tissue)
 
-    def hold(
-        self,
-        speed: Any,
-        p: Values,
-        carried_kg: float = 0.0,
-        levels: Levels = (1.0, 1.0, 1.0),
-        pressing: Any = 0.0,
-    ) -> tuple[Any, Any]:
+    def hold(self, speed: Any, p: Values, carried_kg: float = 0.0, levels: Levels = FULL, pressing: Any = 0.0) -> Held:
         mu = p["friction_coefficient"]
         friction, onset = self.grip(speed, p["hoop_stress_factor"], mu, levels)
         return friction, onset + mu * (levels[1] * carried_kg * GRAVITY + pressing)
@@ -134,7 +127,7 @@ class Wall(Surface):
         """`I2` in N at `speed` >= 0 in m/s."""
         return _integral(speed, self.cylinder_coefficients)
 
-    def grip(self, speed: Any, hoop: Any, mu: Any, levels: tuple[Any, Any, Any] = (1.0, 1.0, 1.0)) -> tuple[Any, Any]:
+    def grip(self, speed: Any, hoop: Any, mu: Any, levels: Levels = FULL) -> Held:
         """Environmental resistance `F_e = sin(theta) c I1` and slip limit `f_c = mu (m g + c (cos(theta) I1 + I2))` in
         N.
 

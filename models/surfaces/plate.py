@@ -1,13 +1,11 @@
 """A rigid plate under the body: Coulomb friction and nothing else."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
 from models.laws.geometry import GRAVITY
 from models.parameter import Parameter
-from models.surfaces.surface import Levels, Surface, Values
+from models.surfaces.surface import FULL, Held, Levels, Surface, Values
 
 
 @dataclass(frozen=True)
@@ -25,14 +23,7 @@ class Plate(Surface):
         mu = self.friction_coefficient
         return (Parameter("friction_coefficient", mu, "1", 0.5 * mu, 2.0 * mu, "rig file", fit=True),)
 
-    def hold(
-        self,
-        speed: Any,
-        p: Values,
-        carried_kg: float = 0.0,
-        levels: Levels = (1.0, 1.0, 1.0),
-        pressing: Any = 0.0,
-    ) -> tuple[Any, Any]:
+    def hold(self, speed: Any, p: Values, carried_kg: float = 0.0, levels: Levels = FULL, pressing: Any = 0.0) -> Held:
         load = carried_kg * GRAVITY + pressing
         return p["friction_coefficient"] * (self.mass_kg * GRAVITY + load) * levels[0], 0.0
 

@@ -1,15 +1,15 @@
 """What a surface is: how it holds the body that lies on it, and what a model may fit of it. One subclass a file."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Final
 
 from models.parameter import Parameter
 
 Values = Mapping[str, Any]
 Levels = tuple[Any, Any, Any]
+Held = tuple[Any, Any]
+FULL: Final[Levels] = (1.0, 1.0, 1.0)  # factors on elastic resistance, weight and load where nothing changes them
 
 
 class Surface(ABC):
@@ -29,14 +29,7 @@ class Surface(ABC):
         """What differs from rig to rig, for calibration to fit; the first one scales the friction."""
 
     @abstractmethod
-    def hold(
-        self,
-        speed: Any,
-        p: Values,
-        carried_kg: float = 0.0,
-        levels: Levels = (1.0, 1.0, 1.0),
-        pressing: Any = 0.0,
-    ) -> tuple[Any, Any]:
+    def hold(self, speed: Any, p: Values, carried_kg: float = 0.0, levels: Levels = FULL, pressing: Any = 0.0) -> Held:
         """Coulomb friction in N and the limit in N at which a dragged wall slips (0 without one), at `speed` >= 0 in
         m/s and the parameters `p`. `levels` are effects' factors on the friction, on the weight's part of the limit and
         on the rest of it; `pressing` in N is what presses the body on the surface beside the weights.

@@ -18,7 +18,7 @@ from plant.tables import Floats
 
 
 @dataclass(frozen=True)
-class Drive(ABC):
+class TrueDrive(ABC):
     """A drive's true numbers; `kind` is that of its rig. `free`: the capsule can be led in closed loop; `straight`: a
     command is gone to in a straight line, else it is held; `feedback` is the column that the drive itself reports, ""
     for none; `pushes`: it puts a force on the body that a limit applies to.
@@ -68,13 +68,13 @@ class Drive(ABC):
         """The true numbers under the names that a calibration gives them."""
         return {}
 
-    def varied(self, force: float, spring: float) -> Drive:
+    def varied(self, force: float, spring: float) -> TrueDrive:
         """The same drive with its force and its spring by these factors other."""
         return self
 
 
 @dataclass(frozen=True)
-class Pull(Drive):
+class TruePull(TrueDrive):
     """Imposed position; a link of `link_stiffness_N_per_m` (0: rigid) with `link_damping_N_s_per_m`."""
 
     kind: ClassVar[str] = registry.PULL
@@ -94,18 +94,32 @@ class Pull(Drive):
 
 
 @dataclass(frozen=True)
-class Magnet(Drive):
-    """Carriage magnet: `k g/(1 + (g/r)^2)^2` on the gap g."""
+class Carriage(TrueDrive):
+    """A magnet on a carriage."""
 
     kind: ClassVar[str] = registry.MAGNETIC
     free: ClassVar[bool] = True
     straight: ClassVar[bool] = True
-    magnet_stiffness_N_per_m: float = 25.0
-    magnet_range_m: float = 0.02
 
     @property
     def feedback(self) -> str:
         return "carriage_position_m"
+
+    def columns(self, commanded: Floats, mean: Floats, reading: Floats, current: Floats) -> dict[str, Floats]:
+        return {"carriage_position_m": commanded, "position_m": reading}
+
+    @property
+    @abstractmethod
+    def gap_limit_m(self) -> float:
+        """The gap in m at which the magnet pulls most."""
+
+
+@dataclass(frozen=True)
+class TrueMagnet(Carriage):
+    """Carriage magnet: `k g/(1 + (g/r)^2)^2` on the gap g."""
+
+    magnet_stiffness_N_per_m: float = 25.0
+    magnet_range_m: float = 0.02
 
     def loop(self, effects: Floats) -> tuple[Any, tuple[int, ...]]:
         return advance_body, (MAGNET,)
@@ -113,38 +127,27 @@ class Magnet(Drive):
     def fill(self, p: Floats) -> None:
         p[at.P_MAGNET_K], p[at.P_MAGNET_RANGE] = self.magnet_stiffness_N_per_m, self.magnet_range_m
 
-    def columns(self, commanded: Floats, mean: Floats, reading: Floats, current: Floats) -> dict[str, Floats]:
-        return {"carriage_position_m": commanded, "position_m": reading}
-
     def numbers(self) -> dict[str, float]:
         return {"magnet_stiffness_N_per_m": self.magnet_stiffness_N_per_m}
 
-    def varied(self, force: float, spring: float) -> Drive:
+    def varied(self, force: float, spring: float) -> TrueDrive:
         return replace(self, magnet_stiffness_N_per_m=self.magnet_stiffness_N_per_m * force)
 
     @property
     def gap_limit_m(self) -> float:
-        """The gap in m at which the magnet pulls most."""
         return self.magnet_range_m / math.sqrt(3)
 
 
 @dataclass(frozen=True)
-class MagnetPair(Drive):
+class TrueMagnetPair(Carriage):
     """A carriage magnet and the capsule's as two dipoles at a height across the lumen, whose attraction presses the
     capsule on its surface. `along`: the moments lie along the lumen, opposite to each other, else across it.
     """
 
-    kind: ClassVar[str] = registry.MAGNETIC
-    free: ClassVar[bool] = True
-    straight: ClassVar[bool] = True
     outer_moment_A_m2: float = 400.0
     inner_moment_A_m2: float = 1.0
     height_m: float = 0.15
     along: bool = False
-
-    @property
-    def feedback(self) -> str:
-        return "carriage_position_m"
 
     def loop(self, effects: Floats) -> tuple[Any, tuple[int, ...]]:
         return advance_body, (PAIR,)
@@ -152,9 +155,6 @@ class MagnetPair(Drive):
     def fill(self, p: Floats) -> None:
         p[at.P_OUTER_MOMENT], p[at.P_INNER_MOMENT] = self.outer_moment_A_m2, self.inner_moment_A_m2
         p[at.P_MAGNET_HEIGHT], p[at.P_MAGNET_ALONG] = self.height_m, float(self.along)
-
-    def columns(self, commanded: Floats, mean: Floats, reading: Floats, current: Floats) -> dict[str, Floats]:
-        return {"carriage_position_m": commanded, "position_m": reading}
 
     def forces(self, gap_m: Floats) -> tuple[Floats, Floats]:
         """Pull along the lumen and attraction across it in N at the gaps (n,)."""
@@ -165,7 +165,6 @@ class MagnetPair(Drive):
 
     @property
     def gap_limit_m(self) -> float:
-        """The gap in m at which the magnet pulls most."""
         gaps = np.linspace(0.0, self.height_m, 2001)
         return float(gaps[np.argmax(self.forces(gaps)[0])])
 
@@ -175,7 +174,7 @@ class MagnetPair(Drive):
 
 
 @dataclass(frozen=True)
-class Coil(Drive):
+class TrueCoil(TrueDrive):
     """Voltage-driven coil: `L i' = U - R i - K_e v`, `|i|` limited, `F = K i`."""
 
     kind: ClassVar[str] = registry.COIL
@@ -203,12 +202,12 @@ class Coil(Drive):
     def numbers(self) -> dict[str, float]:
         return {"coil_force_N_per_A": self.gain_N_per_A}
 
-    def varied(self, force: float, spring: float) -> Drive:
+    def varied(self, force: float, spring: float) -> TrueDrive:
         return replace(self, gain_N_per_A=self.gain_N_per_A * force)
 
 
 @dataclass(frozen=True)
-class Force(Drive):
+class Force(TrueDrive):
     """A force in N on the body, nothing else."""
 
     kind: ClassVar[str] = registry.FORCE
@@ -221,7 +220,7 @@ class Force(Drive):
 
 
 @dataclass(frozen=True)
-class Vibro(Drive):
+class TrueVibro(TrueDrive):
     """Inner mass on a spring with damping and stops; driven by force, or by voltage when `coil` is given.
 
     `reaction_on_body`: the actuator sits on board and pushes back on the body; else a field from outside acts on the
@@ -240,7 +239,7 @@ class Vibro(Drive):
     front_stiffness_N_per_m: float = 0.0
     rear_gap_m: float = 1.0
     rear_stiffness_N_per_m: float = 0.0
-    coil: Coil | None = None
+    coil: TrueCoil | None = None
 
     @property
     def feedback(self) -> str:
@@ -273,12 +272,10 @@ class Vibro(Drive):
     def numbers(self) -> dict[str, float]:
         return {"force_N": self.force_N, "spring_stiffness_N_per_m": self.spring_stiffness_N_per_m}
 
-    def varied(self, force: float, spring: float) -> Drive:
+    def varied(self, force: float, spring: float) -> TrueDrive:
         stiffness = self.spring_stiffness_N_per_m * spring
         return replace(self, force_N=self.force_N * force, spring_stiffness_N_per_m=stiffness)
 
 
-MAGNETS: Final = (Magnet, MagnetPair)
-"""The drives that pull from a carriage."""
-DRIVES: Final[dict[str, type[Drive]]] = {drive.kind: drive for drive in (Pull, Magnet, Coil, Vibro)}
+DRIVES: Final[dict[str, type[TrueDrive]]] = {drive.kind: drive for drive in (TruePull, TrueMagnet, TrueCoil, TrueVibro)}
 """The drives that a scenario can name, by the kind of rig."""

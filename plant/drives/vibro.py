@@ -1,52 +1,31 @@
 """A body with an inner mass on a spring between two stops (vibro-impact drive, capsubot)."""
 
-from __future__ import annotations
-
 from typing import Final
 
+from plant import layout as at
 from plant.anatomy import profile_level
 from plant.compiling import compiled
 from plant.drives.body import coil_current
 from plant.hidden.forces import field_reach, hidden_force, inertia, remember_stress, suspension_force
 from plant.hidden.resistance import remember_motion, resistance_level
 from plant.hidden.table import has_force, has_level
-from plant.layout import (
-    P_COIL_EMF,
-    P_COIL_GAIN,
-    P_FRONT_GAP,
-    P_FRONT_K,
-    P_HOOP,
-    P_INNER_MASS,
-    P_REACTION,
-    P_REAR_GAP,
-    P_REAR_K,
-    P_SPRING_C,
-    P_SPRING_K,
-    S_CURRENT,
-    S_DIRECTION,
-    S_INNER_V,
-    S_INNER_X,
-    S_STEP,
-    S_V,
-    S_X,
-)
 from plant.rows import write_row
 from plant.surface import clipped_speed, kinetic_limit, sliding_limit
 from plant.tables import Floats
 from plant.wall import move_wall, wall_force
 
-BY_FORCE: Final = 0
+BY_FORCE: Final = 0  # what the inner mass is driven by
 BY_VOLTAGE: Final = 1
 
 
 @compiled
 def spring_force(r: float, rate: float, p: Floats) -> float:
     """`F_i = k r + c r' + k_f (r - G_f)+ - k_r (-r - G_r)+` in N on the inner mass's offset `r` in m from rest."""
-    force = p[P_SPRING_K] * r + p[P_SPRING_C] * rate
-    if r > p[P_FRONT_GAP]:
-        force += p[P_FRONT_K] * (r - p[P_FRONT_GAP])
-    if -r > p[P_REAR_GAP]:
-        force += p[P_REAR_K] * (r + p[P_REAR_GAP])
+    force = p[at.P_SPRING_K] * r + p[at.P_SPRING_C] * rate
+    if r > p[at.P_FRONT_GAP]:
+        force += p[at.P_FRONT_K] * (r - p[at.P_FRONT_GAP])
+    if -r > p[at.P_REAR_GAP]:
+        force += p[at.P_REAR_K] * (r + p[at.P_REAR_GAP])
     return float(force)
 
 
@@ -72,18 +51,18 @@ def advance_vibro(
     more value than steps done. Returns the rows written.
     """
     rows = 0
-    step = int(s[S_STEP])
+    step = int(s[at.S_STEP])
     due = -step % every
     mass = inertia(p, h)
     leveled, forced = has_level(h), has_force(h)
     for k in range(drive.shape[0] - 1):
         t = (step + k) * dt
-        x, v = s[S_X], s[S_V]
-        inner_x, inner_v = s[S_INNER_X], s[S_INNER_V]
+        x, v = s[at.S_X], s[at.S_V]
+        inner_x, inner_v = s[at.S_INNER_X], s[at.S_INNER_V]
         force = drive[k]
         if kind == BY_VOLTAGE:
-            s[S_CURRENT] = coil_current(drive[k], p[P_COIL_EMF] * (inner_v - v), dt, s[S_CURRENT], p)
-            force = p[P_COIL_GAIN] * s[S_CURRENT]
+            s[at.S_CURRENT] = coil_current(drive[k], p[at.P_COIL_EMF] * (inner_v - v), dt, s[at.S_CURRENT], p)
+            force = p[at.P_COIL_GAIN] * s[at.S_CURRENT]
         if k == due:
             write_row(out[rows], t, s, force, drive[k])
             rows += 1
@@ -93,26 +72,26 @@ def advance_vibro(
         force *= field_reach(offset, h)
         spring = spring_force(offset, rate, p)
         spring += suspension_force(offset, rate, h)
-        hoop = p[P_HOOP] * profile_level(x, p, profile)
+        hoop = p[at.P_HOOP] * profile_level(x, p, profile)
         if leveled:
             hoop *= resistance_level(x, v, t, s, h)
         limit = sliding_limit(v, hoop, s, p, tab)
-        net = spring - p[P_REACTION] * force - wall_force(v, hoop, s, p, h, tab)
+        net = spring - p[at.P_REACTION] * force - wall_force(v, hoop, s, p, h, tab)
         if forced:
             net += hidden_force(x, v, t, s, p, h)
         v_next = clipped_speed(v, net, limit, kinetic_limit(v, limit, p), mass, dt)
-        inner_next = inner_v + dt * (force - spring) / p[P_INNER_MASS]
+        inner_next = inner_v + dt * (force - spring) / p[at.P_INNER_MASS]
         mean = 0.5 * (v + v_next)
         if v_next != 0.0:
-            s[S_DIRECTION] = 1.0 if v_next > 0 else -1.0
-        s[S_V] = v_next
-        s[S_X] = x + dt * mean
-        s[S_INNER_V] = inner_next
-        s[S_INNER_X] = inner_x + 0.5 * dt * (inner_v + inner_next)
+            s[at.S_DIRECTION] = 1.0 if v_next > 0 else -1.0
+        s[at.S_V] = v_next
+        s[at.S_X] = x + dt * mean
+        s[at.S_INNER_V] = inner_next
+        s[at.S_INNER_X] = inner_x + 0.5 * dt * (inner_v + inner_next)
         move_wall(mean, dt, hoop, s, p, h, tab)
         if leveled:
             remember_motion(mean, dt, s, h)
         if forced:
             remember_stress(mean, dt, s, h)
-    s[S_STEP] += drive.shape[0] - 1
+    s[at.S_STEP] += drive.shape[0] - 1
     return rows

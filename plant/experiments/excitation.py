@@ -1,13 +1,11 @@
 """Drive profiles: dwells and runs at several speeds, wandering sums of sines, pulse-width modulation in trains."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from plant.tables import Floats
 
-RUN_SPEEDS_M_S = (0.5e-3, 1e-3, 2e-3, 4e-3, 7e-3, 10e-3, 14e-3)
-_RAMP_S = 0.02
+RUN_SPEEDS_M_S = (0.5e-3, 1e-3, 2e-3, 4e-3, 7e-3, 10e-3, 14e-3)  # of a pull programme
+_RAMP_S = 0.02  # time in which a stage comes to speed
 
 
 def piecewise_runs(segments: list[tuple[float, float]], dt: float, ramp_s: float = _RAMP_S) -> Floats:
@@ -68,29 +66,3 @@ def pulse_width(period_s: float, duty: float, duration_s: float, dt: float) -> F
     cycles = np.arange(round(duration_s / dt) + 2) * (dt / period_s)
     on_time = np.floor(cycles) * duty + np.minimum(cycles - np.floor(cycles), duty)
     return np.asarray(np.diff(on_time) * (period_s / dt))
-
-
-def random_pulses(rng: np.random.Generator, duration_s: float, dt: float, period_s: float) -> Floats:
-    """Trains of a switch's pulses, one value a step of `dt` s: periods of 0.6 to 1.6 times `period_s`, duties of 0.15
-    to 0.85, each train for 1 to 3 s, a quarter of them a rest of 0.4 s instead.
-    """
-    parts: list[Floats] = []
-    while sum(part.size for part in parts) * dt <= duration_s:
-        period, duty = period_s * rng.uniform(0.6, 1.6), rng.uniform(0.15, 0.85)
-        resting = rng.random() < 0.25
-        parts.append(
-            np.zeros(round(0.4 / dt)) if resting else pulse_width(period, duty, float(rng.integers(1, 4)), dt)[:-1]
-        )
-    return np.asarray(np.concatenate(parts)[: round(duration_s / dt) + 1])
-
-
-def random_voltage(rng: np.random.Generator, duration_s: float, dt: float, amplitude_V: float = 1.6) -> Floats:
-    """A coil's voltage in V: seven sines of 0.05 to 2 Hz, 0.2 to 0.4 of `amplitude_V` each, faded in over half a
-    second.
-    """
-    t = np.arange(round(duration_s / dt) + 1) * dt
-    turns = [
-        2 * np.pi * f * t + rng.uniform(0, 2 * np.pi) for f in np.geomspace(0.05, 2.0, 7) * rng.uniform(0.8, 1.25, 7)
-    ]
-    wave = np.sum([rng.uniform(0.2, 0.4) * np.sin(turn) for turn in turns], axis=0)
-    return np.asarray(amplitude_V * wave * np.clip(t / 0.5, 0, 1))

@@ -1,7 +1,5 @@
 """What a scenario commands: the profiles that its file can name, each giving one drive value a step."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,17 +8,10 @@ from typing import Final, Protocol
 import numpy as np
 
 from models.files.csv_reader import read_blocks
-from plant.experiments.excitation import (
-    piecewise_runs,
-    pulse_width,
-    random_pulses,
-    random_runs,
-    random_voltage,
-    random_wander,
-)
+from plant.experiments.excitation import piecewise_runs, pulse_width, random_runs, random_wander
 from plant.tables import Floats
 
-LONGEST_S: Final = 86400.0
+LONGEST_S: Final = 86400.0  # a day
 FASTEST_M_S: Final = 0.5
 """Longest run, and the fastest speed either way, above the range over which the resistance law was integrated."""
 
@@ -129,24 +120,37 @@ class Pwm:
 
 @dataclass(frozen=True)
 class RandomPulses(Pwm):
-    """Trains of pulses whose periods and duties vary at random about `period_s` and a half, with rests between."""
+    """Trains of pulses, each for 1 to 3 s, of 0.6 to 1.6 times `period_s`, duties of 0.15 to 0.85; a quarter of them
+    is a rest of 0.4 s instead.
+    """
 
     duty: float = 0.5
 
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
         """The drive's values over `duration_s` in steps of `dt` in s, one more than steps."""
-        return self.amplitude_V * random_pulses(rng, duration_s, dt, self.period_s)
+        parts: list[Floats] = []
+        while sum(part.size for part in parts) * dt <= duration_s:
+            period, duty = self.period_s * rng.uniform(0.6, 1.6), rng.uniform(0.15, 0.85)
+            resting = rng.random() < 0.25
+            parts.append(
+                np.zeros(round(0.4 / dt)) if resting else pulse_width(period, duty, float(rng.integers(1, 4)), dt)[:-1]
+            )
+        return np.asarray(self.amplitude_V * np.concatenate(parts)[: round(duration_s / dt) + 1])
 
 
 @dataclass(frozen=True)
 class RandomVoltage:
-    """A sum of sines, for a coil."""
+    """Seven sines of 0.05 to 2 Hz, for a coil, 0.2 to 0.4 of the amplitude each, faded in over half a second."""
 
     amplitude_V: float = 1.6
 
     def values(self, duration_s: float, dt: float, rng: np.random.Generator) -> Floats:
         """The drive's values over `duration_s` in steps of `dt` in s, one more than steps."""
-        return random_voltage(rng, duration_s, dt, self.amplitude_V)
+        t = np.arange(round(duration_s / dt) + 1) * dt
+        frequencies = np.geomspace(0.05, 2.0, 7) * rng.uniform(0.8, 1.25, 7)
+        turns = [2 * np.pi * f * t + rng.uniform(0, 2 * np.pi) for f in frequencies]
+        wave = np.sum([rng.uniform(0.2, 0.4) * np.sin(turn) for turn in turns], axis=0)
+        return np.asarray(self.amplitude_V * wave * np.clip(t / 0.5, 0, 1))
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,5 @@
 """Run a scenario and return what its instruments saw, in the columns of a record."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from plant import layout as at

@@ -20,11 +20,11 @@ from models.rigs.tables import Drive as DriveTable
 from models.rigs.tables import Noise as NoiseTable
 from models.rigs.tables import Surface as SurfaceTable
 from plant.anatomy import Anatomy, along, random_anatomy
-from plant.drives.kinds import DRIVES, Coil, Drive, Magnet, MagnetPair, Pull, Vibro
+from plant.drives.kinds import DRIVES, TrueCoil, TrueDrive, TrueMagnet, TrueMagnetPair, TruePull, TrueVibro
 from plant.experiments.profile import PROFILES, Profile, Recorded
 from plant.hidden.registry import hidden
 from plant.hidden.table import effect_table
-from plant.rig import STEP_S, Plate, Rig
+from plant.rig import STEP_S, TruePlate, Truth
 from plant.sensing.sensors import Sensor
 
 Table = Mapping[str, Any]
@@ -41,9 +41,9 @@ TABLES: Final = (
     "anatomy",
     "effects",
 )
-MOST_STEPS: Final = 50_000_000
-SHORTEST_STEP_S: Final = 1e-6
-LONGEST_STEP_S: Final = 1e-2
+MOST_STEPS: Final = 50_000_000  # of a simulation: a thousand seconds at the usual step
+SHORTEST_STEP_S: Final = 1e-6  # of the compiled step
+LONGEST_STEP_S: Final = 1e-2  # of the compiled step
 ANATOMY_KEYS: Final = ("places_m", "level", "seed")
 
 
@@ -82,7 +82,7 @@ class Scenario:
 
     run: RunTable
     kind: str
-    rig: Rig
+    rig: Truth
     profile: Profile
     sensor: Sensor
 
@@ -109,7 +109,7 @@ def parse_scenario(raw: Table, folder: Path) -> Scenario:
     return Scenario(run, kind, rig, _profile(raw.get("profile", {}), folder), _sensor(raw, kind))
 
 
-def parse_truth(raw: Table) -> tuple[RunTable, str, Rig]:
+def parse_truth(raw: Table) -> tuple[RunTable, str, Truth]:
     """How long a scenario runs, the kind of its rig and all that is true of that, from parsed TOML. Errors as
     `load_scenario`.
     """
@@ -129,15 +129,15 @@ def parse_truth(raw: Table) -> tuple[RunTable, str, Rig]:
         "noise": NoiseTable,
         "surface": SurfaceTable,
     }
-    if DRIVES[kind] is Magnet:
+    if DRIVES[kind] is TrueMagnet:
         models |= {"rig": MagnetTable}
-    if DRIVES[kind] is Vibro:
+    if DRIVES[kind] is TrueVibro:
         models |= {"drive": DriveTable, "rig": DriveTable}
     for name, model in models.items():
         _in_range(raw.get(name, {}), model, name)
     capsule = from_table(Capsule, raw.get("capsule", {}), "capsule")
     tissue, hoop = _tissue(raw.get("tissue", {}), capsule)
-    rig = Rig(
+    rig = Truth(
         drive=_drive(kind, raw),
         capsule=capsule,
         tissue=tissue,
@@ -157,21 +157,21 @@ def _in_range(table: Table, model: type[RigTable], where: str) -> None:
             check_range(model, key, value, where)
 
 
-def _drive(kind: str, raw: Table) -> Drive:
+def _drive(kind: str, raw: Table) -> TrueDrive:
     rig, drive = raw.get("rig", {}), raw.get("drive", {})
-    if DRIVES[kind] is Magnet and "magnet" in rig:
+    if DRIVES[kind] is TrueMagnet and "magnet" in rig:
         return _magnets(rig)
-    where = "drive" if DRIVES[kind] in (Coil, Vibro) else "rig"
+    where = "drive" if DRIVES[kind] in (TrueCoil, TrueVibro) else "rig"
     table = {**drive, **{key: value for key, value in rig.items() if key != "kind"}}
     return from_table(DRIVES[kind], table, where)
 
 
-def _magnets(rig: Table) -> MagnetPair:
+def _magnets(rig: Table) -> TrueMagnetPair:
     further = next((key for key in rig if key not in ("kind", "magnet")), None)
     if further is not None:
         raise ValueError(f"[rig] with a table [rig.magnet] must have no further key but kind; got {further!r}")
     both = read_magnets(rig["magnet"], "scenario")
-    return MagnetPair(both.moment("outer"), both.moment("inner"), both.height_m, both.moments == "along")
+    return TrueMagnetPair(both.moment("outer"), both.moment("inner"), both.height_m, both.moments == "along")
 
 
 def _tissue(table: Table, capsule: Capsule) -> tuple[Tissue, float]:
@@ -185,15 +185,15 @@ def _tissue(table: Table, capsule: Capsule) -> tuple[Tissue, float]:
     return from_table(Tissue, table, "tissue", skip=("preset", "hoop_stress_factor")), hoop
 
 
-def _surface(table: Table) -> Plate | None:
+def _surface(table: Table) -> TruePlate | None:
     kind = choice(table, "surface.kind", ("gut", "plate", "air"))
     if kind != "plate" and len(table) > 1:
         raise ValueError(
             f"[surface] of kind {kind} must have no further keys; got {', '.join(k for k in table if k != 'kind')}"
         )
     if kind == "air":
-        return Plate(0.0)
-    return None if kind == "gut" else from_table(Plate, table, "surface", skip=("kind",))
+        return TruePlate(0.0)
+    return None if kind == "gut" else from_table(TruePlate, table, "surface", skip=("kind",))
 
 
 def _anatomy(table: Table) -> Anatomy:
@@ -235,7 +235,7 @@ def _sensor(raw: Table, kind: str) -> Sensor:
     noise = from_table(SensorNoise, raw.get("noise", {}), "noise")
     std, quantum = (
         (noise.force_std_N, noise.force_quantum_N)
-        if DRIVES[kind] is Pull
+        if DRIVES[kind] is TruePull
         else (noise.position_std_m, noise.position_quantum_m)
     )
     return Sensor(sampling.rate_Hz, std, quantum, sampling.delay_s, sampling.lowpass_s)

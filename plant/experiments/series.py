@@ -2,8 +2,6 @@
 hidden effect.
 """
 
-from __future__ import annotations
-
 import gzip
 import io
 from dataclasses import replace
@@ -19,13 +17,13 @@ from plant.experiments.scenario import RunTable, Scenario
 from plant.experiments.series_rigs import BELIEVED
 from plant.hidden.registry import hidden
 from plant.hidden.table import draw
-from plant.rig import Rig
+from plant.rig import Truth
 from plant.sensing.sensors import Sensor
 from plant.tables import Floats
 
 KINDS: Final = tuple(BELIEVED)
 RECORDS: Final = ("train_1", "train_2", "train_3", "holdout")
-FORCE_STD_N: Final = 1e-3
+FORCE_STD_N: Final = 1e-3  # noise and span of a made-up sensor: force cell, localisation
 POSITION_STD_M: Final = 5e-5
 FORCE_SPAN_N: Final = 0.25
 POSITION_SPAN_M: Final = 25e-3
@@ -74,7 +72,7 @@ def make_series(
 
 
 def _record(
-    kind: str, rig: Rig, rng: np.random.Generator, duration_s: float, noise: float, rate_Hz: float
+    kind: str, rig: Truth, rng: np.random.Generator, duration_s: float, noise: float, rate_Hz: float
 ) -> dict[str, Floats]:
     belief = BELIEVED[kind]
     std, span = (FORCE_STD_N, FORCE_SPAN_N) if belief.pulled else (POSITION_STD_M, POSITION_SPAN_M)
@@ -131,7 +129,7 @@ def hidden_ids(effect: str | None) -> list[str]:
     return effect.split("+") if effect else []
 
 
-def _answer_text(rig: Rig, effect: str | None, seed: int) -> str:
+def _answer_text(rig: Truth, effect: str | None, seed: int) -> str:
     lines = [f'effect = "{effect or "none"}"', f"seed = {seed}"]
     lines += [] if rig.surface else [f"hoop_stress_factor = {rig.hoop_factor:.6g}"]
     lines += [f"friction_coefficient = {(rig.surface or rig.tissue).friction_coefficient:.6g}"]

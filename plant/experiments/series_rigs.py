@@ -1,7 +1,5 @@
 """The rigs of made-up experiments: what their experimenter believes, what is true, what drives them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Final
@@ -9,10 +7,10 @@ from typing import Final
 import numpy as np
 
 from models.laws.geometry import Capsule
-from plant.drives.kinds import Coil, Magnet, Pull, Vibro
+from plant.drives.kinds import TrueCoil, TrueMagnet, TruePull, TrueVibro
 from plant.experiments.excitation import random_runs
 from plant.experiments.profile import Profile, RandomPulses, RandomRuns, RandomVoltage, Wander
-from plant.rig import Plate, Rig
+from plant.rig import TruePlate, Truth
 from plant.tables import Floats
 
 FINE_STEP_S: Final = 5e-6
@@ -28,7 +26,7 @@ class Believed:
     file has no table `[surface]`.
     """
 
-    nominal: Rig
+    nominal: Truth
     profile: Profile
     unlogged: tuple[str, ...] = ()
     shares: tuple[float, float] = (0.93, 1.07)
@@ -42,16 +40,16 @@ class Believed:
     @property
     def pulled(self) -> bool:
         """Whether its force is measured, not its position."""
-        return isinstance(self.nominal.drive, Pull)
+        return isinstance(self.nominal.drive, TruePull)
 
-    def truth(self, rng: np.random.Generator) -> Rig:
+    def truth(self, rng: np.random.Generator) -> Truth:
         """A rig whose hoop stress and friction differ from nominal by up to 15 %, force and spring within `shares`."""
         hoop, friction = (float(rng.uniform(0.85, 1.15)) for _ in range(2))
         force, spring = (float(rng.uniform(*self.shares)) for _ in range(2))
         rig, drive, plate = self.nominal, self.nominal.drive, self.nominal.surface
         drive = drive.varied(force, spring)
         if plate is not None:
-            return replace(rig, drive=drive, surface=Plate(plate.friction_coefficient * friction))
+            return replace(rig, drive=drive, surface=TruePlate(plate.friction_coefficient * friction))
         tissue = replace(rig.tissue, friction_coefficient=rig.tissue.friction_coefficient * friction)
         return replace(rig, drive=drive, tissue=tissue, hoop_factor=hoop)
 
@@ -63,7 +61,7 @@ class Believed:
         )
         below = [] if self.plain else _table("surface", surface)
         head = {"kind": self.kind}
-        if isinstance(drive, Coil):
+        if isinstance(drive, TrueCoil):
             winding: Mapping[str, object] = {
                 "coil_resistance_Ohm": drive.resistance_ohm,
                 "coil_inductance_H": drive.inductance_H,
@@ -71,7 +69,7 @@ class Believed:
             }
             rig = {**head, "force_constant_N_per_A": drive.gain_N_per_A}
             return [*_table("rig", {**rig, **(winding if self.unlogged else {})}), *below]
-        if not isinstance(drive, Vibro):
+        if not isinstance(drive, TrueVibro):
             return [*_table("rig", {**head, **({} if self.pulled else asdict(drive))}), *below]
         names = ("inner_mass_kg", "spring_stiffness_N_per_m", "spring_damping_N_s_per_m", "force_N", "reaction_on_body")
         return [*_table("rig", head), *_table("drive", {name: getattr(drive, name) for name in names}), *below]
@@ -91,17 +89,17 @@ class _WholeRuns(RandomRuns):
         return random_runs(rng, duration_s, dt)
 
 
-_LIGHT, _SLIPPERY, _HEAVY = Capsule(mass_kg=0.02), Plate(0.29), Capsule(mass_kg=0.193)
-_COIL: Final = Coil(back_emf_V_s_per_m=0.0)
+_LIGHT, _SLIPPERY, _HEAVY = Capsule(mass_kg=0.02), TruePlate(0.29), Capsule(mass_kg=0.193)
+_COIL: Final = TrueCoil(back_emf_V_s_per_m=0.0)
 BELIEVED: Final = {
-    Pull.kind: Believed(Rig(Pull()), _WholeRuns(), shares=(0.95, 1.05), plain=True),
-    Magnet.kind: Believed(Rig(Magnet()), Wander(), shares=(0.95, 1.05), plain=True),
-    Coil.kind: Believed(Rig(_COIL, step_s=FINE_STEP_S), RandomVoltage()),
-    "coil_voltage": Believed(Rig(Coil(), step_s=FINE_STEP_S), RandomVoltage(), ("coil_current_A",)),
-    Vibro.kind: Believed(Rig(Vibro(0.01, 150.0, 0.2, 0.5), _LIGHT, step_s=FINE_STEP_S), RandomPulses(0.055)),
+    TruePull.kind: Believed(Truth(TruePull()), _WholeRuns(), shares=(0.95, 1.05), plain=True),
+    TrueMagnet.kind: Believed(Truth(TrueMagnet()), Wander(), shares=(0.95, 1.05), plain=True),
+    TrueCoil.kind: Believed(Truth(_COIL, step_s=FINE_STEP_S), RandomVoltage()),
+    "coil_voltage": Believed(Truth(TrueCoil(), step_s=FINE_STEP_S), RandomVoltage(), ("coil_current_A",)),
+    TrueVibro.kind: Believed(Truth(TrueVibro(0.01, 150.0, 0.2, 0.5), _LIGHT, step_s=FINE_STEP_S), RandomPulses(0.055)),
     "vibro_plate": Believed(
-        Rig(Vibro(0.074, 256.23, 0.3, 1.25), _HEAVY, surface=_SLIPPERY, step_s=FINE_STEP_S), RandomPulses(0.08)
+        Truth(TrueVibro(0.074, 256.23, 0.3, 1.25), _HEAVY, surface=_SLIPPERY, step_s=FINE_STEP_S), RandomPulses(0.08)
     ),
-    "magnetic_plate": Believed(Rig(Magnet(), _LIGHT, surface=_SLIPPERY), Wander()),
-    "coil_plate": Believed(Rig(_COIL, _LIGHT, surface=_SLIPPERY, step_s=FINE_STEP_S), RandomVoltage(1.0)),
+    "magnetic_plate": Believed(Truth(TrueMagnet(), _LIGHT, surface=_SLIPPERY), Wander()),
+    "coil_plate": Believed(Truth(_COIL, _LIGHT, surface=_SLIPPERY, step_s=FINE_STEP_S), RandomVoltage(1.0)),
 }

@@ -2,8 +2,6 @@
 pulls sideways.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

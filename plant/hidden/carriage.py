@@ -1,7 +1,5 @@
 """Hidden effects between the commanded and the real drive: a cascade of lags and a play with rounded ends."""
 
-from __future__ import annotations
-
 from typing import Final
 
 from plant.compiling import compiled
@@ -13,7 +11,7 @@ DRIVER: Final = ROWS["driver_lag"]
 BACKLASH: Final = ROWS["carriage_backlash"]
 BEHIND: Final = [LAG, DRIVER, BACKLASH]
 """Effects between the commanded and the real drive."""
-CARRIAGE_NUMBERS: Final = 2 + len(LAG_SHARES)
+CARRIAGE_NUMBERS: Final = 2 + len(LAG_SHARES)  # of the memory: two of the play, one a lag
 
 
 @compiled

@@ -1,7 +1,5 @@
 """Hidden forces that act on the capsule beside resistance, film and wall; positive along +x."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

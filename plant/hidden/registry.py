@@ -1,13 +1,20 @@
 """The one list of hidden effects: name, form, numbers with their ranges, and the drives they make sense for."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from models.parameter import nearest
+
+PULL, MAGNETIC, COIL, VIBRO, FORCE = "pull", "magnetic", "coil", "vibro", "force"
+"""The simulated drives by name: `plant.drives.kinds` has what is true of each."""
+CARRIED: Final = (PULL, MAGNETIC)
+PUSHED: Final = (MAGNETIC, COIL)
+RESTING: Final = (*CARRIED, COIL, FORCE)
+GUT_DRIVES: Final = (*CARRIED, COIL, VIBRO, FORCE)
+LAG_SHARES: Final = (1 / 2, 1 / 3, 1 / 6)  # of a lag's time that each of its stages has
+IN_A_ROW: Final = "three first-order lags in a row, a/2, a/3 and a/6"
 
 
 @dataclass(frozen=True)
@@ -39,7 +46,7 @@ class Hidden:
     id: str
     form: str
     numbers: tuple[Shape, ...]
-    drives: tuple[str, ...]
+    drives: tuple[str, ...] = GUT_DRIVES
     published: bool = True
     called: str = ""
 
@@ -49,57 +56,35 @@ class Hidden:
         return self.called or self.id
 
 
-PULL, MAGNETIC, COIL, VIBRO, FORCE = "pull", "magnetic", "coil", "vibro", "force"
-"""The simulated drives by name: `plant.drives.kinds` has what is true of each."""
-CARRIED: Final = (PULL, MAGNETIC)
-PUSHED: Final = (MAGNETIC, COIL)
-RESTING: Final = (*CARRIED, COIL, FORCE)
-GUT_DRIVES: Final = (*CARRIED, COIL, VIBRO, FORCE)
-LAG_SHARES: Final = (1 / 2, 1 / 3, 1 / 6)
-IN_A_ROW: Final = "three first-order lags in a row, a/2, a/3 and a/6"
-
 HIDDEN: Final[tuple[Hidden, ...]] = (
-    Hidden(
-        "stribeck",
-        "level (1 + a/(1 + (v/v_s)^2))",
-        (Shape("excess", 0.35, 0.8), Shape("speed_m_s", 1.5e-3, 4e-3)),
-        GUT_DRIVES,
-    ),
+    Hidden("stribeck", "level (1 + a/(1 + (v/v_s)^2))", (Shape("excess", 0.35, 0.8), Shape("speed_m_s", 1.5e-3, 4e-3))),
     Hidden(
         "directional_asymmetry",
         "level (1 + a v/sqrt(v^2 + v_0^2))",
         (Shape("excess", 0.12, 0.3, True), Shape("speed_m_s", 1e-4, 4e-4)),
-        GUT_DRIVES,
     ),
     Hidden(
         "fold_periodic",
         "level (1 + a (sin q + 0.35 sin(2 q + 0.8))), q = 2 pi x/l + p",
         (Shape("excess", 0.15, 0.35), Shape("wavelength_m", 5e-3, 10e-3), Shape("phase_rad", 0.0, 6.28)),
-        GUT_DRIVES,
     ),
     Hidden(
         "lumen_taper",
         "level (1 + a tanh((x - c)/w))",
         (Shape("excess", 0.2, 0.4, True), Shape("centre_m", 0.0, 6e-3), Shape("width_m", 12e-3, 25e-3)),
-        GUT_DRIVES,
     ),
     Hidden(
         "stenosis",
         "level (1 + a cos^2) over 1 width before and 1.5 widths after the centre",
         (Shape("excess", 0.6, 1.3), Shape("centre_m", 2.5e-3, 9e-3), Shape("width_m", 2.5e-3, 5e-3)),
-        GUT_DRIVES,
     ),
     Hidden(
-        "tissue_drying",
-        "level (1 + a (1 - exp(-t/t_d)))",
-        (Shape("excess", 0.25, 0.5), Shape("time_s", 18.0, 40.0)),
-        GUT_DRIVES,
+        "tissue_drying", "level (1 + a (1 - exp(-t/t_d)))", (Shape("excess", 0.25, 0.5), Shape("time_s", 18.0, 40.0))
     ),
     Hidden(
         "preconditioning",
         "level (1 - a s/(s + s_0)), s the path",
         (Shape("share", 0.25, 0.5), Shape("path_m", 40e-3, 120e-3)),
-        GUT_DRIVES,
     ),
     Hidden(
         "dwell_adhesion",
@@ -132,53 +117,41 @@ HIDDEN: Final[tuple[Hidden, ...]] = (
         "travel_step",
         "level (1 + a) once a path d is done, over 1 mm",
         (Shape("excess", 0.25, 0.5, True), Shape("path_m", 40e-3, 80e-3)),
-        GUT_DRIVES,
-        False,
+        published=False,
     ),
     Hidden(
         "rolling_wobble",
         "level (1 + a sin p), p' = 2 pi (|v|/l + sqrt(|v|/l) sqrt(f_0))",
         (Shape("excess", 0.2, 0.4), Shape("length_m", 4e-3, 8e-3), Shape("frequency_Hz", 0.3, 0.8)),
-        GUT_DRIVES,
-        False,
+        published=False,
     ),
     Hidden(
         "attraction_load",
         "resistance + a (g/g_0)^2 on the gap g",
         (Shape("force_N", 3e-3, 7e-3), Shape("gap_m", 3e-3, 4e-3)),
         (MAGNETIC,),
-        False,
+        published=False,
     ),
-    Hidden("viscous_drag", "-a sgn(v) (|v|/10 mm/s)^0.85", (Shape("force_N", 10e-3, 30e-3),), GUT_DRIVES),
+    Hidden("viscous_drag", "-a sgn(v) (|v|/10 mm/s)^0.85", (Shape("force_N", 10e-3, 30e-3),)),
     Hidden(
         "peristaltic_wave",
         "a max(0, sin(2 pi (t/T - x/l))), pulses of half a period",
         (Shape("force_N", 12e-3, 25e-3), Shape("period_s", 3.0, 7.0), Shape("wavelength_m", 25e-3, 60e-3)),
-        GUT_DRIVES,
     ),
-    Hidden(
-        "respiration",
-        "a (2 |cos(pi t/T)|^3 - 0.85)",
-        (Shape("force_N", 8e-3, 18e-3), Shape("period_s", 3.0, 5.0)),
-        GUT_DRIVES,
-    ),
-    Hidden("incline_gravity", "-m g sin(angle)", (Shape("angle_rad", 0.25, 0.6, True),), GUT_DRIVES),
+    Hidden("respiration", "a (2 |cos(pi t/T)|^3 - 0.85)", (Shape("force_N", 8e-3, 18e-3), Shape("period_s", 3.0, 5.0))),
+    Hidden("incline_gravity", "-m g sin(angle)", (Shape("angle_rad", 0.25, 0.6, True),)),
     Hidden(
         "stress_relaxation",
         "-a q, q' = v/d (1 - q sgn v) - q sqrt|q|/t_r",
         (Shape("force_N", 15e-3, 30e-3), Shape("path_m", 1.5e-3, 4e-3), Shape("time_s", 0.8, 2.5)),
-        GUT_DRIVES,
     ),
-    Hidden("added_mass", "(m + a) v'", (Shape("mass_kg", 0.1, 0.3),), GUT_DRIVES),
-    Hidden("wall_viscosity", "T + a sgn(u') (|u'|/10 mm/s)^0.9", (Shape("force_N", 10e-3, 25e-3),), GUT_DRIVES),
-    Hidden(
-        "exponential_recovery", "in slip u' = -a u_c (0.15 + (|u|/u_c)^0.8)/t_r", (Shape("rate", 1.5, 2.5),), GUT_DRIVES
-    ),
+    Hidden("added_mass", "(m + a) v'", (Shape("mass_kg", 0.1, 0.3),)),
+    Hidden("wall_viscosity", "T + a sgn(u') (|u'|/10 mm/s)^0.9", (Shape("force_N", 10e-3, 25e-3),)),
+    Hidden("exponential_recovery", "in slip u' = -a u_c (0.15 + (|u|/u_c)^0.8)/t_r", (Shape("rate", 1.5, 2.5),)),
     Hidden(
         "small_strain_stiffening",
         "T (1 + a/(1 + (|u|/u_0)^1.2))",
         (Shape("excess", 1.0, 2.5), Shape("drag_m", 80e-6, 250e-6)),
-        GUT_DRIVES,
     ),
     Hidden(
         "string_compliance",
@@ -249,18 +222,12 @@ HIDDEN: Final[tuple[Hidden, ...]] = (
         "sensor_drift",
         "a log(1 + t/t_0), in spans of the sensor",
         (Shape("span", 0.06, 0.15, True), Shape("time_s", 8.0, 20.0)),
-        GUT_DRIVES,
     ),
-    Hidden("sensor_bias", "a, in spans of the sensor", (Shape("span", 0.05, 0.12, True),), GUT_DRIVES),
-    Hidden("sensor_scale", "1 + a", (Shape("excess", 0.08, 0.2, True),), GUT_DRIVES),
-    Hidden("sensor_delay", "y(t - a)", (Shape("time_s", 0.04, 0.12),), GUT_DRIVES),
-    Hidden("sensor_lowpass", IN_A_ROW, (Shape("time_s", 0.06, 0.16),), GUT_DRIVES),
-    Hidden(
-        "mains_hum",
-        "a (sin 2 pi 50 t + 0.3 sin 2 pi 150 t), in spans of the sensor",
-        (Shape("span", 0.02, 0.05),),
-        GUT_DRIVES,
-    ),
+    Hidden("sensor_bias", "a, in spans of the sensor", (Shape("span", 0.05, 0.12, True),)),
+    Hidden("sensor_scale", "1 + a", (Shape("excess", 0.08, 0.2, True),)),
+    Hidden("sensor_delay", "y(t - a)", (Shape("time_s", 0.04, 0.12),)),
+    Hidden("sensor_lowpass", IN_A_ROW, (Shape("time_s", 0.06, 0.16),)),
+    Hidden("mains_hum", "a (sin 2 pi 50 t + 0.3 sin 2 pi 150 t), in spans of the sensor", (Shape("span", 0.02, 0.05),)),
 )
 ONSET: Final = 3
 """Where in an effect's row of numbers the time in s stands from which on it is there, 0: from the beginning."""

@@ -2,8 +2,6 @@
 F_e or of the slip limit alone.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Chosen hidden effects as the table of numbers that the compiled steps read."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np
@@ -12,9 +10,9 @@ from plant.compiling import compiled
 from plant.hidden.registry import HIDDEN, ONSET, ROWS, Shape, hidden
 from plant.tables import Floats
 
-_LEVEL: Final = (ROWS["stribeck"], ROWS["rolling_wobble"] + 1)
-_FORCE: Final = (ROWS["viscous_drag"], ROWS["stress_relaxation"] + 1)
-_DRIVE: Final = (ROWS["coupling_decay"], ROWS["back_emf"] + 1)
+_LEVEL: Final = (ROWS["stribeck"], ROWS["rolling_wobble"] + 1)  # rows from the first effect on the level to the last
+_FORCE: Final = (ROWS["viscous_drag"], ROWS["stress_relaxation"] + 1)  # the same of forces
+_DRIVE: Final = (ROWS["coupling_decay"], ROWS["back_emf"] + 1)  # the same of drives
 _STRING: Final = ROWS["string_compliance"]
 
 
@@ -44,9 +42,9 @@ def has_drive(h: Floats) -> bool:
     return _any(h, _DRIVE) or h[_STRING, 0] != 0.0
 
 
-SLOTS: Final = 4
-_FAR: Final = 1e3
-_LATEST_S: Final = 1e6
+SLOTS: Final = 4  # numbers of an effect at most
+_FAR: Final = 1e3  # times the upper end of a number's range, beyond which it is a mistake
+_LATEST_S: Final = 1e6  # onset of an effect
 ONSET_KEY: Final = "onset_s"
 
 

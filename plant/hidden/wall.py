@@ -1,7 +1,5 @@
 """Hidden effects on the wall that the capsule drags along: its tension and the speed at which it draws back."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

@@ -1,7 +1,5 @@
 """What a sensor makes of the truth: rate, delay, low-pass, the hidden sensor effects, noise, quantisation."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -10,7 +8,7 @@ import numpy as np
 from plant.hidden.registry import LAG_SHARES, ONSET, ROWS
 from plant.tables import Floats
 
-FASTEST_HZ = 1e6
+FASTEST_HZ = 1e6  # sampling rate
 MOST = 1e3
 """Largest noise, quantum and span (m or N), delay and time constant (s) that a sensor is given."""
 

@@ -27,8 +27,8 @@ from models.identification.finding import STAGES
 from models.identification.model import read_model
 from models.laws.geometry import Tissue
 from models.rigs.reader import read_rig
-from plant.drives.kinds import Magnet
-from plant.rig import Rig
+from plant.drives.kinds import TrueMagnet
+from plant.rig import Truth
 from plant.session import Instruments
 from tests.bench.bench_tracing import EFFECTS, learned
 
@@ -41,8 +41,8 @@ def scenario(effect: str, folder: Path) -> TrackScenario:
     """Out and back by 12 mm within 20 s on the series' own rig, as the answer file tells it to the plant alone."""
     answer = tomllib.loads((folder / "answer.toml").read_text(encoding="utf-8"))
     numbers = {name: value for name, value in answer["parameters"].items() if name not in ("form", "published")}
-    truth = Rig(
-        drive=Magnet(answer["magnet_stiffness_N_per_m"], Magnet().magnet_range_m),
+    truth = Truth(
+        drive=TrueMagnet(answer["magnet_stiffness_N_per_m"], TrueMagnet().magnet_range_m),
         tissue=Tissue(friction_coefficient=answer["friction_coefficient"]),
         hoop_factor=answer["hoop_stress_factor"],
         hidden={effect: numbers},

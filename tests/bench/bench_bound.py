@@ -20,8 +20,8 @@ from scipy.signal import butter, sosfiltfilt
 from hil.app.scenario.scenario import load_track_scenario
 from plant import layout as at
 from plant.anatomy import random_anatomy
-from plant.drives.kinds import Magnet, Pull
-from plant.rig import STEP_S, Plant, Rig
+from plant.drives.kinds import TrueMagnet, TruePull
+from plant.rig import STEP_S, Plant, Truth
 from plant.session import Instruments
 from tests.bench.bench_tracking import FOLDER
 
@@ -32,21 +32,21 @@ _MEANS = 50  # readings of the force in each of them
 Floats = NDArray[np.float64]
 
 
-def gap(force_N: Floats, magnet: Magnet) -> Floats:
+def gap(force_N: Floats, magnet: TrueMagnet) -> Floats:
     """The gap in m at which the magnet pulls with `force_N`, short of its greatest pull."""
     k, r = magnet.magnet_stiffness_N_per_m, magnet.magnet_range_m
     gaps = np.linspace(0.0, r / np.sqrt(3), 2000)
     return np.interp(force_N, k * gaps / (1 + (gaps / r) ** 2) ** 2, gaps)
 
 
-def gaps(rig: Rig, magnet: Magnet, guts: range, speed_m_s: float) -> Floats:
+def gaps(rig: Truth, magnet: TrueMagnet, guts: range, speed_m_s: float) -> Floats:
     """One row a gut: gaps in m every `EVERY_S` along the ramp, teeth taken out."""
     every = round(EVERY_S / STEP_S) // _MEANS
     low_pass = butter(2, TEETH_HZ, fs=1 / EVERY_S, output="sos")
     path = speed_m_s * STEP_S * np.arange(round(SECONDS / STEP_S), dtype=np.float64)
     rows = []
     for seed in guts:
-        plant = Plant(replace(rig, drive=Pull(), anatomy=random_anatomy(seed)))
+        plant = Plant(replace(rig, drive=TruePull(), anatomy=random_anatomy(seed)))
         seen = plant.advance(path, every)
         mean = seen[: len(seen) // _MEANS * _MEANS, at.O_FORCE].reshape(-1, _MEANS).mean(axis=1)
         rows.append(gap(sosfiltfilt(low_pass, mean)[round(STARTED_S / EVERY_S) :], magnet))
@@ -75,7 +75,7 @@ def main() -> None:
     options.add_argument("--first", type=int, default=1000)
     chosen = options.parse_args()
     scenario = load_track_scenario(FOLDER / "track_magnetic_ramp.toml")
-    assert isinstance(scenario.truth.drive, Magnet)
+    assert isinstance(scenario.truth.drive, TrueMagnet)
     guts = range(chosen.first, chosen.first + chosen.guts)
     found = gaps(scenario.truth, scenario.truth.drive, guts, 1e-3 * chosen.speed_mm_s)
     unknown = 1e3 * left(found, scenario.instruments)

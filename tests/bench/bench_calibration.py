@@ -33,7 +33,8 @@ from scipy.optimize import isotonic_regression
 
 from hil.app.main import run as capsule
 from hil.log.recorder import code_version
-from models.identification.confidence_map import FEWEST, ConfidenceMap
+from models.identification.confidence_map import ConfidenceMap
+from models.identification.settings import SET
 from plant.experiments.series import make_series
 from plant.experiments.series_rigs import BELIEVED
 from plant.hidden.registry import HIDDEN, hidden
@@ -135,7 +136,7 @@ def cross_validated(said: Sequence[Statement], series: int) -> list[Statement]:
     """Each statement with the probability of a map that was fitted to the other four fifths."""
     out = []
     for fold in range(FOLDS):
-        made = isotonic([s for i, s in enumerate(said) if i % FOLDS != fold], max(series, FEWEST), "")
+        made = isotonic([s for i, s in enumerate(said) if i % FOLDS != fold], max(series, SET.calibrated_on), "")
         out += [Statement(made.probability(s.p), s.right) for i, s in enumerate(said) if i % FOLDS == fold]
     return out
 

@@ -22,12 +22,12 @@ from models.laws.geometry import Capsule, Tissue
 from models.records.record import Record
 from models.rigs.reader import parse_rig
 from models.rigs.rig import Rig as Belief
-from plant.drives.kinds import Coil, Vibro
+from plant.drives.kinds import TrueCoil, TrueVibro
 from plant.experiments.profile import RandomPulses, RandomVoltage
 from plant.experiments.recording import record_scenario
 from plant.experiments.scenario import RunTable, Scenario
 from plant.hidden.table import draw
-from plant.rig import Plate, Rig
+from plant.rig import TruePlate, Truth
 from plant.sensing.sensors import Sensor
 
 RIGS = ("coil", "vibro_plate", "vibro_gut")
@@ -84,21 +84,23 @@ def series(
     truth = {"friction_coefficient": mu}
     common = {"hidden": hidden, "step_s": step_s}
     if belief.drive is None:
-        drive = Coil(0.5 * off["f"], 10.0, 0.01, 1.0, 0.0)
+        drive = TrueCoil(0.5 * off["f"], 10.0, 0.01, 1.0, 0.0)
         # type: ignore[arg-type]
-        rig = Rig(drive, tissue=Tissue(friction_coefficient=mu), hoop_factor=off["hoop"], **common)
+        rig = Truth(drive, tissue=Tissue(friction_coefficient=mu), hoop_factor=off["hoop"], **common)
         truth |= {"hoop_stress_factor": off["hoop"], "coil_force_N_per_A": drive.gain_N_per_A}
     else:
         d = belief.drive
-        vibro = Vibro(
+        vibro = TrueVibro(
             d.inner_mass_kg, d.spring_stiffness_N_per_m * off["k"], d.spring_damping_N_s_per_m, d.force_N * off["f"]
         )
         truth |= {"force_N": vibro.force_N, "spring_stiffness_N_per_m": vibro.spring_stiffness_N_per_m}
         if name == "vibro_plate":
-            rig = Rig(vibro, Capsule(mass_kg=0.193), surface=Plate(mu), **common)  # type: ignore[arg-type]
+            rig = Truth(vibro, Capsule(mass_kg=0.193), surface=TruePlate(mu), **common)  # type: ignore[arg-type]
         else:
             # type: ignore[arg-type]
-            rig = Rig(vibro, Capsule(mass_kg=0.02), Tissue(friction_coefficient=mu), hoop_factor=off["hoop"], **common)
+            rig = Truth(
+                vibro, Capsule(mass_kg=0.02), Tissue(friction_coefficient=mu), hoop_factor=off["hoop"], **common
+            )
             truth |= {"hoop_stress_factor": off["hoop"]}
     profile = RandomVoltage() if name == "coil" else RandomPulses(0.08 if name == "vibro_plate" else 0.055)
     records = []

@@ -33,7 +33,7 @@ from hil.app.sil.fault_outcomes import outcomes
 from hil.app.sil.loop import SilTrace, run_sil
 from hil.app.sil.testbed import believed_on_bus
 from plant import layout as at
-from plant.drives.kinds import MAGNETS, Coil
+from plant.drives.kinds import Carriage, TrueCoil
 from tests.bench.lie_cases import EVERY_RIG, LIES, REFERENCES, sound
 from tests.hil.app.sil.sil_runs import scenario_of
 
@@ -163,9 +163,9 @@ def was_left(scenario: SilScenario, trace: SilTrace) -> bool:
     limits, drive = scenario.loop.limits, scenario.loop.truth.drive
     ticks = scenario.loop.control.tick_s * np.arange(len(trace.steered))
     off = np.abs(rows[:, at.O_X] - np.interp(rows[:, at.O_T], ticks, trace.steered[:, 0]))
-    if not isinstance(drive, MAGNETS):
+    if not isinstance(drive, Carriage):
         late = rows[rows[:, at.O_T] > rows[-1, at.O_T] - STOOD_S, at.O_X]
-        stood = isinstance(drive, Coil) and np.ptp(late) < STOOD_M
+        stood = isinstance(drive, TrueCoil) and np.ptp(late) < STOOD_M
         return bool(stood or np.max(off[-200:]) >= 0.9 * (limits.envelope_m or DRIVES[scenario.loop.kind].around_m))
     gap = np.abs(rows[:, at.O_DRIVE] - rows[:, at.O_X])[rows[:, at.O_T] > rows[-1, at.O_T] - 0.9]
     return bool(np.min(gap) >= 0.85 * limits.gap_share * drive.gap_limit_m)

@@ -29,7 +29,7 @@ from hil.app.track.loop import believed_model, run_loop
 from hil.app.track.score import score
 from plant.anatomy import Anatomy, random_anatomy
 from plant.hidden.registry import hidden
-from plant.rig import Rig
+from plant.rig import Truth
 
 FOLDER: Final = Path(__file__).parents[2] / "hil" / "scenarios"
 RIGS: Final = {
@@ -46,7 +46,7 @@ UNEVEN: Final = 0.04
 Row = dict[str, Any]
 
 
-def gut(scenario: TrackScenario, seed: int) -> Rig:
+def gut(scenario: TrackScenario, seed: int) -> Truth:
     """Stiffness and friction up to 12 % off, a level that varies by `UNEVEN`, no narrow place: that is an effect."""
     rng, number = np.random.default_rng(1000 + seed), seed
     level: Anatomy = random_anatomy(number, spread=UNEVEN)

@@ -33,9 +33,8 @@ from tests.bench.mpc_problem import (
 MISMATCHES = (1.0, 1.15, 0.85)
 
 
-def product(iterations: int, compiler: str = "") -> Act:
-    """The MPC of this project, at most `iterations` SQP steps a tick; `compiler` "none" takes numba's code."""
-    os.environ["CAPSULE_COMPILER"] = compiler
+def product(iterations: int) -> Act:
+    """The MPC of this project, at most `iterations` SQP steps a tick."""
     mpc = MPC(problem_model(), BOUNDS, WEIGHTS, replace(HORIZON, iterations=iterations, rest_m=1e-9))
     mpc.reset(0.0, estimate(0.0, np.zeros(4), 0.0), 0.0)
     reference = Strides()
@@ -60,8 +59,7 @@ def row(name: str, o: Outcome, base: Outcome, peer: Outcome) -> str:
 def main(seconds: float) -> None:
     """Print a table for each mismatch of the plant."""
     makers = {"IPOPT, converged": converged, "do-mpc, collocation": do_mpc}
-    makers |= {f"MPC, {n} SQP steps, C": lambda n=n: product(n) for n in (1, 2, 3, 30)}
-    makers["MPC, 3 SQP steps, numba"] = lambda: product(3, "none")
+    makers |= {f"MPC, {n} SQP steps": lambda n=n: product(n) for n in (1, 2, 3, 30)}
     for mismatch in MISMATCHES:
         print(
             f"load {os.getloadavg()[0]:.1f}; plant's friction and wall {mismatch:g} times the model's; noise;"

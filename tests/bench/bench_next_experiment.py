@@ -30,8 +30,7 @@ from plant.experiments.excitation import piecewise_runs, random_runs, random_wan
 from plant.experiments.series import FORCE_SPAN_N, FORCE_STD_N, POSITION_SPAN_M, POSITION_STD_M, _truth, rig_text
 from plant.hidden.registry import hidden
 from plant.hidden.table import draw
-from plant.rig import STEP_S, Plant
-from plant.rig import Rig as Truth
+from plant.rig import STEP_S, Plant, Truth
 from plant.sensing.sensors import Sensor
 from plant.tables import Floats
 

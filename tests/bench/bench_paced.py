@@ -1,7 +1,7 @@
 """A paced loop over python-can's virtual bus: estimator, MPC under the supervisor, protected frames, plant, 5,000 ticks
 of 1 ms.
 
-`python -m tests.bench.bench_paced [--ticks 5000] [--tick_ms 1] [--compiler none]`. From the begin of a tick by the
+`python -m tests.bench.bench_paced [--ticks 5000] [--tick_ms 1]`. From the begin of a tick by the
 clock: frames received and checked, estimate, plan, command sent; what is left of the tick is the plant's. A tick is
 missed where its command goes out after the tick's end. Times by the wall clock suffer from whatever else the machine
 does, the thread's own processor time hardly: both are printed.
@@ -28,8 +28,8 @@ from hil.app.scenario.deployment import PLANNING
 from hil.bus.catalogue import load_catalogue
 from hil.bus.codec import Refusal
 from hil.bus.protection import Receiver, Sender
-from plant.drives.kinds import Magnet
-from plant.rig import Rig
+from plant.drives.kinds import TrueMagnet
+from plant.rig import Truth
 from plant.session import Session
 from tests.controller.loops import believed
 
@@ -73,7 +73,7 @@ class Peer:
 
     def __init__(self, bus: can.BusABC) -> None:
         self.port = Port(bus, ("CapsuleLocalisation", "CarriageFeedback"), ("CarriageCommand",))
-        self.session = Session(Rig(Magnet(24.2), hoop_factor=1.09), seed=1)
+        self.session = Session(Truth(TrueMagnet(24.2), hoop_factor=1.09), seed=1)
         self.command, self.rate = 0.0, 0.0
 
     def go_on(self, until_s: float) -> None:
@@ -141,14 +141,9 @@ def main() -> None:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--ticks", type=int, default=5000)
     options.add_argument("--tick_ms", type=float, default=1.0)
-    options.add_argument("--compiler", default="")
     chosen = options.parse_args()
-    os.environ["CAPSULE_COMPILER"] = chosen.compiler
     found = paced(chosen.ticks + WARM, 1e-3 * chosen.tick_ms)
-    print(
-        f"{chosen.ticks} ticks of {chosen.tick_ms:g} ms, compiler {chosen.compiler or 'found'}, load"
-        f" {os.getloadavg()[0]:.1f}"
-    )
+    print(f"{chosen.ticks} ticks of {chosen.tick_ms:g} ms, load {os.getloadavg()[0]:.1f}")
     for name, times in (("tick to sent, wall ms", found["sent"]), ("the same, own ms", found["own"])):
         print(f"{name:24s} median {np.median(times):.3f}  p99 {np.percentile(times, 99):.3f}  max {times.max():.3f}")
     late = [int(np.sum(times > chosen.tick_ms)) for times in (found["sent"], found["own"])]

@@ -8,30 +8,30 @@ import numpy as np
 import pytest
 
 from models.laws.geometry import Capsule
-from plant.drives.kinds import Coil, Magnet, Pull, Vibro
+from plant.drives.kinds import TrueCoil, TrueMagnet, TruePull, TrueVibro
 from plant.experiments.excitation import pulse_width, random_runs, random_wander
-from plant.rig import STEP_S, Plant, Plate, Rig
+from plant.rig import STEP_S, Plant, TruePlate, Truth
 from plant.tables import Floats
 
 DURATION_S = 10.0
 FAST_ENOUGH = 100.0
 
 
-def cases() -> dict[str, tuple[Rig, Floats]]:
+def cases() -> dict[str, tuple[Truth, Floats]]:
     rng = np.random.default_rng(0)
     runs = random_runs(rng, DURATION_S, STEP_S)[: round(DURATION_S / STEP_S) + 1]
     wander = random_wander(rng, DURATION_S, STEP_S)
     t = STEP_S * np.arange(round(DURATION_S / STEP_S) + 1)
-    vibro = Vibro(1.8e-3, 62.0, 0.0156, 0.12, front_gap_m=1.6e-3, front_stiffness_N_per_m=27.9e3)
+    vibro = TrueVibro(1.8e-3, 62.0, 0.0156, 0.12, front_gap_m=1.6e-3, front_stiffness_N_per_m=27.9e3)
     return {
-        "pull": (Rig(Pull()), runs),
-        "pull, elastic link": (Rig(Pull(100.0)), runs),
-        "magnetic": (Rig(Magnet()), wander),
-        "magnetic, hidden folds": (Rig(Magnet(), hidden={"fold_periodic": {}}), wander),
-        "coil": (Rig(Coil()), 5.0 * np.sin(6.0 * t)),
-        "vibro on the gut": (Rig(vibro), 0.12 * pulse_width(0.04, 0.3, DURATION_S, STEP_S)),
+        "pull": (Truth(TruePull()), runs),
+        "pull, elastic link": (Truth(TruePull(100.0)), runs),
+        "magnetic": (Truth(TrueMagnet()), wander),
+        "magnetic, hidden folds": (Truth(TrueMagnet(), hidden={"fold_periodic": {}}), wander),
+        "coil": (Truth(TrueCoil()), 5.0 * np.sin(6.0 * t)),
+        "vibro on the gut": (Truth(vibro), 0.12 * pulse_width(0.04, 0.3, DURATION_S, STEP_S)),
         "vibro on a plate": (
-            Rig(Vibro(), capsule=Capsule(mass_kg=0.193), surface=Plate(0.29)),
+            Truth(TrueVibro(), capsule=Capsule(mass_kg=0.193), surface=TruePlate(0.29)),
             1.25 * pulse_width(0.06, 0.3, DURATION_S, STEP_S),
         ),
     }

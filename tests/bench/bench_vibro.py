@@ -17,9 +17,8 @@ import numpy as np
 
 from controller.vibro.controller import VibroController
 from controller.vibro.cycles import Cycles, Gait, VibroModel, impact_of
-from controller.vibro.design.cost_by_impact import cheapest, optima, squares
+from controller.vibro.design.cost_by_impact import squares
 from controller.vibro.design.drive_map import design, designed
-from controller.vibro.design.four_phase import best_four_phase
 from controller.vibro.design.speed_map import best_square, speed_map
 from controller.vibro.gears import DriveMap
 from controller.vibro.slow_loop import Tuning
@@ -27,8 +26,10 @@ from controller.vibro.waveform import Waveform
 from models.identification.model import Model
 from models.laws.geometry import Capsule, Tissue
 from models.surfaces.gut import Wall
-from plant.drives.kinds import Vibro as TrueVibro
-from plant.rig import Rig
+from plant.drives.kinds import TrueVibro
+from plant.rig import Truth
+from tests.bench.four_phase import best_four_phase
+from tests.bench.least_energy import cheapest, optima
 from tests.controller.vibro.vibro_runs import (
     Steady,
     believed,
@@ -88,7 +89,7 @@ def _said(wave: Waveform, pace: Gait) -> Row:
     }
 
 
-def loop(drive: DriveMap, plants: Mapping[str, Rig], feedback: bool = True, mirror: float = 1.0) -> list[Row]:
+def loop(drive: DriveMap, plants: Mapping[str, Truth], feedback: bool = True, mirror: float = 1.0) -> list[Row]:
     """A run for each speed and plant: mean speed after 3 s against the commanded one, and when it had come within 10 %
     for good.
     """
@@ -103,7 +104,7 @@ def loop(drive: DriveMap, plants: Mapping[str, Rig], feedback: bool = True, mirr
     return rows
 
 
-def wrong_plants(n: int) -> dict[str, Rig]:
+def wrong_plants(n: int) -> dict[str, Truth]:
     """The nominal plant and `n` with spring, force, hoop stress and friction off by up to 15 % each, drawn once."""
     rng = np.random.default_rng(7)
     drawn = [

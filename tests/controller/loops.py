@@ -13,7 +13,7 @@ from controller.signals import Array, Controller, Measurement, Reference
 from controller.supervision.supervisor import Supervisor
 from hil.app.scenario.scenario import parse_track_scenario
 from models.rigs.rig import Rig
-from plant.rig import Rig as Truth
+from plant.rig import Truth
 from plant.session import Instruments, Session
 
 

@@ -18,8 +18,8 @@ from controller.signals import Array, Estimate
 from controller.trajectory import STEP_S, Trajectory, by_speeds, through
 from controller.tuned import PidGains
 from plant import layout as at
-from plant.drives.kinds import Magnet
-from plant.rig import Rig
+from plant.drives.kinds import TrueMagnet
+from plant.rig import Truth
 from plant.sensing.instruments import Instrument
 from plant.session import Instruments
 from tests.controller.loops import believed, closed_loop, model_of
@@ -62,7 +62,7 @@ def tracked(
     name: str, reference: Trajectory, duration_s: float, instruments: Instruments | None = None
 ) -> tuple[Array, Array, list[str]]:
     """Rows of the truth, commands and statuses of a run on a rig that is 10 % off."""
-    truth = Rig(Magnet(24.0), hoop_factor=1.1)
+    truth = Truth(TrueMagnet(24.0), hoop_factor=1.1)
     estimator = Estimator(MODEL.sharp)
     return closed_loop(MODEL, build(name, MODEL, ENVELOPE), reference, duration_s, truth, estimator, instruments)[:3]
 
@@ -81,7 +81,7 @@ def test_a_lagging_drive_is_not_driven_from_end_to_end() -> None:
     """A lag of 0.1 s turned round within a tick would ask for a hundred times the path."""
     model = control_model(believed(), {"actuator_lag.time_s": 0.11}, 1e-3)
     assert model.response_s == 0.11
-    truth = Rig(Magnet(), hidden={"actuator_lag": {"time_s": 0.1}})
+    truth = Truth(TrueMagnet(), hidden={"actuator_lag": {"time_s": 0.1}})
     reference = by_speeds([0.0, 2e-3], [0.5, 5.0])
     chain = build("feedforward", model, envelope_of(model.drive))
     rows, *_ = closed_loop(model, chain, reference, 5.0, truth, Estimator(model.sharp))
@@ -155,7 +155,7 @@ def test_friction_that_falls_with_speed_is_broken_loose_from() -> None:
     model = control_model(
         believed(), {"stribeck.excess": 0.7, "stribeck.speed_m_s": 2.5e-3, "friction_coefficient": 0.074}, 1e-3
     )
-    truth = Rig(Magnet(), hidden={"stribeck": {"excess": 0.75, "speed_m_s": 2e-3}})
+    truth = Truth(TrueMagnet(), hidden={"stribeck": {"excess": 0.75, "speed_m_s": 2e-3}})
     reference = by_speeds([0.0, 2e-3], [0.5, 5.0])
     chain = build("feedforward", model, envelope_of(model.drive))[:1]
     rows, *_ = closed_loop(model, chain, reference, 5.0, truth, Estimator(model.sharp))

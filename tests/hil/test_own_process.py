@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.app.cockpit.facts import Facts
 from hil.app.cockpit.hands import Hands
+from hil.app.cockpit.panels import Facts
 from hil.app.cockpit.source import BusSource
 from hil.app.run.clock import Clock
 from hil.bus.local import LocalBus

@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 
 from plant import layout as at
-from plant.drives.kinds import Coil, Magnet, Pull, Vibro
-from plant.rig import Plant, Rig
+from plant.drives.kinds import TrueCoil, TrueMagnet, TruePull, TrueVibro
+from plant.rig import Plant, Truth
 from plant.sensing.instruments import Instrument, Reading
 from plant.session import Instruments, Session
 
 RIGS = {
-    "magnetic": Rig(Magnet()),
-    "magnetic behind lag and play": Rig(
-        Magnet(),
+    "magnetic": Truth(TrueMagnet()),
+    "magnetic behind lag and play": Truth(
+        TrueMagnet(),
         hidden={"actuator_lag": {"time_s": 0.1}, "carriage_backlash": {"width_m": 2e-3}, "stribeck": {"excess": 0.5}},
     ),
-    "coil": Rig(Coil()),
-    "vibro": Rig(Vibro()),
+    "coil": Truth(TrueCoil()),
+    "vibro": Truth(TrueVibro()),
 }
 
 
@@ -93,7 +93,7 @@ def test_hidden_sensor_effects_reach_the_readings() -> None:
     quiet = Instruments(localisation=Instrument(std=0.0))
     hidden = {"sensor_delay": {"time_s": 0.05}, "sensor_scale": {"excess": 0.1}}
     sound, slow = (
-        [r.value for r in run(Session(Rig(Magnet(), hidden=h), quiet), ticks) if r.channel == "position_m"]
+        [r.value for r in run(Session(Truth(TrueMagnet(), hidden=h), quiet), ticks) if r.channel == "position_m"]
         for h in ({}, hidden)
     )
     assert np.asarray(slow[5:]) == pytest.approx(1.1 * np.asarray(sound[:-5]), abs=1e-9)
@@ -102,7 +102,7 @@ def test_hidden_sensor_effects_reach_the_readings() -> None:
 def test_bad_input_is_refused() -> None:
     """An imposed capsule, a time that has passed, an impossible instrument."""
     with pytest.raises(ValueError, match="free capsule"):
-        Session(Rig(Pull()))
+        Session(Truth(TruePull()))
     with pytest.raises(ValueError, match="until_s must lie after"):
         Session(RIGS["magnetic"]).advance(0.0, 0.0)
     with pytest.raises(ValueError, match="finite"):

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.app.design import vibro_sweep as sweep
-from plant.drives.kinds import Pull
-from plant.rig import Rig
+from plant.drives.kinds import TruePull
+from plant.rig import Truth
+from tests.bench import vibro_sweep as sweep
 
 
 def test_verdicts() -> None:
@@ -37,5 +37,5 @@ def test_the_stop_makes_slow_drives_move() -> None:
 
 
 def test_another_drive_is_refused() -> None:
-    with pytest.raises(ValueError, match="must be a vibro drive; got Pull"):
-        sweep.mean_speed(Rig(Pull()), 10.0)
+    with pytest.raises(ValueError, match="must be a vibro drive; got pull"):
+        sweep.mean_speed(Truth(TruePull()), 10.0)

@@ -23,17 +23,18 @@ from models.files.source import read_text
 
 SEEDS_M_S = (14e-3, 4e-3)
 """Mean speeds for which a direction's shapes are found, one gear each; a gear's other speeds come from its strength."""
-_ROUNDS, _CLOSE = 5, 0.15
-_WRONG = 0.15
+_ROUNDS, _CLOSE = 5, 0.15  # of the optimal cycle's solver, and how close to the wanted speed it must end
+_WRONG = 0.15  # by which the parameters are off that a wave must bear
 _LEAST = 0.2  # of the seed's speed that a seed must keep with wrong parameters
+# period over the inner mass's own, from which the map's square waves are made
 _RATIOS = (0.6, 0.7, 0.8, 0.9, 1.0, 1.05, 1.1, 1.3, 1.5, 1.7, 1.9, 2.1)
-_DUTIES = (0.15, 0.2, 0.25, 0.3, 0.4, 0.6, 0.7, 0.75, 0.8, 0.85)
-_AMPLITUDES = (0.15, 0.2, 0.25, 0.35, 0.5, 0.7, 1.0)
-_TRIED = 12
+_DUTIES = (0.15, 0.2, 0.25, 0.3, 0.4, 0.6, 0.7, 0.75, 0.8, 0.85)  # of them
+_AMPLITUDES = (0.15, 0.2, 0.25, 0.35, 0.5, 0.7, 1.0)  # of them, of the full force
+_TRIED = 12  # square waves of a speed that are checked
 _SAVES, _IN_VAIN = 0.02, 2  # of the energy, what a guess is worth; guesses in a row that are not
 _FURTHER = 1.2  # how much further the plain square must reach for a gear of its own
-_LAG_S = (0.03, 0.5)
-_FORMAT = 12
+_LAG_S = (0.03, 0.5)  # shortest and longest lag of the mean speed
+_FORMAT = 12  # of the kept map: another one is made anew
 
 
 def rough_map(cycles: Cycles) -> SpeedMap:

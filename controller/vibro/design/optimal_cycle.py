@@ -27,19 +27,19 @@ from controller.vibro.design.smooth_cycle import SCALE, CyclePart, smooth_part
 from controller.vibro.waveform import Waveform
 
 Array = NDArray[np.float64]
-PARTS, STEPS = 32, 6
-SHORTEST_S, LONGEST_S = 0.008, 0.25
-ROUNDS = 6
+PARTS, STEPS = 32, 6  # of a cycle, and integration steps of each
+SHORTEST_S, LONGEST_S = 0.008, 0.25  # least and most period
+ROUNDS = 6  # of the solver from ever better guesses
 CLOSE = 0.05
 """Share of the speed within which the exact model must agree for a solution to count."""
-_SMOOTHING = (3e-3, 1e-3)
+_SMOOTHING = (3e-3, 1e-3)  # m/s over which sticking passes into slipping, one round after the other
 _TIME = 0.01  # s, size of 1 of the scaled period
 _STRETCH = 1.3  # factor by which a round may change the period
-_ROUGH, _SLACK_SQUARE, _SLACK = 1e-3, 1.0, 0.3
+_ROUGH, _SLACK_SQUARE, _SLACK = 1e-3, 1.0, 0.3  # weights of steps between levels, and of slack squared and plain
 _SETTLED = 0.02  # of the energy: a round at the speed that saves less is the last
 _REPEATS = 0.02  # share of its swing within which a state returns
 _CAUGHT = 6e-5  # m, wall displacement below which a slip ended because the wall was back, not because it was overtaken
-_OPTIONS: dict[str, Any] = {
+_OPTIONS: dict[str, Any] = {  # of ipopt
     "print_time": False,
     "show_eval_warnings": False,
     "ipopt": {

@@ -12,11 +12,13 @@ from controller.vibro.cycles import IMPACTS, Cycles, Gait, Impact, VibroModel, i
 from controller.vibro.waveform import Waveform
 
 Array = NDArray[np.float64]
+# period over the inner mass's own, dense about the resonance
 PERIOD_RATIOS = (0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.35, 1.5, 1.7, 1.9, 2.1, 2.4)
+# of the square waves; at a half they move nothing
 DUTIES = (0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9)
-AMPLITUDES = (0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.8, 1.0)
+AMPLITUDES = (0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.8, 1.0)  # of the full force
 _TRIED = 8  # cheapest squares of the map that are brought to the exact speed
-_EXACT = 0.02
+_EXACT = 0.02  # of the wanted speed, by which a wave may miss it
 
 
 def free_period(model: VibroModel) -> float:

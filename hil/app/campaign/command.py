@@ -12,14 +12,12 @@ from typing import Any, Final
 from rich.table import Table
 
 from hil.app.campaign.file import Campaign, load_campaign
-from hil.app.campaign.folders.agreement import with_disagreements
-from hil.app.campaign.folders.answers import Answer, answer_of, lacking, verdicts
+from hil.app.campaign.folders.answers import Answer, answer_of, lacking, verdicts, with_disagreements
 from hil.app.campaign.folders.answers import document as answers_document
 from hil.app.campaign.folders.page import page_html as answers_html
 from hil.app.campaign.folders.series import find_series
 from hil.app.campaign.page import groups, page_html, summary_of, value_of, worst_of
-from hil.app.campaign.results import Results
-from hil.app.campaign.running import check_workers, run_missing
+from hil.app.campaign.running import Results, check_workers, run_missing
 from hil.app.campaign.worker import Row, run_job
 from hil.app.console import json_text, output_to_notes, print_json, summary, text_table
 from hil.app.quantities import number
@@ -27,7 +25,7 @@ from hil.app.write import own_folder, write_files
 from models.effects import use_effects
 
 RESULTS, PAGE, NUMBERS, REPORTS = "results.jsonl", "campaign.html", "campaign.json", "series"
-_SHOWN: Final = 5
+_SHOWN: Final = 5  # worst cases that the terminal shows
 _MARK: Final = "close-loop over folders"
 """What the results of series are known by; a series is known by a hash of its own."""
 Workers = tuple[int | None, str | None]

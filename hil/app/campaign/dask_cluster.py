@@ -13,11 +13,11 @@ from typing import Any, Final
 
 from hil.app.campaign.worker import Job, Row, lost, run_jobs
 
-ANSWER_S: Final = 5.0
-LOOK_S: Final = 1.0
-PATIENCE_S: Final = 60.0
-RETRIES: Final = 3
-AHEAD: Final = 4
+ANSWER_S: Final = 5.0  # in which a scheduler must answer
+LOOK_S: Final = 1.0  # between two looks at the cluster
+PATIENCE_S: Final = 60.0  # without a worker, after which a campaign ends
+RETRIES: Final = 3  # of a run whose worker is lost
+AHEAD: Final = 4  # jobs for each worker that are sent at once
 _ONE: Final = Lock()
 _KEPT: Final = "what has ended is on file, and the same command goes on from there"
 Part = tuple[tuple[Job, ...], bool]

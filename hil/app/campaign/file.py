@@ -53,16 +53,10 @@ def distribution(key: str, table: Any) -> Distribution:
     if not isinstance(numbers, list) or not numbers:
         raise ValueError(f'draw."{key}" {kind} must be a list; got {numbers!r}')
     if kind != "choice" and not _are_bounds(kind, numbers):
-        what = {"integer": "integers of at most 15 digits", "log_uniform": "positive numbers"}.get(
-            kind, "finite numbers"
-        )
+        own = {"integer": "integers of at most 15 digits", "log_uniform": "positive numbers"}
+        what = own.get(kind, "finite numbers")
         raise ValueError(f'draw."{key}" {kind} must be [lower, upper], {what}; got {numbers!r}')
     return kind, tuple(numbers)
-
-
-def drawn(rng: np.random.Generator, kind: str, numbers: tuple[Any, ...]) -> Any:
-    """One value."""
-    return _DRAWS[kind](rng, numbers)
 
 
 def _are_bounds(kind: str, numbers: list[Any]) -> bool:
@@ -74,8 +68,8 @@ def _are_bounds(kind: str, numbers: list[Any]) -> bool:
     return bool(-most < lower <= upper < most and (kind != "log_uniform" or lower > 0))
 
 
-_MOST: Final = 1e300
-_MOST_INTEGER: Final = 10**15
+_MOST: Final = 1e300  # what a drawn number may be
+_MOST_INTEGER: Final = 10**15  # the same of an integer
 _DRAWS: Final[Mapping[str, Callable[[np.random.Generator, tuple[Any, ...]], Any]]] = {
     "uniform": lambda rng, n: float(rng.uniform(n[0], n[1])),
     "log_uniform": lambda rng, n: float(math.exp(rng.uniform(math.log(n[0]), math.log(n[1])))),
@@ -85,7 +79,7 @@ _DRAWS: Final[Mapping[str, Callable[[np.random.Generator, tuple[Any, ...]], Any]
 
 
 TABLES: Final = ("campaign", "draw", "grid", "variants")
-MOST_RUNS: Final = 1_000_000
+MOST_RUNS: Final = 1_000_000  # of a campaign
 METRICS: Final = tuple(field.name for field in fields(Score) if field.type in ("float", "int"))
 ENGINES: Final[Mapping[str, Callable[[Table], Any]]] = {"track": parse_track_scenario, "sil": parse_sil_scenario}
 
@@ -127,7 +121,7 @@ class Campaign:
         case, which = divmod(number, len(self.combinations))
         rng = np.random.default_rng(np.random.SeedSequence(self.head.seed, spawn_key=(case,)))
         seed = int(rng.integers(1 << 31))
-        draws = {key: drawn(rng, kind, numbers) for key, (kind, numbers) in self.draws.items()}
+        draws = {key: _DRAWS[kind](rng, numbers) for key, (kind, numbers) in self.draws.items()}
         over, point = self.combinations[which]
         raw = laid_over(self.raw, over)
         for key, value in draws.items():
@@ -138,16 +132,8 @@ class Campaign:
     @property
     def fingerprint(self) -> str:
         """What tells this campaign from another one: all that its runs depend on but the program."""
-        told = [
-            self.head.engine,
-            self.head.cases,
-            self.head.seed,
-            self.head.stage,
-            self.raw,
-            self.draws,
-            self.combinations,
-            self.values,
-        ]
+        head = self.head
+        told = [head.engine, head.cases, head.seed, head.stage, self.raw, self.draws, self.combinations, self.values]
         return hashlib.sha256(json.dumps(told, sort_keys=True, default=dict).encode()).hexdigest()[:16]
 
 
@@ -211,32 +197,22 @@ def _grid(table: Table) -> list[list[tuple[Table, Table]]]:
             )
         if not isinstance(choices, list) or not choices or any(choices.count(one) > 1 for one in choices):
             raise ValueError(f"grid.{key} must be a list of values that differ; got {choices!r}"[:200])
-    axes: list[list[tuple[Table, Table]]] = [
-        [(nested(key, v), {key: v}) for v in choices] for key, choices in table.items()
-    ]
-    return axes
+    return [[(nested(key, v), {key: v}) for v in choices] for key, choices in table.items()]
 
 
 def _variants(table: Table) -> list[list[tuple[Table, Table]]]:
     axes: list[list[tuple[Table, Table]]] = []
     for axis, choices in table.items():
         names = [one.get("name") for one in choices if isinstance(one, dict)] if isinstance(choices, list) else []
-        if (
-            not names
-            or len(names) != len(choices)
-            or not all(isinstance(n, str) and names.count(n) == 1 for n in names)
-        ):
-            raise ValueError(
-                f"variants.{axis} must be tables [[variants.{axis}]], each with a name of its own; got {choices!r}"[
-                    :200
-                ]
-            )
+        good = all(isinstance(name, str) and names.count(name) == 1 for name in names)
+        if not names or len(names) != len(choices) or not good:
+            must = f"variants.{axis} must be tables [[variants.{axis}]], each with a name of its own"
+            raise ValueError(f"{must}; got {choices!r}"[:200])
         for one in choices:
             unknown = [key for key in one if key not in ("name", "set")]
             if unknown or not isinstance(one.get("set", {}), dict):
-                raise ValueError(
-                    f"variants.{axis} must have a name and tables under set; got {(unknown or ['set'])[0]!r}"
-                )
+                got = (unknown or ["set"])[0]
+                raise ValueError(f"variants.{axis} must have a name and tables under set; got {got!r}")
         axes.append([(one.get("set", {}), {axis: one["name"]}) for one in choices])
     return axes
 

@@ -15,7 +15,7 @@ from hil.app.report.theme import figure_html, line_colour, styled, symbol
 from hil.app.report.words import column_words
 
 Row = Mapping[str, Any]
-WORST: Final = 12
+WORST: Final = 12  # cases on the page
 _NUMBERS: Final = ("median", "p95", "max")
 _EACH: Final = 40
 """Runs up to which the spread shows each one."""
@@ -78,14 +78,9 @@ def page_html(name: str, metric: str, rows: Sequence[Row], draws: Sequence[str],
         ("spread", "How it is spread", figure_html(_spread(parted, metric, label, factor), "figure-0")),
     ]
     numeric = [key for key in _keys(rows, draws) if _numeric(rows, key)]
-    sections += [
-        (
-            f"over-{k}",
-            f"Over {key_words(key)[0]}",
-            figure_html(_over(parted, metric, key, label, factor), f"figure-{k}"),
-        )
-        for k, key in enumerate(numeric, start=1)
-    ]
+    for k, key in enumerate(numeric, start=1):
+        figure = figure_html(_over(parted, metric, key, label, factor), f"figure-{k}")
+        sections.append((f"over-{k}", f"Over {key_words(key)[0]}", figure))
     return document(title, heading("Campaign", title), sections)
 
 
@@ -130,12 +125,7 @@ def _worst_table(rows: Sequence[Row], metric: str, unit: str, factor: float, rep
 def _point_words(key: str, value: Any) -> str:
     """A key of the scenario and its value, as `magnet stiffness 24.3 N/m` or `controller pid friction`."""
     words, unit = key_words(key)
-    shown = _short(value)
-    return f"{words} {shown} {unit}".rstrip()
-
-
-def _short(value: Any) -> str:
-    return number(value, 4) if isinstance(value, float) else str(value)
+    return f"{words} {number(value, 4) if isinstance(value, float) else value} {unit}".rstrip()
 
 
 def _finite(rows: Sequence[Row], metric: str) -> list[Row]:
@@ -146,16 +136,13 @@ def _spread(parted: Mapping[str, Sequence[Row]], metric: str, title: str, factor
     figure = go.Figure()
     for k, (name, rows) in enumerate(parted.items()):
         good = _finite(rows, metric)
-        figure.add_trace(
-            go.Box(
-                x=[factor * value_of(row, metric) for row in good],
-                name=name.replace(", ", ",<br>"),
-                boxpoints="outliers" if len(good) > _EACH else "all",
-                text=[f"run {row['run']}" for row in good],
-                marker={"color": line_colour(k), "symbol": symbol(k)},
-                showlegend=False,
-            )
-        )
+        look = {"marker": {"color": line_colour(k), "symbol": symbol(k)}, "showlegend": False}
+        points = {
+            "text": [f"run {row['run']}" for row in good],
+            "boxpoints": "outliers" if len(good) > _EACH else "all",
+        }
+        values = [factor * value_of(row, metric) for row in good]
+        figure.add_box(x=values, name=name.replace(", ", ",<br>"), **points, **look)
     figure.update_xaxes(title_text=title)
     return styled(figure, 160 + 60 * len(parted))
 
@@ -164,18 +151,10 @@ def _over(parted: Mapping[str, Sequence[Row]], metric: str, key: str, title: str
     figure = go.Figure()
     for k, (name, rows) in enumerate(parted.items()):
         good = _finite(rows, metric)
-        figure.add_trace(
-            go.Scatter(
-                x=[row["point"][key] for row in good],
-                y=[factor * value_of(row, metric) for row in good],
-                name=name,
-                mode="markers",
-                text=[f"run {row['run']}" for row in good],
-                marker={"size": 6, "color": line_colour(k), "symbol": symbol(k), "opacity": 0.7},
-                showlegend=len(parted) > 1,
-            )
-        )
+        marker = {"size": 6, "color": line_colour(k), "symbol": symbol(k), "opacity": 0.7}
+        look = {"mode": "markers", "marker": marker, "showlegend": len(parted) > 1}
+        values, runs = [factor * value_of(row, metric) for row in good], [f"run {row['run']}" for row in good]
+        figure.add_scatter(x=[row["point"][key] for row in good], y=values, name=name, text=runs, **look)
     words, unit = key_words(key)
-    figure.update_xaxes(title_text=f"{words} in {unit}" if unit else words)
-    figure.update_yaxes(title_text=title)
+    figure.update_xaxes(title_text=f"{words} in {unit}" if unit else words).update_yaxes(title_text=title)
     return styled(figure, 420)

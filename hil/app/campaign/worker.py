@@ -14,7 +14,7 @@ from typing import Any, Final, Protocol
 from hil.app.child_process import end_with_parent
 from hil.app.write import file_trouble
 
-TRIES: Final = 3
+TRIES: Final = 3  # pools that a run may cost
 Row = dict[str, Any]
 
 
@@ -40,7 +40,7 @@ def run_jobs(jobs: Sequence[Job]) -> list[Row]:
 
 def run_job(job: Job) -> Row:
     """One run. One that cannot be done gives a row with `error`."""
-    row: Row = {"run": job.number, "seed": job.seed, "point": dict(job.point)}
+    row = _row(job)
     began = time.perf_counter()
     try:
         with contextlib.redirect_stdout(io.StringIO()):
@@ -90,10 +90,8 @@ def _suspect(flying: Mapping[Future[list[Row]], tuple[tuple[Job, ...], int]]) ->
 
 def lost(job: Job, deaths: int) -> Row:
     """The row of a run that has killed so many workers."""
-    return {
-        "run": job.number,
-        "seed": job.seed,
-        "point": dict(job.point),
-        "error": f"its worker died {deaths} times",
-        "seconds": 0.0,
-    }
+    return _row(job) | {"error": f"its worker died {deaths} times", "seconds": 0.0}
+
+
+def _row(job: Job) -> Row:
+    return {"run": job.number, "seed": job.seed, "point": dict(job.point)}

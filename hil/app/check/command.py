@@ -9,7 +9,7 @@ from rich.console import Console
 
 from hil.app.console import print_json, say, summary
 from hil.app.identify.close_loop import read_series
-from hil.app.report.findings import grouped
+from hil.app.report.cards import grouped
 from hil.app.report.words import tidy
 from hil.app.scenario.deployment import read_deployed_rig
 from models.checks.examine import examine, stopping
@@ -17,7 +17,7 @@ from models.checks.finding import RecordFinding
 from models.checks.information.excitation import cannot_show
 from models.effects import effects_for
 
-STOPPED = 1
+STOPPED = 1  # exit status where a finding would stop a fit
 
 
 def check(records: Sequence[Path], rig: Path, *, json_output: bool = False) -> int:

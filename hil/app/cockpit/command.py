@@ -12,8 +12,8 @@ from typing import Final
 
 import can
 
-from hil.app.cockpit.facts import Facts, models_of, wiring_of
 from hil.app.cockpit.hands import Hands
+from hil.app.cockpit.panels import Facts, models_of, wiring_of
 from hil.app.cockpit.source import BusSource, LogSource
 from hil.app.console import note, output_to_notes, print_json, summary
 from hil.app.run.clock import Clock, ClockedBus
@@ -28,7 +28,7 @@ from hil.log.reader import ENDINGS, is_log, read_frames, read_log_record
 from hil.nodes.actuators import carriage_bus
 from hil.nodes.frame_map import frame_map_of
 
-PORT: Final = 8420
+PORT: Final = 8420  # of the page, where none is named
 OLDEST_S: Final = 5.0
 """A page that the processor was taken from does not say of its late frames that their counters were wrong."""
 EXTRA: Final = "cockpit"

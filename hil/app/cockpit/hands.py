@@ -21,12 +21,12 @@ from hil.own_process import own_environment, own_module
 
 HOLD_S: Final = 0.12
 """How long a page's word that its button is held counts; it says so every 40 ms."""
-LIFE_MS: Final = 100.0
-PARTING_S: Final = 0.2
-PRESS_S: Final = 0.15
-SAFE_S: Final = 0.5
-SAFE_STOP: Final = {"Target": 0.0, "Reason": 0.0}
-ENDS_S: Final = 10.0
+LIFE_MS: Final = 100.0  # for which a setpoint holds
+PARTING_S: Final = 0.2  # for which a release is said
+PRESS_S: Final = 0.15  # of a press that stops the drive
+SAFE_S: Final = 0.5  # for which a safe stop is said
+SAFE_STOP: Final = {"Target": 0.0, "Reason": 0.0}  # of every drive, by an operator
+ENDS_S: Final = 10.0  # in which a run ends after an interruption
 _OTHER: Final = "another page steers"
 _THROUGH: Final = "the button was held through a stop, or while another page steered: let it go first"
 _RESTS: Final = ("boot", "self_test", "standby", "fault")

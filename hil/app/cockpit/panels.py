@@ -1,22 +1,24 @@
-"""What the page draws: its panels and their lines, each from the signals of a frame of the catalogue."""
+"""What the page says of the rig and its models, and its panels: lines, each from the signals of a frame."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
 from hil.app.cockpit.watch import grade_of, words
+from hil.app.scenario.model_facts import model_facts
 from hil.bus.absent import without_absent
 from hil.bus.catalogue import Catalogue
-from hil.nodes.frame_map import FrameMap
+from hil.nodes.controller.node import Task
+from hil.nodes.frame_map import CARRIAGE_MAP, FRAME_MAPS, FrameMap
 
 Values = Mapping[str, float]
 Span = tuple[float, float]
 STDS: Final = 2.0
 """Half the width of the estimate's band, in standard deviations."""
-_MM, _MN, _PERCENT = 1e3, 1e3, 100.0
+_MM, _MN, _PERCENT = 1e3, 1e3, 100.0  # in a metre; mN in a newton
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Panel:
+class LivePanel:
     """Lines over one axis: `unit`, the `places` behind the point that its readings have, the least `span` that it
     shows, and dashed `marks`.
     """
@@ -63,7 +65,7 @@ class Panel:
         return {**told, "marks": list(self.marks), "strips": self.strips, "lines": lines}
 
 
-def panels_of(wiring: FrameMap, catalogue: Catalogue) -> tuple[Panel, ...]:
+def panels_of(wiring: FrameMap, catalogue: Catalogue) -> tuple[LivePanel, ...]:
     """The panels of a rig whose drive is `wiring`."""
     drive = wiring.drive
     word, unit, factor, _ = drive.shown
@@ -75,7 +77,7 @@ def panels_of(wiring: FrameMap, catalogue: Catalogue) -> tuple[Panel, ...]:
         return Line(name, frame, _signal(signal), signal.lower(), "strip", names)
 
     return (
-        Panel(
+        LivePanel(
             "Position",
             "mm",
             (
@@ -87,15 +89,15 @@ def panels_of(wiring: FrameMap, catalogue: Catalogue) -> tuple[Panel, ...]:
             3,
             1.0,
         ),
-        Panel("Estimate less reference", "mm", (Line("error", "WantedMotion", _error, "red"),), 3, 0.1, (0.0,)),
-        Panel(
+        LivePanel("Estimate less reference", "mm", (Line("error", "WantedMotion", _error, "red"),), 3, 0.1, (0.0,)),
+        LivePanel(
             word,
             unit,
             (*reported, Line("command", wiring.command, seen, "amber", "dash")),
             3,
             0.01,
         ),
-        Panel(
+        LivePanel(
             "Forces on the capsule",
             "mN",
             (
@@ -108,7 +110,7 @@ def panels_of(wiring: FrameMap, catalogue: Catalogue) -> tuple[Panel, ...]:
             2.0,
             (0.0,),
         ),
-        Panel(
+        LivePanel(
             "Residual",
             "σ",
             (_said("surprise", "BelievedMotion", "Surprise", 1.0, "blue"),),
@@ -116,7 +118,7 @@ def panels_of(wiring: FrameMap, catalogue: Catalogue) -> tuple[Panel, ...]:
             6.0,
             (-3.0, 3.0),
         ),
-        Panel(
+        LivePanel(
             "Evidence against the model",
             "% of an alarm",
             (_said("evidence", "ModelHealth", "Evidence", _PERCENT, "red"),),
@@ -124,7 +126,7 @@ def panels_of(wiring: FrameMap, catalogue: Catalogue) -> tuple[Panel, ...]:
             110.0,
             (100.0,),
         ),
-        Panel(
+        LivePanel(
             "States",
             "",
             (
@@ -187,3 +189,40 @@ def _error(values: Values, last: Mapping[str, Values]) -> Span | None:
         return None
     off = _MM * (motion["Position_m"] - values["Position_m"])
     return off, off
+
+
+@dataclass(frozen=True)
+class Facts:
+    """`title` and `about` of the source, its drive, and its models in the order in which they may come into use; none
+    where nothing says what they are.
+    """
+
+    title: str
+    about: str
+    wiring: FrameMap
+    catalogue: Catalogue
+    models: tuple[dict[str, Any], ...] = ()
+
+    def document(self) -> dict[str, Any]:
+        """As the page is told at its start."""
+        return {
+            "title": self.title,
+            "about": self.about,
+            "models": list(self.models),
+            "panels": [panel.document() for panel in self.panels()],
+        }
+
+    def panels(self) -> tuple[LivePanel, ...]:
+        """What is drawn."""
+        return panels_of(self.wiring, self.catalogue)
+
+
+def models_of(task: Task) -> tuple[dict[str, Any], ...]:
+    """What the models of a task are made of, in the order in which they come into use."""
+    offers = [offer for offer in (task.offer, *task.learned) if offer is not None]
+    return tuple(model_facts(model) for model in (task.model, *(offer.model for offer in offers)))
+
+
+def wiring_of(heard: Collection[str]) -> FrameMap:
+    """The drive whose feedback stands in a log of which no record says whose it is; a carriage where none does."""
+    return next((wiring for wiring in FRAME_MAPS.values() if wiring.feedback in heard), CARRIAGE_MAP)

@@ -18,11 +18,11 @@ from hil.bus.catalogue import Catalogue
 Array = NDArray[np.float32]
 BIN_S: Final = 0.04
 """A picture's worth of time."""
-KEPT_S: Final = 60.0
+KEPT_S: Final = 60.0  # of each line
 HEAD: Final = struct.Struct("<IIdd")
 """In front of the values: number of the first span, how many spans, when the first begins and how long each is, in s.
 """
-_MOST_PIXELS: Final = 4000
+_MOST_PIXELS: Final = 4000  # that a page may ask for
 
 
 def packed(first: int, start_s: float, span_s: float, values: Array) -> bytes:

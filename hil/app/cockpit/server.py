@@ -31,12 +31,12 @@ _TYPES: Final = {".html": "text/html", ".css": "text/css", ".js": "text/javascri
 LOOPBACK: Final = ("127.0.0.1", "localhost", "::1")
 STATE_EVERY: Final = 5
 """Pictures from one state of the cards to the next."""
-OPERATORS: Final = 16
+OPERATORS: Final = 16  # pages with the token at a time
 WATCHERS: Final = 16
 """Most pages with the token, and without it."""
 QUIET_S: Final = 10.0
 """How long a connection may take to ask for something."""
-_LONGEST: Final = 4096
+_LONGEST: Final = 4096  # bytes that a page may say at once
 _POLICY: Final = "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
 
 

@@ -8,22 +8,22 @@ from typing import Any, Final
 import can
 import numpy as np
 
-from hil.app.cockpit.facts import Facts
+from hil.app.cockpit.panels import Facts
 from hil.app.cockpit.series import LineFeed, Ring, Samples
-from hil.app.cockpit.watch import Watch
+from hil.app.cockpit.watch import FrameWatch
 from hil.app.run.clock import Clock
 from hil.log.blf_file import NOTED, Logged
 from hil.nodes.frame_map import plain
 
 BUSY_S: Final = 0.02
 """What one picture may take of the time to take frames in; the rest waits for the next, as pages and signals do not."""
-QUIET_S: Final = 0.5
+QUIET_S: Final = 0.5  # without a frame, after which the bus's own trouble is told
 AWAY_S: Final = 0.25
 """After such a pause a bus's queue may have run over: what is refused then is this process's doing."""
-SNAPSHOTS: Final = 2000
-LOG_EVENTS: Final = 5000
-SHORTEST_S: Final = 0.1
-CALENDAR_S: Final = 1e6
+SNAPSHOTS: Final = 2000  # of a log's state at most
+LOG_EVENTS: Final = 5000  # of a log that are kept
+SHORTEST_S: Final = 0.1  # between two snapshots
+CALENDAR_S: Final = 1e6  # a later stamp is a date
 
 
 class BusSource:
@@ -31,7 +31,7 @@ class BusSource:
 
     def __init__(self, bus: can.BusABC, clock: Clock, facts: Facts) -> None:
         self.bus, self.clock, self.facts = bus, clock, facts
-        self.watch = Watch(facts.catalogue)
+        self.watch = FrameWatch(facts.catalogue)
         self.ring = Ring(_feed(facts))
         self._trouble, self._heard, self._polled = "", -1.0, clock.now()
 
@@ -80,7 +80,7 @@ class LogSource:
 
     def __init__(self, frames: Iterable[Logged], facts: Facts) -> None:
         """Raises ValueError where the frames do, and where there is none of the catalogue."""
-        self.facts, self.watch = facts, Watch(facts.catalogue, LOG_EVENTS)
+        self.facts, self.watch = facts, FrameWatch(facts.catalogue, LOG_EVENTS)
         self.samples = Samples(_feed(facts))
         self.end_s = 0.0
         self._times, self._states = list[float](), list[dict[str, Any]]()

@@ -21,10 +21,10 @@ KEPT: Final = 200
 """Events that are kept while a bus is watched, and kinds of refusals that are told apart."""
 SILENT_S: Final = 2 * HEARTBEAT_LOST_S
 """How long a node that sends heartbeats may be quiet before it is called silent."""
-BURST_S: Final = 0.5
-_LOAD_S: Final = 1.0
-_FRESH: Final = 10
-_LOST: Final = 3
+BURST_S: Final = 0.5  # within which the same refusal is one event
+_LOAD_S: Final = 1.0  # over which the bus load is averaged
+_FRESH: Final = 10  # cycles, within which a value is new
+_LOST: Final = 3  # `Wall` of an estimate that is lost
 _BEAT, _FAULT, _FEEDBACK = "Heartbeat", "Fault", "Feedback"
 _GRADES: Final[Mapping[str, tuple[str, ...]]] = {
     "bad": ("fault", "quick_stop", "broken", "lost"),
@@ -35,7 +35,7 @@ _GRADES: Final[Mapping[str, tuple[str, ...]]] = {
 
 
 @dataclass(frozen=True)
-class Entry:
+class Occurrence:
     """One line of the page's list: `grade` is note, good, doubt or bad."""
 
     time_s: float
@@ -47,7 +47,7 @@ class Entry:
         return [round(self.time_s, 3), self.words, self.grade]
 
 
-class Watch:
+class FrameWatch:
     """Takes frames in order of time and never raises; its memory is bounded. `last` holds each frame's last good
     values.
     """
@@ -57,7 +57,7 @@ class Watch:
         self.reception = Reception({frame.id: Receiver(frame) for frame in catalogue.frames.values()})
         self.last: dict[str, dict[str, float]] = {}
         self.at: dict[str, float] = {}
-        self.events: deque[Entry] = deque(maxlen=kept)
+        self.events: deque[Occurrence] = deque(maxlen=kept)
         self.count = self.events_count = 0
         self.now = 0.0
         self._setpoint = catalogue[SETPOINT]
@@ -96,7 +96,7 @@ class Watch:
 
     def say(self, time_s: float, words: str, grade: str = "note") -> None:
         """Add an event."""
-        self.events.append(Entry(time_s, words, grade))
+        self.events.append(Occurrence(time_s, words, grade))
         self.events_count += 1
 
     def state(self, name: str, signal: str = "State") -> str:
@@ -258,7 +258,7 @@ class Watch:
         return self.catalogue[name].field(signal).names.get(int(values[signal]), "?")
 
 
-def readings(watch: Watch) -> dict[str, str]:
+def readings(watch: FrameWatch) -> dict[str, str]:
     """The page's large numbers; dashes for what is not known or no longer so."""
     motion, wanted = (watch.newest(name) for name in ("BelievedMotion", "WantedMotion"))
     if motion is None or motion["Wall"] == _LOST:

@@ -5,24 +5,20 @@ driven over the bus, recorded, learnt from and driven again.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
-from rich.table import Table
-
-from hil.app.console import json_text, print_json, summary
-from hil.app.demo.learning import LEARNING, LearningStory
-from hil.app.demo.loop import LOOPS, LoopStory
+from hil.app.console import json_text, print_json, summary, text_table
+from hil.app.demo.loop import LEARNING, LOOPS, LearningStory, LoopStory
 from hil.app.demo.next_record import BEFORE, NEXT_RECORD
 from hil.app.demo.page import demo_html
 from hil.app.demo.story import PRINTED, Learned, Story, Told
 from hil.app.demo.worker import story_bars, told
 from hil.app.identify.close_loop import NUMBERS, REPORT
-from hil.app.quantities import DASH, amount, quantity
 from hil.app.report import headline, report_json
-from hil.app.report.words import STAGE_WORDS, effect_words, error_scale, interpolation, listed, scaled, tested_part
+from hil.app.report.words import effect_words, listed
 from hil.app.sil.story import NUMBERS as LEARNED_NUMBERS
 from hil.app.sil.story import PAGE as LEARNED
 from hil.app.write import check_folder, sole_writer, write_files
@@ -118,16 +114,13 @@ def _say(
     lines: Sequence[tuple[Story, Told]], learned: Sequence[tuple[Story, Learned]], out: Path, seconds: float
 ) -> None:
     console = summary()
-    table = Table(title="Before and after", title_justify="left", show_lines=True)
-    table.add_column("story")
-    table.add_column("error of")
-    for column in (*(STAGE_WORDS[stage] for stage in STAGES), "noise floor"):
-        table.add_column(column, justify="right")
-    table.add_column("verdict")
+    heads = ("story", "error of", *STAGES, "noise floor", "verdict")
+    table = text_table("Before and after", heads, ("story", "error of", "verdict"))
+    table.show_lines = True
     for story, one in lines:
-        table.add_row(story.title, *_predicted(one), f"{headline(one.finding)} {one.caution}".strip())
+        table.add_row(story.title, *one.errors(), f"{headline(one.finding)} {one.caution}".strip())
         if one.missions:
-            table.add_row("  the same run driven again", "tracking", *_tracked(one), "", _gate_words(one))
+            table.add_row("  the same run driven again", "tracking", *one.tracked(), "", _gate_words(one))
     console.print(table)
     for story, one in lines:
         console.print(f"{story.name}: {out / story.name / REPORT}", soft_wrap=True)
@@ -141,25 +134,6 @@ def _say(
         console.print(f"{story.name}: {learnt.sentence}: {out / story.name / LEARNED}", soft_wrap=True)
     console.print(f"all: {out / PAGE}", soft_wrap=True)
     console.print(f"{seconds:.0f} s")
-
-
-def _predicted(one: Told) -> list[str]:
-    finding, part = one.finding, tested_part(one.finding)
-    factor, unit = error_scale(finding)
-    where = "prediction, held out" if part == "holdout" else "prediction, training"
-    values = [finding.error[part].get(stage) for stage in STAGES]
-    cells = [amount(scaled(value, factor), unit) for value in (*values, finding.noise_floor)]
-    if part == "train" and interpolation(finding):
-        cells[1:3] = ["interpolated"] * 2
-    return [where, *cells]
-
-
-def _tracked(one: Told) -> list[str]:
-    return [_rmse(one.missions[stage].numbers) if stage in one.missions else DASH for stage in STAGES]
-
-
-def _rmse(numbers: Mapping[str, Any]) -> str:
-    return quantity(numbers["tracking_rmse_m"], "m")
 
 
 def _gate_words(one: Told) -> str:

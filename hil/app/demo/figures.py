@@ -17,12 +17,12 @@ from hil.app.report.figure_residuals import residual_figure
 from hil.app.report.figure_summary import stage_bar
 from hil.app.report.panels import panels, thinned
 from hil.app.report.theme import MUTED, STAGE_COLOURS, styled
-from hil.app.report.words import STAGE_WORDS, error_scale, tested_part
+from hil.app.report.words import error_scale, tested_part
 from models.identification.finding import STAGES, Finding
 
 SIGNALS: Final = ("x_m", "v_m_s")
-POINTS: Final = 3000
-HEADROOM: Final = 1.15
+POINTS: Final = 3000  # of a line
+HEADROOM: Final = 1.15  # above the highest bar
 
 
 def improvement_figure(loops: Sequence[tuple[Story, Told]]) -> go.Figure:
@@ -37,7 +37,7 @@ def improvement_figure(loops: Sequence[tuple[Story, Told]]) -> go.Figure:
         predictions = {stage: factor * predicted[stage] for stage in STAGES if stage in predicted}
         for column, values in enumerate((predictions, tracked), start=1 + 2 * place):
             for stage, value in values.items():
-                here = {"x": [STAGE_WORDS[stage]], "showlegend": column == 1, "row": 1, "col": column}
+                here = {"x": [stage], "showlegend": column == 1, "row": 1, "col": column}
                 figure.add_bar(y=[value], **here, **stage_bar(stage, [value]))
         figure.update_yaxes(range=[0, HEADROOM * max(tracked.values(), default=1.0)], row=1, col=2 + 2 * place)
         figure.update_yaxes(range=[0, HEADROOM * max(predictions.values(), default=1.0)], row=1, col=1 + 2 * place)
@@ -68,7 +68,7 @@ def mission_figure(missions: Mapping[str, Mission]) -> go.Figure:
     _line(figure, first.time_s, first.reference_m, "reference", MUTED, 1, width=3.0)
     for stage, mission in missions.items():
         for row, metres in ((1, mission.position_m), (2, mission.position_m - mission.reference_m)):
-            _line(figure, mission.time_s, metres, STAGE_WORDS[stage], STAGE_COLOURS[stage], row)
+            _line(figure, mission.time_s, metres, stage, STAGE_COLOURS[stage], row)
     figure.update_yaxes(title_text="position in mm", row=1, col=1)
     figure.update_yaxes(title_text="error in mm", row=2, col=1)
     figure.update_xaxes(title_text="time in s", row=2, col=1)

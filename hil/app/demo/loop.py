@@ -1,9 +1,10 @@
-"""A loop of the demo: drive over the bus, log, find what the model lacks, pass the gate, drive again with the better
-model.
+"""The loops of the demo: drive over the bus, log, find what the model lacks, pass the gate, drive again with the better
+model; and a run that learns while it goes on.
 """
 
 from __future__ import annotations
 
+import json
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -11,10 +12,14 @@ from pathlib import Path
 from typing import Any, Final
 
 from controller.supervision.acceptance import Acceptance, AcceptanceTest
-from hil.app.demo.story import RIG, Mission, Progress, Told, found_in
+from hil.app.console import json_text
+from hil.app.demo.story import RIG, Learned, Mission, Progress, Told, found_in
+from hil.app.learn.identify import answer_at_once
 from hil.app.report import report_json
 from hil.app.scenario.bus_scenario import SilScenario, parse_sil_scenario
 from hil.app.sil.command import judged
+from hil.app.sil.loop import learning_of
+from hil.app.sil.story import NUMBERS, came_to, story_files
 from hil.app.sil.testbed import believed_on_bus
 from hil.app.write import write_files
 from hil.log.log import LockstepLog
@@ -29,8 +34,8 @@ from plant import layout as at
 
 SCENARIOS: Final = Path(__file__).parents[2] / "scenarios"
 MISSION, HOLDOUT = "mission", "holdout"
-_DRIVEN, _FOUND = 0.12, 0.75
-SEEDS = 1000
+_DRIVEN, _FOUND = 0.12, 0.75  # shares of the work up to the end of the drives, and of the search
+SEEDS = 1000  # by which seeds of two loops are apart
 Tables = dict[str, Any]
 
 
@@ -157,4 +162,32 @@ LOOPS = (
         ),
         Excitation(_waypoints([0.2, 1.4, 3.2, 5.9], [0.0, -9.0, 8.0, 0.0]), 6.0),
     ),
+)
+
+
+@dataclass(frozen=True)
+class LearningStory:
+    """A scenario as `capsule sil --learn` runs it; the search runs in the story's own process."""
+
+    name: str
+    title: str
+    scenario: Path
+
+    def tell(self, folder: Path, seed: int, report: Progress) -> Learned:
+        """The run, its page and its numbers."""
+        raw = tomllib.loads(self.scenario.read_text(encoding="utf-8"))
+        number = raw["scenario"].get("seed", 0) + SEEDS * seed
+        tables = {**raw, "scenario": {**raw["scenario"], "seed": number}}
+        scenario = parse_sil_scenario(tables)
+        model, learning = believed_on_bus(scenario, {}), learning_of(scenario, {}, answer_at_once)
+        found, trace = judged(scenario, model, None, number, "nominal", report, learning=learning)
+        found["learned"] = [lesson.document() for lesson in trace.lessons]
+        files = story_files(folder, scenario, found, trace)
+        numbers = json.loads(files[folder / NUMBERS])
+        write_files({folder / "sil.json": json_text(found), folder / "scenario.toml": toml_text(tables), **files})
+        return Learned(came_to(trace.lessons), numbers, found, tuple(scenario.loop.truth.hidden))
+
+
+LEARNING = LearningStory(
+    "learning", "simulated magnetic rig that learns while it runs", SCENARIOS / "demo_learning.toml"
 )

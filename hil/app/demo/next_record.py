@@ -22,7 +22,7 @@ from plant.experiments.series import rig_text
 BEFORE: Final = "before"
 POOR: Final = ("pass_1", "pass_2")
 NEXT: Final = "next"
-_SEARCHED: Final = 0.45
+_SEARCHED: Final = 0.45  # share of the work up to the end of the first search
 Tables = Mapping[str, Any]
 
 

@@ -12,7 +12,7 @@ from hil.app.demo.figures import improvement_figure, left_over_figure, mission_f
 from hil.app.demo.next_record import BEFORE
 from hil.app.demo.story import Learned, Mission, Story, Told
 from hil.app.identify.close_loop import MODEL, REPORT
-from hil.app.quantities import DASH, amount, quantity, scale, unit_words
+from hil.app.quantities import DASH, quantity, scale, unit_words
 from hil.app.quantities import told as numbers_told
 from hil.app.report import headline
 from hil.app.report.document import document, heading, mixed_table, table
@@ -20,24 +20,12 @@ from hil.app.report.figure_traces import motion_figure, trace_figure
 from hil.app.report.panels import panels
 from hil.app.report.tables import separations_table
 from hil.app.report.theme import figure_html
-from hil.app.report.words import (
-    STAGE_WORDS,
-    classes_words,
-    column_words,
-    effect_words,
-    error_scale,
-    error_story,
-    interpolation,
-    listed,
-    parameter_words,
-    scaled,
-    tested_part,
-)
+from hil.app.report.words import classes_words, column_words, effect_words, error_story, listed, parameter_words
 from hil.app.sil.story import PAGE as LEARNED
 from hil.app.sil.story import error_figure, parts_table
 from models.identification.finding import NEXT_TOML, STAGES, Finding
 
-POINTS: Final = 4000
+POINTS: Final = 4000  # of a line
 _LINES: Final = (
     "<p>Dots are samples. The solid line is their local mean while the capsule moves forward, the dotted one while it"
     " moves backward; orange is the model before, teal the one after.</p>"
@@ -49,13 +37,8 @@ def demo_html(lines: Sequence[Line], seconds: float, learned: Sequence[tuple[Sto
     """The page for all stories, driven ones first and in full, then those that `learned` while they ran."""
     loops = [line for line in lines if line[1].missions]
     poor = [(story, told, told.before) for story, told in lines if told.before is not None]
-    sections = [
-        (
-            "numbers",
-            "Before and after",
-            _table(lines) + _figure(improvement_figure(loops), "improvement") if loops else _table(lines),
-        )
-    ]
+    compared = _figure(improvement_figure(loops), "improvement") if loops else ""
+    sections = [("numbers", "Before and after", _table(lines) + compared)]
     parts = [(story, _loop(story, told)) for story, told in loops]
     parts += [(story, _proposed(story, told, before)) for story, told, before in poor]
     parts += [(story, _learned(story, one)) for story, one in learned]
@@ -81,11 +64,8 @@ def _sentence(story: Story, told: Told) -> str:
     """What a loop came to, in a sentence."""
     first, last = (quantity(told.missions[stage].numbers["tracking_rmse_m"], "m") for stage in (STAGES[0], _last(told)))
     names = listed(effect_words(effect.id) for effect in told.finding.effects) or "no effect"
-    again = (
-        f"tracking error {first} before, {last} with the {_last(told)} model"
-        if _last(told) != STAGES[0]
-        else "no model passed"
-    )
+    again = f"tracking error {first} before, {last} with the {_last(told)} model"
+    again = again if _last(told) != STAGES[0] else "no model passed"
     return f"{story.name.capitalize()} rig: kept from everyone was {_kept(told)}; named was {names}; {again}."
 
 
@@ -108,25 +88,14 @@ def _last(told: Told) -> str:
 
 
 def _table(lines: Sequence[Line]) -> str:
-    heads = ("Story", "Error of", *(STAGE_WORDS[stage] for stage in STAGES), "noise floor", "Verdict", "Report")
+    heads = ("Story", "Error of", *STAGES, "noise floor", "Verdict", "Report")
     rows = []
     for story, told in lines:
-        factor, unit = error_scale(told.finding)
-        part = tested_part(told.finding)
-        errors = (told.finding.error[part].get(stage) for stage in STAGES)
-        cells = [amount(scaled(value, factor), unit) for value in (*errors, told.finding.noise_floor)]
-        if part == "train" and interpolation(told.finding):
-            cells[1:3] = ["interpolated"] * 2
-        what = "prediction, held out" if part == "holdout" else "prediction, training"
         link = f'<a href="{story.name}/{REPORT}">report</a>'
-        said = escape(headline(told.finding))
-        rows.append([escape(story.title), what, *cells, said, link])
+        rows.append([escape(story.title), *told.errors(), escape(headline(told.finding)), link])
         if told.missions:
-            cells = [
-                quantity(told.missions[stage].numbers["tracking_rmse_m"], "m") if stage in told.missions else DASH
-                for stage in STAGES
-            ]
-            rows.append(["&nbsp;&nbsp;the same run driven again", "tracking, rms", *cells, "", _gate(told), ""])
+            again = "&nbsp;&nbsp;the same run driven again"
+            rows.append([again, "tracking, rms", *told.tracked(), "", _gate(told), ""])
     return mixed_table([(head, place in (0, 1, 6, 7)) for place, head in enumerate(heads)], rows)
 
 
@@ -218,16 +187,8 @@ def _truth_table(told: Told) -> str:
     rows = []
     for name, numbers in told.truth.items():
         for key, value in numbers.items():
-            given = isinstance(value, int | float)
-            rows.append(
-                [
-                    escape(effect_words(name)),
-                    escape(parameter_words(key)),
-                    quantity(value, column_words(key)[1]) if given else escape(str(value)),
-                    DASH,
-                    DASH,
-                ]
-            )
+            truth = quantity(value, column_words(key)[1]) if isinstance(value, int | float) else escape(str(value))
+            rows.append([escape(effect_words(name)), escape(parameter_words(key)), truth, DASH, DASH])
     place = {(row[0], row[1]): row for row in rows}
     for effect in told.finding.effects:
         for key, estimate in effect.parameters.items():

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from controller.supervision.acceptance import Acceptance
 from hil.app.identify.close_loop import read_series, result_files
 from hil.app.papers.analytical import best_miss, thirty_periods
-from hil.app.quantities import change
+from hil.app.quantities import DASH, change, quantity
+from hil.app.report.words import error_cells, tested_part
 from hil.app.write import write_files
 from models.identification import Model, close
-from models.identification.finding import Finding
+from models.identification.finding import STAGES, Finding
 from models.rigs.reader import read_rig
 from models.rigs.rig import Rig
 from models.sets import measured_path
@@ -53,6 +54,17 @@ class Told:
     caution: str = ""
     truth: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     before: Finding | None = None
+
+    def errors(self) -> list[str]:
+        """What the prediction was tested on, its error by stage and the noise floor, in words."""
+        part = tested_part(self.finding)
+        where = "prediction, held out" if part == "holdout" else "prediction, training"
+        return [where, *error_cells(self.finding, part)]
+
+    def tracked(self) -> list[str]:
+        """The rms tracking error by stage, a dash where the gate let none in."""
+        rms = {stage: quantity(mission.numbers["tracking_rmse_m"], "m") for stage, mission in self.missions.items()}
+        return [rms.get(stage, DASH) for stage in STAGES]
 
 
 @dataclass(frozen=True)

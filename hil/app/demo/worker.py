@@ -18,7 +18,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from hil.app.console import notes, output_to_notes, stage_lines
 from hil.app.demo.story import Learned, Story, Told
 
-WORKERS: Final = 2
+WORKERS: Final = 2  # stories at a time
 Reporter = Callable[[str, str, float], None]
 
 

@@ -17,7 +17,7 @@ from controller.model.control_model import ControlModel
 from controller.model.linear import Array
 from hil.app.design.tables import balance_lines, cycle_table, margin_table, words_of
 from hil.app.report.document import document, heading, mixed_table
-from hil.app.report.theme import INK, MUTED, figure_html, line_colour, line_look, styled
+from hil.app.report.theme import INK, MUTED, axes, figure_html, line_colour, line_look, styled
 from hil.app.report.words import signed
 
 Figures = Mapping[str, tuple[str, go.Figure]]
@@ -104,9 +104,8 @@ def nyquist_figure(loops: Sequence[OpenLoop]) -> go.Figure:
     circle = {"color": MUTED, "width": 1, "dash": "dot"}
     figure.add_scatter(x=np.cos(turn), y=np.sin(turn), mode="lines", line=circle, showlegend=False, hoverinfo="skip")
     figure.add_scatter(x=[-1], y=[0], mode="markers", marker={"color": INK, "symbol": "x", "size": 9}, showlegend=False)
-    styled(figure, 520)
-    figure.update_xaxes(title="real part", range=[-3, 2])
-    return figure.update_yaxes(title="imaginary part", range=[-3, 2], scaleanchor="x")
+    axes(figure, "real part", "imaginary part", 520).update_xaxes(range=[-3, 2])
+    return figure.update_yaxes(range=[-3, 2], scaleanchor="x")
 
 
 def sensitivity_figure(loops: Sequence[OpenLoop]) -> go.Figure:
@@ -115,9 +114,7 @@ def sensitivity_figure(loops: Sequence[OpenLoop]) -> go.Figure:
     for loop in loops:
         values, label = 20 * np.log10(loop.sensitivity()), f"{loop.name}, {loop.phase}"
         figure.add_scatter(x=loop.omega / (2 * math.pi), y=values, mode="lines", name=label, line=_look(loops, loop))
-    styled(figure, 380)
-    figure.update_xaxes(title="frequency in Hz", type="log")
-    return figure.update_yaxes(title="|1/(1 + L)| in dB")
+    return axes(figure, "frequency in Hz", "|1/(1 + L)| in dB", 380).update_xaxes(type="log")
 
 
 def balance_figure(found: Study) -> go.Figure:
@@ -175,13 +172,9 @@ def pole_figure(loops: Sequence[OpenLoop]) -> go.Figure:
         marker = {"color": look["color"], "symbol": "x" if loop.phase == "stick" else "circle-open", "size": 9}
         name = f"{loop.name}, {loop.phase}"
         figure.add_scatter(x=loop.poles.real, y=loop.poles.imag, mode="markers", name=name, marker=marker)
-    turn = np.linspace(0, 2 * math.pi, 200)
-    figure.add_scatter(
-        x=np.cos(turn), y=np.sin(turn), mode="lines", line={"color": MUTED, "width": 1}, showlegend=False
-    )
-    styled(figure, 480)
-    figure.update_xaxes(title="real part")
-    return figure.update_yaxes(title="imaginary part", scaleanchor="x")
+    turn, line = np.linspace(0, 2 * math.pi, 200), {"color": MUTED, "width": 1}
+    figure.add_scatter(x=np.cos(turn), y=np.sin(turn), mode="lines", line=line, showlegend=False)
+    return axes(figure, "real part", "imaginary part", 480).update_yaxes(scaleanchor="x")
 
 
 def run_figure(found: Study) -> go.Figure:
@@ -190,10 +183,8 @@ def run_figure(found: Study) -> go.Figure:
     for place, (name, parts) in enumerate(found.runs.items()):
         for column, (part, run) in enumerate(parts.items(), start=1):
             error, line = 1e3 * (run.position - run.reference), {**line_look(place), "width": 1.2}
-            shown = part == "ramp"
-            figure.add_scatter(
-                x=run.t, y=error, mode="lines", name=name, line=line, showlegend=shown, row=1, col=column
-            )
+            look = {"mode": "lines", "name": name, "line": line, "showlegend": part == "ramp"}
+            figure.add_scatter(x=run.t, y=error, row=1, col=column, **look)
     figure.update_xaxes(title="t in s")
     figure.update_yaxes(title="error in mm", row=1, col=1)
     return styled(figure, 380)

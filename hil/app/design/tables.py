@@ -1,14 +1,23 @@
-"""What a design found in words and tables, for terminal and page alike."""
+"""What a design found in words and tables, for terminal and page alike: poles, gains, margins, cycles."""
 
 from __future__ import annotations
 
+from typing import Any
+
 from rich.table import Table
 
+from controller.baselines.lqr import Gains, lqr_gains
 from controller.design.describing_function import AMPLITUDES_M, Balance
+from controller.design.margins import Margins
 from controller.design.study import Study
+from controller.design.tuning import Pid
+from controller.drives import driven_of
 from controller.model.control_model import ControlModel
-from hil.app.design.gains import gains_words
+from controller.model.linear import linearise
+from hil.app.console import text_table
 from hil.app.quantities import number
+
+MARGINS = ("gain", "phase in deg", "more delay in ms", "sensitivity")
 
 
 def words_of(found: Study, plant: ControlModel) -> list[str]:
@@ -30,17 +39,9 @@ def balance_words(found: list[Balance]) -> str:
     """What the harmonic balance of one loop says."""
     if not found:
         return f"no cycle from {1e3 * AMPLITUDES_M[0]:g} to {1e3 * AMPLITUDES_M[-1]:g} mm: stiction brings it to rest"
-    return "; ".join(
-        (
-            f"hunts at {1e3 * one.amplitude_m:.3g} mm, {one.frequency_Hz:.3g} Hz"
-            if one.stable
-            else (
-                f"comes to rest from a swing below {1e3 * one.amplitude_m:.3g} mm ({one.frequency_Hz:.3g} Hz), goes off"
-                " from more"
-            )
-        )
-        for one in found
-    )
+    hunts = "hunts at {0:.3g} mm, {1:.3g} Hz"
+    rests = "comes to rest from a swing below {0:.3g} mm ({1:.3g} Hz), goes off from more"
+    return "; ".join((hunts if one.stable else rests).format(1e3 * one.amplitude_m, one.frequency_Hz) for one in found)
 
 
 def _complex(rate: complex) -> str:
@@ -49,42 +50,81 @@ def _complex(rate: complex) -> str:
 
 def margin_table(found: Study) -> Table:
     """Gain, phase and delay margins of each loop, a row for a loop and state of the wall."""
-    table = Table(title=f"margins with {1e3 * found.delay_s:g} ms of delay", title_justify="left")
-    for column in (
-        "",
-        "wall",
-        "gain",
-        "phase in deg",
-        "more delay in ms",
-        "sensitivity",
-        "crossover in Hz",
-        "bandwidth in Hz",
-        "stable",
-    ):
-        table.add_column(column, justify="left" if column in ("", "wall") else "right")
+    heads = ("", "wall", *MARGINS, "crossover in Hz", "bandwidth in Hz", "stable")
+    table = text_table(f"margins with {1e3 * found.delay_s:g} ms of delay", heads, ("", "wall"))
     for loop in found.loops:
         m = loop.margins()
-        numbers = (m.gain, m.phase_deg, 1e3 * m.delay_s, m.sensitivity_peak, m.crossover_Hz, m.bandwidth_Hz)
-        table.add_row(
-            loop.name,
-            loop.phase,
-            *(number(x, 3) for x in numbers),
-            "yes" if m.stable else "NO",
-        )
+        numbers = [number(x, 3) for x in (*margin_numbers(m), m.crossover_Hz, m.bandwidth_Hz)]
+        table.add_row(loop.name, loop.phase, *numbers, "yes" if m.stable else "NO")
     return table
+
+
+def margin_numbers(m: Margins) -> tuple[float, float, float, float]:
+    """What stands under `MARGINS`."""
+    return m.gain, m.phase_deg, 1e3 * m.delay_s, m.sensitivity_peak
 
 
 def cycle_table(found: Study) -> Table:
     """Limit cycles of each controller under set-valued friction, a row for a run."""
-    table = Table(title="set-valued friction, no noise: error in the last half", title_justify="left")
-    for column in ("", "run", "peak to peak in µm", "period in s", "rms in µm", "hunts"):
-        table.add_column(column, justify="left" if column in ("", "run") else "right")
+    heads = ("", "run", "peak to peak in µm", "period in s", "rms in µm", "hunts")
+    table = text_table("set-valued friction, no noise: error in the last half", heads, ("", "run"))
     for name, parts in found.cycles().items():
         for part, c in parts.items():
-            table.add_row(
-                name,
-                part,
-                *(number(x, 3) for x in (1e6 * c.peak_to_peak_m, c.period_s, 1e6 * c.rms_m)),
-                "yes" if c.hunts else "no",
-            )
+            numbers = [number(x, 3) for x in (1e6 * c.peak_to_peak_m, c.period_s, 1e6 * c.rms_m)]
+            table.add_row(name, part, *numbers, "yes" if c.hunts else "no")
     return table
+
+
+def command_unit(model: ControlModel) -> str:
+    """Unit of the command: m of a carriage, A or V of a coil."""
+    return model.command_name.rpartition("_")[2]
+
+
+def gains_json(pid: Pid, lqr: Gains, unit: str) -> dict[str, Any]:
+    """The designed gains; K_p in `command_unit` per m."""
+    return {
+        "command_unit": unit,
+        "pid": {"K_p": pid.K_p, "K_i_per_s": pid.K_i, "K_d_s": pid.K_d, "filter_s": pid.filter_s},
+        "lqr": {"K": dict(zip(lqr.states, lqr.K.tolist(), strict=True)), "K_i_per_s": lqr.K_i},
+    }
+
+
+def gains_words(pid: Pid, lqr: Gains, model: ControlModel) -> list[str]:
+    """Lines for the designed gains, and for those of the controllers that run."""
+    unit = command_unit(model)
+    own = f"K_p {pid.K_p:.4g} {unit}/m, K_i {pid.K_i:.4g} {unit}/(m s), K_d {pid.K_d:.4g} {unit} s/m"
+    return [
+        f"PID, from position error to {model.command_name}: {own} (filter {1e3 * pid.filter_s:g} ms)",
+        f"LQR: {_feedback(lqr, unit)}",
+        "not used by track, sil and run, whose controllers have these gains, whatever the delay:",
+        *_running(model),
+    ]
+
+
+def _running(model: ControlModel) -> list[str]:
+    drive = driven_of(model.drive)
+    pids = {"pid": drive.pid, "pid_friction": drive.pid_friction}
+    pids["pid_estimated and the PID below the others"] = drive.pid_estimated
+    lines = [
+        f"  {name}, from position error to force: k_p {g.k_p:g} N/m, k_i {g.k_i:g} N/(m s), k_d {g.k_d:g} N s/m"
+        for name, g in pids.items()
+    ]
+    return [
+        *lines,
+        (
+            f"  lqr: {_feedback(lqr_gains(linearise(model, 'slip')), command_unit(model))} at this tick of"
+            f" {1e3 * model.tick_s:g} ms"
+        ),
+    ]
+
+
+def _feedback(gains: Gains, unit: str) -> str:
+    terms = [f"{name} {gain:.4g} {_per(unit, name)}" for name, gain in zip(gains.states, gains.K, strict=True)]
+    return f"{', '.join(terms)}, K_i {gains.K_i:.4g} {unit}/(m s)"
+
+
+def _per(unit: str, state: str) -> str:
+    """Unit of a gain on `state`."""
+    if state == "v":
+        return f"{unit} s/m"
+    return f"{unit}/{'m' if state == 'x' else state.rpartition('_')[2]}"

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,10 +15,11 @@ from rich.table import Table
 from controller.vibro.cycles import Cycles, VibroModel
 from controller.vibro.design.drive_map import designed, rough_map
 from controller.vibro.design.study import VibroStudy, vibro_study
-from hil.app.console import summary
+from hil.app.console import text_table
 from hil.app.design.page import listed_html, loop_figures, page_html, table_html
+from hil.app.design.tables import MARGINS, margin_numbers
 from hil.app.quantities import number
-from hil.app.report.theme import line_look, styled
+from hil.app.report.theme import axes, line_look
 
 
 def study_of(model: VibroModel, delay_s: float, optimise: bool = True) -> VibroStudy:
@@ -34,19 +34,14 @@ def study_of(model: VibroModel, delay_s: float, optimise: bool = True) -> VibroS
 def vibro_json(found: VibroStudy) -> dict[str, Any]:
     """What the study found, SI."""
     low, high = found.drive.reach()
+    own = ("home_m_s", "slowest_m_s", "fastest_m_s", "impact")
     return {
         "delay_s": found.delay_s,
         "resonance": asdict(found.resonance),
         "reach_m_s": [low, high],
         "lag_s": found.drive.lag_s,
         "gears": [
-            {
-                "home_m_s": gear.home_m_s,
-                "slowest_m_s": gear.slowest_m_s,
-                "fastest_m_s": gear.fastest_m_s,
-                "impact": gear.impact,
-                "period_s": gear.waveform(gear.home_m_s).period_s,
-            }
+            {**{name: getattr(gear, name) for name in own}, "period_s": gear.waveform(gear.home_m_s).period_s}
             for gear in found.drive.gears
         ],
         "ways": [
@@ -93,35 +88,21 @@ def vibro_lines(found: VibroStudy) -> list[str]:
     ]
 
 
-def print_vibro(found: VibroStudy, page: Path | None) -> None:
-    """Resonance, gears, costs and margins as tables."""
-    console = summary()
-    for line in vibro_lines(found):
-        console.print(line)
-    console.print(_cost_table(found))
-    console.print(_loop_table(found))
-    if page is not None:
-        console.print(f"plots: {page}", soft_wrap=True)
+def vibro_tables(found: VibroStudy) -> tuple[Table, Table]:
+    """Costs and margins."""
+    return _cost_table(found), _loop_table(found)
 
 
 def _cost_table(found: VibroStudy) -> Table:
-    table = Table(title="cheapest square wave by impact, and what the drive map does", title_justify="left")
-    for column in ("mm/s", "", "impact", "mJ/mm", "period in ms", "duty", "amplitude", "goes at mm/s"):
-        table.add_column(column, justify="left" if column in ("", "impact") else "right")
+    heads = ("mm/s", "", "impact", "mJ/mm", "period in ms", "duty", "amplitude", "goes at mm/s")
+    table = text_table("cheapest square wave by impact, and what the drive map does", heads, ("", "impact"))
     for speed, ways in found.alternatives.items():
         for one in ways:
             wave, pace = one.waveform, one.pace
             duty = f"{wave.edges[1]:.3g}" if one.shape == "square" else ""
-            numbers = (number(x, 3) for x in (pace.energy_J_per_m, 1e3 * wave.period_s))
-            table.add_row(
-                f"{1e3 * speed:g}",
-                one.shape,
-                one.impact,
-                *numbers,
-                duty,
-                f"{max(wave.levels):.3g}",
-                f"{1e3 * pace.speed_m_s:.3g}",
-            )
+            numbers = [number(x, 3) for x in (pace.energy_J_per_m, 1e3 * wave.period_s)]
+            rest = (duty, f"{max(wave.levels):.3g}", f"{1e3 * pace.speed_m_s:.3g}")
+            table.add_row(f"{1e3 * speed:g}", one.shape, one.impact, *numbers, *rest)
         if not ways:
             table.add_row(f"{1e3 * speed:g}", "out of reach", *[""] * 6)
     return table
@@ -129,32 +110,19 @@ def _cost_table(found: VibroStudy) -> Table:
 
 def _loop_table(found: VibroStudy) -> Table:
     title = f"slow loop with {1e3 * found.delay_s:g} ms of delay; slope of the true speed with parameters 15 % off"
-    table = Table(title=title, title_justify="left")
-    for column in (
-        "mm/s",
-        "gain",
-        "phase in deg",
-        "more delay in ms",
-        "sensitivity",
-        "bandwidth in Hz",
-        "slope",
-        "holds",
-    ):
-        table.add_column(column, justify="right")
+    table = text_table(title, ("mm/s", *MARGINS, "bandwidth in Hz", "slope", "holds"))
     for one in found.slow:
         m = one.loop.margins()
-        numbers = (m.gain, m.phase_deg, 1e3 * m.delay_s, m.sensitivity_peak, m.bandwidth_Hz)
+        numbers = [number(x, 3) for x in (*margin_numbers(m), m.bandwidth_Hz)]
         slopes = f"{one.slope_low:.2f} to {one.slope_high:.2f}"
-        table.add_row(
-            f"{1e3 * one.speed_m_s:g}", *(number(x, 3) for x in numbers), slopes, "yes" if one.holds else "NO"
-        )
+        table.add_row(f"{1e3 * one.speed_m_s:g}", *numbers, slopes, "yes" if one.holds else "NO")
     return table
 
 
 def vibro_html(found: VibroStudy, title: str) -> str:
     """The page, complete in itself."""
     own = {"Square waves over their frequency": ("", period_figure(found)), "Gears": ("", gear_figure(found))}
-    numbers = listed_html(vibro_lines(found)) + table_html(_cost_table(found)) + table_html(_loop_table(found))
+    numbers = listed_html(vibro_lines(found)) + "".join(map(table_html, vibro_tables(found)))
     head = f"Design for {title}: inner mass, {1e3 * found.delay_s:g} ms of delay"
     return page_html(head, numbers, own | loop_figures(found.loops))
 
@@ -165,14 +133,10 @@ def period_figure(found: VibroStudy) -> go.Figure:
     for k, amplitude in enumerate(table.amplitude):
         speed = table.speed[:, :, k]
         best = np.take_along_axis(speed, np.abs(speed).argmax(axis=1)[:, None], axis=1)[:, 0]
-        line = line_look(k)
-        figure.add_scatter(
-            x=1 / table.period_s, y=1e3 * best, mode="lines+markers", name=f"amplitude {amplitude:g}", line=line
-        )
+        look = {"mode": "lines+markers", "name": f"amplitude {amplitude:g}", "line": line_look(k)}
+        figure.add_scatter(x=1 / table.period_s, y=1e3 * best, **look)
     figure.add_vline(x=found.resonance.held_Hz, line={"dash": "dot", "width": 1})
-    styled(figure, 420)
-    figure.update_xaxes(title="frequency in Hz")
-    return figure.update_yaxes(title="mean speed in mm/s")
+    return axes(figure, "frequency in Hz", "mean speed in mm/s", 420)
 
 
 def gear_figure(found: VibroStudy) -> go.Figure:
@@ -184,6 +148,4 @@ def gear_figure(found: VibroStudy) -> go.Figure:
         line = {"shape": "hv", **line_look(k)}
         name = f"{1e3 * gear.home_m_s:.3g} mm/s, impact {gear.impact}"
         figure.add_scatter(x=t, y=[*wave.levels, wave.levels[-1]], mode="lines", name=name, line=line)
-    styled(figure, 360)
-    figure.update_xaxes(title="t in ms")
-    return figure.update_yaxes(title="share of the coil's force")
+    return axes(figure, "t in ms", "share of the coil's force", 360)

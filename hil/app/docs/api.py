@@ -10,7 +10,7 @@ from types import ModuleType
 from typing import Any, Final
 
 MODULE: Final = "hil.api"
-_WIDEST: Final = 100
+_WIDEST: Final = 100  # characters of a signature on one line
 _QUOTED: Final = re.compile(r"(: |-> )'([^']*)'")
 """An annotation that is kept as text."""
 

@@ -13,8 +13,7 @@ from controller.registry import CONTROLLERS, ESTIMATORS
 from hil.app.docs.meanings import MEANINGS, UNITS
 from hil.app.scenario.bus_scenario import BusTable as SimulatedBusTable
 from hil.app.scenario.bus_scenario import FmuTable, JogTable
-from hil.app.scenario.deployment import BusTable, ControlTable, ModelTable, PlantTable
-from hil.app.scenario.learning import Pace
+from hil.app.scenario.deployment import BusTable, ControlTable, ModelTable, Pace, PlantTable
 from hil.app.scenario.model_offer import OfferTable
 from hil.app.scenario.reference import REFERENCES
 from hil.app.scenario.scenario import Control

@@ -109,8 +109,7 @@ class _Number:
     fit: bool = True
 
     def line(self) -> str:
-        ends = ", ".join(f"{value:.6g}" for value in (self.value, self.lower, self.upper))
-        value, lower, upper = ends.split(", ")
+        value, lower, upper = (f"{number:.6g}" for number in (self.value, self.lower, self.upper))
         return (
             f'    {self.name}: Parameter = Parameter("{self.name}", {value}, "{self.unit}", {lower}, {upper}, TERM,'
             f" fit={self.fit})"

@@ -15,7 +15,7 @@ from models.drives.magnetic import Magnetic
 from models.drives.pull import Pull
 
 Array = NDArray[np.float64]
-_STEP_S: Final = 1e-3
+_STEP_S: Final = 1e-3  # of MuJoCo's integrator
 _DRIVES: Final = {
     Magnetic.name: "the magnet's force beyond small gaps: the actuator is a linear spring of its stiffness",
     Pull.name: "the elastic link of a pull, where there is one: the actuator holds the place stiffly",
@@ -25,7 +25,7 @@ _HARD: Final = 0.9999
 """Impedance of friction, MuJoCo's largest: with its usual 0.9 a body of some grams would creep at centimetres a second
 under forces far below `frictionloss`.
 """
-_PULL_N_PER_M: Final = 1e4
+_PULL_N_PER_M: Final = 1e4  # of the actuator that holds a place: stiff against friction
 
 
 def body(found: Found) -> tuple[str, dict[str, float], dict[str, str]]:

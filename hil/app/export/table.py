@@ -18,7 +18,7 @@ from models.effects.effect import Effect, Signals
 from models.surfaces.gut import Drag
 
 Array = NDArray[np.float64]
-SPEEDS_M_S: Final = (2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2)
+SPEEDS_M_S: Final = (2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2)  # at which friction is tabled
 PLACES_M: Final = tuple(np.round(np.linspace(-0.02, 0.08, 101), 6).tolist())
 UNITS: Final[Mapping[str, str]] = {
     "speed_m_s": "m/s, of the capsule along the surface, positive",

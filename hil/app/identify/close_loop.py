@@ -8,26 +8,29 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from rich.table import Table
 
-from hil.app.console import json_text, note, notes, output_to_notes, print_json, progress_bar, summary
-from hil.app.identify.next_experiment import next_toml
-from hil.app.quantities import amount
+from hil.app.console import json_text, note, notes, output_to_notes, print_json, progress_bar, summary, text_table
 from hil.app.report import headline, report_html, report_json
+from hil.app.report.cards import grouped
 from hil.app.report.dependence import story
-from hil.app.report.findings import grouped
-from hil.app.report.words import STAGE_WORDS, error_scale, interpolation, scaled, tidy
+from hil.app.report.words import error_cells, error_scale, tidy
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import check_targets, sole_writer, table_text, write_files
 from hil.log.record import read_rig_record
+from models.files.toml import toml_text
 from models.identification import Model, close
-from models.identification.finding import NEXT_CSV, NEXT_TOML, STAGES, Finding
+from models.identification.finding import NEXT_CSV, NEXT_TOML, STAGES, Finding, Proposal
 from models.records.record import Record
 from models.rigs.rig import Rig
 
 REPORT, NUMBERS, MODEL = "report.html", "report.json", "model.toml"
 FILES = (REPORT, NUMBERS, MODEL, NEXT_TOML, NEXT_CSV)
+
+
+_MM = 1e3  # in a metre
 
 
 def close_loop(
@@ -139,26 +142,46 @@ def print_summary(finding: Finding, out: Path) -> None:
     for alike in grouped(finding.findings):
         more = f" (and {len(alike) - 1} more)" if len(alike) > 1 else ""
         console.print(f"{alike[0].severity}: {tidy(alike[0].sentence)}{more}", soft_wrap=True)
-    console.print(
-        error_table({"training": finding.error["train"], "held out": finding.error.get("holdout", {})}, finding)
-    )
+    console.print(error_table(finding))
     console.print(f"report: {out / REPORT}", soft_wrap=True)
     console.print(f"model:  {out / MODEL}", soft_wrap=True)
     if finding.proposal is not None:
         console.print(f"next:   {tidy(finding.next_experiment or '')}", soft_wrap=True)
 
 
-def error_table(rows: dict[str, dict[str, float]], finding: Finding) -> Table:
+def error_table(finding: Finding) -> Table:
     """Error by stage, one row a part of the data."""
-    factor, unit = error_scale(finding)
-    table = Table(
-        title=f"error in {unit}: {finding.measure}" if unit else f"error: {finding.measure}", title_justify="left"
-    )
-    for column in ("", *(STAGE_WORDS[stage] for stage in STAGES), "noise floor"):
-        table.add_column(column, justify="left" if not column else "right")
-    for name, errors in rows.items():
-        shown = [amount(scaled(errors.get(stage), factor), unit) for stage in STAGES]
-        if name == "training" and interpolation(finding):
-            shown[1:] = ["interpolated"] * 2
-        table.add_row(name, *shown, amount(scaled(finding.noise_floor, factor), unit))
+    _, unit = error_scale(finding)
+    title = f"error in {unit}: {finding.measure}" if unit else f"error: {finding.measure}"
+    table = text_table(title, ("", *STAGES, "noise floor"))
+    for part, name in (("train", "training"), ("holdout", "held out")):
+        table.add_row(name, *error_cells(finding, part))
     return table
+
+
+def next_toml(proposal: Proposal, kind: str) -> str:
+    """The reference, places counted from where it starts, and what it is expected to separate or to show."""
+    tables: dict[str, Any] = {
+        "experiment": {"kind": kind, "column": proposal.column, "duration_s": round(float(proposal.times_s[-1]), 4)},
+        "reference": {
+            "kind": "waypoints",
+            "times_s": [round(float(t), 4) for t in proposal.times_s[1:]],
+            "positions_mm": [round(_MM * float(x - proposal.places_m[0]), 4) for x in proposal.places_m[1:]],
+        },
+    }
+    if proposal.separations:
+        tables["separates"] = {
+            f"{one.effect}_from_{one.rival}": {
+                "standard_deviations": round(one.standard_deviations, 2),
+                "best_record_so_far": one.best_record,
+                "standard_deviations_so_far": round(one.so_far, 2),
+            }
+            for one in proposal.separations
+        }
+    if proposal.shows:
+        tables["shows"] = {"effects": list(proposal.shows)}
+    head = (
+        f"# The next experiment, proposed by close-loop; {NEXT_CSV} holds the same motion for a rig driven from a file."
+        "\n# capsule track, sil and run drive it with --reference.\n"
+    )
+    return head + toml_text(tables)

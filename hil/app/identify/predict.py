@@ -40,16 +40,8 @@ def predict(
     differences = compare(driven, columns)
     rows = len(next(iter(columns.values())))
     if json_output:
-        print_json(
-            {
-                "record": str(record),
-                "stage": stage,
-                "prediction": str(out),
-                "columns": list(columns),
-                "rows": rows,
-                "rms": differences,
-            }
-        )
+        told = {"record": str(record), "stage": stage, "prediction": str(out), "columns": list(columns)}
+        print_json({**told, "rows": rows, "rms": differences})
         return
     console = summary()
     console.print(f"{stage} model, {rows} rows: {out}", soft_wrap=True)

@@ -23,7 +23,7 @@ from models.rigs.schema import Table, field_of
 from models.rigs.tables import Noise
 from plant.experiments.series import make_series
 
-_SECONDS: Final = 12.0
+_SECONDS: Final = 12.0  # of a template record
 
 
 def template(kind: RigKind, *, rotary: bool = False) -> tuple[Tables, Columns]:

@@ -27,10 +27,10 @@ HELD_S: Final = 0.15
 """A key counts as held for this long after the terminal has last told of it; they repeat every 30 ms or so."""
 QUIET_S: Final = 0.1
 """How long to listen for another sender of the same name before anything is sent: five of its cycles."""
-GREETING_S: Final = 0.1
-PARTING_S: Final = 0.1
-_FASTER: Final = 1.25
-_SHOWN_S: Final = 0.1
+GREETING_S: Final = 0.1  # for which a release is sent first
+PARTING_S: Final = 0.1  # for which a release is sent last
+_FASTER: Final = 1.25  # by which a key changes the speed
+_SHOWN_S: Final = 0.1  # between two lines on the terminal
 
 
 def jog(

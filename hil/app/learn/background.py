@@ -14,9 +14,9 @@ from multiprocessing.context import SpawnProcess
 from typing import Final
 
 from hil.app.child_process import end_with_parent
-from hil.app.learn.identify import Answer, Question, answer
+from hil.app.learn.identify import LearningAnswer, LearningQuestion, answer
 
-NICE: Final = 19
+NICE: Final = 19  # the lowest priority
 READY_S: Final = 60.0
 """How long its start is waited for before the first tick."""
 CLOSED_S: Final = 2.0
@@ -43,7 +43,7 @@ class Background:
         """Start the process now, not with the first question."""
         self._keeper.submit(self._start).exception()
 
-    def __call__(self, question: Question) -> Future[Answer]:
+    def __call__(self, question: LearningQuestion) -> Future[LearningAnswer]:
         """Ask; the answer comes when it comes."""
         return self._keeper.submit(self._ask, question)
 
@@ -69,7 +69,7 @@ class Background:
         ours.recv()
         return ours
 
-    def _ask(self, question: Question) -> Answer:
+    def _ask(self, question: LearningQuestion) -> LearningAnswer:
         try:
             pipe = self._pipe if self._process is not None and self._process.is_alive() else None
             pipe = pipe or self._renewed()
@@ -79,7 +79,7 @@ class Background:
         try:
             pipe.send(question)
             found = pipe.recv()
-            assert isinstance(found, Answer)
+            assert isinstance(found, LearningAnswer)
             return found
         except Exception as error:  # noqa: BLE001 - whatever a broken pipe holds
             return _failed(f"the learner's process {self._end() or f'gave no answer: {_words(error)}'}")
@@ -103,8 +103,8 @@ class Background:
         return ended
 
 
-def _failed(sentence: str) -> Answer:
-    return Answer({}, (), "none", sentence, searched=False)
+def _failed(sentence: str) -> LearningAnswer:
+    return LearningAnswer({}, (), "none", sentence, searched=False)
 
 
 def _words(error: Exception) -> str:

@@ -7,14 +7,14 @@ from typing import Final
 import numpy as np
 
 from controller.excursion import Experiment
-from hil.app.scenario.learning import Pace
+from hil.app.scenario.deployment import Pace
 from models.identification.finding import Proposal
 
 STROKES: Final = ((1.0, 1.0), (-1.0, 0.5), (0.5, 2.0), (-0.5, 2.0), (0.5, 0.5), (0.0, 1.0))
 """Shares of the reach to go to one after the other, and of the speed to go there with, each followed by a rest."""
-REST_S: Final = 0.5
-MM: Final = 1e-3
-_LEAST_S: Final = 0.1
+REST_S: Final = 0.5  # after each motion
+MM: Final = 1e-3  # in metres
+_LEAST_S: Final = 0.1  # of a motion
 
 Motion = tuple[tuple[float, ...], tuple[float, ...]]
 """Times in s and places in m from 0 on."""

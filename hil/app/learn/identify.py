@@ -38,7 +38,7 @@ KNOWN: Final = 0.01
 """Standard deviation, as a share, with which the base parameters of a model that held are known."""
 BELIEVED: Final = 0.05
 """The same for those of a model that is about to be fitted to what was measured while it held."""
-_ROUNDS = 4
+_ROUNDS = 4  # in which the noise is found
 _AS_STATED = 1.05  # rms of the residuals in units of the noise, up to which the noise is right
 LEAD_S: Final = 8.0
 """So long before its first row that counts a record is run through: where the capsule hangs behind its magnet then, and
@@ -53,7 +53,7 @@ PARTLY: Final = 0.5
 
 
 @dataclass(frozen=True)
-class Question:
+class LearningQuestion:
     """What is asked: the `columns` of a run of `rig`, rows from `broken_from` on to learn from, those from `held_from`
     on held out, the `values` of the model in use; `base_holds` where its base parameters are taken as known, as the
     model was right until it broke.
@@ -73,7 +73,7 @@ class Question:
 
 
 @dataclass(frozen=True)
-class Answer:
+class LearningAnswer:
     """What was found: `values` for a controller, empty where no model passed the gate, the `effects` named, the
     `verdict`, in a sentence why it is offered or not, what to drive next to tell more (`wanted`, its `motion` where one
     is proposed), and how many `seconds` the search took. `searched` is False where there was none, for whoever was
@@ -95,16 +95,16 @@ class Answer:
         return bool(self.values)
 
 
-Ask = Callable[[Question], "Future[Answer]"]
+Ask = Callable[[LearningQuestion], "Future[LearningAnswer]"]
 
 
-def answer(question: Question) -> Answer:
+def answer(question: LearningQuestion) -> LearningAnswer:
     """Identify on the first rows, judge on those held out. Never raises: what cannot be used is an answer too."""
     try:
         return _answer(question)
     except Exception as error:  # noqa: BLE001 - records of a running rig may be unusable in many ways
         words = " ".join(str(error).split())[:300] or type(error).__name__
-        return Answer({}, (), "none", f"nothing could be identified: {words}")
+        return LearningAnswer({}, (), "none", f"nothing could be identified: {words}")
 
 
 def at_once(work: Callable[[], T]) -> Future[T]:
@@ -117,12 +117,12 @@ def at_once(work: Callable[[], T]) -> Future[T]:
     return done
 
 
-def answer_at_once(question: Question) -> Future[Answer]:
+def answer_at_once(question: LearningQuestion) -> Future[LearningAnswer]:
     """The answer, in this process."""
     return at_once(lambda: answer(question))
 
 
-def _answer(question: Question) -> Answer:
+def _answer(question: LearningQuestion) -> LearningAnswer:
     cut, (rig, before, columns) = question.held_from, _as_it_held(question)
     train = [_part("since", rig, columns, question.broken_from, cut)]
     held = [_part("held out", rig, columns, cut, None)]
@@ -141,15 +141,15 @@ def _answer(question: Question) -> Answer:
         wanted = finding.next_experiment or ""
         motion = motion_of(finding.proposal)
         why = "no effect was found, and the base held until the model broke" if unfounded else verdict.sentence
-        return Answer({}, effects, finding.verdict, why, wanted, finding.seconds, motion)
+        return LearningAnswer({}, effects, finding.verdict, why, wanted, finding.seconds, motion)
     held_out = finding.error["holdout"][stage]
     said = (
         f"held-out error {quantity(held_out, finding.unit)} against {quantity(error, finding.unit)} of the model in use"
     )
-    return Answer(model.believed(stage), effects, finding.verdict, said, seconds=finding.seconds)
+    return LearningAnswer(model.believed(stage), effects, finding.verdict, said, seconds=finding.seconds)
 
 
-def _as_it_held(question: Question) -> tuple[Rig, dict[str, float], Mapping[str, Array]]:
+def _as_it_held(question: LearningQuestion) -> tuple[Rig, dict[str, float], Mapping[str, Array]]:
     """What the model in use would have been had it been fitted to what was measured while it held; the columns of
     `question` less what that leaves of the measured one, place by place (`LeftOver`); and the rig with what is still
     left as its noise. The model in use, the columns and the rig as they are for a rig whose prediction drifts, and

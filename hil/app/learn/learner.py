@@ -19,8 +19,8 @@ from controller.supervision.acceptance import Acceptance
 from controller.supervision.history import History
 from controller.supervision.model_switch import ModelSwitch, Offer, Prepared
 from hil.app.learn.experiment import experiment_of
-from hil.app.learn.identify import LEAD_S, Answer, Ask, Question, at_once
-from hil.app.scenario.learning import Pace
+from hil.app.learn.identify import LEAD_S, Ask, LearningAnswer, LearningQuestion, at_once
+from hil.app.scenario.deployment import Pace
 from hil.app.scenario.model_offer import Offered
 from hil.log.record import SOURCES
 from models.rigs.columns import TIME
@@ -131,7 +131,7 @@ class Learner:
         self.experiments: list[Experiment] = []
         self._phase: Phase = "watching"
         self._errors = _Errors(round(self.pace.trial_s))
-        self._future: Future[Answer] | None = None
+        self._future: Future[LearningAnswer] | None = None
         self._made: Future[Prepared] | None = None
         self._next: tuple[Mapping[str, float], Phase] = (self.values, "offered")
         self._due = self._before = self._since = math.nan
@@ -166,7 +166,9 @@ class Learner:
         broken_from, held_from = (int(row) for row in np.searchsorted(columns[TIME], (self._since, held_s)))
         self.lessons[-1].asked_at_s = self._told(now)
         base_holds = self.lessons[-1].answers % 2 == 0
-        self._future = self.ask(Question(self.rig, columns, held_from, dict(self._new), base_holds, broken_from))
+        self._future = self.ask(
+            LearningQuestion(self.rig, columns, held_from, dict(self._new), base_holds, broken_from)
+        )
         self._due, self._phase = now + self.pace.answer_s, "identifying"
 
     def _columns(self, begin_s: float) -> dict[str, Array]:
@@ -208,7 +210,7 @@ class Learner:
             "experiments": [one.document() for one in self.experiments],
         }
 
-    def _excite(self, now: float, found: Answer) -> float:
+    def _excite(self, now: float, found: LearningAnswer) -> float:
         """Have an experiment driven that may tell more; how long it takes in s, 0 where the pace allows none, or nobody
         searched.
         """

@@ -2,8 +2,7 @@
 verdict.
 """
 
-from hil.app.papers.command import seeds
+from hil.app.papers.command import seed_rows, seeds
 from hil.app.papers.row import Row
-from hil.app.papers.table import seed_rows
 
 __all__ = ["Row", "seed_rows", "seeds"]

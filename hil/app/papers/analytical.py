@@ -87,32 +87,21 @@ def analytical_rows() -> Iterator[Row]:
 def _printed_curve(a: Setting) -> Iterator[Row]:
     tooth, s = a.tooth(a.printed()), a.stated
     note = "with L_s = L + R = 26.5 mm, rise to 39.79 - 23.23 mN, fall at v_c + v_i: to all printed digits"
-    yield row(
-        "a_rise_printed", "A: rise, Eq. 18-20 as printed", "s", tooth.rise_s, "reproduced", note, paper=s["rise_s"]
-    )
-    yield row(
-        "a_fall_printed", "A: fall, Eq. 18-20 as printed", "s", tooth.fall_s, "reproduced", note, paper=s["fall_s"]
-    )
+    quantity = "A: rise, Eq. 18-20 as printed"
+    yield row("a_rise_printed", quantity, "s", tooth.rise_s, "reproduced", note, paper=s["rise_s"])
+    quantity = "A: fall, Eq. 18-20 as printed"
+    yield row("a_fall_printed", quantity, "s", tooth.fall_s, "reproduced", note, paper=s["fall_s"])
     quantity, measured = "A: period, Eq. 18-20 as printed", mean_of("period_s")
-    yield row(
-        "a_period_printed", quantity, "s", tooth.period_s, "reproduced", note, paper=s["period_s"], measured=measured
-    )
+    key = "a_period_printed"
+    yield row(key, quantity, "s", tooth.period_s, "reproduced", note, paper=s["period_s"], measured=measured)
     small = 1e-9
     ratio = a.printed()(small) / a.derived(stretched_length(a.capsule))(small)
     note = f"{_DIVISION}: the printed curve's wall is this much stiffer than the paper's own law at rest"
-    yield row(
-        "a_printed_wall_stiffness", "A: stiffness of the printed wall over that of Eq. 1", "1", ratio, "misprint", note
-    )
+    quantity = "A: stiffness of the printed wall over that of Eq. 1"
+    yield row("a_printed_wall_stiffness", quantity, "1", ratio, "misprint", note)
     note = "Eq. 18 at t = 0; its constant 215.5 is rounded"
-    yield row(
-        "a_eq18_start",
-        "A: Eq. 18 at its start",
-        "mN",
-        printed_force(1.0),
-        "consistent",
-        note,
-        paper=s["initial_force_N"],
-    )
+    quantity = "A: Eq. 18 at its start"
+    yield row("a_eq18_start", quantity, "mN", printed_force(1.0), "consistent", note, paper=s["initial_force_N"])
     fall_start = load_set("zhang2016_printed_curve")["matrix_N"]
     note = (
         "Eq. 19 is printed without its constant: at t = 0 only the term 192.2/m^2 is left; the curve here starts at"
@@ -127,9 +116,8 @@ def _printed_curve(a: Setting) -> Iterator[Row]:
         " mm/s one"
     )
     stated = s["recovery_time_s"]
-    yield row(
-        "a_recovery_time", "A: recovery of the wall, Section 5.3", "s", recovery, "consistent", note, paper=stated
-    )
+    quantity = "A: recovery of the wall, Section 5.3"
+    yield row("a_recovery_time", quantity, "s", recovery, "consistent", note, paper=stated)
 
 
 def _derived_curve(a: Setting) -> Iterator[Row]:
@@ -162,9 +150,8 @@ def _stated_forces(a: Setting) -> Iterator[Row]:
     yield row("a_coulomb_limit", "A: f_c, Eq. 8, 9", "mN", limit, none, note, paper=a.amplitude, measured=tooth)
     drag = mucus_drag(s["capsule_speed_m_s"], Tissue().mucus_thickness_m)
     note = "V Eq. 9, 10 with w in mm/s and h in mm; only this reading of the garbled equation comes near"
-    yield row(
-        "a_viscous_force", "A: mucus drag at 0.5 mm/s", "mN", drag, "consistent", note, paper=s["viscous_force_N"]
-    )
+    quantity = "A: mucus drag at 0.5 mm/s"
+    yield row("a_viscous_force", quantity, "mN", drag, "consistent", note, paper=s["viscous_force_N"])
 
 
 def _friction_range(a: Setting) -> Iterator[Row]:

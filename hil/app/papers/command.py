@@ -1,16 +1,40 @@
-"""The command `capsule seeds`: table or JSON, and the figures."""
+"""`capsule seeds`: the seed papers' numbers as table or JSON, and a page of their figures."""
 
 from __future__ import annotations
 
+from html import escape
 from pathlib import Path
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
+from rich.table import Table
 
 from hil.app.console import print_json
-from hil.app.papers.page import write_page
-from hil.app.papers.table import print_rows, seed_rows
+from hil.app.papers.analytical import analytical_rows
+from hil.app.papers.dma import dma_rows
+from hil.app.papers.draw_analytical import analytical_drawings
+from hil.app.papers.draw_viscoelastic import viscoelastic_drawings
+from hil.app.papers.drawing import Drawing
+from hil.app.papers.flat_car import flat_car_drawing, flat_car_rows
+from hil.app.papers.row import Row
+from hil.app.papers.two_speeds import two_speeds_drawing, two_speeds_rows
+from hil.app.papers.viscoelastic import base_rows, viscoelastic_rows
+from hil.app.report.document import document, heading
+from hil.app.report.theme import figure_html
+from hil.app.write import write_files
 
-_PAGE_WIDTH = 120
+_PAGE_WIDTH = 120  # characters of a table in a file
+_COLOURS = {
+    **dict.fromkeys(("reproduced", "consistent"), "green"),
+    **dict.fromkeys(("check value", "not comparable"), "dim"),
+    **dict.fromkeys(("not reproducible", "misses the measurement"), "red"),
+    **{"misprint": "yellow", "finding": "cyan"},
+}
+PAGE_NAME = "seeds.html"
+_LEAD = (
+    "What the three seed papers draw, recomputed from their printed equations and parameters. Black and grey marks are "
+    "measurements that the papers print as numbers; everything else is computed when this page is made."
+)
 
 
 def seeds(json_output: bool = False, plot: Path | None = None) -> None:
@@ -32,3 +56,54 @@ def seeds(json_output: bool = False, plot: Path | None = None) -> None:
     print_rows(rows, console)
     if page is not None:
         console.print(f"figures: {page}", soft_wrap=True)
+
+
+def seed_rows() -> list[Row]:
+    """Every row, computed now."""
+    return [*analytical_rows(), *flat_car_rows(), *viscoelastic_rows(), *dma_rows(), *base_rows(), *two_speeds_rows()]
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:#.4g}".rstrip(".")
+
+
+def print_rows(rows: list[Row], console: Console) -> None:
+    """One table; notes are numbered and follow it."""
+    notes: dict[str, int] = {}
+    table = Table(title="The seed papers' numbers", box=SIMPLE_HEAD, pad_edge=False)
+    for name in ("quantity", "unit", "paper", "computed", "measured", "verdict", "note"):
+        numeric = name in ("paper", "computed", "measured", "note")
+        table.add_column(name, justify="right" if numeric else "left", no_wrap=numeric)
+    group = ""
+    for r in rows:
+        if group and r.id.split("_")[0] != group:
+            table.add_section()
+        group = r.id.split("_")[0]
+        number = str(notes.setdefault(r.note, len(notes) + 1)) if r.note else ""
+        verdict = f"[{_COLOURS[r.verdict]}]{r.verdict}[/]"
+        numbers = (_number(v) for v in (r.paper, r.computed, r.measured))
+        table.add_row(r.quantity, r.unit, *numbers, verdict, number)
+    console.print(table)
+    legend = Table.grid(padding=(0, 2))
+    for note, index in notes.items():
+        legend.add_row(f"{index:3d}", note)
+    console.print(legend, markup=False, highlight=False)
+
+
+def drawings() -> list[Drawing]:
+    """All figures: A Fig. 5-7, V Fig. 5, 7, 9 and Table 2, C Fig. 8, and the base model at two speeds."""
+    return [*analytical_drawings(), *viscoelastic_drawings(), flat_car_drawing(), two_speeds_drawing()]
+
+
+def write_page(folder: Path) -> Path:
+    """Write `seeds.html` into `folder`, which is made if needed, and return its path."""
+    sections = []
+    for i, drawing in enumerate(drawings(), start=1):
+        content = f'{figure_html(drawing.figure, f"figure-{i}")}<p class="caption">{escape(drawing.caption)}</p>'
+        sections.append((f"figure-{i}-section", drawing.title, content))
+    title = "The seed papers' figures"
+    page = document(title, heading("Computed again from what the papers print", title, _LEAD), sections)
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / PAGE_NAME
+    write_files({path: page})
+    return path

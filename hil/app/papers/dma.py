@@ -15,7 +15,7 @@ from models.laws.hoop import high_speed_moduli
 from models.parameter import load_set
 from models.sets import load_measurement
 
-_DIP_HZ = 40.0
+_DIP_HZ = 40.0  # of the modulus in paper V's Table 2
 
 
 @dataclass(frozen=True)
@@ -60,9 +60,8 @@ def _test(table: DmaTable) -> Iterator[Row]:
     stated = s["largest_deviation"]
     note = "largest of a modulus over the smallest of the three samples, less 1: the paper's 7.92 % is that of 20 Hz"
     lowest = largest_deviation(table, at_lowest)
-    yield row(
-        "v_dma_deviation_20_hz", "V: deviation of the samples at 20 Hz", "%", lowest, "reproduced", note, paper=stated
-    )
+    quantity = "V: deviation of the samples at 20 Hz"
+    yield row("v_dma_deviation_20_hz", quantity, "%", lowest, "reproduced", note, paper=stated)
     whole = largest_deviation(table, np.ones_like(at_lowest))
     note = "the paper calls 7.92 % the largest of Table 2; its own 40 Hz has more"
     none: Verdict = "not reproducible"
@@ -106,15 +105,8 @@ def _loss_tangents(table: DmaTable) -> Iterator[Row]:
             tangent, measured = (float((y[at].imag / y[at].real)[0]) for y in (model, table.modulus))
             verdict: Verdict = "consistent" if abs(tangent / measured - 1) < 0.05 else "not reproducible"
             quantity = f"V: tan delta of Table 3 at {f} Hz ({notes[reading]})"
-            yield row(
-                f"v_dma_tan_delta_{f}_{reading}",
-                quantity,
-                "1",
-                tangent,
-                verdict,
-                "measured: sample 1",
-                measured=measured,
-            )
+            note = "measured: sample 1"
+            yield row(f"v_dma_tan_delta_{f}_{reading}", quantity, "1", tangent, verdict, note, measured=measured)
 
 
 def _table3_errors(table: DmaTable) -> Iterator[Row]:
@@ -142,27 +134,15 @@ def _refits(table: DmaTable) -> Iterator[Row]:
         note = "least squares on the complex modulus, omega = 2 pi f; mean over what is left out in turn"
         yield row(f"v_dma_{key}_in_sample", f"V: {law.name} refitted, in sample", "%", inside, "finding", note)
         yield row(f"v_dma_{key}_sample_out", f"V: {law.name} refitted, a sample left out", "%", sample, "finding", note)
-        yield row(
-            f"v_dma_{key}_frequency_out",
-            f"V: {law.name} refitted, a frequency left out",
-            "%",
-            frequency,
-            "finding",
-            note,
-        )
+        quantity = f"V: {law.name} refitted, a frequency left out"
+        yield row(f"v_dma_{key}_frequency_out", quantity, "%", frequency, "finding", note)
 
 
 def _what_remains(table: DmaTable) -> Iterator[Row]:
     mean = np.array([table.modulus[table.frequency == f].mean() for f in table.frequency])
     note = "error of the samples' own mean at each frequency: the least that any law of frequency could leave"
-    yield row(
-        "v_dma_sample_spread",
-        "V: spread of the three samples",
-        "%",
-        relative_error(mean, table.modulus),
-        "finding",
-        note,
-    )
+    quantity = "V: spread of the three samples"
+    yield row("v_dma_sample_spread", quantity, "%", relative_error(mean, table.modulus), "finding", note)
     omega = np.asarray(angular_frequency(table.frequency))
     fit = fit_spectrum(FIVE_ELEMENTS, omega, table.modulus)(omega)
     dip = (table.modulus.real / fit.real - 1)[table.frequency == _DIP_HZ]
@@ -171,14 +151,8 @@ def _what_remains(table: DmaTable) -> Iterator[Row]:
         f"{dip.max():.0%} to {dip.min():.0%} in the three samples, {shares[_DIP_HZ, 'storage'][1]:.0%} of the squared"
         " residual; no relaxation law gives a storage modulus that falls with frequency"
     )
-    yield row(
-        "v_dma_storage_dip_40_hz",
-        "V: storage modulus at 40 Hz against the refit",
-        "%",
-        float(dip.mean()),
-        "finding",
-        note,
-    )
+    quantity = "V: storage modulus at 40 Hz against the refit"
+    yield row("v_dma_storage_dip_40_hz", quantity, "%", float(dip.mean()), "finding", note)
     for f, name in ((50.0, "storage"), (50.0, "loss"), (60.0, "loss")):
         off, share = shares[f, name]
         quantity, note = f"V: {name} modulus at {f:g} Hz against the refit", f"{share:.0%} of the squared residual"

@@ -15,8 +15,8 @@ from models.laws.geometry import stretched_length
 from models.laws.stick_slip import Tension, Tooth, friction_curve
 from models.sets import load_measurement
 
-_MN = 1e3
-_PERIODS = 3
+_MN = 1e3  # in a newton
+_PERIODS = 3  # of the saw that are drawn
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from models.laws.geometry import Regime
 from models.laws.hoop import high_speed_moduli
 from models.parameter import load_set
 
-_MN = 1e3
+_MN = 1e3  # in a newton
 _TOP, _JUMP = HIGH_SPEEDS[-1], HIGH_SPEEDS[0]
 
 
@@ -71,28 +71,11 @@ def _components() -> Drawing:
 
 
 def _updated() -> Drawing:
-    slow, fast, all_speeds = (
-        np.linspace(0.2e-3, _JUMP, 100),
-        np.linspace(_JUMP, _TOP, 120),
-        np.linspace(0.2e-3, _TOP, 480),
-    )
+    slow, fast, every = (np.linspace(*span) for span in ((0.2e-3, _JUMP, 100), (_JUMP, _TOP, 120), (0.2e-3, _TOP, 480)))
     figure = axes("speed, mm/s", "force, mN")
-    line(
-        figure,
-        slow * 1e3,
-        _force(slow, "low").total * _MN,
-        "low-speed moduli (Eq. 13)",
-        PRINTED,
-    )
-    line(
-        figure,
-        fast * 1e3,
-        _force(fast, "high").total * _MN,
-        "high-speed moduli (Table 3)",
-        DERIVED,
-    )
-    blend = _force(all_speeds, "blend").total
-    line(figure, all_speeds * 1e3, blend * _MN, "blend over 2 mm/s", THIRD, "dot")
+    line(figure, slow * 1e3, _force(slow, "low").total * _MN, "low-speed moduli (Eq. 13)", PRINTED)
+    line(figure, fast * 1e3, _force(fast, "high").total * _MN, "high-speed moduli (Table 3)", DERIVED)
+    line(figure, every * 1e3, _force(every, "blend").total * _MN, "blend over 2 mm/s", THIRD, "dot")
     _band(figure)
     low, high = float(_force(_JUMP, "low").total), float(_force(_JUMP, "high").total)
     caption = (

@@ -1,4 +1,4 @@
-"""Paper C: the flat-car model's amplitude and period, which its own equations do not give."""
+"""Paper C: the flat-car model's amplitude and period, which its own equations do not give, and its Fig. 8."""
 
 from __future__ import annotations
 
@@ -6,13 +6,19 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
+from hil.app.papers.drawing import DERIVED, MEASURED, PRINTED, Drawing, axes, line, points
 from hil.app.papers.row import Row, Verdict, row
 from models.laws.flat_car import FlatCar
 from models.parameter import load_set
 from models.sets import load_measurement
 
 SOURCE = "constant_velocity_section_2.3"
+
+
+_MN = 1e3  # in a newton
+_SHADES = ("#9ca3af", "#6b7280", "#374151")
 
 
 def measured_teeth(quantity: str) -> list[float]:
@@ -35,34 +41,57 @@ def flat_car_rows() -> Iterator[Row]:
     yield row("c_period", "C: period at 10 mm/s", "s", computed, none, note, paper=s["period_s"], measured=period)
     note = "Eq. 4-7: what the spring carries after half the stated period"
     force = float(car.spring_force(s["period_s"] / 2))
-    yield row(
-        "c_amplitude", "C: amplitude at 10 mm/s", "mN", force, none, note, paper=s["amplitude_N"], measured=amplitude
-    )
+    quantity = "C: amplitude at 10 mm/s"
+    yield row("c_amplitude", quantity, "mN", force, none, note, paper=s["amplitude_N"], measured=amplitude)
     note = "hoop stress at the stated peak condition, stretch 1/cos(60 deg) = 2: never met"
     yield row("c_limiting_hoop_stress", "C: sigma_c at stretch 2", "MPa", car.limiting_hoop_stress(), none, note)
     note = (
         "Eq. 8, 9: the hoop stress that goes with 56 mN, tens of thousands of times less than the peak condition"
         " asks for"
     )
-    yield row(
-        "c_hoop_stress_at_amplitude", "C: sigma_c at 56 mN", "Pa", car.hoop_stress_for(s["amplitude_N"]), none, note
-    )
+    quantity = "C: sigma_c at 56 mN"
+    yield row("c_hoop_stress_at_amplitude", quantity, "Pa", car.hoop_stress_for(s["amplitude_N"]), none, note)
     needed = car.limiting_hoop_stress() * car.contact_area * math.tan(car.theta)
-    yield row(
-        "c_force_at_limit",
-        "C: spring force at the peak condition",
-        "N",
-        needed,
-        none,
-        "Eq. 8, 9",
-        paper=s["amplitude_N"],
-    )
+    quantity = "C: spring force at the peak condition"
+    yield row("c_force_at_limit", quantity, "N", needed, none, "Eq. 8, 9", paper=s["amplitude_N"])
     note = (
         "speed times the median measured period, about 11 mm: if the period is one in space (folds, say), it has this"
         " length; a period in time looks the same at one speed"
     )
     spatial = float(np.median(measured_teeth("period"))) * s["capsule_speed_m_s"]
     stated, mean = (t * s["capsule_speed_m_s"] for t in (s["period_s"], period))
-    yield row(
-        "c_spatial_period", "C: way per period at 10 mm/s", "mm", spatial, "finding", note, paper=stated, measured=mean
+    quantity = "C: way per period at 10 mm/s"
+    yield row("c_spatial_period", quantity, "mm", spatial, "finding", note, paper=stated, measured=mean)
+
+
+def flat_car_drawing() -> Drawing:
+    """Fig. 8: force above its valley over two measured periods."""
+    car, s = FlatCar.from_set(), load_set("zhang2014_constant_velocity")
+    figure = axes("time, s", "friction above its valley, mN")
+    end = 2 * max(measured_teeth("period"))
+    t = np.linspace(0, end, 1500)
+    rise = car.time_to(s["amplitude_N"])
+    force = car.spring_force(rise - np.abs(t % (2 * rise) - rise))
+    line(figure, t, force * _MN, "Eq. 4-9 with Table 1, up to 56 mN", DERIVED)
+    wave = _wave(t, s["period_s"], s["amplitude_N"])
+    line(figure, t, wave * _MN, "paper's simulation: stated amplitude and period", PRINTED)
+    teeth = zip(measured_teeth("period"), measured_teeth("peak_to_peak_force"), _SHADES, strict=True)
+    for i, (period, amplitude, shade) in enumerate(teeth, start=1):
+        name = f"measured, sample {i}: mean amplitude and period"
+        line(figure, t, _wave(t, period, amplitude) * _MN, name, shade, "dot")
+        instants = period * np.arange(0.5, end / period)
+        peaks = np.full(len(instants), amplitude * _MN)
+        points(figure, instants, peaks, "measured peak", colour=shade, showlegend=False)
+    points(figure, measured_teeth("period"), [0.0] * len(_SHADES), "measured valleys", "diamond", MEASURED)
+    figure.update_layout(height=460)
+    caption = (
+        "The paper prints mean amplitude and period, not the curves: the measured samples and the paper's simulation"
+        " are drawn as sine waves of those (the paper says its data look like one). Its equations reach 56 mN after"
+        f" {rise:.3f} s, and the stated peak condition needs a hoop stress of {car.limiting_hoop_stress() / 1e6:.0f}"
+        " MPa. The valley f_0 is not given."
     )
+    return Drawing("C, Fig. 8: simulated and measured friction at 10 mm/s", caption, figure)
+
+
+def _wave(t: NDArray[np.float64], period: float, amplitude: float) -> NDArray[np.float64]:
+    return np.asarray(amplitude * (1 - np.cos(2 * np.pi * t / period)) / 2)

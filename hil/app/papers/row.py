@@ -6,15 +6,10 @@ from dataclasses import asdict, dataclass
 from typing import Literal
 
 Verdict = Literal[
-    "reproduced",
-    "consistent",
-    "check value",
-    "not comparable",
-    "misprint",
-    "not reproducible",
-    "misses the measurement",
-    "finding",
-]
+    "reproduced", "consistent", "check value", "not comparable",
+    "misprint", "not reproducible", "misses the measurement", "finding",
+]  # fmt: skip
+# how many of a unit an SI unit is
 _PER_SI = {"1": 1.0, "%": 100.0, "s": 1.0, "mm": 1e3, "mm/s": 1e3, "mN": 1e3, "N": 1.0, "Pa": 1.0, "MPa": 1e-6}
 
 

@@ -1,18 +1,24 @@
-"""The base model's stick-slip at 0.5 and 10 mm/s against what papers A and C measured there."""
+"""The base model's stick-slip over speed against what papers A and C measured at 0.5 and 10 mm/s."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
 from hil.app.papers.analytical import mean_of
+from hil.app.papers.drawing import DERIVED, PRINTED, THIRD, Drawing, axes, line, points
 from hil.app.papers.flat_car import measured_teeth
 from hil.app.papers.row import Row, Verdict, row, speed_key
 from hil.app.papers.viscoelastic import measured_band
 from models.identification.kinds.periods.kind import Cycle, PeriodsKind
+from models.sets import load_measurement
 
-SLOW, FAST = 0.5e-3, 10e-3
+SLOW, FAST = 0.5e-3, 10e-3  # m/s, papers A and C
+
+
+_MN = 1e3  # in a newton
 
 
 def base_cycle(speed_m_s: float) -> Cycle:
@@ -41,3 +47,44 @@ def two_speeds_rows() -> Iterator[Row]:
         ):
             quantity = f"base model: {name} at {v * 1e3:g} mm/s"
             yield row(f"base_{name}_{speed_key(v)}", quantity, unit, computed, miss, note, measured=seen)
+
+
+def two_speeds_drawing() -> Drawing:
+    """Period, valley and peak over speed."""
+    figure = axes("", "").set_subplots(rows=1, cols=2)
+    _periods(figure)
+    _forces(figure)
+    figure.update_xaxes(title="speed, mm/s", type="log")
+    figure.update_yaxes(title="period, s", type="log", col=1)
+    figure.update_yaxes(title="force, mN", type="log", col=2)
+    caption = (
+        "The base model (default capsule and gut, nothing fitted) against the eight periods of A's Table 2 and the"
+        " three runs of C at 10 mm/s, whose valley and peak A's Section 5.1 gives. The measured period rises with"
+        f" speed, the model's falls from {base_cycle(SLOW).tooth.period_s:.3f} to {base_cycle(FAST).tooth.period_s:.3f}"
+        " s; no calibration of its numbers changes that. Other specimens and capsules of the same size."
+    )
+    return Drawing("A Table 2, C and A 5.1: stick-slip at two speeds", caption, figure)
+
+
+def _periods(figure: Any) -> None:
+    speeds = np.geomspace(0.3e-3, 20e-3, 60)
+    periods = np.array([base_cycle(v).tooth.period_s for v in speeds])
+    line(figure, speeds * _MN, periods, "base model: period", PRINTED, row=1, col=1)
+    table = load_measurement("analytical_table2_periods")
+    for speed, periods in ((SLOW, table["period_s"]), (FAST, np.array(measured_teeth("period")))):
+        name = f"measured periods at {speed * _MN:g} mm/s"
+        points(figure, np.full(len(periods), speed * _MN), periods, name, "circle", row=1, col=1)
+
+
+def _forces(figure: Any) -> None:
+    speeds = np.geomspace(0.3e-3, 20e-3, 60)
+    cycles = [base_cycle(v) for v in speeds]
+    line(figure, speeds * _MN, np.array([c.valley for c in cycles]) * _MN, "base model: valley", DERIVED, row=1, col=2)
+    line(figure, speeds * _MN, np.array([c.peak for c in cycles]) * _MN, "base model: peak", THIRD, row=1, col=2)
+    table, (valley, peak) = load_measurement("analytical_table2_periods"), measured_band()
+    for name, symbol, slow, fast in (
+        ("valleys", "diamond", table["valley_N"], valley),
+        ("peaks", "triangle-up", table["peak_N"], peak),
+    ):
+        x = np.append(np.full(len(slow), SLOW * _MN), FAST * _MN)
+        points(figure, x, np.append(slow, fast) * _MN, f"measured {name}", symbol, row=1, col=2)

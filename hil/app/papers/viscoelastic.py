@@ -17,9 +17,9 @@ from models.laws.tension import wall_tension
 from models.parameter import load_set
 from models.sets import load_measurement
 
-LOW_SPEEDS = (0.5e-3, 1e-3, 5e-3, 10e-3, 20e-3)
-HIGH_SPEEDS = (20e-3, 40e-3, 60e-3)
-BAND_SPEED = 10e-3
+LOW_SPEEDS = (0.5e-3, 1e-3, 5e-3, 10e-3, 20e-3)  # m/s, of the paper's slow pulls
+HIGH_SPEEDS = (20e-3, 40e-3, 60e-3)  # m/s, of its fast ones
+BAND_SPEED = 10e-3  # m/s, at which it measured a band
 
 
 def viscoelastic_rig() -> tuple[Capsule, Tissue]:
@@ -42,15 +42,8 @@ def viscoelastic_rows() -> Iterator[Row]:
     s = load_set("zhang2014_viscoelastic_rig")
     mu = s["mean_coulomb_force_N"] / (capsule.mass_kg * GRAVITY)
     note = "40.07 mN over the weight of 50.1 g, in a lumen held open"
-    yield row(
-        "v_friction_coefficient",
-        "V: friction coefficient",
-        "1",
-        mu,
-        "reproduced",
-        note,
-        paper=s["friction_coefficient"],
-    )
+    quantity = "V: friction coefficient"
+    yield row("v_friction_coefficient", quantity, "1", mu, "reproduced", note, paper=s["friction_coefficient"])
     yield from _band(capsule, tissue)
     yield from _shares(capsule, tissue)
     yield from _components("v_low", "V, low-speed moduli", capsule, tissue, "low", LOW_SPEEDS)
@@ -94,9 +87,8 @@ def _shares(capsule: Capsule, tissue: Tissue) -> Iterator[Row]:
             if not largest
             else "V says that F_e has the major share"
         )
-        yield row(
-            f"v_share_environmental_{speed_key(v)}", f"V: share of F_e at {v * 1e3:g} mm/s", "%", share, verdict, note
-        )
+        quantity = f"V: share of F_e at {v * 1e3:g} mm/s"
+        yield row(f"v_share_environmental_{speed_key(v)}", quantity, "%", share, verdict, note)
 
 
 def _components(
@@ -105,22 +97,16 @@ def _components(
     force = sliding_resistance(np.array(speeds), capsule, replace(tissue, regime=regime))
     for i, v in enumerate(speeds):
         at = f"at {v * 1e3:g} mm/s"
-        yield row(
-            f"{prefix}_environmental_{speed_key(v)}", f"{name}: F_e {at}", "mN", force.environmental[i], "check value"
-        )
+        quantity = f"{name}: F_e {at}"
+        yield row(f"{prefix}_environmental_{speed_key(v)}", quantity, "mN", force.environmental[i], "check value")
         yield row(f"{prefix}_coulomb_{speed_key(v)}", f"{name}: f_c {at}", "mN", force.coulomb[i], "check value")
 
 
 def _eq13_row() -> Row:
     table = load_measurement("viscoelastic_table1_relaxation")
     fitted = low_speed_moduli(table["shear_strain"])
-    columns = {
-        "E1_Pa": fitted.E1,
-        "E2_Pa": fitted.E2,
-        "E3_Pa": fitted.E3,
-        "eta1_Pa_s": fitted.eta1,
-        "eta2_Pa_s": fitted.eta2,
-    }
+    columns = {f"{name}_Pa": getattr(fitted, name) for name in ("E1", "E2", "E3")}
+    columns |= {"eta1_Pa_s": fitted.eta1, "eta2_Pa_s": fitted.eta2}
     strain = table["shear_strain"]
     best = [np.polyval(np.polyfit(strain, table[name], 2), strain) / table[name] - 1 for name in columns]
     errors = [value / table[name] - 1 for name, value in columns.items()]
@@ -139,12 +125,10 @@ def base_rows() -> Iterator[Row]:
     section, length = wall_section(capsule, tissue), stretched_length(capsule)
     for key, u in (("0_25_mm", 0.25e-3), ("1_mm", 1e-3)):
         quantity = f"default capsule: T({u * 1e3:g} mm)"
-        yield row(
-            f"base_tension_{key}", quantity, "mN", wall_tension(u, wall, section, length), "check value", "A Eq. 12"
-        )
+        note = "A Eq. 12"
+        yield row(f"base_tension_{key}", quantity, "mN", wall_tension(u, wall, section, length), "check value", note)
     for v in (0.5e-3, 10e-3):
         quantity = f"mucus drag at {v * 1e3:g} mm/s"
         note = "V Eq. 9, 10, film of 30 um"
-        yield row(
-            f"base_mucus_{speed_key(v)}", quantity, "mN", mucus_drag(v, tissue.mucus_thickness_m), "check value", note
-        )
+        key = f"base_mucus_{speed_key(v)}"
+        yield row(key, quantity, "mN", mucus_drag(v, tissue.mucus_thickness_m), "check value", note)

@@ -18,8 +18,8 @@ from models.effects.conformance import SIGNALS
 from models.identification.finding import Curve, Dependence, Term
 
 COMMAND = "capsule effects propose REPORT_DIR --out my_effect.py"
-_SHOWN = 4
-_TELLS = 0.01
+_SHOWN = 4  # curves in the list
+_TELLS = 0.01  # share of the residual from which a curve is in it
 _BAND = "rgba(14, 110, 115, 0.18)"
 _FORMS = {
     "line": "a straight line",

@@ -15,7 +15,7 @@ from hil.app.report.panels import Array, Panel, binned
 from hil.app.report.theme import QUANTITY_COLOURS, STAGE_COLOURS, styled
 from hil.app.report.words import column_words
 
-MOST_POINTS = 900
+MOST_POINTS = 900  # of a panel
 SPEED = "v_m_s"
 
 

@@ -10,11 +10,11 @@ from plotly.subplots import make_subplots
 
 from hil.app.quantities import number
 from hil.app.report.theme import FLOOR, MUTED, STAGE_COLOURS, styled
-from hil.app.report.words import STAGE_WORDS, effect_words, error_scale
+from hil.app.report.words import effect_words, error_scale
 from models.identification.finding import STAGES, CandidateRow, Finding
 
 PARTS = {"train": "training", "holdout": "held out"}
-MOST_ROUNDS, MOST_CANDIDATES = 4, 14
+MOST_ROUNDS, MOST_CANDIDATES = 4, 14  # of the search, and candidates of each
 _GAIN = "gain on data left out, fitted"
 CHOSEN, ALIKE, OTHER = STAGE_COLOURS["augmented"], "#8cc4c8", "#cfd6dd"
 
@@ -42,7 +42,7 @@ def error_figure(finding: Finding) -> go.Figure:
 
 def stage_bar(stage: str, heights: list[float]) -> dict[str, Any]:
     """The look of the bars of a stage, each with its number above it."""
-    look = {"name": STAGE_WORDS[stage], "marker": {"color": STAGE_COLOURS[stage], "cornerradius": 3}}
+    look = {"name": stage, "marker": {"color": STAGE_COLOURS[stage], "cornerradius": 3}}
     return look | {"text": [number(h, 3) for h in heights], "textposition": "outside", "cliponaxis": False}
 
 

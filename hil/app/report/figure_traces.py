@@ -11,7 +11,7 @@ from plotly.subplots import make_subplots
 from hil.app.quantities import scale
 from hil.app.report.panels import Array, Panel, thinned
 from hil.app.report.theme import INK, STAGE_COLOURS, axes, styled
-from hil.app.report.words import STAGE_WORDS, column_words
+from hil.app.report.words import column_words
 from models.identification.finding import Proposal
 
 
@@ -21,7 +21,7 @@ def trace_figure(panel: Panel, points: int, residual: bool = True) -> go.Figure:
     heights = [0.68, 0.32][: 1 + residual]
     figure = make_subplots(rows=len(heights), cols=1, shared_xaxes=True, vertical_spacing=0.06, row_heights=heights)
     if panel.dense:
-        lines = [(STAGE_WORDS[stage], STAGE_COLOURS[stage], values) for stage, values in panel.predicted.items()]
+        lines = [(stage, STAGE_COLOURS[stage], values) for stage, values in panel.predicted.items()]
         lines.insert(2, ("measured", INK, panel.measured))
         for name, colour, values in lines:
             _line(figure, panel, factor * values, name, colour, points)
@@ -56,11 +56,11 @@ def _line(figure: go.Figure, panel: Panel, values: Array, name: str, colour: str
 def _markers(figure: go.Figure, panel: Panel, factor: float) -> None:
     symbols = {"nominal": "x-thin", "calibrated": "diamond", "augmented": "circle"}
     order = np.argsort(panel.abscissa, kind="stable")
-    here = {"x": panel.abscissa[order], "mode": "markers", "row": 1, "col": 1}
+    here: dict[str, Any] = {"x": panel.abscissa[order], "mode": "markers", "row": 1, "col": 1}
     for stage, values in panel.predicted.items():
         edge = {"color": STAGE_COLOURS[stage], "width": 2 if stage == "nominal" else 0}
         marker = {"color": STAGE_COLOURS[stage], "symbol": symbols[stage], "size": 9, "line": edge}
-        figure.add_scatter(y=factor * values[order], name=STAGE_WORDS[stage], marker=marker, **here)
+        figure.add_scatter(y=factor * values[order], name=stage, marker=marker, **here)
     marker = {"color": "white", "size": 9, "line": {"color": INK, "width": 2}}
     figure.add_scatter(y=factor * panel.measured[order], name="measured", marker=marker, **here)
 

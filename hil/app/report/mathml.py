@@ -48,7 +48,7 @@ _RELATIONS: Final = MappingProxyType(
     {"=": "=", "==": "=", "<": "&lt;", ">": "&gt;", "<=": "≤", ">=": "≥", "!=": "≠", ",": ",", ";": ";", ":": ":"}
 )
 _CLOSING: Final = MappingProxyType({"(": ")", "[": "]", "{": "}"})
-_DEEPEST: Final = 60
+_DEEPEST: Final = 60  # nesting of a formula
 _BREAK: Final = "\ue000"
 """Where a long line may go on below, before it is known what is open there."""
 _WORD: Final = '<mi mathvariant="normal">'

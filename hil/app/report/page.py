@@ -7,14 +7,13 @@ from dataclasses import dataclass, field
 from html import escape
 
 from hil.app.quantities import number
+from hil.app.report.cards import effect_card, findings_html, symbols_of, warning_html
 from hil.app.report.dependence import curves_figure, dependence_html, surface_figure
 from hil.app.report.document import document, heading
-from hil.app.report.effect_card import effect_card, symbols_of
 from hil.app.report.figure_map import agreement_figure, speed_map
 from hil.app.report.figure_residuals import residual_figure
 from hil.app.report.figure_summary import candidate_figure, error_figure
 from hil.app.report.figure_traces import motion_figure, trace_figure
-from hil.app.report.findings import findings_html, warning_html
 from hil.app.report.mathml import equations_html
 from hil.app.report.panels import Panel, closer, panels
 from hil.app.report.tables import (
@@ -40,7 +39,7 @@ from hil.app.report.words import (
 from models.identification.finding import NEXT_CSV, NEXT_TOML, Finding
 from models.rigs.kinds import KINDS
 
-POINTS, MOST_PANELS = 50_000, 12
+POINTS, MOST_PANELS = 50_000, 12  # of all lines of a figure, and its panels
 _INDEXED = re.compile(r"\b([A-Za-z])_([A-Za-z])\b")
 """A letter with an index in a sentence."""
 VERDICTS = {"named": "effect named", "none": "nothing missing", "unknown": "no verdict"}

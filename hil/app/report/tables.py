@@ -9,10 +9,10 @@ from html import escape
 
 import numpy as np
 
-from hil.app.quantities import DASH, amount, change, number, percent, quantity, scale, told, unit_words
+from hil.app.quantities import DASH, change, number, percent, quantity, scale, told, unit_words
 from hil.app.report.document import table
 from hil.app.report.mathml import symbol_html
-from hil.app.report.words import STAGE_WORDS, effect_words, error_scale, interpolation, parameter_words, scaled
+from hil.app.report.words import effect_words, error_cells, interpolation, parameter_words, scaled
 from models.identification.finding import STAGES, Estimate, Finding, Proposal
 
 PARTS = {"train": "training", "holdout": "held out"}
@@ -21,32 +21,26 @@ _LOG = "log10_"
 
 def error_table(finding: Finding) -> str:
     """Errors by part and stage, and how much of the nominal error is gone."""
-    factor, unit = error_scale(finding)
     rows = []
     for part, words in PARTS.items():
         errors = finding.error.get(part, {})
         first, last = errors.get("nominal", math.nan), errors.get("augmented", math.nan)
-        gone = percent(1 - last / first) if first and math.isfinite(first) and math.isfinite(last) else DASH
-        shown = [amount(scaled(errors.get(stage), factor), unit) for stage in STAGES]
-        if part == "train" and interpolation(finding):
-            shown, gone = [shown[0], *(["interpolated"] * 2)], DASH
-        rows.append([words, *shown, gone, amount(factor * finding.noise_floor, unit)])
-    return table(["error", *(STAGE_WORDS[stage] for stage in STAGES), "gone", "noise floor"], rows)
+        compared = first and math.isfinite(first) and math.isfinite(last)
+        compared = compared and not (part == "train" and interpolation(finding))
+        *shown, floor = error_cells(finding, part)
+        rows.append([words, *shown, percent(1 - last / first) if compared else DASH, floor])
+    return table(["error", *STAGES, "gone", "noise floor"], rows)
 
 
 def separations_table(proposal: Proposal) -> str:
     """What a proposed record would tell apart, and how well the records so far do; nothing where it is to show effects
     only.
     """
-    rows = [
-        [
-            escape(effect_words(one.effect)),
-            escape(effect_words(one.rival)),
-            number(one.standard_deviations, 2),
-            f"{number(one.so_far, 2)} ({escape(one.best_record)})",
-        ]
-        for one in proposal.separations
-    ]
+    rows = []
+    for one in proposal.separations:
+        names = [escape(effect_words(one.effect)), escape(effect_words(one.rival))]
+        best = f"{number(one.so_far, 2)} ({escape(one.best_record)})"
+        rows.append([*names, number(one.standard_deviations, 2), best])
     if not rows:
         return ""
     head = ["effect", "rival", "expected separation, standard deviations", "best record so far"]
@@ -61,31 +55,21 @@ def parameter_table(estimates: dict[str, Estimate], nominal: dict[str, float] | 
     what it is the logarithm of, one unit has one prefix in all rows.
     """
     shown = {name: _delogged(name, estimate) for name, estimate in estimates.items()}
-    believed = {
-        name: (10**value if name.startswith(_LOG) else value)
-        for name, value in (nominal or {}).items()
-        if name in shown
-    }
-    units = {
-        unit: scale(
-            (v for name, e in shown.items() if e.unit == unit for v in (e.value, believed.get(name, e.value))), unit
-        )
-        for unit in {estimate.unit for estimate in shown.values()}
-    }
+    known = {name: value for name, value in (nominal or {}).items() if name in shown}
+    believed = {name: 10**value if name.startswith(_LOG) else value for name, value in known.items()}
+    sizes: dict[str, list[float]] = {}
+    for name, estimate in shown.items():
+        sizes.setdefault(estimate.unit, []).extend((estimate.value, believed.get(name, estimate.value)))
+    units = {unit: scale(values, unit) for unit, values in sizes.items()}
     rows = []
     for name, estimate in shown.items():
         factor, unit = units[estimate.unit]
         low, high = (factor * end for end in estimate.ci95)
         words = told(factor * estimate.value, (low, high))
-        interval = (
-            f"{words.low} … {words.high}" if estimate.told else '<span class="untold">the data cannot tell</span>'
-        )
+        cannot = '<span class="untold">the data cannot tell</span>'
+        interval = f"{words.low} … {words.high}" if estimate.told else cannot
         before = believed.get(name)
-        compared = (
-            []
-            if nominal is None
-            else [number(None if before is None else factor * before), _interval_drawing(before, estimate)]
-        )
+        compared = [number(scaled(before, factor)), _interval_drawing(before, estimate)] if nominal is not None else []
         first = [symbol_html(name), escape(parameter_words(name)), unit_words(unit)]
         value = words.value if estimate.told else number(factor * estimate.value, 3)
         rows.append([*first, *compared[:1], value, interval, *compared[1:]])
@@ -102,16 +86,8 @@ def check_table(finding: Finding) -> str:
     rows = []
     for check in finding.checks:
         mark = '<span class="pass">within</span>' if check.ok else '<span class="fail">beyond</span>'
-        rows.append(
-            [
-                escape(check.name),
-                escape(check.meaning),
-                number(check.value, 3),
-                number(check.limit, 3),
-                _bar(check.value, check.limit),
-                mark,
-            ]
-        )
+        numbers = [number(check.value, 3), number(check.limit, 3), _bar(check.value, check.limit)]
+        rows.append([escape(check.name), escape(check.meaning), *numbers, mark])
     return table(["check", "what it asks", "value", "limit by chance", "", ""], rows, left=2)
 
 
@@ -130,9 +106,8 @@ def record_table(finding: Finding) -> str:
     for trace in finding.traces:
         x = np.asarray(trace.abscissa, dtype=float)
         span = f"{number(float(x[-1] - x[0]), 3)} s" if trace.axis == "t_s" and len(x) else DASH
-        rows.append(
-            [escape(trace.name), "held out" if trace.role == "holdout" else "training", f"{len(trace.measured)}", span]
-        )
+        role = "held out" if trace.role == "holdout" else "training"
+        rows.append([escape(trace.name), role, f"{len(trace.measured)}", span])
     return table(["record", "role", "rows", "length"], rows, left=2)
 
 

@@ -13,12 +13,11 @@ import numpy as np
 
 from hil.app.quantities import amount, number, percent, scale
 from models.effects import BY_ID
-from models.identification.finding import Finding
+from models.identification.finding import STAGES, Finding
 from models.rigs.kinds import KINDS
 
-STAGE_WORDS = MappingProxyType({"nominal": "nominal", "calibrated": "calibrated", "augmented": "augmented"})
 _COUNTS = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine")
-_MOST_VALUES = 100_000
+_MOST_VALUES = 100_000  # that a sentence is worked out from
 _WELL_ABOVE = 2.0  # noise floors
 _IDS = re.compile(rf"\b(?:{'|'.join(sorted((name for name in BY_ID if '_' in name), key=len, reverse=True))})\b")
 _SMALL = re.compile(r"(?<![\w.])(\d+\.?\d*(?:e[+-]?\d+)?) (N|m|rad|V|A)(?![\w/·^²]|\s?[mNs]\b)")
@@ -114,6 +113,16 @@ def error_scale(finding: Finding) -> tuple[float, str]:
 def scaled(value: float | None, factor: float) -> float | None:
     """`value` in the prefixed unit."""
     return None if value is None else factor * value
+
+
+def error_cells(finding: Finding, part: str) -> list[str]:
+    """The errors of a part of the data by stage and the noise floor; those of an interpolation are told as such."""
+    factor, unit = error_scale(finding)
+    errors = finding.error.get(part, {})
+    cells = [amount(scaled(v, factor), unit) for v in (*(errors.get(stage) for stage in STAGES), finding.noise_floor)]
+    if part == "train" and interpolation(finding):
+        cells[1:3] = ["interpolated"] * 2
+    return cells
 
 
 def effect_words(effect: str) -> str:
@@ -250,7 +259,7 @@ def error_story(finding: Finding) -> str:
     factor, prefixed = error_scale(finding)
     where = "on records that no fit has seen" if part == "holdout" else "on the training records (none were held out)"
     stages = ["nominal", "calibrated", *(["augmented"] if finding.effects else [])]
-    steps = [f"{amount(scaled(errors.get(stage), factor), prefixed)} ({STAGE_WORDS[stage]})" for stage in stages]
+    steps = [f"{amount(scaled(errors.get(stage), factor), prefixed)} ({stage})" for stage in stages]
     floor = amount(factor * finding.noise_floor, prefixed)
     floor = f" The noise floor is {floor}." if math.isfinite(finding.noise_floor) else ""
     return f"The error {where} goes from {' to '.join(steps)}.{floor}{_by_chance(finding)}"

@@ -23,9 +23,9 @@ from hil.nodes.controller.node import ControllerNode, Task
 from hil.nodes.controller.receive import FrameReceiver
 from hil.nodes.frame_map import ENABLE, ENABLED, FAULT, WAITING, frame_map_of
 
-LISTEN_S: Final = 0.5
-REHEARSED: Final = 400
-SHARE: Final = 0.5
+LISTEN_S: Final = 0.5  # to the bus
+REHEARSED: Final = 400  # ticks
+SHARE: Final = 0.5  # of a tick that its work may take
 _STATES: Final = ("boot", "self test", "standby", "ready", "enabled", "derated", "quick stop", "fault")
 
 

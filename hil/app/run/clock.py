@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from hil.bus.wrapping import WrappingBus
 from hil.nodes.controller.node import GRID_SLACK
 
-OLDEST_S: Final = 0.1
-_BINS: Final = 20_000
-_BIN_S: Final = 1e-6
+OLDEST_S: Final = 0.1  # age of a kernel's stamp, beyond which the frame's arrival counts
+_BINS: Final = 20_000  # of a histogram, and their width
+_BIN_S: Final = 1e-6  # 1 us
 
 
 class Clock:

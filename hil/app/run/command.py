@@ -47,7 +47,7 @@ QUIET_S: Final = 0.1
 """How long to listen before anything is sent: five cycles of a controller's slowest frame."""
 PROBED_S: Final = 0.05
 """How long a check leads after its probe, at rest."""
-_TURN_S: Final = 1e-4
+_TURN_S: Final = 1e-4  # of Python's switch interval
 TIMED: Final = ("pcan", "kvaser", "vector")
 """Interfaces whose CAN FD bit timing python-can sets."""
 _DRIVERS = logging.getLogger("can")

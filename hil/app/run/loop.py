@@ -24,18 +24,18 @@ from hil.nodes.controller.node import FAULTY, RUNNING, ControllerNode
 from hil.nodes.controller.receive import HEARTBEAT_LOST_S
 from hil.nodes.frame_map import FAULT, MOVING
 
-LISTEN_S: Final = 2.0
-LEAST_S: Final = 0.3
-REST_S: Final = 0.2
-COME_TO_REST_S: Final = 2.0
-GIVE_UP_S: Final = 5.0
-RESET_S: Final = 1.0
-RECENT: Final = 25
+LISTEN_S: Final = 2.0  # at most, before a run begins
+LEAST_S: Final = 0.3  # at least
+REST_S: Final = 0.2  # for which the drive must rest
+COME_TO_REST_S: Final = 2.0  # after which a run ends though it moves
+GIVE_UP_S: Final = 5.0  # in which the drive must be enabled
+RESET_S: Final = 1.0  # in which a fault must be reset
+RECENT: Final = 25  # ticks whose lateness is remembered
 AWAY_S: Final = 4e-3
 """By so much a tick may come late without being named beside the reason of a stop: a coil's command lives for 6 ms."""
 _LATE: Final = ("controller late", "drive fault", "drive left operation", "feedback lost", "drive not enabled")
 """Reasons that a controller which does not get the processor brings about."""
-_MCL_CURRENT_AND_FUTURE: Final = 3
+_MCL_CURRENT_AND_FUTURE: Final = 3  # of mlockall(2)
 
 
 @dataclass

@@ -16,11 +16,11 @@ from hil.app.scenario.deployment import BusTable, ControlTable
 
 QUEUE: Final = 128
 """Frames that the interface should hold: a tick's of all nodes, several times."""
-RESTART_MS: Final = 100
-LOOKED_S: Final = 0.4
-TICKS_S: Final = (5e-4, 1e-3, 2e-3, 4e-3, 5e-3, 8e-3, 1e-2, 2e-2)
-_STEP_S: Final = 1e-3
-_IP_S: Final = 5
+RESTART_MS: Final = 100  # after a bus-off
+LOOKED_S: Final = 0.4  # for which the machine's lateness is measured
+TICKS_S: Final = (5e-4, 1e-3, 2e-3, 4e-3, 5e-3, 8e-3, 1e-2, 2e-2)  # that a deployment can have
+_STEP_S: Final = 1e-3  # of that measurement
+_IP_S: Final = 5  # for which `ip` may run
 _STAMPS: Final = {
     "socketcan": "the kernel's, as the driver hands a frame over; not the hardware's",
     "capsule_local": "the sender's clock",

@@ -24,7 +24,7 @@ from hil.log.recorder import ACKNOWLEDGED, CUT, EXACT, HEARD, START, STOP, UNSOL
 from hil.nodes.controller.node import ControllerNode, Task
 from models.files.tables import shown
 
-_SHOWN: Final = 5
+_SHOWN: Final = 5  # differences on the terminal
 
 
 class Tape(can.BusABC):

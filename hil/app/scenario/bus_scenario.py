@@ -12,9 +12,8 @@ from typing import Any, Final
 
 import can
 
-from hil.app.scenario.deployment import DATA_BIT_RATES, check_key, check_no_key, check_tick, operator_limits
+from hil.app.scenario.deployment import DATA_BIT_RATES, Pace, check_key, check_no_key, check_tick, operator_limits
 from hil.app.scenario.jog_script import Step, steps
-from hil.app.scenario.learning import Pace
 from hil.app.scenario.reference import with_reference
 from hil.app.scenario.scenario import BUS_TABLES, TABLES, TrackScenario, parse_track_scenario
 from hil.bus.authenticated import authenticator

@@ -16,7 +16,6 @@ from controller.model.control_model import ControlModel, control_model
 from controller.registry import CONTROLLERS, checked_estimator, leads
 from controller.supervision.acceptance import Acceptance, AcceptanceTest
 from controller.trajectory import Trajectory
-from hil.app.scenario.learning import Pace
 from hil.app.scenario.model_offer import Offered, OfferTable, offer_of, read_offer
 from hil.app.scenario.reference import read_reference, with_reference
 from hil.bus.catalogue import load_catalogue
@@ -41,7 +40,7 @@ OWN_TABLES: Final = (
 )  # fmt: skip
 
 
-DATA_BIT_RATES: Final = (1_000_000, 8_000_000)
+DATA_BIT_RATES: Final = (1_000_000, 8_000_000)  # of CAN FD
 
 
 @dataclass(frozen=True)
@@ -133,6 +132,26 @@ class PlantTable(Declared, where="plant"):
 
     scenario: str
     priority: int = limited(0, 0, 99)
+
+
+@dataclass(frozen=True)
+class Pace(Declared, where="learning"):
+    """How much of motion and rest is gathered since the model broke (`gathered_s`), of which the last `held_out_share`
+    is held out; how long an answer may take (`answer_s`: simulated time then waits for it; inf: it comes when it
+    comes); how long a learned model is on trial (`trial_s`). It is taken back where its tracking error is `worse` times
+    what it was over as long before. Where what was gathered does not suffice, an experiment of about `experiment_s` is
+    driven that leads up to `experiment_mm` (0: none is) to either side of where the reference rests, its own strokes at
+    about `experiment_mm_s`.
+    """
+
+    gathered_s: float = limited(75.0, 10.0, 240.0)
+    held_out_share: float = limited(0.2, 0.1, 0.5)
+    answer_s: float = limited(60.0, 1.0)
+    trial_s: float = limited(60.0, 5.0, 600.0)
+    worse: float = limited(1.0, 0.5, 2.0)
+    experiment_mm: float = limited(0.0, 0.0, 50.0)
+    experiment_mm_s: float = limited(2.0, 0.1, 50.0)
+    experiment_s: float = limited(20.0, 4.0, 60.0)
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from typing import Final
 from models.parameter import nearest
 
 _NUMBERS: Final = {"speed": ("MM_S", "SECONDS"), "position": ("MM", "SECONDS"), "release": ("SECONDS",)}
-_LONGEST_S: Final = 86400.0
+_LONGEST_S: Final = 86400.0  # a day
 
 
 @dataclass(frozen=True, slots=True)

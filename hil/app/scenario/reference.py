@@ -14,10 +14,10 @@ from controller.trajectory import LONGEST_S, STEP_S, Trajectory, by_places, by_s
 from models.files.tables import choice, from_table
 from models.files.toml import read_toml
 
-MM: Final = 1e-3
+MM: Final = 1e-3  # in metres
 FARTHEST: Final = 1e6
 """Largest number in mm and mm/s that is read at all, so that nothing overflows; what a rig can do are its limits."""
-FASTEST_HZ: Final = 0.1 / STEP_S
+FASTEST_HZ: Final = 0.1 / STEP_S  # ten steps of a trajectory in a period
 
 
 @dataclass(frozen=True)

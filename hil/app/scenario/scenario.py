@@ -22,8 +22,7 @@ from models.files.toml import in_file, read_toml
 from models.parameter import nearest
 from models.rigs.rig import Rig
 from plant.experiments.scenario import parse_truth
-from plant.rig import STEP_S, Plant
-from plant.rig import Rig as Truth
+from plant.rig import STEP_S, Plant, Truth
 from plant.sensing.instruments import Instrument
 from plant.session import FEEDBACK, LOCALISATION, Instruments
 

@@ -24,13 +24,13 @@ from plant import layout as at
 
 WANTED, SOURCE, _, PRESSED = range(4)
 """Columns of `SilTrace.steered`."""
-BUS_S: Final = 0.02
-STUCK_S: Final = 0.05
+BUS_S: Final = 0.02  # to the safe state where the bus itself is hit
+STUCK_S: Final = 0.05  # the same where a value is stuck
 PLACE_S: Final = 0.155
 """150 ms without localisation, and the next tick's way to the drive."""
 _RIDDEN: Final = ("duplicate", "reorder", "replay", "beyond_limits", "second_operator")
 _STRANGERS: Final = ("second_master", "player")
-_OWN_S: Final[Mapping[str, float]] = MappingProxyType(
+_OWN_S: Final[Mapping[str, float]] = MappingProxyType(  # kinds of fault with a time of their own
     {
         "babbling": BUS_S,
         "second_master": BUS_S,
@@ -102,7 +102,7 @@ def operator_limit_s(jog: JogTable, operator: OperatorLimits, fault: Fault) -> f
     return hold_s(jog, operator, fault) + operator.stop_after_s + BUS_S
 
 
-ROUNDING_S: Final = 1e-9
+ROUNDING_S: Final = 1e-9  # of simulated time
 
 
 @dataclass(frozen=True)

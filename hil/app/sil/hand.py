@@ -19,9 +19,9 @@ from hil.nodes.controller.receive import controllers_frames
 from hil.nodes.frame_map import ENABLE, FrameMap, frames
 from hil.nodes.operator_sender import CYCLE_S, OperatorSender
 
-_AFTER_S: Final = 7e-3
-_GREETING_S: Final = 2 * CYCLE_S
-_BACK_M_S: Final = -0.4
+_AFTER_S: Final = 7e-3  # by which a person comes later than a node
+_GREETING_S: Final = 2 * CYCLE_S  # for which a release is said first
+_BACK_M_S: Final = -0.4  # speed that the other one asks for
 
 
 class Hand:

@@ -19,7 +19,7 @@ from hil.app.track.score import shares
 from hil.nodes.faults.table import DRIVE, LIES, Fault
 from hil.nodes.frame_map import QUICK_STOP_M_S2
 from plant import layout as at
-from plant.drives.kinds import MAGNETS
+from plant.drives.kinds import Carriage
 
 Array = NDArray[np.float64]
 TICKS: Final = 2
@@ -80,7 +80,7 @@ def allowed_m(scenario: SilScenario, trace: SilTrace, faults: Sequence[Fault], r
     localiser and a drive that lie alike.
     """
     limits, drive, driven = scenario.loop.limits, scenario.loop.truth.drive, DRIVES[scenario.loop.kind]
-    if isinstance(drive, MAGNETS):
+    if isinstance(drive, Carriage):
         speed = limits.carriage_speed_m_s
         ahead = speed * TICKS * scenario.loop.control.tick_s + speed**2 / (2 * QUICK_STOP_M_S2)
         allowed = np.full(len(rows), limits.gap_share * drive.gap_limit_m + ahead)

@@ -34,7 +34,7 @@ from hil.nodes.controller.node import ControllerNode
 from hil.nodes.frame_map import ENABLE
 from hil.nodes.plant_node import SLOT_S
 
-_REPORTS: Final = 50
+_REPORTS: Final = 50  # of the progress
 LEAST_S: Final = 60.0
 """A run may take so long by the wall clock however short it is: compilers and busy machines."""
 LEARNING_S: Final = 7200.0
@@ -229,7 +229,7 @@ def _never_led(bench: Bench, trace: SilTrace) -> str:
     return f"the drive was never led: {doubt}"
 
 
-_AGAIN_S: Final = 1.0
+_AGAIN_S: Final = 1.0  # between further alarms
 
 
 @contextmanager

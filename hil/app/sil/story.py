@@ -25,11 +25,11 @@ from plant import layout as at
 
 PAGE: Final = "learning.html"
 NUMBERS: Final = "learning.json"
-WINDOW_S: Final = 60.0
-_HEIGHT: Final = 460
+WINDOW_S: Final = 60.0  # of the path that is drawn before the end
+_HEIGHT: Final = 460  # pixels
 _CLOSE: Final = 0.04
 """Share of the run within which two numbers would overlap: the later one stands lower."""
-_COLOURS: Final = {
+_COLOURS: Final = {  # of marks, by their number in the palette
     "model broken since": 1,
     "identification begins": 4,
     "experiment begins": 5,

@@ -37,7 +37,7 @@ from plant.session import Session
 PHASE_S = 0.2e-3
 """The drives' firmware runs this long after the tick's begin: SYNC has arrived by then, the tick's own command has not.
 """
-_BABBLE = 0
+_BABBLE = 0  # identifier that wins every arbitration
 _EPOCH = 2
 """Of every node's start on an authenticated bus; a fault goes back from it."""
 _ERRORS = 15

@@ -27,13 +27,13 @@ from controller.supervision.supervisor import Supervisor
 from controller.vibro.table_values import in_time
 from hil.app.scenario.scenario import TrackScenario
 from models.rigs.rig import at_height
-from plant.drives.kinds import MagnetPair
-from plant.rig import Rig
+from plant.drives.kinds import TrueMagnetPair
+from plant.rig import Truth
 from plant.session import Session
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
-_REPORTS = 50
+_REPORTS = 50  # of the progress
 
 
 @dataclass
@@ -61,7 +61,7 @@ class Trace:
     wall_clock_s: float = 0.0
     taken_at: float = math.nan
     health: Health = field(default_factory=Health)
-    truth: Rig | None = None
+    truth: Truth | None = None
     halted: str = ""
     first: str = ""
 
@@ -137,10 +137,10 @@ def _fastest(scenario: TrackScenario) -> float:
     return float(np.max(np.abs(scenario.reference.speed(times))))
 
 
-def _lifted(scenario: TrackScenario, model: ControlModel) -> Rig:
+def _lifted(scenario: TrackScenario, model: ControlModel) -> Truth:
     """The true rig with its magnet lifted by as much as the controller asked for."""
     drive, told, asked = scenario.truth.drive, scenario.belief.magnets, model.rig.magnets
-    if not isinstance(drive, MagnetPair) or told is None or asked is None:
+    if not isinstance(drive, TrueMagnetPair) or told is None or asked is None:
         return scenario.truth
     return replace(scenario.truth, drive=replace(drive, height_m=drive.height_m + asked.height_m - told.height_m))
 

@@ -25,7 +25,7 @@ from plant import layout as at
 
 Array = NDArray[np.float64]
 Run = tuple[dict[str, Any], Trace]
-POINTS = 4000
+POINTS = 4000  # of a line
 ACROSS = 2
 """Small multiples side by side."""
 

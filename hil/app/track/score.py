@@ -18,8 +18,8 @@ from hil.app.scenario.model_health import told
 from hil.app.scenario.scenario import TrackScenario
 from hil.app.track.loop import Trace
 from plant import layout as at
-from plant.drives.kinds import MAGNETS, Coil, MagnetPair, Vibro
-from plant.rig import Rig
+from plant.drives.kinds import Carriage, TrueCoil, TrueMagnetPair, TrueVibro
+from plant.rig import Truth
 
 Array = NDArray[np.float64]
 HARD: Final = ("speed", "force", "gap", "current")
@@ -84,19 +84,19 @@ def score(scenario: TrackScenario, trace: Trace) -> Score:
     )
 
 
-def wall_force(truth: Rig, rows: Array) -> Array:
+def wall_force(truth: Truth, rows: Array) -> Array:
     """Force in N with which the capsule presses on along the lumen: the drive's less what accelerates the masses; (rows
     - 1,).
     """
     dt = np.diff(rows[:, at.O_T])
     pushed = rows[:-1, at.O_FORCE] - truth.capsule.mass_kg * np.diff(rows[:, at.O_V]) / dt
-    if isinstance(truth.drive, Vibro):
+    if isinstance(truth.drive, TrueVibro):
         inner = truth.drive.inner_mass_kg * np.diff(rows[:, at.O_INNER_V]) / dt
         pushed = pushed - inner - (rows[:-1, at.O_FORCE] if truth.drive.reaction_on_body else 0.0)
     return np.asarray(pushed)
 
 
-def violations(truth: Rig, limits: Limits, rows: Array, tick_s: float) -> int:
+def violations(truth: Truth, limits: Limits, rows: Array, tick_s: float) -> int:
     """Ticks in which the true state broke a limit, those of `shares`."""
     broken = np.zeros(rows.shape[0], dtype=bool)
     for share in shares(truth, limits, rows).values():
@@ -104,16 +104,16 @@ def violations(truth: Rig, limits: Limits, rows: Array, tick_s: float) -> int:
     return int(np.unique(np.floor(rows[broken, at.O_T] / tick_s + 1e-6)).size)
 
 
-def shares(truth: Rig, limits: Limits, rows: Array) -> dict[str, Array]:
+def shares(truth: Truth, limits: Limits, rows: Array) -> dict[str, Array]:
     """The true state as a share of each limit that it has: speed, force on the tissue, current, and the magnet's gap,
     of the one beyond which it lets go. One for each row, for the force one less.
     """
     found = {"speed": np.abs(rows[:, at.O_V]) / limits.speed_m_s}
     if truth.drive.pushes:
         found["force"] = np.abs(wall_force(truth, rows)) / limits.force_N
-    if isinstance(truth.drive, MAGNETS):
+    if isinstance(truth.drive, Carriage):
         found["gap"] = np.abs(rows[:, at.O_DRIVE] - rows[:, at.O_X]) / truth.drive.gap_limit_m
-    if isinstance(truth.drive, Coil):
+    if isinstance(truth.drive, TrueCoil):
         found["current"] = np.abs(rows[:, at.O_CURRENT]) / limits.current_A
     return found
 
@@ -123,10 +123,10 @@ def limit_use(scenario: TrackScenario, trace: Trace) -> dict[str, float]:
     limits, tick, truth = scenario.limits, scenario.control.tick_s, trace.truth or scenario.truth
     used = {name: float(np.max(share)) for name, share in shares(truth, limits, trace.rows).items()}
     magnets = scenario.belief.magnets
-    if isinstance(truth.drive, MagnetPair) and magnets is not None and magnets.pressing_limit_N is not None:
+    if isinstance(truth.drive, TrueMagnetPair) and magnets is not None and magnets.pressing_limit_N is not None:
         gap = (trace.rows[:, at.O_DRIVE] - trace.rows[:, at.O_X])[::_SELDOM]
         used["pressing"] = float(np.max(truth.drive.forces(gap)[1])) / magnets.pressing_limit_N
-    if isinstance(truth.drive, MAGNETS):
+    if isinstance(truth.drive, Carriage):
         command = trace.command[np.isfinite(trace.command)]
         speed = np.abs(np.diff(command)) / tick / limits.carriage_speed_m_s
         acceleration = np.abs(np.diff(command, 2)) / tick**2 / limits.carriage_acceleration_m_s2

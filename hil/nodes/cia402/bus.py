@@ -16,7 +16,7 @@ from hil.nodes.frame_map import BOOT, ENABLED, FASTEST_M_S, FAULT, OFF, STANDBY,
 
 _ALIVE: Final = struct.pack("B", p402.OPERATIONAL)
 _NMT: Final = {4: STOPPING, p402.OPERATIONAL: ENABLED, 127: STANDBY}
-FOLLOWING_ERROR: Final = 0x8611
+FOLLOWING_ERROR: Final = 0x8611  # 0x8611, CiA 402
 _FOLLOWS_LATEST, _ASTRAY_REPORTS = 100, 2
 """Reports in operation until a drive must follow, as long as a brake takes to open; and those in a row after which one
 that has followed is believed that it does not."""

@@ -19,6 +19,7 @@ from hil.nodes.drive.state_machine import NO_FAULT, Stage
 from hil.nodes.frame_map import plain
 from hil.nodes.listening import waiting
 
+# emergency codes of CiA 301 and 402
 DEADLINE_ERROR, HEARTBEAT_ERROR, TEMPERATURE_ERROR, SENSOR_ERROR = 0x8250, 0x8130, 0x4310, 0x7300
 UNHOMED, HOMING, HOMED, NOT_FOUND = range(4)
 _HOMING_BITS: Final = {
@@ -28,7 +29,7 @@ _HOMING_BITS: Final = {
     NOT_FOUND: p402.REACHED | p402.HOMING_ERROR,
 }
 """Bits 13, 12 and 10 of the statusword: not started or interrupted, on the way, done, failed at rest."""
-_START_HOMING: Final = 1 << 4
+_START_HOMING: Final = 1 << 4  # bit of the controlword, CiA 402
 _INVALID_VALUE, _NOT_NOW = 0x06090030, 0x08000022
 """Abort codes of SDO."""
 

@@ -9,7 +9,7 @@ from typing import Any, Final
 from hil.nodes.cia402 import states as p402
 from hil.nodes.cia402.states import Cia402Table
 
-_START_HOMING: Final = 1 << 4
+_START_HOMING: Final = 1 << 4  # bit of the controlword, CiA 402
 _HERE: Final = (35, 37)
 """Homing methods that take the place where the drive stands."""
 _HERE_M: Final = 1e-4

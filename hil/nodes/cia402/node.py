@@ -23,7 +23,7 @@ _TOLD: Final = (0x1000, 0x1001, 0x603F, 0x6041, 0x6061, 0x6064, 0x606C, 0x6502)
 """Objects that are read alone."""
 _TYPES: Final = {1: datatypes.UNSIGNED8, 2: datatypes.UNSIGNED16, 4: datatypes.UNSIGNED32}
 _SIGNED: Final = {1: datatypes.INTEGER8, 2: datatypes.INTEGER16, 4: datatypes.INTEGER32}
-_NEGATIVE: Final = (0x607C, 0x607D, 0x6064, 0x606C, 0x607A, 0x60FF, 0x6060, 0x6061, 0x6098)
+_NEGATIVE: Final = (0x607C, 0x607D, 0x6064, 0x606C, 0x607A, 0x60FF, 0x6060, 0x6061, 0x6098)  # objects that are signed
 
 
 class PolledNetwork(canopen.Network):  # type: ignore[misc]

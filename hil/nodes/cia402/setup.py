@@ -18,13 +18,14 @@ from hil.nodes.cia402.homing import home, take_mode, word_of
 from hil.nodes.cia402.states import Cia402Table
 from hil.nodes.frame_map import QUICK_STOP_M_S2
 
-HEARTBEAT_MS: Final = 20
-HEARTBEAT_LOST_MS: Final = 60
-PROFILE: Final = 0x192
-_INVALID: Final = 1 << 31
-_SYNCHRONOUS: Final = 1
+HEARTBEAT_MS: Final = 20  # of drive and master
+HEARTBEAT_LOST_MS: Final = 60  # three of them
+PROFILE: Final = 0x192  # device type's lower half
+_INVALID: Final = 1 << 31  # bit of a PDO that is off, CiA 301
+_SYNCHRONOUS: Final = 1  # transmission type, CiA 301
+# objects of each mapping: index, sub, bits
 _MAPPED: Final = {0x1600: (0x60400010, 0x607A0020), 0x1A00: (0x60410010, 0x60640020), 0x1A01: (0x606C0020, 0x603F0010)}
-_BY_VELOCITY: Final = (0x60400010, 0x60FF0020)
+_BY_VELOCITY: Final = (0x60400010, 0x60FF0020)  # the same of a drive led by velocity
 _LOOK_S: Final = 0.1
 """For how long a drive is looked at to see that it rests."""
 ROUNDED: Final = (0x1017, 0x6065, 0x6066, 0x607D, 0x607F, 0x6085, 0x6099)

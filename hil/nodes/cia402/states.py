@@ -19,8 +19,8 @@ from models.parameter import nearest
 
 DISABLED, READY_TO_SWITCH_ON, SWITCHED_ON, OPERATION, QUICK_STOPPING, REACTING, FAULTED = range(1, 8)
 """States of the power drive system; 0 is "not ready to switch on"."""
-NOT_READY: Final = 0
-_MASKS: Final = (0x4F, 0x4F, 0x6F, 0x6F, 0x6F, 0x6F, 0x4F, 0x4F)
+NOT_READY: Final = 0  # state of any other statusword
+_MASKS: Final = (0x4F, 0x4F, 0x6F, 0x6F, 0x6F, 0x6F, 0x4F, 0x4F)  # of the statusword, CiA 402 state by state
 _WORDS: Final = (0x00, 0x40, 0x21, 0x23, 0x27, 0x07, 0x0F, 0x08)
 """Masks and values of the statusword's bits that tell each state."""
 WARNING: Final = 0x80
@@ -37,10 +37,10 @@ DISABLE_VOLTAGE, SHUTDOWN, SWITCH_ON, ENABLE_OPERATION, HALT_QUICKLY, RESET_FAUL
 """Controlwords."""
 SYNC_ID: Final = 0x6A0
 """CANopen's SYNC goes by a free identifier: by its usual one 0x80 the catalogue's own Sync goes."""
-MASTER_NODE: Final = 127
+MASTER_NODE: Final = 127  # the last node id
 _SDO_WRITES: Final = (0, 1, 6)
 """Client commands of an SDO download: a segment, its begin, a block."""
-OPERATIONAL: Final = 5
+OPERATIONAL: Final = 5  # of a heartbeat, CiA 301
 HOMING_MODE, CYCLIC_SYNCHRONOUS_POSITION, CYCLIC_SYNCHRONOUS_VELOCITY = 6, 8, 9
 """Modes of operation."""
 MODE_NAMES: Final[Mapping[int, str]] = MappingProxyType(
@@ -67,8 +67,8 @@ TPDO_STATE: Final = struct.Struct("<Hi")
 """Statusword 0x6041, actual position 0x6064."""
 TPDO_MORE: Final = struct.Struct("<iH")
 """Actual velocity 0x606C, error code 0x603F."""
-INTERNAL: Final = 11
-SENSOR: Final = 7
+INTERNAL: Final = 11  # `Fault` of the catalogue
+SENSOR: Final = 7  # `Fault` of the catalogue
 _ERRORS: Final[Mapping[int, int]] = MappingProxyType(
     {0x2300: OVER_CURRENT, 0x4300: OVER_TEMPERATURE, 0x7300: SENSOR, 0x8250: TIME_TO_LIVE, 0x8130: HEARTBEAT_LOST}
 )
@@ -134,7 +134,7 @@ class Cia402Table:
         return 1e-3 * our.CARRIAGE_MAP.life_ms(speed_m_s) + 2 * abs(speed_m_s) / our.CARRIAGE_MAP.braking_m_s2
 
 
-RANGES: Final = (
+RANGES: Final = (  # least and most of a table's keys
     ("counts_per_m", 1e3, 1e9),
     ("answers_s", 0.1, 60.0),
     ("velocity_gain_Hz", 0.1, 200.0),

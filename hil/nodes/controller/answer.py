@@ -29,7 +29,7 @@ _ASTRAY: Final = 3
 """Ticks in a row in which it must be so: a report may be an old one."""
 
 
-class Answer:
+class Onlooker:
     """Looks on while the node leads. `begin` when the drive is enabled, `look` once a tick from then on.
 
     `jumps` is how often the believed position stepped by 2 mm or more, because three readings in a row had said so,

@@ -17,8 +17,8 @@ from hil.bus.catalogue import Catalogue
 from hil.bus.protection import Sender
 from hil.nodes.frame_map import ENABLE, MOVING, QUICK_STOP, WAITING, FrameMap, Observer
 
-STOP_PERIOD_S: Final = 0.02
-GUARD_REASON: Final = 2
+STOP_PERIOD_S: Final = 0.02  # between two frames of a safe stop
+GUARD_REASON: Final = 2  # `Reason` of the guard's stop
 LATE: Final = "controller late"
 
 

@@ -26,7 +26,7 @@ from controller.supervision.model_switch import ModelSwitch, Offer
 from controller.supervision.probe import Probe
 from controller.supervision.supervisor import Supervisor
 from hil.bus.catalogue import Catalogue
-from hil.nodes.controller.answer import Answer
+from hil.nodes.controller.answer import Onlooker
 from hil.nodes.controller.guard import GUARD_REASON, STOP_PERIOD_S, Evidence, Fence, Guard, Passed
 from hil.nodes.controller.lateness import gap_words, paused
 from hil.nodes.controller.operator import STATUS, STATUS_S, Operator, OperatorLimits
@@ -111,18 +111,18 @@ class Shifted:
 __all__ = ["FAULTY", "HALTING", "IDLE", "RUNNING", "ControllerNode", "Task", "Tick"]
 IDLE, RUNNING, HALTING, FAULTY = 1, 2, 3, 4
 """States of the node, in the numbers of its heartbeat."""
-HEARTBEAT_S: Final = 0.02
+HEARTBEAT_S: Final = 0.02  # period
 _LAG_S: Final = 8e-3
 """Of a drive's report behind the command, which a drive rides through: `Driven.follow` counts beyond the commands of as
 long ago and a tick more.
 """
-_RESTS_M_S: Final = 1e-4
+_RESTS_M_S: Final = 1e-4  # speed of a reference that rests
 _REST_S: Final = 0.05
 """A reference rests at a time around which, so long before and after, it is no faster."""
 OTHER_CONTROLLER: Final = 9
 """Reason of a SafeStop."""
-_CROWDED_S: Final = 0.1
-_ROUNDING_S: Final = 1e-6
+_CROWDED_S: Final = 0.1  # after a foreign controller's frame
+_ROUNDING_S: Final = 1e-6  # of a frame's life
 GRID_SLACK: Final = 1e-3
 """Share of a tick by which a time may lie before its point of the grid, by rounding."""
 
@@ -189,7 +189,7 @@ class ControllerNode:
         )
         self.state, self.reason, self.end = IDLE, "", "stopped"
         friction = friction_command(task.model, self.envelope)
-        self.answer = Answer(self.envelope, self.wiring.drive.rests, self.tick_s, task.seen_noise_m, friction)
+        self.answer = Onlooker(self.envelope, self.wiring.drive.rests, self.tick_s, task.seen_noise_m, friction)
         self._probe: Probe | None = None
         self._probed = False
         lag_ticks = 2 + math.ceil(_LAG_S / self.tick_s)

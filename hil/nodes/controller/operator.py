@@ -22,19 +22,19 @@ from models.parameter import nearest
 
 SETPOINT: Final = "OperatorSetpoint"
 STATUS: Final = "OperatorStatus"
-STATUS_S: Final = 0.05
+STATUS_S: Final = 0.05  # period
 AHEAD_M: Final = 2e-3
 """A reference that is held is at most this far from where the capsule is believed to be."""
-_TOLD_S: Final = 0.2
+_TOLD_S: Final = 0.2  # for which a refusal is told
 RELEASED_S: Final = 0.05
 """A switch that was held counts again once it has been heard released, for so long after it was last heard held."""
 _UNREADABLE: Final = ("length", "crc")
 """Reasons of the protection for a frame of which nothing can be believed, not even its dead-man switch."""
-NOBODY: Final = 0
+NOBODY: Final = 0  # `Source` where nobody steers
 OFF, READY, MOVING, HELD, STOPPED = range(5)
 """What the controller makes of setpoints, in the numbers of OperatorStatus."""
-_REACH_M, _FASTEST_M_S = 1.1, 0.4
-OPERATOR_RANGES: Final = (
+_REACH_M, _FASTEST_M_S = 1.1, 0.4  # what the frame can say
+OPERATOR_RANGES: Final = (  # least and most of a table's keys
     ("speed_m_s", 1e-4, _FASTEST_M_S),
     ("acceleration_m_s2", 1e-3, 10.0),
     ("stop_after_s", 0.05, 60.0),

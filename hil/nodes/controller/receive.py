@@ -22,7 +22,7 @@ BACK_S: Final = 0.5
 """By how much an uptime must go back: further than frames that a link swaps or repeats."""
 BACKS: Final = 3
 """How often; a node that boots anew goes back once, and not again within `WITHIN_S`."""
-WITHIN_S: Final = 0.5
+WITHIN_S: Final = 0.5  # in which these come from two nodes
 
 
 class Twins:
@@ -53,9 +53,9 @@ class Twins:
         return len(self._backs) == BACKS and now - self._backs[0] <= WITHIN_S
 
 
-MOST: Final = 256
-SKIPPED: Final = 20_000
-HEARTBEAT_LOST_S: Final = 0.06
+MOST: Final = 256  # frames of a tick
+SKIPPED: Final = 20_000  # frames that waited before the node began
+HEARTBEAT_LOST_S: Final = 0.06  # three periods
 LOCALISER: Final = "LocaliserHeartbeat"
 CONTROLLER: Final = "Controller"
 """The node of the catalogue that this one is."""

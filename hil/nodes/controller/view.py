@@ -12,9 +12,10 @@ from controller.monitor.monitor import Health
 from controller.signals import Estimate
 from hil.bus.absent import NO_SURPRISE
 
-VIEW_S: Final = 0.04
+VIEW_S: Final = 0.04  # period
+# on the wire
 WALL: Final[Mapping[str, int]] = MappingProxyType({"sticks": 0, "slips_forward": 1, "slips_backward": 2, "lost": 3})
-_FARTHEST_M, _WIDEST_M, _FASTEST_M_S, _STRONGEST_N, _MOST_STDS = 1.1, 0.0819, 0.4, 6.5, 9.98
+_FARTHEST_M, _WIDEST_M, _FASTEST_M_S, _STRONGEST_N, _MOST_STDS = 1.1, 0.0819, 0.4, 6.5, 9.98  # what the frame can say
 
 
 def motion_values(model: ControlModel, estimate: Estimate, surprise: float) -> dict[str, float]:
@@ -68,11 +69,12 @@ def _within(value: float, most: float) -> float:
     return min(max(float(value), -most), most) if math.isfinite(value) else 0.0
 
 
-HEALTH_S: Final = 0.1
+HEALTH_S: Final = 0.1  # period
+# on the wire
 STATES: Final[Mapping[str, int]] = MappingProxyType({"holds": 0, "doubtful": 1, "broken": 2, "not watched": 3})
-CHANGES: Final[Mapping[str, int]] = MappingProxyType({"": 0, "sudden": 1, "slow": 2})
-_LONGEST_S: Final = 167772.0
-_MOST: Final = 2.55
+CHANGES: Final[Mapping[str, int]] = MappingProxyType({"": 0, "sudden": 1, "slow": 2})  # on the wire
+_LONGEST_S: Final = 167772.0  # what the frame can say
+_MOST: Final = 2.55  # what the frame can say
 
 
 def health_values(health: Health, began_s: float) -> dict[str, float]:

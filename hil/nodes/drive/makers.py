@@ -15,7 +15,7 @@ from hil.nodes.drive.state_machine import Stage
 
 MOST: Final = 256
 """Frames that its firmware takes in at once."""
-_AMBIENT_C: Final = 25.0
+_AMBIENT_C: Final = 25.0  # of a laboratory
 
 
 class MakersDrive(ABC):

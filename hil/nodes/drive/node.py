@@ -33,13 +33,14 @@ from hil.nodes.frame_map import (
 )
 from hil.nodes.transmit import FrameTransmitter
 
-HEARTBEAT_S: Final = 0.06
-SAFE_STOP_S: Final = 0.06
-HOT_S: Final = 0.2
-_MOST: Final = 256
-_AMBIENT_C: Final = 25.0
-_WARMING_S: Final = 60.0
-_WARMTH_C: Final = 8.0
+HEARTBEAT_S: Final = 0.06  # without the controller's, after which a drive stops
+SAFE_STOP_S: Final = 0.06  # for which a safe stop holds
+HOT_S: Final = 0.2  # above its temperature, after which a drive fails
+_MOST: Final = 256  # frames of a tick
+_AMBIENT_C: Final = 25.0  # of a laboratory
+_WARMING_S: Final = 60.0  # time constant of the simulated drive
+_WARMTH_C: Final = 8.0  # by which it is warmer at full load
+# `State` of a heartbeat; others run
 _NODE_STATE: Final = {BOOT: 0, SELF_TEST: 0, STANDBY: 1, WAITING: 1, STOPPING: 3, FAULT: 4}
 
 

@@ -20,8 +20,8 @@ from hil.nodes.frame_map import (
     WAITING,
 )
 
-BOOT_S: Final = 0.02
-SELF_TEST_S: Final = 0.03
+BOOT_S: Final = 0.02  # of the simulated drive
+SELF_TEST_S: Final = 0.03  # the same
 NO_FAULT, OVER_CURRENT, OVER_TEMPERATURE, _, TIME_TO_LIVE, HEARTBEAT_LOST = range(6)
 BUS_OFF: Final = 8
 """Codes of latched faults, in the numbers of the fault frames."""

@@ -22,7 +22,7 @@ from hil.nodes.controller.operator import SETPOINT
 from hil.nodes.faults.table import Fault
 from hil.nodes.frame_map import frames
 
-_REMEMBERED: Final = 32
+_REMEMBERED: Final = 32  # frames of an identifier, of which one comes again
 
 
 class FaultInjection(WrappingBus):

@@ -12,13 +12,13 @@ from types import MappingProxyType
 from typing import Final
 
 from hil.nodes.faults.table import Fault
-from plant.drives.kinds import Coil, Drive
+from plant.drives.kinds import TrueCoil, TrueDrive
 from plant.sensing.instruments import Instrument, Reading
 
-SWAY_S: Final = 8.0
+SWAY_S: Final = 8.0  # period
 FASTEST_M_S: Final = 0.5
 """Of a carriage that jumps."""
-_FOREIGN_S: Final = (11.0, 4.7, 2.9)
+_FOREIGN_S: Final = (11.0, 4.7, 2.9)  # periods of the sines of a foreign motion
 _LATE: Final = ("late", "late_unsaid")
 
 
@@ -117,7 +117,7 @@ class LyingDrive:
     where it was sent, a coil the `current_A` that its voltage would bring about.
     """
 
-    def __init__(self, fault: Fault, drive: Drive, at: float, current_A: float) -> None:
+    def __init__(self, fault: Fault, drive: TrueDrive, at: float, current_A: float) -> None:
         """`at` is the plant's command before."""
         self.current_A = current_A
         self._lie: Lie | None = Lie(fault, about=zero_of(drive))
@@ -125,7 +125,7 @@ class LyingDrive:
 
     def __call__(self, time_s: float, dt: float, command: float) -> float:
         """The plant's true command for the next `dt` s in place of `command`."""
-        if isinstance(self._drive, Coil):
+        if isinstance(self._drive, TrueCoil):
             ohm, henry = self._drive.resistance_ohm, self._drive.inductance_H
             share = -math.expm1(-dt * ohm / henry) if henry > 0 else 1.0
             self.current_A += share * (command / ohm - self.current_A)
@@ -144,6 +144,6 @@ class LyingDrive:
         self._lie = None
 
 
-def zero_of(drive: Drive) -> float:
+def zero_of(drive: TrueDrive) -> float:
     """About what a drive's command is turned or scaled: no current, no level; nan for a carriage, whose place it is."""
     return math.nan if drive.straight else 0.0

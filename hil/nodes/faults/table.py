@@ -25,7 +25,7 @@ DRIVE: Final = "drive"
 _TOLD: Final = (*SENSORS, DRIVE)
 MAKER, OPERATOR, KEY = "maker", "operator", "key"
 """What a scenario must have beside a fault: another maker's drive, somebody who steers, an authenticated bus."""
-_SHARE: Final = (1e-6, 1.0)
+_SHARE: Final = (1e-6, 1.0)  # least and most
 
 
 @dataclass(frozen=True)

@@ -18,15 +18,15 @@ from hil.nodes.moteus import registers as wire
 from hil.nodes.moteus.table import FAULTS, INTERNAL, WATCHDOG, MoteusTable
 from hil.nodes.turning import IDLE_TICKS, TurningBus
 
-_BEAT_S: Final = 0.015
-_FORGIVEN: Final = 3
-_GIVE_UP_TICKS: Final = 250
+_BEAT_S: Final = 0.015  # least time between two heartbeats
+_FORGIVEN: Final = 3  # faults after which it is still asked
+_GIVE_UP_TICKS: Final = 250  # without the mode that was asked for
 _SILENT_S: Final = 0.012
 """A drive that was led and then is silent for so long may have booted anew, and must not be led on unawares."""
 _LOST_TICKS: Final = 50
 """After so many without a reply it is looked for by its own can.prefix, too."""
-_REMEMBERED: Final = 64
-_BRAKE_TICKS: Final = 25
+_REMEMBERED: Final = 64  # what was sent of late
+_BRAKE_TICKS: Final = 25  # for which a drive that stopped is braked
 _LONGEST: Final = 64
 """Length of a frame that stops: of bits that a gateway flips most are then in its padding."""
 

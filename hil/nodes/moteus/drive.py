@@ -21,9 +21,10 @@ from hil.nodes.moteus.registers import SESSION
 from hil.nodes.moteus.table import FAULTS, MoteusTable
 from hil.nodes.moteus.trajectory import MotorPath
 
+# modes of moteus' reference
 STOPPED, FAULTED, ENABLING, POSITION, TIMED_OUT, ZERO_VELOCITY, BRAKE = 0, 1, 2, 10, 11, 12, 15
-ENCODER_FAULT, OVER_TEMPERATURE, NO_ACCELERATION_LIMIT = 35, 38, 47
-BOOT_S: Final = 0.03
+ENCODER_FAULT, OVER_TEMPERATURE, NO_ACCELERATION_LIMIT = 35, 38, 47  # faults of the same
+BOOT_S: Final = 0.03  # of the simulated drive
 PREPARES_S: Final = 0.01
 """From the first command to position mode: modes 2 to 4, gate driver and zero of the current sensors."""
 RELATIVE, ROTOR, OUTPUT = 0, 1, 2
@@ -34,9 +35,9 @@ the maker states none, it goes with gains or resistance and what is moved.
 """
 _COMMAND: Final = {0x20: 0.0, 0x21: 0.0, 0x25: math.nan, 0x27: 0.0, 0x28: math.nan, 0x29: math.nan}
 """What a command holds of which nothing is written."""
-_RESTING: Final = 1e-9
-_LONGEST: Final = 64
-_SUPPLY_V: Final = 24.0
+_RESTING: Final = 1e-9  # turns/s
+_LONGEST: Final = 64  # bytes of a frame
+_SUPPLY_V: Final = 24.0  # of the simulated drive
 
 
 class MoteusDrive(MakersDrive):

@@ -13,10 +13,12 @@ from typing import Final
 WRITE, READ, LINE, POLL = "write", "read", "line", "poll"
 UNKNOWN, READ_ONLY = 1, 2
 """Error numbers of a register."""
-_SIZES: Final = (1, 2, 4, 4)
+_SIZES: Final = (1, 2, 4, 4)  # bytes of int8, int16, int32 and float
 _KINDS: Final = ("b", "h", "i", "f")
-_FLOAT: Final = 3
+_FLOAT: Final = 3  # the fourth of these
+# scale of int8, int16 and int32, of moteus' reference
 _POSITION, _VELOCITY, _ACCELERATION = (0.01, 1e-4, 1e-5), (0.1, 0.00025, 1e-5), (0.05, 0.001, 1e-5)
+# the same
 _TORQUE, _TIME, _VOLTAGE, _TEMPERATURE = (0.5, 0.01, 0.001), (0.01, 0.001, 1e-6), (0.5, 0.1, 0.001), (1.0, 0.1, 0.001)
 _SCALES: Final = {
     **dict.fromkeys((0x01, 0x20, 0x26, 0x38, 0x130, 0x131), _POSITION),

@@ -10,9 +10,9 @@ from typing import Final
 
 import can
 
-MODE, POSITION, VELOCITY, HOME_STATE, FAULT_CODE = 0x00, 0x01, 0x02, 0x0C, 0x0F
-COMMAND_POSITION, COMMAND_VELOCITY, MAXIMUM_TORQUE, SET_OUTPUT_EXACT = 0x20, 0x21, 0x25, 0x131
-WATCHDOG_TIMEOUT, VELOCITY_LIMIT, ACCELERATION_LIMIT = 0x27, 0x28, 0x29
+MODE, POSITION, VELOCITY, HOME_STATE, FAULT_CODE = 0x00, 0x01, 0x02, 0x0C, 0x0F  # registers of moteus' reference
+COMMAND_POSITION, COMMAND_VELOCITY, MAXIMUM_TORQUE, SET_OUTPUT_EXACT = 0x20, 0x21, 0x25, 0x131  # the same
+WATCHDOG_TIMEOUT, VELOCITY_LIMIT, ACCELERATION_LIMIT = 0x27, 0x28, 0x29  # the same
 HELD: Final = (COMMAND_POSITION, COMMAND_VELOCITY, WATCHDOG_TIMEOUT, VELOCITY_LIMIT, ACCELERATION_LIMIT)
 """What of a command a drive tells back."""
 UNLIMITED: Final = -1.0
@@ -21,21 +21,22 @@ RELATIVE, ROTOR, OUTPUT = 0, 1, 2
 """Home states: the place is known from where the drive was switched on, within a turn of the rotor, at the output."""
 STOPPED, FAULTED, POSITION_MODE, TIMED_OUT, BRAKE = 0, 1, 10, 11, 15
 """Modes; 2 to 4 are on the way to one that operates."""
+# first bytes of a subframe
 WRITE_INT8, WRITE_FLOAT, READ_INT8, READ_FLOAT, REPLY_INT8, REPLY_FLOAT = 0x00, 0x0C, 0x10, 0x1C, 0x20, 0x2C
-WRITE_ERROR, READ_ERROR = 0x30, 0x31
-STREAM_TO_SERVO, STREAM_FROM_SERVO, STREAM_POLL = 0x40, 0x41, 0x42
-REPLY_WANTED: Final = 0x8000
+WRITE_ERROR, READ_ERROR = 0x30, 0x31  # the same
+STREAM_TO_SERVO, STREAM_FROM_SERVO, STREAM_POLL = 0x40, 0x41, 0x42  # the same
+REPLY_WANTED: Final = 0x8000  # bit of the identifier
 HOST: Final = 0x7A
 """The controller's number as a source: no reply to it has an identifier of the catalogue."""
-BROADCAST: Final = 0x7F
+BROADCAST: Final = 0x7F  # node id
 SESSION: Final = 202
 """The can.prefix of a drive that is led. It is set in the drive's memory alone, so one that has booted anew has its own
 again, and what is still under way to the one that was led is not for it.
 """
-PREFIXES: Final = (0, SESSION)
-NOP: Final = 0x50
-_LENGTHS: Final = (*range(9), 12, 16, 20, 24, 32, 48, 64)
-_SIZES: Final = (1, 2, 4, 4)
+PREFIXES: Final = (0, SESSION)  # of identifiers that are read
+NOP: Final = 0x50  # fills a frame
+_LENGTHS: Final = (*range(9), 12, 16, 20, 24, 32, 48, 64)  # bytes of CAN FD frames
+_SIZES: Final = (1, 2, 4, 4)  # bytes of int8, int16, int32 and float
 _FORMATS: Final = ("<b", "<h", "<i", "<f")
 
 

@@ -15,15 +15,15 @@ from hil.nodes.listening import heard_for, silent
 from hil.nodes.moteus import registers as wire
 from hil.nodes.moteus.table import MoteusTable
 
-HOLD_POSITION: Final = 10
+HOLD_POSITION: Final = 10  # servo.timeout_mode of this name
 BRAKING_MODES: Final = (HOLD_POSITION, 12, 15)
 """Values of servo.timeout_mode by which it brakes: hold position, zero velocity, phases shorted."""
 LONGEST_S: Final = 0.1
 """As servo.default_timeout_s is shipped: a command that has lost its own watchdog lives no longer."""
 RESTS_M_S, RESTS_TURNS_S = 0.01, 0.1
 """What it may tell as its speed at rest, the larger of both."""
-FARTHEST_TURNS: Final = 32768.0
-_MOST_POLLS: Final = 100
+FARTHEST_TURNS: Final = 32768.0  # where a place begins anew
+_MOST_POLLS: Final = 100  # that a stream is let go with
 _HOMES: Final = {wire.RELATIVE: "relative only", wire.ROTOR: "rotor, which is within one of its turns"}
 
 

@@ -13,7 +13,7 @@ from hil.nodes.drive.state_machine import OVER_CURRENT, OVER_TEMPERATURE, TIME_T
 from hil.nodes.moteus import registers as wire
 from hil.nodes.turning import Turning
 
-_SENSOR, _SUPPLY, _SELF_TEST, INTERNAL = 7, 9, 10, 11
+_SENSOR, _SUPPLY, _SELF_TEST, INTERNAL = 7, 9, 10, 11  # `Fault` of the catalogue
 FAULTS: Final[Mapping[int, tuple[str, int]]] = MappingProxyType(
     {
         32: ("calibration fault", _SENSOR),
@@ -70,7 +70,7 @@ class MoteusTable(Turning):
         return wire.orders(message, self.node_id)
 
 
-RANGES: Final = (
+RANGES: Final = (  # least and most of the table's keys
     ("node_id", 1, 126),
     ("turns_per_m", 1.0, 1e5),
     ("most_torque_N_m", 0.001, 100.0),

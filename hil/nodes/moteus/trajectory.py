@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-_NO_LIMIT: Final = 1e9
+_NO_LIMIT: Final = 1e9  # in turns and seconds
 
 
 @dataclass

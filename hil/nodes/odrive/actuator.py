@@ -23,10 +23,10 @@ _SAID: Final = MappingProxyType(
     }
 )
 """What becomes of its frames, and how long they are at least."""
-_ASK_TICKS: Final = 10
+_ASK_TICKS: Final = 10  # between two questions
 _GIVE_UP_TICKS, _FAILED_TICKS = 250, 50
 """How long closed loop control is asked for; and from when on a result is that of asking, not of what was before."""
-_FORGIVEN: Final = 2
+_FORGIVEN: Final = 2  # errors after which it is still asked
 
 
 class OdriveBus(TurningBus):

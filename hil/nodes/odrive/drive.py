@@ -19,11 +19,12 @@ from hil.nodes.odrive.table import OdriveTable
 
 ENABLE_WATCHDOG, WATCHDOG_TIMEOUT = 417, 418
 """Endpoint ids of this simulated firmware where the table states none."""
-FIRMWARE: Final = (0, 6, 11)
-BOOT_S: Final = 0.05
+FIRMWARE: Final = (0, 6, 11)  # that the simulated drive has
+BOOT_S: Final = 0.05  # of the simulated drive
 HEARTBEAT_EVERY, ESTIMATES_EVERY = 10, 2
 """In runs of the firmware of 1 ms."""
-UNDEFINED, AXIS_IDLE, CLOSED_LOOP_CONTROL = 0, 1, 8
+UNDEFINED, AXIS_IDLE, CLOSED_LOOP_CONTROL = 0, 1, 8  # axis states
+# bits of ODrive.Error
 INITIALIZING, MISSING_ESTIMATE, INVERTER_OVER_TEMP, WATCHDOG, ESTOP = 0x1, 0x8, 0x4000, 0x1000000, 0x2000000
 _LENGTHS: Final = {0x04: 4, 0x07: 4, 0x0B: 8, 0x0C: 8, 0x0F: 8, 0x19: 4}
 """Bytes that the signals of a command take; the frame may be longer."""

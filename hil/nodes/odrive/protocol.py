@@ -11,15 +11,16 @@ from typing import Final
 
 from hil.nodes.drive.state_machine import OVER_CURRENT, OVER_TEMPERATURE, TIME_TO_LIVE
 
+# commands, of the maker's CAN protocol
 GET_VERSION, HEARTBEAT, GET_ERROR, RX_SDO, TX_SDO, ADDRESS, SET_AXIS_STATE = 0x00, 0x01, 0x03, 0x04, 0x05, 0x06, 0x07
-GET_ENCODER_ESTIMATES, SET_CONTROLLER_MODE, SET_INPUT_POS, SET_LIMITS = 0x09, 0x0B, 0x0C, 0x0F
+GET_ENCODER_ESTIMATES, SET_CONTROLLER_MODE, SET_INPUT_POS, SET_LIMITS = 0x09, 0x0B, 0x0C, 0x0F  # the same
 CLEAR_ERRORS, SET_ABSOLUTE_POSITION = 0x18, 0x19
 """Commands: the 5 lower bits of an identifier, whose 6 upper ones are the node."""
 TOLD: Final = (GET_VERSION, HEARTBEAT, GET_ERROR, TX_SDO, ADDRESS, GET_ENCODER_ESTIMATES, 0x14, 0x15, 0x17, 0x1C, 0x1D)
 """Those by which the drive speaks, asked or unasked."""
 BROADCAST: Final = 63
 """The node by which every drive is spoken to, and at which one without an address stands."""
-UNDEFINED, IDLE, CLOSED_LOOP = 0, 1, 8
+UNDEFINED, IDLE, CLOSED_LOOP = 0, 1, 8  # axis states
 AXIS_STATES: Final[Mapping[int, str]] = MappingProxyType(
     {
         UNDEFINED: "undefined (it boots)",
@@ -40,7 +41,7 @@ AXIS_STATES: Final[Mapping[int, str]] = MappingProxyType(
     }
 )
 """Axis states in words; in all but the first two the motor has a current."""
-SUCCESS, BUSY, DISARMED, INVALID_STATE, NOT_CALIBRATED = 0, 1, 3, 13, 14
+SUCCESS, BUSY, DISARMED, INVALID_STATE, NOT_CALIBRATED = 0, 1, 3, 13, 14  # places in `RESULTS`
 RESULTS: Final[tuple[str, ...]] = (
     "SUCCESS",
     "BUSY",
@@ -62,13 +63,13 @@ RESULTS: Final[tuple[str, ...]] = (
 """Procedure_Result of the heartbeat: what became of the axis state that was asked for last."""
 AXIS_STATE, ABSOLUTE_POSITION = struct.Struct("<I4x"), struct.Struct("<f4x")
 """Set_Axis_State and Set_Absolute_Position, as long as the maker's DBC has them."""
-POSITION_CONTROL, PASSTHROUGH = 3, 1
+POSITION_CONTROL, PASSTHROUGH = 3, 1  # control and input mode
 VEL_FF_SCALE: Final = 1000
 """Vel_FF in a turn a second, as axis0.config.can.input_vel_scale is shipped."""
-LARGEST_VEL_FF: Final = 32767
-HEARTBEAT_S: Final = 0.02
-INITIALIZING: Final = 1
-_OVER_SPEED, _SENSOR, _SUPPLY, _INTERNAL = 3, 7, 9, 11
+LARGEST_VEL_FF: Final = 32767  # of a signed word of 16 bits
+HEARTBEAT_S: Final = 0.02  # period that is set
+INITIALIZING: Final = 1  # bit of ODrive.Error
+_OVER_SPEED, _SENSOR, _SUPPLY, _INTERNAL = 3, 7, 9, 11  # `Fault` of the catalogue
 ERRORS: Final[Mapping[int, tuple[str, int]]] = MappingProxyType(
     {
         0x2: ("SYSTEM_LEVEL", _INTERNAL),

@@ -20,7 +20,7 @@ from hil.nodes.listening import heard_for, silent
 from hil.nodes.odrive import protocol as wire
 from hil.nodes.odrive.table import FREE_NODES, READ_BACK, OdriveTable
 
-LISTEN_S: Final = 0.3
+LISTEN_S: Final = 0.3  # for which a drive is listened to first
 _ZERO_M: Final = 1e-3
 """How far off zero a drive may tell its place that has just been made zero."""
 

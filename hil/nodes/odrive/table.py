@@ -65,7 +65,7 @@ class OdriveTable(Turning):
         return command != wire.RX_SDO or bytes(message.data[:1]) != b"\0"
 
 
-RANGES: Final = (
+RANGES: Final = (  # least and most of the table's keys
     ("turns_per_m", 1.0, 1e5),
     ("enable_watchdog_endpoint", 0, 65535),
     ("watchdog_timeout_endpoint", 0, 65535),

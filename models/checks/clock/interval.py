@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
 from models.checks.finding import RecordFinding
+from models.checks.settings import SET
 from models.checks.view import View
 from models.rigs.columns import TIME
-
-STEPS_S: Final = (1e-6, 1.0)
-"""Least and most usual interval between samples of a record."""
-_SHORTEST_S: Final = 0.2
 
 
 def check_interval(view: View) -> list[RecordFinding]:
@@ -20,16 +15,16 @@ def check_interval(view: View) -> list[RecordFinding]:
     if not view.timed:
         return []
     usual = float(np.median(np.abs(np.diff(view.t))))
-    if usual == 0 or STEPS_S[0] <= usual <= STEPS_S[1]:
+    if usual == 0 or SET.step_s[0] <= usual <= SET.step_s[1]:
         return _short(view)
-    least = usual < STEPS_S[0]
+    least = usual < SET.step_s[0]
     return [
         view.finding(
             "time_units",
             "stops",
             "t_s, throughout",
-            f"t_s must step by {'at least' if least else 'at most'} {STEPS_S[not least]:g} s; got steps of {usual:g} s:"
-            " is it in s?",
+            f"t_s must step by {'at least' if least else 'at most'} {SET.step_s[not least]:g} s;"
+            f" got steps of {usual:g} s: is it in s?",
             "interval between stamps",
             f"{view.unit_line(TIME)}",
         )
@@ -38,7 +33,7 @@ def check_interval(view: View) -> list[RecordFinding]:
 
 def _short(view: View) -> list[RecordFinding]:
     span = float(np.ptp(view.t))
-    if span >= _SHORTEST_S:
+    if span >= SET.record_s:
         return []
     return [
         view.finding(

@@ -1,14 +1,10 @@
 """Time stamps: uneven, missing, repeated, beginning again, with pauses."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.checks.finding import RecordFinding
+from models.checks.settings import SET
 from models.checks.view import View
-
-_UNEVEN = 0.05
-_PAUSE = 20.0
 
 
 def check_restart(view: View) -> list[RecordFinding]:
@@ -63,9 +59,9 @@ def check_uneven(view: View) -> list[RecordFinding]:
     if not len(steps):
         return []
     found = []
-    lost = np.flatnonzero((np.diff(view.t) / view.dt > 1.5) & (np.diff(view.t) / view.dt <= _PAUSE)) + 1
+    lost = np.flatnonzero((np.diff(view.t) / view.dt > 1.5) & (np.diff(view.t) / view.dt <= SET.stamps_pause)) + 1
     jitter = float(np.std(steps[(steps > 0.2) & (steps < 1.5)])) if np.any((steps > 0.2) & (steps < 1.5)) else 0.0
-    if jitter > _UNEVEN:
+    if jitter > SET.stamps_uneven:
         found.append(
             view.finding(
                 "stamps_uneven",
@@ -97,7 +93,7 @@ def check_pauses(view: View) -> list[RecordFinding]:
     """Long gaps."""
     if not view.timed:
         return []
-    gaps = np.flatnonzero(np.diff(view.t) / view.dt > _PAUSE) + 1
+    gaps = np.flatnonzero(np.diff(view.t) / view.dt > SET.stamps_pause) + 1
     if not len(gaps):
         return []
     longest = float(np.max(np.diff(view.t)[gaps - 1]))
@@ -108,7 +104,7 @@ def check_pauses(view: View) -> list[RecordFinding]:
             f"t_s, {view.at(gaps)}",
             f"the record pauses {'once' if len(gaps) == 1 else f'{len(gaps)} times'}, up to {longest:.3g} s; what moved"
             " meanwhile is not known",
-            f"intervals of more than {_PAUSE:g} times the usual one",
+            f"intervals of more than {SET.stamps_pause:g} times the usual one",
             f"cut the record at line {view.record.line(int(gaps[0]))}",
         )
     ]

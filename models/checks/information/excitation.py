@@ -11,20 +11,11 @@ from types import MappingProxyType
 import numpy as np
 
 from models.checks.finding import RecordFinding
+from models.checks.settings import SET
 from models.checks.view import Array, View, running_mean, runs_of
 from models.effects.effect import Effect
 from models.records.record import Record, where_measured
 from models.rigs.rig import Rig
-
-_STROKE_S = 0.1
-_REST_S = 0.3
-_RANGE = 1.5
-_TRAVEL_M = 2e-3
-_LONG_S = 5.0
-_ALIVE = 1.3
-_MAINS_HZ = 61.0  # the fastest; what is sampled less than twice a period is no tone
-_TURNS, _STARTS = 8, 4  # beyond these a motion is no richer
-_STRAIGHT = 0.999  # square of the correlation of place and time
 
 
 @dataclass(frozen=True)
@@ -37,7 +28,7 @@ class Excitation:
     def _strokes(self) -> list[list[tuple[int, int, float]]]:
         out = []
         for view in self.views:
-            least = max(2, round(_STROKE_S / view.dt))
+            least = max(2, round(SET.stroke_s / view.dt))
             rows = [
                 (a, b, d)
                 for d in (1.0, -1.0)
@@ -73,7 +64,10 @@ class Excitation:
     def rests(self) -> int:
         """How often a motion starts again after a rest."""
         return sum(
-            1 for view in self.views for a, b in runs_of(~view.moves) if (b - a) * view.dt > _REST_S and b < len(view.t)
+            1
+            for view in self.views
+            for a, b in runs_of(~view.moves)
+            if (b - a) * view.dt > SET.rest_s and b < len(view.t)
         )
 
     @cached_property
@@ -86,7 +80,7 @@ class Excitation:
         """Whether the place is a straight line of the time since the record's start, the same one in all records."""
         t = np.concatenate([(view.t - view.t[0])[view.moves] for view in self.views])
         x = np.concatenate([view.record[view.moving_column][view.moves] for view in self.views])
-        return bool(len(t) > 1 and np.ptp(t) * np.ptp(x) > 0 and np.corrcoef(t, x)[0, 1] ** 2 > _STRAIGHT)
+        return bool(len(t) > 1 and np.ptp(t) * np.ptp(x) > 0 and np.corrcoef(t, x)[0, 1] ** 2 > SET.straight)
 
 
 Need = Callable[[Excitation], str]
@@ -102,15 +96,15 @@ def _reversals(e: Excitation) -> str:
 
 def _speeds(e: Excitation) -> str:
     low, high = e.speeds
-    return "" if high > _RANGE * low else f"the motion has one speed only ({e.views[0].told(high)}/s)"
+    return "" if high > SET.speeds_range * low else f"the motion has one speed only ({e.views[0].told(high)}/s)"
 
 
 def _places(e: Excitation) -> str:
-    return "" if e.travel > _TRAVEL_M else f"the motion covers {e.views[0].told(e.travel)} only"
+    return "" if e.travel > SET.travel_m else f"the motion covers {e.views[0].told(e.travel)} only"
 
 
 def _rests(e: Excitation) -> str:
-    return "" if e.rests else f"the motion never starts again after a rest of {_REST_S:g} s"
+    return "" if e.rests else f"the motion never starts again after a rest of {SET.rest_s:g} s"
 
 
 def _load(e: Excitation) -> str:
@@ -119,7 +113,7 @@ def _load(e: Excitation) -> str:
     if not loads:
         return f"no load is logged (column {' or '.join(names)})" if names else "no load is logged"
     low, high = np.percentile(np.concatenate(loads), [5, 95])
-    return "" if high > _RANGE * low else f"the logged load is {high:.3g} throughout"
+    return "" if high > SET.speeds_range * low else f"the logged load is {high:.3g} throughout"
 
 
 def _turning(e: Excitation) -> str:
@@ -127,7 +121,7 @@ def _turning(e: Excitation) -> str:
 
 
 def _time(e: Excitation) -> str:
-    return "" if e.longest > _LONG_S else f"the longest record lasts {e.longest:.3g} s only"
+    return "" if e.longest > SET.long_s else f"the longest record lasts {e.longest:.3g} s only"
 
 
 def _wall(e: Excitation) -> str:
@@ -137,7 +131,7 @@ def _wall(e: Excitation) -> str:
 
 def _samples(e: Excitation) -> str:
     rate = min(1 / view.dt for view in e.views)
-    return "" if rate > 2 * _MAINS_HZ else f"it is measured {rate:.3g} times a second, too seldom for a mains tone"
+    return "" if rate > 2 * SET.mains_top else f"it is measured {rate:.3g} times a second, too seldom for a mains tone"
 
 
 NEEDS: Mapping[str, Need] = MappingProxyType(
@@ -217,7 +211,7 @@ def shown_with(rig: Rig, records: Sequence[Record], hidden: Sequence[type[Effect
         offered, own = Excitation((*views, alone)), Excitation((alone,))
         met = {name for name, told in NEEDS.items() if not told(offered)}
         low, high = (max(float(speed), 1e-9) for speed in own.speeds)
-        rich = min(own.reversals, _TURNS) + min(own.rests, _STARTS) + float(np.log(high / low))
+        rich = min(own.reversals, SET.rich_turns) + min(own.rests, SET.rich_starts) + float(np.log(high / low))
         return frozenset(effect.id for effect in hidden if met.issuperset(effect.needs)), rich
 
     return shown
@@ -245,7 +239,7 @@ def check_information(view: View) -> list[RecordFinding]:
         return []
     n = max(2, min(len(view.y) // 40, 50))
     smooth = running_mean(view.y, n)
-    if float(np.std(smooth)) > _ALIVE * 2.0 * view.noise / np.sqrt(2 * n + 1):
+    if float(np.std(smooth)) > SET.alive * 2.0 * view.noise / np.sqrt(2 * n + 1):
         return []
     return [
         view.finding(

@@ -5,14 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from models.checks.finding import RecordFinding
+from models.checks.settings import SET
 from models.checks.view import View
-
-_SETTLED_M = 6e-3  # m, a way after which a dragged wall and a magnet's gap are what they are in motion
-_WALL_SETTLED_M = 2e-3  # m, the same for the wall alone, where a rig holds the capsule
-_MOST = 0.25  # of the record
-_START_S = 0.1
-_AT_ONCE_S = 0.02
-_LOADED = 0.5  # of what drives the capsule in motion
 
 
 def run_in(view: View) -> int:
@@ -24,11 +18,11 @@ def run_in(view: View) -> int:
     if not (_starts_in_motion(view) or _starts_loaded(view)):
         return 0
     travelled = np.cumsum(np.abs(view.speed) * view.dt)
-    way = _WALL_SETTLED_M if view.kind.drawn else _SETTLED_M
-    return min(int(np.searchsorted(travelled, way)), round(_MOST * len(travelled)))
+    way = SET.wall_settled_m if view.kind.drawn else SET.settled_m
+    return min(int(np.searchsorted(travelled, way)), round(SET.start_share * len(travelled)))
 
 
-def _first(view: View, seconds: float = _START_S) -> slice:
+def _first(view: View, seconds: float = SET.start_s) -> slice:
     return slice(0, max(2, round(seconds / view.dt)))
 
 
@@ -52,7 +46,7 @@ def _starts_loaded(view: View) -> bool:
     low, high = np.percentile(load[view.moves], [10, 90])
     forth = float(np.mean(view.speed[view.moves] > 0))
     middle, most = (0.5 * (low + high), 0.5 * (high - low)) if 0.2 < forth < 0.8 else (0.0, max(abs(low), abs(high)))
-    return bool(abs(float(np.mean(load[_first(view, _AT_ONCE_S)])) - middle) > _LOADED * most > 0)
+    return bool(abs(float(np.mean(load[_first(view, SET.at_once_s)])) - middle) > SET.loaded * most > 0)
 
 
 def check_start(view: View) -> list[RecordFinding]:

@@ -1,17 +1,10 @@
 """Values that pile up at the end of a range: an amplifier or a converter that clips."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.checks.finding import RecordFinding
+from models.checks.settings import SET
 from models.checks.view import Mask, View, grid_step, runs_of
-
-_LEAST_SHARE = 0.002
-_LEAST_RUN = 3
-_LEAST_RUNS = 2
-_LONGER = 3.0  # times the usual run of equal values, that runs at the end of the range are long
-_DITHER = 1.0  # of a step, noise that keeps a resting value from being the same again and again
 
 
 def clipped(view: View) -> Mask:
@@ -20,14 +13,18 @@ def clipped(view: View) -> Mask:
     """
     y, mask = view.y, np.zeros(len(view.y), dtype=bool)
     step = grid_step(y)
-    if not view.timed or np.ptp(y) == 0 or view.noise <= max(_DITHER * step, 1e-7 * float(np.ptp(y))):
+    if not view.timed or np.ptp(y) == 0 or view.noise <= max(SET.clip_dither * step, 1e-7 * float(np.ptp(y))):
         return mask
     for end in (float(y.max()), float(y.min())):
         at = np.abs(y - end) <= max(0.5 * step, 1e-9 * float(np.ptp(y)))
         runs = np.array([b - a for a, b in runs_of(at)])
         rest = y[~at]
         usual = len(rest) / max(1, int(np.sum(np.diff(rest) != 0)) + 1)
-        if at.mean() > _LEAST_SHARE and np.sum(runs >= _LEAST_RUN) >= _LEAST_RUNS and runs.mean() > _LONGER * usual / 2:
+        if (
+            at.mean() > SET.clip_share
+            and np.sum(runs >= SET.clip_run) >= SET.clips
+            and runs.mean() > SET.clip_long * usual / 2
+        ):
             mask |= at
     return mask
 

@@ -1,19 +1,12 @@
 """Noise that is not white: a sensor that filters."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.checks.finding import RecordFinding
 from models.checks.instrument.outliers import without_outliers
 from models.checks.instrument.tones import tones
+from models.checks.settings import SET
 from models.checks.view import Array, View
-
-_WINDOWS = ((120, 4, 0.2), (40, 10, 0.3))
-"""Samples of a window whose slow course is taken out, the fewest windows, and the least correlation that counts: short
-windows take out what goes on for long, too.
-"""
-_SURE = 5.0  # standard errors
 
 
 def _correlation(view: View, rows: Array) -> float:
@@ -32,9 +25,9 @@ def check_colour(view: View) -> list[RecordFinding]:
     if not view.timed or view.noise == 0:
         return []
     view = View(without_outliers(view), view.rig)
-    told = ((view.windows_at_rest(samples), fewest, least) for samples, fewest, least in _WINDOWS)
+    told = ((view.windows_at_rest(samples), fewest, least) for samples, fewest, least in SET.colour_windows)
     rows, least = next(((rows, least) for rows, fewest, least in told if len(rows) >= fewest), (np.zeros((0, 1)), 0.0))
-    if not rows.size or (correlation := _correlation(view, rows)) < max(least, _SURE / np.sqrt(rows.size)):
+    if not rows.size or (correlation := _correlation(view, rows)) < max(least, SET.colour_sure / np.sqrt(rows.size)):
         return []
     return [
         view.finding(

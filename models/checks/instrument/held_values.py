@@ -1,15 +1,11 @@
 """Values that are held: a slow sensor logged at a faster rate."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.checks.finding import RecordFinding
 from models.checks.instrument.clipping import clipped
+from models.checks.settings import SET
 from models.checks.view import Mask, View, grid_step
-
-_LEAST_SHARE = 0.4  # of the neighbours that are equal
-_REGULAR = 0.7  # of the runs whose length is the usual one, to one sample
 
 
 def fresh(view: View) -> Mask:
@@ -19,14 +15,14 @@ def fresh(view: View) -> Mask:
     if not view.timed or len(y) < 20:
         return every
     changes = np.flatnonzero(np.concatenate([[True], np.diff(y) != 0]))
-    if len(changes) > (1 - _LEAST_SHARE) * len(y) or len(changes) < 10:
+    if len(changes) > (1 - SET.held_share) * len(y) or len(changes) < 10:
         return every
     step = grid_step(y)
     if step and np.median(np.abs(np.diff(y[changes]))) < 1.5 * step:  # the next step of a coarse scale, not a new value
         return every
     lengths = np.diff(changes)
     usual = float(np.median(lengths))
-    if usual < 2 or np.mean(np.abs(lengths - usual) <= max(1.0, 0.1 * usual)) < _REGULAR:
+    if usual < 2 or np.mean(np.abs(lengths - usual) <= max(1.0, 0.1 * usual)) < SET.held_regular:
         return every
     mask = np.zeros(len(y), dtype=bool)
     mask[changes] = True

@@ -1,21 +1,13 @@
 """A measured place that goes elsewhere from one sample to the next, faster than anything could move the capsule."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 
 from models.checks.finding import RecordFinding
 from models.checks.instrument.held_values import fresh
 from models.checks.instrument.silence import silent
+from models.checks.settings import SET
 from models.checks.view import View
-
-_FORCE_N = 1.0  # N, twice the largest force that is allowed on tissue
-_NOISES = 12.0
-_ALONE = 0.25  # of a jump, the most by which the samples beside it move
-_STAYS = 0.7  # of a jump, the least that remains over the following samples
-_BESIDE = 10  # samples
-_MOST = 20
 
 
 def jumps(view: View) -> NDArray[np.int64]:
@@ -23,19 +15,19 @@ def jumps(view: View) -> NDArray[np.int64]:
     the capsule in a sampling interval.
     """
     none = np.zeros(0, dtype=np.int64)
-    if not view.timed or view.measured != "position_m" or len(view.y) < 4 * _BESIDE or view.rig.capsule is None:
+    if not view.timed or view.measured != "position_m" or len(view.y) < 4 * SET.beside or view.rig.capsule is None:
         return none
     interval = view.dt / float(np.mean(fresh(view)))
-    least = max(_NOISES * view.noise, _FORCE_N / view.rig.capsule.mass_kg * interval**2)
+    least = max(SET.jump_noises * view.noise, SET.jump_force_N / view.rig.capsule.mass_kg * interval**2)
     step = np.diff(view.y)
     size = np.abs(step)
     beside = np.maximum(np.concatenate([[0.0], size[:-1]]), np.concatenate([size[1:], [0.0]]))
-    rows = np.flatnonzero((size > least) & (beside < _ALONE * size)) + 1
-    rows = rows[(rows >= _BESIDE) & (rows <= len(view.y) - _BESIDE)]
+    rows = np.flatnonzero((size > least) & (beside < SET.jump_alone * size)) + 1
+    rows = rows[(rows >= SET.beside) & (rows <= len(view.y) - SET.beside)]
     rows = rows[~silent(view)[rows - 2]]  # where a sensor comes back, its place is another
-    left = [abs(np.median(view.y[k : k + _BESIDE]) - np.median(view.y[k - _BESIDE : k])) for k in rows]
-    rows = rows[np.array(left) > _STAYS * size[rows - 1]]
-    return rows if len(rows) <= _MOST else none
+    left = [abs(np.median(view.y[k : k + SET.beside]) - np.median(view.y[k - SET.beside : k])) for k in rows]
+    rows = rows[np.array(left) > SET.jump_stays * size[rows - 1]]
+    return rows if len(rows) <= SET.jump_most else none
 
 
 def check_jumps(view: View) -> list[RecordFinding]:
@@ -52,7 +44,7 @@ def check_jumps(view: View) -> list[RecordFinding]:
             f"{view.measured} jumps {'once' if len(rows) == 1 else f'{len(rows)} times'}, by up to"
             f" {view.told(largest)}, from one sample to the next and stays there: the localisation lost its place"
             " or its zero was set anew",
-            f"further than {_FORCE_N:g} N could move the capsule in a sampling interval",
+            f"further than {SET.jump_force_N:g} N could move the capsule in a sampling interval",
             "cut the file there into two records",
         )
     ]

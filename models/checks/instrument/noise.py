@@ -9,6 +9,7 @@ from annotated_types import Ge
 
 from models.checks.finding import RecordFinding
 from models.checks.instrument.usable import usable
+from models.checks.settings import SET
 from models.checks.view import Array, View, grid_step, spectral_noise, white_noise
 from models.rigs.rig import Rig
 from models.rigs.schema import bounds
@@ -16,8 +17,6 @@ from models.rigs.tables import Noise
 
 _STATED = {"force_N": "force_std_N", "position_m": "position_std_m", "torque_N_m": "torque_std_N_m"}
 _HOW = ("second differences in the quieter stretches", "the quietest tenth of the spectrum")
-_OFF = 1.5
-_ABSURD = 0.3  # of the signal's span
 
 
 def stated_noise(rig: Rig, measured: str) -> tuple[str, float] | None:
@@ -52,7 +51,7 @@ def noise_used(stated: float | None, told: float, span: float, step: float = 0.0
     stated one is absurd beside the `span` of the signal.
     """
     stated = stated if stated is None else math.hypot(stated, step / math.sqrt(12))
-    if stated is None or told > _OFF * stated or stated > _ABSURD * span:
+    if stated is None or told > SET.noise_off * stated or stated > SET.noise_absurd * span:
         return told
     return stated
 
@@ -63,7 +62,7 @@ def check_noise(view: View) -> list[RecordFinding]:
         return []
     found, unit, stated = [], view.unit, stated_noise(view.rig, view.measured)
     told = told_noise(view.y[usable(view)], view.kind.vibrates, stated[1] if stated else None)
-    if stated is not None and told > _OFF * stated[1]:
+    if stated is not None and told > SET.noise_off * stated[1]:
         found.append(
             view.finding(
                 "noise_stated",
@@ -75,7 +74,7 @@ def check_noise(view: View) -> list[RecordFinding]:
                 _stated(stated[0], told),
             )
         )
-    elif stated is not None and stated[1] > _ABSURD * float(np.ptp(view.y)):
+    elif stated is not None and stated[1] > SET.noise_absurd * float(np.ptp(view.y)):
         found.append(
             view.finding(
                 "noise_stated",
@@ -87,7 +86,7 @@ def check_noise(view: View) -> list[RecordFinding]:
                 _stated(stated[0], told),
             )
         )
-    elif stated is not None and told < stated[1] / (2 * _OFF):
+    elif stated is not None and told < stated[1] / (2 * SET.noise_off):
         found.append(
             view.finding(
                 "noise_stated",

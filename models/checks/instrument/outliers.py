@@ -6,16 +6,11 @@ import numpy as np
 
 from models.checks.finding import RecordFinding
 from models.checks.instrument.clipping import clipped
+from models.checks.settings import SET
 from models.checks.view import Array, Mask, View
 from models.records.record import Record
 from models.rigs.columns import TIME
 
-_FAR = 12.0  # standard deviations of the noise
-_BEYOND = 8.0  # times what nineteen in twenty samples reach
-_VISIBLE = 0.05  # of the span of nearly all samples
-_MOST_SHARE = 0.02
-_APART = 10.0  # times as far from the median as all others: no value of the sensor's
-_MOST_APART = 0.05
 SWITCHED = ("drive_on", "coil_voltage_V")
 """Driven columns with edges of their own."""
 
@@ -34,9 +29,9 @@ def spikes(view: View, values: Array) -> Mask:
         second = np.abs(np.diff(values, 2))
         noise = float(np.median(second)) / 0.6745 / np.sqrt(6)
         span = float(np.diff(np.percentile(values, [1, 99]))[0])
-        limit = max(_FAR * noise, _BEYOND * float(np.percentile(score, 95)), _VISIBLE * span)
+        limit = max(SET.far * noise, SET.outlying * float(np.percentile(score, 95)), SET.visible * span)
         found = np.flatnonzero(score > limit) + width
-        if len(found) <= _MOST_SHARE * len(values):
+        if len(found) <= SET.outlier_most * len(values):
             mask[found] = True
     return mask
 
@@ -47,8 +42,8 @@ def beyond(values: Array) -> Mask:
     """
     far = np.abs(values - np.median(values))
     ranked = np.sort(far)
-    last = ranked[-1 - round(_MOST_APART * len(far)) :]
-    gaps = np.flatnonzero((last[1:] > _APART * last[:-1]) & (last[:-1] > 0))
+    last = ranked[-1 - round(SET.stray_most * len(far)) :]
+    gaps = np.flatnonzero((last[1:] > SET.stray_apart * last[:-1]) & (last[:-1] > 0))
     return np.asarray(far > last[gaps[0]] if len(gaps) else np.zeros(len(far), dtype=bool))
 
 
@@ -91,7 +86,7 @@ def check_no_values(view: View) -> list[RecordFinding]:
             f"{view.measured}, {view.at(np.flatnonzero(where))}",
             f"{int(where.sum())} samples of {view.measured} are {shown}, far from all others: a logger's sign for no"
             " value; they are left out of every fit",
-            f"{_APART:g} times as far from the median as every other sample",
+            f"{SET.stray_apart:g} times as far from the median as every other sample",
             "leave such rows out of the file",
         )
     ]
@@ -114,7 +109,7 @@ def check_outliers(view: View) -> list[RecordFinding]:
                     f"{name}, {view.at(np.flatnonzero(where))}",
                     f"{int(where.sum())} samples of {name} stand far off their neighbours on both sides; they are left"
                     " out of every fit",
-                    f"more than {_FAR:g} standard deviations of the noise off both neighbours",
+                    f"more than {SET.far:g} standard deviations of the noise off both neighbours",
                     "look at cable, connector and interference; delete the samples if they are none of the rig's",
                 )
             )

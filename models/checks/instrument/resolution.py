@@ -5,23 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 from models.checks.finding import RecordFinding
+from models.checks.settings import SET
 from models.checks.view import Array, View, grid_step, running_mean
 
 PLACES = ("position_m", "carriage_position_m", "angle_rad")
 """Driven columns that say where something is."""
-_COARSE = 1.5  # steps wider than this many standard deviations of the noise
-_FEW_LEVELS = 25
-_WIDE = 2.0  # samples that a step of a driven place lasts
-_LONGEST_S = 0.2
 
 
 def _half_step(view: View, x: Array) -> int:
     """Half the samples that a step of the place `x` lasts at the usual speed; 0 where it has no such steps."""
     step = grid_step(x)
     speed = float(np.median(np.abs(view.speed[view.moves]))) if view.moves.any() else 0.0
-    if step == 0 or speed == 0 or step <= _WIDE * speed * view.dt:
+    if step == 0 or speed == 0 or step <= SET.step_wide * speed * view.dt:
         return 0
-    return max(1, round(0.5 * min(step / speed, _LONGEST_S) / view.dt))
+    return max(1, round(0.5 * min(step / speed, SET.step_longest_s) / view.dt))
 
 
 def without_steps(view: View, x: Array) -> Array:
@@ -58,7 +55,7 @@ def check_resolution(view: View) -> list[RecordFinding]:
     if not view.timed:
         return []
     step = grid_step(view.y)
-    if step == 0 or step <= _COARSE * view.noise or (view.noise == 0 and np.mean(np.diff(view.y) == 0) < 0.3):
+    if step == 0 or step <= SET.coarse * view.noise or (view.noise == 0 and np.mean(np.diff(view.y) == 0) < 0.3):
         return []
     levels = round(float(np.ptp(view.y)) / step) + 1
     unit = view.unit
@@ -67,7 +64,7 @@ def check_resolution(view: View) -> list[RecordFinding]:
     return [
         view.finding(
             "resolution",
-            "weakens" if levels < _FEW_LEVELS else "note",
+            "weakens" if levels < SET.few_levels else "note",
             f"{view.measured}, throughout",
             f"{view.measured} has a resolution of {step:.3g} {unit}, {levels} levels over its range: coarser than its"
             f" noise, so the noise counts as at least {value:.2g} {unit}",

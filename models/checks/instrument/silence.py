@@ -1,18 +1,11 @@
 """Stretches in which a noisy sensor has no noise: it was lost, and its values are held or filled in."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from models.checks.finding import RecordFinding
 from models.checks.instrument.clipping import clipped
+from models.checks.settings import SET
 from models.checks.view import Mask, View, runs_of
-
-_SILENT = 1e-3  # of the usual second difference, what counts as none
-_NOISY = -0.3  # correlation of neighbouring second differences; white noise has -2/3, a smooth signal about 1
-_LEAST_SAMPLES, _LEAST_S = 20, 0.05
-_CHANCE = 1e-6  # that a stretch of the least length comes about in a record by itself
-_MUCH = 0.2  # of the record
 
 
 def silent(view: View) -> Mask:
@@ -20,12 +13,12 @@ def silent(view: View) -> Mask:
     column without noise. Shape of the column.
     """
     mask = np.zeros(len(view.y), dtype=bool)
-    if not view.timed or len(view.y) < 10 * _LEAST_SAMPLES:
+    if not view.timed or len(view.y) < 10 * SET.silence_samples:
         return mask
     second = np.diff(view.y, 2)
     usual = float(np.median(np.abs(second)))
-    still = np.abs(second) <= _SILENT * usual
-    runs = [(a, b) for a, b in runs_of(still) if b - a >= max(_LEAST_SAMPLES, round(_LEAST_S / view.dt))]
+    still = np.abs(second) <= SET.silent * usual
+    runs = [(a, b) for a, b in runs_of(still) if b - a >= max(SET.silence_samples, round(SET.silence_s / view.dt))]
     if usual == 0 or not runs:
         return mask
     for a, b in runs:
@@ -34,8 +27,8 @@ def silent(view: View) -> Mask:
     pairs = rest[1:] & rest[:-1] & (np.maximum(np.abs(second[1:]), np.abs(second[:-1])) < 5 * usual)
     power = float(np.sum(second[:-1][pairs] ** 2))
     share = float(np.mean(still[rest])) if rest.any() else 1.0
-    noisy = power > 0 and float(second[1:][pairs] @ second[:-1][pairs]) < _NOISY * power
-    if not noisy or len(mask) * share**_LEAST_SAMPLES > _CHANCE:
+    noisy = power > 0 and float(second[1:][pairs] @ second[:-1][pairs]) < SET.silence_noisy * power
+    if not noisy or len(mask) * share**SET.silence_samples > SET.silence_chance:
         mask[:] = False
     return mask & ~clipped(view)
 
@@ -51,12 +44,12 @@ def check_silence(view: View) -> list[RecordFinding]:
     return [
         view.finding(
             "sensor_silent",
-            "weakens" if mask.mean() > _MUCH else "note",
+            "weakens" if mask.mean() > SET.silence_much else "note",
             f"{view.measured}, {view.at([a for a, _ in lost])}",
             f"{view.measured} keeps one value or follows a straight line {times}, for up to {longest:.3g} s, without"
             " the noise that it has elsewhere: the sensor was lost and its values are held or filled in; they are left"
             " out of every fit",
-            f"second differences below 0.1 % of the usual ones for {_LEAST_SAMPLES} samples and more",
+            f"second differences below 0.1 % of the usual ones for {SET.silence_samples} samples and more",
             "leave out what was not measured; look at cable, connector and line of sight",
         )
     ]

@@ -6,15 +6,8 @@ import numpy as np
 from scipy.signal import periodogram
 
 from models.checks.finding import RecordFinding
+from models.checks.settings import SET
 from models.checks.view import View
-
-_SEGMENTS = 6
-_LOWEST_HZ = 5.0
-_ABOVE = 30.0  # times the median of the neighbouring frequencies, in every segment
-_MAINS_HZ = (50.0, 60.0)
-_NEAR = 0.012
-_WINDOW, _FEWEST = 120, 4  # samples of a window at rest, and windows
-_SURE, _OVER = 6.0, 2.0  # standard errors over white noise; times the frequencies beside
 
 
 def tones(view: View) -> list[tuple[float, float]]:
@@ -31,11 +24,11 @@ def _at_rest(view: View) -> list[tuple[float, float]]:
     """
     if not view.timed:
         return []
-    rows = view.windows_at_rest(_WINDOW)
-    hertz = [mains for mains in _MAINS_HZ if 1.3 * mains * view.dt < 0.5]
-    if len(rows) < _FEWEST or not hertz:
+    rows = view.windows_at_rest(SET.mains_window)
+    hertz = [mains for mains in SET.mains_hz if 1.3 * mains * view.dt < 0.5]
+    if len(rows) < SET.mains_windows or not hertz:
         return []
-    at = np.arange(_WINDOW)
+    at = np.arange(SET.mains_window)
     slow, _ = np.linalg.qr(np.vander(at, 3).astype(float))
     left = rows - rows @ slow @ slow.T
 
@@ -48,26 +41,26 @@ def _at_rest(view: View) -> list[tuple[float, float]]:
     found = []
     for mains in hertz:
         own, beside = power(mains), max(power(0.75 * mains), power(1.25 * mains))
-        white = 2 * (float(np.mean(np.sum(left**2, axis=1))) - own) / (_WINDOW - 5)
-        if own > (1 + _SURE / np.sqrt(len(rows))) * white and own > _OVER * beside:
-            found.append((mains, float(np.sqrt(2 * (own - white) / _WINDOW))))
+        white = 2 * (float(np.mean(np.sum(left**2, axis=1))) - own) / (SET.mains_window - 5)
+        if own > (1 + SET.mains_sure / np.sqrt(len(rows))) * white and own > SET.mains_over * beside:
+            found.append((mains, float(np.sqrt(2 * (own - white) / SET.mains_window))))
     return found
 
 
 def _throughout(view: View) -> list[tuple[float, float]]:
-    n = len(view.y) // _SEGMENTS
+    n = len(view.y) // SET.tone_parts
     if not view.timed or n < 128 or view.kind.vibrates:
         return []
-    pieces = np.diff(view.y[: n * _SEGMENTS].reshape(_SEGMENTS, n), axis=1)
+    pieces = np.diff(view.y[: n * SET.tone_parts].reshape(SET.tone_parts, n), axis=1)
     frequency, power = periodogram(pieces, 1 / view.dt, window="hann", axis=1)
     width = max(5, n // 40)
     level = np.array([np.median(power[:, max(0, k - width) : k + width + 1], axis=1) for k in range(power.shape[1])]).T
     ratio = np.min(power / np.maximum(level, 1e-300), axis=0)
-    ratio[frequency < _LOWEST_HZ] = 0.0
+    ratio[frequency < SET.tone_lowest_hz] = 0.0
     found: list[tuple[float, float]] = []
     while len(found) < 3:
         k = int(np.argmax(ratio))
-        if ratio[k] < _ABOVE:
+        if ratio[k] < SET.tone:
             break
         near = slice(max(0, k - 3), k + 4)
         rms = np.sqrt(np.median(np.sum((power - level)[:, near], axis=1)) * (frequency[1] - frequency[0]))
@@ -84,7 +77,9 @@ def check_tones(view: View) -> list[RecordFinding]:
     own = steady or not view.kind.imposed  # stick-slip at one speed, or the tone of a capsule on its spring
     shown = []
     for hertz, amplitude in tones(view):
-        mains = next((m for m in _MAINS_HZ if abs(hertz - m) < max(_NEAR * m, 1.5 * _SEGMENTS / n / view.dt)), None)
+        mains = next(
+            (m for m in SET.mains_hz if abs(hertz - m) < max(SET.near * m, 1.5 * SET.tone_parts / n / view.dt)), None
+        )
         if mains is not None or not own:
             shown.append(f"{hertz:.4g} Hz ({amplitude:.2g} {unit}{', mains' if mains else ''})")
     if not shown:
@@ -95,7 +90,8 @@ def check_tones(view: View) -> list[RecordFinding]:
             "note",
             f"{view.measured}, throughout",
             f"{view.measured} carries tones, whatever the motion does: {', '.join(shown)}",
-            f"lines more than {_ABOVE:g} times their neighbourhood in each of {_SEGMENTS} stretches, or mains at rest",
+            f"lines more than {SET.tone:g} times their neighbourhood"
+            f" in each of {SET.tone_parts} stretches, or mains at rest",
             "mains: shield and ground the sensor, or average over whole periods; ringing: damp the mount",
         )
     ]

@@ -10,6 +10,7 @@ from models.checks.instrument.held_values import fresh
 from models.checks.instrument.outliers import SWITCHED, off, spikes, straight_over
 from models.checks.instrument.resolution import PLACES, without_steps
 from models.checks.instrument.silence import silent
+from models.checks.settings import SET
 from models.checks.view import Mask, View, runs_of
 from models.records.record import USED, Record, where_measured
 from models.rigs.columns import TIME
@@ -17,8 +18,6 @@ from models.rigs.rig import Rig
 
 RUN_IN = "_run_in"
 """Column of a record that is judged from some row on: 1 in what comes before, which is only run through."""
-_WHOLE = 0.99
-_GONE_S, _GONE = 0.1, 3.0  # s, and times the usual distance of values
 
 
 def usable(view: View) -> Mask:
@@ -49,7 +48,7 @@ def cleaned(record: Record, rig: Rig) -> Record:
 
 def used(record: Record) -> Mask:
     """The rows of a record whose measured value counts; all of one that was not cleaned."""
-    return record[USED] > _WHOLE if USED in record.columns else np.ones(len(record), dtype=bool)
+    return record[USED] > SET.usable_whole if USED in record.columns else np.ones(len(record), dtype=bool)
 
 
 def gone(record: Record) -> Mask:
@@ -60,7 +59,7 @@ def gone(record: Record) -> Mask:
     if good.all() or not good.any():
         return ~good
     usual = float(np.median(np.diff(np.flatnonzero(good)))) if good.sum() > 1 else 1.0
-    least = max(_GONE_S / max(float(np.median(np.diff(record[TIME]))), 1e-12), _GONE * usual)
+    least = max(SET.gone_s / max(float(np.median(np.diff(record[TIME]))), 1e-12), SET.gone_intervals * usual)
     mask = np.zeros(len(record), dtype=bool)
     for a, b in runs_of(~good):
         mask[a:b] = b - a >= least
@@ -69,7 +68,7 @@ def gone(record: Record) -> Mask:
 
 def counted(record: Record) -> Mask:
     """The rows of a record whose residuals count: used, and no run-in."""
-    return used(record) & (record[RUN_IN] < _WHOLE) if RUN_IN in record.columns else used(record)
+    return used(record) & (record[RUN_IN] < SET.usable_whole) if RUN_IN in record.columns else used(record)
 
 
 def lead_in_s(record: Record) -> float:

@@ -11,20 +11,12 @@ from scipy.optimize import minimize
 from models.checks.finding import RecordFinding
 from models.checks.instrument.jumps import jumps
 from models.checks.instrument.resolution import without_steps
+from models.checks.settings import SET
 from models.checks.view import Array, View
 from models.rigs.tables import MOST_DRIFT
 
-_LONGEST_S = 0.15
-_LEAST_SAMPLES = 2.0
-_LEAST_S = 0.012  # what stick and slip alone may look like
-_TOLD_TO_S, _TOLD_TO_DRIFTING_S = 0.004, 0.015  # standard deviation of the lag told, at the first stamp
-_GAIN_DRIFTING, _GAIN_FOLLOWING = 0.03, 0.15  # as _GAIN, of a drift over a constant shift
-_GAIN = 0.03  # share of the misfit that the shift must take away
-_SOFT = (0.01, 0.025, 0.06, 0.15, 0.4)  # of the usual speed, below which friction changes its sign gradually
+_GAIN_DRIFTING, _GAIN_FOLLOWING = 0.03, 0.15  # share of the misfit that a drift takes away, over a constant shift
 _REACHES = tuple(0.0004 * 1.8**k for k in range(10))  # of the span
-_ROWS = 8000
-_ROWS_ROUGH = 2000
-_LEAST_DRIFTED_S, _MOST_DRIFTED_S = 0.03, 0.4  # from the first stamp to the last
 
 
 @dataclass(frozen=True)
@@ -49,7 +41,7 @@ def check_delay(view: View) -> list[RecordFinding]:
     if lag is None or not (lag.drift or view.kind.drawn) or (lag.drift and len(jumps(view))):
         return []
     place, measured = pair
-    known = f"offset_s = {lag.first_s:.3g}, offset_std_s = {_TOLD_TO_DRIFTING_S if lag.drift else _TOLD_TO_S:g}"
+    known = f"offset_s = {lag.first_s:.3g}, offset_std_s = {SET.lag_drift_std_s if lag.drift else SET.lag_std_s:g}"
     how = f"a friction loop through both fits {100 * lag.gain:.0f} % better with {measured} moved by so much"
     where = f"{measured} against {place}, throughout"
     if not lag.drift:
@@ -87,32 +79,30 @@ def lag_of(view: View, place: str, measured: str) -> Lag | None:
     """
     strokes = np.sign(view.speed[view.moves])
     length = float(view.t[-1] - view.t[0])
-    if np.sum(np.diff(strokes) != 0) < 3 or length < 20 * _LONGEST_S:
+    if np.sum(np.diff(strokes) != 0) < 3 or length < 20 * SET.lag_longest_s:
         return None
     x, moving = without_steps(view, view.record[place]), view
     if place != view.moving_column:
         moving = View(view.record.with_column(view.moving_column, view.record[place]), view.rig)
     y = np.clip(view.record[measured], *np.percentile(view.record[measured], [0.5, 99.5]))  # impacts would weigh most
-    left, rough = (_misfit(view, x, moving.speed, y, rows) for rows in (_ROWS, _ROWS_ROUGH))
-    least = _LEAST_SAMPLES * view.dt
-    lags = np.linspace(-_LONGEST_S, _LONGEST_S, 61)
+    left, rough = (_misfit(view, x, moving.speed, y, rows) for rows in (SET.lag_rows, SET.lag_rows_rough))
+    least = SET.lag_samples * view.dt
+    lags = np.linspace(-SET.lag_longest_s, SET.lag_longest_s, 61)
     best = int(np.argmin([left(lag, 0.0) for lag in lags]))
     fine = np.linspace(lags[max(best - 1, 0)], lags[min(best + 1, len(lags) - 1)], 21)
     constant = min((left(lag, 0.0), float(lag)) for lag in fine)
-    ends = np.linspace(-_MOST_DRIFTED_S, _MOST_DRIFTED_S, 41)
+    ends = np.linspace(-SET.lag_most_drifted_s, SET.lag_most_drifted_s, 41)
     _, start = min((rough(lag, drifted), (lag, drifted)) for lag in lags[::2] for drifted in ends)
     found = minimize(lambda at: left(*at), start, method="Nelder-Mead", options={"xatol": 5e-4, "maxfev": 120})
     middle, drifted = (float(value) for value in found.x)
     gain = 1 - float(found.fun) / max(constant[0], 1e-300)
-    most = min(_MOST_DRIFTED_S, MOST_DRIFT * length)
-    if (
-        gain > (_GAIN_FOLLOWING if view.kind.follows else _GAIN_DRIFTING)
-        and max(_LEAST_DRIFTED_S, least) < abs(drifted) < most
-    ):
+    most = min(SET.lag_most_drifted_s, MOST_DRIFT * length)
+    least_gain = _GAIN_FOLLOWING if view.kind.follows else _GAIN_DRIFTING
+    if gain > least_gain and max(SET.lag_drifted_s, least) < abs(drifted) < most:
         return Lag(middle - drifted / 2, drifted / length, gain)
     gain, offset = 1 - constant[0] / max(left(0.0, 0.0), 1e-300), constant[1]
     inside = 0 < best < len(lags) - 1
-    return Lag(offset, 0.0, gain) if inside and abs(offset) > max(_LEAST_S, least) and gain > _GAIN else None
+    return Lag(offset, 0.0, gain) if inside and abs(offset) > max(SET.lag_s, least) and gain > SET.lag_gain else None
 
 
 def _misfit(view: View, x: Array, speed: Array, y: Array, rows: int) -> Callable[[float, float], float]:
@@ -121,7 +111,7 @@ def _misfit(view: View, x: Array, speed: Array, y: Array, rows: int) -> Callable
     """
     begin, end = float(view.t[0]), float(view.t[-1])
     even = np.arange(begin, end, max(view.dt, (end - begin) / rows))
-    margin = _LONGEST_S + _MOST_DRIFTED_S / 2
+    margin = SET.lag_longest_s + SET.lag_most_drifted_s / 2
     inner = (even > begin + margin) & (even < end - margin)
     at, share = even[inner], (even[inner] - (begin + end) / 2) / (end - begin)
     loop = _loop(np.interp(even, view.t, x), np.interp(even, view.t, speed))[inner]
@@ -140,7 +130,7 @@ def _loop(x: Array, speed: Array) -> Array:
     """Plays of several widths over `x`, what follows the `speed`, and `x` itself, shape (n, 18)."""
     span, usual = float(np.ptp(x)), float(np.percentile(np.abs(speed), 90))
     loops = [x - _play(x, reach * span) for reach in _REACHES]
-    signs = [np.tanh(speed / max(share * usual, 1e-300)) for share in _SOFT]
+    signs = [np.tanh(speed / max(share * usual, 1e-300)) for share in SET.lag_soft]
     rows = np.column_stack([np.ones_like(x), x, speed, *signs, *loops])
     return np.asarray(rows / np.maximum(np.sqrt(np.mean(rows**2, axis=0)), 1e-300))
 

@@ -5,11 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from models.checks.finding import RecordFinding
+from models.checks.settings import SET
 from models.checks.view import Array, View, grid_step, white_noise
-
-_COARSER = 4.0  # times as noisy, for its span, as the other column
-_SAME = 1e-4  # of the span
-_ALONG = 0.5  # of the way, on which the force has the direction of motion; friction alone makes it 1
 
 
 def check_pull_exchanged(view: View) -> list[RecordFinding]:
@@ -20,10 +17,10 @@ def check_pull_exchanged(view: View) -> list[RecordFinding]:
         return []
     place, noise = _coarse(view.record[view.driven]), _coarse(view.y)
     way = float(np.mean(np.abs(view.speed)))
-    if not place > _COARSER * noise or not way:
+    if not place > SET.exchanged_coarser * noise or not way:
         return []
     along = abs(float(np.mean(np.sign(view.y) * view.speed))) / way
-    if along >= _ALONG:
+    if along >= SET.exchanged_along:
         return []
     return [
         exchanged(
@@ -44,7 +41,7 @@ def check_same(view: View) -> list[RecordFinding]:
     if not span or not np.ptp(driven):
         return []
     slope, offset = np.polyfit(driven, view.y, 1)
-    if float(np.max(np.abs(view.y - slope * driven - offset))) > _SAME * span:
+    if float(np.max(np.abs(view.y - slope * driven - offset))) > SET.same_column * span:
         return []
     return [
         view.finding(
@@ -52,7 +49,7 @@ def check_same(view: View) -> list[RecordFinding]:
             "stops",
             f"{view.measured} against {view.driven}, throughout",
             f"{view.measured} is {view.driven} times {slope:.6g}, without any noise: the same column was logged twice",
-            f"a straight line leaves less than {_SAME:g} of the span",
+            f"a straight line leaves less than {SET.same_column:g} of the span",
             f"log what is measured, or give its column: {view.columns_line(view.measured, column='...')}",
         )
     ]

@@ -11,23 +11,10 @@ from scipy.optimize import minimize_scalar
 from scipy.signal import StateSpace, butter, correlate, lsim, sosfiltfilt
 
 from models.checks.finding import RecordFinding
+from models.checks.settings import SET
 from models.checks.view import Array, View
 from models.checks.wiring.delay import late, later, stated_drift
 from models.rigs.tables import MOST_DRIFT
-
-_LONGEST_S = 0.15
-_BESIDE_S = (-0.008, 0.004)  # by which friction and a spring that is off move the swings
-_LATE_S = 0.018  # a shift that is one
-_BAND_HZ = (3.0, 60.0)
-_SURE, _FOLLOWS, _ALIKE = 0.7, 0.8, 0.85  # correlations
-_AHEAD = 0.15  # of a correlation over that without a shift or a drift
-_TURNED = 0.08  # of a correlation by which a shift may be ahead where the sign is turned
-_DRIFTED_S = 0.02  # from the first stamp to the last
-_MOST_DRIFTED_S, _STEP_S = 0.4, 0.01
-_SIZES = (0.2, 3.0)  # of the swings in the air; friction and a damped spring leave half and more
-_LEAST_S, _FINEST_S = 5.0, 0.004
-_TOLD_TO_S = 0.01  # standard deviation of the lag told
-_DAMPED = 0.02  # of critical damping, at least
 
 
 @dataclass(frozen=True)
@@ -43,7 +30,7 @@ class Answer:
     @property
     def near(self) -> float:
         """The strongest correlation about no lag at all, with its sign."""
-        low, high = _BESIDE_S
+        low, high = SET.swing_beside_s
         low = min(low, -1.01 * (self.lags_s[1] - self.lags_s[0]))
         beside = self.correlation[(self.lags_s >= low) & (self.lags_s <= high)]
         return float(beside[np.argmax(np.abs(beside))])
@@ -61,7 +48,7 @@ class Answer:
     @property
     def turned(self) -> bool:
         """Whether the place goes against the body's."""
-        return self.near < -_SURE and self.best < -self.near + _TURNED
+        return self.near < -SET.swing_sure and self.best < -self.near + SET.swing_turned
 
 
 def check_inner_mass(view: View) -> list[RecordFinding]:
@@ -75,7 +62,7 @@ def check_inner_mass(view: View) -> list[RecordFinding]:
         return []
     answer, where = _answer(*both, _grid_s(view)), f"{view.measured} against {view.driven}, throughout"
     if answer.turned:
-        shifted = f", or it comes about {late(answer.late_s)}" if answer.best > _SURE else ""
+        shifted = f", or it comes about {late(answer.late_s)}" if answer.best > SET.swing_sure else ""
         return [
             view.finding(
                 "drive_sign",
@@ -87,7 +74,7 @@ def check_inner_mass(view: View) -> list[RecordFinding]:
                 view.turned_line(view.measured),
             )
         ]
-    if answer.best >= _ALIKE and not _SIZES[0] < answer.size < _SIZES[1]:
+    if answer.best >= SET.alike and not SET.swing_sizes[0] < answer.size < SET.swing_sizes[1]:
         return [
             view.finding(
                 "units",
@@ -129,7 +116,7 @@ def _clock(view: View, both: tuple[Array, Array], answer: Answer, where: str) ->
                 f"[clock] drift = {stated_drift(view) + drift:.2g}",
             )
         ]
-    if answer.best < _ALIKE or abs(answer.late_s) <= _LATE_S or answer.best < max(answer.near, 0.0) + _AHEAD:
+    if answer.best < SET.alike or abs(answer.late_s) <= SET.late_s or answer.best < max(answer.near, 0.0) + SET.ahead:
         return []
     return [
         view.finding(
@@ -139,7 +126,7 @@ def _clock(view: View, both: tuple[Array, Array], answer: Answer, where: str) ->
             f"{view.measured} comes about {late(answer.late_s)} than the drive that makes it: two clocks, a filter or"
             " a slow sensor",
             f"correlation {answer.best:.2f} with the swings in the air then, {answer.near:.2f} without a shift",
-            f"[clock] offset_s = {answer.late_s:.2g}, offset_std_s = {_TOLD_TO_S:g}",
+            f"[clock] offset_s = {answer.late_s:.2g}, offset_std_s = {SET.swing_std_s:g}",
         )
     ]
 
@@ -156,18 +143,18 @@ def _drift(view: View, both: tuple[Array, Array], best: float) -> float:
     def apart(drifted: float) -> float:
         return 1 - _answer(x, np.interp(at + drifted * share, at, y), step).best
 
-    most = min(_MOST_DRIFTED_S, MOST_DRIFT * length)
-    grid = np.arange(-most, most + _STEP_S / 2, _STEP_S)
+    most = min(SET.lag_most_drifted_s, MOST_DRIFT * length)
+    grid = np.arange(-most, most + SET.swing_step_s / 2, SET.swing_step_s)
     near = float(grid[np.argmin([apart(float(drifted)) for drifted in grid])])
-    found = minimize_scalar(apart, bounds=(near - _STEP_S, near + _STEP_S), method="bounded")
+    found = minimize_scalar(apart, bounds=(near - SET.swing_step_s, near + SET.swing_step_s), method="bounded")
     follows = 1 - float(found.fun)
-    told = follows >= _FOLLOWS and follows > best + _AHEAD and abs(found.x) > _DRIFTED_S
+    told = follows >= SET.swing_follows and follows > best + SET.ahead and abs(found.x) > SET.swing_drifted_s
     return float(found.x) / length if told else 0.0
 
 
 def _grid_s(view: View) -> float:
     """The even grid's step in s: no finer than the band needs."""
-    return max(view.dt, _FINEST_S)
+    return max(view.dt, SET.swing_finest_s)
 
 
 def swings(view: View) -> tuple[Array, Array] | None:
@@ -176,13 +163,13 @@ def swings(view: View) -> tuple[Array, Array] | None:
     """
     force, step = _force(view), _grid_s(view)
     nyquist = 0.5 / step
-    if force is None or view.t[-1] - view.t[0] < _LEAST_S or nyquist < 2 * _BAND_HZ[0] or not np.ptp(force):
+    if force is None or view.t[-1] - view.t[0] < SET.swing_s or nyquist < 2 * SET.band_hz[0] or not np.ptp(force):
         return None
     grid = np.arange(view.t[0], view.t[-1], step)
     order = np.argsort(view.t, kind="stable")
     driven, y = (np.interp(grid, view.t[order], values[order]) for values in (force, view.y))
     x = _in_the_air(view, driven - driven.mean(), grid - grid[0])
-    band = butter(2, (_BAND_HZ[0], min(_BAND_HZ[1], 0.8 * nyquist)), "band", fs=1 / step, output="sos")
+    band = butter(2, (SET.band_hz[0], min(SET.band_hz[1], 0.8 * nyquist)), "band", fs=1 / step, output="sos")
     a, b = sosfiltfilt(band, x), sosfiltfilt(band, y)
     return (a, b) if np.ptp(a) and np.ptp(b) else None
 
@@ -209,7 +196,7 @@ def _in_the_air(view: View, force: Array, t: Array) -> Array:
     drive, body = view.rig.drive, view.rig.capsule.mass_kg
     assert drive is not None
     m, k = drive.inner_mass_kg, drive.spring_stiffness_N_per_m
-    c = max(drive.spring_damping_N_s_per_m, _DAMPED * 2 * float(np.sqrt(k * m)))
+    c = max(drive.spring_damping_N_s_per_m, SET.swing_damped * 2 * float(np.sqrt(k * m)))
     a = float(drive.reaction_on_body)
     system = StateSpace(
         [[0, 1, 0, 0], [-k / m - k / body, -c / m - c / body, 0, 0], [k / body, c / body, 0, 0], [0, 0, 1, 0]],
@@ -223,7 +210,7 @@ def _in_the_air(view: View, force: Array, t: Array) -> Array:
 
 def _answer(x: Array, y: Array, dt: float) -> Answer:
     """Correlations of `y` with `x` moved by up to 0.15 s."""
-    most = max(1, round(_LONGEST_S / dt))
+    most = max(1, round(SET.lag_longest_s / dt))
     inner, among = x[most:-most] - x[most:-most].mean(), len(x) - 2 * most
     sums, squares = (np.cumsum(np.concatenate([[0.0], one])) for one in (y, y**2))
     mean, power = ((one[among:] - one[:-among]) / among for one in (sums, squares))

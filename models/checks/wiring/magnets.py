@@ -5,19 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from models.checks.finding import RecordFinding
+from models.checks.settings import SET
 from models.checks.view import View
 from models.laws.dipole import too_strong
 from models.rigs.magnets import Magnets
-
-_MOST = 0.1  # share by which the dipoles may be off before it is told
-_FURTHER, _FURTHEST = 1.05, 40  # steps in height in which they are looked at from there
 
 
 def check_magnets(view: View) -> list[RecordFinding]:
     """Two cylinders of `[rig.magnet]` whose force the dipoles miss by more than a tenth."""
     magnets = view.rig.magnets
     off = None if magnets is None else dipole_error(magnets)
-    if magnets is None or off is None or abs(off) <= _MOST:
+    if magnets is None or off is None or abs(off) <= SET.dipoles:
         return []
     strong = "strong" if off > 0 else "weak"
     return [
@@ -26,7 +24,8 @@ def check_magnets(view: View) -> list[RecordFinding]:
             "note",
             f"[rig.magnet] height_m = {magnets.height_m:g}",
             f"the dipoles of [rig.magnet] are {abs(off):.0%} too {strong} for cylinders of this size at"
-            f" {magnets.height_m:g} m; within {_MOST:.0%} they hold from {dipoles_hold_from_m(magnets):.2g} m on",
+            f" {magnets.height_m:g} m; within {SET.dipoles:.0%}"
+            f" they hold from {dipoles_hold_from_m(magnets):.2g} m on",
             "force between the charges on both cylinders' ends against that of two dipoles",
             "give the measured magnet_stiffness_N_per_m under [rig], or measure further away",
         )
@@ -46,8 +45,8 @@ def dipoles_hold_from_m(magnets: Magnets) -> float:
     sizes = magnets.cylinders()
     if sizes is None:
         return magnets.height_m
-    heights = magnets.height_m * _FURTHER ** np.arange(_FURTHEST)
+    heights = magnets.height_m * SET.dipoles_step ** np.arange(SET.dipoles_steps)
     off = np.array([abs(too_strong(*sizes, height, magnets.moments)) for height in heights.tolist()])
-    beyond = np.flatnonzero(off > _MOST)
+    beyond = np.flatnonzero(off > SET.dipoles)
     last = -1 if beyond.size == 0 else int(beyond[-1])
     return float(heights[last + 1]) if last + 1 < off.size else float("inf")

@@ -6,13 +6,9 @@ import numpy as np
 
 from models.checks.finding import RecordFinding
 from models.checks.information.excitation import check_information
+from models.checks.settings import SET
 from models.checks.view import Array, View, running_mean, white_noise
 from models.files.units import unit_of
-
-_SURE = 4.0  # standard errors
-_LEAST_STROKES = 2  # each way
-_TURNS = 0.15  # of the force, the least that turns round with the motion
-_AGAINST = -0.3  # correlation of displacement with the drive's
 
 
 def _turned(view: View, column: str) -> str:
@@ -56,7 +52,7 @@ def _stroke(view: View, force: Array) -> str:
         ends = np.array([d * float(np.mean(piece)) for piece in np.array_split(force[(a + b) // 2 : b], 8)])
     error = max(float(np.std(ends)) / np.sqrt(len(ends)), 3 * white_noise(force) / np.sqrt(len(force)), 1e-15)
     mean = float(np.mean(ends))
-    if mean < -_SURE * error and mean < -0.3 * float(np.percentile(np.abs(force), 90)):
+    if mean < -SET.sure * error and mean < -0.3 * float(np.percentile(np.abs(force), 90)):
         return f"force times direction is {mean:.3g} N on average over {len(ends)} strokes; friction makes it positive"
     return ""
 
@@ -66,13 +62,13 @@ def _unsigned(view: View, column: str) -> list[RecordFinding]:
     in the other, against how much it varies.
     """
     ways = [[float(np.mean(view.y[(a + b) // 2 : b])) for a, b, d in view.strokes if d == way] for way in (1.0, -1.0)]
-    if not view.kind.drawn or min(map(len, ways)) < _LEAST_STROKES or check_information(view):
+    if not view.kind.drawn or min(map(len, ways)) < SET.sign_strokes or check_information(view):
         return []
     forward, backward = map(np.array, ways)
     turns = float(np.mean(forward) - np.mean(backward)) / 2
     error = float(np.hypot(np.std(forward) / np.sqrt(len(forward)), np.std(backward) / np.sqrt(len(backward)))) / 2
     size = float(np.percentile(np.abs(view.y), 90))
-    if size < 20 * view.noise or abs(turns) + _SURE / 2 * error > _TURNS * size:
+    if size < 20 * view.noise or abs(turns) + SET.sure / 2 * error > SET.sign_turns * size:
         return []
     return [
         view.finding(
@@ -115,7 +111,7 @@ def check_drive_sign(view: View) -> list[RecordFinding]:
         return []
     slope = _slope(c, x)
     correlation = slope * float(np.std(c)) / float(np.std(x))
-    if correlation > _AGAINST or np.ptp(x) < 0.2 * np.ptp(c):
+    if correlation > SET.sign_against or np.ptp(x) < 0.2 * np.ptp(c):
         return []
     return [
         view.finding(

@@ -6,12 +6,8 @@ import numpy as np
 
 from models.checks.finding import RecordFinding
 from models.checks.instrument.resolution import PLACES
+from models.checks.settings import SET
 from models.checks.view import Array, View, running_mean, runs_of
-
-_SETTLED_S = 1.0  # after a motion, in which a wall draws back and a capsule comes to rest
-_LEAST_S = 1.0
-_MEAN_S = 0.1
-_MUCH = 0.5  # of the range in motion; a wall that relaxes or breathes moves less
 
 
 def check_stuck(view: View) -> list[RecordFinding]:
@@ -20,12 +16,12 @@ def check_stuck(view: View) -> list[RecordFinding]:
     """
     if not view.timed or view.driven not in PLACES or view.driven != view.moving_column or not view.moves.any():
         return []
-    y = running_mean(view.y, max(1, round(0.5 * _MEAN_S / view.dt)))
+    y = running_mean(view.y, max(1, round(0.5 * SET.mean_s / view.dt)))
     whole = float(np.diff(np.percentile(y[view.moves], [5, 95]))[0])
-    settled, least = round(_SETTLED_S / view.dt), round((_SETTLED_S + _LEAST_S) / view.dt)
+    settled, least = round(SET.stuck_settled_s / view.dt), round((SET.stuck_settled_s + SET.stuck_s) / view.dt)
     rests = [(a + settled, b) for a, b in runs_of(~view.moves) if b - a >= least]
     least_swings = 2 if view.kind.stage else 1
-    stuck = [(a, b) for a, b in rests if _swings(y[a:b], 0.5 * _MUCH * whole) >= least_swings]
+    stuck = [(a, b) for a, b in rests if _swings(y[a:b], 0.5 * SET.stuck_much * whole) >= least_swings]
     if not stuck or whole < 20 * view.noise:
         return []
     return [
@@ -35,7 +31,7 @@ def check_stuck(view: View) -> list[RecordFinding]:
             f"{view.driven}, {view.at([a for a, _ in stuck])}",
             f"{view.driven} rests for up to {max(b - a for a, b in stuck) * view.dt:.3g} s while {view.measured}"
             " goes to and fro as in motion: its encoder is stuck, slips or was not logged",
-            f"{least_swings} or more swings at rest through more than {_MUCH:.0%} of the range in motion",
+            f"{least_swings} or more swings at rest through more than {SET.stuck_much:.0%} of the range in motion",
             "look at the encoder and its coupling; leave these stretches out of the record",
         )
     ]

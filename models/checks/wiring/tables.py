@@ -9,16 +9,12 @@ from types import MappingProxyType
 import numpy as np
 
 from models.checks.finding import RecordFinding
+from models.checks.settings import SET
 from models.checks.view import View
 from models.checks.wiring.units import beyond_its_range, off_its_size
 from models.rigs.dma import DMA
 from models.rigs.friction import FRICTION
 from models.rigs.vibro_table import VIBRO_TABLE
-
-_RATIO = 50.0  # of a drive's period to its spring's, or the inverse: far from anything that moves a capsule
-_LOSS = (1e-4, 20.0)  # loss over storage modulus, of metals to liquids
-_LEAST_CONDITIONS = 3
-_MOST_AGAINST = 0.1  # of the conditions, those that may have another sign
 
 
 def check_table(view: View) -> list[RecordFinding]:
@@ -46,7 +42,7 @@ def _constant(view: View) -> list[RecordFinding]:
     """A measured column that is the same under every condition."""
     driven = [name for names in view.record.layout.driven for name in names if name in view.record.columns]
     conditions = len(np.unique(np.column_stack([view.record[name] for name in driven]), axis=0)) if driven else 0
-    if conditions < _LEAST_CONDITIONS or np.ptp(view.y):
+    if conditions < SET.conditions or np.ptp(view.y):
         return []
     return [
         view.finding(
@@ -66,7 +62,7 @@ def _friction(view: View) -> list[RecordFinding]:
     against = np.sign(speed) * np.sign(friction) < 0
     if view.measured == "friction_coefficient" or not against.any():
         return []
-    if np.mean(against) > 1 - _MOST_AGAINST:
+    if np.mean(against) > 1 - SET.conditions_against:
         return [
             view.finding(
                 "force_sign",
@@ -96,15 +92,15 @@ def _moduli(view: View) -> list[RecordFinding]:
     """Loss over storage modulus, as every material has it."""
     ratio = view.record["loss_modulus_Pa"] / view.record["storage_modulus_Pa"]
     usual = float(np.median(ratio))
-    if _LOSS[0] <= usual <= _LOSS[1]:
+    if SET.loss_ratio[0] <= usual <= SET.loss_ratio[1]:
         return []
     return [
         view.finding(
             "units",
             "stops",
             "loss_modulus_Pa against storage_modulus_Pa, throughout",
-            f"loss_modulus_Pa is {usual:.3g} times storage_modulus_Pa; materials have {_LOSS[0]:g} to {_LOSS[1]:g}:"
-            " another unit of one of the two?",
+            f"loss_modulus_Pa is {usual:.3g} times storage_modulus_Pa; materials have {SET.loss_ratio[0]:g} to"
+            f" {SET.loss_ratio[1]:g}: another unit of one of the two?",
             "median of the ratio",
             view.unit_line("loss_modulus_Pa"),
         )
@@ -118,7 +114,7 @@ def _mean_speeds(view: View) -> list[RecordFinding]:
         return []
     own = 2 * math.pi * math.sqrt(drive.inner_mass_kg / drive.spring_stiffness_N_per_m)
     usual = float(np.median(view.record["period_s"]))
-    if own / _RATIO <= usual <= own * _RATIO:
+    if own / SET.period_ratio <= usual <= own * SET.period_ratio:
         return []
     return [
         view.finding(

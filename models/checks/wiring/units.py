@@ -6,19 +6,10 @@ import numpy as np
 
 from models.checks.finding import RecordFinding
 from models.checks.instrument.resolution import PLACES
+from models.checks.settings import SET
 from models.checks.view import Array, View, running_mean
 from models.rigs.columns import TIME
 from models.rigs.parts import surface_of
-
-_TRAVEL_M = (2e-5, 3.0)
-_SPEED_M_S = (2e-6, 1.0)
-_STAGE_SPEED_M_S = (1e-6, 20.0)
-_TURNING_SPEED_RAD_S = (1e-6, 1e4)
-_FORCE_N = (1e-4, 20.0)
-_FAR = 4.0  # beyond the ends of the base parameters' ranges; no effect of the catalogue changes a whole record so much
-_FOLLOWS, _APART, _LONG, _MEAN_S = 0.9, 3.0, 3.0, 0.1  # correlation; ratio of ways; of the magnet's range; s
-_NOTHING_M = 1e-7
-_SELDOM_S, _CRAWLS_M_S = 0.5, 2e-5
 
 
 def check_units(view: View) -> list[RecordFinding]:
@@ -29,17 +20,17 @@ def check_units(view: View) -> list[RecordFinding]:
     travel, fastest = float(np.ptp(x)), float(np.percentile(np.abs(view.speed), 99))
     out = []
     if view.kind.of_capsule:
-        small = 0 < travel < _TRAVEL_M[0] and (travel > 20 * view.noise or travel < _NOTHING_M)
-        if travel > _TRAVEL_M[1] or small:
-            out.append(off_its_size(view, view.moving_column, f"travels {travel:.3g} m", _TRAVEL_M, "m"))
-        elif fastest > _SPEED_M_S[1]:
-            out.append(off_its_size(view, view.moving_column, f"moves at {fastest:.3g} m/s", _SPEED_M_S, "m/s"))
-        elif view.dt >= _SELDOM_S and 0 < fastest < _CRAWLS_M_S:
+        small = 0 < travel < SET.usual_travel_m[0] and (travel > 20 * view.noise or travel < SET.nothing_m)
+        if travel > SET.usual_travel_m[1] or small:
+            out.append(off_its_size(view, view.moving_column, f"travels {travel:.3g} m", SET.usual_travel_m, "m"))
+        elif fastest > SET.usual_m_s[1]:
+            out.append(off_its_size(view, view.moving_column, f"moves at {fastest:.3g} m/s", SET.usual_m_s, "m/s"))
+        elif view.dt >= SET.seldom_s and 0 < fastest < SET.crawls_m_s:
             out.append(_slow(view, fastest))
         if view.kind.follows and view.driven is not None and view.measured in view.record.columns:
             out += _behind_the_magnet(view, view.record[view.driven])
     else:
-        usual, unit = (_TURNING_SPEED_RAD_S, "rad/s") if view.turns else (_STAGE_SPEED_M_S, "m/s")
+        usual, unit = (SET.usual_rad_s, "rad/s") if view.turns else (SET.usual_stage_m_s, "m/s")
         if fastest > usual[1]:
             out.append(off_its_size(view, view.moving_column, f"moves at {fastest:.3g} {unit}", usual, unit))
     out += _of_the_drive(view)
@@ -78,13 +69,13 @@ def _behind_the_magnet(view: View, carriage: Array) -> list[RecordFinding]:
     """A capsule that follows its magnet goes as far as that goes: neither several times as far, nor a fraction of a way
     that is long against the magnet's reach.
     """
-    n = max(1, round(_MEAN_S / view.dt))
+    n = max(1, round(SET.mean_s / view.dt))
     x, c = running_mean(view.y, n), running_mean(carriage, n)
     if not np.std(x) or not np.std(c):
         return []
-    slope, follows = float(np.std(x) / np.std(c)), float(np.corrcoef(x, c)[0, 1]) > _FOLLOWS
+    slope, follows = float(np.std(x) / np.std(c)), float(np.corrcoef(x, c)[0, 1]) > SET.way_follows
     reach = view.rig.magnet.magnet_range_m if view.rig.magnet else np.inf
-    if not follows or not (slope > _APART or (slope < 1 / _APART and np.ptp(c) > _LONG * reach)):
+    if not follows or not (slope > SET.way_apart or (slope < 1 / SET.way_apart and np.ptp(c) > SET.way_long * reach)):
         return []
     return [
         view.finding(
@@ -104,8 +95,8 @@ def _of_the_force(view: View) -> list[RecordFinding]:
         return []
     column, force = view.pushing
     size = float(np.percentile(np.abs(force), 90))
-    if view.kind.drawn and (size > _FORCE_N[1] or 0 < size < _FORCE_N[0]):
-        return [off_its_size(view, column, f"is of the size of {size:.3g} N", _FORCE_N, "N")]
+    if view.kind.drawn and (size > SET.usual_force_N[1] or 0 < size < SET.usual_force_N[0]):
+        return [off_its_size(view, column, f"is of the size of {size:.3g} N", SET.usual_force_N, "N")]
     return _against_the_surface(view, column, force)
 
 
@@ -122,7 +113,7 @@ def _against_the_surface(view: View, column: str, force: Array) -> list[RecordFi
     lowest, usual, highest = (
         float(sum(surface.hold(speed, {name: values[i] for name, values in ranges}))) for i in range(3)
     )
-    if not usual or lowest / _FAR <= size <= highest * _FAR:
+    if not usual or lowest / SET.size_far <= size <= highest * SET.size_far:
         return []
     what = "is" if view.kind.drawn else "makes"
     return [

@@ -9,13 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.checks.finding import RecordFinding
+from models.checks.settings import SET
 from models.checks.view import Array, View
 from models.checks.wiring.exchanged import exchanged
 
-_SURE = 4.0  # standard errors
-_LATE_S = 0.05  # s, by which two clocks may differ and look like a lead of the capsule
 _OF_MEDIAN = 1.253 / 0.6745  # standard error of a median by the median deviation and the root of the number
-_CLEAR = 1.2  # times what friction can be on one side
 
 
 @dataclass(frozen=True)
@@ -31,7 +29,7 @@ class _Sides:
     @property
     def apart(self) -> bool:
         """Whether the middle is further off than friction can explain."""
-        return abs(self.middle) > _CLEAR * abs(self.friction) + self.unsure
+        return abs(self.middle) > SET.zero_clear * abs(self.friction) + self.unsure
 
 
 def _sides(view: View, signal: Array, noise: float) -> _Sides | None:
@@ -49,7 +47,7 @@ def _sides(view: View, signal: Array, noise: float) -> _Sides | None:
         return None
     ahead, back = (float(np.median(way)) for way in ways)
     error = _OF_MEDIAN * float(np.hypot(*(np.median(np.abs(way - np.median(way))) / np.sqrt(len(way)) for way in ways)))
-    return _Sides(0.5 * (ahead - back), 0.5 * (ahead + back), max(_SURE * error, 3 * noise))
+    return _Sides(0.5 * (ahead - back), 0.5 * (ahead + back), max(SET.sure * error, 3 * noise))
 
 
 def check_place_zero(view: View) -> list[RecordFinding]:
@@ -59,7 +57,7 @@ def check_place_zero(view: View) -> list[RecordFinding]:
     sides = _sides(view, view.record[view.driven] - view.y, view.noise)
     if sides is None:
         return []
-    late = _LATE_S * float(np.percentile(np.abs(view.speed), 75))
+    late = SET.zero_late_s * float(np.percentile(np.abs(view.speed), 75))
     if -sides.friction > max(sides.unsure, late):
         why = f"{view.measured} runs ahead of {view.driven} both ways, so friction would give energy"
         lead = view.told(-sides.friction)

@@ -1,17 +1,10 @@
 """A dead zone of the drive."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values
-from models.parameter import Parameter
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 
-@dataclass(frozen=True)
 class ActuatorDeadZone(Effect):
     """Command `sgn(u) max(|u| - d, 0)`."""
 
@@ -23,7 +16,7 @@ class ActuatorDeadZone(Effect):
     confounders = ("stribeck", "dwell_adhesion")
     separated_by = "small-signal drive"
 
-    zone: Parameter = Parameter("zone", 0.0, "of the command", 0.0, 1.0, "tracing catalogue 17", fit=True)
+    zone = number(0.0, "of the command", 0.0, 1.0)
 
-    def command(self, s: Signals, p: Values, z: Values) -> Any:
+    def command(self, s: Signals, p: Values, z: Values) -> Value:
         return np.sign(s.command) * np.maximum(np.abs(s.command) - p["zone"], 0.0)

@@ -1,19 +1,12 @@
 """First-order lag of the drive."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values
-from models.parameter import Parameter
+from models.effects.effect import Effect, Signals, Values, by_name, number
 
 
-@dataclass(frozen=True)
 class ActuatorLag(Effect):
     """Lag `tau c' = command - c`, exact for a ramp within the step."""
 
@@ -22,13 +15,13 @@ class ActuatorLag(Effect):
     source = "first-order drive"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     states = ("command",)
-    follows: ClassVar[Mapping[str, str]] = MappingProxyType({"command": "command"})
+    follows = by_name(command="command")
     probe = 0.005
     confounders: ClassVar[tuple[str, ...]] = ("sensor_delay", "sensor_lowpass", "carriage_backlash", "coil_lag")
     separated_by = "time-stamped edges; phase against frequency"
     refined_by: ClassVar[tuple[str, ...]] = ("sensor_delay", "further_lag")
 
-    time_s: Parameter = Parameter("time_s", 0.0, "s", 0.0, 1.0, "first-order drive", fit=True)
+    time_s = number(0.0, "s", 0.0, 1.0)
 
     def command(self, s: Signals, p: Values, z: Values) -> Any:
         return z["command"]

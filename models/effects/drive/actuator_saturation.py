@@ -1,15 +1,8 @@
 """Saturation of the drive."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Any
-
-from models.effects.effect import Effect, Signals, Values
-from models.parameter import Parameter
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 
-@dataclass(frozen=True)
 class ActuatorSaturation(Effect):
     """Gain `1/(1 + a u^2)`, cubic loss at small drive."""
 
@@ -21,9 +14,7 @@ class ActuatorSaturation(Effect):
     confounders = ("actuator_dead_zone",)
     separated_by = "amplitude staircase"
 
-    inverse_square: Parameter = Parameter(
-        "inverse_square", 0.0, "1/command^2", 0.0, 100.0, "tracing catalogue 19", fit=True
-    )
+    inverse_square = number(0.0, "1/command^2", 0.0, 100.0)
 
-    def gain(self, s: Signals, p: Values, z: Values) -> Any:
+    def gain(self, s: Signals, p: Values, z: Values) -> Value:
         return 1 / (1 + p["inverse_square"] * s.command**2)

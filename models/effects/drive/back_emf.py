@@ -1,15 +1,8 @@
 """Back-EMF of the drive's coil."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Any
-
-from models.effects.effect import Effect, Signals, Values
-from models.parameter import Parameter
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 
-@dataclass(frozen=True)
 class BackEmf(Effect):
     """Command `u - K v`: a coil driven by a voltage loses K volt for each m/s (one whose asked-for current is logged,
     K/R ampere).
@@ -23,9 +16,7 @@ class BackEmf(Effect):
     confounders = ("viscous_drag", "actuator_lag")
     separated_by = "a measured current in place of the voltage: back-EMF goes, drag of the tissue stays"
 
-    loss_s_per_m: Parameter = Parameter(
-        "loss_s_per_m", 0.0, "of the command's unit a m/s", 0.0, 60.0, "tracing catalogue 21; 0 to 60 V s/m", fit=True
-    )
+    loss_s_per_m = number(0.0, "of the command's unit a m/s", 0.0, 60.0, "tracing catalogue 21; 0 to 60 V s/m")
 
-    def command(self, s: Signals, p: Values, z: Values) -> Any:
+    def command(self, s: Signals, p: Values, z: Values) -> Value:
         return s.command - p["loss_s_per_m"] * s.v

@@ -1,18 +1,11 @@
 """The coil's force changes with the inner mass's place in it."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import InnerMassEffect, Values
+from models.effects.effect import InnerMassEffect, Value, Values, number
 from models.effects.inner_mass.spring_hardening import TRAVEL_M
-from models.parameter import Parameter
 
 
-@dataclass(frozen=True)
 class CoilReach(InnerMassEffect):
     """Force `F exp(g xi)`, as of a coil whose inductance falls exponentially along it, `F = i^2/2 |dL/dxi|`, within 30
     mm.
@@ -29,7 +22,7 @@ class CoilReach(InnerMassEffect):
     confounders = ("coil_lag", "directional_asymmetry")
     separated_by = "the static force of the coil over displacement"
 
-    gain_per_m: Parameter = Parameter("gain_per_m", 0.0, "1/m", -60.0, 60.0, "a factor of e over 16 mm", fit=True)
+    gain_per_m = number(0.0, "1/m", -60.0, 60.0, "a factor of e over 16 mm")
 
-    def reach(self, stretch: Any, p: Values) -> Any:
+    def reach(self, stretch: Value, p: Values) -> Value:
         return np.exp(p["gain_per_m"] * np.clip(stretch, -TRAVEL_M, TRAVEL_M))

@@ -1,17 +1,10 @@
 """The magnet's grip changes along the track."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values
-from models.parameter import Parameter
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 
-@dataclass(frozen=True)
 class CouplingDecay(Effect):
     """Drive gain `1 + g x + b x^2`."""
 
@@ -24,8 +17,8 @@ class CouplingDecay(Effect):
     confounders = ("lumen_taper",)
     separated_by = "the drive off: a taper stays"
 
-    slope_per_m: Parameter = Parameter("slope_per_m", 0.0, "1/m", -30.0, 30.0, "tracing catalogue 23", fit=True)
-    bend_per_m2: Parameter = Parameter("bend_per_m2", 0.0, "1/m^2", -600.0, 600.0, "tracing catalogue 23", fit=True)
+    slope_per_m = number(0.0, "1/m", -30.0, 30.0)
+    bend_per_m2 = number(0.0, "1/m^2", -600.0, 600.0)
 
-    def gain(self, s: Signals, p: Values, z: Values) -> Any:
+    def gain(self, s: Signals, p: Values, z: Values) -> Value:
         return np.maximum(1 + (p["slope_per_m"] + p["bend_per_m2"] * s.x) * s.x, 0.05)

@@ -1,15 +1,9 @@
 """The magnet's (or coil's) grip changes with time (heating)."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Any
-
-from models.effects.effect import Signals, Values
+from models.effects.effect import Signals, Value, Values
 from models.effects.in_time import DriftInTime, drift
 
 
-@dataclass(frozen=True)
 class CouplingFade(DriftInTime):
     """Drive gain `1 + b s + c s^2` in a time s that settles."""
 
@@ -21,5 +15,5 @@ class CouplingFade(DriftInTime):
     confounders = ("tissue_drying",)
     separated_by = "an idle pause; logged current"
 
-    def gain(self, s: Signals, p: Values, z: Values) -> Any:
+    def gain(self, s: Signals, p: Values, z: Values) -> Value:
         return drift(s.t, p)

@@ -1,15 +1,9 @@
 """An elastic link between rig and capsule."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-
 from models.drives.elastic_link import Link
-from models.effects.effect import Effect, Values
-from models.parameter import Parameter
+from models.effects.effect import Effect, Values, number
 
 
-@dataclass(frozen=True)
 class StringCompliance(Effect):
     """The rig pulls through `models.drives.elastic_link.Link`; the model makes the capsule a free mass behind it."""
 
@@ -21,15 +15,9 @@ class StringCompliance(Effect):
     confounders = ("carriage_backlash", "small_strain_stiffening")
     separated_by = "change the length of the string"
 
-    compliance_m_per_N: Parameter = Parameter(
-        "compliance_m_per_N", 0.0, "m/N", 0.0, 0.02, "tracing catalogue 29", fit=True
-    )
-    hardening_per_m: Parameter = Parameter(
-        "hardening_per_m", 100.0, "1/m", 0.0, 2000.0, "threads stiffen as they stretch", fit=True
-    )
-    damping_N_s_per_m: Parameter = Parameter(
-        "damping_N_s_per_m", 0.02, "N s/m", 0.0, 0.3, "loss within the thread", fit=True
-    )
+    compliance_m_per_N = number(0.0, "m/N", 0.0, 0.02)
+    hardening_per_m = number(100.0, "1/m", 0.0, 2000.0, "threads stiffen as they stretch")
+    damping_N_s_per_m = number(0.02, "N s/m", 0.0, 0.3, "loss within the thread")
 
     def link(self, p: Values) -> Link:
         return Link(*(p[name.name] for name in self.parameters()))

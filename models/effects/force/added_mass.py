@@ -1,15 +1,8 @@
 """Inertia beyond the capsule's."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Any
-
-from models.effects.effect import Effect, Signals, Values
-from models.parameter import Parameter
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 
-@dataclass(frozen=True)
 class AddedMass(Effect):
     """Force `-m_a a`: fluid or rig mass moved along."""
 
@@ -26,10 +19,10 @@ class AddedMass(Effect):
     confounders = ("actuator_lag",)
     separated_by = "faster reversals"
 
-    mass_kg: Parameter = Parameter("mass_kg", 0.0, "kg", -0.005, 2.0, "tracing catalogue 16", fit=True)
+    mass_kg = number(0.0, "kg", -0.005, 2.0)
 
-    def force(self, s: Signals, p: Values, z: Values) -> Any:
+    def force(self, s: Signals, p: Values, z: Values) -> Value:
         return -p["mass_kg"] * z["acceleration"]
 
-    def advance(self, s: Signals, p: Values, z: Values, h: Any) -> dict[str, Any]:
+    def advance(self, s: Signals, p: Values, z: Values, h: Value) -> dict[str, Value]:
         return {"acceleration": (s.v - z["speed"]) / h, "speed": s.v}

@@ -1,36 +1,27 @@
 """The torque of a weight on a lever about an axis that turns."""
 
-from __future__ import annotations
-
 import math
-from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values
-from models.parameter import Parameter
-
-_SOURCE = "m g l of a lever: statics"
+from models.effects.effect import Effect, Signals, Value, Values, by_name, number
 
 
-@dataclass(frozen=True)
 class GravityOverAngle(Effect):
     """Torque `-m g l sin(x - x_0)`: 0 where the weight hangs (x_0), greatest a quarter turn from there."""
 
     id = "gravity_over_angle"
     summary = "the torque of a weight on a lever, over the angle"
-    source = _SOURCE
+    source = "m g l of a lever: statics"
     kinds = frozenset({"axis"})
     needs = ("turning", "places")
-    grid = MappingProxyType({"hanging_rad": (0.0, 0.5 * math.pi)})
+    grid = by_name(hanging_rad=(0.0, 0.5 * math.pi))
     probe = 0.1
     confounders = ("spring_over_position", "fold_periodic")
     separated_by = "swing over more than half a turn; the axis laid so that gravity does no work"
 
-    torque_N_m: Parameter = Parameter("torque_N_m", 0.0, "N m", -1e3, 1e3, _SOURCE, fit=True)
-    hanging_rad: Parameter = Parameter("hanging_rad", 0.0, "rad", -7.0, 7.0, _SOURCE, fit=True, role="phase")
+    torque_N_m = number(0.0, "N m", -1e3, 1e3)
+    hanging_rad = number(0.0, "rad", -7.0, 7.0, role="phase")
 
-    def force(self, s: Signals, p: Values, z: Values) -> Any:
+    def force(self, s: Signals, p: Values, z: Values) -> Value:
         return -p["torque_N_m"] * np.sin(s.x - p["hanging_rad"])

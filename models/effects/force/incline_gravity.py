@@ -1,15 +1,8 @@
 """A constant force along the lumen."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Any
-
-from models.effects.effect import Effect, Signals, Values
-from models.parameter import Parameter
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 
-@dataclass(frozen=True)
 class InclineGravity(Effect):
     """Constant force along +x, `m g sin(alpha)` of a tilted lumen."""
 
@@ -21,7 +14,7 @@ class InclineGravity(Effect):
     confounders = ("directional_asymmetry", "sensor_bias")
     separated_by = "tilt the rig by a known angle; records at rest"
 
-    force_N: Parameter = Parameter("force_N", 0.0, "N", -0.5, 0.5, "tracing catalogue 13", fit=True)
+    force_N = number(0.0, "N", -0.5, 0.5)
 
-    def force(self, s: Signals, p: Values, z: Values) -> Any:
+    def force(self, s: Signals, p: Values, z: Values) -> Value:
         return p["force_N"]

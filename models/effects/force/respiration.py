@@ -1,14 +1,9 @@
 """A force periodic in time, the same everywhere."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from types import MappingProxyType
-
+from models.effects.effect import by_name
 from models.effects.in_time import ForceInTime, frequencies
 
 
-@dataclass(frozen=True)
 class Respiration(ForceInTime):
     """Force `A (sin q + o)` and harmonics of q along +x, `q = 2 pi f t + phi`."""
 
@@ -17,6 +12,6 @@ class Respiration(ForceInTime):
     source = "tracing catalogue 15: 0.2 to 0.3 Hz"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     needs = ("time", "wall")
-    grid = MappingProxyType({"frequency_Hz": frequencies(0.04, 0.82)})
+    grid = by_name(frequency_Hz=frequencies(0.04, 0.82))
     confounders = ("peristaltic_wave", "mains_hum")
     separated_by = "a second position; a pause of the ventilator"

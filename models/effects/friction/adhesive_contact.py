@@ -1,17 +1,8 @@
 """The surfaces attract each other: friction at no load."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Any
-
-from models.effects.effect import Effect, Signals, Values
-from models.parameter import Parameter
-
-_SOURCE = "Derjaguin 1934: friction of adhering surfaces, mu (N + N_0)"
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 
-@dataclass(frozen=True)
 class AdhesiveContact(Effect):
     """A constant load N_0 in addition to the one that is applied, `F = mu (N + N_0)`: a coefficient that is referred
     to the applied load falls as that load grows.
@@ -19,14 +10,14 @@ class AdhesiveContact(Effect):
 
     id = "adhesive_contact"
     summary = "adhesion presses the surfaces together in addition to the load"
-    source = _SOURCE
+    source = "Derjaguin 1934: friction of adhering surfaces, mu (N + N_0)"
     kinds = frozenset({"friction"})
     needs = ("load",)
     probe = 0.02
     confounders = ("load_dependent_friction", "hertzian_contact")
     separated_by = "loads over a factor of ten, down to none: adhesion leaves friction at no load"
 
-    load_N: Parameter = Parameter("load_N", 0.0, "N", -10.0, 100.0, _SOURCE, fit=True)
+    load_N = number(0.0, "N", -10.0, 100.0)
 
-    def normal_load(self, s: Signals, p: Values, z: Values) -> Any:
+    def normal_load(self, s: Signals, p: Values, z: Values) -> Value:
         return p["load_N"]

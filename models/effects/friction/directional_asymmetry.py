@@ -1,15 +1,8 @@
 """Resistance that differs between forward and backward."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Any
-
-from models.effects.effect import Effect, Signals, Values
-from models.parameter import Parameter
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 
-@dataclass(frozen=True)
 class DirectionalAsymmetry(Effect):
     """Level `1 + a sgn(v)`: constant while sliding, of either sign."""
 
@@ -23,9 +16,7 @@ class DirectionalAsymmetry(Effect):
     separated_by = "records at rest, where a constant force stays and an asymmetry does not"
     refined_by = ("level_at_onset", "level_at_creep", "level_over_speed")
 
-    asymmetry: Parameter = Parameter(
-        "asymmetry", 0.0, "1", -0.9, 0.9, "tracing catalogue 14; EMPS, Janot et al. 2019", fit=True
-    )
+    asymmetry = number(0.0, "1", -0.9, 0.9)
 
-    def level(self, s: Signals, p: Values, z: Values) -> Any:
+    def level(self, s: Signals, p: Values, z: Values) -> Value:
         return 1 + p["asymmetry"] * s.direction

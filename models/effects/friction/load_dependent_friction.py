@@ -1,32 +1,23 @@
 """Friction that grows with the load that an axis carries."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values
-from models.parameter import Parameter
-
-_SOURCE = "load-dependent friction of robot joints: Hamon et al. 2010; Bittencourt and Gunnarsson 2012"
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 
-@dataclass(frozen=True)
 class LoadDependentFriction(Effect):
     """Level `1 + c |load|` of the logged load, whichever its unit."""
 
     id = "load_dependent_friction"
     summary = "friction that grows with the logged load"
-    source = _SOURCE
+    source = "load-dependent friction of robot joints: Hamon et al. 2010; Bittencourt and Gunnarsson 2012"
     kinds = frozenset({"axis", "friction"})
     needs = ("load",)
     probe = 0.1
     confounders = ("directional_asymmetry", "lumen_taper", "adhesive_contact", "hertzian_contact")
     separated_by = "the same motion under loads that differ by a factor of two and more"
 
-    growth_per_load: Parameter = Parameter("growth_per_load", 0.0, "1/(N or N m)", -1e3, 1e3, _SOURCE, fit=True)
+    growth_per_load = number(0.0, "1/(N or N m)", -1e3, 1e3)
 
-    def level(self, s: Signals, p: Values, z: Values) -> Any:
+    def level(self, s: Signals, p: Values, z: Values) -> Value:
         return np.maximum(1 + p["growth_per_load"] * np.abs(s.load), 0.05)

@@ -1,20 +1,12 @@
 """One local place of higher resistance."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values
-from models.parameter import Parameter
+from models.effects.effect import Effect, Signals, Value, Values, by_name, number
 
 _END = 1e-9 - 1  # of a bump that ends, where its logarithm would
 
 
-@dataclass(frozen=True)
 class Stenosis(Effect):
     """Level `1 + s g`, `g = (1 + m (m + 1)/2 q^2)^(-1/m)`, `q = (x - x_0)/(w (1 + k sgn(x - x_0)))`.
 
@@ -27,20 +19,19 @@ class Stenosis(Effect):
     source = "tracing catalogue 11"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     needs = ("places",)
-    grid = MappingProxyType({"width_m": (0.0015, 0.004)})
+    grid = by_name(width_m=(0.0015, 0.004))
     probe = 0.2
     confounders = ("lumen_taper", "fold_periodic")
     separated_by = "more passes over the place, from both sides"
     refined_by = ("level_at_onset",)
 
-    excess: Parameter = Parameter("excess", 0.0, "1", -0.9, 6.0, "tracing catalogue 11", fit=True)
-    centre_m: Parameter = Parameter("centre_m", 0.0, "m", -0.3, 0.3, "tracing catalogue 11", fit=True, role="place")
-    width_m: Parameter = Parameter("width_m", 0.003, "m", 0.0005, 0.012, "tracing catalogue 11", fit=True)
-    tail: Parameter = Parameter("tail", 1.0, "1", -0.6, 2.0, "tracing catalogue 11", fit=True)
+    excess = number(0.0, "1", -0.9, 6.0)
+    centre_m = number(0.0, "m", -0.3, 0.3, role="place")
+    width_m = number(0.003, "m", 0.0005, 0.012)
+    tail = number(1.0, "1", -0.6, 2.0)
+    skew = number(0.0, "1", -0.6, 0.6)
 
-    skew: Parameter = Parameter("skew", 0.0, "1", -0.6, 0.6, "tracing catalogue 11", fit=True)
-
-    def level(self, s: Signals, p: Values, z: Values) -> Any:
+    def level(self, s: Signals, p: Values, z: Values) -> Value:
         away = s.x - p["centre_m"]
         apart = away / (p["width_m"] * (1 + p["skew"] * np.sign(away)))
         tail = p["tail"]

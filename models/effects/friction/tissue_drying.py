@@ -1,15 +1,9 @@
 """Resistance that drifts with time."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Any
-
-from models.effects.effect import Signals, Values
+from models.effects.effect import Signals, Value, Values
 from models.effects.in_time import DriftInTime, drift
 
 
-@dataclass(frozen=True)
 class TissueDrying(DriftInTime):
     """Level `1 + b s + c s^2` in a clock time s that settles, also at rest."""
 
@@ -22,5 +16,5 @@ class TissueDrying(DriftInTime):
     separated_by = "wait without moving"
     refined_by = ("level_at_onset", "drying_shape")
 
-    def level(self, s: Signals, p: Values, z: Values) -> Any:
+    def level(self, s: Signals, p: Values, z: Values) -> Value:
         return drift(s.t, p)

@@ -1,19 +1,12 @@
 """Dry friction between the inner mass and its guide."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import InnerMassEffect, Values
-from models.parameter import Parameter
+from models.effects.effect import InnerMassEffect, Value, Values, number
 
-CREEP_SPEED = 2.0e-3
+CREEP_SPEED = 2.0e-3  # m/s, below which dry friction passes through 0
 
 
-@dataclass(frozen=True)
 class GuideFriction(InnerMassEffect):
     """Force `F_d xi'/sqrt(xi'^2 + v_0^2)` with `v_0` 2 mm/s: constant against the relative motion, hardly any at
     rest.
@@ -27,7 +20,7 @@ class GuideFriction(InnerMassEffect):
     confounders = ("spring_damping",)
     separated_by = "ring-down of the inner mass with the body held: straight for dry friction, exponential for damping"
 
-    friction_N: Parameter = Parameter("friction_N", 0.0, "N", 0.0, 0.6, "up to the inner mass's weight", fit=True)
+    friction_N = number(0.0, "N", 0.0, 0.6, "up to the inner mass's weight")
 
-    def suspension(self, stretch: Any, rate: Any, p: Values) -> Any:
+    def suspension(self, stretch: Value, rate: Value, p: Values) -> Value:
         return p["friction_N"] * rate / np.sqrt(rate * rate + CREEP_SPEED**2)

@@ -1,15 +1,8 @@
 """Damping of the inner mass's suspension."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Any
-
-from models.effects.effect import InnerMassEffect, Values
-from models.parameter import Parameter
+from models.effects.effect import InnerMassEffect, Value, Values, number
 
 
-@dataclass(frozen=True)
 class SpringDamping(InnerMassEffect):
     """Force `c xi'` against the relative motion; linear, so equal losses forward and backward."""
 
@@ -22,9 +15,7 @@ class SpringDamping(InnerMassEffect):
     separated_by = "ring-down of the inner mass with the body held: exponential for damping, straight for dry friction"
     refined_by = ("damping_over_speed",)
 
-    damping_N_s_per_m: Parameter = Parameter(
-        "damping_N_s_per_m", 0.0, "N s/m", 0.0, 5.0, "up to about half of critical", fit=True
-    )
+    damping_N_s_per_m = number(0.0, "N s/m", 0.0, 5.0, "up to about half of critical")
 
-    def suspension(self, stretch: Any, rate: Any, p: Values) -> Any:
+    def suspension(self, stretch: Value, rate: Value, p: Values) -> Value:
         return p["damping_N_s_per_m"] * rate

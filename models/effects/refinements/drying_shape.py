@@ -1,26 +1,14 @@
 """The finer shape of a drift of the resistance. Refines an effect, never named itself."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values
+from models.effects.effect import Effect, Signals, Value, Values, number
 from models.effects.friction.tissue_drying import TissueDrying
 from models.effects.in_time import settling_time
-from models.parameter import Parameter
 
-_SOURCE = "no law: a drift settles as it likes"
-_MINUTE_S = 60.0
+_MINUTE_S = 60.0  # time after which both shapes are the same
 
 
-def _term(name: str) -> Parameter:
-    return Parameter(name, 0.0, "1", -1.0, 1.0, _SOURCE, fit=True, spread=0.1)
-
-
-@dataclass(frozen=True)
 class DryingShape(Effect):
     """Level `1 + d u^3 + e u^4 + f u^5`, `u = s/s(60 s)` the drying's own time s in what a minute makes of it; never
     below 0.05.
@@ -28,17 +16,15 @@ class DryingShape(Effect):
 
     id = "drying_shape"
     summary = "the finer shape of a drift of the resistance"
-    source = _SOURCE
+    source = "no law: a drift settles as it likes"
     kinds = TissueDrying.kinds
     of = TissueDrying.id
     probe = 0.01
     confounders = (TissueDrying.id,)
     separated_by = "longer records"
 
-    third: Parameter = _term("third")
-    fourth: Parameter = _term("fourth")
-    fifth: Parameter = _term("fifth")
+    third, fourth, fifth = (number(0.0, "1", -1.0, 1.0, spread=0.1) for _ in range(3))
 
-    def level(self, s: Signals, p: Values, z: Values) -> Any:
+    def level(self, s: Signals, p: Values, z: Values) -> Value:
         u = settling_time(s.t, p) / settling_time(_MINUTE_S, p)
         return np.maximum(1 + (p["third"] + (p["fourth"] + p["fifth"] * u) * u) * u**3, 0.05)

@@ -2,26 +2,18 @@
 named itself.
 """
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from types import MappingProxyType
-
 from models.effects.drive.actuator_lag import ActuatorLag
-from models.parameter import Parameter
-
-_SOURCE = "a current loop under a position loop: drives are of second order or more"
+from models.effects.effect import by_name, number
 
 
-@dataclass(frozen=True)
 class FurtherLag(ActuatorLag):
     """`tau_2 c'' = c' - c''` of the command `c'` that the first lag lets through."""
 
     id = "further_lag"
     summary = "a second lag of the drive"
-    source = _SOURCE
-    grid = MappingProxyType({"time_s": (0.03,)})
+    source = "a current loop under a position loop: drives are of second order or more"
+    grid = by_name(time_s=(0.03,))
     confounders = ("actuator_lag", "sensor_delay")
     refined_by = ()
 
-    time_s: Parameter = Parameter("time_s", 0.0, "s", 0.0, 0.5, _SOURCE, fit=True)
+    time_s = number(0.0, "s", 0.0, 0.5)

@@ -2,24 +2,17 @@
 itself.
 """
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-
+from models.effects.effect import number
 from models.effects.sensor.sensor_lowpass import SensorLowpass
-from models.parameter import Parameter
-
-_SOURCE = "an amplifier's filter before a digital one: smoothing is of second order or more"
 
 
-@dataclass(frozen=True)
 class FurtherLowpass(SensorLowpass):
     """`tau_2 y'' + y' = x'` of the reading `x'` that the first low-pass lets through."""
 
     id = "further_lowpass"
     summary = "a second smoothing of the measurement"
-    source = _SOURCE
+    source = "an amplifier's filter before a digital one: smoothing is of second order or more"
     confounders = ("sensor_lowpass", "sensor_delay")
     refined_by = ()
 
-    time_s: Parameter = Parameter("time_s", 0.0, "s", 0.0, 0.3, _SOURCE, fit=True)
+    time_s = number(0.0, "s", 0.0, 0.3)

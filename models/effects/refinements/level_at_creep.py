@@ -1,19 +1,10 @@
 """What a law of speed or direction makes of a body that creeps or rests. Refines an effect, never named itself."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values
-from models.parameter import Parameter
-
-_SOURCE = "no law: friction of a body that creeps or rests need not be what it was in the last motion"
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 
-@dataclass(frozen=True)
 class LevelAtCreep(Effect):
     """Level `1 + (e + d o) exp(-|v|/v_c)`, d the direction of motion (at rest the last one): a law's changed level
     comes with the speed and is not there at once.
@@ -21,17 +12,17 @@ class LevelAtCreep(Effect):
 
     id = "level_at_creep"
     summary = "resistance in creep and at rest that differs from the one in motion"
-    source = _SOURCE
+    source = "no law: friction of a body that creeps or rests need not be what it was in the last motion"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     by_speed = True
     probe = 0.02
     confounders = ("stribeck", "dwell_adhesion")
     separated_by = "rests after motions in both directions"
 
-    odd: Parameter = Parameter("odd", 0.0, "1", -0.9, 0.9, _SOURCE, fit=True, spread=0.3)
-    even: Parameter = Parameter("even", 0.0, "1", -0.9, 0.9, _SOURCE, fit=True, spread=0.3)
-    speed_m_s: Parameter = Parameter("speed_m_s", 2e-4, "m/s", 1e-6, 2e-3, _SOURCE, fit=True)
+    odd = number(0.0, "1", -0.9, 0.9, spread=0.3)
+    even = number(0.0, "1", -0.9, 0.9, spread=0.3)
+    speed_m_s = number(2e-4, "m/s", 1e-6, 2e-3)
 
-    def level(self, s: Signals, p: Values, z: Values) -> Any:
+    def level(self, s: Signals, p: Values, z: Values) -> Value:
         creep = np.exp(-np.abs(s.v) / p["speed_m_s"])
         return np.maximum(1 + (p["even"] + s.direction * p["odd"]) * creep, 0.05)

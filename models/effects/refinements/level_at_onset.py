@@ -1,15 +1,8 @@
 """Whether the nose or the slip limit feels a changed resistance. Refines an effect, never named itself."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import Effect, Shares, Values
-from models.parameter import Parameter
+from models.effects.effect import Effect, Shares, Value, Values, by_name, number
 
 _WEIGHT = "paper V Eq. 11: of the normal load only what the wall presses follows the hoop stress, not the weight"
 _SIDES = (
@@ -17,7 +10,6 @@ _SIDES = (
 )
 
 
-@dataclass(frozen=True)
 class LevelAtOnset(Effect):
     """Where effects change resistance to `l` times what it was, `F_e (1 + (1 - max(-q, 0))(l - 1))` and the slip limit
     `f_c = mu (m g (1 + (1 - k)(l - 1)) + N_p (1 + (1 - max(q, 0))(l - 1)))`, N_p what the wall presses: k is the share
@@ -29,13 +21,13 @@ class LevelAtOnset(Effect):
     summary = "a nose or a slip limit that a changed resistance leaves as it is"
     source = _SIDES
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
-    grid = MappingProxyType({"kept": (1.0,), "spared": (0.0, 1.0, -1.0)})
+    grid = by_name(kept=(1.0,), spared=(0.0, 1.0, -1.0))
     probe = 0.1
     confounders = ("level_over_speed",)
     separated_by = "runs at one speed over places, times or directions that differ"
 
-    kept: Parameter = Parameter("kept", 0.0, "1", -0.5, 1.5, _WEIGHT, fit=True, spread=1.0)
-    spared: Parameter = Parameter("spared", 0.0, "1", -1.5, 1.5, _SIDES, fit=True, spread=1.0)
+    kept = number(0.0, "1", -0.5, 1.5, _WEIGHT, spread=1.0)
+    spared = number(0.0, "1", -1.5, 1.5, _SIDES, spread=1.0)
 
     def shared(self, p: Values, factors: Shares) -> Shares:
         nose, weight, pressed = factors
@@ -43,5 +35,5 @@ class LevelAtOnset(Effect):
         return _less(nose, np.maximum(-q, 0.0)), _less(weight, p["kept"]), _less(pressed, np.maximum(q, 0.0))
 
 
-def _less(level: Any, share: Any) -> Any:
+def _less(level: Value, share: Value) -> Value:
     return level - share * (level - 1)

@@ -1,19 +1,9 @@
 """How a viscous wall's resistance thins with its rate. Refines an effect, never named itself."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Any
-
-from models.effects.effect import Effect, Signals, Values
+from models.effects.effect import Effect, Signals, Value, Values, by_name, number
 from models.effects.wall.wall_viscosity import WallViscosity
-from models.parameter import Parameter
-
-_SOURCE = "Carreau's law of a viscosity that changes with the rate, Trans. Soc. Rheol. 16 (1972) 99"
 
 
-@dataclass(frozen=True)
 class ViscosityThinning(Effect):
     """Wall force `c u' ((1 + (u'/u_0')^2)^(n/2) - 1)` beyond the viscous wall's `c u'`: together Carreau's law without
     a second plateau.
@@ -21,17 +11,17 @@ class ViscosityThinning(Effect):
 
     id = "viscosity_thinning"
     summary = "a viscous wall that thins with its rate"
-    source = _SOURCE
+    source = "Carreau's law of a viscosity that changes with the rate, Trans. Soc. Rheol. 16 (1972) 99"
     kinds = WallViscosity.kinds
     of = WallViscosity.id
-    grid = MappingProxyType({"power": (0.0,), "rate_m_s": (2e-3,)})
+    grid = by_name(power=(0.0,), rate_m_s=(2e-3,))
     probe = 0.1
     confounders = (WallViscosity.id,)
     separated_by = "speeds over two decades"
 
-    power: Parameter = Parameter("power", 0.0, "1", -0.9, 0.5, _SOURCE, fit=True, spread=0.3)
-    rate_m_s: Parameter = Parameter("rate_m_s", 2e-3, "m/s", 1e-4, 2e-2, _SOURCE, fit=True)
+    power = number(0.0, "1", -0.9, 0.5, spread=0.3)
+    rate_m_s = number(2e-3, "m/s", 1e-4, 2e-2)
 
-    def wall_force(self, s: Signals, p: Values, z: Values) -> Any:
+    def wall_force(self, s: Signals, p: Values, z: Values) -> Value:
         ratio = s.drag_rate / p["rate_m_s"]
         return p["viscosity_N_s_per_m"] * s.drag_rate * ((1 + ratio * ratio) ** (p["power"] / 2) - 1)

@@ -1,15 +1,8 @@
 """The sensor's zero is off."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Any
-
-from models.effects.effect import Effect, Signals, Values
-from models.parameter import Parameter
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 
-@dataclass(frozen=True)
 class SensorBias(Effect):
     """Output `y + b`."""
 
@@ -21,7 +14,7 @@ class SensorBias(Effect):
     confounders = ("incline_gravity", "directional_asymmetry")
     separated_by = "a reading without load"
 
-    bias: Parameter = Parameter("bias", 0.0, "of the measured unit", -0.5, 0.5, "tracing catalogue 24", fit=True)
+    bias = number(0.0, "of the measured unit", -0.5, 0.5)
 
-    def measured(self, s: Signals, p: Values, z: Values, y: Any) -> Any:
+    def measured(self, s: Signals, p: Values, z: Values, y: Value) -> Value:
         return y + p["bias"]

@@ -1,15 +1,8 @@
 """The measurement is late."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Any
-
-from models.effects.effect import Effect, Values
-from models.parameter import Parameter
+from models.effects.effect import Effect, Value, Values, number
 
 
-@dataclass(frozen=True)
 class SensorDelay(Effect):
     """Output `y(t - d)`."""
 
@@ -21,7 +14,7 @@ class SensorDelay(Effect):
     confounders = ("sensor_lowpass", "actuator_lag")
     separated_by = "a time-stamped edge; the phase is linear in frequency"
 
-    delay_s: Parameter = Parameter("delay_s", 0.0, "s", 0.0, 0.5, "tracing catalogue 25", fit=True)
+    delay_s = number(0.0, "s", 0.0, 0.5)
 
-    def delay(self, p: Values) -> Any:
+    def delay(self, p: Values) -> Value:
         return p["delay_s"]

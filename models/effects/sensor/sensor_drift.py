@@ -1,19 +1,12 @@
 """The sensor's zero drifts with time."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values
-from models.parameter import Parameter
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 _FORM = "an amplifier warms up within a minute, then drifts on"
 
 
-@dataclass(frozen=True)
 class SensorDrift(Effect):
     """Output `y + c (t + k t_w (1 - exp(-t/t_w)))`: a rate c, at the begin `1 + k` times as much while the sensor warms
     up.
@@ -28,12 +21,10 @@ class SensorDrift(Effect):
     confounders = ("tissue_drying", "respiration")
     separated_by = "a reference stop; two sensors"
 
-    rate_per_s: Parameter = Parameter(
-        "rate_per_s", 0.0, "of the measured unit/s", -0.01, 0.01, "tracing catalogue 24", fit=True
-    )
-    quicker: Parameter = Parameter("quicker", 0.0, "1", -1.0, 30.0, _FORM, fit=True, spread=5.0)
-    warming_s: Parameter = Parameter("warming_s", 15.0, "s", 3.0, 200.0, _FORM, fit=True, spread=30.0)
+    rate_per_s = number(0.0, "of the measured unit/s", -0.01, 0.01)
+    quicker = number(0.0, "1", -1.0, 30.0, _FORM, spread=5.0)
+    warming_s = number(15.0, "s", 3.0, 200.0, _FORM, spread=30.0)
 
-    def measured(self, s: Signals, p: Values, z: Values, y: Any) -> Any:
+    def measured(self, s: Signals, p: Values, z: Values, y: Value) -> Value:
         warmed = p["warming_s"] * (1 - np.exp(-s.t / p["warming_s"]))
         return y + p["rate_per_s"] * (s.t + p["quicker"] * warmed)

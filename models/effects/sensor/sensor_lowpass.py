@@ -1,19 +1,12 @@
 """The measurement is smoothed."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
 
-from models.effects.effect import Effect, Signals, Values
-from models.parameter import Parameter
+from models.effects.effect import Effect, Signals, Values, by_name, number
 
 
-@dataclass(frozen=True)
 class SensorLowpass(Effect):
     """Output `tau y' + y = x`."""
 
@@ -22,13 +15,13 @@ class SensorLowpass(Effect):
     source = "tracing catalogue 26"
     kinds = frozenset({"pull", "magnetic", "coil", "vibro"})
     states = ("smooth",)
-    follows: ClassVar[Mapping[str, str]] = MappingProxyType({"smooth": "position"})
+    follows = by_name(smooth="position")
     probe = 0.005
     confounders: ClassVar[tuple[str, ...]] = ("sensor_delay",)
     separated_by = "the phase saturates at 90 degrees"
     refined_by: ClassVar[tuple[str, ...]] = ("further_lowpass", "sensor_delay")
 
-    time_s: Parameter = Parameter("time_s", 0.0, "s", 0.0, 0.5, "tracing catalogue 26", fit=True)
+    time_s = number(0.0, "s", 0.0, 0.5)
 
     def measured(self, s: Signals, p: Values, z: Values, y: Any) -> Any:
         return z["smooth"]

@@ -1,15 +1,8 @@
 """The sensor's gain is off."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Any
-
-from models.effects.effect import Effect, Signals, Values
-from models.parameter import Parameter
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 
-@dataclass(frozen=True)
 class SensorScale(Effect):
     """Output `(1 + e) y`."""
 
@@ -21,7 +14,7 @@ class SensorScale(Effect):
     confounders = ("small_strain_stiffening",)
     separated_by = "a known load; a known distance"
 
-    error: Parameter = Parameter("error", 0.0, "1", -0.5, 0.5, "tracing catalogue 24", fit=True)
+    error = number(0.0, "1", -0.5, 0.5)
 
-    def measured(self, s: Signals, p: Values, z: Values, y: Any) -> Any:
+    def measured(self, s: Signals, p: Values, z: Values, y: Value) -> Value:
         return y * (1 + p["error"])

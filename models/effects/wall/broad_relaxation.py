@@ -1,21 +1,12 @@
 """A relaxation spectrum broader than two Maxwell branches: a springpot beside them."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Any
-
-from models.effects.effect import Effect, Values
+from models.effects.effect import Effect, Value, Values, by_name, number
 from models.effects.formula import Formula, written
 from models.laws.dynamic_modulus import DynamicModulus, springpot_modulus
-from models.parameter import Parameter
 
-_SOURCE = "fractional Kelvin-Voigt solid; soft tissue exponents 0.1 to 0.4"
-REFERENCE_HZ = 10.0
+REFERENCE_HZ = 10.0  # at which the stiffness is stated
 
 
-@dataclass(frozen=True)
 class BroadRelaxation(Effect):
     """Modulus `K (i f/10 Hz)^alpha` added to the wall's: a continuous, power-law spectrum.
 
@@ -25,17 +16,17 @@ class BroadRelaxation(Effect):
 
     id = "broad_relaxation"
     summary = "a relaxation spectrum broader than two Maxwell branches"
-    source = _SOURCE
+    source = "fractional Kelvin-Voigt solid; soft tissue exponents 0.1 to 0.4"
     kinds = frozenset({"dma"})
-    grid = MappingProxyType({"exponent": (0.1, 0.25, 0.4, 0.6)})
+    grid = by_name(exponent=(0.1, 0.25, 0.4, 0.6))
     probe = 1e4
     confounders = ()
     separated_by = "frequencies over three decades"
 
-    stiffness_Pa: Parameter = Parameter("stiffness_Pa", 0.0, "Pa", 0.0, 1e7, _SOURCE, fit=True)
-    exponent: Parameter = Parameter("exponent", 0.25, "1", 0.02, 0.6, _SOURCE, fit=True)
+    stiffness_Pa = number(0.0, "Pa", 0.0, 1e7)
+    exponent = number(0.25, "1", 0.02, 0.6)
 
-    def modulus(self, frequency_Hz: Any, p: Values) -> DynamicModulus:
+    def modulus(self, frequency_Hz: Value, p: Values) -> DynamicModulus:
         """Storage and loss modulus in Pa that the springpot adds at `frequency_Hz`, any shape."""
         return springpot_modulus(frequency_Hz / REFERENCE_HZ, 0.0, p["stiffness_Pa"], p["exponent"])
 

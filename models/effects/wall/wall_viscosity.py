@@ -1,15 +1,8 @@
 """Wall tension that depends on the rate of stretch."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Any
-
-from models.effects.effect import Effect, Signals, Values
-from models.parameter import Parameter
+from models.effects.effect import Effect, Signals, Value, Values, number
 
 
-@dataclass(frozen=True)
 class WallViscosity(Effect):
     """Extra wall force `c u'`; the wall slips by its elastic tension alone."""
 
@@ -23,9 +16,7 @@ class WallViscosity(Effect):
     refined_by = ("viscosity_thinning",)
     separated_by = "frequency sweep at fixed amplitude; the force while the wall draws back"
 
-    viscosity_N_s_per_m: Parameter = Parameter(
-        "viscosity_N_s_per_m", 0.0, "N s/m", -1.0, 30.0, "rat gut SLS, WJG 11:4974", fit=True
-    )
+    viscosity_N_s_per_m = number(0.0, "N s/m", -1.0, 30.0)
 
-    def wall_force(self, s: Signals, p: Values, z: Values) -> Any:
+    def wall_force(self, s: Signals, p: Values, z: Values) -> Value:
         return p["viscosity_N_s_per_m"] * s.drag_rate

@@ -8,18 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from models.identification.kind import Array
+from models.identification.settings import SET
 from models.records.record import Record
-
-RAMP_S = 0.05
-"""Time over which a motion's corners are rounded."""
-_SHORTEST_S, _LONGEST_S = 4.0, 60.0
-_FAST = 95  # percentile of the speeds in motion that counts as what the rig is known to do
-_FASTER, _USUAL_M_S = 4.0, 10e-3  # times that speed a proposal may go, as long as capsules usually go as fast
-_MOVES = 0.05  # of the fastest speed, above which a sample counts as motion
-_SLOWEST = 0.05  # of the fast speed, the slowest that is proposed
-_SMALL = 0.2  # of the span, the longest of the short strokes
-_LONG_MOVE = 0.35  # of a motion's length, the longest move or rest
-_RESTS_S = (0.0, 0.0, 0.3, 1.0, 3.0, 6.0)
 
 
 @dataclass(frozen=True)
@@ -44,10 +34,10 @@ class Room:
         dt = float(np.median([(r["t_s"][-1] - r["t_s"][0]) / (len(r) - 1) for r in records]))
         lengths = [float(r["t_s"][-1] - r["t_s"][0]) for r in records]
         speeds = np.abs(np.concatenate([_speeds(r, column) for r in records]))
-        moving = speeds[speeds > _MOVES * speeds.max(initial=0.0)]
-        fast = float(np.percentile(moving, _FAST)) if len(moving) else 0.0
-        fastest = max(fast, min(_FASTER * fast, _USUAL_M_S))
-        length = float(np.clip(0.5 * np.mean(lengths), _SHORTEST_S, _LONGEST_S))
+        moving = speeds[speeds > SET.plan_moves * speeds.max(initial=0.0)]
+        fast = float(np.percentile(moving, SET.plan_fast)) if len(moving) else 0.0
+        fastest = max(fast, min(SET.plan_faster * fast, SET.plan_usual_m_s))
+        length = float(np.clip(0.5 * np.mean(lengths), SET.plan_shortest_s, SET.plan_longest_s))
         return cls(column, float(places.min()), float(places.max()), float(records[0][column][0]), fastest, length, dt)
 
     @property
@@ -57,9 +47,9 @@ class Room:
 
 
 def _speeds(record: Record, column: str) -> Array:
-    """Mean speeds in m/s over windows of `RAMP_S`."""
+    """Mean speeds in m/s over windows of `SET.ramp_s`."""
     dt = float(record["t_s"][-1] - record["t_s"][0]) / (len(record) - 1)
-    n = max(1, min(round(RAMP_S / dt), len(record) - 1))
+    n = max(1, min(round(SET.ramp_s / dt), len(record) - 1))
     x = record[column]
     return np.asarray((x[n:] - x[:-n]) / (n * dt))
 
@@ -91,7 +81,7 @@ class Plan:
                 times.append(times[-1] + move.rest)
                 places.append(places[-1])
         end = float(np.interp(self.room.length, times, places))
-        kept = [(t, x) for t, x in zip(times, places, strict=True) if t < self.room.length - RAMP_S]
+        kept = [(t, x) for t, x in zip(times, places, strict=True) if t < self.room.length - SET.ramp_s]
         t, x = zip(*kept, (self.room.length, end), strict=True)
         return np.array(t), np.array(x)
 
@@ -100,7 +90,7 @@ class Plan:
         room = self.room
         n = round(room.length / room.dt) + 1
         t = room.dt * np.arange(n)
-        width = max(1, round(RAMP_S / room.dt))
+        width = max(1, round(SET.ramp_s / room.dt))
         before = np.interp(np.arange(-width + 1, n) * room.dt, *self.waypoints())
         sums = np.cumsum(np.concatenate([[0.0], before]))
         return Record(
@@ -141,7 +131,7 @@ def varied(plan: Plan, rng: np.random.Generator) -> Plan:
             case 2 if len(moves) > 1:
                 del moves[k]
             case 3:
-                speed = float(np.clip(moves[k].speed * np.exp(rng.normal(0, 0.5)), _SLOWEST * room.speed, room.speed))
+                speed = float(np.clip(moves[k].speed * np.exp(rng.normal(0, 0.5)), SET.slow * room.speed, room.speed))
                 moves[k] = replace(moves[k], speed=speed)
             case _:
                 moves[k] = replace(moves[k], rest=_random_rest(room, rng))
@@ -149,10 +139,10 @@ def varied(plan: Plan, rng: np.random.Generator) -> Plan:
 
 
 def _random_move(room: Room, here: float, rng: np.random.Generator) -> Move:
-    speed = room.speed * float(np.exp(rng.uniform(np.log(_SLOWEST), 0.0)))
-    farthest = min(room.span, _LONG_MOVE * room.length * speed)
+    speed = room.speed * float(np.exp(rng.uniform(np.log(SET.slow), 0.0)))
+    farthest = min(room.span, SET.plan_long_move * room.length * speed)
     if rng.random() < 0.25:
-        farthest = min(farthest, _SMALL * room.span)
+        farthest = min(farthest, SET.plan_small * room.span)
     way = float(rng.uniform(0.3, 1.0)) * farthest
     up, down = here + way <= room.high, here - way >= room.low
     sign = 1.0 if up and not down else -1.0 if down and not up else float(rng.choice((-1.0, 1.0)))
@@ -160,4 +150,4 @@ def _random_move(room: Room, here: float, rng: np.random.Generator) -> Move:
 
 
 def _random_rest(room: Room, rng: np.random.Generator) -> float:
-    return min(float(rng.choice(_RESTS_S)), _LONG_MOVE * room.length)
+    return min(float(rng.choice(SET.plan_rests_s)), SET.plan_long_move * room.length)

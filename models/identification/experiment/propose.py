@@ -15,15 +15,9 @@ from models.identification.fitting.fit import parallel
 from models.identification.kind import Kind
 from models.identification.search.fitted_model import FittedModel
 from models.identification.search.forward_selection import Search
+from models.identification.settings import SET
 from models.records.record import Record
 from models.rigs.kinds import KINDS
-
-_QUESTIONS = 3
-_FIRST, _AGAIN, _BEST, _ROUNDS = 32, 12, 4, 5
-_FIRST_SLOW, _AGAIN_SLOW, _BEST_SLOW, _ROUNDS_SLOW = 12, 6, 2, 3  # where a motion takes many times longer to predict
-_SHOWS_S = 10.0
-"""The shortest motion that is to show what the records cannot."""
-_READ_S, _READ_SLOW_S = 120.0, 20.0
 
 
 def propose(
@@ -48,14 +42,14 @@ def propose(
         for effect, model, rival in found.doubts
     ]
     if pairs:
-        read = _beginnings(records, _READ_S if rig.drawn else _READ_SLOW_S)
-        asked = [question(kind, read, *pair, rng) for pair in pairs[:_QUESTIONS]]
+        read = _beginnings(records, SET.plan_read_s if rig.drawn else SET.slow_plan_read_s)
+        asked = [question(kind, read, *pair, rng) for pair in pairs[: SET.questions]]
         plan, apart = _best(kind, room, asked, read, rng)
     elif shown is None:
         return None
     else:
         asked, apart = [], []
-        plan = _richest(kind, replace(room, length=max(room.length, _SHOWS_S)), shown, rng)
+        plan = _richest(kind, replace(room, length=max(room.length, SET.plan_shows_s)), shown, rng)
     motion = plan.record(kind.name)
     shows = () if shown is None else tuple(sorted(shown(motion)[0]))
     if not pairs and not shows:
@@ -81,7 +75,7 @@ def _richest(kind: Kind, room: Room, shown: Shown, rng: np.random.Generator) -> 
         effects, rich = shown(plan.record(kind.name))
         return len(effects), rich
 
-    return max((random_plan(room, rng) for _ in range(_FIRST)), key=worth)
+    return max((random_plan(room, rng) for _ in range(SET.plan_effort[0])), key=worth)
 
 
 def words_of(proposal: Proposal | None) -> str | None:
@@ -131,8 +125,7 @@ def _best(
     def judged(plans: Sequence[Plan]) -> list[tuple[float, Plan]]:
         return list(zip(parallel(worth, plans), plans, strict=True))
 
-    slow = (_FIRST_SLOW, _AGAIN_SLOW, _BEST_SLOW, _ROUNDS_SLOW)
-    first, again, best, rounds = (_FIRST, _AGAIN, _BEST, _ROUNDS) if KINDS[kind.name].drawn else slow
+    first, again, best, rounds = SET.plan_effort if KINDS[kind.name].drawn else SET.slow_effort
     rows = judged([random_plan(room, rng) for _ in range(first)])
     for _ in range(rounds):
         rows = sorted(rows, key=lambda row: -row[0])[:best]

@@ -8,14 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.identification.fitting.confidence import memory
-from models.identification.fitting.fit import FINE, Axis, Fit, Problem, axes, descend, evaluate
+from models.identification.fitting.fit import Axis, Fit, Problem, axes, descend, evaluate
 from models.identification.kind import Array, Kind, Theta
 from models.identification.search.validation import free_run
+from models.identification.settings import SET
 from models.records.record import Record
-
-_ROUNDS = 3
-_LIKELY = 3
-_WIDEST = 10.0  # scales that a value which the records do not tell may be off
 
 
 @dataclass(frozen=True)
@@ -52,7 +49,7 @@ def question(
     own, other = (_fitted(kind, records, model) for model in (truth, rival))
     told = max(own.chi2 * memory(own.residual), 1.0)
     moves = _root(kind, own, truth.effects, told)
-    likely = [_moved(kind, truth, own.theta, moves @ rng.standard_normal(len(moves))) for _ in range(_LIKELY)]
+    likely = [_moved(kind, truth, own.theta, moves @ rng.standard_normal(len(moves))) for _ in range(SET.truths)]
     apart = {}
     for record in records:
         left = [evaluate(kind, [record], fit.theta, free_run(kind)) for fit in (own, other)]
@@ -69,7 +66,7 @@ def question(
 
 
 def _fitted(kind: Kind, records: Sequence[Record], model: Candidate) -> Fit:
-    return descend(Problem.of(kind, records, model.effects, free_run(kind)), model.theta, FINE[0], _ROUNDS)
+    return descend(Problem.of(kind, records, model.effects, free_run(kind)), model.theta, SET.fine[0], SET.its_rounds)
 
 
 def separation(kind: Kind, asked: Question, motion: Record) -> float:
@@ -96,7 +93,7 @@ def refitted(kind: Kind, asked: Question, records: Sequence[Record], motion: Rec
     criterion = free_run(kind)
     seen, variance = _expected(kind, asked, motion)
     problem = Problem.of(kind, [*records, seen], asked.rival.effects, criterion)
-    theta = descend(problem, asked.rival.theta, FINE[0], _ROUNDS).theta
+    theta = descend(problem, asked.rival.theta, SET.fine[0], SET.its_rounds).theta
     before, after = (evaluate(kind, records, values, criterion) for values in (asked.rival.theta, theta))
     left = evaluate(kind, [seen], theta, criterion)
     given_up = max(float(after @ after - before @ before), 0.0) / asked.told
@@ -114,7 +111,7 @@ def _root(kind: Kind, fit: Fit, effects: Sequence[str], told: float) -> Array:
     """A square root (p, p) of the covariance of the fitted values, in the order of the axes."""
     scale = np.array([axis.scale for axis in axes(kind, effects)])
     rows = fit.jacobian * scale / np.sqrt(told)
-    values, vectors = np.linalg.eigh(rows.T @ rows + np.eye(len(scale)) / _WIDEST**2)
+    values, vectors = np.linalg.eigh(rows.T @ rows + np.eye(len(scale)) / SET.question_widest**2)
     return np.asarray(scale[:, None] * vectors / np.sqrt(values))
 
 

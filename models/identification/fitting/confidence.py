@@ -10,17 +10,10 @@ from numpy.typing import NDArray
 from models.identification.finding import Estimate
 from models.identification.fitting.fit import Fit, axes
 from models.identification.kind import Kind
+from models.identification.settings import SET
 from models.parameter import Parameter
 
-ACCURACY = 0.01
-"""Relative accuracy of the models' own numerics and of a minimum on a jagged criterion: the least width of an interval
-on either side.
-"""
 Array = NDArray[np.float64]
-_T95 = 1.96
-_NUMERICS = 1e-3
-_BLOCKS = 60
-_AT_BOUND = 1e-3
 
 
 Part = tuple[float, Mapping[str, float]]
@@ -43,7 +36,7 @@ def intervals(kind: Kind, fit: Fit, effects: Sequence[str], parts: Sequence[Part
         value = fit.theta[axis.name]
         p = axis.parameter
         moved = jackknife(value, [(share, theta[axis.name]) for share, theta in parts if axis.name in theta], p.unit)
-        half = float(np.hypot(_T95 * max(deviation, moved), ACCURACY * abs(value)))
+        half = float(np.hypot(SET.z95 * max(deviation, moved), SET.accuracy * abs(value)))
         told = half < 0.5 * max(abs(value), axis.scale) + axis.scale and _inside(value, p)
         out[axis.name] = Estimate(value, (max(value - half, p.lower), min(value + half, p.upper)), p.unit, told)
     return out
@@ -84,7 +77,7 @@ def drawn(
     moved = vectors @ (np.sqrt(np.maximum(values, 0.0)) * rng.standard_normal(len(fitted))) * scale
     for axis, step in zip(fitted, moved, strict=True):
         value = theta[axis.name]
-        own = _NUMERICS * abs(value) * float(rng.choice((-1, 1)))
+        own = SET.numerics * abs(value) * float(rng.choice((-1, 1)))
         theta[axis.name] = float(np.clip(value + step + own, axis.parameter.lower, axis.parameter.upper))
     return theta
 
@@ -103,7 +96,7 @@ def jackknife(value: float, parts: Sequence[tuple[float, float]], unit: str = "1
 def near(value: float, bound: float, p: Parameter) -> bool:
     """Whether `value` stands at the `bound` of `p`: to a thousandth of itself, or a millionth of the range."""
     spread = p.upper - p.lower
-    margin = max(_AT_BOUND * min(spread, max(abs(value), abs(bound))) * (bound != 0), 1e-6 * spread)
+    margin = max(SET.at_bound * min(spread, max(abs(value), abs(bound))) * (bound != 0), 1e-6 * spread)
     return bool(np.isfinite(bound) and abs(value - bound) <= (margin if np.isfinite(margin) else 0.0))
 
 
@@ -112,7 +105,7 @@ def _inside(value: float, p: Parameter) -> bool:
 
 
 def _blocks(values: np.ndarray) -> list[np.ndarray]:
-    return np.array_split(values, min(_BLOCKS, len(values)))
+    return np.array_split(values, min(SET.bootstrap_blocks, len(values)))
 
 
 def memory(residual: np.ndarray) -> float:

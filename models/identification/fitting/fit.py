@@ -15,6 +15,7 @@ from models.effects import REFINEMENTS
 from models.effects.effect import Effect
 from models.identification.fitting.gauss_newton import GaussNewton
 from models.identification.kind import Kind
+from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
 
@@ -22,10 +23,6 @@ _T = TypeVar("_T")
 _R = TypeVar("_R")
 Array = NDArray[np.float64]
 _POOL = ThreadPoolExecutor(os.cpu_count() or 1)
-WIDE = (1.0, 0.3, 0.1)
-NARROW = (0.3, 0.1)
-FINE = (0.1, 0.03)
-"""Widths of secants, one descent after the other."""
 
 
 @dataclass(frozen=True)
@@ -191,7 +188,9 @@ def descend(problem: Problem, start: Mapping[str, float], secant: float, steps: 
     return Fit(problem.theta(end.x), end.cost, len(end.residual), end.jacobian, end.residual)
 
 
-def narrowing(problem: Problem, start: Mapping[str, float], widths: Sequence[float] = NARROW, steps: int = 12) -> Fit:
+def narrowing(
+    problem: Problem, start: Mapping[str, float], widths: Sequence[float] = SET.narrow, steps: int = 12
+) -> Fit:
     """Descents at one criterion, one after the other, with secants of `widths`."""
     theta = dict(start)
     for width in widths:

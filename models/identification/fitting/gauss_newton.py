@@ -2,21 +2,18 @@
 steps side by side.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from models.identification.settings import SET
+
 Array = NDArray[np.float64]
 Point = tuple[Array, Array]
 """A place and its residuals."""
 
-WIDTH = 3.0
-"""Change of the residuals, rms in their unit, that a secant of width 1 makes."""
-_ENOUGH = 1e-4  # of the cost: a round that gains less is the last
 _STEPS = (
     (1e-6, 1.0),
     (1e-6, 0.5),
@@ -33,11 +30,7 @@ _STEPS = (
     (10.0, 1.0),
     (10.0, 0.4),
 )  # damping and share of a Gauss-Newton step, likeliest first
-_SHARE = 0.25  # of a parameter's range, the widest secant
-_STRETCH = 100.0  # times its scale that a parameter's first secant may become
-_SHORTER, _LONGER = 0.2, 10.0  # than an axis' own secant, along a principal direction
-_NEAR = 0.1  # of a secant from a bound a parameter is looked at by itself
-_TINY = 1e-12
+_TINY = 1e-12  # change of the residuals that is none
 
 
 @dataclass(frozen=True)
@@ -71,13 +64,13 @@ class GaussNewton:
         the last round.
 
         In each round the residuals are looked at on both sides along directions whose effects are orthogonal and of
-        equal size, `secant` times `WIDTH` of the residuals' unit rms: jags that are narrower average out, and
+        equal size, `secant` times `SET.secant_rms` of the residuals' unit rms: jags that are narrower average out, and
         parameters that nearly make up for one another are told apart by long secants along their valley. Then steps of
         several lengths and dampings are tried at once and the lowest is taken.
         """
         x = start
         r, reach = self._first_reach(x, secant)
-        wanted = WIDTH * secant * np.sqrt(len(r))
+        wanted = SET.secant_rms * secant * np.sqrt(len(r))
         basis = np.diag(reach)
         for _ in range(rounds):
             here, seen = self._slope(x, r, basis)
@@ -85,7 +78,7 @@ class GaussNewton:
             gain = here.cost - float(r @ r)
             if gain <= 0:
                 return here
-            if gain < _ENOUGH * here.cost:
+            if gain < SET.enough * here.cost:
                 break
             reach = self._limited(np.clip(wanted / _norms(here.jacobian), reach / 3, reach * 3))
             basis = self._principal(here.jacobian, x, reach, wanted)
@@ -99,7 +92,7 @@ class GaussNewton:
         for first in range(-1, len(steps), self.batch):
             some = steps[max(first, 0) : first + self.batch]
             best = min(best, *zip(some, self.residuals(some), strict=True), key=_height)
-            if here.cost - _height(best) > _ENOUGH * here.cost:
+            if here.cost - _height(best) > SET.enough * here.cost:
                 break
         return best
 
@@ -110,9 +103,9 @@ class GaussNewton:
         reach = self._limited(secant * self.scale)
         up = np.where(x + reach <= self.upper, reach, -reach)
         r, *values = self.residuals([x, *(self.clip(x + step) for step in np.diag(up))])
-        wanted = WIDTH * secant * np.sqrt(len(r))
+        wanted = SET.secant_rms * secant * np.sqrt(len(r))
         changes = np.array([np.linalg.norm(v - r) for v in values])
-        return r, self._limited(reach * np.clip(wanted / np.maximum(changes, _TINY), 0.1, _STRETCH))
+        return r, self._limited(reach * np.clip(wanted / np.maximum(changes, _TINY), 0.1, SET.secant_stretch))
 
     def _slope(self, x: Array, r: Array, basis: Array) -> tuple[Slope, Point]:
         """Derivatives at `x` by secants along the columns of `basis`, and the lowest of the points looked at."""
@@ -153,11 +146,11 @@ class GaussNewton:
         a parameter close to a bound is a direction of its own.
         """
         basis = np.diag(reach)
-        inner = np.flatnonzero(np.minimum(x - self.lower, self.upper - x) > _NEAR * reach)
+        inner = np.flatnonzero(np.minimum(x - self.lower, self.upper - x) > SET.secant_near * reach)
         if len(inner):
             _, effects, turned = np.linalg.svd(jacobian[:, inner] * reach[inner], full_matrices=False)
             if len(effects) == len(inner):
-                lengths = np.clip(wanted / np.maximum(effects, _TINY), _SHORTER, _LONGER)
+                lengths = np.clip(wanted / np.maximum(effects, _TINY), SET.secant_shorter, SET.secant_longer)
                 columns = reach[inner, None] * turned.T * lengths
                 columns /= np.maximum(1.0, np.max(np.abs(columns) / self._widest()[inner, None], axis=0))
                 basis[np.ix_(inner, inner)] = columns
@@ -165,7 +158,7 @@ class GaussNewton:
 
     def _widest(self) -> Array:
         span = self.upper - self.lower
-        return np.where(np.isfinite(span), _SHARE * span, np.inf)
+        return np.where(np.isfinite(span), SET.secant_share * span, np.inf)
 
     def _limited(self, reach: Array) -> Array:
         return np.asarray(np.minimum(reach, self._widest()))

@@ -8,13 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.checks.view import View
+from models.identification.settings import SET
 from models.records.record import Record
 from models.rigs.rig import Rig
-
-_NEAR = 1.25  # a speed this close to another one counts as the same
-_OVERLAP = 0.4  # of a record's places that the others must cover
-_A_WAY = 0.1  # share of the motion from which a direction counts
-_ONE_SPEED = 1.3
 
 
 @dataclass(frozen=True)
@@ -34,7 +30,7 @@ class Conditions:
         v = view.speed[view.moves]
         x = record[view.moving_column]
         slow, fast = (float(q) for q in np.percentile(np.abs(v), [10, 90])) if len(v) else (0.0, 0.0)
-        ways = frozenset(d for d in (-1.0, 1.0) if len(v) and np.mean(np.sign(v) == d) > _A_WAY)
+        ways = frozenset(d for d in (-1.0, 1.0) if len(v) and np.mean(np.sign(v) == d) > SET.condition_way)
         return cls(slow, fast, ways, float(x.min()), float(x.max()))
 
 
@@ -44,12 +40,12 @@ def may_be_left_out(record: Record, others: Sequence[Record]) -> bool:
     ways = frozenset[float]().union(*(r.directions for r in rest))
     low, high = min(r.low for r in rest), max(r.high for r in rest)
     shared = min(own.high, high) - max(own.low, low)
-    places = own.high == own.low or shared >= _OVERLAP * (own.high - own.low)
+    places = own.high == own.low or shared >= SET.condition_overlap * (own.high - own.low)
     return own.directions <= ways and places and _speeds_held(own, rest)
 
 
 def _speeds_held(own: Conditions, rest: Sequence[Conditions]) -> bool:
     """A record of one speed needs another with that speed; one of several needs others that go as slow and as fast."""
-    if own.fast <= _ONE_SPEED * own.slow:
-        return any(r.slow / _NEAR <= own.fast and own.slow <= r.fast * _NEAR for r in rest)
-    return min(r.slow for r in rest) <= _NEAR**2 * own.slow and own.fast <= _NEAR**2 * max(r.fast for r in rest)
+    if own.fast <= SET.one_speed * own.slow:
+        return any(r.slow / SET.same <= own.fast and own.slow <= r.fast * SET.same for r in rest)
+    return min(r.slow for r in rest) <= SET.same**2 * own.slow and own.fast <= SET.same**2 * max(r.fast for r in rest)

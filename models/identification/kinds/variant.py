@@ -1,7 +1,5 @@
 """The law of an effect with other ranges, grids and a probe of a kind's own."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any

@@ -1,7 +1,5 @@
 """Curves and surfaces of the residual over one or two signals, each with the share of it that they foretell."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,12 +8,7 @@ from numpy.typing import NDArray
 from models.identification.finding import Curve, Surface
 from models.identification.kind import Array
 from models.identification.residual.left import Left
-
-_BINS = 32
-_GRID = 10
-_DRAWS = 200
-_LEAST = 4  # stretches of the records that must share a bin before its mean is told
-_CI = (2.5, 97.5)
+from models.identification.settings import SET
 
 Index = NDArray[np.int64]
 
@@ -25,7 +18,7 @@ def curve_of(left: Left, variable: str, way: str, rng: np.random.Generator) -> C
     share a bin. Intervals by bootstrap of whole stretches, which keeps what neighbours have in common.
     """
     signal, y = _over(left, variable, way), left.along(way)
-    edges = _edges(signal, _BINS)
+    edges = _edges(signal, SET.curve_bins)
     cell = _cells(signal, edges)
     means, low, high, enough = _means(cell, y, left.stretch, len(edges) - 1, rng)
     if enough.sum() < 3:
@@ -39,7 +32,7 @@ def curve_of(left: Left, variable: str, way: str, rng: np.random.Generator) -> C
 def surface_of(left: Left, variables: tuple[str, str], way: str, rng: np.random.Generator) -> Surface:
     """The same over two variables at once."""
     signals = [_over(left, variable, way) for variable in variables]
-    edges = [_edges(signal, _GRID) for signal in signals]
+    edges = [_edges(signal, SET.surface_bins) for signal in signals]
     cells = [_cells(signal, own) for signal, own in zip(signals, edges, strict=True)]
     shape = (len(edges[0]) - 1, len(edges[1]) - 1)
     cell = cells[0] * shape[1] + cells[1]
@@ -95,11 +88,11 @@ def _means(
     counts = np.bincount(at, minlength=rows * size).reshape(rows, size).astype(float)
     sums = np.bincount(at, weights=y, minlength=rows * size).reshape(rows, size)
     mean = sums.sum(axis=0) / np.maximum(counts.sum(axis=0), 1)
-    drawn = rng.multinomial(rows, np.full(rows, 1 / rows), size=_DRAWS)
+    drawn = rng.multinomial(rows, np.full(rows, 1 / rows), size=SET.curve_draws)
     drawn_counts = drawn @ counts
     some = np.where(drawn_counts > 0, (drawn @ sums) / np.maximum(drawn_counts, 1e-300), mean)
-    low, high = np.percentile(some, _CI, axis=0)
-    return mean, np.minimum(low, mean), np.maximum(high, mean), (counts > 0).sum(axis=0) >= _LEAST
+    low, high = np.percentile(some, SET.curve_interval, axis=0)
+    return mean, np.minimum(low, mean), np.maximum(high, mean), (counts > 0).sum(axis=0) >= SET.curve_least
 
 
 def ranked(curves: Sequence[Curve | None]) -> tuple[Curve, ...]:

@@ -14,16 +14,11 @@ from models.identification.kind import Array, Kind, Theta
 from models.identification.residual.curve import curve_of, ranked, surface_of
 from models.identification.residual.left import Left, left_of
 from models.identification.residual.term import SYMBOLS, term_of
+from models.identification.settings import SET
 from models.records.record import Record
 from models.rigs.columns import TIME
 
 WAYS: Final = ("-v", "+x")
-_TELLS = 0.1  # share of the residual that a curve must foretell before a term is proposed for it
-_MORE = 0.1  # share that a second variable must add before a surface is shown
-_PAIRED = 4  # variables that foretell most, of which pairs are looked at
-_TONE = 0.2  # share of the power of the residual, the least of a tone
-_OF_THE_MOTION = 0.25  # times that share: a line that the motion has as well is no tone
-_CYCLES = 3  # of a tone in a record, the fewest
 
 
 def dependence_of(kind: Kind, records: Sequence[Record], theta: Theta, seed: int = 0) -> Dependence | None:
@@ -33,7 +28,7 @@ def dependence_of(kind: Kind, records: Sequence[Record], theta: Theta, seed: int
         return None
     rng = np.random.default_rng(seed)
     curves = ranked([curve_of(left, name, way, rng) for name in left.signals for way in WAYS])
-    proposed = next((c for c in curves if c.variable in SYMBOLS and c.share >= _TELLS), None)
+    proposed = next((c for c in curves if c.variable in SYMBOLS and c.share >= SET.curve_tells), None)
     term = None
     if proposed is not None and kind.extra_force(records[0], theta) is not None:
         term = term_of(proposed, left.unit, float(left.acting.mean()))
@@ -52,10 +47,10 @@ def _surface(left: Left, curves: Sequence[Curve], rng: np.random.Generator) -> S
     """The best surface over two of the variables that foretell most, where it foretells clearly more than a curve."""
     if not curves:
         return None
-    names = [curve.variable for curve in curves[:_PAIRED]]
+    names = [curve.variable for curve in curves[: SET.surface_paired]]
     pairs = [surface_of(left, pair, way, rng) for pair in itertools.combinations(names, 2) for way in WAYS]
     best = max(pairs, key=lambda surface: surface.share, default=None)
-    return best if best is not None and best.share > curves[0].share + _MORE else None
+    return best if best is not None and best.share > curves[0].share + SET.surface_more else None
 
 
 def _tone(kind: Kind, records: Sequence[Record], theta: Theta) -> Tone | None:
@@ -73,10 +68,10 @@ def _tone(kind: Kind, records: Sequence[Record], theta: Theta) -> Tone | None:
             f, power = welch(np.nan_to_num(signal), 1 / step, nperseg=rows, detrend="linear")
             found.append(power / max(float(power.sum()), 1e-300))
     spectrum, motion = np.mean(spectra, axis=0), np.mean(motions, axis=0)
-    peak = _CYCLES + int(np.argmax(spectrum[_CYCLES:])) if len(spectrum) > _CYCLES else 0
+    peak = SET.cycles + int(np.argmax(spectrum[SET.cycles :])) if len(spectrum) > SET.cycles else 0
     if not peak:
         return None
     line = slice(peak - 1, peak + 2)
     share = float(spectrum[line].sum())
-    told = share >= _TONE and float(motion[line].sum()) < _OF_THE_MOTION * share
+    told = share >= SET.residual_tone and float(motion[line].sum()) < SET.residual_motion * share
     return Tone(float(f[peak]), share) if told else None

@@ -9,11 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.identification.kind import Array, Kind, Theta
+from models.identification.settings import SET
 from models.records.record import Record
-
-_MOVING = 0.02  # share of the largest speed from which on a sample counts as moving
-_STRETCHES = 96  # of a record, each of which counts as one where it is asked how sure a mean is
-_FOLDS = 4  # of a single record, its stretches in turn
 
 
 @dataclass(frozen=True)
@@ -45,7 +42,7 @@ def left_of(kind: Kind, records: Sequence[Record], theta: Theta) -> Left | None:
     speed = next((name for name in signals[0] if name.startswith("v_")), None)
     if speed is None or any(np.ndim(kind.measured(record)) != 1 for record in records):
         return None
-    least = _MOVING * max(float(np.nanmax(np.abs(own[speed]))) for own in signals)
+    least = SET.residual_moving * max(float(np.nanmax(np.abs(own[speed]))) for own in signals)
     parts = [
         _part(kind, record, theta, own, speed, least, i if len(records) > 1 else None, i)
         for i, (record, own) in enumerate(zip(records, signals, strict=True))
@@ -86,14 +83,14 @@ def _part(
     """The moving samples of one record, by name."""
     told = kind.extra_force(record, theta)
     rest, acting = told or (kind.measured(record) - kind.predict(record, theta), np.zeros(len(record)))
-    stretch = np.arange(len(rest)) * _STRETCHES // len(rest)
+    stretch = np.arange(len(rest)) * SET.residual_stretches // len(rest)
     columns = {
         **own,
         "values": rest,
         "direction": np.sign(own[speed]),
         "acting": np.abs(acting),
-        "stretch": number * _STRETCHES + stretch,
-        "fold": stretch % _FOLDS if fold is None else np.full(len(rest), fold),
+        "stretch": number * SET.residual_stretches + stretch,
+        "fold": stretch % SET.residual_folds if fold is None else np.full(len(rest), fold),
     }
     good = np.all([np.isfinite(column) for column in columns.values()], axis=0) & (np.abs(own[speed]) > least)
     return {name: column[good] for name, column in columns.items()}

@@ -7,7 +7,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -17,30 +16,21 @@ from models.effects import shapes
 from models.effects.formula import Formula, written
 from models.identification.finding import Curve, Estimate, Term
 from models.identification.kind import Array
+from models.identification.settings import SET
 
-FOLLOWED: Final = 0.1
-"""Share of a curve's variance beyond its own uncertainty that a short form may leave."""
-_KNOTS = 8
-_T95 = 1.96
-_TRIED = 3
-
-SYMBOLS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
-    {
-        "t_s": ("t", "s.t"),
-        "x_m": ("x", "s.x"),
-        "x_rad": ("x", "s.x"),
-        "v_m_s": ("v", "s.v"),
-        "v_rad_s": ("v", "s.v"),
-        "gap_m": ("gap", "s.command - s.x"),
-        "travelled_m": ("travelled", "s.travelled"),
-        "load_N": ("load", "s.load"),
-        "load_N_m": ("load", "s.load"),
-    }
-)
+SYMBOLS: Final[Mapping[str, tuple[str, str]]] = {
+    "t_s": ("t", "s.t"),
+    "x_m": ("x", "s.x"),
+    "x_rad": ("x", "s.x"),
+    "v_m_s": ("v", "s.v"),
+    "v_rad_s": ("v", "s.v"),
+    "gap_m": ("gap", "s.command - s.x"),
+    "travelled_m": ("travelled", "s.travelled"),
+    "load_N": ("load", "s.load"),
+    "load_N_m": ("load", "s.load"),
+}
 """What an effect can look at: a signal's symbol in formulas, and how a hook has it."""
-UNITS: Final[Mapping[str, str]] = MappingProxyType(
-    {"t": "s", "x": "m", "v": "m/s", "gap": "m", "travelled": "m", "load": "N"}
-)
+UNITS: Final[Mapping[str, str]] = {"t": "s", "x": "m", "v": "m/s", "gap": "m", "travelled": "m", "load": "N"}
 
 
 @dataclass(frozen=True)
@@ -61,8 +51,9 @@ class Form:
 
 PURE: Final = ("slope", "phase")
 """Numbers without the variable's unit."""
+# starts, least and most of a form's middle over the signal's span
 _MIDDLE: Final = ((0.15, 0.35, 0.5, 0.65, 0.85), -0.5, 1.5)
-_WIDTH: Final = ((0.05, 0.2, 0.5), 0.01, 3.0)
+_WIDTH: Final = ((0.05, 0.2, 0.5), 0.01, 3.0)  # the same of its width
 _CYCLES: Final = tuple(1 / k for k in (0.7, 1, 1.5, 2, 2.5, 3, 4, 5, 6, 8))
 FORMS: Final = (
     Form("line", {}, ("scale",)),
@@ -83,7 +74,7 @@ def term_of(curve: Curve, unit: str, level: float) -> Term | None:
     if curve.variable not in SYMBOLS:
         return None
     fits = [_Fitted.best(form, curve) for form in FORMS]
-    short = [fit for fit in fits if fit.left <= FOLLOWED]
+    short = [fit for fit in fits if fit.left <= SET.followed]
     chosen = min(short, key=lambda fit: fit.criterion) if short else _knotted(curve)
     return chosen.term(unit, level)
 
@@ -122,7 +113,7 @@ class _Fitted:
         ends = starts[:1]
         if rows:
             bounds = ([row[1] for row in rows], [row[2] for row in rows])
-            ends = [least_squares(lambda q: linear(q)[1], q, bounds=bounds).x for q in starts[:_TRIED]]
+            ends = [least_squares(lambda q: linear(q)[1], q, bounds=bounds).x for q in starts[: SET.term_starts]]
         q = min(ends, key=lambda end: _square(linear(end)))
         values = np.concatenate([linear(q)[0], list(scaled(q).values())])
         made = cls(form, curve, given, values, np.zeros(len(values)))
@@ -175,7 +166,7 @@ class _Fitted:
         amplitude, constant, *_ = self.values
         text = written(Formula.of(self.at(z)), 4)
         estimates = [
-            Estimate(float(v), (float(v - _T95 * d), float(v + _T95 * d)), u, bool(_T95 * d < 0.5 * abs(v)))
+            Estimate(float(v), (float(v - SET.z95 * d), float(v + SET.z95 * d)), u, bool(SET.z95 * d < 0.5 * abs(v)))
             for v, d, u in zip(self.values, self.deviations, self._units(unit), strict=True)
         ]
         return Term(
@@ -199,7 +190,7 @@ class _Fitted:
 
 def _errors(curve: Curve) -> Array:
     """Standard deviations of a curve's values, none much smaller than the median's."""
-    error = (curve.high - curve.low) / (2 * _T95)
+    error = (curve.high - curve.low) / (2 * SET.z95)
     return np.maximum(error, max(0.3 * float(np.median(error)), 1e-12 * float(np.ptp(curve.values)) + 1e-300))
 
 
@@ -210,7 +201,7 @@ def _square(fit: tuple[Array, Array]) -> float:
 def _knotted(curve: Curve) -> _Fitted:
     """Straight lines between knots at equally many of the curve's points, with one amplitude for all."""
     z = curve.centres
-    places = np.quantile(z, np.linspace(0, 1, min(_KNOTS, len(z))))
+    places = np.quantile(z, np.linspace(0, 1, min(SET.term_knots, len(z))))
     hats = np.stack([np.interp(z, places, row) for row in np.eye(len(places))], axis=1)
     weight = 1 / _errors(curve)
     heights = np.linalg.lstsq(hats * weight[:, None], curve.values * weight, rcond=None)[0]

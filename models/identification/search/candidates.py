@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from models.effects import BY_ID, REFINEMENTS
-from models.identification.fitting.fit import NARROW, Fit, Problem, costs_of, descend, narrowing
+from models.identification.fitting.fit import Fit, Problem, costs_of, descend, narrowing
 from models.identification.kind import Kind, had
 from models.identification.search.fitted_model import Fits, FittedModel
 from models.identification.search.growing_horizon import FROM_CLOSE, QUICK, GrowingHorizon, base_known, eliminate
@@ -19,23 +19,15 @@ from models.identification.search.own_range import within
 from models.identification.search.refit import begins, refit, step_on
 from models.identification.search.screening import Screened
 from models.identification.search.validation import (
-    APART,
-    NEAR_NOISE,
-    SHAPED,
     ahead,
     block_costs,
     free_run,
     judged,
     judged_cost,
 )
+from models.identification.settings import SET
 from models.records.record import Record
 
-ENTERED = 12
-POOL = 6
-ALIKE = 2
-FINAL = 3
-_ROUNDS = 2
-BEHIND = 6.0
 Moved = Callable[[str, float], None]
 
 
@@ -77,13 +69,13 @@ def compare_candidates(model: FittedModel, screened: Sequence[Screened], moved: 
     finalists = [
         name
         for k, name in enumerate(ranking)
-        if fitted[name].cost <= BEHIND * fitted[ranking[0]].cost and (k < FINAL or name in alike)
+        if fitted[name].cost <= SET.behind * fitted[ranking[0]].cost and (k < SET.final or name in alike)
     ]
     trials = []
     for k, name in enumerate(finalists):
         moved(name, 0.8 + 0.2 * k / len(finalists))
         trials.append(_judge(model, name, fitted[name].theta))
-    refinable = min((trial.blocks.mean() for trial in trials), default=0.0) > NEAR_NOISE
+    refinable = min((trial.blocks.mean() for trial in trials), default=0.0) > SET.near
     helped = [_with_refinements(model, trial, fitted[trial.effect].theta if refinable else {}) for trial in trials]
     trials = from_the_best(model, trials, helped) if model.kind.beginnings_s else helped
     trials = [_as_called(model, trial) for trial in trials]
@@ -157,7 +149,9 @@ def from_the_best(model: FittedModel, alone: Sequence[Trial], helped: Sequence[T
         again = against(model.blocks, name, fits, block_costs(kind, splits, fits))
         if name not in rows or again.gain > rows[name].gain:
             rows[name] = again
-        if name in beside and (rows[name].gain > best.gain - SHAPED or ahead(best.blocks, rows[name].blocks) < APART):
+        if name in beside and (
+            rows[name].gain > best.gain - SET.shaped or ahead(best.blocks, rows[name].blocks) < SET.apart
+        ):
             rows[best.effect] = next(trial for trial in alone if trial.effect == best.effect)
     return list(rows.values())
 
@@ -190,7 +184,7 @@ def _grown(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> di
         ]
         effects = [*model.effects, row.effect, *beside]
         climbs[row.effect] = GrowingHorizon(kind, effects, starts, effort, row.effect)
-    return eliminate(model.part, climbs, FINAL, BEHIND, lambda name, share: moved(name, 0.8 * share))
+    return eliminate(model.part, climbs, SET.final, SET.behind, lambda name, share: moved(name, 0.8 * share))
 
 
 def _entries(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> dict[str, dict[str, float]]:
@@ -200,17 +194,17 @@ def _entries(model: FittedModel, screened: Sequence[Screened], moved: Moved) -> 
     kind, bases = model.kind, begins(model.kind, model.thetas[0])
 
     def descended(name: str, start: Mapping[str, float], rounds: int) -> Fit:
-        return descend(Problem.of(kind, model.part, [*model.effects, name], 0), start, NARROW[0], rounds)
+        return descend(Problem.of(kind, model.part, [*model.effects, name], 0), start, SET.narrow[0], rounds)
 
     fits = {}
     for k, row in enumerate(screened):
         moved(row.effect, 0.3 * k / len(screened))
         _, place = min((opening(kind, model.part, bases, row.effect, start) for start in row.starts), key=_first)
         fits[row.effect] = descended(row.effect, place, 1)
-    lowest = sorted(fits, key=lambda name: fits[name].cost)[:ENTERED]
+    lowest = sorted(fits, key=lambda name: fits[name].cost)[: SET.entered]
     for k, name in enumerate(lowest):
         moved(name, 0.3 + 0.1 * k / len(lowest))
-        fits[name] = descended(name, fits[name].theta, _ROUNDS)
+        fits[name] = descended(name, fits[name].theta, SET.entered_rounds)
     return {name: fits[name].theta for name in sorted(fits, key=lambda name: fits[name].cost)}
 
 
@@ -226,7 +220,7 @@ def _survivors(model: FittedModel, entries: Mapping[str, dict[str, float]], move
     for k, name in enumerate(entered):
         moved(name, 0.4 + 0.4 * k / len(entered))
         problem = Problem.of(kind, model.part, [*model.effects, name], free_run(kind))
-        fits[name] = narrowing(problem, entries[name], NARROW, 8)
+        fits[name] = narrowing(problem, entries[name], SET.narrow, 8)
     return fits
 
 
@@ -265,8 +259,8 @@ def _with_confounders(kind: Kind, entered: Sequence[str]) -> list[str]:
     tells them apart.
     """
     declared = {effect.id: effect for effect in kind.effects}
-    wanted = list(entered[:POOL])
-    for name in entered[:ALIKE]:
+    wanted = list(entered[: SET.pool])
+    for name in entered[: SET.alike]:
         wanted += [other for other in declared[name].confounders if other in entered and other not in wanted]
     return wanted
 

@@ -14,23 +14,19 @@ import numpy as np
 from models.checks.instrument.usable import counted
 from models.identification.fitting.confidence import Part
 from models.identification.fitting.fit import Fit
-from models.identification.kind import EXPLAINED, Kind
+from models.identification.kind import Kind
 from models.identification.search.candidates import Trial, compare_candidates, fair, shared_by, with_each, without
 from models.identification.search.fitted_model import FittedModel
 from models.identification.search.predictability import predictable, sensitivity_cost
 from models.identification.search.refinement import Known, refined, refined_at_last
 from models.identification.search.refit import calibrated, finished, refit, step_on, whole
-from models.identification.search.rivals import NEVER, Rival, rivals_of
+from models.identification.search.rivals import Rival, rivals_of
 from models.identification.search.screening import Screened, null_distribution, records_for_null, screen
-from models.identification.search.validation import NEAR_NOISE, judged_cost
+from models.identification.search.validation import judged_cost
+from models.identification.settings import SET
 from models.records.record import Record
 
 Progress = Callable[[str, float], None]
-
-MOST_EFFECTS = 4
-LEAST_DROP = 0.1
-CLEAN = 1.5
-_AS_BEFORE = 1.2  # times what the fit on a part leaves there; free curves take long
 
 
 @dataclass
@@ -89,7 +85,7 @@ class _Task:
 
 
 def search(
-    kind: Kind, train: Sequence[Record], progress: Progress, rng: np.random.Generator, most: int = MOST_EFFECTS
+    kind: Kind, train: Sequence[Record], progress: Progress, rng: np.random.Generator, most: int = SET.most_effects
 ) -> Search:
     """Calibrate on `train`, then add at `most` so many effects, one at a time, while validation records gain beyond
     what chance gives.
@@ -104,10 +100,10 @@ def search(
     task.clock.note("calibration", found)
     on_all = judged_cost(kind, told, base.theta)
     model = _named(task, FittedModel.of(kind, splits, [], parts), found, on_all)
-    if kind.beginnings_s and not found.effects and found.after > CLEAN:
+    if kind.beginnings_s and not found.effects and found.after > SET.clean:
         trials = found.rounds[0][2] if found.rounds else []
         likeliest = trials[0].thetas[0] if trials else parts[0]
-        found.horizon_s, splits = predictable(kind, splits, likeliest, CLEAN, rng)
+        found.horizon_s, splits = predictable(kind, splits, likeliest, SET.clean, rng)
         if found.horizon_s < np.inf:
             parts = [refit(kind, part, [], base.theta) for part, _ in splits]
             model = _named(task, FittedModel.of(kind, splits, [], parts), found, on_all)
@@ -118,9 +114,9 @@ def search(
         _compare_rivals(task, model, found)
         task.clock.note("rivals", found)
         progress("fitting the model on all records", 0.85)
-        reached = _AS_BEFORE * judged_cost(kind, model.part, model.thetas[0]) if found.refinements else 0.0
+        reached = SET.as_before * judged_cost(kind, model.part, model.thetas[0]) if found.refinements else 0.0
         start = {**base.theta, **model.thetas[0]}
-        found.augmented = whole(kind, train, found.model, start, max(NEAR_NOISE, reached))
+        found.augmented = whole(kind, train, found.model, start, max(SET.near, reached))
         added, found.augmented = refined_at_last(
             kind, train, found.effects, found.refinements, found.augmented, found.known
         )
@@ -154,8 +150,8 @@ def _named(task: _Task, model: FittedModel, found: Search, on_all: float) -> Fit
     found.before = found.after = min(model.cost, on_all)
     found.rounds = []
     for number in range(1, task.most + 1):
-        if found.after < max(found.null_cost + LEAST_DROP, found.null_cost * np.exp(kind.least_gain)) or (
-            found.effects and found.explained > max(EXPLAINED, 1 - kind.next_share)
+        if found.after < max(found.null_cost + SET.least_drop, found.null_cost * np.exp(kind.least_gain)) or (
+            found.effects and found.explained > max(SET.explained, 1 - kind.next_share)
         ):
             break
         task.progress(f"screening, round {number}", 0.2 + 0.15 * (number - 1))
@@ -209,7 +205,7 @@ def _refitted(model: FittedModel, dropped: str, effects: Sequence[str], beside: 
 def _accept(kind: Kind, found: Search, trial: Trial) -> bool:
     first = next(iter(found.gains.values()), None)
     enough = found.threshold if first is None else max(found.threshold, kind.next_share * first)
-    return trial.gain > enough and trial.drop > LEAST_DROP
+    return trial.gain > enough and trial.drop > SET.least_drop
 
 
 def _add(found: Search, best: Trial) -> None:
@@ -228,7 +224,7 @@ def _compare_rivals(task: _Task, model: FittedModel, found: Search) -> None:
         names = (*(rival.effect for rival in alike), *model.kind.equivalents.get(effect, ()))
         found.equivalent[effect] = tuple(name for name in dict.fromkeys(names) if name not in found.effects)
         found.doubts += [(effect, model, rival) for rival in alike if rival.effect not in found.effects]
-        nearest = min((rival.apart for rival in rivals if not rival.alike), default=NEVER)
+        nearest = min((rival.apart for rival in rivals if not rival.alike), default=SET.never)
         found.score[effect] = float(1 - 0.5 * np.exp(-0.5 * max(nearest, 0.0) ** 2))
 
 

@@ -12,19 +12,11 @@ from scipy.stats import chi2, qmc
 
 from models.checks.instrument.usable import lead_in_s
 from models.effects import BY_ID
-from models.identification.fitting.fit import NARROW, Axis, Fit, Problem, axes, costs_of, narrowing
+from models.identification.fitting.fit import Axis, Fit, Problem, axes, costs_of, narrowing
 from models.identification.kind import Kind
 from models.identification.search.validation import free_run
+from models.identification.settings import SET
 from models.records.record import Record
-
-_TELLING = 2  # number of the first beginning that is worth wide secants, and on which ranks are told
-_ROUNDS = 6
-_OFF = 0.2  # of a nominal value, what a base may be off by, unless a prior knows it better
-_DOUBLINGS = 5.5  # of an amplitude's probe
-_NEAR = 3.0  # scales around a start, and standard deviations of a prior
-_BASES = 2  # on which effects are drawn anew
-_IN_REACH, _EARLY = 1.3, 1.5  # times what the last of those that count leaves; before ranks are told
-_CHANCE = 0.99  # of right models leave less
 
 
 @dataclass(frozen=True)
@@ -38,16 +30,15 @@ class Effort:
     rounds: int
 
 
-THOROUGH = Effort(512, (16, 6, 3, 2, 1), _ROUNDS)
+THOROUGH = Effort(512, (16, 6, 3, 2, 1), SET.rounds)
 QUICK = Effort(128, (3, 2, 2, 1, 1), 3)
 FROM_CLOSE = Effort(64, (2, 2, 1, 1, 1), 3)
-_SETTLED = 0.05  # of its value, what a base parameter that is known may be off by
 
 
 def base_known(kind: Kind) -> bool:
     """Whether a prior holds the base so well that it cannot be a slip event beside the right one."""
     fitted = [p for p in kind.base if p.fit and "." not in p.name]
-    return bool(fitted) and all(_NEAR * p.spread <= _SETTLED * abs(p.value) for p in fitted)
+    return bool(fitted) and all(SET.near_start * p.spread <= SET.settled * abs(p.value) for p in fitted)
 
 
 @dataclass
@@ -71,7 +62,7 @@ class GrowingHorizon:
         places = [dict(start) for start in self.starts]
         if self.fits:
             found = [fit.theta for fit in self.fits]
-            points = found + places + self._redrawn(found[:_BASES])
+            points = found + places + self._redrawn(found[: SET.bases])
         else:
             points = places + self._scattered()
         criterion = free_run(self.kind)
@@ -80,7 +71,7 @@ class GrowingHorizon:
         best = [points[i] for i in np.argsort(costs, kind="stable")[:kept]]
         if self.fits and kept > 1 and points[0] not in best:
             best[-1] = points[0]
-        widths, rounds = (NARROW, _ROUNDS) if number >= _TELLING else (NARROW[-1:], self.effort.rounds)
+        widths, rounds = (SET.narrow, SET.rounds) if number >= SET.telling else (SET.narrow[-1:], self.effort.rounds)
         fits = [
             narrowing(Problem.of(self.kind, records, self.effects, criterion), point, widths, rounds) for point in best
         ]
@@ -152,7 +143,7 @@ def eliminate(
         if not number:
             continue
         ranked = sorted(costs.values())
-        within = _IN_REACH if number >= _TELLING else _EARLY
+        within = SET.in_reach if number >= SET.telling else SET.early_reach
         reach, limit = within * ranked[min(counting, len(costs)) - 1], behind * ranked[0]
         alike = BY_ID[min(costs, key=lambda name: costs[name])].confounders
         running = {
@@ -165,7 +156,7 @@ def eliminate(
 
 def _by_chance(fit: Fit) -> bool:
     """Whether noise alone may leave what `fit` does."""
-    return bool(fit.cost <= chi2.ppf(_CHANCE, fit.count))
+    return bool(fit.cost <= chi2.ppf(SET.right_leaves, fit.count))
 
 
 def _lengths(kind: Kind, records: Sequence[Record]) -> Iterator[tuple[int, float, list[Record]]]:
@@ -186,13 +177,13 @@ def _place(axis: Axis, start: Mapping[str, float], share: float, fresh: str) -> 
     p = axis.parameter
     effect, _, name = axis.name.rpartition(".")
     if not effect:
-        value = p.value + min(_OFF * abs(p.value), _NEAR * p.spread) * (2 * share - 1)
+        value = p.value + min(SET.base_off * abs(p.value), SET.near_start * p.spread) * (2 * share - 1)
     elif effect == fresh and name == BY_ID[effect].amplitude().name:
         sign, size = np.sign(share - 0.5) or 1.0, abs(2 * share - 1)
-        value = sign * BY_ID[effect].probe * 2 ** (_DOUBLINGS * size)
+        value = sign * BY_ID[effect].probe * 2 ** (SET.doublings * size)
         value = value if p.lower <= value <= p.upper else -value
     else:
         value = start.get(axis.name, p.value)
-        reach = min(p.spread, max(_NEAR * axis.scale, _NEAR / 10 * abs(value)))
+        reach = min(p.spread, max(SET.near_start * axis.scale, SET.near_start / 10 * abs(value)))
         value += reach * (2 * share - 1)
     return float(np.clip(value, p.lower, p.upper))

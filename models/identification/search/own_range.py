@@ -9,10 +9,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from models.effects import BY_ID
-from models.identification.fitting.fit import FINE, NARROW, Axis, Problem, narrowing
+from models.identification.fitting.fit import Axis, Problem, narrowing
 from models.identification.kind import Kind
 from models.identification.search.fitted_model import Fits
 from models.identification.search.validation import Split, free_run
+from models.identification.settings import SET
 from models.records.record import Record
 
 
@@ -37,7 +38,9 @@ def _fitted(
     """The better of the fits on either side of zero."""
     problem = Problem.of(kind, part, effects, free_run(kind))
     sides = [replace(problem, axes=[_side(axis, effect, sign) for axis in problem.axes]) for sign in (1.0, -1.0)]
-    return min((narrowing(side, theta, (NARROW[0], *FINE), 10) for side in sides), key=lambda fit: fit.cost).theta
+    return min(
+        (narrowing(side, theta, (SET.narrow[0], *SET.fine), 10) for side in sides), key=lambda fit: fit.cost
+    ).theta
 
 
 def _side(axis: Axis, effect: str, sign: float) -> Axis:

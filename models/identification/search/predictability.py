@@ -11,10 +11,8 @@ import numpy as np
 from models.identification.kind import Kind
 from models.identification.search.growing_horizon import prefixes
 from models.identification.search.validation import Split, judged_cost
+from models.identification.settings import SET
 from models.records.record import Record
-
-_THOUSANDTH = 1e-3
-_IMITATIONS = 4
 
 
 def sensitivity_cost(
@@ -48,8 +46,8 @@ def _moved(
     """Imitations of the records `held` on the model with each base number 0.1 % up or down."""
     fitted = {p.name for p in kind.base if p.fit}
     moved = (
-        {name: v * (1 + _THOUSANDTH * rng.choice((-1, 1))) if name in fitted else v for name, v in theta.items()}
-        for _ in range(_IMITATIONS)
+        {name: v * (1 + SET.thousandth * rng.choice((-1, 1))) if name in fitted else v for name, v in theta.items()}
+        for _ in range(SET.self_imitations)
     )
     return [[kind.imitate(record, point, rng) for record in held] for point in moved]
 

@@ -7,16 +7,14 @@ from collections.abc import MutableMapping, Sequence
 import numpy as np
 
 from models.effects import BY_ID, REFINEMENTS
-from models.identification.fitting.fit import FINE, NARROW, Fit, Problem, costs_of, narrowing
+from models.identification.fitting.fit import Fit, Problem, costs_of, narrowing
 from models.identification.kind import Kind, had
-from models.identification.search.candidates import BEHIND, better_without, without
+from models.identification.search.candidates import better_without, without
 from models.identification.search.fitted_model import FittedModel
 from models.identification.search.refit import mend, refit
-from models.identification.search.validation import NEAR_NOISE, TOLD, fewest
+from models.identification.search.validation import fewest
+from models.identification.settings import SET
 from models.records.record import Record
-
-_CLOSE = 1.25  # floors on the training records, up to which nothing is wanted
-_SHARE = 0.1  # of the reported error on the training records, the least that tells a finer shape
 
 Known = MutableMapping[tuple[str, ...], list[dict[str, float]]]
 """Fits on the parts of the splits by model: its effects and refinements in order."""
@@ -48,27 +46,27 @@ def refined_at_last(
     coarser steps on which shapes are compared may hide one. Looked for from `fit` on, or from a `known` fit on a part
     where that is better, as long as the reported error is not about the noise's. It must take a clear share of the
     training cost or of the reported error there, also of the residual without it from its own base, and leave about the
-    noise; where `fit` and what is known both leave `BEHIND` times the noise, more than a shape is lacking, and a kind
-    with one criterion has hidden none.
+    noise; where `fit` and what is known both leave `SET.behind` times the noise, more than a shape is lacking, and a
+    kind with one criterion has hidden none.
     """
     added: list[str] = []
     if kind.criteria == 1:
         return added, fit
     floors = _floors(kind, records, fit)
     for curve in (name for name in _shapes(kind, effects) if name not in taken):
-        if floors < _CLOSE:
+        if floors < SET.close:
             break
         model = [*effects, *taken, *added, curve]
         starts = [{**fit.theta, **_begin(curve)}, *known.get(tuple(model), ())]
         costs = costs_of(kind, records, starts, kind.final)
-        if min(fit.cost, *costs) > BEHIND * fit.count:
+        if min(fit.cost, *costs) > SET.behind * fit.count:
             break
         finer = narrowing(
-            Problem.of(kind, records, model, kind.final), starts[int(np.argmin(costs))], (NARROW[0], *FINE)
+            Problem.of(kind, records, model, kind.final), starts[int(np.argmin(costs))], (SET.narrow[0], *SET.fine)
         )
         left = _floors(kind, records, finer)
-        if finer.chi2 < NEAR_NOISE and _clearly(finer, left, fit, floors):
-            again = narrowing(Problem.of(kind, records, model[:-1], kind.final), without(finer.theta, curve), FINE)
+        if finer.chi2 < SET.near and _clearly(finer, left, fit, floors):
+            again = narrowing(Problem.of(kind, records, model[:-1], kind.final), without(finer.theta, curve), SET.fine)
             if again.cost < fit.cost:
                 fit, floors = again, _floors(kind, records, again)
             if _clearly(finer, left, fit, floors):
@@ -84,7 +82,7 @@ def _floors(kind: Kind, records: Sequence[Record], fit: Fit) -> float:
 
 def _clearly(finer: Fit, left: float, fit: Fit, floors: float) -> bool:
     """Whether `finer`, which leaves `left` floors, is clearly better than `fit`."""
-    return finer.cost <= (1 - TOLD) * fit.cost or (finer.cost < fit.cost and left <= (1 - _SHARE) * floors)
+    return finer.cost <= (1 - SET.told) * fit.cost or (finer.cost < fit.cost and left <= (1 - SET.finer_share) * floors)
 
 
 def _shapes(kind: Kind, effects: Sequence[str]) -> list[str]:

@@ -8,10 +8,11 @@ import numpy as np
 from scipy.stats import qmc
 
 from models.effects import BY_ID, REFINEMENTS
-from models.identification.fitting.fit import FINE, NARROW, WIDE, Fit, Problem, costs_of, narrowing
+from models.identification.fitting.fit import Fit, Problem, costs_of, narrowing
 from models.identification.kind import Kind
 from models.identification.search.growing_horizon import FROM_CLOSE, QUICK, THOROUGH, base_known, grow_horizon
-from models.identification.search.validation import NEAR_NOISE, SHAPED, free_run, judged_cost
+from models.identification.search.validation import free_run, judged_cost
+from models.identification.settings import SET
 from models.records.record import Record
 
 
@@ -20,7 +21,7 @@ def refit(
     records: Sequence[Record],
     effects: Sequence[str],
     start: Mapping[str, float],
-    enough: float = NEAR_NOISE,
+    enough: float = SET.near,
 ) -> dict[str, float]:
     """The best of several ways to a fit on `records`, as judged: stepped on from where it is; and, where this leaves
     more than `enough` (about the noise) of a time series, on ever longer beginnings from where it is and from the
@@ -41,16 +42,16 @@ def refit(
 
 def mend(kind: Kind, records: Sequence[Record], effects: Sequence[str], start: Mapping[str, float]) -> dict[str, float]:
     """The best fit with one more free curve: from close by; where that leaves more than the noise to a hundredth of a
-    time series, on ever longer beginnings too; and from more places where these leave `NEAR_NOISE`.
+    time series, on ever longer beginnings too; and from more places where these leave `SET.near`.
     """
     if not kind.beginnings_s:
         return refit(kind, records, effects, start)
     fits = [step_on(kind, records, effects, start).theta]
     costs = [judged_cost(kind, records, fits[0])]
-    if costs[0] > 1 + SHAPED:
+    if costs[0] > 1 + SET.shaped:
         fits.append(grow_horizon(kind, records, effects, begins(kind, start), QUICK).theta)
         costs.append(judged_cost(kind, records, fits[-1]))
-    if min(costs) > NEAR_NOISE:
+    if min(costs) > SET.near:
         fits.append(_lengthened(kind, records, effects, start))
         costs.append(judged_cost(kind, records, fits[-1]))
     return fits[int(np.argmin(costs))]
@@ -61,7 +62,7 @@ def step_on(kind: Kind, records: Sequence[Record], effects: Sequence[str], start
     return narrowing(
         Problem.of(kind, records, effects, free_run(kind)),
         start,
-        (NARROW[0], *FINE) if kind.beginnings_s else FINE,
+        (SET.narrow[0], *SET.fine) if kind.beginnings_s else SET.fine,
         10,
     )
 
@@ -85,22 +86,14 @@ def begins(kind: Kind, theta: Mapping[str, float]) -> list[dict[str, float]]:
     return [dict(theta), {**theta, **{p.name: p.value for p in kind.base if p.fit}}]
 
 
-_OTHER_PLACES = 7  # seed of places that no search has drawn before
-_WAYS_DOWN = 3
-_REFINES = 0.01  # of the cost, the least that another way down is worth
-_ALL_EVENTS = 1.1  # cost for each residual beyond which a slip event may be missing
-_CLOSE = 0.2  # scales, how far places close by are
-_PLACES_CLOSE, _DOWN_FROM = 32, 2
-
-
 def calibrated(kind: Kind, records: Sequence[Record]) -> Fit:
     """The base alone fitted to `records` from its nominal values. Where that leaves more than the noise of a series, it
     is looked for from other places on ever longer beginnings: a base that is stuck a slip event beside the right one
     would pass for one that lacks an effect. One that a prior holds is not.
     """
     problem = Problem.of(kind, records, [], free_run(kind))
-    fit = narrowing(problem, refit(kind, records, [], {p.name: p.value for p in kind.base}), FINE)
-    if kind.beginnings_s and fit.chi2 > NEAR_NOISE and not base_known(kind):
+    fit = narrowing(problem, refit(kind, records, [], {p.name: p.value for p in kind.base}), SET.fine)
+    if kind.beginnings_s and fit.chi2 > SET.near and not base_known(kind):
         fit = min(fit, _from_other_places(problem, [], fit.theta), key=_cost)
     return fit
 
@@ -110,14 +103,14 @@ def whole(
     records: Sequence[Record],
     effects: Sequence[str],
     start: Mapping[str, float],
-    enough: float = NEAR_NOISE,
+    enough: float = SET.near,
 ) -> Fit:
     """The best of several ways to a fit on `records` (`refit`), finished. Where that leaves more than `enough`
     of a time series whose base no prior holds, the ever longer beginnings are gone through from other places once more.
     """
     problem = Problem.of(kind, records, effects, free_run(kind))
     begun = refit(kind, records, effects, start, enough)
-    fit = finished(kind, records, effects, narrowing(problem, begun, FINE))
+    fit = finished(kind, records, effects, narrowing(problem, begun, SET.fine))
     if kind.beginnings_s and fit.chi2 > enough and not base_known(kind):
         again = _from_other_places(problem, effects, fit.theta)
         fit = min(fit, finished(kind, records, effects, again), key=_cost)
@@ -126,8 +119,8 @@ def whole(
 
 def _from_other_places(problem: Problem, effects: Sequence[str], theta: Mapping[str, float]) -> Fit:
     """A fit by ever longer beginnings from places that no search before has drawn."""
-    begun = _lengthened(problem.kind, problem.records, effects, theta, _OTHER_PLACES)
-    return narrowing(problem, begun, FINE)
+    begun = _lengthened(problem.kind, problem.records, effects, theta, SET.other_places)
+    return narrowing(problem, begun, SET.fine)
 
 
 def finished(kind: Kind, records: Sequence[Record], effects: Sequence[str], fit: Fit) -> Fit:
@@ -137,17 +130,19 @@ def finished(kind: Kind, records: Sequence[Record], effects: Sequence[str], fit:
     """
     if kind.criteria == 1:
         return fit
-    widths = FINE if fit.chi2 < NEAR_NOISE else (*WIDE, FINE[-1])
+    widths = SET.fine if fit.chi2 < SET.near else (*SET.wide, SET.fine[-1])
     problem = Problem.of(kind, records, effects, kind.final)
     best = narrowing(problem, fit.theta, widths)
-    for _ in range(_WAYS_DOWN):
-        again = narrowing(problem, best.theta, (NARROW[0], *FINE))
-        helped = again.cost < (1 - _REFINES) * best.cost
+    for _ in range(SET.ways_down):
+        again = narrowing(problem, best.theta, (SET.narrow[0], *SET.fine))
+        helped = again.cost < (1 - SET.refines) * best.cost
         best = min(best, again, key=_cost)
         if not helped:
             break
-    if best.chi2 > _ALL_EVENTS:
-        best = min([best, *(narrowing(problem, place, FINE) for place in _close_by(problem, best.theta))], key=_cost)
+    if best.chi2 > SET.events:
+        best = min(
+            [best, *(narrowing(problem, place, SET.fine) for place in _close_by(problem, best.theta))], key=_cost
+        )
     return best
 
 
@@ -158,7 +153,7 @@ def _cost(fit: Fit) -> float:
 def _close_by(problem: Problem, theta: Mapping[str, float]) -> list[dict[str, float]]:
     """The best of many places around `theta`, within a few percent of each fitted value."""
     x = problem.start(theta)
-    shares = qmc.Sobol(len(x), seed=2).random(_PLACES_CLOSE) if len(x) else np.zeros((0, 0))
-    points = [problem.theta(problem.valley.clip(x + _CLOSE * problem.scale * (2 * share - 1))) for share in shares]
+    shares = qmc.Sobol(len(x), seed=2).random(SET.near_by) if len(x) else np.zeros((0, 0))
+    points = [problem.theta(problem.valley.clip(x + SET.beside * problem.scale * (2 * share - 1))) for share in shares]
     costs = costs_of(problem.kind, problem.records, points, problem.criterion)
-    return [points[k] for k in np.argsort(costs, kind="stable")[:_DOWN_FROM]]
+    return [points[k] for k in np.argsort(costs, kind="stable")[: SET.down_from]]

@@ -9,23 +9,17 @@ import numpy as np
 
 from models.effects import BY_ID
 from models.effects.effect import Effect
-from models.identification.fitting.fit import NARROW, Problem, costs_of, descend
+from models.identification.fitting.fit import Problem, costs_of, descend
 from models.identification.kind import effects_in, had
-from models.identification.search.candidates import BEHIND, FINAL, POOL, Trial, opening, without
+from models.identification.search.candidates import Trial, opening, without
 from models.identification.search.fitted_model import FittedModel
 from models.identification.search.growing_horizon import prefixes
 from models.identification.search.own_range import within
 from models.identification.search.refit import step_on
 from models.identification.search.screening import Screened
-from models.identification.search.validation import APART, TOLD, Array, ahead, free_run, judged, judged_cost
+from models.identification.search.validation import Array, ahead, free_run, judged, judged_cost
+from models.identification.settings import SET
 from models.records.record import Record
-
-_GAIN = 0.3  # of the effect's gain in the logarithm of the cost, the most that a rival may leave
-_SCREENED = 0.3  # of the effect's share of the residual when screened, the least that a rival must explain
-_IMITATED = 0.1  # of what the effect leaves beyond the noise, the most by which a rival that imitates it may differ
-_FORM = 3e-3  # of the power that the effect explains, the most that a rival may leave for it to be a matter of form
-NEVER = 6.0
-"""Standard errors at which a rival counts that no fit brought near."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +65,7 @@ def rivals_of(
         for other in (e for e in model.kind.effects if e.id not in seen and e.looks_like(BY_ID[like])):
             fitted, differs = _imitation(model, made, other, own, rest)
             fitted = min((fitted, best.get(other.id, fitted)), key=lambda one: one.cost)
-            imitated = differs < _IMITATED * (float(training.mean()) - 1)
+            imitated = differs < SET.rival_imitated * (float(training.mean()) - 1)
             seen.add(other.id)
             rivals[other.id] = _compared(model, training, other.id, fitted, gain, imitated or other.id in same)
             if rivals[other.id].alike:
@@ -116,16 +110,16 @@ def _screened_rivals(
     bases = [{k: v for k, v in theta.items() if k.partition(".")[0] not in own} for theta in model.thetas]
     share = max((row.share for row in screened if row.effect == effect), default=0.0)
     near = [
-        row for row in screened if row.effect not in (*own, *rest) and row.starts and row.share >= _SCREENED * share
+        row for row in screened if row.effect not in (*own, *rest) and row.starts and row.share >= SET.rival_has * share
     ]
-    limit = BEHIND * costs_of(kind, part, [model.thetas[0]], criterion)[0]
+    limit = SET.behind * costs_of(kind, part, [model.thetas[0]], criterion)[0]
     begun = []
-    for row in near[: 2 * POOL]:
+    for row in near[: 2 * SET.pool]:
         _, point = min((opening(kind, part, bases[:1], row.effect, start) for start in row.starts), key=lambda o: o[0])
-        fit = descend(Problem.of(kind, part, [*rest, row.effect], criterion), point, NARROW[0], 3)
+        fit = descend(Problem.of(kind, part, [*rest, row.effect], criterion), point, SET.narrow[0], 3)
         if fit.cost <= limit:
             begun.append((fit.cost, row.effect, fit.theta))
-    for _, name, theta in sorted(begun, key=lambda entry: entry[0])[: 2 * FINAL]:
+    for _, name, theta in sorted(begun, key=lambda entry: entry[0])[: 2 * SET.final]:
         numbers = {key: value for key, value in theta.items() if key.startswith(f"{name}.")}
         starts = [theta, *({**base, **numbers} for base in bases[1:])]
         ends = [
@@ -154,9 +148,9 @@ def _compared(model: FittedModel, training: Array, name: str, fitted: FittedMode
     on_training = _training_blocks(fitted)
     behind = float(np.log(fitted.cost / model.cost))
     apart = max(ahead(model.blocks, fitted.blocks), ahead(training, on_training))
-    finer = max(TOLD, float(np.log1p(_FORM * np.expm1(gain))))
+    finer = max(SET.told, float(np.log1p(SET.rival_form * np.expm1(gain))))
     small = max(behind, float(np.log(on_training.sum() / training.sum()))) < finer
-    return Rival(name, apart, bool(same or (behind < _GAIN * gain and (apart < APART or small))), fitted)
+    return Rival(name, apart, bool(same or (behind < SET.rival_gain * gain and (apart < SET.apart or small))), fitted)
 
 
 def _training_blocks(model: FittedModel) -> Array:

@@ -12,18 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.effects.effect import Effect
-from models.identification.fitting.fit import FINE, Problem, axes, descend, evaluate_all, narrowing
+from models.identification.fitting.fit import Problem, axes, descend, evaluate_all, narrowing
 from models.identification.kind import Kind
-from models.identification.search.validation import NEAR_NOISE, free_run, judged_cost
+from models.identification.search.validation import free_run, judged_cost
+from models.identification.settings import SET
 from models.records.record import Record
 from models.rigs.columns import TIME
 
 Array = NDArray[np.float64]
-_PLACES = 24
-_FEW = 2
-_IMITATED_S = 5.0
-_IMITATIONS = 2
-_SECANT = 0.1
 
 
 @dataclass(frozen=True)
@@ -55,7 +51,7 @@ class _View:
     ) -> _View:
         problem = Problem(kind, records, axes(kind, effects), criterion)
         x = problem.start(theta)
-        jacobian = problem.jacobian(x, _SECANT)
+        jacobian = problem.jacobian(x, SET.screened_secant)
         basis = np.linalg.qr(jacobian)[0] if jacobian.shape[1] else np.zeros((jacobian.shape[0], 0))
         return cls(kind, records, criterion, theta, problem.at(x), basis)
 
@@ -112,7 +108,7 @@ def _shapes(effect: type[Effect], records: Sequence[Record]) -> Iterator[dict[st
     if place is not None:
         x = np.concatenate([record["position_m"] for record in records])
         grid[place] = [
-            float(value) for value in np.linspace(float(np.percentile(x, 1)), float(np.percentile(x, 99)), _PLACES)
+            float(value) for value in np.linspace(float(np.percentile(x, 1)), float(np.percentile(x, 99)), SET.places)
         ]
     for values in itertools.product(*grid.values()):
         yield dict(zip(grid, values, strict=True))
@@ -132,7 +128,7 @@ def _likeliest(rows: Sequence[Screened]) -> Screened:
     """The best of one candidate's shapes, with where the best few would start: their shares differ by less than their
     fits.
     """
-    best = sorted(rows, key=_by_share)[:_FEW]
+    best = sorted(rows, key=_by_share)[: SET.screened_starts]
     return replace(best[0], starts=tuple(start for row in best for start in row.starts))
 
 
@@ -152,7 +148,7 @@ def screen(
     """
     rows: dict[str, Screened] = {}
     for criterion in (free_run(kind), *((kind.criteria,) if kind.slow_view else ())):
-        fit = descend(Problem.of(kind, records, effects, criterion), theta, _SECANT, 8)
+        fit = descend(Problem.of(kind, records, effects, criterion), theta, SET.screened_secant, 8)
         for row in _best(
             _View.at(kind, records, effects, fit.theta, criterion), _candidates(kind, (*effects, *dropped))
         ):
@@ -173,7 +169,7 @@ def records_for_null(kind: Kind, part: Sequence[Record]) -> list[Record]:
     if kind.criteria == 1 or any(TIME not in record.columns for record in part):
         return list(part)
     ends = np.cumsum([np.ptp(record[TIME]) for record in part])
-    return list(part[: 1 + int(np.searchsorted(ends, _IMITATED_S))])
+    return list(part[: 1 + int(np.searchsorted(ends, SET.imitated_s))])
 
 
 def null_distribution(
@@ -185,11 +181,11 @@ def null_distribution(
     """
     criterion = free_run(kind)
     gain, cost, weakest = 0.0, 0.0, dict[str, float]()
-    for _ in range(_IMITATIONS):
+    for _ in range(SET.imitations):
         imitated = [kind.imitate(record, theta, rng) for record in records]
         own, left = theta, judged_cost(kind, imitated, theta)
-        if left > NEAR_NOISE:
-            again = narrowing(Problem.of(kind, imitated, [], criterion), theta, FINE).theta
+        if left > SET.near:
+            again = narrowing(Problem.of(kind, imitated, [], criterion), theta, SET.fine).theta
             own, left = min((own, left), (again, judged_cost(kind, imitated, again)), key=lambda fit: fit[1])
         view = _View.at(kind, imitated, [], own, criterion)
         cost = max(cost, left)

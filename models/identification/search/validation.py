@@ -9,22 +9,13 @@ from numpy.typing import NDArray
 
 from models.identification.fitting.fit import evaluate
 from models.identification.kind import Kind
+from models.identification.settings import SET
 from models.records.record import Record
 
 Array = NDArray[np.float64]
 Split = tuple[list[Record], list[Record]]
 
-_BLOCKS = 40
-_ONE_BLOCK = 0.1  # of the logarithm of its cost, the most that a block counts for or against a finer shape
 _LEAST = 1e-12  # a cost whose logarithm can be taken
-APART = 2.0
-"""Standard errors by which one model's blocks lie ahead of another's where the records tell them apart."""
-SHAPED = 0.01
-"""Of the logarithm of a cost, the least that a finer shape is worth."""
-TOLD = 0.03
-"""Share of the training cost, many times what chance takes off it, that tells a finer shape."""
-NEAR_NOISE = 1.5
-"""Cost for each residual up to which a fit counts as one that leaves about the noise."""
 
 
 def free_run(kind: Kind) -> int:
@@ -45,7 +36,9 @@ def judged_cost(kind: Kind, records: Sequence[Record], theta: Mapping[str, float
 
 
 def _blocks(residual: Array) -> Array:
-    return np.array([float(part @ part) / len(part) for part in np.array_split(residual, min(_BLOCKS, len(residual)))])
+    return np.array(
+        [float(part @ part) / len(part) for part in np.array_split(residual, min(SET.blocks, len(residual)))]
+    )
 
 
 def block_costs(kind: Kind, splits: Sequence[Split], thetas: Sequence[Mapping[str, float]]) -> Array:
@@ -76,13 +69,13 @@ def fewest(rows: Sequence[Array], training: Sequence[float]) -> int:
     logs = [np.log(np.maximum(blocks, _LEAST)) for blocks in rows]
 
     def behind(row: Array, other: Array) -> Array:
-        return np.clip(row - other, -_ONE_BLOCK, _ONE_BLOCK)
+        return np.clip(row - other, -SET.one_block, SET.one_block)
 
     best = int(np.argmin([behind(row, logs[0]).mean() for row in logs]))
     worse = [behind(row, logs[best]) for row in logs]
-    told = [training[best] <= (1 - TOLD) * cost for cost in training]
+    told = [training[best] <= (1 - SET.told) * cost for cost in training]
     return next(
         k
         for k, row in enumerate(worse)
-        if row.mean() <= SHAPED or (ahead(np.zeros_like(row), row) < APART and not told[k])
+        if row.mean() <= SET.shaped or (ahead(np.zeros_like(row), row) < SET.apart and not told[k])
     )

@@ -14,8 +14,8 @@ from controller.estimator.ukf import UnscentedEstimator
 from controller.signals import Array, Measurement
 from controller.tuned import FilterNoise
 from plant import layout as at
-from plant.drives.kinds import Coil, Magnet
-from plant.rig import Rig
+from plant.drives.kinds import TrueCoil, TrueMagnet
+from plant.rig import Truth
 from plant.sensing.instruments import Instrument
 from plant.session import Instruments, Session
 from tests.controller.loops import model_of
@@ -25,10 +25,10 @@ each = pytest.mark.parametrize("kind", [Estimator, ParticleEstimator, UnscentedE
 
 
 def follow(
-    estimator: Receiver, duration_s: float, place: Instrument | None = None, truth: Rig | None = None, seed: int = 0
+    estimator: Receiver, duration_s: float, place: Instrument | None = None, truth: Truth | None = None, seed: int = 0
 ) -> tuple[Array, Array, Array]:
     """Estimated less true position, whether lost, and what the newest position alone would be off by, a row a tick."""
-    session = Session(truth or Rig(Magnet()), Instruments(localisation=place or Instrument()), seed)
+    session = Session(truth or Truth(TrueMagnet()), Instruments(localisation=place or Instrument()), seed)
     off, lost, raw, newest = [], [], [], 0.0
     for k in range(1, round(duration_s * 1e3) + 1):
         t = k * 1e-3
@@ -58,7 +58,7 @@ def test_an_innovation_has_the_sign_of_what_was_measured_beyond_what_was_expecte
 def test_position_is_known_better_than_measured(kind: type[Receiver]) -> None:
     """Half of the sensor's noise or less, although tissue and magnet are off, and never lost once begun."""
     estimator = kind(MODEL)
-    off, lost, raw = follow(estimator, 4.0, truth=Rig(Magnet(24.0), hoop_factor=1.1))
+    off, lost, raw = follow(estimator, 4.0, truth=Truth(TrueMagnet(24.0), hoop_factor=1.1))
     assert np.sqrt(np.mean(off[1000:] ** 2)) < 0.5 * np.sqrt(np.mean(raw[1000:] ** 2))
     assert not lost[200:].any()
     assert estimator.counts.outliers <= 2
@@ -168,7 +168,7 @@ def test_a_coil_is_followed_too(kind: type[Receiver]) -> None:
     """Voltage in, position and current out: the current near its feedback, the position better than measured."""
     model = model_of("coil").sharp
     estimator = kind(model)
-    session = Session(Rig(Coil()), seed=1)
+    session = Session(Truth(TrueCoil()), seed=1)
     off = []
     for k in range(1, 3001):
         t = k * 1e-3

@@ -17,15 +17,15 @@ from controller.model.control_model import ControlModel
 from controller.signals import Array, Measurement
 from plant import layout as at
 from plant.anatomy import random_anatomy
-from plant.drives.kinds import Magnet
-from plant.rig import Rig
+from plant.drives.kinds import TrueMagnet
+from plant.rig import Truth
 from plant.session import Session
 from tests.controller.loops import model_of
 
 MODEL = model_of().sharp
 
 
-def errors(kind: type[Receiver], truth: Rig, seed: int, seconds: float = 8.0, model: ControlModel = MODEL) -> Array:
+def errors(kind: type[Receiver], truth: Truth, seed: int, seconds: float = 8.0, model: ControlModel = MODEL) -> Array:
     """Estimated less true position in m, a tick each, behind a carriage that goes on at 1 mm/s."""
     estimator, session, off = kind(model), Session(truth, seed=seed), []
     for k in range(1, round(seconds * 1e3) + 1):
@@ -40,7 +40,7 @@ def test_in_guts_that_change_it_knows_more_than_the_gaussian_filter() -> None:
     """Over three guts, from 2 s on, in the root mean square and at least a tenth."""
     found = [
         [
-            np.sqrt(np.mean(errors(kind, Rig(Magnet(24.2), anatomy=random_anatomy(gut)), gut)[2000:] ** 2))
+            np.sqrt(np.mean(errors(kind, Truth(TrueMagnet(24.2), anatomy=random_anatomy(gut)), gut)[2000:] ** 2))
             for gut in range(200, 203)
         ]
         for kind in (ParticleEstimator, Estimator)

@@ -16,8 +16,8 @@ from controller.mpc.mpc import MPC
 from controller.registry import LATE_SLIP, build
 from models.identification.model import HELD_OUT
 from plant.anatomy import Anatomy, random_anatomy
-from plant.drives.kinds import Magnet
-from plant.rig import Rig
+from plant.drives.kinds import TrueMagnet
+from plant.rig import Truth
 from tests.controller.estimator.test_particle_filter import errors
 from tests.controller.loops import believed, model_of
 
@@ -69,7 +69,7 @@ def test_a_model_that_proved_right_knows_more_where_it_is_right_and_is_not_lost_
     def rms(model: ControlModel, gut: bool) -> float:
         found = []
         for seed in range(210, 213):
-            truth = Rig(Magnet(25.0), anatomy=random_anatomy(seed) if gut else Anatomy())
+            truth = Truth(TrueMagnet(25.0), anatomy=random_anatomy(seed) if gut else Anatomy())
             found.append(errors(ParticleEstimator, truth, seed, model=model)[2000:])
         return float(np.sqrt(np.mean(np.square(found))))
 

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import itertools
 import tomllib
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from controller.model.control_model import ControlModel, control_model
-from controller.model.native import native_functions
 from models.assembly.model import assemble
 from models.identification.model import HELD_OUT
 from models.rigs.parts import drive_of, surface_of
@@ -161,38 +159,31 @@ def test_stages_and_their_slopes_agree_with_differences(magnetic: ControlModel) 
     assert (other[2] - path[2])[:3] == pytest.approx(change[:3], rel=0.02, abs=1e-11)
 
 
-def test_numba_and_the_c_compiler_make_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    model = control_model(rig_of("magnetic"), {}, TICK_S)
-    if not model.kernels.native:
-        pytest.skip("needs a C compiler")
-    monkeypatch.setenv("CAPSULE_COMPILER", "none")
-    twin = control_model(rig_of("magnetic"), {}, TICK_S).kernels
-    assert not twin.native
-    results = []
-    for kernels in (model.kernels, twin):
-        n, count, p = len(model.states), 12, kernels.parameters
-        path, A, B = np.zeros((count + 1, n)), np.zeros((count, n, n)), np.zeros((count, n, 2))
-        commands, forces, slopes = np.linspace(4e-3, 6e-3, count + 1), np.zeros(count + 1), np.zeros((count + 1, n))
-        path[0] = [0.0, 8e-3, 2.2e-4, 0.0]
-        kernels.linearise(path, A, B, commands, 1e-3, 0.0, 5e-3, 2, p)
-        kernels.holds(path, forces, slopes, 0.0, 5e-3, p)
-        chased, led = path.copy(), commands.copy()
-        line = np.linspace(0.0, 1e-3, count + 1)
-        kernels.pursue(chased, led, line, 0 * line + 0.02, 0.03, 0.25, -1.0, 1.0, 0.0, 0.0, 5e-3, 2, p)
-        each = np.array(path[:3])
-        kernels.run_each(each, 5e-3, 5.1e-3, np.zeros(3), 0.0, TICK_S, 1, p, 0, p[0] * np.array([0.9, 1.0, 1.1]))
-        results.append([path, A, B, forces, slopes, chased, led, each])
-    for native, jitted in zip(*results, strict=True):
-        assert native == pytest.approx(jitted, rel=1e-6, abs=1e-9)
-
-
-def test_a_compiler_that_fails_is_no_compiler(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    broken = tmp_path / "cc"
-    broken.write_text("#!/bin/sh\nexit 1\n")
-    broken.chmod(0o755)
-    monkeypatch.setenv("CAPSULE_COMPILER", str(broken))
-    monkeypatch.setenv("CAPSULE_CACHE", str(tmp_path))
-    assert native_functions(control_model(rig_of("magnetic"), {}, TICK_S).symbols) is None
+def test_the_loops_are_casadis_functions(magnetic: ControlModel) -> None:
+    """A path that pursues a line, the wall's force along it, and states that each have their own friction."""
+    kernels, count, p = magnetic.kernels, 12, magnetic.values
+    path, slopes = np.zeros((count + 1, len(magnetic.states))), np.zeros((count + 1, len(magnetic.states)))
+    path[0] = [0.0, 8e-3, 2.2e-4, 0.0]
+    commands, forces = np.full(count + 1, 4e-3), np.zeros(count + 1)
+    line = np.linspace(0.0, 1e-3, count + 1)
+    kernels.pursue(path, commands, line, 0 * line + 0.02, 0.03, 0.25, -1.0, 1.0, 1e-3, 0.0, 5e-3, 2, p)
+    again = path.copy()
+    kernels.roll(again, commands, 1e-3, 0.0, 5e-3, 2, p)
+    assert np.array_equal(again, path)
+    kernels.holds(path, forces, slopes, 0.0, 5e-3, p)
+    for k in range(count):
+        wanted = magnetic.symbols.pursuit(path[k], 0.02 + (line[k + 1] - path[k, 0]) / 0.03, 1e-3, 5e-3 * k, p)
+        assert commands[k + 1] == pytest.approx(np.clip(float(wanted), *(commands[k] + [-1.25e-3, 1.25e-3])), rel=1e-9)
+        held, by_state = magnetic.symbols.wall_slopes(path[k], 5e-3 * k, p)
+        assert forces[k] == pytest.approx(float(held), rel=1e-9)
+        assert slopes[k] == pytest.approx(np.array(by_state).ravel(), rel=1e-9)
+    each = np.array(path[:3])
+    own = p[0] * np.array([0.9, 1.0, 1.1])
+    kernels.run_each(each, 5e-3, 5.1e-3, np.zeros(3), 0.0, TICK_S, 1, p, 0, own)
+    for before, after, friction in zip(path, each, own, strict=False):
+        numbers = np.array([friction, *p[1:]])
+        expected = magnetic.symbols.substep(before, 5e-3, 5.1e-3, 0.0, 0.0, TICK_S, numbers)
+        assert after == pytest.approx(np.array(expected).ravel(), rel=1e-9, abs=1e-12)
 
 
 def test_a_disturbance_is_a_force_along_x(magnetic: ControlModel) -> None:
@@ -261,10 +252,8 @@ def test_a_free_curve_over_speed_is_left_out_and_with_it_what_its_model_proved()
     assert corrected.held_out_error is None
 
 
-@pytest.mark.parametrize("compiled", [True, False])
-def test_a_carriage_takes_its_play_along(monkeypatch: pytest.MonkeyPatch, compiled: bool) -> None:
+def test_a_carriage_takes_its_play_along() -> None:
     """A soft seat follows as the carriage goes: in one tick or two, in a straight line or by a jump, as far."""
-    monkeypatch.setenv("CAPSULE_COMPILER", "" if compiled else "none")
     model = control_model(
         rig_of("magnetic"), {"carriage_backlash.play_m": 2e-3, "carriage_backlash.sharpness": 1.0}, TICK_S
     )

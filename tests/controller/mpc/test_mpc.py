@@ -13,10 +13,9 @@ from controller.model.control_model import ControlModel, control_model
 from controller.mpc.mpc import MPC
 from controller.mpc.settings import Horizon, Weights
 from controller.signals import Action, Adapted, Estimate
-from plant.drives.kinds import Magnet
+from plant.drives.kinds import TrueMagnet
 from plant.layout import S_SLIP, S_U, S_V, S_X
-from plant.rig import Plant
-from plant.rig import Rig as PlantRig
+from plant.rig import Plant, Truth
 from tests.controller.model.test_control_model import rig_of
 from tests.models.running import Array
 
@@ -168,7 +167,7 @@ def test_a_hold_has_no_limit_cycle(model: ControlModel) -> None:
     """Move 2 mm, then stay, on the plant with exact friction and 15 % other forces, which a slow observer of the
     disturbance takes up: the carriage stops and stays where it is.
     """
-    mpc, plant = MPC(model, BOUNDS, horizon=PATIENT), Plant(PlantRig(Magnet(25.0, 0.02), hoop_factor=1.15))
+    mpc, plant = MPC(model, BOUNDS, horizon=PATIENT), Plant(Truth(TrueMagnet(25.0, 0.02), hoop_factor=1.15))
     expected, command, force, n = model.initial(), 0.0, 0.0, 2500
     x, commands = np.zeros(n), np.zeros(n)
     mpc.reset(0.0, Estimate(0.0, expected, expected), command)

@@ -7,10 +7,11 @@ from dataclasses import replace
 import pytest
 
 from controller.vibro.cycles import Cycles, Gait, VibroModel, impact_of
-from controller.vibro.design.cost_by_impact import cheapest, optima, squares
+from controller.vibro.design.cost_by_impact import squares
 from controller.vibro.design.speed_map import free_period, speed_map
 from controller.vibro.waveform import Waveform
 from models.drives.vibro import Stop
+from tests.bench.least_energy import cheapest, optima
 from tests.controller.vibro.vibro_runs import gut_model
 
 NEAR_M = 4e-3

@@ -10,7 +10,6 @@ import pytest
 from controller.limits import Limits
 from controller.vibro.cycles import Cycles, VibroModel
 from controller.vibro.design.drive_map import DriveMap, from_json, lag, to_json, wrong_models
-from controller.vibro.design.four_phase import four_phase, profile
 from controller.vibro.design.optimal_cycle import optimal_cycle
 from controller.vibro.design.speed_map import best_square, free_period, speed_map
 from controller.vibro.gears import gear_of
@@ -19,6 +18,7 @@ from models.rigs.reader import parse_rig
 from plant import layout as at
 from plant.experiments.excitation import pulse_width
 from plant.rig import Plant
+from tests.bench.four_phase import four_phase, profile
 from tests.controller.vibro.vibro_runs import GUT_DRIVE, gut_model, gut_plant, plate_model
 
 NEAR = Waveform.square(0.053, 0.25, 0.25)

@@ -16,9 +16,8 @@ from models.laws.geometry import Capsule, Tissue
 from models.surfaces.gut import Wall
 from models.surfaces.plate import Plate
 from plant import layout as at
-from plant.drives.kinds import Vibro as TrueVibro
-from plant.rig import Plate as TruePlate
-from plant.rig import Rig
+from plant.drives.kinds import TrueVibro
+from plant.rig import TruePlate, Truth
 from plant.session import Instruments, Session
 
 Array = NDArray[np.float64]
@@ -51,19 +50,19 @@ def believed(drive: TrueVibro, surface: Wall | Plate, values: dict[str, float] |
 
 def gut_plant(
     spring: float = 1.0, force: float = 1.0, hoop: float = 1.0, mu: float = 1.0, base: TrueVibro = GUT_DRIVE
-) -> Rig:
+) -> Truth:
     """The true rig in the gut, its parameters off by these factors."""
     drive = replace(base, spring_stiffness_N_per_m=spring * base.spring_stiffness_N_per_m, force_N=force * base.force_N)
-    return Rig(drive, Capsule(), Tissue(friction_coefficient=mu * Tissue().friction_coefficient), hoop_factor=hoop)
+    return Truth(drive, Capsule(), Tissue(friction_coefficient=mu * Tissue().friction_coefficient), hoop_factor=hoop)
 
 
 def plate_plant(
     spring: float = 1.0, force: float = 1.0, mu: float = 1.0, hidden: dict[str, dict[str, float]] | None = None
-) -> Rig:
+) -> Truth:
     """The true capsubot on its plate, its parameters off by these factors."""
     base = PLATE_DRIVE
     drive = replace(base, spring_stiffness_N_per_m=spring * base.spring_stiffness_N_per_m, force_N=force * base.force_N)
-    return Rig(drive, Capsule(mass_kg=PLATE_BODY_KG), surface=TruePlate(mu * PLATE_MU), hidden=hidden or {})
+    return Truth(drive, Capsule(mass_kg=PLATE_BODY_KG), surface=TruePlate(mu * PLATE_MU), hidden=hidden or {})
 
 
 @dataclass(frozen=True)
@@ -121,7 +120,7 @@ class Drive:
 
 def drive_plant(
     controller: VibroController,
-    rig: Rig,
+    rig: Truth,
     reference: object,
     seconds: float,
     seed: int = 0,

@@ -10,7 +10,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, filtfilt
 
-from models.assembly.model import BASE_STATES, assemble, assemble_gut
+from models.assembly.model import BASE_STATES, assemble
 from models.compiled.kernel import lower
 from models.drives.coil import Coil, VoltageCoil, Winding
 from models.drives.magnetic import Magnetic
@@ -54,7 +54,7 @@ def steady_speed(surface: Plate, drive: Vibro, period_s: float, duty: float, ste
 
 def test_pull_follows_the_reference(shared: Path) -> None:
     reference = columns(shared / "reference" / "pull.csv")
-    force = run(assemble_gut(gut(), Pull()), reference["position_m"], 1e-3)
+    force = run(assemble(gut(), Pull()), reference["position_m"], 1e-3)
     assert np.max(np.abs(low_passed(force - reference["force_N"]))) < 0.6e-3
     assert np.median(np.abs(force - reference["force_N"])) < 0.1e-3
 
@@ -63,14 +63,14 @@ def test_magnetic_follows_the_reference(shared: Path) -> None:
     reference = columns(shared / "reference" / "magnetic.csv")
     t = reference["t_s"]
     carriage = CubicSpline(t, reference["carriage_position_m"])(np.arange(4 * t.size - 3) * 0.25e-3)
-    error = run(assemble_gut(gut(), Magnetic(25.0, 0.02)), carriage, 0.25e-3)[::4] - reference["position_m"]
+    error = run(assemble(gut(), Magnetic(25.0, 0.02)), carriage, 0.25e-3)[::4] - reference["position_m"]
     assert np.max(np.abs(low_passed(error))) < 20e-6
     assert np.sqrt(np.mean(error**2)) < 12e-6
 
 
 def test_constant_speed_gives_the_reference_saw_tooth(shared: Path) -> None:
     reference = columns(shared / "reference" / "constant_speed.csv")
-    model = assemble_gut(gut(), Pull())
+    model = assemble(gut(), Pull())
     for k, speed in enumerate(reference["speed_m_s"]):
         period = reference["period_s"][k]
         dt = min(2e-4, period / 200)

@@ -74,7 +74,11 @@ def test_it_takes_part_until_it_is_no_longer_asked_for() -> None:
         ([("import numpy as np", "import nothing_of_that_name")], "ModuleNotFoundError"),
         ([("class SoftBump", "class class")], "SyntaxError"),
         ([('summary = "a soft bump that pushes the capsule away from its middle"', "")], "summary must say"),
-        ([('p["place_m"]', 'p["place"]')], "KeyError in force, line 34"),
+        ([('p["place_m"]', 'p["place"]')], "KeyError in force, line 34: 'place'; did you mean 'place_m'?"),
+        (
+            [("return p[", "return np.sqrt(p['force_N']) * p[")],
+            "force must be finite; got nan on coil at force_N = -0.1",
+        ),
         (
             [("def force", "def forse")],
             "SoftBump.forse must be a hook, or begin with an underscore where it is its own; did",
@@ -91,7 +95,7 @@ def test_it_takes_part_until_it_is_no_longer_asked_for() -> None:
         ([("return p[", "return np.nan * p[")], "force must be finite; got nan on coil"),
         (
             [("return p[", "return 0 * np.log(np.abs(s.v)) + p[")],
-            "force must be finite; got nan on coil at direction = 1",
+            "direction = 1",
         ),
         ([("return p[", "return np.ones(2) * p[")], "force must return one number; got ndarray"),
         ([("return p[", "return 0.0 * p[")], "must use each parameter; got 'force_N'"),
@@ -100,7 +104,6 @@ def test_it_takes_part_until_it_is_no_longer_asked_for() -> None:
         ([('0.0, "N"', '0.0, "Newtonish"')], "force_N must have a unit, such as N, m/s or 1; got 'Newtonish'"),
         ([("-0.2, 0.2", "0.2, -0.2")], "force_N must have its lower bound first; got 0.2, -0.2"),
         ([('Parameter("force_N"', 'Parameter("force"')], "force_N must have a parameter of the same name; got 'force'"),
-        ([("force_N: Parameter", "force_N")], "force_N must be a field of a dataclass"),
         ([('"place_m": (', '"place": (')], "grid must name parameters; got 'place'; did you mean 'place_m'?"),
         ([("-9e-3, -6e-3", "-9, -6e-3")], "grid must have starts of place_m in [-0.1, 0.1]"),
         (
@@ -127,6 +130,14 @@ def test_what_cannot_be_used_is_refused_in_a_sentence(
     assert sentence in str(refused.value)
     assert "\n" not in str(refused.value)
     assert "soft_bump" not in BY_ID
+
+
+def test_its_numbers_may_be_plain_attributes(tmp_path: Path) -> None:
+    plain = [("@dataclass(frozen=True)\n", ""), ("Signals, Values", "Signals, Values, number"), (": Parameter", "")]
+    named = [(f'Parameter("{name}", ', "number(") for name in ("force_N", "place_m", "width_m")]
+    (field,) = use_effects([EXAMPLE])
+    (bump,) = use_effects([own_file(tmp_path, *plain, *named)])
+    assert bump.parameters() == field.parameters()
 
 
 def test_two_effects_of_a_file_take_part_and_may_name_each_other(tmp_path: Path) -> None:

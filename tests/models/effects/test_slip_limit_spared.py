@@ -16,7 +16,8 @@ from models.identification.search.candidates import compare_candidates
 from models.identification.search.fitted_model import FittedModel
 from models.identification.search.refit import refit
 from models.identification.search.screening import screen
-from models.identification.search.validation import APART, ahead
+from models.identification.search.validation import ahead
+from models.identification.settings import SET
 from models.records.record import read_record
 from models.rigs.reader import read_rig
 from models.surfaces.plate import Plate
@@ -46,7 +47,7 @@ def test_what_changes_one_side_alone_is_called_by_its_name(name: str, tmp_path: 
     base = refit(kind, records[:1], [], kind.nominal())
     trials = compare_candidates(FittedModel.of(kind, splits, [], [base]), screen(kind, records[:1], [], base))
     assert trials[0].effect == hidden(name).answer
-    assert all(ahead(trials[0].blocks, trial.blocks) > APART for trial in trials[1:])
+    assert all(ahead(trials[0].blocks, trial.blocks) > SET.apart for trial in trials[1:])
     model = (trials[0].effect, "level_at_onset")
     assert trials[0].refinements[model][0]["level_at_onset.spared"] == pytest.approx(SPARED[name], abs=0.15)
 

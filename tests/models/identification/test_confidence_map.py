@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.identification.confidence_map import FEWEST, ConfidenceMap, confidence_map, read_map
+from models.identification.confidence_map import ConfidenceMap, confidence_map, read_map
+from models.identification.settings import SET
 from tests.bench.bench_calibration import (
     Statement,
     cross_validated,
@@ -26,7 +27,7 @@ def said(count: int, seed: int = 0) -> list[Statement]:
 
 
 def test_without_enough_series_nothing_is_called_calibrated() -> None:
-    few = ConfidenceMap(FEWEST - 1, 40, "2026-01-01", (0.5, 1.0), (0.4, 0.9))
+    few = ConfidenceMap(SET.calibrated_on - 1, 40, "2026-01-01", (0.5, 1.0), (0.4, 0.9))
     assert not few.calibrated
     assert "not calibrated" in few.words(few.probability(0.9))
     none = ConfidenceMap(0, 0, "", (), ())
@@ -35,7 +36,7 @@ def test_without_enough_series_nothing_is_called_calibrated() -> None:
 
 def test_the_map_in_use_is_one() -> None:
     known = confidence_map()
-    assert known.calibrated == (known.series >= FEWEST)
+    assert known.calibrated == (known.series >= SET.calibrated_on)
     assert known.most < 1
     assert 0 <= known.probability(1.0) <= (known.most if known.calibrated else 1.0)
 

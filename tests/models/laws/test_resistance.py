@@ -22,7 +22,6 @@ from models.laws.hyperelastic import WallConstants
 from models.laws.mucus import mucus_drag
 from models.laws.resistance import (
     contact_pressure,
-    coulomb_limit,
     environmental_resistance,
     normal_load,
     pressure_integrals,
@@ -36,7 +35,7 @@ SPEEDS = np.array([0.5e-3, 1e-3, 5e-3, 10e-3, 20e-3])
 def test_default_capsule_check_values():
     force = environmental_resistance(SPEEDS, CAPSULE, TISSUE)
     assert force == pytest.approx(np.array([42.77, 43.68, 55.70, 66.37, 77.19]) * 1e-3, rel=5e-4)
-    limit = coulomb_limit(SPEEDS, CAPSULE, TISSUE)
+    limit = TISSUE.friction_coefficient * normal_load(SPEEDS, CAPSULE, TISSUE)
     assert limit == pytest.approx(np.array([36.68, 36.81, 38.74, 41.70, 47.50]) * 1e-3, rel=5e-4)
 
 
@@ -97,11 +96,8 @@ def test_parts_add_up():
     force = sliding_resistance(SPEEDS, HEAVY, TISSUE)
     assert force.total == pytest.approx(force.environmental + force.viscous + force.coulomb)
     assert force.environmental == pytest.approx(environmental_resistance(SPEEDS, HEAVY, TISSUE))
-    assert force.coulomb == pytest.approx(coulomb_limit(SPEEDS, HEAVY, TISSUE))
+    assert force.coulomb == pytest.approx(TISSUE.friction_coefficient * normal_load(SPEEDS, HEAVY, TISSUE))
     assert force.viscous == pytest.approx(mucus_drag(SPEEDS, TISSUE.mucus_thickness_m))
-    assert coulomb_limit(SPEEDS, HEAVY, TISSUE) == pytest.approx(
-        TISSUE.friction_coefficient * normal_load(SPEEDS, HEAVY, TISSUE)
-    )
 
 
 def test_weight_alone_presses_in_a_wall_without_strain():

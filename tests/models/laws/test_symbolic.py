@@ -38,7 +38,7 @@ LAWS = {
     "saw": (lambda x: friction_curve(x, printed_tension(26.5e-3), TOOTH, 23.23e-3), (0.0, 0.3)),
     "flat car": (CAR.spring_force, (0.0, 0.2)),
     "storage": (lambda x: five_element_modulus(x, low_speed_moduli(0.5)).storage, (1.0, 400.0)),
-    "loss tangent": (lambda x: five_element_modulus(x, low_speed_moduli(0.5)).loss_tangent, (1.0, 400.0)),
+    "loss": (lambda x: five_element_modulus(x, low_speed_moduli(0.5)).loss, (1.0, 400.0)),
     "springpot": (lambda x: springpot_modulus(x, 10.0, 20.0, 0.4).loss, (1.0, 400.0)),
 }
 

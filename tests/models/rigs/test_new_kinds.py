@@ -36,8 +36,7 @@ from models.rigs.reader import parse_rig, read_rig
 from models.rigs.rig import Rig
 from plant.drives.kinds import DRIVES as SIMULATED
 from plant.drives.kinds import Force
-from plant.rig import Plant, Plate
-from plant.rig import Rig as Truth
+from plant.rig import Plant, TruePlate, Truth
 from tests.controller.loops import closed_loop
 from tests.models.rigs.thruster import MASS_KG, MU, TABLES, THRUST, THRUSTER, JetTable, Slab, bursts
 
@@ -70,7 +69,7 @@ def rig(monkeypatch: pytest.MonkeyPatch) -> Rig:
 
 def truth() -> Truth:
     """The simulated rig: another program, the same friction."""
-    return Truth(SIMULATED["thruster"](), Capsule(mass_kg=MASS_KG), surface=Plate(MU))
+    return Truth(SIMULATED["thruster"](), Capsule(mass_kg=MASS_KG), surface=TruePlate(MU))
 
 
 def test_it_is_assembled_predicted_and_calibrated(rig: Rig) -> None:

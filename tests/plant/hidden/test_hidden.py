@@ -7,28 +7,28 @@ from models.laws.geometry import Capsule
 from plant import layout as at
 from plant.compiling import source_digest
 from plant.drives.body import advance_body
-from plant.drives.kinds import Coil, Drive, Magnet, Pull, Vibro
+from plant.drives.kinds import TrueCoil, TrueDrive, TrueMagnet, TruePull, TrueVibro
 from plant.drives.pull import advance_pull
 from plant.drives.vibro import advance_vibro
 from plant.experiments.excitation import pulse_width, random_runs, random_wander
 from plant.hidden.registry import HIDDEN, Hidden, hidden
 from plant.hidden.table import draw, effect_table
-from plant.rig import STEP_S, Plant, Rig
+from plant.rig import STEP_S, Plant, Truth
 from plant.sensing.sensors import Sensor
 from plant.tables import Floats
 
 CASES = [(kind, effect) for effect in HIDDEN for kind in ("pull", "magnetic", "coil", "vibro") if kind in effect.drives]
-DRIVES: dict[str, Drive] = {
-    "pull": Pull(),
-    "magnetic": Magnet(),
-    "coil": Coil(),
-    "vibro": Vibro(0.0231, 360.0, force_N=0.6),
+DRIVES: dict[str, TrueDrive] = {
+    "pull": TruePull(),
+    "magnetic": TrueMagnet(),
+    "coil": TrueCoil(),
+    "vibro": TrueVibro(0.0231, 360.0, force_N=0.6),
 }
 
 
 def reading(kind: str, chosen: dict[str, dict[str, float]]) -> Floats:
     rng = np.random.default_rng(7)
-    rig = Rig(DRIVES[kind], capsule=Capsule(mass_kg=0.0213 if kind == "vibro" else 4e-3), hidden=chosen)
+    rig = Truth(DRIVES[kind], capsule=Capsule(mass_kg=0.0213 if kind == "vibro" else 4e-3), hidden=chosen)
     if kind == "pull":
         drive = random_runs(rng, 5.0, STEP_S)
     elif kind == "magnetic":
@@ -70,7 +70,7 @@ def test_an_unseen_tiny_effect_changes_next_to_nothing(plain: dict[str, Floats])
 def test_incline_is_the_weight_s_share() -> None:
     """Force of a slow steady pull uphill minus downhill is `2 m g sin(angle)`."""
     drive = 1e-3 * STEP_S * np.arange(100_001)
-    rigs = [Rig(Pull(), hidden={"incline_gravity": {"angle_rad": angle}}) for angle in (0.3, -0.3)]
+    rigs = [Truth(TruePull(), hidden={"incline_gravity": {"angle_rad": angle}}) for angle in (0.3, -0.3)]
     force = [np.mean(Plant(rig).advance(drive)[:, at.O_FORCE]) for rig in rigs]
     assert force[0] - force[1] == pytest.approx(2 * 4e-3 * 9.81 * np.sin(0.3), rel=1e-9)
 

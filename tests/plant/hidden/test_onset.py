@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from plant import layout as at
-from plant.drives.kinds import Magnet
+from plant.drives.kinds import TrueMagnet
 from plant.hidden.registry import ROWS
 from plant.hidden.table import begun, effect_table
-from plant.rig import STEP_S, Plant, Rig
+from plant.rig import STEP_S, Plant, Truth
 from plant.sensing.instruments import Instrument
 from plant.session import Instruments, Session
 from plant.tables import Floats
@@ -17,7 +17,7 @@ ONSET = 1.0
 
 
 def path(hidden: dict[str, dict[str, float]], parts: int = 1) -> Floats:
-    plant = Plant(Rig(Magnet(), hidden=hidden))
+    plant = Plant(Truth(TrueMagnet(), hidden=hidden))
     size = (RAMP.size - 1) // parts
     rows = [plant.advance(RAMP[k * size : (k + 1) * size + 1], 50) for k in range(parts)]
     return np.concatenate(rows)
@@ -44,7 +44,7 @@ def test_a_sensors_delay_and_offset_begin_late_too() -> None:
     quiet = Instruments(Instrument(std=0.0, latency_s=0.0))
     readings = {}
     for name in ("", "sensor_delay", "sensor_bias", "sensor_lowpass"):
-        session = Session(Rig(Magnet(), hidden={name: {"onset_s": ONSET}} if name else {}), quiet)
+        session = Session(Truth(TrueMagnet(), hidden={name: {"onset_s": ONSET}} if name else {}), quiet)
         found = [r for k in range(200) for r in session.advance(2e-5 * k, 0.01 * (k + 1))]
         readings[name] = np.array([(r.stamp_s, r.value) for r in found if r.channel == "position_m"])
     plain = readings.pop("")

@@ -24,17 +24,9 @@ from models.identification import close
 RIG, REPORT = "rig.toml", "report.html"
 HELD_OUT: Final = ("holdout", "held_out")
 TOLD: Final = (
-    "verdict",
-    "effects",
-    "error",
-    "next_experiment",
-    "seconds",
-    "kind",
-    "calibration",
-    "findings",
-    "cannot_show",
+    "verdict", "effects", "error", "next_experiment", "seconds", "kind", "calibration", "findings", "cannot_show",
     "reasons",
-)
+)  # fmt: skip
 """What a row keeps of `report.json`."""
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import platform
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
-from hil.app.export.fmu.machine_code import MATRIX, REAL, VECTOR, WHOLE, object_code
+import llvmlite.binding as llvm
+from numba import njit, types
+
 from hil.app.export.fmu.package import Unit, Variable, c_array, reference, start_values
 from hil.app.scenario.scenario import BUS_TABLES, TABLES, TRUTH_TABLES
 from hil.nodes.actuators import ACTUATORS
@@ -14,18 +17,27 @@ from hil.nodes.fmu_plant import FORCE, input_of, outputs_of
 from models.files.toml import in_file, read_toml
 from models.parameter import nearest
 from plant import layout as at
-from plant.drives.kinds import Pull
+from plant.compiling import OPTIONS
+from plant.drives.kinds import TruePull
 from plant.experiments.scenario import TABLES as OF_SIMULATE
 from plant.experiments.scenario import RunTable, parse_truth
 from plant.hidden import carriage
-from plant.rig import Plant, Rig
+from plant.rig import Plant, Truth
 from plant.tables import Floats
 
 _CORE: Final = Path(__file__).with_name("plant_core.c")
 _PLACES: Final = ("S_STEP", "S_DIRECTION", "S_COUNT", "P_COUNT", "O_FORCE", "O_COUNT", "L_COUNT", "NODES")
 
 
-def plant_unit(name: str, rig: Rig, duration_s: float) -> Unit:
+REAL: Final = types.float64
+WHOLE: Final = types.int64
+VECTOR: Final = types.Array(types.float64, 1, "C")
+MATRIX: Final = types.Array(types.float64, 2, "C")
+_PROCESSORS: Final = {"x86_64": "x86-64-v2", "amd64": "x86-64-v2"}
+"""The least processor that the code is to run on, by machine; elsewhere any."""
+
+
+def plant_unit(name: str, rig: Truth, duration_s: float) -> Unit:
     """The FMU of `rig` at rest at 0. Raises ValueError where its drive changes its kind when a hidden effect begins."""
     plant = Plant(rig)
     stages = plant.stages()
@@ -50,7 +62,7 @@ def plant_unit(name: str, rig: Rig, duration_s: float) -> Unit:
 
 def _header(plant: Plant, stages: list[tuple[int, Floats]], kind: tuple[int, ...], variables: list[Variable]) -> str:
     drive, h = plant.rig.drive, stages[0][1]
-    straight = drive.straight or isinstance(drive, Pull)
+    straight = drive.straight or isinstance(drive, TruePull)
     defines = {name: int(getattr(at, name)) for name in _PLACES} | {
         "VARIABLES": 1 + len(variables),
         "INPUT": 1,
@@ -86,7 +98,7 @@ def _header(plant: Plant, stages: list[tuple[int, Floats]], kind: tuple[int, ...
     )
 
 
-def read_truth(path: Path) -> tuple[RunTable, Rig]:
+def read_truth(path: Path) -> tuple[RunTable, Truth]:
     """How long the scenario file `path`, one of `simulate`, `track` or `sil`, runs, and its plant. Raises ValueError of
     one sentence.
     """
@@ -102,3 +114,26 @@ def read_truth(path: Path) -> tuple[RunTable, Rig]:
         run, _, rig = parse_truth(tables)
         Plant(rig)
     return run, rig
+
+
+def object_code(function: Any, signature: tuple[Any, ...], symbol: str) -> bytes:
+    """Machine code of the compiled `function` for arguments of the numba types `signature`, under the name `symbol`.
+
+    In C it takes a pointer to its result, one to an exception (never set), and for every array numba's seven or nine
+    numbers. What else it refers to is the C library's alone.
+    """
+    fresh: Any = njit(**{**OPTIONS, "cache": False})(function.py_func)
+    fresh.compile(signature)
+    result = fresh.overloads[signature]
+    module = llvm.parse_assembly(result.library.get_llvm_str())
+    kept = module.get_function(result.fndesc.llvm_func_name)
+    kept.name = symbol
+    for entry in (*module.functions, *module.global_variables):
+        if not entry.is_declaration and entry.name != symbol:
+            entry.linkage = "internal"
+    cpu = _PROCESSORS.get(platform.machine().lower(), "")
+    machine = llvm.Target.from_default_triple().create_target_machine(cpu=cpu, opt=3, reloc="pic", codemodel="default")
+    passes = llvm.create_new_module_pass_manager()
+    passes.add_global_dead_code_eliminate_pass()
+    passes.run(module, llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options()))
+    return bytes(machine.emit_object(module))

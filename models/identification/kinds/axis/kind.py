@@ -21,18 +21,11 @@ from models.identification.kind import Array, OneByOne, Theta, present
 from models.identification.kinds.axis.coordinates import LINE, TURN, Coordinates, coordinates_of
 from models.identification.kinds.axis.effects import Size, candidates
 from models.identification.kinds.axis.moved import WHOLE, Moved, carried, moved
-from models.identification.kinds.axis.noise import UNTOLD, Noise, band_of, inertia_of, through, told_force, white_part
-from models.identification.kinds.axis.zero_phase import (
-    BAND_HZ,
-    decimate,
-    evened,
-    motion,
-    passed,
-    repeat_lag,
-    sampling_rate,
-)
+from models.identification.kinds.axis.noise import Noise, band_of, inertia_of, through, told_force, white_part
+from models.identification.kinds.axis.zero_phase import decimate, evened, motion, passed, repeat_lag, sampling_rate
 from models.identification.kinds.conditions import may_be_left_out
 from models.identification.kinds.variant import Range
+from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
 from models.rigs.axis import AXIS
@@ -59,7 +52,7 @@ class AxisKind(OneByOne):
     force_std: float | None = None
     position_std: float | None = None
     coordinates: Coordinates = LINE
-    band: float = BAND_HZ
+    band: float = SET.band_hz
     effects: tuple[type[Effect], ...] = field(default_factory=lambda: candidates(LINE, None))
     name: str = AXIS.id
     criteria: int = 1
@@ -92,7 +85,7 @@ class AxisKind(OneByOne):
         noise = rig.noise
         stds = (noise.torque_std_N_m, noise.angle_std_rad) if turns else (noise.force_std_N, noise.position_std_m)
         known = [record for record in records if c.force in record.columns]
-        band = min((band_of(r["t_s"], r[c.position], stds[1]) for r in records), default=BAND_HZ)
+        band = min((band_of(r["t_s"], r[c.position], stds[1]) for r in records), default=SET.band_hz)
         size = size_of(c, known, band) if known else None
         return cls._of(c, [stated.get(name) for name in c.base], size, *stds, band)
 
@@ -116,7 +109,7 @@ class AxisKind(OneByOne):
         size: Size | None,
         force_std: float | None,
         position_std: float | None,
-        band: float = BAND_HZ,
+        band: float = SET.band_hz,
     ) -> AxisKind:
         spans: Sequence[Range] = _SPANS
         if size is not None:
@@ -229,7 +222,7 @@ class AxisKind(OneByOne):
     def _believed(self, record: Record) -> float:
         """What counts as the noise of a force whose own is not told."""
         filtered = decimate(record[self.quantity], sampling_rate(record["t_s"]), self.band)
-        return UNTOLD * float(np.sqrt(np.mean(filtered**2)))
+        return SET.axis_untold * float(np.sqrt(np.mean(filtered**2)))
 
     def noise_floor(self, records: Sequence[Record]) -> float:
         """What the noise alone, the quietest record's, makes of the error, in %; not a number where nothing tells the

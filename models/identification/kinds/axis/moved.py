@@ -11,13 +11,12 @@ from models.checks.instrument.usable import used
 from models.checks.view import runs_of
 from models.identification.kinds.axis.coordinates import Coordinates
 from models.identification.kinds.axis.noise import through, white_part
-from models.identification.kinds.axis.zero_phase import BORDER, LONGEST, Array, Motion, motion
+from models.identification.kinds.axis.zero_phase import Array, Motion, motion
+from models.identification.settings import SET
 from models.records.record import Record
 
 WHOLE, STILL, PLACE_NOISE = ("_x", "_v", "_a"), "_still", "_place_noise"
 """Columns that a part of a record carries on from the whole: the motion filtered before the cut, rests, noise."""
-_REST_S, _REST = 0.1, 1e-3  # s, and of the greatest speed: longer and slower than that an axis is at rest
-_AGREES = 0.2  # of the speed, by which a logged one may differ from the position's
 
 
 @dataclass(frozen=True)
@@ -47,7 +46,7 @@ def moved(record: Record, c: Coordinates, position_std: float | None, band: floa
     logged = record.columns.get(c.velocity)
     if logged is not None:
         apart = float(np.sqrt(np.mean((m.v - logged) ** 2)))
-        logged = logged if apart < _AGREES * float(np.sqrt(np.mean(m.v**2))) else None
+        logged = logged if apart < SET.axis_agrees * float(np.sqrt(np.mean(m.v**2))) else None
     if logged is not None:
         m = motion(record["t_s"], position, logged, band)
     place = position_std or white_part(position)
@@ -75,9 +74,9 @@ def _direction(m: Motion, place: float, band: float) -> Array:
 
 def _beside_gaps(unused: NDArray[np.bool_], rate: float, band: float) -> NDArray[np.bool_]:
     """The rows of gaps, and beside them as far as the filters reach."""
-    out, reach = np.zeros_like(unused), round(BORDER / band * rate)
+    out, reach = np.zeros_like(unused), round(SET.border / band * rate)
     for a, b in runs_of(unused):
-        if b - a >= LONGEST - 1:
+        if b - a >= SET.axis_gap - 1:
             out[max(a - reach, 0) : b + reach] = True
     return out
 
@@ -85,6 +84,6 @@ def _beside_gaps(unused: NDArray[np.bool_], rate: float, band: float) -> NDArray
 def _still(m: Motion, place: float, band: float) -> NDArray[np.bool_]:
     fast = np.abs(m.v)
     out = fast < 2 * _unsure(m, place, band)
-    for a, b in runs_of(fast < max(_REST * float(np.percentile(fast, 99)), 4 * _unsure(m, place, band))):
-        out[a:b] |= (b - a) > _REST_S * m.rate
+    for a, b in runs_of(fast < max(SET.axis_rest * float(np.percentile(fast, 99)), 4 * _unsure(m, place, band))):
+        out[a:b] |= (b - a) > SET.axis_rest_s * m.rate
     return out

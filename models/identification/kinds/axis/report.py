@@ -9,9 +9,9 @@ import numpy as np
 from models.effects.equation import about_axis, lines_of
 from models.identification.kind import Theta
 from models.identification.kinds.axis.kind import AxisKind
-from models.identification.kinds.axis.noise import UNTOLD
 from models.identification.kinds.axis.ripple import Ripple, find_ripple
 from models.identification.kinds.axis.zero_phase import decimate, sampling_rate
+from models.identification.settings import SET
 from models.records.record import Record
 
 
@@ -89,7 +89,7 @@ def _what_is_left(kind: AxisKind, theta: Theta, records: Sequence[Record]) -> st
         return (
             f"Nothing tells the noise of the {word} (no repeats that differ, no noise of its own, none stated): it may"
             f" be the command. No floor is claimed; the model leaves {left:.3g} %, and what is below"
-            f" {100 * UNTOLD:g} % is not looked for."
+            f" {100 * SET.axis_untold:g} % is not looked for."
         )
     return f"Noise and repeats of the same motion leave {floor:.2f} % of the {word}; the model leaves {left:.2f} %."
 

@@ -10,12 +10,8 @@ import numpy as np
 from models.identification.kind import Theta
 from models.identification.kinds.axis.kind import AxisKind
 from models.identification.kinds.axis.zero_phase import decimate, sampling_rate
+from models.identification.settings import SET
 from models.records.record import Record
-
-SHORTEST_M, LONGEST_M = 1.5e-3, 2e-2
-"""Leads and pole pitches of usual drives; 2 mm is about the shortest at 0.1 m/s that the 40 Hz filter passes."""
-SHORTEST_RAD, LONGEST_RAD = 2 * math.pi / 100, 2 * math.pi / 4
-"""Poles, slots and teeth of usual motors and gears in a turn."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +39,7 @@ def find_ripple(kind: AxisKind, record: Record, theta: Theta) -> Ripple | None:
     e = kind.residual(record, theta) * kind.noise(record).weight
     e = e - e.mean()
     step = 0.25 / max(float(np.ptp(x)), 1e-6)
-    shortest, longest = (SHORTEST_RAD, LONGEST_RAD) if c.turns else (SHORTEST_M, LONGEST_M)
+    shortest, longest = (SET.pole_min_rad, SET.pole_max_rad) if c.turns else (SET.lead_min_m, SET.lead_max_m)
     waves = np.arange(1 / longest, 1 / shortest, step)
     best, found = 0.0, None
     for wave in waves:

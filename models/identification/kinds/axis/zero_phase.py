@@ -13,14 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, cheby1, filtfilt, freqz
 
+from models.identification.settings import SET
 from models.records.record import USED, Record
 
 Array = NDArray[np.float64]
-BAND_HZ = 20.0  # closed-loop bandwidth that the authors' cut-offs are multiples of
-BORDER = 1.0  # periods of the bandwidth that are cut at the ends, where a zero-phase filter has only one side
-_SHORT = 2000  # samples that are filtered by a matrix
-_EVEN, LONGEST = 0.05, 5.0  # share by which steps may differ, and the longest in usual ones that is no gap
-_LOST = 0.5  # of a record, beside and within gaps
 
 
 @dataclass(frozen=True)
@@ -40,7 +36,7 @@ class Motion:
     @cached_property
     def even(self) -> bool:
         """Whether its steps in time are even within 5 %."""
-        return _unevenness(self.t) <= _EVEN
+        return _unevenness(self.t) <= SET.even
 
 
 @cache
@@ -61,19 +57,19 @@ def evened(record: Record, columns: Sequence[str]) -> Record:
     Raises ValueError where speed and acceleration would be guessed in half of it or more.
     """
     t = record["t_s"]
-    if _unevenness(t) <= _EVEN:
+    if _unevenness(t) <= SET.even:
         return record
     steps = np.diff(t)
     usual = float(np.median(steps))
-    long = steps > LONGEST * usual
+    long = steps > SET.axis_gap * usual
     step = float(np.mean(steps[~long]))
     gaps = np.count_nonzero(long)
-    lost = float(np.sum(steps[long])) + 2 * BORDER / BAND_HZ * gaps
-    if lost > _LOST * (t[-1] - t[0]):
+    lost = float(np.sum(steps[long])) + 2 * SET.border / SET.band_hz * gaps
+    if lost > SET.lost * (t[-1] - t[0]):
         worst = int(np.argmax(steps))
         raise ValueError(
-            f"t_s must be evenly spaced to be differentiated, without steps above {LONGEST:g} times the usual one over"
-            f" most of it; got {gaps}, the longest of {steps[worst]:g} s at {t[worst]:.12g} s among {usual:g} s"
+            f"t_s must be evenly spaced to be differentiated, without steps above {SET.axis_gap:g} times the usual one"
+            f" over most of it; got {gaps}, the longest of {steps[worst]:g} s at {t[worst]:.12g} s among {usual:g} s"
         )
     even = np.linspace(t[0], t[-1], round((t[-1] - t[0]) / step) + 1)
     there = {name: np.interp(even, t, record[name]) for name in columns if name in record.columns}
@@ -91,7 +87,7 @@ def _unevenness(t: Array) -> float:
     return float(np.max(np.abs(steps - usual))) / usual
 
 
-def motion(t: Array, position: Array, velocity: Array | None = None, band: float = BAND_HZ) -> Motion:
+def motion(t: Array, position: Array, velocity: Array | None = None, band: float = SET.band_hz) -> Motion:
     """Differentiate a measured position: Butterworth of order 4 forward and backward at five times the `band` in Hz,
     then central differences; the speed is the `velocity` that was logged where there is one, filtered alike.
     """
@@ -105,17 +101,17 @@ def motion(t: Array, position: Array, velocity: Array | None = None, band: float
     return Motion(t, np.asarray(x), v, np.gradient(v, 1 / rate))
 
 
-def reduction(rate: float, band: float = BAND_HZ) -> int:
+def reduction(rate: float, band: float = SET.band_hz) -> int:
     """Factor of the down-sampling, so that twice the `band` is 0.8 of the Nyquist frequency that is left."""
     return max(1, round(0.8 * (rate / 2) / (2 * band)))
 
 
-def decimate(signal: Array, rate: float, band: float = BAND_HZ) -> Array:
+def decimate(signal: Array, rate: float, band: float = SET.band_hz) -> Array:
     """The authors' parallel filter, along the last axis: cut the borders, low-pass (Chebyshev I, order 8, 0.05 dB, both
     ways, at twice the `band` in Hz), down-sample.
     """
     factor = reduction(rate, band)
-    border = round(BORDER / band * rate)
+    border = round(SET.border / band * rate)
     if signal.shape[-1] < 2 * border + 3 * factor:
         least = (2 * border + 3 * factor) / rate
         raise ValueError(
@@ -124,7 +120,7 @@ def decimate(signal: Array, rate: float, band: float = BAND_HZ) -> Array:
     inner = signal[..., border:-border] if border else signal
     if factor == 1:
         return inner
-    return inner @ _operator(inner.shape[-1], factor) if inner.shape[-1] <= _SHORT else _passed_down(inner, factor)
+    return inner @ _operator(inner.shape[-1], factor) if inner.shape[-1] <= SET.short else _passed_down(inner, factor)
 
 
 def _passed_down(inner: Array, factor: int) -> Array:
@@ -138,7 +134,7 @@ def _operator(count: int, factor: int) -> Array:
     return np.ascontiguousarray(_passed_down(np.eye(count), factor))
 
 
-def passed(rate: float, band: float = BAND_HZ) -> float:
+def passed(rate: float, band: float = SET.band_hz) -> float:
     """Standard deviation that `decimate` leaves of white noise of standard deviation 1."""
     factor = reduction(rate, band)
     if factor == 1:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from models.effects import effects_for
 from models.effects.effect import Effect
 from models.identification.kind import Array, OneByOne, Theta, present
+from models.identification.settings import SET
 from models.laws.dynamic_modulus import angular_frequency, five_element_modulus
 from models.laws.hoop import Moduli
 from models.parameter import Parameter, load_set
@@ -25,9 +26,6 @@ from models.rigs.rig import Rig
 
 NAMES = ("E1", "E2", "E3", "tau1", "tau2")
 COLUMNS = ("storage_modulus_Pa", "loss_modulus_Pa")
-SAMPLE_SPREAD, READING_SPREAD = 0.035, 0.010
-"""Relative scatter between samples (one factor a sample) and of one reading (real and imaginary part), paper V Table 2.
-"""
 
 
 @dataclass(frozen=True)
@@ -98,7 +96,7 @@ class DmaKind(OneByOne):
         that draws the whole fit down (Peelle's puzzle).
         """
         measured, predicted = self.measured(record), self.predict(record, theta)
-        std = math.hypot(SAMPLE_SPREAD / math.sqrt(2), READING_SPREAD)
+        std = math.hypot(SET.dma_sample / math.sqrt(2), SET.dma_reading)
         size = math.sqrt(float(np.mean(np.sum(measured**2, axis=1))))
         if self.modulus_std_Pa is not None:
             std = self.modulus_std_Pa / size
@@ -126,7 +124,7 @@ class DmaKind(OneByOne):
             freedom += len(same) - 1
         total = float(np.sum(measured**2))
         if not freedom:
-            return 100 * math.sqrt(SAMPLE_SPREAD**2 + 2 * READING_SPREAD**2)
+            return 100 * math.sqrt(SET.dma_sample**2 + 2 * SET.dma_reading**2)
         return 100 * math.sqrt(scatter / freedom * len(measured) / total)
 
     def imitate(self, record: Record, theta: Theta, rng: np.random.Generator) -> Record:
@@ -136,7 +134,7 @@ class DmaKind(OneByOne):
         made = self.predict(record, theta)
         size = np.hypot(*made.T)
         for rows in samples_of(record):
-            made[rows] *= 1 + SAMPLE_SPREAD * rng.standard_normal()
+            made[rows] *= 1 + SET.dma_sample * rng.standard_normal()
             made[rows] += (self._reading(size[rows]) * size[rows])[:, None] * rng.standard_normal((len(rows), 2))
         return record.with_column(COLUMNS[0], made[:, 0]).with_column(COLUMNS[1], made[:, 1])
 
@@ -165,7 +163,7 @@ class DmaKind(OneByOne):
         return {"frequency_Hz": record["frequency_Hz"]} | dict(zip(COLUMNS, predicted.T, strict=True))
 
     def _reading(self, size: Array) -> Array:
-        return np.full(len(size), READING_SPREAD) if self.modulus_std_Pa is None else self.modulus_std_Pa / size
+        return np.full(len(size), SET.dma_reading) if self.modulus_std_Pa is None else self.modulus_std_Pa / size
 
 
 def moduli_of(theta: Theta) -> Moduli:

@@ -16,10 +16,8 @@ from models.identification.kinds.dma.common_residual import (
     springpot_alone,
 )
 from models.identification.kinds.dma.kind import DmaKind
+from models.identification.settings import SET
 from models.records.record import Record
-
-_LITTLE = 1.1  # two errors that differ by less are told as alike
-_DIP = 0.05  # of the modulus: a smaller one is not told as a dip
 
 
 def equations(kind: DmaKind, theta: Theta) -> list[str]:
@@ -54,9 +52,9 @@ def statements(kind: DmaKind, theta_by_stage: Mapping[str, Theta], records: Sequ
 
 def _broader(error: float, best: float, floor: float) -> str:
     """What the least error of any relaxation law says about the five elements'."""
-    if error <= _LITTLE * max(best, floor):
+    if error <= SET.little * max(best, floor):
         return "a broader spectrum is not what is missing."
-    if best <= _LITTLE * floor:
+    if best <= SET.little * floor:
         return "a broader spectrum is all that is missing."
     return "a broader spectrum takes away part of it and leaves the rest."
 
@@ -76,7 +74,7 @@ def _springpot(kind: DmaKind, theta: Theta, records: Sequence[Record]) -> list[s
 
 
 def _compared(error: float, other: float) -> str:
-    return "better" if error * _LITTLE < other else "worse" if error > _LITTLE * other else "no better"
+    return "better" if error * SET.little < other else "worse" if error > SET.little * other else "no better"
 
 
 def _stopped(kind: DmaKind, theta_by_stage: Mapping[str, Theta]) -> list[str]:
@@ -140,7 +138,7 @@ def next_experiment(kind: DmaKind, theta: Theta, records: Sequence[Record]) -> s
             " left, with an elastic reference of known modulus and with samples of another mass and thickness: what"
             " stays where it is belongs to the instrument, what moves with the sample is inertia"
         )
-    if kind.error(records, [kind.predict(r, theta) for r in records]) <= _LITTLE * kind.noise_floor(records):
+    if kind.error(records, [kind.predict(r, theta) for r in records]) <= SET.little * kind.noise_floor(records):
         return None
     return (
         f"sweep from {low / 10:.2g} to {high * 10:.2g} Hz, five frequencies a decade, two samples or more: the moduli"
@@ -156,7 +154,7 @@ def _common(common: CommonResidual) -> str:
         f" same in all of them (F = {common.F:.0f}, p = {common.p:.0e}; by permutation {common.p_permuted:.4f})."
     )
     middle = 0 < lowest < len(common.storage) - 1
-    if middle and common.storage[lowest] < -_DIP and common.measured[lowest] < common.measured[lowest - 1]:
+    if middle and common.storage[lowest] < -SET.dma_dip and common.measured[lowest] < common.measured[lowest - 1]:
         return (
             f"{said} The storage modulus dips at {common.frequency_Hz[lowest]:g} Hz,"
             f" {-100 * common.storage[lowest]:.0f} % of the modulus below the law, and no relaxation law can do that:"

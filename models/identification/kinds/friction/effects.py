@@ -4,20 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 
 from models.effects import effects_for
 from models.effects.effect import Effect
 from models.identification.kinds.variant import Range, variant
+from models.identification.settings import SET
 from models.parameter import Parameter
 from models.rigs.friction import FRICTION
-
-_RATIO: Final = 3.0
-"""Speeds, or loads, that span less cannot show what depends on them."""
-_REFERENCE_M_S: Final = 0.01  # the speed at which viscous_drag states its force
-_STEEPEST: Final = 3.0
 
 
 @dataclass(frozen=True)
@@ -38,10 +33,10 @@ class Extent:
         """What these records lack, by the name that an effect gives it in `needs`."""
         told = {
             "speeds": ""
-            if self.fast > _RATIO * self.slow
+            if self.fast > SET.friction_ratio * self.slow
             else f"its speeds lie between {_span(self.slow, self.fast)} m/s",
             "load": ""
-            if self.heavy > _RATIO * self.light
+            if self.heavy > SET.friction_ratio * self.light
             else f"its loads lie between {_span(self.light, self.heavy)} N",
             "both_ways": "" if self.both_ways else "it slides one way only",
         }
@@ -72,12 +67,12 @@ def cannot_show(extent: Extent) -> dict[str, str]:
 
 def _ranges(x: Extent) -> Mapping[str, Range]:
     """Value and bounds of parameters that follow from the extent, by `effect.parameter`."""
-    drag = 3 * x.friction * max(1.0, _REFERENCE_M_S / x.fast) ** _STEEPEST
+    drag = 3 * x.friction * max(1.0, SET.drag_reference_m_s / x.fast) ** SET.drag_steepest
     return {
         "stribeck.excess": (0.0, 0.0, 10.0),
         "stribeck.speed_m_s": (float(np.sqrt(x.slow * x.fast)), 0.3 * x.slow, 3 * x.fast),
         "viscous_drag.coefficient_N": (0.0, 0.0, drag),
-        "viscous_drag.exponent": (0.5, 0.1, _STEEPEST),
+        "viscous_drag.exponent": (0.5, 0.1, SET.drag_steepest),
         "load_dependent_friction.growth_per_load": (0.0, -0.95 / x.heavy, 20 / x.heavy),
         "hertzian_contact.reference_N": (float(np.sqrt(x.light * x.heavy)), 1e-6, 1e9),
         "adhesive_contact.load_N": (0.0, -0.9 * x.light, 5 * x.heavy),

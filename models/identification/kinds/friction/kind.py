@@ -18,16 +18,14 @@ from models.effects.effect import Effect, Signals
 from models.identification.kind import Array, OneByOne, Theta, present
 from models.identification.kinds.friction.effects import Extent, candidates
 from models.identification.kinds.repeats import Index, distinct, left_out_in_turn, means, pooled_rms
+from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
 from models.rigs.friction import FRICTION
 from models.rigs.rig import Rig
 
 FORCE, COEFFICIENT, SPEED, LOAD = "force_N", "friction_coefficient", "velocity_m_s", "load_N"
-FOLDS = 8
 _BELIEF = "rig file; without it only a start for the calibration"
-_UNTOLD = 0.05  # relative scatter of a reading where nothing tells it
-_FINEST = 1e-3  # relative; readings are never believed to be better
 
 
 @dataclass(frozen=True)
@@ -45,7 +43,7 @@ class FrictionKind(OneByOne):
     quantity: str = FORCE
     load: float | None = None
     std: float | None = None
-    relative: float = _UNTOLD
+    relative: float = SET.friction_untold
     extent: Extent | None = None
     effects: tuple[type[Effect], ...] = field(default_factory=lambda: candidates(None))
     name: str = FRICTION.id
@@ -85,7 +83,7 @@ class FrictionKind(OneByOne):
             quantity,
             load,
             None if coefficient else rig.noise.force_std_N,
-            _scatter(known, quantity) if known else _UNTOLD,
+            _scatter(known, quantity) if known else SET.friction_untold,
             extent,
             candidates(extent),
         )
@@ -163,7 +161,7 @@ class FrictionKind(OneByOne):
         )
         inner = np.flatnonzero(~alone) if np.sum(~alone) >= 2 else np.arange(len(runs))
         part = np.full(len(runs), -1)
-        part[inner] = np.random.default_rng(0).permutation(len(inner)) % min(FOLDS, len(inner))
+        part[inner] = np.random.default_rng(0).permutation(len(inner)) % min(SET.folds, len(inner))
         return left_out_in_turn(records, index, part)
 
     def signals(self, record: Record) -> dict[str, Array]:
@@ -233,10 +231,10 @@ def _scatter(records: Sequence[Record], quantity: str) -> float:
             if np.sum(own) > 3:
                 off.append(_off_line(np.log(np.abs(runs[own, 0])), mean[own]))
     if freedom >= 3:
-        return max(float(np.sqrt(squares / freedom)), _FINEST)
+        return max(float(np.sqrt(squares / freedom)), SET.friction_finest)
     if off:
-        return max(float(1.4826 * np.median(np.abs(np.concatenate(off)))), _FINEST)
-    return _UNTOLD
+        return max(float(1.4826 * np.median(np.abs(np.concatenate(off)))), SET.friction_finest)
+    return SET.friction_untold
 
 
 def _off_line(x: Array, y: Array) -> Array:

@@ -16,6 +16,7 @@ from models.effects import effects_for
 from models.effects.effect import Effect, Signals
 from models.effects.wall.small_strain_stiffening import SmallStrainStiffening
 from models.identification.kind import Array, OneByOne, Theta, present
+from models.identification.settings import SET
 from models.laws.geometry import GRAVITY, Capsule, Tissue, stretched_length, wall_section
 from models.laws.hyperelastic import WallConstants
 from models.laws.resistance import pressure_integrals
@@ -27,10 +28,6 @@ from models.rigs.periods import PERIODS
 from models.rigs.rig import Rig
 
 COLUMNS = ("period_s", "valley_N", "peak_N")
-SCATTER = (0.25, 0.12, 0.07)
-"""Relative standard deviation of one period, valley and peak: paper A Table 2."""
-SPEED, RETURN_SPEED = 0.5e-3, 0.6e-3
-"""Pull and average speed at which the wall draws back in m/s: paper A Table 1, true at this pull alone."""
 EQUIVALENTS = MappingProxyType({"small_strain_stiffening": ("wall_viscosity",)})
 """Effects that give the same period, valley and peak at one speed, whatever is measured."""
 _HELD = "held: one speed cannot tell it"
@@ -71,7 +68,7 @@ class PeriodsKind(OneByOne):
     base: tuple[Parameter, ...]
     length_m: float
     return_speed_m_s: float | None = None
-    scatter: tuple[float, float, float] = SCATTER
+    scatter: tuple[float, float, float] = SET.period_scatter
     period_std_s: float | None = None
     effects: tuple[type[Effect], ...] = field(default_factory=lambda: single_speed_effects())
     name: str = PERIODS.id
@@ -89,7 +86,7 @@ class PeriodsKind(OneByOne):
     @classmethod
     def from_rig(cls, rig: Rig, records: Sequence[Record] = ()) -> PeriodsKind:
         """The pull that a rig file describes; with `records` of several speeds all that several speeds can tell."""
-        speed = SPEED if rig.velocity_m_s is None else rig.velocity_m_s
+        speed = SET.pull_m_s if rig.velocity_m_s is None else rig.velocity_m_s
         kind = cls.around(rig.capsule, rig.tissue, speed, period_std_s=rig.noise.period_std_s)
         speeds = kind.speeds_of(records)
         if len(speeds) < 2:
@@ -101,7 +98,7 @@ class PeriodsKind(OneByOne):
         cls,
         capsule: Capsule = Capsule(),  # noqa: B008
         tissue: Tissue = Tissue(),  # noqa: B008
-        velocity_m_s: float = SPEED,
+        velocity_m_s: float = SET.pull_m_s,
         length_m: float | None = None,
         return_speed_m_s: float | None = None,
         period_std_s: float | None = None,

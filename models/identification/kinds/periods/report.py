@@ -13,10 +13,9 @@ from scipy.optimize import brentq
 from models.effects.equation import lines_of
 from models.effects.formula import Formula
 from models.identification.kind import Array, Theta
-from models.identification.kinds.periods.kind import RETURN_SPEED, SPEED, PeriodsKind
+from models.identification.kinds.periods.kind import PeriodsKind
+from models.identification.settings import SET
 from models.records.record import Record, named
-
-_WIDEST = 5.0  # logarithm of how much stiffer or softer a wall may be
 
 
 def equations(kind: PeriodsKind, theta: Theta) -> list[str]:
@@ -60,13 +59,13 @@ def _one_speed(kind: PeriodsKind, theta: Theta, records: Sequence[Record]) -> li
     limit, cycle, as_paper = (
         kind.levels(v, theta)[1],
         kind.cycle(v, theta),
-        replace(kind, return_speed_m_s=RETURN_SPEED),
+        replace(kind, return_speed_m_s=SET.return_m_s),
     )
     out = [
         "Valley and peak are identified (hoop factor and friction): paper A's own 23.23 and 16.56 mN do not follow "
         "from its printed parameters. The period is not; with A's f_c = 16.56 mN its law gives at 0.5 mm/s "
-        f"{_period(as_paper, 0.01656, SPEED):.4f} s, with L_s = L = {1e3 * kind.capsule.cylinder_length_m:g} mm "
-        f"{_period(shorter(as_paper), 0.01656, SPEED):.4f} s."
+        f"{_period(as_paper, 0.01656, SET.pull_m_s):.4f} s, with L_s = L = {1e3 * kind.capsule.cylinder_length_m:g} mm "
+        f"{_period(shorter(as_paper), 0.01656, SET.pull_m_s):.4f} s."
     ]
     with named(records[0]):
         factor = _stiffer_by(kind, limit, period, v)
@@ -161,10 +160,10 @@ def _stiffer_by(kind: PeriodsKind, limit: float, period: float, speed: float) ->
     def given(k: float) -> float:
         return _period(kind, limit / np.exp(k), speed)
 
-    if not given(_WIDEST) <= period <= given(-_WIDEST):
+    if not given(SET.period_widest) <= period <= given(-SET.period_widest):
         raise ValueError(
             f"pull at {speed:g} m/s with teeth of {limit:.3g} N must have a period_s of"
-            f" {given(_WIDEST):.3g} to {given(-_WIDEST):.3g} s, whatever the wall; got {period:.3g} s: are the speed"
-            " and the rig file's recovery_time_s right, and the forces in N?"
+            f" {given(SET.period_widest):.3g} to {given(-SET.period_widest):.3g} s, whatever the wall;"
+            f" got {period:.3g} s: are the speed and the rig file's recovery_time_s right, and the forces in N?"
         )
-    return float(np.exp(brentq(lambda k: given(k) - period, -_WIDEST, _WIDEST)))
+    return float(np.exp(brentq(lambda k: given(k) - period, -SET.period_widest, SET.period_widest)))

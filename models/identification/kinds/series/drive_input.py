@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.drives.drive import Drive
+from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
 from models.rigs.kinds import KINDS
@@ -30,8 +31,6 @@ _FINE_LINKED_STEP = 2e-4  # s, the same where it counts: half of 1e-4's time, pr
 _DRIFTING_STEP = 2e-4  # s, the same where no magnet holds its place: what a step does wrong stays
 _SHAKEN_STEP = 1e-4  # s, the same for a body that its drive shakes to and fro
 _FINE_SHAKEN_STEP = 5e-5  # s, the same where it counts
-_UNEVEN = 0.05  # share of the sampling interval by which times may be off before samples count as uneven
-_AT_AN_END = 0.01  # share of a switch's range within which a sample counts as fully on or off
 
 
 def driven_column(kind: str, records: Sequence[Record]) -> str:
@@ -65,7 +64,7 @@ def evenly(record: Record, columns: Sequence[str]) -> Record:
     even times.
     """
     t = record["t_s"]
-    if np.max(np.abs(t - np.linspace(t[0], t[-1], len(t)))) < _UNEVEN * interval(record):
+    if np.max(np.abs(t - np.linspace(t[0], t[-1], len(t)))) < SET.uneven * interval(record):
         return record
     even = np.linspace(t[0], t[-1], 2 * len(t) - 1)
     there = {name: np.interp(even, t, record[name]) for name in columns if name in record.columns}
@@ -125,7 +124,7 @@ def feed(drive: Drive, record: Record, rigid: bool, delay: float, fine: bool = T
 def _ends(command: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Where a switch's column is fully off, and where fully on."""
     low, high = float(command.min()), float(command.max())
-    margin = _AT_AN_END * (high - low)
+    margin = SET.switch_end * (high - low)
     return command <= low + margin, command >= high - margin
 
 

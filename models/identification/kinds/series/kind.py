@@ -20,7 +20,8 @@ from models.effects.effect import Effect
 from models.identification.kind import Array, Theta
 from models.identification.kinds.conditions import may_be_left_out
 from models.identification.kinds.series.drive_input import clock_offset, drifts, driven_column, interval, switch_delay
-from models.identification.kinds.series.simulation import START_S, Runner
+from models.identification.kinds.series.simulation import Runner
+from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
 from models.rigs.kinds import KINDS
@@ -28,26 +29,14 @@ from models.rigs.parts import drive_of, surface_of
 from models.rigs.rig import Rig
 from models.surfaces.surface import Surface
 
-LOW_PASS_HZ = 2.0
-_PER_PERIOD = 10  # samples that the slow view keeps of a period of its cut-off
-_TAIL = 8.0  # standard deviations beyond which a difference counts ever less: samples at a jump of the speed
-SHAKEN_S = 6.0
-"""Length in s of what a search looks at of a body that its drive shakes to and fro."""
-_BEGINNINGS_S, _SHAKEN_BEGINNINGS_S = (2.0, 5.0, 12.0, 28.0), (0.4, 1.0, 2.0)
-_MEMORY_S, _HELD_S, _DRIFTS_S = 0.2, 1.0, 5.0  # of the observer; of a shaken body, and of one that nothing holds
-_NO_NOISE = 1e-12
-_FINE_FORCE_N, _FINE_PLACE_M = 1e-3, 5e-5  # noise of a good sensor
-_CLEARLY = 1.2
-_TOOTH_S, _SWING_S = 0.05, 0.2  # s, within which a force and a place change
-_DIVERGED = 1e6  # standard deviations, beyond which a prediction is no longer one
 _WALL_HOOKS = ("stiffening", "wall_force", "recovery")
 
 
 def low_passed(signal: Array, dt: float) -> Array:
     """`signal` without what is faster than 2 Hz: Butterworth, second order, forward and back, so without phase."""
-    if len(signal) < 16 or LOW_PASS_HZ * 2 * dt >= 1:
+    if len(signal) < 16 or SET.low_pass_hz * 2 * dt >= 1:
         return signal
-    return np.asarray(sosfiltfilt(butter(2, LOW_PASS_HZ * 2 * dt, output="sos"), signal))
+    return np.asarray(sosfiltfilt(butter(2, SET.low_pass_hz * 2 * dt, output="sos"), signal))
 
 
 @dataclass(frozen=True)
@@ -91,7 +80,7 @@ class SeriesKind:
     @classmethod
     def build(cls, surface: Surface, drive: Drive, noise_std: float, records: Sequence[Record] = ()) -> SeriesKind:
         """The kind for a surface and a drive; `records` tell how a switch was logged."""
-        memory = _HELD_S if drive.held else _DRIFTS_S if drifts(drive) else _MEMORY_S
+        memory = SET.held_s if drive.held else SET.drifts_s if drifts(drive) else SET.memory_s
         own = surface.parameters()
         base = own + drive.parameters() + switch_delay(drive, records)
         effects = tuple(e for e in effects_for(drive.name) if surface.dragged or not _acts_on_the_wall(e))
@@ -135,7 +124,7 @@ class SeriesKind:
     @property
     def beginnings_s(self) -> tuple[float, ...]:
         """See `Kind.beginnings_s`: a shaken body strikes many times a second."""
-        return _SHAKEN_BEGINNINGS_S if self.drive.held else _BEGINNINGS_S
+        return SET.shaken_beginnings_s if self.drive.held else SET.beginnings_s
 
     @property
     def lanes(self) -> int:
@@ -156,7 +145,7 @@ class SeriesKind:
         """`output` moved to where the record starts: one sample's noise in the starting place would stay to the end."""
         if not drifts(self.drive) or self.quantity not in record.columns:
             return output
-        first = slice(0, max(1, round(START_S / interval(record))))
+        first = slice(0, max(1, round(SET.start_s / interval(record))))
         return output + float(np.mean(record[self.quantity][first] - output[first]))
 
     def predict(self, record: Record, theta: Theta) -> Array:
@@ -179,11 +168,11 @@ class SeriesKind:
         return [self._weighed(record, output, criterion) for output in outputs]
 
     def _weighed(self, record: Record, output: Array, criterion: int) -> Array:
-        r = differences(record[self.quantity], output, self.noise_std, _DIVERGED)
+        r = differences(record[self.quantity], output, self.noise_std, SET.diverged)
         if criterion == self.criteria:
             dt = interval(record)
-            return np.asarray(low_passed(r, dt)[:: max(1, round(1 / (_PER_PERIOD * LOW_PASS_HZ * dt)))])
-        return np.asarray(less_in_the_tail(averages(r[counted(record)], self.averaged), _TAIL))
+            return np.asarray(low_passed(r, dt)[:: max(1, round(1 / (SET.low_pass_samples * SET.low_pass_hz * dt)))])
+        return np.asarray(less_in_the_tail(averages(r[counted(record)], self.averaged), SET.tail))
 
     def error(self, records: Sequence[Record], predictions: Sequence[Array]) -> float:
         """Rms of the prediction error low-passed at 2 Hz, pooled over the samples of the records that count; straight
@@ -213,7 +202,7 @@ class SeriesKind:
 
     def searched(self, records: Sequence[Record]) -> list[Record]:
         """Of a shaken body, which strikes in every period of its drive, the beginnings; of others all."""
-        return [record.beginning(SHAKEN_S) if self.drive.held else record for record in records]
+        return [record.beginning(SET.shaken_s) if self.drive.held else record for record in records]
 
     def splits(self, records: Sequence[Record]) -> list[tuple[list[Record], list[Record]]]:
         """The last record validates the others; where it holds a speed, a direction or a place that no other has, or
@@ -272,8 +261,8 @@ def averaged_samples(column: str, noise_std: float, records: Sequence[Record]) -
     """How many neighbouring samples of `column` a noisy sensor needs to be as good as a fine one, at most as many as
     lie within the time in which the motion changes.
     """
-    fine, longest_s = (_FINE_FORCE_N, _TOOTH_S) if column == "force_N" else (_FINE_PLACE_M, _SWING_S)
-    if not records or noise_std <= _CLEARLY * fine:
+    fine, longest_s = (SET.fine_force_N, SET.tooth_s) if column == "force_N" else (SET.fine_place_m, SET.swing_s)
+    if not records or noise_std <= SET.noisy * fine:
         return 1
     rate = float(np.median([used(record).mean() / interval(record) for record in records]))
     return max(1, round(min((noise_std / fine) ** 2, longest_s * rate)))
@@ -296,11 +285,11 @@ def series_noise(records: Sequence[Record], column: str, stated: float | None) -
     measured = [record for record in records if column in record.columns]
     values = [record[column][used(record)] for record in measured]
     if not values:
-        return stated or _NO_NOISE
+        return stated or SET.no_noise
     vibrates = KINDS[measured[0].kind].vibrates
     told = float(np.median([told_noise(y, vibrates, stated) for y in values]))
     step = resolution(records, column)
-    return max(noise_used(stated, told, float(np.ptp(np.concatenate(values))), step), _NO_NOISE)
+    return max(noise_used(stated, told, float(np.ptp(np.concatenate(values))), step), SET.no_noise)
 
 
 def resolution(records: Sequence[Record], column: str) -> float:

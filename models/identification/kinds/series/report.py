@@ -17,7 +17,7 @@ from models.identification.kinds.series.kind import SeriesKind
 from models.identification.kinds.series.simulation import active_effects
 from models.records.record import Record
 
-_FORESIGHTS = (
+_FORESIGHTS = (  # memory of the observer in s, and what it makes of an error
     (0.03, "one step ahead of an observer that forgets within 0.03 s"),
     (0.5, "ahead of an observer that forgets within half a second"),
     (None, "in a free run"),

@@ -23,10 +23,9 @@ from models.identification.kinds.series.drive_input import (
     feed,
     interval,
 )
+from models.identification.settings import SET
 from models.records.record import USED, Record
 from models.surfaces.surface import Surface
-
-START_S = 0.5  # s, over which a record's start is compared with a prediction's where the drive does not tell the place
 
 
 @cache
@@ -101,7 +100,7 @@ class Runner:
             at, late = np.arange(len(spread)), [_late(theta) / fed.dt for theta in filled]
             seen = np.stack([np.interp(at + n, at, spread) for n in late], axis=1) if any(late) else _each_lane(spread)
         if drifts(self.drive) and measured is not None and memory:
-            n = 1 + max(1, round(START_S / fed.dt))
+            n = 1 + max(1, round(SET.start_s / fed.dt))
             kernel.many(states.copy(), fed.commands[:n], seen, 0.0, parameters, fed.substeps, fed.dt, shown)
             there = np.isfinite(seen[:n]).all(axis=1)
             if there.any():  # one sample's noise in the place would last

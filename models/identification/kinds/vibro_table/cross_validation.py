@@ -11,10 +11,8 @@ import numpy as np
 from models.identification.fitting.fit import Problem, descend
 from models.identification.kind import Theta
 from models.identification.kinds.vibro_table.kind import VibroTableKind
+from models.identification.settings import SET
 from models.records.record import Record
-
-_FEWEST = 24
-_STEPS = 4
 
 
 def effects_in(theta: Theta) -> list[str]:
@@ -30,7 +28,7 @@ def cross_validated(kind: VibroTableKind, theta: Theta, records: Sequence[Record
     24 conditions.
     """
     splits = kind.splits(records)
-    if sum(len(_pairs(held)) for _, held in splits) < _FEWEST:
+    if sum(len(_pairs(held)) for _, held in splits) < SET.table_fewest:
         return {}
     names = effects_in(theta)
     out = {}
@@ -48,7 +46,7 @@ def _fitted(
 ) -> dict[str, float]:
     theta: Mapping[str, float] = start
     for secant in secants:
-        theta = descend(Problem.of(kind, records, effects, 0), theta, secant, _STEPS).theta
+        theta = descend(Problem.of(kind, records, effects, 0), theta, secant, SET.table_steps).theta
     return dict(theta)
 
 

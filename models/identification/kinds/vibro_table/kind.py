@@ -18,16 +18,12 @@ from models.identification.kind import Array, OneByOne, Theta
 from models.identification.kinds.repeats import Index, distinct, left_out_in_turn, means, pooled_rms
 from models.identification.kinds.vibro_table.effects import VARIANTS, vibro_cycle
 from models.identification.kinds.vibro_table.mean_speed import STEP_S, mean_velocities
+from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
 from models.rigs.rig import Rig
 from models.rigs.vibro_table import VIBRO_TABLE
 
-READING_M = 1.0e-3
-"""Resolution of the displacement that the source reads off, in m."""
-FOLDS = 8
-OUTLYING = 2.0
-"""Standard deviations from which on an error counts linearly: runs may settle on another of coexisting motions."""
 _BELIEF = "rig file"
 _SCALE = (
     "common factor of force and friction: it scales every speed, as a wrong force, masses or a wrong scale of the"
@@ -153,7 +149,7 @@ class VibroTableKind(OneByOne):
         _, index = _conditions(record)
         scatter = _means(record, self.scatter(record) ** 2) / np.bincount(index)
         misfit = difference / np.sqrt(scatter + self.model_error_m_s**2)
-        return np.asarray(less_in_the_tail(misfit, OUTLYING))
+        return np.asarray(less_in_the_tail(misfit, SET.outlying))
 
     def scatter(self, record: Record) -> Array:
         """Standard deviation in m/s of a single run, one a row: reading of the displacement plus a common share of the
@@ -162,7 +158,7 @@ class VibroTableKind(OneByOne):
         _, index = _conditions(record)
         mean = _means(record, record[self.quantity])[index]
         counts = np.bincount(index)
-        reading = READING_M / np.sqrt(12) / (record["cycles"] * record["period_s"])
+        reading = SET.reading_m / np.sqrt(12) / (record["cycles"] * record["period_s"])
         spread = np.sum((record[self.quantity] - mean) ** 2) - np.sum(reading**2 * (1 - 1 / counts[index]))
         share = max(float(spread) / max(float(np.sum(mean**2 * (1 - 1 / counts[index]))), 1e-12), 0.0)
         return np.asarray(np.sqrt(reading**2 + share * mean**2), dtype=float)
@@ -193,7 +189,7 @@ class VibroTableKind(OneByOne):
         """Eight parts by whole (period, duty), drawn once and for all, never by repeats."""
         keys = [np.column_stack((r["period_s"], r["duty"])) for r in records]
         conditions, index = distinct(np.concatenate(keys))
-        part = np.random.default_rng(0).permutation(len(conditions)) % min(FOLDS, len(conditions))
+        part = np.random.default_rng(0).permutation(len(conditions)) % min(SET.folds, len(conditions))
         return left_out_in_turn(records, index, part)
 
     def signals(self, record: Record) -> dict[str, Array]:

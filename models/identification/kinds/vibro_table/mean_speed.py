@@ -1,7 +1,5 @@
 """Mean speeds of a body with an inner mass on a plate, for a table of periods and duties."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -11,7 +9,7 @@ from models.identification.kinds.vibro_table.numbers import VibroCycle
 from models.identification.kinds.vibro_table.solver import table
 
 Array = NDArray[np.float64]
-STEP_S = 2.0e-3
+STEP_S = 2.0e-3  # longest step of a run's integration; the solver goes finer by itself
 
 
 def mean_velocities(

@@ -1,10 +1,8 @@
 """The numbers of a body with an inner mass on a plate, as the compiled solver takes them."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
-GRAVITY = 9.81
+GRAVITY = 9.81  # m/s2
 
 
 class VibroCycle(NamedTuple):

@@ -11,10 +11,9 @@ from models.identification.kind import Array, Theta
 from models.identification.kinds.vibro_table.cross_validation import cross_validated
 from models.identification.kinds.vibro_table.kind import VibroTableKind
 from models.identification.kinds.vibro_table.numbers import GRAVITY
+from models.identification.settings import SET
 from models.records.record import Record
 from models.rigs.vibro_table import VIBRO_TABLE
-
-_DUTIES = (0.3, 0.7)
 
 
 def equations(kind: VibroTableKind, theta: Theta) -> list[str]:
@@ -119,9 +118,10 @@ def _validation(kind: VibroTableKind, theta: Theta, records: Sequence[Record]) -
 
 
 def _turn(kind: VibroTableKind, stage: str, theta: Theta) -> str:
-    turns = [reversal(kind, theta, duty) for duty in _DUTIES]
+    turns = [reversal(kind, theta, duty) for duty in SET.duties]
     said = ", ".join(
-        f"{1e3 * t:.1f} ms at duty {d:g}" if t else f"never at duty {d:g}" for t, d in zip(turns, _DUTIES, strict=True)
+        f"{1e3 * t:.1f} ms at duty {d:g}" if t else f"never at duty {d:g}"
+        for t, d in zip(turns, SET.duties, strict=True)
     )
     return f"The {stage} model reverses direction between 50 and 100 ms: {said}."
 

@@ -3,8 +3,6 @@
 All of it is one file on purpose: code that was compiled once is found again by the file's own date.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

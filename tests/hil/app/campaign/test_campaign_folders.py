@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil.app.campaign.folders.agreement import with_disagreements
-from hil.app.campaign.folders.answers import Answer, answer_of, document, lacking
+from hil.app.campaign.folders.answers import Answer, answer_of, document, lacking, with_disagreements
 from hil.app.campaign.folders.page import headline, page_html
 from hil.app.campaign.folders.series import find_series
 from hil.app.main import run

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from hil.app.cockpit.facts import Facts
 from hil.app.cockpit.hands import HOLD_S, PARTING_S, SAFE_S, Hands
+from hil.app.cockpit.panels import Facts
 from hil.app.cockpit.source import BusSource
 from hil.app.run.clock import Clock
 from hil.bus.protection import Receiver, Sender

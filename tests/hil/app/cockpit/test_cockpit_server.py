@@ -18,8 +18,8 @@ import tornado.httpclient  # noqa: E402
 import tornado.httpserver  # noqa: E402
 import tornado.websocket  # noqa: E402
 
-from hil.app.cockpit.facts import Facts  # noqa: E402
 from hil.app.cockpit.hands import Hands  # noqa: E402
+from hil.app.cockpit.panels import Facts  # noqa: E402
 from hil.app.cockpit.server import OPERATORS, WATCHERS, Cockpit, bind  # noqa: E402
 from hil.app.cockpit.source import BusSource, LogSource  # noqa: E402
 from hil.app.run.clock import Clock, ClockedBus  # noqa: E402

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import can
 
-from hil.app.cockpit.facts import Facts
+from hil.app.cockpit.panels import Facts
 from hil.app.cockpit.source import BusSource, LogSource
-from hil.app.cockpit.watch import KEPT, Watch
+from hil.app.cockpit.watch import KEPT, FrameWatch
 from hil.app.run.clock import Clock
 from hil.log.blf_file import Logged
 from hil.nodes.frame_map import FRAME_MAPS
@@ -16,8 +16,8 @@ from tests.hil.scripted_bus import ScriptedBus
 FACTS = Facts("test", "", FRAME_MAPS["magnetic"], CATALOGUE)
 
 
-def watched(frames: list[Logged]) -> Watch:
-    watch = Watch(CATALOGUE)
+def watched(frames: list[Logged]) -> FrameWatch:
+    watch = FrameWatch(CATALOGUE)
     for frame in frames:
         watch.take(frame.time_s, frame.id, frame.data)
     return watch
@@ -61,7 +61,7 @@ def test_who_falls_silent_is_told_and_who_comes_back() -> None:
 
 
 def test_nothing_that_comes_grows_without_bound_or_raises() -> None:
-    watch = Watch(CATALOGUE)
+    watch = FrameWatch(CATALOGUE)
     for k in range(5000):
         watch.take(1e-3 * k, k % 2048, bytes(k % 9))
     assert len(watch.events) <= KEPT

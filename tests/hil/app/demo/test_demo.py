@@ -22,14 +22,13 @@ import hil.app.demo.command as demo_module
 import hil.app.demo.story as story_module
 from controller.supervision.acceptance import Acceptance
 from hil.app.demo.command import demo
-from hil.app.demo.learning import LEARNING, LearningStory
-from hil.app.demo.loop import LOOPS, SCENARIOS, Excitation, LoopStory, admitted
+from hil.app.demo.loop import LEARNING, LOOPS, SCENARIOS, Excitation, LearningStory, LoopStory, admitted
 from hil.app.demo.next_record import NEXT_RECORD
 from hil.app.demo.page import demo_html
 from hil.app.demo.story import PRINTED, Mission, Progress, Told
 from hil.app.demo.worker import told
 from hil.app.learn import identify
-from hil.app.learn.identify import Answer
+from hil.app.learn.identify import LearningAnswer
 from hil.app.main import run
 from hil.app.scenario.bus_scenario import load_sil_scenario, parse_sil_scenario
 from models.files.toml import read_toml, toml_text
@@ -229,7 +228,7 @@ def test_a_run_learns_and_its_story_stands_in_the_page(tmp_path: Path, monkeypat
     raw["reference"]["positions_mm"] = raw["reference"]["positions_mm"][:5]
     raw["learning"] = {"gathered_s": 10.0, "answer_s": 1.0, "trial_s": 5.0}
     (tmp_path / "scenario.toml").write_text(toml_text(raw))
-    found = Answer({**TRUTH, **FOLDS}, ("fold_periodic",), "named", "lower held-out error", seconds=1.0)
+    found = LearningAnswer({**TRUTH, **FOLDS}, ("fold_periodic",), "named", "lower held-out error", seconds=1.0)
     monkeypatch.setattr(identify, "answer", lambda question: found)
     (tmp_path / "out").mkdir()
     one = LearningStory("learning", "a run that learns", tmp_path / "scenario.toml").tell(

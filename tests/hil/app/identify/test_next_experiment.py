@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.app.identify.close_loop import result_files
-from hil.app.identify.next_experiment import next_toml
+from hil.app.identify.close_loop import next_toml, result_files
 from hil.app.main import run
 from hil.app.report import report_html, report_json
 from hil.app.scenario.bus_scenario import load_sil_scenario, parse_sil_scenario

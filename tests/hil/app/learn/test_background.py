@@ -14,10 +14,10 @@ import pytest
 
 from hil.app.learn import background as module
 from hil.app.learn.background import CLOSED_S, Background
-from hil.app.learn.identify import Answer, Question
+from hil.app.learn.identify import LearningAnswer, LearningQuestion
 from tests.controller.loops import believed
 
-QUESTION = Question(believed("magnetic"), {}, 0, {})
+QUESTION = LearningQuestion(believed("magnetic"), {}, 0, {})
 UNUSABLE = "nothing could be identified: "
 """What a living learner says to it."""
 LONGEST_S = 60.0
@@ -43,7 +43,7 @@ def hit(learner: Background, number: signal.Signals) -> None:
         process.join(LONGEST_S)
 
 
-def asked(learner: Background) -> Answer:
+def asked(learner: Background) -> LearningAnswer:
     return learner(QUESTION).result(LONGEST_S)
 
 
@@ -100,7 +100,7 @@ def test_a_stopped_one_ends_with_the_run(asks: bool) -> None:
     learner.begin()
     process = process_of(learner)
     hit(learner, signal.SIGSTOP)
-    long = Question(QUESTION.rig, {"t": [0.0] * 500_000}, 0, {})  # type: ignore[dict-item]
+    long = LearningQuestion(QUESTION.rig, {"t": [0.0] * 500_000}, 0, {})  # type: ignore[dict-item]
     future = learner(long) if asks else None
     time.sleep(0.2)
     began = time.monotonic()

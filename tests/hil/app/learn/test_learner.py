@@ -16,7 +16,7 @@ from controller.signals import Measurement
 from controller.supervision.history import History
 from controller.supervision.model_switch import Offer, Prepared
 from hil.app.learn import identify
-from hil.app.learn.identify import Answer, Question, answer
+from hil.app.learn.identify import LearningAnswer, LearningQuestion, answer
 from hil.app.learn.learner import Learner, Pace
 from models.identification import Model
 from models.identification.kinds import kind_for, ready
@@ -25,8 +25,8 @@ from models.rigs.rig import Rig
 from tests.controller.loops import believed, model_of
 
 PACE = Pace(gathered_s=20.0, held_out_share=0.25, answer_s=10.0, trial_s=10.0)
-FOUND = Answer({"magnet_stiffness_N_per_m": 24.0}, ("fold_periodic",), "named", "held-out error lower")
-NOTHING = Answer({}, (), "none", "held-out error must be lower")
+FOUND = LearningAnswer({"magnet_stiffness_N_per_m": 24.0}, ("fold_periodic",), "named", "held-out error lower")
+NOTHING = LearningAnswer({}, (), "none", "held-out error must be lower")
 TICK = 0.01
 
 
@@ -51,9 +51,9 @@ class Switch:
 class Story:
     """A learner, and what it asked."""
 
-    found: Answer
+    found: LearningAnswer
     pace: Pace = PACE
-    asked: list[Question] = field(default_factory=list)
+    asked: list[LearningQuestion] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.driven: list[Experiment] = []
@@ -70,9 +70,9 @@ class Story:
             drive=self.driven.append,
         )
 
-    def ask(self, question: Question) -> Future[Answer]:
+    def ask(self, question: LearningQuestion) -> Future[LearningAnswer]:
         self.asked.append(question)
-        future: Future[Answer] = Future()
+        future: Future[LearningAnswer] = Future()
         future.set_result(self.found)
         return future
 
@@ -152,7 +152,7 @@ def test_nothing_is_asked_while_the_model_holds() -> None:
 
 
 def test_records_that_cannot_be_used_are_an_answer() -> None:
-    found = answer(Question(believed("magnetic"), {TIME: np.arange(3.0)}, 2, {}))
+    found = answer(LearningQuestion(believed("magnetic"), {TIME: np.arange(3.0)}, 2, {}))
     assert not found.passed
     assert found.sentence.startswith("nothing could be identified: ")
 
@@ -186,7 +186,7 @@ def test_a_model_that_explains_a_part_must_gain_more(
 
     monkeypatch.setattr(identify, "close", found)
     in_use = {"friction_coefficient": 0.09, "actuator_lag.time_s": 0.1}
-    answered = answer(Question(rig, columns, 300, in_use))
+    answered = answer(LearningQuestion(rig, columns, 300, in_use))
     assert answered.passed == offered
     assert seen["friction_coefficient"] == (0.09, pytest.approx(9e-4))
     assert seen["actuator_lag.time_s"] == (0.1, pytest.approx(1e-3))

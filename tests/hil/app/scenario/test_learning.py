@@ -7,7 +7,7 @@ import tomllib
 import pytest
 
 from hil.app.scenario.bus_scenario import parse_sil_scenario
-from hil.app.scenario.learning import Pace
+from hil.app.scenario.deployment import Pace
 from tests.hil.app.sil.test_sil import SHORT
 
 

@@ -9,7 +9,7 @@ import pytest
 from hil.app.main import run as capsule
 from hil.app.scenario.bus_scenario import load_sil_scenario, parse_sil_scenario
 from hil.app.sil.testbed import Bench
-from plant.drives.kinds import Coil, Vibro
+from plant.drives.kinds import TrueCoil, TrueVibro
 from tests.hil.app.sil.sil_runs import RIGS, model_of, scenario_of
 from tests.places import SCENARIOS
 
@@ -164,8 +164,8 @@ def test_bus_table_is_checked() -> None:
 def test_a_coil_inside_the_capsule_has_no_frame() -> None:
     scenario = scenario_of("vibro", 0.3)
     vibro = scenario.loop.truth.drive
-    assert isinstance(vibro, Vibro)
-    drive = replace(vibro, coil=Coil())
+    assert isinstance(vibro, TrueVibro)
+    drive = replace(vibro, coil=TrueCoil())
     other = replace(scenario, loop=replace(scenario.loop, truth=replace(scenario.loop.truth, drive=drive)))
     with pytest.raises(ValueError, match="on the bus must be"):
         Bench(other, model_of("vibro"), "vibro", 1)

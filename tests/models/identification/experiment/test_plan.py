@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.identification.experiment.plan import RAMP_S, Move, Plan, Room, random_plan, varied
+from models.identification.experiment.plan import Move, Plan, Room, random_plan, varied
+from models.identification.settings import SET
 from models.records.record import Record
 
 ROOM = Room("position_m", 0.0, 20e-3, 0.0, 8e-3, 12.0, 2e-3)
@@ -57,5 +58,5 @@ def test_waypoints_are_the_moves() -> None:
     assert times == pytest.approx([0.0, 0.3, 2.3, 3.3, 7.3, 12.0])
     assert places == pytest.approx([0.0, 0.0, 8e-3, 8e-3, 0.0, 4.7e-3])
     record = plan.record("pull")
-    later = np.interp(times[1:-1] + RAMP_S, record["t_s"], record["position_m"])
+    later = np.interp(times[1:-1] + SET.ramp_s, record["t_s"], record["position_m"])
     assert later == pytest.approx(places[1:-1], abs=5e-4)

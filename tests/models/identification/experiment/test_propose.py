@@ -6,7 +6,7 @@ import tomllib
 
 import numpy as np
 
-from hil.app.identify.next_experiment import next_toml
+from hil.app.identify.close_loop import next_toml
 from models.checks.information.excitation import cannot_show, shown_with
 from models.effects import BY_ID, effects_for
 from models.identification.experiment.propose import propose, words_of

@@ -10,8 +10,9 @@ import pytest
 from models.effects import BY_ID
 from models.identification.experiment.plan import Move, Plan, Room
 from models.identification.experiment.question import Candidate, Question, question, refitted, separation
-from models.identification.fitting.fit import WIDE, Problem, narrowing
+from models.identification.fitting.fit import Problem, narrowing
 from models.identification.kinds.series.kind import SeriesKind
+from models.identification.settings import SET
 from models.records.record import Record
 from models.rigs.rig import Rig
 from models.rigs.tables import Noise
@@ -37,7 +38,7 @@ def one_pass() -> Record:
 @pytest.fixture(scope="module")
 def asked() -> Question:
     problem = Problem.of(KIND, [one_pass()], DRYING.effects, KIND.criteria - 1)
-    rival = replace(DRYING, theta=narrowing(problem, DRYING.theta, WIDE).theta)
+    rival = replace(DRYING, theta=narrowing(problem, DRYING.theta, SET.wide).theta)
     return question(KIND, [one_pass()], TAPER, rival, np.random.default_rng(0))
 
 

@@ -13,7 +13,8 @@ from models.effects.effect import Signals
 from models.effects.wall.small_strain_stiffening import SmallStrainStiffening
 from models.effects.wall.wall_viscosity import WallViscosity
 from models.identification.kinds.periods import report
-from models.identification.kinds.periods.kind import COLUMNS, RETURN_SPEED, PeriodsKind, relative_errors
+from models.identification.kinds.periods.kind import COLUMNS, PeriodsKind, relative_errors
+from models.identification.settings import SET
 from models.parameter import SETS
 from models.records.record import Record
 from models.rigs.reader import parse_rig
@@ -51,7 +52,7 @@ def calibrated() -> dict[str, float]:
 
 @pytest.mark.parametrize(("length_m", "period_s"), [(26.5e-3, 0.3184), (20e-3, 0.2403)])
 def test_paper_a_s_own_law_gives_its_correct_period(length_m: float, period_s: float) -> None:
-    tooth = replace(KIND, length_m=length_m, return_speed_m_s=RETURN_SPEED).tooth(0.01656, 0.5e-3, {})
+    tooth = replace(KIND, length_m=length_m, return_speed_m_s=SET.return_m_s).tooth(0.01656, 0.5e-3, {})
     assert tooth.period_s == pytest.approx(period_s, rel=5e-4)
     assert tooth.period_s / 0.0912 - 1 == pytest.approx(2.49 if length_m > 0.02 else 1.635, abs=0.02)
 

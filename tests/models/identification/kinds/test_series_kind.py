@@ -21,14 +21,12 @@ from models.laws.geometry import Capsule
 from models.records.record import Record
 from models.rigs.reader import parse_rig
 from models.surfaces.plate import Plate
-from plant.drives.kinds import Coil as PlantCoil
-from plant.drives.kinds import Vibro as PlantVibro
+from plant.drives.kinds import TrueCoil, TrueVibro
 from plant.experiments.excitation import pulse_width
 from plant.experiments.profile import RandomPulses
 from plant.experiments.recording import record_scenario
 from plant.experiments.scenario import RunTable, Scenario
-from plant.rig import Plate as PlantPlate
-from plant.rig import Rig as PlantRig
+from plant.rig import TruePlate, Truth
 from plant.sensing.sensors import Sensor
 from tests.bench.bench_drives import believed, series
 
@@ -167,8 +165,8 @@ def test_lost_and_late_samples_cost_little(name: str) -> None:
 
 
 def test_a_coil_on_board_that_is_driven_by_voltage_follows_the_plant() -> None:
-    coil = PlantCoil(0.5, 10.0, 0.05, 1.0, 0.5)
-    truth = PlantRig(PlantVibro(0.01, 150.0, 0.3, coil=coil), Capsule(mass_kg=0.02), surface=PlantPlate(0.29))
+    coil = TrueCoil(0.5, 10.0, 0.05, 1.0, 0.5)
+    truth = Truth(TrueVibro(0.01, 150.0, 0.3, coil=coil), Capsule(mass_kg=0.02), surface=TruePlate(0.29))
     run = Scenario(RunTable("", 4.0, 5), "vibro", truth, RandomPulses(0.05, amplitude_V=8.0), Sensor(500.0, 5e-5))
     record = Record("r", "vibro", record_scenario(run))
     drive = {

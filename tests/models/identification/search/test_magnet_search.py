@@ -14,13 +14,14 @@ from models.effects import BY_ID
 from models.identification.kinds import kind_for
 from models.identification.kinds.series.kind import SeriesKind
 from models.identification.search.refit import refit, whole
-from models.identification.search.validation import NEAR_NOISE, judged
+from models.identification.search.validation import judged
+from models.identification.settings import SET
 from models.records.record import Record
 from models.rigs.reader import parse_rig
 from plant import layout as at
-from plant.drives.kinds import Magnet
+from plant.drives.kinds import TrueMagnet
 from plant.experiments.series import make_series
-from plant.rig import STEP_S, Plant, Plate, Rig
+from plant.rig import STEP_S, Plant, TruePlate, Truth
 from tests.models.identification.search.test_vibro_search import read_series
 
 
@@ -39,7 +40,7 @@ def left(folder: Path, *effects: str) -> tuple[float, dict[str, float]]:
 
 @pytest.mark.parametrize("name", ["magnetic_plate", "coil_plate"])
 def test_nothing_hidden_on_a_plate_leaves_noise(name: str, tmp_path: Path) -> None:
-    assert left(make_series(name, None, 2, tmp_path, 5.0, rate_Hz=200.0))[0] < NEAR_NOISE  # type: ignore[arg-type]
+    assert left(make_series(name, None, 2, tmp_path, 5.0, rate_Hz=200.0))[0] < SET.near  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("name", ["magnetic_plate", "coil_plate"])
@@ -52,9 +53,9 @@ def test_a_drag_on_a_plate_is_found(name: str, tmp_path: Path) -> None:
 def test_a_lag_before_a_coils_current_shows_in_records_of_its_voltage_alone(tmp_path: Path) -> None:
     by_current = make_series("coil", "actuator_lag", 3, tmp_path / "current", 4.0, rate_Hz=200.0)
     by_voltage = make_series("coil_voltage", "actuator_lag", 3, tmp_path / "voltage", 4.0, rate_Hz=200.0)
-    assert left(by_current)[0] < NEAR_NOISE
+    assert left(by_current)[0] < SET.near
     without, (with_lag, fit) = left(by_voltage)[0], left(by_voltage, "actuator_lag")
-    assert with_lag < NEAR_NOISE < 0.5 * without
+    assert with_lag < SET.near < 0.5 * without
     assert 0.04 < fit["actuator_lag.time_s"] < 0.2
 
 
@@ -71,7 +72,7 @@ def test_a_magnet_swings_a_capsule_in_the_air() -> None:
     t = np.arange(0.0, 6.0, STEP_S)
     carriage = 2e-3 * np.sin(9 * t) + 3e-3 * np.sin(2 * t)
     drag = {"viscous_drag": {"force_N": 0.02}}
-    rows = Plant(Rig(Magnet(24.0), surface=Plate(0.0), hidden=drag)).advance(carriage, 250)
+    rows = Plant(Truth(TrueMagnet(24.0), surface=TruePlate(0.0), hidden=drag)).advance(carriage, 250)
     place = rows[:, at.O_X] + 2e-5 * np.random.default_rng(1).standard_normal(rows.shape[0])
     rig = parse_rig(
         {
@@ -87,5 +88,5 @@ def test_a_magnet_swings_a_capsule_in_the_air() -> None:
     base = refit(kind, [record], [], kind.nominal())
     start = kind.nominal() | BY_ID["viscous_drag"].start() | {"viscous_drag.coefficient_N": 0.01}
     fit = refit(kind, [record], ["viscous_drag"], start)
-    assert float(judged(kind, [record], fit).mean()) < NEAR_NOISE < float(judged(kind, [record], base).mean())
+    assert float(judged(kind, [record], fit).mean()) < SET.near < float(judged(kind, [record], base).mean())
     assert fit["magnet_stiffness_N_per_m"] == pytest.approx(24.0, rel=0.02)

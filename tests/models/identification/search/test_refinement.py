@@ -13,7 +13,7 @@ from models.identification.fitting.fit import Fit
 from models.identification.kind import Array, OneByOne
 from models.identification.search.refinement import refined_at_last
 from models.identification.search.refit import finished
-from models.identification.search.validation import TOLD
+from models.identification.settings import SET
 from models.parameter import Parameter
 from models.records.record import Record
 
@@ -79,7 +79,7 @@ def test_a_shape_that_only_the_final_stage_shows_is_taken() -> None:
 def test_a_shape_that_the_reported_error_alone_tells_is_taken() -> None:
     kind = _Seen(shape=0.15, strange=0.0)
     added, chi2 = _taken(kind, level=1.0)
-    assert _begun(kind, 1.0).chi2 < chi2 / (1 - TOLD)
+    assert _begun(kind, 1.0).chi2 < chi2 / (1 - SET.told)
     assert added == ["wave_harmonics"]
 
 

@@ -18,7 +18,8 @@ from models.identification.kinds import kind_for
 from models.identification.kinds.series.kind import SeriesKind
 from models.identification.search.refit import refit
 from models.identification.search.screening import screen
-from models.identification.search.validation import NEAR_NOISE, judged
+from models.identification.search.validation import judged
+from models.identification.settings import SET
 from models.records.record import Record, read_record
 from models.rigs.reader import read_rig
 from models.rigs.rig import Rig
@@ -72,7 +73,7 @@ def test_hidden_damping_of_the_spring_stands_out_in_the_gut(tmp_path: Path) -> N
     kind, part = replace(full, effects=tuple(BY_ID[name] for name in CANDIDATES)), records[:1]
     base = refit(kind, part, [], kind.nominal())
     left = float(judged(kind, part, base).mean())
-    assert left > NEAR_NOISE
+    assert left > SET.near
     fits = {
         row.effect: refit(kind, part, [row.effect], {**kind.nominal(), **row.starts[0]})
         for row in screen(kind, part, [], base)

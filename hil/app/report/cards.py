@@ -1,9 +1,11 @@
-"""A found effect as a card: what it is, its equations, its numbers, the curves that refine it, and how sure it is."""
+"""Cards: a found effect with its equations, its numbers, its curves and how sure it is; what the records show of
+themselves.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import fields
 from html import escape
 from typing import Final
@@ -12,13 +14,20 @@ from hil.app.quantities import number, percent
 from hil.app.report.mathml import equations_html
 from hil.app.report.tables import parameter_table
 from hil.app.report.words import effect_summary, effect_words, listed, sentence, tidy
+from models.checks.finding import RecordFinding
 from models.effects.effect import Effect, Signals
 from models.effects.equation import ARGUMENTS, about_axis, equations_of
 from models.identification.confidence_map import confidence_map
 from models.identification.finding import Finding, FoundEffect
+from models.identification.verdict import WORSE
 
 _MOST: Final = math.log(1000)
+# places on a logarithmic axis, and what stands there
 _MARKS: Final = ((0.0, "1"), (math.log(2), "1/2"), (math.log(10), "1/10"), (math.log(100), "1/100"), (_MOST, "1/1000"))
+
+
+_SIGNALS: Final = frozenset({*(f.name for f in fields(Signals)), *ARGUMENTS})
+SEVERITIES = {"stops": "stops a fit", "weakens": "weakens the verdict", "note": "note"}
 
 
 def effect_card(effect: FoundEffect, finding: Finding) -> str:
@@ -49,9 +58,6 @@ def symbols_of(finding: Finding) -> set[str]:
     known = [effect for effect in map(finding.effect, effects) if effect is not None]
     parameters = [p.name for effect in known for p in effect.parameters()]
     return {*finding.calibration, *finding.nominal, *parameters, *_SIGNALS, *_states(known)}
-
-
-_SIGNALS: Final = frozenset({*(f.name for f in fields(Signals)), *ARGUMENTS})
 
 
 def _states(effects: Sequence[type[Effect]]) -> set[str]:
@@ -101,3 +107,47 @@ def _confidence(effect: FoundEffect, finding: Finding) -> str:
     doubt = " Checks of this report fail, so it may be less." if any(not check.ok for check in finding.checks) else ""
     meaning = f"{escape(effect.meaning)} {escape(confidence_map().origin)}" if effect.meaning else ""
     return f'<div class="facts"><div><b>{said}</b>confidence that it is {what}. {meaning}{doubt}</div></div>'
+
+
+def grouped(findings: Sequence[RecordFinding]) -> Iterator[list[RecordFinding]]:
+    """Findings of one id and severity together, in their order."""
+    for name, severity in dict.fromkeys((finding.id, finding.severity) for finding in findings):
+        yield [finding for finding in findings if (finding.id, finding.severity) == (name, severity)]
+
+
+def findings_html(finding: Finding) -> str:
+    """Findings as cards, each with its records, how it was told and the remedy; then what the records cannot show."""
+    cards = "".join(map(_card, grouped(finding.findings)))
+    hidden = "".join(
+        f"<li>{escape(listed(effect_words(name) for name, said in finding.cannot_show.items() if said == why))}:"
+        f" {escape(why)}</li>"
+        for why in dict.fromkeys(finding.cannot_show.values())
+    )
+    return cards + (f"<h3>These records cannot show</h3><ul>{hidden}</ul>" if hidden else "")
+
+
+def warning_html(finding: Finding) -> str:
+    """What keeps the report from a verdict, or checks that fail: a warning on top; empty where there is none."""
+    failed = [
+        f"{check.name}: {number(check.value, 3)}, at most {number(check.limit, 3)} allowed ({check.meaning})"
+        for check in finding.checks
+        if not check.ok
+    ]
+    said = [*finding.reasons] or failed
+    said += [found.sentence for found in finding.findings if found.id == WORSE and found.sentence not in said]
+    if not said:
+        return ""
+    no_verdict = "The records allow no verdict" if finding.verdict == "unknown" else "A stage of the model is worse"
+    some = f"{len(failed)} of {len(finding.checks)} checks fail" if failed else no_verdict
+    rows = "".join(f"<li>{escape(tidy(reason))}</li>" for reason in said)
+    return f'<div class="warning" role="note"><p>{some}: do not rely on this model yet.</p><ul>{rows}</ul></div>'
+
+
+def _card(alike: Sequence[RecordFinding]) -> str:
+    first = alike[0]
+    places = "".join(f"<li><b>{escape(f.file)}</b>, {escape(f.where)}: {escape(tidy(f.sentence))}</li>" for f in alike)
+    return (
+        f'<div class="card {first.severity}"><h3>{escape(first.id.replace("_", " "))}'
+        f" <small>{SEVERITIES[first.severity]}</small></h3><ul>{places}</ul>"
+        f"<p>Told by: {escape(first.how)}.</p><p>Remedy: <code>{escape(first.remedy)}</code></p></div>"
+    )

@@ -1,6 +1,6 @@
 """Mean speed of vibro drives on the gut over drive frequency, held against paper A's claim about the wall's 0.05 s.
 
-`python -m hil.app.design.vibro_sweep DIR` sweeps 24 drives (a quarter of a minute), prints for which the claim holds,
+`python -m tests.bench.vibro_sweep DIR` sweeps 24 drives (a quarter of a minute), prints for which the claim holds,
 and draws all into DIR.
 """
 
@@ -21,34 +21,17 @@ from hil.app.report.document import document, heading
 from hil.app.report.theme import INK, figure_html, styled
 from models.laws.geometry import Capsule
 from plant import layout as at
-from plant.drives.kinds import Vibro
+from plant.drives.kinds import TrueVibro
 from plant.experiments.excitation import pulse_width
 from plant.experiments.series import write_text
-from plant.rig import STEP_S, Plant, Rig
+from plant.rig import STEP_S, Plant, Truth
 from plant.tables import Floats
 
 CLAIM: Final = "A Section 5.3: a vibrating drive hardly moves the capsule unless its period is below the wall's 0.05 s"
 WALL_HZ: Final = 20.0
 FREQUENCIES_HZ: Final = (
-    2.0,
-    3.0,
-    4.0,
-    6.0,
-    8.0,
-    10.0,
-    12.5,
-    15.0,
-    18.0,
-    20.0,
-    22.0,
-    25.0,
-    28.0,
-    32.0,
-    36.0,
-    40.0,
-    50.0,
-    60.0,
-)
+    2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 12.5, 15.0, 18.0, 20.0, 22.0, 25.0, 28.0, 32.0, 36.0, 40.0, 50.0, 60.0,
+)  # fmt: skip
 HARDLY_M_S: Final = 0.5e-3  # below: it does not move to speak of
 SLOW_SHARE: Final = 0.2  # the claim holds when slow drives reach less than this share of the fast ones' speed
 _SETTLE_S, _MEASURE_S, _EVERY = 1.0, 3.0, 10
@@ -68,17 +51,14 @@ class SweepDrive:
     @property
     def name(self) -> str:
         """A short label."""
-        stop = "front stop" if self.front_stop else "no stop"
-        return (
-            f"{self.force_N * 1e3:.0f} mN, {self.spring_N_per_m:.0f} N/m, {'on board' if self.on_board else 'field'},"
-            f" {stop}"
-        )
+        drive, stop = "on board" if self.on_board else "field", "front stop" if self.front_stop else "no stop"
+        return f"{self.force_N * 1e3:.0f} mN, {self.spring_N_per_m:.0f} N/m, {drive}, {stop}"
 
-    def rig(self) -> Rig:
+    def rig(self) -> Truth:
         """The drive in a 1.67 g shell of the default capsule's size on the gut."""
         stiffness = 27.9e3 if self.front_stop else 0.0
-        vibro = Vibro(1.8e-3, self.spring_N_per_m, 0.0156, self.force_N, self.on_board, 1.6e-3, stiffness)
-        return Rig(vibro, capsule=_BODY)
+        vibro = TrueVibro(1.8e-3, self.spring_N_per_m, 0.0156, self.force_N, self.on_board, 1.6e-3, stiffness)
+        return Truth(vibro, capsule=_BODY)
 
 
 def sweep_drives() -> list[SweepDrive]:
@@ -88,11 +68,11 @@ def sweep_drives() -> list[SweepDrive]:
     return [SweepDrive(*numbers) for numbers in (*on_board, *field)]
 
 
-def mean_speed(rig: Rig, frequency_Hz: float, duty: float = 0.3) -> float:
+def mean_speed(rig: Truth, frequency_Hz: float, duty: float = 0.3) -> float:
     """Mean speed in m/s over whole periods of a PWM drive, after a second to settle."""
     vibro = rig.drive
-    if not isinstance(vibro, Vibro):
-        raise ValueError(f"drive must be a vibro drive; got {type(vibro).__name__}")
+    if not isinstance(vibro, TrueVibro):
+        raise ValueError(f"drive must be a vibro drive; got {vibro.kind}")
     cycles = round(_MEASURE_S * frequency_Hz)
     start = round(_SETTLE_S * frequency_Hz) / frequency_Hz
     end = start + cycles / frequency_Hz
@@ -121,9 +101,8 @@ def vibro_sweep(out: Path) -> dict[str, Any]:
     results = []
     for drive in sweep_drives():
         speeds = np.array([mean_speed(drive.rig(), f) for f in FREQUENCIES_HZ])
-        results.append(
-            {"name": drive.name, **asdict(drive), "mean_speed_m_s": speeds.round(7).tolist(), "claim": judge(speeds)}
-        )
+        told = {"name": drive.name, **asdict(drive), "mean_speed_m_s": speeds.round(7).tolist()}
+        results.append({**told, "claim": judge(speeds)})
     median = np.median(np.abs([r["mean_speed_m_s"] for r in results]), axis=0)
     found: dict[str, Any] = {
         "claim": CLAIM,
@@ -134,11 +113,8 @@ def vibro_sweep(out: Path) -> dict[str, Any]:
     }
     write_text(out / "vibro_sweep.json", json_text(found))
     counts = ", ".join(f"{len(names)} {verdict}" for verdict, names in found["verdicts"].items())
-    head = heading(
-        f"{len(results)} drives",
-        "Vibro drives on the gut",
-        f"{CLAIM}: {counts}. The dashed line is a period of 0.05 s.",
-    )
+    story = f"{CLAIM}: {counts}. The dashed line is a period of 0.05 s."
+    head = heading(f"{len(results)} drives", "Vibro drives on the gut", story)
     figure = figure_html(_figure(found), "figure-1")
     write_text(out / "vibro_sweep.html", document("Vibro drives", head, [("speed", "Mean speed", figure)]))
     return found
@@ -179,7 +155,7 @@ def _figure(found: dict[str, Any]) -> go.Figure:
 
 def main() -> None:
     """Sweep, draw, and print the verdicts."""
-    parser = argparse.ArgumentParser(prog="python -m hil.app.design.vibro_sweep", description=CLAIM)
+    parser = argparse.ArgumentParser(prog="python -m tests.bench.vibro_sweep", description=CLAIM)
     parser.add_argument("out", type=Path, metavar="DIR", help="folder for vibro_sweep.html and vibro_sweep.json")
     out = parser.parse_args().out
     found = vibro_sweep(out)

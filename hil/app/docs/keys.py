@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from controller.limits import Limits
 from controller.registry import CONTROLLERS, ESTIMATORS
-from hil.app.docs.meanings import MEANINGS, UNITS
+from hil.app.docs.meanings import MEANINGS
 from hil.app.scenario.bus_scenario import BusTable as SimulatedBusTable
 from hil.app.scenario.bus_scenario import FmuTable, JogTable
 from hil.app.scenario.deployment import BusTable, ControlTable, ModelTable, Pace, PlantTable
@@ -27,6 +27,7 @@ from hil.nodes.moteus.table import MoteusTable
 from hil.nodes.odrive.table import FREE_NODES, OdriveTable
 from hil.nodes.odrive.table import RANGES as ODRIVE_RANGES
 from hil.nodes.turning import HOMES
+from models.files.units import unit_at_end
 from models.identification.finding import STAGES
 from models.rigs.columns import RANGES, TIME
 from models.rigs.kinds import KINDS
@@ -118,8 +119,7 @@ CHECKED: Final[Mapping[tuple[type[Any], str], tuple[float, float]]] = {
 
 def unit_of(key: str) -> str:
     """The unit that a key's name ends in, "" where it has none."""
-    ending = max((end for end in UNITS if key.endswith(end)), key=len, default="")
-    return UNITS.get(ending, "")
+    return "bit/s" if key.endswith("bitrate") else unit_at_end(key)[1]
 
 
 def rig_keys() -> str:

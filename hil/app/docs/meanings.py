@@ -1,4 +1,4 @@
-"""What the keys of deployments and scenarios mean, in a few words, and the units that the names of keys end in."""
+"""What the keys of deployments and scenarios mean, in a few words."""
 
 from __future__ import annotations
 
@@ -7,39 +7,6 @@ from typing import Final
 
 from models.rigs.schema import field_of
 from models.rigs.tables import Checks, Drive
-
-UNITS: Final[Mapping[str, str]] = {
-    "_m": "m",
-    "_mm": "mm",
-    "_kg": "kg",
-    "_s": "s",
-    "_ms": "ms",
-    "_s_per_s": "s/s",
-    "_N": "N",
-    "_deg": "deg",
-    "_N_m": "N m",
-    "_rad": "rad",
-    "_kg_m2": "kg m2",
-    "_N_m_s_per_rad": "N m s/rad",
-    "_A": "A",
-    "_A_m2": "A m2",
-    "_T": "T",
-    "_V": "V",
-    "_H": "H",
-    "_C": "degC",
-    "_Pa": "Pa",
-    "_Hz": "Hz",
-    "_Ohm": "Ohm",
-    "_m_s": "m/s",
-    "_mm_s": "mm/s",
-    "_A_s": "A/s",
-    "_m_s2": "m/s2",
-    "_N_per_m": "N/m",
-    "_N_per_A": "N/A",
-    "_N_s_per_m": "N s/m",
-    "_per_m": "1/m",
-    "bitrate": "bit/s",
-}
 
 MEANINGS: Final[Mapping[str, str]] = {
     **{key: field_of(table, key).description or "" for table, key in ((Checks, "accept"), (Drive, "force_N"))},

@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from models.drives.from_rig import drive_of, surface_of
-from models.files.rig import Rig, at_height
+from models.rigs.parts import drive_of, surface_of
+from models.rigs.rig import Rig, at_height
 
 RESERVE: Final = 2.0
 """Times the friction at the speed asked for that the magnet must be able to pull (choice: folds and narrow places)."""

@@ -30,11 +30,12 @@ from hil.app.write import check_folder, write_files
 from hil.log.record import read_rig_record
 from models.effects import EFFECTS
 from models.effects.own import LOADED
-from models.files.record import Record, record_of
-from models.files.rig import Rig, parse_rig
 from models.identification import Model, close
 from models.identification.finding import Finding
 from models.identification.model import read_model
+from models.records.record import Record, record_of
+from models.rigs.reader import parse_rig
+from models.rigs.rig import Rig
 from plant.experiments.recording import record_scenario
 from plant.experiments.scenario import load_scenario
 

@@ -23,9 +23,9 @@ from controller.model.linear import Array, Linear, linearise
 from controller.model.symbols import assembled
 from models.assembly.model import assemble
 from models.compiled.kernel import lower
-from models.drives.from_rig import surface_of
 from models.drives.pull import Pull
 from models.effects import BY_ID
+from models.rigs.parts import surface_of
 from models.surfaces.plate import Plate
 
 AMPLITUDES_M = np.geomspace(1e-5, 3e-3, 24)

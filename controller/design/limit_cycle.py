@@ -17,8 +17,8 @@ from controller.model.control_model import ControlModel
 from controller.model.linear import Array
 from controller.signals import Estimate
 from models.assembly.model import Assembly, assemble
-from models.drives.from_rig import surface_of
 from models.effects import BY_ID
+from models.rigs.parts import surface_of
 
 STILL = 1e-6  # m, peak to peak: below it the loop rests
 _LONGEST_STEP_S = 1e-3  # longest step of the simulation

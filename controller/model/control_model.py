@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 from controller.model.kernels import Kernels, compile_kernels
 from controller.model.symbols import Symbols, assembled
 from models.drives.drive import Drive
-from models.drives.from_rig import drive_of, surface_of
 from models.effects import BY_ID, followed_by
 from models.effects.effect import Effect
 from models.effects.refinements.level_over_speed import LevelOverSpeed
-from models.files.rig import Rig
 from models.identification.kinds.series.drive_input import OF_THE_LOG
 from models.identification.model import HELD_OUT
 from models.parameter import nearest
+from models.rigs.parts import drive_of, surface_of
+from models.rigs.rig import Rig
 
 Array = NDArray[np.float64]
 

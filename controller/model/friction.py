@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from controller.model.control_model import ControlModel
-from models.drives.from_rig import surface_of
+from models.rigs.parts import surface_of
 
 LEAST_OFF_N = 1e-4  # however good a model proved
 AT_FIRST = 5.0  # times what it proved off that it may be off at the start

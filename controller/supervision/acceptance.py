@@ -12,11 +12,11 @@ from typing import Any
 from controller.limits import number
 from models.assembly.model import effect_parameters
 from models.effects import BY_ID
-from models.files.rig import Rig
 from models.identification.finding import STAGES
 from models.identification.kinds import kind_for
 from models.identification.model import Model
 from models.parameter import nearest
+from models.rigs.rig import Rig
 
 
 @dataclass(frozen=True)

@@ -19,12 +19,12 @@ from controller.vibro.waveform import Waveform
 from models.assembly.model import Assembly, assemble
 from models.compiled.kernel import Kernel, lower
 from models.drives.coil import Winding
-from models.drives.from_rig import drive_of, surface_of
 from models.drives.vibro import Vibro
 from models.effects import BY_ID
 from models.effects.effect import Effect
-from models.files.rig import Rig
 from models.parameter import nearest
+from models.rigs.parts import drive_of, surface_of
+from models.rigs.rig import Rig
 from models.surfaces.surface import Surface
 
 Array = NDArray[np.float64]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from models.files.rig import Rig
+from models.rigs.rig import Rig
 
 LOADED = ("force_N", "friction_coefficient")
 

@@ -20,8 +20,8 @@ from hil.app.write import check_file, check_targets, write_files
 from hil.formats.channels import refusing
 from hil.formats.clock import by_clock, one_table
 from hil.log.channels import file_channels
-from models.files.columns import TIME
-from models.files.record import Array, Record, as_measured
+from models.records.record import Array, Record, as_measured
+from models.rigs.columns import TIME
 
 _MOST_POINTS: Final = 4000
 """Points that a line shows; more are drawn by the largest and the smallest of each stretch."""

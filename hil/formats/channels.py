@@ -15,9 +15,9 @@ from typing import Any, BinaryIO, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from models.files.columns import TIME_SERIES_ROWS
-from models.files.record import MOST_CELLS
 from models.files.source import opened
+from models.records.record import MOST_CELLS
+from models.rigs.columns import TIME_SERIES_ROWS
 
 Array = NDArray[np.float64]
 _ZEROED: Final = "datetime64[ns]"

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from hil.formats.channels import Array, Channel, RefusedError
-from models.files.columns import TIME
+from models.rigs.columns import TIME
 
 
 def increasing(times: Array) -> np.ndarray:

@@ -11,10 +11,11 @@ import numpy as np
 from hil.formats.channels import Array, Channel, Heading, RefusedError, refusing
 from hil.formats.clock import one_clock
 from hil.formats.reading import read_channels
-from models.files.columns import COLUMNS, TIME, columns_of
-from models.files.mapping import ColumnMap, MappedColumn
-from models.files.record import Record, find_columns, record_of
-from models.files.rig import Rig
+from models.records.record import Record, find_columns, record_of
+from models.rigs.columns import TIME
+from models.rigs.kinds import KINDS
+from models.rigs.mapping import ColumnMap, MappedColumn
+from models.rigs.rig import Rig
 
 _CALENDAR_S = 1e6  # a later stamp is a date
 _SWITCHES = ("drive_on",)
@@ -71,8 +72,8 @@ def _columns(choice: _Choice, channels: Mapping[str, Channel]) -> tuple[dict[str
         target: source.values(channels[source.column].values, choice.units.get(source.column, ""))
         for target, source in choice.sources.items()
     }
-    kind = COLUMNS[choice.rig.kind]
-    if not (kind.time and choice.clocked):
+    kind = KINDS[choice.rig.kind]
+    if not (kind.layout.time and choice.clocked):
         lengths = {target: len(values) for target, values in ours.items()}
         if len(set(lengths.values())) > 1:
             raise RefusedError(f"columns must have one length; got {lengths}"[:300])
@@ -88,7 +89,7 @@ def _columns(choice: _Choice, channels: Mapping[str, Channel]) -> tuple[dict[str
     first = next(iter(samples.values()))[0]
     if all(np.array_equal(times, first) for times, _ in samples.values()):
         return {TIME: since_start(first), **ours}, ()
-    measured = [name for name in columns_of(choice.rig.kind, samples).measured if name in samples]
+    measured = [name for name in kind.columns(samples).measured if name in samples]
     rows_of = next(iter(measured or samples))
     columns, notes = one_clock(samples, rows_of, _SWITCHES)
     return {**columns, TIME: since_start(columns[TIME])}, notes

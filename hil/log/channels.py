@@ -14,8 +14,8 @@ from hil.log.blf_reader import Tell
 from hil.log.reader import is_log
 from hil.log.record import log_channels
 from models.files.csv_reader import read_blocks
-from models.files.record import MOST_CELLS
 from models.files.units import split_unit
+from models.records.record import MOST_CELLS
 
 
 def file_channels(path: Path, tell: Tell | None = None) -> list[Channel]:

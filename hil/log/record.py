@@ -22,9 +22,10 @@ from hil.log.blf_file import RECEIVED, SENT, Logged
 from hil.log.blf_reader import Tell
 from hil.log.reader import is_log, read_frames
 from hil.nodes.frame_map import CARRIAGE_MAP, FRAME_MAPS
-from models.files.columns import COLUMNS, TIME, first_wrong, range_of
-from models.files.record import Record, kept_between, read_record
-from models.files.rig import Rig
+from models.records.record import Record, kept_between, read_record
+from models.rigs.columns import TIME
+from models.rigs.kinds import KINDS
+from models.rigs.rig import Rig
 
 Array = NDArray[np.float64]
 _CALENDAR_S: Final = 1e6  # a later stamp is a date
@@ -67,8 +68,8 @@ _ON_BUS: Final = (
 SOURCES: Final[Mapping[str, Sources]] = {
     kind: sources
     for sources in _ON_BUS
-    for kind, columns in COLUMNS.items()
-    if columns.measured == (sources.measured.column,) and sources.driven.column in sum(columns.driven, ())
+    for kind, one in KINDS.items()
+    if one.layout.measured == (sources.measured.column,) and sources.driven.column in sum(one.layout.driven, ())
 }
 
 
@@ -121,19 +122,19 @@ def log_record(path: Path, rig: Rig, *, driven_only: bool = False, catalogue: Ca
     notes: list[str] = []
     reading.take(read_frames(path, notes.append))
     columns = _columns(reading, sources, driven_only)
-    kind = COLUMNS[rig.kind]
-    least, rows = 2 if driven_only else kind.minimum, len(columns[TIME])
-    if not least <= rows <= kind.limit:
+    kind = KINDS[rig.kind]
+    least, rows = 2 if driven_only else kind.layout.minimum, len(columns[TIME])
+    if not least <= rows <= kind.layout.limit:
         raise ValueError(
-            f"{path}: record of kind {rig.kind} must have {least} to {kind.limit} rows; the log gives {rows}"
+            f"{path}: record of kind {rig.kind} must have {least} to {kind.layout.limit} rows; the log gives {rows}"
         )
     measured = sources.measured.column
     if measured in columns:
         columns |= kept_between(str(path), measured, columns[measured], least)
     for name, values in columns.items():
-        row, limits = first_wrong(rig.kind, name, values), range_of(rig.kind, name)
+        row, limits = kind.first_wrong(name, values), kind.range(name)
         if row is not None and limits is not None:
-            raise ValueError(f"{path}: {name} must be {limits[2]}; got {values[row]:g} at {columns[TIME][row]:g} s")
+            raise ValueError(f"{path}: {name} must be {limits.words}; got {values[row]:g} at {columns[TIME][row]:g} s")
     return Record(path.stem, rig.kind, columns, notes=tuple(notes))
 
 

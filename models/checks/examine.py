@@ -14,8 +14,8 @@ from models.checks.finding import RecordFinding
 from models.checks.instrument.outliers import without_outliers
 from models.checks.one_clock import on_one_clock
 from models.checks.view import View
-from models.files.record import Record, where_measured
-from models.files.rig import Rig
+from models.records.record import Record, where_measured
+from models.rigs.rig import Rig
 
 Check = Callable[[View], Sequence[RecordFinding]]
 _CLOCK, _INSTRUMENT = "clock", "instrument"

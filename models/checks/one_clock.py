@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.files.columns import TIME
-from models.files.record import Record
-from models.files.rig import Rig
+from models.records.record import Record
+from models.rigs.columns import TIME
+from models.rigs.rig import Rig
 
 
 def on_one_clock(record: Record, rig: Rig) -> Record:

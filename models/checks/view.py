@@ -14,16 +14,16 @@ from scipy.special import gammaincinv
 
 from models.checks.finding import RecordFinding, Severity
 from models.checks.settings import SET
-from models.files.columns import COLUMNS, TIME
-from models.files.record import Record
-from models.files.rig import Rig
 from models.files.toml import inline_table
 from models.files.units import unit_of
+from models.records.record import Record
+from models.rigs.columns import TIME
+from models.rigs.kind import RigKind
+from models.rigs.kinds import KINDS
+from models.rigs.rig import Rig
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-VIBRATING = ("vibro",)
-"""Kinds of rig whose motion may be no slower than the sampling."""
 _OVERLAPPED = 0.95  # of the degrees of freedom of windows that overlap by half, what they count (Welch 1967)
 
 
@@ -35,14 +35,14 @@ class View:
     rig: Rig
 
     @property
-    def kind(self) -> str:
+    def kind(self) -> RigKind:
         """The rig's kind."""
-        return self.rig.kind
+        return KINDS[self.rig.kind]
 
     @cached_property
     def timed(self) -> bool:
         """Whether the record is a time series."""
-        return COLUMNS[self.kind].time and len(self.record) > 2
+        return self.kind.layout.time and len(self.record) > 2
 
     @cached_property
     def measured(self) -> str:
@@ -76,17 +76,17 @@ class View:
     @cached_property
     def noise(self) -> float:
         """Standard deviation of white noise on the measured column."""
-        return spectral_noise(self.y)[0] if self.kind in VIBRATING else white_noise(self.y)
+        return spectral_noise(self.y)[0] if self.kind.vibrates else white_noise(self.y)
 
     @cached_property
     def pushing(self) -> tuple[str, Array] | None:
         """What drives the capsule of a pull or a coil (of a logged current, or of a voltage over a known resistance):
         the column and the force in N that it stands for; None where no column tells it.
         """
-        if self.kind == "pull" and "force_N" in self.record.columns:
+        if self.kind.drawn and "force_N" in self.record.columns:
             return "force_N", self.record["force_N"]
         coil = self.rig.coil
-        if self.kind != "coil" or coil is None or self.driven is None:
+        if not self.kind.pushed or coil is None or self.driven is None:
             return None
         ohm = 1.0 if self.driven == "coil_current_A" else coil.coil_resistance_Ohm
         return None if ohm is None else (self.driven, coil.force_constant_N_per_A / ohm * self.record[self.driven])
@@ -146,7 +146,7 @@ class View:
     def rests(self) -> Mask:
         """Where nothing moves; under a vibrating mass where its drive is off, too."""
         still = ~self.moves
-        return still & (self.record[self.driven] == 0) if self.kind in VIBRATING and self.driven else still
+        return still & (self.record[self.driven] == 0) if self.kind.vibrates and self.driven else still
 
     def windows_at_rest(self, samples: int) -> Array:
         """Pieces of so many samples of the measured column at rest, 0.3 s and more after a motion, shape (n, samples);

@@ -53,6 +53,11 @@ class Winding:
     current_limit_A: float = 1.0
     back_emf_V_s_per_m: float = 0.0
 
+    @classmethod
+    def of(cls, resistance: float, inductance: float | None, limit: float | None, force_constant: float) -> Winding:
+        """A coil whose back-EMF per speed is its force per current, as power demands."""
+        return cls(resistance, inductance or 0.0, float("inf") if limit is None else limit, force_constant)
+
     def parameters(self) -> tuple[Parameter, ...]:
         """Resistance and back-EMF; of the resistance and the force constant a record of positions shows the ratio
         alone.

@@ -12,6 +12,7 @@ from typing import Final
 
 from models.effects import own
 from models.effects.effect import Effect
+from models.rigs.kinds import KINDS
 
 _REFINEMENTS: Final = f"{__name__}.refinements."
 
@@ -38,7 +39,8 @@ def effects_for(kind: str, variants: Sequence[type[Effect]] = ()) -> tuple[type[
     of the same id: the same law with bounds, starts or units of that kind.
     """
     outside = (origin.effect for origin in own.LOADED.values())
-    declared = {effect.id: effect for effect in (*EFFECTS, *outside) if kind in effect.kinds}
+    more = KINDS[kind].effects
+    declared = {effect.id: effect for effect in (*EFFECTS, *outside) if kind in effect.kinds or effect.id in more}
     return tuple((declared | {variant.id: variant for variant in variants}).values())
 
 

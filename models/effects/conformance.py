@@ -18,30 +18,24 @@ from models.effects.declarations import declared, hooked, of_parameters
 from models.effects.effect import HOOKS, Effect, Signals
 from models.effects.equation import ARGUMENTS, answered, disagreement
 from models.parameter import nearest
+from models.rigs.kind import RigKind
+from models.rigs.kinds import KINDS
 
 _BODY: Final = frozenset(HOOKS) - {"suspension", "reach", "link", "gain", "modulus"}
-READ: Final[Mapping[str, frozenset[str]]] = {
-    "pull": _BODY | {"link"},
-    "magnetic": _BODY | {"gain"},
-    "coil": _BODY | {"gain"},
-    "vibro": _BODY | {"gain", "suspension", "reach"},
-    "vibro_table": frozenset(HOOKS),
-    "axis": frozenset({"level", "force", "measured", "delay"}),
-    "periods": frozenset({"stiffening", "wall_force"}),
-    "friction": frozenset({"level", "force", "normal_load"}),
-    "dma": frozenset({"modulus"}),
-}
-"""The hooks that each kind of rig asks (the compiled solver of a `vibro_table` has its own form of ours)."""
-KINDS: Final = tuple(READ)
 _MOVING: Final = frozenset(f.name for f in fields(Signals)) - {"load"}
-_GIVEN: Final[Mapping[str, frozenset[str]]] = {
-    **dict.fromkeys(KINDS, _MOVING),
-    "axis": frozenset({"t", "x", "v", "direction", "load"}),
-    "friction": frozenset({"v", "direction", "load"}),
-    "periods": frozenset({"v", "direction", "drag", "drag_rate"}),
-    "dma": frozenset(),
-}
-"""The signals that each kind of rig has; the others are 0 there."""
+
+
+def hooks_of(kind: RigKind) -> frozenset[str]:
+    """The hooks that a kind of rig asks."""
+    return kind.hooks | _BODY if kind.of_capsule or kind.runs else kind.hooks
+
+
+def signals_of(kind: str) -> frozenset[str]:
+    """The signals that a kind of rig has; the others are 0 there."""
+    signals = KINDS[kind].signals
+    return _MOVING if signals is None else signals
+
+
 SIGNALS: Final[Mapping[str, float]] = {
     "t": 0.7,
     "x": 4e-3,
@@ -103,7 +97,7 @@ def _words(error: BaseException) -> str:
 def _points(effect: type[Effect]) -> Iterator[tuple[str, dict[str, float]]]:
     """Signals to try the hooks at, as each of the effect's kinds of rig has them."""
     for kind, point in product(sorted(effect.kinds), (SIGNALS, _BACK, _REST)):
-        yield kind, {name: value if name in _GIVEN[kind] else 0.0 for name, value in point.items()}
+        yield kind, {name: value if name in signals_of(kind) else 0.0 for name, value in point.items()}
 
 
 def _nothing(hook: str, s: Mapping[str, float], given: Mapping[str, float] = _ARGUMENTS) -> float:
@@ -115,16 +109,16 @@ def _nothing(hook: str, s: Mapping[str, float], given: Mapping[str, float] = _AR
 def _of_kinds(effect: type[Effect], known: Collection[str]) -> str | None:
     """kinds of rig"""
     name = effect.__name__
-    strange = sorted(str(kind) for kind in effect.kinds if kind not in READ)
+    strange = sorted(str(kind) for kind in effect.kinds if kind not in KINDS)
     if not effect.kinds or strange:
         return f"{name}.kinds must be among {', '.join(KINDS)}; got {repr(strange[0]) if strange else 'none'}"
     own = [hook for hook in HOOKS if effect.answers(hook)]
     if not own:
         return f"{name} must answer a hook; got none; hooks are {', '.join(HOOKS)}"
     for kind in sorted(effect.kinds):
-        unread = [hook for hook in own if hook not in READ[kind]]
+        unread = [hook for hook in own if hook not in hooks_of(KINDS[kind])]
         if unread:
-            asked = ", ".join(hook for hook in HOOKS if hook in READ[kind])
+            asked = ", ".join(hook for hook in HOOKS if hook in hooks_of(KINDS[kind]))
             return f"{name}.kinds must be rigs that ask its hooks; got {kind!r}, which asks {asked}, never {unread[0]}"
     return None
 
@@ -199,7 +193,7 @@ def _shown(effect: type[Effect], known: Collection[str]) -> str | None:
     rng, p = np.random.default_rng(5), values_of(effect)
     hidden = set(effect.kinds)
     for kind, k in product(sorted(effect.kinds), range(12)):
-        s = {n: v * rng.uniform(-3, 3) if n in _GIVEN[kind] else 0.0 for n, v in SIGNALS.items()}
+        s = {n: v * rng.uniform(-3, 3) if n in signals_of(kind) else 0.0 for n, v in SIGNALS.items()}
         s |= {name: abs(s[name]) for name in _ONE_WAY} | {"direction": float(k % 2 * 2 - 1)}
         z = {state: float(rng.uniform(0.05, 0.9)) for state in effect.states}
         given = {name: value * rng.uniform(0.1, 3) for name, value in _ARGUMENTS.items()}
@@ -208,7 +202,7 @@ def _shown(effect: type[Effect], known: Collection[str]) -> str | None:
             hidden.discard(kind)
     if not hidden:
         return None
-    lacking = ", ".join(name for name in SIGNALS if name not in _GIVEN[min(hidden)])
+    lacking = ", ".join(name for name in SIGNALS if name not in signals_of(min(hidden)))
     got = f"nothing at its probe on {min(hidden)!r}" + f", which has no {lacking}" * bool(lacking)
     return f"{effect.__name__} must show on each of its kinds of rig; got {got}"
 

@@ -159,3 +159,21 @@ def split_unit(name: str) -> tuple[str, str]:
 def unit_of(column: str) -> str:
     """The unit of a column of ours, which its name ends in; "" for a plain number."""
     return split_unit(column)[1]
+
+
+_SIGNS: Final = "mm|ms|m|kg|s|N|deg|rad|A|T|V|H|C|Pa|Hz|Ohm|m2|m3|s2|percent"
+_UNIT_AT_END: Final = re.compile(rf"(.*?)_((?:(?:{_SIGNS})(?:_(?:{_SIGNS}))*)?)(?:_?per_({_SIGNS}))?")
+_WRITTEN: Final = {"C": "degC", "percent": "%"}
+
+
+def unit_at_end(name: str) -> tuple[str, str]:
+    """A name of ours without the unit that it ends in, and that as it is written, "" where it has none: `force_N`,
+    `speed_m_s` (m/s), `stiffness_N_per_m` (N/m), `torque_N_m` (N m).
+    """
+    found = _UNIT_AT_END.fullmatch(name)
+    if found is None or not (found[2] or found[3]):
+        return name, ""
+    upper, lower = [_WRITTEN.get(sign, sign) for sign in found[2].split("_") if sign] or ["1"], found[3]
+    if lower is None and len(upper) > 1 and upper[-1] in ("s", "s2"):
+        lower = upper.pop()
+    return found[1], " ".join(upper) + (f"/{lower}" if lower else "")

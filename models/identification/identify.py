@@ -16,9 +16,6 @@ from models.checks.information.excitation import cannot_show, inseparable, shown
 from models.checks.instrument.usable import lead_in_s
 from models.effects import BY_ID
 from models.effects.equation import symbols_of
-from models.files.columns import TIME
-from models.files.record import Record
-from models.files.rig import Rig
 from models.identification.confidence_map import confidence_map
 from models.identification.experiment.propose import propose, words_of
 from models.identification.finding import STAGES, CandidateRow, Check, Estimate, Finding, FoundEffect, Trace
@@ -32,6 +29,9 @@ from models.identification.residual_tests import chance_error, residual_checks
 from models.identification.search.forward_selection import Search, search
 from models.identification.settings import SET
 from models.identification.verdict import at_bounds, by_chance, model_checks, setback_findings, setbacks, verdict_of
+from models.records.record import Record
+from models.rigs.columns import TIME
+from models.rigs.rig import Rig
 
 
 def close(

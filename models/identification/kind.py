@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from models.effects import BY_ID
 from models.effects.effect import Effect
-from models.files.record import Record
 from models.parameter import Parameter
+from models.records.record import Record
 
 Array = NDArray[np.float64]
 Theta = Mapping[str, float]

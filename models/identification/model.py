@@ -18,8 +18,6 @@ from numpy.typing import NDArray
 from models.assembly.model import effect_parameters
 from models.effects import BY_ID, REFINEMENTS
 from models.effects.own import LOADED
-from models.files.record import Record, named
-from models.files.rig import Rig
 from models.files.source import read_json, read_text
 from models.files.tables import is_number, shown
 from models.files.toml import parse_toml
@@ -28,6 +26,8 @@ from models.identification.kinds import kind_for
 from models.identification.kinds.series.drive_input import SWITCH_DELAY
 from models.identification.record_checks import check_demand
 from models.parameter import Parameter, nearest
+from models.records.record import Record, named
+from models.rigs.rig import Rig
 
 LARGEST_MODEL = 1 << 22  # bytes of a model file
 LARGEST_REPORT = 1 << 26  # bytes of a report

@@ -5,39 +5,25 @@ be computed.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from types import MappingProxyType
 
 import numpy as np
 
 from models.checks.settings import SET as CHECKS
-from models.files.columns import COLUMNS, TIME
-from models.files.record import Record, named
 from models.identification.kind import Kind
 from models.identification.settings import SET
-
-MOST_SECONDS = MappingProxyType(
-    {"pull": 3600.0, "magnetic": 3600.0, "coil": 3600.0, "vibro": 600.0, "vibro_table": 1e5}
-)
-"""Longest motion that one record may ask to be computed, by kind of rig."""
-_PARTS = MappingProxyType(
-    {
-        "axis": "more records, or one of at least four stretches of motion that last more than 0.4 s each",
-        "vibro_table": "runs at more pairs of period_s and duty",
-        "friction": "more speeds or loads",
-        "dma": "more samples or frequencies",
-        "periods": "more periods",
-    }
-)
+from models.records.record import Record, named
+from models.rigs.columns import TIME
+from models.rigs.kinds import KINDS
 
 
 def check_demand(record: Record) -> None:
     """Refuse a record whose prediction would take too long or whose clock is too fine to be one, whatever it
     measures.
     """
-    if record.kind == "vibro_table":
+    if KINDS[record.kind].runs:
         runs = np.unique(np.column_stack([record[name] for name in ("period_s", "cycles")]), axis=0)
         what, asked = "period_s times cycles, summed over the runs,", float(np.sum(np.prod(runs, axis=1)))
-    elif COLUMNS[record.kind].time:
+    elif record.layout.time:
         steps = np.diff(record[TIME])
         if np.median(steps) < CHECKS.step_s[0]:
             raise ValueError(
@@ -46,7 +32,7 @@ def check_demand(record: Record) -> None:
         what, asked = "t_s", float(np.sum(steps))
     else:
         return
-    most = MOST_SECONDS.get(record.kind, np.inf)
+    most = KINDS[record.kind].longest_s
     if asked > most:
         raise ValueError(f"{record.name}: {what} must span at most {most:g} s for kind {record.kind}; got {asked:g} s")
 
@@ -56,7 +42,7 @@ def check_records(train: Sequence[Record], holdout: Sequence[Record]) -> None:
     ValueError.
     """
     for record in (*train, *holdout):
-        if COLUMNS[record.kind].time:
+        if record.layout.time:
             _check_clock(record)
         check_demand(record)
     layout = train[0].layout
@@ -69,6 +55,7 @@ def check_parts(kind: Kind, train: Sequence[Record], holdout: Sequence[Record]) 
     """Refuse records without two parts to fit on and to judge by, or with fewer numbers than are fitted. Raises
     ValueError.
     """
+    wanted = KINDS[kind.name].wanted
     names, nominal = ", ".join(r.name for r in train), {p.name: p.value for p in kind.base}
     for record in (*train, *holdout):
         with named(record):
@@ -76,7 +63,7 @@ def check_parts(kind: Kind, train: Sequence[Record], holdout: Sequence[Record]) 
     splits = kind.splits(train)
     if not splits or not all(part and held for part, held in splits):
         raise ValueError(
-            f"{names}: records must hold at least two parts to fit on and to judge by; wanted are {_parts(kind)}"
+            f"{names}: records must hold at least two parts to fit on and to judge by; wanted are {wanted}"
         )
     fitted = sum(p.fit for p in kind.base)
     for part, _ in splits:
@@ -84,12 +71,8 @@ def check_parts(kind: Kind, train: Sequence[Record], holdout: Sequence[Record]) 
         if told <= fitted:
             raise ValueError(
                 f"{names}: records must hold more numbers than the {fitted} that are fitted, also with a part left out"
-                f" to judge by; got {told}; wanted are {_parts(kind)}"
+                f" to judge by; got {told}; wanted are {wanted}"
             )
-
-
-def _parts(kind: Kind) -> str:
-    return _PARTS.get(kind.name, "more records, or a longer one")
 
 
 def _check_clock(record: Record) -> None:
@@ -124,7 +107,7 @@ def _check_change(records: Sequence[Record], groups: Sequence[Sequence[str]]) ->
             if any(not v.any() for v in values):
                 still = next(name for name, v in zip(there, values, strict=True) if not v.any())
                 raise ValueError(f"{names}: {still} must differ from 0 in some rows to tell anything; got 0 throughout")
-            if records[0].kind == "periods" and all(len(np.unique(v)) == 1 for v in values):
+            if KINDS[records[0].kind].scatters and all(len(np.unique(v)) == 1 for v in values):
                 raise ValueError(
                     f"{names}: periods must scatter as measured ones do; got {len(values[0])} times the same row"
                 )

@@ -7,12 +7,12 @@ from contextlib import suppress
 
 import numpy as np
 
-from models.files.record import Record
 from models.identification.finding import Check
 from models.identification.fitting.fit import Fit, evaluate
 from models.identification.kind import Kind
 from models.identification.search.validation import free_run
 from models.identification.settings import SET
+from models.records.record import Record
 
 
 def residual_checks(

@@ -9,13 +9,13 @@ import numpy as np
 from scipy.stats import chi2
 
 from models.checks.finding import RecordFinding
-from models.files.record import Record
 from models.identification.finding import STAGES, Check, Estimate
 from models.identification.fitting.confidence import near
 from models.identification.fitting.fit import Fit, axes
 from models.identification.kind import Kind, declared
 from models.identification.search.forward_selection import Search
 from models.identification.settings import SET
+from models.records.record import Record
 
 
 def verdict_of(effects: Sequence[str], checks: Sequence[Check]) -> str:

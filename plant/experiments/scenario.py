@@ -7,17 +7,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from models.files.rig import read_magnets
-from models.files.rig_tables import BodyTable, CapsuleTable, TissueTable, check_range
-from models.files.rig_tables import Drive as DriveTable
-from models.files.rig_tables import Magnet as MagnetTable
-from models.files.rig_tables import Noise as NoiseTable
-from models.files.rig_tables import Surface as SurfaceTable
-from models.files.rig_tables import Table as RigTable
 from models.files.tables import choice, converted, from_table, is_number, shown, with_contact_angle
 from models.files.toml import read_toml
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import nearest
+from models.rigs.magnets import Magnet as MagnetTable
+from models.rigs.magnets import read_magnets
+from models.rigs.schema import Table as RigTable
+from models.rigs.schema import check_range
+from models.rigs.tables import BodyTable, CapsuleTable, TissueTable
+from models.rigs.tables import Drive as DriveTable
+from models.rigs.tables import Noise as NoiseTable
+from models.rigs.tables import Surface as SurfaceTable
 from plant.anatomy import Anatomy, along, random_anatomy
 from plant.drives.kinds import DRIVES, TrueCoil, TrueDrive, TrueMagnet, TrueMagnetPair, TruePull, TrueVibro
 from plant.experiments.profile import PROFILES, Profile, Recorded

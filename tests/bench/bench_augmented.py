@@ -23,10 +23,10 @@ from hil.app.scenario.reference import Sine
 from hil.app.scenario.scenario import Control, TrackScenario
 from hil.app.track.loop import believed_model, run_loop
 from hil.app.track.score import score
-from models.files.rig import read_rig
 from models.identification.finding import STAGES
 from models.identification.model import read_model
 from models.laws.geometry import Tissue
+from models.rigs.reader import read_rig
 from plant.drives.kinds import TrueMagnet
 from plant.rig import Truth
 from plant.session import Instruments

@@ -19,11 +19,12 @@ from pathlib import Path
 
 import numpy as np
 
-from models.files.record import Record, read_record
-from models.files.rig import Rig, parse_rig
 from models.identification import close
 from models.identification.fitting.fit import Problem, descend
 from models.identification.kinds.vibro_table.kind import VibroTableKind
+from models.records.record import Record, read_record
+from models.rigs.reader import parse_rig
+from models.rigs.rig import Rig
 
 SHARED = Path(os.environ.get("CAPSULE_SHARED", Path(__file__).parents[3] / "shared"))
 RIG = {

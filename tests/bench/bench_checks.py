@@ -23,8 +23,9 @@ from scipy.signal import lfilter
 
 from models.checks.examine import examine
 from models.checks.view import Array, View
-from models.files.record import Record, read_record
-from models.files.rig import Rig, parse_rig, read_rig
+from models.records.record import Record, read_record
+from models.rigs.reader import parse_rig, read_rig
+from models.rigs.rig import Rig
 from plant.experiments.series import make_series
 from plant.hidden.registry import HIDDEN, hidden
 from tests.places import SHARED

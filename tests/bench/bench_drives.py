@@ -15,13 +15,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from models.files.record import Record
-from models.files.rig import Rig as Belief
-from models.files.rig import parse_rig
 from models.identification import close
 from models.identification.kinds import kind_for
 from models.identification.kinds.series.drive_input import SWITCH_DELAY
 from models.laws.geometry import Capsule, Tissue
+from models.records.record import Record
+from models.rigs.reader import parse_rig
+from models.rigs.rig import Rig as Belief
 from plant.drives.kinds import TrueCoil, TrueVibro
 from plant.experiments.profile import RandomPulses, RandomVoltage
 from plant.experiments.recording import record_scenario

@@ -12,9 +12,9 @@ from hil.app.export.fmu.model_unit import model_unit
 from hil.app.export.fmu.package import fmu
 from hil.app.export.fmu.plant_unit import plant_unit, read_truth
 from hil.app.export.found import read_found
-from models.files.record import record_of
-from models.files.rig import read_rig
 from models.identification.model import Model
+from models.records.record import record_of
+from models.rigs.reader import read_rig
 from plant import layout as at
 from plant.session import Session
 from tests.hil.app.export.conftest import BASE, FOLDS, MAGNET, PULL, played

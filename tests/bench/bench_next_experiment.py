@@ -17,14 +17,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from models.effects import BY_ID
-from models.files.record import Record
-from models.files.rig import parse_rig
 from models.files.toml import parse_toml
 from models.identification.experiment.propose import propose
 from models.identification.finding import Proposal
 from models.identification.identify import narrowed
 from models.identification.kinds import kind_for, ready
 from models.identification.search.forward_selection import search
+from models.records.record import Record
+from models.rigs.reader import parse_rig
 from plant import layout as at
 from plant.experiments.excitation import piecewise_runs, random_runs, random_wander
 from plant.experiments.series import FORCE_SPAN_N, FORCE_STD_N, POSITION_SPAN_M, POSITION_STD_M, _truth, rig_text

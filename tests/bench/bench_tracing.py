@@ -23,8 +23,6 @@ from typing import Any, Final
 import numpy as np
 
 from hil.app.main import run as capsule
-from models.files.record import Record, read_record
-from models.files.rig import read_rig
 from models.identification.fitting.fit import Problem, narrowing
 from models.identification.kinds import kind_for
 from models.identification.kinds.series.kind import SeriesKind
@@ -32,6 +30,8 @@ from models.identification.kinds.series.simulation import active_effects
 from models.identification.model import read_model
 from models.identification.search.validation import free_run
 from models.identification.settings import SET
+from models.records.record import Record, read_record
+from models.rigs.reader import read_rig
 from plant.experiments.series import hidden_ids, make_series
 from plant.hidden.registry import hidden
 

@@ -19,8 +19,8 @@ from controller.model.control_model import ControlModel, control_model
 from controller.model.symbols import PURSUIT_S, Symbols
 from controller.mpc.settings import Horizon, Weights
 from controller.signals import Estimate
-from models.files.rig import parse_rig
 from models.parameter import Parameter
+from models.rigs.reader import parse_rig
 from models.surfaces.gut import settle
 
 Array = NDArray[np.float64]

@@ -12,7 +12,7 @@ from controller.model.control_model import ControlModel, control_model
 from controller.signals import Array, Controller, Measurement, Reference
 from controller.supervision.supervisor import Supervisor
 from hil.app.scenario.scenario import parse_track_scenario
-from models.files.rig import Rig
+from models.rigs.rig import Rig
 from plant.rig import Truth
 from plant.session import Instruments, Session
 

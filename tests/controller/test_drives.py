@@ -11,19 +11,19 @@ from controller.drives import DRIVES, driven_of
 from hil.nodes.frame_map import FRAME_MAPS, frames
 from models.drives.coil import Coil
 from models.drives.drive import Drive
-from models.drives.from_rig import DRIVES as BELIEVED
 from models.drives.magnetic import Magnetic
 from models.drives.pull import Pull
 from models.drives.vibro import Vibro
+from models.rigs.kinds import KINDS
 from plant.drives.kinds import DRIVES as SIMULATED
 
 ROOT = Path(__file__).parents[2]
-KINDS = re.compile(r"""["'](pull|magnetic|coil|vibro|vibro_table|axis|periods|friction|dma)["']""")
+NAMED = re.compile(r"""["'](pull|magnetic|coil|vibro|vibro_table|axis|periods|friction|dma)["']""")
 REGISTRIES = ("controller/drives.py", "plant/hidden/registry.py", "hil/nodes/frame_map.py")
 
 
 def test_every_drive_is_believed_simulated_and_on_the_bus() -> None:
-    assert set(DRIVES) <= set(BELIEVED)
+    assert set(DRIVES) <= {name for name, kind in KINDS.items() if kind.of_capsule}
     assert set(DRIVES) <= set(SIMULATED)
     assert set(DRIVES) == set(FRAME_MAPS)
 
@@ -48,5 +48,5 @@ def test_a_drive_that_cannot_be_led_is_refused() -> None:
 )
 def test_no_drive_stands_in_quotes_beside_the_registries(room: str) -> None:
     files = [p for p in (ROOT / room).rglob("*.py") if p.relative_to(ROOT).as_posix() not in REGISTRIES]
-    found = [(p.name, line) for p in files for line in p.read_text().splitlines() if KINDS.search(line)]
+    found = [(p.name, line) for p in files for line in p.read_text().splitlines() if NAMED.search(line)]
     assert [line for _, line in found if "coil's" not in line] == []

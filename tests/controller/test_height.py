@@ -9,7 +9,8 @@ import pytest
 
 from controller.height import RESERVE, choose_height, values_at
 from controller.model.control_model import control_model
-from models.files.rig import Rig, at_height, parse_rig
+from models.rigs.reader import parse_rig
+from models.rigs.rig import Rig, at_height
 from tests.rig_texts import GUT
 
 

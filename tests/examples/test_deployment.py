@@ -11,7 +11,7 @@ import pytest
 
 from hil.app.main import run
 from hil.app.scenario.deployment import OWN_TABLES, load_deployment, read_plant
-from models.files.rig import TABLES
+from models.rigs.reader import table_names
 from tests.hil.app.run.plant_process import CAPSULE, HELD_UP, TRIES
 from tests.places import ROOT
 
@@ -21,7 +21,7 @@ FOLDER = ROOT / "examples" / "deployment"
 def test_it_names_every_table_of_a_deployment() -> None:
     text = (FOLDER / "deployment.toml").read_text()
     of_records, of_other_rigs = {"checks", "clock", "columns", "prior"}, {"drive", "surface", "axis", "contact"}
-    tables = {*OWN_TABLES, *TABLES} - of_records - of_other_rigs
+    tables = {*OWN_TABLES, *table_names()} - of_records - of_other_rigs
     assert all(f"[{table}]" in text for table in tables)
 
 

@@ -12,9 +12,9 @@ import pytest
 from hil.app.main import run
 from hil.app.write import write_table
 from models.effects import use_effects
-from models.files.record import read_record
-from models.files.rig import read_rig
 from models.identification.kinds import kind_for
+from models.records.record import read_record
+from models.rigs.reader import read_rig
 from tests.places import ROOT
 
 EXAMPLES = ROOT / "examples"

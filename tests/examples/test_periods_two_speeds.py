@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.files.record import read_record
-from models.files.rig import read_rig
 from models.identification import close
+from models.records.record import read_record
+from models.rigs.reader import read_rig
 from models.sets import load_measurement
 from tests.places import ROOT
 

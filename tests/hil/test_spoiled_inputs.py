@@ -31,9 +31,9 @@ from hil.log.reader import read_frames
 from hil.log.record import read_rig_record
 from models.checks.view import View
 from models.checks.wiring.units import check_units
-from models.files.record import Record
-from models.files.rig import read_rig
 from models.identification.model import Model, read_model, read_report
+from models.records.record import Record
+from models.rigs.reader import read_rig
 from plant.experiments.scenario import load_scenario
 from tests.hil.app.track.track_texts import SHORT
 from tests.rig_texts import GUT

@@ -25,10 +25,11 @@ from hil.app.write import write_files
 from hil.log.log import LockstepLog
 from hil.log.recorder import Recorder, log_record
 from hil.nodes.frame_map import frames
-from models.files.rig import Rig, read_rig
 from models.files.toml import toml_text
 from models.identification import Model
 from models.identification.finding import STAGES, Finding
+from models.rigs.reader import read_rig
+from models.rigs.rig import Rig
 from plant import layout as at
 
 SCENARIOS: Final = Path(__file__).parents[2] / "scenarios"

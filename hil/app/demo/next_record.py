@@ -14,9 +14,9 @@ from hil.app.demo.loop import HOLDOUT, SCENARIOS, SEEDS
 from hil.app.demo.story import RIG, Progress, Told, found_in
 from hil.app.simulate import write_simulated
 from hil.app.write import write_files
-from models.files.rig import read_rig
 from models.files.toml import toml_text
 from models.identification.finding import NEXT_CSV, Proposal
+from models.rigs.reader import read_rig
 from plant.experiments.series import rig_text
 
 BEFORE: Final = "before"

@@ -16,9 +16,10 @@ from hil.app.papers.analytical import best_miss, thirty_periods
 from hil.app.quantities import DASH, change, quantity
 from hil.app.report.words import error_cells, tested_part
 from hil.app.write import write_files
-from models.files.rig import Rig, read_rig
 from models.identification import Model, close
 from models.identification.finding import STAGES, Finding
+from models.rigs.reader import read_rig
+from models.rigs.rig import Rig
 from models.sets import measured_path
 
 Array = NDArray[np.float64]

@@ -18,10 +18,10 @@ from hil.app.design.tables import balance_lines, command_unit, cycle_table, gain
 from hil.app.design.vibro import study_of, vibro_html, vibro_json, vibro_lines, vibro_tables
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import own_folder, write_files
-from models.files.rig import Rig
 from models.files.tables import check_word
 from models.identification.finding import STAGES
 from models.identification.model import read_model
+from models.rigs.rig import Rig
 
 PAGE = "design.html"
 TICK_S = 0.002  # of the controller

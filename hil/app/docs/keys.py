@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from controller.limits import Limits
 from controller.registry import CONTROLLERS, ESTIMATORS
-from hil.app.docs.meanings import MEANINGS, UNITS
+from hil.app.docs.meanings import MEANINGS
 from hil.app.scenario.bus_scenario import BusTable as SimulatedBusTable
 from hil.app.scenario.bus_scenario import FmuTable, JogTable
 from hil.app.scenario.deployment import BusTable, ControlTable, ModelTable, Pace, PlantTable
@@ -27,44 +27,45 @@ from hil.nodes.moteus.table import MoteusTable
 from hil.nodes.odrive.table import FREE_NODES, OdriveTable
 from hil.nodes.odrive.table import RANGES as ODRIVE_RANGES
 from hil.nodes.turning import HOMES
-from models.files.columns import ABOVE, COLUMNS, RANGES, TIME, variants_of
-from models.files.rig_tables import (
-    Axis,
-    BodyTable,
-    CapsuleTable,
-    Checks,
-    Clock,
-    Coil,
-    ColumnTable,
-    Contact,
-    Drive,
-    Magnet,
-    Magnets,
-    Noise,
-    PaperCapsuleTable,
-    PaperTissueTable,
-    Surface,
-    Table,
-    TissueTable,
-)
+from models.files.units import unit_at_end
 from models.identification.finding import STAGES
+from models.rigs.columns import RANGES, TIME
+from models.rigs.kinds import KINDS
+from models.rigs.rig import Head
+from models.rigs.schema import Table, field_of
+from models.rigs.tables import BodyTable, CapsuleTable, Checks, ColumnTable, Noise, TissueTable
 
-RIG_TABLES: Final[Mapping[str, tuple[type[Table], ...]]] = {
-    "[capsule]": (CapsuleTable, BodyTable, PaperCapsuleTable),
-    "[tissue]": (TissueTable, PaperTissueTable),
-    "[rig] of kind magnetic": (Magnet,),
-    "[rig.magnet] of kind magnetic, in place of those": (Magnets,),
-    "[rig] of kind coil": (Coil,),
-    "[drive]": (Drive,),
-    "[surface]": (Surface,),
-    "[axis]": (Axis,),
-    "[contact]": (Contact,),
+_COMMON: Final[Mapping[str, tuple[type[Table], ...]]] = {
     "[noise]": (Noise,),
     "[columns], a column of ours": (ColumnTable,),
     "[checks]": (Checks,),
-    "[clock] of pull, magnetic, coil and vibro": (Clock,),
 }
-"""Tables of a rig file; where several kinds of rig state one table differently, the strictest comes first."""
+
+
+def rig_tables() -> Mapping[str, tuple[type[Table], ...]]:
+    """Tables of a rig file; where several kinds of rig state one table differently, the strictest comes first."""
+    found: dict[str, list[type[Table]]] = {f"[{name}]": [] for name in ("capsule", "tissue")}
+    for kind in KINDS.values():
+        own = [base for base in kind.head.__bases__ if not issubclass(Head, base)]
+        found |= {f"[rig] of kind {kind.id}": [base] for base in own}
+        if kind.instead is not None:
+            where = f"[rig.{kind.instead.name}] of kind {kind.id}, in place of those"
+            found[where] = [kind.instead.table]
+        for name, table in kind.tables.items():
+            found.setdefault(f"[{name}]", []).append(table)
+    for name in {name: None for kind in KINDS.values() for name in kind.further}:
+        users = [kind for kind in KINDS.values() if name in kind.further]
+        if f"[{name}]" not in found:
+            *most, last = [kind.id for kind in users]
+            found[f"[{name}] of {', '.join(most)} and {last}"] = [users[0].further[name]]
+    strict = {name: sorted(dict.fromkeys(tables), key=_free) for name, tables in found.items()}
+    return {**{name: tuple(tables) for name, tables in strict.items()}, **_COMMON}
+
+
+def _free(table: type[Table]) -> int:
+    """How many keys may be left out."""
+    return sum(not field.is_required() for field in table.model_fields.values())
+
 
 DEPLOYMENT_TABLES: Final[Mapping[str, Any]] = {
     "[bus]": BusTable,
@@ -118,13 +119,12 @@ CHECKED: Final[Mapping[tuple[type[Any], str], tuple[float, float]]] = {
 
 def unit_of(key: str) -> str:
     """The unit that a key's name ends in, "" where it has none."""
-    ending = max((end for end in UNITS if key.endswith(end)), key=len, default="")
-    return UNITS.get(ending, "")
+    return "bit/s" if key.endswith("bitrate") else unit_at_end(key)[1]
 
 
 def rig_keys() -> str:
     """The tables of a rig file as Markdown."""
-    return "\n\n".join(f"### {_head(name)}\n\n{_rows(_pydantic(models))}" for name, models in RIG_TABLES.items())
+    return "\n\n".join(f"### {_head(name)}\n\n{_rows(_pydantic(models))}" for name, models in rig_tables().items())
 
 
 def deployment_keys() -> str:
@@ -135,7 +135,7 @@ def deployment_keys() -> str:
 def columns() -> str:
     """What a record of each kind of rig must hold, and the ranges of its columns, as Markdown."""
     lines = ["| kind | driven | measured | fewest rows |", "| --- | --- | --- | --- |"]
-    held = [(kind, one) for kind in COLUMNS for one in variants_of(kind)]
+    held = [(kind, one) for kind in KINDS for one in KINDS[kind].layouts]
     for kind, known in held:
         driven = [f"`{TIME}`"] if known.time else []
         driven += [" or ".join(f"`{name}`" for name in alternatives) for alternatives in known.driven]
@@ -144,9 +144,9 @@ def columns() -> str:
         measured = ", ".join(f"`{name}`" for name in known.measured)
         lines.append(f"| `{kind}` | {', '.join(driven)} | {measured} | {known.minimum} |")
     lines += ["", "| column | range |", "| --- | --- |"]
-    for name, (lower, upper, _) in RANGES.items():
-        relation = ">" if name in ABOVE else ">="
-        lines.append(f"| `{name}` | {relation} {lower:g}, <= {upper:g} {unit_of(name)} |".replace("  ", " "))
+    for name, one in RANGES.items():
+        relation = ">" if one.above else ">="
+        lines.append(f"| `{name}` | {relation} {one.lower:g}, <= {one.upper:g} {unit_of(name)} |".replace("  ", " "))
     return "\n".join(lines)
 
 
@@ -160,9 +160,7 @@ def formats() -> str:
 
 
 def all_keys() -> Iterator[str]:
-    """Every key that needs a meaning."""
-    for models in RIG_TABLES.values():
-        yield from models[0].model_fields
+    """Every key of a deployment or a scenario, which needs a meaning."""
     for cls in DEPLOYMENT_TABLES.values():
         yield from (field.name for field in dataclasses.fields(cls))
 
@@ -172,14 +170,14 @@ def _head(name: str) -> str:
     return f"`{table}]`{rest}"
 
 
-def _rows(rows: Iterator[tuple[str, str, str, str]]) -> str:
+def _rows(rows: Iterator[tuple[str, str, str, str, str]]) -> str:
     lines = ["| key | unit | range | default | meaning |", "| --- | --- | --- | --- | --- |"]
-    for key, span, default, source in rows:
-        lines.append(f"| `{key}` | {unit_of(key)} | {span} | {default} | {MEANINGS[key]}{source and f' ({source})'} |")
+    for key, span, default, meaning, source in rows:
+        lines.append(f"| `{key}` | {unit_of(key)} | {span} | {default} | {meaning}{source and f' ({source})'} |")
     return "\n".join(lines).replace("|  |", "| |").replace("|  |", "| |")
 
 
-def _pydantic(models: tuple[type[Table], ...]) -> Iterator[tuple[str, str, str, str]]:
+def _pydantic(models: tuple[type[Table], ...]) -> Iterator[tuple[str, str, str, str, str]]:
     strictest, loosest = models[0].model_json_schema(), models[-1].model_json_schema()
     for key, schema in strictest["properties"].items():
         default = loosest["properties"][key].get("default")
@@ -190,7 +188,7 @@ def _pydantic(models: tuple[type[Table], ...]) -> Iterator[tuple[str, str, str, 
             said = "required"
         else:
             said = "may be left out" if default is None else _value(default)
-        yield key, span(schema), said, ""
+        yield key, span(schema), said, field_of(models[0], key).description or "", ""
 
 
 def span(schema: Mapping[str, Any]) -> str:
@@ -206,7 +204,7 @@ def span(schema: Mapping[str, Any]) -> str:
     return ", ".join(f"{sign} {inner[name]:g}" for name, sign in bounds if name in inner)
 
 
-def _dataclass(cls: type[Any]) -> Iterator[tuple[str, str, str, str]]:
+def _dataclass(cls: type[Any]) -> Iterator[tuple[str, str, str, str, str]]:
     hints = typing.get_type_hints(cls)
     for field in dataclasses.fields(cls):
         known = Limits.ranges().get(field.name) if cls is Limits else CHECKED.get((cls, field.name))
@@ -223,7 +221,8 @@ def _dataclass(cls: type[Any]) -> Iterator[tuple[str, str, str, str]]:
             other = _NESTED.get(field.name, other)
             span = {str: "text", float: "number", bool: "true or false"}.get(hints[field.name], other)
         missing = field.default is dataclasses.MISSING
-        yield field.name, span, "required" if missing else _value(field.default), field.metadata.get("source", "")
+        default, source = "required" if missing else _value(field.default), field.metadata.get("source", "")
+        yield field.name, span, default, MEANINGS[field.name], source
 
 
 def _value(value: Any) -> str:

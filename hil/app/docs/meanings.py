@@ -1,123 +1,15 @@
-"""What every key of the input files means, in a few words, and the units that the names of keys end in."""
+"""What the keys of deployments and scenarios mean, in a few words."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Final
 
-UNITS: Final[Mapping[str, str]] = {
-    "_m": "m",
-    "_mm": "mm",
-    "_kg": "kg",
-    "_s": "s",
-    "_ms": "ms",
-    "_s_per_s": "s/s",
-    "_N": "N",
-    "_deg": "deg",
-    "_N_m": "N m",
-    "_rad": "rad",
-    "_kg_m2": "kg m2",
-    "_N_m_s_per_rad": "N m s/rad",
-    "_A": "A",
-    "_A_m2": "A m2",
-    "_T": "T",
-    "_V": "V",
-    "_H": "H",
-    "_C": "degC",
-    "_Pa": "Pa",
-    "_Hz": "Hz",
-    "_Ohm": "Ohm",
-    "_m_s": "m/s",
-    "_mm_s": "mm/s",
-    "_A_s": "A/s",
-    "_m_s2": "m/s2",
-    "_N_per_m": "N/m",
-    "_N_per_A": "N/A",
-    "_N_s_per_m": "N s/m",
-    "_per_m": "1/m",
-    "bitrate": "bit/s",
-}
+from models.rigs.schema import field_of
+from models.rigs.tables import Checks, Drive
 
 MEANINGS: Final[Mapping[str, str]] = {
-    "radius_m": "radius of the capsule",
-    "cylinder_length_m": "length of its cylindrical part, without the round ends",
-    "mass_kg": "mass of the capsule, of a vibro drive's body without the inner mass, of the moving part of an axis",
-    "preset": "set of constants of the wall",
-    "wall_thickness_m": "thickness of the gut's wall",
-    "contact_angle_deg": "angle at which the wall meets the capsule's nose; its cosine is the diameter of the relaxed"
-    " lumen over that of the capsule",
-    "lumen_diameter_m": "inner diameter of the relaxed lumen, less than the capsule's; may stand for"
-    " `contact_angle_deg`",
-    "regime": "moduli of the wall: `low` those measured below 20 mm/s, `high` those above, `blend` each where it was"
-    " measured; for speeds above 20 mm/s take `blend`",
-    "nose_force_angle_deg": "direction of the wall's force on the nose",
-    "friction_coefficient": "coefficient of Coulomb friction; required for a plate",
-    "mucus_thickness_m": "thickness of the mucus film",
-    "recovery_time_s": "time in which a wall that slipped draws back",
-    "magnet_stiffness_N_per_m": "stiffness k of the magnet's pull `k g/(1 + (g/r)^2)^2` on the gap g between carriage"
-    " and capsule",
-    "magnet_range_m": "range r of that pull",
-    "height_m": "distance of the two magnets' centres across the lumen",
-    "moments": "how both moments lie: `across` the lumen, on one axis where the outer magnet stands above the capsule,"
-    " or `along` it, opposite to each other",
-    "outer_moment_A_m2": "moment of the magnet on the carriage; or its size and remanence",
-    "outer_diameter_m": "diameter of that magnet, a cylinder magnetised along its axis",
-    "outer_length_m": "its length",
-    "outer_remanence_T": "its remanence",
-    "inner_moment_A_m2": "moment of the capsule's magnet; or its size and remanence",
-    "inner_diameter_m": "diameter of that magnet",
-    "inner_length_m": "its length",
-    "inner_remanence_T": "its remanence",
-    "height_range_m": "lowest and highest height to which the carriage can lift its magnet, where the height is a"
-    " command too",
-    "pressing_limit_N": "most that the magnet may then press the capsule on the tissue",
-    "force_constant_N_per_A": "force per ampere of coil current",
-    "coil_position_m": "position of the coil",
-    "coil_range_m": "range over which the coil's force falls; left out: the same force everywhere",
-    "coil_resistance_Ohm": "resistance of the coil, where a record has its voltage",
-    "coil_inductance_H": "inductance of the coil",
-    "current_limit_A": "most current that the supply gives",
-    "inner_mass_kg": "mass of the inner mass",
-    "spring_stiffness_N_per_m": "stiffness of its spring to the body",
-    "force_N": "in `[drive]`, the coil's force while it is on; in `[limits]`, the greatest force on the wall",
-    "reaction_on_body": "true: the coil sits in the body; false: an outside field acts on the inner mass alone",
-    "spring_damping_N_s_per_m": "damping of the spring",
-    "front_stop_gap_m": "distance to the front stop; left out: out of reach",
-    "rear_stop_gap_m": "distance to the rear stop; left out: out of reach",
-    "stop_stiffness_N_per_m": "stiffness of the stops",
-    "rated_voltage_V": "voltage at which the coil gives `force_N`",
-    "kind": "`plate` is rigid with Coulomb friction; `gut` needs `[tissue]`; in the `air` nothing holds the body",
-    "viscous_friction_N_s_per_m": "nominal viscous friction",
-    "coulomb_friction_N": "nominal Coulomb friction",
-    "friction_N": "nominal friction force of a contact whose load is not known",
-    "load_N": "load on the contact where no column has it",
-    "offset_N": "nominal constant force",
-    "inertia_kg_m2": "moment of inertia of an axis that turns",
-    "viscous_friction_N_m_s_per_rad": "its nominal viscous friction",
-    "coulomb_friction_N_m": "its nominal Coulomb friction",
-    "offset_N_m": "its nominal constant torque",
-    "angle_std_rad": "standard deviation of the angle of an axis that turns; left out: estimated from the record",
-    "torque_std_N_m": "standard deviation of its torque; left out: estimated",
-    "position_std_m": "standard deviation of the position measurement; left out: estimated from the record",
-    "force_std_N": "standard deviation of the force measurement; left out: estimated",
-    "velocity_std_m_s": "standard deviation of a mean speed; left out: estimated",
-    "period_std_s": "standard deviation of a period; left out: estimated",
-    "modulus_std_Pa": "standard deviation of a modulus; left out: estimated",
-    "offset_s": "how much later than the driven columns the measured ones are stamped; negative: earlier",
-    "offset_std_s": "how well that is known: a calibration looks for it within four of these",
-    "drift": "by how many seconds more in each second of a record, s/s; taken out before any fit, where the drive is a"
-    " place (pull, magnetic)",
-    "accept": "in `[checks]`, findings of `capsule check`, by id, that no longer stop a fit; they weaken its verdict;"
-    " in `[operator]`, whether the controller takes setpoints from the bus",
-    "column": "name of the column in the files, exactly as it stands there",
-    "unit": "unit of that column, such as `mm`, `gf`, `ms`; left out: the one that the file states or that the column's"
-    " name ends in, else that of our column",
-    "sign": "-1 turns the column's direction round",
-    "offset": "what the column shows at zero, in its own unit: `sign * (column - offset)` is told in our unit",
-    "scale": "what one of the file's numbers (a volt, a count, a pixel) is in `unit`; left out: the"
-    " file's unit says it",
-    "wrap": "after how much its numbers begin again, in its own unit: 360 of an angle in degrees, 65536 of a counter;"
-    " jumps of more than half of it are undone",
+    **{key: field_of(table, key).description or "" for table, key in ((Checks, "accept"), (Drive, "force_N"))},
     "interface": "name of the python-can interface, such as `socketcan`, or `capsule_local` between processes",
     "channel": "its channel, such as `can0`",
     "bitrate": "bit rate, which must be that of `hil/capsule.dbc`",

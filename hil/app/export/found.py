@@ -10,15 +10,16 @@ from typing import Final
 from hil.app.scenario.deployment import read_deployed_rig
 from models.assembly.model import Assembly, assemble
 from models.drives.drive import Drive
-from models.drives.from_rig import DRIVES, drive_of, surface_of
 from models.effects import BY_ID
 from models.effects.effect import Effect
-from models.files.rig import Rig
 from models.files.tables import check_word
 from models.identification.finding import STAGES
 from models.identification.kinds.series.drive_input import OF_THE_LOG
 from models.identification.model import Model, read_model
 from models.parameter import nearest
+from models.rigs.kinds import KINDS
+from models.rigs.parts import drive_of, surface_of
+from models.rigs.rig import Rig
 from models.surfaces.surface import Surface
 
 LOG_WORDS: Final = "how a record was logged (delay of the measurement's stamps), no part of the rig"
@@ -58,8 +59,9 @@ def read_found(rig: Path, model: Path, stage: str, driven: str = "") -> Found:
     """
     check_word(stage, "--stage", STAGES)
     belief = read_deployed_rig(rig)
-    if belief.kind not in DRIVES:
-        raise ValueError(f"{rig}: rig.kind must be one of {', '.join(DRIVES)} to be exported; got {belief.kind!r}")
+    if not KINDS[belief.kind].of_capsule:
+        known = ", ".join(name for name, kind in KINDS.items() if kind.of_capsule)
+        raise ValueError(f"{rig}: rig.kind must be one of {known} to be exported; got {belief.kind!r}")
     learned = read_model(model, belief.kind)
     values = learned.stages[stage]
     names = sorted({name.split(".")[0] for name in values if "." in name})

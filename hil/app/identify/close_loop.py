@@ -20,11 +20,11 @@ from hil.app.report.words import error_cells, error_scale, tidy
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import check_targets, sole_writer, table_text, write_files
 from hil.log.record import read_rig_record
-from models.files.record import Record
-from models.files.rig import Rig
 from models.files.toml import toml_text
 from models.identification import Model, close
 from models.identification.finding import NEXT_CSV, NEXT_TOML, STAGES, Finding, Proposal
+from models.records.record import Record
+from models.rigs.rig import Rig
 
 REPORT, NUMBERS, MODEL = "report.html", "report.json", "model.toml"
 FILES = (REPORT, NUMBERS, MODEL, NEXT_TOML, NEXT_CSV)

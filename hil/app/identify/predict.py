@@ -12,11 +12,11 @@ from hil.app.console import note, output_to_notes, print_json, say, summary
 from hil.app.identify.close_loop import read_told
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import check_file, check_targets, write_table
-from models.files.record import Record
 from models.files.tables import check_word
 from models.files.toml import in_file
 from models.identification.finding import STAGES
 from models.identification.model import read_model
+from models.records.record import Record
 
 
 def predict(

@@ -1,91 +1,73 @@
 """A rig file in which every key that its kind may have stands with unit, range and meaning, from the schema that checks
-it.
+it; and a template record of each kind of rig, simulated.
 """
 
 from __future__ import annotations
 
 import json
+import tomllib
 from collections.abc import Mapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Final
 
+import numpy as np
+
 from hil.app.docs.keys import span, unit_of
-from hil.app.docs.meanings import MEANINGS
-from models.files.columns import columns_of
-from models.files.rig import HEADS
-from models.files.rig_tables import (
-    Axis,
-    BodyTable,
-    CapsuleTable,
-    Clock,
-    Contact,
-    Drive,
-    Magnets,
-    Noise,
-    PaperCapsuleTable,
-    PaperTissueTable,
-    Surface,
-    Table,
-    TissueTable,
-)
-from models.identification.kinds.axis.coordinates import LINE, TURN
+from models.identification.kinds import kind_for
+from models.records.record import Record, read_record
+from models.rigs.kind import Record as Columns
+from models.rigs.kind import RigKind, Tables
+from models.rigs.reader import parse_rig
+from models.rigs.schema import Table, field_of
+from models.rigs.tables import Noise
+from plant.experiments.series import make_series
 
-_IN_GUT: Final[Mapping[str, type[Table]]] = {"capsule": CapsuleTable, "tissue": TissueTable}
-_OF_PAPER: Final[Mapping[str, type[Table]]] = {"capsule": PaperCapsuleTable, "tissue": PaperTissueTable}
-Tables = Mapping[str, Mapping[str, Any]]
-"""Values by table and key."""
-
-_TABLES: Final[Mapping[str, Mapping[str, type[Table]]]] = {
-    "pull": _IN_GUT,
-    "magnetic": _IN_GUT,
-    "coil": _IN_GUT,
-    "vibro": {**_IN_GUT, "drive": Drive, "surface": Surface},
-    "vibro_table": {"capsule": BodyTable, "drive": Drive, "surface": Surface},
-    "axis": {"axis": Axis},
-    "periods": _OF_PAPER,
-    "friction": {"contact": Contact},
-    "dma": {},
-}
-_OPTIONAL: Final[Mapping[str, Mapping[str, type[Table]]]] = {
-    "pull": {"clock": Clock},
-    "magnetic": {"rig.magnet": Magnets, "surface": Surface, "clock": Clock},
-    "coil": {"surface": Surface, "clock": Clock},
-    "vibro": {"clock": Clock},
-}
-_INSTEAD: Final[Mapping[str, str]] = {
-    "rig.magnet": "the magnets by their own numbers, in place of magnet_stiffness_N_per_m and magnet_range_m",
-    "surface": "a plate under the capsule, or nothing but air, in place of the gut",
-    "clock": "how late the measured columns are stamped",
-}
+_SECONDS: Final = 12.0  # of a template record
 
 
-def commented(kind: str, values: Tables, columns: Sequence[str]) -> str:
+def template(kind: RigKind, *, rotary: bool = False) -> tuple[Tables, Columns]:
+    """Tables of a rig file of `kind` (with `rotary` of one that turns) and the columns of a simulated record of such a
+    rig, the same at every call: from the plant, with numbers that differ from the nominal ones and noise, 100 rows a
+    second; or as the kind declares it, measured columns that it leaves out as its nominal model gives them.
+    """
+    made = kind.turning_template if rotary else kind.template
+    if made is None:
+        with TemporaryDirectory() as name:
+            folder = make_series(kind.id, None, 1, Path(name), _SECONDS)
+            stated = tomllib.loads((folder / "rig.toml").read_text(encoding="utf-8"))
+            return stated, read_record(folder / "train_1.csv.gz", parse_rig(stated)).columns
+    rng = np.random.default_rng(1)
+    tables, columns = made(rng)
+    blank = {name: np.ones(len(next(iter(columns.values())))) for name in kind.columns(columns).measured}
+    if blank.keys() <= columns.keys():
+        return tables, columns
+    model = kind_for(parse_rig(tables), [])
+    return tables, model.imitate(Record("template", kind.id, {**columns, **blank}), model.nominal(), rng).columns
+
+
+def commented(kind: RigKind, values: Tables, columns: Sequence[str]) -> str:
     """The text of a rig file of `kind` with `values` by table and key, for records with `columns`; a key without a
     value stands as a comment, and so does a table that a rig may do without.
     """
-    lines = [f"# A rig of kind {kind}: what you believe about it, in SI units. Put your values in place of these."]
-    lines += ["", "[rig]", f'kind = "{kind}"']
-    lines += [_line(key, HEADS[kind], values["rig"]) for key in HEADS[kind].model_fields if key != "kind"]
-    for name, model in _TABLES[kind].items():
-        lines += ["", f"[{name}]", *(_line(key, model, values.get(name, {})) for key in _keys(name, model, columns))]
-    measured = columns_of(kind, columns).measured
+    lines = [f"# A rig of kind {kind.id}: what you believe about it, in SI units. Put your values in place of these."]
+    lines += ["", "[rig]", f'kind = "{kind.id}"']
+    lines += [_line(key, kind.head, values["rig"]) for key in kind.head.model_fields if key != "kind"]
+    for name, table in kind.tables.items():
+        lines += ["", f"[{name}]", *(_line(key, table, values.get(name, {})) for key in table.of(columns))]
+    measured = kind.columns(columns).measured
     stated = [key for key in Noise.model_fields if any(key.partition("_std_")[0] in column for column in measured)]
     lines += ["", "[noise]", *(_line(key, Noise, values.get("noise", {})) for key in stated)]
-    for name, model in _OPTIONAL.get(kind, {}).items():
-        lines += ["", f"# [{name}]  {_INSTEAD[name]}", *(_line(key, model, {}) for key in model.model_fields)]
+    within = {} if kind.instead is None else {f"rig.{kind.instead.name}": kind.instead.table}
+    for name, table in {**within, **kind.further}.items():
+        lines += ["", f"# [{name}]  {table.purpose}", *(_line(key, table, {}) for key in table.model_fields)]
     return "\n".join([*lines, ""])
 
 
-def _keys(table: str, model: type[Table], columns: Sequence[str]) -> Sequence[str]:
-    """The keys of a table; of `[axis]` those of one that moves as its records do."""
-    if table == "axis":
-        return (TURN if TURN.position in columns else LINE).base
-    return list(model.model_fields)
-
-
-def _line(key: str, model: type[Table], values: Mapping[str, Any]) -> str:
+def _line(key: str, table: type[Table], values: Mapping[str, Any]) -> str:
     told = f"{key} = {_value(values[key])}" if key in values else f"# {key} ="
-    schema = model.model_json_schema()["properties"][key]
-    facts = [unit_of(key), span(schema).replace("`", ""), MEANINGS.get(key, "").replace("`", "")]
+    schema = table.model_json_schema()["properties"][key]
+    facts = [unit_of(key), span(schema).replace("`", ""), (field_of(table, key).description or "").replace("`", "")]
     return f"{told:<44} # {'; '.join(fact for fact in facts if fact)}" if any(facts) else told
 
 

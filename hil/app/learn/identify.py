@@ -20,9 +20,6 @@ from hil.app.quantities import quantity
 from hil.log.record import SOURCES
 from models.checks.instrument.usable import from_row
 from models.effects import BY_ID
-from models.files.columns import TIME
-from models.files.record import Record
-from models.files.rig import Rig
 from models.identification import close
 from models.identification.finding import STAGES
 from models.identification.fitting.fit import evaluate
@@ -32,6 +29,9 @@ from models.identification.kinds.series.kind import SeriesKind
 from models.identification.model import HELD_OUT
 from models.identification.search.refit import refit
 from models.identification.search.validation import free_run
+from models.records.record import Record
+from models.rigs.columns import TIME
+from models.rigs.rig import Rig
 
 T = TypeVar("T")
 KNOWN: Final = 0.01

@@ -23,8 +23,8 @@ from hil.app.learn.identify import LEAD_S, Ask, LearningAnswer, LearningQuestion
 from hil.app.scenario.deployment import Pace
 from hil.app.scenario.model_offer import Offered
 from hil.log.record import SOURCES
-from models.files.columns import TIME
-from models.files.rig import Rig
+from models.rigs.columns import TIME
+from models.rigs.rig import Rig
 
 Phase = Literal["watching", "gathering", "identifying", "preparing", "offered", "on trial"]
 Beside = Callable[[Callable[[], Prepared]], "Future[Prepared]"]

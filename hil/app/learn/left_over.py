@@ -12,8 +12,8 @@ import numpy as np
 
 from controller.signals import Array
 from models.checks.instrument.usable import counted
-from models.files.record import Record
 from models.identification.kind import Kind
+from models.records.record import Record
 
 STEP_M: Final = 1e-3
 """Length of wall over which what is left counts as one value."""

@@ -37,6 +37,7 @@ from hil.app.report.words import (
     tidy,
 )
 from models.identification.finding import NEXT_CSV, NEXT_TOML, Finding
+from models.rigs.kinds import KINDS
 
 POINTS, MOST_PANELS = 50_000, 12  # of all lines of a figure, and its panels
 _INDEXED = re.compile(r"\b([A-Za-z])_([A-Za-z])\b")
@@ -128,7 +129,7 @@ def _errors(page: _Page, finding: Finding) -> str:
 def _records(page: _Page, finding: Finding, drawn: list[Panel]) -> str:
     last = _last(finding)
     out = [record_table(finding)]
-    if finding.kind == "vibro_table":
+    if KINDS[finding.kind].runs:
         out += [page.figure(f) for f in (speed_map(drawn, last), agreement_figure(drawn, last)) if f is not None]
         return "".join(out)
     shown = sorted(drawn, key=lambda panel: panel.role != "holdout")[:MOST_PANELS]

@@ -13,8 +13,9 @@ import numpy as np
 
 from hil.app.quantities import amount, number, percent, scale
 from models.effects import BY_ID
-from models.files.columns import COLUMNS
+from models.files.units import unit_at_end
 from models.identification.finding import STAGES, Finding
+from models.rigs.kinds import KINDS
 
 _COUNTS = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine")
 _MOST_VALUES = 100_000  # that a sentence is worked out from
@@ -37,54 +38,17 @@ _NAMES = MappingProxyType(
         "loss_modulus": "loss modulus G″",
     }
 )
-_UNITS = MappingProxyType(
-    {
-        "_N_s_per_m": "N s/m",
-        "_N_per_m3": "N/m3",
-        "_N_per_m": "N/m",
-        "_m_per_N": "m/N",
-        "_s_per_m": "s/m",
-        "_per_m3": "1/m3",
-        "_per_m2": "1/m2",
-        "_per_s2": "1/s2",
-        "_per_m": "1/m",
-        "_per_s": "1/s",
-        "_m_s2": "m/s²",
-        "_rad_s2": "rad/s²",
-        "_N_m": "N m",
-        "_rad_s": "rad/s",
-        "_m_s": "m/s",
-        "_Pa": "Pa",
-        "_Hz": "Hz",
-        "_rad": "rad",
-        "_deg": "°",
-        "_kg": "kg",
-        "_N": "N",
-        "_A": "A",
-        "_V": "V",
-        "_mm_s": "mm/s",
-        "_mm": "mm",
-        "_percent": "%",
-        "_m": "m",
-        "_s": "s",
-    }
-)
 
 
 def column_words(column: str) -> tuple[str, str]:
     """Name and unit of a column: `force_N` is ("force", "N"), `v_m_s` is ("speed", "m/s")."""
-    for ending, unit in _UNITS.items():
-        if column.endswith(ending):
-            stem = column.removesuffix(ending)
-            return _NAMES.get(stem, stem.replace("_", " ")), unit
-    return _NAMES.get(column, column.replace("_", " ")), ""
+    stem, unit = unit_at_end(column)
+    return _NAMES.get(stem, stem.replace("_", " ")), unit.replace("s2", "s²").replace("deg", "°")
 
 
 def parameter_words(name: str) -> str:
     """A parameter's name as words: without its unit, a logarithm as what it is the logarithm of."""
-    stem = name.removeprefix("log10_")
-    ending = next((ending for ending in _UNITS if stem.endswith(ending) and stem != ending[1:]), "")
-    return stem.removesuffix(ending).replace("_", " ")
+    return unit_at_end(name.removeprefix("log10_"))[0].replace("_", " ")
 
 
 def quantities_words(finding: Finding) -> str:
@@ -221,7 +185,7 @@ def interpolation(finding: Finding) -> str:
     fitted = sum(e.told or not math.isnan(e.value) for e in finding.calibration.values())
     fitted += sum(len(effect.parameters) for effect in finding.effects)
     last = "augmented" if finding.effects else "calibrated"
-    layout = COLUMNS[finding.kind]
+    layout = KINDS[finding.kind].layout
     driven = (*(name for names in layout.driven for name in names), *layout.optional)
     shown = [t for t in finding.traces if t.role != "holdout" and last in t.predicted]
     values = [np.atleast_2d(t.predicted[last].T).T for t in shown]

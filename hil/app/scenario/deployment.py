@@ -23,12 +23,13 @@ from hil.nodes.actuators import ACTUATORS, ActuatorTable, needs_fd, read_actuato
 from hil.nodes.controller.node import Task
 from hil.nodes.controller.operator import OperatorLimits
 from hil.nodes.frame_map import FRAME_MAPS, frame_map_of
-from models.files.rig import TABLES, Rig, parse_rig
 from models.files.tables import Declared, from_table, limited
 from models.files.toml import in_file, parse_toml, read_toml, toml_text
 from models.identification.finding import STAGES
 from models.identification.model import read_model, read_report
 from models.parameter import nearest
+from models.rigs.reader import parse_rig, table_names
+from models.rigs.rig import Rig
 
 PLANNING: Final = 0.4
 """Share of a tick within which a plan has to be made. At 1 kHz listening, estimate, limits and sending take a quarter
@@ -298,7 +299,7 @@ def read_operator(path: Path) -> tuple[BusTable, OperatorLimits]:
 
 
 def _check_tables(raw: Mapping[str, Any]) -> None:
-    known = (*TABLES, *OWN_TABLES)
+    known = (*table_names(), *OWN_TABLES)
     for table, content in raw.items():
         if table not in known:
             raise ValueError(f"tables must be among {', '.join(known)}; got [{table}]; {nearest(table, known)}")

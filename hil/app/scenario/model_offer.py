@@ -13,10 +13,10 @@ from typing import Any
 from controller.model.control_model import ControlModel
 from controller.supervision.acceptance import Acceptance, AcceptanceTest
 from controller.supervision.model_switch import Offer
-from models.files.rig import Rig
 from models.files.tables import Declared, limited
 from models.identification.finding import STAGES
 from models.identification.model import read_model, read_report
+from models.rigs.rig import Rig
 
 
 @dataclass(frozen=True)

@@ -6,32 +6,17 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any, Final
 
-from models.drives.coil import Coil, Winding
-from models.drives.magnetic import Magnetic
-from models.drives.vibro import Vibro
-from models.files.rig import TABLES as RIG_TABLES
-from models.files.rig import Rig, parse_rig
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import nearest
+from models.rigs.kinds import KINDS
+from models.rigs.reader import parse_rig, table_names
+from models.rigs.rig import Rig
 from models.surfaces.plate import Plate
 
 Table = Mapping[str, Any]
 _CAPSULE: Final = asdict(Capsule())
 _TISSUE: Final = {"preset": "jejunum", **asdict(Tissue())}
-_MAGNET, _COIL, _WINDING, _VIBRO, _PLATE = Magnetic(), Coil(), Winding(), Vibro(), Plate(0.193)
-"""Nominal numbers are those that the models declare; the plate's body is the capsubot's."""
-_HEAD: Final[Mapping[str, Table]] = {
-    "magnetic": {"magnet_stiffness_N_per_m": _MAGNET.stiffness_N_per_m, "magnet_range_m": _MAGNET.range_m},
-    "coil": {
-        "force_constant_N_per_A": _COIL.force_constant_N_per_A,
-        "coil_resistance_Ohm": _WINDING.resistance_ohm,
-        "coil_inductance_H": _WINDING.inductance_H,
-        "current_limit_A": _WINDING.current_limit_A,
-    },
-    "vibro": {},
-}
-_NUMBERS: Final = ("inner_mass_kg", "spring_stiffness_N_per_m", "force_N", "reaction_on_body")
-_DRIVE: Final = {name: getattr(_VIBRO, name) for name in _NUMBERS}
+_PLATE: Final = Plate(0.0)
 
 
 def read_belief(table: Table, kind: str, surface: str, magnets: Table | None = None) -> Rig:
@@ -39,9 +24,9 @@ def read_belief(table: Table, kind: str, surface: str, magnets: Table | None = N
     magnets being its data sheet's, `[rig.magnet]`. Raises ValueError.
     """
     for name, content in table.items():
-        if name not in RIG_TABLES:
+        if name not in table_names():
             raise ValueError(
-                f"tables of [belief] must be those of a rig file; got {name!r}; {nearest(name, RIG_TABLES)}"
+                f"tables of [belief] must be those of a rig file; got {name!r}; {nearest(name, table_names())}"
             )
         if not isinstance(content, Mapping):
             raise ValueError(f"belief.{name} must be a table; got {content!r}")
@@ -49,19 +34,15 @@ def read_belief(table: Table, kind: str, surface: str, magnets: Table | None = N
         raise ValueError(
             "belief must have no table [belief.noise]: the filter has the noise it counts on from its drive"
         )
-    capsule = dict(_CAPSULE)
-    if kind == "vibro":
-        capsule["mass_kg"] = _PLATE.mass_kg
+    own = KINDS[kind]
     told = table.get("rig", {}).get("magnet", None if "magnet_range_m" in table.get("rig", {}) else magnets)
-    head = _HEAD[kind] if told is None else {"magnet": told}
-    nominal: dict[str, Table] = {"capsule": capsule, "rig": {"kind": kind, **head}}
+    nominal: dict[str, Table] = {**own.nominal, "capsule": {**_CAPSULE, **own.nominal.get("capsule", {})}}
+    nominal["rig"] = {"kind": kind, **(own.nominal.get("rig", {}) if told is None else {"magnet": told})}
     if surface == "gut":
         nominal["tissue"] = _TISSUE
-    if kind == "vibro":
-        nominal["drive"] = _DRIVE
-    if surface != "gut":
+    else:
         nominal["surface"] = {"kind": "plate", "friction_coefficient": _PLATE.friction_coefficient}
-    elif kind == "vibro":
+    if surface == "gut" and "surface" in own.tables:
         nominal["surface"] = {"kind": "gut"}
     if "lumen_diameter_m" in table.get("tissue", {}) and "tissue" in nominal:
         nominal["tissue"] = {key: value for key, value in nominal["tissue"].items() if key != "contact_angle_deg"}

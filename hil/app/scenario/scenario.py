@@ -17,10 +17,10 @@ from hil.app.scenario.checks import CheckTable, read_checks
 from hil.app.scenario.model_offer import OfferTable
 from hil.app.scenario.nominal_rig import read_belief
 from hil.app.scenario.reference import read_reference, with_reference
-from models.files.rig import Rig
 from models.files.tables import Declared, converted, from_table, limited
 from models.files.toml import in_file, read_toml
 from models.parameter import nearest
+from models.rigs.rig import Rig
 from plant.experiments.scenario import parse_truth
 from plant.rig import STEP_S, Plant, Truth
 from plant.sensing.instruments import Instrument

@@ -26,7 +26,7 @@ from controller.supervision.model_switch import ModelSwitch, Offer
 from controller.supervision.supervisor import Supervisor
 from controller.vibro.table_values import in_time
 from hil.app.scenario.scenario import TrackScenario
-from models.files.rig import at_height
+from models.rigs.rig import at_height
 from plant.drives.kinds import TrueMagnetPair
 from plant.rig import Truth
 from plant.session import Session

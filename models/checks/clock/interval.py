@@ -7,7 +7,7 @@ import numpy as np
 from models.checks.finding import RecordFinding
 from models.checks.settings import SET
 from models.checks.view import View
-from models.files.columns import TIME
+from models.rigs.columns import TIME
 
 
 def check_interval(view: View) -> list[RecordFinding]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from models.checks.finding import RecordFinding
 from models.checks.view import View
-from models.files.record import USED
+from models.records.record import USED
 
 
 def check_sparse_values(view: View) -> list[RecordFinding]:

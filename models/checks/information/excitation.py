@@ -14,8 +14,8 @@ from models.checks.finding import RecordFinding
 from models.checks.settings import SET
 from models.checks.view import Array, View, running_mean, runs_of
 from models.effects.effect import Effect
-from models.files.record import Record, where_measured
-from models.files.rig import Rig
+from models.records.record import Record, where_measured
+from models.rigs.rig import Rig
 
 
 @dataclass(frozen=True)
@@ -221,7 +221,7 @@ def check_information(view: View) -> list[RecordFinding]:
     """A measured column, or a place that moves a capsule or an axis by itself, that holds a constant, or a measured one
     that holds a constant and noise and nothing else.
     """
-    imposed = (view.moving_column,) if view.kind in ("pull", "axis") else ()
+    imposed = (view.moving_column,) if view.kind.imposed else ()
     names = [name for name in (*imposed, view.measured) if name in view.record.columns] if view.timed else []
     for name in names:
         if not np.ptp(values := view.record[name]):

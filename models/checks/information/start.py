@@ -13,12 +13,12 @@ def run_in(view: View) -> int:
     """How many rows of a record do not count that starts in motion, or under the load of an earlier one; 0 for one that
     starts at rest and free.
     """
-    if not view.timed or view.kind in ("axis", "vibro") or not view.moves.any():
+    if not view.timed or view.kind.stage or view.kind.vibrates or not view.moves.any():
         return 0
     if not (_starts_in_motion(view) or _starts_loaded(view)):
         return 0
     travelled = np.cumsum(np.abs(view.speed) * view.dt)
-    way = SET.wall_settled_m if view.kind == "pull" else SET.settled_m
+    way = SET.wall_settled_m if view.kind.drawn else SET.settled_m
     return min(int(np.searchsorted(travelled, way)), round(SET.start_share * len(travelled)))
 
 
@@ -31,7 +31,7 @@ def _starts_in_motion(view: View) -> bool:
     noise and no way to gain speed, at any.
     """
     first, usual = _first(view), float(np.median(np.abs(view.speed[view.moves])))
-    least = 0.0 if view.kind == "pull" else 0.5 * usual
+    least = 0.0 if view.kind.drawn else 0.5 * usual
     return bool(view.moves[first].all()) and abs(float(np.mean(view.speed[first]))) >= least
 
 
@@ -40,7 +40,7 @@ def _starts_loaded(view: View) -> bool:
     where there are two, so that a zero that is elsewhere is no load. The force of a pull tells none: the resistance
     that it has in motion holds at rest, too.
     """
-    if view.kind != "magnetic" or not {"carriage_position_m", "position_m"} <= set(view.record.columns):
+    if not view.kind.follows or not {"carriage_position_m", "position_m"} <= set(view.record.columns):
         return False
     load = view.record["carriage_position_m"] - view.record["position_m"]
     low, high = np.percentile(load[view.moves], [10, 90])

@@ -10,9 +10,10 @@ from annotated_types import Ge
 from models.checks.finding import RecordFinding
 from models.checks.instrument.usable import usable
 from models.checks.settings import SET
-from models.checks.view import VIBRATING, Array, View, grid_step, spectral_noise, white_noise
-from models.files.rig import Rig
-from models.files.rig_tables import Noise, bounds
+from models.checks.view import Array, View, grid_step, spectral_noise, white_noise
+from models.rigs.rig import Rig
+from models.rigs.schema import bounds
+from models.rigs.tables import Noise
 
 _STATED = {"force_N": "force_std_N", "position_m": "position_std_m", "torque_N_m": "torque_std_N_m"}
 _HOW = ("second differences in the quieter stretches", "the quietest tenth of the spectrum")
@@ -25,12 +26,12 @@ def stated_noise(rig: Rig, measured: str) -> tuple[str, float] | None:
     return None if key is None or value is None else (key, float(value))
 
 
-def told_noise(y: Array, kind: str, stated: float | None) -> float:
-    """Standard deviation of the noise of a column's values `y` (n,) as they tell it themselves under a rig of `kind`:
-    in the quieter of its stretches (slip events only add), where the rig vibrates in the quieter part of the spectrum,
-    or as `stated` where there is none; and at least what its resolution makes.
+def told_noise(y: Array, vibrates: bool, stated: float | None) -> float:
+    """Standard deviation of the noise of a column's values `y` (n,) as they tell it themselves: in the quieter of its
+    stretches (slip events only add), where the rig `vibrates` in the quieter part of the spectrum, or as `stated` where
+    there is none; and at least what its resolution makes.
     """
-    if kind in VIBRATING:
+    if vibrates:
         std, shown = spectral_noise(y)
         return max(std if shown or stated is None else min(std, stated), grid_step(y) / math.sqrt(12))
     pieces = np.array_split(y, max(1, min(40, len(y) // 100)))
@@ -60,7 +61,7 @@ def check_noise(view: View) -> list[RecordFinding]:
     if not view.timed or len(view.y) < 200:
         return []
     found, unit, stated = [], view.unit, stated_noise(view.rig, view.measured)
-    told = told_noise(view.y[usable(view)], view.kind, stated[1] if stated else None)
+    told = told_noise(view.y[usable(view)], view.kind.vibrates, stated[1] if stated else None)
     if stated is not None and told > SET.noise_off * stated[1]:
         found.append(
             view.finding(
@@ -69,7 +70,7 @@ def check_noise(view: View) -> list[RecordFinding]:
                 f"{view.measured}, throughout",
                 f"the noise of {view.measured} is {told:.3g} {unit}, {told / stated[1]:.2g} times the stated"
                 f" {stated[1]:.3g} {unit}; the fits use what was found",
-                _HOW[view.kind in VIBRATING],
+                _HOW[view.kind.vibrates],
                 _stated(stated[0], told),
             )
         )
@@ -93,7 +94,7 @@ def check_noise(view: View) -> list[RecordFinding]:
                 f"{view.measured}, throughout",
                 f"white noise of {view.measured} is {told:.3g} {unit}, less than the stated {stated[1]:.3g} {unit}: it"
                 " is filtered, or better than its data sheet; the stated one is used",
-                _HOW[view.kind in VIBRATING],
+                _HOW[view.kind.vibrates],
                 f"{_stated(stated[0], told)}, where the sensor is that good",
             )
         )

@@ -8,8 +8,8 @@ from models.checks.finding import RecordFinding
 from models.checks.instrument.clipping import clipped
 from models.checks.settings import SET
 from models.checks.view import Array, Mask, View
-from models.files.columns import TIME
-from models.files.record import Record
+from models.records.record import Record
+from models.rigs.columns import TIME
 
 SWITCHED = ("drive_on", "coil_voltage_V")
 """Driven columns with edges of their own."""

@@ -39,11 +39,11 @@ def check_driven_resolution(view: View) -> list[RecordFinding]:
     return [
         view.finding(
             "driven_resolution",
-            "weakens" if view.kind == "pull" else "note",
+            "weakens" if view.kind.drawn else "note",
             f"{view.driven}, throughout",
             f"{view.driven} goes in steps of {view.told(grid_step(view.record[view.driven]))}, each"
             f" {1e3 * 2 * half * view.dt:.3g} ms long at the usual speed; fits take a running mean of that length"
-            + ("; the wall's force changes within less than such a step" if view.kind == "pull" else ""),
+            + ("; the wall's force changes within less than such a step" if view.kind.drawn else ""),
             "all values lie on one grid",
             "log the command or a finer encoder",
         )

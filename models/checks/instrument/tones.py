@@ -7,7 +7,7 @@ from scipy.signal import periodogram
 
 from models.checks.finding import RecordFinding
 from models.checks.settings import SET
-from models.checks.view import VIBRATING, View
+from models.checks.view import View
 
 
 def tones(view: View) -> list[tuple[float, float]]:
@@ -49,7 +49,7 @@ def _at_rest(view: View) -> list[tuple[float, float]]:
 
 def _throughout(view: View) -> list[tuple[float, float]]:
     n = len(view.y) // SET.tone_parts
-    if not view.timed or n < 128 or view.kind in VIBRATING:
+    if not view.timed or n < 128 or view.kind.vibrates:
         return []
     pieces = np.diff(view.y[: n * SET.tone_parts].reshape(SET.tone_parts, n), axis=1)
     frequency, power = periodogram(pieces, 1 / view.dt, window="hann", axis=1)
@@ -76,7 +76,7 @@ def check_tones(view: View) -> list[RecordFinding]:
     unit, n = view.measured.rsplit("_", 1)[1], len(view.y)
     speeds = np.abs(view.speed[view.moves]) if view.timed else np.zeros(0)
     steady = len(speeds) > 0 and float(np.percentile(speeds, 90)) < SET.tone_speeds * float(np.percentile(speeds, 10))
-    own = steady or view.kind not in ("pull", "axis")  # stick-slip at one speed, or the tone of a capsule on its spring
+    own = steady or not view.kind.imposed  # stick-slip at one speed, or the tone of a capsule on its spring
     shown = []
     for hertz, amplitude in tones(view):
         mains = next(

@@ -12,9 +12,9 @@ from models.checks.instrument.resolution import PLACES, without_steps
 from models.checks.instrument.silence import silent
 from models.checks.settings import SET
 from models.checks.view import Mask, View, runs_of
-from models.files.columns import TIME
-from models.files.record import USED, Record, where_measured
-from models.files.rig import Rig
+from models.records.record import USED, Record, where_measured
+from models.rigs.columns import TIME
+from models.rigs.rig import Rig
 
 RUN_IN = "_run_in"
 """Column of a record that is judged from some row on: 1 in what comes before, which is only run through."""

@@ -13,10 +13,9 @@ from models.checks.instrument.jumps import jumps
 from models.checks.instrument.resolution import without_steps
 from models.checks.settings import SET
 from models.checks.view import Array, View
-from models.files.rig_tables import MOST_DRIFT
+from models.rigs.tables import MOST_DRIFT
 
-_PAIRS = {"pull": ("position_m", "force_N"), "magnetic": ("carriage_position_m", "position_m")}
-_GAIN_DRIFTING = {"pull": 0.03, "magnetic": 0.15}  # as _GAIN, of a drift over a constant shift
+_GAIN_DRIFTING, _GAIN_FOLLOWING = 0.03, 0.15  # share of the misfit that a drift takes away, over a constant shift
 _REACHES = tuple(0.0004 * 1.8**k for k in range(10))  # of the span
 
 
@@ -35,11 +34,11 @@ def check_delay(view: View) -> list[RecordFinding]:
     """Whether the force of a pull or a stage answers the motion late or early, or ever later; and whether the place of
     a capsule comes ever later than its magnet's (behind which it comes late anyway).
     """
-    pair = _PAIRS.get(view.kind)
-    if pair is None or not view.timed or not set(pair) <= set(view.record.columns):
+    pair = view.kind.layout.own()
+    if not view.kind.led or not view.timed or not set(pair) <= set(view.record.columns):
         return []
     lag = lag_of(view, *pair)
-    if lag is None or not (lag.drift or view.kind == "pull") or (lag.drift and len(jumps(view))):
+    if lag is None or not (lag.drift or view.kind.drawn) or (lag.drift and len(jumps(view))):
         return []
     place, measured = pair
     known = f"offset_s = {lag.first_s:.3g}, offset_std_s = {SET.lag_drift_std_s if lag.drift else SET.lag_std_s:g}"
@@ -51,7 +50,7 @@ def check_delay(view: View) -> list[RecordFinding]:
         return [view.finding("clock_offset", "note", where, said, how, f"[clock] {known}")]
     said = f"{measured} comes {1e3 * abs(lag.drift):.3g} ms {later(lag.drift)} with every second"
     drift = f"drift = {lag.drift + stated_drift(view):.3g}"
-    if view.kind == "pull":
+    if view.kind.drawn:
         said, drift = f"{said}, from {late(lag.first_s)} at the first stamp on", f"{known}, {drift}"
     said += ": two clocks that do not run alike"
     return [view.finding("clock_drift", "weakens", where, said, how, f"[clock] {drift}")]
@@ -98,7 +97,8 @@ def lag_of(view: View, place: str, measured: str) -> Lag | None:
     middle, drifted = (float(value) for value in found.x)
     gain = 1 - float(found.fun) / max(constant[0], 1e-300)
     most = min(SET.lag_most_drifted_s, MOST_DRIFT * length)
-    if gain > _GAIN_DRIFTING[view.kind] and max(SET.lag_drifted_s, least) < abs(drifted) < most:
+    least_gain = _GAIN_FOLLOWING if view.kind.follows else _GAIN_DRIFTING
+    if gain > least_gain and max(SET.lag_drifted_s, least) < abs(drifted) < most:
         return Lag(middle - drifted / 2, drifted / length, gain)
     gain, offset = 1 - constant[0] / max(left(0.0, 0.0), 1e-300), constant[1]
     inside = 0 < best < len(lags) - 1
@@ -115,7 +115,7 @@ def _misfit(view: View, x: Array, speed: Array, y: Array, rows: int) -> Callable
     inner = (even > begin + margin) & (even < end - margin)
     at, share = even[inner], (even[inner] - (begin + end) / 2) / (end - begin)
     loop = _loop(np.interp(even, view.t, x), np.interp(even, view.t, speed))[inner]
-    if view.kind == "magnetic":  # a wall that dries lets the capsule come later and later, in both directions alike
+    if view.kind.follows:  # a wall that dries lets the capsule come later and later, in both directions alike
         loop = np.column_stack([loop, share[:, None] * np.delete(loop, 2, axis=1)])
     within, _ = np.linalg.qr(loop)
 

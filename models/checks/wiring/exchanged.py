@@ -13,7 +13,7 @@ def check_pull_exchanged(view: View) -> list[RecordFinding]:
     """A stage follows its path more finely than a load cell weighs, and friction turns round with the motion: where
     neither holds, the columns are exchanged.
     """
-    if view.kind != "pull" or not view.timed or view.driven is None or view.measured not in view.record.columns:
+    if not view.kind.drawn or not view.timed or view.driven is None or view.measured not in view.record.columns:
         return []
     place, noise = _coarse(view.record[view.driven]), _coarse(view.y)
     way = float(np.mean(np.abs(view.speed)))

@@ -14,7 +14,7 @@ from models.checks.finding import RecordFinding
 from models.checks.settings import SET
 from models.checks.view import Array, View
 from models.checks.wiring.delay import late, later, stated_drift
-from models.files.rig_tables import MOST_DRIFT
+from models.rigs.tables import MOST_DRIFT
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Answer:
 
 def check_inner_mass(view: View) -> list[RecordFinding]:
     """Whether a shaken capsule goes where its drive takes it, as far, and when."""
-    if view.kind != "vibro" or not view.timed or view.rig.drive is None or view.driven is None:
+    if not view.kind.vibrates or not view.timed or view.rig.drive is None or view.driven is None:
         return []
     if not np.ptp(view.record[view.driven]) and np.ptp(view.y) > 100 * view.noise:
         return [_no_drive(view, view.driven)]

@@ -7,8 +7,8 @@ import numpy as np
 from models.checks.finding import RecordFinding
 from models.checks.settings import SET
 from models.checks.view import View
-from models.files.rig_tables import Magnets
 from models.laws.dipole import too_strong
+from models.rigs.magnets import Magnets
 
 
 def check_magnets(view: View) -> list[RecordFinding]:

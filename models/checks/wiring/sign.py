@@ -17,9 +17,9 @@ def _turned(view: View, column: str) -> str:
 
 def check_force_sign(view: View) -> list[RecordFinding]:
     """Whether the force of a pull, a stage or a coil goes with the motion, as one that overcomes friction does."""
-    if view.kind not in ("pull", "axis", "coil") or not view.timed or view.measured not in view.record.columns:
+    if not (view.kind.imposed or view.kind.pushed) or not view.timed or view.measured not in view.record.columns:
         return []
-    if view.kind == "axis":
+    if view.kind.stage:
         column, told = view.measured, _stage(view)
     elif view.pushing is not None:
         column, told = view.pushing[0], _stroke(view, view.pushing[1])
@@ -62,7 +62,7 @@ def _unsigned(view: View, column: str) -> list[RecordFinding]:
     in the other, against how much it varies.
     """
     ways = [[float(np.mean(view.y[(a + b) // 2 : b])) for a, b, d in view.strokes if d == way] for way in (1.0, -1.0)]
-    if view.kind != "pull" or min(map(len, ways)) < SET.sign_strokes or check_information(view):
+    if not view.kind.drawn or min(map(len, ways)) < SET.sign_strokes or check_information(view):
         return []
     forward, backward = map(np.array, ways)
     turns = float(np.mean(forward) - np.mean(backward)) / 2
@@ -107,7 +107,7 @@ def _stage(view: View) -> str:
 
 def check_drive_sign(view: View) -> list[RecordFinding]:
     """Whether the capsule goes where a magnet takes it."""
-    if view.kind != "magnetic" or not view.timed or view.driven is None or view.measured not in view.record.columns:
+    if not view.kind.follows or not view.timed or view.driven is None or view.measured not in view.record.columns:
         return []
     n = max(1, round(0.1 / view.dt))
     x, c = running_mean(view.y, n), running_mean(view.record[view.driven], n)

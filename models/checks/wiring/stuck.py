@@ -20,7 +20,7 @@ def check_stuck(view: View) -> list[RecordFinding]:
     whole = float(np.diff(np.percentile(y[view.moves], [5, 95]))[0])
     settled, least = round(SET.stuck_settled_s / view.dt), round((SET.stuck_settled_s + SET.stuck_s) / view.dt)
     rests = [(a + settled, b) for a, b in runs_of(~view.moves) if b - a >= least]
-    least_swings = 2 if view.kind == "axis" else 1
+    least_swings = 2 if view.kind.stage else 1
     stuck = [(a, b) for a, b in rests if _swings(y[a:b], 0.5 * SET.stuck_much * whole) >= least_swings]
     if not stuck or whole < 20 * view.noise:
         return []

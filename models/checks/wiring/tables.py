@@ -12,27 +12,17 @@ from models.checks.finding import RecordFinding
 from models.checks.settings import SET
 from models.checks.view import View
 from models.checks.wiring.units import beyond_its_range, off_its_size
-from models.files.columns import COLUMNS
-
-# least, most and unit of what such rigs measure
-_USUAL: Mapping[tuple[str, str], tuple[float, float, str]] = MappingProxyType(
-    {
-        ("periods", "period_s"): (1e-3, 60.0, "s"),
-        ("periods", "valley_N"): (0.0, 5.0, "N"),
-        ("periods", "peak_N"): (1e-4, 5.0, "N"),
-        ("vibro_table", "mean_velocity_m_s"): (0.0, 1.0, "m/s"),
-        ("friction", "velocity_m_s"): (0.0, 20.0, "m/s"),
-        ("friction", "friction_coefficient"): (1e-4, 10.0, "as a coefficient"),
-    }
-)
+from models.rigs.dma import DMA
+from models.rigs.friction import FRICTION
+from models.rigs.vibro_table import VIBRO_TABLE
 
 
 def check_table(view: View) -> list[RecordFinding]:
     """What is wrong with a table before any fit."""
-    if COLUMNS[view.kind].time or not len(view.record):
+    if view.kind.layout.time or not len(view.record):
         return []
     wrong = _out_of_range(view)
-    return wrong or [*_constant(view), *_OWN.get(view.kind, _nothing)(view)]
+    return wrong or [*_constant(view), *_OWN.get(view.kind.id, _nothing)(view)]
 
 
 def _out_of_range(view: View) -> list[RecordFinding]:
@@ -40,7 +30,7 @@ def _out_of_range(view: View) -> list[RecordFinding]:
     found = []
     for column, values in view.record.columns.items():
         wrong = beyond_its_range(view, column, view.unit_line(column))
-        low, high, unit = _USUAL.get((view.kind, column), (0.0, math.inf, ""))
+        low, high, unit = view.kind.usual.get(column, (0.0, math.inf, ""))
         size = float(np.nanmax(np.abs(values)))
         if not wrong and not low <= size <= high:
             wrong = [off_its_size(view, column, f"goes up to {size:.3g}", (low, high), unit)]
@@ -144,5 +134,5 @@ def _nothing(view: View) -> Sequence[RecordFinding]:
 
 
 _OWN: Mapping[str, Callable[[View], Sequence[RecordFinding]]] = MappingProxyType(
-    {"friction": _friction, "dma": _moduli, "vibro_table": _mean_speeds}
+    {FRICTION.id: _friction, DMA.id: _moduli, VIBRO_TABLE.id: _mean_speeds}
 )

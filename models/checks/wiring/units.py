@@ -8,9 +8,8 @@ from models.checks.finding import RecordFinding
 from models.checks.instrument.resolution import PLACES
 from models.checks.settings import SET
 from models.checks.view import Array, View, running_mean
-from models.drives.from_rig import surface_of
-from models.files.columns import TIME, first_wrong, range_of
-from models.files.rig import CAPSULE_SERIES
+from models.rigs.columns import TIME
+from models.rigs.parts import surface_of
 
 
 def check_units(view: View) -> list[RecordFinding]:
@@ -20,7 +19,7 @@ def check_units(view: View) -> list[RecordFinding]:
     x = view.record[view.moving_column]
     travel, fastest = float(np.ptp(x)), float(np.percentile(np.abs(view.speed), 99))
     out = []
-    if view.kind in CAPSULE_SERIES:
+    if view.kind.of_capsule:
         small = 0 < travel < SET.usual_travel_m[0] and (travel > 20 * view.noise or travel < SET.nothing_m)
         if travel > SET.usual_travel_m[1] or small:
             out.append(off_its_size(view, view.moving_column, f"travels {travel:.3g} m", SET.usual_travel_m, "m"))
@@ -28,7 +27,7 @@ def check_units(view: View) -> list[RecordFinding]:
             out.append(off_its_size(view, view.moving_column, f"moves at {fastest:.3g} m/s", SET.usual_m_s, "m/s"))
         elif view.dt >= SET.seldom_s and 0 < fastest < SET.crawls_m_s:
             out.append(_slow(view, fastest))
-        if view.kind == "magnetic" and view.driven is not None and view.measured in view.record.columns:
+        if view.kind.follows and view.driven is not None and view.measured in view.record.columns:
             out += _behind_the_magnet(view, view.record[view.driven])
     else:
         usual, unit = (SET.usual_rad_s, "rad/s") if view.turns else (SET.usual_stage_m_s, "m/s")
@@ -50,7 +49,7 @@ def _of_the_drive(view: View) -> list[RecordFinding]:
 
 def beyond_its_range(view: View, column: str, remedy: str) -> list[RecordFinding]:
     """A value of `column` that no such column can hold."""
-    limits, row = range_of(view.kind, column), first_wrong(view.kind, column, view.record[column])
+    limits, row = view.kind.range(column), view.kind.first_wrong(column, view.record[column])
     if limits is None or row is None:
         return []
     return [
@@ -58,7 +57,8 @@ def beyond_its_range(view: View, column: str, remedy: str) -> list[RecordFinding
             "units",
             "stops",
             f"{column}, {view.at([row])}",
-            f"{column} must be {limits[2]}; got {view.record[column][row]:g}: another unit, or another way to say it?",
+            f"{column} must be {limits.words}; got {view.record[column][row]:g}: another unit, or another way to say"
+            " it?",
             "values against what the column can hold",
             remedy,
         )
@@ -95,7 +95,7 @@ def _of_the_force(view: View) -> list[RecordFinding]:
         return []
     column, force = view.pushing
     size = float(np.percentile(np.abs(force), 90))
-    if view.kind == "pull" and (size > SET.usual_force_N[1] or 0 < size < SET.usual_force_N[0]):
+    if view.kind.drawn and (size > SET.usual_force_N[1] or 0 < size < SET.usual_force_N[0]):
         return [off_its_size(view, column, f"is of the size of {size:.3g} N", SET.usual_force_N, "N")]
     return _against_the_surface(view, column, force)
 
@@ -115,7 +115,7 @@ def _against_the_surface(view: View, column: str, force: Array) -> list[RecordFi
     )
     if not usual or lowest / SET.size_far <= size <= highest * SET.size_far:
         return []
-    what = "is" if view.kind == "pull" else "makes"
+    what = "is" if view.kind.drawn else "makes"
     return [
         view.finding(
             "force_size",

@@ -52,7 +52,7 @@ def _sides(view: View, signal: Array, noise: float) -> _Sides | None:
 
 def check_place_zero(view: View) -> list[RecordFinding]:
     """Whether a magnet's capsule is behind its carriage both ways, and in the middle on average."""
-    if view.kind != "magnetic" or not view.timed or view.driven is None or view.measured not in view.record.columns:
+    if not view.kind.follows or not view.timed or view.driven is None or view.measured not in view.record.columns:
         return []
     sides = _sides(view, view.record[view.driven] - view.y, view.noise)
     if sides is None:
@@ -79,7 +79,7 @@ def check_place_zero(view: View) -> list[RecordFinding]:
 
 def check_force_zero(view: View) -> list[RecordFinding]:
     """Whether the force of a pull lies on both sides of zero as friction does."""
-    if view.kind != "pull" or not view.timed or view.measured not in view.record.columns:
+    if not view.kind.drawn or not view.timed or view.measured not in view.record.columns:
         return []
     sides = _sides(view, view.y, view.noise)
     if sides is None or not sides.apart:

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from models.files.record import Record
 from models.identification.kind import Array
 from models.identification.settings import SET
+from models.records.record import Record
 
 
 @dataclass(frozen=True)

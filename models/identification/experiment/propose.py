@@ -8,8 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from models.checks.information.excitation import Shown
-from models.files.columns import COLUMNS
-from models.files.record import Record
 from models.identification.experiment.plan import Plan, Room, random_plan, varied
 from models.identification.experiment.question import Candidate, Question, question, refitted, separation
 from models.identification.finding import NEXT_CSV, Proposal, Separation
@@ -18,10 +16,8 @@ from models.identification.kind import Kind
 from models.identification.search.fitted_model import FittedModel
 from models.identification.search.forward_selection import Search
 from models.identification.settings import SET
-
-_QUICK = "pull"
-KINDS = (_QUICK, "magnetic")
-"""Kinds of rig that are led along a path."""
+from models.records.record import Record
+from models.rigs.kinds import KINDS
 
 
 def propose(
@@ -35,9 +31,10 @@ def propose(
     there are none, it makes `shown` (of a motion, the effects that it could show and the records cannot, and how rich
     it is) as large; None for `shown` says that nothing is out of sight.
     """
-    if kind.name not in KINDS:
+    rig = KINDS[kind.name]
+    if not rig.led:
         return None
-    room = Room.of(records, COLUMNS[kind.name].driven[0][0])
+    room = Room.of(records, rig.layout.driven[0][0])
     if not room.speed > 0 or not room.span > 0:
         return None
     pairs = [
@@ -45,7 +42,7 @@ def propose(
         for effect, model, rival in found.doubts
     ]
     if pairs:
-        read = _beginnings(records, SET.plan_read_s if kind.name == _QUICK else SET.slow_plan_read_s)
+        read = _beginnings(records, SET.plan_read_s if rig.drawn else SET.slow_plan_read_s)
         asked = [question(kind, read, *pair, rng) for pair in pairs[: SET.questions]]
         plan, apart = _best(kind, room, asked, read, rng)
     elif shown is None:
@@ -128,7 +125,7 @@ def _best(
     def judged(plans: Sequence[Plan]) -> list[tuple[float, Plan]]:
         return list(zip(parallel(worth, plans), plans, strict=True))
 
-    first, again, best, rounds = SET.plan_effort if kind.name == _QUICK else SET.slow_effort
+    first, again, best, rounds = SET.plan_effort if KINDS[kind.name].drawn else SET.slow_effort
     rows = judged([random_plan(room, rng) for _ in range(first)])
     for _ in range(rounds):
         rows = sorted(rows, key=lambda row: -row[0])[:best]

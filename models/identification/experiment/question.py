@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.files.record import Record
 from models.identification.fitting.confidence import memory
 from models.identification.fitting.fit import Axis, Fit, Problem, axes, descend, evaluate
 from models.identification.kind import Array, Kind, Theta
 from models.identification.search.validation import free_run
 from models.identification.settings import SET
+from models.records.record import Record
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from models.effects import REFINEMENTS
 from models.effects.effect import Effect
-from models.files.record import Record
 from models.identification.fitting.gauss_newton import GaussNewton
 from models.identification.kind import Kind
 from models.identification.settings import SET
 from models.parameter import Parameter
+from models.records.record import Record
 
 _T = TypeVar("_T")
 _R = TypeVar("_R")

@@ -11,8 +11,6 @@ from models.checks.instrument.usable import cleaned
 from models.checks.one_clock import on_one_clock
 from models.effects import REFINEMENTS
 from models.effects.effect import Effect
-from models.files.record import USED, Record, named
-from models.files.rig import Rig
 from models.identification.kind import Theta
 from models.identification.kinds.axis import report as axis_report
 from models.identification.kinds.axis.kind import AxisKind
@@ -28,6 +26,9 @@ from models.identification.kinds.series.kind import SeriesKind
 from models.identification.kinds.vibro_table import report as vibro_table_report
 from models.identification.kinds.vibro_table.kind import VibroTableKind
 from models.parameter import Parameter, nearest
+from models.records.record import USED, Record, named
+from models.rigs.kinds import KINDS
+from models.rigs.rig import Rig
 
 AnyKind = AxisKind | DmaKind | FrictionKind | SeriesKind | PeriodsKind | VibroTableKind
 
@@ -62,6 +63,11 @@ _REPORTS: Final[Mapping[type, Report]] = {
     PeriodsKind: periods_report,
     VibroTableKind: vibro_table_report,
     SeriesKind: series_report,
+}
+
+
+_BY_NAME: Final[Mapping[str, type[AnyKind]]] = {
+    kind.name: kind for kind in (AxisKind, DmaKind, FrictionKind, PeriodsKind, VibroTableKind)
 }
 
 
@@ -106,22 +112,11 @@ def _held(p: Parameter, spread: float, known: tuple[float, float] | None) -> Par
 
 def _unheld(rig: Rig, records: Sequence[Record]) -> AnyKind:
     """The kind, held to nothing."""
-    if rig.kind == "axis":
-        return AxisKind.from_rig(rig, records)
-    if rig.kind == "dma":
-        return DmaKind.from_rig(rig)
-    if rig.kind == "friction":
-        return FrictionKind.from_rig(rig, records)
-    if rig.kind == "periods":
-        return PeriodsKind.from_rig(rig, records)
-    if rig.kind == "vibro_table":
-        table = VibroTableKind.from_rig(rig)
-        return table.settled(records) if records and "mean_velocity_m_s" in records[0].columns else table
-    return SeriesKind.from_rig(rig, records)
+    return _BY_NAME.get(rig.kind, SeriesKind).from_rig(rig, records)
 
 
 def ready(record: Record, rig: Rig) -> Record:
     """`record` as its kind works on it: what its sensor did not measure filled in, a stage's at even times."""
     with named(record):
         record = cleaned(on_one_clock(record, rig), rig)
-        return evened(record, (*record.layout.known(), USED)) if record.kind == "axis" else record
+        return evened(record, (*record.layout.known(), USED)) if KINDS[record.kind].stage else record

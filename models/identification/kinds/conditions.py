@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.checks.view import View
-from models.files.record import Record
-from models.files.rig import Rig
 from models.identification.settings import SET
+from models.records.record import Record
+from models.rigs.rig import Rig
 
 
 @dataclass(frozen=True)

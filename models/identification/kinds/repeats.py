@@ -8,8 +8,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from models.files.record import Record
 from models.identification.kind import Array
+from models.records.record import Record
 
 Index = NDArray[np.intp]
 Split = tuple[list[Record], list[Record]]

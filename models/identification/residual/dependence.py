@@ -9,14 +9,14 @@ from typing import Final
 import numpy as np
 from scipy.signal import welch
 
-from models.files.columns import TIME
-from models.files.record import Record
 from models.identification.finding import Curve, Dependence, Surface, Tone
 from models.identification.kind import Array, Kind, Theta
 from models.identification.residual.curve import curve_of, ranked, surface_of
 from models.identification.residual.left import Left, left_of
 from models.identification.residual.term import SYMBOLS, term_of
 from models.identification.settings import SET
+from models.records.record import Record
+from models.rigs.columns import TIME
 
 WAYS: Final = ("-v", "+x")
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from models.files.record import Record
 from models.identification.kind import Array, Kind, Theta
 from models.identification.settings import SET
+from models.records.record import Record
 
 
 @dataclass(frozen=True)

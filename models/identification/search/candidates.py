@@ -11,7 +11,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from models.effects import BY_ID, REFINEMENTS
-from models.files.record import Record
 from models.identification.fitting.fit import Fit, Problem, costs_of, descend, narrowing
 from models.identification.kind import Kind, had
 from models.identification.search.fitted_model import Fits, FittedModel
@@ -19,8 +18,15 @@ from models.identification.search.growing_horizon import FROM_CLOSE, QUICK, Grow
 from models.identification.search.own_range import within
 from models.identification.search.refit import begins, refit, step_on
 from models.identification.search.screening import Screened
-from models.identification.search.validation import ahead, block_costs, free_run, judged, judged_cost
+from models.identification.search.validation import (
+    ahead,
+    block_costs,
+    free_run,
+    judged,
+    judged_cost,
+)
 from models.identification.settings import SET
+from models.records.record import Record
 
 Moved = Callable[[str, float], None]
 

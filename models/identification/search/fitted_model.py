@@ -10,9 +10,9 @@ from functools import cached_property
 
 import numpy as np
 
-from models.files.record import Record
 from models.identification.kind import Kind
 from models.identification.search.validation import Array, Split, block_costs, training_cost
+from models.records.record import Record
 
 Fits = Sequence[Mapping[str, float]]
 

@@ -12,7 +12,6 @@ from functools import partial
 import numpy as np
 
 from models.checks.instrument.usable import counted
-from models.files.record import Record
 from models.identification.fitting.confidence import Part
 from models.identification.fitting.fit import Fit
 from models.identification.kind import Kind
@@ -25,6 +24,7 @@ from models.identification.search.rivals import Rival, rivals_of
 from models.identification.search.screening import Screened, null_distribution, records_for_null, screen
 from models.identification.search.validation import judged_cost
 from models.identification.settings import SET
+from models.records.record import Record
 
 Progress = Callable[[str, float], None]
 

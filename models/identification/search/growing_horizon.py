@@ -12,11 +12,11 @@ from scipy.stats import chi2, qmc
 
 from models.checks.instrument.usable import lead_in_s
 from models.effects import BY_ID
-from models.files.record import Record
 from models.identification.fitting.fit import Axis, Fit, Problem, axes, costs_of, narrowing
 from models.identification.kind import Kind
 from models.identification.search.validation import free_run
 from models.identification.settings import SET
+from models.records.record import Record
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from models.effects import BY_ID
-from models.files.record import Record
 from models.identification.fitting.fit import Axis, Problem, narrowing
 from models.identification.kind import Kind
 from models.identification.search.fitted_model import Fits
 from models.identification.search.validation import Split, free_run
 from models.identification.settings import SET
+from models.records.record import Record
 
 
 def within(

@@ -8,11 +8,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from models.files.record import Record
 from models.identification.kind import Kind
 from models.identification.search.growing_horizon import prefixes
 from models.identification.search.validation import Split, judged_cost
 from models.identification.settings import SET
+from models.records.record import Record
 
 
 def sensitivity_cost(

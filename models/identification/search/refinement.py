@@ -7,7 +7,6 @@ from collections.abc import MutableMapping, Sequence
 import numpy as np
 
 from models.effects import BY_ID, REFINEMENTS
-from models.files.record import Record
 from models.identification.fitting.fit import Fit, Problem, costs_of, narrowing
 from models.identification.kind import Kind, had
 from models.identification.search.candidates import better_without, without
@@ -15,6 +14,7 @@ from models.identification.search.fitted_model import FittedModel
 from models.identification.search.refit import mend, refit
 from models.identification.search.validation import fewest
 from models.identification.settings import SET
+from models.records.record import Record
 
 Known = MutableMapping[tuple[str, ...], list[dict[str, float]]]
 """Fits on the parts of the splits by model: its effects and refinements in order."""

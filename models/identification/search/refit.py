@@ -8,12 +8,12 @@ import numpy as np
 from scipy.stats import qmc
 
 from models.effects import BY_ID, REFINEMENTS
-from models.files.record import Record
 from models.identification.fitting.fit import Fit, Problem, costs_of, narrowing
 from models.identification.kind import Kind
 from models.identification.search.growing_horizon import FROM_CLOSE, QUICK, THOROUGH, base_known, grow_horizon
 from models.identification.search.validation import free_run, judged_cost
 from models.identification.settings import SET
+from models.records.record import Record
 
 
 def refit(

@@ -9,7 +9,6 @@ import numpy as np
 
 from models.effects import BY_ID
 from models.effects.effect import Effect
-from models.files.record import Record
 from models.identification.fitting.fit import Problem, costs_of, descend
 from models.identification.kind import effects_in, had
 from models.identification.search.candidates import Trial, opening, without
@@ -20,6 +19,7 @@ from models.identification.search.refit import step_on
 from models.identification.search.screening import Screened
 from models.identification.search.validation import Array, ahead, free_run, judged, judged_cost
 from models.identification.settings import SET
+from models.records.record import Record
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.effects.effect import Effect
-from models.files.columns import TIME
-from models.files.record import Record
 from models.identification.fitting.fit import Problem, axes, descend, evaluate_all, narrowing
 from models.identification.kind import Kind
 from models.identification.search.validation import free_run, judged_cost
 from models.identification.settings import SET
+from models.records.record import Record
+from models.rigs.columns import TIME
 
 Array = NDArray[np.float64]
 

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from models.files.record import Record
 from models.identification.fitting.fit import evaluate
 from models.identification.kind import Kind
 from models.identification.settings import SET
+from models.records.record import Record
 
 Array = NDArray[np.float64]
 Split = tuple[list[Record], list[Record]]

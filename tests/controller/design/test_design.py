@@ -17,7 +17,7 @@ from controller.drives import envelope_of
 from controller.model.control_model import ControlModel, control_model
 from controller.model.linear import PHASES, Linear, linearise
 from controller.signals import Array, Estimate
-from models.files.rig import parse_rig
+from models.rigs.reader import parse_rig
 from tests.conftest import RIG
 
 MAGNET = 'kind = "magnetic"\nmagnet_stiffness_N_per_m = 25.0\nmagnet_range_m = 0.02'

@@ -11,9 +11,10 @@ import pytest
 
 from controller.model.control_model import ControlModel, control_model
 from models.assembly.model import assemble
-from models.drives.from_rig import drive_of, surface_of
-from models.files.rig import Rig, parse_rig
 from models.identification.model import HELD_OUT
+from models.rigs.parts import drive_of, surface_of
+from models.rigs.reader import parse_rig
+from models.rigs.rig import Rig
 from tests.conftest import RIG
 from tests.models.running import Array, run
 

@@ -9,8 +9,9 @@ from typing import Any
 import pytest
 
 from controller.supervision.acceptance import AcceptanceTest
-from models.files.rig import Rig, parse_rig
 from models.identification.model import Model
+from models.rigs.reader import parse_rig
+from models.rigs.rig import Rig
 
 BASE = {"hoop_stress_factor": 1.1, "friction_coefficient": 0.09, "magnet_stiffness_N_per_m": 26.0}
 FOLDS = {"fold_periodic.depth": 0.2, "fold_periodic.wavelength_m": 0.0073}

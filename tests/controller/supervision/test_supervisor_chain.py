@@ -18,7 +18,7 @@ from controller.drives import envelope_of
 from controller.model.control_model import ControlModel, control_model
 from controller.signals import Action, Array, Estimate, Reference
 from controller.supervision.supervisor import Supervisor
-from models.files.rig import parse_rig
+from models.rigs.reader import parse_rig
 from tests.conftest import RIG
 
 COIL = RIG.replace("magnet_stiffness_N_per_m = 25.0\nmagnet_range_m = 0.02", "force_constant_N_per_A = 0.5").replace(

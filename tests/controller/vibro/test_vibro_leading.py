@@ -11,8 +11,8 @@ from controller.vibro import controller as leading
 from controller.vibro.controller import VibroController
 from controller.vibro.cycles import VibroModel
 from controller.vibro.gears import DriveMap
-from models.files.rig import parse_rig
 from models.identification.model import Model
+from models.rigs.reader import parse_rig
 from tests.places import CAPSUBOT_MODEL
 
 TABLES = {

@@ -14,7 +14,7 @@ from controller.vibro.design.optimal_cycle import optimal_cycle
 from controller.vibro.design.speed_map import best_square, free_period, speed_map
 from controller.vibro.gears import gear_of
 from controller.vibro.waveform import Waveform
-from models.files.rig import parse_rig
+from models.rigs.reader import parse_rig
 from plant import layout as at
 from plant.experiments.excitation import pulse_width
 from plant.rig import Plant

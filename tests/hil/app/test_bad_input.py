@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 from hil.app.main import run
-from models.files.record import Record
-from models.files.rig import read_rig
 from models.identification import Model
 from models.identification.kinds import kind_for
 from models.identification.model import sealed
 from models.parameter import Parameter
+from models.records.record import Record
+from models.rigs.reader import read_rig
 from tests.rig_texts import GUT, PLATE
 
 TABLES = {

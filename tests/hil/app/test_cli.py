@@ -22,8 +22,8 @@ import models.identification.model as model_file
 from hil.app import start
 from hil.app.main import app, run, spread_option
 from hil.app.write import write_files, write_table
-from models.files.record import Record, read_record
-from models.files.rig import Rig
+from models.records.record import Record, read_record
+from models.rigs.rig import Rig
 from tests.hil.findings import pull_finding
 from tests.places import SCENARIOS
 

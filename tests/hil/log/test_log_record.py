@@ -18,9 +18,9 @@ from hil.bus.catalogue import load_catalogue
 from hil.bus.protection import Sender
 from hil.log.blf_file import RECEIVED, SENT, WITHHELD, BlfFile, Logged
 from hil.log.record import SOURCES, log_record, read_rig_record
-from models.files.columns import COLUMNS
-from models.files.record import USED
-from models.files.rig import Rig
+from models.records.record import USED
+from models.rigs.kinds import KINDS
+from models.rigs.rig import Rig
 from tests.hil.app.test_cli import FakeModel
 
 CATALOGUE = load_catalogue()
@@ -142,8 +142,8 @@ def test_the_sources_are_frames_of_the_catalogue_and_columns_of_records() -> Non
     for kind, sources in SOURCES.items():
         for source in (sources.driven, sources.measured):
             assert CATALOGUE[source.frame].field(source.signal)
-        assert sources.driven.column in {name for names in COLUMNS[kind].driven for name in names}
-        assert sources.measured.column in COLUMNS[kind].measured
+        assert sources.driven.column in {name for names in KINDS[kind].layout.driven for name in names}
+        assert sources.measured.column in KINDS[kind].layout.measured
 
 
 @pytest.mark.parametrize(

@@ -13,15 +13,15 @@ from scipy.signal import butter, filtfilt
 from models.assembly.model import BASE_STATES, assemble
 from models.compiled.kernel import lower
 from models.drives.coil import Coil, VoltageCoil, Winding
-from models.drives.from_rig import drive_of, surface_of
 from models.drives.magnetic import Magnetic
 from models.drives.pull import Pull
 from models.drives.vibro import RatedVibro, Stop, Vibro
 from models.effects.friction.directional_asymmetry import DirectionalAsymmetry
-from models.files.rig import parse_rig
 from models.identification.kinds.vibro_table.mean_speed import mean_velocities
 from models.identification.kinds.vibro_table.numbers import VibroCycle
 from models.laws.geometry import GRAVITY, Capsule, Tissue
+from models.rigs.parts import drive_of, surface_of
+from models.rigs.reader import parse_rig
 from models.surfaces.gut import Wall
 from models.surfaces.plate import Plate
 from tests.models.running import Array, pulses, run

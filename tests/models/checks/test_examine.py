@@ -14,8 +14,9 @@ from models.checks.information.excitation import cannot_show, inseparable
 from models.checks.instrument.usable import cleaned
 from models.checks.one_clock import on_one_clock
 from models.effects import effects_for
-from models.files.record import USED, Record, record_of
-from models.files.rig import Rig, parse_rig
+from models.records.record import USED, Record, record_of
+from models.rigs.reader import parse_rig
+from models.rigs.rig import Rig
 from tests.rig_texts import GUT
 
 Array = NDArray[np.float64]

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from models.checks.examine import examine
 from models.checks.view import spectral_noise, white_noise
-from models.files.record import Record, read_record
-from models.files.rig import Rig, read_rig
+from models.records.record import Record, read_record
+from models.rigs.reader import read_rig
+from models.rigs.rig import Rig
 from plant.experiments.series import make_series
 
 Array = NDArray[np.float64]

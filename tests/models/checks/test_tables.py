@@ -10,8 +10,9 @@ import pytest
 from numpy.typing import NDArray
 
 from models.checks.examine import examine
-from models.files.record import Record
-from models.files.rig import Rig, parse_rig
+from models.records.record import Record
+from models.rigs.reader import parse_rig
+from models.rigs.rig import Rig
 from tests.rig_texts import PLATE
 
 Array = NDArray[np.float64]

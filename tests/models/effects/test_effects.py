@@ -20,11 +20,12 @@ from models.drives.magnetic import Magnetic
 from models.drives.pull import Pull
 from models.drives.vibro import Vibro
 from models.effects import BY_ID, EFFECTS, REFINEMENTS, effects_for
-from models.effects.conformance import CHECKS, KINDS, values_of
+from models.effects.conformance import CHECKS, values_of
 from models.effects.declarations import DECLARATIONS
 from models.effects.effect import HOOKS, Effect
 from models.laws.geometry import Capsule, Tissue
 from models.parameter import Parameter
+from models.rigs.kinds import KINDS
 from models.surfaces.gut import Wall
 from tests.models.running import Array, pulses, stepped
 from tests.places import ROOT

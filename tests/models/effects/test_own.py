@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from models.effects import BY_ID, effects_for, use_effects
-from models.files.record import Record
 from models.identification.kinds.dma.kind import DmaKind
 from models.identification.model import Model, own_effects_of
+from models.records.record import Record
 from tests.places import ROOT
 
 EXAMPLE = ROOT / "examples" / "own_effect" / "soft_bump.py"

@@ -9,8 +9,6 @@ import pytest
 
 from models.drives.pull import Pull
 from models.effects import BY_ID
-from models.files.record import read_record
-from models.files.rig import read_rig
 from models.identification.kinds import kind_for
 from models.identification.kinds.series.kind import SeriesKind
 from models.identification.kinds.series.report import about_the_rig, equations
@@ -20,6 +18,8 @@ from models.identification.search.refit import refit
 from models.identification.search.screening import screen
 from models.identification.search.validation import ahead
 from models.identification.settings import SET
+from models.records.record import read_record
+from models.rigs.reader import read_rig
 from models.surfaces.plate import Plate
 from plant.experiments.series import make_series
 from plant.hidden.registry import hidden

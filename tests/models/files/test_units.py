@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.files.columns import COLUMNS, TIME
 from models.files.units import UNITS, factor, fitting, nearest_unit, split_unit, unit, unit_of
+from models.rigs.columns import TIME
+from models.rigs.kinds import KINDS
 
 
 @pytest.mark.parametrize(
@@ -66,7 +67,7 @@ def test_the_nearest_unit_is_named() -> None:
     assert nearest_unit("mmm", "m") == "did you mean 'mm'?"
 
 
-@pytest.mark.parametrize("column", sorted({name for kind in COLUMNS.values() for name in kind.known()} | {TIME}))
+@pytest.mark.parametrize("column", sorted({name for kind in KINDS.values() for name in kind.known} | {TIME}))
 def test_every_column_of_ours_has_the_unit_that_its_name_ends_in(column: str) -> None:
     stem, told = split_unit(column)
     assert (f"{stem}_{told}" if told else stem) == column

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 from models.effects import BY_ID
-from models.files.record import Record, read_record
-from models.files.rig import Rig, parse_rig, read_rig
 from models.identification import Model, close
 from models.identification.finding import Finding
 from models.identification.model import HELD_OUT, sealed
 from models.identification.verdict import WORSE
 from models.laws.geometry import Capsule, Tissue
+from models.records.record import Record, read_record
+from models.rigs.reader import parse_rig, read_rig
+from models.rigs.rig import Rig
 from models.sets import measured_path
 from tests.rig_texts import GUT
 

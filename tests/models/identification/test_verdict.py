@@ -12,14 +12,15 @@ from models.effects.force.respiration import Respiration
 from models.effects.force.stress_relaxation import StressRelaxation
 from models.effects.friction.fold_periodic import FoldPeriodic
 from models.effects.friction.stribeck import Stribeck
-from models.files.record import Record
-from models.files.rig import Noise, Rig
 from models.identification.finding import Check, Estimate
 from models.identification.fitting.fit import Fit
 from models.identification.kinds.axis.kind import AxisKind
 from models.identification.kinds.series.kind import SeriesKind
 from models.identification.search.forward_selection import Search
 from models.identification.verdict import at_bounds, model_checks, setback_findings, setbacks, verdict_of
+from models.records.record import Record
+from models.rigs.reader import Noise
+from models.rigs.rig import Rig
 
 KIND = AxisKind.around(1.0, 2.0, 3.0, 0.1)
 THETA = {p.name: p.value for p in KIND.base}

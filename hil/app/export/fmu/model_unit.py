@@ -11,10 +11,10 @@ from hil.app.export.fmu.package import Unit, Variable, c_array, reference, start
 from hil.app.export.found import Found
 from models.assembly.model import Assembly
 from models.effects import followed_by
+from models.files.units import unit_at_end
 from models.identification.kinds.series.drive_input import drifts, internal_step
 
 _CORE: Final = Path(__file__).with_name("model_core.c")
-_UNITS: Final = {"_m": "m", "_A": "A", "_V": "V", "_N": "N", "_on": "1"}
 _STATES: Final = {
     "x": ("capsule_position_m", "m", "capsule along the lumen"),
     "v": ("velocity_m_s", "m/s", "capsule's speed"),
@@ -44,7 +44,7 @@ def model_unit(name: str, found: Found) -> Unit:
 
 
 def _unit(column: str) -> str:
-    return next(unit for ending, unit in _UNITS.items() if column.endswith(ending))
+    return unit_at_end(column)[1] or "1"
 
 
 def _header(found: Found, assembly: Assembly, variables: list[Variable], shown: dict[str, str], step: float) -> str:

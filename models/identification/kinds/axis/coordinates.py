@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from models.files.record import Record
+from models.records.record import Record
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from models.effects.sensor.sensor_delay import SensorDelay
 from models.identification.kinds.axis.coordinates import Coordinates, turned_name, turned_unit
 from models.identification.kinds.variant import Range, variant
 from models.parameter import Parameter
+from models.rigs.axis import AXIS
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,7 @@ def candidates(c: Coordinates, size: Size | None) -> tuple[type[Effect], ...]:
     """The effects that a search tries on an axis with these coordinates, in ranges that follow from its records' `size`
     where that is known.
     """
-    declared = [e for e in effects_for("axis", VARIANTS) if c.turns or "turning" not in e.needs]
+    declared = [e for e in effects_for(AXIS.id, VARIANTS) if c.turns or "turning" not in e.needs]
     if size is None and not c.turns:
         return tuple(declared)
     ranges = _ranges(size) if size else {}

@@ -17,8 +17,6 @@ import numpy as np
 
 from models.checks.instrument.usable import used
 from models.effects.effect import Effect, Signals
-from models.files.record import Record
-from models.files.rig import Rig
 from models.identification.kind import Array, OneByOne, Theta, present
 from models.identification.kinds.axis.coordinates import LINE, TURN, Coordinates, coordinates_of
 from models.identification.kinds.axis.effects import Size, candidates
@@ -29,6 +27,9 @@ from models.identification.kinds.conditions import may_be_left_out
 from models.identification.kinds.variant import Range
 from models.identification.settings import SET
 from models.parameter import Parameter
+from models.records.record import Record
+from models.rigs.axis import AXIS
+from models.rigs.rig import Rig
 
 NOISES = ("_force_noise", "_speed_noise", "_shaken_inertia", "_weight")
 """Columns that a part of a record carries on from the whole: its noise."""
@@ -53,7 +54,7 @@ class AxisKind(OneByOne):
     coordinates: Coordinates = LINE
     band: float = SET.band_hz
     effects: tuple[type[Effect], ...] = field(default_factory=lambda: candidates(LINE, None))
-    name: str = "axis"
+    name: str = AXIS.id
     criteria: int = 1
     final: int = 0
     judges: tuple[int, ...] = (0,)

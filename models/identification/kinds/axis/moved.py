@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from models.checks.instrument.usable import used
 from models.checks.view import runs_of
-from models.files.record import Record
 from models.identification.kinds.axis.coordinates import Coordinates
 from models.identification.kinds.axis.noise import through, white_part
 from models.identification.kinds.axis.zero_phase import Array, Motion, motion
 from models.identification.settings import SET
+from models.records.record import Record
 
 WHOLE, STILL, PLACE_NOISE = ("_x", "_v", "_a"), "_still", "_place_noise"
 """Columns that a part of a record carries on from the whole: the motion filtered before the cut, rests, noise."""

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, cheby1, filtfilt, freqz
 
-from models.files.record import USED, Record
 from models.identification.settings import SET
+from models.records.record import USED, Record
 
 Array = NDArray[np.float64]
 

@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 
 from models.effects import effects_for
 from models.effects.effect import Effect
-from models.files.record import Record
-from models.files.rig import Rig
 from models.identification.kind import Array, OneByOne, Theta, present
 from models.identification.settings import SET
 from models.laws.dynamic_modulus import angular_frequency, five_element_modulus
 from models.laws.hoop import Moduli
 from models.parameter import Parameter, load_set
+from models.records.record import Record
+from models.rigs.dma import DMA
+from models.rigs.rig import Rig
 
 NAMES = ("E1", "E2", "E3", "tau1", "tau2")
 COLUMNS = ("storage_modulus_Pa", "loss_modulus_Pa")
@@ -36,8 +37,8 @@ class DmaKind(OneByOne):
 
     base: tuple[Parameter, ...]
     modulus_std_Pa: float | None = None
-    effects: tuple[type[Effect], ...] = field(default_factory=lambda: effects_for("dma"))
-    name: str = "dma"
+    effects: tuple[type[Effect], ...] = field(default_factory=lambda: effects_for(DMA.id))
+    name: str = DMA.id
     criteria: int = 2
     final: int = 1
     judges: tuple[int, ...] = (1,)
@@ -50,7 +51,7 @@ class DmaKind(OneByOne):
     measure: str = "norm of the error of the complex modulus over its norm in %"
 
     @classmethod
-    def from_rig(cls, rig: Rig) -> DmaKind:
+    def from_rig(cls, rig: Rig, records: Sequence[Record] = ()) -> DmaKind:
         """The nominal model is the five-element set of paper V, Table 3."""
         return cls.around(modulus_std_Pa=rig.noise.modulus_std_Pa)
 

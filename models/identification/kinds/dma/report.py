@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from models.effects.equation import lines_of
-from models.files.record import Record
 from models.identification.fitting.confidence import near
 from models.identification.kind import Theta
 from models.identification.kinds.dma.common_residual import (
@@ -18,6 +17,7 @@ from models.identification.kinds.dma.common_residual import (
 )
 from models.identification.kinds.dma.kind import DmaKind
 from models.identification.settings import SET
+from models.records.record import Record
 
 
 def equations(kind: DmaKind, theta: Theta) -> list[str]:

@@ -12,6 +12,7 @@ from models.effects.effect import Effect
 from models.identification.kinds.variant import Range, variant
 from models.identification.settings import SET
 from models.parameter import Parameter
+from models.rigs.friction import FRICTION
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ def _span(low: float, high: float) -> str:
 
 def candidates(extent: Extent | None) -> tuple[type[Effect], ...]:
     """The effects that a search tries on a table of this extent; all of them, as declared, where it is not known."""
-    declared = effects_for("friction")
+    declared = effects_for(FRICTION.id)
     if extent is None:
         return declared
     ranges, grids = _ranges(extent), _grids(extent)
@@ -59,7 +60,7 @@ def cannot_show(extent: Extent) -> dict[str, str]:
     """Why a table of this extent cannot show an effect, by the effect's id."""
     return {
         e.id: "; ".join(extent.lacks[need] for need in e.needs if need in extent.lacks)
-        for e in effects_for("friction")
+        for e in effects_for(FRICTION.id)
         if extent.lacks.keys() & set(e.needs)
     }
 

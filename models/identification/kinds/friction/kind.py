@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.effects.effect import Effect, Signals
-from models.files.record import Record
-from models.files.rig import Rig
 from models.identification.kind import Array, OneByOne, Theta, present
 from models.identification.kinds.friction.effects import Extent, candidates
 from models.identification.kinds.repeats import Index, distinct, left_out_in_turn, means, pooled_rms
 from models.identification.settings import SET
 from models.parameter import Parameter
+from models.records.record import Record
+from models.rigs.friction import FRICTION
+from models.rigs.rig import Rig
 
 FORCE, COEFFICIENT, SPEED, LOAD = "force_N", "friction_coefficient", "velocity_m_s", "load_N"
 _BELIEF = "rig file; without it only a start for the calibration"
@@ -45,7 +46,7 @@ class FrictionKind(OneByOne):
     relative: float = SET.friction_untold
     extent: Extent | None = None
     effects: tuple[type[Effect], ...] = field(default_factory=lambda: candidates(None))
-    name: str = "friction"
+    name: str = FRICTION.id
     criteria: int = 1
     final: int = 0
     judges: tuple[int, ...] = (0,)

@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from models.effects.equation import lines_of
-from models.files.record import Record
 from models.identification.kind import Theta
 from models.identification.kinds.friction.effects import cannot_show
 from models.identification.kinds.friction.kind import FORCE, SPEED, FrictionKind, conditions
+from models.records.record import Record
+from models.rigs.friction import FRICTION
 
 
 def equations(kind: FrictionKind, theta: Theta) -> list[str]:
@@ -45,7 +46,7 @@ def _least(kind: FrictionKind, theta_by_stage: Mapping[str, Theta], records: Seq
         return []
     v = np.geomspace(x.slow, x.fast, 200)
     usual = float(np.median(np.concatenate([conditions(r, kind.load)[0][:, 1] for r in records])))
-    curve = Record("curve", "friction", {SPEED: v, "load_N": np.full(len(v), usual), kind.quantity: np.ones(len(v))})
+    curve = Record("curve", FRICTION.id, {SPEED: v, "load_N": np.full(len(v), usual), kind.quantity: np.ones(len(v))})
     friction = kind.predict(curve, theta)
     k = int(np.argmin(friction))
     if not 0 < k < len(v) - 1:

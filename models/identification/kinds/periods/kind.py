@@ -15,8 +15,6 @@ from scipy.optimize import brentq
 from models.effects import effects_for
 from models.effects.effect import Effect, Signals
 from models.effects.wall.small_strain_stiffening import SmallStrainStiffening
-from models.files.record import Record
-from models.files.rig import Rig
 from models.identification.kind import Array, OneByOne, Theta, present
 from models.identification.settings import SET
 from models.laws.geometry import GRAVITY, Capsule, Tissue, stretched_length, wall_section
@@ -25,6 +23,9 @@ from models.laws.resistance import pressure_integrals
 from models.laws.stick_slip import Tooth, stick_slip_tooth
 from models.laws.tension import wall_tension
 from models.parameter import Parameter
+from models.records.record import Record
+from models.rigs.periods import PERIODS
+from models.rigs.rig import Rig
 
 COLUMNS = ("period_s", "valley_N", "peak_N")
 EQUIVALENTS = MappingProxyType({"small_strain_stiffening": ("wall_viscosity",)})
@@ -70,7 +71,7 @@ class PeriodsKind(OneByOne):
     scatter: tuple[float, float, float] = SET.period_scatter
     period_std_s: float | None = None
     effects: tuple[type[Effect], ...] = field(default_factory=lambda: single_speed_effects())
-    name: str = "periods"
+    name: str = PERIODS.id
     criteria: int = 1
     final: int = 0
     judges: tuple[int, ...] = (0,)
@@ -90,7 +91,7 @@ class PeriodsKind(OneByOne):
         speeds = kind.speeds_of(records)
         if len(speeds) < 2:
             return replace(kind, velocity_m_s=float(speeds[0])) if len(speeds) else kind
-        return replace(kind, effects=effects_for("periods"), equivalents=MappingProxyType({}))
+        return replace(kind, effects=effects_for(PERIODS.id), equivalents=MappingProxyType({}))
 
     @classmethod
     def around(
@@ -285,7 +286,7 @@ class PeriodsKind(OneByOne):
 
 def single_speed_effects() -> tuple[type[Effect], ...]:
     """The candidates of pulls at one speed: none that several speeds alone can show."""
-    known = effects_for("periods", (SingleSpeedStiffening,))
+    known = effects_for(PERIODS.id, (SingleSpeedStiffening,))
     return tuple(effect for effect in known if "speeds" not in effect.needs)
 
 

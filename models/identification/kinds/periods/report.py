@@ -12,10 +12,10 @@ from scipy.optimize import brentq
 
 from models.effects.equation import lines_of
 from models.effects.formula import Formula
-from models.files.record import Record, named
 from models.identification.kind import Array, Theta
 from models.identification.kinds.periods.kind import PeriodsKind
 from models.identification.settings import SET
+from models.records.record import Record, named
 
 
 def equations(kind: PeriodsKind, theta: Theta) -> list[str]:

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.drives.drive import Drive
-from models.files.columns import COLUMNS
-from models.files.record import Record
-from models.files.rig_tables import Clock
 from models.identification.settings import SET
 from models.parameter import Parameter
+from models.records.record import Record
+from models.rigs.kinds import KINDS
+from models.rigs.tables import Clock
 
 Array = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ def driven_column(kind: str, records: Sequence[Record]) -> str:
 
     Raises ValueError where no alternative stands in every record: a series is driven in one way.
     """
-    alternatives = COLUMNS[kind].driven[0]
+    alternatives = KINDS[kind].layout.driven[0]
     for name in alternatives:
         if all(name in record.columns for record in records):
             return name

@@ -15,17 +15,18 @@ from models.checks.view import grid_step
 from models.compiled.kernel import LANES
 from models.compiled.residuals import differences, less_in_the_tail
 from models.drives.drive import Drive
-from models.drives.from_rig import drive_of, surface_of
 from models.effects import effects_for
 from models.effects.effect import Effect
-from models.files.record import Record
-from models.files.rig import Rig
 from models.identification.kind import Array, Theta
 from models.identification.kinds.conditions import may_be_left_out
 from models.identification.kinds.series.drive_input import clock_offset, drifts, driven_column, interval, switch_delay
 from models.identification.kinds.series.simulation import Runner
 from models.identification.settings import SET
 from models.parameter import Parameter
+from models.records.record import Record
+from models.rigs.kinds import KINDS
+from models.rigs.parts import drive_of, surface_of
+from models.rigs.rig import Rig
 from models.surfaces.surface import Surface
 
 _WALL_HOOKS = ("stiffening", "wall_force", "recovery")
@@ -285,7 +286,8 @@ def series_noise(records: Sequence[Record], column: str, stated: float | None) -
     values = [record[column][used(record)] for record in measured]
     if not values:
         return stated or SET.no_noise
-    told = float(np.median([told_noise(y, record.kind, stated) for y, record in zip(values, measured, strict=True)]))
+    vibrates = KINDS[measured[0].kind].vibrates
+    told = float(np.median([told_noise(y, vibrates, stated) for y in values]))
     step = resolution(records, column)
     return max(noise_used(stated, told, float(np.ptp(np.concatenate(values))), step), SET.no_noise)
 

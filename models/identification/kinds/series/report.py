@@ -12,10 +12,10 @@ from models.drives.drive import Drive
 from models.effects import BY_ID
 from models.effects.equation import lines_of
 from models.effects.refinements.level_at_onset import LevelAtOnset
-from models.files.record import Record
 from models.identification.kind import Theta
 from models.identification.kinds.series.kind import SeriesKind
 from models.identification.kinds.series.simulation import active_effects
+from models.records.record import Record
 
 _FORESIGHTS = (  # memory of the observer in s, and what it makes of an error
     (0.03, "one step ahead of an observer that forgets within 0.03 s"),

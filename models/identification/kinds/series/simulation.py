@@ -13,7 +13,6 @@ from models.checks.instrument.usable import gone
 from models.compiled.kernel import LANES, NEVER_S, SLOW_S, Kernel, lower
 from models.drives.drive import Drive
 from models.effects import BY_ID, followed_by
-from models.files.record import USED, Record
 from models.identification.kind import Array, Theta, effects_in
 from models.identification.kinds.series.drive_input import (
     CLOCK_OFFSET,
@@ -25,6 +24,7 @@ from models.identification.kinds.series.drive_input import (
     interval,
 )
 from models.identification.settings import SET
+from models.records.record import USED, Record
 from models.surfaces.surface import Surface
 
 

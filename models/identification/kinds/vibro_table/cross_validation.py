@@ -8,11 +8,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from models.files.record import Record
 from models.identification.fitting.fit import Problem, descend
 from models.identification.kind import Theta
 from models.identification.kinds.vibro_table.kind import VibroTableKind
 from models.identification.settings import SET
+from models.records.record import Record
 
 
 def effects_in(theta: Theta) -> list[str]:

@@ -16,6 +16,7 @@ from models.effects.inner_mass.spring_hardening import SpringHardening
 from models.identification.kind import Theta
 from models.identification.kinds.vibro_table.numbers import GRAVITY, VibroCycle
 from models.parameter import Parameter
+from models.rigs.vibro_table import VIBRO_TABLE
 
 _LEVEL = "directional friction of dry contacts: tens of percent"
 
@@ -24,7 +25,7 @@ _LEVEL = "directional friction of dry contacts: tens of percent"
 class SwitchLag(ActuatorLag):
     """`actuator_lag` of a coil that is switched on and off, milliseconds."""
 
-    kinds = frozenset({"vibro_table"})
+    kinds = frozenset({VIBRO_TABLE.id})
     probe = 0.002
     confounders = ("coil_lag", "coil_reach", "incline_gravity")
     time_s: Parameter = Parameter("time_s", 0.0, "s", 0.0, 0.015, ActuatorLag.source, fit=True)

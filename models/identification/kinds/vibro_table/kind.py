@@ -14,14 +14,15 @@ import numpy as np
 from models.compiled.residuals import less_in_the_tail
 from models.effects import effects_for
 from models.effects.effect import Effect
-from models.files.record import Record
-from models.files.rig import Rig
 from models.identification.kind import Array, OneByOne, Theta
 from models.identification.kinds.repeats import Index, distinct, left_out_in_turn, means, pooled_rms
 from models.identification.kinds.vibro_table.effects import VARIANTS, vibro_cycle
 from models.identification.kinds.vibro_table.mean_speed import STEP_S, mean_velocities
 from models.identification.settings import SET
 from models.parameter import Parameter
+from models.records.record import Record
+from models.rigs.rig import Rig
+from models.rigs.vibro_table import VIBRO_TABLE
 
 _BELIEF = "rig file"
 _SCALE = (
@@ -43,7 +44,7 @@ class VibroTableKind(OneByOne):
     base: tuple[Parameter, ...]
     reaction_on_body: bool = True
     model_error_m_s: float = 2.0e-3
-    effects: tuple[type[Effect], ...] = field(default_factory=lambda: effects_for("vibro_table", VARIANTS))
+    effects: tuple[type[Effect], ...] = field(default_factory=lambda: effects_for(VIBRO_TABLE.id, VARIANTS))
     step_s: float = STEP_S
     criteria: int = 1
     final: int = 0
@@ -52,22 +53,22 @@ class VibroTableKind(OneByOne):
     next_share: float = 0.05
     least_gain: float = 0.05
     equivalents: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
-    name: str = "vibro_table"
+    name: str = VIBRO_TABLE.id
     quantity: str = "mean_velocity_m_s"
     unit: str = "m/s"
     measure: str = "rms error of the mean velocity over the conditions, each the mean of its repeats"
 
     @classmethod
-    def from_rig(cls, rig: Rig) -> VibroTableKind:
-        """The kind that a rig file with [capsule], [drive] and a plate describes; ValueError where it is another
-        rig.
+    def from_rig(cls, rig: Rig, records: Sequence[Record] = ()) -> VibroTableKind:
+        """The kind that a rig file with [capsule], [drive] and a plate describes, `settled` by `records`; ValueError
+        where it is another rig.
         """
         drive, surface = rig.drive, rig.surface
         if drive is None or surface is None or surface.kind != "plate" or surface.friction_coefficient is None:
             raise ValueError(
-                f"rig must have a drive and a plate for kind 'vibro_table'; got kind {rig.kind!r} without them"
+                f"rig must have a drive and a plate for kind {VIBRO_TABLE.id!r}; got kind {rig.kind!r} without them"
             )
-        return cls.around(
+        made = cls.around(
             rig.capsule.mass_kg,
             drive.inner_mass_kg,
             drive.spring_stiffness_N_per_m,
@@ -75,6 +76,7 @@ class VibroTableKind(OneByOne):
             surface.friction_coefficient,
             drive.reaction_on_body,
         )
+        return made.settled(records) if records and made.quantity in records[0].columns else made
 
     @classmethod
     def around(

@@ -7,12 +7,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from models.effects.equation import lines_of
-from models.files.record import Record
 from models.identification.kind import Array, Theta
 from models.identification.kinds.vibro_table.cross_validation import cross_validated
 from models.identification.kinds.vibro_table.kind import VibroTableKind
 from models.identification.kinds.vibro_table.numbers import GRAVITY
 from models.identification.settings import SET
+from models.records.record import Record
+from models.rigs.vibro_table import VIBRO_TABLE
 
 
 def equations(kind: VibroTableKind, theta: Theta) -> list[str]:
@@ -48,7 +49,7 @@ def reversal(kind: VibroTableKind, theta: Theta, duty: float = 0.3) -> float | N
 
 def _runs(periods: Array, duty: float) -> Record:
     columns = {"period_s": periods, "duty": np.full(len(periods), duty), "cycles": np.full(len(periods), 50.0)}
-    return Record("runs", "vibro_table", columns)
+    return Record("runs", VIBRO_TABLE.id, columns)
 
 
 def statements(kind: VibroTableKind, theta_by_stage: Mapping[str, Theta], records: Sequence[Record]) -> list[str]:

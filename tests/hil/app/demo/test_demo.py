@@ -31,11 +31,11 @@ from hil.app.learn import identify
 from hil.app.learn.identify import LearningAnswer
 from hil.app.main import run
 from hil.app.scenario.bus_scenario import load_sil_scenario, parse_sil_scenario
-from models.files.record import read_record
-from models.files.rig import parse_rig, read_rig
 from models.files.toml import read_toml, toml_text
 from models.identification import Model
 from models.identification.finding import STAGES, Finding
+from models.records.record import read_record
+from models.rigs.reader import parse_rig, read_rig
 from tests.hil.findings import pull_finding
 
 FOLDS = {"fold_periodic.depth": 0.29, "fold_periodic.wavelength_m": 0.0073, "fold_periodic.phase_rad": 0.4,

@@ -11,17 +11,17 @@ from typing import Any
 import pytest
 
 from hil.app.docs.api import described
-from hil.app.docs.keys import CHECKED, DEPLOYMENT_TABLES, RIG_TABLES, all_keys, unit_of
+from hil.app.docs.keys import CHECKED, DEPLOYMENT_TABLES, all_keys, rig_tables, unit_of
 from hil.app.docs.meanings import MEANINGS
 from hil.app.docs.pages import PARTS, filled, main
 from hil.app.run import command
 from hil.app.scenario.deployment import OWN_TABLES
 from hil.app.scenario.scenario import BUS_TABLES
 from models.effects import EFFECTS
-from models.files import rig, rig_tables
-from models.files.columns import COLUMNS
-from models.files.rig import parse_rig
-from models.files.rig_tables import PaperTissueTable
+from models.rigs import magnets, reader, schema, tables
+from models.rigs.kinds import KINDS
+from models.rigs.reader import parse_rig
+from models.rigs.tables import PaperTissueTable
 from tests.places import ROOT
 
 PAGES = sorted((ROOT / "docs").rglob("*.md"))
@@ -44,9 +44,12 @@ def test_every_key_has_a_meaning_and_every_meaning_a_key() -> None:
 
 
 def test_every_table_of_the_schema_is_listed() -> None:
-    listed = {model for models in RIG_TABLES.values() for model in models}
-    tables = {t for t in vars(rig_tables).values() if isinstance(t, type) and issubclass(t, rig_tables.Table)}
-    assert tables - {rig_tables.Table} == listed
+    listed = {model for models in rig_tables().values() for model in models}
+    known = {t for t in (vars(tables) | vars(magnets)).values() if isinstance(t, type) and issubclass(t, schema.Table)}
+    assert known - {schema.Table} == listed
+    keys = [(table, key) for table in listed for key in table.model_fields]
+    assert [key for table, key in keys if not schema.field_of(table, key).description] == []
+    assert [k for t, k in keys if t.model_fields[k].is_required() and not schema.example(t, k)] == []
 
 
 def test_every_table_of_a_deployment_is_listed() -> None:
@@ -89,7 +92,7 @@ def test_an_unknown_marker_is_refused() -> None:
 
 
 def test_a_function_is_described_by_signature_and_docstring() -> None:
-    text = described(rig)
+    text = described(reader)
     assert "## read_rig\n\n```python\nread_rig(path: Path) -> Rig\n```\n\nRead a rig file;" in text
     assert "## _kind" not in text
 
@@ -132,7 +135,7 @@ ROWS = re.findall(
 
 def test_every_kind_of_rig_has_its_row() -> None:
     kinds = [kind for row in ROWS for kind in re.findall(r"\w+", row[0])]
-    assert sorted({*kinds}) == sorted(COLUMNS)
+    assert sorted({*kinds}) == sorted(KINDS)
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row[0]} {row[1]}")

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from hil.app.main import run
-from models.drives.from_rig import drive_of, surface_of
-from models.files.record import record_of
-from models.files.rig import read_rig
 from models.identification.model import Model
+from models.records.record import record_of
+from models.rigs.parts import drive_of, surface_of
+from models.rigs.reader import read_rig
 from plant import layout as at
 from plant.experiments.scenario import parse_truth
 from plant.session import Session

@@ -12,9 +12,9 @@ import pytest
 
 from hil.app.main import run
 from models.effects import BY_ID
-from models.files.record import record_of
-from models.files.rig import read_rig
 from models.identification.model import Model
+from models.records.record import record_of
+from models.rigs.reader import read_rig
 from tests.hil.app.export.conftest import BASE, FOLDS, MAGNET, PULL
 
 TRAVEL_M = 0.0365  # five folds

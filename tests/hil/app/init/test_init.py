@@ -9,12 +9,12 @@ import pytest
 
 from hil.app.init.command import RECORD, RIG
 from hil.app.main import run
-from models.files.columns import COLUMNS
-from models.files.record import read_record
-from models.files.rig import HEADS, read_rig
+from models.records.record import read_record
+from models.rigs.kinds import KINDS
+from models.rigs.reader import read_rig
 
 
-@pytest.mark.parametrize("kind", sorted(COLUMNS))
+@pytest.mark.parametrize("kind", sorted(KINDS))
 def test_rig_file_and_record_are_read_as_they_stand(
     kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -22,10 +22,10 @@ def test_rig_file_and_record_are_read_as_they_stand(
     said = json.loads(capsys.readouterr().out)
     rig = read_rig(tmp_path / kind / RIG)
     assert rig.kind == kind
-    assert len(read_record(tmp_path / kind / RECORD, rig)) >= COLUMNS[kind].minimum
+    assert len(read_record(tmp_path / kind / RECORD, rig)) >= KINDS[kind].layout.minimum
     assert all(Path(file).is_file() for file in said["files"])
     text = (tmp_path / kind / RIG).read_text()
-    assert all(f"{key} =" in text for key in HEADS[kind].model_fields)
+    assert all(f"{key} =" in text for key in KINDS[kind].head.model_fields)
 
 
 @pytest.mark.parametrize("kind", ["axis", "dma", "periods", "friction"])

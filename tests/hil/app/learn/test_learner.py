@@ -18,10 +18,10 @@ from controller.supervision.model_switch import Offer, Prepared
 from hil.app.learn import identify
 from hil.app.learn.identify import LearningAnswer, LearningQuestion, answer
 from hil.app.learn.learner import Learner, Pace
-from models.files.columns import TIME
-from models.files.rig import Rig
 from models.identification import Model
 from models.identification.kinds import kind_for, ready
+from models.rigs.columns import TIME
+from models.rigs.rig import Rig
 from tests.controller.loops import believed, model_of
 
 PACE = Pace(gathered_s=20.0, held_out_share=0.25, answer_s=10.0, trial_s=10.0)

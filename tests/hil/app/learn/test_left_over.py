@@ -7,9 +7,9 @@ import pytest
 
 from hil.app.learn.identify import LearningQuestion, _as_it_held
 from hil.app.learn.left_over import LeftOver
-from models.files.columns import TIME
-from models.files.record import Record
 from models.identification.kinds import kind_for, ready
+from models.records.record import Record
+from models.rigs.columns import TIME
 from tests.controller.loops import believed
 
 SPEED, FAR, DT = 4e-3, 16e-3, 0.01

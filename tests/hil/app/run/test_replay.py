@@ -27,7 +27,7 @@ from hil.log.place import record_path
 from hil.log.reader import read_frames
 from hil.log.record import log_record
 from hil.log.recorder import EXACT, START, UNSOLVED, Recorder
-from models.files.rig import Rig
+from models.rigs.rig import Rig
 from tests.hil.app.run.deployments import PLANT
 
 SYNC = load_catalogue()["Sync"].id

@@ -14,8 +14,8 @@ from hil.app.scenario.deployment import load_deployment, read_deployed_rig
 from hil.bus.catalogue import load_catalogue
 from hil.bus.local import LocalBus
 from hil.bus.protection import Sender
-from models.files.rig import read_rig
 from models.identification.model import sealed
+from models.rigs.reader import read_rig
 from tests.conftest import RIG
 from tests.hil.app.run.deployments import deployment, rig_file
 

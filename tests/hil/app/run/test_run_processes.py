@@ -19,7 +19,7 @@ from hil.bus.catalogue import load_catalogue
 from hil.bus.local import LocalBus
 from hil.log.reader import read_log_record
 from hil.log.record import log_record
-from models.files.rig import Rig
+from models.rigs.rig import Rig
 from tests.hil.app.run.deployments import deployment, rig_file
 from tests.hil.app.run.forked import Forked
 from tests.hil.app.run.plant_process import HELD_UP, REAL_TIME, RUN_S, TRIES, plant_on, truth_of

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.files.record import Record
 from models.identification.experiment.plan import Move, Plan, Room, random_plan, varied
 from models.identification.settings import SET
+from models.records.record import Record
 
 ROOM = Room("position_m", 0.0, 20e-3, 0.0, 8e-3, 12.0, 2e-3)
 

@@ -9,12 +9,12 @@ import numpy as np
 from hil.app.identify.close_loop import next_toml
 from models.checks.information.excitation import cannot_show, shown_with
 from models.effects import BY_ID, effects_for
-from models.files.record import Record
-from models.files.rig import parse_rig
 from models.identification.experiment.propose import propose, words_of
 from models.identification.kinds import kind_for
 from models.identification.search.forward_selection import Search
 from models.identification.search.refit import calibrated
+from models.records.record import Record
+from models.rigs.reader import parse_rig
 from tests.rig_texts import GUT
 
 RIG = parse_rig({"rig": {"kind": "pull"}, "noise": {"force_std_N": 1e-3}, **tomllib.loads(GUT)})

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from models.effects import BY_ID
-from models.files.record import Record
-from models.files.rig import Rig
-from models.files.rig_tables import Noise
 from models.identification.experiment.plan import Move, Plan, Room
 from models.identification.experiment.question import Candidate, Question, question, refitted, separation
 from models.identification.fitting.fit import Problem, narrowing
 from models.identification.kinds.series.kind import SeriesKind
 from models.identification.settings import SET
+from models.records.record import Record
+from models.rigs.rig import Rig
+from models.rigs.tables import Noise
 
 ROOM = Room("position_m", 0.0, 20e-3, 0.0, 8e-3, 10.0, 2e-3)
 KIND = SeriesKind.from_rig(Rig("pull", noise=Noise(force_std_N=1e-3)), [])

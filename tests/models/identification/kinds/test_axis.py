@@ -12,14 +12,15 @@ from scipy.optimize import least_squares
 
 from models.checks.instrument.usable import used
 from models.effects.effect import Effect
-from models.files.record import Record
-from models.files.rig import Rig, parse_rig
 from models.identification.kinds import ready
 from models.identification.kinds.axis import report
 from models.identification.kinds.axis.kind import NOISES, AxisKind
 from models.identification.kinds.axis.ripple import find_ripple
 from models.identification.kinds.axis.zero_phase import decimate, passed, repeat_lag
 from models.identification.search.refit import refit
+from models.records.record import Record
+from models.rigs.reader import parse_rig
+from models.rigs.rig import Rig
 
 KIND = AxisKind.around()
 TRUE = {"mass_kg": 95.0, "viscous_friction_N_s_per_m": 200.0, "coulomb_friction_N": 20.0, "offset_N": -3.0}

@@ -11,8 +11,6 @@ import pytest
 from models.checks.information.excitation import cannot_show
 from models.effects import BY_ID
 from models.effects.conformance import first_failure
-from models.files.record import Record, read_record
-from models.files.rig import Rig, parse_rig
 from models.identification.fitting.fit import Fit
 from models.identification.kinds import kind_for
 from models.identification.kinds.axis import report
@@ -20,6 +18,9 @@ from models.identification.kinds.axis.kind import AxisKind
 from models.identification.kinds.axis.zero_phase import decimate
 from models.identification.residual_tests import residual_checks
 from models.identification.search.refit import refit
+from models.records.record import Record, read_record
+from models.rigs.reader import parse_rig
+from models.rigs.rig import Rig
 
 RIG = Rig("axis")
 BASE = {

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil.app.init.template import Columns, template
+from hil.app.init.rig_file import template
 from models.effects import EFFECTS
-from models.effects.conformance import KINDS
-from models.files.record import Record
-from models.files.rig import parse_rig
 from models.identification.kinds import AnyKind, kind_for
+from models.records.record import Record
+from models.rigs.kind import Record as Columns
+from models.rigs.kinds import KINDS
+from models.rigs.reader import parse_rig
 
 SERIES = ("pull", "magnetic", "coil", "vibro")
 """Kinds whose predictions `tests/models/effects/test_effects.py` looks at, effect by effect."""
@@ -25,7 +26,7 @@ TURNING, TWO_SPEEDS = "axis that turns", "periods at two speeds"
 @pytest.fixture(scope="module", params=(*(k for k in KINDS if k not in ("axis", "periods")), TURNING, TWO_SPEEDS))
 def made(request: pytest.FixtureRequest) -> tuple[AnyKind, Record]:
     """Each kind, driven so that every one of its effects can show."""
-    tables, columns = template(request.param.split()[0], rotary=request.param == TURNING)
+    tables, columns = template(KINDS[request.param.split()[0]], rotary=request.param == TURNING)
     rig = parse_rig(tables)
     if request.param == TURNING:
         columns = {**columns, "load_N_m": 2 + np.sin(np.arange(len(columns["t_s"])) / 300)}

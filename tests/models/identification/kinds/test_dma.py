@@ -9,12 +9,12 @@ import pytest
 from scipy.optimize import least_squares
 
 from models.effects.wall.broad_relaxation import BroadRelaxation
-from models.files.record import Record
-from models.files.rig import parse_rig
 from models.identification.kinds.dma import report
 from models.identification.kinds.dma.common_residual import best_relaxation, common_residual, springpot_alone
 from models.identification.kinds.dma.kind import COLUMNS, DmaKind, moduli_of, samples_of
 from models.parameter import SETS
+from models.records.record import Record
+from models.rigs.reader import parse_rig
 
 KIND = DmaKind.from_rig(parse_rig({"rig": {"kind": "dma"}}))
 BROAD = {"broad_relaxation.stiffness_Pa": 1e5, "broad_relaxation.exponent": 0.3}

@@ -9,10 +9,10 @@ import pytest
 
 from hil import api
 from hil.app.report.words import interpolation
-from models.files.record import Record
-from models.files.rig import parse_rig
 from models.identification.finding import Finding
 from models.identification.kinds import kind_for
+from models.records.record import Record
+from models.rigs.reader import parse_rig
 
 V, N = (np.repeat(a.ravel(), 3) for a in np.meshgrid(np.geomspace(2e-4, 2e-2, 12), (0.1, 0.2, 0.5)))
 MU = 0.09 * N

@@ -12,12 +12,12 @@ from scipy.optimize import least_squares
 from models.effects.effect import Signals
 from models.effects.wall.small_strain_stiffening import SmallStrainStiffening
 from models.effects.wall.wall_viscosity import WallViscosity
-from models.files.record import Record
-from models.files.rig import parse_rig
 from models.identification.kinds.periods import report
 from models.identification.kinds.periods.kind import COLUMNS, PeriodsKind, relative_errors
 from models.identification.settings import SET
 from models.parameter import SETS
+from models.records.record import Record
+from models.rigs.reader import parse_rig
 
 KIND = PeriodsKind.around()
 STIFFER = "small_strain_stiffening.excess"

@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 from models.drives.coil import Coil, VoltageCoil
 from models.drives.vibro import RatedVibro, Vibro, VoltageVibro
 from models.effects import BY_ID
-from models.files.record import Record
-from models.files.rig import parse_rig
 from models.identification import Model
 from models.identification.kinds import kind_for
 from models.identification.kinds.series import report
 from models.identification.kinds.series.drive_input import SWITCH_DELAY, Feed, driven_column, feed, held, logged_whole
 from models.identification.kinds.series.kind import SeriesKind
 from models.laws.geometry import Capsule
+from models.records.record import Record
+from models.rigs.reader import parse_rig
 from models.surfaces.plate import Plate
 from plant.drives.kinds import TrueCoil, TrueVibro
 from plant.experiments.excitation import pulse_width

@@ -11,8 +11,6 @@ from models.effects.drive.coil_lag import CoilLag
 from models.effects.effect import InnerMassEffect, Signals
 from models.effects.force.incline_gravity import InclineGravity
 from models.effects.inner_mass.spring_damping import SpringDamping
-from models.files.record import Record
-from models.files.rig import parse_rig
 from models.identification.kinds.vibro_table import report
 from models.identification.kinds.vibro_table.cross_validation import cross_validated
 from models.identification.kinds.vibro_table.effects import FIELDS, PlateAsymmetry, vibro_cycle
@@ -22,6 +20,8 @@ from models.identification.kinds.vibro_table.numbers import VibroCycle
 from models.identification.kinds.vibro_table.report import reversal
 from models.identification.kinds.vibro_table.solver import drive_force, friction, resistance, suspension_force
 from models.identification.search.forward_selection import search
+from models.records.record import Record
+from models.rigs.reader import parse_rig
 
 EFFECTS = VibroTableKind.around().effects
 NOMINAL = VibroCycle(0.193, 0.074, 256.23, 1.25, 0.29 * 0.267 * 9.81)

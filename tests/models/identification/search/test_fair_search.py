@@ -7,14 +7,14 @@ import tomllib
 import numpy as np
 import pytest
 
-from models.files.record import read_record
-from models.files.rig import read_rig
 from models.identification.kind import Kind
 from models.identification.kinds import kind_for
 from models.identification.search.candidates import Trial, against, from_the_best
 from models.identification.search.fitted_model import FittedModel
 from models.identification.search.refit import step_on
 from models.identification.search.validation import Split, block_costs
+from models.records.record import read_record
+from models.rigs.reader import read_rig
 from plant.experiments.series import make_series
 
 SECONDS = 12.0

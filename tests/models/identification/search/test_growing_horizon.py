@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.files.record import Record, read_record
-from models.files.rig import parse_rig, read_rig
 from models.identification.fitting.fit import Fit, evaluate
 from models.identification.kinds import kind_for
 from models.identification.kinds.series.kind import SeriesKind
 from models.identification.search.growing_horizon import QUICK, GrowingHorizon, base_known, eliminate, grow_horizon
 from models.identification.search.refit import whole
 from models.identification.search.validation import free_run
+from models.records.record import Record, read_record
+from models.rigs.reader import parse_rig, read_rig
 from plant.experiments.series import make_series
 
 

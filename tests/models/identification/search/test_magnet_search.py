@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from models.effects import BY_ID
-from models.files.record import Record
-from models.files.rig import parse_rig
 from models.identification.kinds import kind_for
 from models.identification.kinds.series.kind import SeriesKind
 from models.identification.search.refit import refit, whole
 from models.identification.search.validation import judged
 from models.identification.settings import SET
+from models.records.record import Record
+from models.rigs.reader import parse_rig
 from plant import layout as at
 from plant.drives.kinds import TrueMagnet
 from plant.experiments.series import make_series

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from models.files.record import Record, read_record
-from models.files.rig import read_rig
 from models.identification.kinds.axis.kind import AxisKind
 from models.identification.kinds.series.kind import SeriesKind
 from models.identification.search.screening import null_distribution, records_for_null
 from models.identification.search.validation import judged_cost
+from models.records.record import Record, read_record
+from models.rigs.reader import read_rig
 from plant.experiments.series import make_series
 
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from models.effects.force.peristaltic_wave import PeristalticWave
-from models.files.record import Record
 from models.identification.fitting.fit import Fit
 from models.identification.kind import Array, OneByOne
 from models.identification.search.refinement import refined_at_last
 from models.identification.search.refit import finished
 from models.identification.settings import SET
 from models.parameter import Parameter
+from models.records.record import Record
 
 SAMPLES, SLOW = 4000, 40
 _RNG = np.random.default_rng(3)

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from models.files.record import read_record
-from models.files.rig import read_rig
 from models.identification.kinds import kind_for, ready
 from models.identification.search.refit import refit
+from models.records.record import read_record
+from models.rigs.reader import read_rig
 from plant.experiments.series import make_series
 
 

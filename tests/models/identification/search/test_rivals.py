@@ -13,8 +13,6 @@ from models.effects.force.peristaltic_wave import PeristalticWave
 from models.effects.force.respiration import Respiration
 from models.effects.force.spring_over_position import SpringOverPosition
 from models.effects.friction.lumen_taper import LumenTaper
-from models.files.record import Record
-from models.files.rig import parse_rig
 from models.identification.kinds import kind_for
 from models.identification.kinds.axis.kind import AxisKind
 from models.identification.kinds.series.kind import SeriesKind
@@ -24,6 +22,8 @@ from models.identification.search.refit import refit
 from models.identification.search.rivals import rivals_of
 from models.identification.search.screening import screen
 from models.identification.search.validation import block_costs
+from models.records.record import Record
+from models.rigs.reader import parse_rig
 from tests.rig_texts import GUT
 
 RIG = parse_rig({"rig": {"kind": "axis"}, "noise": {"force_std_N": 0.1}})

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.files.record import read_record
-from models.files.rig import read_rig
 from models.identification.kinds.series.kind import SeriesKind
 from models.identification.search.predictability import predictable, sensitivity_cost
+from models.records.record import read_record
+from models.rigs.reader import read_rig
 from plant.experiments.series import make_series
 
 CALM = (None, {}, 15.0)

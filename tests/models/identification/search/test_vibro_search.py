@@ -14,14 +14,15 @@ import pytest
 from models.effects import BY_ID
 from models.effects.inner_mass.end_stop_impact import EndStopImpact
 from models.effects.refinements.damping_over_speed import KNOTS_M_S, DampingOverSpeed
-from models.files.record import Record, read_record
-from models.files.rig import Rig, read_rig
 from models.identification.kinds import kind_for
 from models.identification.kinds.series.kind import SeriesKind
 from models.identification.search.refit import refit
 from models.identification.search.screening import screen
 from models.identification.search.validation import judged
 from models.identification.settings import SET
+from models.records.record import Record, read_record
+from models.rigs.reader import read_rig
+from models.rigs.rig import Rig
 from plant.experiments.series import make_series
 
 CANDIDATES = ("spring_damping", "stribeck", "incline_gravity")

@@ -12,11 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from models.files import csv_reader
-from models.files.mapping import ColumnMap, MappedColumn
-from models.files.proposal import toml_lines
-from models.files.record import Record, read_record
-from models.files.rig import parse_rig
 from models.files.units import factor, fitting
+from models.records.proposal import toml_lines
+from models.records.record import Record, read_record
+from models.rigs.mapping import ColumnMap, MappedColumn
+from models.rigs.reader import parse_rig
 
 T = 0.01 * np.arange(200)
 X = 0.05 * np.sin(3 * T)

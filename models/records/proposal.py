@@ -5,10 +5,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
-from models.files.columns import TIME
-from models.files.mapping import MappedColumn
 from models.files.toml import inline_table
 from models.files.units import factor, split_unit, unit, unit_of
+from models.rigs.columns import TIME
+from models.rigs.mapping import MappedColumn
 
 WORDS: Final[Mapping[str, tuple[str, ...]]] = {
     "t": ("time", "timestamp", "elapsed", "seconds", "clock", "zeit"),

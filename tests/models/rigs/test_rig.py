@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.files.rig import Rig, parse_rig, read_rig
 from models.laws.geometry import Capsule, Tissue
+from models.rigs.reader import parse_rig, read_rig
+from models.rigs.rig import Rig
 from tests.rig_texts import PLATE
 
 VIBRO_TABLE = PLATE + '[rig]\nkind = "vibro_table"\n'

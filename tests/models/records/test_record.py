@@ -13,9 +13,9 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from models.files import csv_reader as csv_blocks
-from models.files.columns import COLUMNS
-from models.files.record import USED, Record, as_measured, read_record, record_of
-from models.files.rig import Rig
+from models.records.record import USED, Record, as_measured, read_record, record_of
+from models.rigs.kinds import KINDS
+from models.rigs.rig import Rig
 
 HEADER = "t_s,position_m,force_N\n"
 ROWS = "".join(f"{0.01 * i:.2f},{1e-4 * i:.4f},{0.05 + 1e-4 * (i % 7):.4f}\n" for i in range(200))
@@ -278,7 +278,7 @@ def test_measured_data_are_read(shared: Path) -> None:
     assert len(read_record(data / "seeds" / "viscoelastic_table2_dma.csv", Rig("dma"))) == 15
 
 
-@given(content=st.binary(max_size=300), kind=st.sampled_from(sorted(COLUMNS)), packed=st.booleans())
+@given(content=st.binary(max_size=300), kind=st.sampled_from(sorted(KINDS)), packed=st.booleans())
 @example(content=b"", kind="pull", packed=True)
 def test_any_bytes_are_a_record_or_one_sentence(tmp_path: Path, content: bytes, kind: str, packed: bool) -> None:
     try:
@@ -300,7 +300,7 @@ CELLS = st.sampled_from(
 def test_any_table_under_a_right_header_is_a_record_or_one_sentence(
     tmp_path: Path, rows: list[list[str]], separator: str, kind: str
 ) -> None:
-    header = [alternatives[0] for alternatives in COLUMNS[kind].required()]
+    header = [alternatives[0] for alternatives in KINDS[kind].layout.required()]
     try:
         record = read(tmp_path, "\n".join(separator.join(row) for row in [header, *rows]), kind)
     except ValueError as error:

@@ -12,23 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.files.columns import (
-    COLUMNS,
-    TIME,
-    Columns,
-    check_header,
-    check_unit_names,
-    columns_of,
-    first_wrong,
-    known_of,
-    missing_in_variants,
-    range_of,
-    variants_of,
-)
 from models.files.csv_reader import Block, read_blocks
-from models.files.mapping import MappedColumn, check_stated
-from models.files.proposal import proposed, to_scale, toml_lines
-from models.files.rig import Rig
+from models.records.header import check_header, check_unit_names, missing_in_layouts
+from models.records.proposal import proposed, to_scale, toml_lines
+from models.rigs.columns import TIME, Columns
+from models.rigs.kind import RigKind
+from models.rigs.kinds import KINDS
+from models.rigs.mapping import MappedColumn, check_stated
+from models.rigs.rig import Rig
 
 Array = NDArray[np.float64]
 MOST_CELLS = 32_000_000  # numbers of a record: 256 MB
@@ -60,7 +51,7 @@ class Record:
     @property
     def layout(self) -> Columns:
         """What its kind of record holds, in the variant that these columns are of."""
-        return columns_of(self.kind, self.columns)
+        return KINDS[self.kind].columns(self.columns)
 
     def line(self, row: int) -> int:
         """Line of the file on which `row` stands; the row's own number where there is no file."""
@@ -113,7 +104,7 @@ def as_measured(record: Record) -> dict[str, Array]:
     if USED not in record.columns:
         return record.columns
     columns = {name: values for name, values in record.columns.items() if name != USED}
-    for name in columns_of(record.kind, columns).measured:
+    for name in KINDS[record.kind].columns(columns).measured:
         columns[name] = np.where(record[USED] > 0, columns[name], np.nan)
     return columns
 
@@ -138,10 +129,10 @@ def read_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: boo
     """
     path = Path(path)
     reading = _Reading(str(path), rig, driven_only, lenient)
-    names = {*known_of(rig.kind), *(entry.column for entry in rig.columns.entries)}
+    names = {*KINDS[rig.kind].known, *(entry.column for entry in rig.columns.entries)}
     clocks = {TIME, *(entry.column for entry in rig.columns.entries if entry.target == TIME)}
     gaps = {*reading.sparse, *(entry.column for entry in rig.columns.entries if entry.target in reading.sparse)}
-    for header, block in read_blocks(path, reading.check_header, names, clocks, known_of(rig.kind), gaps):
+    for header, block in read_blocks(path, reading.check_header, names, clocks, KINDS[rig.kind].known, gaps):
         reading.take(header, block)
     return _complete(_name(path), str(path), reading)
 
@@ -187,13 +178,13 @@ def find_columns(
     the table `[columns]` to paste into the rig file.
     """
     targets = [*header, *(entry.target for entry in rig.columns.entries)]
-    optional = columns_of(rig.kind, targets).measured if driven_only else ()
-    sources = rig.columns.sources(where, header, known_of(rig.kind), optional)
+    optional = KINDS[rig.kind].columns(targets).measured if driven_only else ()
+    sources = rig.columns.sources(where, header, KINDS[rig.kind].known, optional)
     read = {source.column for source in sources.values()}
     ours = [*sources, *(name for name in header if name not in read)]
     try:
-        check_header(where, rig.kind, ours, with_measured=not driven_only)
-        check_unit_names(where, rig.kind, ours)
+        check_header(where, KINDS[rig.kind], ours, with_measured=not driven_only)
+        check_unit_names(where, KINDS[rig.kind], ours)
         check_stated(where, sources, units)
     except ValueError as error:
         raise _with_proposal(error, where, rig, header, units, sources) from None
@@ -212,7 +203,7 @@ def _with_proposal(
     good = {target: source for target, source in sources.items() if _agrees(where, target, source, units)}
     used = {source.column for source in good.values()}
     free = [name for name in header if name not in used]
-    variants = missing_in_variants(rig.kind, list(good))
+    variants = missing_in_layouts(KINDS[rig.kind], list(good))
     likely = [(proposed(free, missing, units, optional), missing) for missing, optional in variants]
     found, missing = max(likely, key=lambda one: len(one[0]))
     raw = to_scale(free, missing, units, found)
@@ -235,7 +226,7 @@ def _agrees(where: str, target: str, source: MappedColumn, units: Mapping[str, s
 
 def _complete(name: str, where: str, reading: _Reading) -> Record:
     rig, columns = reading.rig, reading.columns()
-    if "velocity_m_s" in COLUMNS[rig.kind].given_by_rig and "velocity_m_s" not in columns:
+    if "velocity_m_s" in KINDS[rig.kind].layout.given_by_rig and "velocity_m_s" not in columns:
         if rig.velocity_m_s is None:
             raise ValueError(f"{where}: velocity_m_s must be a column of the record or a key under [rig]; got neither")
         columns["velocity_m_s"] = np.full(reading.rows, rig.velocity_m_s)
@@ -267,9 +258,14 @@ class _Reading:
     units: Mapping[str, str] = field(default_factory=dict)
 
     @property
+    def kind(self) -> RigKind:
+        """The rig's kind."""
+        return KINDS[self.rig.kind]
+
+    @property
     def sparse(self) -> tuple[str, ...]:
         """Our columns that need no value in every row."""
-        return tuple(name for one in variants_of(self.rig.kind) if one.time for name in one.measured)
+        return tuple(name for one in self.kind.layouts if one.time for name in one.measured)
 
     def check_header(self, header: list[str], units: Mapping[str, str]) -> list[str]:
         """Find our columns in the header of a file that states these `units`; the names of those that are read."""
@@ -283,10 +279,10 @@ class _Reading:
             header, block = self._ours(header, block)
         self.header = header
         self.rows += len(block.lines)
-        limit = min(COLUMNS[self.rig.kind].limit, MOST_CELLS // len(header))
+        limit = min(self.kind.layout.limit, MOST_CELLS // len(header))
         if self.rows > limit:
             raise ValueError(
-                f"{self.where}: record of kind {self.rig.kind} with {len(header)} columns must have at most {limit}"
+                f"{self.where}: record of kind {self.kind.id} with {len(header)} columns must have at most {limit}"
                 " rows; got more: cut it into several records, drop columns or sample it more slowly"
             )
         if not self.lenient:
@@ -304,11 +300,11 @@ class _Reading:
 
     def columns(self) -> dict[str, Array]:
         """The record's columns by name, once all blocks are taken."""
-        kind = COLUMNS[self.rig.kind]
-        least = (2 if kind.time else 1) if self.driven_only else kind.minimum
+        layout = self.kind.layout
+        least = (2 if layout.time else 1) if self.driven_only else layout.minimum
         if self.rows < least:
             raise ValueError(
-                f"{self.where}: record of kind {self.rig.kind} must have at least {least} rows; got {self.rows}"
+                f"{self.where}: record of kind {self.kind.id} must have at least {least} rows; got {self.rows}"
             )
         columns: dict[str, Array] = {}
         for index, name in enumerate(self.header):
@@ -316,7 +312,7 @@ class _Reading:
             if name in self.sources:
                 source = self.sources[name]
                 column = source.unwrapped(column, self.units.get(source.column, ""))
-            if name and (name in known_of(self.rig.kind) or not np.isnan(column).all()):
+            if name and (name in self.kind.known or not np.isnan(column).all()):
                 columns[name] = column
         for name in (name for name in self.sparse if name in columns):
             columns |= kept_between(self.where, name, columns[name], least)
@@ -334,7 +330,7 @@ class _Reading:
         return [*self.sources, *(header[k] for k in further)], Block(values, block.lines)
 
     def _check_time(self, block: Block) -> None:
-        if not COLUMNS[self.rig.kind].time or not len(block.lines):
+        if not self.kind.layout.time or not len(block.lines):
             return
         time = block.values[:, list(self.header).index(TIME)]
         before = np.concatenate(([self.last_time], time[:-1]))
@@ -350,25 +346,26 @@ class _Reading:
     def _check_ranges(self, block: Block, beyond: float = 0.0) -> None:
         """Refuse values out of the ranges of our columns; only those `beyond` a size, where that is given."""
         for index, name in enumerate(self.header):
-            limits = range_of(self.rig.kind, name) if name in known_of(self.rig.kind) else None
-            row = first_wrong(self.rig.kind, name, block.values[:, index])
+            limits = self.kind.range(name) if name in self.kind.known else None
+            row = self.kind.first_wrong(name, block.values[:, index])
             if row is not None and beyond:
                 far = np.flatnonzero(np.abs(block.values[:, index]) > beyond)
                 row = int(far[0]) if far.size else None
             if limits is not None and row is not None:
                 raise ValueError(
-                    f"{self.where}, line {block.lines[row]}: {name} must be {limits[2]}; got"
+                    f"{self.where}, line {block.lines[row]}: {name} must be {limits.words}; got"
                     f" {block.values[row, index]:g}"
                 )
 
     def _check_peaks(self, block: Block) -> None:
-        if self.rig.kind != "periods" or not {"valley_N", "peak_N"} <= set(self.header):
+        rising = self.kind.rising
+        if rising is None or not set(rising) <= set(self.header):
             return
-        valley, peak = (block.values[:, list(self.header).index(name)] for name in ("valley_N", "peak_N"))
-        wrong = np.flatnonzero(~(peak > valley))
+        low, high = (block.values[:, list(self.header).index(name)] for name in rising)
+        wrong = np.flatnonzero(~(high > low))
         if wrong.size:
             row = int(wrong[0])
             raise ValueError(
-                f"{self.where}, line {block.lines[row]}: peak_N must be above valley_N; got {peak[row]:g} and"
-                f" {valley[row]:g}"
+                f"{self.where}, line {block.lines[row]}: {rising[1]} must be above {rising[0]}; got {high[row]:g} and"
+                f" {low[row]:g}"
             )

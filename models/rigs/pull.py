@@ -1,0 +1,19 @@
+"""A rig draws the capsule through the gut: its place is imposed, the force is measured."""
+
+from __future__ import annotations
+
+from models.drives.pull import Pull
+from models.rigs.columns import Columns
+from models.rigs.kind import IN_GUT, RigKind
+from models.rigs.tables import Clock
+
+PULL = RigKind(
+    id="pull",
+    layouts=(Columns((("position_m",),), ("force_N",)),),
+    tables=IN_GUT,
+    further={"clock": Clock},
+    drive=lambda rig, by_voltage: Pull(),
+    longest_s=3600.0,
+    drawn=True,
+    hooks=frozenset({"link"}),
+)

@@ -1,0 +1,199 @@
+"""Rig files: read from TOML, checked, and handed on as plain records."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, TypeVar
+
+from models.files.tables import is_number, shown, with_contact_angle
+from models.files.toml import read_toml
+from models.laws.geometry import Capsule, Tissue
+from models.parameter import nearest
+from models.rigs.kind import RigKind
+from models.rigs.kinds import KINDS
+from models.rigs.mapping import ColumnMap, MappedColumn
+from models.rigs.rig import Rig
+from models.rigs.schema import Table, checked
+from models.rigs.tables import (
+    BodyTable,
+    CapsuleTable,
+    Checks,
+    ColumnTable,
+    Noise,
+    PaperCapsuleTable,
+    PaperTissueTable,
+    Surface,
+    TissueTable,
+)
+
+T = TypeVar("T", bound=Table)
+_STD = "_std"
+_BODY = ("capsule", "tissue")
+_FIRST, _LAST = (*_BODY, "rig", "noise"), ("checks", "clock", "prior", "columns")
+_FIELDS = frozenset(field.name for field in fields(Rig))
+
+
+def read_rig(path: Path) -> Rig:
+    """Read a rig file; anything wrong with it is a ValueError of one sentence with file, table and key."""
+    path = Path(path)
+    raw, _ = read_toml(path, "rig file")
+    return parse_rig(raw, str(path))
+
+
+def table_names() -> tuple[str, ...]:
+    """The tables that a rig file of any kind may have."""
+    kinds = KINDS.values()
+    own = (name for kind in kinds for name in kind.tables)
+    further = (name for kind in kinds for name in kind.further)
+    return tuple(dict.fromkeys((*_FIRST, *own, *_LAST, *further)))
+
+
+def parse_rig(raw: Mapping[str, Any], where: str = "rig") -> Rig:
+    """The rig that the tables of a rig file describe."""
+    known = table_names()
+    unknown = next((key for key in raw if key not in known), None)
+    if unknown is not None:
+        raise ValueError(f"{where}: table must be one of a rig file; got {unknown!r}; {nearest(unknown, known)}")
+    for table, content in raw.items():
+        if not isinstance(content, dict):
+            raise ValueError(f"{where}: [{table}] must be a table; got {shown(content)}")
+    kind = _kind(raw, where)
+    file = _File(raw, where, kind)
+    parts = file.head() | {"noise": file.read("noise", Noise, optional=True)}
+    for name, model in kind.tables.items():
+        if name not in _BODY:
+            must = any(field.is_required() for field in model.model_fields.values())
+            parts[name] = file.read(name, model, optional=not must)
+    parts |= {name: file.read(name, model) for name, model in kind.further.items() if name in raw}
+    parts["capsule"], parts["tissue"] = file.body(parts.get("surface"))
+    parts["checks"] = file.read("checks", Checks, optional=True)
+    if kind.switched and "clock" in parts and parts["clock"].drift:
+        raise ValueError(
+            f"{where}: [clock] drift must be left out for kind {kind.id}, whose drive switches and cannot be read"
+            f" between its samples; got {parts['clock'].drift:g}"
+        )
+    columns, prior = file.columns(), file.prior()
+    file.refuse_rest()
+    own = {name: parts.pop(name) for name in tuple(parts) if name not in _FIELDS}
+    return Rig(kind.id, **parts, columns=columns, prior=prior, own=own)
+
+
+def _kind(raw: Mapping[str, Any], where: str) -> RigKind:
+    if "rig" not in raw:
+        got = ", ".join(f"[{table}]" for table in raw) or "an empty file"
+        raise ValueError(f"{where}: table [rig] must be there with a key 'kind'; got {got}")
+    head = raw["rig"]
+    if "kind" not in head:
+        close = next((key for key in head if nearest("kind", [key]).startswith("did")), None)
+        raise ValueError(
+            f"{where}: [rig] must have the key 'kind'; "
+            + (f"got {close!r}" if close else "it is missing")
+            + f"; kinds: {', '.join(KINDS)}"
+        )
+    kind = head["kind"]
+    if not isinstance(kind, str) or kind not in KINDS:
+        hint = nearest(kind, KINDS) if isinstance(kind, str) else "known: " + ", ".join(KINDS)
+        raise ValueError(f"{where}: [rig] kind must be a known kind of rig; got {kind!r}; {hint}")
+    return KINDS[kind]
+
+
+@dataclass
+class _File:
+    """The tables of one rig file; remembers which were used, so that the rest is refused."""
+
+    raw: Mapping[str, Any]
+    where: str
+    kind: RigKind
+
+    def __post_init__(self) -> None:
+        self.used = {"rig"}
+
+    def head(self) -> dict[str, Any]:
+        """What `[rig]` and a table within it say."""
+        content, nested, instead = dict(self.raw["rig"]), None, self.kind.instead
+        if instead is not None and instead.name in content:
+            nested = instead.read(content.pop(instead.name), self.where)
+        head = self.kind.head if nested is None or instead is None else instead.head
+        owners = {key: kind.id for kind in reversed(KINDS.values()) for key in kind.head.model_fields}
+        return checked(self.where, "rig", head, content, owners).parts(nested)
+
+    def body(self, surface: Surface | None) -> tuple[Capsule, Tissue]:
+        """Body and gut of a rig whose body lies on `surface`, the gut where nothing is said."""
+        if self.kind.of_paper:
+            capsule = self.read("capsule", PaperCapsuleTable, optional=True).capsule()
+        elif surface is None or surface.kind == "gut":
+            capsule = self.read("capsule", CapsuleTable).capsule()
+            return capsule, self._tissue(TissueTable, capsule)
+        else:
+            if surface.kind == "plate" and surface.friction_coefficient is None:
+                raise ValueError(
+                    f"{self.where}: [surface] must have the key 'friction_coefficient' where its kind is 'plate'; it is"
+                    " missing"
+                )
+            capsule = self.read("capsule", BodyTable).capsule()
+        return capsule, self._tissue(PaperTissueTable, capsule, optional=True)
+
+    def _tissue(self, model: type[TissueTable], capsule: Capsule, optional: bool = False) -> Tissue:
+        if "lumen_diameter_m" not in self.raw.get("tissue", {}):
+            return self.read("tissue", model, optional).tissue()
+        self.used.add("tissue")
+        try:
+            content = with_contact_angle(self.raw["tissue"], capsule.radius_m, "tissue")
+        except ValueError as error:
+            raise ValueError(f"{self.where}: {error}") from None
+        return checked(self.where, "tissue", model, content).tissue()
+
+    def read(self, table: str, model: type[T], optional: bool = False) -> T:
+        """One table, checked."""
+        if table not in self.raw and not optional:
+            raise ValueError(
+                f"{self.where}: table [{table}] must be there for a rig of kind {self.kind.id!r}; it is missing"
+            )
+        self.used.add(table)
+        return checked(self.where, table, model, self.raw.get(table, {}))
+
+    def columns(self) -> ColumnMap:
+        """`[columns]`: for each column of ours a table, or the name alone."""
+        self.used.add("columns")
+        known, entries = self.kind.known, list[MappedColumn]()
+        for target, given in self.raw.get("columns", {}).items():
+            if target not in known:
+                raise ValueError(
+                    f"{self.where}: [columns] key must be a column of kind {self.kind.id!r}; got {target!r};"
+                    f" {nearest(target, known)}"
+                )
+            table = {"column": given} if isinstance(given, str) else given
+            if not isinstance(table, dict):
+                raise ValueError(
+                    f"{self.where}: [columns] {target} must be the name of a column, or a table with the key 'column';"
+                    f" got {given!r}"
+                )
+            content = checked(self.where, f"columns.{target}", ColumnTable, table).model_dump()
+            try:
+                entries.append(MappedColumn(target, **content))
+            except ValueError as error:
+                raise ValueError(f"{self.where}: [columns] {error}") from None
+        return ColumnMap(tuple(entries))
+
+    def prior(self) -> dict[str, float]:
+        """`[prior]`: standard deviations by the name of what calibration fits, as `friction_coefficient_std`."""
+        self.used.add("prior")
+        content = self.raw.get("prior", {})
+        for key, std in content.items():
+            if not key.endswith(_STD) or not is_number(std) or not std > 0:
+                raise ValueError(
+                    f"{self.where}: [prior] must hold the name of a calibrated parameter with '{_STD}' and a standard"
+                    f" deviation above 0; got {key} = {shown(std)}"
+                )
+        return {key.removesuffix(_STD): float(std) for key, std in content.items()}
+
+    def refuse_rest(self) -> None:
+        """Refuse tables that this kind of rig does not have."""
+        for table in self.raw:
+            if table not in self.used:
+                listed = ", ".join(f"[{name}]" for name in table_names() if name in self.used)
+                raise ValueError(
+                    f"{self.where}: table [{table}] must not be there for kind {self.kind.id!r}; it takes {listed}"
+                )

@@ -1,0 +1,163 @@
+"""Tables of a file: their keys with range, meaning and example, and sentences for what is wrong with them."""
+
+from __future__ import annotations
+
+import typing
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from types import MappingProxyType
+from typing import Annotated, Any, ClassVar, TypeVar
+
+from annotated_types import Ge, Gt, Le, Lt
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
+
+from models.files.tables import shown
+from models.files.units import unit_of
+from models.parameter import nearest
+
+Positive = Annotated[float, Field(ge=1e-12, lt=1e9)]
+NotNegative = Annotated[float, Field(ge=0, lt=1e9)]
+Length = Annotated[float, Field(ge=1e-6, le=10)]
+Height = Annotated[float, Field(ge=1e-3, le=10)]
+Mass = Annotated[float, Field(ge=1e-6, le=1000)]
+RecoveryTime = Annotated[float, Field(ge=1e-4, le=100)]
+CapsuleMass = Annotated[float, Field(ge=1e-5, le=0.5)]
+Friction = Annotated[float, Field(ge=0, le=10)]
+Angle = Annotated[float, Field(ge=1, le=89)]
+Remanence = Annotated[float, Field(ge=1e-3, le=3)]
+Real = Annotated[float, Field(gt=-1e9, lt=1e9)]
+
+
+class Table(BaseModel):
+    """A table of the file: unknown keys are refused, numbers must be finite and of their own type."""
+
+    purpose: ClassVar[str] = ""
+    """What a table is for that a rig may do without."""
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    @classmethod
+    def of(cls, columns: Collection[str]) -> Sequence[str]:
+        """The keys that a rig has whose records hold `columns`."""
+        return list(cls.model_fields)
+
+    def check(self) -> None:
+        """Raises ValueError of one sentence for values that do not go together."""
+
+
+T = TypeVar("T", bound=Table)
+
+
+def key(meaning: str, default: Any = ..., example: str = "") -> Any:
+    """A key of a table: what it means, its default (none: it must be there) and a value of it as TOML writes it."""
+    return Field(default, description=meaning, examples=[example])
+
+
+def field_of(table: type[Table], name: str) -> FieldInfo:
+    """A key as the table that says what it means declares it, this one or one that it goes back to."""
+    declared = (one.model_fields[name] for one in table.__mro__ if issubclass(one, Table) and name in one.model_fields)
+    return next((one for one in declared if one.description), table.model_fields[name])
+
+
+def example(table: type[Table], name: str) -> str:
+    """A value of a key, as TOML writes it; empty where none is stated."""
+    return str((field_of(table, name).examples or [""])[0])
+
+
+def bounds(table: type[Table], key: str) -> tuple[Ge | Gt | None, Le | Lt | None]:
+    """The lower and the upper bound of a key's numbers; None where there is none."""
+    found = [*table.model_fields[key].metadata, *_within(table.model_fields[key].annotation)]
+    lower = next((one for one in found if isinstance(one, Ge | Gt)), None)
+    return lower, next((one for one in found if isinstance(one, Le | Lt)), None)
+
+
+def _within(hint: Any) -> Iterator[Any]:
+    """The marks of a hint and of all that is in it."""
+    for mark in getattr(hint, "__metadata__", ()):
+        yield from getattr(mark, "metadata", (mark,))
+    for part in typing.get_args(hint):
+        yield from _within(part)
+
+
+def range_words(table: type[Table], key: str) -> str:
+    """The range of a key in words, with the unit that ends its name; empty where it has none."""
+    lower, upper = bounds(table, key)
+    unit = f" {unit_of(key).replace('_per_', '/')}" if unit_of(key) else ""
+    if isinstance(lower, Ge) and isinstance(upper, Le):
+        return f"{lower.ge:g} to {upper.le:g}{unit}"
+    low = lower and (f"at least {lower.ge:g}" if isinstance(lower, Ge) else f"more than {lower.gt:g}")
+    high = upper and (f"at most {upper.le:g}" if isinstance(upper, Le) else f"less than {upper.lt:g}")
+    return " and ".join(word for word in (low, high) if word) + (unit if low or high else "")
+
+
+def check_range(table: type[Table], key: str, value: float, where: str) -> None:
+    """Refuse a number out of the range that a rig file's `table` gives its `key`. Raises ValueError of one sentence."""
+    lower, upper = bounds(table, key)
+    low = lower is None or (value >= lower.ge if isinstance(lower, Ge) else value > lower.gt)  # type: ignore[operator]
+    high = upper is None or (value <= upper.le if isinstance(upper, Le) else value < upper.lt)  # type: ignore[operator]
+    if not (low and high):
+        raise ValueError(f"{where}.{key} must be {range_words(table, key)}; got {value:g}")
+
+
+def checked(
+    where: str,
+    name: str,
+    table: type[T],
+    content: Mapping[str, Any],
+    owners: Mapping[str, str] = MappingProxyType({}),
+) -> T:
+    """The content of the table `[name]`, else a ValueError of one sentence; `owners` says of keys to which kind of rig
+    they belong.
+    """
+    try:
+        made = table.model_validate(dict(content))
+    except ValidationError as error:
+        raise _told(where, name, table, content, owners, error) from None
+    try:
+        made.check()
+    except ValueError as error:
+        raise ValueError(f"{where}: {error}") from None
+    return made
+
+
+def _told(
+    where: str,
+    name: str,
+    table: type[Table],
+    content: Mapping[str, Any],
+    owners: Mapping[str, str],
+    error: ValidationError,
+) -> ValueError:
+    errors = sorted(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")
+    first, missing = errors[0], [str(e["loc"][0]) for e in errors if e["type"] == "missing"]
+    at = str(first["loc"][0]) if first["loc"] else ""
+    if first["type"] == "extra_forbidden":
+        free = [other for other in table.model_fields if other not in content] or list(table.model_fields)
+        owner = f"{at!r}, which belongs to kind {owners[at]!r}" if at in owners else f"{at!r}; {nearest(at, free)}"
+        return ValueError(f"{where}: [{name}] key must be a known one; got {owner}")
+    if not missing:
+        return ValueError(f"{where}: [{name}] {at} must be {_expected(first, table, at)}; got {shown(first['input'])}")
+    told = ValueError(f"{where}: {_missing(name, table, missing)}")
+    if len(missing) > 1:
+        told.add_note("\n".join([f"[{name}]", *(f"{one} = {example(table, one)}" for one in missing)]))
+    return told
+
+
+def _missing(name: str, table: type[Table], keys: Sequence[str]) -> str:
+    """Every key that a table lacks, each with its range and an example."""
+    told = []
+    for one in keys:
+        limits = [word for word in (range_words(table, one), f"such as {example(table, one)}") if word]
+        told.append(f"{one!r} ({'; '.join(limits)})")
+    if len(keys) == 1:
+        return f"[{name}] must have the key {told[0]}; it is missing"
+    return f"[{name}] must have the keys {', '.join(told)}; they are missing"
+
+
+def _expected(error: ErrorDetails, table: type[Table], name: str) -> str:
+    limits = error.get("ctx", {})
+    if error["type"] == "literal_error":
+        return f"one of {limits['expected']}"
+    if {"gt", "ge", "lt", "le"} & set(limits) and name in table.model_fields:
+        return range_words(table, name)
+    return {"bool_type": "true or false", "string_type": "text"}.get(error["type"], "a finite number")

@@ -1,0 +1,60 @@
+"""An inner mass on a spring shakes the capsule along: its coil is switched, the capsule's place is measured."""
+
+from __future__ import annotations
+
+from models.drives.coil import Winding
+from models.drives.drive import Drive
+from models.drives.vibro import RatedVibro, Stop, Vibro, VoltageVibro
+from models.rigs.columns import Columns
+from models.rigs.kind import IN_GUT, RigKind
+from models.rigs.rig import Rig
+from models.rigs.tables import Clock, Surface
+from models.rigs.tables import Drive as DriveTable
+
+
+def _drive(rig: Rig, by_voltage: bool) -> Drive:
+    d = rig.needed(rig.drive)
+    stiff = d.stop_stiffness_N_per_m
+    front, rear = (
+        None if gap is None or stiff is None else Stop(gap, stiff) for gap in (d.front_stop_gap_m, d.rear_stop_gap_m)
+    )
+    numbers = (
+        d.inner_mass_kg,
+        d.spring_stiffness_N_per_m,
+        d.spring_damping_N_s_per_m,
+        d.force_N,
+        d.reaction_on_body,
+        front,
+        rear,
+    )
+    if not by_voltage:
+        return Vibro(*numbers)
+    if d.rated_voltage_V is not None:
+        return RatedVibro(*numbers, d.rated_voltage_V)
+    if d.coil_resistance_Ohm is None or d.force_constant_N_per_A is None:
+        raise ValueError(
+            "[drive] must have the key 'rated_voltage_V', or 'force_constant_N_per_A' and 'coil_resistance_Ohm', where"
+            " the coil is driven by a voltage; they are missing"
+        )
+    winding = Winding.of(d.coil_resistance_Ohm, d.coil_inductance_H, d.current_limit_A, d.force_constant_N_per_A)
+    return VoltageVibro(*numbers, d.force_constant_N_per_A, winding)
+
+
+VIBRO = RigKind(
+    id="vibro",
+    layouts=(Columns((("drive_on", "coil_voltage_V"),), ("position_m",)),),
+    tables={**IN_GUT, "drive": DriveTable, "surface": Surface},
+    further={"clock": Clock},
+    nominal={
+        "capsule": {"mass_kg": 0.193},
+        "drive": {
+            name: getattr(Vibro(), name)
+            for name in ("inner_mass_kg", "spring_stiffness_N_per_m", "force_N", "reaction_on_body")
+        },
+    },
+    drive=_drive,
+    longest_s=600.0,
+    switched=True,
+    vibrates=True,
+    hooks=frozenset({"gain", "suspension", "reach"}),
+)

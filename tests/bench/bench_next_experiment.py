@@ -27,7 +27,8 @@ from models.records.record import Record
 from models.rigs.reader import parse_rig
 from plant import layout as at
 from plant.experiments.excitation import piecewise_runs, random_runs, random_wander
-from plant.experiments.series import FORCE_SPAN_N, FORCE_STD_N, POSITION_SPAN_M, POSITION_STD_M, _truth, rig_text
+from plant.experiments.series import FORCE_SPAN_N, FORCE_STD_N, POSITION_SPAN_M, POSITION_STD_M, rig_text
+from plant.experiments.series_rigs import BELIEVED
 from plant.hidden.registry import hidden
 from plant.hidden.table import draw
 from plant.rig import STEP_S, Plant, Truth
@@ -57,7 +58,7 @@ class Series:
     def truth(self) -> Truth:
         """The rig as it is."""
         rng, own = (np.random.default_rng(child) for child in np.random.SeedSequence(self.seed).spawn(2))
-        return replace(_truth(self.kind, rng), hidden={self.effect: draw(self.effect, own)})  # type: ignore[arg-type]
+        return replace(BELIEVED[self.kind].truth(rng), hidden={self.effect: draw(self.effect, own)})  # type: ignore[arg-type]
 
     def record(self, drive: Floats, name: str, seed: int) -> Record:
         """What the instruments see while the rig is driven by `drive`, one value a step of the plant."""

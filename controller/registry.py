@@ -11,8 +11,8 @@ from types import MappingProxyType
 from controller.baselines.lqr import LQR
 from controller.baselines.pid import PID
 from controller.drives import DRIVES, INNER_MASS, driven_of
-from controller.estimator.base import Receiver
-from controller.estimator.cubature_filter import Estimator
+from controller.estimator.base import Estimator
+from controller.estimator.cubature_filter import CubatureEstimator
 from controller.estimator.kinematic_filter import KinematicFilter, Kinematics
 from controller.estimator.noise import trusting
 from controller.estimator.particle_filter import ParticleEstimator
@@ -53,7 +53,7 @@ ESTIMATORS = ("default", "ukf")
 """The estimators that a scenario or deployment may ask for: the one that goes with the controller, or filterpy's."""
 Chain = tuple[Controller, ...]
 Builder = Callable[[ControlModel, Envelope, float], Chain]
-Observer = Receiver | KinematicFilter
+Observer = Estimator | KinematicFilter
 
 
 def _mpc(model: ControlModel, envelope: Envelope, deadline_s: float) -> Chain:
@@ -142,7 +142,7 @@ def estimator_for(name: str, model: ControlModel, estimator: str = "default", ag
     if estimator == "ukf":
         return UnscentedEstimator(sharp, noise)
     if driven.shaken:
-        return Estimator(sharp, noise)
+        return CubatureEstimator(sharp, noise)
     if name == "mpc" and driven.placed:
         noise = replace(noise, push_wander_N=MPC_PUSH_N)
     return ParticleEstimator(sharp, noise)

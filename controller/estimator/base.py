@@ -91,7 +91,7 @@ _MOST_A_TICK = 8  # measurements of a tick that are taken in, the last ones
 _FOLLOWS = 3.0  # standard deviations of the carriage, a sent place farther off is its lag
 
 
-class Receiver(ABC):
+class Estimator(ABC):
     """Position, speed, wall, drive and what friction the model lacks, from localisation (`position_m`) and drive
     feedback.
 

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.estimator.base import Receiver
+from controller.estimator.base import Estimator
 from controller.estimator.cubature_kernels import fuse, place_points, take_moments, take_spread
 from controller.estimator.friction_scale import Level
 from controller.estimator.noise import START_STD
@@ -26,7 +26,7 @@ _START_STD: Final = {**START_STD, "current_A": 0.1, "stretch_m": 1e-4, "rate_m_s
 
 
 @dataclass(slots=True)
-class CubatureFilter:
+class Belief:
     """`z` (n,) the continuous states in the model's order, the disturbance and the friction level, `P` (n, n) their
     covariance, `modes` a model state whose switches count; `time_s`, the `command` in force up to then, and by how many
     standard deviations recent positions were off on average, `surprise`.
@@ -39,7 +39,7 @@ class CubatureFilter:
     command: float = 0.0
     surprise: float = 0.0
 
-    def copy_from(self, other: CubatureFilter) -> None:
+    def copy_from(self, other: Belief) -> None:
         """Become `other` without a new array."""
         self.z[:], self.P[:], self.modes[:] = other.z, other.P, other.modes
         self.time_s, self.command, self.surprise = other.time_s, other.command, other.surprise
@@ -91,16 +91,14 @@ class Process:
         """Number of filtered states, disturbance and level included."""
         return len(self.names)
 
-    def start(self, position_m: float, std_m: float, command: float, now: float) -> CubatureFilter:
+    def start(self, position_m: float, std_m: float, command: float, now: float) -> Belief:
         """At rest at `position_m`, known to `std_m`, with `command` in force for long."""
         state = self.model.initial(position_m, command)
         spread = [_START_STD.get(name.rpartition(".")[2], 1e-3) for name in self.names[:-2]]
         spread = [std_m, *spread[1:], self.noise.force_std_N, self.noise.level_std]
-        return CubatureFilter(
-            np.append(state[self.where], [0.0, 0.0]), np.diag(np.square(spread)), state.copy(), now, command
-        )
+        return Belief(np.append(state[self.where], [0.0, 0.0]), np.diag(np.square(spread)), state.copy(), now, command)
 
-    def predict(self, b: CubatureFilter, command: float) -> None:
+    def predict(self, b: Belief, command: float) -> None:
         """Move `b` a tick on in place, to the end of which `command` leads; a carriage goes there in a straight
         line.
         """
@@ -114,7 +112,7 @@ class Process:
         b.time_s += k.tick_s
         b.command = command
 
-    def _noise_of(self, b: CubatureFilter) -> Array:
+    def _noise_of(self, b: Belief) -> Array:
         """Variances (n,) that a tick adds to `b`."""
         force, place = self.noise.walks(b.surprise)
         self._walk[-2], self._walk[0] = force**2 * self.model.tick_s, place**2 * self.model.tick_s
@@ -131,11 +129,11 @@ class Process:
         k.run(states, before, command, np.array([z[-2]]), t, k.tick_s, k.substeps, numbers)
         return np.append(states[0, self.where], z[-2:]), states[0]
 
-    def shown(self, b: CubatureFilter) -> float:
+    def shown(self, b: Belief) -> float:
         """What localisation reads of `b`, in m."""
         return float(b.z[0] if self._plain else self._seen(self.state(b), b.time_s)[0])
 
-    def see_position(self, b: CubatureFilter, value: float) -> float:
+    def see_position(self, b: Belief, value: float) -> float:
         """Take in a localisation in place; returns its normalised difference, signed, beyond the gate where it was
         refused.
         """
@@ -153,24 +151,24 @@ class Process:
             b.surprise = self.noise.surprised(b.surprise, size)
         return size
 
-    def see_state(self, b: CubatureFilter, name: str, value: float) -> float:
+    def see_state(self, b: Belief, name: str, value: float) -> float:
         """Take in a reading of the state `name` itself, such as a coil's current."""
         self._H[:] = 0.0
         place = self.names.index(name)
         self._H[place] = 1.0
         return float(fuse(b.z, b.P, self._H, value - b.z[place], self.noise.feedback_std**2, self.noise.gate, self._K))
 
-    def state(self, b: CubatureFilter) -> Array:
+    def state(self, b: Belief) -> Array:
         """`b` as a state (n,) of the model."""
         state = b.modes.copy()
         state[self.where] = b.z[:-2]
         return state
 
-    def adapted(self, b: CubatureFilter) -> tuple[float, Adapted]:
+    def adapted(self, b: Belief) -> tuple[float, Adapted]:
         """The force that the model's own parameters lack, and those with the level of `b` (`Level.adapted`)."""
         return self.level.adapted(self.state(b), b.time_s, float(b.z[-1]), float(b.z[-2]))
 
-    def spread(self, b: CubatureFilter) -> tuple[Array, bool]:
+    def spread(self, b: Belief) -> tuple[Array, bool]:
         """Standard deviations (n,) in the model's order, 0 for switches; whether `b` is made of numbers."""
         std = np.zeros(len(self.model.states))
         return std, take_spread(b.z, b.P, self.where, std)
@@ -180,13 +178,13 @@ class Process:
 class _Tick:
     """A tick that is kept: the belief at its end with all that was measured there, and what the drive was told."""
 
-    belief: CubatureFilter
+    belief: Belief
     told: float = 0.0
     seen: list[Measurement] = field(default_factory=list)
 
 
-class Estimator(Receiver):
-    """An unscented Kalman filter with the control model as its process.
+class CubatureEstimator(Estimator):
+    """A cubature Kalman filter with the control model as its process.
 
     A late measurement is taken in at the tick of its stamp and the ticks since are computed again: their number, and so
     the time this takes, is bounded. Its points lie a standard deviation away, some stick while others slip: the mean
@@ -238,7 +236,7 @@ class Estimator(Receiver):
             self._redo(back)
         return size
 
-    def _see(self, belief: CubatureFilter, m: Measurement) -> float:
+    def _see(self, belief: Belief, m: Measurement) -> float:
         if m.channel == "position_m":
             return self._process.see_position(belief, m.value)
         return self._process.see_state(belief, self.model.states[self._current or 0], m.value)

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.estimator.base import Receiver
+from controller.estimator.base import Estimator
 from controller.estimator.friction_scale import Level
 from controller.estimator.noise import START_STD
 from controller.estimator.particle_kernels import draw, expected, led, scatter, survey, weigh
@@ -165,7 +165,7 @@ class ParticleCloud:
         return state, level, force
 
 
-class ParticleEstimator(Receiver):
+class ParticleEstimator(Estimator):
     """A particle filter with the control model as its process (`ParticleCloud`).
 
     The position is the mean of all, wall, slip and drive are those of one particle that leads. A coil's current is the

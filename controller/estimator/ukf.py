@@ -11,7 +11,7 @@ import numpy as np
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 from numpy.typing import NDArray
 
-from controller.estimator.cubature_filter import CubatureFilter, Estimator, Process
+from controller.estimator.cubature_filter import Belief, CubatureEstimator, Process
 from controller.estimator.cubature_kernels import root
 from controller.model.control_model import ControlModel
 from controller.tuned import FilterNoise
@@ -40,7 +40,7 @@ class FilterpyProcess(Process):
         points = MerweScaledSigmaPoints(n, alpha=1.0, beta=0.0, kappa=0.0, sqrt_method=safe_root)
         self._ukf: Any = UnscentedKalmanFilter(n, 1, model.tick_s, self._place, self._moved, points)
 
-    def predict(self, b: CubatureFilter, command: float) -> None:
+    def predict(self, b: Belief, command: float) -> None:
         """As `Process.predict`."""
         ukf = self._ukf
         ukf.x, ukf.P, ukf.Q = b.z.copy(), b.P.copy(), np.diag(self._noise_of(b))
@@ -51,19 +51,19 @@ class FilterpyProcess(Process):
         b.time_s += self.model.tick_s
         b.command = command
 
-    def see_position(self, b: CubatureFilter, value: float) -> float:
+    def see_position(self, b: Belief, value: float) -> float:
         """As `Process.see_position`."""
         size = self._see(b, value, self.noise.position_std_m, lambda z: self._place(z, b))
         if abs(size) <= self.noise.gate:
             b.surprise = self.noise.surprised(b.surprise, size)
         return size
 
-    def see_state(self, b: CubatureFilter, name: str, value: float) -> float:
+    def see_state(self, b: Belief, name: str, value: float) -> float:
         """As `Process.see_state`."""
         place = self.names.index(name)
         return self._see(b, value, self.noise.feedback_std, lambda z: z[place : place + 1])
 
-    def _see(self, b: CubatureFilter, value: float, std: float, shown: Any) -> float:
+    def _see(self, b: Belief, value: float, std: float, shown: Any) -> float:
         """Take in a reading unless it is beyond the gate; its normalised difference. filterpy keeps the points of the
         prediction, which lack its noise: they are drawn anew first.
         """
@@ -77,13 +77,13 @@ class FilterpyProcess(Process):
             self._keep(b)
         return size if size == size else math.inf
 
-    def _keep(self, b: CubatureFilter) -> None:
+    def _keep(self, b: Belief) -> None:
         b.z[:], b.P[:] = self._ukf.x, 0.5 * (self._ukf.P + self._ukf.P.T)
 
     def _moved(self, z: Array, dt: float) -> Array:
         return self.move(z, *self._from)[0]
 
-    def _place(self, z: Array, b: CubatureFilter) -> Array:
+    def _place(self, z: Array, b: Belief) -> Array:
         """The position that the sensor shows at the point `z` of the belief `b`, shape (1,)."""
         if self._plain:
             return z[:1]
@@ -92,7 +92,7 @@ class FilterpyProcess(Process):
         return np.array([float(self._seen(state, b.time_s)[0])])
 
 
-class UnscentedEstimator(Estimator):
-    """`Estimator` with filterpy's arithmetic: the same beliefs and late measurements, at some ten times the cost."""
+class UnscentedEstimator(CubatureEstimator):
+    """`CubatureEstimator` with filterpy's arithmetic: same beliefs and late measurements, ten times the cost."""
 
     process: ClassVar[type[Process]] = FilterpyProcess

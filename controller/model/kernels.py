@@ -11,6 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from controller.model.symbols import Symbols
+from models.compiled.kernel import LANES
 from models.compiled.machine_code import Code, addresses, call
 
 Array = NDArray[np.float64]
@@ -25,34 +26,34 @@ def _copy(to: Array, source: Array, first: int, size: int, begin: int) -> None:
 
 
 @compiled
-def _work(path: Array, parameters: Array) -> Array:
-    """Room for what a model's code reads and writes: state, parameters, results."""
-    n, m = path.shape[1], parameters.shape[0]
-    work = np.zeros(n + m + n * (n + 3))
+def _work(x: Array, parameters: Array, d: float) -> Array:
+    """What a model's code reads and writes: state, parameters, disturbance, results."""
+    n, m = x.shape[0], parameters.shape[0]
+    work = np.zeros(n + m + 1 + n * (n + 3))
+    _copy(work, x, 0, n, 0)
     _copy(work, parameters, n, m, 0)
+    work[n + m] = d
     return work
 
 
 @compiled
 def _stage(
-    code: int, work: Array, x: Array, command: float, after: float, d: float, t: float, h: float, substeps: int
+    code: int, work: Array, now: Array, command: float, after: float, t: float, stage: float, substeps: int
 ) -> None:
-    """Move the state `x` (n,) on by `substeps` steps of `h`."""
-    n = x.shape[0]
-    now, rise = np.empty(5), (after - command) / substeps
-    _copy(work, x, 0, n, 0)
-    now[2], now[4] = d, h
+    """Move the states in `work` on by `stage` in s."""
+    h, rise = stage / substeps, (after - command) / substeps
     for j in range(substeps):
         now[0] = command + j * rise
         now[1] = now[0] + rise
-        now[3] = t + j * h
+        now[2] = t + j * h
+        now[3] = h
         call(code, work, now)
-    _copy(x, work, 0, n, 0)
 
 
 @compiled
-def _run_each(
+def _run(
     code: int,
+    lanes: int,
     states: Array,
     command: float,
     after: float,
@@ -64,21 +65,33 @@ def _run_each(
     which: int,
     values: Array,
 ) -> None:
-    n, work = states.shape[1], _work(states, parameters)
-    for k in range(states.shape[0]):
-        if which >= 0:
-            work[n + which] = values[k]
-        _stage(code, work, states[k], command, after, d[k], t, tick / substeps, substeps)
+    """`lanes` states at a time; the last one fills up; `which` -1: the parameters of all are the same."""
+    n, m, now = states.shape[1], parameters.shape[0], np.empty(4)
+    work = np.empty((n + m + 1) * lanes)
+    for i in range(m * lanes):
+        work[n * lanes + i] = parameters[i // lanes]
+    for first in range(0, states.shape[0], lanes):
+        for lane in range(lanes):
+            k = min(first + lane, states.shape[0] - 1)
+            for i in range(n):
+                work[i * lanes + lane] = states[k, i]
+            if which >= 0:
+                work[(n + which) * lanes + lane] = values[k]
+            work[(n + m) * lanes + lane] = d[k]
+        _stage(code, work, now, command, after, t, tick, substeps)
+        for k in range(first, min(first + lanes, states.shape[0])):
+            for i in range(n):
+                states[k, i] = work[i * lanes + k - first]
 
 
 @compiled
 def _roll(
     code: int, path: Array, commands: Array, d: float, t: float, stage: float, substeps: int, parameters: Array
 ) -> None:
-    work = _work(path, parameters)
+    work, now = _work(path[0], parameters, d), np.empty(4)
     for k in range(commands.shape[0] - 1):
-        _copy(path[k + 1], path[k], 0, path.shape[1], 0)
-        _stage(code, work, path[k + 1], commands[k], commands[k + 1], d, t + k * stage, stage / substeps, substeps)
+        _stage(code, work, now, commands[k], commands[k + 1], t + k * stage, stage, substeps)
+        _copy(path[k + 1], work, 0, path.shape[1], 0)
 
 
 @compiled
@@ -98,23 +111,22 @@ def _pursue(
     substeps: int,
     parameters: Array,
 ) -> None:
-    n, work, now = path.shape[1], _work(path, parameters), np.empty(3)
-    aimed = n + parameters.shape[0]
+    work, now = _work(path[0], parameters, d), np.empty(4)
+    aimed = path.shape[1] + parameters.shape[0] + 1
     for k in range(commands.shape[0] - 1):
-        _copy(work, path[k], 0, n, 0)
-        now[0] = speed[k + 1] + (position[k + 1] - path[k, 0]) / catch
-        now[1], now[2] = d, t + k * stage
+        now[0] = speed[k + 1] + (position[k + 1] - work[0]) / catch
+        now[1] = t + k * stage
         call(codes[1], work, now)
         c = min(max(work[aimed], commands[k] - rate * stage), commands[k] + rate * stage)
         commands[k + 1] = min(max(c, low), high)
-        _copy(path[k + 1], path[k], 0, path.shape[1], 0)
-        _stage(codes[0], work, path[k + 1], commands[k], commands[k + 1], d, now[2], stage / substeps, substeps)
+        _stage(codes[0], work, now, commands[k], commands[k + 1], t + k * stage, stage, substeps)
+        _copy(path[k + 1], work, 0, path.shape[1], 0)
 
 
 @compiled
 def _holds(code: int, path: Array, forces: Array, slopes: Array, t: float, stage: float, parameters: Array) -> None:
-    n, work, now = path.shape[1], _work(path, parameters), np.empty(1)
-    held = n + parameters.shape[0]
+    n, work, now = path.shape[1], _work(path[0], parameters, 0.0), np.empty(1)
+    held = n + parameters.shape[0] + 1
     for k in range(path.shape[0]):
         _copy(work, path[k], 0, n, 0)
         now[0] = t + k * stage
@@ -136,12 +148,11 @@ def _linearise(
     substeps: int,
     parameters: Array,
 ) -> None:
-    n, work, now = path.shape[1], _work(path, parameters), np.empty(5)
-    J = work[n + parameters.shape[0] :]  # column by column
+    n, work, now = path.shape[1], _work(path[0], parameters, d), np.empty(4)
+    J = work[n + parameters.shape[0] + 1 :]  # column by column
     S, moved = np.zeros((n, n + 2)), np.zeros(n)
-    now[2], now[4] = d, stage / substeps
+    now[3] = stage / substeps
     for k in range(commands.shape[0] - 1):
-        _copy(work, path[k], 0, n, 0)
         rise = (commands[k + 1] - commands[k]) / substeps
         for i in range(n):
             for m in range(n + 2):
@@ -149,7 +160,7 @@ def _linearise(
         for j in range(substeps):
             now[0] = commands[k] + j * rise
             now[1] = now[0] + rise
-            now[3] = t + k * stage + j * now[4]
+            now[2] = t + k * stage + j * now[3]
             call(code, work, now)
             first, last = j / substeps, (j + 1) / substeps
             for m in range(n + 2):
@@ -206,12 +217,12 @@ class Kernels:
         """Move `states` (m, n), each under its own disturbance (m,), a tick on, in place."""
         self.run(states, command, command, disturbance_N, t, self.tick_s, self.substeps, self.parameters)
 
-    def run(self, states: Array, command: float, after: float, d: Array, t: float, *pace: Any) -> None:
+    def run(self, states: Array, command: float, after: float, d: Array, *rest: Any) -> None:
         """See above, as of all that follow."""
-        self.run_each(states, command, after, d, t, *pace, -1, d)
+        _run(self.codes["substep"], 1, *(states, command, after, d, *rest, -1, d))
 
     def run_each(self, *arguments: Any) -> None:
-        _run_each(self.codes["substep"], *arguments)
+        _run(self.codes["substeps"], LANES, *arguments)
 
     def roll(self, *arguments: Any) -> None:
         _roll(self.codes["substep"], *arguments)
@@ -230,10 +241,15 @@ def compile_kernels(symbols: Symbols, values: Array, tick_s: float, substeps: in
     """The functions of `symbols` at the parameters `values`; the code holds no parameter, so other values of the same
     model reuse it.
     """
-    n = len(symbols.states)
-    end = n + len(symbols.parameters)
-    outputs = {"substep": (0,), "slopes": (0, end), "wall_slopes": (end, end + 1), "pursuit": (end,)}
-    functions = [getattr(symbols, name) for name in outputs]
-    codes = [Code(f, {0: 0, f.n_in() - 1: n}, at) for f, at in zip(functions, outputs.values(), strict=True)]
-    numbers = np.ascontiguousarray(values, dtype=float)
-    return Kernels(dict(zip(outputs, addresses(codes), strict=True)), numbers, tick_s, substeps)
+    n, m = len(symbols.states), len(symbols.parameters)
+    end = n + m + 1
+    places: dict[str, tuple[dict[int, int], tuple[int, ...]]] = {
+        "substep": ({0: 0, 3: n + m, 6: n}, (0,)),
+        "slopes": ({0: 0, 3: n + m, 6: n}, (0, end)),
+        "pursuit": ({0: 0, 2: n + m, 4: n}, (end,)),
+        "wall_slopes": ({0: 0, 2: n}, (end, end + 1)),
+    }
+    codes = {name: Code(getattr(symbols, name), *there) for name, there in places.items()}
+    found = dict(zip(codes, addresses(list(codes.values())), strict=True))
+    found["substeps"] = addresses([codes["substep"]], LANES)[0]
+    return Kernels(found, np.ascontiguousarray(values, dtype=float), tick_s, substeps)

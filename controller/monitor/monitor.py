@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from controller.drives import driven_of
-from controller.estimator.base import Receiver
+from controller.estimator.base import Estimator
 from controller.model.friction import mean_friction
 from controller.monitor.forecast import Forecast, Second
 from controller.monitor.sums import ABOUT_S, Sum, shifted, wider
@@ -63,7 +63,7 @@ class Monitor:
     never raises, takes bounded time and allocates nothing that grows.
     """
 
-    def __init__(self, estimator: Receiver, expected: Expected | None = None) -> None:
+    def __init__(self, estimator: Estimator, expected: Expected | None = None) -> None:
         model = estimator.model
         self._estimator = estimator
         self._expected = expected or driven_of(model.drive).expected

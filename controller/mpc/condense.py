@@ -2,26 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, TypeVar
-
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-F = TypeVar("F", bound=Callable[..., Any])
 
 EXCESS = 10.0  # of the square beside the share by which a soft bound is exceeded
-
-
-def compiled(function: F) -> F:
-    """`function` as machine code, kept on disk."""
-    dispatcher: Any = numba.njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})(
-        function
-    )
-    result: F = dispatcher
-    return result
+compiled = numba.njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"})
 
 
 @compiled

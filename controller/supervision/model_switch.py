@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
-from controller.estimator.base import Counts, Receiver
+from controller.estimator.base import Counts, Estimator
 from controller.model.control_model import ControlModel
 from controller.monitor.monitor import NOT_WATCHED, Health, Monitor
 from controller.registry import Chain, Observer, build, estimator_for
@@ -164,4 +164,4 @@ class ModelSwitch:
 
 def _monitor_of(observer: Observer) -> Monitor | None:
     """The monitor of the model that an estimator believes in; None where it believes in none."""
-    return Monitor(observer) if isinstance(observer, Receiver) else None
+    return Monitor(observer) if isinstance(observer, Estimator) else None

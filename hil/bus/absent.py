@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Final
 
 NO_SURPRISE: Final = -10.0  # a value on the wire that says that there is none
 NOT_MEASURED_C: Final = -40.0  # the same of a temperature
 _SENSOR: Final = ("Valid", 0.0)  # signal and value by which a sensor's frame says that it says nothing
-_FLAGS: Final[Mapping[str, tuple[tuple[str, float], tuple[str, ...]]]] = MappingProxyType(
-    {
-        "CapsuleLocalisation": (_SENSOR, ("Position_m", "Quality", "Age_s")),
-        "ForceReading": (_SENSOR, ("Force_N", "Age_s")),
-        "BelievedMotion": (("Wall", 3.0), ("Position_m", "Std_m", "Surprise")),
-        "ModelHealth": (("State", 3.0), ("Since_s", "Evidence")),
-    }
-)
+_FLAGS: Final[Mapping[str, tuple[tuple[str, float], tuple[str, ...]]]] = {
+    "CapsuleLocalisation": (_SENSOR, ("Position_m", "Quality", "Age_s")),
+    "ForceReading": (_SENSOR, ("Force_N", "Age_s")),
+    "BelievedMotion": (("Wall", 3.0), ("Position_m", "Std_m", "Surprise")),
+    "ModelHealth": (("State", 3.0), ("Since_s", "Evidence")),
+}
 """Frame: the flag that says so, and what then says nothing."""
-_VALUES: Final[Mapping[str, float]] = MappingProxyType({"Surprise": NO_SURPRISE, "Temperature_degC": NOT_MEASURED_C})
+_VALUES: Final[Mapping[str, float]] = {"Surprise": NO_SURPRISE, "Temperature_degC": NOT_MEASURED_C}
 """Signal: the value that stands for none."""
 
 

@@ -13,7 +13,7 @@ from typing import Final
 
 import can
 
-from hil.bus.wrapping import WrappingBus
+from hil.bus.wrapping import WrappingBus, fd_frame
 
 PAYLOAD: Final = 8
 """Bytes of a frame of the catalogue: they come first, as they are."""
@@ -66,12 +66,7 @@ def freshness(data: bytes | bytearray) -> tuple[int, int]:
 def inside(wire: can.Message) -> can.Message:
     """The classic frame inside a frame of the wire, genuine or not."""
     return can.Message(
-        wire.timestamp,
-        wire.arbitration_id,
-        False,
-        data=wire.data[:PAYLOAD],
-        is_rx=wire.is_rx,
-        channel=wire.channel,
+        wire.timestamp, wire.arbitration_id, False, data=wire.data[:PAYLOAD], is_rx=wire.is_rx, channel=wire.channel
     )
 
 
@@ -107,15 +102,8 @@ class AuthenticatedBus(WrappingBus):
             raise ValueError("count of authenticated frames must stay below 2^32; begin anew")
         self._count += 1
         self._seen.setdefault(msg.arbitration_id, {})[self._epoch] = self._count
-        wire = can.Message(
-            arbitration_id=msg.arbitration_id,
-            is_extended_id=False,
-            is_fd=True,
-            bitrate_switch=True,
-            data=sealed(self._code, msg.arbitration_id, msg.data, self._count, self._epoch),
-            is_rx=False,
-        )
-        self.inner.send(wire, timeout)
+        data = sealed(self._code, msg.arbitration_id, msg.data, self._count, self._epoch)
+        self.inner.send(fd_frame(msg.arbitration_id, data), timeout)
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """The next frame that is genuine and fresh, as a classic one; raises what the inner bus raises."""

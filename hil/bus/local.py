@@ -20,7 +20,7 @@ from typing import Any, Final
 import can
 
 from hil.bus.wrapping import OwnBus
-from models.compiled.private_folder import private_folder
+from models.compiled.cache import private_folder
 
 _HEAD: Final = struct.Struct("<dIB")
 """Time, identifier, type; the data follow."""

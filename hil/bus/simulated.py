@@ -4,6 +4,7 @@ when told.
 
 from __future__ import annotations
 
+import copy
 import heapq
 from collections import deque
 from collections.abc import Callable
@@ -137,17 +138,8 @@ class Medium:
         sender.counters.sent += 1
         sender.counters.transmit = max(sender.counters.transmit - 1, 0)
         sender.counters.longest_s = max(sender.counters.longest_s, (last - waiting.queued) / self.bit_rate)
-        sent = waiting.message
-        got = can.Message(
-            last / self.bit_rate,
-            sent.arbitration_id,
-            sent.is_extended_id,
-            is_fd=sent.is_fd,
-            bitrate_switch=sent.bitrate_switch,
-            data=sent.data,
-            is_rx=True,
-            channel=sender.name,
-        )
+        got = copy.copy(waiting.message)
+        got.timestamp, got.is_rx, got.channel = last / self.bit_rate, True, sender.name
         if self.shown is not None:
             self.shown(got)
         for port in self.ports:

@@ -7,6 +7,12 @@ from typing import Any
 import can
 
 
+def fd_frame(identifier: int, data: bytes) -> can.Message:
+    """A CAN FD frame with a switched bit rate, extended where its identifier needs it, for sending."""
+    long = identifier > 0x7FF
+    return can.Message(0.0, identifier, long, is_fd=True, bitrate_switch=True, data=data, is_rx=False)
+
+
 class OwnBus(can.BusABC):
     """Frames are sent one by one: those of a dead process, or a dead controller's commands, must end with it."""
 

@@ -20,7 +20,6 @@ from models.records.record import MOST_CELLS
 from models.rigs.columns import TIME_SERIES_ROWS
 
 Array = NDArray[np.float64]
-MOST_CHANNELS: Final = 20_000  # of a file
 _ZEROED: Final = "datetime64[ns]"
 
 
@@ -49,11 +48,6 @@ class Channel:
 Pick = Callable[[Sequence[Heading]], Collection[str]]
 """Given what a file has, the names of the channels to read."""
 Read = Callable[[Path, Pick], list[Channel]]
-
-
-def all_of(headings: Sequence[Heading]) -> Collection[str]:
-    """Pick every channel."""
-    return [heading.name for heading in headings]
 
 
 @contextmanager

@@ -12,21 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from hil.formats.channels import (
-    MOST_CHANNELS,
-    Channel,
-    Heading,
-    Pick,
-    RefusedError,
-    library,
-    numbers,
-    outside,
-    own_names,
-)
+from hil.formats.channels import Channel, Heading, Pick, RefusedError, library, numbers, outside, own_names
 from hil.formats.clock import by_clock
 from models.files.source import opened
 
 EXTRA = "mf4"
+MOST_CHANNELS = 20_000
 _FRAMES = b"CAN_DataFrame"
 _TEXT = ("U", "S", "O", "V")
 _EMBEDDED = 1

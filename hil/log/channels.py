@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hil.formats.channels import Array, Channel, Heading, all_of
+from hil.formats.channels import Array, Channel, Heading
 from hil.formats.reading import read_channels
 from hil.formats.table import format_of
 from hil.log.blf_reader import Tell
@@ -24,7 +24,9 @@ def file_channels(path: Path, tell: Tell | None = None) -> list[Channel]:
     """
     if is_log(path):
         return log_channels(path, tell)
-    channels = read_channels(path, all_of) if format_of(path) else _csv_channels(path)
+    channels = (
+        read_channels(path, lambda headings: [one.name for one in headings]) if format_of(path) else _csv_channels(path)
+    )
     if len(channels) < 2 or not any(len(channel.values) for channel in channels):
         raise ValueError(f"{path}: record must have two columns of numbers or more; got {len(channels)}")
     return channels

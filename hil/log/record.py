@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -66,14 +65,12 @@ _ON_BUS: Final = (
         for one in FRAME_MAPS.values()
     ),
 )
-SOURCES: Final[Mapping[str, Sources]] = MappingProxyType(
-    {
-        kind: sources
-        for sources in _ON_BUS
-        for kind, one in KINDS.items()
-        if one.layout.measured == (sources.measured.column,) and sources.driven.column in sum(one.layout.driven, ())
-    }
-)
+SOURCES: Final[Mapping[str, Sources]] = {
+    kind: sources
+    for sources in _ON_BUS
+    for kind, one in KINDS.items()
+    if one.layout.measured == (sources.measured.column,) and sources.driven.column in sum(one.layout.driven, ())
+}
 
 
 def read_rig_record(path: Path, rig: Rig, *, driven_only: bool = False, lenient: bool = False) -> Record:

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from types import MappingProxyType
 from typing import Any, Final
 
 import can
@@ -28,13 +27,16 @@ from hil.nodes.odrive.table import OdriveTable, endpoints_of
 from models.files.tables import from_table
 
 ActuatorTable = Cia402Table | OdriveTable | MoteusTable
-ACTUATORS: Final[Mapping[str, type[ActuatorTable]]] = MappingProxyType(
-    {"cia402": Cia402Table, "odrive": OdriveTable, "moteus": MoteusTable}
-)
+ACTUATORS: Final[Mapping[str, type[ActuatorTable]]] = {
+    "cia402": Cia402Table,
+    "odrive": OdriveTable,
+    "moteus": MoteusTable,
+}
 """The tables by their name in a file."""
-_NESTED: Final[Mapping[str, tuple[str, Callable[[object], Any]]]] = MappingProxyType(
-    {"options": ("cia402", options_of), "endpoints": ("odrive", endpoints_of)}
-)
+_NESTED: Final[Mapping[str, tuple[str, Callable[[object], Any]]]] = {
+    "options": ("cia402", options_of),
+    "endpoints": ("odrive", endpoints_of),
+}
 """Tables within one of them: whose they are, and how each is read."""
 
 

@@ -17,12 +17,10 @@ from hil.bus.catalogue import Catalogue
 from hil.bus.codec import Codec
 from hil.bus.protection import Sender
 from hil.bus.wrapping import WrappingBus
-from hil.nodes.frame_map import BOOT, FASTEST_M_S, FAULT, STANDBY, STOPPING, WAITING
+from hil.nodes.frame_map import FASTEST_M_S, IN_HEARTBEAT, heartbeat
 
 _SPOKEN: Final = ("CarriageFeedback", "CarriageHeartbeat", "CarriageFault")
 _HEARD: Final = ("CarriageCommand", "ControllerHeartbeat", "DriveReset", "SafeStop", "Sync")
-_NODE_STATES: Final = {BOOT: 0, STANDBY: 1, WAITING: 1, STOPPING: 3, FAULT: 4}  # `State` of a heartbeat; others run
-_LONGEST_S: Final = 167772.0  # that the frame can say
 RESTS_M_S: Final = 5e-3
 """Below this speed a drive that is not led is at rest, for what its encoder's noise makes of its speed."""
 _TOO_SHORT: Final = 7  # bytes: a frame that every node refuses
@@ -47,7 +45,7 @@ class CarriageBus(WrappingBus):
         self._names = {catalogue[heard].id: heard for heard in _HEARD}
         self._codecs = {heard: Codec(catalogue[heard]) for heard in _HEARD}
         self._speakers = {spoken: (catalogue[spoken].id, Sender(catalogue[spoken])) for spoken in _SPOKEN}
-        self._fingerprint = catalogue.fingerprint
+        self._catalogue = catalogue
         self._ready: deque[can.Message] = deque()
         self._began_s = math.nan
 
@@ -120,9 +118,7 @@ class CarriageBus(WrappingBus):
     def beat(self, state: int, stamp: float, *, anew: bool = False) -> None:
         """Let it hear a heartbeat; `anew` where the drive has just booted."""
         self._began_s = stamp if math.isnan(self._began_s) or anew else self._began_s
-        up = min(max(stamp - self._began_s, 0.0), _LONGEST_S)
-        told = {"State": _NODE_STATES.get(state, 2), "Uptime_s": up, "Catalogue": self._fingerprint}
-        self._hear("CarriageHeartbeat", told, stamp)
+        self._hear("CarriageHeartbeat", heartbeat(IN_HEARTBEAT[state], stamp - self._began_s, self._catalogue), stamp)
 
     def fail(self, code: int, detail: int, stamp: float) -> None:
         """Let it hear a fault, twice as every drive tells one."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from types import MappingProxyType
 from typing import Final
@@ -23,6 +23,10 @@ OFF, READY, ENABLE, QUICK_STOP = range(4)
 BOOT, SELF_TEST, STANDBY, WAITING, ENABLED, DERATED, STOPPING, FAULT = range(8)
 """States of a drive, in the numbers of its feedback; `WAITING` is "ready", `STOPPING` "quick_stop"."""
 MOVING: Final = (ENABLED, DERATED)
+IN_HEARTBEAT: Final = (0, 0, 1, 1, 2, 2, 3, 4)
+"""The same in the numbers of heartbeats."""
+LONGEST_S: Final = 167772.0
+"""The longest time that a frame can tell."""
 FASTEST_M_S: Final = 0.4  # what the frame can say
 QUICK_STOP_M_S2: Final = 25.0
 """Braking of the carriage without a command: from its 0.25 m/s to rest in 10 ms."""
@@ -37,7 +41,8 @@ class FrameMap:
     included. For as long a controller that did not get the processor may be silent and go on. The last
     good feedback it follows within `seen_s`. `feedback_s` is how old the feedback of a drive at rest may be: what is
     left of that once a tick until the guard sees it, the way of the stop to the drive and, of a coil, the decay of its
-    current are taken off.
+    current are taken off. `command`, `feedback`, `fault`, `heartbeat` and `challenge` (the number that must be answered
+    before the drive becomes ready) name its frames.
     """
 
     drive: Driven
@@ -53,30 +58,15 @@ class FrameMap:
     seen_s: float = 0.010
     braking_m_s2: float = math.inf
 
-    @property
-    def command(self) -> str:
-        """Name of the command frame."""
-        return f"{self.node}Command"
+    command: str = field(init=False)
+    feedback: str = field(init=False)
+    fault: str = field(init=False)
+    heartbeat: str = field(init=False)
+    challenge: str = field(init=False)
 
-    @property
-    def feedback(self) -> str:
-        """Name of the feedback frame."""
-        return f"{self.node}Feedback"
-
-    @property
-    def fault(self) -> str:
-        """Name of the fault frame."""
-        return f"{self.node}Fault"
-
-    @property
-    def heartbeat(self) -> str:
-        """Name of the drive's heartbeat frame."""
-        return f"{self.node}Heartbeat"
-
-    @property
-    def challenge(self) -> str:
-        """Name of the frame with the number that must be answered before the drive becomes ready."""
-        return f"{self.node}Challenge"
+    def __post_init__(self) -> None:
+        for part in ("Command", "Feedback", "Fault", "Heartbeat", "Challenge"):
+            object.__setattr__(self, part.lower(), self.node + part)
 
     def life_ms(self, rate: float) -> int:
         """Time to live in ms of a command that changes by `rate` a second: `still_ms` less the time to brake from
@@ -97,6 +87,11 @@ class FrameMap:
 def plain(message: can.Message) -> bool:
     """Whether a frame is classic data with an 11-bit identifier: nothing else is acted on, whatever its bytes say."""
     return not (message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd)
+
+
+def heartbeat(state: int, up_s: float, catalogue: Catalogue) -> dict[str, float]:
+    """The signals of the heartbeat of a node in `state`, in the numbers of heartbeats, that has run for `up_s`."""
+    return {"State": state, "Uptime_s": min(max(up_s, 0.0), LONGEST_S), "Catalogue": catalogue.fingerprint}
 
 
 def answer_of(number: int, target: int) -> int:

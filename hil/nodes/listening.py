@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 
 import can
 
@@ -21,12 +21,15 @@ def heard_for(bus: can.BusABC, seconds: float) -> Iterator[can.Message]:
             yield message
 
 
-def waiting(bus: can.BusABC, most: int) -> Iterator[can.Message]:
-    """The frames that wait, at most `most`; on a bus that raises nothing does."""
+def waiting(
+    bus: can.BusABC, most: int, deaf: Callable[[Exception], object] = lambda error: None
+) -> Iterator[can.Message]:
+    """The frames that wait, at most `most`; on a bus that raises nothing does, and `deaf` hears what it says."""
     for _ in range(most):
         try:
             message = bus.recv(0)
-        except Exception:  # noqa: BLE001 - drivers of many makers raise whatever they like
+        except Exception as error:  # noqa: BLE001 - drivers of many makers raise whatever they like
+            deaf(error)
             return
         if message is None:
             return

@@ -19,7 +19,7 @@ from hil.nodes.drive.node import DriveNode
 from hil.nodes.drive.power_stage import CarriagePower, CoilPower, InnerMassPower, Power
 from hil.nodes.faults.lies import Lie, LyingDrive, LyingLocaliser, zero_of
 from hil.nodes.faults.table import DRIVE, Fault
-from hil.nodes.frame_map import CARRIAGE_MAP, COIL_MAP, INNER_MASS_MAP, FrameMap, frames
+from hil.nodes.frame_map import CARRIAGE_MAP, COIL_MAP, INNER_MASS_MAP, FrameMap, frames, heartbeat
 from hil.nodes.transmit import FrameTransmitter
 from plant import layout as at
 from plant.drives.kinds import Carriage, TrueCoil, TrueVibro
@@ -159,7 +159,7 @@ class _Localiser:
 
     def __init__(self, bus: can.BusABC, catalogue: Catalogue) -> None:
         self._mouth = FrameTransmitter(bus, catalogue, ("CapsuleLocalisation", "LocaliserHeartbeat"))
-        self._beat = _Beat(catalogue.fingerprint)
+        self._beat = _Beat(self._mouth, "LocaliserHeartbeat", catalogue)
         self._silence_s = 1.5 * catalogue["CapsuleLocalisation"].cycle_s
         self._said_at = 0.0
 
@@ -168,8 +168,7 @@ class _Localiser:
             self._say(now, reading.value, now - reading.stamp_s)
         if not readings and now - self._said_at >= self._silence_s:
             self._say(now, math.nan, 0.0)
-        if self._beat.due(now):
-            self._mouth.say("LocaliserHeartbeat", self._beat.values(now))
+        self._beat.speak(now)
 
     def _say(self, now: float, value: float, age: float) -> None:
         good = abs(value) <= 1.1 and 0 <= age <= 0.4
@@ -188,7 +187,7 @@ class _ForceSensor:
 
     def __init__(self, bus: can.BusABC, catalogue: Catalogue, seed: int) -> None:
         self._mouth = FrameTransmitter(bus, catalogue, ("ForceReading", "ForceSensorHeartbeat"))
-        self._beat = _Beat(catalogue.fingerprint)
+        self._beat = _Beat(self._mouth, "ForceSensorHeartbeat", catalogue)
         self._cycle_s = catalogue["ForceReading"].cycle_s
         self._rng = np.random.default_rng(seed)
         self._said_at = -math.inf
@@ -199,21 +198,16 @@ class _ForceSensor:
             value = force + _FORCE_STD_N * self._rng.standard_normal()
             good = abs(value) <= 5.0
             self._mouth.say("ForceReading", {"Force_N": value if good else 0.0, "Age_s": 0.0, "Valid": float(good)})
-        if self._beat.due(now):
-            self._mouth.say("ForceSensorHeartbeat", self._beat.values(now))
+        self._beat.speak(now)
 
 
 class _Beat:
-    """When a sensor's heartbeat is due, and what is in it."""
+    """A sensor's heartbeat."""
 
-    def __init__(self, fingerprint: int) -> None:
-        self._fingerprint, self._at = fingerprint, -math.inf
+    def __init__(self, mouth: FrameTransmitter, name: str, catalogue: Catalogue) -> None:
+        self._mouth, self._name, self._catalogue, self._at = mouth, name, catalogue, -math.inf
 
-    def due(self, now: float) -> bool:
-        if now - self._at < 0.02 - 0.5 * SLOT_S:
-            return False
-        self._at = now
-        return True
-
-    def values(self, now: float) -> dict[str, float]:
-        return {"State": 2, "Uptime_s": min(max(now, 0.0), 167772.0), "Catalogue": self._fingerprint}
+    def speak(self, now: float) -> None:
+        if now - self._at >= 0.02 - 0.5 * SLOT_S:
+            self._at = now
+            self._mouth.say(self._name, heartbeat(2, now, self._catalogue))

@@ -247,4 +247,4 @@ def grid_step(x: Array) -> float:
     near = gaps[gaps < 1.5 * step]
     step = float(np.mean(near))
     off = np.abs(gaps / step - np.round(gaps / step))
-    return step if float(np.mean(off < 0.1)) > 0.9 else 0.0
+    return step if float(np.mean(off < SET.grid_off)) > SET.grid_share else 0.0

@@ -9,15 +9,15 @@ import time
 
 import numpy as np
 
-from controller.estimator.base import Receiver
-from controller.estimator.cubature_filter import Estimator
+from controller.estimator.base import Estimator
+from controller.estimator.cubature_filter import CubatureEstimator
 from controller.estimator.particle_filter import ParticleEstimator
 from controller.estimator.ukf import UnscentedEstimator
 from controller.signals import Measurement
 from tests.controller.loops import model_of
 
 
-def endure(kind: type[Receiver], steps: int) -> None:
+def endure(kind: type[Estimator], steps: int) -> None:
     """Carriage to and fro under slow changes, noisy positions each tenth tick, one in a hundred wild."""
     model = model_of().sharp
     estimator, rng = kind(model), np.random.default_rng(0)
@@ -39,7 +39,7 @@ def endure(kind: type[Receiver], steps: int) -> None:
     )
 
 
-def cost(kind: type[Receiver], ticks: int) -> None:
+def cost(kind: type[Estimator], ticks: int) -> None:
     """us a tick, prediction alone and with a position 8 ms late."""
     model = model_of().sharp
     estimator = kind(model)
@@ -64,6 +64,6 @@ if __name__ == "__main__":
     options.add_argument("--steps", type=int, default=1_000_000)
     options.add_argument("--ticks", type=int, default=5000)
     chosen = options.parse_args()
-    for kind in (ParticleEstimator, Estimator, UnscentedEstimator):
+    for kind in (ParticleEstimator, CubatureEstimator, UnscentedEstimator):
         cost(kind, chosen.ticks)
         endure(kind, chosen.steps)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from controller.drives import DRIVES, envelope_of
-from controller.estimator.cubature_filter import Estimator
+from controller.estimator.cubature_filter import CubatureEstimator
 from controller.model.control_model import ControlModel, control_model
 from controller.signals import Array, Controller, Measurement, Reference
 from controller.supervision.supervisor import Supervisor
@@ -34,7 +34,7 @@ def closed_loop(
     reference: Reference,
     duration_s: float,
     truth: Truth,
-    estimator: Estimator,
+    estimator: CubatureEstimator,
     instruments: Instruments | None = None,
     seed: int = 0,
 ) -> tuple[Array, Array, list[str], Array]:

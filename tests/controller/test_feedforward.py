@@ -9,7 +9,7 @@ import pytest
 
 from controller.baselines.pid import PID
 from controller.drives import envelope_of
-from controller.estimator.cubature_filter import Estimator
+from controller.estimator.cubature_filter import CubatureEstimator
 from controller.model.control_model import control_model
 from controller.model.friction import mean_friction
 from controller.model.inverse import Inverse
@@ -63,7 +63,7 @@ def tracked(
 ) -> tuple[Array, Array, list[str]]:
     """Rows of the truth, commands and statuses of a run on a rig that is 10 % off."""
     truth = Truth(TrueMagnet(24.0), hoop_factor=1.1)
-    estimator = Estimator(MODEL.sharp)
+    estimator = CubatureEstimator(MODEL.sharp)
     return closed_loop(MODEL, build(name, MODEL, ENVELOPE), reference, duration_s, truth, estimator, instruments)[:3]
 
 
@@ -84,7 +84,7 @@ def test_a_lagging_drive_is_not_driven_from_end_to_end() -> None:
     truth = Truth(TrueMagnet(), hidden={"actuator_lag": {"time_s": 0.1}})
     reference = by_speeds([0.0, 2e-3], [0.5, 5.0])
     chain = build("feedforward", model, envelope_of(model.drive))
-    rows, *_ = closed_loop(model, chain, reference, 5.0, truth, Estimator(model.sharp))
+    rows, *_ = closed_loop(model, chain, reference, 5.0, truth, CubatureEstimator(model.sharp))
     judged = rows[:, at.O_T] > 2.0
     assert np.sqrt(np.mean((rows[:, at.O_X] - reference.position(rows[:, at.O_T]))[judged] ** 2)) < 0.5e-3
 
@@ -158,5 +158,5 @@ def test_friction_that_falls_with_speed_is_broken_loose_from() -> None:
     truth = Truth(TrueMagnet(), hidden={"stribeck": {"excess": 0.75, "speed_m_s": 2e-3}})
     reference = by_speeds([0.0, 2e-3], [0.5, 5.0])
     chain = build("feedforward", model, envelope_of(model.drive))[:1]
-    rows, *_ = closed_loop(model, chain, reference, 5.0, truth, Estimator(model.sharp))
+    rows, *_ = closed_loop(model, chain, reference, 5.0, truth, CubatureEstimator(model.sharp))
     assert rows[-1, at.O_X] == pytest.approx(9e-3, abs=3e-3)

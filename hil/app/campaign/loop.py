@@ -32,20 +32,13 @@ class Loop:
 
     def result(self) -> dict[str, Any]:
         """What the engine prints of this run. Raises ValueError for a scenario that cannot be run."""
-        return _tracked(self) if self.engine == "track" else _over_the_bus(self)
-
-
-def _tracked(job: Loop) -> dict[str, Any]:
-    scenario = parse_track_scenario(job.raw)
-    name = scenario.control.controller
-    trace = run_loop(scenario, _track_model(_Known(scenario, job.values)), name, job.seed)
-    return document(scenario, scenario.name, name, job.seed, job.stage, score(scenario, trace), None)
-
-
-def _over_the_bus(job: Loop) -> dict[str, Any]:
-    scenario = parse_sil_scenario(job.raw)
-    found, _ = judged(scenario, _sil_model(_Known(scenario, job.values)), None, job.seed, job.stage)
-    return found
+        if self.engine == "sil":
+            over_bus = parse_sil_scenario(self.raw)
+            return judged(over_bus, _model(_Known(over_bus, self.values)), None, self.seed, self.stage)[0]
+        scenario = parse_track_scenario(self.raw)
+        name = scenario.control.controller
+        trace = run_loop(scenario, _model(_Known(scenario, self.values)), name, self.seed)
+        return document(scenario, scenario.name, name, self.seed, self.stage, score(scenario, trace), None)
 
 
 class _Known:
@@ -54,7 +47,7 @@ class _Known:
     def __init__(self, scenario: TrackScenario | SilScenario, values: Mapping[str, float]) -> None:
         loop = scenario.loop if isinstance(scenario, SilScenario) else scenario
         self.scenario, self.values = scenario, values
-        self._key = (repr(loop.belief), loop.control.tick_s, tuple(sorted(values.items())))
+        self._key = (type(scenario), repr(loop.belief), loop.control.tick_s, tuple(sorted(values.items())))
 
     def __hash__(self) -> int:
         return hash(self._key)
@@ -64,12 +57,8 @@ class _Known:
 
 
 @lru_cache(maxsize=8)
-def _track_model(known: _Known) -> ControlModel:
-    assert isinstance(known.scenario, TrackScenario)
-    return believed_model(known.scenario, known.values)
-
-
-@lru_cache(maxsize=8)
-def _sil_model(known: _Known) -> ControlModel:
-    assert isinstance(known.scenario, SilScenario)
-    return believed_on_bus(known.scenario, known.values)
+def _model(known: _Known) -> ControlModel:
+    scenario, values = known.scenario, known.values
+    if isinstance(scenario, SilScenario):
+        return believed_on_bus(scenario, values)
+    return believed_model(scenario, values)

@@ -52,15 +52,10 @@ class LivePanel:
 
     def document(self) -> dict[str, Any]:
         """The panel as the page is told of it."""
-        lines: list[dict[str, Any]] = [
-            {
-                "name": one.name,
-                "colour": one.colour,
-                "look": one.look,
-                "names": one.names and {raw: [words(name), grade_of(name)] for raw, name in one.names.items()},
-            }
-            for one in self.lines
-        ]
+        lines: list[dict[str, Any]] = []
+        for one in self.lines:
+            names: Any = one.names and {raw: [words(told), grade_of(told)] for raw, told in one.names.items()}
+            lines.append({"name": one.name, "colour": one.colour, "look": one.look, "names": names})
         told = {"title": self.title, "unit": self.unit, "places": self.places, "span": self.span}
         return {**told, "marks": list(self.marks), "strips": self.strips, "lines": lines}
 
@@ -76,67 +71,36 @@ def panels_of(wiring: FrameMap, catalogue: Catalogue) -> tuple[LivePanel, ...]:
         names = catalogue[frame].field(signal).names
         return Line(name, frame, _signal(signal), signal.lower(), "strip", names)
 
+    places = (
+        _said("localisation", "CapsuleLocalisation", "Position_m", _MM, "grey", "faint"),
+        Line(f"estimate ± {STDS:g}σ", "BelievedMotion", _band, "teal", "band"),
+        _said("estimate", "BelievedMotion", "Position_m", _MM, "teal"),
+        Line("reference", "WantedMotion", _wanted, "amber", "dash"),
+    )
+    forces = (
+        _said("force sensor", "ForceReading", "Force_N", _MN, "grey", "faint"),
+        *(() if drive.shaken else (Line("drive", "BelievedForces", _force("Drive_N"), "blue"),)),
+        Line("wall", "BelievedForces", _force("Wall_N"), "red"),
+        Line("lacking in the model", "BelievedForces", _force("Lacking_N"), "violet"),
+    )
+    error = Line("error", "WantedMotion", _error, "red")
+    command = Line("command", wiring.command, seen, "amber", "dash")
+    surprise = _said("surprise", "BelievedMotion", "Surprise", 1.0, "blue")
+    evidence = _said("evidence", "ModelHealth", "Evidence", _PERCENT, "red")
+    states = (
+        strip("controller", "ControllerHeartbeat", "State"),
+        strip(wiring.node.lower(), wiring.feedback, "State"),
+        strip("wall", "BelievedMotion", "Wall"),
+        strip("model", "ModelHealth", "State"),
+    )
     return (
-        LivePanel(
-            "Position",
-            "mm",
-            (
-                _said("localisation", "CapsuleLocalisation", "Position_m", _MM, "grey", "faint"),
-                Line(f"estimate ± {STDS:g}σ", "BelievedMotion", _band, "teal", "band"),
-                _said("estimate", "BelievedMotion", "Position_m", _MM, "teal"),
-                Line("reference", "WantedMotion", _wanted, "amber", "dash"),
-            ),
-            3,
-            1.0,
-        ),
-        LivePanel("Estimate less reference", "mm", (Line("error", "WantedMotion", _error, "red"),), 3, 0.1, (0.0,)),
-        LivePanel(
-            word,
-            unit,
-            (*reported, Line("command", wiring.command, seen, "amber", "dash")),
-            3,
-            0.01,
-        ),
-        LivePanel(
-            "Forces on the capsule",
-            "mN",
-            (
-                _said("force sensor", "ForceReading", "Force_N", _MN, "grey", "faint"),
-                *(() if drive.shaken else (Line("drive", "BelievedForces", _force("Drive_N"), "blue"),)),
-                Line("wall", "BelievedForces", _force("Wall_N"), "red"),
-                Line("lacking in the model", "BelievedForces", _force("Lacking_N"), "violet"),
-            ),
-            1,
-            2.0,
-            (0.0,),
-        ),
-        LivePanel(
-            "Residual",
-            "σ",
-            (_said("surprise", "BelievedMotion", "Surprise", 1.0, "blue"),),
-            1,
-            6.0,
-            (-3.0, 3.0),
-        ),
-        LivePanel(
-            "Evidence against the model",
-            "% of an alarm",
-            (_said("evidence", "ModelHealth", "Evidence", _PERCENT, "red"),),
-            0,
-            110.0,
-            (100.0,),
-        ),
-        LivePanel(
-            "States",
-            "",
-            (
-                strip("controller", "ControllerHeartbeat", "State"),
-                strip(wiring.node.lower(), wiring.feedback, "State"),
-                strip("wall", "BelievedMotion", "Wall"),
-                strip("model", "ModelHealth", "State"),
-            ),
-            strips=True,
-        ),
+        LivePanel("Position", "mm", places, 3, 1.0),
+        LivePanel("Estimate less reference", "mm", (error,), 3, 0.1, (0.0,)),
+        LivePanel(word, unit, (*reported, command), 3, 0.01),
+        LivePanel("Forces on the capsule", "mN", forces, 1, 2.0, (0.0,)),
+        LivePanel("Residual", "σ", (surprise,), 1, 6.0, (-3.0, 3.0)),
+        LivePanel("Evidence against the model", "% of an alarm", (evidence,), 0, 110.0, (100.0,)),
+        LivePanel("States", "", states, strips=True),
     )
 
 

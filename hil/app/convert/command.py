@@ -80,15 +80,11 @@ def _targets(paths: Sequence[Path], out: str) -> dict[Path, Path]:
     if not folder:
         return {paths[0]: check_file(Path(out), "OUT", ENDINGS)}
     check_folder(Path(out), "OUT")
-    targets = {path: Path(out) / f"{_stem(path)}.csv" for path in paths}
+    targets = {path: Path(out) / f"{Path(path.name.removesuffix('.gz')).stem}.csv" for path in paths}
     for path, target in targets.items():
         if list(targets.values()).count(target) > 1:
             raise ValueError(f"files must have names of their own without their endings; got {path.name} and another")
     return targets
-
-
-def _stem(path: Path) -> str:
-    return Path(path.name.removesuffix(".gz")).stem
 
 
 def _belief(rig: Path | None, kind: str | None) -> Rig | None:

@@ -142,18 +142,10 @@ def against_thirty(finding: Finding) -> str:
     )
 
 
+_PERIODS = "eight measured stick-slip periods, paper A"
+_SPECTRUM = "measured moduli of three gut samples, paper V"
+_PERIODS_RIG = '[rig]\nkind = "periods"\nvelocity_m_s = 0.5e-3\n'
 PRINTED = (
-    PrintedStory(
-        "periods",
-        "eight measured stick-slip periods, paper A",
-        "analytical_table2_periods",
-        '[rig]\nkind = "periods"\nvelocity_m_s = 0.5e-3\n',
-        against_thirty,
-    ),
-    PrintedStory(
-        "spectrum",
-        "measured moduli of three gut samples, paper V",
-        "viscoelastic_table2_dma",
-        '[rig]\nkind = "dma"\n',
-    ),
+    PrintedStory("periods", _PERIODS, "analytical_table2_periods", _PERIODS_RIG, against_thirty),
+    PrintedStory("spectrum", _SPECTRUM, "viscoelastic_table2_dma", '[rig]\nkind = "dma"\n'),
 )

@@ -45,26 +45,15 @@ def vibro_json(found: VibroStudy) -> dict[str, Any]:
             for gear in found.drive.gears
         ],
         "ways": [
-            {
-                "commanded_m_s": speed,
-                "shape": one.shape,
-                "impact": one.impact,
-                "speed_m_s": one.pace.speed_m_s,
-                "period_s": one.waveform.period_s,
-                "amplitude": max(one.waveform.levels),
-                "energy_J_per_m": one.pace.energy_J_per_m,
-            }
+            {"commanded_m_s": speed, "shape": one.shape, "impact": one.impact, "speed_m_s": one.pace.speed_m_s}
+            | {"period_s": one.waveform.period_s, "amplitude": max(one.waveform.levels)}
+            | {"energy_J_per_m": one.pace.energy_J_per_m}
             for speed, ways in found.alternatives.items()
             for one in ways
         ],
         "slow_loops": [
-            {
-                "speed_m_s": one.speed_m_s,
-                **asdict(one.loop.margins()),
-                "slope_low": one.slope_low,
-                "slope_high": one.slope_high,
-                "holds": one.holds,
-            }
+            {"speed_m_s": one.speed_m_s, **asdict(one.loop.margins())}
+            | {"slope_low": one.slope_low, "slope_high": one.slope_high, "holds": one.holds}
             for one in found.slow
         ],
     }

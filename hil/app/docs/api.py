@@ -13,6 +13,8 @@ MODULE: Final = "hil.api"
 _WIDEST: Final = 100  # characters of a signature on one line
 _QUOTED: Final = re.compile(r"(: |-> )'([^']*)'")
 """An annotation that is kept as text."""
+_MODULE: Final = re.compile(r"\b(?:[a-z_]+\.)+(?=[A-Z])")
+"""Where a class of an annotation stands."""
 
 
 def reference() -> str:
@@ -34,7 +36,7 @@ def described(module: ModuleType) -> str:
 
 def _entry(name: str, value: Any) -> str:
     text = inspect.cleandoc(value.__doc__ or "")
-    signature = _QUOTED.sub(r"\1\2", _signature(name, value))
+    signature = _MODULE.sub("", _QUOTED.sub(r"\1\2", _signature(name, value)))
     return f"## {name}\n\n```python\n{signature}\n```\n\n{text}"
 
 
@@ -44,8 +46,8 @@ def _signature(name: str, value: Any) -> str:
     if len(line := f"{name}{signature}") <= _WIDEST:
         return line
     parameters = [f"    {parameter}," for parameter in _written(signature)]
-    returned = signature.return_annotation
-    arrow = "" if returned is inspect.Signature.empty or inspect.isclass(value) else f" -> {returned!r}"
+    bare = inspect.isclass(value) or signature.return_annotation is signature.empty
+    arrow = "" if bare else f" -> {inspect.formatannotation(signature.return_annotation)}"
     return "\n".join([f"{name}(", *parameters, f"){arrow}"])
 
 

@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import Final
 
 from hil.app import ends
-from hil.app.docs import api, effects, keys
+from hil.app.docs import api, effects, keys, settings
 
 PARTS: Final[Mapping[str, Callable[[], str]]] = MappingProxyType(
     {
@@ -23,6 +23,7 @@ PARTS: Final[Mapping[str, Callable[[], str]]] = MappingProxyType(
         "effects": effects.catalogue,
         "ends": ends.table,
         "api": api.reference,
+        "settings": settings.tables,
     }
 )
 """What stands between the markers of each name."""

@@ -8,7 +8,7 @@ from typing import Any
 
 from rich.table import Table
 
-from hil.app.console import print_json, summary
+from hil.app.console import print_json, summary, text_table
 from hil.app.effects.propose import propose
 from models.effects import BY_ID, EFFECTS, use_effects
 from models.effects.conformance import CHECKS
@@ -71,9 +71,8 @@ def described(effect: type[Effect]) -> dict[str, Any]:
 
 
 def _table(found: Sequence[type[Effect]]) -> Table:
-    table = Table(title="effects that a search can find; all of each with --json", title_justify="left")
-    for column in ("id", "what it is", "kinds of rig", "confounded with"):
-        table.add_column(column)
+    heads = ("id", "what it is", "kinds of rig", "confounded with")
+    table = text_table("effects that a search can find; all of each with --json", heads, heads)
     for effect in found:
         table.add_row(effect.id, effect.summary, ", ".join(sorted(effect.kinds)), ", ".join(effect.confounders))
     return table

@@ -10,7 +10,7 @@ from pathlib import Path
 from string import Template
 from typing import Any, Final
 
-from hil.app.console import print_json, summary
+from hil.app.console import print_json, say
 from hil.app.write import check_file, check_targets, write_files
 from models.effects import BY_ID
 from models.effects.conformance import CHECKS
@@ -81,9 +81,8 @@ def propose(folder: Path, out: Path, *, json_output: bool = False) -> None:
     if json_output:
         print_json(told)
         return
-    console = summary()
-    console.print(f"{out}: effect {out.stem}, passed {len(CHECKS)} checks", soft_wrap=True)
-    console.print(f"use it: capsule close-loop RECORD... --rig RIG.toml --effects {out}", soft_wrap=True)
+    say(f"{out}: effect {out.stem}, passed {len(CHECKS)} checks")
+    say(f"use it: capsule close-loop RECORD... --rig RIG.toml --effects {out}")
 
 
 def _check(text: str, out: Path) -> None:

@@ -73,27 +73,24 @@ def _mjcf(found: Found, numbers: dict[str, float]) -> str:
         f'<geom name="capsule" type="capsule" size="{radius:.9g} {half:.9g}" quat="0.7071068 0 0.7071068 0"'
         f' mass="{numbers["mass_kg"]:.9g}" contype="0" conaffinity="0"/>'
     )
-    return "\n".join(
-        [
-            f"<mujoco model={quoteattr(f'{found.rig.kind} rig, {found.stage} model')}>",
-            f'  <option timestep="{_STEP_S:g}" gravity="0 0 0" integrator="implicitfast"/>',
-            "  <worldbody>",
-            '    <body name="capsule">',
-            f"      {joint}",
-            f"      {geom}",
-            "    </body>",
-            "  </worldbody>",
-            "  <actuator>",
-            f"    {_actuator(found)}",
-            "  </actuator>",
-            "  <sensor>",
-            '    <jointpos name="position_m" joint="lumen"/>',
-            '    <jointvel name="velocity_m_s" joint="lumen"/>',
-            "  </sensor>",
-            "</mujoco>",
-            "",
-        ]
-    )
+    return f"""\
+<mujoco model={quoteattr(f"{found.rig.kind} rig, {found.stage} model")}>
+  <option timestep="{_STEP_S:g}" gravity="0 0 0" integrator="implicitfast"/>
+  <worldbody>
+    <body name="capsule">
+      {joint}
+      {geom}
+    </body>
+  </worldbody>
+  <actuator>
+    {_actuator(found)}
+  </actuator>
+  <sensor>
+    <jointpos name="position_m" joint="lumen"/>
+    <jointvel name="velocity_m_s" joint="lumen"/>
+  </sensor>
+</mujoco>
+"""
 
 
 def _actuator(found: Found) -> str:

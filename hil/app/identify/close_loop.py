@@ -12,7 +12,7 @@ from typing import Any
 
 from rich.table import Table
 
-from hil.app.console import json_text, note, notes, output_to_notes, print_json, progress_bar, summary, text_table
+from hil.app.console import json_text, note, notes, output_to_notes, print_json, progress_bar, say, summary, text_table
 from hil.app.report import headline, report_html, report_json
 from hil.app.report.cards import grouped
 from hil.app.report.dependence import story
@@ -133,20 +133,17 @@ def print_summary(finding: Finding, out: Path) -> None:
     console = summary()
     console.print(f"{finding.verdict}: ", style="bold", end="")
     console.print(headline(finding))
-    for reason in finding.reasons:
-        console.print(f"  {tidy(reason)}", soft_wrap=True)
-    for sentence in story(finding.dependence) if finding.dependence else ():
-        console.print(f"  {sentence}", soft_wrap=True)
+    say(*(f"  {tidy(reason)}" for reason in finding.reasons))
+    say(*(f"  {sentence}" for sentence in (story(finding.dependence) if finding.dependence else ())))
     if finding.dependence and finding.dependence.term:
         console.print(f"  as an effect file: capsule effects propose {out} --out my_effect.py")
     for alike in grouped(finding.findings):
         more = f" (and {len(alike) - 1} more)" if len(alike) > 1 else ""
-        console.print(f"{alike[0].severity}: {tidy(alike[0].sentence)}{more}", soft_wrap=True)
+        say(f"{alike[0].severity}: {tidy(alike[0].sentence)}{more}")
     console.print(error_table(finding))
-    console.print(f"report: {out / REPORT}", soft_wrap=True)
-    console.print(f"model:  {out / MODEL}", soft_wrap=True)
+    say(f"report: {out / REPORT}", f"model:  {out / MODEL}")
     if finding.proposal is not None:
-        console.print(f"next:   {tidy(finding.next_experiment or '')}", soft_wrap=True)
+        say(f"next:   {tidy(finding.next_experiment or '')}")
 
 
 def error_table(finding: Finding) -> Table:

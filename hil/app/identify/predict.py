@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.app.console import note, output_to_notes, print_json, summary
+from hil.app.console import note, output_to_notes, print_json, say, summary
 from hil.app.identify.close_loop import read_told
 from hil.app.scenario.deployment import read_deployed_rig
 from hil.app.write import check_file, check_targets, write_table
@@ -43,10 +43,9 @@ def predict(
         told = {"record": str(record), "stage": stage, "prediction": str(out), "columns": list(columns)}
         print_json({**told, "rows": rows, "rms": differences})
         return
-    console = summary()
-    console.print(f"{stage} model, {rows} rows: {out}", soft_wrap=True)
+    say(f"{stage} model, {rows} rows: {out}")
     for name, value in differences.items():
-        console.print(f"rms of {name}, measured minus predicted: {value:.4g}")
+        summary().print(f"rms of {name}, measured minus predicted: {value:.4g}")
 
 
 def compare(record: Record, columns: dict[str, NDArray[np.float64]]) -> dict[str, Any]:

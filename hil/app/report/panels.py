@@ -50,19 +50,12 @@ def panels(finding: Finding, trace: Trace) -> list[Panel]:
         stage: np.asarray(trace.predicted[stage], dtype=float).reshape(measured.shape)
         for stage in stages(finding, trace)
     }
-    return [
-        Panel(
-            trace.name,
-            trace.role,
-            *(names[column] if measured.shape[1] > 1 or len(names) == 1 else (trace.name, names[0][1])),
-            trace.axis,
-            np.asarray(trace.abscissa, dtype=float),
-            measured[:, column],
-            {stage: values[:, column] for stage, values in predicted.items()},
-            trace.signals,
-        )
-        for column in range(measured.shape[1])
-    ]
+    abscissa, drawn = np.asarray(trace.abscissa, dtype=float), []
+    for k in range(measured.shape[1]):
+        name, unit = names[k] if measured.shape[1] > 1 or len(names) == 1 else (trace.name, names[0][1])
+        values = measured[:, k], {stage: values[:, k] for stage, values in predicted.items()}
+        drawn.append(Panel(trace.name, trace.role, name, unit, trace.axis, abscissa, *values, trace.signals))
+    return drawn
 
 
 def stages(finding: Finding, trace: Trace) -> list[str]:

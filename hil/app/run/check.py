@@ -21,7 +21,7 @@ from hil.bus.catalogue import Catalogue
 from hil.bus.protection import Sender
 from hil.nodes.controller.node import ControllerNode, Task
 from hil.nodes.controller.receive import FrameReceiver
-from hil.nodes.frame_map import ENABLE, ENABLED, FAULT, WAITING, frame_map_of
+from hil.nodes.frame_map import ENABLE, ENABLED, FAULT, WAITING, frame_map_of, heartbeat
 
 LISTEN_S: Final = 0.5  # to the bus
 REHEARSED: Final = 400  # ticks
@@ -164,6 +164,6 @@ def _made_up(node: ControllerNode, tape: Tape, catalogue: Catalogue) -> Callable
             place = 1e-5 * ((k // every) % 3 - 1)
             say("CapsuleLocalisation", {"Position_m": place, "Quality": 1.0, "Age_s": 0.002, "Valid": 1}, now)
         if k % max(round(0.02 / node.tick_s), 1) == 0:
-            say(wiring.heartbeat, {"State": 2, "Uptime_s": now, "Catalogue": catalogue.fingerprint}, now)
+            say(wiring.heartbeat, heartbeat(2, now, catalogue), now)
 
     return speak

@@ -79,11 +79,7 @@ class Histogram:
 
     def document(self) -> dict[str, float]:
         """Median, p99 and greatest in ms."""
-        return {
-            "median": 1e3 * self.quantile(0.5),
-            "p99": 1e3 * self.quantile(0.99),
-            "max": 1e3 * self.longest_s,
-        }
+        return {"median": 1e3 * self.quantile(0.5), "p99": 1e3 * self.quantile(0.99), "max": 1e3 * self.longest_s}
 
 
 @dataclass

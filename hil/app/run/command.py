@@ -152,8 +152,8 @@ def _led(asked: _Asked, json_output: bool) -> int:
     """Lead, or reset, and say what came of it. Raises _OtherControllerError where nothing was sent."""
     with asked.begun() as (task, bus):
         outcome, node, frames_log, lessons = _lead(asked, task, bus)
-        if RUN_ENDS[outcome.end].status and (trouble := _told_by_drive(bus)):
-            outcome.ended += f"; {trouble}"
+        if RUN_ENDS[outcome.end].status and isinstance(bus.inner, CarriageBus) and bus.inner.trouble:
+            outcome.ended += f"; {bus.inner.trouble}"
     found = _document(asked, outcome, node, frames_log) | {"overruns": _overruns(bus)}
     found |= told(asked.deployment.offered, node.estimator.taken_at)
     if isinstance(bus.inner, AuthenticatedBus):
@@ -397,11 +397,6 @@ def _overruns(bus: can.BusABC) -> int:
     while isinstance(bus, ClockedBus | CarriageBus | AuthenticatedBus):
         bus = bus.inner
     return bus.overruns if isinstance(bus, LocalBus) else 0
-
-
-def _told_by_drive(bus: ClockedBus) -> str:
-    """What another maker's drive says is wrong, "" where nothing is."""
-    return bus.inner.trouble if isinstance(bus.inner, CarriageBus) else ""
 
 
 def _say(found: dict[str, Any], lessons: Sequence[Lesson]) -> None:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any, Final
 
 from controller.excursion import Experiment
-from controller.model.control_model import ControlModel, control_model
 from hil.app.scenario.bus_scenario import parse_sil_scenario
 from hil.app.scenario.deployment import parse_deployment
 from hil.app.scenario.model_offer import Offered, offer_of
+from hil.app.sil.testbed import believed_on_bus, task_on_bus
 from hil.nodes.controller.node import Task
 from models.files.tables import is_number, shown
 from models.files.toml import parse_toml
@@ -84,24 +85,10 @@ def task_of(record: Mapping[str, Any], where: str) -> Task:
             task = replace(deployment.task(), controller=name, deadline_s=math.inf)
             return replace(task, learned=tuple(one for one in offers if one), experiments=experiments)
         on_bus = parse_sil_scenario(parse_toml(record["scenario"], "scenario"))
-        scenario = on_bus.loop
     except ValueError as error:
         raise ValueError(f"{where}: record must describe a task; got: {error}") from None
 
-    def believed(values: Mapping[str, float]) -> ControlModel:
-        return control_model(scenario.belief, values, scenario.control.tick_s)
-
-    seen = scenario.instruments.localisation
-    told = (scenario.reference, scenario.limits, seen.std)
-    first, *rest = (offer_of(offered, believed), *(offer_of(one, believed) for one in learned))
-    return Task(
-        believed(values),
-        name,
-        *told,
-        resolution_m=seen.quantum,
-        offer=first,
-        estimator=scenario.control.estimator,
-        learned=tuple(one for one in rest if one),
-        experiments=experiments,
-        operator=on_bus.operator,
-    )
+    believed = partial(believed_on_bus, on_bus)
+    first, *rest = (offer_of(one, believed) for one in (offered, *learned))
+    more = {"offer": first, "learned": tuple(one for one in rest if one), "experiments": experiments}
+    return task_on_bus(on_bus, believed(values), name, **more)

@@ -260,20 +260,10 @@ def parse_deployment(
     if rig.kind in FRAME_MAPS:
         check_tick(control.tick_s, rig.kind, limits)
     bus = BusTable.read(raw)
-    return Deployment(
-        name,
-        text,
-        rig,
-        bus,
-        control,
-        read_reference(raw.get("reference", {}), control.duration_s),
-        limits,
-        values,
-        verdict,
-        _drive(raw, rig.kind, bus, limits),
-        operator=operator_limits(raw, limits),
-        pace=Pace.read(raw),
-    )
+    reference = read_reference(raw.get("reference", {}), control.duration_s)
+    drive, operator = _drive(raw, rig.kind, bus, limits), operator_limits(raw, limits)
+    told = (name, text, rig, bus, control, reference, limits, values, verdict, drive)
+    return Deployment(*told, operator=operator, pace=Pace.read(raw))
 
 
 def operator_limits(raw: Mapping[str, Any], limits: Limits) -> OperatorLimits:

@@ -53,7 +53,7 @@ def sil(path: Path, asked: Options) -> int:
         offered = read_offer(scenario.loop.offer, path.parent, scenario.loop.belief, values)
         offer = offer_of(offered, lambda new: believed_on_bus(scenario, new))
         with (
-            _shown(asked.watch) as shown,
+            nullcontext() if asked.watch is None else Watched(asked.watch) as shown,
             progress_bar(scenario.loop.name, even=True) as report,
             _log(out, asked.mcap, scenario, text, name, values, number, offered) as log,
         ):
@@ -87,11 +87,6 @@ def _learning(scenario: SilScenario, values: Mapping[str, float], wanted: bool) 
         yield learning_of(scenario, values, background)
     finally:
         background.close()
-
-
-def _shown(channel: str | None) -> AbstractContextManager[Watched | None]:
-    """What shows the run's frames on a local bus, where that is asked for."""
-    return nullcontext() if channel is None else Watched(channel)
 
 
 def _log(
@@ -190,15 +185,8 @@ class Watched:
         if math.isnan(self._zero_s):
             self._zero_s = now - message.timestamp
         time.sleep(max(0.0, self._zero_s + message.timestamp - now))
-        shown = can.Message(
-            arbitration_id=message.arbitration_id,
-            is_extended_id=message.is_extended_id,
-            is_fd=message.is_fd,
-            bitrate_switch=message.bitrate_switch,
-            data=message.data,
-        )
         with contextlib.suppress(can.CanError):
-            self._bus.send(shown)
+            self._bus.send(message)
 
     def __enter__(self) -> Watched:
         return self

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -30,17 +29,15 @@ PLACE_S: Final = 0.155
 """150 ms without localisation, and the next tick's way to the drive."""
 _RIDDEN: Final = ("duplicate", "reorder", "replay", "beyond_limits", "second_operator")
 _STRANGERS: Final = ("second_master", "player")
-_OWN_S: Final[Mapping[str, float]] = MappingProxyType(  # kinds of fault with a time of their own
-    {
-        "babbling": BUS_S,
-        "second_master": BUS_S,
-        "player": BUS_S,
-        "over_temperature": 0.5,
-        "drive_reset": 0.02,
-        "late_solve": 0.02,
-        "clock_jump": 0.02,
-    }
-)
+_OWN_S: Final[Mapping[str, float]] = {
+    "babbling": BUS_S,
+    "second_master": BUS_S,
+    "player": BUS_S,
+    "over_temperature": 0.5,
+    "drive_reset": 0.02,
+    "late_solve": 0.02,
+    "clock_jump": 0.02,
+}
 
 
 def limit_s(rig: str, fault: Fault) -> float:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import can
 
@@ -49,6 +50,13 @@ def believed_on_bus(scenario: SilScenario, values: Mapping[str, float]) -> Contr
     return control_model(scenario.loop.belief, values, scenario.loop.control.tick_s)
 
 
+def task_on_bus(scenario: SilScenario, model: ControlModel, controller: str, **more: Any) -> Task:
+    """The task of the controller node of a scenario, and what is `more` in it."""
+    loop, seen = scenario.loop, scenario.loop.instruments.localisation
+    more |= {"resolution_m": seen.quantum, "estimator": loop.control.estimator, "probe": loop.control.probe}
+    return Task(model, controller, loop.reference, loop.limits, seen.std, operator=scenario.operator, **more)
+
+
 class Bench:
     """All nodes of a scenario and the wire between them. `step` does a tick; faults that are due begin and end within
     it.
@@ -81,18 +89,6 @@ class Bench:
         self._babbler = SimulatedBus(self.medium, "babbler") if "babbling" in self._kinds else None
         self.links: dict[str, FaultInjection] = {}
         self._stranger = Stranger(self.medium, self.wiring, self.tick_s, self._kinds)
-        seen, estimator = loop.instruments.localisation, loop.control.estimator
-        told = (loop.reference, loop.limits, seen.std)
-        task = Task(
-            model,
-            controller,
-            *told,
-            resolution_m=seen.quantum,
-            offer=offer,
-            estimator=estimator,
-            operator=scenario.operator,
-            probe=loop.control.probe,
-        )
         ends, drive = {name: self._bus(name, seed + k) for k, name in enumerate(("controller", "drive"))}, None
         plant = None if scenario.plant is None else FmuPlant(Path(scenario.plant.fmu), loop.truth)
         session = Session(loop.truth, replace(loop.instruments, feedback=None), seed, 0.0, plant)
@@ -102,6 +98,7 @@ class Bench:
             drive.configure(self.wiring.life_ms(loop.limits.carriage_speed_m_s))
             ends["controller"] = carriage_bus(ends["controller"], scenario.drive, frames(), self.tick_s)
         self.carriage = ends["controller"] if isinstance(ends["controller"], CarriageBus) else None
+        task = task_on_bus(scenario, model, controller, offer=offer)
         self.node = ControllerNode(task, ends["controller"], observer=recorder)
         self.plant = PlantNode(
             session,
@@ -193,8 +190,9 @@ class Bench:
         for fault in self._active:
             if self.second is not None and fault.kind == "second_operator":
                 self.second.speak(at, fault.target)
-        if self._babbler is not None and any(f.kind == "babbling" for f in self._active):
-            self._babble(self._babbler)
+        if (port := self._babbler) is not None and any(f.kind == "babbling" for f in self._active):
+            while len(port.waiting) < 16:
+                port.send(can.Message(arbitration_id=_BABBLE, is_extended_id=False, data=bytes(8), is_rx=False))
         self.medium.advance(at)
         self.plant.tick(at)
         return at
@@ -239,7 +237,7 @@ class Bench:
         elif fault.kind == "unreadable":
             self.links[fault.target].broken = on
         elif fault.kind == "bus_off":
-            self._off_bus(self.ports[fault.target], on)
+            (self.medium.leave if on else self.medium.recover)(self.ports[fault.target])
         elif fault.kind in ("stuck", "biased", "nan", "lost", *LIES):
             self.plant.spoil(fault, self._seed) if on else self.plant.mend(fault)
         elif fault.kind == "over_temperature":
@@ -254,7 +252,7 @@ class Bench:
             drive.node_id += 1 if on else -1
         elif fault.kind == "wrong_bit_rate":
             self.medium.disturb = _Burst() if on else None
-            self._off_bus(self.ports["drive"], on)
+            (self.medium.leave if on else self.medium.recover)(self.ports["drive"])
 
     def _hit(self, fault: Fault) -> list[tuple[FaultInjection, tuple[Fault, frozenset[int]]]]:
         """The links that a fault tampers with, and the identifiers there."""
@@ -282,16 +280,6 @@ class Bench:
                 numbers = frozenset(known[n].id for n in names[fault.target])
                 hit.append((self.links[node], (fault, numbers | more if fault.target == "all" else numbers)))
         return hit
-
-    def _off_bus(self, port: SimulatedBus, off: bool) -> None:
-        if off:
-            self.medium.leave(port)
-        else:
-            port.recover()
-
-    def _babble(self, port: SimulatedBus) -> None:
-        while len(port.waiting) < 16:
-            port.send(can.Message(arbitration_id=_BABBLE, is_extended_id=False, data=bytes(8), is_rx=False))
 
 
 class _Burst:

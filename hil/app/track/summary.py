@@ -6,8 +6,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from rich.table import Table
-
 from controller.supervision.fallback import DONE
 from hil.app import console
 from hil.app.quantities import fixed, number
@@ -80,9 +78,7 @@ def _tracking(one: Found) -> list[str]:
 
 
 def _print(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    table = Table(box=None, pad_edge=False)
-    for title in ("controller", *heads):
-        table.add_column(title, justify="left" if title in _WORDS else "right")
+    table = console.text_table("", ("controller", *heads), _WORDS, bare=True)
     for row in rows:
         table.add_row(*row)
     console.summary().print(table)

@@ -13,8 +13,8 @@ from hil.nodes.cia402 import states as p402
 from hil.nodes.cia402.node import MONITORED_OFF, PolledNetwork, dictionary
 from hil.nodes.cia402.setup import entries
 from hil.nodes.cia402.states import Cia402Table
-from hil.nodes.drive.makers import MOST, MakersDrive
-from hil.nodes.drive.node import HOT_S
+from hil.nodes.drive.makers import MakersDrive
+from hil.nodes.drive.node import HOT_S, MOST
 from hil.nodes.drive.state_machine import NO_FAULT, Stage
 from hil.nodes.frame_map import plain
 from hil.nodes.listening import waiting

@@ -7,7 +7,6 @@ from __future__ import annotations
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Final
 
 import can
@@ -43,24 +42,20 @@ _SDO_WRITES: Final = (0, 1, 6)
 OPERATIONAL: Final = 5  # of a heartbeat, CiA 301
 HOMING_MODE, CYCLIC_SYNCHRONOUS_POSITION, CYCLIC_SYNCHRONOUS_VELOCITY = 6, 8, 9
 """Modes of operation."""
-MODE_NAMES: Final[Mapping[int, str]] = MappingProxyType(
-    {
-        0: "none",
-        1: "profile position",
-        2: "velocity",
-        3: "profile velocity",
-        4: "profile torque",
-        HOMING_MODE: "homing",
-        7: "interpolated position",
-        CYCLIC_SYNCHRONOUS_POSITION: "cyclic synchronous position",
-        CYCLIC_SYNCHRONOUS_VELOCITY: "cyclic synchronous velocity",
-        10: "cyclic synchronous torque",
-    }
-)
+MODE_NAMES: Final[Mapping[int, str]] = {
+    0: "none",
+    1: "profile position",
+    2: "velocity",
+    3: "profile velocity",
+    4: "profile torque",
+    HOMING_MODE: "homing",
+    7: "interpolated position",
+    CYCLIC_SYNCHRONOUS_POSITION: "cyclic synchronous position",
+    CYCLIC_SYNCHRONOUS_VELOCITY: "cyclic synchronous velocity",
+    10: "cyclic synchronous torque",
+}
 """Modes of operation in words, as 0x6061 shows them; bit `mode - 1` of 0x6502 says that a drive knows one."""
-MODES: Final[Mapping[str, int]] = MappingProxyType(
-    {"position": CYCLIC_SYNCHRONOUS_POSITION, "velocity": CYCLIC_SYNCHRONOUS_VELOCITY}
-)
+MODES: Final[Mapping[str, int]] = {"position": CYCLIC_SYNCHRONOUS_POSITION, "velocity": CYCLIC_SYNCHRONOUS_VELOCITY}
 RPDO: Final = struct.Struct("<Hi")
 """Controlword 0x6040, target position 0x607A or target velocity 0x60FF."""
 TPDO_STATE: Final = struct.Struct("<Hi")
@@ -69,19 +64,14 @@ TPDO_MORE: Final = struct.Struct("<iH")
 """Actual velocity 0x606C, error code 0x603F."""
 INTERNAL: Final = 11  # `Fault` of the catalogue
 SENSOR: Final = 7  # `Fault` of the catalogue
-_ERRORS: Final[Mapping[int, int]] = MappingProxyType(
-    {0x2300: OVER_CURRENT, 0x4300: OVER_TEMPERATURE, 0x7300: SENSOR, 0x8250: TIME_TO_LIVE, 0x8130: HEARTBEAT_LOST}
-)
-_SHOWN: Final = (
-    our.BOOT,
-    our.STANDBY,
-    our.WAITING,
-    our.WAITING,
-    our.ENABLED,
-    our.STOPPING,
-    our.FAULT,
-    our.FAULT,
-)
+_ERRORS: Final[Mapping[int, int]] = {
+    0x2300: OVER_CURRENT,
+    0x4300: OVER_TEMPERATURE,
+    0x7300: SENSOR,
+    0x8250: TIME_TO_LIVE,
+    0x8130: HEARTBEAT_LOST,
+}
+_SHOWN: Final = (our.BOOT, our.STANDBY, our.WAITING, our.WAITING, our.ENABLED, our.STOPPING, our.FAULT, our.FAULT)
 """The states in the catalogue's numbers."""
 
 

@@ -26,6 +26,7 @@ from controller.supervision.model_switch import ModelSwitch, Offer
 from controller.supervision.probe import Probe
 from controller.supervision.supervisor import Supervisor
 from hil.bus.catalogue import Catalogue
+from hil.nodes import frame_map as wire
 from hil.nodes.controller.answer import Onlooker
 from hil.nodes.controller.guard import GUARD_REASON, STOP_PERIOD_S, Evidence, Fence, Guard, Passed
 from hil.nodes.controller.lateness import gap_words, paused
@@ -33,21 +34,7 @@ from hil.nodes.controller.operator import STATUS, STATUS_S, Operator, OperatorLi
 from hil.nodes.controller.plausibility import Plausibility
 from hil.nodes.controller.receive import FrameReceiver
 from hil.nodes.controller.view import HEALTH_S, VIEW_S, force_values, health_values, motion_values, wanted_values
-from hil.nodes.frame_map import (
-    BOOT,
-    ENABLE,
-    MOVING,
-    OFF,
-    QUICK_STOP,
-    READY,
-    SELF_TEST,
-    STANDBY,
-    WAITING,
-    Observer,
-    answer_of,
-    frame_map_of,
-    frames,
-)
+from hil.nodes.frame_map import Observer, answer_of, frame_map_of, frames, heartbeat
 
 
 @dataclass(frozen=True)
@@ -207,7 +194,7 @@ class ControllerNode:
         self._enabled_s, self._probe_ends = -math.inf, math.inf
         self._told_all_at = -math.inf
         self._acknowledge = 0
-        self._before = Passed(0.0, 0.0, OFF)
+        self._before = Passed(0.0, 0.0, wire.OFF)
 
     def start(self, now: float, origin_s: float | None = None) -> None:
         """The operator's word to run. Ends a latched stop.
@@ -238,7 +225,7 @@ class ControllerNode:
     @property
     def enabled(self) -> bool:
         """Whether it says that it does."""
-        return self._led and self.receiver.state in MOVING
+        return self._led and self.receiver.state in wire.MOVING
 
     @property
     def follows(self) -> bool:
@@ -285,16 +272,16 @@ class ControllerNode:
         action = self._act(now, mode, estimate) if solved else Action(math.nan, "late")
         end = self._clock()
         self._before = self.guard.sent
-        if mode == READY and self.receiver.challenge >= 0:
+        if mode == wire.READY and self.receiver.challenge >= 0:
             answer = answer_of(self.receiver.challenge, self.wiring.target)
             self.guard.send("EnableAnswer", {"Target": self.wiring.target, "Answer": answer}, now)
             self.receiver.challenge = -1
         out = self.guard.command(
             now, action.command, mode, evidence, now - max(self._enabled_s, self.answer.cautious_s)
         )
-        if out.mode == QUICK_STOP:
+        if out.mode == wire.QUICK_STOP:
             self._fail(out.reason)
-        if out.mode == ENABLE:
+        if out.mode == wire.ENABLE:
             self.answer.led[self.supervisor.active] += 1
         self._stop_all(now)
         self._show(now, estimate)
@@ -312,9 +299,7 @@ class ControllerNode:
         self.guard.send("Sync", {"Tick": self._number % (1 << 32), "Period_s": self.tick_s}, now)
         if not 0 <= now - self._beat_at < HEARTBEAT_S - 0.5 * self.tick_s:
             self._beat_at = now
-            up = min(max(now - self._began, 0.0), 167772.0)
-            beat = {"State": self.state, "Uptime_s": up, "Catalogue": self._catalogue.fingerprint}
-            self.guard.send("ControllerHeartbeat", beat, now)
+            self.guard.send("ControllerHeartbeat", heartbeat(self.state, now - self._began, self._catalogue), now)
         if not 0 <= now - self._health_at < HEALTH_S - 0.5 * self.tick_s:
             self._health_at = now
             self.guard.send("ModelHealth", health_values(self.estimator.health, self._began), now)
@@ -378,7 +363,7 @@ class ControllerNode:
     @property
     def _moved(self) -> bool:
         """Whether the drive is enabled and was asked to move the tick before."""
-        return self.receiver.state in MOVING and self.guard.sent.mode == self._before.mode == ENABLE
+        return self.receiver.state in wire.MOVING and self.guard.sent.mode == self._before.mode == wire.ENABLE
 
     def _place(self, estimate: Estimate) -> float:
         """Where the capsule is believed to be, in m."""
@@ -387,7 +372,7 @@ class ControllerNode:
     @property
     def _in_force(self) -> float:
         """The command that the drive takes over with this tick's SYNC; where it is, while it is not enabled."""
-        return self.guard.sent.value if self.guard.sent.mode == ENABLE else self.receiver.report
+        return self.guard.sent.value if self.guard.sent.mode == wire.ENABLE else self.receiver.report
 
     def _stop_all(self, now: float) -> None:
         """A SafeStop: for all drives while another controller speaks beside this one, which has stopped for it, for the
@@ -470,7 +455,7 @@ class ControllerNode:
             late_s = self.estimator.model.delay_s
             found = self.answer.look(now, drive, wanted_m, arrived, late_s, self._reference, self._probe)
             reason = reason or found
-            if self.receiver.state not in (WAITING, *MOVING):
+            if self.receiver.state not in (wire.WAITING, *wire.MOVING):
                 reason = reason or "drive left operation"
             reason = reason or self._own.halted
         if reason:
@@ -488,28 +473,28 @@ class ControllerNode:
         still moves).
         """
         if self.state != RUNNING or self._acknowledge:
-            return OFF
+            return wire.OFF
         if self._led:
-            return ENABLE
+            return wire.ENABLE
         if self.operator is not None and self.operator.let_go:
-            return OFF
+            return wire.OFF
         if (
             not self.receiver.beating
             or evidence.feedback_s > self.guard.fence.feedback_s
-            or evidence.state in (BOOT, SELF_TEST)
+            or evidence.state in (wire.BOOT, wire.SELF_TEST)
         ):
-            return OFF
-        if evidence.state == STANDBY:
-            return READY
-        if evidence.state == WAITING:
-            return READY if estimate.lost else ENABLE
-        return OFF
+            return wire.OFF
+        if evidence.state == wire.STANDBY:
+            return wire.READY
+        if evidence.state == wire.WAITING:
+            return wire.READY if estimate.lost else wire.ENABLE
+        return wire.OFF
 
     def _act(self, now: float, mode: int, estimate: Estimate) -> Action:
         """The command for the next tick: the supervised controller's once the drive is being enabled, else where the
         drive is.
         """
-        if mode != ENABLE:
+        if mode != wire.ENABLE:
             return Action(self.receiver.report, "stopped")
         if not self._led:
             self._led = True

@@ -17,6 +17,7 @@ from hil.bus.catalogue import Catalogue
 from hil.bus.codec import Refusal
 from hil.bus.protection import COUNTS, Receiver
 from hil.nodes.controller.lateness import Lateness
+from hil.nodes.controller.view import within
 from models.files.tables import check_ranges
 from models.parameter import nearest
 
@@ -210,8 +211,8 @@ class Operator:
             "State": state if leading else OFF,
             "Source": self.source,
             "Refused": self._why if told else 0,
-            "Position_m": _within(float(reference.position(at)[0]), _REACH_M),
-            "Velocity_m_s": _within(float(reference.speed(at)[0]), _FASTEST_M_S),
+            "Position_m": within(float(reference.position(at)[0]), _REACH_M),
+            "Velocity_m_s": within(float(reference.speed(at)[0]), _FASTEST_M_S),
         }
 
     def document(self) -> dict[str, object]:
@@ -258,7 +259,3 @@ class Operator:
 def _held(place: float, believed: float) -> float:
     """Where a reference at `place` is held."""
     return min(max(place, believed - AHEAD_M), believed + AHEAD_M) if math.isfinite(believed) else place
-
-
-def _within(value: float, most: float) -> float:
-    return min(max(value, -most), most) if math.isfinite(value) else 0.0

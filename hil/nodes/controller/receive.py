@@ -133,15 +133,8 @@ class FrameReceiver:
         """The measurements that came in. Never raises; a bus that cannot be read counts as silent."""
         found: list[Measurement] = []
         self.feedbacks = self.frames = 0
-        for _ in range(MOST):
-            try:
-                message = self._bus.recv(0)
-            except Exception as error:  # noqa: BLE001 - drivers of many makers raise whatever they like
-                self.deaf += 1
-                self.deaf_words = f"{type(error).__name__}: {' '.join(str(error).split())[:120]}"
-                break
-            if message is None:
-                break
+        for number, message in enumerate(waiting(self._bus, MOST, self._deafened), 1):
+            self.full += number == MOST
             if self._observer is not None:
                 self._observer(message)
             if not plain(message):
@@ -160,9 +153,11 @@ class FrameReceiver:
             if not isinstance(values, Refusal):
                 self.frames += 1
                 self._take(self._names[message.arbitration_id], values, message.timestamp, now, found)
-        else:
-            self.full += 1
         return found
+
+    def _deafened(self, error: Exception) -> None:
+        self.deaf += 1
+        self.deaf_words = f"{type(error).__name__}: {' '.join(str(error).split())[:120]}"
 
     @property
     def beating(self) -> bool:

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Final
 
 from controller.model.control_model import ControlModel
 from controller.monitor.monitor import Health
 from controller.signals import Estimate
 from hil.bus.absent import NO_SURPRISE
+from hil.nodes.frame_map import LONGEST_S
 
 VIEW_S: Final = 0.04  # period
-# on the wire
-WALL: Final[Mapping[str, int]] = MappingProxyType({"sticks": 0, "slips_forward": 1, "slips_backward": 2, "lost": 3})
+WALL: Final[Mapping[str, int]] = {"sticks": 0, "slips_forward": 1, "slips_backward": 2, "lost": 3}
 _FARTHEST_M, _WIDEST_M, _FASTEST_M_S, _STRONGEST_N, _MOST_STDS = 1.1, 0.0819, 0.4, 6.5, 9.98  # what the frame can say
 
 
@@ -26,10 +25,10 @@ def motion_values(model: ControlModel, estimate: Estimate, surprise: float) -> d
     x = model.index("x")
     lost = estimate.lost or not math.isfinite(estimate.state[x] + estimate.std[x])
     return {
-        "Position_m": _within(estimate.state[x], _FARTHEST_M),
-        "Std_m": abs(_within(estimate.std[x], _WIDEST_M)),
+        "Position_m": within(estimate.state[x], _FARTHEST_M),
+        "Std_m": abs(within(estimate.std[x], _WIDEST_M)),
         "Wall": WALL["lost"] if lost else _wall(model, estimate),
-        "Surprise": _within(surprise, _MOST_STDS) if math.isfinite(surprise) else NO_SURPRISE,
+        "Surprise": within(surprise, _MOST_STDS) if math.isfinite(surprise) else NO_SURPRISE,
     }
 
 
@@ -45,14 +44,14 @@ def force_values(model: ControlModel, estimate: Estimate, command: float, now: f
     forces = {"Drive_N": drive, "Wall_N": wall, "Lacking_N": estimate.disturbance_N}
     if not all(math.isfinite(float(force)) for force in forces.values()):
         return None
-    return {name: _within(float(force), _STRONGEST_N) for name, force in forces.items()}
+    return {name: within(float(force), _STRONGEST_N) for name, force in forces.items()}
 
 
 def wanted_values(position_m: float, speed_m_s: float, follows: bool, switches: int) -> dict[str, float]:
     """The signals of WantedMotion; what is no number is not followed."""
     return {
-        "Position_m": _within(position_m, _FARTHEST_M),
-        "Velocity_m_s": _within(speed_m_s, _FASTEST_M_S),
+        "Position_m": within(position_m, _FARTHEST_M),
+        "Velocity_m_s": within(speed_m_s, _FASTEST_M_S),
         "Following": float(follows and math.isfinite(position_m + speed_m_s)),
         "Model": min(switches, 255),
     }
@@ -65,15 +64,14 @@ def _wall(model: ControlModel, estimate: Estimate) -> int:
     return WALL["slips_forward"] if slip > least else WALL["slips_backward"] if slip < -least else WALL["sticks"]
 
 
-def _within(value: float, most: float) -> float:
+def within(value: float, most: float) -> float:
+    """`value` to at most `most` either way, 0 where it is no number."""
     return min(max(float(value), -most), most) if math.isfinite(value) else 0.0
 
 
 HEALTH_S: Final = 0.1  # period
-# on the wire
-STATES: Final[Mapping[str, int]] = MappingProxyType({"holds": 0, "doubtful": 1, "broken": 2, "not watched": 3})
-CHANGES: Final[Mapping[str, int]] = MappingProxyType({"": 0, "sudden": 1, "slow": 2})  # on the wire
-_LONGEST_S: Final = 167772.0  # what the frame can say
+STATES: Final[Mapping[str, int]] = {"holds": 0, "doubtful": 1, "broken": 2, "not watched": 3}
+CHANGES: Final[Mapping[str, int]] = {"": 0, "sudden": 1, "slow": 2}
 _MOST: Final = 2.55  # what the frame can say
 
 
@@ -82,7 +80,7 @@ def health_values(health: Health, began_s: float) -> dict[str, float]:
     return {
         "State": STATES[health.state],
         "Change": CHANGES[health.change],
-        "Since_s": min(max(health.since_s - began_s, 0.0), _LONGEST_S),
+        "Since_s": min(max(health.since_s - began_s, 0.0), LONGEST_S),
         "Evidence": min(max(health.evidence, 0.0), _MOST),
         "Alarms": min(health.alarms, 255),
     }

@@ -13,8 +13,6 @@ from controller.limits import Limits
 from hil.nodes.drive.power_stage import CarriagePower
 from hil.nodes.drive.state_machine import Stage
 
-MOST: Final = 256
-"""Frames that its firmware takes in at once."""
 _AMBIENT_C: Final = 25.0  # of a laboratory
 
 

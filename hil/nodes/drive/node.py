@@ -14,34 +14,23 @@ from hil.bus.absent import NOT_MEASURED_C
 from hil.bus.catalogue import Catalogue
 from hil.bus.codec import Refusal
 from hil.bus.protection import Receiver, Reception
+from hil.nodes import frame_map as wire
 from hil.nodes.drive import state_machine as states
 from hil.nodes.drive.power_stage import CarriagePower, CoilPower, InnerMassPower, Power
 from hil.nodes.drive.state_machine import Stage, Told
 from hil.nodes.drive.sync_clock import SyncClock
-from hil.nodes.frame_map import (
-    BOOT,
-    DERATED,
-    FAULT,
-    OFF,
-    SELF_TEST,
-    STANDBY,
-    STOPPING,
-    WAITING,
-    FrameMap,
-    answer_of,
-    plain,
-)
+from hil.nodes.frame_map import FrameMap, answer_of, heartbeat, plain
+from hil.nodes.listening import waiting
 from hil.nodes.transmit import FrameTransmitter
 
 HEARTBEAT_S: Final = 0.06  # without the controller's, after which a drive stops
 SAFE_STOP_S: Final = 0.06  # for which a safe stop holds
 HOT_S: Final = 0.2  # above its temperature, after which a drive fails
-_MOST: Final = 256  # frames of a tick
+MOST: Final = 256
+"""Frames that a firmware takes in at once."""
 _AMBIENT_C: Final = 25.0  # of a laboratory
 _WARMING_S: Final = 60.0  # time constant of the simulated drive
 _WARMTH_C: Final = 8.0  # by which it is warmer at full load
-# `State` of a heartbeat; others run
-_NODE_STATE: Final = {BOOT: 0, SELF_TEST: 0, STANDBY: 1, WAITING: 1, STOPPING: 3, FAULT: 4}
 
 
 class DriveNode:
@@ -96,12 +85,12 @@ class DriveNode:
             self.catalogue,
             (self.wiring.feedback, self.wiring.fault, self.wiring.heartbeat, self.wiring.challenge),
         )
-        self.stage = Stage(BOOT, now)
+        self.stage = Stage(wire.BOOT, now)
         self.good_at, self.stale, self.strange, self.deaf = -math.inf, 0, 0, 0
         self._number, self._answered, self._asked_at = 0, False, -math.inf
         self._metronome = SyncClock()
         self._began, self._last = now, now
-        self._mode, self._setpoint, self._taken, self._waiting = OFF, 0.0, OFF, False
+        self._mode, self._setpoint, self._taken, self._waiting = wire.OFF, 0.0, wire.OFF, False
         self._dies_at = self._stop_until = self._heard_at = self._beat_at = -math.inf
         self._reset, self._hot_since, self._phase, self._tell = states.NO_FAULT, math.inf, 0, 0
         self._stranger, self._uptime_s, self._shown = False, math.inf, 0.0
@@ -131,29 +120,25 @@ class DriveNode:
         before, self.stage, self._reset = self.stage, states.next_stage(self.stage, told, now), states.NO_FAULT
         if self.stage.fault and not before.fault:
             self._tell = 2
-        if self.stage.state == STANDBY != before.state:
+        if self.stage.state == wire.STANDBY != before.state:
             self._number, self._answered, self._asked_at = self._draw() & 0xFFFFFFFF, False, -math.inf
         self._report(now, self._phase == 0)
 
     def output(self, dt: float, sensed: float) -> float:
         """The plant's command for the next `dt` s."""
-        share = 0.0 if not states.may_move(self.stage) else 0.5 if self.stage.state == DERATED else 1.0
+        share = 0.0 if not states.may_move(self.stage) else 0.5 if self.stage.state == wire.DERATED else 1.0
         load = (self.power.output / self.limits.current_A) ** 2 if isinstance(self.power, CoilPower) else 0.0
         self.temperature_C += dt / _WARMING_S * (_AMBIENT_C + _WARMTH_C * load - self.temperature_C)
         self.temperature_C = max(self.temperature_C, self.heated_to_C)
         return self.power.step(dt, share, sensed)
 
+    def _deafened(self, _: Exception) -> None:
+        self.deaf += 1
+
     def _hear(self, now: float) -> bool:
         """Take in what has come; whether SYNC was among it."""
         synced = False
-        for _ in range(_MOST):
-            try:
-                message = self.bus.recv(0)
-            except Exception:  # noqa: BLE001 - drivers of many makers raise whatever they like
-                self.deaf += 1
-                break
-            if message is None:
-                break
+        for message in waiting(self.bus, MOST, self._deafened):
             if not plain(message):
                 self.strange += 1
                 continue
@@ -190,7 +175,7 @@ class DriveNode:
         elif name == "DriveReset" and mine:
             self._reset, self._metronome = int(values["Code"]), SyncClock()
         elif name == "EnableAnswer":
-            if values["Target"] == self.wiring.target and self.stage.state == STANDBY:
+            if values["Target"] == self.wiring.target and self.stage.state == wire.STANDBY:
                 self._answered = values["Answer"] == answer_of(self._number, self.wiring.target)
         elif name == "ControllerHeartbeat":
             if values["Uptime_s"] < self._uptime_s and self.stage.fault:
@@ -212,7 +197,7 @@ class DriveNode:
             return states.OVER_TEMPERATURE
         if self.power.overload:
             return states.OVER_CURRENT
-        moving = states.may_move(self.stage) or self.stage.state == WAITING
+        moving = states.may_move(self.stage) or self.stage.state == wire.WAITING
         if moving and (self._stranger or now - self._heard_at > HEARTBEAT_S):
             return states.HEARTBEAT_LOST
         return states.NO_FAULT
@@ -221,19 +206,14 @@ class DriveNode:
         if self._tell:
             self._tell -= 1
             self.transmitter.say(self.wiring.fault, {"Code": self.stage.fault, "Detail": 0})
-        if self.stage.state == STANDBY and not self._answered and now - self._asked_at >= 0.02 - 0.1 * self.tick_s:
+        if self.stage.state == wire.STANDBY and not self._answered and now - self._asked_at >= 0.02 - 0.1 * self.tick_s:
             self._asked_at = now
             self.transmitter.say(self.wiring.challenge, {"Number": self._number})
-        if due and self.stage.state != BOOT:
+        if due and self.stage.state != wire.BOOT:
             self.transmitter.say(self.wiring.feedback, self._feedback())
-        if now - self._beat_at >= 0.02 - 0.1 * self.tick_s and self.stage.state != BOOT:
+        if now - self._beat_at >= 0.02 - 0.1 * self.tick_s and self.stage.state != wire.BOOT:
             self._beat_at = now
-            up = min(now - self._began, 167772.0)
-            beat = {
-                "State": _NODE_STATE.get(self.stage.state, 2),
-                "Uptime_s": up,
-                "Catalogue": self.catalogue.fingerprint,
-            }
+            beat = heartbeat(wire.IN_HEARTBEAT[self.stage.state], now - self._began, self.catalogue)
             self.transmitter.say(self.wiring.heartbeat, beat)
 
     def _feedback(self) -> dict[str, float]:

@@ -5,20 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Final
 
-from hil.nodes.frame_map import (
-    BOOT,
-    DERATED,
-    ENABLE,
-    ENABLED,
-    FAULT,
-    MOVING,
-    OFF,
-    READY,
-    SELF_TEST,
-    STANDBY,
-    STOPPING,
-    WAITING,
-)
+from hil.nodes import frame_map as wire
 
 BOOT_S: Final = 0.02  # of the simulated drive
 SELF_TEST_S: Final = 0.03  # the same
@@ -33,7 +20,7 @@ class Stage:
     told "off" in standby, without which it does not become ready.
     """
 
-    state: int = BOOT
+    state: int = wire.BOOT
     since_s: float = 0.0
     fault: int = NO_FAULT
     armed: bool = False
@@ -47,7 +34,7 @@ class Told:
     been `answered`.
     """
 
-    mode: int = OFF
+    mode: int = wire.OFF
     alive: bool = False
     safe_stop: bool = False
     reset: int = NO_FAULT
@@ -65,39 +52,39 @@ def next_stage(stage: Stage, told: Told, now: float) -> Stage:
     lives, "ready" only once the challenge has been answered.
     """
     if told.cause and not stage.fault:
-        return Stage(FAULT, now, told.cause)
-    if stage.state == FAULT:
-        return Stage(STANDBY, now) if told.reset == stage.fault and not told.cause and told.at_rest else stage
+        return Stage(wire.FAULT, now, told.cause)
+    if stage.state == wire.FAULT:
+        return Stage(wire.STANDBY, now) if told.reset == stage.fault and not told.cause and told.at_rest else stage
     state = _next_state(stage, told, now)
-    if state == FAULT:
-        return Stage(FAULT, now, TIME_TO_LIVE)
-    if state == STANDBY:
-        off = told.alive and told.mode == OFF
-        return replace(stage, armed=stage.armed or off) if stage.state == STANDBY else Stage(STANDBY, now)
+    if state == wire.FAULT:
+        return Stage(wire.FAULT, now, TIME_TO_LIVE)
+    if state == wire.STANDBY:
+        off = told.alive and told.mode == wire.OFF
+        return replace(stage, armed=stage.armed or off) if stage.state == wire.STANDBY else Stage(wire.STANDBY, now)
     return stage if state == stage.state else Stage(state, now)
 
 
 def _next_state(stage: Stage, told: Told, now: float) -> int:
-    if stage.state == BOOT:
-        return SELF_TEST if now - stage.since_s >= BOOT_S else BOOT
-    if stage.state == SELF_TEST:
-        return STANDBY if now - stage.since_s >= SELF_TEST_S else SELF_TEST
-    if stage.state == STANDBY:
-        wanted = stage.armed and told.answered and told.alive and told.mode == READY and not told.safe_stop
-        return WAITING if wanted else STANDBY
-    if stage.state == STOPPING:
-        return STANDBY if told.at_rest else STOPPING
-    if stage.state == WAITING:
-        if not told.alive or told.safe_stop or told.mode not in (READY, ENABLE):
-            return STANDBY
-        return WAITING if told.mode == READY else ENABLED
+    if stage.state == wire.BOOT:
+        return wire.SELF_TEST if now - stage.since_s >= BOOT_S else wire.BOOT
+    if stage.state == wire.SELF_TEST:
+        return wire.STANDBY if now - stage.since_s >= SELF_TEST_S else wire.SELF_TEST
+    if stage.state == wire.STANDBY:
+        wanted = stage.armed and told.answered and told.alive and told.mode == wire.READY and not told.safe_stop
+        return wire.WAITING if wanted else wire.STANDBY
+    if stage.state == wire.STOPPING:
+        return wire.STANDBY if told.at_rest else wire.STOPPING
+    if stage.state == wire.WAITING:
+        if not told.alive or told.safe_stop or told.mode not in (wire.READY, wire.ENABLE):
+            return wire.STANDBY
+        return wire.WAITING if told.mode == wire.READY else wire.ENABLED
     if not told.alive:
-        return FAULT
-    if told.safe_stop or told.mode != ENABLE:
-        return STOPPING
-    return DERATED if told.hot else ENABLED
+        return wire.FAULT
+    if told.safe_stop or told.mode != wire.ENABLE:
+        return wire.STOPPING
+    return wire.DERATED if told.hot else wire.ENABLED
 
 
 def may_move(stage: Stage) -> bool:
     """Whether the drive follows its commands."""
-    return stage.state in MOVING
+    return stage.state in wire.MOVING

@@ -9,7 +9,6 @@ import heapq
 import random
 from collections import defaultdict, deque
 from collections.abc import Callable, Mapping
-from types import MappingProxyType
 from typing import Final
 
 import can
@@ -174,26 +173,24 @@ def _asking(frame: can.Message, name: str, more: int) -> can.Message:
 
 
 _Tampered = Callable[[FaultInjection, can.Message, Fault], list[can.Message]]
-_TAMPERING: Final[Mapping[str, _Tampered]] = MappingProxyType(
-    {
-        "drop": lambda link, frame, fault: [] if link._rng.random() < fault.amount else [frame],
-        "delay": lambda link, frame, fault: link._later(frame, fault.amount),
-        "duplicate": lambda link, frame, fault: [frame, frame],
-        "reorder": FaultInjection._reorder,
-        "corrupt": FaultInjection._corrupt,
-        "replay": FaultInjection._replay,
-        "retyped": FaultInjection._retype,
-        "held_back": FaultInjection._hold_back,
-        "frozen_setpoint": lambda link, frame, fault: [_stamped(link._recording(frame)[-1], frame.timestamp)],
-        "miscounted": lambda link, frame, fault: [_rewritten(frame, lambda bits: bits ^ COUNTS // 2 << 8)],
-        "out_of_range": lambda link, frame, fault: [_asking(frame, "Position_m", 1)],
-        "beyond_limits": lambda link, frame, fault: [_asking(frame, "Velocity_m_s", 0)],
-        "forged": lambda link, frame, fault: [_holding(frame, frame.data[:-1] + bytes([frame.data[-1] ^ 1]))],
-        "wrong_key": lambda link, frame, fault: [link._resealed(frame, flips=0xFF)],
-        "recorded": FaultInjection._record,
-        "unkeyed": lambda link, frame, fault: [inside(frame)],
-        "epoch_back": lambda link, frame, fault: [link._resealed(frame, back=1)],
-    }
-)
+_TAMPERING: Final[Mapping[str, _Tampered]] = {
+    "drop": lambda link, frame, fault: [] if link._rng.random() < fault.amount else [frame],
+    "delay": lambda link, frame, fault: link._later(frame, fault.amount),
+    "duplicate": lambda link, frame, fault: [frame, frame],
+    "reorder": FaultInjection._reorder,
+    "corrupt": FaultInjection._corrupt,
+    "replay": FaultInjection._replay,
+    "retyped": FaultInjection._retype,
+    "held_back": FaultInjection._hold_back,
+    "frozen_setpoint": lambda link, frame, fault: [_stamped(link._recording(frame)[-1], frame.timestamp)],
+    "miscounted": lambda link, frame, fault: [_rewritten(frame, lambda bits: bits ^ COUNTS // 2 << 8)],
+    "out_of_range": lambda link, frame, fault: [_asking(frame, "Position_m", 1)],
+    "beyond_limits": lambda link, frame, fault: [_asking(frame, "Velocity_m_s", 0)],
+    "forged": lambda link, frame, fault: [_holding(frame, frame.data[:-1] + bytes([frame.data[-1] ^ 1]))],
+    "wrong_key": lambda link, frame, fault: [link._resealed(frame, flips=0xFF)],
+    "recorded": FaultInjection._record,
+    "unkeyed": lambda link, frame, fault: [inside(frame)],
+    "epoch_back": lambda link, frame, fault: [link._resealed(frame, back=1)],
+}
 """What becomes of a frame by each fault."""
 TAMPERING: Final = tuple(_TAMPERING)

@@ -8,7 +8,6 @@ import math
 import random
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from types import MappingProxyType
 from typing import Final
 
 from hil.nodes.faults.table import Fault
@@ -58,25 +57,23 @@ class Lie:
         return self.first + self.fault.amount * way / len(_FOREIGN_S) + self.noise
 
 
-_MADE: Final[Mapping[str, Callable[[Lie, float, float], float]]] = MappingProxyType(
-    {
-        "stuck": lambda lie, since_s, value: lie.first,
-        "biased": lambda lie, since_s, value: value + lie.fault.amount,
-        "nan": lambda lie, since_s, value: math.nan,
-        "drift": Lie._drift,
-        "jumped": lambda lie, since_s, value: value + lie.fault.amount,
-        "sway": lambda lie, since_s, value: value + lie.fault.amount * math.sin(2 * math.pi * since_s / SWAY_S),
-        "flipped": lambda lie, since_s, value: -value,
-        "turned": lambda lie, since_s, value: 2 * lie.about - value,
-        "scaled": lambda lie, since_s, value: lie.about + lie.fault.amount * (value - lie.about),
-        "held": lambda lie, since_s, value: lie.noise + (lie.first if math.isnan(lie.fault.value) else lie.fault.value),
-        "swapped": lambda lie, since_s, value: value,
-        "foreign": Lie._foreign,
-        "noisy": lambda lie, since_s, value: value + math.sqrt(lie.fault.amount**2 - 1) * lie.noise,
-        "coarse": lambda lie, since_s, value: round(value / lie.fault.amount) * lie.fault.amount,
-        "sticks": lambda lie, since_s, value: value if abs(value - lie.last) >= lie.fault.amount else lie.last,
-    }
-)
+_MADE: Final[Mapping[str, Callable[[Lie, float, float], float]]] = {
+    "stuck": lambda lie, since_s, value: lie.first,
+    "biased": lambda lie, since_s, value: value + lie.fault.amount,
+    "nan": lambda lie, since_s, value: math.nan,
+    "drift": Lie._drift,
+    "jumped": lambda lie, since_s, value: value + lie.fault.amount,
+    "sway": lambda lie, since_s, value: value + lie.fault.amount * math.sin(2 * math.pi * since_s / SWAY_S),
+    "flipped": lambda lie, since_s, value: -value,
+    "turned": lambda lie, since_s, value: 2 * lie.about - value,
+    "scaled": lambda lie, since_s, value: lie.about + lie.fault.amount * (value - lie.about),
+    "held": lambda lie, since_s, value: lie.noise + (lie.first if math.isnan(lie.fault.value) else lie.fault.value),
+    "swapped": lambda lie, since_s, value: value,
+    "foreign": Lie._foreign,
+    "noisy": lambda lie, since_s, value: value + math.sqrt(lie.fault.amount**2 - 1) * lie.noise,
+    "coarse": lambda lie, since_s, value: round(value / lie.fault.amount) * lie.fault.amount,
+    "sticks": lambda lie, since_s, value: value if abs(value - lie.last) >= lie.fault.amount else lie.last,
+}
 """What a lie makes of a time in s since it began and of a sound sensor's value."""
 
 

@@ -6,7 +6,6 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any, Final
 
 from controller.drives import CARRIAGE, INNER_MASS
@@ -44,103 +43,99 @@ class FaultKind:
     rigs: tuple[str, ...] = ()
 
 
-LIES: Mapping[str, FaultKind] = MappingProxyType(
-    {
-        "drift": FaultKind("the value goes off at a steady speed", SENSORS, 0.005, "m/s or A/s", (-0.1, 0.1)),
-        "jumped": FaultKind("the value is off from one moment to the next", SENSORS[:1], 0.004, "m", (-0.1, 0.1)),
-        "sway": FaultKind("the value goes off and back in a sine of 8 s", SENSORS[:1], 0.01, "m", (-0.1, 0.1)),
-        "flipped": FaultKind("the value's sign is the other one", SENSORS),
-        "turned": FaultKind("the way since the lie began is the opposite of what it should be", _TOLD),
-        "scaled": FaultKind("the way since then is so many times what it should be", _TOLD, 2.0, "times", (0.0, 10.0)),
-        "held": FaultKind(
-            "it stays where it was, or at `value`; a localiser's with its usual noise",
-            _TOLD,
-            meaning="m, A, or share of the level",
-            range=(-5.0, 5.0),
-        ),
-        "late": FaultKind("readings are so old when they are told, and say so", SENSORS[:1], 0.12, "s", (1e-3, 0.4)),
-        "late_unsaid": FaultKind("readings are so old, told as fresh", SENSORS[:1], 0.12, "s", (1e-3, 0.4)),
-        "swapped": FaultKind(
-            "the place of carriage or inner mass is told as the capsule's",
-            SENSORS[:1],
-            rigs=(CARRIAGE.name, INNER_MASS.name),
-        ),
-        "foreign": FaultKind("a smooth motion of another rig is told", SENSORS[:1], 0.01, "m either way", (1e-4, 0.5)),
-        "noisy": FaultKind("the noise is so many times as large", SENSORS[:1], 10.0, "times", (1.0, 100.0)),
-        "coarse": FaultKind("the value comes in steps", SENSORS[:1], 0.002, "m", (1e-6, 0.1)),
-        "sticks": FaultKind(
-            "the carriage sticks until it is so far behind, and jumps there",
-            (DRIVE,),
-            0.005,
-            "m",
-            (1e-5, 0.1),
-            rigs=(CARRIAGE.name,),
-        ),
-        "restless": FaultKind(
-            "the drive moves by itself while it is not enabled, and reports it",
-            (DRIVE,),
-            0.02,
-            "m/s, A, or share of the level",
-            (-2.0, 2.0),
-        ),
-    }
-)
+LIES: Mapping[str, FaultKind] = {
+    "drift": FaultKind("the value goes off at a steady speed", SENSORS, 0.005, "m/s or A/s", (-0.1, 0.1)),
+    "jumped": FaultKind("the value is off from one moment to the next", SENSORS[:1], 0.004, "m", (-0.1, 0.1)),
+    "sway": FaultKind("the value goes off and back in a sine of 8 s", SENSORS[:1], 0.01, "m", (-0.1, 0.1)),
+    "flipped": FaultKind("the value's sign is the other one", SENSORS),
+    "turned": FaultKind("the way since the lie began is the opposite of what it should be", _TOLD),
+    "scaled": FaultKind("the way since then is so many times what it should be", _TOLD, 2.0, "times", (0.0, 10.0)),
+    "held": FaultKind(
+        "it stays where it was, or at `value`; a localiser's with its usual noise",
+        _TOLD,
+        meaning="m, A, or share of the level",
+        range=(-5.0, 5.0),
+    ),
+    "late": FaultKind("readings are so old when they are told, and say so", SENSORS[:1], 0.12, "s", (1e-3, 0.4)),
+    "late_unsaid": FaultKind("readings are so old, told as fresh", SENSORS[:1], 0.12, "s", (1e-3, 0.4)),
+    "swapped": FaultKind(
+        "the place of carriage or inner mass is told as the capsule's",
+        SENSORS[:1],
+        rigs=(CARRIAGE.name, INNER_MASS.name),
+    ),
+    "foreign": FaultKind("a smooth motion of another rig is told", SENSORS[:1], 0.01, "m either way", (1e-4, 0.5)),
+    "noisy": FaultKind("the noise is so many times as large", SENSORS[:1], 10.0, "times", (1.0, 100.0)),
+    "coarse": FaultKind("the value comes in steps", SENSORS[:1], 0.002, "m", (1e-6, 0.1)),
+    "sticks": FaultKind(
+        "the carriage sticks until it is so far behind, and jumps there",
+        (DRIVE,),
+        0.005,
+        "m",
+        (1e-5, 0.1),
+        rigs=(CARRIAGE.name,),
+    ),
+    "restless": FaultKind(
+        "the drive moves by itself while it is not enabled, and reports it",
+        (DRIVE,),
+        0.02,
+        "m/s, A, or share of the level",
+        (-2.0, 2.0),
+    ),
+}
 """Frames that are valid in form and false in content, and drives that do what they were not asked."""
-KINDS: Mapping[str, FaultKind] = MappingProxyType(
-    {
-        "drop": FaultKind("frames are lost on their way", _WAYS, 1.0, "share of the frames", _SHARE),
-        "delay": FaultKind("frames come late", _WAYS, 0.03, "s", (1e-4, 10.0)),
-        "duplicate": FaultKind("frames come twice", _WAYS),
-        "reorder": FaultKind("each two frames change places", _WAYS),
-        "corrupt": FaultKind(
-            "bits of frames are flipped behind the bus's own check", _WAYS, 1.0, "share of the frames", _SHARE
-        ),
-        "replay": FaultKind("old frames come again between the true ones", _WAYS, 20.0, "frames ago", (1, 32)),
-        "retyped": FaultKind("frames come as extended, remote, error or FD frames (FD ones: classic) in turn", _WAYS),
-        "unreadable": FaultKind("the node's interface raises whenever it is read", NODES[:2]),
-        "second_master": FaultKind("another controller speaks on the bus: time, heartbeat, commands that enable"),
-        "player": FaultKind("what the controller has said since the run began is played on the bus"),
-        "babbling": FaultKind("a node sends identifier 0, which goes before all others, without pause"),
-        "bus_off": FaultKind("a node leaves the bus by its error counters", NODES),
-        "stuck": FaultKind("the sensor repeats its last value", SENSORS),
-        "biased": FaultKind("the sensor is off", SENSORS, 0.01, "m or A", (-1.0, 1.0)),
-        "nan": FaultKind("the sensor has no number", SENSORS[:1]),
-        "lost": FaultKind("the localisation says nothing", SENSORS[:1]),
-        "over_temperature": FaultKind("the drive gets hot", value=60.0, meaning="degC", range=(-40.0, 150.0)),
-        "drive_reset": FaultKind("the drive boots anew"),
-        "encoder_error": FaultKind("the drive's encoder tells nothing", needs=MAKER),
-        "wrong_node": FaultKind("the drive answers to another node's number", needs=MAKER),
-        "wrong_bit_rate": FaultKind("the drive's end of the bus goes at another bit rate", needs=MAKER),
-        "killed": FaultKind("the controller's process is gone"),
-        "frozen": FaultKind("the controller's process stands still"),
-        "late_solve": FaultKind("the controller's solutions come too late"),
-        "released": FaultKind("the operator lets the dead-man switch go, for good", needs=OPERATOR),
-        "held_back": FaultKind(
-            "a gateway holds each setpoint back for longer than the one before",
-            (SETPOINTS,),
-            0.01,
-            "s longer",
-            (1e-4, 10.0),
-            OPERATOR,
-        ),
-        "frozen_setpoint": FaultKind("the operator's node repeats one frame", (SETPOINTS,), needs=OPERATOR),
-        "miscounted": FaultKind("counters of setpoints are 8 off, their CRC fits", (SETPOINTS,), needs=OPERATOR),
-        "out_of_range": FaultKind("positions of setpoints are out of range", (SETPOINTS,), needs=OPERATOR),
-        "beyond_limits": FaultKind("setpoints ask for 0.4 m/s", (SETPOINTS,), needs=OPERATOR),
-        "second_operator": FaultKind(
-            "somebody else steers, too: as another source, or as the same one", ("other", "same"), needs=OPERATOR
-        ),
-        "forged": FaultKind("frames have a wrong authenticator", _KEYED, needs=KEY),
-        "wrong_key": FaultKind("frames are authenticated with another key", _KEYED, needs=KEY),
-        "recorded": FaultKind(
-            "genuine frames of before, whose counters fit, come in place of the true ones", _KEYED, needs=KEY
-        ),
-        "unkeyed": FaultKind("frames are classic ones, without an authenticator", _KEYED, needs=KEY),
-        "epoch_back": FaultKind("the sender has begun anew with an earlier epoch", _KEYED, needs=KEY),
-        "clock_jump": FaultKind("the controller's clock jumps", value=0.5, meaning="s", range=(-1000.0, 1000.0)),
-        **LIES,
-    }
-)
+KINDS: Mapping[str, FaultKind] = {
+    "drop": FaultKind("frames are lost on their way", _WAYS, 1.0, "share of the frames", _SHARE),
+    "delay": FaultKind("frames come late", _WAYS, 0.03, "s", (1e-4, 10.0)),
+    "duplicate": FaultKind("frames come twice", _WAYS),
+    "reorder": FaultKind("each two frames change places", _WAYS),
+    "corrupt": FaultKind(
+        "bits of frames are flipped behind the bus's own check", _WAYS, 1.0, "share of the frames", _SHARE
+    ),
+    "replay": FaultKind("old frames come again between the true ones", _WAYS, 20.0, "frames ago", (1, 32)),
+    "retyped": FaultKind("frames come as extended, remote, error or FD frames (FD ones: classic) in turn", _WAYS),
+    "unreadable": FaultKind("the node's interface raises whenever it is read", NODES[:2]),
+    "second_master": FaultKind("another controller speaks on the bus: time, heartbeat, commands that enable"),
+    "player": FaultKind("what the controller has said since the run began is played on the bus"),
+    "babbling": FaultKind("a node sends identifier 0, which goes before all others, without pause"),
+    "bus_off": FaultKind("a node leaves the bus by its error counters", NODES),
+    "stuck": FaultKind("the sensor repeats its last value", SENSORS),
+    "biased": FaultKind("the sensor is off", SENSORS, 0.01, "m or A", (-1.0, 1.0)),
+    "nan": FaultKind("the sensor has no number", SENSORS[:1]),
+    "lost": FaultKind("the localisation says nothing", SENSORS[:1]),
+    "over_temperature": FaultKind("the drive gets hot", value=60.0, meaning="degC", range=(-40.0, 150.0)),
+    "drive_reset": FaultKind("the drive boots anew"),
+    "encoder_error": FaultKind("the drive's encoder tells nothing", needs=MAKER),
+    "wrong_node": FaultKind("the drive answers to another node's number", needs=MAKER),
+    "wrong_bit_rate": FaultKind("the drive's end of the bus goes at another bit rate", needs=MAKER),
+    "killed": FaultKind("the controller's process is gone"),
+    "frozen": FaultKind("the controller's process stands still"),
+    "late_solve": FaultKind("the controller's solutions come too late"),
+    "released": FaultKind("the operator lets the dead-man switch go, for good", needs=OPERATOR),
+    "held_back": FaultKind(
+        "a gateway holds each setpoint back for longer than the one before",
+        (SETPOINTS,),
+        0.01,
+        "s longer",
+        (1e-4, 10.0),
+        OPERATOR,
+    ),
+    "frozen_setpoint": FaultKind("the operator's node repeats one frame", (SETPOINTS,), needs=OPERATOR),
+    "miscounted": FaultKind("counters of setpoints are 8 off, their CRC fits", (SETPOINTS,), needs=OPERATOR),
+    "out_of_range": FaultKind("positions of setpoints are out of range", (SETPOINTS,), needs=OPERATOR),
+    "beyond_limits": FaultKind("setpoints ask for 0.4 m/s", (SETPOINTS,), needs=OPERATOR),
+    "second_operator": FaultKind(
+        "somebody else steers, too: as another source, or as the same one", ("other", "same"), needs=OPERATOR
+    ),
+    "forged": FaultKind("frames have a wrong authenticator", _KEYED, needs=KEY),
+    "wrong_key": FaultKind("frames are authenticated with another key", _KEYED, needs=KEY),
+    "recorded": FaultKind(
+        "genuine frames of before, whose counters fit, come in place of the true ones", _KEYED, needs=KEY
+    ),
+    "unkeyed": FaultKind("frames are classic ones, without an authenticator", _KEYED, needs=KEY),
+    "epoch_back": FaultKind("the sender has begun anew with an earlier epoch", _KEYED, needs=KEY),
+    "clock_jump": FaultKind("the controller's clock jumps", value=0.5, meaning="s", range=(-1000.0, 1000.0)),
+    **LIES,
+}
 
 
 @dataclass(frozen=True)

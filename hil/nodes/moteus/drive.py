@@ -11,13 +11,15 @@ from typing import Final
 import can
 
 from controller.limits import Limits
-from hil.nodes.drive.makers import MOST, MakersDrive
+from hil.bus.wrapping import fd_frame
+from hil.nodes.drive.makers import MakersDrive
+from hil.nodes.drive.node import MOST
 from hil.nodes.drive.power_stage import CarriagePower
 from hil.nodes.drive.state_machine import NO_FAULT, TIME_TO_LIVE, Stage
 from hil.nodes.frame_map import ENABLED, FAULT, STANDBY
 from hil.nodes.listening import waiting
 from hil.nodes.moteus.multiplex import LINE, POLL, READ_ONLY, UNKNOWN, WRITE, Part, answer, error, parts
-from hil.nodes.moteus.registers import SESSION
+from hil.nodes.moteus.registers import SESSION, padded
 from hil.nodes.moteus.table import FAULTS, MoteusTable
 from hil.nodes.moteus.trajectory import MotorPath
 
@@ -136,7 +138,9 @@ class MoteusDrive(MakersDrive):
         wrong = OVER_TEMPERATURE if self.temperature_C > self.limits.temperature_C else wrong
         if wrong and self.mode not in (STOPPED, FAULTED):
             self._fail(wrong)
-        if self.mode == POSITION and self._now - self.good_at > self._or_default(0x27, "servo.default_timeout_s"):
+        if self.mode == POSITION and self._now - self.good_at > (
+            self.watchdog_s or self.settings["servo.default_timeout_s"]
+        ):
             self._become(TIMED_OUT)
             speed, acceleration = (self.settings[f"servo.default_{what}_limit"] for what in ("velocity", "accel"))
             self.path.command(math.nan, 0.0, speed, acceleration)
@@ -226,9 +230,6 @@ class MoteusDrive(MakersDrive):
         value = self.settings[setting] if math.isnan(self.held[number]) else self.held[number]
         return math.nan if self.held[number] < 0 else value
 
-    def _or_default(self, number: int, setting: str) -> float:
-        return self.settings[setting] if self.held[number] == 0.0 else self.held[number]
-
     def _register(self, number: int) -> float | None:
         scale = math.nan if self.broken else self.table.turns_per_m
         known = {
@@ -265,16 +266,4 @@ class MoteusDrive(MakersDrive):
             self.mode, self._since = mode, self._now
 
     def _say(self, destination: int, data: bytes) -> None:
-        data = data[:_LONGEST]
-        length = next(n for n in (*range(9), 12, 16, 20, 24, 32, 48, _LONGEST) if n >= len(data))
-        identifier = self.prefix << 16 | self.node_id << 8 | destination
-        self.send(
-            can.Message(
-                arbitration_id=identifier,
-                is_extended_id=identifier > 0x7FF,
-                is_fd=True,
-                bitrate_switch=True,
-                data=data + bytes([0x50]) * (length - len(data)),
-                is_rx=False,
-            )
-        )
+        self.send(fd_frame(self.prefix << 16 | self.node_id << 8 | destination, padded(data[:_LONGEST])))

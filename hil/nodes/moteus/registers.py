@@ -10,6 +10,8 @@ from typing import Final
 
 import can
 
+from hil.bus.wrapping import fd_frame
+
 MODE, POSITION, VELOCITY, HOME_STATE, FAULT_CODE = 0x00, 0x01, 0x02, 0x0C, 0x0F  # registers of moteus' reference
 COMMAND_POSITION, COMMAND_VELOCITY, MAXIMUM_TORQUE, SET_OUTPUT_EXACT = 0x20, 0x21, 0x25, 0x131  # the same
 WATCHDOG_TIMEOUT, VELOCITY_LIMIT, ACCELERATION_LIMIT = 0x27, 0x28, 0x29  # the same
@@ -49,15 +51,12 @@ def _varuint(number: int) -> bytes:
 
 def frame_to(node: int, data: bytes, prefix: int = 0, least: int = 0) -> can.Message:
     """A frame to a node, a reply wanted, padded to a length that CAN FD has, of at least `least` bytes."""
-    length = next(n for n in _LENGTHS if n >= max(len(data), least))
-    return can.Message(
-        arbitration_id=prefix << 16 | REPLY_WANTED | HOST << 8 | node,
-        is_extended_id=True,
-        is_fd=True,
-        bitrate_switch=True,
-        data=data + bytes([NOP]) * (length - len(data)),
-        is_rx=False,
-    )
+    return fd_frame(prefix << 16 | REPLY_WANTED | HOST << 8 | node, padded(data, least))
+
+
+def padded(data: bytes, least: int = 0) -> bytes:
+    """`data` with as many `NOP` as make a length that CAN FD has, of at least `least` bytes."""
+    return data.ljust(next(n for n in _LENGTHS if n >= max(len(data), least)), bytes([NOP]))
 
 
 def framed(message: can.Message) -> bool:

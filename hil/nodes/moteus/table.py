@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Final
 
 import can
@@ -14,29 +13,27 @@ from hil.nodes.moteus import registers as wire
 from hil.nodes.turning import Turning
 
 _SENSOR, _SUPPLY, _SELF_TEST, INTERNAL = 7, 9, 10, 11  # `Fault` of the catalogue
-FAULTS: Final[Mapping[int, tuple[str, int]]] = MappingProxyType(
-    {
-        32: ("calibration fault", _SENSOR),
-        33: ("motor driver fault", OVER_CURRENT),
-        34: ("over voltage", _SUPPLY),
-        35: ("encoder fault", _SENSOR),
-        36: ("motor not configured", _SELF_TEST),
-        37: ("pwm cycle overrun", INTERNAL),
-        38: ("over temperature", OVER_TEMPERATURE),
-        39: ("outside limit", INTERNAL),
-        40: ("under voltage", _SUPPLY),
-        41: ("config changed", INTERNAL),
-        42: ("theta invalid", _SENSOR),
-        43: ("position invalid", _SENSOR),
-        44: ("driver enable fault", INTERNAL),
-        45: ("stop position deprecated", INTERNAL),
-        46: ("timing violation", INTERNAL),
-        47: ("bemf feedforward no accel", INTERNAL),
-        48: ("invalid limits", INTERNAL),
-        49: ("position control error", INTERNAL),
-        50: ("velocity control error", INTERNAL),
-    }
-)
+FAULTS: Final[Mapping[int, tuple[str, int]]] = {
+    32: ("calibration fault", _SENSOR),
+    33: ("motor driver fault", OVER_CURRENT),
+    34: ("over voltage", _SUPPLY),
+    35: ("encoder fault", _SENSOR),
+    36: ("motor not configured", _SELF_TEST),
+    37: ("pwm cycle overrun", INTERNAL),
+    38: ("over temperature", OVER_TEMPERATURE),
+    39: ("outside limit", INTERNAL),
+    40: ("under voltage", _SUPPLY),
+    41: ("config changed", INTERNAL),
+    42: ("theta invalid", _SENSOR),
+    43: ("position invalid", _SENSOR),
+    44: ("driver enable fault", INTERNAL),
+    45: ("stop position deprecated", INTERNAL),
+    46: ("timing violation", INTERNAL),
+    47: ("bemf feedforward no accel", INTERNAL),
+    48: ("invalid limits", INTERNAL),
+    49: ("position control error", INTERNAL),
+    50: ("velocity control error", INTERNAL),
+}
 """Fault codes of mode 1: names, and the catalogue's code of a fault. Codes from 96 on only tell a limit at work."""
 WATCHDOG: Final = ("watchdog expired (mode 11, timeout)", TIME_TO_LIVE)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
-from types import MappingProxyType
+from collections.abc import Mapping
 from typing import Final
 
 import can
@@ -15,13 +15,11 @@ from hil.nodes.odrive import protocol as wire
 from hil.nodes.odrive.table import FREE_NODES, OdriveTable
 from hil.nodes.turning import IDLE_TICKS, TurningBus
 
-_SAID: Final = MappingProxyType(
-    {
-        wire.HEARTBEAT: ("CarriageHeartbeat", 7),
-        wire.GET_ERROR: ("CarriageFault", 8),
-        wire.GET_ENCODER_ESTIMATES: ("CarriageFeedback", 8),
-    }
-)
+_SAID: Final[Mapping[int, tuple[str, int]]] = {
+    wire.HEARTBEAT: ("CarriageHeartbeat", 7),
+    wire.GET_ERROR: ("CarriageFault", 8),
+    wire.GET_ENCODER_ESTIMATES: ("CarriageFeedback", 8),
+}
 """What becomes of its frames, and how long they are at least."""
 _ASK_TICKS: Final = 10  # between two questions
 _GIVE_UP_TICKS, _FAILED_TICKS = 250, 50

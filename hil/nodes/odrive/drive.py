@@ -10,7 +10,8 @@ from typing import Final
 
 import can
 
-from hil.nodes.drive.makers import MOST, MakersDrive
+from hil.nodes.drive.makers import MakersDrive
+from hil.nodes.drive.node import MOST
 from hil.nodes.drive.state_machine import NO_FAULT, Stage
 from hil.nodes.frame_map import BOOT, ENABLED, FAULT, STANDBY, plain
 from hil.nodes.listening import waiting

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Final
 
 from hil.nodes.drive.state_machine import OVER_CURRENT, OVER_TEMPERATURE, TIME_TO_LIVE
@@ -21,25 +20,23 @@ TOLD: Final = (GET_VERSION, HEARTBEAT, GET_ERROR, TX_SDO, ADDRESS, GET_ENCODER_E
 BROADCAST: Final = 63
 """The node by which every drive is spoken to, and at which one without an address stands."""
 UNDEFINED, IDLE, CLOSED_LOOP = 0, 1, 8  # axis states
-AXIS_STATES: Final[Mapping[int, str]] = MappingProxyType(
-    {
-        UNDEFINED: "undefined (it boots)",
-        IDLE: "idle",
-        2: "startup sequence",
-        3: "full calibration sequence",
-        4: "motor calibration",
-        5: "sensorless control",
-        6: "encoder index search",
-        7: "encoder offset calibration",
-        CLOSED_LOOP: "closed loop control, by somebody else",
-        9: "lock-in spin",
-        10: "encoder direction find",
-        11: "homing",
-        12: "encoder hall polarity calibration",
-        13: "encoder hall phase calibration",
-        14: "anticogging calibration",
-    }
-)
+AXIS_STATES: Final[Mapping[int, str]] = {
+    UNDEFINED: "undefined (it boots)",
+    IDLE: "idle",
+    2: "startup sequence",
+    3: "full calibration sequence",
+    4: "motor calibration",
+    5: "sensorless control",
+    6: "encoder index search",
+    7: "encoder offset calibration",
+    CLOSED_LOOP: "closed loop control, by somebody else",
+    9: "lock-in spin",
+    10: "encoder direction find",
+    11: "homing",
+    12: "encoder hall polarity calibration",
+    13: "encoder hall phase calibration",
+    14: "anticogging calibration",
+}
 """Axis states in words; in all but the first two the motor has a current."""
 SUCCESS, BUSY, DISARMED, INVALID_STATE, NOT_CALIBRATED = 0, 1, 3, 13, 14  # places in `RESULTS`
 RESULTS: Final[tuple[str, ...]] = (
@@ -70,31 +67,29 @@ LARGEST_VEL_FF: Final = 32767  # of a signed word of 16 bits
 HEARTBEAT_S: Final = 0.02  # period that is set
 INITIALIZING: Final = 1  # bit of ODrive.Error
 _OVER_SPEED, _SENSOR, _SUPPLY, _INTERNAL = 3, 7, 9, 11  # `Fault` of the catalogue
-ERRORS: Final[Mapping[int, tuple[str, int]]] = MappingProxyType(
-    {
-        0x2: ("SYSTEM_LEVEL", _INTERNAL),
-        0x4: ("TIMING_ERROR", _INTERNAL),
-        0x8: ("MISSING_ESTIMATE", _SENSOR),
-        0x10: ("BAD_CONFIG", _INTERNAL),
-        0x20: ("DRV_FAULT", _INTERNAL),
-        0x40: ("MISSING_INPUT", _INTERNAL),
-        0x100: ("DC_BUS_OVER_VOLTAGE", _SUPPLY),
-        0x200: ("DC_BUS_UNDER_VOLTAGE", _SUPPLY),
-        0x400: ("DC_BUS_OVER_CURRENT", OVER_CURRENT),
-        0x800: ("DC_BUS_OVER_REGEN_CURRENT", OVER_CURRENT),
-        0x1000: ("CURRENT_LIMIT_VIOLATION", OVER_CURRENT),
-        0x2000: ("MOTOR_OVER_TEMP", OVER_TEMPERATURE),
-        0x4000: ("INVERTER_OVER_TEMP", OVER_TEMPERATURE),
-        0x8000: ("VELOCITY_LIMIT_VIOLATION", _OVER_SPEED),
-        0x10000: ("POSITION_LIMIT_VIOLATION", _INTERNAL),
-        0x1000000: ("WATCHDOG_TIMER_EXPIRED", TIME_TO_LIVE),
-        0x2000000: ("ESTOP_REQUESTED", _INTERNAL),
-        0x4000000: ("SPINOUT_DETECTED", _SENSOR),
-        0x8000000: ("BRAKE_RESISTOR_DISARMED", _SUPPLY),
-        0x10000000: ("THERMISTOR_DISCONNECTED", _SENSOR),
-        0x40000000: ("CALIBRATION_ERROR", _SENSOR),
-    }
-)
+ERRORS: Final[Mapping[int, tuple[str, int]]] = {
+    0x2: ("SYSTEM_LEVEL", _INTERNAL),
+    0x4: ("TIMING_ERROR", _INTERNAL),
+    0x8: ("MISSING_ESTIMATE", _SENSOR),
+    0x10: ("BAD_CONFIG", _INTERNAL),
+    0x20: ("DRV_FAULT", _INTERNAL),
+    0x40: ("MISSING_INPUT", _INTERNAL),
+    0x100: ("DC_BUS_OVER_VOLTAGE", _SUPPLY),
+    0x200: ("DC_BUS_UNDER_VOLTAGE", _SUPPLY),
+    0x400: ("DC_BUS_OVER_CURRENT", OVER_CURRENT),
+    0x800: ("DC_BUS_OVER_REGEN_CURRENT", OVER_CURRENT),
+    0x1000: ("CURRENT_LIMIT_VIOLATION", OVER_CURRENT),
+    0x2000: ("MOTOR_OVER_TEMP", OVER_TEMPERATURE),
+    0x4000: ("INVERTER_OVER_TEMP", OVER_TEMPERATURE),
+    0x8000: ("VELOCITY_LIMIT_VIOLATION", _OVER_SPEED),
+    0x10000: ("POSITION_LIMIT_VIOLATION", _INTERNAL),
+    0x1000000: ("WATCHDOG_TIMER_EXPIRED", TIME_TO_LIVE),
+    0x2000000: ("ESTOP_REQUESTED", _INTERNAL),
+    0x4000000: ("SPINOUT_DETECTED", _SENSOR),
+    0x8000000: ("BRAKE_RESISTOR_DISARMED", _SUPPLY),
+    0x10000000: ("THERMISTOR_DISCONNECTED", _SENSOR),
+    0x40000000: ("CALIBRATION_ERROR", _SENSOR),
+}
 """The bits of an axis error: its name, and the catalogue's code of a fault."""
 
 

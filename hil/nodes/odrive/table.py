@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Final
 
 import can
@@ -78,16 +77,14 @@ _TAKEN: Final = {frame.id >> 5 for frame in frames().frames.values()}
 FREE_NODES: Final = tuple(n for n in range(wire.BROADCAST) if n not in _TAKEN)
 """Nodes none of whose 32 identifiers is one of the catalogue's, but for that of all."""
 
-READ_BACK: Final[Mapping[str, tuple[str, Callable[[OdriveTable, float], float]]]] = MappingProxyType(
-    {
-        "axis0.controller.config.control_mode": ("<B", lambda *_: wire.POSITION_CONTROL),
-        "axis0.controller.config.input_mode": ("<B", lambda *_: wire.PASSTHROUGH),
-        "axis0.controller.config.vel_limit": ("<f", lambda table, speed_m_s: abs(table.turns_per_m) * speed_m_s),
-        "axis0.config.motor.current_soft_max": ("<f", lambda table, _: table.motor_current_A),
-        "axis0.config.can.input_vel_scale": ("<I", lambda *_: wire.VEL_FF_SCALE),
-        "axis0.controller.config.circular_setpoints": ("<?", lambda *_: 0),
-    }
-)
+READ_BACK: Final[Mapping[str, tuple[str, Callable[[OdriveTable, float], float]]]] = {
+    "axis0.controller.config.control_mode": ("<B", lambda *_: wire.POSITION_CONTROL),
+    "axis0.controller.config.input_mode": ("<B", lambda *_: wire.PASSTHROUGH),
+    "axis0.controller.config.vel_limit": ("<f", lambda table, speed_m_s: abs(table.turns_per_m) * speed_m_s),
+    "axis0.config.motor.current_soft_max": ("<f", lambda table, _: table.motor_current_A),
+    "axis0.config.can.input_vel_scale": ("<I", lambda *_: wire.VEL_FF_SCALE),
+    "axis0.controller.config.circular_setpoints": ("<?", lambda *_: 0),
+}
 """What is read back where the drive's endpoint of that path is stated: its type, and what it must hold for a table and
 a speed in m/s."""
 

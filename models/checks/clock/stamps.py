@@ -14,7 +14,7 @@ def check_restart(view: View) -> list[RecordFinding]:
     back = np.flatnonzero(np.diff(view.t) < 0) + 1
     if not len(back):
         return []
-    if len(back) > 0.9 * len(view.t):
+    if len(back) > SET.stamps_back * len(view.t):
         said = f"t_s falls from {view.t[0]:.6g} to {view.t[-1]:.6g} s: the rows stand in reverse order"
         how, remedy = "nearly every stamp is smaller than the one before", "sort the rows by t_s"
         return [view.finding("stamps_reversed", "stops", "t_s, throughout", said, how, remedy)]
@@ -60,7 +60,7 @@ def check_uneven(view: View) -> list[RecordFinding]:
         return []
     found = []
     lost = np.flatnonzero((np.diff(view.t) / view.dt > 1.5) & (np.diff(view.t) / view.dt <= SET.stamps_pause)) + 1
-    jitter = float(np.std(steps[(steps > 0.2) & (steps < 1.5)])) if np.any((steps > 0.2) & (steps < 1.5)) else 0.0
+    jitter = float(np.std(usual)) if np.any(usual := steps[(steps > SET.stamps_short) & (steps < 1.5)]) else 0.0
     if jitter > SET.stamps_uneven:
         found.append(
             view.finding(

@@ -45,7 +45,11 @@ def _starts_loaded(view: View) -> bool:
     load = view.record["carriage_position_m"] - view.record["position_m"]
     low, high = np.percentile(load[view.moves], [10, 90])
     forth = float(np.mean(view.speed[view.moves] > 0))
-    middle, most = (0.5 * (low + high), 0.5 * (high - low)) if 0.2 < forth < 0.8 else (0.0, max(abs(low), abs(high)))
+    middle, most = (
+        (0.5 * (low + high), 0.5 * (high - low))
+        if SET.both_ways < forth < 1 - SET.both_ways
+        else (0.0, max(abs(low), abs(high)))
+    )
     return bool(abs(float(np.mean(load[_first(view, SET.at_once_s)])) - middle) > SET.loaded * most > 0)
 
 

@@ -26,8 +26,8 @@ def fresh(view: View) -> Mask:
         return every
     mask = np.zeros(len(y), dtype=bool)
     mask[changes] = True
-    long = changes[:-1][lengths > 1.9 * usual]  # the same value measured again
-    for first, length in zip(long, lengths[lengths > 1.9 * usual], strict=True):
+    long = changes[:-1][lengths > SET.held_again * usual]  # the same value measured again
+    for first, length in zip(long, lengths[lengths > SET.held_again * usual], strict=True):
         mask[np.round(np.arange(first, first + length - 0.5 * usual, usual)).astype(int)] = True
     return mask
 
@@ -35,7 +35,7 @@ def fresh(view: View) -> Mask:
 def check_held_values(view: View) -> list[RecordFinding]:
     """A measured column that holds its values for several samples."""
     new = fresh(view)
-    if new.all() or clipped(view).mean() > 0.2:
+    if new.all() or clipped(view).mean() > SET.held_clipped:
         return []
     rate, true = 1 / view.dt, float(new.mean()) / view.dt
     return [

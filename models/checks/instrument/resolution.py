@@ -55,7 +55,11 @@ def check_resolution(view: View) -> list[RecordFinding]:
     if not view.timed:
         return []
     step = grid_step(view.y)
-    if step == 0 or step <= SET.coarse * view.noise or (view.noise == 0 and np.mean(np.diff(view.y) == 0) < 0.3):
+    if (
+        step == 0
+        or step <= SET.coarse * view.noise
+        or (view.noise == 0 and np.mean(np.diff(view.y) == 0) < SET.coarse_equal)
+    ):
         return []
     levels = round(float(np.ptp(view.y)) / step) + 1
     unit = view.unit

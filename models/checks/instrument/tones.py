@@ -65,7 +65,9 @@ def _throughout(view: View) -> list[tuple[float, float]]:
         near = slice(max(0, k - 3), k + 4)
         rms = np.sqrt(np.median(np.sum((power - level)[:, near], axis=1)) * (frequency[1] - frequency[0]))
         found.append((float(frequency[k]), float(np.sqrt(2) * rms / (2 * np.sin(np.pi * frequency[k] * view.dt)))))
-        ratio[np.abs(frequency - frequency[k]) < max(0.05 * frequency[k], 6 * (frequency[1] - frequency[0]))] = 0.0
+        ratio[
+            np.abs(frequency - frequency[k]) < max(SET.tone_wide * frequency[k], 6 * (frequency[1] - frequency[0]))
+        ] = 0.0
     return found
 
 
@@ -73,7 +75,7 @@ def check_tones(view: View) -> list[RecordFinding]:
     """Mains hum and ringing on the measured column."""
     unit, n = view.measured.rsplit("_", 1)[1], len(view.y)
     speeds = np.abs(view.speed[view.moves]) if view.timed else np.zeros(0)
-    steady = len(speeds) > 0 and float(np.percentile(speeds, 90)) < 1.3 * float(np.percentile(speeds, 10))
+    steady = len(speeds) > 0 and float(np.percentile(speeds, 90)) < SET.tone_speeds * float(np.percentile(speeds, 10))
     own = steady or not view.kind.imposed  # stick-slip at one speed, or the tone of a capsule on its spring
     shown = []
     for hertz, amplitude in tones(view):

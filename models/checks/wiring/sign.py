@@ -52,7 +52,7 @@ def _stroke(view: View, force: Array) -> str:
         ends = np.array([d * float(np.mean(piece)) for piece in np.array_split(force[(a + b) // 2 : b], 8)])
     error = max(float(np.std(ends)) / np.sqrt(len(ends)), 3 * white_noise(force) / np.sqrt(len(force)), 1e-15)
     mean = float(np.mean(ends))
-    if mean < -SET.sure * error and mean < -0.3 * float(np.percentile(np.abs(force), 90)):
+    if mean < -SET.sure * error and mean < -SET.sign_mean * float(np.percentile(np.abs(force), 90)):
         return f"force times direction is {mean:.3g} N on average over {len(ends)} strokes; friction makes it positive"
     return ""
 
@@ -96,7 +96,11 @@ def _stage(view: View) -> str:
     weights, *_ = np.linalg.lstsq(rows / scale, force, rcond=None)
     work = float(np.sum(force * v)) * view.dt
     lost = float(np.sum(np.abs(force * v))) * view.dt
-    if work < -0.05 * lost and weights[1] < 0 and (weights[0] < 0 or abs(weights[0]) < 0.2 * abs(weights[1])):
+    if (
+        work < -SET.sign_work * lost
+        and weights[1] < 0
+        and (weights[0] < 0 or abs(weights[0]) < SET.sign_weight * abs(weights[1]))
+    ):
         return "mass and friction both come out negative, and the work of the force over the record is negative"
     return ""
 
@@ -111,7 +115,7 @@ def check_drive_sign(view: View) -> list[RecordFinding]:
         return []
     slope = _slope(c, x)
     correlation = slope * float(np.std(c)) / float(np.std(x))
-    if correlation > SET.sign_against or np.ptp(x) < 0.2 * np.ptp(c):
+    if correlation > SET.sign_against or np.ptp(x) < SET.sign_follows * np.ptp(c):
         return []
     return [
         view.finding(

@@ -141,7 +141,7 @@ def varied(plan: Plan, rng: np.random.Generator) -> Plan:
 def _random_move(room: Room, here: float, rng: np.random.Generator) -> Move:
     speed = room.speed * float(np.exp(rng.uniform(np.log(SET.slow), 0.0)))
     farthest = min(room.span, SET.plan_long_move * room.length * speed)
-    if rng.random() < 0.25:
+    if rng.random() < SET.plan_turns:
         farthest = min(farthest, SET.plan_small * room.span)
     way = float(rng.uniform(0.3, 1.0)) * farthest
     up, down = here + way <= room.high, here - way >= room.low

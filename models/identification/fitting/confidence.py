@@ -120,7 +120,7 @@ def memory(residual: np.ndarray) -> float:
     total = 1.0
     for lag in range(1, min(200, n // 4)):
         rho = float(r[:-lag] @ r[lag:]) / power
-        if rho < 0.02:
+        if rho < SET.memoryless:
             break
         total += 2 * rho
     return total

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from controller.estimator.base import Receiver
-from controller.estimator.cubature_filter import Estimator
+from controller.estimator.base import Estimator
+from controller.estimator.cubature_filter import CubatureEstimator
 from controller.estimator.particle_filter import ParticleEstimator
 from controller.estimator.ukf import UnscentedEstimator
 from controller.signals import Array, Measurement
@@ -21,11 +21,11 @@ from plant.session import Instruments, Session
 from tests.controller.loops import model_of
 
 MODEL = model_of().sharp
-each = pytest.mark.parametrize("kind", [Estimator, ParticleEstimator, UnscentedEstimator])
+each = pytest.mark.parametrize("kind", [CubatureEstimator, ParticleEstimator, UnscentedEstimator])
 
 
 def follow(
-    estimator: Receiver, duration_s: float, place: Instrument | None = None, truth: Truth | None = None, seed: int = 0
+    estimator: Estimator, duration_s: float, place: Instrument | None = None, truth: Truth | None = None, seed: int = 0
 ) -> tuple[Array, Array, Array]:
     """Estimated less true position, whether lost, and what the newest position alone would be off by, a row a tick."""
     session = Session(truth or Truth(TrueMagnet()), Instruments(localisation=place or Instrument()), seed)
@@ -45,7 +45,7 @@ def follow(
 @each
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_an_innovation_has_the_sign_of_what_was_measured_beyond_what_was_expected(
-    kind: type[Receiver], side: float
+    kind: type[Estimator], side: float
 ) -> None:
     estimator = kind(MODEL)
     for k in range(50):
@@ -55,7 +55,7 @@ def test_an_innovation_has_the_sign_of_what_was_measured_beyond_what_was_expecte
 
 
 @each
-def test_position_is_known_better_than_measured(kind: type[Receiver]) -> None:
+def test_position_is_known_better_than_measured(kind: type[Estimator]) -> None:
     """Half of the sensor's noise or less, although tissue and magnet are off, and never lost once begun."""
     estimator = kind(MODEL)
     off, lost, raw = follow(estimator, 4.0, truth=Truth(TrueMagnet(24.0), hoop_factor=1.1))
@@ -65,7 +65,7 @@ def test_position_is_known_better_than_measured(kind: type[Receiver]) -> None:
 
 
 @each
-def test_latency_is_undone(kind: type[Receiver]) -> None:
+def test_latency_is_undone(kind: type[Estimator]) -> None:
     """Without noise, positions that are 40 ms late are as good as prompt ones."""
     estimator = kind(MODEL)
     off, _, raw = follow(estimator, 2.5, Instrument(std=0.0, latency_s=0.04))
@@ -76,7 +76,7 @@ def test_latency_is_undone(kind: type[Receiver]) -> None:
 
 
 @each
-def test_outliers_are_refused(kind: type[Receiver]) -> None:
+def test_outliers_are_refused(kind: type[Estimator]) -> None:
     """A twentieth of the readings anywhere within 30 mm: refused, and the estimate stays."""
     estimator = kind(MODEL)
     off, lost, _ = follow(estimator, 3.5, Instrument(outlier_share=0.05, outlier_size=30e-3))
@@ -86,7 +86,7 @@ def test_outliers_are_refused(kind: type[Receiver]) -> None:
 
 
 @each
-def test_a_gap_is_bridged_and_said(kind: type[Receiver]) -> None:
+def test_a_gap_is_bridged_and_said(kind: type[Estimator]) -> None:
     """Lost 150 ms after the last position, the path predicted meanwhile, found again with the first readings."""
     off, lost, _ = follow(kind(MODEL), 3.0, Instrument(gaps_s=(1.5, 1.0)))
     assert not lost[500:1640].any()
@@ -96,7 +96,7 @@ def test_a_gap_is_bridged_and_said(kind: type[Receiver]) -> None:
 
 
 @each
-def test_nan_and_unknown_channels_change_nothing(kind: type[Receiver]) -> None:
+def test_nan_and_unknown_channels_change_nothing(kind: type[Estimator]) -> None:
     """NaN, infinity, far future, far past and unknown channels are counted, not used."""
     estimator = kind(MODEL)
     estimator.observe(0.0, 0.0, [Measurement("position_m", 0.0, 0.0)])
@@ -115,7 +115,7 @@ def test_nan_and_unknown_channels_change_nothing(kind: type[Receiver]) -> None:
 
 
 @each
-def test_moved_by_hand_it_begins_anew(kind: type[Receiver]) -> None:
+def test_moved_by_hand_it_begins_anew(kind: type[Estimator]) -> None:
     """Readings that stay elsewhere win after `outliers_in_a_row`; until they are proven the estimate counts as lost."""
     estimator = kind(MODEL)
     lost, places = [], []
@@ -132,7 +132,7 @@ def test_moved_by_hand_it_begins_anew(kind: type[Receiver]) -> None:
 
 
 @each
-def test_a_slip_that_the_model_does_not_know_is_followed_within_four_readings(kind: type[Receiver]) -> None:
+def test_a_slip_that_the_model_does_not_know_is_followed_within_four_readings(kind: type[Estimator]) -> None:
     """The capsule lies still, then slips 8 mm at 0.12 m/s under a carriage that stays."""
     estimator = kind(MODEL)
     for k in range(1, 601):
@@ -149,7 +149,7 @@ def test_a_slip_that_the_model_does_not_know_is_followed_within_four_readings(ki
 
 
 @each
-def test_a_carriage_that_lags_behind_is_believed(kind: type[Receiver]) -> None:
+def test_a_carriage_that_lags_behind_is_believed(kind: type[Estimator]) -> None:
     """Where the drive's own encoder says that the carriage is 1 mm short, the estimate goes by the encoder."""
     found = []
     for report in (False, True):
@@ -164,7 +164,7 @@ def test_a_carriage_that_lags_behind_is_believed(kind: type[Receiver]) -> None:
 
 
 @each
-def test_a_coil_is_followed_too(kind: type[Receiver]) -> None:
+def test_a_coil_is_followed_too(kind: type[Estimator]) -> None:
     """Voltage in, position and current out: the current near its feedback, the position better than measured."""
     model = model_of("coil").sharp
     estimator = kind(model)

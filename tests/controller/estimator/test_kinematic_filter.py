@@ -9,7 +9,7 @@ import math
 import numpy as np
 import pytest
 
-from controller.estimator.base import Receiver
+from controller.estimator.base import Estimator
 from controller.estimator.kinematic_filter import KinematicFilter, Kinematics
 from controller.estimator.ukf import UnscentedEstimator
 from controller.registry import estimator_for
@@ -63,6 +63,6 @@ def test_only_the_classical_controllers_get_it() -> None:
     assert isinstance(estimator_for("pid", MODEL), KinematicFilter)
     assert isinstance(estimator_for("pid_friction", MODEL), KinematicFilter)
     for name in ("pid_estimated", "lqr", "feedforward", "mpc"):
-        assert isinstance(estimator_for(name, MODEL), Receiver)
+        assert isinstance(estimator_for(name, MODEL), Estimator)
     for name in ("pid", "mpc"):
         assert isinstance(estimator_for(name, MODEL, "ukf"), UnscentedEstimator)

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from controller.estimator.base import Receiver
-from controller.estimator.cubature_filter import Estimator
+from controller.estimator.base import Estimator
+from controller.estimator.cubature_filter import CubatureEstimator
 from controller.estimator.particle_filter import ParticleEstimator
 from controller.estimator.particle_kernels import draw, led, scatter, survey, weigh
 from controller.model.control_model import ControlModel
@@ -25,7 +25,7 @@ from tests.controller.loops import model_of
 MODEL = model_of().sharp
 
 
-def errors(kind: type[Receiver], truth: Truth, seed: int, seconds: float = 8.0, model: ControlModel = MODEL) -> Array:
+def errors(kind: type[Estimator], truth: Truth, seed: int, seconds: float = 8.0, model: ControlModel = MODEL) -> Array:
     """Estimated less true position in m, a tick each, behind a carriage that goes on at 1 mm/s."""
     estimator, session, off = kind(model), Session(truth, seed=seed), []
     for k in range(1, round(seconds * 1e3) + 1):
@@ -43,7 +43,7 @@ def test_in_guts_that_change_it_knows_more_than_the_gaussian_filter() -> None:
             np.sqrt(np.mean(errors(kind, Truth(TrueMagnet(24.2), anatomy=random_anatomy(gut)), gut)[2000:] ** 2))
             for gut in range(200, 203)
         ]
-        for kind in (ParticleEstimator, Estimator)
+        for kind in (ParticleEstimator, CubatureEstimator)
     ]
     particles, gaussian = np.sqrt(np.mean(np.square(found), axis=1))
     assert particles < 0.9 * gaussian

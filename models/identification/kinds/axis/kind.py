@@ -339,5 +339,5 @@ def blocks_of_cycle(record: Record, position: str, count: int = 4) -> list[tuple
     lag = repeat_lag(record[position], rate) or len(record)
     block = (np.arange(len(record)) % lag) * count // lag
     edges = [0, *(np.flatnonzero(np.diff(block)) + 1), len(record)]
-    pieces = [(int(block[a]), record.rows(slice(a, b))) for a, b in pairwise(edges) if b - a > 0.4 * rate]
+    pieces = [(int(block[a]), record.rows(slice(a, b))) for a, b in pairwise(edges) if b - a > SET.piece_s * rate]
     return [([p for k, p in pieces if k != out], [p for k, p in pieces if k == out]) for out in range(count)]

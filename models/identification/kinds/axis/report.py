@@ -42,7 +42,7 @@ def statements(kind: AxisKind, theta_by_stage: Mapping[str, Theta], records: Seq
             f"A position read {late:.2f} ms late and a drive that lags by {late:.2f} ms (actuator_lag) are the same "
             f"below 40 Hz to {100 * (2 * np.pi * 40 * late * 1e-3) ** 2 / 2:.1f} %."
         )
-    if theta.get("viscous_drag.exponent", 1.0) < 0.8:
+    if theta.get("viscous_drag.exponent", 1.0) < SET.sublinear:
         out.append(
             "The extra drag grows ever slower with speed, as a lubricant that thins with shear does: near rest the "
             "stage resists less, not more, the opposite of Stribeck."
@@ -75,7 +75,7 @@ def _where_it_remains(kind: AxisKind, theta: Theta, records: Sequence[Record]) -
         rate = sampling_rate(record["t_s"])
         error = kind.residual(record, theta)
         moving = np.abs(decimate(kind.signals(record)[kind.coordinates.names[2]], rate, kind.band))
-        fast = moving > 0.1 * np.max(moving)
+        fast = moving > SET.axis_moves * np.max(moving)
         squares["accelerating"] += float(np.sum(error[fast] ** 2))
         squares["cruising"] += float(np.sum(error[~fast] ** 2))
     share = 100 * squares["accelerating"] / max(sum(squares.values()), 1e-300)

@@ -50,7 +50,7 @@ def find_ripple(kind: AxisKind, record: Record, theta: Theta) -> Ripple | None:
         if share > best:
             best, found = share, (wave, weights)
     p = min(1.0, len(waves) * (1 - best) ** (len(e) / 6))
-    if found is None or p > 0.01:
+    if found is None or p > SET.significant:
         return None
     wave, (sine, cosine) = found
     return Ripple(math.hypot(sine, cosine), float(1 / wave), math.atan2(cosine, sine), best, p)

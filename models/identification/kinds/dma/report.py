@@ -45,7 +45,7 @@ def statements(kind: DmaKind, theta_by_stage: Mapping[str, Theta], records: Sequ
     ]
     out += _springpot(kind, theta, records)
     common = common_residual(kind, records, theta)
-    if common is not None and common.p < 0.01:
+    if common is not None and common.p < SET.significant:
         out.append(_common(common))
     return [*out, *_stopped(kind, theta_by_stage), _told(theta, records)]
 
@@ -129,7 +129,7 @@ def next_experiment(kind: DmaKind, theta: Theta, records: Sequence[Record]) -> s
         return None
     low, high = _band(records)
     common = common_residual(kind, records, theta)
-    if common is not None and common.p < 0.01:
+    if common is not None and common.p < SET.significant:
         where = common.frequency_Hz
         k = int(np.argmax(np.hypot(common.storage, common.loss)))
         first, last = where[max(k - 1, 0)], where[min(k + 1, len(where) - 1)]

@@ -65,7 +65,7 @@ def statements(kind: VibroTableKind, theta_by_stage: Mapping[str, Theta], record
     ]
     scale = theta.get("load_scale", 1.0)
     force, friction = (scale * theta[k] / nominal[k] for k in ("force_N", "friction_coefficient"))
-    if min(force, friction) > 1.2 or max(force, friction) < 1 / 1.2:
+    if min(force, friction) > SET.both_off or max(force, friction) < 1 / SET.both_off:
         out.append(
             f"Force and friction come out at {force:.2f} and {friction:.2f} times nominal. A common factor on both,"
             " load_scale, scales every speed by it and little else, so these data hardly tell it from a scale error of"
@@ -100,7 +100,7 @@ def _at_bounds(kind: VibroTableKind, theta: Theta) -> list[str]:
         for p in kind.base
         if p.fit
         and p.name in theta
-        and min(theta[p.name] - p.lower, p.upper - theta[p.name]) < 1e-3 * (p.upper - p.lower)
+        and min(theta[p.name] - p.lower, p.upper - theta[p.name]) < SET.at_bound * (p.upper - p.lower)
     ]
     return [f"At the end of their believed range, so not measured by these data: {', '.join(ends)}."] if ends else []
 

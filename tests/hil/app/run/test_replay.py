@@ -213,6 +213,7 @@ def test_a_plan_that_the_clock_cut_short_is_cut_there_again(
     """Every second plan has no time for all its steps; the replay, which no clock presses, comes to the same."""
     monkeypatch.setattr(sil_bench, "Task", partial(sil_bench.Task, deadline_s=2e-4))
     log = logged(tmp_path, SHORT, "--controller", "mpc")
+    monkeypatch.undo()
     capsys.readouterr()
     assert run(["replay", str(log), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["cut_ticks"] > 10

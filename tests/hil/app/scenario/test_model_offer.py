@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from controller.estimator.base import Receiver
+from controller.estimator.base import Estimator
 from controller.monitor.monitor import Monitor
 from controller.supervision.acceptance import Acceptance
 from controller.supervision.model_switch import ModelSwitch, Offer, Prepared
@@ -104,11 +104,11 @@ def test_the_tick_that_takes_a_model_makes_nothing_of_it(tmp_path: Path, monkeyp
     found = read_offer(scenario.offer, tmp_path, scenario.belief, {})
     assert found is not None
     offer = Offer(believed_model(scenario, found.values), Acceptance(), found.at_s)
-    made: list[Receiver] = []
+    made: list[Estimator] = []
     begin, take = Monitor.__init__, ModelSwitch._take_over
     during: list[int] = []
 
-    def counted(self: Monitor, estimator: Receiver) -> None:
+    def counted(self: Monitor, estimator: Estimator) -> None:
         made.append(estimator)
         begin(self, estimator)
 

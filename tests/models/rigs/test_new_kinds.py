@@ -15,7 +15,7 @@ from controller.actuators import Actuator
 from controller.baselines.pid import PID
 from controller.drives import DRIVES as CONTROLLED
 from controller.drives import Driven, envelope_of
-from controller.estimator.cubature_filter import Estimator
+from controller.estimator.cubature_filter import CubatureEstimator
 from controller.limits import Limits
 from controller.model.control_model import control_model
 from controller.trajectory import by_speeds
@@ -129,7 +129,7 @@ def test_it_is_led_in_closed_loop(rig: Rig) -> None:
     envelope = envelope_of(model.drive)
     pid = PID(model, envelope, PidGains(20.0, 40.0, 1.0))
     reference = by_speeds([0.0, 5e-3], [0.2, 3.0])
-    rows, commands, _, _ = closed_loop(model, [pid], reference, 3.0, truth(), Estimator(model))
+    rows, commands, _, _ = closed_loop(model, [pid], reference, 3.0, truth(), CubatureEstimator(model))
     assert np.max(np.abs(commands)) <= 1.0
     assert rows[-1, 1] == pytest.approx(5e-3 * 2.8, abs=2e-3)
 

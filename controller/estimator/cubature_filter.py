@@ -18,6 +18,8 @@ from controller.estimator.friction_scale import Level
 from controller.estimator.noise import START_STD, Noise
 from controller.model.control_model import ControlModel
 from controller.signals import Adapted, Estimate, Measurement
+from models.parameter import Name
+from models.theta import bare
 
 Array = NDArray[np.float64]
 _START_STD: Final = {**START_STD, "current_A": 0.1, "stretch_m": 1e-4, "rate_m_s": 1e-2}
@@ -92,7 +94,7 @@ class Process:
     def start(self, position_m: float, std_m: float, command: float, now: float) -> CubatureFilter:
         """At rest at `position_m`, known to `std_m`, with `command` in force for long."""
         state = self.model.initial(position_m, command)
-        spread = [_START_STD.get(name.rpartition(".")[2], 1e-3) for name in self.names[:-2]]
+        spread = [_START_STD.get(bare(name), 1e-3) for name in self.names[:-2]]
         spread = [std_m, *spread[1:], self.noise.force_std_N, self.noise.level_std]
         return CubatureFilter(
             np.append(state[self.where], [0.0, 0.0]), np.diag(np.square(spread)), state.copy(), now, command
@@ -151,7 +153,7 @@ class Process:
             b.surprise = self.noise.surprised(b.surprise, size)
         return size
 
-    def see_state(self, b: CubatureFilter, name: str, value: float) -> float:
+    def see_state(self, b: CubatureFilter, name: Name, value: float) -> float:
         """Take in a reading of the state `name` itself, such as a coil's current."""
         self._H[:] = 0.0
         place = self.names.index(name)

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from controller.model.control_model import ControlModel
 from controller.model.friction import AT_FIRST, level_off, proved_off
+from models.parameter import Name
+from models.theta import bare
 
 Array = NDArray[np.float64]
 _SURPRISE: Final = (
@@ -90,10 +92,10 @@ class Noise:
         force = self.push_wander_N if abs(surprise) > _SURPRISE else self.force_wander_N
         return force, self.slip_wander_m if abs(surprise) > _ASTRAY else self.position_wander_m
 
-    def wander(self, state: str) -> float:
+    def wander(self, state: Name) -> float:
         """Standard deviation of the random walk of the model's `state` over a second."""
-        own = {"x": self.position_wander_m, "v": self.speed_wander_m_s, "u": self.wall_wander_m}
-        return own.get(state, self.drive_wander.get(state.rpartition(".")[2], self.other_wander))
+        own: dict[Name, float] = {"x": self.position_wander_m, "v": self.speed_wander_m_s, "u": self.wall_wander_m}
+        return own.get(state, self.drive_wander.get(bare(state), self.other_wander))
 
 
 _BODY = Noise(

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from models.parameter import Name
+
 _STIFFEST = 1e-7  # m/N, compliance below which a link counts as rigid
 _STEEPEST = 12.0  # argument of the hyperbolic functions beyond which the link hardens no more
 _PARAMETERS = ("compliance_m_per_N", "hardening_per_m", "damping_N_s_per_m")
@@ -24,9 +26,9 @@ class Link:
     damping: Any
 
     @classmethod
-    def of(cls, p: Mapping[str, Any]) -> Link | None:
-        """The link among the parameters `p` by full name; None where the rig has none."""
-        values = [p.get(f"string_compliance.{name}") for name in _PARAMETERS]
+    def of(cls, p: Mapping[Name, Any]) -> Link | None:
+        """The link among the parameters `p` of a model; None where the rig has none."""
+        values = [p.get(("string_compliance", name)) for name in _PARAMETERS]
         return None if values[0] is None else cls(*values)
 
     def force(self, stretch: Any) -> Any:

@@ -69,7 +69,7 @@ def check_parts(kind: Kind, train: Sequence[Record], holdout: Sequence[Record]) 
     """Refuse records without two parts to fit on and to judge by, or with fewer numbers than are fitted. Raises
     ValueError.
     """
-    names, nominal = ", ".join(r.name for r in train), {p.name: p.value for p in kind.base}
+    names, nominal = ", ".join(r.name for r in train), kind.nominal()
     for record in (*train, *holdout):
         with named(record):
             kind.residual(record, nominal)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 
 import numpy as np
@@ -12,6 +12,7 @@ from models.identification.finding import Check
 from models.identification.fitting.fit import Fit, evaluate
 from models.identification.kind import Kind
 from models.identification.search.validation import free_run
+from models.theta import Theta
 
 _LAGS = 40
 _WIDER = 1.3
@@ -23,7 +24,7 @@ def residual_checks(
     kind: Kind,
     records: Sequence[Record],
     fit: Fit,
-    likely: Sequence[Mapping[str, float]],
+    likely: Sequence[Theta],
     seed: int = 0,
     effects: Sequence[str] = (),
 ) -> tuple[Check, ...]:
@@ -70,9 +71,7 @@ def residual_checks(
     )
 
 
-def chance_error(
-    kind: Kind, records: Sequence[Record], fit: Fit, likely: Sequence[Mapping[str, float]], seed: int = 0
-) -> float:
+def chance_error(kind: Kind, records: Sequence[Record], fit: Fit, likely: Sequence[Theta], seed: int = 0) -> float:
     """The largest reported error of `fit` on imitations of `records` on models `likely`; not a number where there are
     no records.
     """

@@ -21,6 +21,7 @@ from controller.signals import Estimate
 from models.files.rig import parse_rig
 from models.parameter import Parameter
 from models.surfaces.gut import settle
+from models.theta import Theta
 
 Array = NDArray[np.float64]
 
@@ -102,7 +103,7 @@ def symbols() -> Symbols:
 def problem_model() -> ControlModel:
     """The problem's control model, led like a coil of 1 N/A."""
     rig = parse_rig({**_TABLES, "rig": {"kind": "coil", "force_constant_N_per_A": 1.0}})
-    model = control_model(rig, {}, TICK_S)
+    model = control_model(rig, Theta(), TICK_S)
     return replace(model, symbols=symbols(), values=np.array(list(PARAMETERS.values())), smoothing=SMOOTHING)
 
 

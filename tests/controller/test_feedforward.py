@@ -16,6 +16,7 @@ from controller.model.inverse import Inverse
 from controller.registry import CONTROLLERS, build, leads
 from controller.signals import Array, Estimate
 from controller.trajectory import STEP_S, Trajectory, by_speeds, through
+from models.theta import Theta
 from plant import layout as at
 from plant.drives.kinds import Magnet
 from plant.rig import Rig
@@ -78,7 +79,7 @@ def test_feedforward_tracks_a_slow_traverse() -> None:
 
 def test_a_lagging_drive_is_not_driven_from_end_to_end() -> None:
     """A lag of 0.1 s turned round within a tick would ask for a hundred times the path."""
-    model = control_model(believed(), {"actuator_lag.time_s": 0.11}, 1e-3)
+    model = control_model(believed(), Theta.of({("actuator_lag", "time_s"): 0.11}), 1e-3)
     assert model.response_s == 0.11
     truth = Rig(Magnet(), hidden={"actuator_lag": {"time_s": 0.1}})
     reference = by_speeds([0.0, 2e-3], [0.5, 5.0])
@@ -152,7 +153,9 @@ def test_friction_that_falls_with_speed_is_broken_loose_from() -> None:
     never begin it.
     """
     model = control_model(
-        believed(), {"stribeck.excess": 0.7, "stribeck.speed_m_s": 2.5e-3, "friction_coefficient": 0.074}, 1e-3
+        believed(),
+        Theta.of({("stribeck", "excess"): 0.7, ("stribeck", "speed_m_s"): 2.5e-3, "friction_coefficient": 0.074}),
+        1e-3,
     )
     truth = Rig(Magnet(), hidden={"stribeck": {"excess": 0.75, "speed_m_s": 2e-3}})
     reference = by_speeds([0.0, 2e-3], [0.5, 5.0])

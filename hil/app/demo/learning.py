@@ -20,6 +20,7 @@ from hil.app.sil.story import NUMBERS, came_to, story_files
 from hil.app.sil.testbed import believed_on_bus
 from hil.app.write import write_files
 from models.files.toml import toml_text
+from models.theta import Theta
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class LearningStory:
         number = raw["scenario"].get("seed", 0) + SEEDS * seed
         tables = {**raw, "scenario": {**raw["scenario"], "seed": number}}
         scenario = parse_sil_scenario(tables)
-        model, learning = believed_on_bus(scenario, {}), learning_of(scenario, {}, answer_at_once)
+        model, learning = believed_on_bus(scenario, Theta()), learning_of(scenario, Theta(), answer_at_once)
         found, trace = judged(scenario, model, None, number, "nominal", report, learning=learning)
         found["learned"] = [lesson.document() for lesson in trace.lessons]
         files = story_files(folder, scenario, found, trace)

@@ -24,6 +24,7 @@ from models.files.rig import Rig, read_rig
 from models.files.toml import toml_text
 from models.identification import Model
 from models.identification.finding import STAGES, Finding
+from models.theta import Theta
 from plant import layout as at
 
 SCENARIOS: Final = Path(__file__).parents[2] / "scenarios"
@@ -75,7 +76,7 @@ class LoopStory:
         logs = {}
         for number, name in enumerate(name for name in runs if name != MISSION):
             report(f"driving {name}", _DRIVEN * number / len(runs))
-            logs[name] = _drive(folder, name, runs[name], {}, "nominal", name)[1]
+            logs[name] = _drive(folder, name, runs[name], Theta(), "nominal", name)[1]
         rig, held = read_rig(folder / RIG), logs.pop(HOLDOUT)
 
         def searching(stage: str, share: float) -> None:
@@ -106,9 +107,7 @@ def admitted(finding: Finding, model: Model, rig: Rig) -> Iterator[tuple[str, Ve
         yield stage, verdict
 
 
-def _drive(
-    folder: Path, name: str, tables: Tables, values: Mapping[str, float], stage: str, log_name: str
-) -> tuple[Mission, Path]:
+def _drive(folder: Path, name: str, tables: Tables, values: Theta, stage: str, log_name: str) -> tuple[Mission, Path]:
     """A run of the scenario `name` over the bus under the model `values`, logged."""
     scenario = parse_sil_scenario(tables)
     seed, log_path = scenario.loop.seed, folder / f"{log_name}.blf"

@@ -24,6 +24,7 @@ from models.files.rig import Rig
 from models.identification.finding import STAGES
 from models.identification.model import read_model
 from models.parameter import nearest
+from models.theta import Theta, spelled
 
 PAGE = "design.html"
 TICK_S = 0.002
@@ -91,10 +92,10 @@ def _hand_over(page: Path | None, html: Callable[[], str], json_output: bool, nu
         print_json(numbers)
 
 
-def _values(belief: Rig, model: Path | None, stage: str) -> dict[str, float]:
+def _values(belief: Rig, model: Path | None, stage: str) -> Theta:
     if stage not in STAGES:
         raise ValueError(f"--stage must be one of {', '.join(STAGES)}; got {stage!r}; {nearest(stage, STAGES)}")
-    return {} if model is None else read_model(model, belief.kind).believed(stage)
+    return Theta() if model is None else read_model(model, belief.kind).believed(stage)
 
 
 def design_json(found: Study, unit: str) -> dict[str, Any]:
@@ -107,7 +108,7 @@ def design_json(found: Study, unit: str) -> dict[str, Any]:
         "plants": {
             plant.phase: {
                 "command": plant.command,
-                "states": list(plant.states),
+                "states": [*map(spelled, plant.states)],
                 "poles_1_per_s": [[rate.real, rate.imag] for rate in plant.rates()],
             }
             for plant in found.plants

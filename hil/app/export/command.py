@@ -115,7 +115,7 @@ def _table(found: Found, out: Path) -> tuple[Mapping[Path, str | bytes], dict[st
         "rig": found.rig.kind,
         "stage": found.stage,
         "columns": UNITS,
-        "parameters": dict(found.values),
+        "parameters": found.values.spelled(),
         "not_mapped": table.not_mapped,
     }
     files = {out / TABLE[0]: table_text(table.columns), out / TABLE[1]: json_text(about)}

@@ -15,6 +15,7 @@ from hil.app.scenario.model_offer import Offered, offer_of
 from hil.nodes.controller.node import Task
 from models.files.tables import is_number, shown
 from models.files.toml import parse_toml
+from models.theta import Theta
 
 Test = Callable[[object], bool]
 
@@ -73,7 +74,7 @@ def task_of(record: Mapping[str, Any], where: str) -> Task:
         raise ValueError(
             f"{where}: record must have controller, values and a deployment or a scenario; got {', '.join(record)}"
         )
-    values, name = record["values"], record["controller"]
+    values, name = Theta.read(record["values"]), record["controller"]
     try:
         offered = None if record.get("offered") is None else Offered.of(record["offered"])
         learned = [Offered.of(one) for one in record.get("learned", [])]
@@ -88,7 +89,7 @@ def task_of(record: Mapping[str, Any], where: str) -> Task:
     except ValueError as error:
         raise ValueError(f"{where}: record must describe a task; got: {error}") from None
 
-    def believed(values: Mapping[str, float]) -> ControlModel:
+    def believed(values: Theta) -> ControlModel:
         return control_model(scenario.belief, values, scenario.control.tick_s)
 
     seen = scenario.instruments.localisation

@@ -10,6 +10,7 @@ from hil.app.scenario.scenario import TrackScenario
 from models.identification.finding import STAGES
 from models.identification.model import read_model
 from models.parameter import nearest
+from models.theta import Theta
 
 _MODELS = {"vibro": ("vibro", "vibro_table")}
 """Kinds of model files that a rig of a kind can be controlled with, where there are several."""
@@ -40,7 +41,7 @@ class Options:
         name = scenario.control.controller if self.controller is None else self.controller
         return name, scenario.seed if self.seed is None else self.seed
 
-    def values(self, kind: str) -> tuple[dict[str, float], str]:
+    def values(self, kind: str) -> tuple[Theta, str]:
         """Parameters that a rig of `kind` is believed to have, and the name of their stage. Raises ValueError."""
         if self.stage is not None and self.stage not in STAGES:
             raise ValueError(
@@ -49,7 +50,7 @@ class Options:
         if self.model is None:
             if self.stage not in (None, "nominal"):
                 raise ValueError(f"--stage must stand with --model unless it is nominal; got {self.stage!r} alone")
-            return {}, "nominal"
+            return Theta(), "nominal"
         stage = self.stage or "augmented"
         model = read_model(self.model, *_MODELS.get(kind, (kind,)))
         if stage in model.cautions:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Final
@@ -31,6 +31,7 @@ from hil.log.recorder import Recorder
 from hil.nodes.controller.node import ControllerNode
 from hil.nodes.frame_map import ENABLE
 from hil.nodes.plant_node import SLOT_S
+from models.theta import Theta
 
 _REPORTS: Final = 50
 LEAST_S: Final = 60.0
@@ -40,7 +41,7 @@ LEARNING_S: Final = 7200.0
 Learning = Callable[[ControllerNode], Learner]
 
 
-def learning_of(scenario: SilScenario, values: Mapping[str, float], ask: Ask) -> Learning:
+def learning_of(scenario: SilScenario, values: Theta, ask: Ask) -> Learning:
     """What makes the learner of a run of `scenario` that begins with the `values` of a model's parameters."""
     return lambda node: Learner(
         node.estimator,

@@ -12,10 +12,11 @@ from scipy.signal import welch
 from models.files.columns import TIME
 from models.files.record import Record
 from models.identification.finding import Curve, Dependence, Surface, Tone
-from models.identification.kind import Array, Kind, Theta
+from models.identification.kind import Array, Kind
 from models.identification.residual.curve import curve_of, ranked, surface_of
 from models.identification.residual.left import Left, left_of
 from models.identification.residual.term import SYMBOLS, term_of
+from models.theta import Theta
 
 WAYS: Final = ("-v", "+x")
 _TELLS = 0.1  # share of the residual that a curve must foretell before a term is proposed for it

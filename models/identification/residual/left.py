@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.files.record import Record
-from models.identification.kind import Array, Kind, Theta
+from models.identification.kind import Array, Kind
+from models.theta import Theta
 
 _MOVING = 0.02  # share of the largest speed from which on a sample counts as moving
 _STRETCHES = 96  # of a record, each of which counts as one where it is asked how sure a mean is

@@ -16,7 +16,7 @@ from models.files.record import Record
 from models.identification.fitting.confidence import Part
 from models.identification.fitting.fit import Fit
 from models.identification.kind import EXPLAINED, Kind
-from models.identification.search.candidates import Trial, compare_candidates, fair, shared_by, with_each, without
+from models.identification.search.candidates import Trial, compare_candidates, fair, shared_by, with_each
 from models.identification.search.fitted_model import FittedModel
 from models.identification.search.predictability import predictable, sensitivity_cost
 from models.identification.search.refinement import Known, refined, refined_at_last
@@ -119,7 +119,7 @@ def search(
         task.clock.note("rivals", found)
         progress("fitting the model on all records", 0.85)
         reached = _AS_BEFORE * judged_cost(kind, model.part, model.thetas[0]) if found.refinements else 0.0
-        start = {**base.theta, **model.thetas[0]}
+        start = base.theta | model.thetas[0]
         found.augmented = whole(kind, train, found.model, start, max(NEAR_NOISE, reached))
         added, found.augmented = refined_at_last(
             kind, train, found.effects, found.refinements, found.augmented, found.known
@@ -200,7 +200,7 @@ def _refitted(model: FittedModel, dropped: str, effects: Sequence[str], beside: 
     """`model` without the effect `dropped`, from each shape of the refinements `beside` the other `effects`."""
     finer, fits = [*effects, *beside], []
     for part, theta in model.parts:
-        starts = with_each(without(theta, dropped), beside)
+        starts = with_each(theta.without(dropped), beside)
         ends = [refit(model.kind, part, finer, start) for start in starts]
         fits.append(min(ends, key=lambda end: judged_cost(model.kind, part, end)))
     return model.fitted(fits, finer)

@@ -10,15 +10,16 @@ from models.effects import BY_ID, REFINEMENTS
 from models.files.record import Record
 from models.identification.fitting.fit import FINE, NARROW, Fit, Problem, costs_of, narrowing
 from models.identification.kind import Kind, had
-from models.identification.search.candidates import BEHIND, better_without, without
+from models.identification.search.candidates import BEHIND, better_without
 from models.identification.search.fitted_model import FittedModel
 from models.identification.search.refit import mend, refit
 from models.identification.search.validation import NEAR_NOISE, TOLD, fewest
+from models.theta import Theta
 
 _CLOSE = 1.25  # floors on the training records, up to which nothing is wanted
 _SHARE = 0.1  # of the reported error on the training records, the least that tells a finer shape
 
-Known = MutableMapping[tuple[str, ...], list[dict[str, float]]]
+Known = MutableMapping[tuple[str, ...], list[Theta]]
 """Fits on the parts of the splits by model: its effects and refinements in order."""
 
 
@@ -34,7 +35,9 @@ def refined(model: FittedModel, known: Known) -> tuple[list[str], FittedModel]:
         finer = (*model.effects, *curves[: k + 1])
         fit = mend if BY_ID[curve] in REFINEMENTS else refit
         if finer not in known:
-            known[finer] = [fit(model.kind, part, finer, {**theta, **_begin(curve)}) for part, theta in rows[-1].parts]
+            known[finer] = [
+                fit(model.kind, part, finer, theta.with_(curve, _begin(curve))) for part, theta in rows[-1].parts
+            ]
         rows[-1] = better_without(rows[-1], curve, known[finer])
         rows.append(model.fitted(known[finer], finer))
     number = fewest([row.blocks for row in rows], [row.training_cost for row in rows])
@@ -59,7 +62,7 @@ def refined_at_last(
         if floors < _CLOSE:
             break
         model = [*effects, *taken, *added, curve]
-        starts = [{**fit.theta, **_begin(curve)}, *known.get(tuple(model), ())]
+        starts = [fit.theta.with_(curve, _begin(curve)), *known.get(tuple(model), ())]
         costs = costs_of(kind, records, starts, kind.final)
         if min(fit.cost, *costs) > BEHIND * fit.count:
             break
@@ -68,7 +71,7 @@ def refined_at_last(
         )
         left = _floors(kind, records, finer)
         if finer.chi2 < NEAR_NOISE and _clearly(finer, left, fit, floors):
-            again = narrowing(Problem.of(kind, records, model[:-1], kind.final), without(finer.theta, curve), FINE)
+            again = narrowing(Problem.of(kind, records, model[:-1], kind.final), finer.theta.without(curve), FINE)
             if again.cost < fit.cost:
                 fit, floors = again, _floors(kind, records, again)
             if _clearly(finer, left, fit, floors):
@@ -97,4 +100,4 @@ def _begin(curve: str) -> dict[str, float]:
     """Where a refinement's shape begins: first on its grid. An effect that mends another begins as it is declared."""
     if BY_ID[curve] not in REFINEMENTS:
         return {}
-    return {f"{curve}.{name}": values[0] for name, values in BY_ID[curve].grid.items()}
+    return {name: values[0] for name, values in BY_ID[curve].grid.items()}

@@ -19,7 +19,7 @@ from models.checks.instrument.usable import used
 from models.effects.effect import Effect, Signals
 from models.files.record import Record
 from models.files.rig import Rig
-from models.identification.kind import Array, OneByOne, Theta, present
+from models.identification.kind import Array, OneByOne, present
 from models.identification.kinds.axis.coordinates import LINE, TURN, Coordinates, coordinates_of
 from models.identification.kinds.axis.effects import Size, candidates
 from models.identification.kinds.axis.moved import WHOLE, Moved, carried, moved
@@ -36,6 +36,7 @@ from models.identification.kinds.axis.zero_phase import (
 from models.identification.kinds.conditions import may_be_left_out
 from models.identification.kinds.variant import Range
 from models.parameter import Parameter
+from models.theta import Theta
 
 NOISES = ("_force_noise", "_speed_noise", "_shaken_inertia", "_weight")
 """Columns that a part of a record carries on from the whole: its noise."""
@@ -149,10 +150,6 @@ class AxisKind(OneByOne):
         word = self.coordinates.names[3]
         cut = f"{2 * self.band:g} Hz"
         return f"norm of the {word} error over norm of the {word} in %, both low-passed at {cut} without phase"
-
-    def nominal(self) -> dict[str, float]:
-        """The base parameters as believed."""
-        return {p.name: p.value for p in self.base}
 
     def measured(self, record: Record) -> Array:
         """The measured column."""

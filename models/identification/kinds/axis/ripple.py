@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.files.record import Record
-from models.identification.kind import Theta
 from models.identification.kinds.axis.kind import AxisKind
 from models.identification.kinds.axis.zero_phase import decimate, sampling_rate
+from models.theta import Theta
 
 SHORTEST_M, LONGEST_M = 1.5e-3, 2e-2
 """Leads and pole pitches of usual drives; 2 mm is about the shortest at 0.1 m/s that the 40 Hz filter passes."""

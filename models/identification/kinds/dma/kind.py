@@ -18,10 +18,11 @@ from models.effects.effect import Effect
 from models.effects.wall.broad_relaxation import BroadRelaxation
 from models.files.record import Record
 from models.files.rig import Rig
-from models.identification.kind import Array, OneByOne, Theta, present
+from models.identification.kind import Array, OneByOne, present
 from models.laws.dynamic_modulus import angular_frequency, five_element_modulus
 from models.laws.hoop import Moduli
 from models.parameter import Parameter, load_set
+from models.theta import Theta
 
 NAMES = ("E1", "E2", "E3", "tau1", "tau2")
 COLUMNS = ("storage_modulus_Pa", "loss_modulus_Pa")
@@ -70,10 +71,6 @@ class DmaKind(OneByOne):
             ),
             modulus_std_Pa,
         )
-
-    def nominal(self) -> dict[str, float]:
-        """The base parameters as believed."""
-        return {p.name: p.value for p in self.base}
 
     def measured(self, record: Record) -> Array:
         """Storage and loss modulus in Pa, one row a reading."""

@@ -9,7 +9,6 @@ import numpy as np
 from models.effects.equation import lines_of
 from models.files.record import Record
 from models.identification.fitting.confidence import near
-from models.identification.kind import Theta
 from models.identification.kinds.dma.common_residual import (
     CommonResidual,
     best_relaxation,
@@ -17,6 +16,7 @@ from models.identification.kinds.dma.common_residual import (
     springpot_alone,
 )
 from models.identification.kinds.dma.kind import DmaKind
+from models.theta import Theta
 
 _LITTLE = 1.1  # two errors that differ by less are told as alike
 _DIP = 0.05  # of the modulus: a smaller one is not told as a dip
@@ -83,7 +83,7 @@ def _stopped(kind: DmaKind, theta_by_stage: Mapping[str, Theta]) -> list[str]:
     """Moduli and times that a fit moved to a bound, where they would have gone further."""
     out = []
     for stage in ("calibrated", "augmented"):
-        theta = theta_by_stage.get(stage, {})
+        theta = theta_by_stage.get(stage, Theta())
         at = [
             f"{p.name.removeprefix('log10_')} at {10**bound:.3g} {p.unit.removeprefix('log10 ')}"
             for p in kind.base

@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from models.effects.effect import Effect, Signals
 from models.files.record import Record
 from models.files.rig import Rig
-from models.identification.kind import Array, OneByOne, Theta, present
+from models.identification.kind import Array, OneByOne, present
 from models.identification.kinds.friction.effects import Extent, candidates
 from models.identification.kinds.repeats import Index, distinct, left_out_in_turn, means, pooled_rms
 from models.parameter import Parameter
+from models.theta import Theta
 
 FORCE, COEFFICIENT, SPEED, LOAD = "force_N", "friction_coefficient", "velocity_m_s", "load_N"
 FOLDS = 8
@@ -94,17 +95,13 @@ class FrictionKind(OneByOne):
         """N, or 1 for a coefficient."""
         return "N" if self.quantity == FORCE else "1"
 
-    def nominal(self) -> dict[str, float]:
-        """The base parameter as believed."""
-        return {p.name: p.value for p in self.base}
-
     def measured(self, record: Record) -> Array:
         """The measured column."""
         return record[self.quantity]
 
     def predict(self, record: Record, theta: Theta) -> Array:
         """Force in N that keeps the sliding up, along it, or its ratio to the load; one value a row."""
-        values = {**self.nominal(), **theta}
+        values = self.nominal() | theta
         v, load = record[SPEED], _loads(record, self.load)
         way = np.sign(v)
         s = Signals(v=v, direction=way, load=load)

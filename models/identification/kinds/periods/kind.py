@@ -17,13 +17,14 @@ from models.effects.effect import Effect, Signals
 from models.effects.wall.small_strain_stiffening import SmallStrainStiffening
 from models.files.record import Record
 from models.files.rig import Rig
-from models.identification.kind import Array, OneByOne, Theta, present
+from models.identification.kind import Array, OneByOne, present
 from models.laws.geometry import GRAVITY, Capsule, Tissue, stretched_length, wall_section
 from models.laws.hyperelastic import WallConstants
 from models.laws.resistance import pressure_integrals
 from models.laws.stick_slip import Tooth, stick_slip_tooth
 from models.laws.tension import wall_tension
 from models.parameter import Parameter
+from models.theta import Theta
 
 COLUMNS = ("period_s", "valley_N", "peak_N")
 SCATTER = (0.25, 0.12, 0.07)
@@ -121,10 +122,6 @@ class PeriodsKind(OneByOne):
         )
         length = stretched_length(capsule) if length_m is None else length_m
         return cls(capsule, tissue, abs(velocity_m_s), base, length, return_speed_m_s, period_std_s=period_std_s)
-
-    def nominal(self) -> dict[str, float]:
-        """The base parameters as believed."""
-        return {p.name: p.value for p in self.base}
 
     def measured(self, record: Record) -> Array:
         """Period in s, valley and peak in N, one row a period."""

@@ -13,8 +13,9 @@ from scipy.optimize import brentq
 from models.effects.equation import lines_of
 from models.effects.formula import Formula
 from models.files.record import Record, named
-from models.identification.kind import Array, Theta
+from models.identification.kind import Array
 from models.identification.kinds.periods.kind import RETURN_SPEED, SPEED, PeriodsKind
+from models.theta import Theta
 
 _WIDEST = 5.0  # logarithm of how much stiffer or softer a wall may be
 
@@ -150,7 +151,7 @@ def _off(kind: PeriodsKind, theta: Theta, records: Sequence[Record], speed: floa
 
 
 def _period(kind: PeriodsKind, limit: float, speed: float) -> float:
-    return kind.tooth(limit, speed, {}).period_s
+    return kind.tooth(limit, speed, Theta()).period_s
 
 
 def _stiffer_by(kind: PeriodsKind, limit: float, period: float, speed: float) -> float:

@@ -20,12 +20,13 @@ from models.effects import effects_for
 from models.effects.effect import Effect
 from models.files.record import Record
 from models.files.rig import Rig
-from models.identification.kind import Array, Theta
+from models.identification.kind import Array
 from models.identification.kinds.conditions import may_be_left_out
 from models.identification.kinds.series.drive_input import clock_offset, drifts, driven_column, interval, switch_delay
 from models.identification.kinds.series.simulation import START_S, Runner
 from models.parameter import Parameter
 from models.surfaces.surface import Surface
+from models.theta import Theta
 
 LOW_PASS_HZ = 2.0
 _PER_PERIOD = 10  # samples that the slow view keeps of a period of its cut-off
@@ -123,9 +124,9 @@ class SeriesKind:
         """The observer that forgives slip events out of step but little else, and the free run."""
         return (0, 1)
 
-    def nominal(self) -> dict[str, float]:
+    def nominal(self) -> Theta:
         """The base parameters as believed."""
-        return {p.name: p.value for p in self.base}
+        return Theta.declared(self.base)
 
     def measured(self, record: Record) -> Array:
         """The measured column."""
@@ -250,7 +251,7 @@ class SeriesKind:
         if not self.drive.anchored:
             return None
         command = record[self.drive.commanded] / self.drive.command_unit
-        there, foreseen = (np.asarray(self.drive.force(x, 0.0, command, theta)) for x in (measured, predicted))
+        there, foreseen = (np.asarray(self.drive.force(x, 0.0, command, theta.base)) for x in (measured, predicted))
         return foreseen - there, there
 
     def foresight_rms(self, records: Sequence[Record], theta: Theta, memory: float | None) -> float:

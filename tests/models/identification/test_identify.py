@@ -98,7 +98,7 @@ def short_pull(noise: float = 1e-3, hoop: float = 1.1, mu: float = 0.075, seed: 
     blank = Record("pull", "pull", {"t_s": t, "position_m": position, "force_N": np.zeros_like(t)})
     kind = SeriesKind.from_rig(parse_rig(PULL), [blank])
     rng = np.random.default_rng(seed)
-    truth = {"hoop_stress_factor": hoop, "friction_coefficient": mu}
+    truth = Theta({"hoop_stress_factor": hoop, "friction_coefficient": mu})
     return rig, [kind.imitate(blank, truth, rng), kind.imitate(blank, truth, rng)]
 
 

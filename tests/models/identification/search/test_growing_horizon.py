@@ -119,7 +119,7 @@ class Told(GrowingHorizon):
 
     def on(self, number: int, length: float, records: Sequence[Record]) -> None:
         """Looks for nothing."""
-        self.fits = [Fit({}, self.count * self.leaves, self.count, np.zeros((1, 0)), np.ones(1))]
+        self.fits = [Fit(Theta(), self.count * self.leaves, self.count, np.zeros((1, 0)), np.ones(1))]
 
 
 def test_declared_look_alikes_of_the_first_stay_where_rivals_that_leave_less_would_put_them_out(

@@ -62,8 +62,8 @@ class _Seen(OneByOne):
 
 
 def _begun(kind: _Seen, level: float) -> Fit:
-    r = kind.residual(RECORDS[0], {"level": level}, kind.final)
-    return Fit({"level": level}, float(r @ r), len(r), np.zeros((len(r), 1)), r)
+    r = kind.residual(RECORDS[0], Theta({"level": level}), kind.final)
+    return Fit(Theta({"level": level}), float(r @ r), len(r), np.zeros((len(r), 1)), r)
 
 
 def _taken(kind: Any, level: float) -> tuple[Sequence[str], float]:

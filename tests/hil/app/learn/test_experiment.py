@@ -68,7 +68,7 @@ class Asks:
 
 def driven(experiment: Experiment, folder: Path, text: str = SCENARIO) -> tuple[SilTrace, Any]:
     scenario = parse_sil_scenario(parse_toml(text, "scenario"))
-    record = log_record({"scenario": text}, "feedforward", {}, scenario.loop.limits, frames(), seed=1)
+    record = log_record({"scenario": text}, "feedforward", Theta(), scenario.loop.limits, frames(), seed=1)
     with LockstepLog(folder / "frames.blf", record) as log:
         learning: Any = lambda node: Asks(node, experiment)  # noqa: E731
         model = believed_on_bus(scenario, Theta())
